@@ -1,0 +1,301 @@
+//! From the spec to a loop: the couplings become matrices by the method's rule, once a world.
+
+use crate::actuate::Actuator;
+use crate::matrix::{Block, Half, Matrix, Vector};
+use crate::nonlinear::Nonlinear;
+use crate::rules::Dynamics;
+use crate::sense::Sensor;
+use crate::step::{Input, Loop, Port};
+use crate::{Coupling, Damping, End, Error, Law, Method, Output, Real, Spec};
+
+impl Error {
+    pub(crate) fn check_positive(what: &'static str, given: f64) -> Result<(), Error> {
+        if given > 0.0 && given.is_finite() { Ok(()) } else { Err(Error::Value { what, given, wanted: "positive" }) }
+    }
+
+    fn check_not_negative(what: &'static str, given: f64) -> Result<(), Error> {
+        let right = given >= 0.0 && given.is_finite();
+        if right { Ok(()) } else { Err(Error::Value { what, given, wanted: "zero or more" }) }
+    }
+
+    fn check_finite(what: &'static str, given: f64) -> Result<(), Error> {
+        if given.is_finite() { Ok(()) } else { Err(Error::Value { what, given, wanted: "finite" }) }
+    }
+}
+
+/// The linear part of the world: torques on the bodies, F = -K w - C ẇ + puck terms + offset, and on the puck.
+struct Network<const B: usize> {
+    stiffness: Block<f64, B>,
+    damping: Block<f64, B>,
+    /// Torque on the bodies per position and velocity of the puck, and without either.
+    from_puck: [[f64; B]; 2],
+    offset: [f64; B],
+    /// Torque on the puck per its own position and velocity, and without either. That from the bodies is `from_puck` again:
+    /// couplings are mutual.
+    own: [f64; 2],
+    own_offset: f64,
+}
+
+impl<const B: usize> Network<B> {
+    /// Adds a torque -slope · (q - rest) between two ends, to the stiffness (`derivative` 0) or damping (1).
+    fn add(&mut self, ends: [End; 2], derivative: usize, slope: f64) {
+        let block = if derivative == 0 { &mut self.stiffness } else { &mut self.damping };
+        for (one, other) in [(ends[0], ends[1]), (ends[1], ends[0])] {
+            match (one, other) {
+                (End::Body(i), other) => {
+                    if let Some(x) = block.get_mut(i).and_then(|row| row.get_mut(i)) {
+                        *x += slope;
+                    }
+                    match other {
+                        End::Body(j) => {
+                            if let Some(x) = block.get_mut(i).and_then(|row| row.get_mut(j)) {
+                                *x -= slope;
+                            }
+                        }
+                        End::Puck => {
+                            if let Some(x) = self.from_puck.get_mut(derivative).and_then(|row| row.get_mut(i)) {
+                                *x += slope;
+                            }
+                        }
+                        End::Ground => {}
+                    }
+                }
+                (End::Puck, _) => {
+                    if let Some(x) = self.own.get_mut(derivative) {
+                        *x -= slope;
+                    }
+                }
+                (End::Ground, _) => {}
+            }
+        }
+    }
+
+    /// Adds a torque on the first end and its opposite on the second.
+    fn push(&mut self, ends: [End; 2], torque: f64) {
+        for (end, torque) in [(ends[0], torque), (ends[1], -torque)] {
+            match end {
+                End::Body(i) => {
+                    if let Some(x) = self.offset.get_mut(i) {
+                        *x += torque;
+                    }
+                }
+                End::Puck => self.own_offset += torque,
+                End::Ground => {}
+            }
+        }
+    }
+
+    fn new(spec: &Spec) -> Result<Self, Error> {
+        let mut network = Network {
+            stiffness: [[0.0; B]; B],
+            damping: [[0.0; B]; B],
+            from_puck: [[0.0; B]; 2],
+            offset: [0.0; B],
+            own: [0.0; 2],
+            own_offset: 0.0,
+        };
+        for (index, coupling) in spec.couplings.iter().enumerate() {
+            let ends = [coupling.first, coupling.second];
+            match coupling.law {
+                Law::Spring { stiffness, rest } => {
+                    network.add(ends, 0, stiffness);
+                    network.push(ends, stiffness * rest);
+                }
+                Law::Damper { damping: Damping::Fixed(damping) } => network.add(ends, 1, damping),
+                Law::Damper { damping: Damping::Compensating } => {
+                    let stiffness = compensated(spec.couplings, coupling).ok_or(Error::NoSpring { coupling: index })?;
+                    network.add(ends, 1, spec.period * stiffness);
+                }
+                Law::Constant { torque } => network.push(ends, torque),
+                Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => {}
+            }
+        }
+        Ok(network)
+    }
+}
+
+/// The stiffness that a compensating damper undoes: of all springs between its two ends, in either order; between a body and
+/// ground, of all springs at the body. `None` when there is no such spring.
+fn compensated(couplings: &[Coupling], damper: &Coupling) -> Option<f64> {
+    let grounded = match (damper.first, damper.second) {
+        (body @ End::Body(_), End::Ground) | (End::Ground, body @ End::Body(_)) => Some(body),
+        _ => None,
+    };
+    couplings
+        .iter()
+        .filter(|spring| match grounded {
+            Some(body) => spring.first == body || spring.second == body,
+            None => {
+                (spring.first, spring.second) == (damper.first, damper.second)
+                    || (spring.second, spring.first) == (damper.first, damper.second)
+            }
+        })
+        .filter_map(|spring| match spring.law {
+            Law::Spring { stiffness, .. } => Some(stiffness),
+            _ => None,
+        })
+        .fold(None, |sum, stiffness| Some(sum.unwrap_or(0.0) + stiffness))
+}
+
+fn check(spec: &Spec) -> Result<(), Error> {
+    Error::check_positive("period", spec.period)?;
+    if spec.method.takes_new_sample_first() && spec.output != Output::Start {
+        return Err(Error::OutputNotStart);
+    }
+    if spec.advance > 0 && spec.output != Output::End {
+        return Err(Error::AdvanceWithoutEnd);
+    }
+    for body in spec.bodies {
+        Error::check_positive("inertia", body.inertia)?;
+        Error::check_finite("position", body.position)?;
+        Error::check_finite("velocity", body.velocity)?;
+    }
+    for (index, coupling) in spec.couplings.iter().enumerate() {
+        for end in [coupling.first, coupling.second] {
+            if matches!(end, End::Body(i) if i >= spec.bodies.len()) {
+                return Err(Error::NoSuchBody { coupling: index });
+            }
+        }
+        if coupling.first == coupling.second {
+            return Err(Error::SameEnds { coupling: index });
+        }
+        check_law(&coupling.law)?;
+        check_method(spec.method, index, coupling)?;
+    }
+    Ok(())
+}
+
+fn check_law(law: &Law) -> Result<(), Error> {
+    match *law {
+        Law::Spring { stiffness, rest } => {
+            Error::check_not_negative("stiffness", stiffness)?;
+            Error::check_finite("rest", rest)
+        }
+        Law::Damper { damping: Damping::Fixed(damping) } => Error::check_not_negative("damping", damping),
+        Law::Damper { damping: Damping::Compensating } => Ok(()),
+        Law::Wall { at, stiffness, damping, .. } => {
+            Error::check_finite("at", at)?;
+            Error::check_not_negative("stiffness", stiffness)?;
+            Error::check_not_negative("damping", damping)
+        }
+        Law::Detent { torque, pitch, phase } => {
+            Error::check_not_negative("torque", torque)?;
+            Error::check_positive("pitch", pitch)?;
+            Error::check_finite("phase", phase)
+        }
+        Law::Coulomb { torque } => Error::check_not_negative("torque", torque),
+        Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
+            Error::check_not_negative("coulomb", coulomb)?;
+            Error::check_not_negative("stribeck", stribeck)?;
+            Error::check_positive("stribeck_velocity", stribeck_velocity)?;
+            Error::check_not_negative("bristle_stiffness", bristle_stiffness)?;
+            Error::check_not_negative("bristle_damping", bristle_damping)?;
+            Error::check_not_negative("viscous", viscous)
+        }
+        Law::Constant { torque } => Error::check_finite("torque", torque),
+    }
+}
+
+/// A nonlinear torque on a body under a method that is not explicit would have to come from the start of the step, where it
+/// makes energy: refused. A constant is the same everywhere in the step, and exact; tustin and foh refuse it with the others.
+fn check_method(method: Method, index: usize, coupling: &Coupling) -> Result<(), Error> {
+    let at_body = matches!(coupling.first, End::Body(_)) || matches!(coupling.second, End::Body(_));
+    let refused = match coupling.law {
+        Law::Spring { .. } | Law::Damper { .. } => false,
+        Law::Constant { .. } => method.takes_new_sample_first(),
+        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => !method.is_explicit(),
+    };
+    if at_body && refused { Err(Error::Unsupported { coupling: index, method }) } else { Ok(()) }
+}
+
+impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
+    /// Compiles a world. Errors when the spec does not fit, is out of range (section 2 of the world file's contract), or asks
+    /// of the method what it cannot do.
+    pub fn new(spec: &Spec) -> Result<Self, Error> {
+        let n = spec.bodies.len();
+        if n > B {
+            return Err(Error::TooManyBodies { given: n, room: B });
+        }
+        if spec.couplings.len() > C {
+            return Err(Error::TooManyCouplings { given: spec.couplings.len(), room: C });
+        }
+        check(spec)?;
+
+        let network = Network::<B>::new(spec)?;
+        let mut inertia = [1.0; B];
+        let mut start = Vector::<f64, B>::ZERO;
+        for (i, body) in spec.bodies.iter().enumerate().take(n.min(B)) {
+            inertia[i] = body.inertia;
+            start.position[i] = body.position;
+            start.velocity[i] = body.velocity;
+        }
+
+        let mut nonlinear = [None; C];
+        for (place, coupling) in nonlinear.iter_mut().zip(spec.couplings) {
+            *place = Nonlinear::<F>::new(coupling);
+        }
+        let force_on_bodies = nonlinear.iter().flatten().any(Nonlinear::at_body);
+        // Runge-Kutta is a matrix only where everything is one; beside nonlinear torques it takes four of Euler's stages.
+        let staged = spec.method == Method::Rk4 && force_on_bodies;
+        let method = if staged { Method::ForwardEuler } else { spec.method };
+
+        let dynamics = Dynamics { n, inertia, stiffness: network.stiffness, damping: network.damping };
+        let rule = dynamics.rule(method, spec.period)?;
+        let respond = |half: &Half<f64, B>, torque: &[f64; B]| {
+            let mut out = Vector::ZERO;
+            half.apply(n, torque, &mut out);
+            out
+        };
+        let input = |half: &Half<f64, B>| Input {
+            position: respond(half, &network.from_puck[0]).map(F::from_f64),
+            velocity: respond(half, &network.from_puck[1]).map(F::from_f64),
+        };
+        let mut drift = respond(&rule.new, &network.offset);
+        drift.add(n, 1.0, &respond(&rule.old, &network.offset));
+
+        let compiled = Loop {
+            bodies: n,
+            period: F::from_f64(spec.period),
+            rate: F::from_f64(1.0 / spec.period),
+            new_sample_first: spec.method.takes_new_sample_first(),
+            staged,
+            output: spec.output,
+            advance: spec.advance,
+            start: start.map(F::from_f64),
+            state: rule.state.map(F::from_f64),
+            input_new: input(&rule.new),
+            input_old: input(&rule.old),
+            drift: drift.map(F::from_f64),
+            force: force_on_bodies.then(|| rule.new.map(F::from_f64)),
+            port: Port {
+                puck: network.own.map(F::from_f64),
+                bodies: Vector { position: network.from_puck[0], velocity: network.from_puck[1] }.map(F::from_f64),
+                offset: F::from_f64(network.own_offset),
+            },
+            nonlinear,
+            nonlinear_count: spec.couplings.len().min(C),
+            sensor: Sensor::new::<W>(spec)?,
+            actuator: Actuator::new(spec)?,
+        };
+        if compiled.is_finite() { Ok(compiled) } else { Err(Error::NotFinite) }
+    }
+
+    fn is_finite(&self) -> bool {
+        let matrices: [&Matrix<F, B>; 1] = [&self.state];
+        let vectors = [
+            &self.start,
+            &self.input_new.position,
+            &self.input_new.velocity,
+            &self.input_old.position,
+            &self.input_old.velocity,
+            &self.drift,
+            &self.port.bodies,
+        ];
+        let numbers = [self.period, self.rate, self.port.offset, self.port.puck[0], self.port.puck[1]];
+        matrices.iter().all(|m| m.is_finite())
+            && vectors.iter().all(|v| v.is_finite())
+            && numbers.iter().all(|x| x.is_finite())
+            && self.force.is_none_or(|half| half.is_finite())
+            && self.period > F::ZERO
+    }
+}

@@ -1,0 +1,149 @@
+//! Positions and velocities of up to B bodies, and the matrices that act on them, in blocks of B so that both fit fixed sizes.
+//! Only the first `n` of each block are in use; every loop runs over those alone, in one order, so that a world gives the same
+//! bits whatever room it is compiled into.
+
+use crate::Real;
+
+/// Positions and velocities of the bodies, in rad and rad/s (linear: m and m/s), in the order of the spec.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vector<F, const B: usize> {
+    /// w
+    pub position: [F; B],
+    /// ẇ
+    pub velocity: [F; B],
+}
+
+impl<F: Real, const B: usize> Vector<F, B> {
+    pub(crate) const ZERO: Self = Vector { position: [F::ZERO; B], velocity: [F::ZERO; B] };
+
+    /// self += factor · other
+    #[inline]
+    pub(crate) fn add(&mut self, n: usize, factor: F, other: &Self) {
+        let n = n.min(B);
+        for i in 0..n {
+            self.position[i] += factor * other.position[i];
+            self.velocity[i] += factor * other.velocity[i];
+        }
+    }
+
+    pub(crate) fn map<G: Real>(&self, f: impl Fn(F) -> G) -> Vector<G, B> {
+        Vector { position: self.position.map(&f), velocity: self.velocity.map(&f) }
+    }
+
+    pub(crate) fn is_finite(&self) -> bool {
+        self.position.iter().chain(&self.velocity).all(|x| x.is_finite())
+    }
+}
+
+/// One block of B rows and columns.
+pub(crate) type Block<F, const B: usize> = [[F; B]; B];
+
+/// What a vector of B numbers (the torques on the bodies) does to positions and velocities.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Half<F, const B: usize> {
+    pub position: Block<F, B>,
+    pub velocity: Block<F, B>,
+}
+
+impl<F: Real, const B: usize> Half<F, B> {
+    pub const ZERO: Self = Half { position: [[F::ZERO; B]; B], velocity: [[F::ZERO; B]; B] };
+
+    /// out += self · x
+    #[inline]
+    pub fn apply(&self, n: usize, x: &[F; B], out: &mut Vector<F, B>) {
+        let n = n.min(B);
+        for i in 0..n {
+            let (mut position, mut velocity) = (F::ZERO, F::ZERO);
+            for (j, &x) in x.iter().enumerate().take(n) {
+                position += self.position[i][j] * x;
+                velocity += self.velocity[i][j] * x;
+            }
+            out.position[i] += position;
+            out.velocity[i] += velocity;
+        }
+    }
+
+    pub fn map<G: Real>(&self, f: impl Fn(F) -> G) -> Half<G, B> {
+        Half { position: self.position.map(|row| row.map(&f)), velocity: self.velocity.map(|row| row.map(&f)) }
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.position.iter().chain(&self.velocity).flatten().all(|x| x.is_finite())
+    }
+}
+
+/// A matrix on the bodies' state: what positions do, and what velocities do.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Matrix<F, const B: usize> {
+    pub from_position: Half<F, B>,
+    pub from_velocity: Half<F, B>,
+}
+
+impl<F: Real, const B: usize> Matrix<F, B> {
+    pub const ZERO: Self = Matrix { from_position: Half::ZERO, from_velocity: Half::ZERO };
+
+    /// out += self · x
+    #[inline]
+    pub fn apply(&self, n: usize, x: &Vector<F, B>, out: &mut Vector<F, B>) {
+        self.from_position.apply(n, &x.position, out);
+        self.from_velocity.apply(n, &x.velocity, out);
+    }
+
+    pub fn map<G: Real>(&self, f: impl Fn(F) -> G) -> Matrix<G, B> {
+        Matrix { from_position: self.from_position.map(&f), from_velocity: self.from_velocity.map(&f) }
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.from_position.is_finite() && self.from_velocity.is_finite()
+    }
+}
+
+/// Factors a symmetric positive definite matrix in place, L Lᵀ in the lower triangle. `None` when it is not (or not finite).
+pub(crate) fn cholesky<const B: usize>(n: usize, a: &mut Block<f64, B>) -> Option<()> {
+    let n = n.min(B);
+    for j in 0..n {
+        let mut pivot = a[j][j];
+        for k in 0..j {
+            pivot -= a[j][k] * a[j][k];
+        }
+        // A NaN must fail too.
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return None;
+        }
+        let pivot = libm::sqrt(pivot);
+        a[j][j] = pivot;
+        for i in j + 1..n {
+            let mut x = a[i][j];
+            for k in 0..j {
+                x -= a[i][k] * a[j][k];
+            }
+            a[i][j] = x / pivot;
+        }
+    }
+    Some(())
+}
+
+/// Solves L Lᵀ x = b for every column of b, in place.
+pub(crate) fn cholesky_solve<const B: usize>(n: usize, l: &Block<f64, B>, b: &mut Block<f64, B>) {
+    let n = n.min(B);
+    for i in 0..n {
+        for k in 0..i {
+            for j in 0..n {
+                b[i][j] -= l[i][k] * b[k][j];
+            }
+        }
+        for j in 0..n {
+            b[i][j] /= l[i][i];
+        }
+    }
+    for i in (0..n).rev() {
+        for k in i + 1..n {
+            for j in 0..n {
+                b[i][j] -= l[k][i] * b[k][j];
+            }
+        }
+        for j in 0..n {
+            b[i][j] /= l[i][i];
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! The couplings that no matrix holds: wall, detent and the two frictions.
+
+use crate::friction::Lugre;
+use crate::{Coupling, End, Law, Real, Side, Vector};
+
+/// The torque on the first end as a function of q and q̇.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Curve<F> {
+    /// `direction` is +1 for a wall above its face, -1 for one below: then q, q̇ and torque are mirrored.
+    Wall {
+        direction: F,
+        at: F,
+        stiffness: F,
+        damping: F,
+    },
+    Detent {
+        torque: F,
+        pitch: F,
+        phase: F,
+    },
+    Coulomb {
+        torque: F,
+    },
+    Lugre(Lugre<F>),
+}
+
+/// A nonlinear coupling.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Nonlinear<F> {
+    pub first: End,
+    pub second: End,
+    pub curve: Curve<F>,
+}
+
+/// q and q̇ of a coupling.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Relative<F> {
+    pub position: F,
+    pub velocity: F,
+}
+
+impl<F: Real> Nonlinear<F> {
+    /// `None` for the couplings that are matrices.
+    pub fn new(coupling: &Coupling) -> Option<Self> {
+        let f = F::from_f64;
+        let curve = match coupling.law {
+            Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => return None,
+            Law::Wall { side, at, stiffness, damping } => Curve::Wall {
+                direction: match side {
+                    Side::Above => F::ONE,
+                    Side::Below => -F::ONE,
+                },
+                at: f(at),
+                stiffness: f(stiffness),
+                damping: f(damping),
+            },
+            Law::Detent { torque, pitch, phase } => {
+                Curve::Detent { torque: f(torque), pitch: f(pitch), phase: f(phase) }
+            }
+            Law::Coulomb { torque } => Curve::Coulomb { torque: f(torque) },
+            Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
+                Curve::Lugre(Lugre {
+                    coulomb: f(coulomb),
+                    stribeck: f(stribeck),
+                    stribeck_velocity: f(stribeck_velocity),
+                    bristle_stiffness: f(bristle_stiffness),
+                    bristle_damping: f(bristle_damping),
+                    viscous: f(viscous),
+                })
+            }
+        };
+        Some(Nonlinear { first: coupling.first, second: coupling.second, curve })
+    }
+
+    /// Whether a body stands at either end.
+    pub fn at_body(&self) -> bool {
+        matches!(self.first, End::Body(_)) || matches!(self.second, End::Body(_))
+    }
+
+    /// The sign of this coupling's torque on the puck; 0 when it is not tied to it.
+    pub fn sign_at_puck(&self) -> F {
+        match (self.first, self.second) {
+            (End::Puck, _) => F::ONE,
+            (_, End::Puck) => -F::ONE,
+            _ => F::ZERO,
+        }
+    }
+
+    /// q and q̇ with the puck and the bodies as given.
+    #[inline]
+    pub fn relative<const B: usize>(&self, puck: (F, F), bodies: &Vector<F, B>) -> Relative<F> {
+        let at = |end: End| match end {
+            End::Puck => puck,
+            End::Ground => (F::ZERO, F::ZERO),
+            // The index was checked when the loop was compiled.
+            End::Body(i) => {
+                (bodies.position.get(i).copied().unwrap_or(F::ZERO), bodies.velocity.get(i).copied().unwrap_or(F::ZERO))
+            }
+        };
+        let (first, second) = (at(self.first), at(self.second));
+        Relative { position: first.0 - second.0, velocity: first.1 - second.1 }
+    }
+
+    /// The torque on the first end, with LuGre's bristle as it stands.
+    #[inline]
+    pub fn torque(&self, q: Relative<F>, bristle: F) -> F {
+        match self.curve {
+            Curve::Wall { direction, at, stiffness, damping } => {
+                let depth = direction * (q.position - at);
+                let push = stiffness * depth + damping * (direction * q.velocity);
+                // It pushes only, and only inside; a NaN pushes nothing.
+                if depth > F::ZERO && push > F::ZERO { -(direction * push) } else { F::ZERO }
+            }
+            Curve::Detent { torque, pitch, phase } => {
+                let turns = (q.position - phase) / pitch;
+                // Taken from the nearest rest, so that every rest is exactly one, however far it is.
+                let rest = (turns + F::HALF).floor();
+                -(torque * (F::from_f64(core::f64::consts::TAU) * (turns - rest)).sin())
+            }
+            Curve::Coulomb { torque } => {
+                if q.velocity > F::ZERO {
+                    -torque
+                } else if q.velocity < F::ZERO {
+                    torque
+                } else {
+                    F::ZERO
+                }
+            }
+            Curve::Lugre(lugre) => lugre.torque(bristle, q.velocity),
+        }
+    }
+}

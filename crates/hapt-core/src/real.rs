@@ -1,0 +1,86 @@
+//! The numbers a loop can run on.
+
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+/// `f32` or `f64`, with the few functions a loop needs, from libm alone: the standard library's differ between machines.
+pub trait Real:
+    Copy
+    + Debug
+    + PartialOrd
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+{
+    /// 0
+    const ZERO: Self;
+    /// 1
+    const ONE: Self;
+    /// 1/2
+    const HALF: Self;
+    /// Rounds to the nearest.
+    fn from_f64(x: f64) -> Self;
+    /// Exact.
+    fn to_f64(self) -> f64;
+    /// The largest whole number that is not greater.
+    fn floor(self) -> Self;
+    /// |x|
+    fn abs(self) -> Self;
+    /// sin x
+    fn sin(self) -> Self;
+    /// e^x
+    fn exp(self) -> Self;
+    /// e^x - 1, good near 0
+    fn expm1(self) -> Self;
+    /// Neither infinite nor NaN.
+    fn is_finite(self) -> bool;
+}
+
+macro_rules! real {
+    ($float:ty, $floor:path, $fabs:path, $sin:path, $exp:path, $expm1:path) => {
+        impl Real for $float {
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            const HALF: Self = 0.5;
+            #[inline]
+            fn from_f64(x: f64) -> Self {
+                x as $float
+            }
+            #[inline]
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+            #[inline]
+            fn floor(self) -> Self {
+                $floor(self)
+            }
+            #[inline]
+            fn abs(self) -> Self {
+                $fabs(self)
+            }
+            #[inline]
+            fn sin(self) -> Self {
+                $sin(self)
+            }
+            #[inline]
+            fn exp(self) -> Self {
+                $exp(self)
+            }
+            #[inline]
+            fn expm1(self) -> Self {
+                $expm1(self)
+            }
+            #[inline]
+            fn is_finite(self) -> bool {
+                <$float>::is_finite(self)
+            }
+        }
+    };
+}
+
+real!(f32, libm::floorf, libm::fabsf, libm::sinf, libm::expf, libm::expm1f);
+real!(f64, libm::floor, libm::fabs, libm::sin, libm::exp, libm::expm1);

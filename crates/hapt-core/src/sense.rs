@@ -1,0 +1,171 @@
+//! What the loop knows of the puck: the encoder's count and a velocity (contract section 3, step 1).
+
+use crate::{Error, Estimator, Real, Spec};
+
+/// The puck as the loop sees it at one sample: u_k.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Puck<F> {
+    /// z_k in rad (linear: m): the count's position.
+    pub position: F,
+    /// v_k in rad/s (linear: m/s), by the estimator.
+    pub velocity: F,
+}
+
+/// What the sensor remembers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Memory<F, const W: usize> {
+    /// u_{k-1}; `None` before the first sample.
+    pub last: Option<Puck<F>>,
+    /// The last counts, a ring; the newest stands at `newest`. For FOAW alone.
+    pub counts: [F; W],
+    /// Where the newest count stands.
+    pub newest: usize,
+    /// How many older counts there are, at most W - 1.
+    pub older: usize,
+}
+
+impl<F: Real, const W: usize> Memory<F, W> {
+    pub(crate) const EMPTY: Self = Memory { last: None, counts: [F::ZERO; W], newest: 0, older: 0 };
+
+    fn push(&mut self, count: F) {
+        if self.last.is_some() {
+            self.newest = (self.newest + 1) % W;
+            self.older = (self.older + 1).min(W - 1);
+        }
+        if let Some(place) = self.counts.get_mut(self.newest) {
+            *place = count;
+        }
+    }
+
+    /// The count `age` samples ago, relative to the newest.
+    fn count(&self, age: usize) -> F {
+        let of = |i: usize| self.counts.get(i % W).copied().unwrap_or(F::ZERO);
+        of(self.newest % W + W - age.min(W)) - of(self.newest)
+    }
+}
+
+/// The encoder and the estimator's constants.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sensor<F> {
+    count: Option<F>,
+    rate: F,
+    velocity: Velocity<F>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Velocity<F> {
+    Exact,
+    Difference,
+    /// v_k = keep v_{k-1} + gain (z_k - z_{k-1})
+    LowPass {
+        keep: F,
+        gain: F,
+    },
+    Foaw {
+        window: usize,
+        best: bool,
+    },
+}
+
+impl<F: Real> Sensor<F> {
+    pub fn new<const W: usize>(spec: &Spec) -> Result<Self, Error> {
+        const { assert!(W > 0, "a loop remembers one count at least") }
+        if let Some(count) = spec.count {
+            Error::check_positive("count", count)?;
+        }
+        let foaw = |window: u32, best| match window {
+            0 => Err(Error::Value { what: "window", given: 0.0, wanted: "positive" }),
+            // Without counts there is no noise to average: n = 1.
+            _ if spec.count.is_none() => Ok(Velocity::Difference),
+            _ if window as usize >= W => Err(Error::WindowTooLong { given: window, room: W }),
+            _ => Ok(Velocity::Foaw { window: window as usize, best }),
+        };
+        let velocity = match spec.estimator {
+            Estimator::Exact => Velocity::Exact,
+            Estimator::Difference => Velocity::Difference,
+            Estimator::LowPass { cutoff } => {
+                Error::check_positive("cutoff", cutoff)?;
+                let tau = 1.0 / (core::f64::consts::TAU * cutoff);
+                let sum = tau + spec.period;
+                Velocity::LowPass { keep: F::from_f64(tau / sum), gain: F::from_f64(1.0 / sum) }
+            }
+            Estimator::Foaw { window } => foaw(window, false)?,
+            Estimator::FoawBest { window } => foaw(window, true)?,
+        };
+        Ok(Sensor { count: spec.count.map(F::from_f64), rate: F::from_f64(1.0 / spec.period), velocity })
+    }
+
+    /// u_k from the puck's true position and velocity; the memory moves on by one sample, except for its `last`.
+    #[inline]
+    pub fn read<const W: usize>(&self, memory: &mut Memory<F, W>, position: F, velocity: F) -> Puck<F> {
+        let position = match self.count {
+            None => position,
+            Some(size) => {
+                // A tie within 1e-9 of a count goes up.
+                let count = (position / size + F::HALF + F::from_f64(1e-9)).floor();
+                if let Velocity::Foaw { .. } = self.velocity {
+                    memory.push(count);
+                }
+                count * size
+            }
+        };
+        let velocity = match (self.velocity, memory.last) {
+            (Velocity::Exact, _) => velocity,
+            (_, None) => F::ZERO,
+            (Velocity::Difference, Some(last)) => (position - last.position) * self.rate,
+            (Velocity::LowPass { keep, gain }, Some(last)) => keep * last.velocity + gain * (position - last.position),
+            (Velocity::Foaw { window, best }, Some(_)) => {
+                let n = longest_window(memory, window);
+                let slope = if best { best_fit(memory, n) } else { end_fit(memory, n) };
+                slope * self.count.unwrap_or(F::ONE) * self.rate
+            }
+        };
+        Puck { position, velocity }
+    }
+}
+
+/// The largest n ≤ window for which, at every length up to n, each sample in between lies within one count of the line from
+/// the newest sample to the n-th before it (inclusive, 1e-9 of a count).
+///
+/// A line through the newest sample passes within a count of the sample of age j when its slope (per sample, backward) is
+/// within (count(j) ± 1)/j; the slopes that pass all of them are one interval, kept while n grows.
+fn longest_window<F: Real, const W: usize>(memory: &Memory<F, W>, window: usize) -> usize {
+    let within = F::from_f64(1.0 + 1e-9);
+    let mut slopes: Option<(F, F)> = None;
+    let mut longest = 1;
+    let mut age = F::ZERO;
+    for n in 1..=window.min(memory.older) {
+        age += F::ONE;
+        let count = memory.count(n);
+        let slope = count / age;
+        let (low, high) = ((count - within) / age, (count + within) / age);
+        slopes = Some(match slopes {
+            None => (low, high),
+            Some((lowest, highest)) if slope >= lowest && slope <= highest => {
+                (if low > lowest { low } else { lowest }, if high < highest { high } else { highest })
+            }
+            Some(_) => break,
+        });
+        longest = n;
+    }
+    longest
+}
+
+/// Counts per sample over the window's two ends.
+fn end_fit<F: Real, const W: usize>(memory: &Memory<F, W>, n: usize) -> F {
+    -memory.count(n) / whole(n)
+}
+
+/// Counts per sample of the least-squares line through n + 1 samples, Σ (n - 2j) y_j · 6/(n(n+1)(n+2)) for the sample y_j of
+/// age j: the sum is of whole numbers, and exact.
+fn best_fit<F: Real, const W: usize>(memory: &Memory<F, W>, n: usize) -> F {
+    let mut sum = F::ZERO;
+    for age in 0..=n.min(W) {
+        sum += (whole::<F>(n) - whole::<F>(2 * age)) * memory.count(age);
+    }
+    sum * F::from_f64(6.0) / whole(n * (n + 1) * (n + 2))
+}
+
+fn whole<F: Real>(n: usize) -> F {
+    F::from_f64(n as f64)
+}

@@ -1,0 +1,254 @@
+//! What a loop is made of, as plain data in SI: rotary worlds in rad, N·m and kg·m², linear ones in m, N and kg.
+//!
+//! Nothing here computes. A [`Spec`] is what [`crate::Loop::new`] compiles; the laboratory derives its own matrices from the
+//! same data and shares nothing else with the loop.
+
+/// What a coupling can be tied to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// The part of the device that the hand holds, at position z.
+    Puck,
+    /// The fixed frame: position 0, at rest.
+    Ground,
+    /// A virtual inertia, by its index in [`Spec::bodies`].
+    Body(usize),
+}
+
+/// A virtual inertia.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// J_w in kg·m² (linear: mass in kg), positive.
+    pub inertia: f64,
+    /// Initial position in rad (linear: m).
+    pub position: f64,
+    /// Initial velocity in rad/s (linear: m/s).
+    pub velocity: f64,
+}
+
+/// A massless virtual element between two different ends. It acts on q = q_first - q_second, the first end as seen from the
+/// second; its torque stands on the first end, the opposite on the second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coupling {
+    /// The end that takes the law's torque.
+    pub first: End,
+    /// The end that takes the opposite.
+    pub second: End,
+    /// The torque as a function of q and q̇.
+    pub law: Law,
+}
+
+/// The torque of a coupling on its first end, in N·m (linear: N), for q in rad (linear: m).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Law {
+    /// -stiffness · (q - rest)
+    Spring {
+        /// N·m/rad, zero or more.
+        stiffness: f64,
+        /// The q at which the spring is slack.
+        rest: f64,
+    },
+    /// -damping · q̇
+    Damper {
+        /// The damping, or the rule that gives it.
+        damping: Damping,
+    },
+    /// `Above`: -(stiffness · (q - at) + damping · q̇) while q > at, never pulling (not positive); `Below`: its mirror.
+    Wall {
+        /// On which side of `at` the wall pushes.
+        side: Side,
+        /// The wall's face.
+        at: f64,
+        /// N·m/rad, zero or more.
+        stiffness: f64,
+        /// N·m·s/rad, zero or more.
+        damping: f64,
+    },
+    /// -torque · sin(2π (q - phase)/pitch): it rests at phase + n · pitch.
+    Detent {
+        /// The largest torque, zero or more.
+        torque: f64,
+        /// From one rest to the next, positive.
+        pitch: f64,
+        /// Where one of them is.
+        phase: f64,
+    },
+    /// Coulomb friction: -torque · sign(q̇), 0 at q̇ = 0.
+    Coulomb {
+        /// Zero or more.
+        torque: f64,
+    },
+    /// LuGre friction (Canudas de Wit et al., IEEE TAC 40(3), 1995): -(σ0 s + σ1 ṡ + σ2 q̇), ṡ = q̇ - σ0 |q̇| s/g,
+    /// g = coulomb + (stribeck - coulomb) exp(-(q̇/stribeck_velocity)²).
+    Lugre {
+        /// The level when sliding fast, zero or more.
+        coulomb: f64,
+        /// The static level, zero or more.
+        stribeck: f64,
+        /// rad/s, positive.
+        stribeck_velocity: f64,
+        /// σ0 in N·m/rad, zero or more.
+        bristle_stiffness: f64,
+        /// σ1 in N·m·s/rad, zero or more.
+        bristle_damping: f64,
+        /// σ2 in N·m·s/rad, zero or more.
+        viscous: f64,
+    },
+    /// torque
+    Constant {
+        /// Any finite number.
+        torque: f64,
+    },
+}
+
+/// How much a damper damps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Damping {
+    /// N·m·s/rad, zero or more.
+    Fixed(f64),
+    /// T times the sum of the stiffnesses of the springs between the same two ends, in either order; for a damper from a
+    /// body to ground, of all springs at the body. The notes' b = Tk, (2.24).
+    Compensating,
+}
+
+/// On which side of its face a wall pushes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// It pushes toward smaller q while q > at.
+    Above,
+    /// It pushes toward larger q while q < at.
+    Below,
+}
+
+/// The rule that takes the bodies over one period. x = (positions, velocities), u = (z, ż) of the puck.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// x_{k+1} = x_k + T f(x_k, u_k)
+    ForwardEuler,
+    /// x_{k+1} = x_k + T f(x_{k+1}, u_k)
+    BackwardEuler,
+    /// v_{k+1} = v_k + T a(x_k, v_k, u_k), then positions x_{k+1} = x_k + T v_{k+1}
+    SemiImplicitEuler,
+    /// x_{k+1} = x_k + T/2 (f(x_k, u_k) + f(x_{k+1}, u_k))
+    Trapezoidal,
+    /// Exact for u held at u_k over the step.
+    Zoh,
+    /// Classical Runge-Kutta, u held at u_k.
+    Rk4,
+    /// x_k = x_{k-1} + T/2 (f(x_{k-1}, u_{k-1}) + f(x_k, u_k))
+    Tustin,
+    /// Exact for u running straight from u_{k-1} to u_k.
+    Foh,
+}
+
+impl Method {
+    /// All of them, in the order of the documentation.
+    pub const ALL: [Method; 8] = [
+        Method::ForwardEuler,
+        Method::BackwardEuler,
+        Method::SemiImplicitEuler,
+        Method::Trapezoidal,
+        Method::Zoh,
+        Method::Rk4,
+        Method::Tustin,
+        Method::Foh,
+    ];
+
+    /// The method's name in world files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Method::ForwardEuler => "forward-euler",
+            Method::BackwardEuler => "backward-euler",
+            Method::SemiImplicitEuler => "semi-implicit-euler",
+            Method::Trapezoidal => "trapezoidal",
+            Method::Zoh => "zoh",
+            Method::Rk4 => "rk4",
+            Method::Tustin => "tustin",
+            Method::Foh => "foh",
+        }
+    }
+
+    /// Whether the method takes the new sample first and the torque from x_k afterwards (`tustin`, `foh`); the others hold
+    /// u_k over the coming step.
+    pub const fn takes_new_sample_first(self) -> bool {
+        matches!(self, Method::Tustin | Method::Foh)
+    }
+
+    /// Whether the rule evaluates a body's nonlinear torque where it stands (the explicit ones).
+    pub const fn is_explicit(self) -> bool {
+        matches!(self, Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4)
+    }
+}
+
+/// Which state of the bodies makes the torque of sample k.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// x_k, as the notes' diagrams have it.
+    Start,
+    /// (x_k + x_{k+1})/2
+    Middle,
+    /// The positions of x_{k+1} with the mean velocities over the step, (w_{k+1} - w_k)/T.
+    End,
+}
+
+impl Output {
+    /// All of them.
+    pub const ALL: [Output; 3] = [Output::Start, Output::Middle, Output::End];
+
+    /// The output's name in world files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Output::Start => "start",
+            Output::Middle => "middle",
+            Output::End => "end",
+        }
+    }
+}
+
+/// How the loop comes by the puck's velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Estimator {
+    /// The true velocity.
+    Exact,
+    /// v_k = (z_k - z_{k-1})/T
+    Difference,
+    /// v_k = (τ v_{k-1} + z_k - z_{k-1})/(τ + T), τ = 1/(2π cutoff)
+    LowPass {
+        /// Hz, positive.
+        cutoff: f64,
+    },
+    /// First-order adaptive windowing, end-fit (Janabi-Sharifi et al., IEEE TCST 8(6), 2000).
+    Foaw {
+        /// The largest window in samples, positive.
+        window: u32,
+    },
+    /// The same with the least-squares slope over the window.
+    FoawBest {
+        /// The largest window in samples, positive.
+        window: u32,
+    },
+}
+
+/// The whole loop: what [`crate::Loop::new`] compiles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spec<'a> {
+    /// T in s, positive.
+    pub period: f64,
+    /// The integrator.
+    pub method: Method,
+    /// Which state makes the torque; only `Start` with the methods that take the new sample first.
+    pub output: Output,
+    /// With `End` only: further steps ahead for the torque, puck held still.
+    pub advance: u32,
+    /// The puck's velocity.
+    pub estimator: Estimator,
+    /// The size of one encoder count in rad (linear: m), positive; `None`: ideal.
+    pub count: Option<f64>,
+    /// The largest torque that may be commanded, positive; `None`: any.
+    pub limit: Option<f64>,
+    /// Steps of 2 limit/levels, positive and even, with a limit only; `None`: ideal.
+    pub levels: Option<u32>,
+    /// The virtual inertias.
+    pub bodies: &'a [Body],
+    /// The virtual elements between them, the puck and ground.
+    pub couplings: &'a [Coupling],
+}

@@ -1,0 +1,226 @@
+//! The loop: a world compiled once, and one sample of it.
+
+use crate::actuate::Actuator;
+use crate::matrix::{Half, Matrix, Vector};
+use crate::nonlinear::{Curve, Nonlinear};
+use crate::sense::{Memory, Puck, Sensor};
+use crate::{Output, Real};
+
+/// A world compiled for at most B bodies, C couplings and W remembered counts (a FOAW window of W - 1), on numbers F.
+///
+/// A PC holds `Loop<f64, 32, 64, 257>`, a microcontroller `Loop<f32, 4, 8, 17>`. The bits are those of the numbers alone,
+/// whatever the room.
+#[derive(Clone, Copy, Debug)]
+pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
+    pub(crate) bodies: usize,
+    pub(crate) period: F,
+    pub(crate) rate: F,
+    pub(crate) new_sample_first: bool,
+    pub(crate) staged: bool,
+    pub(crate) output: Output,
+    pub(crate) advance: u32,
+    pub(crate) start: Vector<F, B>,
+    pub(crate) state: Matrix<F, B>,
+    pub(crate) input_new: Input<F, B>,
+    pub(crate) input_old: Input<F, B>,
+    pub(crate) drift: Vector<F, B>,
+    /// The bodies' response to nonlinear torques on them; `None` when there are none.
+    pub(crate) force: Option<Half<F, B>>,
+    pub(crate) port: Port<F, B>,
+    pub(crate) nonlinear: [Option<Nonlinear<F>>; C],
+    pub(crate) nonlinear_count: usize,
+    pub(crate) sensor: Sensor<F>,
+    pub(crate) actuator: Actuator<F>,
+}
+
+/// The bodies' response to the puck's position and velocity.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Input<F, const B: usize> {
+    pub position: Vector<F, B>,
+    pub velocity: Vector<F, B>,
+}
+
+/// The linear torque on the puck: from its own position and velocity, from the bodies', and from nothing.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Port<F, const B: usize> {
+    pub puck: [F; 2],
+    pub bodies: Vector<F, B>,
+    pub offset: F,
+}
+
+/// Everything that changes from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State<F, const B: usize, const C: usize, const W: usize> {
+    /// x_k of the last sample taken: what rows show.
+    pub now: Vector<F, B>,
+    /// x_{k+1} - x_k; 0 before the first sample, and with the methods that take the new sample first.
+    pub change: Vector<F, B>,
+    /// s of each coupling, in rad (linear: m); 0 where it is not LuGre friction.
+    pub bristles: [F; C],
+    /// What the sensor remembers.
+    pub memory: Memory<F, W>,
+}
+
+/// What one sample gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample<F> {
+    /// u_k: the puck as the loop saw it.
+    pub puck: Puck<F>,
+    /// The couplings' torque on the puck in N·m (linear: N), before levels and limit.
+    pub torque: F,
+    /// What the motor is asked for, after levels and limit.
+    pub command: F,
+}
+
+impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
+    /// The state before sample 0.
+    pub fn start(&self) -> State<F, B, C, W> {
+        State { now: self.start, change: Vector::ZERO, bristles: [F::ZERO; C], memory: Memory::EMPTY }
+    }
+
+    /// How many bodies the world has.
+    pub fn bodies(&self) -> usize {
+        self.bodies
+    }
+
+    /// T in s.
+    pub fn period(&self) -> F {
+        self.period
+    }
+
+    /// Sample k at the puck's true position in rad (linear: m) and velocity in rad/s (m/s), which only the exact estimator
+    /// looks at.
+    #[inline]
+    pub fn step(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
+        let last = state.memory.last;
+        let puck = self.sensor.read(&mut state.memory, position, velocity);
+        state.memory.last = Some(puck);
+        if self.new_sample_first {
+            if let Some(last) = last {
+                self.bend(&mut state.bristles, puck, &state.now);
+                let change = self.change(&state.now, last, puck, &state.bristles);
+                state.now.add(self.bodies, F::ONE, &change);
+            } else {
+                self.bend(&mut state.bristles, puck, &state.now);
+            }
+        } else {
+            let change = state.change;
+            state.now.add(self.bodies, F::ONE, &change);
+            self.bend(&mut state.bristles, puck, &state.now);
+            state.change = self.change(&state.now, puck, puck, &state.bristles);
+        }
+        let torque = self.torque(state, puck);
+        Sample { puck, torque, command: self.actuator.command(torque) }
+    }
+
+    /// Every LuGre bristle over one period, with q̇ as it is at this sample held.
+    #[inline]
+    fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
+        for (nonlinear, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
+            if let Some(coupling) = nonlinear
+                && let Curve::Lugre(lugre) = coupling.curve
+            {
+                let q = coupling.relative((puck.position, puck.velocity), bodies);
+                *bristle = lugre.bend(*bristle, q.velocity, self.period);
+            }
+        }
+    }
+
+    /// x_{k+1} - x_k of the method, from x_k, u_{k-1} and u_k.
+    #[inline]
+    fn change(&self, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>, bristles: &[F; C]) -> Vector<F, B> {
+        let first = self.stage(x, old, new, bristles);
+        if !self.staged {
+            return first;
+        }
+        // Runge-Kutta's four stages, each an Euler increment T f.
+        let n = self.bodies;
+        let two = F::ONE + F::ONE;
+        let mut stage = first;
+        let mut sum = first;
+        for (reach, weight) in [(F::HALF, two), (F::HALF, two), (F::ONE, F::ONE)] {
+            let mut at = *x;
+            at.add(n, reach, &stage);
+            stage = self.stage(&at, old, new, bristles);
+            sum.add(n, weight, &stage);
+        }
+        let sixth = F::ONE / F::from_f64(6.0);
+        sum.map(|x| sixth * x)
+    }
+
+    /// The method's matrices on one state.
+    #[inline]
+    fn stage(&self, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>, bristles: &[F; C]) -> Vector<F, B> {
+        let n = self.bodies;
+        let mut change = self.drift;
+        self.state.apply(n, x, &mut change);
+        change.add(n, new.position, &self.input_new.position);
+        change.add(n, new.velocity, &self.input_new.velocity);
+        if self.new_sample_first {
+            change.add(n, old.position, &self.input_old.position);
+            change.add(n, old.velocity, &self.input_old.velocity);
+        }
+        if let Some(force) = &self.force {
+            force.apply(n, &self.nonlinear_torques(x, new, bristles), &mut change);
+        }
+        change
+    }
+
+    /// The nonlinear couplings' torques on the bodies.
+    fn nonlinear_torques(&self, x: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C]) -> [F; B] {
+        let mut torques = [F::ZERO; B];
+        for (coupling, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
+            if let Some(coupling) = coupling {
+                let torque = coupling.torque(coupling.relative((puck.position, puck.velocity), x), *bristle);
+                for (end, torque) in [(coupling.first, torque), (coupling.second, -torque)] {
+                    if let crate::End::Body(i) = end
+                        && let Some(sum) = torques.get_mut(i)
+                    {
+                        *sum += torque;
+                    }
+                }
+            }
+        }
+        torques
+    }
+
+    /// The torque on the puck from the state that the output names.
+    #[inline]
+    fn torque(&self, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
+        let n = self.bodies;
+        let mut bodies = state.now;
+        let mut change = state.change;
+        let mut bristles = state.bristles;
+        match self.output {
+            Output::Start => {}
+            Output::Middle => bodies.add(n, F::HALF, &change),
+            Output::End => {
+                // The world goes on without the loop, the puck held where it was seen.
+                let held = Puck { position: puck.position, velocity: F::ZERO };
+                bodies.add(n, F::ONE, &change);
+                for _ in 0..self.advance {
+                    self.bend(&mut bristles, held, &bodies);
+                    change = self.change(&bodies, held, held, &bristles);
+                    bodies.add(n, F::ONE, &change);
+                }
+                bodies.velocity = change.position.map(|distance| distance * self.rate);
+            }
+        }
+        let mut torque = self.port.offset + self.port.puck[0] * puck.position + self.port.puck[1] * puck.velocity;
+        let own = self.port.bodies.position.iter().zip(&bodies.position);
+        let damped = self.port.bodies.velocity.iter().zip(&bodies.velocity);
+        for ((k, w), (c, v)) in own.zip(damped).take(n) {
+            torque += *k * *w + *c * *v;
+        }
+        for (coupling, bristle) in self.nonlinear.iter().zip(&bristles).take(self.nonlinear_count) {
+            if let Some(coupling) = coupling {
+                let sign = coupling.sign_at_puck();
+                if sign != F::ZERO {
+                    let q = coupling.relative((puck.position, puck.velocity), &bodies);
+                    torque += sign * coupling.torque(q, *bristle);
+                }
+            }
+        }
+        torque
+    }
+}

@@ -1,0 +1,175 @@
+//! Random worlds and their differential equation, written down a second time, coupling by coupling.
+#![allow(dead_code)]
+
+use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+use proptest::prelude::*;
+
+#[derive(Clone, Debug)]
+pub struct World {
+    pub bodies: Vec<Body>,
+    pub couplings: Vec<Coupling>,
+}
+
+impl World {
+    pub fn spec(&self, method: Method, output: Output, period: f64) -> Spec<'_> {
+        Spec {
+            period,
+            method,
+            output,
+            advance: 0,
+            estimator: Estimator::Exact,
+            count: None,
+            limit: None,
+            levels: None,
+            bodies: &self.bodies,
+            couplings: &self.couplings,
+        }
+    }
+
+    /// q and q̇ of a coupling.
+    pub fn relative(&self, coupling: &Coupling, x: &[f64], u: (f64, f64)) -> (f64, f64) {
+        let n = self.bodies.len();
+        let at = |end| match end {
+            End::Puck => u,
+            End::Ground => (0.0, 0.0),
+            End::Body(i) => (x[i], x[n + i]),
+        };
+        let (a, b) = (at(coupling.first), at(coupling.second));
+        (a.0 - b.0, a.1 - b.1)
+    }
+
+    /// f(x, u)
+    pub fn rate(&self, x: &[f64], u: (f64, f64)) -> Vec<f64> {
+        let n = self.bodies.len();
+        let mut rate = x[n..].to_vec();
+        rate.resize(2 * n, 0.0);
+        for coupling in &self.couplings {
+            let (q, qd) = self.relative(coupling, x, u);
+            let torque = torque(&coupling.law, q, qd);
+            for (end, torque) in [(coupling.first, torque), (coupling.second, -torque)] {
+                if let End::Body(i) = end {
+                    rate[n + i] += torque / self.bodies[i].inertia;
+                }
+            }
+        }
+        rate
+    }
+
+    /// The torque on the puck.
+    pub fn torque(&self, x: &[f64], u: (f64, f64)) -> f64 {
+        let one = |coupling: &Coupling| {
+            let (q, qd) = self.relative(coupling, x, u);
+            let torque = torque(&coupling.law, q, qd);
+            match (coupling.first, coupling.second) {
+                (End::Puck, _) => torque,
+                (_, End::Puck) => -torque,
+                _ => 0.0,
+            }
+        };
+        self.couplings.iter().map(one).sum()
+    }
+
+    /// A bound on the fastest rate in 1/s.
+    pub fn fastest(&self) -> f64 {
+        let lightest = self.bodies.iter().map(|body| body.inertia).fold(f64::INFINITY, f64::min);
+        let (k, c) = self.slopes();
+        2.0 * (k / lightest).sqrt() + 2.0 * c / lightest + 1.0
+    }
+
+    pub fn torque_scale(&self) -> f64 {
+        let (k, c) = self.slopes();
+        let torques: f64 = self.couplings.iter().map(|coupling| torque(&coupling.law, 0.0, 1.0).abs()).sum();
+        1.0 + 4.0 * k + 20.0 * c + torques
+    }
+
+    fn slopes(&self) -> (f64, f64) {
+        self.couplings.iter().fold((0.0, 0.0), |(k, c), coupling| match coupling.law {
+            Law::Spring { stiffness, .. } => (k + stiffness, c),
+            Law::Damper { damping: Damping::Fixed(damping) } => (k, c + damping),
+            Law::Wall { stiffness, damping, .. } => (k + stiffness, c + damping),
+            Law::Detent { torque, pitch, .. } => (k + 7.0 * torque / pitch, c),
+            _ => (k, c),
+        })
+    }
+}
+
+/// The contract's table of laws.
+pub fn torque(law: &Law, q: f64, qd: f64) -> f64 {
+    match *law {
+        Law::Spring { stiffness, rest } => -stiffness * (q - rest),
+        Law::Damper { damping: Damping::Fixed(damping) } => -damping * qd,
+        Law::Wall { side: Side::Above, at, stiffness, damping } if q > at => {
+            (-(stiffness * (q - at) + damping * qd)).min(0.0)
+        }
+        Law::Wall { side: Side::Below, at, stiffness, damping } if q < at => {
+            (-(stiffness * (q - at) + damping * qd)).max(0.0)
+        }
+        Law::Detent { torque, pitch, phase } => -torque * (std::f64::consts::TAU * (q - phase) / pitch).sin(),
+        Law::Coulomb { torque } if qd != 0.0 => -torque * qd.signum(),
+        Law::Constant { torque } => torque,
+        _ => 0.0,
+    }
+}
+
+/// One to five bodies in a chain from the puck, with couplings between random ends besides.
+pub fn world(nonlinear: bool) -> impl Strategy<Value = World> {
+    let body = (1e-3_f64..0.1, -1.0_f64..1.0, -5.0_f64..5.0).prop_map(|(inertia, position, velocity)| Body {
+        inertia,
+        position,
+        velocity,
+    });
+    prop::collection::vec(body, 1..=5).prop_flat_map(move |bodies| {
+        let n = bodies.len();
+        let chain = prop::collection::vec(0.01_f64..20.0, n).prop_map(|stiffness| {
+            let link = |(i, stiffness)| Coupling {
+                first: if i == 0 { End::Puck } else { End::Body(i - 1) },
+                second: End::Body(i),
+                law: Law::Spring { stiffness, rest: 0.0 },
+            };
+            stiffness.into_iter().enumerate().map(link).collect::<Vec<_>>()
+        });
+        let extra = (0..n + 2, 0..n + 2, law(nonlinear))
+            .prop_filter("two ends", |(a, b, _)| a != b)
+            .prop_map(move |(a, b, law)| Coupling { first: end(a, n), second: end(b, n), law });
+        (chain, prop::collection::vec(extra, 0..6)).prop_map(move |(mut couplings, extra)| {
+            couplings.extend(extra);
+            World { bodies: bodies.clone(), couplings }
+        })
+    })
+}
+
+fn end(i: usize, n: usize) -> End {
+    match i {
+        i if i < n => End::Body(i),
+        i if i == n => End::Puck,
+        _ => End::Ground,
+    }
+}
+
+fn law(nonlinear: bool) -> BoxedStrategy<Law> {
+    let linear = prop_oneof![
+        (0.0_f64..10.0, -1.0_f64..1.0).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
+        (0.0_f64..0.1).prop_map(|damping| Law::Damper { damping: Damping::Fixed(damping) }),
+    ];
+    if !nonlinear {
+        return linear.boxed();
+    }
+    let side = prop_oneof![Just(Side::Above), Just(Side::Below)];
+    prop_oneof![
+        linear,
+        (side, -1.0_f64..1.0, 0.0_f64..10.0, 0.0_f64..0.05).prop_map(|(side, at, stiffness, damping)| Law::Wall {
+            side,
+            at,
+            stiffness,
+            damping
+        }),
+        (0.0_f64..1.0, 0.1_f64..2.0, -1.0_f64..1.0).prop_map(|(torque, pitch, phase)| Law::Detent {
+            torque,
+            pitch,
+            phase
+        }),
+        (0.0_f64..0.5).prop_map(|torque| Law::Coulomb { torque }),
+        (-0.5_f64..0.5).prop_map(|torque| Law::Constant { torque }),
+    ]
+    .boxed()
+}

@@ -1,0 +1,201 @@
+//! One sample, step by step as contract section 3 has it: the encoder, the velocity, the torque's state.
+// Tests run where the standard library is.
+#![allow(clippy::disallowed_methods, clippy::disallowed_macros)]
+
+mod reference;
+
+use hapt_core::{Estimator, Loop, Method, Output, Spec};
+use proptest::prelude::*;
+use reference::{World, world};
+
+type Small = Loop<f64, 6, 12, 33>;
+
+const TAU: f64 = std::f64::consts::TAU;
+
+const EMPTY: Spec = Spec {
+    period: 1e-3,
+    method: Method::Zoh,
+    output: Output::End,
+    advance: 0,
+    estimator: Estimator::Exact,
+    count: None,
+    limit: None,
+    levels: None,
+    bodies: &[],
+    couplings: &[],
+};
+
+/// What the loop measures at each of the positions.
+fn measure(spec: &Spec, positions: &[f64]) -> Vec<(f64, f64)> {
+    let compiled = Small::new(spec).unwrap();
+    let mut state = compiled.start();
+    let sample = |&z: &f64| {
+        let puck = compiled.step(&mut state, z, 0.0).puck;
+        (puck.position, puck.velocity)
+    };
+    positions.iter().map(sample).collect()
+}
+
+#[test]
+fn a_count_is_the_nearest_and_a_tie_within_a_billionth_goes_up() {
+    let count = TAU / 4000.0;
+    let spec = Spec { count: Some(count), ..EMPTY };
+    for (position, counts) in [
+        (0.49, 0.0),
+        (0.5, 1.0),
+        (0.5 - 0.9e-9, 1.0),
+        (0.5 - 1.2e-9, 0.0),
+        (-0.5, 0.0),
+        (-0.51, -1.0),
+        (1234.4, 1234.0),
+    ] {
+        assert_eq!(measure(&spec, &[position * count])[0].0, counts * count, "{position}");
+    }
+}
+
+#[test]
+fn the_exact_estimator_is_told_the_velocity_at_the_first_sample_too() {
+    let compiled = Small::new(&EMPTY).unwrap();
+    assert_eq!(compiled.step(&mut compiled.start(), 0.1, -3.5).puck.velocity, -3.5);
+}
+
+/// foaw by the contract's words: every length, every sample in between, one by one.
+fn slow_foaw(counts: &[f64], window: usize, best: bool) -> f64 {
+    let k = counts.len() - 1;
+    let inside = |n: usize| {
+        (1..n).all(|j| {
+            let line = counts[k] + (counts[k - n] - counts[k]) * j as f64 / n as f64;
+            (counts[k - j] - line).abs() <= 1.0 + 1e-9
+        })
+    };
+    let n = (1..=window.min(k)).take_while(|&n| (1..=n).all(inside)).last().unwrap_or(0);
+    if n == 0 {
+        return 0.0;
+    }
+    if !best {
+        return (counts[k] - counts[k - n]) / n as f64;
+    }
+    let mean = |f: &dyn Fn(usize) -> f64| (0..=n).map(f).sum::<f64>() / (n + 1) as f64;
+    let (t, y) = (mean(&|j| -(j as f64)), mean(&|j| counts[k - j]));
+    let top = mean(&|j| (-(j as f64) - t) * (counts[k - j] - y));
+    top / mean(&|j| (-(j as f64) - t).powi(2))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn foaw_is_what_its_definition_says(
+        steps in prop::collection::vec(-3_i32..4, 1..80), calm in 0.0_f64..2.0, window in 1_u32..32, best: bool,
+    ) {
+        let count = TAU / 500.0;
+        let estimator = if best { Estimator::FoawBest { window } } else { Estimator::Foaw { window } };
+        let spec = Spec { count: Some(count), estimator, ..EMPTY };
+        // Slow drifts make long windows, jumps make short ones.
+        let mut z = 0.0;
+        let positions: Vec<f64> = steps.iter().map(|&step| {
+            z += calm + if step == 3 { 5.0 } else { 0.1 * f64::from(step) };
+            z * count
+        }).collect();
+        let measured = measure(&spec, &positions);
+        let counts: Vec<f64> = measured.iter().map(|(z, _)| (z / count).round()).collect();
+        for k in 0..counts.len() {
+            let expected = slow_foaw(&counts[..=k], window as usize, best) * count / 1e-3;
+            prop_assert!((measured[k].1 - expected).abs() <= 1e-9 * (1.0 + expected.abs()), "{k}: {} {expected}", measured[k].1);
+        }
+    }
+
+    #[test]
+    fn difference_and_low_pass_are_their_equations(
+        positions in prop::collection::vec(-1.0_f64..1.0, 2..30), cutoff in 1.0_f64..1000.0,
+    ) {
+        let difference = measure(&Spec { estimator: Estimator::Difference, ..EMPTY }, &positions);
+        let ideal_foaw = measure(&Spec { estimator: Estimator::Foaw { window: 9 }, ..EMPTY }, &positions);
+        let low_pass = measure(&Spec { estimator: Estimator::LowPass { cutoff }, ..EMPTY }, &positions);
+        let (t, tau) = (1e-3, 1.0 / (TAU * cutoff));
+        let mut v = 0.0;
+        prop_assert_eq!((difference[0].1, low_pass[0].1), (0.0, 0.0));
+        for k in 1..positions.len() {
+            let step = positions[k] - positions[k - 1];
+            v = (tau * v + step) / (tau + t);
+            prop_assert!((difference[k].1 - step / t).abs() < 1e-9);
+            prop_assert_eq!(ideal_foaw[k].1, difference[k].1, "an ideal encoder has n = 1");
+            prop_assert!((low_pass[k].1 - v).abs() < 1e-9 * (1.0 + v.abs()));
+        }
+    }
+
+    #[test]
+    fn the_torque_is_the_couplings_at_the_state_that_the_output_names(
+        world in world(true), angle in 1e-3_f64..0.3, advance in 0_u32..4, z in -1.0_f64..1.0, v in -5.0_f64..5.0,
+    ) {
+        let t = angle / world.fastest();
+        for method in [Method::ForwardEuler, Method::SemiImplicitEuler, Method::Rk4] {
+            for output in Output::ALL {
+                let ahead = if output == Output::End { advance } else { 0 };
+                let spec = Spec { advance: ahead, ..world.spec(method, output, t) };
+                let compiled = Small::new(&spec).unwrap();
+                let mut state = compiled.start();
+                let sample = compiled.step(&mut state, z, v);
+                let expected = torque_by_the_contract(&world, &compiled, &state, output, ahead, t, (z, v));
+                let scale = world.torque_scale();
+                prop_assert!((sample.torque - expected).abs() < 1e-11 * scale, "{} {}: {} {expected}",
+                    method.name(), output.name(), sample.torque);
+                prop_assert_eq!(sample.torque, sample.command);
+            }
+        }
+    }
+}
+
+/// Steps ahead are taken with a second loop: the same world, its puck held still.
+fn torque_by_the_contract(
+    world: &World,
+    compiled: &Small,
+    state: &hapt_core::State<f64, 6, 12, 33>,
+    output: Output,
+    advance: u32,
+    t: f64,
+    u: (f64, f64),
+) -> f64 {
+    let n = world.bodies.len();
+    let now: Vec<f64> = state.now.position[..n].iter().chain(&state.now.velocity[..n]).copied().collect();
+    let change: Vec<f64> = state.change.position[..n].iter().chain(&state.change.velocity[..n]).copied().collect();
+    let plus = |x: &[f64], factor: f64, d: &[f64]| x.iter().zip(d).map(|(x, d)| x + factor * d).collect::<Vec<_>>();
+    match output {
+        Output::Start => world.torque(&now, u),
+        Output::Middle => world.torque(&plus(&now, 0.5, &change), u),
+        Output::End => {
+            let mut ahead = *state;
+            let (mut x, mut d) = (plus(&now, 1.0, &change), change);
+            for _ in 0..advance {
+                compiled.step(&mut ahead, u.0, 0.0);
+                x = ahead.now.position[..n].iter().chain(&ahead.now.velocity[..n]).copied().collect();
+                d = ahead.change.position[..n].iter().chain(&ahead.change.velocity[..n]).copied().collect();
+                x = plus(&x, 1.0, &d);
+            }
+            let mean: Vec<f64> = d[..n].iter().map(|d| d / t).collect();
+            x[n..].copy_from_slice(&mean);
+            world.torque(&x, u)
+        }
+    }
+}
+
+#[test]
+fn tustin_and_foh_do_nothing_at_the_first_sample() {
+    let world = World {
+        bodies: vec![hapt_core::Body { inertia: 0.02, position: 0.3, velocity: 2.0 }],
+        couplings: vec![hapt_core::Coupling {
+            first: hapt_core::End::Puck,
+            second: hapt_core::End::Body(0),
+            law: hapt_core::Law::Spring { stiffness: 1.0, rest: 0.0 },
+        }],
+    };
+    for method in [Method::Tustin, Method::Foh] {
+        let compiled = Small::new(&world.spec(method, Output::Start, 1e-3)).unwrap();
+        let mut state = compiled.start();
+        let sample = compiled.step(&mut state, 0.7, 0.0);
+        assert_eq!((state.now.position[0], state.now.velocity[0]), (0.3, 2.0));
+        assert!((sample.torque - (0.3 - 0.7)).abs() < 1e-15);
+        compiled.step(&mut state, 0.7, 0.0);
+        assert_ne!(state.now.position[0], 0.3);
+    }
+}
