@@ -1,0 +1,185 @@
+//! What is wrong with a world, and where it stands.
+
+use std::fmt;
+use std::ops::Range;
+
+/// How many characters of a line are shown around the caret.
+const WINDOW: usize = 120;
+
+/// The first thing found wrong while reading a world.
+///
+/// ```text
+/// loop.period: "1 kg" is a mass (kg); a time (s) is wanted, such as "1 ms"
+///  --> wheel.toml:12:13
+///    |
+/// 12 | period    = "1 kg"
+///    |             ^^^^^^
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Error {
+    /// What sort of mistake it is.
+    pub kind: ErrorKind,
+    /// The dotted path of the key; empty where none is concerned.
+    pub key: String,
+    /// What was given and what would be right.
+    pub message: String,
+    /// Where it stands; `None` for a file that could not be read and for a lookup in a world already read.
+    pub location: Option<Box<Location>>,
+}
+
+/// The sorts of mistakes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// A file is missing, unreadable, too large, or not to be read from here.
+    Unreadable,
+    /// Not TOML, not `KEY=VALUE`, or not the CSV of a path.
+    Syntax,
+    /// A key, name or end that does not exist here, or one that is missing.
+    Name,
+    /// A value of the wrong type, dimension or range.
+    Value,
+    /// Values that are right each by itself and do not go together, or are more than the limits allow.
+    Combination,
+    /// A coupling that the method does not take.
+    Unsupported,
+}
+
+/// A place in a text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Location {
+    /// The file, `<stdin>`, or `--set`.
+    pub source: String,
+    /// From 1.
+    pub line: usize,
+    /// In characters, from 1.
+    pub column: usize,
+    /// How many characters are meant, at least 1, none beyond the line.
+    pub width: usize,
+    /// The line.
+    pub text: String,
+}
+
+impl Location {
+    /// The place of the bytes `span` of `text`; a span beyond the end, or inside a character, is moved back.
+    pub fn new(source: &str, text: &str, span: Range<usize>) -> Location {
+        let start = boundary(text, span.start);
+        let end = boundary(text, span.end.max(start));
+        let (before, after) = text.split_at(start);
+        let (head, tail) =
+            (before.rsplit('\n').next().unwrap_or_default(), after.split('\n').next().unwrap_or_default());
+        let tail = tail.strip_suffix('\r').unwrap_or(tail);
+        let meant = text.get(start..end).unwrap_or_default().chars().count();
+        Location {
+            source: source.to_string(),
+            line: before.matches('\n').count() + 1,
+            column: head.chars().count() + 1,
+            width: meant.min(tail.chars().count()).max(1),
+            text: format!("{head}{tail}"),
+        }
+    }
+}
+
+/// The start of the character that the byte `index` is in, the text's end at most.
+fn boundary(text: &str, index: usize) -> usize {
+    (0..=index.min(text.len())).rev().find(|&index| text.is_char_boundary(index)).unwrap_or(0)
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.key.is_empty() {
+            write!(f, "{}: ", self.key)?;
+        }
+        f.write_str(&self.message)?;
+        match &self.location {
+            Some(location) => write!(f, "\n{location}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+impl fmt::Display for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Location { source, line, column, width, text } = self;
+        let first = if *column > WINDOW * 3 / 4 { column - 1 - WINDOW / 2 } else { 0 };
+        let shown: Vec<char> = text.chars().skip(first).take(WINDOW + 1).collect();
+        let cut = shown.len() > WINDOW;
+        let shown = &shown[..shown.len().min(WINDOW)];
+
+        let mut excerpt = String::from(if first > 0 { "…" } else { "" });
+        let (mut indent, mut underline) = (excerpt.chars().count(), 0);
+        for (index, &c) in (first + 1..).zip(shown) {
+            // A tab is as wide as the terminal likes and a control character does as it likes: both get a fixed width.
+            let cells = if c == '\t' { 4 } else { 1 };
+            match c {
+                '\t' => excerpt.push_str("    "),
+                c if c.is_control() => excerpt.push('\u{fffd}'),
+                c => excerpt.push(c),
+            }
+            if index < *column {
+                indent += cells;
+            } else if index < column + width {
+                underline += cells;
+            }
+        }
+        if cut {
+            excerpt.push('…');
+        }
+
+        let number = line.to_string();
+        let gutter = " ".repeat(number.len());
+        writeln!(f, " --> {source}:{line}:{column}")?;
+        writeln!(f, "{gutter} |")?;
+        writeln!(f, "{}", format!("{number} | {excerpt}").trim_end())?;
+        write!(f, "{gutter} | {}{}", " ".repeat(indent), "^".repeat(underline.max(1)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn shown(text: &str, meant: &str) -> String {
+        let start = text.find(meant).unwrap();
+        Location::new("w.toml", text, start..start + meant.len()).to_string()
+    }
+
+    #[test]
+    fn the_caret_stands_below_the_value() {
+        assert_eq!(
+            shown("a\nperiod = \"1 kg\"\nb", "\"1 kg\""),
+            " --> w.toml:2:10\n  |\n2 | period = \"1 kg\"\n  |          ^^^^^^"
+        );
+    }
+
+    #[test]
+    fn columns_count_characters_and_tabs_are_four_wide() {
+        assert_eq!(shown("µ\t= 5", "5"), " --> w.toml:1:5\n  |\n1 | µ    = 5\n  |        ^");
+    }
+
+    #[test]
+    fn a_value_of_several_lines_is_underlined_to_the_end_of_its_first() {
+        assert_eq!(shown("a = [\r\n1]", "[\r\n1]"), " --> w.toml:1:5\n  |\n1 | a = [\n  |     ^");
+    }
+
+    #[test]
+    fn a_long_line_is_shown_around_the_caret() {
+        let text = format!("{}X{}", "a".repeat(500), "b".repeat(500));
+        let shown = shown(&text, "X");
+        let lines: Vec<&str> = shown.lines().collect();
+        assert_eq!(lines[0], " --> w.toml:1:501");
+        assert_eq!(lines[2].chars().count(), 4 + 1 + WINDOW + 1);
+        assert_eq!(lines[2].chars().position(|c| c == 'X'), lines[3].chars().position(|c| c == '^'));
+    }
+
+    proptest! {
+        #[test]
+        fn no_span_panics(text in "(\\PC|\n|\t){0,40}", start in 0usize..200, length in 0usize..200) {
+            let location = Location::new("", &text, start..start + length);
+            prop_assert!(location.line <= text.matches('\n').count() + 1);
+            let _ = location.to_string();
+        }
+    }
+}

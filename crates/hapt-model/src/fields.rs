@@ -1,0 +1,351 @@
+//! One table of the file, checked against the table of keys: its keys' names, types, dimensions and ranges.
+
+use crate::document::{Document, Entry, Node, Place, Value, shortened};
+use crate::error::{Error, ErrorKind};
+use crate::keys::{self, Key, Measure, Presence, Range, Takes};
+use crate::quantity::{parse_in_unit, parse_with_unit};
+use crate::unit::Unit;
+use crate::words;
+use crate::world::Motion;
+
+/// Where a table stands, and what decides the meaning of its keys.
+#[derive(Clone)]
+pub(crate) struct Context<'a> {
+    pub document: &'a Document<'a>,
+    pub motion: Motion,
+    /// The table's path in [`keys::KEYS`]: `couplings.*`.
+    pub pattern: &'static str,
+    /// Its path in the file: `couplings.0`.
+    pub path: String,
+    /// The kind of hand around a `moves`.
+    pub hand: Option<&'static str>,
+}
+
+/// A checked table. The names asked of it are those of the rows; its values have their types and ranges.
+pub(crate) struct Fields<'a> {
+    context: Context<'a>,
+    place: Place,
+    /// The table's own `kind`, where it has one.
+    pub kind: Option<&'static str>,
+    found: Vec<(&'static str, Place, Found<'a>)>,
+}
+
+/// A checked value.
+enum Found<'a> {
+    Text(String),
+    Name(&'static str),
+    Number(f64),
+    Whole(u64),
+    Ends([(&'a str, &'a Place); 2]),
+    Node(&'a Node),
+}
+
+impl<'a> Fields<'a> {
+    /// Checks the table `node`, key by key in the file's order; an absent table is an empty one at the file's start.
+    pub fn new(context: Context<'a>, node: Option<&'a Node>) -> Result<Fields<'a>, Error> {
+        let place = node.map_or(Place { set: None, span: 0..0 }, |node| node.place.clone());
+        let entries: &[Entry] = match node.map(|node| &node.value) {
+            None => &[],
+            Some(Value::Table(entries)) => entries,
+            Some(_) => {
+                let given = node.map(Node::described).unwrap_or_default();
+                let message = format!("{given}; a table of keys is wanted");
+                return Err(context.document.error(ErrorKind::Value, context.path, message, &place));
+            }
+        };
+        let mut fields = Fields { context, place, kind: None, found: Vec::new() };
+        if let Some(row) = keys::rows(fields.context.pattern).find(|row| row.name() == "kind") {
+            match entries.iter().find(|entry| entry.key == "kind") {
+                None => return Err(fields.missing("kind")),
+                Some(entry) => {
+                    if let Found::Name(kind) = fields.check(row, &entry.node)? {
+                        fields.kind = Some(kind);
+                    }
+                }
+            }
+        }
+        for entry in entries {
+            let row = fields.row(&entry.key).ok_or_else(|| fields.unknown(entry))?;
+            let value = fields.check(row, &entry.node)?;
+            fields.found.push((row.name(), entry.node.place.clone(), value));
+        }
+        // A table at the top that is absent is missed by its own required keys, which say more.
+        let by_its_keys = |row: &Key| row.takes == Takes::Table && row.table().is_empty();
+        let required = |row: &&Key| row.presence == Presence::Required && !by_its_keys(row);
+        let rows = keys::rows(fields.context.pattern).filter(|row| fields.belongs(row));
+        if let Some(row) = rows.filter(required).find(|row| fields.found(row.name()).is_none()) {
+            return Err(fields.missing(row.name()));
+        }
+        Ok(fields)
+    }
+
+    /// The context of the table `name` in this one, its keys listed under `pattern`.
+    pub fn inner(&self, name: &str, pattern: &'static str) -> Context<'a> {
+        let hand = if pattern.ends_with(".moves") { self.kind } else { None };
+        Context { pattern, path: self.path(name), hand, ..self.context.clone() }
+    }
+
+    /// A quantity in SI or a whole number; the row's default when absent.
+    pub fn number(&self, name: &str) -> Result<f64, Error> {
+        self.optional_number(name)?.ok_or_else(|| self.missing(name))
+    }
+
+    /// The same, `None` when absent and without a default.
+    pub fn optional_number(&self, name: &str) -> Result<Option<f64>, Error> {
+        match self.found(name) {
+            Some(Found::Number(number)) => Ok(Some(*number)),
+            Some(Found::Whole(whole)) => Ok(Some(*whole as f64)),
+            _ => Ok(match self.row(name).map(|row| row.presence) {
+                Some(Presence::Number(default)) => Some(default),
+                _ => None,
+            }),
+        }
+    }
+
+    /// A whole number that its row bounds to 32 bits; the row's default when absent.
+    pub fn whole(&self, name: &str) -> Result<u32, Error> {
+        self.optional_whole(name)?.ok_or_else(|| self.missing(name))
+    }
+
+    /// The same, `None` when absent and without a default.
+    pub fn optional_whole(&self, name: &str) -> Result<Option<u32>, Error> {
+        Ok(self.optional_number(name)?.map(|whole| whole as u32))
+    }
+
+    /// One of the row's names; its default when absent; `None` without one, and for a quantity in its place.
+    pub fn name(&self, name: &str) -> Option<&'static str> {
+        match (self.found(name), self.row(name).map(|row| row.presence)) {
+            (Some(Found::Name(found)), _) => Some(found),
+            (None, Some(Presence::Name(default))) => Some(default),
+            _ => None,
+        }
+    }
+
+    /// A text, `None` when absent.
+    pub fn text(&self, name: &str) -> Option<String> {
+        match self.found(name) {
+            Some(Found::Text(text)) => Some(text.clone()),
+            _ => None,
+        }
+    }
+
+    /// The two names of a pair of ends, with their places.
+    pub fn ends(&self, name: &str) -> Result<[(&'a str, &'a Place); 2], Error> {
+        match self.found(name) {
+            Some(Found::Ends(ends)) => Ok(*ends),
+            _ => Err(self.missing(name)),
+        }
+    }
+
+    /// A table or an array of tables, unread.
+    pub fn node(&self, name: &str) -> Option<&'a Node> {
+        match self.found(name) {
+            Some(Found::Node(node)) => Some(node),
+            _ => None,
+        }
+    }
+
+    /// Whether the key is in the file.
+    pub fn has(&self, name: &str) -> bool {
+        self.found(name).is_some()
+    }
+
+    /// The key is absent and should not be: shown at the table's header.
+    pub fn missing(&self, name: &str) -> Error {
+        let wanted = self.row(name).map(|row| row.wanted(self.context.motion)).unwrap_or_default();
+        self.context.document.error(ErrorKind::Name, self.path(name), format!("missing; {wanted}"), &self.place)
+    }
+
+    /// An error about the key `name`, shown at its value; at the table's header when it is absent.
+    pub fn error(&self, kind: ErrorKind, name: &str, message: impl Into<String>) -> Error {
+        let place = self.found.iter().find(|(found, ..)| *found == name).map_or(&self.place, |(_, place, _)| place);
+        self.context.document.error(kind, self.path(name), message, place)
+    }
+
+    /// An error about the key `name`, shown at `place`.
+    pub fn error_at(&self, kind: ErrorKind, name: &str, message: impl Into<String>, place: &Place) -> Error {
+        self.context.document.error(kind, self.path(name), message, place)
+    }
+
+    /// The table's path in the file.
+    pub fn table_path(&self) -> &str {
+        &self.context.path
+    }
+
+    fn path(&self, name: &str) -> String {
+        let table = &self.context.path;
+        if table.is_empty() { name.to_string() } else { format!("{table}.{name}") }
+    }
+
+    fn found(&self, name: &str) -> Option<&Found<'a>> {
+        self.found.iter().find(|(found, ..)| *found == name).map(|(_, _, value)| value)
+    }
+
+    fn belongs(&self, row: &Key) -> bool {
+        row.belongs(self.kind, self.context.hand, self.context.motion)
+    }
+
+    fn row(&self, name: &str) -> Option<&'static Key> {
+        keys::rows(self.context.pattern).find(|row| row.name() == name && self.belongs(row))
+    }
+
+    fn unknown(&self, entry: &Entry) -> Error {
+        let pattern = self.context.pattern;
+        let here = || keys::rows(pattern).filter(|row| self.belongs(row)).map(Key::name);
+        let takes = || {
+            let table = if self.context.path.is_empty() { "the top of the file" } else { &self.context.path };
+            format!("{table} takes {}", here().collect::<Vec<_>>().join(", "))
+        };
+        let others: Vec<&str> = keys::rows(pattern)
+            .filter(|row| row.name() == entry.key)
+            .flat_map(|row| row.kinds.iter().copied())
+            .collect();
+        let elsewhere = keys::KEYS.iter().find(|row| row.name() == entry.key);
+        let message = match (self.kind, elsewhere) {
+            (Some(kind), _) if !others.is_empty() => {
+                let keys = here().collect::<Vec<_>>().join(", ");
+                format!("not a key of kind {kind:?} but of {}; {kind:?} takes {keys}", words::alternatives(others))
+            }
+            (_, Some(row)) => match row.table() {
+                "" => format!("unknown key here; it stands at the top of the file; {}", takes()),
+                table => format!("unknown key here; it belongs in {table}; {}", takes()),
+            },
+            (_, None) => match words::did_you_mean(&entry.key, here()) {
+                hint if hint.is_empty() => format!("unknown key; {}", takes()),
+                hint => format!("unknown key{hint}"),
+            },
+        };
+        let key = self.path(&entry.key).chars().take(100).collect::<String>();
+        self.context.document.error(ErrorKind::Name, key, message, &entry.place)
+    }
+
+    /// Checks a value against its row.
+    fn check(&self, row: &'static Key, node: &'a Node) -> Result<Found<'a>, Error> {
+        let motion = self.context.motion;
+        let fail = |kind: ErrorKind, message: String| {
+            Err(self.context.document.error(kind, self.path(row.name()), message, &node.place))
+        };
+        let given = |what: String| fail(ErrorKind::Value, format!("{what}; {}", row.wanted(motion)));
+        match (row.takes, &node.value) {
+            (Takes::Text, Value::Text(text)) => Ok(Found::Text(text.clone())),
+            // Nobody puts quotes inside a shell's quotes to call a world 1984.
+            (Takes::Text, _) if node.place.set.is_some() => {
+                let text = self.context.document.text(&node.place).get(node.place.span.clone());
+                Ok(Found::Text(text.unwrap_or_default().to_string()))
+            }
+            (Takes::Name(names), Value::Text(text)) => match names.iter().find(|name| **name == text.as_str()) {
+                Some(name) => Ok(Found::Name(name)),
+                None => match words::did_you_mean(text, names.iter().copied()) {
+                    hint if hint.is_empty() => given(format!("{} is not known here", words::quoted(text))),
+                    hint => fail(ErrorKind::Value, format!("{} is not known here{hint}", words::quoted(text))),
+                },
+            },
+            (Takes::QuantityOr(_, _, word), Value::Text(text)) if text == word => Ok(Found::Name(word)),
+            (
+                Takes::Quantity(measure, range) | Takes::QuantityOr(measure, range, _),
+                Value::Text(_) | Value::Number(_),
+            ) => match quantity(measure, motion, &node.value) {
+                Ok(value) if range.contains(value) => Ok(Found::Number(value)),
+                Ok(_) => {
+                    let fault = if range == Range::Positive { "is not above 0" } else { "is negative" };
+                    given(format!("{} {fault}", written(&node.value)))
+                }
+                Err(message) => fail(ErrorKind::Value, message),
+            },
+            (Takes::Whole { least, most, step }, Value::Number(text)) => match whole(text) {
+                None => given(format!("{} is no whole number", shortened(text))),
+                Some(whole) if whole < i128::from(least) || whole > i128::from(most) => {
+                    given(format!("{} is out of range", shortened(text)))
+                }
+                Some(whole) if whole % i128::from(step) != 0 => given(format!("{} is odd", shortened(text))),
+                // Between u64s by the arm above.
+                Some(whole) => Ok(Found::Whole(whole as u64)),
+            },
+            (Takes::Ends, Value::Array(items)) => match items.as_slice() {
+                [
+                    Node { value: Value::Text(first), place: at_first },
+                    Node { value: Value::Text(second), place: at_second },
+                ] => Ok(Found::Ends([(first, at_first), (second, at_second)])),
+                [_, _] => given("an end is named by a text".to_string()),
+                items => given(format!("an array of {} stands here", items.len())),
+            },
+            (Takes::Table, Value::Table(_)) => Ok(Found::Node(node)),
+            (Takes::Named { most, what, letter_first, reserved }, Value::Table(entries)) => {
+                let wrong =
+                    entries.iter().find_map(|entry| Some((entry, no_name(&entry.key, letter_first, reserved)?)));
+                if entries.len() > most {
+                    fail(ErrorKind::Combination, too_many(entries.len(), most, what))
+                } else if let Some((entry, why)) = wrong {
+                    let message = format!("{} cannot name a {what}: {why}", words::quoted(&entry.key));
+                    Err(self.context.document.error(ErrorKind::Name, self.path(row.name()), message, &entry.place))
+                } else {
+                    Ok(Found::Node(node))
+                }
+            }
+            (Takes::List { most, what }, Value::Array(items)) if items.len() > most => {
+                fail(ErrorKind::Combination, too_many(items.len(), most, what))
+            }
+            (Takes::List { .. }, Value::Array(_)) => Ok(Found::Node(node)),
+            _ => given(node.described()),
+        }
+    }
+}
+
+fn too_many(count: usize, most: usize, what: &str) -> String {
+    let plural = if what == "body" { "bodies".to_string() } else { format!("{what}s") };
+    format!("{count} {plural} are too many: the limit is {most}")
+}
+
+/// Why a table of the user's cannot have this name; `None`: it can.
+fn no_name(name: &str, letter_first: bool, reserved: &[&str]) -> Option<String> {
+    let plain = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'-';
+    let first = name.bytes().next().is_some_and(|byte| !letter_first || byte.is_ascii_alphabetic());
+    if reserved.contains(&name) {
+        let others = words::all_of(reserved.iter().copied().filter(|taken| *taken != name));
+        Some(format!("it is taken, as are {others}"))
+    } else if first && name.bytes().all(plain) {
+        None
+    } else if letter_first {
+        Some("a letter and then letters, digits, _ and - can".to_string())
+    } else {
+        Some("letters, digits, _ and - can".to_string())
+    }
+}
+
+/// A quantity in SI, or the whole message.
+fn quantity(measure: Measure, motion: Motion, value: &Value) -> Result<f64, String> {
+    let wanted = measure.dimension(motion);
+    match value {
+        Value::Text(text) => parse_with_unit(text, wanted).map_err(|error| error.to_string()),
+        // The parser's floats include inf and nan, and what a double cannot hold.
+        _ => {
+            let text = number(value);
+            let message = || {
+                format!("{} is no finite double; {wanted} is wanted, such as {:?}", shortened(text), wanted.example())
+            };
+            parse_in_unit(text, Unit::ONE).ok_or_else(message)
+        }
+    }
+}
+
+fn number(value: &Value) -> &str {
+    if let Value::Number(text) = value { text } else { "" }
+}
+
+/// A quantity as the file has it.
+fn written(value: &Value) -> String {
+    match value {
+        Value::Text(text) => words::quoted(text),
+        other => shortened(number(other)).into_owned(),
+    }
+}
+
+/// A whole number, also where it is written as a float, `2048.0`.
+fn whole(text: &str) -> Option<i128> {
+    if let Ok(whole) = text.parse::<i128>() {
+        return Some(whole);
+    }
+    // Saturates, so that 1e300 is out of every range.
+    let float = text.parse::<f64>().ok()?;
+    (float.is_finite() && float.fract() == 0.0).then_some(float as i128)
+}

@@ -1,0 +1,421 @@
+//! The table of keys: every key of the world file, what it takes, and what it means.
+//!
+//! The file reader, `--set`, the schema and the book are made from [`KEYS`]; nothing else lists keys, defaults or ranges.
+
+use hapt_core::{Method, Output, Side};
+
+use crate::dimension::Dimension;
+use crate::words;
+use crate::world::{EstimatorKind, Motion};
+
+/// One row of the table. A key that means different things to different kinds has a row for each meaning.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Key {
+    /// The dotted path, `*` for a name or an index: `loop.period`, `couplings.*.stiffness`.
+    pub path: &'static str,
+    /// What it takes.
+    pub takes: Takes,
+    /// Whether it must be there, and what holds when it is not.
+    pub presence: Presence,
+    /// The kinds of coupling, hand or motion (the table's own `kind`) that it belongs to; empty: all.
+    pub kinds: &'static [&'static str],
+    /// The kinds of hand around a `moves` that it belongs to; empty: all.
+    pub hands: &'static [&'static str],
+    /// The motion that it belongs to; `None`: both.
+    pub motion: Option<Motion>,
+    /// What it means, with units, in a line or three.
+    pub doc: &'static str,
+}
+
+/// What a key takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Takes {
+    /// Any text.
+    Text,
+    /// One of these names.
+    Name(&'static [&'static str]),
+    /// A string of a number and a unit, or a bare number in SI.
+    Quantity(Measure, Range),
+    /// The same, or this one word.
+    QuantityOr(Measure, Range, &'static str),
+    /// A whole number.
+    Whole {
+        /// The smallest.
+        least: u64,
+        /// The largest.
+        most: u64,
+        /// Every value is a multiple of this.
+        step: u64,
+    },
+    /// An array of two different ends: `"puck"`, `"ground"` or a body's name.
+    Ends,
+    /// A table of keys.
+    Table,
+    /// A table of tables that the user names.
+    Named {
+        /// How many at most.
+        most: usize,
+        /// What one of them is.
+        what: &'static str,
+        /// Whether a name begins with a letter: `[A-Za-z][A-Za-z0-9_-]*`; else it is `[A-Za-z0-9_-]+`.
+        letter_first: bool,
+        /// Names that are taken.
+        reserved: &'static [&'static str],
+    },
+    /// An array of tables.
+    List {
+        /// How many at most.
+        most: usize,
+        /// What one of them is.
+        what: &'static str,
+    },
+}
+
+/// A quantity's meaning, from which its dimension follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measure {
+    /// s
+    Time,
+    /// Hz
+    Frequency,
+    /// rad, in both motions
+    Angle,
+    /// rad, linear: m
+    Position,
+    /// rad/s, linear: m/s
+    Velocity,
+    /// N m, linear: N
+    Torque,
+    /// N m/rad, linear: N/m
+    Stiffness,
+    /// N m s/rad, linear: N s/m
+    Damping,
+    /// kg m^2 (or N m s^2/rad), linear: kg
+    Inertia,
+}
+
+/// The numbers that a quantity may be; all are finite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Range {
+    /// Any.
+    Any,
+    /// 0 and above.
+    ZeroOrMore,
+    /// Above 0.
+    Positive,
+}
+
+/// Whether a key must be there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Presence {
+    /// An error without it.
+    Required,
+    /// Nothing without it.
+    Optional,
+    /// This number, in SI, without it.
+    Number(f64),
+    /// This name without it.
+    Name(&'static str),
+    /// It depends on other keys, in these words.
+    Depends(&'static str),
+}
+
+impl Measure {
+    /// The dimension in a world of this motion.
+    pub const fn dimension(self, motion: Motion) -> Dimension {
+        match (self, motion) {
+            (Measure::Time, _) => Dimension::TIME,
+            (Measure::Frequency, _) => Dimension::FREQUENCY,
+            (Measure::Angle, _) | (Measure::Position, Motion::Rotary) => Dimension::ANGLE,
+            (Measure::Position, Motion::Linear) => Dimension::LENGTH,
+            (Measure::Velocity, Motion::Rotary) => Dimension::ANGULAR_VELOCITY,
+            (Measure::Velocity, Motion::Linear) => Dimension::VELOCITY,
+            (Measure::Torque, Motion::Rotary) => Dimension::TORQUE,
+            (Measure::Torque, Motion::Linear) => Dimension::FORCE,
+            (Measure::Stiffness, Motion::Rotary) => Dimension::ANGULAR_STIFFNESS,
+            (Measure::Stiffness, Motion::Linear) => Dimension::STIFFNESS,
+            (Measure::Damping, Motion::Rotary) => Dimension::ANGULAR_DAMPING,
+            (Measure::Damping, Motion::Linear) => Dimension::DAMPING,
+            (Measure::Inertia, Motion::Rotary) => Dimension::INERTIA,
+            (Measure::Inertia, Motion::Linear) => Dimension::MASS,
+        }
+    }
+}
+
+impl Range {
+    /// Whether `value` is in it.
+    pub fn contains(self, value: f64) -> bool {
+        match self {
+            Range::Any => value.is_finite(),
+            Range::ZeroOrMore => value.is_finite() && value >= 0.0,
+            Range::Positive => value.is_finite() && value > 0.0,
+        }
+    }
+}
+
+impl Key {
+    /// The table that it is in: `couplings.*` of `couplings.*.stiffness`; empty at the top.
+    pub fn table(&self) -> &'static str {
+        self.path.rsplit_once('.').map_or("", |(table, _)| table)
+    }
+
+    /// Its name in that table: `stiffness`.
+    pub fn name(&self) -> &'static str {
+        self.path.rsplit_once('.').map_or(self.path, |(_, name)| name)
+    }
+
+    /// Whether it belongs to this `kind` of its table, under this kind of hand, in this motion.
+    pub fn belongs(&self, kind: Option<&str>, hand: Option<&str>, motion: Motion) -> bool {
+        let among =
+            |names: &[&str], name: Option<&str>| names.is_empty() || name.is_some_and(|name| names.contains(&name));
+        among(self.kinds, kind) && among(self.hands, hand) && self.motion.is_none_or(|only| only == motion)
+    }
+
+    /// What it takes, as the end of an error message: `a time (s) above 0 is wanted, such as "1 ms"`.
+    pub fn wanted(&self, motion: Motion) -> String {
+        let quantity = |measure: Measure, range: Range| {
+            let dimension = measure.dimension(motion);
+            let range = match range {
+                Range::Any => "",
+                Range::ZeroOrMore => " of 0 or more",
+                Range::Positive => " above 0",
+            };
+            format!("{dimension}{range} is wanted, such as {:?}", dimension.example())
+        };
+        match self.takes {
+            Takes::Text => "text in quotes is wanted".to_string(),
+            Takes::Name(names) => format!("{} is wanted", words::alternatives(names.iter().copied())),
+            Takes::Quantity(measure, range) => quantity(measure, range),
+            Takes::QuantityOr(measure, range, word) => format!("{}, or {word:?}", quantity(measure, range)),
+            Takes::Whole { least, most, step } => {
+                let even = if step == 2 { "an even" } else { "a" };
+                format!("{even} whole number from {least} to {most} is wanted")
+            }
+            Takes::Ends => "a pair of ends is wanted, such as [\"puck\", \"wheel\"]".to_string(),
+            Takes::Table => "a table of keys is wanted".to_string(),
+            Takes::Named { what, .. } => format!("a table for each {what} is wanted"),
+            Takes::List { what, .. } => format!("an array of tables, one for each {what}, is wanted"),
+        }
+    }
+}
+
+/// The rows of one table, such as `couplings.*`, in the order of [`KEYS`].
+pub fn rows(table: &str) -> impl Iterator<Item = &'static Key> {
+    KEYS.iter().filter(move |key| key.table() == table)
+}
+
+/// What the user names or numbers inside of the table `path`, such as a body in `bodies`; `None` where hapt names the keys.
+pub(crate) fn named_by_the_user(path: &str) -> Option<&'static str> {
+    KEYS.iter().find(|key| key.path == path).and_then(|key| match key.takes {
+        Takes::Named { what, .. } | Takes::List { what, .. } => Some(what),
+        _ => None,
+    })
+}
+
+const fn key(path: &'static str, takes: Takes, presence: Presence, doc: &'static str) -> Key {
+    Key { path, takes, presence, kinds: &[], hands: &[], motion: None, doc }
+}
+
+impl Key {
+    const fn of(self, kinds: &'static [&'static str]) -> Key {
+        Key { kinds, ..self }
+    }
+
+    const fn under(self, hands: &'static [&'static str]) -> Key {
+        Key { hands, ..self }
+    }
+
+    const fn only(self, motion: Motion) -> Key {
+        Key { motion: Some(motion), ..self }
+    }
+}
+
+const METHODS: &[&str] = &[
+    Method::ForwardEuler.name(),
+    Method::BackwardEuler.name(),
+    Method::SemiImplicitEuler.name(),
+    Method::Trapezoidal.name(),
+    Method::Zoh.name(),
+    Method::Rk4.name(),
+    Method::Tustin.name(),
+    Method::Foh.name(),
+];
+const OUTPUTS: &[&str] = &[Output::Start.name(), Output::Middle.name(), Output::End.name()];
+const ESTIMATORS: &[&str] = &[
+    EstimatorKind::Exact.name(),
+    EstimatorKind::Difference.name(),
+    EstimatorKind::LowPass.name(),
+    EstimatorKind::Foaw.name(),
+    EstimatorKind::FoawBest.name(),
+];
+const MOTIONS: &[&str] = &[Motion::Rotary.name(), Motion::Linear.name()];
+const COUPLINGS: &[&str] = &["spring", "damper", "wall", "detent", "friction", "constant"];
+const SHAPES: &[&str] = &["step", "ramp", "sine", "path"];
+const HANDS: &[&str] = &["step", "ramp", "sine", "path", "torque", "grip"];
+
+/// The name of a wall's side in world files.
+pub(crate) const fn side_name(side: Side) -> &'static str {
+    match side {
+        Side::Above => "above",
+        Side::Below => "below",
+    }
+}
+
+/// The word that makes a damper follow the springs beside it.
+pub(crate) const COMPENSATING: &str = "compensating";
+
+/// A body's name is an end of couplings and a column of tables, where these three are taken.
+const BODIES: Takes =
+    Takes::Named { most: 32, what: "body", letter_first: true, reserved: &["puck", "ground", "measured"] };
+const SCENARIOS: Takes = Takes::Named { most: 1000, what: "scenario", letter_first: false, reserved: &[] };
+
+const LUGRE: Presence = Presence::Depends("the six LuGre keys stand together, in place of torque");
+
+use Measure::{Angle, Damping, Frequency, Inertia, Position, Stiffness, Time, Torque, Velocity};
+use Presence::{Depends, Name, Number, Optional, Required};
+use Range::{Any, Positive, ZeroOrMore};
+use Takes::{Ends, List, Quantity, QuantityOr, Table, Text, Whole};
+
+/// Every key of the world file.
+#[rustfmt::skip]
+pub const KEYS: &[Key] = &[
+    key("title", Text, Optional, "What the world is called in reports."),
+    key("motion", Takes::Name(MOTIONS), Name("rotary"),
+        "Whether the puck turns (angles, torques, inertias) or slides (lengths, forces, masses)."),
+
+    key("loop", Table, Required, "The sampled program that runs the world."),
+    key("loop.period", Quantity(Time, Positive), Required, "The sampling period T."),
+    key("loop.method", Takes::Name(METHODS), Name("zoh"), "The integration method of the bodies."),
+    key("loop.output", Takes::Name(OUTPUTS), Depends("\"start\" with tustin and foh, which take no other; \"end\" with the others"),
+        "Which state makes the torque: that at the start, in the middle or at the end of the step."),
+    key("loop.advance", Whole { least: 0, most: 1000, step: 1 }, Number(0.0),
+        "With output \"end\" only: how many further samples ahead the world is taken for the torque, the puck held still."),
+    key("loop.delay", Quantity(Time, ZeroOrMore), Number(0.0),
+        "From the sample to the moment the motor torque changes; at most a million periods."),
+    key("loop.estimator", Takes::Name(ESTIMATORS), Name("exact"), "Where the loop has the puck's velocity from."),
+    key("loop.cutoff", Quantity(Frequency, Positive), Depends("required with the estimator low-pass"),
+        "The cutoff of the low-pass estimator, in Hz."),
+    key("loop.window", Whole { least: 1, most: 256, step: 1 }, Number(16.0), "The largest window of the FOAW estimators, in samples."),
+
+    key("device", Table, Required, "Everything physical: the puck, its encoder and its motor."),
+    key("device.inertia", Quantity(Inertia, Positive), Required, "The puck's inertia (linear: mass)."),
+    key("device.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The puck's viscous damping."),
+    key("device.friction", Quantity(Torque, ZeroOrMore), Number(0.0),
+        "The puck's Coulomb friction; it sticks while at rest and |net torque| is no larger."),
+    key("device.limit", Quantity(Torque, Positive), Optional, "The largest torque that the motor may be asked for; absent: any."),
+    key("device.encoder", Whole { least: 1, most: 1 << 53, step: 1 }, Optional, "Counts per revolution; absent: ideal.").only(Motion::Rotary),
+    key("device.encoder", Quantity(Position, Positive), Optional, "The size of one count; absent: ideal.").only(Motion::Linear),
+    key("device.levels", Whole { least: 2, most: u32::MAX as u64, step: 2 }, Optional,
+        "Torque resolution: steps of 2 limit/levels. Needs a limit; absent: ideal."),
+
+    key("bodies", BODIES, Optional, "The virtual inertias, by name."),
+    key("bodies.*.inertia", Quantity(Inertia, Positive), Required, "Its inertia (linear: mass)."),
+    key("bodies.*.position", Quantity(Position, Any), Number(0.0), "Where it is at first."),
+    key("bodies.*.velocity", Quantity(Velocity, Any), Number(0.0), "How fast it is at first."),
+
+    key("couplings", List { most: 64, what: "coupling" }, Optional, "The massless elements between puck, bodies and ground."),
+    key("couplings.*.kind", Takes::Name(COUPLINGS), Required, "Its law."),
+    key("couplings.*.between", Ends, Required,
+        "Its two ends: \"puck\", \"ground\" or bodies. It acts on q, the first as seen from the second; its torque stands on the first."),
+    key("couplings.*.stiffness", Quantity(Stiffness, ZeroOrMore), Required, "Torque per q; of a wall, inside.").of(&["spring", "wall"]),
+    key("couplings.*.rest", Quantity(Position, Any), Number(0.0), "The q at which the spring is slack.").of(&["spring"]),
+    key("couplings.*.damping", QuantityOr(Damping, ZeroOrMore, COMPENSATING), Required,
+        "Torque per rate of q; \"compensating\": T times the stiffness of the springs between the same two ends \
+         (from a body to ground: of all springs at the body).").of(&["damper"]),
+    key("couplings.*.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "Torque per rate of q inside; the wall never pulls.").of(&["wall"]),
+    key("couplings.*.side", Takes::Name(&[side_name(Side::Above), side_name(Side::Below)]), Required,
+        "Where the wall pushes: while q is above its face, or below it.").of(&["wall"]),
+    key("couplings.*.at", Quantity(Position, Any), Required, "The wall's face.").of(&["wall"]),
+    key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Required, "The largest torque of the detent.").of(&["detent"]),
+    key("couplings.*.pitch", Quantity(Position, Positive), Required, "From one rest of the detent to the next.").of(&["detent"]),
+    key("couplings.*.phase", Quantity(Position, Any), Number(0.0), "Where one of the detent's rests is.").of(&["detent"]),
+    key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Depends("Coulomb friction; else the six LuGre keys"),
+        "The torque of Coulomb friction, against the rate of q.").of(&["friction"]),
+    key("couplings.*.coulomb", Quantity(Torque, ZeroOrMore), LUGRE, "LuGre: the level when sliding fast.").of(&["friction"]),
+    key("couplings.*.stribeck", Quantity(Torque, ZeroOrMore), LUGRE, "LuGre: the static level.").of(&["friction"]),
+    key("couplings.*.stribeck_velocity", Quantity(Velocity, Positive), LUGRE,
+        "LuGre: the rate at which the static level has mostly gone over into the sliding one.").of(&["friction"]),
+    key("couplings.*.bristle_stiffness", Quantity(Stiffness, ZeroOrMore), LUGRE, "LuGre: sigma_0.").of(&["friction"]),
+    key("couplings.*.bristle_damping", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_1.").of(&["friction"]),
+    key("couplings.*.viscous", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_2.").of(&["friction"]),
+    key("couplings.*.torque", Quantity(Torque, Any), Required, "The torque on the first end.").of(&["constant"]),
+
+    key("scenarios", SCENARIOS, Optional, "What is simulated, by name."),
+    key("scenarios.*.duration", Quantity(Time, Positive), Required, "How long; at most 10^10 samples."),
+    key("scenarios.*.hand", Table, Required, "The human: what drives the puck."),
+    key("scenarios.*.hand.kind", Takes::Name(HANDS), Required,
+        "A shape (step, ramp, sine, path) prescribes the puck's position; torque pushes it, grip holds it through a spring and a damper."),
+    key("scenarios.*.hand.release", Quantity(Time, ZeroOrMore), Optional, "From this instant on the hand is gone; absent: it stays."),
+    key("scenarios.*.hand.to", Quantity(Position, Any), Required, "Where the puck goes.").of(&["step", "ramp"]),
+    key("scenarios.*.hand.at", Quantity(Time, ZeroOrMore), Number(0.0), "When the step comes or the ramp starts.").of(&["step", "ramp"]),
+    key("scenarios.*.hand.over", Quantity(Time, Positive), Required, "How long the ramp takes.").of(&["ramp"]),
+    key("scenarios.*.hand.amplitude", Quantity(Position, Any), Required, "The sine's amplitude.").of(&["sine"]),
+    key("scenarios.*.hand.frequency", Quantity(Frequency, Positive), Required, "The sine's frequency, in Hz.").of(&["sine"]),
+    key("scenarios.*.hand.phase", Quantity(Angle, Any), Number(0.0), "The sine's phase at t = 0.").of(&["sine"]),
+    key("scenarios.*.hand.file", Text, Required,
+        "A CSV file beside the world file, its header time_s,puck_UNIT.").of(&["path"]),
+    key("scenarios.*.hand.inertia", Quantity(Inertia, Positive), Depends("none without it"), "The hand's inertia, which moves with the puck.").of(&["grip"]),
+    key("scenarios.*.hand.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "Between the puck and the intended motion.").of(&["grip"]),
+    key("scenarios.*.hand.stiffness", Quantity(Stiffness, ZeroOrMore), Number(0.0), "Between the puck and the intended motion.").of(&["grip"]),
+    key("scenarios.*.hand.moves", Table, Required, "The torque as a shape.").of(&["torque"]),
+    key("scenarios.*.hand.moves", Table, Required, "The intended motion as a shape.").of(&["grip"]),
+    key("scenarios.*.hand.moves.kind", Takes::Name(SHAPES), Required, "The shape."),
+    key("scenarios.*.hand.moves.to", Quantity(Torque, Any), Required, "Where the torque goes.").of(&["step", "ramp"]).under(&["torque"]),
+    key("scenarios.*.hand.moves.to", Quantity(Position, Any), Required, "Where the intended motion goes.").of(&["step", "ramp"]).under(&["grip"]),
+    key("scenarios.*.hand.moves.at", Quantity(Time, ZeroOrMore), Number(0.0), "When the step comes or the ramp starts.").of(&["step", "ramp"]),
+    key("scenarios.*.hand.moves.over", Quantity(Time, Positive), Required, "How long the ramp takes.").of(&["ramp"]),
+    key("scenarios.*.hand.moves.amplitude", Quantity(Torque, Any), Required, "The sine's amplitude.").of(&["sine"]).under(&["torque"]),
+    key("scenarios.*.hand.moves.amplitude", Quantity(Position, Any), Required, "The sine's amplitude.").of(&["sine"]).under(&["grip"]),
+    key("scenarios.*.hand.moves.frequency", Quantity(Frequency, Positive), Required, "The sine's frequency, in Hz.").of(&["sine"]),
+    key("scenarios.*.hand.moves.phase", Quantity(Angle, Any), Number(0.0), "The sine's phase at t = 0.").of(&["sine"]),
+    key("scenarios.*.hand.moves.file", Text, Required,
+        "A CSV file beside the world file, its header time_s,torque_UNIT (linear: time_s,force_UNIT).").of(&["path"]).under(&["torque"]),
+    key("scenarios.*.hand.moves.file", Text, Required,
+        "A CSV file beside the world file, its header time_s,puck_UNIT.").of(&["path"]).under(&["grip"]),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_row_at_most_speaks_for_a_key_of_a_kind() {
+        let kinds = || [None].into_iter().chain(COUPLINGS.iter().chain(HANDS).map(Some));
+        for row in KEYS {
+            for kind in kinds() {
+                for hand in [None, Some("torque"), Some("grip")] {
+                    for motion in [Motion::Rotary, Motion::Linear] {
+                        let same = KEYS.iter().filter(|key| key.path == row.path);
+                        let speaking = same.filter(|key| key.belongs(kind.copied(), hand, motion));
+                        assert!(speaking.count() <= 1, "{} of {kind:?} under {hand:?}", row.path);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_row_has_a_table_a_range_for_its_default_and_a_doc() {
+        for row in KEYS {
+            let table = row.table().trim_end_matches(".*");
+            assert!(table.is_empty() || KEYS.iter().any(|key| key.path == table), "{}", row.path);
+            assert!(row.doc.ends_with('.'), "{}", row.path);
+            match (row.takes, row.presence) {
+                (Quantity(_, range), Number(default)) => assert!(range.contains(default), "{}", row.path),
+                (Whole { least, most, .. }, Number(default)) => {
+                    assert!((least as f64..=most as f64).contains(&default))
+                }
+                (Takes::Name(names), Name(default)) => assert!(names.contains(&default), "{}", row.path),
+                (_, Number(_) | Name(_)) => panic!("{} has a default of another type", row.path),
+                _ => {}
+            }
+        }
+    }
+
+    #[test]
+    fn the_names_of_methods_and_outputs_are_all_there() {
+        assert!(METHODS.iter().copied().eq(Method::ALL.iter().map(|method| method.name())));
+        assert!(OUTPUTS.iter().copied().eq(Output::ALL.iter().map(|output| output.name())));
+        assert!(ESTIMATORS.iter().copied().eq(EstimatorKind::ALL.iter().map(|kind| kind.name())));
+    }
+}

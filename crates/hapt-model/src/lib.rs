@@ -1,0 +1,54 @@
+//! The world file: quantities with units, keys, checks, errors with line and caret.
+//!
+//! [`Source`] is the text of a world file, [`World::read`] makes it a [`World`] in SI or an [`Error`] that says what is
+//! wrong, where, and what would be right. [`parse_quantity`] reads quantities elsewhere, as on a command line;
+//! [`keys::KEYS`] lists every key.
+//!
+//! ```
+//! use hapt_model::{Source, World};
+//!
+//! let file = r#"
+//! [loop]
+//! period = "1 ms"
+//!
+//! [device]
+//! inertia = "6.4e-4 kg m^2"
+//! "#;
+//! let world = World::read(&Source::from_text("wheel.toml", file), &["loop.period=2ms".to_string()])?;
+//! assert_eq!(world.sampling.period, 0.002);
+//!
+//! let error = World::read(&Source::from_text("wheel.toml", file), &["loop.period=2 kg".to_string()]).unwrap_err();
+//! assert_eq!(
+//!     error.to_string(),
+//!     r#"loop.period: "2 kg" is a mass (kg); a time (s) is wanted, such as "1 ms"
+//!  --> --set:1:13
+//!   |
+//! 1 | loop.period=2 kg
+//!   |             ^^^^"#
+//! );
+//! # Ok::<(), hapt_model::Error>(())
+//! ```
+
+mod dimension;
+mod document;
+mod error;
+mod fields;
+pub mod keys;
+mod overrides;
+mod path;
+mod quantity;
+mod read;
+mod source;
+mod support;
+mod unit;
+mod words;
+pub mod world;
+mod write;
+
+pub use dimension::Dimension;
+pub use error::{Error, ErrorKind, Location};
+pub use hapt_core::spec::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};
+pub use source::{LARGEST_SOURCE, Source};
+pub use unit::{UNITS, Unit, UnitError};
+pub use world::{Device, Drive, EstimatorKind, Hand, Motion, Sampling, Scenario, Shape, World};

@@ -1,0 +1,327 @@
+//! From the tree to the [`World`]: what the table of keys cannot say alone.
+
+use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side};
+
+use crate::document::{Document, Entry, Node, Place, Value};
+use crate::error::{Error, ErrorKind};
+use crate::fields::{Context, Fields};
+use crate::keys;
+use crate::path::{self, Carries};
+use crate::source::Source;
+use crate::support;
+use crate::words;
+use crate::world::{Device, Drive, EstimatorKind, Hand, Motion, Sampling, Scenario, Shape, World};
+
+/// Samples in a scenario.
+const MOST_SAMPLES: f64 = 1e10;
+/// The delay, in periods.
+const LONGEST_DELAY: f64 = 1e6;
+
+impl World {
+    /// Reads and checks a world. Each of `sets` is an override `KEY=VALUE` of a key by its dotted path; the last of a key
+    /// wins. A path file is read too.
+    ///
+    /// # Errors
+    /// The first mistake found: its key, what would be right, and where it stands.
+    pub fn read(source: &Source, sets: &[String]) -> Result<World, Error> {
+        let document = Document::new(source, sets)?;
+        let root =
+            Context { document: &document, motion: Motion::Rotary, pattern: "", path: String::new(), hand: None };
+        let top = Fields::new(root, Some(&document.root))?;
+        let motion = if top.name("motion") == Some(Motion::Linear.name()) { Motion::Linear } else { Motion::Rotary };
+        let table = |name: &'static str| Context { motion, ..top.inner(name, name) };
+
+        let sampling = sampling(&Fields::new(table("loop"), top.node("loop"))?)?;
+        let device = device(&Fields::new(table("device"), top.node("device"))?)?;
+
+        let (mut names, mut bodies) = (Vec::new(), Vec::new());
+        for entry in named(&top, "bodies") {
+            let context = Context { path: format!("bodies.{}", entry.key), pattern: "bodies.*", ..table("bodies") };
+            let fields = Fields::new(context, Some(&entry.node))?;
+            names.push(entry.key.clone());
+            bodies.push(Body {
+                inertia: fields.number("inertia")?,
+                position: fields.number("position")?,
+                velocity: fields.number("velocity")?,
+            });
+        }
+
+        let (mut rows, mut couplings) = (Vec::new(), Vec::new());
+        for (index, node) in items(&top, "couplings").iter().enumerate() {
+            let context = Context { path: format!("couplings.{index}"), pattern: "couplings.*", ..table("couplings") };
+            let fields = Fields::new(context, Some(node))?;
+            couplings.push(coupling(&fields, &names)?);
+            rows.push(fields);
+        }
+        for (fields, coupling) in rows.iter().zip(&couplings) {
+            check_coupling(fields, coupling, &couplings, &names, sampling.method)?;
+        }
+
+        let mut scenarios = Vec::new();
+        let mut paths = path::Reader::new(&source.folder, motion);
+        for entry in named(&top, "scenarios") {
+            let context =
+                Context { path: format!("scenarios.{}", entry.key), pattern: "scenarios.*", ..table("scenarios") };
+            let fields = Fields::new(context, Some(&entry.node))?;
+            scenarios.push(scenario(entry.key.clone(), &fields, sampling.period, &mut paths)?);
+        }
+        Ok(World { title: top.text("title"), motion, sampling, device, names, bodies, couplings, scenarios })
+    }
+
+    /// The scenario of this name.
+    ///
+    /// # Errors
+    /// There is none; the message names the nearest, or all of them.
+    pub fn scenario(&self, name: &str) -> Result<&Scenario, Error> {
+        self.scenarios.iter().find(|scenario| scenario.name == name).ok_or_else(|| {
+            let names = || self.scenarios.iter().map(|scenario| scenario.name.as_str());
+            let hint = match words::did_you_mean(name, names()) {
+                _ if self.scenarios.is_empty() => "; it has none at all".to_string(),
+                hint if hint.is_empty() => {
+                    format!("; it has {}", words::all_of(names()))
+                }
+                hint => hint,
+            };
+            let message = format!("the world has no scenario {}{hint}", words::quoted(name));
+            Error { kind: ErrorKind::Name, key: String::new(), message, location: None }
+        })
+    }
+}
+
+fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
+    let name = fields.name("method").unwrap_or_default();
+    let method = Method::ALL.into_iter().find(|method| method.name() == name).unwrap_or(Method::Zoh);
+    let name = fields.name("estimator").unwrap_or_default();
+    let estimator = EstimatorKind::ALL.into_iter().find(|kind| kind.name() == name).unwrap_or_default();
+    let usual = if method.takes_new_sample_first() { Output::Start } else { Output::End };
+    let output = Output::ALL.into_iter().find(|output| Some(output.name()) == fields.name("output")).unwrap_or(usual);
+    let sampling = Sampling {
+        period: fields.number("period")?,
+        method,
+        output,
+        advance: fields.whole("advance")?,
+        delay: fields.number("delay")?,
+        estimator,
+        cutoff: fields.optional_number("cutoff")?,
+        window: fields.whole("window")?,
+    };
+
+    let combination = |name, message: String| Err(fields.error(ErrorKind::Combination, name, message));
+    if method.takes_new_sample_first() && output != Output::Start {
+        let (given, method) = (output.name(), method.name());
+        return combination(
+            "output",
+            format!("method {method:?} has its torque from x_k: the output is \"start\", not {given:?}"),
+        );
+    }
+    if sampling.advance > 0 && output != Output::End {
+        let given = output.name();
+        return combination(
+            "advance",
+            format!("an advance goes with output \"end\" only, and the output is {given:?}"),
+        );
+    }
+    if sampling.delay / sampling.period > LONGEST_DELAY {
+        let (delay, period) = (sampling.delay, sampling.period);
+        return combination("delay", format!("{delay:?} s is more than a million periods of {period:?} s"));
+    }
+    if estimator == EstimatorKind::LowPass && sampling.cutoff.is_none() {
+        return Err(fields.missing("cutoff"));
+    }
+    Ok(sampling)
+}
+
+fn device(fields: &Fields<'_>) -> Result<Device, Error> {
+    let device = Device {
+        inertia: fields.number("inertia")?,
+        damping: fields.number("damping")?,
+        friction: fields.number("friction")?,
+        limit: fields.optional_number("limit")?,
+        encoder: fields.optional_number("encoder")?,
+        levels: fields.optional_whole("levels")?,
+    };
+    if device.levels.is_some() && device.limit.is_none() {
+        let message = "levels divide the range of the motor: they need device.limit";
+        return Err(fields.error(ErrorKind::Combination, "levels", message));
+    }
+    Ok(device)
+}
+
+fn coupling(fields: &Fields<'_>, names: &[String]) -> Result<Coupling, Error> {
+    let [(first_name, first_place), (second_name, second_place)] = fields.ends("between")?;
+    let first = end(fields, first_name, first_place, names)?;
+    let second = end(fields, second_name, second_place, names)?;
+    if first == second {
+        let message = format!("both ends are {}; a coupling is between two different ones", words::quoted(first_name));
+        return Err(fields.error(ErrorKind::Value, "between", message));
+    }
+    let law = match fields.kind.unwrap_or_default() {
+        "spring" => Law::Spring { stiffness: fields.number("stiffness")?, rest: fields.number("rest")? },
+        "damper" if fields.name("damping") == Some(keys::COMPENSATING) => {
+            Law::Damper { damping: Damping::Compensating }
+        }
+        "damper" => Law::Damper { damping: Damping::Fixed(fields.number("damping")?) },
+        "wall" => Law::Wall {
+            side: if fields.name("side") == Some(keys::side_name(Side::Below)) { Side::Below } else { Side::Above },
+            at: fields.number("at")?,
+            stiffness: fields.number("stiffness")?,
+            damping: fields.number("damping")?,
+        },
+        "detent" => Law::Detent {
+            torque: fields.number("torque")?,
+            pitch: fields.number("pitch")?,
+            phase: fields.number("phase")?,
+        },
+        "friction" => friction(fields)?,
+        _ => Law::Constant { torque: fields.number("torque")? },
+    };
+    Ok(Coupling { first, second, law })
+}
+
+/// Coulomb friction by its `torque`, LuGre by its six keys.
+fn friction(fields: &Fields<'_>) -> Result<Law, Error> {
+    let lugre: Vec<&str> = keys::rows("couplings.*")
+        .filter(|row| row.kinds == ["friction"] && row.name() != "torque")
+        .map(|row| row.name())
+        .collect();
+    let given = lugre.iter().find(|name| fields.has(name));
+    match (fields.optional_number("torque")?, given) {
+        (Some(torque), None) => Ok(Law::Coulomb { torque }),
+        (Some(_), Some(name)) => {
+            let message = format!("torque (Coulomb friction) and {name} (LuGre friction) do not go together");
+            Err(fields.error(ErrorKind::Combination, name, message))
+        }
+        (None, Some(_)) => Ok(Law::Lugre {
+            coulomb: fields.number("coulomb")?,
+            stribeck: fields.number("stribeck")?,
+            stribeck_velocity: fields.number("stribeck_velocity")?,
+            bristle_stiffness: fields.number("bristle_stiffness")?,
+            bristle_damping: fields.number("bristle_damping")?,
+            viscous: fields.number("viscous")?,
+        }),
+        (None, None) => {
+            let keys = lugre.join(", ");
+            let message = format!("friction has either torque (Coulomb) or all of {keys} (LuGre)");
+            Err(fields.error(ErrorKind::Name, "torque", message))
+        }
+    }
+}
+
+fn end(fields: &Fields<'_>, name: &str, place: &Place, names: &[String]) -> Result<End, Error> {
+    match name {
+        "puck" => return Ok(End::Puck),
+        "ground" => return Ok(End::Ground),
+        _ => {}
+    }
+    names.iter().position(|body| body == name).map(End::Body).ok_or_else(|| {
+        let known = || ["puck", "ground"].into_iter().chain(names.iter().map(String::as_str));
+        let hint = match words::did_you_mean(name, known()) {
+            hint if hint.is_empty() => format!("; an end is {}", words::alternatives(known())),
+            hint => hint,
+        };
+        let message = format!("{} is no body of this world{hint}", words::quoted(name));
+        fields.error_at(ErrorKind::Name, "between", message, place)
+    })
+}
+
+/// What depends on the other couplings, and on the method.
+fn check_coupling(
+    fields: &Fields<'_>,
+    coupling: &Coupling,
+    all: &[Coupling],
+    names: &[String],
+    method: Method,
+) -> Result<(), Error> {
+    if matches!(coupling.law, Law::Damper { damping: Damping::Compensating }) && !has_spring(coupling, all) {
+        let name = |end| match end {
+            End::Puck => "the puck",
+            End::Ground => "ground",
+            End::Body(index) => names.get(index).map_or("", String::as_str),
+        };
+        let (first, second) = (name(coupling.first), name(coupling.second));
+        let message = match (coupling.first, coupling.second) {
+            (End::Body(_), End::Ground) => format!("there is no spring at {first} to compensate"),
+            (End::Ground, End::Body(_)) => format!("there is no spring at {second} to compensate"),
+            _ => format!("there is no spring between {first} and {second} to compensate"),
+        };
+        return Err(fields.error(ErrorKind::Combination, "damping", message));
+    }
+    let at_body = [coupling.first, coupling.second].iter().any(|end| matches!(end, End::Body(_)));
+    match support::refusal(method, &coupling.law) {
+        Some(message) if at_body => Err(fields.error(ErrorKind::Unsupported, "kind", message)),
+        _ => Ok(()),
+    }
+}
+
+/// Whether any spring is there that a compensating damper takes its damping from.
+fn has_spring(damper: &Coupling, all: &[Coupling]) -> bool {
+    let ends = |coupling: &Coupling| [coupling.first, coupling.second];
+    all.iter().filter(|other| matches!(other.law, Law::Spring { .. })).any(|spring| match ends(damper) {
+        [body @ End::Body(_), End::Ground] | [End::Ground, body @ End::Body(_)] => ends(spring).contains(&body),
+        pair => pair.iter().all(|end| ends(spring).contains(end)),
+    })
+}
+
+fn scenario(name: String, fields: &Fields<'_>, period: f64, paths: &mut path::Reader<'_>) -> Result<Scenario, Error> {
+    let duration = fields.number("duration")?;
+    let samples = (duration / period).round() + 1.0;
+    if samples > MOST_SAMPLES {
+        let message = format!(
+            "{duration:?} s at a period of {period:?} s is {samples:e} samples; at most {MOST_SAMPLES:e} are allowed"
+        );
+        return Err(fields.error(ErrorKind::Combination, "duration", message));
+    }
+    let hand = Fields::new(fields.inner("hand", "scenarios.*.hand"), fields.node("hand"))?;
+    let mut moves = |carries| {
+        let moves = Fields::new(hand.inner("moves", "scenarios.*.hand.moves"), hand.node("moves"))?;
+        shape(&moves, carries, paths)
+    };
+    let drive = match hand.kind {
+        Some("torque") => Drive::Torque(moves(Carries::Torque)?),
+        Some("grip") => Drive::Grip {
+            inertia: hand.optional_number("inertia")?.unwrap_or(0.0),
+            damping: hand.number("damping")?,
+            stiffness: hand.number("stiffness")?,
+            moves: moves(Carries::Position)?,
+        },
+        _ => Drive::Position(shape(&hand, Carries::Position, paths)?),
+    };
+    Ok(Scenario { name, duration, hand: Hand { drive, release: hand.optional_number("release")? } })
+}
+
+fn shape(fields: &Fields<'_>, carries: Carries, paths: &mut path::Reader<'_>) -> Result<Shape, Error> {
+    Ok(match fields.kind {
+        Some("step") => Shape::Step { to: fields.number("to")?, at: fields.number("at")? },
+        Some("ramp") => {
+            Shape::Ramp { to: fields.number("to")?, at: fields.number("at")?, over: fields.number("over")? }
+        }
+        Some("sine") => Shape::Sine {
+            amplitude: fields.number("amplitude")?,
+            frequency: fields.number("frequency")?,
+            phase: fields.number("phase")?,
+        },
+        _ => {
+            let file = fields.text("file").ok_or_else(|| fields.missing("file"))?;
+            let points = paths.read(&file, carries).map_err(|failure| match failure.location {
+                // A mistake in the path file is shown there, one in its name here.
+                Some(_) => Error { key: format!("{}.file", fields.table_path()), ..failure },
+                None => fields.error(failure.kind, "file", failure.message),
+            })?;
+            Shape::Path { file, points }
+        }
+    })
+}
+
+fn named<'a>(fields: &Fields<'a>, name: &str) -> &'a [Entry] {
+    match fields.node(name) {
+        Some(Node { value: Value::Table(entries), .. }) => entries,
+        _ => &[],
+    }
+}
+
+fn items<'a>(fields: &Fields<'a>, name: &str) -> &'a [Node] {
+    match fields.node(name) {
+        Some(Node { value: Value::Array(items), .. }) => items,
+        _ => &[],
+    }
+}

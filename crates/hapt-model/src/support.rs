@@ -1,0 +1,110 @@
+//! Which couplings a method takes at a body.
+
+use hapt_core::{Law, Method};
+
+use crate::words;
+
+/// Why `method` does not take this law at a body, and what to use; `None` when it does.
+///
+/// The methods that hold a body's torque over the step (zoh, trapezoidal, backward Euler) would gain energy from a
+/// nonlinear one; the step that keeps them from it is not built yet for walls, detents and Coulomb friction. LuGre's
+/// bristle has no such step, and the methods that take the new sample first have no place for one.
+pub(crate) fn refusal(method: Method, law: &Law) -> Option<String> {
+    let (what, method_name) = (name(law)?, method.name());
+    let use_instead = |takes: fn(Method) -> bool| {
+        let names = Method::ALL.into_iter().filter(|&method| takes(method)).map(Method::name);
+        format!("use {}", words::alternatives(names))
+    };
+    let refused = format!("{what} at a body does not go with method {method_name:?}");
+    match law {
+        _ if method.is_explicit() => None,
+        Law::Constant { .. } if method.takes_new_sample_first() => {
+            Some(format!("{refused}; {}", use_instead(|method| !method.takes_new_sample_first())))
+        }
+        Law::Constant { .. } => None,
+        Law::Lugre { .. } => Some(format!("{refused}; {}", use_instead(Method::is_explicit))),
+        _ if method.takes_new_sample_first() => Some(format!("{refused}; {}", use_instead(Method::is_explicit))),
+        _ => Some(format!(
+            "{refused} yet, for its discrete-gradient step is not built; {}",
+            use_instead(Method::is_explicit)
+        )),
+    }
+}
+
+/// What a nonlinear law is called; a constant counts as one. `None`: linear.
+fn name(law: &Law) -> Option<&'static str> {
+    match law {
+        Law::Spring { .. } | Law::Damper { .. } => None,
+        Law::Wall { .. } => Some("a wall"),
+        Law::Detent { .. } => Some("a detent"),
+        Law::Coulomb { .. } => Some("Coulomb friction"),
+        Law::Lugre { .. } => Some("LuGre friction"),
+        Law::Constant { .. } => Some("a constant torque"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hapt_core::{Damping, Side};
+
+    const WALL: Law = Law::Wall { side: Side::Above, at: 0.0, stiffness: 1.0, damping: 0.0 };
+    const DETENT: Law = Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 };
+    const COULOMB: Law = Law::Coulomb { torque: 1.0 };
+    const CONSTANT: Law = Law::Constant { torque: 1.0 };
+    const LUGRE: Law = Law::Lugre {
+        coulomb: 1.0,
+        stribeck: 1.0,
+        stribeck_velocity: 1.0,
+        bristle_stiffness: 1.0,
+        bristle_damping: 1.0,
+        viscous: 1.0,
+    };
+
+    #[test]
+    fn linear_couplings_go_with_every_method() {
+        for method in Method::ALL {
+            assert_eq!(refusal(method, &Law::Spring { stiffness: 1.0, rest: 0.0 }), None);
+            assert_eq!(refusal(method, &Law::Damper { damping: Damping::Compensating }), None);
+        }
+    }
+
+    #[test]
+    fn every_coupling_goes_with_the_explicit_methods() {
+        for method in [Method::ForwardEuler, Method::SemiImplicitEuler, Method::Rk4] {
+            for law in [WALL, DETENT, COULOMB, CONSTANT, LUGRE] {
+                assert_eq!(refusal(method, &law), None);
+            }
+        }
+    }
+
+    #[test]
+    fn no_nonlinear_coupling_goes_with_tustin_or_foh_and_a_constant_counts_as_one() {
+        for method in [Method::Tustin, Method::Foh] {
+            for law in [WALL, DETENT, COULOMB, CONSTANT, LUGRE] {
+                assert!(refusal(method, &law).is_some_and(|message| !message.contains("yet")));
+            }
+        }
+        assert_eq!(
+            refusal(Method::Foh, &CONSTANT).unwrap(),
+            "a constant torque at a body does not go with method \"foh\"; use \"forward-euler\", \"backward-euler\", \
+             \"semi-implicit-euler\", \"trapezoidal\", \"zoh\" or \"rk4\""
+        );
+    }
+
+    #[test]
+    fn methods_that_hold_the_torque_take_constants_and_refuse_lugre_for_good() {
+        for method in [Method::Zoh, Method::Trapezoidal, Method::BackwardEuler] {
+            assert_eq!(refusal(method, &CONSTANT), None);
+            assert!(refusal(method, &LUGRE).is_some_and(|message| !message.contains("yet")));
+            for law in [WALL, DETENT, COULOMB] {
+                assert!(refusal(method, &law).is_some_and(|message| message.contains("not built")));
+            }
+        }
+        assert_eq!(
+            refusal(Method::Zoh, &WALL).unwrap(),
+            "a wall at a body does not go with method \"zoh\" yet, for its discrete-gradient step is not built; \
+             use \"forward-euler\", \"semi-implicit-euler\" or \"rk4\""
+        );
+    }
+}

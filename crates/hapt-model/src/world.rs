@@ -1,0 +1,237 @@
+//! The world file's content, checked and in SI: rad, m, s, kg, N, N·m.
+
+use hapt_core::{Body, Coupling, Estimator, Method, Output, Spec};
+
+/// Whether the puck turns or slides.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Motion {
+    /// Angles in rad, torques in N·m, inertias in kg·m².
+    #[default]
+    Rotary,
+    /// Positions in m, forces in N, masses in kg.
+    Linear,
+}
+
+/// A world file, read and checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct World {
+    /// What the file calls itself.
+    pub title: Option<String>,
+    /// Rotary or linear.
+    pub motion: Motion,
+    /// The `[loop]` table.
+    pub sampling: Sampling,
+    /// The `[device]` table.
+    pub device: Device,
+    /// The bodies' names, in file order.
+    pub names: Vec<String>,
+    /// The bodies, in the same order.
+    pub bodies: Vec<Body>,
+    /// The couplings, in file order.
+    pub couplings: Vec<Coupling>,
+    /// The scenarios, in file order.
+    pub scenarios: Vec<Scenario>,
+}
+
+/// The `[loop]` table: the sampled program that runs the world.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sampling {
+    /// T in s, positive.
+    pub period: f64,
+    /// The integrator.
+    pub method: Method,
+    /// Which state makes the torque.
+    pub output: Output,
+    /// Further steps ahead for the torque, with `output = "end"`.
+    pub advance: u32,
+    /// From the sample to the moment the motor torque changes, in s, zero or more.
+    pub delay: f64,
+    /// The velocity estimator's name.
+    pub estimator: EstimatorKind,
+    /// The low-pass estimator's cutoff in Hz; always there with `low-pass`, kept when given with another.
+    pub cutoff: Option<f64>,
+    /// The largest FOAW window in samples.
+    pub window: u32,
+}
+
+/// The estimators by name; their parameters stand beside them, as in the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum EstimatorKind {
+    /// The true velocity.
+    #[default]
+    Exact,
+    /// The backward difference.
+    Difference,
+    /// The backward difference through a first-order low-pass.
+    LowPass,
+    /// First-order adaptive windowing, end-fit.
+    Foaw,
+    /// First-order adaptive windowing, best fit.
+    FoawBest,
+}
+
+/// The `[device]` table: everything physical.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Device {
+    /// The puck's J_z in kg·m² (linear: kg), positive.
+    pub inertia: f64,
+    /// Viscous, in N·m·s/rad (linear: N·s/m), zero or more.
+    pub damping: f64,
+    /// Coulomb, in N·m (linear: N), zero or more.
+    pub friction: f64,
+    /// The largest torque the motor may be asked for; `None`: any.
+    pub limit: Option<f64>,
+    /// Counts per revolution (linear: the count's size in m); `None`: ideal.
+    pub encoder: Option<f64>,
+    /// Torque resolution: steps of 2 limit/levels; `None`: ideal.
+    pub levels: Option<u32>,
+}
+
+/// A hand, a duration and a name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenario {
+    /// `[A-Za-z0-9_-]+`
+    pub name: String,
+    /// In s, positive.
+    pub duration: f64,
+    /// What drives the puck.
+    pub hand: Hand,
+}
+
+/// What drives the puck, and until when.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hand {
+    /// How it drives.
+    pub drive: Drive,
+    /// From this instant on the hand is gone; in s, zero or more.
+    pub release: Option<f64>,
+}
+
+/// How a hand drives the puck.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Drive {
+    /// `step`, `ramp`, `sine`, `path`: the position is prescribed, whatever the torque.
+    Position(Shape),
+    /// `torque`: the puck moves by itself, pushed by this torque.
+    Torque(Shape),
+    /// `grip`: held through a spring and a damper between the puck and the intended motion; the inertia moves with the puck.
+    Grip {
+        /// kg·m², 0 when not given.
+        inertia: f64,
+        /// N·m·s/rad, zero or more.
+        damping: f64,
+        /// N·m/rad, zero or more.
+        stiffness: f64,
+        /// The intended motion.
+        moves: Shape,
+    },
+}
+
+/// A position, or a torque, as a function of time.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// 0, and from `at` on `to`.
+    Step {
+        /// Position or torque.
+        to: f64,
+        /// s, zero or more.
+        at: f64,
+    },
+    /// From 0 to `to` straight, starting `at`, taking `over`.
+    Ramp {
+        /// Position or torque.
+        to: f64,
+        /// s, zero or more.
+        at: f64,
+        /// s, positive.
+        over: f64,
+    },
+    /// amplitude · sin(2π frequency t + phase), from t = 0.
+    Sine {
+        /// Position or torque.
+        amplitude: f64,
+        /// Hz, positive.
+        frequency: f64,
+        /// rad.
+        phase: f64,
+    },
+    /// Straight between points; the first value before them, the last after them.
+    Path {
+        /// As the world file names it.
+        file: String,
+        /// (s, position or torque), times strictly increasing, at least one point.
+        points: Vec<(f64, f64)>,
+    },
+}
+
+impl Motion {
+    /// The motion's name in world files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Motion::Rotary => "rotary",
+            Motion::Linear => "linear",
+        }
+    }
+}
+
+impl EstimatorKind {
+    /// All of them, in the order of the documentation.
+    pub const ALL: [EstimatorKind; 5] = [
+        EstimatorKind::Exact,
+        EstimatorKind::Difference,
+        EstimatorKind::LowPass,
+        EstimatorKind::Foaw,
+        EstimatorKind::FoawBest,
+    ];
+
+    /// The estimator's name in world files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            EstimatorKind::Exact => "exact",
+            EstimatorKind::Difference => "difference",
+            EstimatorKind::LowPass => "low-pass",
+            EstimatorKind::Foaw => "foaw",
+            EstimatorKind::FoawBest => "foaw-best",
+        }
+    }
+}
+
+impl Sampling {
+    /// The estimator with its parameters.
+    pub fn velocity_estimator(&self) -> Estimator {
+        match self.estimator {
+            EstimatorKind::Exact => Estimator::Exact,
+            EstimatorKind::Difference => Estimator::Difference,
+            // The reader refuses low-pass without a cutoff; an infinite one is the plain difference.
+            EstimatorKind::LowPass => Estimator::LowPass { cutoff: self.cutoff.unwrap_or(f64::INFINITY) },
+            EstimatorKind::Foaw => Estimator::Foaw { window: self.window },
+            EstimatorKind::FoawBest => Estimator::FoawBest { window: self.window },
+        }
+    }
+}
+
+impl World {
+    /// What the loop is compiled from.
+    pub fn spec(&self) -> Spec<'_> {
+        Spec {
+            period: self.sampling.period,
+            method: self.sampling.method,
+            output: self.sampling.output,
+            advance: self.sampling.advance,
+            estimator: self.sampling.velocity_estimator(),
+            count: self.count(),
+            limit: self.device.limit,
+            levels: self.device.levels,
+            bodies: &self.bodies,
+            couplings: &self.couplings,
+        }
+    }
+
+    /// The size of one encoder count in rad (linear: m); `None`: ideal.
+    pub fn count(&self) -> Option<f64> {
+        self.device.encoder.map(|encoder| match self.motion {
+            Motion::Rotary => std::f64::consts::TAU / encoder,
+            Motion::Linear => encoder,
+        })
+    }
+}

@@ -1,0 +1,419 @@
+//! One of each kind of mistake, and what is said about it.
+
+use hapt_model::{ErrorKind, Source, World};
+
+const LEAST: &str = "loop = { period = \"1 ms\" }\ndevice = { inertia = 1 }\n";
+
+fn read(text: &str) -> Result<World, hapt_model::Error> {
+    World::read(&Source::from_text("w.toml", text), &[])
+}
+
+#[track_caller]
+fn whole(text: &str) -> String {
+    read(text).unwrap_err().to_string()
+}
+
+#[track_caller]
+fn check(table: &[(&str, &str)], world: impl Fn(&str) -> String) {
+    let mut wrong = String::new();
+    for (given, message) in table {
+        let text = world(given);
+        let said = match read(&text) {
+            Ok(_) => "(it reads)".to_string(),
+            Err(error) => error.to_string().lines().next().unwrap_or_default().to_string(),
+        };
+        if said != *message {
+            wrong += &format!("\n{given}\n    said:   {said}\n    wanted: {message}");
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong}");
+}
+
+#[test]
+fn a_wrong_dimension_names_both_and_shows_the_place() {
+    assert_eq!(
+        whole("[loop]\nperiod    = \"1 kg\" # here\n"),
+        "loop.period: \"1 kg\" is a mass (kg); a time (s) is wanted, such as \"1 ms\"\n \
+         --> w.toml:2:13\n  |\n2 | period    = \"1 kg\" # here\n  |             ^^^^^^"
+    );
+}
+
+#[test]
+fn a_missing_key_is_shown_at_its_tables_header() {
+    assert_eq!(
+        whole("[loop]\nmethod = \"zoh\"\n"),
+        "loop.period: missing; a time (s) above 0 is wanted, such as \"1 ms\"\n --> w.toml:1:1\n  |\n1 | [loop]\n  | ^^^^^^"
+    );
+    assert_eq!(
+        whole(&format!(
+            "{LEAST}[[couplings]]\nkind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nat = 0\nstiffness = 1\n"
+        )),
+        "couplings.0.side: missing; \"above\" or \"below\" is wanted\n --> w.toml:3:1\n  |\n3 | [[couplings]]\n  | ^^^^^^^^^^^^^"
+    );
+    assert_eq!(
+        whole(""),
+        "loop.period: missing; a time (s) above 0 is wanted, such as \"1 ms\"\n --> w.toml:1:1\n  |\n1 |\n  | ^"
+    );
+}
+
+#[test]
+fn text_that_is_not_toml_is_shown_in_the_same_way() {
+    let error = read("[loop]\nperiod = 1 ms\n").unwrap_err();
+    assert_eq!(error.kind, ErrorKind::Syntax);
+    assert_eq!(
+        error.to_string(),
+        "not TOML: string values must be quoted, expected literal string\n \
+         --> w.toml:2:10\n  |\n2 | period = 1 ms\n  |          ^^^^"
+    );
+    assert_eq!(whole("[loop]\nperiod = 1\nperiod = 2\n").lines().next(), Some("not TOML: duplicate key"));
+}
+
+#[test]
+fn the_loop() {
+    let table = [
+        ("period = \"0 s\"", "loop.period: \"0 s\" is not above 0; a time (s) above 0 is wanted, such as \"1 ms\""),
+        ("period = -1", "loop.period: -1 is not above 0; a time (s) above 0 is wanted, such as \"1 ms\""),
+        ("period = \"5\"", "loop.period: \"5\" has no unit; a time (s) is wanted, such as \"1 ms\""),
+        ("period = true", "loop.period: true is a boolean; a time (s) above 0 is wanted, such as \"1 ms\""),
+        ("period = [1]", "loop.period: an array stands here; a time (s) above 0 is wanted, such as \"1 ms\""),
+        ("period = 1979-05-27", "loop.period: 1979-05-27 is a date; a time (s) above 0 is wanted, such as \"1 ms\""),
+        ("period = nan", "loop.period: nan is no finite double; a time (s) is wanted, such as \"1 ms\""),
+        (
+            "period = \"1e400 s\"",
+            "loop.period: \"1e400 s\" is too large for a double; a time (s) is wanted, such as \"1 ms\"",
+        ),
+        (
+            "period = \"1 sec\"",
+            "loop.period: \"1 sec\" has the unknown unit \"sec\"; the nearest known one is \"s\"; \
+             a time (s) is wanted, such as \"1 ms\"",
+        ),
+        ("period = 1\nmethod = \"zho\"", "loop.method: \"zho\" is not known here; did you mean \"zoh\"?"),
+        (
+            "period = 1\nmethod = \"verlet\"",
+            "loop.method: \"verlet\" is not known here; \"forward-euler\", \"backward-euler\", \"semi-implicit-euler\", \
+             \"trapezoidal\", \"zoh\", \"rk4\", \"tustin\" or \"foh\" is wanted",
+        ),
+        (
+            "period = 1\nmethod = \"tustin\"\noutput = \"end\"",
+            "loop.output: method \"tustin\" has its torque from x_k: the output is \"start\", not \"end\"",
+        ),
+        (
+            "period = 1\nmethod = \"foh\"\nadvance = 1",
+            "loop.advance: an advance goes with output \"end\" only, and the output is \"start\"",
+        ),
+        (
+            "period = 1\noutput = \"middle\"\nadvance = 1",
+            "loop.advance: an advance goes with output \"end\" only, and the output is \"middle\"",
+        ),
+        ("period = 1\nadvance = 1001", "loop.advance: 1001 is out of range; a whole number from 0 to 1000 is wanted"),
+        ("period = 1\nadvance = -1", "loop.advance: -1 is out of range; a whole number from 0 to 1000 is wanted"),
+        ("period = 1\nwindow = 257", "loop.window: 257 is out of range; a whole number from 1 to 256 is wanted"),
+        ("period = 1\nwindow = 0", "loop.window: 0 is out of range; a whole number from 1 to 256 is wanted"),
+        ("period = 1\nwindow = 2.5", "loop.window: 2.5 is no whole number; a whole number from 1 to 256 is wanted"),
+        ("period = 1\nwindow = \"16\"", "loop.window: \"16\" is text; a whole number from 1 to 256 is wanted"),
+        ("period = 1\nwindow = 1e300", "loop.window: 1e300 is out of range; a whole number from 1 to 256 is wanted"),
+        ("period = 0.001\ndelay = \"1001 s\"", "loop.delay: 1001.0 s is more than a million periods of 0.001 s"),
+        (
+            "period = 1\ndelay = \"-1 ms\"",
+            "loop.delay: \"-1 ms\" is negative; a time (s) of 0 or more is wanted, such as \"1 ms\"",
+        ),
+        (
+            "period = 1\nestimator = \"low-pass\"",
+            "loop.cutoff: missing; a frequency (Hz) above 0 is wanted, such as \"50 Hz\"",
+        ),
+        (
+            "period = 1\ncutoff = \"50 rad/s\"",
+            "loop.cutoff: \"50 rad/s\" is an angular velocity (rad/s); a frequency (Hz) is wanted, such as \"50 Hz\"",
+        ),
+        ("period = 1\npreiod = 1", "loop.preiod: unknown key; did you mean \"period\"?"),
+        (
+            "period = 1\ncolour = 1",
+            "loop.colour: unknown key; loop takes period, method, output, advance, delay, estimator, cutoff, window",
+        ),
+        (
+            "period = 1\ninertia = 1",
+            "loop.inertia: unknown key here; it belongs in device; \
+             loop takes period, method, output, advance, delay, estimator, cutoff, window",
+        ),
+    ];
+    check(&table, |given| format!("[loop]\n{given}\n[device]\ninertia = 1\n"));
+}
+
+#[test]
+fn the_device_and_the_top() {
+    let table = [
+        (
+            "device.damping = 1",
+            "device.inertia: missing; an inertia (kg m^2) above 0 is wanted, such as \"6.4e-4 kg m^2\"",
+        ),
+        (
+            "device.inertia = \"1 kg\"",
+            "device.inertia: \"1 kg\" is a mass (kg); an inertia (kg m^2) is wanted, such as \"6.4e-4 kg m^2\"",
+        ),
+        (
+            "motion = \"linear\"\ndevice.inertia = \"1 kg m^2\"",
+            "device.inertia: \"1 kg m^2\" is an inertia (kg m^2); a mass (kg) is wanted, such as \"0.5 kg\"",
+        ),
+        (
+            "device = { inertia = 1, limit = \"1 N m/rad\" }",
+            "device.limit: \"1 N m/rad\" is a torsional stiffness (N m/rad); a torque (N m) is wanted, such as \"5 N mm\"",
+        ),
+        (
+            "device = { inertia = 1, levels = 8 }",
+            "device.levels: levels divide the range of the motor: they need device.limit",
+        ),
+        (
+            "device = { inertia = 1, limit = 1, levels = 7 }",
+            "device.levels: 7 is odd; an even whole number from 2 to 4294967295 is wanted",
+        ),
+        (
+            "device = { inertia = 1, encoder = \"5 um\" }",
+            "device.encoder: \"5 um\" is text; a whole number from 1 to 9007199254740992 is wanted",
+        ),
+        (
+            "motion = \"linear\"\ndevice = { inertia = 1, encoder = \"5 deg\" }",
+            "device.encoder: \"5 deg\" is an angle (rad); a length (m) is wanted, such as \"5 mm\"",
+        ),
+        ("device = 5", "device: 5 is a number; a table of keys is wanted"),
+        ("motion = \"spherical\"", "motion: \"spherical\" is not known here; \"rotary\" or \"linear\" is wanted"),
+        ("title = 5", "title: 5 is a number; text in quotes is wanted"),
+        (
+            "period = 1",
+            "period: unknown key here; it belongs in loop; \
+             the top of the file takes title, motion, loop, device, bodies, couplings, scenarios",
+        ),
+        ("devise.inertia = 1", "devise: unknown key; did you mean \"device\"?"),
+    ];
+    check(&table, |given| format!("{given}\n[loop]\nperiod = 1\n"));
+}
+
+#[test]
+fn bodies() {
+    let table = [
+        ("puck.inertia = 1", "bodies: \"puck\" cannot name a body: it is taken, as are \"ground\" and \"measured\""),
+        (
+            "\"my wheel\".inertia = 1",
+            "bodies: \"my wheel\" cannot name a body: a letter and then letters, digits, _ and - can",
+        ),
+        ("1.inertia = 1", "bodies: \"1\" cannot name a body: a letter and then letters, digits, _ and - can"),
+        ("\"\".inertia = 1", "bodies: \"\" cannot name a body: a letter and then letters, digits, _ and - can"),
+        (
+            "w.position = 1",
+            "bodies.w.inertia: missing; an inertia (kg m^2) above 0 is wanted, such as \"6.4e-4 kg m^2\"",
+        ),
+        (
+            "w.inertia = 0",
+            "bodies.w.inertia: 0 is not above 0; an inertia (kg m^2) above 0 is wanted, such as \"6.4e-4 kg m^2\"",
+        ),
+        (
+            "w = { inertia = 1, velocity = \"1 rev\" }",
+            "bodies.w.velocity: \"1 rev\" is an angle (rad); an angular velocity (rad/s) is wanted, such as \"90 deg/s\"",
+        ),
+        ("w = 1", "bodies.w: 1 is a number; a table of keys is wanted"),
+    ];
+    check(&table, |given| format!("{LEAST}[bodies]\n{given}\n"));
+    let bodies: String = (0..33).map(|index| format!("b{index}.inertia = 1\n")).collect();
+    check(&[(&bodies, "bodies: 33 bodies are too many: the limit is 32")], |given| format!("{LEAST}[bodies]\n{given}"));
+}
+
+#[test]
+fn couplings() {
+    let table = [
+        (
+            "",
+            "couplings.0.kind: missing; \"spring\", \"damper\", \"wall\", \"detent\", \"friction\" or \"constant\" is wanted",
+        ),
+        ("kind = \"sprign\"", "couplings.0.kind: \"sprign\" is not known here; did you mean \"spring\"?"),
+        (
+            "kind = \"spring\"\nstiffness = 1",
+            "couplings.0.between: missing; a pair of ends is wanted, such as [\"puck\", \"wheel\"]",
+        ),
+        (
+            "kind = \"spring\"\nstiffness = 1\nbetween = [\"puck\"]",
+            "couplings.0.between: an array of 1 stands here; a pair of ends is wanted, such as [\"puck\", \"wheel\"]",
+        ),
+        (
+            "kind = \"spring\"\nstiffness = 1\nbetween = [\"puck\", 1]",
+            "couplings.0.between: an end is named by a text; a pair of ends is wanted, such as [\"puck\", \"wheel\"]",
+        ),
+        (
+            "kind = \"spring\"\nstiffness = 1\nbetween = [\"puck\", \"whel\"]",
+            "couplings.0.between: \"whel\" is no body of this world; did you mean \"wheel\"?",
+        ),
+        (
+            "kind = \"spring\"\nstiffness = 1\nbetween = [\"puck\", \"flap\"]",
+            "couplings.0.between: \"flap\" is no body of this world; an end is \"puck\", \"ground\" or \"wheel\"",
+        ),
+        (
+            "kind = \"spring\"\nstiffness = 1\nbetween = [\"puck\", \"puck\"]",
+            "couplings.0.between: both ends are \"puck\"; a coupling is between two different ones",
+        ),
+        (
+            "kind = \"spring\"\nbetween = [\"puck\", \"wheel\"]\nstiffness = \"5 N m\"",
+            "couplings.0.stiffness: \"5 N m\" is a torque (N m); a torsional stiffness (N m/rad) is wanted, \
+             such as \"20 N mm/deg\"",
+        ),
+        (
+            "kind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nrest = 0",
+            "couplings.0.rest: not a key of kind \"wall\" but of \"spring\"; \
+             \"wall\" takes kind, between, stiffness, damping, side, at",
+        ),
+        (
+            "kind = \"damper\"\nbetween = [\"puck\", \"ground\"]",
+            "couplings.0.damping: missing; a torsional damping (N m s/rad) of 0 or more is wanted, \
+             such as \"1.2e-3 N m s/rad\", or \"compensating\"",
+        ),
+        (
+            "kind = \"damper\"\nbetween = [\"puck\", \"wheel\"]\ndamping = \"compensating\"",
+            "couplings.0.damping: there is no spring between the puck and wheel to compensate",
+        ),
+        (
+            "kind = \"damper\"\nbetween = [\"ground\", \"wheel\"]\ndamping = \"compensating\"",
+            "couplings.0.damping: there is no spring at wheel to compensate",
+        ),
+        (
+            "kind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nside = \"above\"\nat = 0\nstiffness = 1\ndamping = \"compensating\"",
+            "couplings.0.damping: \"compensating\" does not begin with a finite number; \
+             a torsional damping (N m s/rad) is wanted, such as \"1.2e-3 N m s/rad\"",
+        ),
+        (
+            "kind = \"detent\"\nbetween = [\"puck\", \"ground\"]\ntorque = 1\npitch = 0",
+            "couplings.0.pitch: 0 is not above 0; an angle (rad) above 0 is wanted, such as \"45 deg\"",
+        ),
+        (
+            "kind = \"friction\"\nbetween = [\"puck\", \"ground\"]",
+            "couplings.0.torque: friction has either torque (Coulomb) or all of coulomb, stribeck, stribeck_velocity, \
+             bristle_stiffness, bristle_damping, viscous (LuGre)",
+        ),
+        (
+            "kind = \"friction\"\nbetween = [\"puck\", \"ground\"]\ntorque = 1\nviscous = 1",
+            "couplings.0.viscous: torque (Coulomb friction) and viscous (LuGre friction) do not go together",
+        ),
+        (
+            "kind = \"friction\"\nbetween = [\"puck\", \"ground\"]\ncoulomb = 1\nstribeck = 1",
+            "couplings.0.stribeck_velocity: missing; an angular velocity (rad/s) above 0 is wanted, such as \"90 deg/s\"",
+        ),
+        (
+            "kind = \"friction\"\nbetween = [\"puck\", \"wheel\"]\ntorque = 1",
+            "couplings.0.kind: Coulomb friction at a body does not go with method \"zoh\" yet, for its discrete-gradient \
+             step is not built; use \"forward-euler\", \"semi-implicit-euler\" or \"rk4\"",
+        ),
+    ];
+    check(&table, |given| format!("{LEAST}bodies.wheel.inertia = 1\n[[couplings]]\n{given}\n"));
+    let couplings = "[[couplings]]\nkind = \"constant\"\n".repeat(65);
+    check(&[(&couplings, "couplings: 65 couplings are too many: the limit is 64")], |given| format!("{LEAST}{given}"));
+}
+
+#[test]
+fn scenarios_and_hands() {
+    let table = [
+        (
+            "hand = { kind = \"step\", to = 1 }",
+            "scenarios.s.duration: missing; a time (s) above 0 is wanted, such as \"1 ms\"",
+        ),
+        ("duration = 1", "scenarios.s.hand: missing; a table of keys is wanted"),
+        (
+            "duration = \"1 Ms\"\nhand = { kind = \"step\", to = 1 }",
+            "scenarios.s.duration: \"1 Ms\" has the unknown unit \"Ms\"; the nearest known one is \"ms\"; \
+             a time (s) is wanted, such as \"1 ms\"",
+        ),
+        (
+            "duration = \"1e7 s\"\nhand = { kind = \"step\", to = 1 }",
+            "scenarios.s.duration: 10000000.0 s at a period of 0.001 s is 1.0000000001e10 samples; at most 1e10 are allowed",
+        ),
+        (
+            "duration = 1\nhand = { to = 1 }",
+            "scenarios.s.hand.kind: missing; \"step\", \"ramp\", \"sine\", \"path\", \"torque\" or \"grip\" is wanted",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"ramp\", to = 1 }",
+            "scenarios.s.hand.over: missing; a time (s) above 0 is wanted, such as \"1 ms\"",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"step\", to = 1, over = 1 }",
+            "scenarios.s.hand.over: not a key of kind \"step\" but of \"ramp\"; \"step\" takes kind, release, to, at",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"step\", to = 1, release = -1 }",
+            "scenarios.s.hand.release: -1 is negative; a time (s) of 0 or more is wanted, such as \"1 ms\"",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"torque\", to = 1 }",
+            "scenarios.s.hand.to: not a key of kind \"torque\" but of \"step\" or \"ramp\"; \"torque\" takes kind, release, moves",
+        ),
+        ("duration = 1\nhand = { kind = \"torque\" }", "scenarios.s.hand.moves: missing; a table of keys is wanted"),
+        (
+            "duration = 1\nhand = { kind = \"torque\", moves = { kind = \"step\", to = \"45 deg\" } }",
+            "scenarios.s.hand.moves.to: \"45 deg\" is an angle (rad); a torque (N m) is wanted, such as \"5 N mm\"",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"grip\", moves = { kind = \"step\", to = \"1 N m\" } }",
+            "scenarios.s.hand.moves.to: \"1 N m\" is a torque (N m); an angle (rad) is wanted, such as \"45 deg\"",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"grip\", inertia = 0, moves = { kind = \"step\", to = 1 } }",
+            "scenarios.s.hand.inertia: 0 is not above 0; an inertia (kg m^2) above 0 is wanted, such as \"6.4e-4 kg m^2\"",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"grip\", moves = { kind = \"step\", to = 1, release = 1 } }",
+            "scenarios.s.hand.moves.release: unknown key here; it belongs in scenarios.*.hand; \
+             scenarios.s.hand.moves takes kind, to, at",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"grip\", moves = { kind = \"torque\" } }",
+            "scenarios.s.hand.moves.kind: \"torque\" is not known here; \"step\", \"ramp\", \"sine\" or \"path\" is wanted",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"path\", file = \"/etc/passwd\" }",
+            "scenarios.s.hand.file: \"/etc/passwd\" leads out of the world file's folder; a path file stands in it or below",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"path\", file = \"no.csv\" }",
+            "scenarios.s.hand.file: cannot read \"no.csv\" beside the world file: No such file or directory (os error 2)",
+        ),
+    ];
+    check(&table, |given| format!("{LEAST}[scenarios.s]\n{given}\n"));
+    check(&[("\"a b\"", "scenarios: \"a b\" cannot name a scenario: letters, digits, _ and - can")], |given| {
+        format!("{LEAST}[scenarios.{given}]\nduration = 1\n")
+    });
+}
+
+#[test]
+fn a_mistake_in_a_path_file_is_shown_there() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("p.csv"), "time_s,puck_deg\n0,0\n0,1\n").unwrap();
+    let text = format!("{LEAST}[scenarios.s]\nduration = 1\nhand = {{ kind = \"path\", file = \"p.csv\" }}\n");
+    let source = Source { name: "w.toml".into(), text, folder: folder.path().into() };
+    let shown = folder.path().join("p.csv").display().to_string();
+    assert_eq!(
+        World::read(&source, &[]).unwrap_err().to_string().replace(&shown, "p.csv"),
+        "scenarios.s.hand.file: 0.0 s does not come after 0.0 s; times must increase\n --> p.csv:3:1\n  |\n3 | 0,1\n  | ^"
+    );
+}
+
+#[test]
+fn the_ways_of_other_systems_with_lines_do_not_move_the_caret() {
+    assert_eq!(
+        whole("\u{feff}[loop]\r\n\tperiod = \"1 kg\"\r\n").lines().skip(1).collect::<Vec<_>>(),
+        [" --> w.toml:2:11", "  |", "2 |     period = \"1 kg\"", "  |              ^^^^^^"]
+    );
+}
+
+#[test]
+fn a_mistake_of_a_megabyte_makes_a_short_message() {
+    let long = "x".repeat(1_000_000);
+    for text in [
+        format!("{long} = 1"),
+        format!("loop.period = \"{long}\""),
+        format!("loop.period = \"1 {long}\""),
+        format!("loop.method = \"{long}\""),
+        format!("title = {long}"),
+        format!("loop.period = 1{}", "0".repeat(1_000_000)),
+        format!("{LEAST}bodies.\"{long} \".inertia = 1"),
+    ] {
+        let message = whole(&text);
+        assert!(message.len() < 2000, "{} bytes", message.len());
+    }
+    let error = read(&"#".repeat((1 << 20) + 1)).unwrap_err();
+    assert_eq!(error.to_string(), "w.toml is larger than 1 MiB, the most that a world file may have");
+}

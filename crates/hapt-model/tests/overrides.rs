@@ -1,0 +1,129 @@
+//! `--set KEY=VALUE`: the same keys, the same checks.
+
+use hapt_model::{Drive, Shape, Source, World};
+
+const WORLD: &str = r#"
+[loop]
+period = "1 ms"
+[device]
+inertia = "6.4e-4 kg m^2"
+[bodies.wheel]
+inertia = "0.02 kg m^2"
+[[couplings]]
+kind = "spring"
+between = ["puck", "wheel"]
+stiffness = "1 N m/rad"
+[[couplings]]
+kind = "damper"
+between = ["puck", "wheel"]
+damping = "1 N m s/rad"
+[scenarios.step]
+duration = "1 s"
+hand = { kind = "step", to = "45 deg" }
+"#;
+
+fn set(sets: &[&str]) -> Result<World, String> {
+    let sets: Vec<String> = sets.iter().map(|set| set.to_string()).collect();
+    World::read(&Source::from_text("w.toml", WORLD), &sets).map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_value_set_is_the_same_value_in_the_file() {
+    for (set_value, from, to) in [
+        ("loop.period=2ms", "\"1 ms\"", "\"2ms\""),
+        ("loop.period=0.002", "\"1 ms\"", "0.002"),
+        ("loop.period = \"2 ms\"", "\"1 ms\"", "\"2 ms\""),
+        ("loop.method=tustin", "[loop]", "[loop]\nmethod = \"tustin\""),
+        ("bodies.wheel.inertia=0.04 kg m^2", "\"0.02 kg m^2\"", "\"0.04 kg m^2\""),
+        ("bodies.wheel.position=45°", "[bodies.wheel]", "[bodies.wheel]\nposition = \"45°\""),
+        ("couplings.0.stiffness=3", "\"1 N m/rad\"", "3"),
+        ("couplings.1.damping=compensating", "\"1 N m s/rad\"", "\"compensating\""),
+        (
+            "couplings.1.between=[\"wheel\", \"ground\"]",
+            "[\"puck\", \"wheel\"]\ndamping",
+            "[\"wheel\", \"ground\"]\ndamping",
+        ),
+        ("scenarios.step.hand.to=1 rev", "\"45 deg\"", "\"1 rev\""),
+        (
+            "scenarios.step.hand={ kind = \"sine\", amplitude = \"1 rad\", frequency = \"2 Hz\" }",
+            "{ kind = \"step\", to = \"45 deg\" }",
+            "{ kind = \"sine\", amplitude = \"1 rad\", frequency = \"2 Hz\" }",
+        ),
+        ("title=Wheel = good", "[loop]", "title = \"Wheel = good\"\n[loop]"),
+        ("title=1984", "[loop]", "title = \"1984\"\n[loop]"),
+        ("device.limit=800 N mm", "[device]", "[device]\nlimit = \"800 N mm\""),
+    ] {
+        let in_file = WORLD.replacen(from, to, 1);
+        assert_ne!(in_file, WORLD);
+        let in_file = World::read(&Source::from_text("w.toml", in_file), &[]).map_err(|error| error.to_string());
+        assert!(in_file.is_ok(), "{in_file:?}");
+        assert_eq!(set(&[set_value]), in_file, "{set_value}");
+    }
+}
+
+#[test]
+fn the_last_of_a_key_wins_and_later_ones_see_the_earlier() {
+    assert_eq!(set(&["loop.period=2ms", "loop.period=3ms"]).unwrap().sampling.period, 0.003);
+    assert_eq!(set(&["loop.period=nonsense", "loop.period=3ms"]).unwrap().sampling.period, 0.003);
+    let world = set(&["scenarios.step.hand={kind='ramp', over=1, to=2}", "scenarios.step.hand.to=3"]).unwrap();
+    assert_eq!(world.scenarios[0].hand.drive, Drive::Position(Shape::Ramp { to: 3.0, at: 0.0, over: 1.0 }));
+}
+
+#[test]
+fn whole_tables_can_be_set_where_the_file_has_none() {
+    let sets: Vec<String> = ["loop.period=1ms", "device.inertia=1", "bodies={a={inertia=1}}", "bodies.a.inertia=2"]
+        .map(String::from)
+        .into();
+    let world = World::read(&Source::from_text("w.toml", ""), &sets).unwrap();
+    assert_eq!((world.sampling.period, world.bodies[0].inertia), (0.001, 2.0));
+}
+
+#[test]
+fn mistakes_are_shown_in_the_override() {
+    assert_eq!(
+        set(&["loop.method=zoh", "loop.period=1 kg"]).unwrap_err(),
+        "loop.period: \"1 kg\" is a mass (kg); a time (s) is wanted, such as \"1 ms\"\n \
+         --> --set:1:13\n  |\n1 | loop.period=1 kg\n  |             ^^^^"
+    );
+    assert_eq!(
+        set(&["loop.perid=1 ms"]).unwrap_err(),
+        "loop.perid: unknown key; did you mean \"period\"?\n --> --set:1:6\n  |\n1 | loop.perid=1 ms\n  |      ^^^^^"
+    );
+    assert_eq!(
+        set(&["scenarios.step.hand={kind='step', too=1}"]).unwrap_err(),
+        "scenarios.step.hand.too: unknown key; did you mean \"to\"?\n --> --set:1:35\n  |\n\
+         1 | scenarios.step.hand={kind='step', too=1}\n  |                                   ^^^"
+    );
+    for (wrong, message) in [
+        ("loop.period", "\"loop.period\" is no KEY=VALUE, such as loop.period=2ms"),
+        ("", "\"\" is no KEY=VALUE, such as loop.period=2ms"),
+        ("=1", "a name is missing between the points of the key"),
+        ("loop..period=1", "loop.: a name is missing between the points of the key"),
+        ("bodies.whel.inertia=1", "bodies.whel: the world has no body \"whel\"; did you mean \"wheel\"?"),
+        ("bodies.x={inertia=1}", "bodies.x: the world has no body \"x\""),
+        ("scenarios.stp.duration=1", "scenarios.stp: the world has no scenario \"stp\"; did you mean \"step\"?"),
+        ("couplings.2.stiffness=1", "couplings.2: \"2\" is no whole number from 0 to 1"),
+        ("couplings.-1.stiffness=1", "couplings.-1: \"-1\" is no whole number from 0 to 1"),
+        ("couplings.spring.stiffness=1", "couplings.spring: \"spring\" is no whole number from 0 to 1"),
+        (
+            "couplings.1.stiffness=1",
+            "couplings.1.stiffness: not a key of kind \"damper\" but of \"spring\" or \"wall\"; \"damper\" takes kind, between, damping",
+        ),
+        ("loop.period.x=1", "loop.period.x: \"period\" has no keys below it"),
+        (
+            "loop.period=",
+            "loop.period: \"\" does not begin with a finite number; a time (s) is wanted, such as \"1 ms\"",
+        ),
+        ("loop.period={a=1}", "loop.period: a table stands here; a time (s) above 0 is wanted, such as \"1 ms\""),
+        ("loop=5", "loop: 5 is a number; a table of keys is wanted"),
+        ("lop.period=1", "lop: unknown key; did you mean \"loop\"?"),
+        (
+            "device.encoder=nan",
+            "device.encoder: nan is no whole number; a whole number from 1 to 9007199254740992 is wanted",
+        ),
+        ("loop.period=inf", "loop.period: inf is no finite double; a time (s) is wanted, such as \"1 ms\""),
+        ("loop.period=1e-400", "loop.period: 1e-400 is no finite double; a time (s) is wanted, such as \"1 ms\""),
+    ] {
+        assert_eq!(set(&[wrong]).unwrap_err().lines().next(), Some(message), "{wrong}");
+    }
+}

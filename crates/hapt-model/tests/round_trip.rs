@@ -1,0 +1,228 @@
+//! Writing a world and reading it back, over random worlds; and reading anything at all.
+
+use std::path::Path;
+
+use hapt_model::{
+    Body, Coupling, Damping, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Output, Sampling, Scenario,
+    Shape, Side, Source, World,
+};
+use proptest::collection::vec;
+use proptest::option;
+use proptest::prelude::*;
+use proptest::sample::select;
+
+/// Any finite number, from all decades.
+fn any_number() -> impl Strategy<Value = f64> {
+    prop_oneof![Just(0.0), -10.0..10.0, any::<f64>().prop_filter("finite", |value| value.is_finite())]
+}
+
+fn zero_or_more() -> impl Strategy<Value = f64> {
+    any_number().prop_map(f64::abs)
+}
+
+fn positive() -> impl Strategy<Value = f64> {
+    zero_or_more().prop_map(|value| if value == 0.0 { 0.1 } else { value })
+}
+
+fn law() -> impl Strategy<Value = Law> {
+    let (finite, zero, above) = (any_number, zero_or_more, positive);
+    prop_oneof![
+        (zero(), finite()).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
+        zero().prop_map(|damping| Law::Damper { damping: Damping::Fixed(damping) }),
+        (select(vec![Side::Above, Side::Below]), finite(), zero(), zero())
+            .prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping }),
+        (zero(), above(), finite()).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
+        zero().prop_map(|torque| Law::Coulomb { torque }),
+        (zero(), zero(), above(), zero(), zero(), zero()).prop_map(
+            |(coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous)| Law::Lugre {
+                coulomb,
+                stribeck,
+                stribeck_velocity,
+                bristle_stiffness,
+                bristle_damping,
+                viscous
+            }
+        ),
+        finite().prop_map(|torque| Law::Constant { torque }),
+    ]
+}
+
+/// A coupling, and for some springs the damper that compensates it. Where `linear_at_bodies`, a nonlinear one becomes a spring.
+fn couplings(bodies: usize, linear_at_bodies: bool) -> impl Strategy<Value = Vec<Coupling>> {
+    let ends: Vec<End> = [End::Puck, End::Ground].into_iter().chain((0..bodies).map(End::Body)).collect();
+    let pair = select(ends.clone()).prop_flat_map(move |first| {
+        let others: Vec<End> = ends.iter().copied().filter(|&end| end != first).collect();
+        (Just(first), select(others))
+    });
+    let one = (pair, law(), any::<bool>()).prop_map(move |((first, second), law, compensated)| {
+        let at_body = matches!(first, End::Body(_)) || matches!(second, End::Body(_));
+        let law = match law {
+            Law::Spring { .. } | Law::Damper { .. } => law,
+            _ if linear_at_bodies && at_body => Law::Spring { stiffness: 1.0, rest: 0.5 },
+            _ => law,
+        };
+        let mut couplings = vec![Coupling { first, second, law }];
+        if compensated && matches!(law, Law::Spring { .. }) {
+            let law = Law::Damper { damping: Damping::Compensating };
+            couplings.push(Coupling { first: second, second: first, law });
+        }
+        couplings
+    });
+    vec(one, 0..6).prop_map(|couplings| couplings.concat())
+}
+
+fn shape(file: &'static str, points: Vec<(f64, f64)>) -> impl Strategy<Value = Shape> {
+    prop_oneof![
+        (any_number(), zero_or_more()).prop_map(|(to, at)| Shape::Step { to, at }),
+        (any_number(), zero_or_more(), positive()).prop_map(|(to, at, over)| Shape::Ramp { to, at, over }),
+        (any_number(), positive(), any_number()).prop_map(|(amplitude, frequency, phase)| Shape::Sine {
+            amplitude,
+            frequency,
+            phase
+        }),
+        Just(Shape::Path { file: file.to_string(), points }),
+    ]
+}
+
+const POINTS: [(f64, f64); 2] = [(0.0, 0.1), (1.5, -2e-7)];
+
+fn hand() -> impl Strategy<Value = Hand> {
+    let position = || shape("puck \"1\".csv", POINTS.to_vec());
+    let drive = prop_oneof![
+        position().prop_map(Drive::Position),
+        shape("torque.csv", POINTS.to_vec()).prop_map(Drive::Torque),
+        (zero_or_more(), zero_or_more(), zero_or_more(), position())
+            .prop_map(|(inertia, damping, stiffness, moves)| Drive::Grip { inertia, damping, stiffness, moves }),
+    ];
+    (drive, option::of(zero_or_more())).prop_map(|(drive, release)| Hand { drive, release })
+}
+
+fn sampling() -> impl Strategy<Value = Sampling> {
+    let choices = (select(Method::ALL.to_vec()), select(Output::ALL.to_vec()), select(EstimatorKind::ALL.to_vec()));
+    (1e-6..1.0, choices, 0u32..=1000, 0.0..1e5, option::of(positive()), 1u32..=256).prop_map(
+        |(period, (method, output, estimator), advance, delays, cutoff, window)| {
+            let output = if method.takes_new_sample_first() { Output::Start } else { output };
+            let advance = if output == Output::End { advance } else { 0 };
+            let cutoff = if estimator == EstimatorKind::LowPass { cutoff.or(Some(50.0)) } else { cutoff };
+            Sampling { period, method, output, advance, delay: delays * period, estimator, cutoff, window }
+        },
+    )
+}
+
+fn device(motion: Motion) -> impl Strategy<Value = Device> {
+    let encoder = match motion {
+        Motion::Rotary => (1u64..=1 << 53).prop_map(|counts| counts as f64).boxed(),
+        Motion::Linear => positive().boxed(),
+    };
+    let motor = option::of((positive(), option::of(1u32..1 << 31)));
+    (positive(), zero_or_more(), zero_or_more(), option::of(encoder), motor).prop_map(
+        |(inertia, damping, friction, encoder, motor)| Device {
+            inertia,
+            damping,
+            friction,
+            limit: motor.map(|(limit, _)| limit),
+            encoder,
+            levels: motor.and_then(|(_, half)| half).map(|half| half * 2),
+        },
+    )
+}
+
+fn world() -> impl Strategy<Value = World> {
+    let body = (positive(), any_number(), any_number()).prop_map(|(inertia, position, velocity)| Body {
+        inertia,
+        position,
+        velocity,
+    });
+    let title = option::of("(\\PC|[\n\t\"\\\\\u{1}\u{7f}]){0,12}");
+    (select(vec![Motion::Rotary, Motion::Linear]), sampling(), vec(body, 0..4), title)
+        .prop_flat_map(|(motion, sampling, bodies, title)| {
+            let couplings = couplings(bodies.len(), !sampling.method.is_explicit());
+            let scenarios = vec((0.0..1e9, hand()), 0..4);
+            (Just((motion, sampling, bodies, title)), device(motion), couplings, scenarios)
+        })
+        .prop_map(|((motion, sampling, bodies, title), device, couplings, scenarios)| {
+            let names = ["z-w", "A_1", "x", "y"].map(String::from).into_iter().take(bodies.len()).collect();
+            let scenario = |(index, (samples, hand)): (usize, (f64, Hand))| Scenario {
+                name: format!("{index}-s"),
+                duration: (samples + 1.0) * sampling.period,
+                hand,
+            };
+            let scenarios = scenarios.into_iter().enumerate().map(scenario).collect();
+            World { title, motion, sampling, device, names, bodies, couplings, scenarios }
+        })
+}
+
+fn read_in(folder: &Path, text: &str) -> Result<World, String> {
+    let source = Source { name: "w.toml".to_string(), text: text.to_string(), folder: folder.to_path_buf() };
+    World::read(&source, &[]).map_err(|error| format!("{error}\n{text}"))
+}
+
+#[test]
+fn a_world_reads_back_from_the_file_it_writes() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut runner = proptest::test_runner::TestRunner::new(ProptestConfig::with_cases(400));
+    let points: String = POINTS.iter().map(|(time, value)| format!("{time:?},{value:?}\n")).collect();
+    let csv =
+        |file: &str, header: &str| std::fs::write(folder.path().join(file), format!("{header}\n{points}")).unwrap();
+    let outcome = runner.run(&world(), |world| {
+        let (puck, torque) = match world.motion {
+            Motion::Rotary => ("time_s,puck_rad", "time_s,torque_Nm"),
+            Motion::Linear => ("time_s,puck_m", "time_s,force_N"),
+        };
+        csv("puck \"1\".csv", puck);
+        csv("torque.csv", torque);
+        let text = world.to_toml();
+        prop_assert_eq!(read_in(folder.path(), &text), Ok(world));
+        Ok(())
+    });
+    outcome.unwrap_or_else(|error| panic!("{error}"));
+}
+
+#[test]
+fn a_written_world_has_units_and_no_noise() {
+    let text = "loop.period = \"1 ms\"\ndevice.inertia = \"6.4e-4 kg m^2\"\n";
+    assert_eq!(
+        World::read(&Source::from_text("w", text), &[]).unwrap().to_toml(),
+        "motion = \"rotary\"\n\n[loop]\nperiod = \"0.001 s\"\nmethod = \"zoh\"\noutput = \"end\"\ndelay = \"0.0 s\"\n\
+         estimator = \"exact\"\nwindow = 16\n\n[device]\ninertia = \"0.00064 kg m^2\"\ndamping = \"0.0 N m s/rad\"\n\
+         friction = \"0.0 N m\"\n"
+    );
+}
+
+/// Lines that begin well, so that random ones get far.
+fn line() -> impl Strategy<Value = String> {
+    let words = "motion|loop|device|bodies|couplings|scenarios|kind|between|hand|moves|w|s|period|inertia|duration|to|stiffness";
+    let key = || proptest::string::string_regex(&format!("({words})(\\.({words})){{0,3}}")).unwrap();
+    let value = "(\"1 ms\"|\"1 kg m\\^2\"|1|-1|1e400|nan|true|\"spring\"|\"step\"|\"torque\"|\"linear\"|\\[\"puck\", \"w\"\\]|\\{ kind = \"step\", to = 1 \\}|\\[\\]|\\{\\}|\\[\\{\\}\\])";
+    prop_oneof![
+        4 => (key(), value).prop_map(|(key, value)| format!("{key} = {value}")),
+        1 => key().prop_map(|key| format!("[{key}]")),
+        1 => key().prop_map(|key| format!("[[{key}]]")),
+        1 => "\\PC{0,30}",
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1500))]
+
+    #[test]
+    fn no_text_panics(text in "[\\PC\n\t\r]{0,200}", set in "\\PC{0,40}") {
+        let _ = World::read(&Source::from_text("w", text), &[set]).map_err(|error| error.to_string());
+    }
+
+    #[test]
+    fn nothing_like_a_world_panics(lines in vec(line(), 0..12), sets in vec(line(), 0..3)) {
+        let _ = World::read(&Source::from_text("w", lines.join("\n")), &sets).map_err(|error| error.to_string());
+        let text = "loop.period = 1\ndevice.inertia = 1\nbodies.w.inertia = 1\n[[couplings]]\nkind = \"constant\"\n";
+        let _ = World::read(&Source::from_text("w", text), &sets).map_err(|error| error.to_string());
+    }
+
+    #[test]
+    fn a_damaged_world_does_not_panic(world in world(), cut in 0usize..2000, junk in "\\PC{0,3}") {
+        let text = world.to_toml();
+        let cut = (0..=cut.min(text.len())).rev().find(|&cut| text.is_char_boundary(cut)).unwrap_or(0);
+        let (head, tail) = text.split_at(cut);
+        let _ = World::read(&Source::from_text("w", format!("{head}{junk}{tail}")), &[]).map_err(|error| error.to_string());
+        let _ = World::read(&Source::from_text("w", head), &[]).map_err(|error| error.to_string());
+    }
+}
