@@ -1,0 +1,174 @@
+//! The answer on a world, for programs and for people.
+
+use hapt_model::{Damping, End, Law, Method, World};
+use serde::Serialize;
+
+use crate::continuous::bent;
+use crate::error::Error;
+use crate::held::{COMBINED, Held, Verdict, held};
+
+/// What `check` says of a world. It serialises to the mapping that `hapt check --json` prints.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Check {
+    /// T in s.
+    pub period_s: f64,
+    /// The method's name in world files.
+    pub method: &'static str,
+    /// The output's name in world files.
+    pub output: &'static str,
+    /// The world alone, the puck held still.
+    pub held: Held,
+    /// What a reader of the numbers has to know.
+    pub notes: Vec<String>,
+}
+
+/// Analyses a world: its loop's period and method, its bodies and couplings.
+///
+/// # Errors
+/// [`Error::Eigenvalues`] when its numbers go beyond double precision; [`Error::Value`] and [`Error::NoSuchBody`] for a world
+/// that no reader has checked.
+pub fn check(world: &World) -> Result<Check, Error> {
+    let sampling = &world.sampling;
+    Ok(Check {
+        period_s: sampling.period,
+        method: sampling.method.name(),
+        output: sampling.output.name(),
+        held: held(&world.bodies, &world.couplings, sampling.method, sampling.period)?,
+        notes: notes(world),
+    })
+}
+
+fn notes(world: &World) -> Vec<String> {
+    let mut notes = Vec::new();
+    let bent = bent(&world.couplings);
+    let nonlinear =
+        |law: &Law| matches!(law, Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. });
+    let at_body = |end: End| matches!(end, End::Body(_));
+    if world.couplings.iter().any(|c| nonlinear(&c.law) && (at_body(c.first) || at_body(c.second))) {
+        let looked = match bent.len() {
+            0 => "its nonlinear couplings at bodies have slope 0 and count as absent".to_string(),
+            n if n <= COMBINED => format!("the worst of {} combinations of flat and steep slopes counts", 1u32 << n),
+            n => format!("the worst counts of all flat, all steep and each of {n} nonlinear couplings alone steep"),
+        };
+        notes.push(format!("held is a linear estimate of a nonlinear world: {looked}"));
+    }
+    let follows = |law: &Law| matches!(law, Law::Damper { damping: Damping::Compensating });
+    let method = world.sampling.method;
+    if method != Method::ForwardEuler {
+        for (index, _) in world.couplings.iter().enumerate().filter(|(_, c)| follows(&c.law)) {
+            notes.push(format!(
+                "couplings.{index}: a compensating damper undoes the growth of forward Euler; with {} it only damps",
+                method.name()
+            ));
+        }
+    }
+    // No spring, and no nonlinear coupling, holds the body in place: whatever else it does, a shift of it stays.
+    for (index, _) in world.bodies.iter().enumerate() {
+        let holds = |law: &Law| match *law {
+            Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => stiffness > 0.0,
+            Law::Detent { torque, .. } => torque > 0.0,
+            Law::Lugre { bristle_stiffness, .. } => bristle_stiffness > 0.0,
+            _ => false,
+        };
+        let body = End::Body(index);
+        if !world.couplings.iter().any(|c| holds(&c.law) && (c.first == body || c.second == body)) {
+            let name = world.names.get(index).map_or("", String::as_str);
+            notes.push(format!("body {name}: no spring is tied to it, so it stays where it is shifted to"));
+        }
+    }
+    notes
+}
+
+/// A rate or a time for people: four digits, no trailing zeros.
+fn short(x: f64) -> String {
+    let digits = if x == 0.0 { 3 } else { (3 - x.abs().log10().floor() as i32).clamp(0, 12) };
+    let text = format!("{x:.*}", digits as usize);
+    let scientific = x != 0.0 && !(1e-4..1e5).contains(&x.abs());
+    if scientific {
+        format!("{x:.3e}")
+    } else if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_string()
+    } else {
+        text
+    }
+}
+
+/// A time for people.
+fn time(s: f64) -> String {
+    match s {
+        s if s < 1e-3 => format!("{} us", short(s * 1e6)),
+        s if s < 1.0 => format!("{} ms", short(s * 1e3)),
+        s => format!("{} s", short(s)),
+    }
+}
+
+/// The method's name in a sentence.
+fn spoken(method: &str) -> &str {
+    match method {
+        "forward-euler" => "forward Euler",
+        "backward-euler" => "backward Euler",
+        "semi-implicit-euler" => "semi-implicit Euler",
+        "rk4" => "RK4",
+        "trapezoidal" => "the trapezoidal rule",
+        other => other,
+    }
+}
+
+impl Check {
+    /// The verdict on the held world in one sentence, with its reason.
+    pub fn sentence(&self) -> String {
+        let held = &self.held;
+        let method = spoken(self.method);
+        let Some(growth) = held.growth_per_s else {
+            return "stable: the held world has nothing that lasts longer than a sample".to_string();
+        };
+        match held.verdict {
+            Verdict::Unstable => {
+                let ten = (10.0 * growth).exp();
+                let pace = if ten < 1e3 {
+                    format!("a factor {ten:.2} in 10 s")
+                } else {
+                    format!("doubling every {}", time(std::f64::consts::LN_2 / growth))
+                };
+                let reason = match (held.critical_period_reason, held.critical_period_s) {
+                    (Some("never"), _) if held.modes.iter().any(|m| m.damping_ratio == 0.0) => {
+                        format!("{method} is never stable on an undamped mode")
+                    }
+                    (Some("never"), _) => {
+                        format!("at every period {method} takes more damping from a mode than its dampers give")
+                    }
+                    (_, Some(limit)) if limit < self.period_s => {
+                        format!(
+                            "{method} is stable here up to a period of {}, and this one is {}",
+                            time(limit),
+                            time(self.period_s)
+                        )
+                    }
+                    _ => format!("{method} at this period takes it out of the unit circle"),
+                };
+                format!("unstable: the held world grows by {} per second ({pace}); {reason}", short(growth))
+            }
+            Verdict::Marginal => {
+                let reason = if held.eigenvalues.iter().any(|e| e.im == 0.0 && e.re == 1.0 && e.abs == 1.0) {
+                    "something is tied by no spring and stays where it is shifted to"
+                } else if self.method == "forward-euler" {
+                    "its dampers undo what forward Euler adds to a swing"
+                } else {
+                    "a swing keeps its size, because nothing damps it"
+                };
+                let room = held.critical_period_s.map_or(String::new(), |t| format!(", up to a period of {}", time(t)));
+                format!("marginal: the held world neither grows nor decays; {reason}{room}")
+            }
+            Verdict::Stable => {
+                let room = match held.critical_period_s {
+                    Some(limit) => format!("{method} stays so up to a period of {}", time(limit)),
+                    None => format!("{method} stays so at every period"),
+                };
+                format!(
+                    "stable: a disturbance of the held world decays by at least {} per second; {room}",
+                    short(-growth)
+                )
+            }
+        }
+    }
+}

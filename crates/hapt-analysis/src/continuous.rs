@@ -1,0 +1,245 @@
+//! The world's differential equations as matrices, straight from its couplings.
+//!
+//! With w the n bodies' positions and z the puck's, y = (w, z):
+//!
+//! ```text
+//! M ẅ = (f - K y - (C0 + T C1) ẏ), the first n rows          the bodies
+//! torque = the last row of the same                          on the puck
+//! ```
+//!
+//! A coupling on q = y_first - y_second with torque -(k q + c q̇ - f) on its first end adds k b bᵀ to K, c b bᵀ to C and f b to
+//! f, where b is +1 at the first end, -1 at the second and has no entry for ground. So K, C0 and C1 are symmetric and positive
+//! semidefinite: the world is passive, and the puck's torque row is the input column transposed.
+//!
+//! C1 is there because a compensating damper, (2.24), is T times a stiffness: it moves with the period, and whoever asks what
+//! another period would do needs the two apart.
+
+use hapt_model::{Body, Coupling, Damping, End, Law};
+use nalgebra::{DMatrix, DVector, RowDVector};
+
+use crate::error::{Error, positive};
+
+/// Which of its two slopes each nonlinear coupling takes: flat (wall out, detent 0, LuGre sliding, viscous) or steep (wall in,
+/// detent 2π torque/pitch, LuGre stuck, σ0 and σ1 + σ2). Falling slopes are never taken. Coulomb friction and constants have
+/// slope 0 either way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Slopes {
+    /// All flat.
+    #[default]
+    Flat,
+    /// All steep.
+    Steep,
+    /// Steep where the coupling's index is listed.
+    Chosen(Vec<usize>),
+}
+
+impl Slopes {
+    fn steep(&self, coupling: usize) -> bool {
+        match self {
+            Slopes::Flat => false,
+            Slopes::Steep => true,
+            Slopes::Chosen(list) => list.contains(&coupling),
+        }
+    }
+}
+
+/// A coupling made linear: torque on the first end -(stiffness q + (fixed + T per_period) q̇) + force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tie {
+    /// The end that takes the torque.
+    pub first: End,
+    /// The end that takes the opposite.
+    pub second: End,
+    /// k in N·m/rad, zero or more.
+    pub stiffness: f64,
+    /// The damping that stays when the period changes, N·m·s/rad, zero or more.
+    pub fixed: f64,
+    /// The damping that follows it, per second of period: N·m/rad, zero or more.
+    pub per_period: f64,
+    /// What stands on the first end at q = 0, q̇ = 0: a spring's k · rest, a constant. N·m.
+    pub force: f64,
+}
+
+/// The (stiffness, damping) of a nonlinear law, flat or steep; `None` for the linear laws.
+fn slope(law: &Law, steep: bool) -> Option<(f64, f64)> {
+    Some(match *law {
+        Law::Wall { stiffness, damping, .. } if steep => (stiffness, damping),
+        Law::Detent { torque, pitch, .. } if steep => (std::f64::consts::TAU * torque / pitch, 0.0),
+        Law::Lugre { bristle_stiffness, bristle_damping, viscous, .. } if steep => {
+            (bristle_stiffness, bristle_damping + viscous)
+        }
+        Law::Lugre { viscous, .. } => (0.0, viscous),
+        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } => (0.0, 0.0),
+        Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => return None,
+    })
+}
+
+/// Indices of the couplings that touch a body and have two different slopes: those on which the choice of [`Slopes`] matters
+/// for the bodies' eigenvalues.
+pub fn bent(couplings: &[Coupling]) -> Vec<usize> {
+    let body = |end| matches!(end, End::Body(_));
+    (0..couplings.len())
+        .filter(|&i| body(couplings[i].first) || body(couplings[i].second))
+        .filter(|&i| slope(&couplings[i].law, false) != slope(&couplings[i].law, true))
+        .collect()
+}
+
+/// T times which stiffness a compensating damper is: the springs between its two ends, in either order; from a body to
+/// ground, all springs at the body.
+fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
+    let ends = [damper.first, damper.second];
+    let at_body = match ends {
+        [End::Body(body), End::Ground] | [End::Ground, End::Body(body)] => Some(End::Body(body)),
+        _ => None,
+    };
+    let counts = |c: &Coupling| match at_body {
+        Some(body) => c.first == body || c.second == body,
+        None => [c.first, c.second] == ends || [c.second, c.first] == ends,
+    };
+    let stiffness = |c: &Coupling| match c.law {
+        Law::Spring { stiffness, .. } => stiffness,
+        _ => 0.0,
+    };
+    couplings.iter().filter(|c| counts(c)).map(stiffness).sum()
+}
+
+/// The couplings made linear, one tie each, in their order. Affine parts of nonlinear couplings are left out, except a
+/// constant's.
+///
+/// # Errors
+/// [`Error::NoSuchBody`] when an end is none of `bodies`.
+pub fn ties(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<Vec<Tie>, Error> {
+    let tie = |(index, c): (usize, &Coupling)| {
+        for end in [c.first, c.second] {
+            match end {
+                End::Body(body) if body >= bodies.len() => {
+                    return Err(Error::NoSuchBody { coupling: index, body, bodies: bodies.len() });
+                }
+                _ => {}
+            }
+        }
+        let (mut stiffness, mut fixed, mut per_period, mut force) = (0.0, 0.0, 0.0, 0.0);
+        match c.law {
+            Law::Spring { stiffness: k, rest } => (stiffness, force) = (k, k * rest),
+            Law::Damper { damping: Damping::Fixed(b) } => fixed = b,
+            Law::Damper { damping: Damping::Compensating } => per_period = compensated(c, couplings),
+            Law::Constant { torque } => force = torque,
+            _ => (stiffness, fixed) = slope(&c.law, slopes.steep(index)).unwrap_or_default(),
+        }
+        Ok(Tie { first: c.first, second: c.second, stiffness, fixed, per_period, force })
+    };
+    couplings.iter().enumerate().map(tie).collect()
+}
+
+/// The equations of motion: see the module's head. n bodies, the puck is the last row and column.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Continuous {
+    /// The diagonal of M: n inertias, kg·m².
+    pub inertia: DVector<f64>,
+    /// K, (n+1) × (n+1), N·m/rad.
+    pub stiffness: DMatrix<f64>,
+    /// C0, (n+1) × (n+1), N·m·s/rad.
+    pub fixed: DMatrix<f64>,
+    /// C1, (n+1) × (n+1), N·m/rad.
+    pub per_period: DMatrix<f64>,
+    /// f, n+1 torques, N·m.
+    pub force: DVector<f64>,
+}
+
+/// ẋ = a x + b u + constant, with x = (w, ẇ) and u = (z, ż).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rates {
+    /// 2n × 2n.
+    pub a: DMatrix<f64>,
+    /// 2n × 2: the columns of z and ż.
+    pub b: DMatrix<f64>,
+    /// 2n.
+    pub constant: DVector<f64>,
+}
+
+/// A torque on the puck as a function of the bodies' state x = (w, ẇ) and the puck's u = (z, ż):
+/// state · x + puck · u + constant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Torque {
+    /// 1 × 2n: N·m/rad on the positions, N·m·s/rad on the velocities.
+    pub state: RowDVector<f64>,
+    /// N·m/rad on z, N·m·s/rad on ż.
+    pub puck: [f64; 2],
+    /// N·m.
+    pub constant: f64,
+}
+
+impl Continuous {
+    /// The equations of `bodies` tied by `couplings`.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchBody`] when an end is none of `bodies`; [`Error::Value`] when an inertia is not positive.
+    pub fn new(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<Self, Error> {
+        let n = bodies.len();
+        for body in bodies {
+            positive("a body's inertia", body.inertia)?;
+        }
+        let mut world = Continuous {
+            inertia: DVector::from_iterator(n, bodies.iter().map(|b| b.inertia)),
+            stiffness: DMatrix::zeros(n + 1, n + 1),
+            fixed: DMatrix::zeros(n + 1, n + 1),
+            per_period: DMatrix::zeros(n + 1, n + 1),
+            force: DVector::zeros(n + 1),
+        };
+        let row = |end| match end {
+            End::Body(body) => Some(body),
+            End::Puck => Some(n),
+            End::Ground => None,
+        };
+        for tie in ties(bodies, couplings, slopes)? {
+            let b = [(row(tie.first), 1.0), (row(tie.second), -1.0)];
+            for (i, bi) in b.iter().filter_map(|&(i, bi)| Some((i?, bi))) {
+                world.force[i] += bi * tie.force;
+                for (j, bj) in b.iter().filter_map(|&(j, bj)| Some((j?, bj))) {
+                    world.stiffness[(i, j)] += bi * bj * tie.stiffness;
+                    world.fixed[(i, j)] += bi * bj * tie.fixed;
+                    world.per_period[(i, j)] += bi * bj * tie.per_period;
+                }
+            }
+        }
+        Ok(world)
+    }
+
+    /// How many bodies.
+    pub fn bodies(&self) -> usize {
+        self.inertia.len()
+    }
+
+    /// C0 + T C1, (n+1) × (n+1).
+    pub fn damping(&self, period: f64) -> DMatrix<f64> {
+        &self.fixed + period * &self.per_period
+    }
+
+    /// The bodies' first-order equations, compensating dampers at this period.
+    pub fn rates(&self, period: f64) -> Rates {
+        let n = self.bodies();
+        let damping = self.damping(period);
+        let (mut a, mut b, mut constant) =
+            (DMatrix::zeros(2 * n, 2 * n), DMatrix::zeros(2 * n, 2), DVector::zeros(2 * n));
+        for i in 0..n {
+            a[(i, n + i)] = 1.0;
+            for j in 0..n {
+                a[(n + i, j)] = -self.stiffness[(i, j)] / self.inertia[i];
+                a[(n + i, n + j)] = -damping[(i, j)] / self.inertia[i];
+            }
+            b[(n + i, 0)] = -self.stiffness[(i, n)] / self.inertia[i];
+            b[(n + i, 1)] = -damping[(i, n)] / self.inertia[i];
+            constant[n + i] = self.force[i] / self.inertia[i];
+        }
+        Rates { a, b, constant }
+    }
+
+    /// The torque on the puck at an instant, compensating dampers at this period.
+    pub fn torque(&self, period: f64) -> Torque {
+        let n = self.bodies();
+        let damping = self.damping(period);
+        let state =
+            RowDVector::from_fn(2 * n, |_, j| if j < n { -self.stiffness[(n, j)] } else { -damping[(n, j - n)] });
+        Torque { state, puck: [-self.stiffness[(n, n)], -damping[(n, n)]], constant: self.force[n] }
+    }
+}

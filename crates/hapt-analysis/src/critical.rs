@@ -1,0 +1,348 @@
+//! The critical period: the supremum of T0 such that no modulus is above 1 for all 0 < T ≤ T0, compensating dampers following
+//! the period.
+//!
+//! Backward Euler, trapezoidal, tustin, zoh and foh take a passive world's left half plane into the circle: unbounded.
+//!
+//! # Forward and semi-implicit Euler
+//!
+//! With μ = (λ - 1)/T the positions w of an eigenvector obey, puck held,
+//!
+//! ```text
+//! forward        μ w = v,           M μ v = -K w - C v    =>  (M μ² + C μ + K) w = 0
+//! semi-implicit  μ w = (1 + Tμ) v,  M μ v = -K w - C v    =>  (M μ² + (C + T K) μ + K) w = 0
+//! ```
+//!
+//! so both are C' = C0 + T C1', with C1' = C1 or C1 + K. Then λ = (1 + sT/2)/(1 - sT/2), μ = s/(1 - sT/2), takes the circle to
+//! the left half plane and keeps the matrices symmetric:
+//!
+//! ```text
+//! (M~ s² + C~ s + K) w = 0,   M~ = M - (T/2) C0 - (T²/2) C1' + (T²/4) K,   C~ = C0 + T (C1' - K)
+//! ```
+//!
+//! Where C1' - K ≥ 0 (semi-implicit Euler always, forward Euler when compensated) C~ and K are not negative, so the world is
+//! stable while M~ > 0, and for each negative eigenvalue of M~ a root lies on the right. With G = C1'/2 - K/4 ≥ 0 and τ = 1/T,
+//! det M~ = 0 is det(τ² - τ C0/2 - G) = 0, M~ shrinks as T grows, and the largest τ is the largest eigenvalue of the symmetric
+//! matrix \[\[C0/2, L\], \[Lᵀ, 0\]\], G = L Lᵀ: no search. One mode: Tω = 2(√(1+ζ²) - ζ) for semi-implicit Euler, and 2 for
+//! forward Euler with b = Tk, (2.24).
+//!
+//! Forward Euler with fixed dampers only is |1 + Ts| ≤ 1 for each s of the differential equation: T ≤ -2 Re s/|s|². That is
+//! (2.14), T ≤ 2ζ/ω, for ζ < 1, and 2(ζ - √(ζ²-1))/ω from there on. A mode that no damper damps is never stable.
+//!
+//! # Runge-Kutta
+//!
+//! |R(Ts)|² - 1 is a polynomial in T for each s; its first sign change is isolated. An undamped mode: Tω = 2√2.
+//!
+//! # In between
+//!
+//! Compensation that does not cover K, and any with RK4, has no such form: the neutral modes are taken out by structure, each
+//! with its closed form, and the others are followed along T.
+
+use hapt_model::{Body, Coupling, Method};
+use nalgebra::{Complex, DMatrix, DVector, linalg::SymmetricEigen};
+
+use crate::continuous::{Slopes, ties};
+use crate::eigen::{Root, eigenvalues, multiplier, rk4_excess};
+use crate::error::Error;
+use crate::jacobi::orthogonalise;
+use crate::modal::{Coupled, Modal, SAME};
+use crate::polynomial::{sign_changes, value};
+use crate::scan::first_rise;
+use crate::structure::parts;
+
+/// Where RK4's stability ends on the negative real axis: 1 + z/2 + z²/6 + z³/24 = 0.
+pub const RK4_REAL: f64 = -2.785_293_563_405_282;
+
+/// How far the period may grow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Critical {
+    /// Unstable from 0 on.
+    Never,
+    /// Up to this period, in s.
+    Period(f64),
+    /// Stable at every period.
+    Unbounded,
+}
+
+impl Critical {
+    /// The smaller of two.
+    pub fn min(self, other: Critical) -> Critical {
+        match (self, other) {
+            (Critical::Never, _) | (_, Critical::Never) => Critical::Never,
+            (Critical::Unbounded, c) | (c, Critical::Unbounded) => c,
+            (Critical::Period(a), Critical::Period(b)) => Critical::Period(a.min(b)),
+        }
+    }
+
+    /// In s, where there is one.
+    pub fn period(self) -> Option<f64> {
+        match self {
+            Critical::Period(period) => Some(period),
+            _ => None,
+        }
+    }
+
+    /// Why there is none: `"never"` or `"unbounded"`.
+    pub fn reason(self) -> Option<&'static str> {
+        match self {
+            Critical::Never => Some("never"),
+            Critical::Period(_) => None,
+            Critical::Unbounded => Some("unbounded"),
+        }
+    }
+
+    /// A period; 0 or less is never, more than any number is unbounded.
+    fn at(period: f64) -> Critical {
+        if period.is_nan() || period <= 0.0 {
+            Critical::Never
+        } else if period.is_finite() {
+            Critical::Period(period)
+        } else {
+            Critical::Unbounded
+        }
+    }
+}
+
+/// The critical period of bodies tied by couplings, the puck held, nonlinear couplings on the given slopes.
+///
+/// # Errors
+/// [`Error::NoSuchBody`]; [`Error::Eigenvalues`] when numbers leave double precision.
+pub fn critical(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes, method: Method) -> Result<Critical, Error> {
+    let inertia: Vec<f64> = bodies.iter().map(|b| b.inertia).collect();
+    let mut worst = Critical::Unbounded;
+    for part in parts(&inertia, &ties(bodies, couplings, slopes)?) {
+        worst = worst.min(of_part(&Modal::new(&part)?, method, worst)?);
+    }
+    Ok(worst)
+}
+
+/// The same of one part; where that takes a search, it stops at `known`.
+pub(crate) fn of_part(part: &Modal, method: Method, known: Critical) -> Result<Critical, Error> {
+    // Tω of a mode that no damper damps, and of one whose damping is T ω²: s² + Tω² s + ω² = 0.
+    let (undamped, compensated) = match method {
+        Method::ForwardEuler => (0.0, 2.0),
+        // C1' = 2 K: M~ = 1 - 3 (Tω)²/4.
+        Method::SemiImplicitEuler => (2.0, 2.0 / 3f64.sqrt()),
+        // Complex roots, Tω < 2, stay inside; the real one then meets the end of the axis, where z² + x² z + x² = 0.
+        Method::Rk4 => (8f64.sqrt(), -RK4_REAL / (-RK4_REAL - 1.0).sqrt()),
+        _ => return Ok(Critical::Unbounded),
+    };
+    let limit = |x: f64, modes: &[f64]| modes.iter().fold(Critical::Unbounded, |c, w| c.min(Critical::at(x / w)));
+    let alone = limit(undamped, &part.undamped).min(limit(compensated, &part.compensated));
+    if part.coupled.is_empty() || alone == Critical::Never {
+        return Ok(alone);
+    }
+    let known = known.min(alone).period().unwrap_or(f64::INFINITY);
+    Ok(alone.min(of_coupled(&part.coupled, method, known)?))
+}
+
+fn of_coupled(modes: &Coupled, method: Method, known: f64) -> Result<Critical, Error> {
+    let follows = modes.per_period.iter().any(|x| *x != 0.0);
+    match method {
+        Method::SemiImplicitEuler => definite(modes, &(&modes.per_period * 0.5 + modes.stiffness() * 0.25)),
+        Method::ForwardEuler if !follows => {
+            let roots = roots(modes, 1.0, &modes.fixed, None)?;
+            Ok(roots.iter().fold(Critical::Unbounded, |c, s| c.min(Critical::at(-2.0 * s.z.re / s.square))))
+        }
+        Method::ForwardEuler if modes.covered || covers(modes)? => {
+            definite(modes, &(&modes.per_period * 0.5 - modes.stiffness() * 0.25))
+        }
+        Method::ForwardEuler if grows_at_once(modes)? => Ok(Critical::Never),
+        Method::Rk4 if !follows => {
+            let roots = roots(modes, 1.0, &modes.fixed, None)?;
+            Ok(roots.iter().fold(Critical::Unbounded, |c, s| c.min(runge_kutta(*s))))
+        }
+        _ => followed(modes, method, known),
+    }
+}
+
+/// z = Ts of the modes with the given damping; see [`refine`].
+pub(crate) fn roots(
+    modes: &Coupled,
+    period: f64,
+    damping: &DMatrix<f64>,
+    euler: Option<&DMatrix<f64>>,
+) -> Result<Vec<Root>, Error> {
+    let a = modes.step(period, damping);
+    let mut found = solved(&a)?;
+    refine(modes, period, damping, euler, &a, &mut found, |_| true);
+    Ok(found)
+}
+
+/// The eigenvalues of T A. A passive world has none on the right: what stands there is rounding of one at 0.
+fn solved(a: &DMatrix<f64>) -> Result<Vec<Root>, Error> {
+    Ok(eigenvalues(a)?.into_iter().map(|z| Complex::new(z.re.min(0.0), z.im).into()).collect())
+}
+
+/// C~ of forward Euler with C1' - K.
+pub(crate) fn balance_of(modes: &Coupled, period: f64, uncovered: &DMatrix<f64>) -> DMatrix<f64> {
+    &modes.fixed + uncovered * period
+}
+
+/// Takes the complex pairs that are `wanted` from their eigenvectors, where digits are short. An eigenvalue solver errs by eps
+/// of the world's fastest rate, which may be more than all the damping of a slow mode; a quadratic form in the eigenvector
+/// has no such floor.
+///
+/// * Lightly damped: Re z is the energy that the vector x = (Ωy, v) loses, -T v*Cv/|x|².
+/// * Near forward Euler's circle, with `euler` = C~: from the pencil of the module's head, Re s = -w*C~w/(2 w*M~w) and
+///   |s|² = w*Kw/w*M~w, so that |λ|² - 1 = -(|z|²/T) w*C~w/w*Kw, w being v here. Where dampers match springs C~ is 0, and so
+///   is this, instead of 2 Re z + |z|² by rounding.
+fn refine(
+    modes: &Coupled,
+    period: f64,
+    damping: &DMatrix<f64>,
+    euler: Option<&DMatrix<f64>>,
+    a: &DMatrix<f64>,
+    found: &mut [Root],
+    wanted: impl Fn(Root) -> bool,
+) {
+    let (n, p) = (a.nrows(), modes.omega.len());
+    let size = a.amax();
+    let complex = a.map(|x| Complex::new(x, 0.0));
+    let start = DVector::from_fn(n, |i, _| Complex::new(1.0 + 0.1 * (i % 7) as f64, 0.3 - 0.1 * (i % 3) as f64));
+    for i in 1..n {
+        // Pairs stand side by side.
+        let Root { z, square, .. } = found[i - 1];
+        let light = z.re.abs() < 1e-2 * z.im;
+        let near = euler.filter(|_| (2.0 * z.re + square).abs() < 1e-2 * square.sqrt());
+        if found[i].z != z.conj() || z.im <= 0.0 || !(light || near.is_some()) || !wanted(found[i - 1]) {
+            continue;
+        }
+        let lu = (&complex - DMatrix::from_diagonal_element(n, n, z * (1.0 + 1e-13))).lu();
+        // Two inverse iterations.
+        let Some(x) = lu.solve(&start).map(|x| x.unscale(x.norm())).and_then(|x| lu.solve(&x)) else { continue };
+        let x = x.unscale(x.norm());
+        let v = x.rows(p, n - p);
+        let (re, im) = (v.map(|c| c.re), v.map(|c| c.im));
+        let form = |m: &DMatrix<f64>| (re.transpose() * m * &re)[0] + (im.transpose() * m * &im)[0];
+        let mut better = found[i - 1];
+        if light {
+            let quotient = Complex::new(-period * form(damping), x.dotc(&(&complex * &x)).im);
+            // Far from simple eigenvalues the vector is worth no more than the eigenvalue.
+            if (quotient - z).norm() < 1e-8 * z.im + 1e-14 * size {
+                better = Root::from(quotient);
+            }
+        }
+        if let Some(balance) = near {
+            let stored: f64 = modes.omega.iter().zip(v.iter()).map(|(w, v)| w * w * v.norm_sqr()).sum();
+            let excess = -better.square / period * form(balance) / stored;
+            if (excess - (2.0 * z.re + square)).abs() < 1e-8 * square.sqrt() + 1e-14 * size {
+                better.excess = Some(excess);
+            }
+        }
+        found[i - 1] = better;
+        found[i] = Root { z: better.z.conj(), ..better };
+    }
+}
+
+/// 1/τ for the largest eigenvalue τ of [[C0/2, L], [Lᵀ, 0]], L Lᵀ = G.
+fn definite(modes: &Coupled, g: &DMatrix<f64>) -> Result<Critical, Error> {
+    let m = modes.order();
+    let g = symmetric(g.clone())?;
+    let mut l = g.eigenvectors;
+    for (mut column, value) in l.column_iter_mut().zip(g.eigenvalues.iter()) {
+        column.scale_mut(value.max(0.0).sqrt());
+    }
+    let mut s = DMatrix::zeros(2 * m, 2 * m);
+    s.view_mut((0, 0), (m, m)).copy_from(&(&modes.fixed * 0.5));
+    s.view_mut((0, m), (m, m)).copy_from(&l);
+    s.view_mut((m, 0), (m, m)).copy_from(&l.transpose());
+    Ok(Critical::at(1.0 / symmetric(s)?.eigenvalues.max()))
+}
+
+fn symmetric(a: DMatrix<f64>) -> Result<SymmetricEigen<f64, nalgebra::Dyn>, Error> {
+    let failed = Error::Eigenvalues { order: a.nrows() };
+    if !a.iter().all(|x| x.is_finite()) {
+        return Err(failed);
+    }
+    let bound = 100 * (a.nrows() + 1);
+    SymmetricEigen::try_new(a, f64::EPSILON, bound).ok_or(failed)
+}
+
+/// Whether C1 - K ≥ 0, but for rounding: not link by link, but as a matrix.
+fn covers(modes: &Coupled) -> Result<bool, Error> {
+    Ok(symmetric(modes.uncovered.clone())?.eigenvalues.min() >= -1e-14 * modes.uncovered.amax())
+}
+
+/// Where RK4 leaves the circle along T on the ray of s.
+fn runge_kutta(s: Root) -> Critical {
+    let size = s.square.sqrt();
+    if size == 0.0 {
+        return Critical::Unbounded;
+    }
+    // In h = T|s|: (|R|² - 1)/h, and no direction on the left stays inside beyond h = 4.
+    let p = rk4_excess(Root { z: s.z / size, square: 1.0, excess: None });
+    let rise = |x: &f64| value(&p, x * (1.0 + 1e-9)) > 0.0;
+    let first = sign_changes(&p, 0.0, 4.0).into_iter().find(rise);
+    Critical::at(first.unwrap_or(0.0) / size)
+}
+
+/// Whether forward Euler with partial compensation grows for every small T. To first order, on the modes of one frequency,
+/// (|λ|² - 1)/T is -C0 + T (ω² - C1): where C0 vanishes by structure, the sign of the second term decides.
+fn grows_at_once(modes: &Coupled) -> Result<bool, Error> {
+    let trace = modes.fixed.trace();
+    let mut start = 0;
+    for group in modes.omega.chunk_by(|a, b| b - a <= SAME * b) {
+        let columns: Vec<usize> = (start..start + group.len()).collect();
+        start += group.len();
+        let mut seen = modes.fixed_rows.select_columns(&columns);
+        let mut shapes = DMatrix::zeros(modes.order(), group.len());
+        columns.iter().enumerate().for_each(|(j, &i)| shapes[(i, j)] = 1.0);
+        orthogonalise(&mut seen, &mut shapes);
+        let quiet: Vec<usize> = (0..group.len()).filter(|&j| seen.column(j).norm_squared() <= 1e-18 * trace).collect();
+        if quiet.is_empty() {
+            continue;
+        }
+        let shapes = shapes.select_columns(&quiet);
+        let least = symmetric(shapes.transpose() * &modes.uncovered * &shapes)?.eigenvalues.min();
+        if least < -1e-13 * group[0] * group[0] {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// The first period at which one of the modes leaves the circle, by following them along T; `known` when they stay inside
+/// up to there.
+fn followed(modes: &Coupled, method: Method, known: f64) -> Result<Critical, Error> {
+    let (c0, c1) = (modes.fixed.trace(), modes.per_period.trace());
+    let fastest = modes.omega.iter().copied().fold(0.0, f64::max);
+    // No |λ| above 1 needs |z| below 2 (forward Euler) or about 3 (RK4) for all m pairs, and the sum of z is -T tr C.
+    let most = 6.0 * modes.order() as f64;
+    let high = (2.0 * most / (c0 + (c0 * c0 + 4.0 * most * c1).sqrt())).min(6.0 / fastest).min(known);
+    // From well below every mode's own limit. For forward Euler that is -2 Re s/|s|² of the world with its fixed dampers alone;
+    // a mode that those leave alone has been seen to by `grows_at_once`.
+    let mut low = 0.05 * high.min(1.0 / fastest);
+    if method == Method::ForwardEuler {
+        let own = |s: Root| -2.0 * s.z.re / s.square;
+        let fixed = roots(modes, 1.0, &modes.fixed, None)?;
+        low = fixed.into_iter().filter(|s| -s.z.re > 1e-18 * c0).map(|s| 0.05 * own(s)).fold(low, f64::min);
+    }
+    let growth = |period: f64| {
+        let damping = &modes.fixed + &modes.per_period * period;
+        let a = modes.step(period, &damping);
+        let log = |root: Root| multiplier(method, root).ln_abs;
+        let mut roots = solved(&a)?;
+        let most = roots.iter().copied().map(log).fold(f64::NEG_INFINITY, f64::max);
+        // Only those that decide, and only where digits are short.
+        let short = 1e-10 * a.amax();
+        if most.abs() < short {
+            let euler = (method == Method::ForwardEuler).then(|| balance_of(modes, period, &modes.uncovered));
+            refine(modes, period, &damping, euler.as_ref(), &a, &mut roots, |root| log(root) > most - short);
+        }
+        let most = roots.into_iter().map(log).fold(f64::NEG_INFINITY, f64::max);
+        Ok((most / period).clamp(-f64::MAX, f64::MAX))
+    };
+    // What grows already there would have to stop growing below it.
+    for _ in 0..4 {
+        if growth(low)? <= 0.0 {
+            break;
+        }
+        low *= 0.1;
+    }
+    Ok(match first_rise(growth, low, high)? {
+        Some(period) if period <= low => Critical::Never,
+        Some(period) => Critical::Period(period),
+        // Beyond `high` nothing is stable, or nobody asks.
+        None => Critical::Period(high),
+    })
+}

@@ -1,0 +1,240 @@
+//! Eigenvalues, and what a method makes of them.
+//!
+//! A method turns an eigenvalue s of the held world's differential equation into λ = R(Ts). What matters is how far |λ| is
+//! from 1: a wheel that grows by 1e-9 per second at 1 ms has |λ| - 1 = 1e-12. So λ is kept as λ - 1 and ln |λ|, each from z = Ts
+//! without subtracting numbers near 1. Where the real part of z is 0 by structure, ln |λ| is then 0 by arithmetic under the
+//! methods that keep a lossless world lossless.
+
+use hapt_model::Method;
+use nalgebra::{Complex, DMatrix, linalg::Schur};
+
+use crate::error::Error;
+use crate::matrix::{balance, scaled};
+
+/// The eigenvalues of a square matrix, complex ones as exact conjugates: balancing, then the QR algorithm with bounded
+/// iterations. They err by a few eps of the balanced matrix's norm, times their condition.
+///
+/// # Errors
+/// [`Error::Eigenvalues`] when an entry is not finite or the iteration does not converge.
+pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, Error> {
+    let n = a.nrows();
+    let failed = Error::Eigenvalues { order: n };
+    if n == 0 {
+        return Ok(Vec::new());
+    }
+    let a = scaled(a, &balance(a));
+    // To norm 1: the solver squares entries.
+    let size = a.amax();
+    if !size.is_finite() {
+        return Err(failed);
+    }
+    if size == 0.0 {
+        return Ok(vec![Complex::new(0.0, 0.0); n]);
+    }
+    let a = a / size;
+    let bound = 100 * n;
+    // The solver gives up an entry below the diagonal when it is small beside its neighbours on it. Of a lossless world those
+    // may all be 0, and nothing is small beside 0: a shift by the norm then costs digits of the slow modes, but converges.
+    let t = match Schur::try_new(a.clone(), f64::EPSILON, bound) {
+        Some(schur) => schur.unpack().1,
+        None => {
+            let shift = DMatrix::<f64>::identity(n, n);
+            Schur::try_new(a + &shift, f64::EPSILON, bound).ok_or(failed.clone())?.unpack().1 - shift
+        }
+    };
+    let mut found = Vec::with_capacity(n);
+    let mut i = 0;
+    while i < n {
+        if i + 1 < n && t[(i + 1, i)] != 0.0 {
+            found.extend(block(t[(i, i)], t[(i, i + 1)], t[(i + 1, i)], t[(i + 1, i + 1)]));
+            i += 2;
+        } else {
+            found.push(Complex::new(t[(i, i)], 0.0));
+            i += 1;
+        }
+    }
+    if found.iter().all(|s| s.re.is_finite() && s.im.is_finite()) {
+        Ok(found.into_iter().map(|s| s * size).collect())
+    } else {
+        Err(failed)
+    }
+}
+
+/// The eigenvalues of \[\[a, b\], \[c, d\]\].
+fn block(a: f64, b: f64, c: f64, d: f64) -> [Complex<f64>; 2] {
+    let (mean, half) = (0.5 * (a + d), 0.5 * (a - d));
+    let square = half * half + b * c;
+    if square < 0.0 {
+        let im = (-square).sqrt();
+        return [Complex::new(mean, im), Complex::new(mean, -im)];
+    }
+    let far = mean + square.sqrt().copysign(mean);
+    let near = if far == 0.0 { 0.0 } else { (a * d - b * c) / far };
+    [Complex::new(far, 0.0), Complex::new(near, 0.0)]
+}
+
+/// The roots of z² + d z + x² for x > 0, d ≥ 0: z = Ts of a mode of frequency x/T and damping d/T that hangs with no other.
+pub(crate) fn pair(x: f64, d: f64) -> [Root; 2] {
+    let half = 0.5 * d;
+    if half < x {
+        let z = Complex::new(-half, ((x - half) * (x + half)).sqrt());
+        return [z, z.conj()].map(|z| Root { z, square: x * x, excess: None });
+    }
+    let far = -(half + ((half - x) * (half + x)).sqrt());
+    [far, x * (x / far)].map(|z| Root { z: Complex::new(z, 0.0), square: z * z, excess: None })
+}
+
+/// z = Ts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Root {
+    pub z: Complex<f64>,
+    /// |z|², which a mode that hangs with no other has more exactly than its two parts.
+    pub square: f64,
+    /// |1 + z|² - 1, where it is known better than as 2 Re z + |z|².
+    pub excess: Option<f64>,
+}
+
+impl From<Complex<f64>> for Root {
+    fn from(z: Complex<f64>) -> Self {
+        Root { z, square: z.norm_sqr(), excess: None }
+    }
+}
+
+/// A discrete eigenvalue λ, per sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Multiplier {
+    /// λ - 1.
+    pub less_one: Complex<f64>,
+    /// ln |λ|; -∞ for λ = 0.
+    pub ln_abs: f64,
+}
+
+impl Multiplier {
+    /// λ = 1 exactly.
+    pub const ONE: Multiplier = Multiplier { less_one: Complex::new(0.0, 0.0), ln_abs: 0.0 };
+
+    /// λ.
+    pub fn value(&self) -> Complex<f64> {
+        self.less_one + 1.0
+    }
+
+    /// |λ|.
+    pub fn abs(&self) -> f64 {
+        self.ln_abs.exp()
+    }
+
+    /// arg λ in rad, from -π to π.
+    pub fn arg(&self) -> f64 {
+        self.value().arg()
+    }
+
+    /// ln |λ|/T in 1/s.
+    pub fn growth(&self, period: f64) -> f64 {
+        self.ln_abs / period
+    }
+}
+
+/// λ of a method at z = Ts. For semi-implicit Euler, z is that of the equation with T K added to the damping (see
+/// [`crate::critical`]), on which it acts as forward Euler.
+pub(crate) fn multiplier(method: Method, root: Root) -> Multiplier {
+    let Root { z, square, excess } = root;
+    // Each second one is |λ|² - 1.
+    let (less_one, excess) = match method {
+        Method::ForwardEuler | Method::SemiImplicitEuler => (z, excess.unwrap_or(2.0 * z.re + square)),
+        Method::BackwardEuler => (z / (1.0 - z), (2.0 * z.re - square) / (1.0 - z).norm_sqr()),
+        Method::Trapezoidal | Method::Tustin => {
+            let below = 1.0 - 0.5 * z;
+            (z / below, 2.0 * z.re / below.norm_sqr())
+        }
+        Method::Zoh | Method::Foh => {
+            // e^z - 1 = (e^a - 1) cos b + (cos b - 1) + j e^a sin b
+            let sin = (0.5 * z.im).sin();
+            let re = z.re.exp_m1() * z.im.cos() - 2.0 * sin * sin;
+            return Multiplier { less_one: Complex::new(re, z.re.exp() * z.im.sin()), ln_abs: z.re };
+        }
+        Method::Rk4 => {
+            let less_one = z * (1.0 + 0.5 * z * (1.0 + z / 3.0 * (1.0 + 0.25 * z)));
+            (less_one, rk4_excess(root).iter().rev().fold(0.0, |sum, c| sum + c))
+        }
+    };
+    // Far inside the circle |λ|² - 1 rounds to -1 and λ itself is the better source; far outside both are good.
+    let ln_abs = if excess > -0.5 { 0.5 * excess.ln_1p() } else { (less_one + 1.0).norm().ln() };
+    Multiplier { less_one, ln_abs }
+}
+
+/// |R(z)|² - 1 of RK4 by its orders 1 to 8 in z. Up to order 4 they are those of |e^z|² = e^{2 Re z}; from there on some terms
+/// of the product are missing. For Re z = 0 there remains -x⁶/72 + x⁸/576.
+pub(crate) fn rk4_excess(Root { z, square, .. }: Root) -> [f64; 8] {
+    let a = 2.0 * z.re;
+    let (z2, z3) = (z * z, z * z * z);
+    [
+        a,
+        a * a / 2.0,
+        a * a * a / 6.0,
+        a * a * a * a / 24.0,
+        square * (z3.re / 12.0 + square * z.re / 6.0),
+        square * square * (z2.re / 24.0 + square / 36.0),
+        square * square * square * z.re / 72.0,
+        square * square * square * square / 576.0,
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn rk4s_orders_sum_to_its_modulus(re in -2.0..0.5f64, im in -2.0..2.0f64) {
+            let z = Complex::new(re, im);
+            let r: Complex<f64> = 1.0 + z + z.powi(2) / 2.0 + z.powi(3) / 6.0 + z.powi(4) / 24.0;
+            let excess: f64 = rk4_excess(z.into()).iter().sum();
+            prop_assert!((excess - (r.norm_sqr() - 1.0)).abs() < 1e-12);
+        }
+
+        #[test]
+        fn skew_matrices_have_imaginary_eigenvalues_and_always_converge(n in 1..24usize, seed in prop::collection::vec(-1.0..1.0f64, 24 * 24)) {
+            let skew = DMatrix::from_fn(n, n, |i, j| seed[i * 24 + j] - seed[j * 24 + i]);
+            for s in eigenvalues(&skew).unwrap() {
+                prop_assert!(s.re.abs() < 1e-13 * (n as f64));
+            }
+        }
+
+        #[test]
+        fn eigenvalues_of_a_companion_matrix_are_the_roots(roots in prop::collection::vec(-2.0..2.0f64, 1..6)) {
+            // ∏ (x - r), coefficients upwards.
+            let mut p = vec![1.0];
+            for r in &roots {
+                let mut next = vec![0.0; p.len() + 1];
+                for (i, c) in p.iter().enumerate() {
+                    next[i + 1] += c;
+                    next[i] -= r * c;
+                }
+                p = next;
+            }
+            let n = roots.len();
+            let m = DMatrix::from_fn(n, n, |i, j| if j + 1 == n { -p[i] } else if i == j + 1 { 1.0 } else { 0.0 });
+            for s in eigenvalues(&m).unwrap() {
+                let at = p.iter().rev().fold(Complex::new(0.0, 0.0), |sum, c| sum * s + c);
+                prop_assert!(at.norm() < 1e-11, "p({s}) = {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_cyclic_permutation_ends_one_way_or_the_other() {
+        // The double-shift QR algorithm turns this matrix into itself for ever; the bound and the shift end it.
+        for n in 2..10 {
+            let cycle = DMatrix::from_fn(n, n, |i, j| f64::from(u8::from((i + 1) % n == j)));
+            if let Ok(found) = eigenvalues(&cycle) {
+                assert!(found.iter().all(|s| (s.norm() - 1.0).abs() < 1e-12), "{n}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_has_no_eigenvalues() {
+        assert_eq!(eigenvalues(&DMatrix::from_element(2, 2, f64::NAN)), Err(Error::Eigenvalues { order: 2 }));
+    }
+}

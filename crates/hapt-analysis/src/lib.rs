@@ -1,0 +1,44 @@
+//! The laboratory: what a world does when its loop runs, computed from its differential equations and never by running the
+//! loop. The loop and this crate share plain data only, so that a test which compares them compares two derivations.
+//!
+//! * [`check()`] is the whole answer on one world: eigenvalues, growth, critical period, modes, notes.
+//! * [`Continuous`] holds the equations of motion, [`Discrete`] one sample of them under a method.
+//! * [`Design`] and [`closed_form`] are the notes' wheel on a spring: its specification, and what it does exactly.
+//!
+//! Everything is f64 and SI. Equation numbers such as (2.14) are those of J. S. Freudenberg, "Notes on the Virtual Spring
+//! Mass System", EECS 461, 2008.
+//!
+//! ```
+//! use hapt_analysis::Design;
+//!
+//! // 45 degrees and 800 N mm at 1 Hz, 1 ms: the notes' wheel (section 2.1).
+//! let wheel = Design::new(std::f64::consts::FRAC_PI_4, 0.8, 1.0, 1e-3)?;
+//! assert!((wheel.stiffness - 1.018592).abs() < 1e-6);
+//! assert!((wheel.inertia - 0.02580123).abs() < 1e-8);
+//! # Ok::<(), hapt_analysis::Error>(())
+//! ```
+#![forbid(unsafe_code)]
+
+pub mod check;
+pub mod closed_form;
+pub mod continuous;
+pub mod critical;
+pub mod design;
+pub mod discrete;
+pub mod eigen;
+pub mod error;
+pub mod held;
+mod jacobi;
+mod matrix;
+mod modal;
+mod polynomial;
+mod scan;
+mod structure;
+
+pub use check::{Check, check};
+pub use continuous::{Continuous, Slopes};
+pub use critical::Critical;
+pub use design::Design;
+pub use discrete::Discrete;
+pub use error::Error;
+pub use held::{Held, Verdict, held};

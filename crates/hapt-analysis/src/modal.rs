@@ -1,0 +1,255 @@
+//! A part of the held world in the coordinates of its undamped modes.
+//!
+//! With w = M^{-1/2} V y and V the eigenvectors of M^{-1/2} K M^{-1/2}, the equations are ÿ + (C0 + T C1) ẏ + Ω² y = 0 with C0, C1
+//! symmetric. As a state take (Ω y, ẏ): its square is twice the energy, so
+//!
+//! ```text
+//! A = [0, Ω; -Ω, -(C0 + T C1)]
+//! ```
+//!
+//! is skew but for the damping, and rounding stays where it is, however different inertias and stiffnesses are.
+//!
+//! Structure comes out here, before any eigenvalue is computed:
+//!
+//! * A cluster without an anchor gives ω = 0. Its position is no coordinate of the state above: it is one eigenvalue 1, and the
+//!   rest does not see it. V gets the shift as an exact column.
+//! * A part that nothing ties keeps its momentum: that velocity leaves too, as another 1.
+//! * A mode that moves no damper is `undamped`; it hangs with no other mode, and its s is ±jω exactly. The test is on the shape
+//!   alone, whatever the dampers' sizes.
+//! * A mode on which the dampers amount to T K is `compensated`: s² + Tω² s + ω² = 0.
+//!
+//! Of modes of one frequency any mixture is a mode: there the damped ones are turned away from the others first.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::error::Error;
+use crate::jacobi::orthogonalise;
+use crate::structure::{Link, Part};
+
+/// A mode counts as unseen by a damper that it moves by less than this, relative to the damper's own reach. Its damping would
+/// be the square of it, 1e-18, beyond every digit of an eigenvalue.
+const UNSEEN: f64 = 1e-9;
+
+/// Frequencies this near, relatively, are one: Jacobi gives them to 1e-14.
+pub(crate) const SAME: f64 = 1e-11;
+
+/// The modes that dampers tie together: see the module's head.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Coupled {
+    /// Ω of the modes that have one, increasing; after them come velocities without a position.
+    pub omega: Vec<f64>,
+    /// √c0 × the motion across each damper: C0 = rowsᵀ rows. m columns.
+    pub fixed_rows: DMatrix<f64>,
+    /// C0, m × m, 1/s.
+    pub fixed: DMatrix<f64>,
+    /// C1, m × m, 1/s².
+    pub per_period: DMatrix<f64>,
+    /// C1 - K, m × m, 1/s², summed link by link: where dampers match springs it is exactly 0.
+    pub uncovered: DMatrix<f64>,
+    /// Whether, link by link, C1 is no less than K, so that C1 - K is positive semidefinite.
+    pub covered: bool,
+}
+
+/// A part of the held world.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Modal {
+    /// Eigenvalues that are exactly 1.
+    pub ones: usize,
+    /// ω of the modes that move no damper.
+    pub undamped: Vec<f64>,
+    /// ω of the modes whose damping is T ω² exactly.
+    pub compensated: Vec<f64>,
+    /// All others.
+    pub coupled: Coupled,
+}
+
+impl Coupled {
+    /// Velocities.
+    pub fn order(&self) -> usize {
+        self.fixed.nrows()
+    }
+
+    /// Whether there is nothing.
+    pub fn is_empty(&self) -> bool {
+        self.order() == 0
+    }
+
+    /// Ω², with zeros for the velocities that have no position.
+    pub fn stiffness(&self) -> DMatrix<f64> {
+        let square = |i| self.omega.get(i).map_or(0.0, |w: &f64| w * w);
+        DMatrix::from_fn(self.order(), self.order(), |i, j| if i == j { square(i) } else { 0.0 })
+    }
+
+    /// A T of the module's head with the given damping: (p + m)², p positions and m velocities.
+    pub fn step(&self, period: f64, damping: &DMatrix<f64>) -> DMatrix<f64> {
+        let (p, m) = (self.omega.len(), self.order());
+        let mut a = DMatrix::zeros(p + m, p + m);
+        for (i, omega) in self.omega.iter().enumerate() {
+            a[(i, p + i)] = omega * period;
+            a[(p + i, i)] = -omega * period;
+        }
+        a.view_mut((p, p), (m, m)).copy_from(&(damping * -period));
+        a
+    }
+}
+
+/// bᵀ M^{-1/2} of a link: the motion across it.
+fn reach(part: &Part, link: &Link) -> DVector<f64> {
+    let mut row = DVector::zeros(part.inertia.len());
+    row[link.body] = 1.0 / part.inertia[link.body].sqrt();
+    if let Some(other) = link.other {
+        row[other] = -1.0 / part.inertia[other].sqrt();
+    }
+    row
+}
+
+/// The rows bᵀ M^{-1/2} v √weight, one a link with weight above 0.
+fn rows(part: &Part, v: &DMatrix<f64>, weight: impl Fn(&Link, f64) -> f64) -> DMatrix<f64> {
+    let rows: Vec<_> = part
+        .links
+        .iter()
+        .filter_map(|link| {
+            let reach = reach(part, link);
+            let weight = weight(link, reach.norm_squared());
+            (weight > 0.0).then(|| reach.transpose() * v * weight.sqrt())
+        })
+        .collect();
+    DMatrix::from_fn(rows.len(), v.ncols(), |i, j| rows[i][j])
+}
+
+/// Σ weight (bᵀ M^{-1/2} v)ᵀ (bᵀ M^{-1/2} v) over the links; weights of either sign.
+fn form(part: &Part, v: &DMatrix<f64>, weight: impl Fn(&Link) -> f64) -> DMatrix<f64> {
+    let mut sum = DMatrix::zeros(v.ncols(), v.ncols());
+    for link in part.links.iter().filter(|l| weight(l) != 0.0) {
+        let across = reach(part, link).transpose() * v;
+        sum += across.transpose() * &across * weight(link);
+    }
+    sum
+}
+
+impl Modal {
+    /// # Errors
+    /// [`Error::Eigenvalues`] when a frequency or damping is beyond double precision.
+    pub fn new(part: &Part) -> Result<Self, Error> {
+        let n = part.inertia.len();
+        let (mut modes, mut shifts) = basis(part);
+        let mut ones = shifts.ncols();
+        if !part.tied {
+            // The momentum of the whole part, in terms of its clusters' shifts.
+            let total: f64 = part.inertia.iter().sum();
+            let whole = DVector::from_iterator(n, part.inertia.iter().map(|m| (m / total).sqrt()));
+            shifts = &shifts * complement(&(shifts.transpose() * whole));
+            ones += 1;
+        }
+        let mut g = rows(part, &modes, |link, _| link.stiffness);
+        orthogonalise(&mut g, &mut modes);
+        let omega: Vec<f64> = g.column_iter().map(|c| c.norm()).collect();
+        let size = part.inertia.iter().map(|m| m.sqrt()).fold(0.0, f64::max);
+        if !(omega.iter().all(|w| w.is_finite() && *w > 0.0 && (w * w).is_normal()) && size.is_finite()) {
+            return Err(Error::Eigenvalues { order: 2 * n });
+        }
+        let mut by_frequency: Vec<usize> = (0..omega.len()).collect();
+        by_frequency.sort_by(|&i, &j| omega[i].total_cmp(&omega[j]));
+
+        let no_columns = || DMatrix::<f64>::zeros(n, 0);
+        let (mut undamped, mut compensated, mut kept, mut kept_shapes) = (vec![], vec![], vec![], no_columns());
+        let follows = part.links.iter().any(|l| l.per_period > 0.0);
+        let difference = form(part, &DMatrix::identity(n, n), |l| l.per_period - l.stiffness);
+        for group in by_frequency.chunk_by(|&i, &j| omega[j] - omega[i] <= SAME * omega[j]) {
+            let w = group.iter().map(|&i| omega[i]).sum::<f64>() / group.len() as f64;
+            let shapes = modes.select_columns(group);
+            // Dampers count by where they are, not by how large: unit rows.
+            let seen = rows(part, &shapes, |l, reach| f64::from(u8::from(l.fixed > 0.0 || l.per_period > 0.0)) / reach);
+            let (quiet, shapes) = split(seen, shapes);
+            undamped.extend(std::iter::repeat_n(w, quiet));
+            let (quiet, shapes) = if follows {
+                let seen = rows(part, &shapes, |l, reach| f64::from(u8::from(l.fixed > 0.0)) / reach);
+                let uncovered = &difference * &shapes / (w * w);
+                let all = DMatrix::from_fn(seen.nrows() + n, shapes.ncols(), |i, j| {
+                    if i < seen.nrows() { seen[(i, j)] } else { uncovered[(i - seen.nrows(), j)] }
+                });
+                split(all, shapes)
+            } else {
+                (0, shapes)
+            };
+            compensated.extend(std::iter::repeat_n(w, quiet));
+            kept.extend(std::iter::repeat_n(w, shapes.ncols()));
+            kept_shapes = beside(&kept_shapes, &shapes);
+        }
+        let v = beside(&kept_shapes, &shifts);
+        let fixed_rows = rows(part, &v, |l, _| l.fixed);
+        let coupled = Coupled {
+            fixed: fixed_rows.transpose() * &fixed_rows,
+            per_period: form(part, &v, |l| l.per_period),
+            uncovered: form(part, &v, |l| l.per_period - l.stiffness),
+            covered: part.links.iter().all(|l| l.per_period >= l.stiffness),
+            omega: kept,
+            fixed_rows,
+        };
+        if coupled.fixed.iter().chain(coupled.per_period.iter()).chain(coupled.uncovered.iter()).all(|x| x.is_finite())
+        {
+            Ok(Modal { ones, undamped, compensated, coupled })
+        } else {
+            Err(Error::Eigenvalues { order: 2 * n })
+        }
+    }
+}
+
+/// An orthonormal basis in which the shift of each cluster without an anchor, M^{1/2} 1, is a column of the second matrix,
+/// and no column of the first moves such a cluster as a whole.
+fn basis(part: &Part) -> (DMatrix<f64>, DMatrix<f64>) {
+    let n = part.inertia.len();
+    let mut all = DMatrix::<f64>::identity(n, n);
+    let mut is_shift = vec![false; n];
+    for cluster in part.clusters.iter().filter(|c| !c.anchored) {
+        let total: f64 = cluster.bodies.iter().map(|&i| part.inertia[i]).sum();
+        let shift = DVector::from_iterator(
+            cluster.bodies.len(),
+            cluster.bodies.iter().map(|&i| (part.inertia[i] / total).sqrt()),
+        );
+        let (reflection, heaviest) = reflection(&shift);
+        for (a, &i) in cluster.bodies.iter().enumerate() {
+            for (b, &j) in cluster.bodies.iter().enumerate() {
+                all[(i, j)] = reflection[(a, b)];
+            }
+        }
+        is_shift[cluster.bodies[heaviest]] = true;
+    }
+    let columns = |shift: bool| (0..n).filter(|&i| is_shift[i] == shift).collect::<Vec<_>>();
+    (all.select_columns(&columns(false)), all.select_columns(&columns(true)))
+}
+
+/// The Householder reflection whose column at p's largest entry is -p, for a unit vector of entries not below 0, and where
+/// that is. The largest, so that the other columns are near those of the identity and keep a light body's motion apart.
+fn reflection(p: &DVector<f64>) -> (DMatrix<f64>, usize) {
+    let at = p.iter().enumerate().fold(0, |best, (i, x)| if *x > p[best] { i } else { best });
+    let mut u = p.clone();
+    u[at] += 1.0;
+    let size = u.norm_squared();
+    (DMatrix::identity(p.len(), p.len()) - &u * u.transpose() * (2.0 / size), at)
+}
+
+/// An orthonormal basis of what is perpendicular to the unit vector p.
+fn complement(p: &DVector<f64>) -> DMatrix<f64> {
+    if p.is_empty() {
+        return DMatrix::zeros(0, 0);
+    }
+    let (reflection, at) = reflection(&p.abs());
+    // p may come with either sign on an entry; reflecting |p| and putting the signs back keeps the largest-entry choice.
+    let signs = p.map(|x| if x < 0.0 { -1.0 } else { 1.0 });
+    DMatrix::from_fn(p.len(), p.len(), |i, j| signs[i] * reflection[(i, j)]).remove_column(at)
+}
+
+/// Turns the shapes so that as many as possible are not seen by the rows; gives their number, and the others.
+fn split(mut seen: DMatrix<f64>, mut shapes: DMatrix<f64>) -> (usize, DMatrix<f64>) {
+    if shapes.ncols() > 1 {
+        orthogonalise(&mut seen, &mut shapes);
+    }
+    let loud: Vec<usize> = (0..shapes.ncols()).filter(|&j| seen.column(j).norm() > UNSEEN).collect();
+    (shapes.ncols() - loud.len(), shapes.select_columns(&loud))
+}
+
+fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let columns = a.ncols() + b.ncols();
+    DMatrix::from_fn(a.nrows(), columns, |i, j| if j < a.ncols() { a[(i, j)] } else { b[(i, j - a.ncols())] })
+}
