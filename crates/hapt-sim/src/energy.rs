@@ -1,0 +1,59 @@
+//! Where the energy goes: the device's ledger, and what the world stores.
+
+use hapt_model::{End, Law, Side, World};
+
+/// Works since t = 0 in J. Hand and motor give, damping and friction take, and the rest moves:
+/// hand + motor = damping + friction + change of J_z ż²/2.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ledger {
+    /// Done by the hand on the puck.
+    pub hand: f64,
+    /// Done by the motor on the puck.
+    pub motor: f64,
+    /// Taken by the device's viscous damping.
+    pub damping: f64,
+    /// Taken by the device's Coulomb friction.
+    pub friction: f64,
+}
+
+/// What the world stores in J, at the puck's true position and the bodies' state: bodies J v²/2, springs k (q - rest)²/2, walls
+/// k (q - at)²/2 inside, detents torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), constants -torque · q, bristles σ0 s²/2.
+pub fn world_energy(world: &World, puck: f64, bodies: &[(f64, f64)], bristles: &[f64]) -> f64 {
+    let moving: f64 = world.bodies.iter().zip(bodies).map(|(body, (_, v))| 0.5 * body.inertia * v * v).sum();
+    let at = |end: End| match end {
+        End::Puck => puck,
+        End::Ground => 0.0,
+        End::Body(i) => bodies.get(i).map_or(0.0, |body| body.0),
+    };
+    let stored: f64 = world
+        .couplings
+        .iter()
+        .enumerate()
+        .map(|(i, coupling)| {
+            let q = at(coupling.first) - at(coupling.second);
+            stored(&coupling.law, q, bristles.get(i).copied().unwrap_or(0.0))
+        })
+        .sum();
+    moving + stored
+}
+
+fn stored(law: &Law, q: f64, bristle: f64) -> f64 {
+    let square = |x: f64| x * x;
+    match *law {
+        Law::Spring { stiffness, rest } => 0.5 * stiffness * square(q - rest),
+        Law::Wall { side, at, stiffness, .. } => {
+            let depth = match side {
+                Side::Above => q - at,
+                Side::Below => at - q,
+            };
+            0.5 * stiffness * square(depth.max(0.0))
+        }
+        Law::Detent { torque, pitch, phase } => {
+            // 1 - cos 2a = 2 sin² a: a small swing about a rest keeps its digits.
+            torque * pitch / std::f64::consts::PI * square(libm::sin(std::f64::consts::PI * (q - phase) / pitch))
+        }
+        Law::Constant { torque } => -torque * q,
+        Law::Lugre { bristle_stiffness, .. } => 0.5 * bristle_stiffness * square(bristle),
+        Law::Damper { .. } | Law::Coulomb { .. } => 0.0,
+    }
+}

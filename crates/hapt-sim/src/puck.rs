@@ -1,0 +1,236 @@
+//! The puck on its own: pushed by motor and hand, held by Coulomb friction, every stop and start located.
+
+use crate::energy::Ledger;
+use crate::plant::{Motion, Plant, Propagator};
+
+/// The physical puck and, while it is held, the hand's inertia, damping and stiffness on it.
+#[derive(Clone, Debug)]
+pub(crate) struct Puck {
+    /// Position in rad and velocity in rad/s (linear: m and m/s).
+    pub position: f64,
+    pub velocity: f64,
+    device: Inertia,
+    /// The hand's share of the plant; zeros where none.
+    hand: Inertia,
+    plant: Plant,
+    friction: f64,
+    /// The propagators of the lengths that come again and again: a period, or its parts around a delay.
+    usual: Vec<(f64, Propagator)>,
+}
+
+/// Inertia, damping and stiffness of something.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Inertia {
+    pub inertia: f64,
+    pub damping: f64,
+    pub stiffness: f64,
+}
+
+/// What pushes the puck over a stretch: value + slope · t, and the sine's σ and κ at its start.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Push {
+    pub value: f64,
+    pub slope: f64,
+    pub sin: f64,
+    pub cos: f64,
+}
+
+impl Puck {
+    /// At rest at 0. `sine` is (gain on σ, gain on κ, ω) of the hand's push; `lengths` in s are those that come again and again.
+    pub fn new(device: Inertia, hand: Inertia, friction: f64, sine: (f64, f64, f64), lengths: &[f64]) -> Self {
+        let plant = Plant {
+            mass: device.inertia + hand.inertia,
+            damping: device.damping + hand.damping,
+            stiffness: device.stiffness + hand.stiffness,
+            sine: sine.0,
+            cosine: sine.1,
+            omega: sine.2,
+        };
+        let usual = lengths.iter().map(|&length| (length, Propagator::new(&plant, length))).collect();
+        Puck { position: 0.0, velocity: 0.0, device, hand, plant, friction, usual }
+    }
+
+    /// Moves for `dt` under the motor's held torque and the hand's push; the works go to the ledger.
+    pub fn advance(&mut self, dt: f64, motor: f64, push: Push, ledger: &mut Ledger) {
+        let mut y = [self.position, self.velocity, motor + push.value, push.slope, push.sin, push.cos];
+        if self.friction == 0.0 {
+            y = self.slide(&y, dt, motor, 0.0, ledger);
+        } else {
+            let mut left = dt;
+            // Each pass ends in a stop or a start; more of them than this in one period is rest.
+            for _ in 0..MOST_EVENTS {
+                if left <= 0.0 {
+                    break;
+                }
+                let taken = match self.direction(&y) {
+                    None => {
+                        let start = self.first_slip(&y, left).unwrap_or(left);
+                        y = drives_after(&self.plant, &y, start);
+                        start
+                    }
+                    Some(direction) => match self.first_stop(&y, left, direction) {
+                        None => {
+                            y = self.slide(&y, left, motor, direction, ledger);
+                            left
+                        }
+                        Some(stop) => {
+                            y = self.slide(&y, stop, motor, direction, ledger);
+                            y[1] = 0.0;
+                            stop
+                        }
+                    },
+                };
+                left -= taken;
+            }
+        }
+        (self.position, self.velocity) = (y[0], y[1]);
+    }
+
+    /// Which way the puck slides, ±1; `None` while friction holds it: at rest and |net torque| ≤ friction.
+    fn direction(&self, y: &Motion) -> Option<f64> {
+        let net = self.net(y);
+        if y[1] != 0.0 {
+            Some(y[1].signum())
+        } else if net.abs() > self.friction {
+            Some(net.signum())
+        } else {
+            None
+        }
+    }
+
+    /// Motor, hand and the hand's spring; friction aside, at rest.
+    fn net(&self, y: &Motion) -> f64 {
+        self.plant.drive(y) - self.plant.stiffness * y[0]
+    }
+
+    /// Its derivative at rest.
+    fn net_slope(&self, y: &Motion) -> f64 {
+        y[3] + self.plant.omega * (self.plant.sine * y[5] - self.plant.cosine * y[4])
+    }
+
+    /// Slides for `dt` with friction against `direction` (0: none).
+    fn slide(&mut self, y: &Motion, dt: f64, motor: f64, direction: f64, ledger: &mut Ledger) -> Motion {
+        let mut y = *y;
+        let held = self.friction * direction;
+        y[2] -= held;
+        let stretch = match self.usual.iter().find(|(length, _)| *length == dt) {
+            Some((_, propagator)) => propagator.stretch(&y),
+            None => Propagator::new(&self.plant, dt).stretch(&y),
+        };
+        let mut end = stretch.end;
+        let travel = end[0] - y[0];
+        let square = |x: f64| x * x;
+        ledger.motor += motor * travel;
+        ledger.friction += held * travel;
+        ledger.damping += self.device.damping * stretch.speed;
+        // The hand's torque on the puck is what its intention, spring, damper and inertia leave over.
+        ledger.hand += stretch.drive
+            - (motor - held) * travel
+            - self.hand.damping * stretch.speed
+            - 0.5 * self.hand.stiffness * (end[0] + y[0]) * travel
+            - 0.5 * self.hand.inertia * (square(end[1]) - square(y[1]));
+        end[2] += held;
+        end
+    }
+
+    /// The first instant in (0, dt] at which a slide in `direction` comes to rest.
+    fn first_stop(&self, y: &Motion, dt: f64, direction: f64) -> Option<f64> {
+        let mut sliding = *y;
+        sliding[2] -= self.friction * direction;
+        let plant = &self.plant;
+        first_crossing(dt, slice(plant, dt), |t| {
+            let y = plant.after(&sliding, t);
+            (-direction * y[1], -direction * plant.acceleration(&y))
+        })
+    }
+
+    /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction.
+    fn first_slip(&self, y: &Motion, dt: f64) -> Option<f64> {
+        let over = |side: f64| {
+            first_crossing(dt, slice(&self.plant, dt), |t| {
+                let y = drives_after(&self.plant, y, t);
+                (side * self.net(&y) - self.friction, side * self.net_slope(&y))
+            })
+        };
+        match (over(1.0), over(-1.0)) {
+            (Some(up), Some(down)) => Some(up.min(down)),
+            (up, down) => up.or(down),
+        }
+    }
+
+    /// The hand lets go: its inertia, damping and stiffness are gone, position and velocity stay.
+    pub fn release(&mut self) {
+        let lengths: Vec<f64> = self.usual.iter().map(|(length, _)| *length).collect();
+        let fresh = Puck::new(self.device, Inertia::default(), self.friction, (0.0, 0.0, 0.0), &lengths);
+        *self = Puck { position: self.position, velocity: self.velocity, ..fresh };
+    }
+}
+
+/// More stops and starts than this within one stretch is chatter at the edge of friction.
+const MOST_EVENTS: usize = 1000;
+
+/// The drives alone move on while the puck rests.
+fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
+    let (sin, cos) = libm::sincos(plant.omega * dt);
+    [y[0], y[1], y[2] + y[3] * dt, y[3], y[4] * cos + y[5] * sin, y[5] * cos - y[4] * sin]
+}
+
+/// Short enough that nothing swings more than a quarter radian: a derivative changes sign at most once.
+fn slice(plant: &Plant, dt: f64) -> f64 {
+    let slices = (plant.swing() * dt / 0.25).ceil().clamp(1.0, 1e6);
+    dt / slices
+}
+
+/// The first t in (0, dt] at which g, negative or zero at 0, becomes positive. `g` gives value and derivative. A rise and fall
+/// within a slice is found at its summit, where the derivative changes sign.
+fn first_crossing(dt: f64, slice: f64, g: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
+    let slices = (dt / slice).round().max(1.0) as u64;
+    let (mut from, mut slope) = (0.0, g(0.0).1);
+    for i in 1..=slices {
+        let to = if i == slices { dt } else { slice * i as f64 };
+        let (value, next_slope) = g(to);
+        let positive = if value > 0.0 {
+            Some(to)
+        } else if slope > 0.0 && next_slope < 0.0 {
+            let summit = root(from, to, |t| -g(t).1);
+            (g(summit).0 > 0.0).then_some(summit)
+        } else {
+            None
+        };
+        if let Some(positive) = positive {
+            return Some(root(from, positive, |t| g(t).0));
+        }
+        (from, slope) = (to, next_slope);
+    }
+    None
+}
+
+/// Where f, not positive at `low` and positive at `high`, changes sign: the end on which it is positive, to the last bits. By
+/// false position after Illinois, with bisection wherever that stalls.
+fn root(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
+    let (mut f_low, mut f_high) = (f(low).min(0.0), f(high));
+    let (mut bisect, mut last_was_high) = (false, None);
+    for _ in 0..200 {
+        let width = high - low;
+        if width <= 4.0 * f64::EPSILON * high {
+            break;
+        }
+        let secant = low + width * (-f_low / (f_high - f_low));
+        let inside = secant > low && secant < high;
+        let middle = if bisect || !inside { low + 0.5 * width } else { secant };
+        let value = f(middle);
+        let is_high = value > 0.0;
+        // The end that stays twice in a row counts half, so that the other comes over.
+        let stays = last_was_high == Some(is_high);
+        if is_high {
+            (high, f_high) = (middle, value);
+            f_low *= if stays { 0.5 } else { 1.0 };
+        } else {
+            (low, f_low) = (middle, value);
+            f_high *= if stays { 0.5 } else { 1.0 };
+        }
+        last_was_high = Some(is_high);
+        bisect = high - low > 0.5 * width;
+    }
+    high
+}

@@ -1,0 +1,250 @@
+//! A run: the loop on the exact device, sample after sample.
+
+use std::collections::VecDeque;
+
+use hapt_core::{Loop, State};
+use hapt_model::{Scenario, World};
+
+use crate::energy::Ledger;
+use crate::hand::Hand;
+use crate::puck::{Inertia, Puck};
+use crate::row::Row;
+
+/// The loop with a PC's room: 32 bodies, 64 couplings, a FOAW window of 256.
+pub type DesktopLoop = Loop<f64, 32, 64, 257>;
+type DesktopState = State<f64, 32, 64, 257>;
+
+/// Why a run cannot start or go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// The world cannot be compiled.
+    #[error("{0}")]
+    Loop(#[from] hapt_core::Error),
+    /// A number has left the range of numbers; the rows before it are good.
+    #[error("the run stops being finite at t = {time} s: the loop has run away")]
+    NotFinite {
+        /// t_k of the first row that is not finite, in s.
+        time: f64,
+    },
+}
+
+/// A scenario of a world, run sample by sample: a stream of [`Row`]s that takes the same memory however long it is.
+///
+/// Between the samples the puck is integrated exactly (no step error): inertia, viscous damping, Coulomb friction with
+/// located stops and starts, the motor's held torque through any delay, and the hand.
+#[derive(Clone, Debug)]
+pub struct Simulation {
+    control: Box<DesktopLoop>,
+    state: Box<DesktopState>,
+    period: f64,
+    hand: Hand,
+    /// Whether the hand is still there.
+    held: bool,
+    puck: Puck,
+    device: Inertia,
+    friction: f64,
+    motor: Motor,
+    ledger: Ledger,
+    sample: u64,
+    rows: u64,
+    row: Row,
+}
+
+/// The motor holds a command from t_k + delay on.
+#[derive(Clone, Debug)]
+struct Motor {
+    /// Whole samples of the delay, and the rest in s.
+    samples: usize,
+    rest: f64,
+    /// Commands on their way.
+    flying: VecDeque<f64>,
+    applied: f64,
+}
+
+impl Motor {
+    fn new(delay: f64, period: f64) -> Self {
+        let ratio = delay / period;
+        let whole = ratio.round();
+        // Within 1e-6 T of a whole sample it is that sample.
+        let (samples, rest) = if (ratio - whole).abs() <= 1e-6 {
+            (whole, 0.0)
+        } else {
+            (ratio.floor(), (ratio - ratio.floor()) * period)
+        };
+        Motor { samples: samples as usize, rest, flying: VecDeque::new(), applied: 0.0 }
+    }
+
+    /// The instant at which a command arrives.
+    fn change(&mut self) {
+        if self.flying.len() > self.samples
+            && let Some(command) = self.flying.pop_front()
+        {
+            self.applied = command;
+        }
+    }
+
+    fn command(&mut self, command: f64) {
+        self.flying.push_back(command);
+        if self.rest == 0.0 {
+            self.change();
+        }
+    }
+}
+
+impl Simulation {
+    /// A run of `scenario` in `world`. Errors when the loop cannot be compiled.
+    pub fn new(world: &World, scenario: &Scenario) -> Result<Self, Error> {
+        let control = Box::new(DesktopLoop::new(&world.spec())?);
+        let state = Box::new(control.start());
+        let period = world.sampling.period;
+        let hand = Hand::new(&scenario.hand, period);
+        let motor = Motor::new(world.sampling.delay, period);
+        let device = Inertia { inertia: world.device.inertia, damping: world.device.damping, stiffness: 0.0 };
+        let lengths = if motor.rest > 0.0 { vec![motor.rest, period - motor.rest] } else { vec![period] };
+        let mut puck = Puck::new(device, hand.inertia(), world.device.friction, hand.sine(), &lengths);
+        if let Some(curve) = hand.prescribed() {
+            (puck.position, puck.velocity) = curve.before(0.0);
+        }
+        Ok(Simulation {
+            control,
+            state,
+            period,
+            hand,
+            held: true,
+            puck,
+            device,
+            friction: world.device.friction,
+            motor,
+            ledger: Ledger::default(),
+            sample: 0,
+            rows: rows(scenario.duration, period),
+            row: Row {
+                bodies: vec![(0.0, 0.0); world.bodies.len()],
+                bristles: vec![0.0; world.couplings.len()],
+                ..Row::default()
+            },
+        })
+    }
+
+    /// How many rows the whole run has: round(duration/T) + 1.
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// The hand's last event in s, if the puck stands still, held, from then on.
+    pub fn still_from(&self) -> Option<f64> {
+        self.hand.holds_still().then(|| self.hand.last_event())
+    }
+
+    /// The next row; `None` after the last. An error ends the run.
+    #[allow(clippy::should_implement_trait)] // The row is lent, not given: an iterator would allocate for each.
+    pub fn next(&mut self) -> Option<Result<&Row, Error>> {
+        if self.sample >= self.rows {
+            return None;
+        }
+        let time = self.sample as f64 * self.period;
+        if self.sample == 0 {
+            self.hand_acts(time);
+        } else {
+            self.travel((self.sample - 1) as f64 * self.period, time);
+        }
+        let sample = self.control.step(&mut self.state, self.puck.position, self.puck.velocity);
+        self.motor.command(sample.command);
+        let row = &mut self.row;
+        row.time = time;
+        (row.puck, row.puck_velocity) = (self.puck.position, self.puck.velocity);
+        (row.measured, row.measured_velocity) = (sample.puck.position, sample.puck.velocity);
+        (row.torque, row.command, row.applied) = (sample.torque, sample.command, self.motor.applied);
+        let bodies = self.state.now.position.iter().zip(&self.state.now.velocity);
+        for (place, (&position, &velocity)) in row.bodies.iter_mut().zip(bodies) {
+            *place = (position, velocity);
+        }
+        for (place, &bristle) in row.bristles.iter_mut().zip(&self.state.bristles) {
+            *place = bristle;
+        }
+        row.ledger = self.ledger;
+        self.sample += 1;
+        if !self.row.is_finite() {
+            self.rows = 0;
+            return Some(Err(Error::NotFinite { time }));
+        }
+        Some(Ok(&self.row))
+    }
+
+    /// From one sample to the next, from event to event: the hand's, and the motor's change within the period.
+    fn travel(&mut self, from: f64, to: f64) {
+        let mut now = from;
+        // Seconds since `from`: these, and not the difference of absolute times, are the lengths that come again.
+        let mut elapsed = 0.0;
+        let mut change_at = (self.motor.rest > 0.0).then_some(self.motor.rest);
+        loop {
+            let event = if self.held { self.hand.next_event(now).filter(|&event| event < to) } else { None };
+            let event_at = event.map(|event| (event - from).max(elapsed));
+            let end = [change_at, event_at].into_iter().flatten().fold(self.period, f64::min);
+            let change_now = change_at.is_some_and(|at| at <= end);
+            let event_now = event_at.is_some_and(|at| at <= end);
+            let next = match event {
+                Some(event) if event_now => event,
+                _ if change_now => from + end,
+                _ => to,
+            };
+            self.stretch(now, next, end - elapsed);
+            (now, elapsed) = (next, end);
+            if event_now {
+                self.hand_acts(now);
+            }
+            if change_now {
+                self.motor.change();
+                change_at = None;
+            }
+            if !(event_now || change_now) {
+                break;
+            }
+        }
+        self.hand_acts(to);
+    }
+
+    /// A stretch of `length` seconds without an event.
+    fn stretch(&mut self, from: f64, to: f64, length: f64) {
+        let prescribed = if self.held { self.hand.prescribed() } else { None };
+        let Some(curve) = prescribed else {
+            let push = if self.held { self.hand.push(from) } else { Default::default() };
+            self.puck.advance(length, self.motor.applied, push, &mut self.ledger);
+            return;
+        };
+        let (square, path) = curve.travel(from, to);
+        let end = curve.before(to);
+        self.prescribe(end, self.device.damping * square, self.friction * path);
+    }
+
+    /// What the hand does at an instant: let go, or jump. A jump comes before a sample or a motor's change at the same instant,
+    /// and its work is done against the torque held before it.
+    fn hand_acts(&mut self, t: f64) {
+        if !self.held {
+            return;
+        }
+        if self.hand.is_gone(t) {
+            self.held = false;
+            self.puck.release();
+        } else if let Some(curve) = self.hand.prescribed() {
+            self.prescribe(curve.at(t), 0.0, 0.0);
+        }
+    }
+
+    /// The puck is where the hand wants it; the hand's work is whatever the others leave over.
+    fn prescribe(&mut self, (position, velocity): (f64, f64), damping: f64, friction: f64) {
+        let motor = self.motor.applied * (position - self.puck.position);
+        let before = self.puck.velocity;
+        let moving = 0.5 * self.device.inertia * (velocity - before) * (velocity + before);
+        (self.puck.position, self.puck.velocity) = (position, velocity);
+        self.ledger.motor += motor;
+        self.ledger.damping += damping;
+        self.ledger.friction += friction;
+        self.ledger.hand += moving + damping + friction - motor;
+    }
+}
+
+/// round(duration/T) + 1
+pub fn rows(duration: f64, period: f64) -> u64 {
+    (duration / period).round() as u64 + 1
+}
