@@ -1,0 +1,69 @@
+//! `hapt check`: whether the loop holds.
+
+use std::fmt::Write as _;
+use std::io::{Write, stdout};
+use std::process::ExitCode;
+
+use hapt_analysis::Check;
+use hapt_analysis::held::Verdict;
+
+use crate::args::CheckArgs;
+use crate::failure::Failure;
+use crate::people;
+use crate::world::load;
+
+pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
+    let loaded = load(&args.world)?;
+    let check = hapt_analysis::check(&loaded.world)?;
+    let text = if args.json {
+        let json = serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))?;
+        json + "\n"
+    } else {
+        format!("{}\n\n{}", loaded.title(), text(&check))
+    };
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    Ok(match check.held.verdict {
+        Verdict::Unstable => ExitCode::from(1),
+        Verdict::Stable | Verdict::Marginal => ExitCode::SUCCESS,
+    })
+}
+
+fn text(check: &Check) -> String {
+    let held = &check.held;
+    let mut text = format!(
+        "loop      {} at {} a sample, torque from the {} of the step\n",
+        check.method,
+        people::time(check.period_s),
+        check.output
+    );
+    let _ = writeln!(text, "held      {}", check.sentence());
+    if let Some(growth) = held.growth_per_s {
+        let _ = writeln!(text, "          growth {} per second, largest |λ| = {}", crate::sim::rate(growth), held.spectral_radius);
+    }
+    let critical = match (held.critical_period_s, held.critical_period_reason) {
+        (Some(period), _) => format!("critical period {}", people::time(period)),
+        (None, Some("never")) => "critical period: none, unstable from 0 on".into(),
+        (None, _) => "critical period: none, never unstable".into(),
+    };
+    let _ = writeln!(text, "          {critical}");
+    for (i, mode) in held.modes.iter().enumerate() {
+        let name = if i == 0 { "modes" } else { "" };
+        let _ = write!(
+            text,
+            "{name:<9} {} Hz, damping ratio {}",
+            people::number(mode.frequency_hz),
+            people::number(mode.damping_ratio)
+        );
+        let _ = match (mode.discrete_frequency_hz, mode.discrete_damping_ratio) {
+            (Some(frequency), Some(ratio)) => {
+                writeln!(text, "; in this loop {} Hz, {}", people::number(frequency), people::number(ratio))
+            }
+            _ => writeln!(text, "; in this loop it does not swing"),
+        };
+    }
+    for note in &check.notes {
+        let _ = writeln!(text, "note      {note}");
+    }
+    text
+}

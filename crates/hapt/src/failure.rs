@@ -1,0 +1,81 @@
+//! How a command ends when it does not succeed: a message, and the contract's exit code.
+
+use std::fmt::Display;
+use std::io;
+use std::process::ExitCode;
+
+use crate::people;
+
+/// Why a command stops.
+#[derive(Debug)]
+pub enum Failure {
+    /// Bad usage or bad input: exit code 2.
+    Input(String),
+    /// The device or the system failed: exit code 3.
+    System(String),
+    /// Who reads our standard output has seen enough: a quiet 0.
+    Closed,
+}
+
+impl Failure {
+    pub fn input(message: impl Display) -> Self {
+        Failure::Input(message.to_string())
+    }
+
+    /// A failed write to `what`.
+    pub fn write(what: impl Display, error: io::Error) -> Self {
+        Failure::System(format!("cannot write {what}: {error}"))
+    }
+
+    /// A failed write to standard output.
+    pub fn stdout(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::BrokenPipe => Failure::Closed,
+            _ => Failure::write("to standard output", error),
+        }
+    }
+
+    pub fn report(self) -> ExitCode {
+        match self {
+            Failure::Input(message) => {
+                people::say(format_args!("hapt: {message}"));
+                ExitCode::from(2)
+            }
+            Failure::System(message) => {
+                people::say(format_args!("hapt: {message}"));
+                ExitCode::from(3)
+            }
+            Failure::Closed => ExitCode::SUCCESS,
+        }
+    }
+}
+
+/// What clap has to say instead of arguments: the help asked for, which is a result, or what is wrong with them.
+pub fn usage(usage: &clap::Error) -> ExitCode {
+    match usage.print() {
+        Err(error) if !usage.use_stderr() => Failure::stdout(error).report(),
+        _ if usage.use_stderr() => ExitCode::from(2),
+        _ => ExitCode::SUCCESS,
+    }
+}
+
+impl From<hapt_model::Error> for Failure {
+    fn from(error: hapt_model::Error) -> Self {
+        Failure::input(error)
+    }
+}
+
+impl From<hapt_analysis::Error> for Failure {
+    fn from(error: hapt_analysis::Error) -> Self {
+        Failure::input(error)
+    }
+}
+
+impl From<hapt_sim::Error> for Failure {
+    fn from(error: hapt_sim::Error) -> Self {
+        match error {
+            hapt_sim::Error::Loop(error) => Failure::input(error),
+            error @ hapt_sim::Error::NotFinite { .. } => Failure::System(error.to_string()),
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! `hapt` alone: the notes' wheel under four loops, in one table.
+
+use std::io::{Write, stdout};
+use std::process::ExitCode;
+
+use hapt_model::{Source, World};
+use hapt_sim::{Simulation, Summary};
+
+use crate::builtin::WHEELS;
+use crate::failure::Failure;
+use crate::people;
+use crate::sim::{rate, rows};
+
+const NEXT: &str = "
+The motor takes up to 822.25 N mm. Forward Euler grows into that; the others keep the swing as it is.
+
+Next:
+  hapt check worlds/notes/euler.toml                           why, and up to which period a loop holds
+  hapt sim worlds/notes/euler.toml --out out                   every sample, as out/step.csv
+  hapt sim worlds/notes/euler.toml --set loop.period=0.2ms     the same with a shorter period
+  hapt design --travel '45 deg' --torque '800 N mm' --frequency '1 Hz' > wheel.toml
+  hapt --help
+";
+
+pub fn run() -> Result<ExitCode, Failure> {
+    let mut table = String::from("The notes' virtual wheel, 1 Hz, 17.78 N mm/deg: a step of 45 deg, held for 10 s, 1 ms a sample\n\n");
+    table += "loop                     growth per s     peak torque    first clipped          verdict\n";
+    for (name, text) in WHEELS {
+        let world = World::read(&Source::from_text(name, text), &[])?;
+        let held = hapt_analysis::check(&world)?.held;
+        for scenario in &world.scenarios {
+            let mut summary = Summary::new(&world, &Simulation::new(&world, scenario)?);
+            let end = rows(&world, scenario, |row| {
+                summary.add(row);
+                Ok::<(), Failure>(())
+            })?;
+            end?;
+            let clipped = match summary.first_clipped {
+                Some((sample, time)) => format!("sample {sample} ({})", people::time(time)),
+                None => "never".into(),
+            };
+            let growth = rate(held.growth_per_s.unwrap_or(f64::NEG_INFINITY));
+            let peak = people::effort(summary.peak_torque, world.motion);
+            table += &format!("{name:<24} {growth:<16} {peak:<14} {clipped:<22} {}\n", held.verdict.name());
+        }
+    }
+    let mut out = stdout().lock();
+    out.write_all(table.as_bytes())
+        .and_then(|()| out.write_all(NEXT.as_bytes()))
+        .and_then(|()| out.flush())
+        .map_err(Failure::stdout)?;
+    Ok(ExitCode::SUCCESS)
+}

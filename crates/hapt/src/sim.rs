@@ -1,0 +1,164 @@
+//! `hapt sim`: the scenarios of a world, as files or as a summary.
+
+use std::io::{Write, stdout};
+use std::path::Path;
+use std::process::ExitCode;
+
+use hapt_model::{Scenario, World};
+use hapt_sim::{CsvWriter, Error, Row, Simulation, Summary};
+
+use crate::args::SimArgs;
+use crate::failure::Failure;
+use crate::output::{self, Draft};
+use crate::people;
+use crate::progress::Progress;
+use crate::world::{Loaded, load};
+
+pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
+    let loaded = load(&args.world)?;
+    let scenarios = named(&loaded.world, &args.scenarios)?;
+    // Whatever is wrong with a scenario is said before the first file is begun.
+    for scenario in &scenarios {
+        Simulation::new(&loaded.world, scenario)?;
+    }
+    match &args.out {
+        Some(folder) => write_all(&loaded.world, &scenarios, folder)?,
+        None => print_all(&loaded, &scenarios)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The scenarios named, each once, in file order; all when none is.
+fn named<'w>(world: &'w World, names: &[String]) -> Result<Vec<&'w Scenario>, Failure> {
+    if world.scenarios.is_empty() {
+        let wanted = "add one, such as [scenarios.step] with a duration and a hand";
+        return Err(Failure::input(format!("the world has no scenario to run; {wanted}")));
+    }
+    for name in names {
+        world.scenario(name)?;
+    }
+    let wanted = |scenario: &&Scenario| names.is_empty() || names.contains(&scenario.name);
+    Ok(world.scenarios.iter().filter(wanted).collect())
+}
+
+/// Runs a scenario to its end, giving each row to `each`. `Err` of the inside: the run stopped being finite there.
+pub fn rows<E>(
+    world: &World,
+    scenario: &Scenario,
+    mut each: impl FnMut(&Row) -> Result<(), E>,
+) -> Result<Result<u64, Error>, E>
+where
+    E: From<Error>,
+{
+    let mut run = Simulation::new(world, scenario)?;
+    let mut progress = Progress::new(&scenario.name, run.rows());
+    let mut done = 0;
+    while let Some(row) = run.next() {
+        match row {
+            Ok(row) => each(row)?,
+            Err(error) => return Ok(Err(error)),
+        }
+        done += 1;
+        progress.at(done);
+    }
+    Ok(Ok(done))
+}
+
+/// One file a scenario. A run that stops being finite keeps its rows up to there, and the others still run.
+fn write_all(world: &World, scenarios: &[&Scenario], folder: &Path) -> Result<(), Failure> {
+    output::folder(folder)?;
+    let mut first_failure = None;
+    for scenario in scenarios {
+        let target = folder.join(format!("{}.csv", scenario.name));
+        let failed = |error| Failure::write(target.display(), error);
+        let mut csv = CsvWriter::new(Draft::new(target.clone()).map_err(failed)?, world).map_err(failed)?;
+        let end = rows(world, scenario, |row| csv.write(row).map_err(failed))?;
+        let path = csv.finish().and_then(Draft::finish).map_err(failed)?;
+        match end {
+            Ok(rows) => people::say(format_args!("wrote {}, {} rows", path.display(), people::count(rows))),
+            Err(error) => {
+                let message = format!("scenario {}: {error}; {} ends before", scenario.name, path.display());
+                first_failure = first_failure.or(Some(Failure::System(message)));
+            }
+        }
+    }
+    first_failure.map_or(Ok(()), Err)
+}
+
+fn print_all(loaded: &Loaded, scenarios: &[&Scenario]) -> Result<(), Failure> {
+    let world = &loaded.world;
+    let mut out = stdout().lock();
+    let mut first_failure = None;
+    writeln!(out, "{}", loaded.title()).map_err(Failure::stdout)?;
+    for scenario in scenarios {
+        let run = Simulation::new(world, scenario)?;
+        let mut summary = Summary::new(world, &run);
+        let end = rows(world, scenario, |row| {
+            summary.add(row);
+            Ok::<(), Failure>(())
+        })?;
+        // Only a held world's growth has a prediction to stand beside.
+        let predicted = match summary.fitted_growth() {
+            Some(_) => hapt_analysis::check(world)?.held.growth_per_s,
+            None => None,
+        };
+        out.write_all(text(world, scenario, &summary, predicted).as_bytes()).map_err(Failure::stdout)?;
+        if let Err(error) = end {
+            let message = format!("scenario {}: {error}", scenario.name);
+            first_failure = first_failure.or(Some(Failure::System(message)));
+        }
+    }
+    out.flush().map_err(Failure::stdout)?;
+    first_failure.map_or(Ok(()), Err)
+}
+
+fn text(world: &World, scenario: &Scenario, summary: &Summary, predicted: Option<f64>) -> String {
+    let sampling = &world.sampling;
+    let effort = |x| people::effort(x, world.motion);
+    let mut lines = vec![format!(
+        "\nscenario {}: {} at {} a sample, {}, torque from the {} of the step",
+        scenario.name,
+        people::time(scenario.duration),
+        people::time(sampling.period),
+        sampling.method.name(),
+        sampling.output.name(),
+    )];
+    let mut line = |name: &str, value: String| lines.push(format!("  {name:<13} {value}"));
+    line("peak torque", format!("{} at {}", effort(summary.peak_torque), people::time(summary.peak_time)));
+    line(
+        "motor",
+        match (world.device.limit, summary.first_clipped) {
+            (None, _) => "no limit given".into(),
+            (Some(limit), None) => format!("never asked for more than its limit, {}", effort(limit)),
+            (Some(limit), Some((sample, time))) => format!(
+                "asked for more than its limit, {}, at {} of {} samples, first at sample {sample} ({})",
+                effort(limit),
+                people::count(summary.clipped),
+                people::count(summary.rows),
+                people::time(time),
+            ),
+        },
+    );
+    line("world", format!("stores {} at the end", people::energy(summary.final_energy())));
+    let ledger = summary.ledger;
+    line(
+        "device",
+        format!(
+            "hand gave {}, motor gave {}; damping took {}, friction took {}",
+            people::energy(ledger.hand),
+            people::energy(ledger.motor),
+            people::energy(ledger.damping),
+            people::energy(ledger.friction),
+        ),
+    );
+    if let Some(fitted) = summary.fitted_growth() {
+        let beside = predicted.map_or("none predicted".into(), |growth| format!("{} predicted", rate(growth)));
+        line("growth", format!("{} per second fitted to the run, {beside}", rate(fitted)));
+    }
+    lines.join("\n") + "\n"
+}
+
+/// A growth rate; below a billionth it is rounding.
+pub fn rate(growth: f64) -> String {
+    if growth.abs() < 1e-9 { "0".into() } else { people::number(growth) }
+}

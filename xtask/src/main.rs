@@ -1,0 +1,34 @@
+//! hapt's own chores. `cargo xtask test` is the README's test command; the others make what the documents show.
+
+mod figure;
+mod notes;
+mod test;
+
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+
+const USAGE: &str = "\
+cargo xtask test      format, lints, tests in debug and release, docs, every world file, proofs, documents
+cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
+cargo xtask figure    the notes' growth and its cure, from the runs' CSV, into docs/images";
+
+fn main() -> Result<()> {
+    std::env::set_current_dir(root())?;
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["test"] => test::run(),
+        ["notes"] => {
+            print!("{}", notes::table()?);
+            Ok(())
+        }
+        ["notes", "--write"] => notes::write(),
+        ["figure"] => figure::write(),
+        _ => bail!("{USAGE}"),
+    }
+}
+
+/// The workspace's root.
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..")
+}

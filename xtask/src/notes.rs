@@ -1,0 +1,117 @@
+//! The notes' numbers, computed: the table of docs/notes.md.
+
+use std::f64::consts::{FRAC_PI_4, PI, TAU};
+use std::fmt::Write;
+use std::fs;
+
+use anyhow::{Context, Result, ensure};
+use hapt_analysis::{Design, check, closed_form};
+use hapt_model::{Source, World};
+use hapt_sim::{Simulation, Summary};
+
+const PAGE: &str = "docs/notes.md";
+const BEGIN: &str = "<!-- cargo xtask notes -->";
+const END: &str = "<!-- end -->";
+
+/// The table in Markdown. Whatever a run can say is said by the run, and what a formula can say beside it.
+pub fn table() -> Result<String> {
+    let wheel = Design::new(FRAC_PI_4, 0.8, 1.0, 1e-3)?;
+    let (k, j, omega, period) = (wheel.stiffness, wheel.inertia, TAU, 1e-3);
+    let degree = 1e3 * PI / 180.0;
+    let mut rows = vec![
+        ("k", format!("{:.4} N·mm/deg = {k:.6} N·m/rad", k * degree), DESIGN),
+        ("J_w", format!("{:.7} N·mm/(deg/s²) = {j:.8} kg·m²", j * degree), DESIGN),
+        ("b = Tk at T = 1 ms", format!("{:.6e} N·m·s/rad", wheel.compensating_damping), DESIGN),
+    ];
+
+    let euler = world("euler")?;
+    let growth = check(&euler)?.held.growth_per_s.context("forward Euler grows")?;
+    let formula = closed_form::forward_euler_growth(omega, period);
+    ensure!((growth - formula).abs() < 1e-12, "growth {growth}, formula {formula}");
+    rows.push((
+        "growth under forward Euler, ln(1 + ω²T²)/(2T)",
+        format!("{growth:.7} 1/s"),
+        "`hapt check worlds/notes/euler.toml`",
+    ));
+
+    let limit = euler.device.limit.context("the device has a limit")?;
+    let (sample, _) = run(&euler)?.first_clipped.context("forward Euler runs into the limit")?;
+    let formula = closed_form::forward_euler_exceeds(k, FRAC_PI_4, omega, period, limit);
+    ensure!(formula == Some(sample), "first clipped sample {sample}, formula {formula:?}");
+    rows.push((
+        "first sample beyond 822.25 N·mm, predicted and met",
+        format!("{sample}, at {:.3} s", sample as f64 * period),
+        "`hapt sim worlds/notes/euler.toml`",
+    ));
+
+    let damped = world("damped")?;
+    let held = check(&damped)?.held;
+    let amplitude = closed_form::compensated_amplitude(45.0, omega, period).context("ωT < 2")?;
+    rows.push((
+        "amplitude with b = Tk, z0/cos(φ/2)",
+        format!("{amplitude:.6} deg"),
+        "`hapt sim worlds/notes/damped.toml --out out`",
+    ));
+    rows.push(("|λ| with b = Tk", format!("{}", held.spectral_radius), "`hapt check worlds/notes/damped.toml`"));
+    let critical = held.critical_period_s.context("b = Tk has a critical period")?;
+    rows.push((
+        "critical period with b = Tk, 2/ω",
+        format!("{:.3} ms", 1e3 * critical),
+        "`hapt check worlds/notes/damped.toml`",
+    ));
+
+    let released = closed_form::released_frequency_hz(k, 6.4e-4, j);
+    rows.push((
+        "released: √(k(1/J_z + 1/J_w))/2π",
+        format!("{released:.4} Hz"),
+        "`hapt sim worlds/notes/released.toml --out out`",
+    ));
+    let pole = (k * (1.0 / 6.4e-4 - 1.0 / j)).sqrt();
+    rows.push((
+        "released with the printed sign: real pole √(k(1/J_z - 1/J_w))",
+        format!("{pole:.3} 1/s, e-fold in {:.1} ms", 1e3 / pole),
+        "`cargo xtask notes`",
+    ));
+
+    let mut text = String::from("| number | value | printed by |\n| --- | --- | --- |\n");
+    for (name, value, command) in rows {
+        writeln!(text, "| {} | {value} | {command} |", name.replace('|', "\\|"))?;
+    }
+    Ok(text)
+}
+
+const DESIGN: &str = "`hapt design --travel '45 deg' --torque '800 N mm' --frequency '1 Hz'`";
+
+/// A world of the notes.
+pub fn world(name: &str) -> Result<World> {
+    Ok(World::read(&Source::open(format!("worlds/notes/{name}.toml"))?, &[])?)
+}
+
+/// Its first scenario, run.
+fn run(world: &World) -> Result<Summary<'_>> {
+    let scenario = world.scenarios.first().context("a scenario")?;
+    let mut run = Simulation::new(world, scenario)?;
+    let mut summary = Summary::new(world, &run);
+    while let Some(row) = run.next() {
+        summary.add(row?);
+    }
+    Ok(summary)
+}
+
+/// The page with its table made anew.
+pub fn page() -> Result<String> {
+    let page = fs::read_to_string(PAGE).context(PAGE)?;
+    let (head, rest) = page.split_once(BEGIN).context("no table in the page")?;
+    let (_, tail) = rest.split_once(END).context("no end of the table in the page")?;
+    Ok(format!("{head}{BEGIN}\n\n{}\n{END}{tail}", table()?))
+}
+
+pub fn write() -> Result<()> {
+    fs::write(PAGE, page()?).context(PAGE)
+}
+
+/// Whether the page's numbers are those of today's code.
+pub fn is_current() -> Result<()> {
+    ensure!(fs::read_to_string(PAGE)? == page()?, "{PAGE} is not current: run cargo xtask notes --write");
+    Ok(())
+}

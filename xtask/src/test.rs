@@ -1,0 +1,173 @@
+//! `cargo xtask test`: everything that has to hold before a change lands.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail, ensure};
+
+use crate::{figure, notes};
+
+/// What has passed and failed so far.
+#[derive(Default)]
+struct Tally {
+    passed: u64,
+    failed: u64,
+}
+
+pub fn run() -> Result<()> {
+    let started = Instant::now();
+    let mut tally = Tally::default();
+    tally.step("format", cargo("fmt --all --check", ""));
+    tally.step("lints", cargo("clippy --workspace --all-targets -- -D warnings", ""));
+    tally.tests("tests in debug", "test --workspace")?;
+    tally.tests("tests in release", "test --workspace --release")?;
+    tally.step("documentation", cargo("doc --workspace --no-deps", "-D warnings"));
+    tally
+        .step("binaries", cargo("build --package hapt", "").and_then(|()| cargo("build --package hapt --release", "")));
+    for world in worlds(Path::new("worlds"))? {
+        tally.step(&world.display().to_string(), same_bytes(&world));
+    }
+    tally.step("hapt-core cannot panic", cannot_panic());
+    tally.step("docs/notes.md is current", notes::is_current());
+    tally.step("the picture is current", figure::is_current());
+    println!("\n{:.0} s", started.elapsed().as_secs_f64());
+    println!("{} passed, {} failed", tally.passed, tally.failed);
+    if tally.failed > 0 { bail!("{} failed", tally.failed) } else { Ok(()) }
+}
+
+impl Tally {
+    /// One check, counted.
+    fn step(&mut self, name: &str, done: Result<()>) {
+        match done {
+            Ok(()) => {
+                self.passed += 1;
+                println!("ok      {name}");
+            }
+            Err(error) => {
+                self.failed += 1;
+                println!("FAILED  {name}: {error:#}");
+            }
+        }
+    }
+
+    /// The tests of cargo, each counted; a test program that fails without a count is one failure.
+    fn tests(&mut self, name: &str, arguments: &str) -> Result<()> {
+        let mut child = Command::new(env!("CARGO"))
+            .args(arguments.split_whitespace())
+            .args(["--no-fail-fast"])
+            .stdout(Stdio::piped())
+            .spawn()?;
+        let (passed, failed) = (self.passed, self.failed);
+        for line in BufReader::new(child.stdout.take().context("no output")?).lines() {
+            let line = line?;
+            if let Some(result) = line.strip_prefix("test result: ") {
+                self.passed += counted(result, "passed")?;
+                self.failed += counted(result, "failed")?;
+            } else if !line.is_empty() && !line.ends_with("... ok") && !line.starts_with("running ") {
+                println!("{line}");
+            }
+        }
+        if !child.wait()?.success() && self.failed == failed {
+            self.failed += 1;
+        }
+        let verdict = if self.failed == failed { "ok    " } else { "FAILED" };
+        println!("{verdict}  {name}: {} passed, {} failed", self.passed - passed, self.failed - failed);
+        Ok(())
+    }
+}
+
+/// The number before `word` in "ok. 5 passed; 0 failed; ...".
+fn counted(result: &str, word: &str) -> Result<u64> {
+    let before = result.split(word).next().context("no count")?;
+    Ok(before.split_whitespace().next_back().context("no count")?.parse()?)
+}
+
+fn cargo(arguments: &str, rustdoc_flags: &str) -> Result<()> {
+    let status = Command::new(env!("CARGO"))
+        .args(arguments.split_whitespace())
+        .env("RUSTDOCFLAGS", rustdoc_flags)
+        .stdout(Stdio::null())
+        .status()?;
+    ensure!(status.success(), "cargo {arguments}");
+    Ok(())
+}
+
+/// Every world file.
+fn worlds(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            files.extend(worlds(&path)?);
+        } else if path.extension().is_some_and(|extension| extension == "toml") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// Debug and release write the same bytes of every scenario, and release does so twice.
+fn same_bytes(world: &Path) -> Result<()> {
+    let scratch = PathBuf::from("target/worlds");
+    let mut runs = Vec::new();
+    for (i, build) in ["debug", "release", "release"].into_iter().enumerate() {
+        let out = scratch.join(i.to_string()).join(world.file_stem().context("a name")?);
+        if out.exists() {
+            fs::remove_dir_all(&out)?;
+        }
+        let run = binary(build).arg("sim").arg(world).arg("--out").arg(&out).output()?;
+        ensure!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        let mut files = Vec::new();
+        for entry in fs::read_dir(&out)? {
+            let path = entry?.path();
+            files.push((path.file_name().context("a name")?.to_owned(), fs::read(&path)?));
+        }
+        files.sort();
+        ensure!(!files.is_empty(), "no scenario was run");
+        runs.push(files);
+    }
+    ensure!(runs[0] == runs[1], "debug and release differ");
+    ensure!(runs[1] == runs[2], "two runs differ");
+    let check = binary("release").arg("check").arg(world).output()?;
+    let code = check.status.code().context("check was ended by a signal")?;
+    ensure!(code == 0 || code == 1, "check ends with {code}");
+    Ok(())
+}
+
+fn binary(build: &str) -> Command {
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
+    Command::new(target.join(build).join(format!("hapt{}", std::env::consts::EXE_SUFFIX)))
+}
+
+/// Links the core alone and looks for the standard panic routines; a control with a way to panic must show them.
+fn cannot_panic() -> Result<()> {
+    if !cfg!(target_os = "linux") {
+        println!("        (the proof is linked on Linux only)");
+        return Ok(());
+    }
+    let look = |features: &[&str]| -> Result<bool> {
+        let target = Path::new("target/proof");
+        let status = Command::new(env!("CARGO"))
+            .args([
+                "build",
+                "--quiet",
+                "--release",
+                "--manifest-path",
+                "crates/hapt-core/proof/Cargo.toml",
+                "--target-dir",
+            ])
+            .arg(target)
+            .args(features)
+            .status()?;
+        ensure!(status.success(), "the proof does not build");
+        let library = fs::read(target.join("release/libproof.so"))?;
+        Ok(library.windows(9).any(|bytes| bytes == b"panicking"))
+    };
+    ensure!(look(&["--features", "control"])?, "the control shows no panic: the look is blind");
+    ensure!(!look(&[])?, "a way through hapt-core leads to a panic");
+    Ok(())
+}
