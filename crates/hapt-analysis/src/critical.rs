@@ -140,7 +140,7 @@ fn of_coupled(modes: &Coupled, method: Method, known: f64) -> Result<Critical, E
     match method {
         Method::SemiImplicitEuler => definite(modes, &(&modes.per_period * 0.5 + modes.stiffness() * 0.25)),
         Method::ForwardEuler if !follows => {
-            let roots = roots(modes, 1.0, &modes.fixed, None)?;
+            let roots = roots(modes, 1.0, false, None)?;
             Ok(roots.iter().fold(Critical::Unbounded, |c, s| c.min(Critical::at(-2.0 * s.z.re / s.square))))
         }
         Method::ForwardEuler if modes.covered || covers(modes)? => {
@@ -148,23 +148,23 @@ fn of_coupled(modes: &Coupled, method: Method, known: f64) -> Result<Critical, E
         }
         Method::ForwardEuler if grows_at_once(modes)? => Ok(Critical::Never),
         Method::Rk4 if !follows => {
-            let roots = roots(modes, 1.0, &modes.fixed, None)?;
+            let roots = roots(modes, 1.0, false, None)?;
             Ok(roots.iter().fold(Critical::Unbounded, |c, s| c.min(runge_kutta(*s))))
         }
         _ => followed(modes, method, known),
     }
 }
 
-/// z = Ts of the modes with the given damping; see [`refine`].
+/// z = Ts of the modes with C = C0 + T C1, with T K more when `implicit`; see [`refine`].
 pub(crate) fn roots(
     modes: &Coupled,
     period: f64,
-    damping: &DMatrix<f64>,
+    implicit: bool,
     euler: Option<&DMatrix<f64>>,
 ) -> Result<Vec<Root>, Error> {
-    let a = modes.step(period, damping);
+    let a = modes.step(period, &modes.damping(period, implicit));
     let mut found = solved(&a)?;
-    refine(modes, period, damping, euler, &a, &mut found, |_| true);
+    refine(modes, period, implicit, euler, &a, &mut found, |_| true);
     Ok(found)
 }
 
@@ -189,7 +189,7 @@ pub(crate) fn balance_of(modes: &Coupled, period: f64, uncovered: &DMatrix<f64>)
 fn refine(
     modes: &Coupled,
     period: f64,
-    damping: &DMatrix<f64>,
+    implicit: bool,
     euler: Option<&DMatrix<f64>>,
     a: &DMatrix<f64>,
     found: &mut [Root],
@@ -216,9 +216,10 @@ fn refine(
         let form = |m: &DMatrix<f64>| (re.transpose() * m * &re)[0] + (im.transpose() * m * &im)[0];
         let mut better = found[i - 1];
         if light {
-            let quotient = Complex::new(-period * form(damping), x.dotc(&(&complex * &x)).im);
+            let loss = modes.loss(period, implicit, &re) + modes.loss(period, implicit, &im);
+            let quotient = Complex::new(-period * loss, x.dotc(&(&complex * &x)).im);
             // Far from simple eigenvalues the vector is worth no more than the eigenvalue.
-            if (quotient - z).norm() < 1e-8 * z.im + 1e-14 * size {
+            if (quotient - z).norm() < 1e-8 * z.im + 1e-14 * size && quotient.im > 0.5 * z.im {
                 better = Root::from(quotient);
             }
         }
@@ -308,18 +309,22 @@ fn followed(modes: &Coupled, method: Method, known: f64) -> Result<Critical, Err
     let fastest = modes.omega.iter().copied().fold(0.0, f64::max);
     // No |λ| above 1 needs |z| below 2 (forward Euler) or about 3 (RK4) for all m pairs, and the sum of z is -T tr C.
     let most = 6.0 * modes.order() as f64;
-    let high = (2.0 * most / (c0 + (c0 * c0 + 4.0 * most * c1).sqrt())).min(6.0 / fastest).min(known);
+    let high = (2.0 * most / (c0 + c0.hypot((4.0 * most * c1).sqrt()))).min(6.0 / fastest).min(known);
     // From well below every mode's own limit. For forward Euler that is -2 Re s/|s|² of the world with its fixed dampers alone;
     // a mode that those leave alone has been seen to by `grows_at_once`.
     let mut low = 0.05 * high.min(1.0 / fastest);
     if method == Method::ForwardEuler {
         let own = |s: Root| -2.0 * s.z.re / s.square;
-        let fixed = roots(modes, 1.0, &modes.fixed, None)?;
-        low = fixed.into_iter().filter(|s| -s.z.re > 1e-18 * c0).map(|s| 0.05 * own(s)).fold(low, f64::min);
+        let m = modes.order();
+        let fixed = Coupled { per_period: DMatrix::zeros(m, m), following_rows: DMatrix::zeros(0, m), ..modes.clone() };
+        low = roots(&fixed, 1.0, false, None)?
+            .into_iter()
+            .filter(|s| -s.z.re > 1e-18 * c0)
+            .map(|s| 0.05 * own(s))
+            .fold(low, f64::min);
     }
     let growth = |period: f64| {
-        let damping = &modes.fixed + &modes.per_period * period;
-        let a = modes.step(period, &damping);
+        let a = modes.step(period, &modes.damping(period, false));
         let log = |root: Root| multiplier(method, root).ln_abs;
         let mut roots = solved(&a)?;
         let most = roots.iter().copied().map(log).fold(f64::NEG_INFINITY, f64::max);
@@ -327,11 +332,14 @@ fn followed(modes: &Coupled, method: Method, known: f64) -> Result<Critical, Err
         let short = 1e-10 * a.amax();
         if most.abs() < short {
             let euler = (method == Method::ForwardEuler).then(|| balance_of(modes, period, &modes.uncovered));
-            refine(modes, period, &damping, euler.as_ref(), &a, &mut roots, |root| log(root) > most - short);
+            refine(modes, period, false, euler.as_ref(), &a, &mut roots, |root| log(root) > most - short);
         }
         let most = roots.into_iter().map(log).fold(f64::NEG_INFINITY, f64::max);
         Ok((most / period).clamp(-f64::MAX, f64::MAX))
     };
+    if !(low.is_normal() && high.is_normal() && low <= high) {
+        return Err(Error::Eigenvalues { order: 2 * modes.order() });
+    }
     // What grows already there would have to stop growing below it.
     for _ in 0..4 {
         if growth(low)? <= 0.0 {

@@ -195,14 +195,12 @@ fn spectrum(part: &Modal, method: Method, period: f64) -> Result<(Vec<Multiplier
         }
     }
     if !part.coupled.is_empty() {
-        let damping = &part.coupled.fixed + &part.coupled.per_period * period;
         let modes = &part.coupled;
         let forward = (method == Method::ForwardEuler).then(|| balance_of(modes, period, &modes.uncovered));
-        let own = roots(modes, period, &damping, forward.as_ref())?;
+        let own = roots(modes, period, false, forward.as_ref())?;
         match method {
             Method::SemiImplicitEuler => {
-                let more = &damping + modes.stiffness() * period;
-                discrete.extend(roots(modes, period, &more, Some(&balance_of(modes, period, &modes.per_period)))?);
+                discrete.extend(roots(modes, period, true, Some(&balance_of(modes, period, &modes.per_period)))?);
             }
             _ => discrete.extend(own.iter().copied()),
         }
@@ -214,7 +212,7 @@ fn spectrum(part: &Modal, method: Method, period: f64) -> Result<(Vec<Multiplier
         return Err(Error::Eigenvalues { order: multipliers.len() });
     }
     // A double real root comes out of the solver as a pair √eps apart: that is no oscillation.
-    let pairs = continuous.into_iter().filter(|r| r.z.im > 4.0 * f64::EPSILON.sqrt() * r.square.sqrt()).collect();
+    let pairs = continuous.into_iter().filter(|r| r.z.im > 4.0 * f64::EPSILON.sqrt() * r.z.norm()).collect();
     Ok((multipliers, pairs))
 }
 
@@ -251,7 +249,7 @@ fn sort(list: &mut [Multiplier]) {
 }
 
 fn mode(root: Root, all: &[Multiplier], period: f64) -> Mode {
-    let size = root.square.sqrt();
+    let size = root.z.norm();
     // e^z - 1: neighbours on the circle are told apart by their distance from 1.
     let exact = multiplier(Method::Zoh, root).less_one;
     let distance = |m: &Multiplier| (m.less_one - exact).norm();

@@ -40,6 +40,8 @@ pub(crate) struct Coupled {
     pub omega: Vec<f64>,
     /// √c0 × the motion across each damper: C0 = rowsᵀ rows. m columns.
     pub fixed_rows: DMatrix<f64>,
+    /// The same of C1.
+    pub following_rows: DMatrix<f64>,
     /// C0, m × m, 1/s.
     pub fixed: DMatrix<f64>,
     /// C1, m × m, 1/s².
@@ -78,6 +80,20 @@ impl Coupled {
     pub fn stiffness(&self) -> DMatrix<f64> {
         let square = |i| self.omega.get(i).map_or(0.0, |w: &f64| w * w);
         DMatrix::from_fn(self.order(), self.order(), |i, j| if i == j { square(i) } else { 0.0 })
+    }
+
+    /// v·Cv for C = C0 + T C1, with T K more when `implicit`, of a real v: as a sum of squares, which cannot turn negative where
+    /// a stiff damper hardly moves.
+    pub fn loss(&self, period: f64, implicit: bool, v: &DVector<f64>) -> f64 {
+        let stored = || self.omega.iter().zip(v.iter()).map(|(w, v)| (w * v) * (w * v)).sum::<f64>();
+        let following = (&self.following_rows * v).norm_squared() + if implicit { stored() } else { 0.0 };
+        (&self.fixed_rows * v).norm_squared() + period * following
+    }
+
+    /// C = C0 + T C1, with T K more when `implicit`.
+    pub fn damping(&self, period: f64, implicit: bool) -> DMatrix<f64> {
+        let damping = &self.fixed + &self.per_period * period;
+        if implicit { damping + self.stiffness() * period } else { damping }
     }
 
     /// A T of the module's head with the given damping: (p + m)², p positions and m velocities.
@@ -178,6 +194,7 @@ impl Modal {
         }
         let v = beside(&kept_shapes, &shifts);
         let fixed_rows = rows(part, &v, |l, _| l.fixed);
+        let following_rows = rows(part, &v, |l, _| l.per_period);
         let coupled = Coupled {
             fixed: fixed_rows.transpose() * &fixed_rows,
             per_period: form(part, &v, |l| l.per_period),
@@ -185,6 +202,7 @@ impl Modal {
             covered: part.links.iter().all(|l| l.per_period >= l.stiffness),
             omega: kept,
             fixed_rows,
+            following_rows,
         };
         if coupled.fixed.iter().chain(coupled.per_period.iter()).chain(coupled.uncovered.iter()).all(|x| x.is_finite())
         {

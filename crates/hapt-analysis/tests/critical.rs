@@ -147,6 +147,13 @@ fn a_node_of_a_mode_sees_no_damper() {
         assert_eq!(found.growth_per_s, Some(0.0));
         assert!(found.modes.iter().any(|m| m.damping_ratio == 0.0));
     }
+    // The middle of five bodies between puck and ground stands still in two of their modes; the shapes are known up to rounding.
+    let mut world = chain(5, 0.3, 70.0);
+    world.couplings.push(spring(End::Body(4), End::Ground, 70.0));
+    world.couplings.push(damper(End::Body(2), End::Ground, 2.0));
+    assert_eq!(limit(&world, Method::ForwardEuler), Critical::Never);
+    let found = held(&world.bodies, &world.couplings, Method::Zoh, 1e-3).unwrap();
+    assert_eq!(found.modes.iter().filter(|m| m.damping_ratio == 0.0).count(), 2);
     // Unequal bodies move it.
     let mut world = oscillator(7.0, 0.0);
     world.bodies.push(body(1.001));

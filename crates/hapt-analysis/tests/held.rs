@@ -1,4 +1,4 @@
-//! The held world: THEORY.md's table of integrators, structure, tiny growth, sorting.
+//! The held world: the table of integrators, structure, tiny growth, sorting.
 
 mod common;
 
@@ -10,7 +10,7 @@ use hapt_model::{Coupling, End, Law, Method, Output, Side};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 
-/// |λ|² and, where undamped, arg λ of the table in THEORY.md, section 3.
+/// |λ|² and, where undamped, arg λ of each integrator on one mode.
 fn table(method: Method, x: f64, zeta: f64) -> (f64, f64) {
     let q = x * x / 4.0;
     match method {
