@@ -1,4 +1,4 @@
-//! The last step before the motor: levels and limit (contract section 3, step 4).
+//! The last step before the motor: levels and limit (docs/contract.md, section 3, step 4).
 
 use crate::{Error, Real, Spec};
 

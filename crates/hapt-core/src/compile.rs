@@ -209,7 +209,7 @@ fn check_method(method: Method, index: usize, coupling: &Coupling) -> Result<(),
 }
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
-    /// Compiles a world. Errors when the spec does not fit, is out of range (section 2 of the world file's contract), or asks
+    /// Compiles a world. Errors when the spec does not fit, is out of range (docs/contract.md, section 2), or asks
     /// of the method what it cannot do.
     pub fn new(spec: &Spec) -> Result<Self, Error> {
         let n = spec.bodies.len();

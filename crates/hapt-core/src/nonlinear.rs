@@ -101,6 +101,15 @@ impl<F: Real> Nonlinear<F> {
         Relative { position: first.0 - second.0, velocity: first.1 - second.1 }
     }
 
+    /// The bristle after a period `t` in s at q̇ held; without LuGre friction there is none.
+    #[inline]
+    pub fn bend(&self, bristle: F, q: Relative<F>, t: F) -> F {
+        match self.curve {
+            Curve::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
+            Curve::Wall { .. } | Curve::Detent { .. } | Curve::Coulomb { .. } => bristle,
+        }
+    }
+
     /// The torque on the first end, with LuGre's bristle as it stands.
     #[inline]
     pub fn torque(&self, q: Relative<F>, bristle: F) -> F {

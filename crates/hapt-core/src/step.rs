@@ -2,9 +2,9 @@
 
 use crate::actuate::Actuator;
 use crate::matrix::{Half, Matrix, Vector};
-use crate::nonlinear::{Curve, Nonlinear};
+use crate::nonlinear::Nonlinear;
 use crate::sense::{Memory, Puck, Sensor};
-use crate::{Output, Real};
+use crate::{End, Output, Real};
 
 /// A world compiled for at most B bodies, C couplings and W remembered counts (a FOAW window of W - 1), on numbers F.
 ///
@@ -117,11 +117,9 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     #[inline]
     fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
         for (nonlinear, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
-            if let Some(coupling) = nonlinear
-                && let Curve::Lugre(lugre) = coupling.curve
-            {
+            if let Some(coupling) = nonlinear {
                 let q = coupling.relative((puck.position, puck.velocity), bodies);
-                *bristle = lugre.bend(*bristle, q.velocity, self.period);
+                *bristle = coupling.bend(*bristle, q, self.period);
             }
         }
     }
@@ -173,10 +171,10 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             if let Some(coupling) = coupling {
                 let torque = coupling.torque(coupling.relative((puck.position, puck.velocity), x), *bristle);
                 for (end, torque) in [(coupling.first, torque), (coupling.second, -torque)] {
-                    if let crate::End::Body(i) = end
-                        && let Some(sum) = torques.get_mut(i)
-                    {
-                        *sum += torque;
+                    if let End::Body(i) = end {
+                        if let Some(sum) = torques.get_mut(i) {
+                            *sum += torque;
+                        }
                     }
                 }
             }

@@ -1,4 +1,4 @@
-//! One sample, step by step as contract section 3 has it: the encoder, the velocity, the torque's state.
+//! One sample, step by step as docs/contract.md, section 3 has it: the encoder, the velocity, the torque's state.
 // Tests run where the standard library is.
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)]
 

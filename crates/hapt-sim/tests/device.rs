@@ -103,7 +103,7 @@ proptest! {
         let moves = Shape::Sine { amplitude, frequency: omega / std::f64::consts::TAU, phase: 0.0 };
         let grip = Drive::Grip { inertia: 0.0, damping: 0.0, stiffness, moves };
         for row in rows(&world, &scenario(0.2, grip, None)) {
-            // THEORY section 1: w = (A/2)(sin ωt - ωt cos ωt), here by the device itself.
+            // w = (A/2)(sin ωt - ωt cos ωt), here by the device itself.
             let x = omega * row.time;
             let z = amplitude / 2.0 * (x.sin() - x * x.cos());
             prop_assert!(close(row.puck, z, amplitude * (1.0 + x)), "{} {z}", row.puck);
