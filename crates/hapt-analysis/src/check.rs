@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::continuous::bent;
 use crate::error::Error;
-use crate::held::{COMBINED, Held, Verdict, held};
+use crate::held::{COMBINED, Held, Mode, Verdict, held};
 
 /// What `check` says of a world. It serialises to the mapping that `hapt check --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -102,6 +102,11 @@ fn time(s: f64) -> String {
     }
 }
 
+/// Whether the loop keeps the mode's swing as it is, to what a verdict can see.
+fn is_kept(mode: &Mode) -> bool {
+    mode.discrete_damping_ratio.is_some_and(|ratio| ratio.abs() < 1e-12)
+}
+
 /// The method's name in a sentence.
 fn spoken(method: &str) -> &str {
     match method {
@@ -120,7 +125,7 @@ impl Check {
         let held = &self.held;
         let method = spoken(self.method);
         let Some(growth) = held.growth_per_s else {
-            return "stable: the held world has nothing that lasts longer than a sample".to_string();
+            return "stable: with the puck held, nothing is left to move after a sample".to_string();
         };
         match held.verdict {
             Verdict::Unstable => {
@@ -153,6 +158,8 @@ impl Check {
                     "something is tied by no spring and stays where it is shifted to"
                 } else if self.method == "forward-euler" {
                     "its dampers undo what forward Euler adds to a swing"
+                } else if held.modes.iter().any(|mode| mode.damping_ratio > 0.0 && is_kept(mode)) {
+                    "the damping takes just what the method adds to a swing"
                 } else {
                     "a swing keeps its size, because nothing damps it"
                 };

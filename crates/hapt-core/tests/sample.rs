@@ -4,7 +4,7 @@
 
 mod reference;
 
-use hapt_core::{Estimator, Loop, Method, Output, Spec};
+use hapt_core::{Body, Coupling, End, Estimator, Law, Loop, Method, Output, Spec};
 use proptest::prelude::*;
 use reference::{World, world};
 
@@ -182,11 +182,11 @@ fn torque_by_the_contract(
 #[test]
 fn tustin_and_foh_do_nothing_at_the_first_sample() {
     let world = World {
-        bodies: vec![hapt_core::Body { inertia: 0.02, position: 0.3, velocity: 2.0 }],
-        couplings: vec![hapt_core::Coupling {
-            first: hapt_core::End::Puck,
-            second: hapt_core::End::Body(0),
-            law: hapt_core::Law::Spring { stiffness: 1.0, rest: 0.0 },
+        bodies: vec![Body { inertia: 0.02, position: 0.3, velocity: 2.0 }],
+        couplings: vec![Coupling {
+            first: End::Puck,
+            second: End::Body(0),
+            law: Law::Spring { stiffness: 1.0, rest: 0.0 },
         }],
     };
     for method in [Method::Tustin, Method::Foh] {
@@ -197,5 +197,61 @@ fn tustin_and_foh_do_nothing_at_the_first_sample() {
         assert!((sample.torque - (0.3 - 0.7)).abs() < 1e-15);
         compiled.step(&mut state, 0.7, 0.0);
         assert_ne!(state.now.position[0], 0.3);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_bristle_is_bent_at_the_sample_and_then_stands(
+        levels in (0.01_f64..0.1, 0.0_f64..0.1), stribeck_velocity in 0.05_f64..2.0, bristle in (1.0_f64..500.0, 0.0_f64..0.1),
+        viscous in 0.0_f64..0.01, puck in prop::collection::vec((-0.5_f64..0.5, -3.0_f64..3.0), 6), reversed: bool,
+    ) {
+        let (coulomb, stribeck) = (levels.0, levels.0 + levels.1);
+        let (bristle_stiffness, bristle_damping) = bristle;
+        let law = Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous };
+        let (first, second) = if reversed { (End::Body(0), End::Puck) } else { (End::Puck, End::Body(0)) };
+        let couplings = [Coupling { first, second, law }];
+        let (inertia, t) = (0.05, 1e-3);
+        let bodies = [Body { inertia, position: 0.1, velocity: -0.4 }];
+        let g = |v: f64| coulomb + (stribeck - coulomb) * (-(v / stribeck_velocity).powi(2)).exp();
+        // The torque on the puck at relative velocity v (puck from body) with the bristle at s.
+        let torque = |v: f64, s: f64| {
+            let slip = v - bristle_stiffness * v.abs() * s / g(v);
+            -(bristle_stiffness * s + bristle_damping * slip + viscous * v)
+        };
+        for method in [Method::ForwardEuler, Method::SemiImplicitEuler, Method::Rk4] {
+            let spec = Spec { period: t, method, output: Output::Start, bodies: &bodies, couplings: &couplings, ..EMPTY };
+            let compiled = Small::new(&spec).unwrap();
+            let mut state = compiled.start();
+            let (mut w, mut v, mut s) = (0.1, -0.4, 0.0);
+            for &(z, vz) in &puck {
+                let sample = compiled.step(&mut state, z, vz);
+                let slide = vz - v;
+                // ds/dt = v - a s over T, exactly.
+                let a = bristle_stiffness * slide.abs() / g(slide);
+                s = if a > 0.0 { s * (-a * t).exp() + slide / a * (1.0 - (-a * t).exp()) } else { s };
+                prop_assert!((sample.torque - torque(slide, s)).abs() < 1e-9, "{} {}", sample.torque, torque(slide, s));
+                let rate = |v: f64| -torque(vz - v, s) / inertia;
+                let (v0, k1) = (v, rate(v));
+                match method {
+                    Method::ForwardEuler => (w, v) = (w + t * v0, v0 + t * k1),
+                    Method::SemiImplicitEuler => {
+                        v = v0 + t * k1;
+                        w += t * v;
+                    }
+                    _ => {
+                        let k2 = rate(v0 + t / 2.0 * k1);
+                        let k3 = rate(v0 + t / 2.0 * k2);
+                        let k4 = rate(v0 + t * k3);
+                        w += t * v0 + t * t / 6.0 * (k1 + k2 + k3);
+                        v = v0 + t / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+                    }
+                }
+                prop_assert!((state.now.velocity[0] + state.change.velocity[0] - v).abs() < 1e-9);
+                prop_assert!((state.now.position[0] + state.change.position[0] - w).abs() < 1e-9);
+            }
+        }
     }
 }

@@ -1,0 +1,84 @@
+//! What the world stores, and what its torques do, are one thing.
+
+mod common;
+
+use common::{bare, rows, scenario, step};
+use hapt_model::*;
+use hapt_sim::{Simulation, Summary, world_energy};
+use proptest::prelude::*;
+
+fn law() -> impl Strategy<Value = Law> {
+    let side = prop_oneof![Just(Side::Above), Just(Side::Below)];
+    prop_oneof![
+        (0.0_f64..10.0, -1.0_f64..1.0).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
+        (side, -1.0_f64..1.0, 0.0_f64..10.0).prop_map(|(side, at, stiffness)| Law::Wall {
+            side,
+            at,
+            stiffness,
+            damping: 0.0
+        }),
+        (0.0_f64..1.0, 0.5_f64..3.0, -1.0_f64..1.0).prop_map(|(torque, pitch, phase)| Law::Detent {
+            torque,
+            pitch,
+            phase
+        }),
+        (-1.0_f64..1.0).prop_map(|torque| Law::Constant { torque }),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_couplings_torque_is_the_slope_of_what_it_stores(law in law(), q in -2.0_f64..2.0, reversed: bool) {
+        let (first, second) = if reversed { (End::Ground, End::Puck) } else { (End::Puck, End::Ground) };
+        let mut world = bare();
+        world.couplings = vec![Coupling { first, second, law }];
+        let torque = rows(&world, &scenario(1e-3, step(q, 0.0), None))[0].torque;
+        let h = 1e-5;
+        let slope = (world_energy(&world, q + h, &[], &[]) - world_energy(&world, q - h, &[], &[])) / (2.0 * h);
+        prop_assert!((torque + slope).abs() < 1e-4 * (1.0 + torque.abs()), "{torque} {slope}");
+    }
+
+    #[test]
+    fn a_lossless_world_keeps_its_energy_under_the_exact_hold_and_the_trapezoidal_rule(
+        stiffness in prop::collection::vec(0.1_f64..10.0, 3), inertia in prop::collection::vec(1e-3_f64..0.1, 3), z0 in -1.0_f64..1.0,
+    ) {
+        for method in [Method::Zoh, Method::Trapezoidal] {
+            let mut world = bare();
+            world.sampling.method = method;
+            world.names = vec!["a".into(), "b".into(), "c".into()];
+            world.bodies = inertia.iter().map(|&inertia| Body { inertia, position: 0.0, velocity: 0.0 }).collect();
+            let ends = [End::Puck, End::Body(0), End::Body(1), End::Body(2)];
+            world.couplings = (0..3).map(|i| common::spring(ends[i], ends[i + 1], stiffness[i])).collect();
+            let scenario = scenario(2.0, step(z0, 0.0), None);
+            let mut run = Simulation::new(&world, &scenario).unwrap();
+            let mut summary = Summary::new(&world, &run);
+            while let Some(row) = run.next() {
+                summary.add(row.unwrap());
+            }
+            let start = 0.5 * stiffness[0] * z0 * z0;
+            prop_assert!((summary.final_energy() / start - 1.0).abs() < 1e-9, "{} {start}", summary.final_energy());
+        }
+    }
+
+    #[test]
+    fn no_nonlinear_coupling_at_the_puck_gives_more_than_it_was_given(
+        law in law(), z0 in -1.0_f64..1.0, coulomb in 0.0_f64..0.2,
+    ) {
+        // Held, moved slowly there and back: the hand's work is what friction kept.
+        let mut world = bare();
+        world.couplings = vec![
+            Coupling { first: End::Puck, second: End::Ground, law },
+            Coupling { first: End::Puck, second: End::Ground, law: Law::Coulomb { torque: coulomb } },
+        ];
+        world.device.damping = 0.0;
+        let points = vec![(0.0, 0.0), (1.0, z0), (2.0, 0.0)];
+        let hand = Drive::Position(Shape::Path { file: "there-and-back.csv".into(), points });
+        let last = rows(&world, &scenario(2.0, hand, None)).pop().unwrap();
+        let friction = 2.0 * coulomb * z0.abs();
+        // One sample of hold either way is the price of sampling.
+        let hold = 2e-3 * z0.abs() * (coulomb + 30.0 * z0.abs() + 3.0);
+        prop_assert!((last.ledger.hand - friction).abs() < hold, "{} {friction} {hold}", last.ledger.hand);
+    }
+}
