@@ -47,11 +47,7 @@ pub fn table() -> Result<String> {
     let damped = world("damped")?;
     let held = check(&damped)?.held;
     let amplitude = closed_form::compensated_amplitude(45.0, omega, period).context("ωT < 2")?;
-    rows.push((
-        "amplitude with b = Tk, z0/cos(φ/2)",
-        format!("{amplitude:.6} deg"),
-        "`hapt sim worlds/notes/damped.toml --out out`",
-    ));
+    rows.push(("amplitude with b = Tk, z0/cos(φ/2)", format!("{amplitude:.6} deg"), "`cargo xtask notes`"));
     rows.push(("|λ| with b = Tk", format!("{}", held.spectral_radius), "`hapt check worlds/notes/damped.toml`"));
     let critical = held.critical_period_s.context("b = Tk has a critical period")?;
     rows.push((
@@ -61,11 +57,7 @@ pub fn table() -> Result<String> {
     ));
 
     let released = closed_form::released_frequency_hz(k, 6.4e-4, j);
-    rows.push((
-        "released: √(k(1/J_z + 1/J_w))/2π",
-        format!("{released:.4} Hz"),
-        "`hapt sim worlds/notes/released.toml --out out`",
-    ));
+    rows.push(("released: √(k(1/J_z + 1/J_w))/2π", format!("{released:.4} Hz"), "`cargo xtask notes`"));
     let pole = (k * (1.0 / 6.4e-4 - 1.0 / j)).sqrt();
     rows.push((
         "released with the printed sign: real pole √(k(1/J_z - 1/J_w))",
@@ -113,5 +105,24 @@ pub fn write() -> Result<()> {
 /// Whether the page's numbers are those of today's code.
 pub fn is_current() -> Result<()> {
     ensure!(fs::read_to_string(PAGE)? == page()?, "{PAGE} is not current: run cargo xtask notes --write");
+    Ok(())
+}
+
+/// Whether every test that the page names, as `folder/file.rs: name`, is there.
+pub fn names_real_tests() -> Result<()> {
+    let page = fs::read_to_string(PAGE)?;
+    let mut named = 0;
+    for code in page.split('`').skip(1).step_by(2) {
+        let Some((file, name)) = code.split_once(".rs:") else { continue };
+        let (folder, file) = file.split_once('/').with_context(|| format!("no folder in {code}"))?;
+        let path = match folder {
+            "cli" => format!("crates/hapt/tests/cli/{file}.rs"),
+            crate_name => format!("crates/hapt-{crate_name}/tests/{file}.rs"),
+        };
+        let source = fs::read_to_string(&path).with_context(|| path.clone())?;
+        ensure!(source.contains(&format!("fn {}(", name.trim())), "{path} has no test {}", name.trim());
+        named += 1;
+    }
+    ensure!(named > 20, "only {named} tests are named: the page is not read right");
     Ok(())
 }

@@ -220,7 +220,8 @@ fn assemble(found: &[Found], critical: Critical, period: f64) -> Held {
     let all: Vec<Multiplier> = found.iter().flat_map(|f| f.multipliers.iter().copied()).collect();
     let mut listed: Vec<Multiplier> = all.iter().copied().filter(|m| m.abs() >= LISTED).collect();
     sort(&mut listed);
-    let growth_per_s = listed.iter().map(|m| m.growth(period)).reduce(f64::max);
+    // A growth of -0 is 0.
+    let growth_per_s = listed.iter().map(|m| m.growth(period) + 0.0).reduce(f64::max);
     // + 0, so that a real one does not print as -0.
     let eigenvalue = |m: &Multiplier| Eigenvalue { re: m.value().re + 0.0, im: m.value().im + 0.0, abs: m.abs() };
     let mut modes: Vec<Mode> = found.iter().flat_map(|f| &f.pairs).map(|root| mode(*root, &all, period)).collect();

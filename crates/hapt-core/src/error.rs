@@ -87,7 +87,10 @@ impl fmt::Display for Error {
             }
             Error::OutputNotStart => write!(f, "tustin and foh take the torque from x_k: output must be start"),
             Error::AdvanceWithoutEnd => write!(f, "steps ahead need output end"),
-            Error::NotFinite => write!(f, "the compiled world leaves the range of its numbers"),
+            Error::NotFinite => write!(
+                f,
+                "the compiled world leaves the range of its numbers: an inertia, a stiffness, a damping or the period is far out of scale"
+            ),
         }
     }
 }

@@ -1,4 +1,5 @@
 //! Theory and shipped code meet: the core's real step, linearised, against the laboratory's matrices. The two share no code.
+#![allow(clippy::needless_range_loop)] // Rows and columns, as on paper.
 
 use hapt_analysis::{Continuous, Discrete, Slopes};
 use hapt_core::{Loop, Real, State};

@@ -9,12 +9,17 @@ use clap::{Parser, Subcommand, ValueEnum};
 ///
 /// Without a command: the notes' virtual wheel, built in, under four methods.
 #[derive(Debug, Parser)]
-#[command(name = "hapt", version, max_term_width = 100, after_help = "\
+#[command(
+    name = "hapt",
+    version,
+    max_term_width = 100,
+    after_help = "\
 Examples:
   hapt                                     the notes' wheel under four methods
   hapt sim worlds/notes/euler.toml         run a world's scenarios
   hapt check worlds/notes/euler.toml       whether its loop holds
-  hapt design --travel '45 deg' --torque '800 N mm' --frequency '1 Hz' > wheel.toml")]
+  hapt design --travel 45deg --torque 800Nmm --frequency 1Hz > wheel.toml"
+)]
 pub struct Args {
     #[command(subcommand)]
     pub command: Option<Command>,
@@ -28,20 +33,20 @@ Examples:
   hapt sim wheel.toml                                a summary of every scenario
   hapt sim wheel.toml --scenario step --out runs     runs/step.csv
   hapt sim wheel.toml --set loop.period=2ms          the same at another period
-  hapt design --travel '45 deg' --torque '800 N mm' --frequency '1 Hz' | hapt sim -")]
+  hapt design --travel 45deg --torque 800Nmm --frequency 1Hz | hapt sim -")]
     Sim(SimArgs),
     /// Whether the loop holds: eigenvalues, growth, critical period.
     #[command(after_help = "\
 Examples:
-  hapt check wheel.toml                              in words; exit code 0, or 1 when unstable
+  hapt check wheel.toml                              exit code 1 when unstable
   hapt check wheel.toml --json                       in numbers
   hapt check wheel.toml --set loop.method=trapezoidal")]
     Check(CheckArgs),
     /// Stiffness, inertia and compensating damping from a specification, as a world file.
     #[command(after_help = "\
 Examples:
-  hapt design --travel '45 deg' --torque '800 N mm' --frequency '1 Hz' > wheel.toml
-  hapt design --travel '30 deg' --torque '0.5 N m' --frequency '2 Hz' --period '0.5 ms' --json")]
+  hapt design --travel 45deg --torque 800Nmm --frequency 1Hz > wheel.toml
+  hapt design --travel 30deg --torque 1Nm --frequency 2Hz --period 0.5ms --json")]
     Design(DesignArgs),
 }
 
@@ -67,7 +72,7 @@ pub struct SimArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// The format of the files; repeatable.
-    #[arg(long = "format", value_name = "FORMAT", value_enum, requires = "out", default_value = "csv")]
+    #[arg(long = "format", value_name = "FORMAT", value_enum, default_value = "csv")]
     pub formats: Vec<Format>,
 }
 

@@ -39,7 +39,12 @@ fn text(check: &Check) -> String {
     );
     let _ = writeln!(text, "held      {}", check.sentence());
     if let Some(growth) = held.growth_per_s {
-        let _ = writeln!(text, "          growth {} per second, largest |λ| = {}", crate::sim::rate(growth), held.spectral_radius);
+        let _ = writeln!(
+            text,
+            "          growth {} per second, largest |λ| = {}",
+            crate::sim::rate(growth),
+            held.spectral_radius
+        );
     }
     let critical = match (held.critical_period_s, held.critical_period_reason) {
         (Some(period), _) => format!("critical period {}", people::time(period)),

@@ -32,11 +32,7 @@ pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
 
 fn positive(flag: &str, text: &str, dimension: Dimension) -> Result<f64, Failure> {
     let value = parse_quantity(text, dimension).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
-    if value > 0.0 {
-        Ok(value)
-    } else {
-        Err(Failure::input(format!("{flag}: \"{text}\" must be positive")))
-    }
+    if value > 0.0 { Ok(value) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
 }
 
 /// The quantity as it was given; a bare number gets its SI unit.
@@ -64,7 +60,7 @@ output = "start"                        # the torque from x_k, as the notes' dia
 inertia  = "6.4e-4 kg m^2"
 damping  = "1.2e-3 N m s/rad"
 limit    = "822.25 N mm"
-encoder  = 4000
+encoder  = 4000                         # rounds the travel to a count of 0.09 deg
 
 [bodies.wheel]
 inertia = "{j} kg m^2"

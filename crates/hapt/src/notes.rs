@@ -23,7 +23,9 @@ Next:
 ";
 
 pub fn run() -> Result<ExitCode, Failure> {
-    let mut table = String::from("The notes' virtual wheel, 1 Hz, 17.78 N mm/deg: a step of 45 deg, held for 10 s, 1 ms a sample\n\n");
+    let mut table = String::from(
+        "The notes' virtual wheel, 1 Hz, 17.78 N mm/deg: a step of 45 deg, held for 10 s, 1 ms a sample\n\n",
+    );
     table += "loop                     growth per s     peak torque    first clipped          verdict\n";
     for (name, text) in WHEELS {
         let world = World::read(&Source::from_text(name, text), &[])?;

@@ -10,23 +10,22 @@ use crate::people;
 /// Rows between two looks at the clock: often enough for people, too seldom to cost.
 const EVERY: u64 = 1 << 14;
 /// A run that is done by then needs no bar.
-const PATIENCE: Duration = Duration::from_millis(700);
+const PATIENCE: Duration = Duration::from_secs(1);
 /// Where nobody watches a terminal, a line now and then.
-const LINES: Duration = Duration::from_secs(10);
+const LINES: Duration = Duration::from_secs(5);
 
-/// Says how far it is: a bar on a terminal, a line every ten seconds elsewhere, nothing for a short run.
+/// Says how far it is: a bar on a terminal, a line now and then elsewhere, nothing for a short run.
 pub struct Progress {
     name: String,
     rows: u64,
     started: Instant,
-    last_line: Instant,
+    last_line: Option<Instant>,
     bar: Option<ProgressBar>,
 }
 
 impl Progress {
     pub fn new(name: &str, rows: u64) -> Self {
-        let now = Instant::now();
-        Progress { name: name.into(), rows, started: now, last_line: now, bar: None }
+        Progress { name: name.into(), rows, started: Instant::now(), last_line: None, bar: None }
     }
 
     /// After row `done`.
@@ -36,14 +35,16 @@ impl Progress {
         }
         if stderr().is_terminal() {
             let bar = self.bar.get_or_insert_with(|| {
-                let bar = ProgressBar::new(self.rows).with_message(self.name.clone()).with_elapsed(self.started.elapsed());
-                let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} % of {human_len} samples, {eta} left");
+                let bar =
+                    ProgressBar::new(self.rows).with_message(self.name.clone()).with_elapsed(self.started.elapsed());
+                let style =
+                    ProgressStyle::with_template("{msg} {wide_bar} {percent} % of {human_len} samples, {eta} left");
                 bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
                 bar
             });
             bar.set_position(done);
-        } else if self.last_line.elapsed() > LINES {
-            self.last_line = Instant::now();
+        } else if self.last_line.is_none_or(|last| last.elapsed() > LINES) {
+            self.last_line = Some(Instant::now());
             let percent = 100.0 * done as f64 / self.rows as f64;
             people::say(format_args!("{}: {percent:.1} % of {} samples", self.name, people::count(self.rows)));
         }

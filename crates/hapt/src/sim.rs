@@ -99,7 +99,7 @@ fn print_all(loaded: &Loaded, scenarios: &[&Scenario]) -> Result<(), Failure> {
         })?;
         // Only a held world's growth has a prediction to stand beside.
         let predicted = match summary.fitted_growth() {
-            Some(_) => hapt_analysis::check(world)?.held.growth_per_s,
+            Some(_) => hapt_analysis::check(world).ok().and_then(|check| check.held.growth_per_s),
             None => None,
         };
         out.write_all(text(world, scenario, &summary, predicted).as_bytes()).map_err(Failure::stdout)?;

@@ -1,0 +1,88 @@
+//! Help and version.
+
+use std::path::Path;
+
+use crate::common::{Running, hapt, program};
+
+const COMMANDS: [&str; 3] = ["sim", "check", "design"];
+
+/// The examples at the end of a help text, without the words beside them.
+fn examples(help: &str) -> Vec<String> {
+    let (_, examples) = help.split_once("Examples:\n").unwrap_or_else(|| panic!("no examples in {help}"));
+    let line = |line: &str| line.trim().split("   ").next().unwrap_or_default().trim().to_string();
+    examples.lines().map(line).filter(|line| !line.is_empty()).collect()
+}
+
+fn help(args: &[&str]) -> String {
+    let ended = hapt(Path::new("."), args).done();
+    assert_eq!(ended.err, "");
+    ended.out
+}
+
+#[test]
+fn the_help_names_every_command_and_shows_examples() {
+    let text = help(&["--help"]);
+    for command in COMMANDS {
+        assert!(text.contains(&format!("\n  {command} ")), "{text}");
+    }
+    assert!(examples(&text).iter().all(|line| line.starts_with("hapt")));
+    assert!(examples(&text).len() > 1);
+}
+
+#[test]
+fn the_help_of_every_command_has_an_example_of_it() {
+    for command in COMMANDS {
+        let text = help(&[command, "--help"]);
+        let of_it = format!("hapt {command} ");
+        assert!(examples(&text).iter().any(|line| line.contains(&of_it)), "{text}");
+        assert!(text.contains(&format!("Usage: hapt {command}")), "{text}");
+        assert_eq!(help(&["help", command]), text);
+    }
+    assert!(help(&["sim", "--help"]).contains("--set <KEY=VALUE>"));
+    assert!(help(&["check", "--help"]).contains("--json"));
+}
+
+#[test]
+fn no_example_is_broken_by_a_terminal_of_eighty_columns() {
+    for args in [vec!["--help"]].into_iter().chain(COMMANDS.map(|command| vec![command, "--help"])) {
+        let mut narrow = program(Path::new("."), &args);
+        narrow.env("COLUMNS", "80");
+        assert_eq!(examples(&Running::start(narrow).end().done().out), examples(&help(&args)));
+    }
+}
+
+#[test]
+fn the_version_is_the_packages() {
+    for flag in ["--version", "-V"] {
+        assert_eq!(help(&[flag]), format!("hapt {}\n", env!("CARGO_PKG_VERSION")));
+    }
+}
+
+/// Every line of the examples, and of what `hapt` alone proposes, does what it says when it is pasted into a shell.
+#[cfg(unix)]
+#[test]
+fn every_example_runs_as_it_stands() {
+    use std::process::Command;
+
+    use crate::common::{WHEEL, folder, worlds};
+
+    let at = folder(&[("wheel.toml", WHEEL)]);
+    std::os::unix::fs::symlink(worlds(), at.path().join("worlds")).unwrap();
+    let binary = Path::new(env!("CARGO_BIN_EXE_hapt")).parent().unwrap();
+    let path = format!("{}:{}", binary.display(), std::env::var("PATH").unwrap_or_default());
+
+    let mut lines = examples(&help(&["--help"]));
+    lines.extend(COMMANDS.iter().flat_map(|command| examples(&help(&[command, "--help"]))));
+    let proposed = help(&[]);
+    let (_, proposed) = proposed.split_once("Next:\n").unwrap();
+    lines.extend(examples(&format!("Examples:\n{proposed}")));
+    assert!(lines.len() > 12, "{lines:?}");
+    for line in lines {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &line]).current_dir(at.path()).env("PATH", &path);
+        let ended = Running::start(shell).end();
+        let unstable = line.contains("check") && ended.out.contains("held      unstable: ");
+        assert_eq!(ended.code, Some(i32::from(unstable)), "{line}: {ended:?}");
+        assert!(!ended.err.contains("hapt: "), "{line}: {ended:?}");
+    }
+}
