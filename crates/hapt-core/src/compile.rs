@@ -273,7 +273,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
                 offset: F::from_f64(network.own_offset),
             },
             nonlinear,
-            nonlinear_count: spec.couplings.len().min(C),
+            nonlinear_count: nonlinear.iter().rposition(Option::is_some).map_or(0, |last| last + 1),
             sensor: Sensor::new::<W>(spec)?,
             actuator: Actuator::new(spec)?,
         };

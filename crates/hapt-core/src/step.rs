@@ -28,6 +28,7 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) force: Option<Half<F, B>>,
     pub(crate) port: Port<F, B>,
     pub(crate) nonlinear: [Option<Nonlinear<F>>; C],
+    /// No nonlinear coupling stands from here on.
     pub(crate) nonlinear_count: usize,
     pub(crate) sensor: Sensor<F>,
     pub(crate) actuator: Actuator<F>,
@@ -187,34 +188,52 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     fn torque(&self, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
         let n = self.bodies;
         let mut bodies = state.now;
-        let mut change = state.change;
-        let mut bristles = state.bristles;
         match self.output {
-            Output::Start => {}
-            Output::Middle => bodies.add(n, F::HALF, &change),
+            Output::Start => self.torque_at(&bodies, puck, &state.bristles),
+            Output::Middle => {
+                bodies.add(n, F::HALF, &state.change);
+                self.torque_at(&bodies, puck, &state.bristles)
+            }
             Output::End => {
+                bodies.add(n, F::ONE, &state.change);
+                if self.advance == 0 {
+                    bodies.velocity = self.mean_velocities(&state.change);
+                    return self.torque_at(&bodies, puck, &state.bristles);
+                }
                 // The world goes on without the loop, the puck held where it was seen.
                 let held = Puck { position: puck.position, velocity: F::ZERO };
-                bodies.add(n, F::ONE, &change);
+                let (mut change, mut bristles) = (state.change, state.bristles);
                 for _ in 0..self.advance {
                     self.bend(&mut bristles, held, &bodies);
                     change = self.change(&bodies, held, held, &bristles);
                     bodies.add(n, F::ONE, &change);
                 }
-                bodies.velocity = change.position.map(|distance| distance * self.rate);
+                bodies.velocity = self.mean_velocities(&change);
+                self.torque_at(&bodies, puck, &bristles)
             }
         }
+    }
+
+    /// (w_{k+1} - w_k)/T
+    #[inline]
+    fn mean_velocities(&self, change: &Vector<F, B>) -> [F; B] {
+        change.position.map(|distance| distance * self.rate)
+    }
+
+    /// The couplings' torque on the puck with the bodies as given.
+    #[inline]
+    fn torque_at(&self, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C]) -> F {
         let mut torque = self.port.offset + self.port.puck[0] * puck.position + self.port.puck[1] * puck.velocity;
         let own = self.port.bodies.position.iter().zip(&bodies.position);
         let damped = self.port.bodies.velocity.iter().zip(&bodies.velocity);
-        for ((k, w), (c, v)) in own.zip(damped).take(n) {
+        for ((k, w), (c, v)) in own.zip(damped).take(self.bodies) {
             torque += *k * *w + *c * *v;
         }
-        for (coupling, bristle) in self.nonlinear.iter().zip(&bristles).take(self.nonlinear_count) {
+        for (coupling, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
             if let Some(coupling) = coupling {
                 let sign = coupling.sign_at_puck();
                 if sign != F::ZERO {
-                    let q = coupling.relative((puck.position, puck.velocity), &bodies);
+                    let q = coupling.relative((puck.position, puck.velocity), bodies);
                     torque += sign * coupling.torque(q, *bristle);
                 }
             }

@@ -38,6 +38,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod control;
 mod csv;
 mod curve;
 mod energy;
@@ -48,8 +49,9 @@ mod row;
 mod run;
 mod summary;
 
+pub use control::DesktopLoop;
 pub use csv::CsvWriter;
 pub use energy::{Ledger, world_energy};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, Signal, columns};
-pub use run::{DesktopLoop, Error, Simulation, rows};
+pub use run::{Error, Simulation, rows};
 pub use summary::Summary;

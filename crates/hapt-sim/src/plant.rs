@@ -30,16 +30,19 @@ pub(crate) struct Plant {
 pub(crate) struct Propagator {
     /// exp(N dt) - I
     change: Matrix,
-    /// ∫ v² dt as a quadratic form of the motion at the start.
+    /// ∫ v² dt as a quadratic form of the motion at the start; the upper triangle holds all of it.
     speed: Matrix,
-    /// ∫ drive · v dt, where drive = f + sine σ + cosine κ.
+    /// ∫ drive · v dt, where drive = f + sine σ + cosine κ; as well.
     drive: Matrix,
+    /// Whether σ and κ have a part in it.
+    sine: bool,
 }
 
-/// The end of a stretch, and the works over it.
+/// Where a stretch ends, and the works over it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stretch {
-    pub end: Motion,
+    /// Position and velocity; the drives' ends are known without it.
+    pub end: [f64; 2],
     /// ∫ v² dt
     pub speed: f64,
     /// ∫ drive · v dt
@@ -149,12 +152,36 @@ impl Propagator {
             }
             change = doubled(&change);
         }
-        Propagator { change, speed, drive }
+        let sine = plant.sine != 0.0 || plant.cosine != 0.0;
+        Propagator { change, speed: folded(&speed), drive: folded(&drive), sine }
     }
 
+    /// The stretch from `y` on.
+    #[inline]
     pub fn stretch(&self, y: &Motion) -> Stretch {
-        Stretch { end: applied(&self.change, y), speed: form(&self.speed, y), drive: form(&self.drive, y) }
+        if self.sine { self.of_states::<6>(y) } else { self.of_states::<4>(y) }
     }
+
+    /// The same, when only the first N states have a part in it.
+    #[inline]
+    fn of_states<const N: usize>(&self, y: &Motion) -> Stretch {
+        let row = |row: &[f64; 6]| (0..N).map(|j| row[j] * y[j]).sum::<f64>();
+        let form = |form: &Matrix| (0..N).map(|i| y[i] * (i..N).map(|j| form[i][j] * y[j]).sum::<f64>()).sum();
+        let end = [y[0] + row(&self.change[0]), y[1] + row(&self.change[1])];
+        Stretch { end, speed: form(&self.speed), drive: form(&self.drive) }
+    }
+}
+
+/// A quadratic form's lower triangle added to its upper.
+fn folded(form: &Matrix) -> Matrix {
+    let mut out = [[0.0; 6]; 6];
+    for i in 0..6 {
+        out[i][i] = form[i][i];
+        for j in i + 1..6 {
+            out[i][j] = form[i][j] + form[j][i];
+        }
+    }
+    out
 }
 
 fn applied(change: &Matrix, y: &Motion) -> Motion {
@@ -165,18 +192,6 @@ fn applied(change: &Matrix, y: &Motion) -> Motion {
         }
     }
     out
-}
-
-fn form(matrix: &Matrix, y: &Motion) -> f64 {
-    let mut sum = 0.0;
-    for (row, yi) in matrix.iter().zip(y) {
-        let mut inner = 0.0;
-        for (x, yj) in row.iter().zip(y) {
-            inner += x * yj;
-        }
-        sum += yi * inner;
-    }
-    sum
 }
 
 fn product(a: &Matrix, b: &Matrix) -> Matrix {

@@ -54,7 +54,7 @@ impl Puck {
     pub fn advance(&mut self, dt: f64, motor: f64, push: Push, ledger: &mut Ledger) {
         let mut y = [self.position, self.velocity, motor + push.value, push.slope, push.sin, push.cos];
         if self.friction == 0.0 {
-            y = self.slide(&y, dt, motor, 0.0, ledger);
+            [y[0], y[1], ..] = self.slide(&y, dt, motor, 0.0, ledger);
         } else {
             let mut left = dt;
             // Each pass ends in a stop or a start; more of them than this in one period is rest.
@@ -117,7 +117,7 @@ impl Puck {
             Some((_, propagator)) => propagator.stretch(&y),
             None => Propagator::new(&self.plant, dt).stretch(&y),
         };
-        let mut end = stretch.end;
+        let end = stretch.end;
         let travel = end[0] - y[0];
         let square = |x: f64| x * x;
         ledger.motor += motor * travel;
@@ -129,8 +129,9 @@ impl Puck {
             - self.hand.damping * stretch.speed
             - 0.5 * self.hand.stiffness * (end[0] + y[0]) * travel
             - 0.5 * self.hand.inertia * (square(end[1]) - square(y[1]));
-        end[2] += held;
-        end
+        y[2] += held;
+        let drives = drives_after(&self.plant, &y, dt);
+        [end[0], end[1], drives[2], drives[3], drives[4], drives[5]]
     }
 
     /// The first instant in (0, dt] at which a slide in `direction` comes to rest.

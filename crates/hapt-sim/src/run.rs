@@ -2,17 +2,13 @@
 
 use std::collections::VecDeque;
 
-use hapt_core::{Loop, State};
 use hapt_model::{Scenario, World};
 
+use crate::control::Control;
 use crate::energy::Ledger;
 use crate::hand::Hand;
 use crate::puck::{Inertia, Puck};
 use crate::row::Row;
-
-/// The loop with a PC's room: 32 bodies, 64 couplings, a FOAW window of 256.
-pub type DesktopLoop = Loop<f64, 32, 64, 257>;
-type DesktopState = State<f64, 32, 64, 257>;
 
 /// Why a run cannot start or go on.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -34,12 +30,13 @@ pub enum Error {
 /// located stops and starts, the motor's held torque through any delay, and the hand.
 #[derive(Clone, Debug)]
 pub struct Simulation {
-    control: Box<DesktopLoop>,
-    state: Box<DesktopState>,
+    control: Control,
     period: f64,
     hand: Hand,
     /// Whether the hand is still there.
     held: bool,
+    /// When it does something next, in s; infinite when never.
+    next_event: f64,
     puck: Puck,
     device: Inertia,
     friction: f64,
@@ -84,6 +81,10 @@ impl Motor {
     }
 
     fn command(&mut self, command: f64) {
+        if self.samples == 0 && self.rest == 0.0 {
+            self.applied = command;
+            return;
+        }
         self.flying.push_back(command);
         if self.rest == 0.0 {
             self.change();
@@ -94,8 +95,7 @@ impl Motor {
 impl Simulation {
     /// A run of `scenario` in `world`. Errors when the loop cannot be compiled.
     pub fn new(world: &World, scenario: &Scenario) -> Result<Self, Error> {
-        let control = Box::new(DesktopLoop::new(&world.spec())?);
-        let state = Box::new(control.start());
+        let control = Control::new(&world.spec())?;
         let period = world.sampling.period;
         let hand = Hand::new(&scenario.hand, period);
         let motor = Motor::new(world.sampling.delay, period);
@@ -107,10 +107,10 @@ impl Simulation {
         }
         Ok(Simulation {
             control,
-            state,
             period,
             hand,
             held: true,
+            next_event: f64::INFINITY,
             puck,
             device,
             friction: world.device.friction,
@@ -148,20 +148,14 @@ impl Simulation {
         } else {
             self.travel((self.sample - 1) as f64 * self.period, time);
         }
-        let sample = self.control.step(&mut self.state, self.puck.position, self.puck.velocity);
+        let sample = self.control.step(self.puck.position, self.puck.velocity);
         self.motor.command(sample.command);
         let row = &mut self.row;
         row.time = time;
         (row.puck, row.puck_velocity) = (self.puck.position, self.puck.velocity);
         (row.measured, row.measured_velocity) = (sample.puck.position, sample.puck.velocity);
         (row.torque, row.command, row.applied) = (sample.torque, sample.command, self.motor.applied);
-        let bodies = self.state.now.position.iter().zip(&self.state.now.velocity);
-        for (place, (&position, &velocity)) in row.bodies.iter_mut().zip(bodies) {
-            *place = (position, velocity);
-        }
-        for (place, &bristle) in row.bristles.iter_mut().zip(&self.state.bristles) {
-            *place = bristle;
-        }
+        self.control.show(&mut row.bodies, &mut row.bristles);
         row.ledger = self.ledger;
         self.sample += 1;
         if !self.row.is_finite() {
@@ -178,15 +172,14 @@ impl Simulation {
         let mut elapsed = 0.0;
         let mut change_at = (self.motor.rest > 0.0).then_some(self.motor.rest);
         loop {
-            let event = if self.held { self.hand.next_event(now).filter(|&event| event < to) } else { None };
-            let event_at = event.map(|event| (event - from).max(elapsed));
+            let event_at = (self.next_event < to).then(|| (self.next_event - from).max(elapsed));
             let end = [change_at, event_at].into_iter().flatten().fold(self.period, f64::min);
             let change_now = change_at.is_some_and(|at| at <= end);
             let event_now = event_at.is_some_and(|at| at <= end);
-            let next = match event {
-                Some(event) if event_now => event,
-                _ if change_now => from + end,
-                _ => to,
+            let next = match (event_now, change_now) {
+                (true, _) => self.next_event,
+                (false, true) => from + end,
+                (false, false) => to,
             };
             self.stretch(now, next, end - elapsed);
             (now, elapsed) = (next, end);
@@ -201,7 +194,9 @@ impl Simulation {
                 break;
             }
         }
-        self.hand_acts(to);
+        if self.next_event <= to {
+            self.hand_acts(to);
+        }
     }
 
     /// A stretch of `length` seconds without an event.
@@ -220,13 +215,16 @@ impl Simulation {
     /// What the hand does at an instant: let go, or jump. A jump comes before a sample or a motor's change at the same instant,
     /// and its work is done against the torque held before it.
     fn hand_acts(&mut self, t: f64) {
-        if !self.held {
-            return;
-        }
+        self.next_event = f64::INFINITY;
         if self.hand.is_gone(t) {
             self.held = false;
             self.puck.release();
-        } else if let Some(curve) = self.hand.prescribed() {
+            return;
+        }
+        if let Some(event) = self.hand.next_event(t) {
+            self.next_event = event;
+        }
+        if let Some(curve) = self.hand.prescribed() {
             self.prescribe(curve.at(t), 0.0, 0.0);
         }
     }

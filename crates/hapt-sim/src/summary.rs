@@ -119,9 +119,12 @@ impl Growth {
             self.last = Some(row.bodies.clone());
             return;
         };
-        let step: Vec<(f64, f64)> = row.bodies.iter().zip(last.iter()).map(|(a, b)| (a.0 - b.0, a.1 - b.1)).collect();
+        // The last row's place becomes the step, and then the last row again.
+        for (last, now) in last.iter_mut().zip(&row.bodies) {
+            *last = (now.0 - last.0, now.1 - last.1);
+        }
+        let energy = step_energy(world, last);
         last.clone_from(&row.bodies);
-        let energy = step_energy(world, &step);
         if self.first_energy == 0.0 {
             self.first_energy = energy;
         }

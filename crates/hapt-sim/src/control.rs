@@ -1,0 +1,75 @@
+//! The loop with its state, in the smallest room that the world fits into.
+//!
+//! The bits are the same in every room; a step of one body that has to carry places for 32 would only take longer.
+
+use hapt_core::{Error, Loop, Sample, Spec, State};
+
+/// The loop with a PC's room: 32 bodies, 64 couplings, a FOAW window of 256.
+pub type DesktopLoop = Loop<f64, 32, COUPLINGS, COUNTS>;
+
+const COUPLINGS: usize = 64;
+const COUNTS: usize = 257;
+
+#[derive(Clone, Debug)]
+pub(crate) struct Running<const B: usize> {
+    compiled: Loop<f64, B, COUPLINGS, COUNTS>,
+    state: State<f64, B, COUPLINGS, COUNTS>,
+}
+
+/// A compiled world at work.
+#[derive(Clone, Debug)]
+pub(crate) enum Control {
+    One(Box<Running<1>>),
+    Few(Box<Running<4>>),
+    Many(Box<Running<32>>),
+}
+
+/// The same on whatever room.
+macro_rules! in_its_room {
+    ($control:expr, $running:ident => $do:expr) => {
+        match $control {
+            Control::One($running) => $do,
+            Control::Few($running) => $do,
+            Control::Many($running) => $do,
+        }
+    };
+}
+
+impl Control {
+    pub fn new(spec: &Spec) -> Result<Self, Error> {
+        Ok(match spec.bodies.len() {
+            0 | 1 => Control::One(Running::new(spec)?),
+            2..=4 => Control::Few(Running::new(spec)?),
+            _ => Control::Many(Running::new(spec)?),
+        })
+    }
+
+    /// One sample at the puck's true position and velocity.
+    #[inline]
+    pub fn step(&mut self, position: f64, velocity: f64) -> Sample<f64> {
+        in_its_room!(self, running => running.compiled.step(&mut running.state, position, velocity))
+    }
+
+    /// x_k, and the bristles, of the last sample.
+    #[inline]
+    pub fn show(&self, bodies: &mut [(f64, f64)], bristles: &mut [f64]) {
+        in_its_room!(self, running => {
+            let state = &running.state;
+            let now = state.now.position.iter().zip(&state.now.velocity);
+            for (place, (&position, &velocity)) in bodies.iter_mut().zip(now) {
+                *place = (position, velocity);
+            }
+            for (place, &bristle) in bristles.iter_mut().zip(&state.bristles) {
+                *place = bristle;
+            }
+        })
+    }
+}
+
+impl<const B: usize> Running<B> {
+    fn new(spec: &Spec) -> Result<Box<Self>, Error> {
+        let compiled = Loop::new(spec)?;
+        let state = compiled.start();
+        Ok(Box::new(Running { compiled, state }))
+    }
+}
