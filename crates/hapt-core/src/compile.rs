@@ -137,6 +137,9 @@ fn compensated(couplings: &[Coupling], damper: &Coupling) -> Option<f64> {
         .fold(None, |sum, stiffness| Some(sum.unwrap_or(0.0) + stiffness))
 }
 
+/// Further steps for one sample's torque: a sample has to end.
+const MOST_AHEAD: u32 = 1000;
+
 fn check(spec: &Spec) -> Result<(), Error> {
     Error::check_positive("period", spec.period)?;
     if spec.method.takes_new_sample_first() && spec.output != Output::Start {
@@ -144,6 +147,9 @@ fn check(spec: &Spec) -> Result<(), Error> {
     }
     if spec.advance > 0 && spec.output != Output::End {
         return Err(Error::AdvanceWithoutEnd);
+    }
+    if spec.advance > MOST_AHEAD {
+        return Err(Error::Value { what: "advance", given: f64::from(spec.advance), wanted: "1000 at most" });
     }
     for body in spec.bodies {
         Error::check_positive("inertia", body.inertia)?;

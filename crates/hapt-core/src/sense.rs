@@ -29,8 +29,9 @@ impl<F: Real, const W: usize> Memory<F, W> {
 
     fn push(&mut self, count: F) {
         if self.last.is_some() {
-            self.newest = (self.newest + 1) % W;
-            self.older = (self.older + 1).min(W - 1);
+            // A state may be anybody's: no sum here leaves its range.
+            self.newest = (self.newest % W + 1) % W;
+            self.older = (self.older.min(W - 1) + 1).min(W - 1);
         }
         if let Some(place) = self.counts.get_mut(self.newest) {
             *place = count;

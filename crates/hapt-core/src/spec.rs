@@ -237,7 +237,7 @@ pub struct Spec<'a> {
     pub method: Method,
     /// Which state makes the torque; only `Start` with the methods that take the new sample first.
     pub output: Output,
-    /// With `End` only: further steps ahead for the torque, puck held still.
+    /// With `End` only: further steps ahead for the torque, puck held still; at most 1000.
     pub advance: u32,
     /// The puck's velocity.
     pub estimator: Estimator,

@@ -124,6 +124,8 @@ fn a_method_that_is_not_explicit_refuses_a_nonlinear_torque_on_a_body_and_takes_
 fn outputs_and_steps_ahead_that_a_method_does_not_have_are_refused() {
     assert_eq!(refusal(&Spec { method: Method::Foh, ..SPEC }), Some(Error::OutputNotStart));
     assert_eq!(refusal(&Spec { output: Output::Middle, advance: 1, ..SPEC }), Some(Error::AdvanceWithoutEnd));
+    assert_eq!(refusal(&Spec { advance: 1000, ..SPEC }), None);
+    assert!(matches!(refusal(&Spec { advance: 1001, ..SPEC }), Some(Error::Value { what: "advance", .. })));
 }
 
 #[test]

@@ -255,3 +255,21 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_state_of_any_bits_gives_a_command_within_the_limit() {
+    let estimator = Estimator::Foaw { window: 16 };
+    let spec = Spec { estimator, count: Some(1e-3), limit: Some(0.5), ..EMPTY };
+    let control = Loop::<f64, 1, 1, 17>::new(&spec).unwrap();
+    for place in [0, 16, 17, usize::MAX - 1, usize::MAX] {
+        for number in [f64::NAN, f64::INFINITY, -1e308, 0.0] {
+            let mut state = control.start();
+            (state.memory.newest, state.memory.older) = (place, place);
+            state.memory.counts = [number; 17];
+            for position in [0.1, number] {
+                let command = control.step(&mut state, position, number).command;
+                assert!(command.abs() <= 0.5, "{command}");
+            }
+        }
+    }
+}
