@@ -8,7 +8,10 @@ use toml::de::{DeTable, DeValue};
 
 use crate::error::{Error, ErrorKind, Location};
 use crate::source::{LARGEST_SOURCE, Source, too_large};
-use crate::{overrides, words};
+use crate::{overrides, syntax, words};
+
+/// Overrides of one world; each looks through the tables on its way.
+const MOST_SETS: usize = 1000;
 
 /// A world file and the overrides of its keys.
 pub(crate) struct Document<'a> {
@@ -58,10 +61,14 @@ impl<'a> Document<'a> {
         if source.text.len() as u64 > LARGEST_SOURCE {
             return Err(too_large(&source.name));
         }
+        if sets.len() > MOST_SETS {
+            let message = format!("--set: {} overrides are too many: the limit is {MOST_SETS}", sets.len());
+            return Err(Error { kind: ErrorKind::Combination, key: String::new(), message, location: None });
+        }
         let table = DeTable::parse(&source.text).map_err(|error| Error {
             kind: ErrorKind::Syntax,
             key: String::new(),
-            message: format!("not TOML: {}", error.message()),
+            message: syntax::message(error.message(), &source.text, error.span().as_ref()),
             location: Some(Box::new(Location::new(&source.name, &source.text, error.span().unwrap_or(0..0)))),
         })?;
         let root =

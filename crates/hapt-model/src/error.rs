@@ -5,6 +5,8 @@ use std::ops::Range;
 
 /// How many characters of a line are shown around the caret.
 const WINDOW: usize = 120;
+/// The byte order mark that some editors begin UTF-8 with.
+const MARK: char = '\u{feff}';
 
 /// The first thing found wrong while reading a world.
 ///
@@ -62,6 +64,9 @@ pub struct Location {
 impl Location {
     /// The place of the bytes `span` of `text`; a span beyond the end, or inside a character, is moved back.
     pub fn new(source: &str, text: &str, span: Range<usize>) -> Location {
+        // A byte order mark is no column.
+        let mark = if text.starts_with(MARK) { MARK.len_utf8() } else { 0 };
+        let (text, span) = (&text[mark..], span.start.saturating_sub(mark)..span.end.saturating_sub(mark));
         let start = boundary(text, span.start);
         let end = boundary(text, span.end.max(start));
         let (before, after) = text.split_at(start);
@@ -70,7 +75,7 @@ impl Location {
         let tail = tail.strip_suffix('\r').unwrap_or(tail);
         let meant = text.get(start..end).unwrap_or_default().chars().count();
         Location {
-            source: source.to_string(),
+            source: source.chars().map(visible).collect(),
             line: before.matches('\n').count() + 1,
             column: head.chars().count() + 1,
             width: meant.min(tail.chars().count()).max(1),
@@ -84,10 +89,16 @@ fn boundary(text: &str, index: usize) -> usize {
     (0..=index.min(text.len())).rev().find(|&index| text.is_char_boundary(index)).unwrap_or(0)
 }
 
+/// A character that does not move the cursor.
+pub(crate) fn visible(c: char) -> char {
+    if c.is_control() { '\u{fffd}' } else { c }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.key.is_empty() {
-            write!(f, "{}: ", self.key)?;
+            // A name that nobody knows may be a megabyte long.
+            write!(f, "{}: ", self.key.chars().take(WINDOW).map(visible).collect::<String>())?;
         }
         f.write_str(&self.message)?;
         match &self.location {
@@ -114,8 +125,7 @@ impl fmt::Display for Location {
             let cells = if c == '\t' { 4 } else { 1 };
             match c {
                 '\t' => excerpt.push_str("    "),
-                c if c.is_control() => excerpt.push('\u{fffd}'),
-                c => excerpt.push(c),
+                c => excerpt.push(visible(c)),
             }
             if index < *column {
                 indent += cells;
@@ -157,6 +167,13 @@ mod tests {
     #[test]
     fn columns_count_characters_and_tabs_are_four_wide() {
         assert_eq!(shown("µ\t= 5", "5"), " --> w.toml:1:5\n  |\n1 | µ    = 5\n  |        ^");
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_no_column() {
+        assert_eq!(shown("\u{feff}a = 5\nb", "5"), " --> w.toml:1:5\n  |\n1 | a = 5\n  |     ^");
+        assert_eq!(shown("\u{feff}a = 5\nb", "b"), " --> w.toml:2:1\n  |\n2 | b\n  | ^");
+        assert_eq!(Location::new("", "\u{feff}", 0..3).column, 1);
     }
 
     #[test]

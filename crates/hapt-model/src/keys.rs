@@ -212,6 +212,11 @@ pub(crate) fn named_by_the_user(path: &str) -> Option<&'static str> {
     })
 }
 
+/// How many names the longest path has.
+pub(crate) fn deepest() -> usize {
+    KEYS.iter().map(|key| key.path.split('.').count()).max().unwrap_or(0)
+}
+
 const fn key(path: &'static str, takes: Takes, presence: Presence, doc: &'static str) -> Key {
     Key { path, takes, presence, kinds: &[], hands: &[], motion: None, doc }
 }

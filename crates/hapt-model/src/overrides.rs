@@ -17,6 +17,12 @@ pub(crate) fn apply(document: &mut Document<'_>, index: usize, set: &str) -> Res
         let message = format!("{} is no KEY=VALUE, such as loop.period=2ms", words::quoted(set));
         return Err(document.error(ErrorKind::Syntax, "", message, &place(0..set.len())));
     };
+    // A tree of a thousand levels would be dropped level by level, each on the stack.
+    let (names, deepest) = (path.split('.').count(), keys::deepest());
+    if names > deepest {
+        let message = format!("{} has {names} names; no key has more than {deepest}", words::quoted(path));
+        return Err(document.error(ErrorKind::Name, "", message, &place(0..path.len())));
+    }
     let value = value(set, path.len() + 1, index);
     let steps: Vec<Step> = steps(path).map(|(name, span)| Step { name, place: place(span) }).collect();
 

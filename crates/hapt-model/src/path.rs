@@ -7,6 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use crate::error::{Error, ErrorKind, Location};
 use crate::keys::Measure;
 use crate::quantity::parse_in_unit;
+use crate::source::decoded;
 use crate::unit::Unit;
 use crate::words;
 use crate::world::Motion;
@@ -42,10 +43,11 @@ impl<'a> Reader<'a> {
 
     /// The points of `file`, in s and in rad, m, N·m or N. An error without a location is about the file's name.
     pub fn read(&mut self, file: &str, carries: Carries) -> Result<Vec<(f64, f64)>, Error> {
-        let text = self.text(file)?;
+        let bytes = self.bytes(file)?;
         // Beside standard input or in the current folder, the plain name is the one that the user knows.
         let shown = if self.folder == Path::new(".") { PathBuf::from(file) } else { self.folder.join(file) };
-        let points = self.parse(&shown.display().to_string(), &text, carries)?;
+        let shown = shown.display().to_string();
+        let points = self.parse(&shown, &decoded(&shown, bytes)?, carries)?;
         self.points += points.len();
         if self.points > MOST_POINTS_IN_ALL {
             return Err(refused(format!(
@@ -55,7 +57,7 @@ impl<'a> Reader<'a> {
         Ok(points)
     }
 
-    fn text(&self, file: &str) -> Result<String, Error> {
+    fn bytes(&self, file: &str) -> Result<Vec<u8>, Error> {
         let quoted = words::quoted(file);
         if leaves(Path::new(file)) {
             return Err(refused(format!(
@@ -81,7 +83,7 @@ impl<'a> Reader<'a> {
         if bytes.len() as u64 > LARGEST_FILE {
             return Err(refused(format!("{quoted} is larger than 64 MiB, the most that a path file may have")));
         }
-        String::from_utf8(bytes).map_err(|_| refused(format!("{quoted} is not UTF-8 text")))
+        Ok(bytes)
     }
 
     fn parse(&self, name: &str, text: &str, carries: Carries) -> Result<Vec<(f64, f64)>, Error> {
@@ -121,7 +123,11 @@ impl<'a> Reader<'a> {
                 );
             };
             let Some(value) = parse_in_unit(second, unit) else {
-                return fail(column, second, format!("{} is no finite number", words::quoted(second.trim())));
+                return fail(
+                    column,
+                    second,
+                    format!("{} is no finite number; one in the header's unit is wanted", words::quoted(second.trim())),
+                );
             };
             if let Some((before, _)) = points.last().filter(|(before, _)| *before >= time) {
                 return fail(0, first, format!("{time:?} s does not come after {before:?} s; times must increase"));
@@ -235,7 +241,7 @@ mod tests {
         let message = |text: &str| positions(text).unwrap_err();
         assert_eq!(
             message("time_s,puck_rad\n0,1\n1, x\n"),
-            "\"x\" is no finite number\n --> p.csv:3:4\n  |\n3 | 1, x\n  |    ^"
+            "\"x\" is no finite number; one in the header's unit is wanted\n --> p.csv:3:4\n  |\n3 | 1, x\n  |    ^"
         );
         assert_eq!(
             message("time_s,puck_rad\n0.5,1\n0.5,2\n"),
@@ -260,8 +266,14 @@ mod tests {
         assert_eq!(first_line("time_s;puck_rad\n"), "a path has two columns, with a comma between them");
         assert_eq!(first_line("time_s,puck_rad,b\n"), "a path has two columns, with a comma between them");
         assert_eq!(first_line("time_s,puck_rad\nnan,1"), "\"nan\" is no finite number; a time in s is wanted");
-        assert_eq!(first_line("time_s,puck_rad\n0,1e400"), "\"1e400\" is no finite number");
-        assert_eq!(first_line("time_s,puck_rad\n0,1 2"), "\"1 2\" is no finite number");
+        assert_eq!(
+            first_line("time_s,puck_rad\n0,1e400"),
+            "\"1e400\" is no finite number; one in the header's unit is wanted"
+        );
+        assert_eq!(
+            first_line("time_s,puck_rad\n0,1 2"),
+            "\"1 2\" is no finite number; one in the header's unit is wanted"
+        );
     }
 
     #[test]

@@ -32,6 +32,9 @@ pub enum Fault {
     /// No finite decimal number at its start.
     #[error("does not begin with a finite number")]
     Number,
+    /// `0,5`: the point is a point in every country here.
+    #[error("has a comma for its decimal point")]
+    Comma,
     /// The unit does not read.
     #[error(transparent)]
     Unit(#[from] UnitError),
@@ -72,6 +75,9 @@ impl Quantity {
         if unit.is_empty() {
             let value = number.times(Unit::ONE).map_err(error)?;
             return Ok(Quantity { value, dimension: None });
+        }
+        if unit.starts_with(',') {
+            return Err(error(Fault::Comma));
         }
         let unit = Unit::parse(unit).map_err(|fault| error(fault.into()))?;
         let value = number.times(unit).map_err(error)?;

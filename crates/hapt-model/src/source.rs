@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, ErrorKind, Location};
+use crate::error::{Error, ErrorKind, Location, visible};
 
 /// A world file larger than this is refused: 1 MiB.
 pub const LARGEST_SOURCE: u64 = 1 << 20;
@@ -24,17 +24,17 @@ impl Source {
     /// Reads a file; its folder is the one that it is in.
     ///
     /// # Errors
-    /// [`ErrorKind::Unreadable`] for a file that is missing, unreadable or larger than 1 MiB, [`ErrorKind::Syntax`] for
-    /// one that is not UTF-8.
+    /// [`ErrorKind::Unreadable`] for a file that is missing or unreadable, and as [`Source::from_bytes`].
     pub fn open(path: impl AsRef<Path>) -> Result<Source, Error> {
         let path = path.as_ref();
-        let name = path.display().to_string();
+        // A name may hold a line's end, or what moves the cursor.
+        let name: String = path.display().to_string().chars().map(visible).collect();
         let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
             _ => PathBuf::from("."),
         };
-        Ok(Source { text: read(&name, file)?, name, folder })
+        Ok(Source { folder, ..read(&name, file)? })
     }
 
     /// Reads standard input; its folder is the current one.
@@ -42,8 +42,19 @@ impl Source {
     /// # Errors
     /// As [`Source::open`].
     pub fn stdin() -> Result<Source, Error> {
-        let name = "<stdin>";
-        Ok(Source { name: name.to_string(), text: read(name, std::io::stdin().lock())?, folder: PathBuf::from(".") })
+        read("<stdin>", std::io::stdin().lock())
+    }
+
+    /// The bytes of a file that is there already; its folder is the current one.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Unreadable`] for more than 1 MiB, [`ErrorKind::Syntax`] for what is not UTF-8.
+    pub fn from_bytes(name: impl Into<String>, bytes: Vec<u8>) -> Result<Source, Error> {
+        let name = name.into();
+        if bytes.len() as u64 > LARGEST_SOURCE {
+            return Err(too_large(&name));
+        }
+        Ok(Source { text: decoded(&name, bytes)?, name, folder: PathBuf::from(".") })
     }
 
     /// A text that is there already; its folder is the current one.
@@ -52,23 +63,35 @@ impl Source {
     }
 }
 
-fn read(name: &str, from: impl Read) -> Result<String, Error> {
+fn read(name: &str, from: impl Read) -> Result<Source, Error> {
     let mut bytes = Vec::new();
     from.take(LARGEST_SOURCE + 1).read_to_end(&mut bytes).map_err(|error| unreadable(name, &error))?;
-    if bytes.len() as u64 > LARGEST_SOURCE {
-        return Err(too_large(name));
+    Source::from_bytes(name, bytes)
+}
+
+/// The text of a file, or what it is instead.
+pub(crate) fn decoded(name: &str, bytes: Vec<u8>) -> Result<String, Error> {
+    let error = |message, location| Err(Error { kind: ErrorKind::Syntax, key: String::new(), message, location });
+    if let Some(encoding) = other_encoding(&bytes) {
+        return error(format!("{name} is {encoding}, not UTF-8; save it as UTF-8"), None);
     }
-    String::from_utf8(bytes).map_err(|error| {
-        let text = String::from_utf8_lossy(error.as_bytes());
+    String::from_utf8(bytes).or_else(|failure| {
+        let text = String::from_utf8_lossy(failure.as_bytes());
         // Up to the first bad byte both texts are the same.
-        let start = error.utf8_error().valid_up_to();
-        Error {
-            kind: ErrorKind::Syntax,
-            key: String::new(),
-            message: "the file is not UTF-8 text".to_string(),
-            location: Some(Box::new(Location::new(name, &text, start..start + 1))),
-        }
+        let start = failure.utf8_error().valid_up_to();
+        let location = Location::new(name, &text, start..start + 1);
+        error("the file is not UTF-8 text; save it as UTF-8".to_string(), Some(Box::new(location)))
     })
+}
+
+/// The encoding that a byte order mark names, or that the NULs beside the first two characters show.
+fn other_encoding(bytes: &[u8]) -> Option<&'static str> {
+    match bytes {
+        [0xff, 0xfe, 0, 0, ..] | [0, 0, 0xfe, 0xff, ..] => Some("UTF-32"),
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => Some("UTF-16"),
+        [1..=127, 0, 1..=127, 0, ..] | [0, 1..=127, 0, 1..=127, ..] => Some("UTF-16"),
+        _ => None,
+    }
 }
 
 fn unreadable(name: &str, error: &std::io::Error) -> Error {
@@ -108,7 +131,7 @@ mod tests {
 
     #[test]
     fn more_than_a_mebibyte_is_refused_without_reading_it_all() {
-        assert_eq!(read("w", &[b'#'; 1 << 20][..]).map(|text| text.len()), Ok(1 << 20));
+        assert_eq!(read("w", &[b'#'; 1 << 20][..]).map(|source| source.text.len()), Ok(1 << 20));
         assert_eq!(
             read("w", std::io::repeat(b'#')).unwrap_err().to_string(),
             "w is larger than 1 MiB, the most that a world file may have"
@@ -119,7 +142,27 @@ mod tests {
     fn bytes_that_are_not_utf8_are_shown_where_they_stand() {
         assert_eq!(
             read("w", &b"a = 1\nb = \"\xff\"\n"[..]).unwrap_err().to_string(),
-            "the file is not UTF-8 text\n --> w:2:6\n  |\n2 | b = \"\u{fffd}\"\n  |      ^"
+            "the file is not UTF-8 text; save it as UTF-8\n --> w:2:6\n  |\n2 | b = \"\u{fffd}\"\n  |      ^"
         );
+    }
+
+    #[test]
+    fn a_file_in_another_encoding_is_told_so() {
+        let utf16 = |order: fn(u16) -> [u8; 2], mark: &str| {
+            format!("{mark}[loop]\n").encode_utf16().flat_map(order).collect::<Vec<u8>>()
+        };
+        for order in [u16::to_le_bytes, u16::to_be_bytes] {
+            for mark in ["\u{feff}", ""] {
+                assert_eq!(
+                    Source::from_bytes("w.toml", utf16(order, mark)).unwrap_err().to_string(),
+                    "w.toml is UTF-16, not UTF-8; save it as UTF-8"
+                );
+            }
+        }
+        let utf32 = "\u{feff}a".chars().flat_map(|c| u32::from(c).to_le_bytes()).collect();
+        assert!(Source::from_bytes("w", utf32).is_err_and(|error| error.message.contains("is UTF-32")));
+        for fine in ["", "a", "\u{feff}[loop]", "\u{1}\0"] {
+            assert_eq!(Source::from_bytes("w", fine.into()).map(|source| source.text), Ok(fine.to_string()));
+        }
     }
 }

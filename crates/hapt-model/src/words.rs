@@ -29,7 +29,7 @@ fn list<'a>(names: impl IntoIterator<Item = &'a str>, conjunction: &str) -> Stri
 
 /// The candidate that takes the fewest edits to reach; between equals the one with the same first letter, then the same
 /// case. `None` without candidates.
-pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // A megabyte of a word is nobody's typing error, and the distance is quadratic.
     let word: String = word.chars().take(64).collect();
     let lower = word.to_lowercase();
@@ -41,7 +41,7 @@ pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a s
 }
 
 /// `; did you mean "period"?` when a candidate is near enough to have been meant, else nothing.
-pub(crate) fn did_you_mean<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
+pub fn did_you_mean<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
     let length = word.chars().take(64).count();
     let edits = |name: &str| strsim::osa_distance(&word.to_lowercase(), &name.to_lowercase());
     match nearest(word, candidates) {

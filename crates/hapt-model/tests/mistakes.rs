@@ -62,10 +62,13 @@ fn text_that_is_not_toml_is_shown_in_the_same_way() {
     assert_eq!(error.kind, ErrorKind::Syntax);
     assert_eq!(
         error.to_string(),
-        "not TOML: string values must be quoted, expected literal string\n \
+        "not TOML: text and quantities stand in straight quotes, such as \"1 ms\"\n \
          --> w.toml:2:10\n  |\n2 | period = 1 ms\n  |          ^^^^"
     );
-    assert_eq!(whole("[loop]\nperiod = 1\nperiod = 2\n").lines().next(), Some("not TOML: duplicate key"));
+    assert_eq!(
+        whole("[loop]\nperiod = 1\nperiod = 2\n").lines().next(),
+        Some("not TOML: duplicate key; a key or a table is given once")
+    );
 }
 
 #[test]

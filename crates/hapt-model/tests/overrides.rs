@@ -115,6 +115,7 @@ fn mistakes_are_shown_in_the_override() {
             "loop.period: \"\" does not begin with a finite number; a time (s) is wanted, such as \"1 ms\"",
         ),
         ("loop.period={a=1}", "loop.period: a table stands here; a time (s) above 0 is wanted, such as \"1 ms\""),
+        ("a.b.c.d.e.f=1", "\"a.b.c.d.e.f\" has 6 names; no key has more than 5"),
         ("loop=5", "loop: 5 is a number; a table of keys is wanted"),
         ("lop.period=1", "lop: unknown key; did you mean \"loop\"?"),
         (
@@ -126,4 +127,23 @@ fn mistakes_are_shown_in_the_override() {
     ] {
         assert_eq!(set(&[wrong]).unwrap_err().lines().next(), Some(message), "{wrong}");
     }
+}
+
+#[test]
+fn a_key_of_a_hundred_thousand_names_is_refused_and_takes_no_stack() {
+    let deep = format!("{}a=1", "a.".repeat(100_000));
+    let message = std::thread::Builder::new()
+        .stack_size(256 << 10)
+        .spawn(move || set(&[&deep]).unwrap_err())
+        .unwrap()
+        .join()
+        .unwrap();
+    assert!(message.contains("has 100001 names; no key has more than 5"), "{}", &message[..200]);
+}
+
+#[test]
+fn a_thousand_overrides_are_the_most() {
+    let sets = vec!["loop.period=1 ms"; 1001];
+    assert!(set(&sets[..1000]).is_ok());
+    assert_eq!(set(&sets).unwrap_err(), "--set: 1001 overrides are too many: the limit is 1000");
 }

@@ -1,0 +1,141 @@
+//! What a world file says, key by key: as it is written, and in SI.
+
+use crate::document::{Document, Entry, Node, Value};
+use crate::error::Error;
+use crate::keys::{self, Key, Presence, Takes};
+use crate::quantity::parse_quantity;
+use crate::source::Source;
+use crate::world::{Motion, World};
+
+/// A key of a world with its value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// The dotted path: `couplings.0.stiffness`.
+    pub path: String,
+    /// The value as it is written in the file or its override, without quotes; of an absent key its default.
+    pub written: String,
+    /// A quantity in SI.
+    pub si: Option<f64>,
+    /// The SI unit of a quantity; empty for what is none.
+    pub unit: String,
+    /// What the key means.
+    pub doc: &'static str,
+    /// Whether it stands in the file or an override; else it is a default.
+    pub given: bool,
+}
+
+/// The keys of a world in the file's order, each table's absent ones with their defaults after it.
+///
+/// # Errors
+/// As [`World::read`].
+pub fn parameters(source: &Source, sets: &[String]) -> Result<Vec<Parameter>, Error> {
+    let motion = World::read(source, sets)?.motion;
+    let document = Document::new(source, sets)?;
+    let mut list = Vec::new();
+    if let Value::Table(entries) = &document.root.value {
+        table(&mut list, motion, entries, "", "", None);
+    }
+    Ok(list)
+}
+
+/// The keys of one table, which has passed the reader's checks. `pattern` is its path in the table of keys.
+fn table(list: &mut Vec<Parameter>, motion: Motion, entries: &[Entry], path: &str, pattern: &str, hand: Option<&str>) {
+    let join = |path: &str, name: &str| if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
+    let kind = entries.iter().find_map(|entry| match &entry.node.value {
+        Value::Text(kind) if entry.key == "kind" => Some(kind.as_str()),
+        _ => None,
+    });
+    for entry in entries {
+        let path = join(path, &entry.key);
+        let Some(row) = keys::rows(pattern).find(|row| row.name() == entry.key && row.belongs(kind, hand, motion))
+        else {
+            continue;
+        };
+        match (&entry.node.value, row.takes) {
+            (Value::Table(inner), Takes::Named { .. }) => {
+                for entry in inner {
+                    if let Value::Table(inner) = &entry.node.value {
+                        table(list, motion, inner, &join(&path, &entry.key), &format!("{}.*", row.path), None);
+                    }
+                }
+            }
+            (Value::Table(inner), _) => table(list, motion, inner, &path, row.path, kind),
+            (Value::Array(items), Takes::List { .. }) => {
+                for (index, item) in items.iter().enumerate() {
+                    if let Value::Table(inner) = &item.value {
+                        table(list, motion, inner, &join(&path, &index.to_string()), &format!("{}.*", row.path), None);
+                    }
+                }
+            }
+            _ => list.push(given(row, motion, path, &entry.node)),
+        }
+    }
+    for row in keys::rows(pattern).filter(|row| row.belongs(kind, hand, motion)) {
+        if entries.iter().any(|entry| entry.key == row.name()) {
+            continue;
+        }
+        let unit = unit(row, motion);
+        let (written, si) = match row.presence {
+            Presence::Number(number) if unit.is_empty() => (number.to_string(), None),
+            Presence::Number(number) => (format!("{number} {unit}"), Some(number)),
+            Presence::Name(name) => (name.to_string(), None),
+            _ => continue,
+        };
+        list.push(Parameter { path: join(path, row.name()), written, si, unit, doc: row.doc, given: false });
+    }
+}
+
+fn given(row: &Key, motion: Motion, path: String, node: &Node) -> Parameter {
+    let written = match &node.value {
+        Value::Text(text) | Value::Number(text) | Value::Date(text) => text.clone(),
+        Value::Boolean(boolean) => boolean.to_string(),
+        Value::Array(items) => {
+            let text = |item: &Node| match &item.value {
+                Value::Text(text) | Value::Number(text) => text.clone(),
+                _ => String::new(),
+            };
+            items.iter().map(text).collect::<Vec<_>>().join(", ")
+        }
+        Value::Table(_) => String::new(),
+    };
+    let si = match row.takes {
+        Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => {
+            parse_quantity(&written, measure.dimension(motion)).ok()
+        }
+        _ => None,
+    };
+    let unit = if si.is_some() { unit(row, motion) } else { String::new() };
+    Parameter { path, written, si, unit, doc: row.doc, given: true }
+}
+
+fn unit(row: &Key, motion: Motion) -> String {
+    match row.takes {
+        Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => measure.dimension(motion).symbol(),
+        _ => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_key_comes_as_it_is_written_and_in_si() {
+        let file = "[loop]\nperiod = \"1 ms\"\n[device]\ninertia = \"6.4e-4 kg m^2\"\nlimit = \"822.25 N mm\"\n\
+            [bodies.wheel]\ninertia = 0.5\n[[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"wheel\"]\n\
+            damping = \"1 N m s/rad\"\n[scenarios.turn]\nduration = \"1 s\"\n\
+            hand = { kind = \"torque\", moves = { kind = \"step\", to = \"5 N mm\" } }\n";
+        let source = Source::from_text("wheel.toml", file);
+        let list = parameters(&source, &["loop.period=2ms".to_string()]).unwrap();
+        let find = |path: &str| list.iter().find(|p| p.path == path).unwrap_or_else(|| panic!("no {path}"));
+        let said = |path: &str| (find(path).written.as_str(), find(path).si, find(path).unit.as_str());
+        assert_eq!(said("loop.period"), ("2ms", Some(0.002), "s"));
+        assert_eq!(said("device.limit"), ("822.25 N mm", Some(0.82225), "N m"));
+        assert_eq!(said("bodies.wheel.inertia"), ("0.5", Some(0.5), "kg m^2"));
+        assert_eq!(said("couplings.0.between"), ("puck, wheel", None, ""));
+        assert_eq!(said("scenarios.turn.hand.moves.to"), ("5 N mm", Some(0.005), "N m"));
+        assert_eq!(said("loop.method"), ("zoh", None, ""));
+        assert!(!find("loop.method").given && find("loop.period").given);
+        assert!(list.iter().all(|p| p.path != "couplings.0.rest"), "a damper has no rest");
+    }
+}
