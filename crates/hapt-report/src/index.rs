@@ -1,0 +1,131 @@
+//! Several worlds side by side.
+
+use hapt_model::Motion;
+use maud::{Markup, html};
+
+use crate::extremes::Point;
+use crate::figure::Figure;
+use crate::page::{Drawing, Report, critical, document, rate, verdict_name};
+use crate::stability::{growth_by_period, period_panel};
+use crate::svg::Width;
+use crate::units::{say_effort, say_time};
+
+/// More worlds than this are not drawn beside each other.
+const PANELS: usize = 12;
+/// More than this have no colours of their own.
+const CURVES: usize = 7;
+
+/// What the index draws, from the worlds of the pages.
+pub fn index_drawings(reports: &[Report<'_>]) -> Vec<Drawing> {
+    let mut list = Vec::new();
+    for motion in [Motion::Rotary, Motion::Linear] {
+        let runs: Vec<_> = reports
+            .iter()
+            .filter(|report| report.world.motion == motion)
+            .filter_map(|report| Some((report, report.runs.first()?)))
+            .take(PANELS)
+            .collect();
+        if runs.len() > 1 {
+            let size = runs.iter().map(|(_, run)| run.traces.largest_effort()).fold(0.0, f64::max);
+            let (name, what) = match motion {
+                Motion::Rotary => ("torques", "Torque"),
+                Motion::Linear => ("forces", "Force"),
+            };
+            list.push(Drawing::new(name, |width| {
+                let panel = |(report, run): &(&Report<'_>, &crate::Run<'_>)| {
+                    let title = clipped(&report.title, if width == Width::Wide { 36 } else { 32 });
+                    run.traces.torque_panel(&title, size, width)
+                };
+                let said: Vec<String> = runs
+                    .iter()
+                    .map(|(report, run)| {
+                        format!("{} peaks at {}", report.title, say_effort(run.summary.peak_torque, motion))
+                    })
+                    .collect();
+                Figure {
+                    title: format!("{what} in the first scenario of each world"),
+                    alt: format!("{what} over time, a panel a world on one scale: {}.", said.join("; ")),
+                    panels: runs.iter().map(panel).collect(),
+                    columns: 2,
+                }
+            }));
+        }
+    }
+    // A decade to either side of all periods: at a critical period far away all else would be flat.
+    let periods = || reports.iter().map(|report| report.check.period_s);
+    let span = (0.1 * periods().fold(f64::INFINITY, f64::min), 10.0 * periods().fold(0.0, f64::max));
+    let curves: Vec<(&str, Vec<Point>)> = reports
+        .iter()
+        .map(|report| (report.title.as_str(), growth_by_period(report.world, report.check, span)))
+        .filter(|(_, curve)| !curve.is_empty())
+        .take(CURVES)
+        .collect();
+    if curves.len() > 1 {
+        let borrowed: Vec<(&str, &[Point])> = curves.iter().map(|(name, curve)| (*name, curve.as_slice())).collect();
+        if let Some(panel) = period_panel(&borrowed) {
+            let names: Vec<&str> = curves.iter().map(|(name, _)| *name).collect();
+            let figure = Figure {
+                title: "Growth against period".into(),
+                alt: format!("Growth of the held worlds against the sampling period: {}.", names.join("; ")),
+                panels: vec![panel],
+                columns: 1,
+            };
+            list.push(Drawing::new("periods", |_| figure.clone()));
+        }
+    }
+    list
+}
+
+/// At most `most` characters of a text.
+fn clipped(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.into(),
+    }
+}
+
+/// The page that lays the worlds side by side, each with a link to its own.
+pub fn index_page(reports: &[Report<'_>], drawings: &[Drawing]) -> String {
+    document(
+        "Worlds side by side",
+        html! {
+            main {
+                h1 { "Worlds side by side" }
+                div.scroll tabindex="0" { (table(reports)) }
+                @for drawing in drawings { (drawing.markup()) }
+            }
+        },
+    )
+}
+
+fn table(reports: &[Report<'_>]) -> Markup {
+    html! {
+        table {
+            thead {
+                tr { th { "world" } th { "verdict" } th { "growth per s" } th { "critical period" } th { "peak torque" } th { "first clipped" } th { "loop" } }
+            }
+            tbody {
+                @for report in reports {
+                    tr {
+                        td { a href={ (report.stem) ".html" } { (report.title) } }
+                        td class={ "state " (verdict_name(report.check)) } { (verdict_name(report.check)) }
+                        td.number { (report.check.held.growth_per_s.map_or("none".into(), rate)) }
+                        td.number { (critical(report.check)) }
+                        td.number { @for run in &report.runs { (say_effort(run.summary.peak_torque, report.world.motion)) br; } }
+                        td.number {
+                            @for run in &report.runs {
+                                @match (report.world.device.limit, run.summary.first_clipped) {
+                                    (None, _) => "no limit",
+                                    (_, Some((_, time))) => (say_time(time)),
+                                    (_, None) => "never",
+                                }
+                                br;
+                            }
+                        }
+                        td { (report.loop_line()) }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,31 @@
+//! A world and its runs as figures and pages.
+//!
+//! * [`Report`] is one world's page: diagram, verdict, eigenvalues, growth against period, and for each [`Run`] motion, torque
+//!   and energy over time. Its figures are also files ([`Drawing`]), and several worlds have an index ([`index_page`]).
+//! * [`Traces`] is what a run's motion is drawn from, whether its rows come from the simulation or, by [`read_csv`], from a file.
+//! * [`Figure`](figure::Figure) is what is drawn, as plain data; it turns itself into SVG.
+//!
+//! A run is reduced to its [`Extremes`] while it streams: the same memory however long it is, and no peak disappears.
+#![forbid(unsafe_code)]
+
+mod csv;
+mod diagram;
+mod extremes;
+pub mod figure;
+mod index;
+mod page;
+mod run;
+pub mod stability;
+mod svg;
+pub mod ticks;
+mod traces;
+mod units;
+
+pub use csv::{CsvError, read_csv};
+pub use diagram::{Diagram, diagram};
+pub use extremes::{Extremes, Point, Stretches};
+pub use index::{index_drawings, index_page};
+pub use page::{Drawing, Report};
+pub use run::Run;
+pub use svg::{STYLE, Width};
+pub use traces::{Envelope, Traces};

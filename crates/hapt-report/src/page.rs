@@ -1,0 +1,314 @@
+//! One world as one page: no network, no scripts, nothing from elsewhere.
+
+use hapt_analysis::{Check, Verdict};
+use hapt_model::{Parameter, World};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use crate::diagram::diagram;
+use crate::figure::Figure;
+use crate::run::Run;
+use crate::stability;
+use crate::svg::{STYLE, Width};
+use crate::ticks::number;
+use crate::units::{effort_name, say_effort, say_energy, say_time};
+
+/// Of the page; figures have [`STYLE`].
+const PAGE_STYLE: &str = "\
+:root{color-scheme:light dark;--ink:#1b1e22;--soft:#565d66;--paper:#fff;--line:#d9dde2;--well:#f5f6f8;--link:#00588f;\
+--good:#00704f;--even:#5a5f00;--bad:#a33c00}\
+@media screen and (prefers-color-scheme:dark){:root{--ink:#e7e9ec;--soft:#a5adb6;--paper:#15181c;--line:#343a41;--well:#1d2126;\
+--link:#6cc0f2;--good:#3ccfa3;--even:#e6d95a;--bad:#ff9257}}\
+*{box-sizing:border-box}\
+body{margin:0;background:var(--paper);color:var(--ink);font:16px/1.5 system-ui,-apple-system,'Segoe UI','DejaVu Sans',sans-serif}\
+main{max-width:860px;margin:0 auto;padding:24px 20px 60px}main.broad{max-width:1200px}\
+h1{font-size:1.7em;line-height:1.2;margin:.2em 0 .3em;overflow-wrap:anywhere}\
+h2{font-size:1.2em;margin:2em 0 .4em;border-top:1px solid var(--line);padding-top:1em;overflow-wrap:anywhere}\
+p{margin:.4em 0}a{color:var(--link)}.soft{color:var(--soft)}\
+.verdict{border-left:5px solid;padding:.5em .8em;background:var(--well);margin:1em 0}\
+.verdict.stable{border-color:var(--good)}.verdict.marginal{border-color:var(--even)}.verdict.unstable{border-color:var(--bad)}\
+.stable b,.state.stable{color:var(--good)}.marginal b,.state.marginal{color:var(--even)}.unstable b,.state.unstable{color:var(--bad)}\
+figure{margin:1.2em 0}figure svg.hapt{display:block;width:100%;height:auto}\
+figcaption{font-weight:600;margin-bottom:.2em}.narrow{display:none}.scroll{overflow-x:auto}\
+.scroll svg.hapt{width:auto;max-width:100%}.scroll table{min-width:56em}.scroll td:last-child{min-width:15em}.scroll td{overflow-wrap:normal}\
+table{border-collapse:collapse;width:100%;font-size:.9em}\
+th,td{text-align:left;vertical-align:top;padding:.28em .9em .28em 0;border-bottom:1px solid var(--line)}\
+th{font-weight:600}td{overflow-wrap:anywhere}td.key{font-family:ui-monospace,'DejaVu Sans Mono',monospace;font-size:.9em}\
+td.number{overflow-wrap:normal}.state{overflow-wrap:normal;font-weight:600}tr.default td{color:var(--soft)}\
+td .doc{display:block;color:var(--soft);font:.85em/1.35 system-ui,'DejaVu Sans',sans-serif}\
+dl{display:grid;grid-template-columns:max-content 1fr;gap:.15em 1em;margin:.6em 0}dt{color:var(--soft)}dd{margin:0;overflow-wrap:anywhere}\
+@media screen and (max-width:700px){body{font-size:15px}main{padding:14px 14px 40px}.wide{display:none}.narrow{display:block}\
+td.key{font-size:.8em}th,td{padding-right:.5em}.parameters{table-layout:fixed}dl{grid-template-columns:1fr}dd{margin-bottom:.4em}}\
+@media print{.scroll svg.hapt{min-width:0!important}.scroll table{min-width:0}main{max-width:none;padding:0}figure,tr,.verdict{break-inside:avoid}h2{break-after:avoid}body{font-size:11pt}}";
+
+/// About how large the figures of a page may be together.
+const BUDGET: usize = 620_000;
+
+/// A figure that stands in a page and in a file of its own.
+#[derive(Clone, Debug)]
+pub struct Drawing {
+    /// What its file is called, after the world's name.
+    pub name: String,
+    /// The file.
+    pub file: String,
+    caption: String,
+    wide: String,
+    /// Where one drawing is laid out for every width, none.
+    narrow: Option<String>,
+}
+
+impl Drawing {
+    /// From the figure as it is for each width.
+    pub(crate) fn new(name: &str, figure: impl Fn(Width) -> Figure) -> Self {
+        let wide = figure(Width::Wide);
+        Drawing {
+            name: name.into(),
+            file: wide.svg(Width::Wide, true),
+            wide: wide.svg(Width::Wide, false),
+            narrow: Some(figure(Width::Narrow).svg(Width::Narrow, false)),
+            caption: wide.title,
+        }
+    }
+
+    pub(crate) fn markup(&self) -> Markup {
+        html! {
+            figure {
+                figcaption { (self.caption) }
+                @match &self.narrow {
+                    Some(narrow) => {
+                        div.wide { (PreEscaped(&self.wide)) }
+                        div.narrow { (PreEscaped(narrow)) }
+                    }
+                    None => div.scroll tabindex="0" { (PreEscaped(&self.wide)) },
+                }
+            }
+        }
+    }
+}
+
+/// A world with its analysis and its runs.
+#[derive(Debug)]
+pub struct Report<'w> {
+    /// Its title, or its file's name.
+    pub title: String,
+    /// The file's name without folder and ending, under which its files are written.
+    pub stem: String,
+    /// In SI.
+    pub world: &'w World,
+    /// As its file says it.
+    pub parameters: &'w [Parameter],
+    /// Whether it holds.
+    pub check: &'w Check,
+    /// The scenarios, run.
+    pub runs: Vec<Run<'w>>,
+}
+
+impl Report<'_> {
+    /// Every figure, in the order of the page.
+    pub fn drawings(&self) -> Vec<Drawing> {
+        let (inline, own) = (diagram(self.world, false), diagram(self.world, true));
+        let mut list = vec![Drawing {
+            name: "world".into(),
+            file: own.svg,
+            caption: "The world".into(),
+            wide: inline.svg,
+            narrow: None,
+        }];
+        if let Some(figure) = stability::eigenvalues(self.check) {
+            list.push(Drawing::new("eigenvalues", |_| figure.clone()));
+        }
+        if let Some(figure) = stability::periods(self.world, self.check) {
+            list.push(Drawing::new("periods", |_| figure.clone()));
+        }
+        let room = self.room();
+        for run in &self.runs {
+            list.push(Drawing::new(&format!("{}-motion", run.name), |width| run.motion(width, room)));
+            list.push(Drawing::new(&format!("{}-energy", run.name), |width| run.energy(width, room)));
+        }
+        list
+    }
+
+    /// Stretches a curve, so that a page of many scenarios and bodies stays small.
+    fn room(&self) -> usize {
+        let curves = self.runs.len().max(1) * (2 * (self.world.bodies.len() + 1) + 2 + 5);
+        // Two points a stretch of some seven bytes each, drawn wide and narrow.
+        let each = BUDGET / curves / (2 * 7 + 2 * 7 * 2 / 5);
+        each.clamp(12, Width::Wide.stretches())
+    }
+
+    /// The page; `drawings` are [`Report::drawings`].
+    pub fn page(&self, drawings: &[Drawing], index: bool) -> String {
+        let (loop_figures, run_figures) = drawings.split_at(drawings.len() - 2 * self.runs.len());
+        let (world_figure, loop_figures) = loop_figures.split_at(1);
+        document(
+            &self.title,
+            html! {
+                main {
+                    @if index { p.soft { a href="index.html" { "All worlds" } } }
+                    h1 { (self.title) }
+                    p.soft { (self.loop_line()) }
+                    (verdict(self.check))
+                    @for note in &self.check.notes { p.soft { "Note: " (note) } }
+                    @for drawing in world_figure { (drawing.markup()) }
+                    h2 { "The loop, the puck held still" }
+                    @if loop_figures.is_empty() {
+                        p { "The world has no bodies: nothing of it moves while the puck is held, and there are no eigenvalues." }
+                    } @else {
+                        (self.numbers())
+                    }
+                    @for drawing in loop_figures { (drawing.markup()) }
+                    @for (run, drawings) in self.runs.iter().zip(run_figures.chunks(2)) {
+                        h2 { "Scenario " (run.name) }
+                        (self.scenario(run))
+                        @for drawing in drawings { (drawing.markup()) }
+                    }
+                    h2 { "Parameters" }
+                    (parameters(self.parameters))
+                }
+            },
+        )
+    }
+
+    /// "forward-euler at 1 ms a sample, torque from the start of the step"
+    pub(crate) fn loop_line(&self) -> String {
+        let sampling = &self.world.sampling;
+        format!(
+            "{}, {} a sample, torque from the {} of the step",
+            sampling.method.name(),
+            say_time(sampling.period),
+            sampling.output.name()
+        )
+    }
+
+    fn numbers(&self) -> Markup {
+        let held = &self.check.held;
+        html! {
+            dl {
+                @if let Some(growth) = held.growth_per_s {
+                    dt { "growth" } dd { (rate(growth)) " per second" }
+                }
+                dt { "largest |λ|" } dd { (number(held.spectral_radius, 10)) }
+                dt { "critical period" }
+                dd { (critical(self.check)) }
+                @for mode in &held.modes {
+                    dt { "mode" }
+                    dd {
+                        (number(mode.frequency_hz, 5)) " Hz, damping ratio " (number(mode.damping_ratio, 4))
+                        @match (mode.discrete_frequency_hz, mode.discrete_damping_ratio) {
+                            (Some(frequency), Some(ratio)) => {
+                                "; in this loop " (number(frequency, 5)) " Hz, damping ratio "
+                                (number(if ratio.abs() < 1e-12 { 0.0 } else { ratio }, 4))
+                            }
+                            _ => "; in this loop it does not swing",
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn scenario(&self, run: &Run<'_>) -> Markup {
+        let (summary, motion) = (&run.summary, self.world.motion);
+        let effort = |x| say_effort(x, motion);
+        html! {
+            @if let Some(failure) = &run.failure { p.verdict.unstable { b { "Ended early" } ": " (failure) } }
+            dl {
+                dt { "duration" } dd { (say_time(run.duration)) }
+                dt { "peak " (effort_name(motion)) } dd { (effort(summary.peak_torque)) " at " (say_time(summary.peak_time)) }
+                dt { "motor" }
+                dd {
+                    @match (self.world.device.limit, summary.first_clipped) {
+                        (None, _) => "no limit given",
+                        (Some(limit), None) => { "never asked for more than its limit, " (effort(limit)) }
+                        (Some(limit), Some((sample, time))) => {
+                            "asked for more than its limit, " (effort(limit)) ", at " (summary.clipped) " of " (summary.rows)
+                            " samples, first at sample " (sample) " (" (say_time(time)) ")"
+                        }
+                    }
+                }
+                @if let Some(fitted) = summary.fitted_growth() {
+                    dt { "growth" }
+                    dd {
+                        (rate(fitted)) " per second fitted to the run"
+                        @if let Some(predicted) = self.check.held.growth_per_s { ", " (rate(predicted)) " predicted" }
+                    }
+                }
+                dt { "energy" }
+                dd {
+                    "the hand gave " (say_energy(summary.ledger.hand)) ", the motor " (say_energy(summary.ledger.motor))
+                    "; damping took " (say_energy(summary.ledger.damping)) ", friction " (say_energy(summary.ledger.friction))
+                    "; the world stores " (say_energy(summary.final_energy()))
+                }
+            }
+        }
+    }
+}
+
+/// A growth rate; below a billionth it is rounding.
+pub(crate) fn rate(growth: f64) -> String {
+    if growth.abs() < 1e-9 { "0".into() } else { number(growth, 6) }
+}
+
+pub(crate) fn critical(check: &Check) -> String {
+    match (check.held.critical_period_s, check.held.critical_period_reason) {
+        (Some(period), _) => say_time(period),
+        (None, Some("never")) => "none: unstable from 0 on".into(),
+        (None, _) => "none: never unstable".into(),
+    }
+}
+
+pub(crate) fn verdict_name(check: &Check) -> &'static str {
+    match check.held.verdict {
+        Verdict::Stable => "stable",
+        Verdict::Marginal => "marginal",
+        Verdict::Unstable => "unstable",
+    }
+}
+
+fn verdict(check: &Check) -> Markup {
+    let name = verdict_name(check);
+    let sentence = check.sentence();
+    let reason = sentence.strip_prefix(name).unwrap_or(&sentence);
+    let capital = match check.held.verdict {
+        Verdict::Stable => "Stable",
+        Verdict::Marginal => "Marginal",
+        Verdict::Unstable => "Unstable",
+    };
+    html! { p class={ "verdict " (name) } { b { (capital) } (reason) "." } }
+}
+
+fn parameters(list: &[Parameter]) -> Markup {
+    html! {
+        table.parameters {
+            thead { tr { th { "key" } th { "as written" } th { "in SI" } } }
+            tbody {
+                @for parameter in list {
+                    tr class=[(!parameter.given).then_some("default")] {
+                        td.key { (parameter.path) span.doc { (parameter.doc) } }
+                        td { (parameter.written) @if !parameter.given { " (default)" } }
+                        td.number { @if let Some(si) = parameter.si { (number(si, 6)) " " (parameter.unit.replace("^2", "²")) } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A whole document around `body`.
+pub(crate) fn document(title: &str, body: Markup) -> String {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                // Should anything of a world's text ever reach beyond its place, it can still load and run nothing.
+                meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'";
+                meta name="generator" content={ "hapt " (env!("CARGO_PKG_VERSION")) };
+                title { (title) }
+                style { (PreEscaped(PAGE_STYLE)) (PreEscaped(STYLE)) }
+            }
+            body { (body) }
+        }
+    }
+    .into_string()
+}

@@ -1,0 +1,167 @@
+//! A scenario's run, gathered while it streams.
+
+use hapt_analysis::continuous::bent;
+use hapt_analysis::{Check, Continuous, Slopes};
+use hapt_model::{Motion, Scenario, World};
+use hapt_sim::{Row, Simulation, Summary, world_energy};
+
+use crate::extremes::Extremes;
+use crate::figure::{Axis, Figure, Panel, Style};
+use crate::svg::Width;
+use crate::traces::{Envelope, Traces, scaled};
+use crate::units;
+
+/// What a page shows of one scenario, of the same size however long it runs.
+#[derive(Clone, Debug)]
+pub struct Run<'w> {
+    world: &'w World,
+    /// The scenario's name.
+    pub name: String,
+    /// How long it was to be, in s.
+    pub duration: f64,
+    /// The run in a few numbers.
+    pub summary: Summary<'w>,
+    /// Its signals.
+    pub traces: Traces,
+    /// Why it ended early, where it did.
+    pub failure: Option<String>,
+    energies: [Extremes; 5],
+    swing: Option<Swing>,
+}
+
+const ENERGIES: [&str; 5] =
+    ["stored by the world", "given by the hand", "given by the motor", "taken by damping", "taken by friction"];
+
+/// The first turn of the held world's slowest mode, from which the predicted envelope starts.
+#[derive(Clone, Debug)]
+struct Swing {
+    continuous: Continuous,
+    growth: f64,
+    from: f64,
+    turn: f64,
+    centre: Option<f64>,
+    size: f64,
+}
+
+impl<'w> Run<'w> {
+    /// Before the first row of `simulation`, a run of `scenario`; `check` is the analysis of the same world.
+    pub fn new(world: &'w World, scenario: &Scenario, simulation: &Simulation, check: &Check) -> Self {
+        Run {
+            world,
+            name: scenario.name.clone(),
+            duration: scenario.duration,
+            summary: Summary::new(world, simulation),
+            traces: Traces::new(world.motion, &world.names, world.device.limit),
+            failure: None,
+            energies: std::array::from_fn(|_| Extremes::new(Width::Wide.stretches())),
+            swing: simulation.still_from().and_then(|from| Swing::new(world, check, from)),
+        }
+    }
+
+    /// Takes the next row.
+    pub fn add(&mut self, row: &Row) {
+        self.summary.add(row);
+        let puck = std::iter::once((row.puck, row.puck_velocity));
+        self.traces.add(row.time, puck.chain(row.bodies.iter().copied()), row.torque, row.applied);
+        let ledger = row.ledger;
+        let stored = world_energy(self.world, row.puck, &row.bodies, &row.bristles);
+        let values = [stored, ledger.hand, ledger.motor, ledger.damping, ledger.friction];
+        for (signal, value) in self.energies.iter_mut().zip(values) {
+            signal.add(row.time, value);
+        }
+        if let Some(swing) = &mut self.swing {
+            swing.add(row);
+        }
+    }
+
+    /// The bounds that the analysis predicts for the torque, where the puck is held still and the world is linear: the growth is
+    /// predicted, the size is that of the first turn of the slowest mode.
+    pub fn envelope(&self) -> Option<Envelope> {
+        self.swing.as_ref().and_then(Swing::envelope)
+    }
+
+    /// Position, velocity and torque over time.
+    pub fn motion(&self, width: Width, room: usize) -> Figure {
+        self.traces.figure(
+            &format!("{}: motion and {}", self.name, units::effort_name(self.world.motion)),
+            self.envelope(),
+            width,
+            room,
+        )
+    }
+
+    /// What the world stores, and the works of hand, motor, damping and friction, over time.
+    pub fn energy(&self, width: Width, room: usize) -> Figure {
+        let ranges: Vec<(f64, f64)> = self.energies.iter().map(|signal| signal.range().unwrap_or((0.0, 0.0))).collect();
+        let size = |&(low, high): &(f64, f64)| low.abs().max(high.abs());
+        let unit = units::energy(ranges.iter().map(size).fold(0.0, f64::max));
+        let (from, to) = self.traces.span();
+        let seconds = units::time(to);
+        let x = Axis::from_to("time", seconds.name, from * seconds.per_si, to * seconds.per_si);
+        let y = Axis::around(
+            "energy",
+            unit.name,
+            ranges.iter().flat_map(|&(low, high)| [low * unit.per_si, high * unit.per_si]),
+        );
+        let mut panel = Panel::new("", x, y);
+        let mut said = Vec::new();
+        for (i, (name, signal)) in ENERGIES.iter().zip(&self.energies).enumerate() {
+            if i > 0 && ranges.get(i).map_or(0.0, size) == 0.0 {
+                continue;
+            }
+            let points = signal.points(room.min(width.stretches()));
+            let last = points.last().map_or(0.0, |point| point.1);
+            said.push(format!("{name} {}", unit.say(last, 4)));
+            panel.curve(name, Style::Signal(i), scaled(points, seconds.per_si, unit.per_si));
+        }
+        let alt = format!("Energy over time. At the end: {}.", said.join(", "));
+        Figure { title: format!("{}: energy", self.name), alt, panels: vec![panel], columns: 1 }
+    }
+
+    /// Rotary or linear.
+    pub fn motion_kind(&self) -> Motion {
+        self.world.motion
+    }
+}
+
+impl Swing {
+    fn new(world: &World, check: &Check, from: f64) -> Option<Self> {
+        let growth = check.held.growth_per_s?;
+        let slowest = check.held.modes.first()?.frequency_hz;
+        if !bent(&world.couplings).is_empty() || slowest <= 0.0 {
+            return None;
+        }
+        let continuous = Continuous::new(&world.bodies, &world.couplings, &Slopes::Flat).ok()?;
+        Some(Swing { continuous, growth, from, turn: 1.0 / slowest, centre: None, size: 0.0 })
+    }
+
+    fn add(&mut self, row: &Row) {
+        let since = row.time - self.from;
+        if since < -1e-12 || since > self.turn {
+            return;
+        }
+        let centre = match self.centre {
+            Some(centre) => centre,
+            None => self.rest(row.puck).unwrap_or(f64::NAN),
+        };
+        self.centre = Some(centre);
+        self.size = self.size.max((row.torque - centre).abs() * (-self.growth * since).exp());
+    }
+
+    /// The torque on the puck, held at z, when the bodies have come to rest: K w = f - K_z z.
+    fn rest(&self, z: f64) -> Option<f64> {
+        let n = self.continuous.bodies();
+        let (k, f) = (&self.continuous.stiffness, &self.continuous.force);
+        let right = f.rows(0, n) - k.view((0, n), (n, 1)) * z;
+        let bodies = k.view((0, 0), (n, n)).into_owned().lu().solve(&right)?;
+        let pull = k.view((n, 0), (1, n)) * bodies;
+        let torque = f[n] - pull[(0, 0)] - k[(n, n)] * z;
+        torque.is_finite().then_some(torque)
+    }
+
+    fn envelope(&self) -> Option<Envelope> {
+        let centre = self.centre.filter(|centre| centre.is_finite())?;
+        let Swing { size, from, growth, .. } = *self;
+        (size > 0.0).then_some(Envelope { centre, size, from, growth })
+    }
+}

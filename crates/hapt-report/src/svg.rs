@@ -1,0 +1,400 @@
+//! A figure as SVG.
+//!
+//! kuva draws well, but paints its colours into every element and knows one size; here a page has to turn dark with its reader
+//! and stay readable on a phone. So colours are classes, which one style sheet ([`STYLE`]) sets for light, dark and paper, and a
+//! figure is laid out anew for each width instead of being shrunk until its text is dust.
+
+use std::fmt::Write as _;
+
+use crate::extremes::Point;
+use crate::figure::{Axis, Figure, Panel, Shape, Style};
+use crate::ticks;
+
+/// The width that a figure is laid out for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    /// A desk, or paper.
+    Wide,
+    /// A phone.
+    Narrow,
+}
+
+/// Colours and line styles of figures: Okabe and Ito's palette, on white and on near black.
+pub const STYLE: &str = "\
+svg.hapt{font:12px system-ui,-apple-system,'Segoe UI','DejaVu Sans',sans-serif}\
+svg.hapt text{fill:#1b1e22}svg.hapt .soft{fill:#565d66}svg.hapt .bold{font-weight:600}\
+svg.hapt .paper{fill:#fff}svg.hapt .node{fill:#eef1f4;stroke:#1b1e22}\
+svg.hapt .frame{fill:none;stroke:#8a929b}svg.hapt .grid{fill:none;stroke:#e3e6ea}svg.hapt .zero{fill:none;stroke:#aab1b9}\
+svg.hapt .ink{fill:none;stroke:#1b1e22;stroke-width:1.4;stroke-linejoin:round}svg.hapt .full{fill:#1b1e22}\
+svg.hapt .band{fill:#d55e00;fill-opacity:.2}\
+svg.hapt .line{fill:none;stroke-width:1.4;stroke-linejoin:round}svg.hapt .mark{fill:none;stroke-width:2}\
+svg.hapt .s0{stroke:#0072b2}svg.hapt .s1{stroke:#d55e00}svg.hapt .s2{stroke:#009e73}svg.hapt .s3{stroke:#cc79a7}\
+svg.hapt .s4{stroke:#e69f00;stroke-dasharray:7 2}svg.hapt .s5{stroke:#56b4e9;stroke-dasharray:7 2}\
+svg.hapt .s6{stroke:#1b1e22;stroke-dasharray:7 2}\
+svg.hapt .beneath{stroke:#e69f00;stroke-width:3.6}\
+svg.hapt .d1{stroke-dasharray:2 2}svg.hapt .d2{stroke-dasharray:10 3 2 3}svg.hapt .d3{stroke-dasharray:1 4}\
+svg.hapt .limit{stroke:#565d66;stroke-dasharray:7 4}svg.hapt .predicted{stroke:#1b1e22;stroke-dasharray:2 3;stroke-width:1.6}\
+svg.hapt .guide{stroke:#8a929b}\
+@media screen and (prefers-color-scheme:dark){svg.hapt text{fill:#e7e9ec}svg.hapt .soft{fill:#a5adb6}\
+svg.hapt .paper{fill:#15181c}svg.hapt .node{fill:#272c33;stroke:#e7e9ec}\
+svg.hapt .frame{stroke:#6d757e}svg.hapt .grid{stroke:#2a2f35}svg.hapt .zero{stroke:#545b63}\
+svg.hapt .ink{stroke:#e7e9ec}svg.hapt .full{fill:#e7e9ec}svg.hapt .band{fill-opacity:.38}\
+svg.hapt .s0{stroke:#56b4e9}svg.hapt .s1{stroke:#e8702a}svg.hapt .s2{stroke:#1fb98d}svg.hapt .s5{stroke:#f0e442}\
+svg.hapt .s6{stroke:#e7e9ec}svg.hapt .limit{stroke:#a5adb6}svg.hapt .predicted{stroke:#e7e9ec}svg.hapt .guide{stroke:#6d757e}}";
+
+const COLOURS: usize = 7;
+/// Above a panel's frame: a line of text, and below it: ticks and the axis's name.
+const LINE: f64 = 17.0;
+const BELOW: f64 = 40.0;
+const RIGHT: f64 = 12.0;
+
+impl Width {
+    fn pixels(self) -> f64 {
+        match self {
+            Width::Wide => 760.0,
+            Width::Narrow => 344.0,
+        }
+    }
+
+    /// Stretches of a reduced curve that the width can show.
+    pub fn stretches(self) -> usize {
+        match self {
+            Width::Wide => 400,
+            Width::Narrow => 160,
+        }
+    }
+}
+
+/// For text and for attributes.
+pub(crate) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// About how wide a text of 12 px is: no less than it will be, for the fonts of [`STYLE`].
+pub(crate) fn text_width(text: &str) -> f64 {
+    7.6 * text.chars().count() as f64
+}
+
+/// The opening of an SVG, its alternative text said.
+pub(crate) fn open(width: f64, height: f64, title: &str, alt: &str, own_file: bool) -> String {
+    let (w, h) = (width.ceil(), height.ceil());
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"hapt\" style=\"min-width:{:.0}px\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" \
+         role=\"img\" aria-label=\"{}\">",
+        // Scaled down further its text could not be read; whoever shows it lets it scroll instead.
+        0.74 * w,
+        escaped(alt)
+    );
+    if own_file {
+        let _ = write!(svg, "<title>{}</title><desc>{}</desc><style>{STYLE}</style>", escaped(title), escaped(alt));
+        svg += "<rect class=\"paper\" width=\"100%\" height=\"100%\"/>";
+    }
+    svg
+}
+
+/// A text; `class` and `anchor` as in SVG.
+pub(crate) fn text(svg: &mut String, x: f64, y: f64, anchor: &str, class: &str, content: &str) {
+    let anchor = if anchor == "start" { String::new() } else { format!(" text-anchor=\"{anchor}\"") };
+    let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
+    let _ = write!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\"{anchor}{class}>{}</text>", escaped(content));
+}
+
+impl Figure {
+    /// As SVG: for a file of its own, with its styles, or for a page that has them.
+    pub fn svg(&self, width: Width, own_file: bool) -> String {
+        let columns = if width == Width::Narrow { 1 } else { self.columns.max(1) };
+        let each = (width.pixels() + 14.0) / columns as f64 - 14.0;
+        // Frames below each other begin at the same place, so that their times stand above each other.
+        let left = self.panels.iter().map(|panel| Layout::new(panel, each, columns, 0.0).left).fold(0.0, f64::max);
+        let layouts: Vec<Layout<'_>> =
+            self.panels.iter().map(|panel| Layout::new(panel, each, columns, left)).collect();
+        let mut body = String::new();
+        let (mut y, top_of_file) = (4.0, if own_file { 24.0 } else { 0.0 });
+        y += top_of_file;
+        for row in layouts.chunks(columns) {
+            let above = row.iter().map(|layout| layout.above).fold(0.0, f64::max);
+            let tall = row.iter().map(|layout| layout.height).fold(0.0, f64::max);
+            for (i, layout) in row.iter().enumerate() {
+                layout.draw(&mut body, i as f64 * (each + 14.0), y, y + above);
+            }
+            y += above + tall + BELOW + 8.0;
+        }
+        let mut svg = open(width.pixels(), y, &self.title, &self.alt, own_file);
+        if own_file {
+            text(&mut svg, 2.0, 18.0, "start", "bold", &self.title);
+        }
+        svg += &body;
+        svg += "</svg>";
+        svg
+    }
+}
+
+/// A panel with the sizes of its parts, in pixels.
+struct Layout<'a> {
+    panel: &'a Panel,
+    /// Of the whole, and of the frame.
+    total: f64,
+    left: f64,
+    width: f64,
+    height: f64,
+    /// Title, vertical axis's name and legend, above the frame.
+    above: f64,
+    legend: Vec<Entry<'a>>,
+    x_ticks: Vec<f64>,
+    y_ticks: Vec<f64>,
+}
+
+/// A legend's entry, its place relative to the panel's top left.
+struct Entry<'a> {
+    name: &'a str,
+    look: Look,
+    x: f64,
+    line: usize,
+}
+
+#[derive(Clone, Copy)]
+enum Look {
+    Line(Style),
+    Mark(Shape, Style),
+    Band,
+}
+
+impl<'a> Layout<'a> {
+    /// `least` is the room for the vertical ticks' labels that other panels need.
+    fn new(panel: &'a Panel, total: f64, columns: usize, least: f64) -> Self {
+        let ticks = |axis: &Axis, wanted: usize| match axis.logarithmic {
+            true => ticks::logarithmic(axis.low, axis.high, wanted),
+            false => ticks::linear(axis.low, axis.high, wanted),
+        };
+        let y_ticks = ticks(&panel.y, 5);
+        let widest = tick_labels(&panel.y, &y_ticks).iter().map(|l| text_width(l)).fold(0.0, f64::max);
+        let left = (widest + 10.0).max(least).clamp(34.0, 0.4 * total);
+        let width = total - left - RIGHT;
+        let height = match (panel.round, columns) {
+            (true, _) => width,
+            (false, 1) => (0.27 * total).clamp(170.0, 220.0),
+            (false, _) => (0.62 * width).clamp(170.0, 330.0),
+        };
+        let mut x_ticks = ticks(&panel.x, (width / 80.0).clamp(2.0, 10.0) as usize);
+        // Labels that would touch are thinned out.
+        let need = tick_labels(&panel.x, &x_ticks).iter().map(|l| text_width(l) + 8.0).fold(0.0, f64::max);
+        while x_ticks.len() > 2 && need * x_ticks.len() as f64 > 1.15 * width {
+            x_ticks = x_ticks.into_iter().step_by(2).collect();
+        }
+        let (legend, lines) = legend(panel, total);
+        let titles = if panel.title.is_empty() { 1.0 } else { 2.0 };
+        Layout {
+            panel,
+            total,
+            left,
+            width,
+            height,
+            above: (titles + lines as f64) * LINE + 6.0,
+            legend,
+            x_ticks,
+            y_ticks,
+        }
+    }
+
+    /// Its texts begin at `start`, its frame at `top`.
+    fn draw(&self, svg: &mut String, x0: f64, start: f64, top: f64) {
+        let Layout { panel, left, width, height, .. } = self;
+        let (left, right, bottom) = (x0 + left, x0 + left + width, top + height);
+        let x = |value: f64| left + (panel.x.place(value) * width).clamp(-1e4, 1e4);
+        let y = |value: f64| bottom - (panel.y.place(value) * height).clamp(-1e4, 1e4);
+
+        let mut line = start + LINE - 4.0;
+        if !panel.title.is_empty() {
+            text(svg, x0 + 2.0, line, "start", "bold", &panel.title);
+            line += LINE;
+        }
+        text(svg, x0 + 2.0, line, "start", if panel.title.is_empty() { "bold" } else { "soft" }, &panel.y.label());
+        for entry in &self.legend {
+            entry.draw(svg, x0, line + entry.line as f64 * LINE);
+        }
+
+        let mut grid = String::new();
+        for &tick in &self.x_ticks {
+            let _ = write!(grid, "M{:.1} {top:.1}V{bottom:.1}", x(tick));
+        }
+        for &tick in &self.y_ticks {
+            let _ = write!(grid, "M{left:.1} {:.1}H{right:.1}", y(tick));
+        }
+        let _ = write!(svg, "<path class=\"grid\" d=\"{grid}\"/>");
+        if !panel.y.logarithmic && panel.y.low < 0.0 && panel.y.high > 0.0 {
+            let _ = write!(svg, "<path class=\"zero\" d=\"M{left:.1} {:.1}H{right:.1}\"/>", y(0.0));
+        }
+        for (tick, label) in self.x_ticks.iter().zip(tick_labels(&panel.x, &self.x_ticks)) {
+            // Kept inside of the panel.
+            let half = 0.5 * text_width(&label);
+            let at = x(*tick).min(x0 + self.total - half).max(x0 + half);
+            text(svg, at, bottom + 15.0, "middle", "soft", &label);
+        }
+        for (tick, label) in self.y_ticks.iter().zip(tick_labels(&panel.y, &self.y_ticks)) {
+            text(svg, left - 6.0, y(*tick) + 4.0, "end", "soft", &label);
+        }
+        text(svg, right, bottom + 31.0, "end", "soft", &panel.x.label());
+
+        // What lies outside of the axes is cut off at the frame.
+        let view = format!("<svg x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\">");
+        *svg += &view;
+        let to = |(a, b): Point| (x(a) - left, y(b) - top);
+        if let Some(bands) = &panel.bands {
+            let mut d = String::new();
+            for &(from, until) in &bands.list {
+                let (a, b) = (x(from) - left, x(until) - left);
+                let (a, wide) = if b - a < 1.0 { (0.5 * (a + b) - 0.5, 1.0) } else { (a, b - a) };
+                let _ = write!(d, "M{a:.1} 0h{wide:.1}v{height:.1}h-{wide:.1}z");
+            }
+            let _ = write!(svg, "<path class=\"band\" d=\"{d}\"/>");
+        }
+        for series in &panel.series {
+            let d = path(series.points.iter().map(|&point| to(point)));
+            let _ = write!(svg, "<path class=\"line {}\" d=\"{d}\"/>", class(series.style));
+        }
+        for mark in &panel.marks {
+            let mut d = String::new();
+            for &point in &mark.points {
+                let (a, b) = to(point);
+                let _ = match mark.shape {
+                    Shape::Line => write!(d, "M{a:.1} 0v{height:.1}"),
+                    shape => write!(d, "{}", symbol(shape, a, b)),
+                };
+            }
+            let _ = write!(svg, "<path class=\"mark {}\" d=\"{d}\"/>", class(mark.style));
+        }
+        *svg += "</svg>";
+        let _ = write!(
+            svg,
+            "<rect class=\"frame\" x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\"/>"
+        );
+    }
+}
+
+fn tick_labels(axis: &Axis, at: &[f64]) -> Vec<String> {
+    match axis.logarithmic {
+        true => at.iter().map(|&tick| ticks::number(tick, 3)).collect(),
+        false => ticks::labels(at),
+    }
+}
+
+/// The legend's entries behind the vertical axis's name and on as many further lines as they need.
+fn legend(panel: &Panel, total: f64) -> (Vec<Entry<'_>>, usize) {
+    let lines = panel.series.iter().map(|s| (s.name.as_str(), Look::Line(s.style)));
+    let bands = panel.bands.iter().filter(|bands| !bands.list.is_empty()).map(|b| (b.name.as_str(), Look::Band));
+    let marks = panel.marks.iter().map(|m| (m.name.as_str(), Look::Mark(m.shape, m.style)));
+    let mut entries: Vec<Entry<'_>> = Vec::new();
+    let (mut x, mut line) = (text_width(&panel.y.label()) + 14.0, 0);
+    for (name, look) in lines.chain(bands).chain(marks) {
+        if name.is_empty() || entries.iter().any(|entry| entry.name == name) {
+            continue;
+        }
+        let wide = 22.0 + text_width(name) + 12.0;
+        if x + wide > total + 12.0 && x > 2.0 {
+            (x, line) = (2.0, line + 1);
+        }
+        entries.push(Entry { name, look, x, line });
+        x += wide;
+    }
+    (entries, line)
+}
+
+impl Entry<'_> {
+    fn draw(&self, svg: &mut String, x0: f64, y: f64) {
+        let (x, middle) = (x0 + self.x, y - 4.0);
+        let _ = match self.look {
+            Look::Line(style) => {
+                write!(svg, "<path class=\"line {}\" d=\"M{x:.1} {middle:.1}h18\"/>", class(style))
+            }
+            Look::Mark(Shape::Line, style) => {
+                write!(svg, "<path class=\"mark {}\" d=\"M{:.1} {:.1}v12\"/>", class(style), x + 9.0, middle - 6.0)
+            }
+            Look::Mark(shape, style) => {
+                write!(svg, "<path class=\"mark {}\" d=\"{}\"/>", class(style), symbol(shape, x + 9.0, middle))
+            }
+            Look::Band => {
+                write!(svg, "<rect class=\"band\" x=\"{x:.1}\" y=\"{:.1}\" width=\"18\" height=\"11\"/>", middle - 5.5)
+            }
+        };
+        text(svg, x + 22.0, y, "start", "", self.name);
+    }
+}
+
+fn symbol(shape: Shape, x: f64, y: f64) -> String {
+    match shape {
+        Shape::Cross => format!("M{:.1} {:.1}l9 9m0 -9l-9 9", x - 4.5, y - 4.5),
+        Shape::Ring => format!("M{:.1} {y:.1}a5 5 0 1 0 10 0a5 5 0 1 0 -10 0z", x - 5.0),
+        Shape::Line => String::new(),
+    }
+}
+
+pub(crate) fn class(style: Style) -> String {
+    match style {
+        Style::Signal(n) if n < COLOURS => format!("s{n}"),
+        // A colour that comes again comes with another dash.
+        Style::Signal(n) => format!("s{} d{}", n % COLOURS, (n / COLOURS).min(3)),
+        Style::Beneath => "beneath".into(),
+        Style::Limit => "limit".into(),
+        Style::Predicted => "predicted".into(),
+        Style::Guide => "guide".into(),
+    }
+}
+
+/// Straight lines between the points, in tenths of a pixel, as steps from each to the next; a point on the way from its
+/// neighbour to the next, straight across or straight up, is left out.
+fn path(points: impl Iterator<Item = Point>) -> String {
+    let mut kept: Vec<(i64, i64)> = Vec::new();
+    for (x, y) in points {
+        let point = ((10.0 * x).round() as i64, (10.0 * y).round() as i64);
+        if kept.last() == Some(&point) {
+            continue;
+        }
+        if let [.., a, b] = kept[..] {
+            let between = |a: i64, b: i64, c: i64| (a <= b && b <= c) || (a >= b && b >= c);
+            let across = a.1 == b.1 && b.1 == point.1 && between(a.0, b.0, point.0);
+            let up = a.0 == b.0 && b.0 == point.0 && between(a.1, b.1, point.1);
+            if across || up {
+                kept.pop();
+            }
+        }
+        kept.push(point);
+    }
+    let mut d = String::new();
+    let tenth = |n: i64| {
+        let text = format!("{}{}", n / 10, if n % 10 == 0 { String::new() } else { format!(".{}", n.abs() % 10) });
+        if n < 0 && n > -10 { format!("-{text}") } else { text }
+    };
+    let mut last: Option<(i64, i64)> = None;
+    for point in kept {
+        let _ = match last {
+            None => write!(d, "M{} {}", tenth(point.0), tenth(point.1)),
+            Some(last) => write!(d, "l{} {}", tenth(point.0 - last.0), tenth(point.1 - last.1)),
+        };
+        last = Some(point);
+    }
+    d
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_takes_steps_and_leaves_out_what_lies_on_the_way() {
+        let points = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, -0.5), (3.25, -0.4)];
+        assert_eq!(path(points.into_iter()), "M0 0l2 0l0 -0.5l1.3 0.1");
+    }
+
+    #[test]
+    fn a_turn_back_on_the_same_line_is_kept() {
+        let points = [(0.0, 0.0), (0.0, 9.0), (0.0, 1.0)];
+        assert_eq!(path(points.into_iter()), "M0 0l0 9l0 -8");
+    }
+
+    #[test]
+    fn a_name_cannot_break_out_of_the_drawing() {
+        let mut svg = String::new();
+        text(&mut svg, 0.0, 0.0, "start", "", "<script>&\"");
+        assert_eq!(svg, "<text x=\"0.0\" y=\"0.0\">&lt;script&gt;&amp;&quot;</text>");
+    }
+}

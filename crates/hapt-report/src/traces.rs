@@ -1,0 +1,206 @@
+//! Position, velocity and torque of a run over time.
+
+use hapt_model::Motion;
+
+use crate::extremes::{Extremes, Point, Stretches};
+use crate::figure::{Axis, Bands, Figure, Panel, Style};
+use crate::svg::Width;
+use crate::ticks::number;
+use crate::units;
+
+/// More clipped stretches than this are joined.
+const CLIPPED: usize = 200;
+
+/// What a run's three figures are drawn from, of the same size however long the run is.
+#[derive(Clone, Debug)]
+pub struct Traces {
+    motion: Motion,
+    names: Vec<String>,
+    limit: Option<f64>,
+    positions: Vec<Extremes>,
+    velocities: Vec<Extremes>,
+    asked: Extremes,
+    applied: Extremes,
+    clipped: Stretches,
+    span: Option<(f64, f64)>,
+}
+
+/// The predicted bounds of a swing about `centre`: ± `size` e^{growth (t - from)}.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Envelope {
+    /// N·m; linear: N.
+    pub centre: f64,
+    /// At `from`, in the same unit.
+    pub size: f64,
+    /// In s.
+    pub from: f64,
+    /// In 1/s.
+    pub growth: f64,
+}
+
+impl Traces {
+    /// Of a puck and these bodies; `limit` is the motor's.
+    pub fn new(motion: Motion, bodies: &[String], limit: Option<f64>) -> Self {
+        let names: Vec<String> = std::iter::once("puck".to_string()).chain(bodies.iter().cloned()).collect();
+        let room = Width::Wide.stretches();
+        let each = vec![Extremes::new(room); names.len()];
+        Traces {
+            motion,
+            names,
+            limit,
+            positions: each.clone(),
+            velocities: each,
+            asked: Extremes::new(room),
+            applied: Extremes::new(room),
+            clipped: Stretches::new(CLIPPED),
+            span: None,
+        }
+    }
+
+    /// The next row in SI: position and velocity of the puck and each body, the torque asked for and the one that is applied.
+    pub fn add(&mut self, time: f64, states: impl IntoIterator<Item = Point>, asked: f64, applied: f64) {
+        for ((position, velocity), (x, v)) in self.positions.iter_mut().zip(&mut self.velocities).zip(states) {
+            position.add(time, x);
+            velocity.add(time, v);
+        }
+        self.asked.add(time, asked);
+        self.applied.add(time, applied);
+        if let Some(limit) = self.limit {
+            self.clipped.add(time, asked.abs() > limit);
+        }
+        self.span = Some((self.span.map_or(time, |span| span.0), time));
+    }
+
+    /// From the first row to the last, in s.
+    pub fn span(&self) -> (f64, f64) {
+        self.span.unwrap_or((0.0, 1.0))
+    }
+
+    /// Three panels above each other.
+    pub fn figure(&self, title: &str, envelope: Option<Envelope>, width: Width, room: usize) -> Figure {
+        let room = room.min(width.stretches());
+        let panels = vec![
+            self.states("position", &self.positions, units::position, room),
+            self.states("velocity", &self.velocities, units::velocity, room),
+            self.efforts(envelope, room),
+        ];
+        Figure { title: title.into(), alt: self.alt(envelope), panels, columns: 1 }
+    }
+
+    /// The torque alone under the name `title`, on an axis that holds ± `size` (in SI), unless that would hide it.
+    pub fn torque_panel(&self, title: &str, size: f64, width: Width) -> Panel {
+        let mut panel = self.efforts(None, width.stretches());
+        let unit = units::effort(self.motion, self.largest_effort());
+        // On the scale of torques ten times as large nothing would be seen.
+        if size <= 10.0 * self.largest_effort() {
+            let least = 1.06 * size * unit.per_si;
+            (panel.y.low, panel.y.high) = (panel.y.low.min(-least), panel.y.high.max(least));
+            panel.title = title.into();
+        } else {
+            panel.title = format!("{title} (own scale)");
+        }
+        panel
+    }
+
+    /// The largest |torque| asked for, or the motor's limit, in SI.
+    pub fn largest_effort(&self) -> f64 {
+        largest([&self.asked, &self.applied]).max(self.limit.unwrap_or(0.0))
+    }
+
+    fn time_axis(&self) -> (Axis, f64) {
+        let (from, to) = self.span();
+        let unit = units::time(to);
+        (Axis::from_to("time", unit.name, from * unit.per_si, to * unit.per_si), unit.per_si)
+    }
+
+    fn states(&self, name: &str, signals: &[Extremes], unit: fn(Motion, f64) -> units::Unit, room: usize) -> Panel {
+        let unit = unit(self.motion, largest(signals));
+        let (time, seconds) = self.time_axis();
+        let ranges = signals.iter().filter_map(Extremes::range).flat_map(|(low, high)| [low, high]);
+        let mut panel = Panel::new("", time, Axis::around(name, unit.name, ranges.map(|x| x * unit.per_si)));
+        for (i, (signal, name)) in signals.iter().zip(&self.names).enumerate() {
+            panel.curve(name, Style::Signal(i), scaled(signal.points(room), seconds, unit.per_si));
+        }
+        panel
+    }
+
+    fn efforts(&self, envelope: Option<Envelope>, room: usize) -> Panel {
+        let unit = units::effort(self.motion, self.largest_effort());
+        let (time, seconds) = self.time_axis();
+        let range = [&self.asked, &self.applied].into_iter().filter_map(|signal| signal.range());
+        let limits = self.limit.map(|limit| (-limit, limit));
+        let values = range.chain(limits).flat_map(|(low, high)| [low, high]);
+        let axis = Axis::around(units::effort_name(self.motion), unit.name, values.map(|x| x * unit.per_si));
+        let mut panel = Panel::new("", time, axis);
+        let (from, to) = self.span();
+        // Where nothing is clipped the two are one: the broad one shows behind the other.
+        panel.curve("applied", Style::Beneath, scaled(self.applied.points(room), seconds, unit.per_si));
+        panel.curve("asked for", Style::Signal(0), scaled(self.asked.points(room), seconds, unit.per_si));
+        if let Some(limit) = self.limit {
+            for side in [-limit, limit] {
+                panel.curve("limit", Style::Limit, scaled(vec![(from, side), (to, side)], seconds, unit.per_si));
+            }
+        }
+        for side in [-1.0, 1.0] {
+            let Some(envelope) = envelope else { continue };
+            let point = |i: usize| {
+                let t = envelope.from + (to - envelope.from) * i as f64 / 80.0;
+                (t, envelope.centre + side * envelope.size * (envelope.growth * (t - envelope.from)).exp())
+            };
+            panel.curve(
+                "predicted ±e^(growth·t)",
+                Style::Predicted,
+                scaled((0..=80).map(point).collect(), seconds, unit.per_si),
+            );
+        }
+        let list = self.clipped.list().iter().map(|&(from, to)| (from * seconds, to * seconds)).collect();
+        panel.bands = Some(Bands { name: "clipped".into(), list });
+        panel
+    }
+
+    fn alt(&self, envelope: Option<Envelope>) -> String {
+        let (from, to) = self.span();
+        let range = |signal: &Extremes, unit: units::Unit| {
+            let (low, high) = signal.range().unwrap_or((0.0, 0.0));
+            format!("{} to {} {}", number(low * unit.per_si, 4), number(high * unit.per_si, 4), unit.name)
+        };
+        let each = |signals: &[Extremes], unit: units::Unit| {
+            let all = self.names.iter().zip(signals).take(6);
+            all.map(|(name, signal)| format!("{name} {}", range(signal, unit))).collect::<Vec<_>>().join(", ")
+        };
+        let mut alt = format!(
+            "Position, velocity and {} over time, {} to {}. Positions: {}. Velocities: {}. Asked of the motor: {}.",
+            units::effort_name(self.motion),
+            units::say_time(from),
+            units::say_time(to),
+            each(&self.positions, units::position(self.motion, largest(&self.positions))),
+            each(&self.velocities, units::velocity(self.motion, largest(&self.velocities))),
+            range(&self.asked, units::effort(self.motion, self.largest_effort())),
+        );
+        if let Some(limit) = self.limit {
+            alt += &format!(" The motor's limit is {}", units::say_effort(limit, self.motion));
+            alt += &match self.clipped.list().first() {
+                Some(&(first, _)) => format!(" and is first asked to be exceeded at {}.", units::say_time(first)),
+                None => " and is never exceeded.".into(),
+            };
+        }
+        if let Some(envelope) = envelope {
+            let way = match envelope.growth {
+                growth if growth > 1e-9 => "widens",
+                growth if growth < -1e-9 => "narrows",
+                _ => "keeps its width",
+            };
+            alt += &format!(" The predicted envelope {way}.");
+        }
+        alt
+    }
+}
+
+fn largest<'a>(signals: impl IntoIterator<Item = &'a Extremes>) -> f64 {
+    let size = |(low, high): (f64, f64)| low.abs().max(high.abs());
+    signals.into_iter().filter_map(Extremes::range).map(size).fold(0.0, f64::max)
+}
+
+pub(crate) fn scaled(points: Vec<Point>, x: f64, y: f64) -> Vec<Point> {
+    points.into_iter().map(|(a, b)| (a * x, b * y)).collect()
+}
