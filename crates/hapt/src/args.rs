@@ -16,8 +16,9 @@ use clap::{Parser, Subcommand, ValueEnum};
     after_help = "\
 Examples:
   hapt                                     the notes' wheel under four methods
-  hapt sim worlds/notes/euler.toml         run a world's scenarios
-  hapt check worlds/notes/euler.toml       whether its loop holds
+  hapt sim @notes/euler                    run a world's scenarios
+  hapt check @notes/euler                  whether its loop holds
+  hapt init my-world                       a world file to start from
   hapt design --travel 45deg --torque 800Nmm --frequency 1Hz > wheel.toml"
 )]
 pub struct Args {
@@ -48,12 +49,60 @@ Examples:
   hapt design --travel 45deg --torque 800Nmm --frequency 1Hz > wheel.toml
   hapt design --travel 30deg --torque 1Nm --frequency 2Hz --period 0.5ms --json")]
     Design(DesignArgs),
+    /// A page a world: diagram, verdict, eigenvalues, motion, torque and energy over time.
+    #[command(after_help = "\
+Examples:
+  hapt report wheel.toml --out report                    report/wheel.html, and its figures as SVG
+  hapt report @notes/euler @notes/damped --out report    a page each, and report/index.html
+  hapt report wheel.toml --set loop.period=5ms --out report")]
+    Report(ReportArgs),
+    /// Position, velocity and torque over time as an SVG, from the CSV of a run.
+    #[command(after_help = "\
+Examples:
+  hapt plot runs/step.csv > step.svg                 what hapt sim --out runs has written
+  hapt plot runs/step.csv --limit 822.25Nmm --out step.svg")]
+    Plot(PlotArgs),
+    /// A world file to start from, with comments, and its schema for editors.
+    #[command(after_help = "\
+Examples:
+  hapt init                                          a spring and a mass, here
+  hapt init my-wall --template wall                  in a folder of its own")]
+    Init(InitArgs),
+    /// List the built-in worlds, which go wherever a world file does.
+    #[command(after_help = "\
+Examples:
+  hapt worlds
+  hapt sim @notes/euler                              one of them")]
+    Worlds,
+    /// What a word in a message or a verdict means.
+    #[command(after_help = "\
+Examples:
+  hapt explain                                       the topics
+  hapt explain critical-period")]
+    Explain(ExplainArgs),
+    /// The JSON schema of world files, by which editors complete keys and check units.
+    #[command(after_help = "\
+Examples:
+  hapt schema > hapt.schema.json                     as hapt init does")]
+    Schema,
+    /// A script by which a shell completes the command line.
+    #[command(after_help = "\
+Examples:
+  hapt completions bash > hapt.bash                  then: . ./hapt.bash
+  hapt completions fish > hapt.fish                  where fish looks")]
+    Completions(CompletionsArgs),
+    /// The manual page, or a page for each command.
+    #[command(after_help = "\
+Examples:
+  hapt man > hapt.1                                  then: man -l hapt.1
+  hapt man --out man                                 a page for each command")]
+    Man(ManArgs),
 }
 
 /// The world, as every command takes it.
 #[derive(Debug, clap::Args)]
 pub struct WorldArgs {
-    /// The world file; - is standard input.
+    /// The world file; - is standard input, @NAME a built-in world (hapt worlds lists them).
     #[arg(value_name = "WORLD")]
     pub path: PathBuf,
     /// Override a key of the world file by its dotted path, such as loop.period=2ms; repeatable.
@@ -109,4 +158,61 @@ pub struct DesignArgs {
     /// Print the numbers as JSON instead of a world file.
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ReportArgs {
+    /// The world files; - is standard input, @NAME a built-in world (hapt worlds lists them).
+    #[arg(value_name = "WORLD", required = true)]
+    pub worlds: Vec<PathBuf>,
+    /// Override a key of every world by its dotted path, such as loop.period=2ms; repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Write NAME.html and NAME-FIGURE.svg for each world into this folder, and index.html for several.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct PlotArgs {
+    /// A run as hapt sim --out writes it; - is standard input.
+    #[arg(value_name = "CSV")]
+    pub csv: PathBuf,
+    /// The motor's limit, such as '822.25 N mm', to draw in and to mark what goes beyond.
+    #[arg(long, value_name = "Q")]
+    pub limit: Option<String>,
+    /// Write the figure here; without it, to standard output.
+    #[arg(long, value_name = "FILE.svg")]
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct InitArgs {
+    /// The folder for world.toml and hapt.schema.json; made when it is not there.
+    #[arg(value_name = "DIR", default_value = ".")]
+    pub folder: PathBuf,
+    /// What to start from: spring-mass, wall, detents, damper, inertia, friction, end-stops or two-wheels.
+    #[arg(long, value_name = "NAME", default_value = "spring-mass")]
+    pub template: String,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ExplainArgs {
+    /// A word from a message or a verdict, such as growth; without it, the list of topics.
+    #[arg(value_name = "TOPIC")]
+    pub topic: Option<String>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct CompletionsArgs {
+    /// The shell.
+    #[arg(value_name = "SHELL", value_enum)]
+    pub shell: clap_complete::Shell,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ManArgs {
+    /// Write hapt.1 and a page for each command into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }

@@ -4,13 +4,21 @@ mod args;
 mod builtin;
 mod check;
 mod design;
+mod explain;
 mod failure;
+mod init;
 mod notes;
 mod output;
 mod people;
+mod plot;
 mod progress;
+mod report;
+mod schema;
+mod shell;
 mod sim;
+mod topics;
 mod world;
+mod worlds;
 
 use std::process::ExitCode;
 
@@ -29,6 +37,14 @@ fn main() -> ExitCode {
         Some(Command::Sim(args)) => sim::run(args),
         Some(Command::Check(args)) => check::run(args),
         Some(Command::Design(args)) => design::run(args),
+        Some(Command::Report(args)) => report::run(args),
+        Some(Command::Plot(args)) => plot::run(args),
+        Some(Command::Init(args)) => init::run(args),
+        Some(Command::Worlds) => worlds::run(),
+        Some(Command::Explain(args)) => explain::run(args),
+        Some(Command::Schema) => schema::run(),
+        Some(Command::Completions(args)) => shell::completions(args),
+        Some(Command::Man(args)) => shell::man(args),
     };
     match done {
         Ok(code) => code,

@@ -3,21 +3,31 @@
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_model::{Source, World};
+use hapt_model::World;
 use hapt_sim::{Simulation, Summary};
 
-use crate::builtin::WHEELS;
+use crate::builtin;
 use crate::failure::Failure;
 use crate::people;
 use crate::sim::{rate, rows};
+
+/// What people call the loops, and the built-in worlds that have them.
+const LOOPS: [(&str, &str); 4] = [
+    ("forward Euler", "@notes/euler"),
+    ("forward Euler, b = Tk", "@notes/damped"),
+    ("trapezoidal", "@notes/trapezoidal"),
+    ("hapt's default (zoh)", "@notes/default"),
+];
 
 const NEXT: &str = "
 The motor takes up to 822.25 N mm. Forward Euler grows into that; the others keep the swing as it is.
 
 Next:
-  hapt check worlds/notes/euler.toml                           why, and up to which period a loop holds
-  hapt sim worlds/notes/euler.toml --out out                   every sample, as out/step.csv
-  hapt sim worlds/notes/euler.toml --set loop.period=0.2ms     the same with a shorter period
+  hapt check @notes/euler                           why, and up to which period a loop holds
+  hapt sim @notes/euler --out out                   every sample, as out/step.csv
+  hapt sim @notes/euler --set loop.period=0.2ms     the same with a shorter period
+  hapt worlds                                       the other built-in worlds
+  hapt init wheel                                   a world file of your own, to start from
   hapt design --travel '45 deg' --torque '800 N mm' --frequency '1 Hz' > wheel.toml
   hapt --help
 ";
@@ -27,8 +37,8 @@ pub fn run() -> Result<ExitCode, Failure> {
         "The notes' virtual wheel, 1 Hz, 17.78 N mm/deg: a step of 45 deg, held for 10 s, 1 ms a sample\n\n",
     );
     table += "loop                     growth per s     peak torque    first clipped          verdict\n";
-    for (name, text) in WHEELS {
-        let world = World::read(&Source::from_text(name, text), &[])?;
+    for (name, world) in LOOPS {
+        let world = World::read(&builtin::source(world)?, &[])?;
         let held = hapt_analysis::check(&world)?.held;
         for scenario in &world.scenarios {
             let mut summary = Summary::new(&world, &Simulation::new(&world, scenario)?);

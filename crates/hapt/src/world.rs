@@ -1,8 +1,11 @@
 //! The world that a command works on.
 
+use std::path::Path;
+
 use hapt_model::{Source, World};
 
 use crate::args::WorldArgs;
+use crate::builtin;
 use crate::failure::Failure;
 
 /// A world and what people call it.
@@ -11,11 +14,20 @@ pub struct Loaded {
     pub world: World,
 }
 
-/// Reads the world file, or standard input for `-`, with its overrides.
+/// Reads the world file with its overrides.
 pub fn load(args: &WorldArgs) -> Result<Loaded, Failure> {
-    let source = if args.path.as_os_str() == "-" { Source::stdin()? } else { Source::open(&args.path)? };
+    let source = source(&args.path)?;
     let world = World::read(&source, &args.sets)?;
     Ok(Loaded { name: source.name, world })
+}
+
+/// What WORLD stands for: a file, standard input for `-`, a built-in world for `@NAME`.
+pub fn source(path: &Path) -> Result<Source, Failure> {
+    match path.to_str() {
+        Some("-") => Ok(Source::stdin()?),
+        Some(name) if name.starts_with('@') => builtin::source(name),
+        _ => Ok(Source::open(path)?),
+    }
 }
 
 impl Loaded {

@@ -4,6 +4,8 @@ mod commands;
 mod common;
 mod contract;
 mod endings;
+mod first_steps;
 mod help;
 mod refusals;
+mod report;
 mod runs;

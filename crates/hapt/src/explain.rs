@@ -1,0 +1,39 @@
+//! `hapt explain`: what a word in a message or a verdict means.
+
+use std::io::{Write, stdout};
+use std::process::ExitCode;
+
+use hapt_model::did_you_mean;
+
+use crate::args::ExplainArgs;
+use crate::failure::Failure;
+use crate::topics::{TOPICS, Topic};
+
+pub fn run(args: &ExplainArgs) -> Result<ExitCode, Failure> {
+    let text = match &args.topic {
+        None => list(),
+        Some(name) => find(name)?.text.to_string(),
+    };
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn list() -> String {
+    let mut list = String::new();
+    for topic in TOPICS {
+        list += &format!("{:<20} {}\n", topic.name, topic.line);
+    }
+    list
+}
+
+fn find(name: &str) -> Result<&'static Topic, Failure> {
+    // As people type what they have read: critical period, Forward Euler.
+    let plain = name.trim().to_lowercase().replace([' ', '_'], "-");
+    let called = |topic: &&Topic| topic.name == plain || topic.aliases.contains(&plain.as_str());
+    TOPICS.iter().find(called).ok_or_else(|| {
+        let names = TOPICS.iter().flat_map(|topic| [topic.name].into_iter().chain(topic.aliases.iter().copied()));
+        let hint = did_you_mean(&plain, names);
+        Failure::input(format!("no topic {name:?}{hint} (hapt explain lists them)"))
+    })
+}

@@ -1,0 +1,86 @@
+//! `hapt init`: a world file to start from, and the schema that its editor reads.
+
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+
+use hapt_model::did_you_mean;
+
+use crate::args::InitArgs;
+use crate::failure::Failure;
+use crate::output::Draft;
+use crate::people;
+
+const TEMPLATES: [(&str, &str); 8] = [
+    ("spring-mass", include_str!("../templates/spring-mass.toml")),
+    ("wall", include_str!("../templates/wall.toml")),
+    ("detents", include_str!("../templates/detents.toml")),
+    ("damper", include_str!("../templates/damper.toml")),
+    ("inertia", include_str!("../templates/inertia.toml")),
+    ("friction", include_str!("../templates/friction.toml")),
+    ("end-stops", include_str!("../templates/end-stops.toml")),
+    ("two-wheels", include_str!("../templates/two-wheels.toml")),
+];
+
+pub fn run(args: &InitArgs) -> Result<ExitCode, Failure> {
+    let name = args.template.as_str();
+    let Some((_, world)) = TEMPLATES.iter().find(|(known, _)| *known == name) else {
+        let names = TEMPLATES.map(|(known, _)| known);
+        let (hint, list) = (did_you_mean(name, names), names.join(", "));
+        let list =
+            if hint.is_empty() { format!("; the templates are {list}") } else { format!(" The templates are {list}") };
+        return Err(Failure::input(format!("no template {name:?}{hint}{list}")));
+    };
+    let schema = hapt_model::schema();
+    // In the current folder the plain names are the ones that people type.
+    let folder = if args.folder == Path::new(".") { Path::new("") } else { &args.folder };
+    let (world_path, schema_path) = (folder.join("world.toml"), folder.join("hapt.schema.json"));
+    refuse_existing(&world_path)?;
+    // The one of this hapt may stay: a second world in the folder goes by it too.
+    let schema_is_there = fs::read(&schema_path).is_ok_and(|bytes| bytes == schema.as_bytes());
+    if !schema_is_there {
+        refuse_existing(&schema_path)?;
+    }
+    make(folder)?;
+
+    let world = draft(&world_path, world)?;
+    if !schema_is_there {
+        finish(draft(&schema_path, &schema)?, &schema_path)?;
+    }
+    finish(world, &world_path)?;
+    let shown = world_path.display();
+    people::say(format_args!("next: hapt sim {shown}, hapt check {shown}, and what its comments say"));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Nothing of the user's is written over, a link that leads nowhere among it.
+fn refuse_existing(path: &Path) -> Result<(), Failure> {
+    match fs::symlink_metadata(path) {
+        Ok(_) => Err(Failure::input(format!("{} is there already; init overwrites nothing", path.display()))),
+        Err(_) => Ok(()),
+    }
+}
+
+fn make(folder: &Path) -> Result<(), Failure> {
+    if let Some(file) = folder.ancestors().find(|at| at.exists() && !at.is_dir()) {
+        return Err(Failure::input(format!("{} is a file; init wants a folder", file.display())));
+    }
+    if folder.as_os_str().is_empty() {
+        return Ok(());
+    }
+    fs::create_dir_all(folder).map_err(|error| Failure::System(format!("cannot make {}: {error}", folder.display())))
+}
+
+fn draft(path: &Path, text: &str) -> Result<Draft, Failure> {
+    let failed = |error| Failure::write(path.display(), error);
+    let mut draft = Draft::new(path.to_path_buf()).map_err(failed)?;
+    draft.write_all(text.as_bytes()).map_err(failed)?;
+    Ok(draft)
+}
+
+fn finish(draft: Draft, path: &Path) -> Result<(), Failure> {
+    draft.finish().map_err(|error| Failure::write(path.display(), error))?;
+    people::say(format_args!("wrote {}", path.display()));
+    Ok(())
+}

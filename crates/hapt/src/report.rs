@@ -1,0 +1,132 @@
+//! `hapt report`: a page a world, its figures as files, and an index of several.
+
+use std::collections::HashSet;
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+
+use hapt_analysis::Check;
+use hapt_model::{Parameter, World};
+use hapt_report::{Drawing, Report, Run, index_drawings, index_page};
+use hapt_sim::Simulation;
+
+use crate::args::ReportArgs;
+use crate::failure::Failure;
+use crate::output::{self, Draft};
+use crate::people;
+use crate::sim::rows;
+use crate::world::source;
+
+/// A world, ready to be run.
+struct Ready {
+    title: String,
+    stem: String,
+    world: World,
+    parameters: Vec<Parameter>,
+    check: Check,
+}
+
+pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
+    // Whatever is wrong with a world is said before the first file is begun.
+    let worlds = read(args)?;
+    output::folder(&args.out)?;
+    let mut reports = Vec::new();
+    let mut first_failure = None;
+    for ready in &worlds {
+        let report = report(ready)?;
+        let drawings = report.drawings();
+        let page = args.out.join(format!("{}.html", report.stem));
+        write(&page, &report.page(&drawings, worlds.len() > 1))?;
+        write_figures(&args.out, &report.stem, &drawings)?;
+        people::say(format_args!("wrote {} and {} figures beside it", page.display(), drawings.len()));
+        let failed = report.runs.iter().find_map(|run| Some((&run.name, run.failure.as_ref()?)));
+        if let Some((name, failure)) = failed {
+            let message = format!("{}, scenario {name}: {failure}; its figures end before", report.title);
+            first_failure = first_failure.or(Some(Failure::System(message)));
+        }
+        reports.push(report);
+    }
+    if reports.len() > 1 {
+        let drawings = index_drawings(&reports);
+        let page = args.out.join("index.html");
+        write(&page, &index_page(&reports, &drawings))?;
+        write_figures(&args.out, "index", &drawings)?;
+        people::say(format_args!("wrote {}", page.display()));
+    }
+    first_failure.map_or(Ok(ExitCode::SUCCESS), Err)
+}
+
+/// Reads and checks every world, and sees that each of its scenarios can start.
+fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
+    if args.worlds.iter().filter(|path| path.as_os_str() == "-").count() > 1 {
+        return Err(Failure::input("standard input, -, can be read only once"));
+    }
+    let mut taken = HashSet::new();
+    if args.worlds.len() > 1 {
+        taken.insert("index".to_string());
+    }
+    let mut worlds = Vec::new();
+    for path in &args.worlds {
+        let source = source(path)?;
+        let world = World::read(&source, &args.sets)?;
+        let parameters = hapt_model::parameters(&source, &args.sets)?;
+        let check = hapt_analysis::check(&world)?;
+        for scenario in &world.scenarios {
+            Simulation::new(&world, scenario)?;
+        }
+        let stem = stem(path, &world, &mut taken);
+        let title = world.title.clone().filter(|title| !title.trim().is_empty()).unwrap_or_else(|| stem.clone());
+        worlds.push(Ready { title, stem, world, parameters, check });
+    }
+    Ok(worlds)
+}
+
+/// The file's name without folder and ending, as it can stand in a link, with a number where another world's files would have
+/// the same names; "world" for standard input.
+fn stem(path: &Path, world: &World, taken: &mut HashSet<String>) -> String {
+    let name = match path.file_stem() {
+        Some(stem) if path.as_os_str() != "-" => stem.to_string_lossy().into_owned(),
+        _ => "world".into(),
+    };
+    let safe = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' };
+    let name: String = name.trim_start_matches(['.', '@']).chars().map(safe).collect();
+    let name = if name.is_empty() { "world".to_string() } else { name };
+    // Some file systems do not tell capitals from small letters.
+    let files = |name: &str| -> Vec<String> {
+        let runs = world.scenarios.iter().map(|scenario| format!("{name}-{}", scenario.name));
+        runs.chain([name.to_string()]).map(|file| file.to_lowercase()).collect()
+    };
+    let mut candidates = std::iter::once(name.clone()).chain((2..).map(|n: u64| format!("{name}-{n}")));
+    let free = candidates.find(|candidate| files(candidate).iter().all(|file| !taken.contains(file)));
+    let stem = free.unwrap_or(name);
+    taken.extend(files(&stem));
+    stem
+}
+
+/// Runs every scenario of a world. One that stops being finite is shown up to there.
+fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
+    let Ready { title, stem, world, parameters, check } = ready;
+    let mut runs = Vec::new();
+    for scenario in &world.scenarios {
+        let mut run = Run::new(world, scenario, &Simulation::new(world, scenario)?, check);
+        let end = rows(world, scenario, |row| {
+            run.add(row);
+            Ok::<(), Failure>(())
+        })?;
+        run.failure = end.err().map(|error| error.to_string());
+        runs.push(run);
+    }
+    Ok(Report { title: title.clone(), stem: stem.clone(), world, parameters, check, runs })
+}
+
+fn write_figures(folder: &Path, stem: &str, drawings: &[Drawing]) -> Result<(), Failure> {
+    drawings.iter().try_for_each(|drawing| write(&folder.join(format!("{stem}-{}.svg", drawing.name)), &drawing.file))
+}
+
+fn write(target: &Path, text: &str) -> Result<(), Failure> {
+    let failed = |error| Failure::write(target.display(), error);
+    let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
+    draft.write_all(text.as_bytes()).map_err(failed)?;
+    draft.finish().map_err(failed)?;
+    Ok(())
+}
