@@ -1,7 +1,10 @@
 //! hapt's own chores. `cargo xtask test` is the README's test command; the others make what the documents show.
 
 mod figure;
+mod fuzz;
+mod memory;
 mod notes;
+mod supply;
 mod test;
 
 use std::path::PathBuf;
@@ -11,7 +14,9 @@ use anyhow::{Result, bail};
 const USAGE: &str = "\
 cargo xtask test      format, lints, tests in debug and release, docs, every world file, proofs, documents
 cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
-cargo xtask figure    the notes' growth and its cure, from the runs' CSV, into docs/images";
+cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
+cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names
+cargo xtask memory N  what streaming N samples to CSV takes, such as 1e8";
 
 fn main() -> Result<()> {
     std::env::set_current_dir(root())?;
@@ -24,6 +29,8 @@ fn main() -> Result<()> {
         }
         ["notes", "--write"] => notes::write(),
         ["figure"] => figure::write(),
+        ["fuzz", ref arguments @ ..] => fuzz::run(arguments),
+        ["memory", samples] => memory::command(samples),
         _ => bail!("{USAGE}"),
     }
 }

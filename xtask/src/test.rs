@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{figure, notes};
+use crate::{figure, fuzz, memory, notes, supply};
 
 /// What has passed and failed so far.
 #[derive(Default)]
@@ -31,9 +31,13 @@ pub fn run() -> Result<()> {
         tally.step(&world.display().to_string(), same_bytes(&world));
     }
     tally.step("hapt-core cannot panic", cannot_panic());
+    tally.step("fuzzing finds nothing in a few seconds", fuzz::is_quiet());
+    tally.step("memory stays bounded", memory::is_bounded());
+    tally.step("licences and sources", supply::licences());
+    tally.step("the oldest Rust", supply::oldest_rust());
     tally.step("docs/notes.md is current", notes::is_current());
     tally.step("docs/notes.md names tests that exist", notes::names_real_tests());
-    tally.step("the picture is current", figure::is_current());
+    tally.step("the pictures are current", figure::is_current());
     println!("\n{:.0} s", started.elapsed().as_secs_f64());
     println!("{} passed, {} failed", tally.passed, tally.failed);
     // The count is the last word: an error would print after it.
@@ -97,8 +101,8 @@ fn cargo(arguments: &str, rustdoc_flags: &str) -> Result<()> {
     Ok(())
 }
 
-/// Every world file.
-fn worlds(folder: &Path) -> Result<Vec<PathBuf>> {
+/// Every world file in a folder.
+pub fn worlds(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
@@ -140,7 +144,7 @@ fn same_bytes(world: &Path) -> Result<()> {
     Ok(())
 }
 
-fn binary(build: &str) -> Command {
+pub fn binary(build: &str) -> Command {
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
     Command::new(target.join(build).join(format!("hapt{}", std::env::consts::EXE_SUFFIX)))
 }

@@ -1,0 +1,48 @@
+//! One function a target: bytes that nobody meant go in, and whatever must not happen is a panic.
+//!
+//! libFuzzer drives the targets for as long as one likes, on nightly; `bounded` drives them on stable for a few seconds each.
+//! Every input has a second of processor time and a bound on its memory ([`limits`]), whoever drives.
+
+mod core;
+mod dictionary;
+mod limits;
+mod messages;
+mod mutate;
+mod path;
+mod quantity;
+mod seeds;
+mod set;
+mod world;
+
+pub use dictionary::words;
+pub use limits::{judged, watch};
+pub use mutate::Mutator;
+
+/// What is driven, and from where.
+pub struct Target {
+    /// As typed.
+    pub name: &'static str,
+    /// Takes an input; the number tells one outcome from another, so that an input with a new one is kept and built upon.
+    pub run: fn(&[u8]) -> u64,
+    /// Good inputs, and contrived ones that once were slow or wrong.
+    pub seeds: fn() -> Vec<Vec<u8>>,
+    /// The longest input that the drivers make.
+    pub longest: usize,
+}
+
+/// All targets.
+pub const TARGETS: [Target; 5] = [
+    Target { name: "world", run: world::run, seeds: seeds::worlds, longest: 1 << 16 },
+    Target { name: "set", run: set::run, seeds: seeds::sets, longest: 1 << 12 },
+    Target { name: "quantity", run: quantity::run, seeds: seeds::quantities, longest: 1 << 10 },
+    Target { name: "path", run: path::run, seeds: seeds::paths, longest: 1 << 14 },
+    Target { name: "core", run: core::run, seeds: seeds::cores, longest: 1 << 11 },
+];
+
+/// The target of this name.
+///
+/// # Panics
+/// There is none.
+pub fn target(name: &str) -> &'static Target {
+    TARGETS.iter().find(|target| target.name == name).unwrap_or_else(|| panic!("no target {name}"))
+}

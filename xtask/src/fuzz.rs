@@ -1,0 +1,105 @@
+//! `cargo xtask fuzz`: bytes that nobody meant, on stable for seconds, and by libFuzzer for as long as one likes.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail, ensure};
+
+const MANIFEST: &str = "fuzz/Cargo.toml";
+/// Where builds, corpora and logs are, beside those of the workspace.
+const SCRATCH: &str = "target/fuzz";
+
+/// `[--seconds N] [TARGET]...` drives the targets on stable, `--minutes N [TARGET]...` by libFuzzer, two at a time.
+pub fn run(arguments: &[&str]) -> Result<()> {
+    match arguments {
+        ["--minutes", minutes, names @ ..] => long(minutes.parse().context("--minutes N")?, names),
+        ["--seconds", seconds, names @ ..] => bounded(seconds, names),
+        names if names.iter().all(|name| !name.starts_with('-')) => bounded("20", names),
+        _ => bail!("cargo xtask fuzz [--seconds N | --minutes N] [TARGET]..."),
+    }
+}
+
+/// For `cargo xtask test`: every seed and every finding of old, and a few seconds of edits.
+pub fn is_quiet() -> Result<()> {
+    bounded("3", &[])
+}
+
+fn bounded(seconds: &str, names: &[&str]) -> Result<()> {
+    let status = driver().args(["--seconds", seconds]).args(names).status()?;
+    ensure!(status.success(), "fuzzing found something: fuzz/findings");
+    Ok(())
+}
+
+/// The driver on stable, built when it is not.
+fn driver() -> Command {
+    let mut command = Command::new(env!("CARGO"));
+    command.args(["run", "--quiet", "--release", "--locked", "--manifest-path", MANIFEST, "--target-dir", SCRATCH]);
+    command.args(["--bin", "bounded", "--"]);
+    command
+}
+
+/// All targets in the order of the driver, by the folders of their seeds.
+fn targets(corpus: &Path) -> Result<Vec<String>> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(corpus)? {
+        names.push(entry?.file_name().into_string().ok().context("a name")?);
+    }
+    names.sort();
+    Ok(names)
+}
+
+/// libFuzzer with coverage and an address sanitiser: `cargo-fuzz` and a nightly toolchain are wanted.
+fn long(minutes: u64, names: &[&str]) -> Result<()> {
+    let corpus = PathBuf::from(SCRATCH).join("corpus");
+    ensure!(driver().arg("--corpus").arg(&corpus).status()?.success(), "no seeds");
+    let words = driver().arg("--dictionary").stderr(Stdio::inherit()).output()?;
+    let dictionary = PathBuf::from(SCRATCH).join("words.dict");
+    fs::write(&dictionary, words.stdout)?;
+    let all = targets(&corpus)?;
+    let chosen: Vec<&str> = if names.is_empty() { all.iter().map(String::as_str).collect() } else { names.to_vec() };
+
+    ensure!(nightly("build").status()?.success(), "cargo +nightly fuzz build");
+    println!("| target | executions | edges | features | inputs kept |\n| --- | --- | --- | --- | --- |");
+    for pair in chosen.chunks(2) {
+        let mut running = Vec::new();
+        for name in pair {
+            let log = PathBuf::from(SCRATCH).join(format!("{name}.log"));
+            let child = nightly("run")
+                .arg(name)
+                .arg(fs::canonicalize(corpus.join(name))?)
+                .args(["--", "-rss_limit_mb=2048", "-timeout=30", "-print_final_stats=1", "-max_len=16384"])
+                .arg(format!("-max_total_time={}", 60 * minutes))
+                .arg(format!("-dict={}", fs::canonicalize(&dictionary)?.display()))
+                .stderr(fs::File::create(&log)?)
+                .spawn()?;
+            running.push((name, log, child));
+        }
+        for (name, log, mut child) in running {
+            let status = child.wait()?;
+            let text = String::from_utf8_lossy(&fs::read(&log)?).into_owned();
+            println!("{}", row(name, &text).with_context(|| format!("no end in {}", log.display()))?);
+            ensure!(status.success(), "{name} found something: {}", log.display());
+        }
+    }
+    Ok(())
+}
+
+/// cargo-fuzz, on nightly even where cargo runs us on another toolchain.
+fn nightly(what: &str) -> Command {
+    let mut command = Command::new("rustup");
+    command.args(["run", "nightly", "cargo", "fuzz", what, "--fuzz-dir", "fuzz", "--features", "libfuzzer"]);
+    command.args(["--target-dir", SCRATCH]);
+    command.env_remove("CARGO").env_remove("RUSTC").env_remove("RUSTUP_TOOLCHAIN");
+    command
+}
+
+/// The last line that libFuzzer says of its coverage, and how often it ran.
+fn row(name: &str, log: &str) -> Option<String> {
+    let after = |line: &str, word: &str| Some(line.split_once(word)?.1.split_whitespace().next()?.to_string());
+    let executions = log.lines().find_map(|line| after(line, "stat::number_of_executed_units:"))?;
+    let last = log.lines().rev().find(|line| line.contains(" cov: ") && line.contains(" ft: "))?;
+    let (edges, features, corpus) = (after(last, " cov: ")?, after(last, " ft: ")?, after(last, " corp: ")?);
+    let kept = corpus.split('/').next()?;
+    Some(format!("| `{name}` | {executions} | {edges} | {features} | {kept} |"))
+}

@@ -1,0 +1,85 @@
+//! What hapt is built from and with: licences and sources of the dependencies, and the oldest Rust that does it.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, ensure};
+
+/// The core's, and the newest of the compilers that are looked for.
+const CORE: &str = "1.85";
+
+/// `cargo deny`, where it is installed. Its advisories are not looked at here: their database is on the network.
+pub fn licences() -> Result<()> {
+    let there = Command::new("cargo-deny").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+    if !there.is_ok_and(|status| status.success()) {
+        println!("        (skipped: cargo install cargo-deny)");
+        return Ok(());
+    }
+    let said =
+        Command::new("cargo-deny").args(["--log-level", "error", "check", "licenses", "bans", "sources"]).output()?;
+    ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    Ok(())
+}
+
+/// No dependency needs a newer Rust than the workspace says, and the core builds with the one that it says, where that is
+/// installed. What our own code uses of a newer standard library is clippy's to find, by the same number (incompatible_msrv).
+pub fn oldest_rust() -> Result<()> {
+    let said = Command::new(env!("CARGO")).args(["metadata", "--format-version", "1", "--locked"]).output()?;
+    ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    let metadata: serde_json::Value = serde_json::from_slice(&said.stdout)?;
+    let packages = metadata["packages"].as_array().context("no packages")?;
+    let (mut ours, mut newest) = (None, ((0, 0), "nothing"));
+    for package in packages {
+        let name = package["name"].as_str().context("no name")?;
+        let Some(rust) = package["rust_version"].as_str().and_then(version) else { continue };
+        if name == "hapt" {
+            ours = Some(rust);
+        } else if package["source"].is_string() && rust > newest.0 {
+            newest = (rust, name);
+        }
+    }
+    let ours = ours.context("hapt names no rust-version")?;
+    ensure!(newest.0 <= ours, "{} needs Rust {:?}, the workspace says {ours:?}", newest.1, newest.0);
+    core()
+}
+
+/// The first two numbers of a version.
+fn version(text: &str) -> Option<(u32, u32)> {
+    let mut numbers = text.split('.').map(|number| number.parse().ok());
+    Some((numbers.next()??, numbers.next()??))
+}
+
+/// The core with the oldest compiler that it promises: rustup's, or the distribution's.
+fn core() -> Result<()> {
+    let rustup = || {
+        let mut command = Command::new("rustup");
+        command.args(["run", CORE, "cargo"]);
+        command
+    };
+    let system = || {
+        let mut command = Command::new("/usr/bin/cargo");
+        command.env("RUSTC", "/usr/bin/rustc");
+        command
+    };
+    let is_it = |mut command: Command| {
+        let said = command.arg("--version").stderr(Stdio::null()).output();
+        said.is_ok_and(|said| String::from_utf8_lossy(&said.stdout).contains(&format!(" {CORE}.")))
+    };
+    let mut command = if is_it(rustup()) {
+        rustup()
+    } else if Path::new("/usr/bin/cargo").exists() && is_it(system()) {
+        system()
+    } else {
+        println!("        (the core with Rust {CORE} skipped: rustup toolchain install {CORE})");
+        return Ok(());
+    };
+    // The proof's workspace holds the core and libm alone: the others need a newer cargo to be read.
+    let status = command
+        .args(["build", "--quiet", "--release", "--locked", "--manifest-path", "crates/hapt-core/proof/Cargo.toml"])
+        .args(["--target-dir", "target/oldest"])
+        .env_remove("RUSTUP_TOOLCHAIN")
+        .env_remove("RUSTFLAGS")
+        .status()?;
+    ensure!(status.success(), "hapt-core does not build with Rust {CORE}");
+    Ok(())
+}
