@@ -1,9 +1,11 @@
 //! hapt's own chores. `cargo xtask test` is the README's test command; the others make what the documents show.
 
+mod book;
 mod figure;
 mod fuzz;
 mod memory;
 mod notes;
+mod reference;
 mod supply;
 mod test;
 
@@ -15,6 +17,7 @@ const USAGE: &str = "\
 cargo xtask test      format, lints, tests in debug and release, docs, every world file, proofs, documents
 cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
+cargo xtask book      whether the book's commands, worlds, outputs and links hold; with --write, makes its outputs and tables
 cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names
 cargo xtask memory N  what streaming N samples to CSV takes, such as 1e8";
 
@@ -31,6 +34,8 @@ fn main() -> Result<()> {
         ["figure"] => figure::write(),
         ["fuzz", ref arguments @ ..] => fuzz::run(arguments),
         ["memory", samples] => memory::command(samples),
+        ["book"] => book::check(),
+        ["book", "--write"] => book::write(),
         _ => bail!("{USAGE}"),
     }
 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{figure, fuzz, memory, notes, supply};
+use crate::{book, figure, fuzz, memory, notes, supply};
 
 /// What has passed and failed so far.
 #[derive(Default)]
@@ -38,6 +38,9 @@ pub fn run() -> Result<()> {
     tally.step("docs/notes.md is current", notes::is_current());
     tally.step("docs/notes.md names tests that exist", notes::names_real_tests());
     tally.step("the pictures are current", figure::is_current());
+    for page in book::pages()? {
+        tally.step(&page.display().to_string(), book::is_current(&page));
+    }
     println!("\n{:.0} s", started.elapsed().as_secs_f64());
     println!("{} passed, {} failed", tally.passed, tally.failed);
     // The count is the last word: an error would print after it.

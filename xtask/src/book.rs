@@ -1,0 +1,214 @@
+//! The book under docs/: what its pages show is what happens.
+//!
+//! - A line of a `sh` block is run by sh, in a scratch folder with a copy of worlds/, and ends with 0, or with the N of a
+//!   comment `# exit N` on it. Installing and cargo's other commands are left out.
+//! - A `toml` block with a `[loop]` is a world file: it is read, checked and run, and the lines after it find it as
+//!   wheel.toml, or by the name in its first line, `# knob.toml`.
+//! - A `text` block below `<!-- output -->` is what the `sh` block before it prints.
+//! - What stands between `<!-- made: NAME -->` and `<!-- end -->` is made by [`reference::tables`].
+//! - Links lead somewhere, and every page is in the table of contents.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail, ensure};
+
+use crate::{reference, test};
+
+const CONTENTS: &str = "docs/SUMMARY.md";
+const OUTPUT: &str = "<!-- output -->";
+/// What a line that is not run begins with.
+const NOT_RUN: [&str; 6] = ["cargo ", "cd ", "git ", "mdbook ", "rustup ", "sudo "];
+
+/// The pages: README.md and all of docs/.
+pub fn pages() -> Result<Vec<PathBuf>> {
+    let mut pages = vec![PathBuf::from("README.md")];
+    for entry in fs::read_dir("docs")? {
+        pages.extend(Some(entry?.path()).filter(|path| path.extension().is_some_and(|extension| extension == "md")));
+    }
+    pages.sort();
+    Ok(pages)
+}
+
+/// Checks all pages.
+pub fn check() -> Result<()> {
+    build()?;
+    let mut failed = 0;
+    for page in pages()? {
+        if let Err(error) = is_current(&page) {
+            failed += 1;
+            println!("FAILED  {}: {error:#}", page.display());
+        }
+    }
+    ensure!(failed == 0, "{failed} pages do not show what happens");
+    Ok(())
+}
+
+/// Makes the pages' outputs and tables anew.
+pub fn write() -> Result<()> {
+    build()?;
+    for page in pages()? {
+        let made = made(&page).with_context(|| page.display().to_string())?;
+        if made != fs::read_to_string(&page)? {
+            fs::write(&page, made)?;
+            println!("wrote {}", page.display());
+        }
+    }
+    Ok(())
+}
+
+/// Builds the command line that the pages run.
+fn build() -> Result<()> {
+    let status = Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt"]).status()?;
+    ensure!(status.success(), "hapt does not build");
+    Ok(())
+}
+
+/// Whether a page shows what happens today, and its links lead somewhere.
+pub fn is_current(page: &Path) -> Result<()> {
+    let text = fs::read_to_string(page)?;
+    links(page, &text)?;
+    let contents = fs::read_to_string(CONTENTS)?;
+    let name = page.file_name().and_then(|name| name.to_str()).context("no name")?;
+    ensure!(
+        page.parent() == Some(Path::new("")) || page == Path::new(CONTENTS) || contents.contains(&format!("]({name})")),
+        "not in {CONTENTS}"
+    );
+    if !cfg!(unix) {
+        return Ok(());
+    }
+    let made = made(page)?;
+    if let Some((number, (old, new))) = text.lines().zip(made.lines()).enumerate().find(|(_, (old, new))| old != new) {
+        bail!("line {}: {old:?} is {new:?} today; cargo xtask book --write", number + 1);
+    }
+    ensure!(made == text, "not current: cargo xtask book --write");
+    Ok(())
+}
+
+/// The page with its outputs and tables made anew; an error where a command or a world file does not do what it should.
+fn made(page: &Path) -> Result<String> {
+    let scratch = Scratch::new(page)?;
+    let text = fs::read_to_string(page)?;
+    let (mut out, mut printed, mut shows_output) = (String::new(), String::new(), false);
+    let mut lines = text.lines().enumerate();
+    while let Some((number, line)) = lines.next() {
+        out += &format!("{line}\n");
+        if let Some(name) = line.strip_prefix("<!-- made: ").and_then(|rest| rest.strip_suffix(" -->")) {
+            lines.find(|(_, line)| *line == "<!-- end -->").context("a table without an end")?;
+            out += &format!("\n{}\n<!-- end -->\n", reference::tables(name)?);
+        }
+        let Some(language) = line.strip_prefix("```") else {
+            shows_output = line == OUTPUT || (shows_output && line.is_empty());
+            continue;
+        };
+        let block: Vec<&str> =
+            lines.by_ref().map(|(_, line)| line).take_while(|line| !line.starts_with("```")).collect();
+        let body = block.iter().map(|line| format!("{line}\n")).collect::<String>();
+        let at = || format!("the block at line {}", number + 1);
+        match language {
+            "sh" => printed = scratch.run_all(&body).with_context(at)?,
+            "toml" if block.iter().any(|line| line.starts_with("[loop]")) => scratch.world(&body).with_context(at)?,
+            _ => {}
+        }
+        out += if shows_output && language == "text" { &printed } else { &body };
+        out += "```\n";
+        shows_output = false;
+    }
+    Ok(out)
+}
+
+/// A folder in which a page's commands are run.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new(page: &Path) -> Result<Scratch> {
+        let folder = std::env::current_dir()?.join("target/book").join(page.file_stem().context("no name")?);
+        if folder.exists() {
+            fs::remove_dir_all(&folder)?;
+        }
+        for world in test::worlds(Path::new("worlds"))? {
+            let copy = folder.join(&world);
+            fs::create_dir_all(copy.parent().context("no folder")?)?;
+            fs::copy(world, copy)?;
+        }
+        Ok(Scratch(folder))
+    }
+
+    /// Runs the lines of a block, joined where they end with a backslash; what they print.
+    fn run_all(&self, block: &str) -> Result<String> {
+        let mut printed = String::new();
+        for line in
+            block.replace("\\\n", "").lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'))
+        {
+            let line = match line.strip_prefix("cargo run --release") {
+                Some("") => "hapt".to_string(),
+                Some(rest) if rest.starts_with(" -- ") => rest.replacen(" --", "hapt", 1),
+                _ => line.to_string(),
+            };
+            if !NOT_RUN.iter().any(|start| line.starts_with(start)) {
+                let wanted = line.rsplit_once("# exit ").map_or(Ok(0), |(_, code)| code.trim().parse())?;
+                printed += &self.run(&line, &[wanted])?;
+            }
+        }
+        Ok(printed)
+    }
+
+    /// Runs one line, which has to end with one of `codes`.
+    fn run(&self, line: &str, codes: &[i32]) -> Result<String> {
+        let hapt = PathBuf::from(test::binary("release").get_program());
+        let folders = [std::path::absolute(hapt)?.parent().context("no folder")?.to_path_buf()];
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let path = std::env::join_paths(folders.into_iter().chain(std::env::split_paths(&path)))?;
+        let sh = Command::new("sh")
+            .args(["-c", &format!("exec 2>&1\n{line}")])
+            .env("PATH", path)
+            .current_dir(&self.0)
+            .stdin(Stdio::null())
+            .output()?;
+        let printed = String::from_utf8(sh.stdout)?;
+        let code = sh.status.code().context("ended by a signal")?;
+        ensure!(codes.contains(&code), "{line}: ends with {code}, not {codes:?}\n{printed}");
+        Ok(printed)
+    }
+
+    /// Writes a world file, checks it and runs its scenarios.
+    fn world(&self, text: &str) -> Result<()> {
+        let name = text.lines().next().and_then(|line| line.strip_prefix("# ")).filter(|name| name.ends_with(".toml"));
+        let name = name.unwrap_or("wheel.toml");
+        fs::write(self.0.join(name), text)?;
+        self.run(&format!("hapt check {name}"), &[0, 1])?;
+        if text.contains("[scenarios.") {
+            self.run(&format!("hapt sim {name}"), &[0])?;
+        }
+        Ok(())
+    }
+}
+
+/// Whether each link of a page leads to a file, and to a heading in it where it names one.
+fn links(page: &Path, text: &str) -> Result<()> {
+    let prose: String = text.split("\n```").step_by(2).collect();
+    for link in prose.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+        if link.starts_with("http") {
+            continue;
+        }
+        let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+        let target = if file.is_empty() { page.to_path_buf() } else { page.with_file_name(file) };
+        ensure!(target.exists(), "the link {link} leads nowhere");
+        if !heading.is_empty() {
+            let known = fs::read_to_string(&target)?.lines().any(|line| line.starts_with('#') && slug(line) == heading);
+            ensure!(known, "the link {link} names no heading");
+        }
+    }
+    Ok(())
+}
+
+/// What a heading is called in links.
+fn slug(heading: &str) -> String {
+    let words = heading.trim_start_matches('#').trim().to_lowercase();
+    words
+        .chars()
+        .filter(|&c| c.is_alphanumeric() || " -_".contains(c))
+        .map(|c| if c == ' ' { '-' } else { c })
+        .collect()
+}

@@ -1,0 +1,133 @@
+//! The book's tables of keys and columns, made from the tables that the code itself reads.
+
+use std::fmt::Write;
+
+use anyhow::{Result, bail};
+use hapt_model::keys::{self, KEYS, Key, Measure, Presence, Range, Takes};
+use hapt_model::{Motion, Source, World};
+use hapt_sim::columns;
+
+/// The tables called `name`, in Markdown.
+pub fn tables(name: &str) -> Result<String> {
+    match name {
+        "keys" => keys(),
+        "columns" => signals(),
+        _ => bail!("there are no tables {name}"),
+    }
+}
+
+fn keys() -> Result<String> {
+    let mut tables: Vec<&str> = Vec::new();
+    for key in KEYS {
+        if !tables.contains(&key.table()) {
+            tables.push(key.table());
+        }
+    }
+    let mut text = String::new();
+    for table in tables {
+        let rows: Vec<&Key> = keys::rows(table).collect();
+        let owned = rows.iter().any(|key| !owner(key).is_empty());
+        let (of, rule) = if owned { (" of |", " --- |") } else { ("", "") };
+        writeln!(text, "## {}\n", heading(table))?;
+        writeln!(text, "| key |{of} takes | without it | meaning |\n| --- |{rule} --- | --- | --- |")?;
+        for key in rows {
+            let of = if owned { format!(" {} |", owner(key)) } else { String::new() };
+            writeln!(
+                text,
+                "| `{}` |{of} {} | {} | {} |",
+                key.name(),
+                takes(key),
+                without(key),
+                key.doc.replace('|', "\\|")
+            )?;
+        }
+        text.push('\n');
+    }
+    Ok(text.trim_end().to_string() + "\n")
+}
+
+/// The table as it is written in a world file.
+fn heading(table: &str) -> String {
+    if table.is_empty() {
+        return "At the top".to_string();
+    }
+    let list = table
+        .strip_suffix(".*")
+        .filter(|outer| KEYS.iter().any(|key| key.path == *outer && matches!(key.takes, Takes::List { .. })));
+    match list {
+        Some(list) => format!("`[[{list}]]`"),
+        None => format!("`[{}]`", table.replace('*', "NAME")),
+    }
+}
+
+/// The kinds and the motion that a key belongs to.
+fn owner(key: &Key) -> String {
+    let names = |names: &[&str]| names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    let mut parts = vec![names(key.kinds)];
+    if !key.hands.is_empty() {
+        parts.push(format!("in {}", names(key.hands)));
+    }
+    parts.extend(key.motion.map(|motion| format!("{} motion", motion.name())));
+    parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
+}
+
+fn takes(key: &Key) -> String {
+    let quantity = |measure: Measure, range: Range| {
+        let (rotary, linear) = (measure.dimension(Motion::Rotary), measure.dimension(Motion::Linear));
+        let dimension = match key.motion {
+            Some(motion) => measure.dimension(motion).to_string(),
+            None if rotary == linear => rotary.to_string(),
+            None => format!("{rotary}; linear: {linear}"),
+        };
+        let range = match range {
+            Range::Any => "",
+            Range::ZeroOrMore => ", 0 or more",
+            Range::Positive => ", above 0",
+        };
+        format!("{dimension}{range}")
+    };
+    match key.takes {
+        Takes::Text => "text".to_string(),
+        Takes::Name(names) => names.iter().map(|name| format!("`\"{name}\"`")).collect::<Vec<_>>().join(", "),
+        Takes::Quantity(measure, range) => quantity(measure, range),
+        Takes::QuantityOr(measure, range, word) => format!("{}, or `\"{word}\"`", quantity(measure, range)),
+        Takes::Whole { least, most, step } => {
+            format!("{} whole number from {least} to {most}", if step == 2 { "an even" } else { "a" })
+        }
+        Takes::Ends => "two different ends".to_string(),
+        Takes::Table => "a table".to_string(),
+        Takes::Named { most, what, reserved, .. } => {
+            let taken =
+                if reserved.is_empty() { String::new() } else { format!(", never called {}", reserved.join(", ")) };
+            format!("a table for each {what}, {most} at most{taken}")
+        }
+        Takes::List { most, what } => format!("a table for each {what}, {most} at most"),
+    }
+}
+
+fn without(key: &Key) -> String {
+    match key.presence {
+        Presence::Required => "an error".to_string(),
+        Presence::Optional => "nothing".to_string(),
+        Presence::Number(number) => number.to_string(),
+        Presence::Name(name) => format!("`\"{name}\"`"),
+        Presence::Depends(text) => text.to_string(),
+    }
+}
+
+fn signals() -> Result<String> {
+    let of = |motion: Motion, inertia: &str| {
+        let text = format!(
+            "motion = {:?}\n[loop]\nperiod = 1\n[device]\ninertia = {inertia:?}\n[bodies.NAME]\ninertia = {inertia:?}\n",
+            motion.name()
+        );
+        World::read(&Source::from_text("columns", text), &[]).map(|world| columns(&world))
+    };
+    let mut text =
+        String::from("| column, rotary | unit | column, linear | unit | meaning |\n| --- | --- | --- | --- | --- |\n");
+    for (rotary, linear) in of(Motion::Rotary, "1 kg m^2")?.iter().zip(of(Motion::Linear, "1 kg")?) {
+        let (name, unit, doc) = (&rotary.name, rotary.unit, rotary.doc);
+        writeln!(text, "| `{name}` | {unit} | `{}` | {} | {doc} |", linear.name, linear.unit)?;
+    }
+    Ok(text)
+}
