@@ -1,5 +1,6 @@
 //! hapt's own chores. `cargo xtask test` is the README's test command; the others make what the documents show.
 
+mod bench;
 mod book;
 mod figure;
 mod fuzz;
@@ -18,6 +19,7 @@ cargo xtask test      format, lints, tests in debug and release, docs, every wor
 cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask book      whether the book's commands, worlds, outputs and links hold; with --write, makes its outputs and tables
+cargo xtask bench     speed beside plain C; --write into docs/performance.md; --guards the instruction counts alone
 cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names
 cargo xtask memory N  what streaming N samples to CSV takes, such as 1e8";
 
@@ -26,6 +28,7 @@ fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["test"] => test::run(),
+        ["bench", ..] => bench::command(&arguments[1..]),
         ["notes"] => {
             print!("{}", notes::table()?);
             Ok(())

@@ -1,0 +1,455 @@
+//! `cargo xtask bench`: hapt beside plain C, in turns, each in a process of its own that times its inner loop; and what makes
+//! docs/performance.md. The workloads are in `bench`.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail, ensure};
+
+const PAGE: &str = "docs/performance.md";
+const GUARDS: &str = "bench/guards.toml";
+const FLAGS: [&str; 4] = ["-O3", "-march=native", "-Wall", "-Wextra"];
+const PAIRS: usize = 25;
+const STARTS: usize = 51;
+const SAMPLES: f64 = 10_001.0;
+
+/// What the words after `bench` ask for.
+pub fn command(words: &[String]) -> Result<()> {
+    match words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        [] => run(false),
+        ["--write"] => run(true),
+        ["--guards"] => guards(false),
+        ["--guards", "--write"] => guards(true),
+        _ => bail!("cargo xtask bench [--write], or [--guards [--write]]"),
+    }
+}
+
+/// Measures everything and prints it; with `write`, into [`PAGE`].
+fn run(write: bool) -> Result<()> {
+    let bench = Bench::build()?;
+    let mut page = bench.head()?;
+    for part in [Bench::runs, Bench::steps, Bench::start, Bench::csv, Bench::instructions, Bench::python] {
+        let text = part(&bench)?;
+        eprintln!("{text}");
+        page += &text;
+    }
+    if write {
+        fs::write(PAGE, page).context(PAGE)?;
+        println!("wrote {PAGE}");
+    }
+    Ok(())
+}
+
+/// The instructions of a sample against those in [`GUARDS`]; or, with `record`, into it.
+fn guards(record: bool) -> Result<()> {
+    let Some(counts) = Bench::build()?.counts()? else {
+        println!("SKIPPED: the guards need valgrind, and it is not here");
+        return Ok(());
+    };
+    let rustc = first_line("rustc", &["--version"])?;
+    if record {
+        let mut text = format!(
+            "# Instructions a sample, by callgrind: cargo xtask bench --guards; --guards --write records them anew.\n\
+             rustc = \"{rustc}\"\ntolerance = 0.05\n"
+        );
+        counts.iter().try_for_each(|(name, count)| writeln!(text, "{name} = {count:.1}"))?;
+        return fs::write(GUARDS, text).context(GUARDS);
+    }
+    let text = fs::read_to_string(GUARDS).context(GUARDS)?;
+    let value = |key: &str| {
+        let entry = text.lines().filter_map(|line| line.split_once(" = ")).find(|(name, _)| *name == key);
+        entry.map(|(_, value)| value.trim_matches('"')).with_context(|| format!("{GUARDS} has no {key}"))
+    };
+    if value("rustc")? != rustc {
+        println!("SKIPPED: the guards are of {}, this is {rustc}", value("rustc")?);
+        return Ok(());
+    }
+    let tolerance: f64 = value("tolerance")?.parse()?;
+    let mut over = Vec::new();
+    for (name, count) in counts {
+        let recorded: f64 = value(name)?.parse()?;
+        println!("{name}: {count:.1} instructions a sample, {recorded} recorded");
+        if count > recorded * (1.0 + tolerance) {
+            over.push(name);
+        } else if count < recorded * (1.0 - tolerance) {
+            println!("  fewer than recorded: --guards --write keeps the gain");
+        }
+    }
+    ensure!(over.is_empty(), "more instructions than {GUARDS} allows: {}", over.join(", "));
+    Ok(())
+}
+
+/// Where the programs are.
+struct Bench {
+    release: PathBuf,
+    native: PathBuf,
+    /// The C programs, and whatever else is made on the way.
+    folder: PathBuf,
+}
+
+/// One program's times over the rounds, in ns a sample, and its answer.
+struct Times {
+    ns: Vec<f64>,
+    answer: Vec<f64>,
+}
+
+impl Times {
+    fn median(&self) -> f64 {
+        quantile(&self.ns, 0.5)
+    }
+
+    /// How many times the other's: the median of the rounds' ratios, and their quartiles as text.
+    fn over(&self, other: &Times) -> (f64, String) {
+        let ratios: Vec<f64> = self.ns.iter().zip(&other.ns).map(|(a, b)| a / b).collect();
+        let [low, middle, high] = [0.25, 0.5, 0.75].map(|q| quantile(&ratios, q));
+        (middle, format!("{middle:.2} ({low:.2} to {high:.2})"))
+    }
+
+    /// Whether the shorter answer is the beginning of the other.
+    fn agree(&self, other: &Times) -> Result<()> {
+        for (a, b) in self.answer.iter().zip(&other.answer) {
+            ensure!((a - b).abs() <= 1e-9 * a.abs().max(b.abs()) + 1e-11, "answers differ: {a} and {b}");
+        }
+        Ok(())
+    }
+}
+
+fn quantile(values: &[f64], q: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[(q * (sorted.len() - 1) as f64).round() as usize]
+}
+
+/// Runs the programs in turns, round after round.
+fn in_turns<const N: usize>(programs: [Command; N]) -> Result<[Times; N]> {
+    let mut programs = programs;
+    let mut all = [(); N].map(|()| Times { ns: Vec::new(), answer: Vec::new() });
+    for _ in 0..PAIRS {
+        for (program, times) in programs.iter_mut().zip(&mut all) {
+            let text = output(program)?;
+            let (ns, answer) = text.strip_prefix("ns ").and_then(|text| text.split_once('\n')).context("no time")?;
+            times.ns.push(ns.parse()?);
+            times.answer = answer.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
+        }
+    }
+    Ok(all)
+}
+
+fn output(command: &mut Command) -> Result<String> {
+    let out = command.stderr(Stdio::inherit()).output().with_context(|| format!("{command:?}"))?;
+    ensure!(out.status.success(), "{command:?} failed");
+    Ok(String::from_utf8(out.stdout)?)
+}
+
+fn first_line(program: &str, arguments: &[&str]) -> Result<String> {
+    Ok(output(Command::new(program).args(arguments))?.lines().next().unwrap_or_default().to_owned())
+}
+
+/// "goal | met?" as two cells.
+fn goal(ratio: f64, goal: f64) -> String {
+    format!("{goal} | {}", if ratio <= goal { "met" } else { "**missed**" })
+}
+
+impl Bench {
+    fn build() -> Result<Self> {
+        let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
+        let folder = target.join("bench");
+        fs::create_dir_all(&folder)?;
+        let packages = ["build", "--quiet", "--release", "--package", "hapt-bench"];
+        output(Command::new(env!("CARGO")).args(packages).args(["--package", "hapt"]))?;
+        let native = folder.join("native");
+        let mut build = Command::new(env!("CARGO"));
+        output(build.args(packages).arg("--target-dir").arg(&native).env("RUSTFLAGS", "-C target-cpu=native"))?;
+        let bench = Bench { release: target.join("release"), native: native.join("release/hapt-bench"), folder };
+        bench.compile("empty", "empty", &[])?;
+        // No fused multiply-add in the bound: hapt has none either.
+        bench.compile("bound", "bound", &["-ffp-contract=off"])?;
+        for works in [0, 1] {
+            bench.compile("run", &format!("run-{works}"), &[&format!("-DWORKS={works}")])?;
+        }
+        for n in BODIES {
+            let size = format!("-DN={n}");
+            bench.compile("step", &format!("step-{n}"), &[&size])?;
+            bench.compile("step", &format!("step-{n}-plain"), &[&size, "-march=x86-64"])?;
+        }
+        Ok(bench)
+    }
+
+    fn compile(&self, source: &str, program: &str, flags: &[&str]) -> Result<()> {
+        let mut gcc = Command::new("gcc");
+        gcc.args(FLAGS).args(flags).arg(format!("bench/c/{source}.c")).arg("-o").arg(self.folder.join(program));
+        output(gcc.arg("-lm")).map(|_| ())
+    }
+
+    fn rust(&self, words: &str) -> Command {
+        program(&self.release.join("hapt-bench"), words)
+    }
+
+    fn c(&self, name: &str, words: &str) -> Command {
+        program(&self.folder.join(name), words)
+    }
+
+    fn head(&self) -> Result<String> {
+        let cpu = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = cpu.lines().find_map(|line| line.strip_prefix("model name")).unwrap_or(": unknown");
+        Ok(format!(
+            "# Performance\n\n\
+             Made by `cargo xtask bench --write`; not to be edited. A ratio is the median of {PAIRS} rounds (quartiles behind it) in \
+             which the programs run in turns, each in its own process, timing its own loop. Answers agree to 1e-9, or the command \
+             fails. Nanoseconds are those of this machine and hour; only the ratios mean something elsewhere.\n\n\
+             - machine: {}, {} cores\n- {}, as released: no flags for this machine, no fused multiply-add\n- {}, `{}`\n",
+            model.trim_start_matches([' ', '\t', ':']),
+            std::thread::available_parallelism()?,
+            first_line("rustc", &["--version"])?,
+            first_line("gcc", &["--version"])?,
+            FLAGS[..2].join(" "),
+        ))
+    }
+
+    fn runs(&self) -> Result<String> {
+        let mut text = String::from(
+            "\n## A run\n\nThe notes' wheel by the exact hold, 10 s at 1 kHz, from the world to all columns in memory, as users \
+             run it: `Simulation` against [plain C](../bench/c/run.c). \"Held\" is the notes' step, \"released\" lets go after \
+             0.25 s. C may leave out the works of hand, motor, damping and friction; hapt always has them. The bound is what one \
+             sample has to wait for of the one before: [the recurrence alone](../bench/c/bound.c).\n\n\
+             | run | hapt / C | goal | | hapt, ns a sample | C |\n| --- | --- | --- | --- | --- | --- |\n",
+        );
+        let mut missed = false;
+        for scenario in ["released", "held"] {
+            let words = format!("{} 100", output(&mut self.rust(&format!("parameters {scenario}")))?.trim());
+            let [hapt, columns, c, c_columns, bound] = in_turns([
+                self.rust(&format!("run {scenario} everything 100")),
+                self.rust(&format!("run {scenario} columns 100")),
+                self.c("run-1", &words),
+                self.c("run-0", &words),
+                self.c("bound", &words),
+            ])?;
+            hapt.agree(&c)?;
+            columns.agree(&c_columns)?;
+            let mut row = |name: &str, hapt: &Times, c: &Times, wanted: Option<f64>| -> Result<()> {
+                let (ratio, quartiles) = hapt.over(c);
+                missed |= wanted.is_some_and(|wanted| ratio > wanted);
+                let wanted = wanted.map_or("| ".into(), |wanted| goal(ratio, wanted));
+                writeln!(text, "| {name} | {quartiles} | {wanted} | {:.1} | {:.1} |", hapt.median(), c.median())?;
+                Ok(())
+            };
+            row(&format!("{scenario}, columns and works"), &hapt, &c, Some(1.0))?;
+            row(&format!("{scenario}, columns; C without works"), &columns, &c_columns, None)?;
+            if scenario == "held" {
+                ensure!((bound.answer[0] - hapt.answer[17]).abs() < 1e-9, "the bound computes something else");
+                row("held, columns and works; the bound", &hapt, &bound, Some(1.15))?;
+            }
+        }
+        if missed {
+            text += RUN_MISSED;
+        }
+        Ok(text)
+    }
+
+    fn steps(&self) -> Result<String> {
+        let mut text = String::from(
+            "\n## The core's step\n\n`Loop::step` alone, hot, on worlds whose every body feels every other, in hapt-sim's rooms (1, 4 \
+             and 32 bodies), against [C](../bench/c/step.c) with the same matrices, compiled for exactly n. The last column is \
+             hapt's time over the matrix's 4n² numbers: the cost grows as they do. \"For any machine\" C is built without \
+             `-march=native`, as hapt is; \"for this machine\" hapt is built with `-C target-cpu=native`, and gives the same bits.\n\n\
+             | bodies | hapt / C | goal | | hapt / C for any machine | hapt for this machine / C | hapt, ns | C, ns | hapt, ns a number |\n\
+             | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+        );
+        let mut missed = false;
+        for n in BODIES {
+            let file = self.folder.join(format!("matrices-{n}"));
+            let file = file.to_str().context("a path in UTF-8")?;
+            output(&mut self.rust(&format!("matrices {n} {file}")))?;
+            let repeats = 1000 / n;
+            let words = format!("step {n} {repeats}");
+            let c_words = format!("{file} {repeats}");
+            let [hapt, native, c, plain] = in_turns([
+                self.rust(&words),
+                program(&self.native, &words),
+                self.c(&format!("step-{n}"), &c_words),
+                self.c(&format!("step-{n}-plain"), &c_words),
+            ])?;
+            hapt.agree(&c)?;
+            ensure!(hapt.answer == native.answer, "built for this machine the bits differ");
+            let (ratio, quartiles) = hapt.over(&c);
+            let wanted = if [1, 4, 32].contains(&n) { goal(ratio, 1.3) } else { "| ".into() };
+            missed |= wanted.contains("missed");
+            let (native, plain) = (native.over(&c).0, hapt.over(&plain).0);
+            let (own, c, per_number) = (hapt.median(), c.median(), hapt.median() / (4 * n * n) as f64);
+            writeln!(
+                text,
+                "| {n} | {quartiles} | {wanted} | {plain:.2} | {native:.2} | {own:.1} | {c:.1} | {per_number:.2} |"
+            )?;
+        }
+        if missed {
+            text += STEP_MISSED;
+        }
+        Ok(text)
+    }
+
+    fn start(&self) -> Result<String> {
+        let sample = "sim worlds/notes/default.toml --set scenarios.step.duration=0.1ms";
+        let hapt = self.release.join("hapt");
+        let (mut own, mut empty) = (Vec::new(), Vec::new());
+        for _ in 0..STARTS {
+            for (mut command, times) in [(program(&hapt, sample), &mut own), (self.c("empty", ""), &mut empty)] {
+                let start = Instant::now();
+                output(&mut command)?;
+                times.push(start.elapsed().as_secs_f64() * 1e3);
+            }
+        }
+        let (fastest, fastest_empty) = (quantile(&own, 0.0), quantile(&empty, 0.0));
+        let (own, empty) = (quantile(&own, 0.5), quantile(&empty, 0.5));
+        let mut text = format!(
+            "\n## World file to first sample\n\nThe whole process, `hapt sim` of the notes' world with one sample; median of {STARTS} \
+             starts in turns with an empty C program.\n\n| | hapt | goal | | empty C program |\n| --- | --- | --- | --- | --- |\n\
+             | time, ms | {own:.2} | {} | {empty:.2} |\n| the fastest, ms | {fastest:.2} | | | {fastest_empty:.2} |\n",
+            goal(own, 2.0)
+        );
+        let resident = |command: Command| -> Result<f64> {
+            let mut timed = Command::new("/usr/bin/time");
+            let out = timed.args(["-f", "%M"]).arg(command.get_program()).args(command.get_args()).output()?;
+            Ok(String::from_utf8(out.stderr)?.lines().last().context("no size")?.parse::<f64>()? / 1024.0)
+        };
+        if Path::new("/usr/bin/time").exists() {
+            let (own, empty) = (resident(program(&hapt, sample))?, resident(self.c("empty", ""))?);
+            writeln!(text, "| largest resident size, MB | {own:.1} | {} | {empty:.1} |", goal(own, 10.0))?;
+        } else {
+            text += "\nThe resident size is skipped: there is no /usr/bin/time.\n";
+        }
+        if own > 2.0 {
+            text += START_MISSED;
+        }
+        Ok(text)
+    }
+
+    fn csv(&self) -> Result<String> {
+        let [hapt, zmij, format] =
+            in_turns(["hapt", "zmij", "format"].map(|name| self.rust(&format!("csv {name} 30"))))?;
+        let (ratio, quartiles) = hapt.over(&zmij);
+        let mut text = format!(
+            "\n## CSV\n\nA run of 10 s as CSV in memory, beside the same numbers through the float printer alone (zmij, not even put \
+             together) and through `format!`'s machinery.\n\n\
+             | hapt / zmij alone | goal | | hapt / `format!` | hapt, ns a number | zmij | `format!` |\n\
+             | --- | --- | --- | --- | --- | --- | --- |\n\
+             | {quartiles} | {} | {:.2} | {:.0} | {:.0} | {:.0} |\n",
+            goal(ratio, 1.5),
+            hapt.over(&format).0,
+            hapt.median(),
+            zmij.median(),
+            format.median(),
+        );
+        if ratio > 1.5 {
+            text += CSV_MISSED;
+        }
+        Ok(text)
+    }
+
+    /// Instructions a sample, by callgrind; `None` without it. Two counts and their difference: what is done once cancels.
+    fn counts(&self) -> Result<Option<Vec<(&'static str, f64)>>> {
+        if Command::new("valgrind").arg("--version").output().is_err() {
+            return Ok(None);
+        }
+        let collected = |words: &str| -> Result<f64> {
+            let mut valgrind = Command::new("valgrind");
+            valgrind.args(["--tool=callgrind", "--callgrind-out-file=/dev/null"]).arg(self.release.join("hapt-bench"));
+            let out = valgrind.args(words.split(' ')).output()?;
+            let text = String::from_utf8(out.stderr)?;
+            let count =
+                text.lines().find_map(|line| line.split_once("Collected : ")).context("no count from callgrind")?;
+            Ok(count.1.trim().parse()?)
+        };
+        let workloads = [
+            ("run_released", "run released everything", SAMPLES),
+            ("run_held", "run held everything", SAMPLES),
+            ("step_1", "step 1", 4096.0),
+            ("step_4", "step 4", 4096.0),
+            ("step_32", "step 32", 4096.0),
+        ];
+        let count = |(name, words, samples): (&'static str, &str, f64)| {
+            Ok((name, (collected(&format!("{words} 3"))? - collected(&format!("{words} 1"))?) / (2.0 * samples)))
+        };
+        workloads.into_iter().map(count).collect::<Result<_>>().map(Some)
+    }
+
+    fn instructions(&self) -> Result<String> {
+        let Some(counts) = self.counts()? else {
+            return Ok("\n## Instructions\n\nSkipped: valgrind is not here.\n".into());
+        };
+        let mut text = String::from(
+            "\n## Instructions\n\nBy callgrind, a sample. Unlike times they repeat, so they stand guard: `cargo xtask bench --guards` \
+             holds them against bench/guards.toml.\n\n| workload | instructions |\n| --- | --- |\n",
+        );
+        counts.iter().try_for_each(|(name, count)| writeln!(text, "| {} | {count:.0} |", name.replace('_', ", ")))?;
+        Ok(text)
+    }
+
+    fn python(&self) -> Result<String> {
+        let folder = self.folder.join("python");
+        let python = folder.join("bin/python");
+        let quiet = |command: &mut Command| command.output().is_ok_and(|out| out.status.success());
+        let install = ["-m", "pip", "install", "--quiet", "numpy", "scipy", "control"];
+        let ready = (python.exists() || quiet(Command::new("python3").args(["-m", "venv"]).arg(&folder)))
+            && quiet(Command::new(&python).args(install));
+        if !ready {
+            return Ok(
+                "\n## Python\n\nSkipped: no Python environment with NumPy, SciPy and python-control could be made.\n"
+                    .into(),
+            );
+        }
+        let parameters = output(&mut self.rust("parameters released"))?;
+        let mut script = Command::new(&python);
+        let table = output(script.arg("bench/python/run.py").args(parameters.split_whitespace()))?;
+        let [hapt] = in_turns([self.rust("run released everything 100")])?;
+        let milliseconds = hapt.median() * SAMPLES / 1e6;
+        let mut text = format!(
+            "\n## Python\n\nThe released run in [Python](../bench/python/run.py), with the same last positions. hapt takes \
+             {milliseconds:.2} ms. python-control has no limit and no works in it, and runs only because nothing clips.\n\n\
+             | | ms | times hapt's |\n| --- | --- | --- |\n"
+        );
+        for line in table.lines() {
+            let [name, time, w, z] = line.split('|').collect::<Vec<_>>()[..] else { bail!("{line}") };
+            let times = Times { ns: vec![time.parse()?], answer: vec![z.parse()?, w.parse()?] };
+            times.agree(&Times { ns: vec![], answer: vec![hapt.answer[3], hapt.answer[17]] })?;
+            writeln!(text, "| {name} | {:.0} | {:.0} |", times.median(), times.median() / milliseconds)?;
+        }
+        Ok(text)
+    }
+}
+
+/// The bodies of the step's table.
+const BODIES: [usize; 6] = [1, 2, 4, 8, 16, 32];
+
+fn program(path: &Path, words: &str) -> Command {
+    let mut command = Command::new(path);
+    command.args(words.split_whitespace());
+    command
+}
+
+// What stands in the way where a goal is missed, as `perf record` has it: to be looked at again when the code changes.
+
+const RUN_MISSED: &str = "
+What stands in the way: half of a released sample is `Puck::slide`. It takes the motion through memory as six states, stored one by
+one and loaded in pairs, so that the loads wait for the stores; it multiplies out forms that are zero without a spring, a grip or a
+sine, and turns the phase of a sine that is not there. The same wait comes back in the loop's `change` and in the row's check for
+finite numbers. A held sample spends its time on the hand: three searches for the curve's piece, and the loop over events.
+";
+
+const STEP_MISSED: &str = "
+What stands in the way: the sums run row by row, each addition waiting for the one before. Without a flag for the machine there are
+two numbers in a vector where `-march=native` has up to eight; the column beside is without that difference. In small rooms it is loops
+over a number of bodies known only at run time, and pairs loaded before their halves are stored.
+";
+
+const START_MISSED: &str = "
+What stands in the way: loader and system (see the empty program), waiting for a core where the machine is busy (see the fastest), and
+of hapt's own instructions a fifth that looks for the beginnings of the world file's lines and a fifth that makes the puck's
+propagators, twice, because `hapt sim` tries every scenario before it begins one.
+";
+
+const CSV_MISSED: &str = "
+What stands in the way: every number is copied into the line by a call, and every line into the output: a quarter of the time.
+";
