@@ -6,7 +6,8 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
-use kuva::prelude::*;
+use hapt_report::figure::{self, Panel, Style};
+use hapt_report::{Extremes, Width};
 
 /// One picture: docs/images/NAME.svg.
 struct Figure {
@@ -16,38 +17,40 @@ struct Figure {
     /// The stretch of the run that is shown, in s.
     span: (f64, f64),
     curves: &'static [Curve],
-    /// Whether the motor's limit of the course's wheel, 822.25 N·mm to either side, is shown.
+    /// Whether the motor's limit of the course's wheel, [`LIMIT`] to either side, is shown.
     limit: bool,
 }
 
 /// What stands on the upright axis, and how much of it one SI unit is.
 struct Axis {
-    label: &'static str,
+    name: &'static str,
+    unit: &'static str,
     per_si: f64,
 }
 
 /// A column of the run of a world of the notes.
 struct Curve {
     legend: &'static str,
-    color: &'static str,
+    /// Which of the palette's colours.
+    signal: usize,
     world: &'static str,
     scenario: &'static str,
     sets: &'static [&'static str],
     column: &'static str,
 }
 
-// Okabe and Ito's vermillion, blue and bluish green: told apart by every eye.
-const RED: &str = "#d55e00";
-const BLUE: &str = "#0072b2";
-const GREEN: &str = "#009e73";
-const GREY: &str = "#555555";
+const BLUE: usize = 0;
+const RED: usize = 1;
+const GREEN: usize = 2;
+/// Of the course's motor, N·mm.
+const LIMIT: f64 = 822.25;
 
-const TORQUE: Axis = Axis { label: "torque asked of the motor (N·mm)", per_si: 1e3 };
-const ANGLE: Axis = Axis { label: "angle (deg)", per_si: 180.0 / std::f64::consts::PI };
-const WHEEL_ANGLE: Axis = Axis { label: "virtual wheel (deg)", ..ANGLE };
+const TORQUE: Axis = Axis { name: "torque asked of the motor", unit: "N·mm", per_si: 1e3 };
+const ANGLE: Axis = Axis { name: "angle", unit: "deg", per_si: 180.0 / std::f64::consts::PI };
+const WHEEL_ANGLE: Axis = Axis { name: "virtual wheel", ..ANGLE };
 
-const fn curve(legend: &'static str, color: &'static str, world: &'static str, column: &'static str) -> Curve {
-    Curve { legend, color, world, scenario: "step", sets: &[], column }
+const fn curve(legend: &'static str, signal: usize, world: &'static str, column: &'static str) -> Curve {
+    Curve { legend, signal, world, scenario: "step", sets: &[], column }
 }
 
 const FIGURES: &[Figure] = &[
@@ -56,7 +59,10 @@ const FIGURES: &[Figure] = &[
         title: "A step of 45°, held",
         y: ANGLE,
         span: (0.0, 3.0),
-        curves: &[curve("haptic wheel", GREY, "wheel", "puck_rad"), curve("virtual wheel", BLUE, "wheel", "wheel_rad")],
+        curves: &[
+            curve("haptic wheel", GREEN, "wheel", "puck_rad"),
+            curve("virtual wheel", BLUE, "wheel", "wheel_rad"),
+        ],
         limit: false,
     },
     Figure {
@@ -110,7 +116,7 @@ const FIGURES: &[Figure] = &[
         span: (0.0, 10.0),
         curves: &[
             Curve { scenario: "excite", ..curve("virtual wheel", BLUE, "resonance", "wheel_rad") },
-            Curve { scenario: "excite", ..curve("haptic wheel", GREY, "resonance", "puck_rad") },
+            Curve { scenario: "excite", ..curve("haptic wheel", GREEN, "resonance", "puck_rad") },
         ],
         limit: false,
     },
@@ -163,44 +169,34 @@ fn points(curve: &Curve, figure: &Figure) -> Result<Points> {
     Ok(all?.into_iter().filter(|(t, _)| (figure.span.0..=figure.span.1).contains(t)).collect())
 }
 
-/// What a picture 8 cm wide can show of 10 000 samples: the smallest and the largest of each stretch, in their order.
-fn extremes(points: &Points, stretches: usize) -> Points {
-    let length = points.len().div_ceil(stretches);
-    let extremes = |part: &[(f64, f64)]| {
-        let by = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
-        let mut ends: Points =
-            [part.iter().min_by(by), part.iter().max_by(by)].into_iter().flatten().copied().collect();
-        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
-        ends
-    };
-    points.chunks(length).flat_map(extremes).collect()
-}
-
+/// The picture as an SVG: the page's own colours, dark where the reader's screen is.
 fn picture(figure: &Figure) -> Result<String> {
-    let line = |points: Points, color: &str, width: f64| {
-        LinePlot::new().with_data(points).with_color(color).with_stroke_width(width)
+    let reduced = |points: Points| {
+        let mut extremes = Extremes::new(Width::Wide.stretches());
+        points.into_iter().for_each(|(t, y)| extremes.add(t, y));
+        extremes.points(Width::Wide.stretches())
     };
-    let mut plots: Vec<Plot> = Vec::new();
+    let (from, to) = figure.span;
+    let limits = if figure.limit { vec![-LIMIT, LIMIT] } else { Vec::new() };
+    let mut curves = Vec::new();
     for curve in figure.curves {
-        let points = extremes(&points(curve, figure)?, 400);
-        plots.push(line(points, curve.color, 1.2).with_legend(curve.legend).into());
+        curves.push((curve, reduced(points(curve, figure)?)));
     }
-    if figure.limit {
-        let (from, to) = figure.span;
-        let limit = |side: f64| line(vec![(from, side * 822.25), (to, side * 822.25)], GREY, 1.0).with_dashed();
-        plots.extend([limit(1.0).with_legend("motor's limit").into(), limit(-1.0).into()]);
+    let values = curves.iter().flat_map(|(_, points)| points.iter().map(|(_, y)| *y)).chain(limits.iter().copied());
+    let y = figure::Axis::around(figure.y.name, figure.y.unit, values);
+    let mut panel = Panel::new("", figure::Axis::from_to("time", "s", from, to), y);
+    let mut seen = Vec::new();
+    for (curve, points) in curves {
+        let (low, high) = points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p.1), h.max(p.1)));
+        seen.push(format!("{} from {low:.0} to {high:.0} {}", curve.legend, figure.y.unit));
+        panel.curve(curve.legend, Style::Signal(curve.signal), points);
     }
-    let layout = Layout::auto_from_plots(&plots)
-        .with_title(figure.title)
-        .with_x_label("time (s)")
-        .with_y_label(figure.y.label)
-        .with_width(820.0)
-        .with_height(380.0);
-    let svg = kuva::render_to_svg(plots, layout);
-    // kuva counts the clip paths of a whole process: the one of this picture is 0, in whatever order they are drawn.
-    let mut parts = svg.split("kuva-clip-");
-    let head = parts.next().unwrap_or_default().to_string();
-    Ok(parts.fold(head, |svg, part| svg + "kuva-clip-0" + part.trim_start_matches(|c: char| c.is_ascii_digit())))
+    for side in limits {
+        panel.curve("motor's limit", Style::Limit, vec![(from, side), (to, side)]);
+    }
+    let alt = format!("{} over {from} to {to} s: {}.", figure.y.name, seen.join(", "));
+    let drawn = figure::Figure { title: figure.title.into(), alt, panels: vec![panel], columns: 1 };
+    Ok(drawn.svg(Width::Wide, true) + "\n")
 }
 
 fn path(figure: &Figure) -> String {
