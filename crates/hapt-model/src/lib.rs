@@ -34,6 +34,7 @@ mod document;
 mod error;
 mod fields;
 pub mod keys;
+mod numbers;
 mod overrides;
 mod parameters;
 mod path;

@@ -4,7 +4,8 @@ use std::fmt::{self, Write};
 
 use hapt_core::{Coupling, Damping, End, Law};
 
-use crate::keys::{COMPENSATING, Measure, side_name};
+use crate::keys::{self, COMPENSATING, Measure, Takes, side_name};
+use crate::numbers::{self, Slot, Slots};
 use crate::world::{Drive, Hand, Motion, Shape, World};
 
 impl World {
@@ -18,163 +19,109 @@ impl World {
     }
 
     fn write(&self, f: &mut String) -> fmt::Result {
-        let q = |measure: Measure, value: f64| quantity(measure, self.motion, value);
         if let Some(title) = &self.title {
             writeln!(f, "title = {}", text(title))?;
         }
         writeln!(f, "motion = {:?}", self.motion.name())?;
 
+        // The numbers are lent for change, so a copy lends them.
+        let mut world = self.clone();
         let sampling = &self.sampling;
-        writeln!(f, "\n[loop]\nperiod = {}", q(Measure::Time, sampling.period))?;
-        writeln!(f, "method = {:?}\noutput = {:?}", sampling.method.name(), sampling.output.name())?;
-        if sampling.advance != 0 {
-            writeln!(f, "advance = {}", sampling.advance)?;
-        }
-        writeln!(f, "delay = {}", q(Measure::Time, sampling.delay))?;
+        writeln!(f, "\n[loop]\nmethod = {:?}\noutput = {:?}", sampling.method.name(), sampling.output.name())?;
         writeln!(f, "estimator = {:?}", sampling.estimator.name())?;
-        if let Some(cutoff) = sampling.cutoff {
-            writeln!(f, "cutoff = {}", q(Measure::Frequency, cutoff))?;
+        let table = |pattern, slots| self.rows(pattern, None, None, slots);
+        lines(f, table("loop", numbers::sampling(&mut world.sampling)))?;
+        writeln!(f, "\n[device]")?;
+        lines(f, table("device", numbers::device(&mut world.device)))?;
+        for (name, body) in self.names.iter().zip(&mut world.bodies) {
+            writeln!(f, "\n[bodies.{name}]")?;
+            lines(f, table("bodies.*", numbers::body(body)))?;
         }
-        writeln!(f, "window = {}", sampling.window)?;
-
-        let device = &self.device;
-        writeln!(f, "\n[device]\ninertia = {}", q(Measure::Inertia, device.inertia))?;
-        writeln!(f, "damping = {}", q(Measure::Damping, device.damping))?;
-        writeln!(f, "friction = {}", q(Measure::Torque, device.friction))?;
-        if let Some(limit) = device.limit {
-            writeln!(f, "limit = {}", q(Measure::Torque, limit))?;
-        }
-        match (device.encoder, self.motion) {
-            (Some(counts), Motion::Rotary) => writeln!(f, "encoder = {counts}")?,
-            (Some(size), Motion::Linear) => writeln!(f, "encoder = {}", q(Measure::Position, size))?,
-            (None, _) => {}
-        }
-        if let Some(levels) = device.levels {
-            writeln!(f, "levels = {levels}")?;
-        }
-
-        for (name, body) in self.names.iter().zip(&self.bodies) {
-            writeln!(f, "\n[bodies.{name}]\ninertia = {}", q(Measure::Inertia, body.inertia))?;
-            writeln!(f, "position = {}", q(Measure::Position, body.position))?;
-            writeln!(f, "velocity = {}", q(Measure::Velocity, body.velocity))?;
-        }
-        for coupling in &self.couplings {
+        for coupling in &mut world.couplings {
             self.write_coupling(f, coupling)?;
         }
-        for scenario in &self.scenarios {
-            writeln!(f, "\n[scenarios.{}]\nduration = {}", scenario.name, q(Measure::Time, scenario.duration))?;
-            writeln!(f, "hand = {}", hand(&scenario.hand, self.motion))?;
+        for scenario in &mut world.scenarios {
+            writeln!(f, "\n[scenarios.{}]", scenario.name)?;
+            lines(f, table("scenarios.*", vec![("duration", Slot::Number(&mut scenario.duration))]))?;
+            writeln!(f, "hand = {}", self.hand(&mut scenario.hand))?;
         }
         Ok(())
     }
 
-    fn write_coupling(&self, f: &mut String, coupling: &Coupling) -> fmt::Result {
+    fn write_coupling(&self, f: &mut String, coupling: &mut Coupling) -> fmt::Result {
         let end = |end: End| match end {
             End::Puck => "puck",
             End::Ground => "ground",
             End::Body(index) => self.names.get(index).map_or("", String::as_str),
         };
-        let (kind, keys) = law(&coupling.law, self.motion);
-        writeln!(f, "\n[[couplings]]\nkind = {kind:?}")?;
-        writeln!(f, "between = [{:?}, {:?}]", end(coupling.first), end(coupling.second))?;
-        for (key, value) in keys {
-            writeln!(f, "{key} = {value}")?;
+        let (first, second) = (end(coupling.first), end(coupling.second));
+        let word = match coupling.law {
+            Law::Wall { side, .. } => Some(("side", side_name(side))),
+            Law::Damper { damping: Damping::Compensating } => Some(("damping", COMPENSATING)),
+            _ => None,
+        };
+        let (kind, slots) = numbers::law(&mut coupling.law);
+        writeln!(f, "\n[[couplings]]\nkind = {kind:?}\nbetween = [{first:?}, {second:?}]")?;
+        if let Some((key, word)) = word {
+            writeln!(f, "{key} = {}", text(word))?;
         }
-        Ok(())
+        lines(f, self.rows("couplings.*", Some(kind), None, slots))
+    }
+
+    fn hand(&self, hand: &mut Hand) -> String {
+        let (kind, slots) = numbers::hand(hand);
+        let mut rows = vec![("kind", text(kind))];
+        rows.extend(self.rows("scenarios.*.hand", Some(kind), None, slots));
+        rows.extend(match &hand.drive {
+            Drive::Position(Shape::Path { file, .. }) => Some(("file", text(file))),
+            _ => None,
+        });
+        rows.extend(numbers::moves(hand).map(|moves| ("moves", self.moves(moves, kind))));
+        inline(&rows)
+    }
+
+    fn moves(&self, shape: &mut Shape, hand: &str) -> String {
+        let file = match shape {
+            Shape::Path { file, .. } => Some(("file", text(file))),
+            _ => None,
+        };
+        let (kind, slots) = numbers::shape(shape);
+        let mut rows = vec![("kind", text(kind))];
+        rows.extend(self.rows("scenarios.*.hand.moves", Some(kind), Some(hand), slots));
+        rows.extend(file);
+        inline(&rows)
+    }
+
+    /// The keys of a table with their values, by the table of keys.
+    fn rows(
+        &self,
+        pattern: &str,
+        kind: Option<&str>,
+        hand: Option<&str>,
+        slots: Slots<'_>,
+    ) -> Vec<(&'static str, String)> {
+        let row = |(name, slot): (&'static str, Slot<'_>)| {
+            let value = slot.get()?;
+            let key = keys::rows(pattern).find(|key| key.name() == name && key.belongs(kind, hand, self.motion))?;
+            let written = match key.takes {
+                // A number out of its key's range stands for a key that is not there: a grip without inertia.
+                Takes::Quantity(_, range) | Takes::QuantityOr(_, range, _) if !range.contains(value) => return None,
+                Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => quantity(measure, self.motion, value),
+                _ => format!("{value}"),
+            };
+            Some((name, written))
+        };
+        slots.into_iter().filter_map(row).collect()
     }
 }
 
-/// A law's kind, and its keys with their values.
-fn law(law: &Law, motion: Motion) -> (&'static str, Vec<(&'static str, String)>) {
-    let q = |measure: Measure, value: f64| quantity(measure, motion, value);
-    match *law {
-        Law::Spring { stiffness, rest } => {
-            ("spring", vec![("stiffness", q(Measure::Stiffness, stiffness)), ("rest", q(Measure::Position, rest))])
-        }
-        Law::Damper { damping: Damping::Fixed(damping) } => ("damper", vec![("damping", q(Measure::Damping, damping))]),
-        Law::Damper { damping: Damping::Compensating } => ("damper", vec![("damping", text(COMPENSATING))]),
-        Law::Wall { side, at, stiffness, damping } => (
-            "wall",
-            vec![
-                ("side", text(side_name(side))),
-                ("at", q(Measure::Position, at)),
-                ("stiffness", q(Measure::Stiffness, stiffness)),
-                ("damping", q(Measure::Damping, damping)),
-            ],
-        ),
-        Law::Detent { torque, pitch, phase } => (
-            "detent",
-            vec![
-                ("torque", q(Measure::Torque, torque)),
-                ("pitch", q(Measure::Position, pitch)),
-                ("phase", q(Measure::Position, phase)),
-            ],
-        ),
-        Law::Coulomb { torque } => ("friction", vec![("torque", q(Measure::Torque, torque))]),
-        Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => (
-            "friction",
-            vec![
-                ("coulomb", q(Measure::Torque, coulomb)),
-                ("stribeck", q(Measure::Torque, stribeck)),
-                ("stribeck_velocity", q(Measure::Velocity, stribeck_velocity)),
-                ("bristle_stiffness", q(Measure::Stiffness, bristle_stiffness)),
-                ("bristle_damping", q(Measure::Damping, bristle_damping)),
-                ("viscous", q(Measure::Damping, viscous)),
-            ],
-        ),
-        Law::Constant { torque } => ("constant", vec![("torque", q(Measure::Torque, torque))]),
-    }
+fn lines(f: &mut String, rows: Vec<(&str, String)>) -> fmt::Result {
+    rows.iter().try_for_each(|(key, value)| writeln!(f, "{key} = {value}"))
 }
 
-fn hand(hand: &Hand, motion: Motion) -> String {
-    let q = |measure: Measure, value: f64| quantity(measure, motion, value);
-    let mut keys = match &hand.drive {
-        Drive::Position(moves) => shape(moves, Measure::Position, motion),
-        Drive::Torque(moves) => {
-            vec![("kind", text("torque")), ("moves", inline(&shape(moves, Measure::Torque, motion)))]
-        }
-        Drive::Grip { inertia, damping, stiffness, moves } => {
-            let mut keys = vec![("kind", text("grip"))];
-            // No inertia is no key: where the key stands, it is positive.
-            if *inertia != 0.0 {
-                keys.push(("inertia", q(Measure::Inertia, *inertia)));
-            }
-            keys.push(("damping", q(Measure::Damping, *damping)));
-            keys.push(("stiffness", q(Measure::Stiffness, *stiffness)));
-            keys.push(("moves", inline(&shape(moves, Measure::Position, motion))));
-            keys
-        }
-    };
-    keys.extend(hand.release.map(|release| ("release", q(Measure::Time, release))));
-    inline(&keys)
-}
-
-/// A shape's keys, its kind first; `measure` is what moves.
-fn shape(shape: &Shape, measure: Measure, motion: Motion) -> Vec<(&'static str, String)> {
-    let q = |measure: Measure, value: f64| quantity(measure, motion, value);
-    match shape {
-        Shape::Step { to, at } => {
-            vec![("kind", text("step")), ("to", q(measure, *to)), ("at", q(Measure::Time, *at))]
-        }
-        Shape::Ramp { to, at, over } => vec![
-            ("kind", text("ramp")),
-            ("to", q(measure, *to)),
-            ("at", q(Measure::Time, *at)),
-            ("over", q(Measure::Time, *over)),
-        ],
-        Shape::Sine { amplitude, frequency, phase } => vec![
-            ("kind", text("sine")),
-            ("amplitude", q(measure, *amplitude)),
-            ("frequency", q(Measure::Frequency, *frequency)),
-            ("phase", q(Measure::Angle, *phase)),
-        ],
-        Shape::Path { file, .. } => vec![("kind", text("path")), ("file", text(file))],
-    }
-}
-
-fn inline(keys: &[(&str, String)]) -> String {
-    let keys: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
-    format!("{{ {} }}", keys.join(", "))
+fn inline(rows: &[(&str, String)]) -> String {
+    let rows: Vec<String> = rows.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+    format!("{{ {} }}", rows.join(", "))
 }
 
 /// In quotes, with the shortest digits that read back to the same double.

@@ -183,8 +183,8 @@ fn a_written_world_has_units_and_no_noise() {
     let text = "loop.period = \"1 ms\"\ndevice.inertia = \"6.4e-4 kg m^2\"\n";
     assert_eq!(
         World::read(&Source::from_text("w", text), &[]).unwrap().to_toml(),
-        "motion = \"rotary\"\n\n[loop]\nperiod = \"0.001 s\"\nmethod = \"zoh\"\noutput = \"end\"\ndelay = \"0.0 s\"\n\
-         estimator = \"exact\"\nwindow = 16\n\n[device]\ninertia = \"0.00064 kg m^2\"\ndamping = \"0.0 N m s/rad\"\n\
+        "motion = \"rotary\"\n\n[loop]\nmethod = \"zoh\"\noutput = \"end\"\nestimator = \"exact\"\n\
+         period = \"0.001 s\"\nadvance = 0\ndelay = \"0.0 s\"\nwindow = 16\n\n[device]\ninertia = \"0.00064 kg m^2\"\ndamping = \"0.0 N m s/rad\"\n\
          friction = \"0.0 N m\"\n"
     );
 }

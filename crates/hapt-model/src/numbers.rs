@@ -1,0 +1,329 @@
+//! Every number of a world under its key's name: what the writer writes, and what a sweep changes.
+
+use hapt_core::{Body, Damping, Law};
+
+use crate::keys::{self, Key};
+use crate::world::{Device, Drive, Hand, Sampling, Shape, World};
+
+/// Where a number stands.
+pub(crate) enum Slot<'a> {
+    Number(&'a mut f64),
+    Optional(&'a mut Option<f64>),
+    Whole(&'a mut u32),
+    OptionalWhole(&'a mut Option<u32>),
+}
+
+/// A key's name and its number.
+pub(crate) type Slots<'a> = Vec<(&'static str, Slot<'a>)>;
+
+use Slot::{Number, Optional, OptionalWhole, Whole};
+
+impl Slot<'_> {
+    /// `None` where the key is absent.
+    pub fn get(&self) -> Option<f64> {
+        match self {
+            Number(x) => Some(**x),
+            Optional(x) => **x,
+            Whole(n) => Some(f64::from(**n)),
+            OptionalWhole(n) => n.map(f64::from),
+        }
+    }
+
+    /// Whether `value` could be put there: a whole number's place takes no other.
+    fn set(self, value: f64) -> bool {
+        let whole = || (value >= 0.0 && value <= f64::from(u32::MAX) && value.fract() == 0.0).then_some(value as u32);
+        match self {
+            Number(x) => *x = value,
+            Optional(x) => *x = Some(value),
+            Whole(n) => return whole().map(|whole| *n = whole).is_some(),
+            OptionalWhole(n) => return whole().map(|whole| *n = Some(whole)).is_some(),
+        }
+        true
+    }
+}
+
+pub(crate) fn sampling(sampling: &mut Sampling) -> Slots<'_> {
+    vec![
+        ("period", Number(&mut sampling.period)),
+        ("advance", Whole(&mut sampling.advance)),
+        ("delay", Number(&mut sampling.delay)),
+        ("cutoff", Optional(&mut sampling.cutoff)),
+        ("window", Whole(&mut sampling.window)),
+    ]
+}
+
+pub(crate) fn device(device: &mut Device) -> Slots<'_> {
+    vec![
+        ("inertia", Number(&mut device.inertia)),
+        ("damping", Number(&mut device.damping)),
+        ("friction", Number(&mut device.friction)),
+        ("limit", Optional(&mut device.limit)),
+        ("encoder", Optional(&mut device.encoder)),
+        ("levels", OptionalWhole(&mut device.levels)),
+    ]
+}
+
+pub(crate) fn body(body: &mut Body) -> Slots<'_> {
+    vec![
+        ("inertia", Number(&mut body.inertia)),
+        ("position", Number(&mut body.position)),
+        ("velocity", Number(&mut body.velocity)),
+    ]
+}
+
+/// A law's kind and its numbers; a compensating damper has none.
+pub(crate) fn law(law: &mut Law) -> (&'static str, Slots<'_>) {
+    match law {
+        Law::Spring { stiffness, rest } => ("spring", vec![("stiffness", Number(stiffness)), ("rest", Number(rest))]),
+        Law::Damper { damping: Damping::Fixed(damping) } => ("damper", vec![("damping", Number(damping))]),
+        Law::Damper { damping: Damping::Compensating } => ("damper", Vec::new()),
+        Law::Wall { side: _, at, stiffness, damping } => {
+            ("wall", vec![("at", Number(at)), ("stiffness", Number(stiffness)), ("damping", Number(damping))])
+        }
+        Law::Detent { torque, pitch, phase } => {
+            ("detent", vec![("torque", Number(torque)), ("pitch", Number(pitch)), ("phase", Number(phase))])
+        }
+        Law::Coulomb { torque } => ("friction", vec![("torque", Number(torque))]),
+        Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => (
+            "friction",
+            vec![
+                ("coulomb", Number(coulomb)),
+                ("stribeck", Number(stribeck)),
+                ("stribeck_velocity", Number(stribeck_velocity)),
+                ("bristle_stiffness", Number(bristle_stiffness)),
+                ("bristle_damping", Number(bristle_damping)),
+                ("viscous", Number(viscous)),
+            ],
+        ),
+        Law::Constant { torque } => ("constant", vec![("torque", Number(torque))]),
+    }
+}
+
+/// A hand's kind and its numbers, those of `moves` apart.
+pub(crate) fn hand(hand: &mut Hand) -> (&'static str, Slots<'_>) {
+    let release = ("release", Optional(&mut hand.release));
+    let (kind, mut slots) = match &mut hand.drive {
+        Drive::Position(moves) => shape(moves),
+        Drive::Torque(_) => ("torque", Vec::new()),
+        Drive::Grip { inertia, damping, stiffness, moves: _ } => {
+            ("grip", vec![("inertia", Number(inertia)), ("damping", Number(damping)), ("stiffness", Number(stiffness))])
+        }
+    };
+    slots.push(release);
+    (kind, slots)
+}
+
+/// The shape in a hand's `moves`.
+pub(crate) fn moves(hand: &mut Hand) -> Option<&mut Shape> {
+    match &mut hand.drive {
+        Drive::Position(_) => None,
+        Drive::Torque(moves) | Drive::Grip { moves, .. } => Some(moves),
+    }
+}
+
+/// A shape's kind and its numbers.
+pub(crate) fn shape(shape: &mut Shape) -> (&'static str, Slots<'_>) {
+    match shape {
+        Shape::Step { to, at } => ("step", vec![("to", Number(to)), ("at", Number(at))]),
+        Shape::Ramp { to, at, over } => ("ramp", vec![("to", Number(to)), ("at", Number(at)), ("over", Number(over))]),
+        Shape::Sine { amplitude, frequency, phase } => {
+            ("sine", vec![("amplitude", Number(amplitude)), ("frequency", Number(frequency)), ("phase", Number(phase))])
+        }
+        Shape::Path { .. } => ("path", Vec::new()),
+    }
+}
+
+/// The slots of a table, its place in the table of keys, its kind, and the kind of the hand around it.
+struct Table<'a> {
+    pattern: &'static str,
+    kind: Option<&'static str>,
+    hand: Option<&'static str>,
+    slots: Slots<'a>,
+}
+
+impl World {
+    fn table(&mut self, path: &[&str]) -> Option<Table<'_>> {
+        let plain = |pattern, slots| Table { pattern, kind: None, hand: None, slots };
+        Some(match *path {
+            ["loop"] => plain("loop", sampling(&mut self.sampling)),
+            ["device"] => plain("device", device(&mut self.device)),
+            ["bodies", name] => {
+                let index = self.names.iter().position(|body| body == name)?;
+                plain("bodies.*", body(self.bodies.get_mut(index)?))
+            }
+            ["couplings", index] => {
+                let coupling = self.couplings.get_mut(index.parse::<usize>().ok()?)?;
+                let (kind, slots) = law(&mut coupling.law);
+                Table { kind: Some(kind), ..plain("couplings.*", slots) }
+            }
+            ["scenarios", name, ref inner @ ..] => {
+                let scenario = self.scenarios.iter_mut().find(|scenario| scenario.name == name)?;
+                match inner {
+                    [] => plain("scenarios.*", vec![("duration", Number(&mut scenario.duration))]),
+                    ["hand"] => {
+                        let (kind, slots) = hand(&mut scenario.hand);
+                        Table { kind: Some(kind), ..plain("scenarios.*.hand", slots) }
+                    }
+                    ["hand", "moves"] => {
+                        let around = hand(&mut scenario.hand).0;
+                        let (kind, slots) = shape(moves(&mut scenario.hand)?);
+                        Table { kind: Some(kind), hand: Some(around), ..plain("scenarios.*.hand.moves", slots) }
+                    }
+                    _ => return None,
+                }
+            }
+            _ => return None,
+        })
+    }
+
+    /// Puts a number, in SI, where the dotted path of its key leads: `couplings.0.stiffness`. Nothing is checked but that a
+    /// whole number's key takes a whole number: a world so changed may be one that no file could say.
+    ///
+    /// `false`, and nothing is changed, where this world has no number under that key, or one that takes no such value.
+    pub fn set_number(&mut self, path: &str, value: f64) -> bool {
+        let names: Vec<&str> = path.split('.').map(str::trim).collect();
+        let Some((name, table)) = names.split_last() else { return false };
+        let Some(table) = self.table(table) else { return false };
+        table.slots.into_iter().find(|(key, _)| key == name).is_some_and(|(_, slot)| slot.set(value))
+    }
+
+    /// The row of the table of keys for a dotted path to a number of this world; `None` where there is no number.
+    pub fn key(&self, path: &str) -> Option<&'static Key> {
+        let names: Vec<&str> = path.split('.').map(str::trim).collect();
+        let (name, table) = names.split_last()?;
+        let mut world = self.clone();
+        let table = world.table(table)?;
+        let (name, _) = table.slots.iter().find(|(key, _)| key == name)?;
+        keys::rows(table.pattern).find(|key| key.name() == *name && key.belongs(table.kind, table.hand, self.motion))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::keys::{KEYS, Takes};
+    use crate::{Source, parameters};
+
+    const FILE: &str = r#"
+        [loop]
+        period = "1 ms"
+        delay = "0.5 ms"
+        estimator = "low-pass"
+        cutoff = "50 Hz"
+        [device]
+        inertia = 1e-3
+        limit = 1
+        encoder = 4000
+        levels = 200
+        [bodies.wheel]
+        inertia = 0.02
+        [bodies.nut]
+        inertia = 0.03
+        [[couplings]]
+        kind = "spring"
+        between = ["puck", "wheel"]
+        stiffness = 1
+        [[couplings]]
+        kind = "damper"
+        between = ["wheel", "nut"]
+        damping = 1
+        [[couplings]]
+        kind = "wall"
+        between = ["puck", "ground"]
+        side = "above"
+        at = 1
+        stiffness = 2
+        [[couplings]]
+        kind = "detent"
+        between = ["puck", "ground"]
+        torque = 1
+        pitch = 0.5
+        [[couplings]]
+        kind = "friction"
+        between = ["puck", "ground"]
+        torque = 0.1
+        [[couplings]]
+        kind = "friction"
+        between = ["puck", "ground"]
+        coulomb = 0.1
+        stribeck = 0.2
+        stribeck_velocity = 0.1
+        bristle_stiffness = 10
+        bristle_damping = 0.1
+        viscous = 0.1
+        [[couplings]]
+        kind = "constant"
+        between = ["wheel", "ground"]
+        torque = 0.1
+        [scenarios.hold]
+        duration = 1
+        hand = { kind = "step", to = 1, release = 0.5 }
+        [scenarios.swing]
+        duration = 1
+        hand = { kind = "sine", amplitude = 1, frequency = 2 }
+        [scenarios.push]
+        duration = 1
+        hand = { kind = "torque", moves = { kind = "ramp", to = 1, over = 0.5 } }
+        [scenarios.lean]
+        duration = 1
+        hand = { kind = "grip", inertia = 1e-4, moves = { kind = "sine", amplitude = 1, frequency = 2 } }
+    "#;
+
+    /// A number set by its path is the number that an override of that path would have been read as.
+    #[test]
+    fn every_number_is_where_its_override_goes() {
+        let source = Source::from_text("w.toml", FILE);
+        let world = World::read(&source, &[]).unwrap();
+        let mut set = 0;
+        for parameter in parameters(&source, &[]).unwrap() {
+            let Some(key) = world.key(&parameter.path) else {
+                assert!(parameter.si.is_none(), "{} is a number", parameter.path);
+                continue;
+            };
+            let value = match key.takes {
+                Takes::Whole { step, .. } => 4.0 * step as f64,
+                _ => 0.75,
+            };
+            let mut changed = world.clone();
+            assert!(changed.set_number(&parameter.path, value), "{}", parameter.path);
+            let read = World::read(&source, &[format!("{}={value}", parameter.path)]);
+            if let Ok(read) = read {
+                assert_eq!(changed, read, "{}", parameter.path);
+                assert_ne!(changed, world, "{}", parameter.path);
+                set += 1;
+            }
+        }
+        assert!(set > 40, "{set}");
+    }
+
+    #[test]
+    fn a_whole_number_takes_no_half() {
+        let mut world = World::read(&Source::from_text("w.toml", FILE), &[]).unwrap();
+        let before = world.clone();
+        assert!(!world.set_number("loop.window", 2.5));
+        assert!(!world.set_number("loop.method", 1.0));
+        assert!(!world.set_number("couplings.9.stiffness", 1.0));
+        assert!(!world.set_number("", 1.0));
+        assert_eq!(world, before);
+    }
+
+    /// Every quantity of the table of keys has its slot, under some kind.
+    #[test]
+    fn no_number_of_the_table_is_forgotten() {
+        let source = Source::from_text("w.toml", FILE);
+        let world = World::read(&source, &[]).unwrap();
+        let paths: Vec<String> = parameters(&source, &[]).unwrap().into_iter().map(|p| p.path).collect();
+        let star = |path: &str| {
+            let names: Vec<&str> = path.split('.').collect();
+            let named = |i: usize| i == 1 && ["bodies", "couplings", "scenarios"].contains(&names[0]);
+            names.iter().enumerate().map(|(i, n)| if named(i) { "*" } else { *n }).collect::<Vec<_>>().join(".")
+        };
+        for key in KEYS {
+            let number = matches!(key.takes, Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::Whole { .. });
+            let seen = paths.iter().filter(|path| star(path) == key.path);
+            if number {
+                assert!(seen.clone().any(|path| world.key(path).is_some()) || seen.count() == 0, "{}", key.path);
+            }
+        }
+    }
+}
