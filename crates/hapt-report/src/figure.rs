@@ -1,6 +1,7 @@
 //! What is drawn, before it is drawn: panels with axes, curves, bands and marks.
 
 use crate::extremes::Point;
+use crate::map::Map;
 
 /// One figure: panels that belong together, with what they show in words.
 #[derive(Clone, Debug)]
@@ -24,6 +25,8 @@ pub struct Panel {
     pub x: Axis,
     /// Vertical.
     pub y: Axis,
+    /// A plane of values, over the whole frame, behind everything.
+    pub map: Option<Map>,
     /// Drawn first to last.
     pub series: Vec<Series>,
     /// Behind the curves.
@@ -161,7 +164,7 @@ impl Axis {
 impl Panel {
     /// Empty, with these axes.
     pub fn new(title: &str, x: Axis, y: Axis) -> Self {
-        Panel { title: title.into(), x, y, series: Vec::new(), bands: None, marks: Vec::new(), round: false }
+        Panel { title: title.into(), x, y, map: None, series: Vec::new(), bands: None, marks: Vec::new(), round: false }
     }
 
     /// With a curve more.

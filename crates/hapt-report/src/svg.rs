@@ -4,6 +4,7 @@
 //! and stay readable on a phone. So colours are classes, which one style sheet ([`STYLE`]) sets for light, dark and paper, and a
 //! figure is laid out anew for each width instead of being shrunk until its text is dust.
 
+use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use crate::extremes::Point;
@@ -34,7 +35,12 @@ svg.hapt .s6{stroke:#1b1e22;stroke-dasharray:7 2}\
 svg.hapt .beneath{stroke:#e69f00;stroke-width:3.6}\
 svg.hapt .d1{stroke-dasharray:2 2}svg.hapt .d2{stroke-dasharray:10 3 2 3}svg.hapt .d3{stroke-dasharray:1 4}\
 svg.hapt .limit{stroke:#565d66;stroke-dasharray:7 4}svg.hapt .predicted{stroke:#1b1e22;stroke-dasharray:2 3;stroke-width:1.6}\
-svg.hapt .guide{stroke:#8a929b}\
+svg.hapt .guide{stroke:#8a929b}svg.hapt .cell{stroke:none}svg.hapt .none{fill:#c9ced4}\
+svg.hapt .edge{fill:none;stroke:#1b1e22;stroke-width:1.6}\
+svg.hapt .m0{fill:#440154}svg.hapt .m1{fill:#472d7b}svg.hapt .m2{fill:#3b528b}svg.hapt .m3{fill:#2c728e}svg.hapt .m4{fill:#21918c}\
+svg.hapt .m5{fill:#28ae80}svg.hapt .m6{fill:#5ec962}svg.hapt .m7{fill:#addc30}svg.hapt .m8{fill:#fde725}\
+svg.hapt .n0{fill:#d6e6f4}svg.hapt .n1{fill:#9ac4e1}svg.hapt .n2{fill:#4a98c9}svg.hapt .n3{fill:#0b559f}\
+svg.hapt .p0{fill:#fee3c8}svg.hapt .p1{fill:#fdb97d}svg.hapt .p2{fill:#f57622}svg.hapt .p3{fill:#a63603}\
 @media screen and (prefers-color-scheme:dark){svg.hapt text{fill:#e7e9ec}svg.hapt .soft{fill:#a5adb6}\
 svg.hapt .paper{fill:#15181c}svg.hapt .node{fill:#272c33;stroke:#e7e9ec}\
 svg.hapt .frame{stroke:#6d757e}svg.hapt .grid{stroke:#2a2f35}svg.hapt .zero{stroke:#545b63}\
@@ -146,14 +152,16 @@ struct Layout<'a> {
 
 /// A legend's entry, its place relative to the panel's top left.
 struct Entry<'a> {
-    name: &'a str,
+    name: Cow<'a, str>,
     look: Look,
     x: f64,
     line: usize,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 enum Look {
+    /// A map's colour, by its class.
+    Cell(String),
     Line(Style),
     Mark(Shape, Style),
     Band,
@@ -172,6 +180,7 @@ impl<'a> Layout<'a> {
         let width = total - left - RIGHT;
         let height = match (panel.round, columns) {
             (true, _) => width,
+            (false, _) if panel.map.is_some() => (0.55 * total).clamp(240.0, 420.0),
             (false, 1) => (0.27 * total).clamp(170.0, 220.0),
             (false, _) => (0.62 * width).clamp(170.0, 330.0),
         };
@@ -239,6 +248,9 @@ impl<'a> Layout<'a> {
         let view = format!("<svg x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\">");
         *svg += &view;
         let to = |(a, b): Point| (x(a) - left, y(b) - top);
+        if let Some(map) = &panel.map {
+            map.draw(svg, *width, *height);
+        }
         if let Some(bands) = &panel.bands {
             let mut d = String::new();
             for &(from, until) in &bands.list {
@@ -280,16 +292,17 @@ fn tick_labels(axis: &Axis, at: &[f64]) -> Vec<String> {
 
 /// The legend's entries behind the vertical axis's name and on as many further lines as they need.
 fn legend(panel: &Panel, total: f64) -> (Vec<Entry<'_>>, usize) {
-    let lines = panel.series.iter().map(|s| (s.name.as_str(), Look::Line(s.style)));
-    let bands = panel.bands.iter().filter(|bands| !bands.list.is_empty()).map(|b| (b.name.as_str(), Look::Band));
-    let marks = panel.marks.iter().map(|m| (m.name.as_str(), Look::Mark(m.shape, m.style)));
+    let cells = panel.map.iter().flat_map(|map| map.legend()).map(|(class, name)| (Cow::from(name), Look::Cell(class)));
+    let lines = panel.series.iter().map(|s| (Cow::from(&s.name), Look::Line(s.style)));
+    let bands = panel.bands.iter().filter(|bands| !bands.list.is_empty()).map(|b| (Cow::from(&b.name), Look::Band));
+    let marks = panel.marks.iter().map(|m| (Cow::from(&m.name), Look::Mark(m.shape, m.style)));
     let mut entries: Vec<Entry<'_>> = Vec::new();
     let (mut x, mut line) = (text_width(&panel.y.label()) + 14.0, 0);
-    for (name, look) in lines.chain(bands).chain(marks) {
+    for (name, look) in cells.chain(lines).chain(bands).chain(marks) {
         if name.is_empty() || entries.iter().any(|entry| entry.name == name) {
             continue;
         }
-        let wide = 22.0 + text_width(name) + 12.0;
+        let wide = 22.0 + text_width(&name) + 12.0;
         if x + wide > total + 12.0 && x > 2.0 {
             (x, line) = (2.0, line + 1);
         }
@@ -303,6 +316,13 @@ impl Entry<'_> {
     fn draw(&self, svg: &mut String, x0: f64, y: f64) {
         let (x, middle) = (x0 + self.x, y - 4.0);
         let _ = match self.look {
+            Look::Cell(ref class) => {
+                write!(
+                    svg,
+                    "<rect class=\"cell {class}\" x=\"{x:.1}\" y=\"{:.1}\" width=\"18\" height=\"11\"/>",
+                    middle - 5.5
+                )
+            }
             Look::Line(style) => {
                 write!(svg, "<path class=\"line {}\" d=\"M{x:.1} {middle:.1}h18\"/>", class(style))
             }
@@ -316,7 +336,7 @@ impl Entry<'_> {
                 write!(svg, "<rect class=\"band\" x=\"{x:.1}\" y=\"{:.1}\" width=\"18\" height=\"11\"/>", middle - 5.5)
             }
         };
-        text(svg, x + 22.0, y, "start", "", self.name);
+        text(svg, x + 22.0, y, "start", "", &self.name);
     }
 }
 

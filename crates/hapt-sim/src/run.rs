@@ -136,6 +136,16 @@ impl Simulation {
         self.hand.holds_still().then(|| self.hand.last_event())
     }
 
+    /// The hand's last event in s: the latest of a step, a ramp's end, a path's last point and the release; 0 for a sine.
+    pub fn last_event(&self) -> f64 {
+        self.hand.last_event()
+    }
+
+    /// Whether the hand still prescribes the puck's position at `t`, in s.
+    pub fn is_held_at(&self, t: f64) -> bool {
+        self.hand.prescribed().is_some() && !self.hand.is_gone(t)
+    }
+
     /// The next row; `None` after the last. An error ends the run.
     #[allow(clippy::should_implement_trait)] // The row is lent, not given: an iterator would allocate for each.
     pub fn next(&mut self) -> Option<Result<&Row, Error>> {

@@ -205,7 +205,8 @@ proptest! {
                     let size = if i < n { 1.0 } else { rate };
                     prop_assert!((change[i] - discrete.constant[i]).abs() <= 1e-12 * size * (1.0 + 1.0 / (world.bodies.iter().map(|b| b.inertia).fold(1.0, f64::min) * rate * rate)));
                 }
-                prop_assert!((torque - discrete.torque.constant).abs() <= 1e-11 * (1.0 + scale));
+                // Some steps ahead an unstable method's torque is far above the couplings' own.
+                prop_assert!((torque - discrete.torque.constant).abs() <= 1e-11 * (1.0 + scale + torque.abs()));
             }
         }
     }

@@ -52,16 +52,25 @@ Examples:
     /// A page a world: diagram, verdict, eigenvalues, motion, torque and energy over time.
     #[command(after_help = "\
 Examples:
-  hapt report wheel.toml --out report                    report/wheel.html, and its figures as SVG
-  hapt report @notes/euler @notes/damped --out report    a page each, and report/index.html
+  hapt report wheel.toml --out report                    a page, and figures
+  hapt report @notes/euler @notes/damped --out report    and an index
   hapt report wheel.toml --set loop.period=5ms --out report")]
     Report(ReportArgs),
     /// Position, velocity and torque over time as an SVG, from the CSV of a run.
     #[command(after_help = "\
 Examples:
-  hapt plot runs/step.csv > step.svg                 what hapt sim --out runs has written
+  hapt plot runs/step.csv > step.svg                 as hapt sim wrote it
   hapt plot runs/step.csv --limit 822.25Nmm --out step.svg")]
     Plot(PlotArgs),
+    /// Every combination of a few numbers of a world, measured, as a table and a picture.
+    #[command(after_help = "\
+Examples:
+  hapt sweep wheel.toml --vary loop.period=0.1ms..10ms:50:log \\
+      --measure held_growth_per_s --out growth.csv
+  hapt sweep wheel.toml --vary loop.period=1ms..20ms:40 \\
+      --vary device.damping=0..0.01:40 --measure peak_torque,settling_time \\
+      --scenario step --out map.parquet --plot map.svg")]
+    Sweep(SweepArgs),
     /// A world file to start from, with comments, and its schema for editors.
     #[command(after_help = "\
 Examples:
@@ -184,6 +193,33 @@ pub struct PlotArgs {
     /// Write the figure here; without it, to standard output.
     #[arg(long, value_name = "FILE.svg")]
     pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct SweepArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// A key and its values, such as loop.period=1ms..10ms:50, or :50:log for equal ratios; repeatable, the last varies fastest.
+    #[arg(long = "vary", value_name = "KEY=FROM..TO:N[:log]", required = true)]
+    pub axes: Vec<String>,
+    /// What to measure: names with commas between; --measure help lists them.
+    #[arg(long = "measure", value_name = "NAME,...", value_delimiter = ',', required = true)]
+    pub measures: Vec<String>,
+    /// The scenario that is run, where the world has several.
+    #[arg(long, value_name = "NAME")]
+    pub scenario: Option<String>,
+    /// Write the table here: FILE.csv or FILE.parquet.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Draw the first measure: a curve over one axis, a map over two.
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    /// Go on where the same sweep into the same file was interrupted.
+    #[arg(long)]
+    pub resume: bool,
+    /// Threads; all cores without it. The bytes are the same.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
 }
 
 #[derive(Debug, clap::Args)]

@@ -71,6 +71,12 @@ impl From<hapt_analysis::Error> for Failure {
     }
 }
 
+impl From<hapt_sweep::Error> for Failure {
+    fn from(error: hapt_sweep::Error) -> Self {
+        Failure::input(error)
+    }
+}
+
 impl From<hapt_sim::Error> for Failure {
     fn from(error: hapt_sim::Error) -> Self {
         match error {

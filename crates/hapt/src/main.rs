@@ -16,6 +16,8 @@ mod report;
 mod schema;
 mod shell;
 mod sim;
+mod sweep;
+mod sweep_plot;
 mod topics;
 mod world;
 mod worlds;
@@ -39,6 +41,7 @@ fn main() -> ExitCode {
         Some(Command::Design(args)) => design::run(args),
         Some(Command::Report(args)) => report::run(args),
         Some(Command::Plot(args)) => plot::run(args),
+        Some(Command::Sweep(args)) => sweep::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Worlds) => worlds::run(),
         Some(Command::Explain(args)) => explain::run(args),

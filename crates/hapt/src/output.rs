@@ -8,6 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use tempfile::{Builder, TempPath};
 
 use crate::failure::Failure;
+use crate::people;
 
 /// The unfinished files, to be removed when a signal ends the program.
 static DRAFTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -67,6 +68,14 @@ impl Write for Draft {
     }
 }
 
+/// A file that an interruption leaves where it is, so that the work can be taken up again, and what is said of it then.
+static KEPT: Mutex<Option<String>> = Mutex::new(None);
+
+/// From now on an interruption says `words`; with `None` it has nothing to say.
+pub fn when_interrupted(words: Option<String>) {
+    *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = words;
+}
+
 /// The folder for a command's files, made when it is not there.
 pub fn folder(path: &Path) -> Result<(), Failure> {
     if let Some(file) = path.ancestors().find(|at| at.exists() && !at.is_dir()) {
@@ -83,6 +92,9 @@ pub fn watch_for_signals() {
         let list = drafts();
         for draft in list.iter() {
             let _ = fs::remove_file(draft);
+        }
+        if let Some(words) = &*KEPT.lock().unwrap_or_else(PoisonError::into_inner) {
+            people::say(format_args!("hapt: {words}"));
         }
         std::process::exit(code)
     }

@@ -17,36 +17,57 @@ const LINES: Duration = Duration::from_secs(5);
 /// Says how far it is: a bar on a terminal, a line now and then elsewhere, nothing for a short run.
 pub struct Progress {
     name: String,
-    rows: u64,
+    /// What is counted.
+    things: &'static str,
+    all: u64,
+    /// What was there at the start.
+    before: u64,
     started: Instant,
     last_line: Option<Instant>,
     bar: Option<ProgressBar>,
 }
 
 impl Progress {
-    pub fn new(name: &str, rows: u64) -> Self {
-        Progress { name: name.into(), rows, started: Instant::now(), last_line: None, bar: None }
+    /// Of `all` things, of which so many are there already.
+    pub fn new(name: &str, things: &'static str, all: u64, before: u64) -> Self {
+        Progress { name: name.into(), things, all, before, started: Instant::now(), last_line: None, bar: None }
     }
 
-    /// After row `done`.
+    /// After row `done` of many: looks at the clock now and then only.
     pub fn at(&mut self, done: u64) {
-        if !done.is_multiple_of(EVERY) || self.started.elapsed() < PATIENCE {
+        if done.is_multiple_of(EVERY) {
+            self.reached(done);
+        }
+    }
+
+    /// With so many done.
+    pub fn reached(&mut self, done: u64) {
+        let elapsed = self.started.elapsed();
+        if elapsed < PATIENCE {
             return;
         }
         if stderr().is_terminal() {
             let bar = self.bar.get_or_insert_with(|| {
-                let bar =
-                    ProgressBar::new(self.rows).with_message(self.name.clone()).with_elapsed(self.started.elapsed());
-                let style =
-                    ProgressStyle::with_template("{msg} {wide_bar} {percent} % of {human_len} samples, {eta} left");
+                let bar = ProgressBar::new(self.all).with_message(self.name.clone()).with_elapsed(elapsed);
+                let things = self.things;
+                let style = ProgressStyle::with_template(&format!(
+                    "{{msg}} {{wide_bar}} {{percent}} % of {{human_len}} {things}, {{eta}} left"
+                ));
                 bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
                 bar
             });
             bar.set_position(done);
         } else if self.last_line.is_none_or(|last| last.elapsed() > LINES) {
             self.last_line = Some(Instant::now());
-            let percent = 100.0 * done as f64 / self.rows as f64;
-            people::say(format_args!("{}: {percent:.1} % of {} samples", self.name, people::count(self.rows)));
+            let percent = 100.0 * done as f64 / self.all as f64;
+            let left =
+                elapsed.as_secs_f64() * (self.all - done) as f64 / done.saturating_sub(self.before).max(1) as f64;
+            people::say(format_args!(
+                "{}: {percent:.1} % of {} {}, {left:.0} s left",
+                self.name,
+                people::count(self.all),
+                self.things
+            ));
         }
     }
 }

@@ -51,7 +51,7 @@ where
     E: From<Error>,
 {
     let mut run = Simulation::new(world, scenario)?;
-    let mut progress = Progress::new(&scenario.name, run.rows());
+    let mut progress = Progress::new(&scenario.name, "samples", run.rows(), 0);
     let mut done = 0;
     while let Some(row) = run.next() {
         match row {

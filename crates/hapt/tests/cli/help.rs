@@ -4,12 +4,13 @@ use std::path::Path;
 
 use crate::common::{Running, hapt, program};
 
-const COMMANDS: [&str; 11] =
-    ["sim", "check", "design", "report", "plot", "init", "worlds", "explain", "schema", "completions", "man"];
+const COMMANDS: [&str; 12] =
+    ["sim", "check", "design", "report", "plot", "sweep", "init", "worlds", "explain", "schema", "completions", "man"];
 
-/// The examples at the end of a help text, without the words beside them.
+/// The examples at the end of a help text, without the words beside them; a line that ends in \\ goes on.
 fn examples(help: &str) -> Vec<String> {
     let (_, examples) = help.split_once("Examples:\n").unwrap_or_else(|| panic!("no examples in {help}"));
+    let examples = examples.replace("\\\n      ", "");
     let line = |line: &str| line.trim().split("   ").next().unwrap_or_default().trim().to_string();
     examples.lines().map(line).filter(|line| !line.is_empty()).collect()
 }

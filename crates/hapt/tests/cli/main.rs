@@ -9,3 +9,4 @@ mod help;
 mod refusals;
 mod report;
 mod runs;
+mod sweep;

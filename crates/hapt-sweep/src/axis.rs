@@ -1,0 +1,193 @@
+//! The axes of a grid: keys of the world file and their values.
+
+use hapt_model::keys::{Key, Takes};
+use hapt_model::{Source, World, parse_quantity};
+
+use crate::error::Error;
+
+/// The most axes of a grid.
+const MOST_AXES: usize = 8;
+/// The most cells of a grid: as many as a scenario has samples at most.
+const MOST_CELLS: u64 = 10_000_000_000;
+
+/// A key and the values that it takes, in SI.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// The dotted path: `loop.period`.
+    pub key: String,
+    /// The key's unit in SI; empty for a plain number.
+    pub unit: String,
+    /// The first value.
+    pub from: f64,
+    /// The last value.
+    pub to: f64,
+    /// How many, at least 1; one alone is `from`.
+    pub count: u64,
+    /// Whether neighbours have the same ratio instead of the same difference.
+    pub logarithmic: bool,
+}
+
+impl Axis {
+    /// The i-th value, FROM + i (TO - FROM)/(N - 1) or FROM (TO/FROM)^(i/(N - 1)); the ends are exact.
+    pub fn value(&self, i: u64) -> f64 {
+        let last = self.count.saturating_sub(1);
+        if i == 0 {
+            self.from
+        } else if i >= last {
+            self.to
+        } else if self.logarithmic {
+            self.from * libm::pow(self.to / self.from, i as f64 / last as f64)
+        } else {
+            self.from + i as f64 * (self.to - self.from) / last as f64
+        }
+    }
+
+    /// The value at an end of the axis: `from`, or the last one.
+    fn end(&self, last: bool) -> f64 {
+        self.value(if last { self.count - 1 } else { 0 })
+    }
+}
+
+/// The pieces of `KEY=FROM..TO:N[:log]`.
+struct Written<'a> {
+    key: &'a str,
+    from: &'a str,
+    to: &'a str,
+    count: &'a str,
+    logarithmic: bool,
+}
+
+fn written(text: &str) -> Option<Written<'_>> {
+    let (key, range) = text.split_once('=')?;
+    let (range, logarithmic) = match range.strip_suffix(":log") {
+        Some(range) => (range, true),
+        None => (range, false),
+    };
+    let (ends, count) = range.rsplit_once(':')?;
+    let (from, to) = ends.split_once("..")?;
+    Some(Written { key: key.trim(), from: from.trim(), to: to.trim(), count: count.trim(), logarithmic })
+}
+
+/// Every combination of the axes' values, the last axis varying fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Slowest first.
+    pub axes: Vec<Axis>,
+    /// How many cells.
+    pub cells: u64,
+}
+
+impl Grid {
+    /// Reads the axes, each `KEY=FROM..TO:N[:log]`, against the world in `source`, and the world itself at the grid's first
+    /// cell. Every corner of the grid is read as a world file is, with all its checks.
+    ///
+    /// # Errors
+    /// [`Error::Axis`] for what is no axis of this world, [`Error::World`] for a world, or a corner, that cannot be read.
+    pub fn new(source: &Source, sets: &[String], axes: &[String]) -> Result<(Grid, World), Error> {
+        let wrong = |text: &str, message: String| Error::Axis(format!("--vary {text}: {message}"));
+        if axes.is_empty() || axes.len() > MOST_AXES {
+            let message =
+                format!("a sweep varies 1 to {MOST_AXES} keys, and {} are given: --vary KEY=FROM..TO:N", axes.len());
+            return Err(Error::Axis(message));
+        }
+        // What is wrong with the world itself is said before what is wrong with an axis.
+        World::read(source, sets)?;
+        let mut all = Vec::new();
+        let mut base = sets.to_vec();
+        for text in axes {
+            let Some(parts) = written(text) else {
+                return Err(wrong(text, "KEY=FROM..TO:N is wanted, such as loop.period=0.1ms..10ms:50:log".into()));
+            };
+            if all.iter().any(|(axis, _): &(Written<'_>, &String)| axis.key == parts.key) {
+                return Err(wrong(text, format!("{} is varied twice", parts.key)));
+            }
+            base.push(format!("{}={}", parts.key, parts.from));
+            all.push((parts, text));
+        }
+        let world = World::read(source, &base).map_err(varied)?;
+        let mut grid = Grid { axes: Vec::new(), cells: 1 };
+        for (parts, text) in all {
+            let Some(key) = world.key(parts.key) else {
+                return Err(wrong(text, format!("{} takes no number; a sweep varies numbers", parts.key)));
+            };
+            let axis = axis(&parts, key, &world).map_err(|message| wrong(text, message))?;
+            let cells = grid.cells.checked_mul(axis.count).filter(|cells| *cells <= MOST_CELLS);
+            grid.cells = match cells {
+                Some(cells) => cells,
+                None => return Err(wrong(text, format!("the grid has more than {MOST_CELLS} cells"))),
+            };
+            grid.axes.push(axis);
+        }
+        grid.corners(source, sets)?;
+        Ok((grid, world))
+    }
+
+    /// Reads the world at every corner but the first. What a key may be, and what two keys may be together, are bounds that a
+    /// grid crosses at a corner or nowhere.
+    fn corners(&self, source: &Source, sets: &[String]) -> Result<(), Error> {
+        for corner in 1..1u32 << self.axes.len() {
+            let value = |(i, axis): (usize, &Axis)| format!("{}={:?}", axis.key, axis.end(corner >> i & 1 == 1));
+            let values = self.axes.iter().enumerate().map(value);
+            // A whole number's key takes no 4000.0.
+            let values = values.map(|set| set.strip_suffix(".0").map(str::to_string).unwrap_or(set));
+            let sets: Vec<String> = sets.iter().cloned().chain(values).collect();
+            World::read(source, &sets).map_err(varied)?;
+        }
+        Ok(())
+    }
+
+    /// The values of a cell, one an axis.
+    pub fn values(&self, cell: u64) -> impl Iterator<Item = f64> {
+        let mut below = self.cells;
+        self.axes.iter().map(move |axis| {
+            below /= axis.count;
+            axis.value(cell / below % axis.count)
+        })
+    }
+}
+
+/// The world itself could be read, so the mistake is in what is varied.
+fn varied(mut error: hapt_model::Error) -> hapt_model::Error {
+    if let Some(location) = &mut error.location {
+        location.source = "--vary".into();
+    }
+    error
+}
+
+fn axis(parts: &Written<'_>, key: &Key, world: &World) -> Result<Axis, String> {
+    let number = |text: &str| match key.takes {
+        Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => {
+            parse_quantity(text, measure.dimension(world.motion)).map_err(|error| format!("{error}"))
+        }
+        _ => text.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| format!("{text:?} is no number")),
+    };
+    let unit = match key.takes {
+        Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => measure.dimension(world.motion).symbol(),
+        _ => String::new(),
+    };
+    let count = parts.count.parse::<u64>().ok().filter(|count| *count > 0);
+    let count = count.ok_or_else(|| format!("{:?} is no number of values, such as 50", parts.count))?;
+    let (from, to) = (number(parts.from)?, number(parts.to)?);
+    if parts.logarithmic && (from == 0.0 || (from < 0.0) != (to < 0.0) || to == 0.0) {
+        return Err(format!("equal ratios need both ends on one side of 0, not {} and {}", parts.from, parts.to));
+    }
+    let axis = Axis { key: parts.key.into(), unit, from, to, count, logarithmic: parts.logarithmic };
+    if let Takes::Whole { step, .. } = key.takes {
+        whole(&axis, step)?;
+    }
+    Ok(axis)
+}
+
+/// Whether all values of a whole number's axis are whole multiples of `step`. With equal steps it is enough to look at two.
+fn whole(axis: &Axis, step: u64) -> Result<(), String> {
+    let looked = if axis.logarithmic { axis.count } else { axis.count.min(2) };
+    let bad = (0..looked).map(|i| axis.value(i)).find(|value| value % step as f64 != 0.0);
+    match bad {
+        None => Ok(()),
+        Some(value) if step == 2 => Err(format!(
+            "{value} is no even number; {} values from {} to {} are wanted that are",
+            axis.count, axis.from, axis.to
+        )),
+        Some(value) => Err(format!("{value} is no whole number: choose N so that all values are")),
+    }
+}

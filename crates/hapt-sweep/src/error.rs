@@ -1,0 +1,15 @@
+//! Why there is nothing to sweep.
+
+/// What is wrong with a sweep's axes or measures.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// The world, or the world at a corner of the grid.
+    #[error("{0}")]
+    World(#[from] hapt_model::Error),
+    /// An axis.
+    #[error("{0}")]
+    Axis(String),
+    /// A measure, or the scenario that it needs.
+    #[error("{0}")]
+    Measure(String),
+}

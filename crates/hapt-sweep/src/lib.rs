@@ -1,0 +1,45 @@
+//! Every combination of a few numbers of a world, measured.
+//!
+//! * [`Grid`] is the axes, each a key of the world file with its values, and what they make together, cell by cell.
+//! * [`Measure`] is what a cell is asked: peaks, energies and settling of a run, growth and damping of the loop.
+//! * [`Sweep`] is a grid of a world with its measures: [`Sweep::rows`] computes a stretch of cells on all cores, in the order of
+//!   the table, with the same bits whatever the number of threads.
+//! * [`table`] names the columns and writes them as CSV; [`columnar`] turns that into Parquet.
+//!
+//! ```
+//! use hapt_model::Source;
+//! use hapt_sweep::{Measure, Sweep};
+//!
+//! let file = r#"
+//! loop.period = "1 ms"
+//! loop.method = "forward-euler"
+//! device.inertia = "6.4e-4 kg m^2"
+//! [bodies.wheel]
+//! inertia = "0.0258 kg m^2"
+//! [[couplings]]
+//! kind = "spring"
+//! between = ["puck", "wheel"]
+//! stiffness = "17.8 N mm/deg"
+//! "#;
+//! let source = Source::from_text("wheel.toml", file);
+//! let axes = ["loop.period=1ms..10ms:10".to_string()];
+//! let sweep = Sweep::new(&source, &[], &axes, &[Measure::HeldGrowth], None)?;
+//! let rows = sweep.rows(0..sweep.cells());
+//! // Forward Euler's growth is very nearly in proportion to the period: ln(1 + (ωT)²)/(2T).
+//! let growth = |cell: usize| rows[cell][1].unwrap();
+//! assert!((growth(9) / growth(0) - 10.0).abs() < 0.05);
+//! # Ok::<(), hapt_sweep::Error>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod axis;
+pub mod columnar;
+mod error;
+mod measure;
+mod sweep;
+pub mod table;
+
+pub use axis::{Axis, Grid};
+pub use error::Error;
+pub use measure::Measure;
+pub use sweep::Sweep;

@@ -1,0 +1,147 @@
+//! What a cell is asked.
+
+use hapt_analysis::held::held;
+use hapt_model::{Motion, Scenario, World};
+use hapt_sim::{Simulation, Summary};
+
+/// A number that a world, or a run of it, has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measure {
+    /// The largest |torque| over the rows, before the limit.
+    PeakTorque,
+    /// What the world stores at the last row.
+    FinalEnergy,
+    /// From the hand's last event until what moves stays within 2 % of where it ends.
+    SettlingTime,
+    /// Growth of the world alone, the puck held.
+    HeldGrowth,
+}
+
+impl Measure {
+    /// All of them, in the order of the documentation.
+    pub const ALL: [Measure; 4] =
+        [Measure::PeakTorque, Measure::FinalEnergy, Measure::SettlingTime, Measure::HeldGrowth];
+
+    /// Its name on the command line and in tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Measure::PeakTorque => "peak_torque",
+            Measure::FinalEnergy => "final_energy",
+            Measure::SettlingTime => "settling_time",
+            Measure::HeldGrowth => "held_growth_per_s",
+        }
+    }
+
+    /// The measure of this name.
+    pub fn named(name: &str) -> Option<Measure> {
+        Measure::ALL.into_iter().find(|measure| measure.name() == name)
+    }
+
+    /// Its unit in SI; empty for a plain number.
+    pub const fn unit(self, motion: Motion) -> &'static str {
+        match (self, motion) {
+            (Measure::PeakTorque, Motion::Rotary) => "N m",
+            (Measure::PeakTorque, Motion::Linear) => "N",
+            (Measure::FinalEnergy, _) => "J",
+            (Measure::SettlingTime, _) => "s",
+            (Measure::HeldGrowth, _) => "1/s",
+        }
+    }
+
+    /// Whether it is of a run, and needs a scenario.
+    pub const fn of_a_run(self) -> bool {
+        matches!(self, Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime)
+    }
+}
+
+/// What a run is asked, all at once.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct OfRun {
+    pub peak_torque: Option<f64>,
+    pub final_energy: Option<f64>,
+    pub settling_time: Option<f64>,
+}
+
+/// Runs the scenario once; nothing of a run that cannot start or stops being finite counts.
+pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool) -> OfRun {
+    let run = |world: &World| -> Option<OfRun> {
+        let mut run = Simulation::new(world, scenario).ok()?;
+        let mut summary = Summary::new(world, &run);
+        let mut settling = settling.then(|| Settling::new(world, scenario, &run));
+        while let Some(row) = run.next() {
+            let row = row.ok()?;
+            summary.add(row);
+            if let Some(settling) = &mut settling {
+                settling.add(row.time, row.puck, &row.bodies);
+            }
+        }
+        Some(OfRun {
+            peak_torque: Some(summary.peak_torque),
+            final_energy: Some(summary.final_energy()),
+            settling_time: settling.and_then(|settling| settling.time()),
+        })
+    };
+    run(world).unwrap_or_default()
+}
+
+/// Growth in 1/s of the world with the puck held.
+pub(crate) fn held_growth(world: &World) -> Option<f64> {
+    let sampling = &world.sampling;
+    held(&world.bodies, &world.couplings, sampling.method, sampling.period).ok()?.growth_per_s
+}
+
+/// The first row from which on everything stays within 2 % of its largest distance from where it ends.
+struct Settling {
+    /// The hand's last event.
+    from: f64,
+    duration: f64,
+    /// Whether the hand holds the puck to the end, so that the bodies count.
+    held: bool,
+    times: Vec<f64>,
+    /// One a moving thing, over the times.
+    tracks: Vec<Vec<f64>>,
+}
+
+/// What counts as there.
+const BAND: f64 = 0.02;
+
+impl Settling {
+    fn new(world: &World, scenario: &Scenario, run: &Simulation) -> Self {
+        let held = run.is_held_at(scenario.duration);
+        let tracks = if held { world.bodies.len() } else { 1 };
+        let from = run.last_event().min(scenario.duration);
+        Settling { from, duration: scenario.duration, held, times: Vec::new(), tracks: vec![Vec::new(); tracks] }
+    }
+
+    fn add(&mut self, time: f64, puck: f64, bodies: &[(f64, f64)]) {
+        // An event within 1e-6 of a sample is that sample; rounding of k·T is far less.
+        if time < self.from * (1.0 - 1e-12) {
+            return;
+        }
+        self.times.push(time);
+        if self.held {
+            self.tracks.iter_mut().zip(bodies).for_each(|(track, body)| track.push(body.0));
+        } else if let Some(track) = self.tracks.first_mut() {
+            track.push(puck);
+        }
+    }
+
+    fn time(&self) -> Option<f64> {
+        let mut settled = self.from;
+        for track in &self.tracks {
+            let last = *track.last()?;
+            let largest = track.iter().map(|x| (x - last).abs()).fold(0.0, f64::max);
+            if largest == 0.0 {
+                continue;
+            }
+            // The row after the last one outside of the band; the last row of all is within it.
+            let outside = track.iter().rposition(|x| (x - last).abs() > BAND * largest);
+            let row = outside.map_or(0, |row| row + 1);
+            settled = settled.max(*self.times.get(row)?);
+        }
+        if self.tracks.iter().all(|track| track.iter().all(|x| Some(x) == track.last())) {
+            return Some(0.0);
+        }
+        (settled <= 0.9 * self.duration).then_some(settled - self.from)
+    }
+}

@@ -1,0 +1,129 @@
+//! A grid of a world with what its cells are asked.
+
+use std::ops::Range;
+
+use hapt_model::{Source, World};
+use rayon::prelude::*;
+
+use crate::axis::Grid;
+use crate::error::Error;
+use crate::measure::{self, Measure};
+
+/// The most samples of one run whose settling is asked for: they are kept until it ends.
+const MOST_KEPT: f64 = 1e8;
+
+/// A world, a grid of its numbers, and measures.
+#[derive(Clone, Debug)]
+pub struct Sweep {
+    /// The grid.
+    pub grid: Grid,
+    /// What each cell is asked, in the order of the columns.
+    pub measures: Vec<Measure>,
+    /// The world at the grid's first cell.
+    pub world: World,
+    /// Which of the world's scenarios is run, where a measure is of a run.
+    scenario: Option<usize>,
+}
+
+impl Sweep {
+    /// A sweep of the world in `source` with the overrides `sets`, over `axes`, each `KEY=FROM..TO:N[:log]`. Measures of a run
+    /// need a scenario: the one named, or the only one there is.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub fn new(
+        source: &Source,
+        sets: &[String],
+        axes: &[String],
+        measures: &[Measure],
+        scenario: Option<&str>,
+    ) -> Result<Self, Error> {
+        let (grid, world) = Grid::new(source, sets, axes)?;
+        if measures.is_empty() {
+            let names = Measure::ALL.map(Measure::name).join(", ");
+            return Err(Error::Measure(format!("nothing to measure: --measure takes {names}")));
+        }
+        let of_a_run = measures.iter().find(|measure| measure.of_a_run());
+        let scenario = match (scenario, of_a_run) {
+            (Some(name), _) => {
+                world.scenario(name)?;
+                world.scenarios.iter().position(|scenario| scenario.name == name)
+            }
+            (None, None) => None,
+            (None, Some(measure)) => match world.scenarios.len() {
+                1 => Some(0),
+                0 => {
+                    return Err(Error::Measure(format!(
+                        "{} is of a run, and the world has no scenario",
+                        measure.name()
+                    )));
+                }
+                _ => {
+                    let names: Vec<&str> = world.scenarios.iter().map(|s| s.name.as_str()).collect();
+                    let message =
+                        format!("{} is of a run: --scenario takes one of {}", measure.name(), names.join(", "));
+                    return Err(Error::Measure(message));
+                }
+            },
+        };
+        let sweep = Sweep { grid, measures: measures.to_vec(), world, scenario };
+        if measures.contains(&Measure::SettlingTime) {
+            sweep.fits_memory()?;
+        }
+        Ok(sweep)
+    }
+
+    /// Whether the longest run at a corner can be kept.
+    fn fits_memory(&self) -> Result<(), Error> {
+        let Some(scenario) = self.scenario.and_then(|i| self.world.scenarios.get(i)) else { return Ok(()) };
+        let longest = |key: &str, now: f64, pick: fn(f64, f64) -> f64| {
+            let axis = self.grid.axes.iter().find(|axis| axis.key == key);
+            axis.map_or(now, |axis| pick(axis.from, axis.to))
+        };
+        let duration = longest(&format!("scenarios.{}.duration", scenario.name), scenario.duration, f64::max);
+        let period = longest("loop.period", self.world.sampling.period, f64::min);
+        let samples = duration / period;
+        if samples > MOST_KEPT {
+            let message =
+                format!("settling_time keeps every sample of a run: {samples:.0} are more than {MOST_KEPT:.0}");
+            return Err(Error::Measure(message));
+        }
+        Ok(())
+    }
+
+    /// How many rows the table has.
+    pub fn cells(&self) -> u64 {
+        self.grid.cells
+    }
+
+    /// The rows of these cells, in their order, on rayon's current pool: the axes' values, then the measures; `None` for a
+    /// measure without a value. A cell does not know which thread computes it, so its bits are the same on any number of them.
+    pub fn rows(&self, cells: Range<u64>) -> Vec<Vec<Option<f64>>> {
+        let row = |world: &mut World, cell: u64| self.row(world, cell);
+        cells.into_par_iter().map_init(|| self.world.clone(), row).collect()
+    }
+
+    /// `world` is any world of this grid; it becomes that of the cell.
+    fn row(&self, world: &mut World, cell: u64) -> Vec<Option<f64>> {
+        let mut row = Vec::with_capacity(self.grid.axes.len() + self.measures.len());
+        for (axis, value) in self.grid.axes.iter().zip(self.grid.values(cell)) {
+            world.set_number(&axis.key, value);
+            row.push(Some(value));
+        }
+        let run = self
+            .scenario
+            .and_then(|i| world.scenarios.get(i))
+            .map(|scenario| measure::of_run(world, scenario, self.measures.contains(&Measure::SettlingTime)));
+        let run = run.unwrap_or_default();
+        row.extend(self.measures.iter().map(|measure| {
+            let value = match measure {
+                Measure::PeakTorque => run.peak_torque,
+                Measure::FinalEnergy => run.final_energy,
+                Measure::SettlingTime => run.settling_time,
+                Measure::HeldGrowth => measure::held_growth(world),
+            };
+            value.filter(|value| value.is_finite())
+        }));
+        row
+    }
+}

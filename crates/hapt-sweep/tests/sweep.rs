@@ -1,0 +1,219 @@
+//! A sweep's cells are the worlds that a file with those numbers would have been.
+
+use hapt_model::{Motion, Source, World};
+use hapt_sim::{Simulation, Summary};
+use hapt_sweep::{Error, Measure, Sweep, columnar, table};
+use proptest::prelude::*;
+
+const WHEEL: &str = r#"
+[loop]
+period = "1 ms"
+method = "forward-euler"
+output = "start"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "1.2e-3 N m s/rad"
+encoder = 4000
+[bodies.wheel]
+inertia = "0.0258 kg m^2"
+[[couplings]]
+kind = "spring"
+between = ["puck", "wheel"]
+stiffness = "17.8 N mm/deg"
+[[couplings]]
+kind = "damper"
+between = ["wheel", "ground"]
+damping = "compensating"
+[scenarios.let-go]
+duration = "0.3 s"
+hand = { kind = "step", to = "45 deg", release = "0.1 s" }
+"#;
+
+fn sweep(axes: &[&str], measures: &[Measure]) -> Result<Sweep, Error> {
+    let axes: Vec<String> = axes.iter().map(ToString::to_string).collect();
+    Sweep::new(&Source::from_text("wheel.toml", WHEEL), &[], &axes, measures, None)
+}
+
+fn message(axes: &[&str], measures: &[Measure]) -> String {
+    sweep(axes, measures).unwrap_err().to_string()
+}
+
+/// The measures by a world that is read from its file with the values as overrides.
+fn one_by_one(sets: &[String]) -> [Option<f64>; 2] {
+    let world = World::read(&Source::from_text("wheel.toml", WHEEL), sets).unwrap();
+    let scenario = &world.scenarios[0];
+    let mut run = Simulation::new(&world, scenario).unwrap();
+    let mut summary = Summary::new(&world, &run);
+    while let Some(row) = run.next() {
+        summary.add(row.unwrap());
+    }
+    let held = hapt_analysis::check(&world).unwrap().held;
+    [Some(summary.peak_torque), held.growth_per_s]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_cell_is_the_world_of_its_numbers(
+        period in (1e-4..2e-3f64, 2e-3..5e-3f64),
+        stiffness in (0.1..2.0f64, 2.0..9.0f64),
+        counts in 2..5u64,
+        log in any::<bool>(),
+    ) {
+        let end = if log { ":log" } else { "" };
+        let axes = [
+            format!("loop.period={:?}..{:?}:{counts}{end}", period.0, period.1),
+            format!("couplings.0.stiffness={:?}..{:?}:3", stiffness.1, stiffness.0),
+            "device.encoder=1000..4000:2".to_string(),
+        ];
+        let axes: Vec<&str> = axes.iter().map(String::as_str).collect();
+        let sweep = sweep(&axes, &[Measure::PeakTorque, Measure::HeldGrowth]).unwrap();
+        let rows = sweep.rows(0..sweep.cells());
+        prop_assert_eq!(rows.len() as u64, counts * 6);
+        for (cell, row) in rows.iter().enumerate() {
+            let values: Vec<f64> = row[..3].iter().map(|v| v.unwrap()).collect();
+            // The last axis varies fastest.
+            prop_assert_eq!(values[2], [1000.0, 4000.0][cell % 2]);
+            let sets = [
+                format!("loop.period={:?}", values[0]),
+                format!("couplings.0.stiffness={:?}", values[1]),
+                format!("device.encoder={}", values[2]),
+            ];
+            prop_assert_eq!(&row[3..], one_by_one(&sets));
+        }
+        prop_assert_eq!(rows[0][0], Some(period.0));
+        prop_assert_eq!(rows.last().unwrap()[0], Some(period.1));
+    }
+}
+
+#[test]
+fn equal_steps_and_equal_ratios_have_exact_ends() {
+    let sweep = sweep(&["loop.period=1ms..9ms:5", "device.damping=1e-3..1e-1:3:log"], &[Measure::HeldGrowth]).unwrap();
+    let periods: Vec<f64> = (0..5).map(|i| sweep.grid.axes[0].value(i)).collect();
+    for (i, period) in periods.iter().enumerate() {
+        assert!((period - (0.001 + 0.002 * i as f64)).abs() < 1e-17);
+    }
+    assert_eq!(periods[4], 0.009);
+    let damping: Vec<f64> = (0..3).map(|i| sweep.grid.axes[1].value(i)).collect();
+    assert!((damping[1] - 1e-2).abs() < 1e-17 && damping[2] == 1e-1);
+}
+
+#[test]
+fn one_value_is_the_first() {
+    let sweep = sweep(&["loop.period=2ms..9ms:1"], &[Measure::HeldGrowth]).unwrap();
+    assert_eq!(sweep.rows(0..1)[0][0], Some(0.002));
+}
+
+#[test]
+fn the_bits_are_the_same_on_any_number_of_threads() {
+    let sweep = sweep(&["loop.period=0.2ms..5ms:37"], &[Measure::PeakTorque, Measure::FinalEnergy]).unwrap();
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| sweep.rows(0..37))
+    };
+    let bits = |rows: Vec<Vec<Option<f64>>>| -> Vec<Vec<Option<u64>>> {
+        rows.into_iter().map(|row| row.into_iter().map(|x| x.map(f64::to_bits)).collect()).collect()
+    };
+    assert_eq!(bits(on(1)), bits(on(5)));
+}
+
+#[test]
+fn a_damped_puck_settles_when_its_closed_form_does() {
+    // A torque of 1 on an inertia with damping: ẋ = (1 - e^{-t b/J})/b. A spring to ground instead: critically damped,
+    // x - x_end = -(1 + ωt) e^{-ωt} x_end, within 2 % from ωt = 5.8339 on.
+    let file = r#"
+        loop.period = "0.1 ms"
+        device = { inertia = 1e-3, damping = 0.02 }
+        scenarios.push = { duration = 3, hand = { kind = "grip", stiffness = 0.1, moves = { kind = "step", to = 1, at = 0.5 } } }
+    "#;
+    let source = Source::from_text("w.toml", file);
+    let axes = ["device.damping=0.02..0.02:1".to_string()];
+    let sweep = Sweep::new(&source, &[], &axes, &[Measure::SettlingTime], None).unwrap();
+    let time = sweep.rows(0..1)[0][1].unwrap();
+    assert!((time - 5.833_92 / 10.0).abs() < 2e-4, "{time}");
+}
+
+#[test]
+fn what_never_settles_has_no_time_and_what_never_moves_has_none_to_wait() {
+    let still = "loop.period = 1e-3\ndevice.inertia = 1e-3\nscenarios.s = { duration = 1, hand = { kind = \"torque\", moves = { kind = \"step\", to = 0 } } }";
+    let time = |file: &str| {
+        let axes = ["loop.period=1e-3..1e-3:1".to_string()];
+        let sweep = Sweep::new(&Source::from_text("w", file), &[], &axes, &[Measure::SettlingTime], None).unwrap();
+        sweep.rows(0..1)[0][1]
+    };
+    assert_eq!(time(still), Some(0.0));
+    let swinging = WHEEL.replace(", release = \"0.1 s\"", "");
+    assert_eq!(time(&swinging), None);
+}
+
+#[test]
+fn a_run_that_runs_away_has_no_peak_and_is_no_failure() {
+    let sweep = sweep(
+        &["loop.period=1ms..100ms:2", "couplings.1.damping=0..0:1", "scenarios.let-go.duration=400..400:1"],
+        &[Measure::PeakTorque],
+    )
+    .unwrap();
+    let rows = sweep.rows(0..2);
+    assert!(rows[0][3].is_some());
+    assert_eq!(rows[1][3], None);
+}
+
+#[test]
+fn a_table_reads_back_and_goes_to_parquet_with_units() {
+    use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+    let sweep = sweep(&["loop.period=1ms..5ms:5"], &[Measure::PeakTorque]).unwrap();
+    let columns = table::columns(&sweep);
+    let rows = sweep.rows(0..5);
+    let mut text = String::new();
+    rows.iter().for_each(|row| table::line(row, &mut text));
+    text.push_str("0.25,\n");
+    for (line, row) in text.lines().zip(&rows) {
+        assert_eq!(table::read(line, 2).as_ref(), Some(row));
+    }
+    let bytes = columnar::write(&columns, text.as_bytes(), Vec::new()).unwrap();
+    let file = std::env::temp_dir().join(format!("hapt-sweep-{}.parquet", std::process::id()));
+    std::fs::write(&file, bytes).unwrap();
+    let reader = ParquetRecordBatchReaderBuilder::try_new(std::fs::File::open(&file).unwrap()).unwrap();
+    let unit = |i: usize| reader.schema().field(i).metadata().get("unit").cloned();
+    assert_eq!((unit(0).as_deref(), unit(1).as_deref()), (Some("s"), Some("N m")));
+    let batch = reader.build().unwrap().next().unwrap().unwrap();
+    std::fs::remove_file(&file).unwrap();
+    let column = batch.column(1).as_any().downcast_ref::<arrow_array::Float64Array>().unwrap();
+    let read: Vec<Option<f64>> = column.iter().collect();
+    assert_eq!(read[..5], rows.iter().map(|row| row[1]).collect::<Vec<_>>());
+    assert_eq!(read[5], None);
+    assert_eq!(sweep.world.motion, Motion::Rotary);
+}
+
+#[test]
+fn what_is_no_axis_is_said_with_what_would_be_right() {
+    let held = [Measure::HeldGrowth];
+    let cases: &[(&[&str], &str)] = &[
+        (&["loop.period"], "KEY=FROM..TO:N is wanted"),
+        (&["loop.period=1ms..2ms"], "KEY=FROM..TO:N is wanted"),
+        (&["loop.period=1ms:5"], "KEY=FROM..TO:N is wanted"),
+        (&["loop.period=1ms..2ms:0"], "\"0\" is no number of values"),
+        (&["loop.period=1ms..2ms:many"], "\"many\" is no number of values"),
+        (&["loop.period=0ms..2ms:5"], "is not above 0"),
+        (&["loop.period=1ms..2kg:5"], "is a mass"),
+        (&["loop.period=1ms..-2ms:5"], "above 0"),
+        (&["device.damping=0..1:5:log"], "equal ratios need both ends on one side of 0"),
+        (&["bodies.wheel.position=-1..1:5:log"], "equal ratios need both ends on one side of 0"),
+        (&["loop.window=1..2:3"], "1.5 is no whole number"),
+        (&["loop.method=1..2:3"], "method"),
+        (&["loop.perod=1ms..2ms:3"], "perod"),
+        (&["couplings.7.stiffness=1..2:3"], "couplings.7"),
+        (&["loop.period=1ms..2ms:3", "loop.period=1ms..2ms:3"], "varied twice"),
+        (&["loop.period=1ms..2ms:99999999999"], "more than 10000000000 cells"),
+        (&["loop.period=1ms..2ms:200000", "device.damping=1..2:200000"], "more than 10000000000 cells"),
+        (&[], "a sweep varies 1 to 8 keys"),
+        (&["loop.delay=0..3000s:3"], "more than a million periods"),
+    ];
+    for (axes, part) in cases {
+        let said = message(axes, &held);
+        assert!(said.contains(part), "{axes:?}: {said}");
+    }
+    assert!(message(&["loop.period=1ms..2ms:3"], &[]).contains("nothing to measure"));
+    assert!(message(&["loop.period=1e-9..1ms:3"], &[Measure::SettlingTime]).contains("keeps every sample"));
+}

@@ -1,0 +1,239 @@
+//! `hapt sweep`: a grid of a world's numbers, measured, as a table and a picture.
+//!
+//! The rows go to `FILE.HASH.partial` as CSV, flushed as they come; at the end it becomes the CSV, or the Parquet file is made
+//! from it. An interrupted sweep leaves it there, and `--resume` goes on behind its last whole line. The hash is of everything
+//! that the rows depend on, so that no other sweep's rows are ever taken.
+
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions};
+use std::hash::Hasher;
+use std::io::{self, BufRead, BufReader, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use hapt_sweep::table::{self, Column};
+use hapt_sweep::{Measure, Sweep, columnar};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::args::SweepArgs;
+use crate::failure::Failure;
+use crate::output::{self, Draft};
+use crate::people;
+use crate::progress::Progress;
+use crate::world::source;
+
+/// The most threads that can be asked for.
+const MOST_THREADS: usize = 1024;
+/// How long a stretch of cells may take before its rows are written.
+const STRETCH: Duration = Duration::from_millis(250);
+/// The most cells of a stretch, whose rows are in memory together.
+const MOST_AT_ONCE: u64 = 1 << 16;
+
+/// What the table becomes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Csv,
+    Parquet,
+}
+
+pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
+    let format = match args.out.extension().and_then(|ending| ending.to_str()) {
+        Some("csv") => Format::Csv,
+        Some("parquet") => Format::Parquet,
+        _ => return Err(Failure::input(format!("--out {}: FILE.csv or FILE.parquet is wanted", args.out.display()))),
+    };
+    let measures = args.measures.iter().map(|name| measure(name)).collect::<Result<Vec<_>, _>>()?;
+    let sweep =
+        Sweep::new(&source(&args.world.path)?, &args.world.sets, &args.axes, &measures, args.scenario.as_deref())?;
+    if args.plot.is_some() && sweep.grid.axes.len() > 2 {
+        let given = sweep.grid.axes.len();
+        return Err(Failure::input(format!(
+            "--plot draws a curve over one axis or a map over two, and {given} are varied"
+        )));
+    }
+    let threads = match args.threads {
+        Some(threads) if threads == 0 || threads > MOST_THREADS => {
+            return Err(Failure::input(format!("--threads {threads}: 1 to {MOST_THREADS} are possible")));
+        }
+        // 0: rayon's own choice, a thread a core.
+        threads => threads.unwrap_or(0),
+    };
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|error| Failure::System(format!("cannot start threads: {error}")))?;
+
+    let columns = table::columns(&sweep);
+    let mut partial = Partial::open(&args.out, &sweep, &columns, args.resume)?;
+    let missing = compute(&sweep, &pool, &mut partial)?;
+    if let Some(plot) = &args.plot {
+        crate::sweep_plot::draw(&sweep, partial.rows()?, plot)?;
+    }
+    partial.finish(format, &columns)?;
+
+    people::say(format_args!("wrote {}, {} rows", args.out.display(), people::count(sweep.cells())));
+    for (measure, count) in measures.iter().zip(missing).filter(|(_, count)| *count > 0) {
+        people::say(format_args!("{} has no value in {} of them", measure.name(), people::count(count)));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn measure(name: &str) -> Result<Measure, Failure> {
+    Measure::named(name.trim()).ok_or_else(|| {
+        let names = Measure::ALL.map(Measure::name).join(", ");
+        Failure::input(format!("--measure: there is no {name:?}; there are {names}"))
+    })
+}
+
+/// Computes the cells that are not there yet; how often each measure has no value, in all of the table.
+fn compute(sweep: &Sweep, pool: &ThreadPool, partial: &mut Partial) -> Result<Vec<u64>, Failure> {
+    let cells = sweep.cells();
+    let mut missing = partial.missing.clone();
+    let mut progress = Progress::new("sweep", "cells", cells, partial.done);
+    // Few at first, because a cell may be a run of an hour.
+    let mut stretch = pool.current_num_threads() as u64;
+    let mut text = String::new();
+    while partial.done < cells {
+        let started = Instant::now();
+        let end = (partial.done + stretch).min(cells);
+        let rows = pool.install(|| sweep.rows(partial.done..end));
+        text.clear();
+        for row in &rows {
+            table::line(row, &mut text);
+            let measured = row.iter().skip(sweep.grid.axes.len());
+            missing.iter_mut().zip(measured).filter(|(_, value)| value.is_none()).for_each(|(count, _)| *count += 1);
+        }
+        partial.write(&text)?;
+        partial.done = end;
+        progress.reached(end);
+        let elapsed = started.elapsed();
+        stretch = match elapsed {
+            short if short < STRETCH / 2 => (2 * stretch).min(MOST_AT_ONCE),
+            long if long > STRETCH => (stretch / 2).max(pool.current_num_threads() as u64),
+            _ => stretch,
+        };
+    }
+    Ok(missing)
+}
+
+/// The rows on their way.
+struct Partial {
+    file: File,
+    path: PathBuf,
+    target: PathBuf,
+    /// Rows that are there.
+    done: u64,
+    /// How often each measure has no value in them.
+    missing: Vec<u64>,
+}
+
+impl Partial {
+    /// Begins `FILE.HASH.partial`, or goes on behind its last whole row.
+    fn open(target: &Path, sweep: &Sweep, columns: &[Column], resume: bool) -> Result<Self, Failure> {
+        let mut name = target.file_name().map_or_else(OsString::new, OsString::from);
+        name.push(format!(".{:016x}.partial", fingerprint(sweep)));
+        let path = target.with_file_name(name);
+        let failed = |error| Failure::write(path.display(), error);
+        let header = table::header(columns);
+        let there = resume && path.exists();
+        if resume && !there {
+            people::say(format_args!("there is no {}: nothing to go on from", path.display()));
+        }
+        let mut file =
+            OpenOptions::new().read(true).write(true).create(true).truncate(!there).open(&path).map_err(failed)?;
+        let mut partial = Partial {
+            file: file.try_clone().map_err(failed)?,
+            path: path.clone(),
+            target: target.to_path_buf(),
+            done: 0,
+            missing: vec![0; sweep.measures.len()],
+        };
+        let length = if there { partial.count(&mut file, &header, sweep, columns).map_err(failed)? } else { 0 };
+        if length == 0 {
+            partial.file.set_len(0).and_then(|()| partial.file.rewind()).map_err(failed)?;
+            partial.write(&header)?;
+        } else {
+            partial.file.set_len(length).map_err(failed)?;
+            partial.file.seek(SeekFrom::Start(length)).map_err(failed)?;
+            people::say(format_args!(
+                "going on behind {} of {} cells",
+                people::count(partial.done),
+                people::count(sweep.cells())
+            ));
+        }
+        let words = format!("the rows so far are in {}; the same command with --resume goes on", path.display());
+        output::when_interrupted(Some(words));
+        Ok(partial)
+    }
+
+    /// Counts the whole rows of an interrupted sweep; how many bytes they and the header take, 0 where that is not its header.
+    fn count(&mut self, file: &mut File, header: &str, sweep: &Sweep, columns: &[Column]) -> io::Result<u64> {
+        let mut reader = BufReader::new(file);
+        let mut line = String::new();
+        if reader.read_line(&mut line)? != header.len() || line != header {
+            return Ok(0);
+        }
+        let mut length = header.len() as u64;
+        while self.done < sweep.cells() {
+            line.clear();
+            let read = reader.read_line(&mut line)?;
+            let Some(row) = line.strip_suffix('\n').and_then(|line| table::read(line, columns.len())) else { break };
+            for (count, _) in
+                self.missing.iter_mut().zip(row.iter().skip(sweep.grid.axes.len())).filter(|(_, value)| value.is_none())
+            {
+                *count += 1;
+            }
+            self.done += 1;
+            length += read as u64;
+        }
+        Ok(length)
+    }
+
+    fn write(&mut self, text: &str) -> Result<(), Failure> {
+        self.file.write_all(text.as_bytes()).map_err(|error| Failure::write(self.path.display(), error))
+    }
+
+    /// The lines behind the header, from the beginning.
+    fn rows(&self) -> Result<BufReader<File>, Failure> {
+        let failed = |error| Failure::System(format!("cannot read {}: {error}", self.path.display()));
+        let mut reader = BufReader::with_capacity(1 << 16, File::open(&self.path).map_err(failed)?);
+        reader.read_line(&mut String::new()).map_err(failed)?;
+        Ok(reader)
+    }
+
+    /// Makes the table of the rows.
+    fn finish(self, format: Format, columns: &[Column]) -> Result<(), Failure> {
+        let failed = |error| Failure::write(self.target.display(), error);
+        match format {
+            Format::Csv => fs::rename(&self.path, &self.target).map_err(failed)?,
+            Format::Parquet => {
+                let draft = Draft::new(self.target.clone()).map_err(failed)?;
+                columnar::write(columns, self.rows()?, draft).and_then(Draft::finish).map_err(failed)?;
+                fs::remove_file(&self.path).map_err(|error| Failure::write(self.path.display(), error))?;
+            }
+        }
+        output::when_interrupted(None);
+        Ok(())
+    }
+}
+
+/// Of everything that the rows depend on.
+fn fingerprint(sweep: &Sweep) -> u64 {
+    let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+    hash.write(format!("{} {sweep:?}", env!("CARGO_PKG_VERSION")).as_bytes());
+    hash.finish()
+}
+
+/// Fowler, Noll and Vo's hash, 1a: the same today and tomorrow, which the standard library does not promise of its own.
+struct Fnv(u64);
+
+impl Hasher for Fnv {
+    fn write(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+
+    fn finish(&self) -> u64 {
+        self.0
+    }
+}

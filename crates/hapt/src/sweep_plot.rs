@@ -1,0 +1,135 @@
+//! The picture of a sweep: its first measure as a curve over one axis, or as a map over two.
+
+use std::io::{BufRead, Write};
+use std::path::Path;
+
+use hapt_report::figure::{self, Figure, Panel, Style};
+use hapt_report::{Extremes, Map, Scale, Width};
+use hapt_sweep::{Axis, Measure, Sweep, table};
+
+use crate::failure::Failure;
+use crate::output::Draft;
+use crate::people;
+
+/// The most columns and rows that a map shows.
+const ROOM: (usize, usize) = (360, 240);
+
+/// Draws the rows into `target`.
+pub fn draw(sweep: &Sweep, rows: impl BufRead, target: &Path) -> Result<(), Failure> {
+    let failed = |error| Failure::write(target.display(), error);
+    let columns = table::columns(sweep).len();
+    let axes = sweep.grid.axes.len();
+    let rows = rows.lines().map(|line| {
+        let line = line.map_err(|error| Failure::System(format!("cannot read the rows: {error}")))?;
+        let row = table::read(&line, columns);
+        row.ok_or_else(|| Failure::System(format!("cannot read the rows: {line:?} is none")))
+    });
+    let values = rows.map(|row| row.map(|row| row.get(axes).copied().flatten()));
+    let figure = match &sweep.grid.axes[..] {
+        [axis] => curve(sweep, axis, values)?,
+        [slow, fast] => map(sweep, slow, fast, values.collect::<Result<_, _>>()?),
+        _ => return Ok(()),
+    };
+    let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
+    draft.write_all((figure.svg(Width::Wide, true) + "\n").as_bytes()).map_err(failed)?;
+    people::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
+    Ok(())
+}
+
+/// The measure that is drawn: its name for people, and its unit.
+fn measured(sweep: &Sweep) -> (String, &'static str) {
+    let measure = sweep.measures[0];
+    let name = measure.name().trim_end_matches("_per_s").replace('_', " ");
+    (name, measure.unit(sweep.world.motion))
+}
+
+/// The value on whose two sides a measure means two things.
+fn edge(measure: Measure) -> Option<f64> {
+    match measure {
+        Measure::HeldGrowth => Some(hapt_analysis::held::MARGINAL),
+        _ => None,
+    }
+}
+
+fn title(sweep: &Sweep) -> String {
+    let (name, _) = measured(sweep);
+    match &sweep.world.title {
+        Some(title) => format!("{title}: {name}"),
+        None => name,
+    }
+}
+
+fn curve(
+    sweep: &Sweep,
+    axis: &Axis,
+    values: impl Iterator<Item = Result<Option<f64>, Failure>>,
+) -> Result<Figure, Failure> {
+    let (name, unit) = measured(sweep);
+    let mut extremes = Extremes::new(Width::Wide.stretches());
+    let (mut shown, mut all) = (0_u64, 0);
+    for (i, value) in values.enumerate() {
+        all += 1;
+        if let Some(value) = value? {
+            shown += 1;
+            extremes.add(axis.value(i as u64), value);
+        }
+    }
+    let (low, high) = (axis.from.min(axis.to), axis.from.max(axis.to));
+    let x = match axis.logarithmic && low > 0.0 {
+        true => figure::Axis::logarithmic(&axis.key, &axis.unit, low, high),
+        false => figure::Axis::from_to(&axis.key, &axis.unit, low, high),
+    };
+    let edge = edge(sweep.measures[0]);
+    let range = extremes.range();
+    let y = figure::Axis::around(&name, unit, range.into_iter().flat_map(|(low, high)| [low, high]).chain(edge));
+    let mut panel = Panel::new("", x, y);
+    panel.curve("", Style::Signal(0), extremes.points(Width::Wide.stretches()));
+    let seen = range.map_or("no value".to_string(), |(low, high)| {
+        format!("from {} to {} {unit}", people::number(low), people::number(high))
+    });
+    let alt = format!(
+        "{name} over {} from {} to {} {}: {seen}; {shown} of {all} cells have a value.",
+        axis.key, axis.from, axis.to, axis.unit
+    );
+    Ok(Figure { title: title(sweep), alt, panels: vec![panel], columns: 1 })
+}
+
+/// The fast axis runs to the right, the slow one up.
+fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, mut values: Vec<Option<f64>>) -> Figure {
+    let (name, unit) = measured(sweep);
+    // An axis that falls is drawn rising.
+    if fast.to < fast.from {
+        values.chunks_mut(fast.count as usize).for_each(<[_]>::reverse);
+    }
+    if slow.to < slow.from {
+        let rows: Vec<_> = values.chunks(fast.count as usize).rev().flatten().copied().collect();
+        values = rows;
+    }
+    let numbers = values.iter().flatten().copied();
+    let range = numbers
+        .clone()
+        .fold(None, |range: Option<(f64, f64)>, x| Some(range.map_or((x, x), |(low, high)| (low.min(x), high.max(x)))));
+    let edge = edge(sweep.measures[0]);
+    let map = Map { columns: fast.count as usize, scale: Scale::of(numbers), values, edge };
+    let mut panel = Panel::new("", spread(fast), spread(slow));
+    panel.map = Some(map.reduced(ROOM.0, ROOM.1));
+    let seen = range.map_or("no value".to_string(), |(low, high)| {
+        format!("from {} to {} {unit}", people::number(low), people::number(high))
+    });
+    let alt = format!("A map of {name} over {} to the right and {} upwards: {seen}.", fast.key, slow.key);
+    let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
+    Figure { title: title(sweep) + &unit, alt, panels: vec![panel], columns: 1 }
+}
+
+/// From half a cell before the first value to half a cell after the last.
+fn spread(axis: &Axis) -> figure::Axis {
+    let (low, high) = (axis.from.min(axis.to), axis.from.max(axis.to));
+    let half = 0.5 / (axis.count.max(2) - 1) as f64;
+    if axis.logarithmic && low > 0.0 {
+        let reach = (high / low).powf(half);
+        figure::Axis::logarithmic(&axis.key, &axis.unit, low / reach, high * reach)
+    } else {
+        let reach = (high - low) * half;
+        figure::Axis::from_to(&axis.key, &axis.unit, low - reach, high + reach)
+    }
+}

@@ -1,0 +1,136 @@
+//! `hapt sweep`: tables, pictures, and what an interruption leaves.
+
+use std::fs;
+use std::path::Path;
+
+use crate::common::{WHEEL, folder, hapt, names};
+
+/// A sweep of the wheel's period.
+fn sweep(at: &Path, more: &[&str]) -> crate::common::Ended {
+    let args = ["sweep", "w.toml", "--vary", "loop.period=1ms..9ms:5", "--measure", "peak_torque,held_growth_per_s"];
+    hapt(at, args.iter().chain(more))
+}
+
+#[test]
+fn a_sweep_writes_a_row_a_cell_and_a_curve() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let ended = sweep(at.path(), &["--out", "t.csv", "--plot", "t.svg"]);
+    assert_eq!((ended.code, ended.out.as_str()), (Some(0), ""), "{ended:?}");
+    assert_eq!(names(at.path()), ["t.csv", "t.svg", "w.toml"]);
+    let text = fs::read_to_string(at.path().join("t.csv")).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines[0], "loop.period,peak_torque,held_growth_per_s");
+    assert_eq!(lines.len(), 6);
+    assert!(lines[5].starts_with("0.009,"), "{text}");
+    let svg = fs::read_to_string(at.path().join("t.svg")).unwrap();
+    assert!(svg.contains("peak torque (N m)") && svg.contains("loop.period (s)"), "{svg}");
+}
+
+#[test]
+fn threads_and_format_do_not_change_what_stands_in_the_table() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let table = |more: &[&str]| {
+        sweep(at.path(), more).done();
+        fs::read(at.path().join(more[1])).unwrap()
+    };
+    let one = table(&["--out", "one.csv", "--threads", "1"]);
+    assert_eq!(one, table(&["--out", "three.csv", "--threads", "3"]));
+    let columnar = table(&["--out", "one.parquet", "--threads", "1"]);
+    assert_eq!(columnar, table(&["--out", "three.parquet", "--threads", "3"]));
+    assert_eq!((&columnar[..4], &columnar[columnar.len() - 4..]), (&b"PAR1"[..], &b"PAR1"[..]));
+}
+
+#[test]
+fn a_map_shows_both_axes_and_the_edge_of_growth() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let args = "sweep w.toml --set loop.method=forward-euler --vary loop.period=1ms..40ms:30 --vary device.damping=0..1:7 \
+        --measure held_growth_per_s --out map.csv --plot map.svg";
+    hapt(at.path(), args.split_whitespace()).done();
+    assert_eq!(fs::read_to_string(at.path().join("map.csv")).unwrap().lines().count(), 211);
+    let svg = fs::read_to_string(at.path().join("map.svg")).unwrap();
+    assert!(svg.contains("loop.period (s)") && svg.contains("device.damping (N m s/rad)"), "{svg}");
+    assert!(svg.contains("class=\"cell"), "{svg}");
+}
+
+#[test]
+fn what_cannot_be_swept_is_said_and_leaves_nothing() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    for (more, parts) in [
+        (&["--out", "t.txt"][..], &["t.txt", "FILE.csv or FILE.parquet"][..]),
+        (&["--out", "t"], &["FILE.csv or FILE.parquet"]),
+        (&["--out", "t.csv", "--measure", "speed"], &["no \"speed\"", "peak_torque"]),
+        (&["--out", "t.csv", "--scenario", "walk"], &["no scenario \"walk\""]),
+        (&["--out", "t.csv", "--threads", "0"], &["--threads 0"]),
+        (&["--out", "t.csv", "--vary", "loop.period=1ms..2ms:2"], &["varied twice"]),
+        (
+            &[
+                "--out",
+                "t.csv",
+                "--vary",
+                "device.damping=0..1:2",
+                "--vary",
+                "device.friction=0..1:2",
+                "--plot",
+                "t.svg",
+            ],
+            &["--plot", "two"],
+        ),
+    ] {
+        sweep(at.path(), more).refused(2, parts);
+        assert_eq!(names(at.path()), ["w.toml"], "{more:?}");
+    }
+    sweep(at.path(), &["--out", "none/t.csv"]).refused(3, &["cannot write", "none"]);
+}
+
+#[cfg(unix)]
+mod interrupted {
+    use super::*;
+    use crate::common::{Running, program};
+
+    const LONG: &str = "sweep w.toml --set scenarios.step.duration=20s --vary device.damping=0..1:300 --measure peak_torque --out t.csv";
+
+    fn partial(at: &Path) -> Option<String> {
+        names(at).into_iter().find(|name| name.ends_with(".partial"))
+    }
+
+    #[test]
+    fn an_interrupted_sweep_goes_on_where_it_was() {
+        let at = folder(&[("w.toml", WHEEL)]);
+        let mut running = Running::start(program(at.path(), LONG.split_whitespace()));
+        let lines =
+            || partial(at.path()).map_or(0, |name| fs::read_to_string(at.path().join(name)).unwrap().lines().count());
+        running.until("some rows are there", |_, _| lines() > 5);
+        running.signal("INT");
+        let ended = running.end();
+        assert_eq!((ended.code, ended.out.as_str()), (Some(130), ""), "{ended:?}");
+        assert!(ended.err.contains("--resume"), "{ended:?}");
+        assert!(!names(at.path()).contains(&"t.csv".to_string()));
+
+        // Half a line more, as a kill in the middle of a write would leave it.
+        let path = at.path().join(partial(at.path()).unwrap());
+        let rows = fs::read_to_string(&path).unwrap();
+        fs::write(&path, format!("{rows}0.5,0.3")).unwrap();
+        let resumed = hapt(at.path(), LONG.split_whitespace().chain(["--resume"]));
+        assert_eq!(resumed.code, Some(0), "{resumed:?}");
+        assert!(resumed.err.contains(&format!("going on behind {}", rows.lines().count() - 1)), "{resumed:?}");
+        assert_eq!(names(at.path()), ["t.csv", "w.toml"]);
+        let resumed = fs::read(at.path().join("t.csv")).unwrap();
+        hapt(at.path(), LONG.split_whitespace()).done();
+        assert!(resumed == fs::read(at.path().join("t.csv")).unwrap());
+    }
+
+    #[test]
+    fn another_sweep_does_not_go_on_from_it() {
+        let at = folder(&[("w.toml", WHEEL)]);
+        let mut running = Running::start(program(at.path(), LONG.split_whitespace()));
+        running.until("it is begun", |_, _| partial(at.path()).is_some());
+        running.signal("TERM");
+        assert_eq!(running.end().code, Some(143));
+        let kept = partial(at.path()).unwrap();
+        let other = LONG.replace("20s", "1s");
+        let ended = hapt(at.path(), other.split_whitespace().chain(["--resume"]));
+        assert_eq!(ended.code, Some(0), "{ended:?}");
+        assert!(ended.err.contains("nothing to go on from"), "{ended:?}");
+        assert_eq!(names(at.path()), ["t.csv".to_string(), kept, "w.toml".to_string()]);
+    }
+}
