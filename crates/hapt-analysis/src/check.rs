@@ -1,11 +1,15 @@
 //! The answer on a world, for programs and for people.
 
-use hapt_model::{Damping, End, Law, Method, World};
+use std::f64::consts::TAU;
+
+use hapt_model::{Damping, End, EstimatorKind, Law, Method, World};
 use serde::Serialize;
 
-use crate::continuous::bent;
+use crate::continuous::{bent, bent_anywhere};
 use crate::error::Error;
-use crate::held::{COMBINED, Held, Mode, Verdict, held};
+use crate::free::{free, shortest_period};
+use crate::held::held;
+use crate::stability::{COMBINED, Mode, Stability, Verdict};
 
 /// What `check` says of a world. It serialises to the mapping that `hapt check --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -17,7 +21,9 @@ pub struct Check {
     /// The output's name in world files.
     pub output: &'static str,
     /// The world alone, the puck held still.
-    pub held: Held,
+    pub held: Stability,
+    /// World, estimator, delay, hold and device together, no hand on the puck.
+    pub free: Stability,
     /// What a reader of the numbers has to know.
     pub notes: Vec<String>,
 }
@@ -25,7 +31,8 @@ pub struct Check {
 /// Analyses a world: its loop's period and method, its bodies and couplings.
 ///
 /// # Errors
-/// [`Error::Eigenvalues`] when its numbers go beyond double precision; [`Error::Value`] and [`Error::NoSuchBody`] for a world
+/// [`Error::Eigenvalues`] and [`Error::Step`] when its numbers go beyond double precision; [`Error::InFlight`] when its delay is
+/// more periods than the analysis carries; [`Error::Value`] and [`Error::NoSuchBody`] for a world
 /// that no reader has checked.
 pub fn check(world: &World) -> Result<Check, Error> {
     let sampling = &world.sampling;
@@ -34,6 +41,7 @@ pub fn check(world: &World) -> Result<Check, Error> {
         method: sampling.method.name(),
         output: sampling.output.name(),
         held: held(&world.bodies, &world.couplings, sampling.method, sampling.period)?,
+        free: free(world)?,
         notes: notes(world),
     })
 }
@@ -44,12 +52,13 @@ fn notes(world: &World) -> Vec<String> {
     let nonlinear =
         |law: &Law| matches!(law, Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. });
     let at_body = |end: End| matches!(end, End::Body(_));
+    let looked = |bent: usize, flat: &str| match bent {
+        0 => flat.to_string(),
+        n if n <= COMBINED => format!("the worst of {} combinations of flat and steep slopes counts", 1u32 << n),
+        n => format!("the worst counts of all flat, all steep and each of {n} nonlinear couplings alone steep"),
+    };
     if world.couplings.iter().any(|c| nonlinear(&c.law) && (at_body(c.first) || at_body(c.second))) {
-        let looked = match bent.len() {
-            0 => "its nonlinear couplings at bodies have slope 0 and count as absent".to_string(),
-            n if n <= COMBINED => format!("the worst of {} combinations of flat and steep slopes counts", 1u32 << n),
-            n => format!("the worst counts of all flat, all steep and each of {n} nonlinear couplings alone steep"),
-        };
+        let looked = looked(bent.len(), "its nonlinear couplings at bodies have slope 0 and count as absent");
         notes.push(format!("held is a linear estimate of a nonlinear world: {looked}"));
     }
     let follows = |law: &Law| matches!(law, Law::Damper { damping: Damping::Compensating });
@@ -75,6 +84,23 @@ fn notes(world: &World) -> Vec<String> {
             let name = world.names.get(index).map_or("", String::as_str);
             notes.push(format!("body {name}: no spring is tied to it, so it stays where it is shifted to"));
         }
+    }
+    if world.couplings.iter().any(|c| nonlinear(&c.law)) {
+        let bent = bent_anywhere(&world.couplings);
+        let looked = looked(bent.len(), "its nonlinear couplings have slope 0 and count as absent");
+        notes.push(format!("free is a linear estimate of a nonlinear world: {looked}"));
+    }
+    let sampling = &world.sampling;
+    let is_foaw = matches!(sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
+    if is_foaw && sampling.window > 1 {
+        notes.push(format!(
+            "free takes {} at its longest window, {} samples, and at its shortest, 1: the worse of the two counts",
+            sampling.estimator.name(),
+            sampling.window
+        ));
+    }
+    if world.couplings.iter().any(|c| c.first == End::Puck || c.second == End::Puck) {
+        notes.push(format!("free: its critical period is searched from {} up", time(shortest_period(sampling))));
     }
     notes
 }
@@ -119,6 +145,16 @@ fn spoken(method: &str) -> &str {
     }
 }
 
+/// How fast that is.
+fn pace(growth: f64) -> String {
+    let ten = (10.0 * growth).exp();
+    if ten < 1e3 {
+        format!("a factor {ten:.2} in 10 s")
+    } else {
+        format!("doubling every {}", time(std::f64::consts::LN_2 / growth))
+    }
+}
+
 impl Check {
     /// The verdict on the held world in one sentence, with its reason.
     pub fn sentence(&self) -> String {
@@ -129,12 +165,7 @@ impl Check {
         };
         match held.verdict {
             Verdict::Unstable => {
-                let ten = (10.0 * growth).exp();
-                let pace = if ten < 1e3 {
-                    format!("a factor {ten:.2} in 10 s")
-                } else {
-                    format!("doubling every {}", time(std::f64::consts::LN_2 / growth))
-                };
+                let pace = pace(growth);
                 let reason = match (held.critical_period_reason, held.critical_period_s) {
                     (Some("never"), _) if held.modes.iter().any(|m| m.damping_ratio == 0.0) => {
                         format!("{method} is never stable on an undamped mode")
@@ -175,6 +206,48 @@ impl Check {
                     "stable: a disturbance of the held world decays by at least {} per second; {room}",
                     short(-growth)
                 )
+            }
+        }
+    }
+
+    /// The verdict on the free loop in one sentence, with its reason.
+    pub fn free_sentence(&self) -> String {
+        let free = &self.free;
+        let Some(growth) = free.growth_per_s else {
+            return "stable: let go, the loop goes on as it is, and nothing pulls at the puck".to_string();
+        };
+        let limit = free.critical_period_s;
+        match free.verdict {
+            Verdict::Unstable => {
+                // The first listed is the largest of all.
+                let swing = free.eigenvalues.first().map_or(0.0, |v| v.im.atan2(v.re).abs() / (TAU * self.period_s));
+                let how =
+                    if swing > 0.0 { format!("swinging at {} Hz", short(swing)) } else { "without a swing".into() };
+                let reason = match (free.critical_period_reason, limit) {
+                    (Some("never"), _) => "so it does at every shorter period that was looked at".to_string(),
+                    (_, Some(limit)) if limit < self.period_s => {
+                        format!("it holds up to a period of {}, and this one is {}", time(limit), time(self.period_s))
+                    }
+                    _ => "the hold of the torque between samples feeds it more than its dampers take".to_string(),
+                };
+                format!(
+                    "unstable: let go, the loop grows by {} per second ({}), {how}; {reason}",
+                    short(growth),
+                    pace(growth)
+                )
+            }
+            Verdict::Marginal => {
+                let room = limit.map_or(String::new(), |t| format!(", up to a period of {}", time(t)));
+                format!(
+                    "marginal: let go, the loop neither grows nor decays; something in it swings or drifts for ever{room}"
+                )
+            }
+            Verdict::Stable => {
+                let room = match limit {
+                    Some(limit) => format!("it stays so up to a period of {}", time(limit)),
+                    None => "no limit of the period was found".to_string(),
+                };
+                format!("stable: let go, the loop comes to rest by at least {} per second; {room}", short(-growth))
             }
         }
     }

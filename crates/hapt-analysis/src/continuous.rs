@@ -78,10 +78,12 @@ fn slope(law: &Law, steep: bool) -> Option<(f64, f64)> {
 /// for the bodies' eigenvalues.
 pub fn bent(couplings: &[Coupling]) -> Vec<usize> {
     let body = |end| matches!(end, End::Body(_));
-    (0..couplings.len())
-        .filter(|&i| body(couplings[i].first) || body(couplings[i].second))
-        .filter(|&i| slope(&couplings[i].law, false) != slope(&couplings[i].law, true))
-        .collect()
+    bent_anywhere(couplings).into_iter().filter(|&i| body(couplings[i].first) || body(couplings[i].second)).collect()
+}
+
+/// Indices of all couplings that have two different slopes: those on which the choice of [`Slopes`] matters for the free loop.
+pub fn bent_anywhere(couplings: &[Coupling]) -> Vec<usize> {
+    (0..couplings.len()).filter(|&i| slope(&couplings[i].law, false) != slope(&couplings[i].law, true)).collect()
 }
 
 /// T times which stiffness a compensating damper is: the springs between its two ends, in either order; from a body to

@@ -39,6 +39,20 @@ pub enum Error {
         /// What would be right.
         wanted: &'static str,
     },
+    /// More commands on their way to the motor than the analysis carries.
+    #[error(
+        "a delay of {delay} s is {:.0} periods of {period} s, but the analysis carries {limit} commands in flight at most: \
+         take a longer period or a shorter delay",
+        delay / period
+    )]
+    InFlight {
+        /// The delay in s.
+        delay: f64,
+        /// The period in s.
+        period: f64,
+        /// The most commands.
+        limit: usize,
+    },
     /// An output that the method does not have.
     #[error(
         "{method} takes the new sample first and the torque from x_k: its output is \"start\", without advance, not \"{output}\"",

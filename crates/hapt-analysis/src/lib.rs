@@ -3,6 +3,7 @@
 //!
 //! * [`check()`] is the whole answer on one world: eigenvalues, growth, critical period, modes, notes.
 //! * [`Continuous`] holds the equations of motion, [`Discrete`] one sample of them under a method.
+//! * [`held()`] and [`free()`] are its two halves: the bodies while the puck stands, and the whole loop let go.
 //! * [`Design`] and [`closed_form`] are the notes' wheel on a spring: its specification, and what it does exactly.
 //!
 //! Everything is f64 and SI. Equation numbers such as (2.14) are those of J. S. Freudenberg, "Notes on the Virtual Spring
@@ -27,12 +28,19 @@ pub mod design;
 pub mod discrete;
 pub mod eigen;
 pub mod error;
+mod estimator;
+pub mod free;
 pub mod held;
+mod hessenberg;
 mod jacobi;
 mod matrix;
 mod modal;
 mod polynomial;
+mod port;
+mod rayleigh;
 mod scan;
+pub mod stability;
+mod stack;
 mod structure;
 
 pub use check::{Check, check};
@@ -41,4 +49,6 @@ pub use critical::Critical;
 pub use design::Design;
 pub use discrete::Discrete;
 pub use error::Error;
-pub use held::{Held, Verdict, held};
+pub use free::free;
+pub use held::held;
+pub use stability::{Stability, Verdict};

@@ -66,6 +66,20 @@ pub(crate) struct Modal {
 }
 
 impl Coupled {
+    /// No modes.
+    pub fn none() -> Self {
+        let none = || DMatrix::zeros(0, 0);
+        Coupled {
+            omega: vec![],
+            fixed_rows: none(),
+            following_rows: none(),
+            fixed: none(),
+            per_period: none(),
+            uncovered: none(),
+            covered: true,
+        }
+    }
+
     /// Velocities.
     pub fn order(&self) -> usize {
         self.fixed.nrows()
@@ -110,7 +124,7 @@ impl Coupled {
 }
 
 /// bᵀ M^{-1/2} of a link: the motion across it.
-fn reach(part: &Part, link: &Link) -> DVector<f64> {
+pub(crate) fn reach(part: &Part, link: &Link) -> DVector<f64> {
     let mut row = DVector::zeros(part.inertia.len());
     row[link.body] = 1.0 / part.inertia[link.body].sqrt();
     if let Some(other) = link.other {
@@ -120,7 +134,7 @@ fn reach(part: &Part, link: &Link) -> DVector<f64> {
 }
 
 /// The rows bᵀ M^{-1/2} v √weight, one a link with weight above 0.
-fn rows(part: &Part, v: &DMatrix<f64>, weight: impl Fn(&Link, f64) -> f64) -> DMatrix<f64> {
+pub(crate) fn rows(part: &Part, v: &DMatrix<f64>, weight: impl Fn(&Link, f64) -> f64) -> DMatrix<f64> {
     let rows: Vec<_> = part
         .links
         .iter()
@@ -134,7 +148,7 @@ fn rows(part: &Part, v: &DMatrix<f64>, weight: impl Fn(&Link, f64) -> f64) -> DM
 }
 
 /// Σ weight (bᵀ M^{-1/2} v)ᵀ (bᵀ M^{-1/2} v) over the links; weights of either sign.
-fn form(part: &Part, v: &DMatrix<f64>, weight: impl Fn(&Link) -> f64) -> DMatrix<f64> {
+pub(crate) fn form(part: &Part, v: &DMatrix<f64>, weight: impl Fn(&Link) -> f64) -> DMatrix<f64> {
     let mut sum = DMatrix::zeros(v.ncols(), v.ncols());
     for link in part.links.iter().filter(|l| weight(l) != 0.0) {
         let across = reach(part, link).transpose() * v;
@@ -143,12 +157,52 @@ fn form(part: &Part, v: &DMatrix<f64>, weight: impl Fn(&Link) -> f64) -> DMatrix
     sum
 }
 
+/// The undamped modes of a part, orthonormal in w = M^{-1/2} V y.
+pub(crate) struct Swings {
+    /// Increasing.
+    pub omega: Vec<f64>,
+    /// A column each.
+    pub modes: DMatrix<f64>,
+    /// What no spring holds: a column each cluster without an anchor.
+    pub shifts: DMatrix<f64>,
+}
+
+impl Swings {
+    /// # Errors
+    /// [`Error::Eigenvalues`] when a frequency is beyond double precision.
+    pub fn new(part: &Part) -> Result<Self, Error> {
+        let (mut modes, shifts) = basis(part);
+        let mut g = rows(part, &modes, |link, _| link.stiffness);
+        orthogonalise(&mut g, &mut modes);
+        let omega: Vec<f64> = g.column_iter().map(|c| c.norm()).collect();
+        let size = part.inertia.iter().map(|m| m.sqrt()).fold(0.0, f64::max);
+        if !(omega.iter().all(|w| w.is_finite() && *w > 0.0 && (w * w).is_normal()) && size.is_finite()) {
+            return Err(Error::Eigenvalues { order: 2 * part.inertia.len() });
+        }
+        let mut by_frequency: Vec<usize> = (0..omega.len()).collect();
+        by_frequency.sort_by(|&i, &j| omega[i].total_cmp(&omega[j]));
+        let sorted = by_frequency.iter().map(|&i| omega[i]).collect();
+        Ok(Swings { omega: sorted, modes: modes.select_columns(&by_frequency), shifts })
+    }
+}
+
+/// The runs of frequencies that are one, with their mean.
+pub(crate) fn of_one_frequency(omega: &[f64]) -> Vec<(f64, std::ops::Range<usize>)> {
+    let mut from = 0;
+    let run = |group: &[f64]| {
+        let range = from..from + group.len();
+        from += group.len();
+        (group.iter().sum::<f64>() / group.len() as f64, range)
+    };
+    omega.chunk_by(|a, b| b - a <= SAME * b).map(run).collect()
+}
+
 impl Modal {
     /// # Errors
     /// [`Error::Eigenvalues`] when a frequency or damping is beyond double precision.
     pub fn new(part: &Part) -> Result<Self, Error> {
         let n = part.inertia.len();
-        let (mut modes, mut shifts) = basis(part);
+        let Swings { omega, modes, mut shifts } = Swings::new(part)?;
         let mut ones = shifts.ncols();
         if !part.tied {
             // The momentum of the whole part, in terms of its clusters' shifts.
@@ -157,27 +211,16 @@ impl Modal {
             shifts = &shifts * complement(&(shifts.transpose() * whole));
             ones += 1;
         }
-        let mut g = rows(part, &modes, |link, _| link.stiffness);
-        orthogonalise(&mut g, &mut modes);
-        let omega: Vec<f64> = g.column_iter().map(|c| c.norm()).collect();
-        let size = part.inertia.iter().map(|m| m.sqrt()).fold(0.0, f64::max);
-        if !(omega.iter().all(|w| w.is_finite() && *w > 0.0 && (w * w).is_normal()) && size.is_finite()) {
-            return Err(Error::Eigenvalues { order: 2 * n });
-        }
-        let mut by_frequency: Vec<usize> = (0..omega.len()).collect();
-        by_frequency.sort_by(|&i, &j| omega[i].total_cmp(&omega[j]));
-
         let no_columns = || DMatrix::<f64>::zeros(n, 0);
         let (mut undamped, mut compensated, mut kept, mut kept_shapes) = (vec![], vec![], vec![], no_columns());
         let follows = part.links.iter().any(|l| l.per_period > 0.0);
         let difference = form(part, &DMatrix::identity(n, n), |l| l.per_period - l.stiffness);
-        for group in by_frequency.chunk_by(|&i, &j| omega[j] - omega[i] <= SAME * omega[j]) {
-            let w = group.iter().map(|&i| omega[i]).sum::<f64>() / group.len() as f64;
-            let shapes = modes.select_columns(group);
+        for (w, group) in of_one_frequency(&omega) {
+            let shapes = modes.columns_range(group).into_owned();
             // Dampers count by where they are, not by how large: unit rows.
             let seen = rows(part, &shapes, |l, reach| f64::from(u8::from(l.fixed > 0.0 || l.per_period > 0.0)) / reach);
             let (quiet, shapes) = split(seen, shapes);
-            undamped.extend(std::iter::repeat_n(w, quiet));
+            undamped.extend(std::iter::repeat_n(w, quiet.ncols()));
             let (quiet, shapes) = if follows {
                 let seen = rows(part, &shapes, |l, reach| f64::from(u8::from(l.fixed > 0.0)) / reach);
                 let uncovered = &difference * &shapes / (w * w);
@@ -186,9 +229,9 @@ impl Modal {
                 });
                 split(all, shapes)
             } else {
-                (0, shapes)
+                (no_columns(), shapes)
             };
-            compensated.extend(std::iter::repeat_n(w, quiet));
+            compensated.extend(std::iter::repeat_n(w, quiet.ncols()));
             kept.extend(std::iter::repeat_n(w, shapes.ncols()));
             kept_shapes = beside(&kept_shapes, &shapes);
         }
@@ -258,16 +301,16 @@ fn complement(p: &DVector<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(p.len(), p.len(), |i, j| signs[i] * reflection[(i, j)]).remove_column(at)
 }
 
-/// Turns the shapes so that as many as possible are not seen by the rows; gives their number, and the others.
-fn split(mut seen: DMatrix<f64>, mut shapes: DMatrix<f64>) -> (usize, DMatrix<f64>) {
+/// Turns the shapes so that as many as possible are not seen by the rows; gives these, and the others.
+pub(crate) fn split(mut seen: DMatrix<f64>, mut shapes: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     if shapes.ncols() > 1 {
         orthogonalise(&mut seen, &mut shapes);
     }
-    let loud: Vec<usize> = (0..shapes.ncols()).filter(|&j| seen.column(j).norm() > UNSEEN).collect();
-    (shapes.ncols() - loud.len(), shapes.select_columns(&loud))
+    let (loud, quiet): (Vec<usize>, Vec<usize>) = (0..shapes.ncols()).partition(|&j| seen.column(j).norm() > UNSEEN);
+    (shapes.select_columns(&quiet), shapes.select_columns(&loud))
 }
 
-fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+pub(crate) fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let columns = a.ncols() + b.ncols();
     DMatrix::from_fn(a.nrows(), columns, |i, j| if j < a.ncols() { a[(i, j)] } else { b[(i, j - a.ncols())] })
 }

@@ -76,6 +76,29 @@ fn links(ties: &[Tie]) -> Vec<Link> {
     links
 }
 
+impl Link {
+    /// The same link, the part's first member being the fixed side.
+    pub fn held(&self) -> Link {
+        match (self.body, self.other) {
+            (0, Some(other)) => Link { body: other - 1, other: None, ..*self },
+            (body, other) => Link { body: body.saturating_sub(1), other: other.map(|i| i - 1), ..*self },
+        }
+    }
+}
+
+/// The part without its first member, which is held still: one with the ground.
+pub(crate) fn held_still(part: &Part) -> Part {
+    let n = part.inertia.len() - 1;
+    let links: Vec<Link> = part.links.iter().filter(|l| (l.body, l.other) != (0, None)).map(Link::held).collect();
+    let spring = groups(n, links.iter().filter(|l| l.stiffness > 0.0).filter_map(|l| Some((l.body, l.other?))));
+    let anchored = |label| links.iter().any(|l| l.other.is_none() && l.stiffness > 0.0 && spring[l.body] == label);
+    let clusters = (0..n)
+        .filter(|&i| spring[i] == i)
+        .map(|label| Cluster { bodies: (0..n).filter(|&i| spring[i] == label).collect(), anchored: anchored(label) });
+    let clusters = clusters.collect();
+    Part { inertia: part.inertia[1..].to_vec(), tied: links.iter().any(|l| l.other.is_none()), clusters, links }
+}
+
 /// Takes a world apart.
 pub(crate) fn parts(inertia: &[f64], ties: &[Tie]) -> Vec<Part> {
     let n = inertia.len();

@@ -81,8 +81,12 @@ fn check_speaks_the_words_of_the_contract() {
     let log = (0.5 * (x * x).ln_1p()).hypot(x.atan());
     assert!((held["modes"][0]["discrete_frequency_hz"].as_f64().unwrap() - log / x).abs() < 1e-14);
     assert!((held["modes"][0]["discrete_damping_ratio"].as_f64().unwrap() + 0.5 * (x * x).ln_1p() / log).abs() < 1e-14);
-    assert_eq!(value["notes"].as_array().unwrap().len(), 0);
-    for absent in ["free", "passivity", "certified"] {
+    let notes: Vec<_> = value["notes"].as_array().unwrap().iter().filter_map(|n| n.as_str()).collect();
+    assert_eq!(notes, ["free: its critical period is searched from 1 us up"]);
+    assert!(value["free"].as_object().unwrap().keys().eq(held.as_object().unwrap().keys()));
+    let places = ["period_s", "method", "output", "held", "free", "notes"];
+    assert!(value.as_object().unwrap().keys().eq(places.iter()));
+    for absent in ["passivity", "certified"] {
         assert!(value.get(absent).is_none());
     }
     assert_eq!(
@@ -131,11 +135,16 @@ fn notes_say_what_the_numbers_leave_out() {
     let (_, mut bench) = notes();
     bench.couplings.push(compensator(End::Body(0), End::Puck));
     let notes_of = |bench: &Bench, method| check(&world(bench.clone(), method, 1e-3)).unwrap().notes;
-    assert!(notes_of(&bench, Method::ForwardEuler).is_empty());
+    assert!(notes_of(&bench, Method::ForwardEuler)[0].starts_with("free: its critical period is searched"));
     assert!(notes_of(&bench, Method::Zoh)[0].contains("couplings.1"));
     let wall = Law::Wall { side: Side::Above, at: 0.1, stiffness: 1e4, damping: 0.0 };
     bench.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: wall });
     assert!(notes_of(&bench, Method::ForwardEuler)[0].contains("linear estimate"));
+    let all = notes_of(&bench, Method::ForwardEuler);
+    assert!(
+        all.iter().any(|n| n.starts_with("free is a linear estimate") && n.contains("worst of 2 combinations")),
+        "{all:?}"
+    );
     bench.couplings.clear();
     assert!(notes_of(&bench, Method::Zoh)[0].contains("body0"));
 }
@@ -260,13 +269,14 @@ proptest! {
         let bench = Bench { bodies: inertias.into_iter().map(body).collect(), couplings: couplings.collect() };
         for method in Method::ALL {
             let Ok(found) = check(&world(bench.clone(), method, period)) else { continue };
-            let held = &found.held;
-            prop_assert!(held.spectral_radius.is_finite());
-            prop_assert!(held.growth_per_s.is_none_or(f64::is_finite));
-            prop_assert!(held.critical_period_s.is_none_or(|t| t > 0.0 && t.is_finite()));
-            prop_assert_eq!(held.critical_period_s.is_none(), held.critical_period_reason.is_some());
-            prop_assert!(held.modes.iter().all(|m| m.frequency_hz > 0.0 && (-1e-12..1.0 + 1e-12).contains(&m.damping_ratio)));
-            prop_assert!(!found.sentence().contains("NaN"));
+            for part in [&found.held, &found.free] {
+                prop_assert!(part.spectral_radius.is_finite());
+                prop_assert!(part.growth_per_s.is_none_or(f64::is_finite));
+                prop_assert!(part.critical_period_s.is_none_or(|t| t > 0.0 && t.is_finite()));
+                prop_assert_eq!(part.critical_period_s.is_none(), part.critical_period_reason.is_some());
+                prop_assert!(part.modes.iter().all(|m| m.frequency_hz > 0.0 && (-1e-12..1.0 + 1e-12).contains(&m.damping_ratio)));
+            }
+            prop_assert!(!found.sentence().contains("NaN") && !found.free_sentence().contains("NaN"));
         }
     }
 }

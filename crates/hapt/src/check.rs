@@ -4,8 +4,7 @@ use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_analysis::Check;
-use hapt_analysis::held::Verdict;
+use hapt_analysis::{Check, Stability, Verdict};
 
 use crate::args::CheckArgs;
 use crate::failure::Failure;
@@ -30,29 +29,41 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
 }
 
 fn text(check: &Check) -> String {
-    let held = &check.held;
     let mut text = format!(
         "loop      {} at {} a sample, torque from the {} of the step\n",
         check.method,
         people::time(check.period_s),
         check.output
     );
-    let _ = writeln!(text, "held      {}", check.sentence());
-    if let Some(growth) = held.growth_per_s {
+    about(&mut text, "held", &check.sentence(), &check.held);
+    about(&mut text, "free", &check.free_sentence(), &check.free);
+    for note in &check.notes {
+        let _ = writeln!(text, "note      {note}");
+    }
+    text
+}
+
+/// The verdict on the held world or the free loop, and its numbers.
+fn about(text: &mut String, name: &str, sentence: &str, of: &Stability) {
+    let _ = writeln!(text, "{name:<9} {sentence}");
+    if let Some(growth) = of.growth_per_s {
         let _ = writeln!(
             text,
             "          growth {} per second, largest |λ| = {}",
             crate::sim::rate(growth),
-            held.spectral_radius
+            of.spectral_radius
         );
     }
-    let critical = match (held.critical_period_s, held.critical_period_reason) {
+    let critical = match (of.critical_period_s, of.critical_period_reason) {
         (Some(period), _) => format!("critical period {}", people::time(period)),
+        (None, Some("never")) if name == "free" => {
+            "critical period: none, unstable at the shortest that was looked at".into()
+        }
         (None, Some("never")) => "critical period: none, unstable from 0 on".into(),
         (None, _) => "critical period: none, never unstable".into(),
     };
     let _ = writeln!(text, "          {critical}");
-    for (i, mode) in held.modes.iter().enumerate() {
+    for (i, mode) in of.modes.iter().enumerate() {
         let name = if i == 0 { "modes" } else { "" };
         let _ = write!(
             text,
@@ -67,8 +78,4 @@ fn text(check: &Check) -> String {
             _ => writeln!(text, "; in this loop it does not swing"),
         };
     }
-    for note in &check.notes {
-        let _ = writeln!(text, "note      {note}");
-    }
-    text
 }

@@ -1,0 +1,51 @@
+//! The velocity estimators as linear filters of the sampled position.
+
+use hapt_model::{EstimatorKind, Sampling};
+
+/// v_k = pole v_{k-1} + Σ taps\[i\] z_{k-i}. The taps sum to 0: a wheel that stands has no velocity.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Filter {
+    pub pole: f64,
+    /// In 1/s, the newest sample first; empty when the true velocity is taken.
+    pub taps: Vec<f64>,
+}
+
+impl Filter {
+    /// The filters of an estimator at `period`: two for FOAW, whose window is between the shortest and the longest, one for
+    /// all others. `exact` has no taps.
+    pub fn of(sampling: &Sampling, period: f64) -> Vec<Filter> {
+        let difference = || Filter { pole: 0.0, taps: vec![1.0 / period, -1.0 / period] };
+        let windows = |fit: fn(usize, f64) -> Vec<f64>| {
+            let longest = (sampling.window as usize).max(1);
+            let mut lengths = vec![1, longest];
+            lengths.dedup();
+            lengths.into_iter().map(|n| Filter { pole: 0.0, taps: fit(n, period) }).collect()
+        };
+        match sampling.estimator {
+            EstimatorKind::Exact => vec![Filter { pole: 0.0, taps: Vec::new() }],
+            EstimatorKind::Difference => vec![difference()],
+            EstimatorKind::LowPass => {
+                let Some(cutoff) = sampling.cutoff else { return vec![difference()] };
+                let tau = 1.0 / (std::f64::consts::TAU * cutoff);
+                let rate = 1.0 / (tau + period);
+                vec![Filter { pole: tau * rate, taps: vec![rate, -rate] }]
+            }
+            EstimatorKind::Foaw => windows(end_fit),
+            EstimatorKind::FoawBest => windows(best_fit),
+        }
+    }
+}
+
+/// The slope between the newest and the oldest of n + 1 samples.
+fn end_fit(n: usize, period: f64) -> Vec<f64> {
+    let mut taps = vec![0.0; n + 1];
+    taps[0] = 1.0 / (n as f64 * period);
+    taps[n] = -taps[0];
+    taps
+}
+
+/// The least-squares slope through n + 1 samples: 12 (n/2 - i)/(T n (n + 1)(n + 2)) each.
+fn best_fit(n: usize, period: f64) -> Vec<f64> {
+    let m = n as f64;
+    (0..=n).map(|i| 12.0 * (0.5 * m - i as f64) / (period * m * (m + 1.0) * (m + 2.0))).collect()
+}

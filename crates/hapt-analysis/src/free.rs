@@ -1,0 +1,248 @@
+//! The free loop: world, estimator, delay, hold and device together, no hand on the puck. Levels, encoder, limit and Coulomb
+//! friction are left out; nonlinear couplings count by their slopes.
+//!
+//! What the puck never feels keeps the eigenvalues it has with the puck held, with their closed forms; the rest is one matrix,
+//! that of stack.rs. Shifts that change no torque never reach an eigenvalue solver. Momentum, where the scheme conserves it, is
+//! then a simple eigenvalue 1, which comes out to a few eps. It is conserved where the torque on a wheel that spins evenly is 0:
+//! forward and semi-implicit Euler at START, zoh and the trapezoidal rule at MIDDLE, backward Euler at END, tustin and
+//! foh. Half a sample later the torque pushes the whole loop along, at (KT/2 - b)/(J_z + J_w); a whole sample later at
+//! (KT - b)/(J_z + J_w).
+
+use hapt_model::{Body, Coupling, End, Method, Sampling, World};
+use nalgebra::Complex;
+
+use crate::continuous::{Tie, bent_anywhere, ties};
+use crate::critical::{Critical, of_part};
+use crate::eigen::{Multiplier, Root, multiplier, solve};
+use crate::error::{Error, positive};
+use crate::estimator::Filter;
+use crate::held::{inertias, spectrum};
+use crate::modal::Modal;
+use crate::port::Port;
+use crate::rayleigh;
+use crate::scan::first_rise;
+use crate::stability::{MARGINAL, Stability, assemble, combinations};
+use crate::stack::stack;
+use crate::structure::{Link, Part, parts};
+
+/// The critical period is searched from this fraction of the period up, or from this fraction of the delay, whichever is the
+/// longer.
+const SHORTEST: (f64, f64) = (1e-3, 1.0 / 64.0);
+
+/// And up to this many times the slowest time constant. Beyond it every product of a rate and the period is large, and nothing
+/// new happens.
+const LONGEST: f64 = 100.0;
+
+/// An eigenvalue errs by about this many units in the last place of the matrix's largest entry.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// So many times that from the circle it is in doubt.
+const DOUBTFUL: f64 = 100.0;
+
+/// What one part of the world gives.
+#[derive(Clone, Debug)]
+struct Found {
+    /// Shifts that change no torque: λ = 1, none of `multipliers`.
+    shifts: usize,
+    multipliers: Vec<Multiplier>,
+    /// z = Ts of the differential equation's complex pairs, Im z > 0.
+    pairs: Vec<Root>,
+    critical: Critical,
+}
+
+/// Eigenvalues, growth, critical period and modes of the loop with nobody at the puck.
+///
+/// Work: for each combination of slopes some cubes of the number of the puck's own modes, memory and commands in flight, and
+/// about a hundred times that for the critical period.
+///
+/// # Errors
+/// [`Error::Value`] for a period or inertia that is not positive, [`Error::NoSuchBody`], [`Error::InFlight`] for a delay of too
+/// many periods, [`Error::Step`] and [`Error::Eigenvalues`] when numbers leave double precision.
+pub fn free(world: &World) -> Result<Stability, Error> {
+    let period = positive("the period", world.sampling.period)?;
+    // The puck is one of the bodies, the first.
+    let mut inertia = vec![positive("the device's inertia", world.device.inertia)?];
+    inertia.extend(inertias(&world.bodies)?);
+    let mut known: Vec<(Part, Found)> = Vec::new();
+    let mut worst: Option<(f64, Vec<Found>)> = None;
+    let mut critical = Critical::Unbounded;
+    for slopes in combinations(&bent_anywhere(&world.couplings)) {
+        let mut all: Vec<Found> = Vec::new();
+        for (index, part) in
+            parts(&inertia, &with_puck(&world.bodies, &world.couplings, &slopes)?).into_iter().enumerate()
+        {
+            let found = match known.iter().find(|(p, _)| *p == part) {
+                Some((_, found)) => found.clone(),
+                None => {
+                    let found = match index {
+                        0 => of_puck(&part, &world.sampling, world.device.damping, critical)?,
+                        _ => apart(&part, world.sampling.method, period, critical)?,
+                    };
+                    known.push((part, found.clone()));
+                    found
+                }
+            };
+            critical = critical.min(found.critical);
+            all.push(found);
+        }
+        let shifts = all.iter().map(|f| f.shifts).sum();
+        let multipliers = all.iter().flat_map(|f| f.multipliers.iter().copied()).collect();
+        let most = growth(&counting(multipliers, shifts, period, MARGINAL), period);
+        // Of combinations that rounding alone tells apart the first counts, the flat one.
+        if worst.as_ref().is_none_or(|(growth, _)| most > growth + MARGINAL) {
+            worst = Some((most, all));
+        }
+    }
+    let found = worst.map(|(_, found)| found).unwrap_or_default();
+    let shifts = found.iter().map(|f| f.shifts).sum();
+    let moving: Vec<Multiplier> = found.iter().flat_map(|f| f.multipliers.iter().copied()).collect();
+    let counting = counting(moving.clone(), shifts, period, MARGINAL);
+    let all: Vec<Multiplier> = std::iter::repeat_n(Multiplier::ONE, shifts).chain(moving).collect();
+    let pairs: Vec<Root> = found.iter().flat_map(|f| f.pairs.iter().copied()).collect();
+    Ok(assemble(&all, &counting, &pairs, critical, period))
+}
+
+/// From which period up the critical period is searched, in s.
+pub fn shortest_period(sampling: &Sampling) -> f64 {
+    (SHORTEST.0 * sampling.period).max(SHORTEST.1 * sampling.delay)
+}
+
+/// The ties of the world with the puck as body 0.
+fn with_puck(bodies: &[Body], couplings: &[Coupling], slopes: &crate::Slopes) -> Result<Vec<Tie>, Error> {
+    let end = |end| match end {
+        End::Puck => End::Body(0),
+        End::Body(i) => End::Body(i + 1),
+        End::Ground => End::Ground,
+    };
+    let tie = |tie: Tie| Tie { first: end(tie.first), second: end(tie.second), ..tie };
+    Ok(ties(bodies, couplings, slopes)?.into_iter().map(tie).collect())
+}
+
+/// A part that nothing ties to the puck.
+fn apart(part: &Part, method: Method, period: f64, known: Critical) -> Result<Found, Error> {
+    let modal = Modal::new(part)?;
+    let (mut multipliers, pairs) = spectrum(&modal, method, period)?;
+    // The first are 1: the shifts, then momentum.
+    let shifts = part.clusters.iter().filter(|c| !c.anchored).count();
+    multipliers.drain(..shifts.min(modal.ones));
+    Ok(Found { shifts, multipliers, pairs, critical: of_part(&modal, method, known)? })
+}
+
+/// The part of the puck, its first member.
+fn of_puck(part: &Part, sampling: &Sampling, damping: f64, known: Critical) -> Result<Found, Error> {
+    let period = sampling.period;
+    let port = Port::new(part)?;
+    let (unseen, _) = spectrum(&port.unseen, sampling.method, period)?;
+    let mut critical = of_part(&port.unseen, sampling.method, known)?;
+    // The differential equation has the device's damping too.
+    let mut whole = part.clone();
+    if damping > 0.0 {
+        whole.links.push(Link { body: 0, other: None, stiffness: 0.0, fixed: damping, per_period: 0.0 });
+        whole.tied = true;
+    }
+    let (_, pairs) = spectrum(&Modal::new(&whole)?, Method::Zoh, period)?;
+    let mut worst: Option<(f64, Vec<Multiplier>)> = None;
+    for (index, filter) in Filter::of(sampling, period).iter().enumerate() {
+        let found = multipliers(&port, sampling, damping, filter, period)?;
+        let multipliers: Vec<Multiplier> = found.into_iter().map(|(m, _)| m).collect();
+        if multipliers.iter().any(|m| m.ln_abs.is_nan() || m.ln_abs == f64::INFINITY) {
+            return Err(Error::Eigenvalues { order: multipliers.len() });
+        }
+        let most = growth(&counting(multipliers.clone(), port.shifts, period, MARGINAL), period);
+        if worst.as_ref().is_none_or(|(growth, _)| most > growth + MARGINAL) {
+            worst = Some((most, multipliers));
+        }
+        critical = critical.min(search(&port, sampling, damping, index, known.min(critical))?);
+        if !port.has_damper() {
+            // Nobody looks at the velocity.
+            break;
+        }
+    }
+    let multipliers = unseen.into_iter().chain(worst.map(|(_, m)| m).unwrap_or_default()).collect();
+    Ok(Found { shifts: port.shifts, multipliers, pairs, critical })
+}
+
+/// The eigenvalues of the stacked loop, each with a bound of its error: those so near the circle that a solver's rounding might
+/// decide are looked at again.
+fn multipliers(
+    port: &Port,
+    sampling: &Sampling,
+    damping: f64,
+    filter: &Filter,
+    period: f64,
+) -> Result<Vec<(Multiplier, f64)>, Error> {
+    let d = stack(port, sampling, damping, filter, period)?;
+    let (values, size) = solve(&d)?;
+    let rounding = ROUNDING * size;
+    // λ = 1 + μ is what forward Euler makes of μ.
+    let of = |mu| multiplier(Method::ForwardEuler, Root::from(mu));
+    let mut found: Vec<(Multiplier, f64)> = values.iter().map(|mu| (of(*mu), rounding)).collect();
+    let doubtful = |m: &Multiplier| m.ln_abs.abs() < DOUBTFUL * rounding && m.less_one.im >= 0.0;
+    for i in 0..found.len() {
+        let mu = found[i].0.less_one;
+        if !doubtful(&found[i].0) {
+            continue;
+        }
+        let Some((better, error)) = rayleigh::quotient(&d, mu) else { continue };
+        if (better - mu).norm() > DOUBTFUL * rounding {
+            continue;
+        }
+        let conjugate = found.iter().position(|(m, _)| mu.im > 0.0 && m.less_one == mu.conj());
+        found[i] = (of(better), error.min(rounding));
+        if let Some(other) = conjugate {
+            found[other] = (of(better.conj()), error.min(rounding));
+        }
+    }
+    // A low-pass that nobody looks at forgets at its own rate.
+    if !port.has_damper() && filter.pole > 0.0 {
+        found.push((of(Complex::new(-period * filter.taps[0], 0.0)), 0.0));
+    }
+    Ok(found)
+}
+
+/// Those that count: all but as many as there are shifts that stand within `near`, in 1/s, of 1.
+fn counting(mut all: Vec<Multiplier>, shifts: usize, period: f64, near: f64) -> Vec<Multiplier> {
+    all.sort_by(|a, b| from_one(a).total_cmp(&from_one(b)));
+    let gone = all.iter().take(shifts).take_while(|m| from_one(m) / period < near).count();
+    all.split_off(gone)
+}
+
+/// |ln λ|
+fn from_one(m: &Multiplier) -> f64 {
+    m.ln_abs.hypot(m.arg())
+}
+
+/// The largest; -∞ of none.
+fn growth(multipliers: &[Multiplier], period: f64) -> f64 {
+    multipliers.iter().map(|m| m.growth(period)).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// The critical period of the stacked loop, the delay staying in s; where it is above `known` that is no matter.
+fn search(port: &Port, sampling: &Sampling, damping: f64, filter: usize, known: Critical) -> Result<Critical, Error> {
+    let low = shortest_period(sampling);
+    let slowest = port.slowest(damping).max(sampling.period).max(sampling.delay);
+    let high = (LONGEST * slowest).min(known.period().unwrap_or(f64::INFINITY));
+    if port.is_slack() || known == Critical::Never || high <= low {
+        return Ok(Critical::Unbounded);
+    }
+    let above_one = |period: f64| {
+        let filters = Filter::of(sampling, period);
+        let filter = filters.get(filter).or(filters.first()).ok_or(Error::Eigenvalues { order: 0 })?;
+        let mut all = match multipliers(port, sampling, damping, filter, period) {
+            Ok(found) => found,
+            // A step that leaves double precision has left the circle before.
+            Err(Error::Step { .. } | Error::Eigenvalues { .. }) if period > sampling.period => return Ok(f64::MAX),
+            Err(error) => return Err(error),
+        };
+        // Momentum that the scheme conserves, but for rounding, and beyond rounding whatever is above 1.
+        all.sort_by(|(a, _), (b, _)| from_one(a).total_cmp(&from_one(b)));
+        let kept = all.iter().take(port.shifts).take_while(|(m, error)| from_one(m) <= 4.0 * error).count();
+        let most = all[kept..].iter().map(|(m, error)| (m.ln_abs - error) / period).fold(f64::NEG_INFINITY, f64::max);
+        Ok(most.clamp(-f64::MAX, f64::MAX))
+    };
+    Ok(match first_rise(above_one, low, high)? {
+        Some(period) if period <= low => Critical::Never,
+        Some(period) => Critical::Period(period),
+        None => Critical::Unbounded,
+    })
+}

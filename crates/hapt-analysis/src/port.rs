@@ -1,0 +1,223 @@
+//! The puck's part of the world, in the coordinates of the modes it has while the puck stands.
+//!
+//! With w = M^{-1/2} V y the bodies that hang on the puck obey ÿ + C ẏ + Ω² y = g z + c ż, and the torque on the puck is
+//! gᵀ y + cᵀ ẏ - K z - B ż. A method is an affine map of positions and velocities, so it may be applied to y as well as to w;
+//! and in y what belongs together is apart:
+//!
+//! * A mode that moves neither a damper nor a tie to the puck never hears of it: `unseen`, its eigenvalues are those it has
+//!   with the puck held, with their closed forms. The same for one whose only damping is T times its stiffness.
+//! * A mode that moves no damper but a spring to the puck is a block of its own.
+//! * All modes that move dampers, and velocities that no spring holds, are one block.
+//!
+//! And structure: shifts are found on the graph of springs, not by rounding. A cluster of bodies that no spring ties to puck or
+//! ground can be shifted alone; its position is no coordinate here. The puck with all that springs tie to it can be shifted
+//! against no torque unless a spring ties it to ground; Ω² η = g then, η being that shift in y, and y - η z are coordinates
+//! that it leaves alone.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::continuous::Continuous;
+use crate::error::Error;
+use crate::modal::{Coupled, Modal, Swings, beside, form, of_one_frequency, reach, rows, split};
+use crate::structure::{Link, Part, held_still};
+
+/// Modes that dampers tie together, or one that none damps. Its equations have the puck's row and column, but nothing on the
+/// puck's own diagonal: that is [`Port::stiffness`] and the dampings.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Block {
+    /// ÿ + (C0 + T C1) ẏ + Ω² y = g z + c ż: unit inertias.
+    pub equations: Continuous,
+    /// So many modes, the first, have a position.
+    pub positions: usize,
+    /// η of the module's head, one a mode.
+    pub shift: DVector<f64>,
+}
+
+/// See the module's head.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Port {
+    /// J_z in kg·m².
+    pub inertia: f64,
+    pub blocks: Vec<Block>,
+    /// Of all ties at the puck: N·m/rad.
+    pub stiffness: f64,
+    /// Of all dampers at the puck, N·m·s/rad.
+    pub fixed: f64,
+    /// Of those that follow the period, per second of it.
+    pub per_period: f64,
+    /// Whether springs tie the puck to ground, directly or through bodies.
+    pub grounded: bool,
+    /// Shifts that change no torque: eigenvalues that are 1 exactly.
+    pub shifts: usize,
+    /// The modes that never hear of the puck.
+    pub unseen: Modal,
+}
+
+/// Whether the link is between a body and the puck, which is the part's first member.
+fn at_puck(link: &Link) -> bool {
+    link.body == 0 && link.other.is_some()
+}
+
+/// 1 or 0.
+fn one_if(condition: bool) -> f64 {
+    f64::from(u8::from(condition))
+}
+
+impl Port {
+    /// The port of a part whose first member is the puck.
+    ///
+    /// # Errors
+    /// [`Error::Eigenvalues`] when a frequency or damping is beyond double precision.
+    pub fn new(part: &Part) -> Result<Self, Error> {
+        let bodies = held_still(part);
+        let n = bodies.inertia.len();
+        // What a link to the puck sees of the bodies: its end at the body.
+        let ties = Part { links: part.links.iter().filter(|l| at_puck(l)).map(Link::held).collect(), ..bodies.clone() };
+        let grounded = part.clusters.iter().any(|c| c.anchored && c.bodies.contains(&0));
+        let along: Vec<usize> = part
+            .clusters
+            .iter()
+            .filter(|c| c.bodies.contains(&0) && !grounded)
+            .flat_map(|c| c.bodies.iter().filter_map(|b| b.checked_sub(1)))
+            .collect();
+
+        let Swings { omega, modes, shifts } = Swings::new(&bodies)?;
+        let none = || DMatrix::<f64>::zeros(n, 0);
+        let follows = bodies.links.iter().any(|l| l.per_period > 0.0);
+        let difference = form(&bodies, &DMatrix::identity(n, n), |l| l.per_period - l.stiffness);
+        let mut unseen = Modal { ones: 0, undamped: vec![], compensated: vec![], coupled: Coupled::none() };
+        let (mut alone, mut damped, mut damped_omega) = (Vec::new(), none(), Vec::new());
+        for (w, group) in of_one_frequency(&omega) {
+            let shapes = modes.columns_range(group).into_owned();
+            // By where dampers and ties are, not by how large: unit rows.
+            let dampers =
+                |v: &DMatrix<f64>| rows(&bodies, v, |l, size| one_if(l.fixed > 0.0 || l.per_period > 0.0) / size);
+            let puck = |v: &DMatrix<f64>| at_the_puck(&ties, v);
+            let (quiet, shapes) = split(above(&[dampers(&shapes), puck(&shapes)]), shapes);
+            unseen.undamped.extend(std::iter::repeat_n(w, quiet.ncols()));
+            let (quiet, shapes) = if follows {
+                let fixed = rows(&bodies, &shapes, |l, size| one_if(l.fixed > 0.0) / size);
+                let uncovered = &difference * &shapes / (w * w);
+                split(above(&[fixed, puck(&shapes), uncovered]), shapes)
+            } else {
+                (none(), shapes)
+            };
+            unseen.compensated.extend(std::iter::repeat_n(w, quiet.ncols()));
+            let (quiet, shapes) = split(dampers(&shapes), shapes);
+            alone.extend((0..quiet.ncols()).map(|j| (w, quiet.columns(j, 1).into_owned())));
+            damped_omega.extend(std::iter::repeat_n(w, shapes.ncols()));
+            damped = beside(&damped, &shapes);
+        }
+        let block = |omega: &[f64], v: &DMatrix<f64>| Block {
+            equations: equations(&bodies, &ties, omega, v),
+            positions: omega.len(),
+            shift: DVector::from_fn(v.ncols(), |j, _| {
+                along.iter().map(|&i| bodies.inertia[i].sqrt() * v[(i, j)]).sum::<f64>()
+            }),
+        };
+        let mut blocks: Vec<Block> = alone.iter().map(|(w, v)| block(&[*w], v)).collect();
+        let damped = beside(&damped, &shifts);
+        if damped.ncols() > 0 {
+            blocks.push(block(&damped_omega, &damped));
+        }
+        let own = |of: fn(&Link) -> f64| part.links.iter().filter(|l| l.body == 0).map(of).sum::<f64>();
+        let port = Port {
+            inertia: part.inertia[0],
+            blocks,
+            stiffness: own(|l| l.stiffness),
+            fixed: own(|l| l.fixed),
+            per_period: own(|l| l.per_period),
+            grounded,
+            shifts: shifts.ncols() + usize::from(!grounded),
+            unseen,
+        };
+        if port.is_finite() { Ok(port) } else { Err(Error::Eigenvalues { order: 2 * n + 2 }) }
+    }
+
+    /// Whether nothing pulls at the puck.
+    pub fn is_slack(&self) -> bool {
+        self.stiffness == 0.0 && !self.has_damper()
+    }
+
+    /// Whether a damper is tied to the puck, so that its measured velocity counts.
+    pub fn has_damper(&self) -> bool {
+        self.fixed > 0.0 || self.per_period > 0.0
+    }
+
+    fn is_finite(&self) -> bool {
+        let matrices =
+            self.blocks.iter().flat_map(|b| [&b.equations.stiffness, &b.equations.fixed, &b.equations.per_period]);
+        let numbers = [self.inertia, self.stiffness, self.fixed, self.per_period];
+        matrices.flat_map(|m| m.iter()).chain(&numbers).all(|x| x.is_finite())
+    }
+
+    /// The slowest time that the equations know, in s, the device's damping being `damping`: 0 when they know none.
+    pub fn slowest(&self, damping: f64) -> f64 {
+        let times = |inertia: f64, damping: f64, stiffness: f64| {
+            [inertia / damping, damping / stiffness, (inertia / stiffness).sqrt()]
+        };
+        let mut all = times(self.inertia, damping + self.fixed, self.stiffness).to_vec();
+        all.extend(times(self.inertia, damping, self.stiffness));
+        for Block { equations: e, .. } in &self.blocks {
+            all.extend((0..e.bodies()).flat_map(|i| times(1.0, e.fixed[(i, i)], e.stiffness[(i, i)])));
+        }
+        all.into_iter().filter(|t| t.is_finite()).fold(0.0, f64::max)
+    }
+}
+
+/// The equations of modes v = V with frequencies `omega`, those without one last, and of the puck beside them.
+fn equations(bodies: &Part, ties: &Part, omega: &[f64], v: &DMatrix<f64>) -> Continuous {
+    let m = v.ncols();
+    let mut all = Continuous {
+        inertia: DVector::from_element(m, 1.0),
+        stiffness: DMatrix::zeros(m + 1, m + 1),
+        fixed: DMatrix::zeros(m + 1, m + 1),
+        per_period: DMatrix::zeros(m + 1, m + 1),
+        force: DVector::zeros(m + 1),
+    };
+    for (i, w) in omega.iter().enumerate() {
+        all.stiffness[(i, i)] = w * w;
+    }
+    let weights: [fn(&Link) -> f64; 3] = [|l| l.stiffness, |l| l.fixed, |l| l.per_period];
+    for (matrix, weight) in [&mut all.stiffness, &mut all.fixed, &mut all.per_period].into_iter().zip(weights) {
+        for link in ties.links.iter().filter(|l| weight(l) > 0.0) {
+            let across = reach(bodies, link).transpose() * v;
+            for j in 0..m {
+                matrix[(j, m)] -= weight(link) * across[j];
+                matrix[(m, j)] -= weight(link) * across[j];
+            }
+        }
+    }
+    for (matrix, weight) in [(&mut all.fixed, weights[1]), (&mut all.per_period, weights[2])] {
+        let inner = form(bodies, v, weight);
+        matrix.view_mut((0, 0), (m, m)).copy_from(&inner);
+    }
+    all
+}
+
+/// How each mode moves the puck by springs, by dampers and by those that follow the period, of the most that a mode could: the
+/// puck is one, so what several ties do to it adds up or cancels.
+fn at_the_puck(ties: &Part, v: &DMatrix<f64>) -> DMatrix<f64> {
+    let weights: [fn(&Link) -> f64; 3] = [|l| l.stiffness, |l| l.fixed, |l| l.per_period];
+    let mut seen = DMatrix::zeros(3, v.ncols());
+    for (mut row, weight) in seen.row_iter_mut().zip(weights) {
+        let all = || ties.links.iter().map(|l| (reach(ties, l), weight(l)));
+        let most: f64 = all().map(|(across, weight)| across.norm() * weight).sum();
+        if most > 0.0 {
+            all().for_each(|(across, weight)| row += across.transpose() * v * (weight / most));
+        }
+    }
+    seen
+}
+
+/// One matrix above the other.
+fn above(parts: &[DMatrix<f64>]) -> DMatrix<f64> {
+    let columns = parts.first().map_or(0, |p| p.ncols());
+    let mut all = DMatrix::zeros(parts.iter().map(|p| p.nrows()).sum(), columns);
+    let mut row = 0;
+    for part in parts {
+        all.rows_mut(row, part.nrows()).copy_from(part);
+        row += part.nrows();
+    }
+    all
+}

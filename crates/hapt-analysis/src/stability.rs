@@ -1,0 +1,164 @@
+//! What is said of a loop's stability, with the puck held or free: eigenvalues, growth, verdict, critical period, modes.
+
+use std::f64::consts::TAU;
+
+use hapt_model::Method;
+use serde::Serialize;
+
+use crate::continuous::Slopes;
+use crate::critical::Critical;
+use crate::eigen::{Multiplier, Root, multiplier};
+
+/// Growth of less than this, in 1/s, either way, counts as none.
+pub const MARGINAL: f64 = 1e-9;
+
+/// Eigenvalues of modulus below this are 0: not listed.
+pub const LISTED: f64 = 1e-12;
+
+/// Up to this many nonlinear couplings every combination of their slopes is looked at.
+pub const COMBINED: usize = 6;
+
+/// A discrete eigenvalue, per sample.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Eigenvalue {
+    /// Re λ.
+    pub re: f64,
+    /// Im λ.
+    pub im: f64,
+    /// |λ|.
+    pub abs: f64,
+}
+
+/// A complex pair of the differential equation, and what the method makes of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Mode {
+    /// |s|/2π.
+    pub frequency_hz: f64,
+    /// ζ = -Re s/|s|; exactly 0 for a mode that moves no damper.
+    pub damping_ratio: f64,
+    /// |ln(λ)/T|/2π of the discrete pair nearest e^{sT}; `None` when that is real.
+    pub discrete_frequency_hz: Option<f64>,
+    /// -cos arg ln(λ): the damping ratio of that pair.
+    pub discrete_damping_ratio: Option<f64>,
+}
+
+/// What becomes of a disturbance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// It decays.
+    Stable,
+    /// It stays: |growth| below [`MARGINAL`].
+    Marginal,
+    /// It grows.
+    Unstable,
+}
+
+impl Verdict {
+    /// "stable", "marginal" or "unstable".
+    pub const fn name(self) -> &'static str {
+        match self {
+            Verdict::Stable => "stable",
+            Verdict::Marginal => "marginal",
+            Verdict::Unstable => "unstable",
+        }
+    }
+
+    /// The verdict on a growth rate; `None`, everything gone after one sample, is stable.
+    pub fn of(growth_per_s: Option<f64>) -> Verdict {
+        match growth_per_s {
+            Some(g) if g >= MARGINAL => Verdict::Unstable,
+            Some(g) if g > -MARGINAL => Verdict::Marginal,
+            _ => Verdict::Stable,
+        }
+    }
+}
+
+/// What becomes of disturbances of a loop. With nonlinear couplings: of the worst combination of their slopes, but for the critical
+/// period, which is the smallest of all combinations.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stability {
+    /// Largest |λ| first; equal ones by |arg λ| upwards, positive imaginary part first. Those below [`LISTED`] are left out.
+    pub eigenvalues: Vec<Eigenvalue>,
+    /// The largest |λ| of those that count; 0 when there is none.
+    pub spectral_radius: f64,
+    /// ln(spectral radius)/T in 1/s; `None` when the radius is 0.
+    pub growth_per_s: Option<f64>,
+    /// By the growth.
+    pub verdict: Verdict,
+    /// The supremum of T0 such that no modulus of those that count is above 1 for all 0 < T ≤ T0, in s.
+    pub critical_period_s: Option<f64>,
+    /// Why there is none: `"never"` or `"unbounded"`.
+    pub critical_period_reason: Option<&'static str>,
+    /// The differential equation's complex pairs, by frequency.
+    pub modes: Vec<Mode>,
+}
+
+/// The combinations of slopes to look at, all flat first.
+pub(crate) fn combinations(bent: &[usize]) -> Vec<Slopes> {
+    if bent.len() > COMBINED {
+        let alone = bent.iter().map(|&i| Slopes::Chosen(vec![i]));
+        return [Slopes::Flat, Slopes::Steep].into_iter().chain(alone).collect();
+    }
+    let chosen = |bits: u32| (0..bent.len()).filter(|i| bits >> i & 1 == 1).map(|i| bent[i]).collect();
+    (0..1u32 << bent.len()).map(|bits| Slopes::Chosen(chosen(bits))).collect()
+}
+
+/// The answer from all eigenvalues, those of them that count, z = Ts of the differential equation's complex pairs, and the
+/// critical period.
+pub(crate) fn assemble(
+    all: &[Multiplier],
+    counting: &[Multiplier],
+    pairs: &[Root],
+    critical: Critical,
+    period: f64,
+) -> Stability {
+    let is_listed = |m: &&Multiplier| m.abs() >= LISTED;
+    let mut listed: Vec<Multiplier> = all.iter().filter(is_listed).copied().collect();
+    sort(&mut listed);
+    let counting: Vec<Multiplier> = counting.iter().filter(is_listed).copied().collect();
+    // A growth of -0 is 0.
+    let growth_per_s = counting.iter().map(|m| m.growth(period) + 0.0).reduce(f64::max);
+    // + 0, so that a real one does not print as -0.
+    let eigenvalue = |m: &Multiplier| Eigenvalue { re: m.value().re + 0.0, im: m.value().im + 0.0, abs: m.abs() };
+    let mut modes: Vec<Mode> = pairs.iter().map(|root| mode(*root, all, period)).collect();
+    modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    Stability {
+        spectral_radius: counting.iter().map(Multiplier::abs).fold(0.0, f64::max),
+        eigenvalues: listed.iter().map(eigenvalue).collect(),
+        growth_per_s,
+        verdict: Verdict::of(growth_per_s),
+        critical_period_s: critical.period(),
+        critical_period_reason: critical.reason(),
+        modes,
+    }
+}
+
+/// Largest modulus first; those within 1e-9 of the first of their run by |arg| upwards, positive imaginary part first.
+fn sort(list: &mut [Multiplier]) {
+    list.sort_by(|a, b| b.ln_abs.total_cmp(&a.ln_abs));
+    let mut rest = list;
+    while let Some(first) = rest.first().map(Multiplier::abs) {
+        let run = rest.iter().take_while(|m| m.abs() >= first - 1e-9).count();
+        let (equal, others) = rest.split_at_mut(run);
+        equal.sort_by(|a, b| a.arg().abs().total_cmp(&b.arg().abs()).then(b.less_one.im.total_cmp(&a.less_one.im)));
+        rest = others;
+    }
+}
+
+fn mode(root: Root, all: &[Multiplier], period: f64) -> Mode {
+    let size = root.z.norm();
+    // e^z - 1: neighbours on the circle are told apart by their distance from 1.
+    let exact = multiplier(Method::Zoh, root).less_one;
+    let distance = |m: &Multiplier| (m.less_one - exact).norm();
+    let nearest = all.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).filter(|m| m.less_one.im != 0.0);
+    let log = nearest.map(|m| (m.ln_abs, m.ln_abs.hypot(m.arg())));
+    // 0 - x, because the negative of 0 is printed with its sign.
+    let ratio = |re: f64, size: f64| (0.0 - re) / size;
+    Mode {
+        frequency_hz: size / (TAU * period),
+        damping_ratio: ratio(root.z.re, size),
+        discrete_frequency_hz: log.map(|(_, size)| size / (TAU * period)),
+        discrete_damping_ratio: log.map(|(re, size)| ratio(re, size)),
+    }
+}

@@ -1,0 +1,244 @@
+//! The hands-off loop as one linear map: puck, bodies, estimator memory and commands in flight from one sample to the next.
+//!
+//! ```text
+//! s_{k+1} = s_k + D s_k
+//! ```
+//!
+//! Increments, because the eigenvalues that matter crowd near 1: those of D are λ - 1, and nothing here subtracts 1 from
+//! anything near it. s_k is taken at t_k, z_k measured:
+//!
+//! | part of s_k | its next value |
+//! | --- | --- |
+//! | z, if springs tie the puck to ground | by the motor's held commands, exactly |
+//! | ż | the same |
+//! | the bodies' modes, see [`crate::port`]: positions relative to the shift of the puck unless it is grounded, velocities | by the method |
+//! | v̂_k, the measured velocity, where a damper is tied to the puck and it is not the true one | pole v̂_k + Σ g_i δ_{k+1-i} |
+//! | δ_k, δ_{k-1}, ... with δ_k = z_k - z_{k-1}, as far as the estimator looks back | z_{k+1} - z_k, and one place on |
+//! | the commands before this sample's, as many as are in flight | this sample's, and one place on |
+//!
+//! The estimator's taps sum to 0, so it is a sum of displacements, g_i = Σ_{j≤i} taps_j, and no shift reaches its memory. All
+//! estimators give a uniform motion its velocity, so pole - 1 = -T Σ g.
+//!
+//! With the delay (d + a)T, 0 ≤ a < 1, the motor holds the command of sample k-d-1 for aT from t_k on, then that of k-d. Over
+//! a stretch h under the torque τ the puck, J z̈ + b ż = τ, obeys with x = bh/J
+//!
+//! ```text
+//! Δż = (e^{-x} - 1) ż + (h/J) φ₁ τ,    Δz = h φ₁ ż + (h²/J) φ₂ τ,    φ₁ = (1 - e^{-x})/x,    φ₂ = (x - 1 + e^{-x})/x²
+//! ```
+
+use hapt_model::Sampling;
+use nalgebra::{DMatrix, RowDVector};
+
+use crate::discrete::Discrete;
+use crate::error::Error;
+use crate::estimator::Filter;
+use crate::port::Port;
+
+/// The most commands on their way that are looked at: each is a row of a full matrix.
+pub const IN_FLIGHT: usize = 500;
+
+/// A delay of (samples + part) periods, 0 ≤ part < 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Delay {
+    pub samples: usize,
+    pub part: f64,
+}
+
+impl Delay {
+    /// A delay in s; within 1e-6 of a whole sample it is that sample, as in the loop.
+    ///
+    /// # Errors
+    /// [`Error::InFlight`] when more than [`IN_FLIGHT`] commands are on their way.
+    pub fn of(seconds: f64, period: f64) -> Result<Self, Error> {
+        let ratio = seconds / period;
+        if ratio > IN_FLIGHT as f64 {
+            return Err(Error::InFlight { delay: seconds, period, limit: IN_FLIGHT });
+        }
+        let whole = ratio.round();
+        let near = (ratio - whole).abs() <= 1e-6;
+        let samples = if near { whole } else { ratio.floor() };
+        Ok(Delay { samples: samples as usize, part: if near { 0.0 } else { ratio - samples } })
+    }
+
+    /// How many commands before the present one the motor still holds or will hold.
+    fn in_flight(self) -> usize {
+        self.samples + usize::from(self.part > 0.0)
+    }
+}
+
+/// φ₁ of the module's head.
+fn phi1(x: f64) -> f64 {
+    if x == 0.0 { 1.0 } else { -(-x).exp_m1() / x }
+}
+
+/// φ₂ of the module's head: below 1 by its series, whose 19th term is below the last bit.
+fn phi2(x: f64) -> f64 {
+    if x >= 1.0 {
+        return ((-x).exp_m1() + x) / (x * x);
+    }
+    (3..=20).rev().fold(1.0, |sum, k| 1.0 - x * sum / f64::from(k)) * 0.5
+}
+
+/// D of the module's head. `damping` is the device's b, `filter` the estimator's at this period.
+///
+/// # Errors
+/// [`Error::InFlight`]; [`Error::Step`] and [`Error::Eigenvalues`] when numbers leave double precision.
+pub(crate) fn stack(
+    port: &Port,
+    sampling: &Sampling,
+    damping: f64,
+    filter: &Filter,
+    period: f64,
+) -> Result<DMatrix<f64>, Error> {
+    let delay = Delay::of(sampling.delay, period)?;
+    if filter.taps.len() > IN_FLIGHT + 1 {
+        let value = (filter.taps.len() - 1) as f64;
+        return Err(Error::Value { what: "the estimator's window", value, wanted: "500 samples at most" });
+    }
+    let slack = port.is_slack();
+    // What nothing reads has no place.
+    let flying = if slack { 0 } else { delay.in_flight() };
+    let estimated = port.has_damper() && !filter.taps.is_empty();
+    let back = if estimated { filter.taps.len().saturating_sub(2) } else { 0 };
+    let bodies: usize = port.blocks.iter().map(|b| b.positions + b.equations.bodies()).sum();
+
+    let z = port.grounded.then_some(0);
+    let v = usize::from(port.grounded);
+    let first_body = v + 1;
+    let estimate = if estimated { first_body + bodies } else { v };
+    let first_back = first_body + bodies + usize::from(estimated);
+    let first_flying = first_back + back;
+    let order = first_flying + flying;
+    let unit = |i: usize| RowDVector::from_fn(order, |_, j| if i == j { 1.0 } else { 0.0 });
+
+    // One sample of each block, and the torque.
+    let mut torque = RowDVector::zeros(order);
+    let mut own = [-port.stiffness, -(port.fixed + period * port.per_period)];
+    let mut steps = Vec::with_capacity(port.blocks.len());
+    let mut at = first_body;
+    for block in &port.blocks {
+        let step = Discrete::new(&block.equations, sampling.method, sampling.output, sampling.advance, period)?;
+        let (m, p) = (block.equations.bodies(), block.positions);
+        (0..p).for_each(|j| torque[at + j] += step.torque.state[j]);
+        (0..m).for_each(|j| torque[at + p + j] += step.torque.state[m + j]);
+        own[0] += step.torque.puck[0];
+        own[1] += step.torque.puck[1];
+        steps.push((block, step, at));
+        at += m + p;
+    }
+    // Without a spring to ground the torque's part from z is that of a shift: none.
+    if let Some(z) = z {
+        torque[z] += own[0];
+    }
+    if port.has_damper() {
+        torque[estimate] += own[1];
+    }
+
+    // The puck, over both parts of the period.
+    let j = port.inertia;
+    let rate = damping / j;
+    let (h1, h2) = (delay.part * period, period - delay.part * period);
+    let command = |age: usize| if age == 0 { torque.clone() } else { unit(first_flying + age - 1) };
+    let mut dz = unit(v) * (period * phi1(rate * period));
+    let mut dv = unit(v) * (-rate * period).exp_m1();
+    if !slack {
+        let new = command(delay.samples);
+        dz += &new * (h2 * h2 / j * phi2(rate * h2));
+        dv += new * (h2 / j * phi1(rate * h2));
+        if delay.part > 0.0 {
+            let old = command(delay.samples + 1);
+            let push = h1 / j * phi1(rate * h1);
+            dz += &old * (h1 * h1 / j * phi2(rate * h1) + push * h2 * phi1(rate * h2));
+            dv += old * (push * (-rate * h2).exp());
+        }
+    }
+
+    let mut d = DMatrix::zeros(order, order);
+    if let Some(z) = z {
+        d.set_row(z, &dz);
+    }
+    d.set_row(v, &dv);
+    if estimated {
+        let mut sum = 0.0;
+        let gains: Vec<f64> = filter.taps.iter().take(filter.taps.len() - 1).map(|tap| (sum += tap, sum).1).collect();
+        let mut row = &dz * gains.first().copied().unwrap_or(0.0);
+        for (i, gain) in gains.iter().enumerate().skip(1) {
+            row[first_back + i - 1] += gain;
+        }
+        row[estimate] -= if filter.pole == 0.0 { 1.0 } else { period * gains.iter().sum::<f64>() };
+        d.set_row(estimate, &row);
+    }
+    for i in 0..back {
+        let mut row = if i == 0 { dz.clone() } else { unit(first_back + i - 1) };
+        row[first_back + i] -= 1.0;
+        d.set_row(first_back + i, &row);
+    }
+    for i in 0..flying {
+        let mut row = command(i);
+        row[first_flying + i] -= 1.0;
+        d.set_row(first_flying + i, &row);
+    }
+    let estimate_change = d.row(estimate).into_owned();
+    for (block, step, at) in &steps {
+        let (m, p) = (block.equations.bodies(), block.positions);
+        // Positions beyond p are nobody's: their columns are 0.
+        let places = (0..p).map(|i| (i, at + i)).chain((0..m).map(|i| (m + i, at + p + i))).collect::<Vec<_>>();
+        for &(i, place) in &places {
+            let mut row = RowDVector::zeros(order);
+            for &(j, column) in &places {
+                row[column] += step.d[(i, j)];
+            }
+            let held = |j: usize| step.previous[(i, j)] + step.current[(i, j)];
+            if let Some(z) = z {
+                row[z] += held(0);
+            }
+            if port.has_damper() {
+                row[estimate] += held(1);
+            }
+            // The methods that take the new sample first: u_{k+1} = u_k + Δu.
+            let mut along = 0.0;
+            if sampling.method.takes_new_sample_first() {
+                along += step.current[(i, 0)];
+                if port.has_damper() {
+                    row += &estimate_change * step.current[(i, 1)];
+                }
+            }
+            if z.is_none() && i < p {
+                along -= block.shift[i];
+            }
+            row += &dz * along;
+            d.set_row(place, &row);
+        }
+    }
+    if d.iter().all(|x| x.is_finite()) { Ok(d) } else { Err(Error::Eigenvalues { order }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matrix::phi;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_closed_forms_are_the_phi_functions(log in -12.0..2.0f64) {
+            let x = 10f64.powf(log);
+            let (one, two) = phi(&DMatrix::from_element(1, 1, -x));
+            prop_assert!((phi1(x) / one[0] - 1.0).abs() < 1e-14);
+            prop_assert!((phi2(x) / two[0] - 1.0).abs() < 2e-14);
+        }
+    }
+
+    #[test]
+    fn a_delay_near_a_whole_sample_is_that_sample() {
+        let of = |seconds: f64| Delay::of(seconds, 1e-3).unwrap();
+        assert_eq!(of(3e-3), Delay { samples: 3, part: 0.0 });
+        assert_eq!(of(3e-3 + 0.9e-9), Delay { samples: 3, part: 0.0 });
+        assert_eq!(of(3e-3 - 0.9e-9), Delay { samples: 3, part: 0.0 });
+        let more = of(3e-3 + 2e-9);
+        assert!(more.samples == 3 && (more.part - 2e-6).abs() < 1e-12);
+        assert_eq!(of(2.5e-3).in_flight(), 3);
+        assert_eq!(of(0.0).in_flight(), 0);
+        assert!(Delay::of(0.5001, 1e-3).is_err());
+    }
+}
