@@ -2,13 +2,16 @@
 
 use std::f64::consts::TAU;
 
-use hapt_model::{Damping, End, EstimatorKind, Law, Method, World};
+use hapt_model::keys::Measure;
+use hapt_model::{Damping, End, EstimatorKind, Law, Method, Motion, World};
 use serde::Serialize;
 
 use crate::continuous::{bent, bent_anywhere};
 use crate::error::Error;
 use crate::free::{free, shortest_period};
 use crate::held::held;
+use crate::passivity::{Cause, Passivity, Quantisation, passivity, quantisation};
+use crate::remedies::Remedies;
 use crate::stability::{COMBINED, Mode, Stability, Verdict};
 
 /// What `check` says of a world. It serialises to the mapping that `hapt check --json` prints.
@@ -24,8 +27,18 @@ pub struct Check {
     pub held: Stability,
     /// World, estimator, delay, hold and device together, no hand on the puck.
     pub free: Stability,
+    /// The loop against any passive hand.
+    pub passivity: Passivity,
+    /// What the encoder's counts allow.
+    pub quantisation: Quantisation,
+    /// What would make it certified, or how far it is from losing that; `None` where nobody asked.
+    pub remedies: Option<Remedies>,
+    /// Neither held nor free unstable, and passive.
+    pub certified: bool,
     /// What a reader of the numbers has to know.
     pub notes: Vec<String>,
+    #[serde(skip)]
+    motion: Motion,
 }
 
 /// Analyses a world: its loop's period and method, its bodies and couplings.
@@ -36,13 +49,21 @@ pub struct Check {
 /// that no reader has checked.
 pub fn check(world: &World) -> Result<Check, Error> {
     let sampling = &world.sampling;
+    let held = held(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
+    let (free, passivity) = (free(world)?, passivity(world)?);
+    let holds = |of: &Stability| of.verdict != Verdict::Unstable;
     Ok(Check {
         period_s: sampling.period,
         method: sampling.method.name(),
         output: sampling.output.name(),
-        held: held(&world.bodies, &world.couplings, sampling.method, sampling.period)?,
-        free: free(world)?,
+        certified: holds(&held) && holds(&free) && passivity.passive,
+        held,
+        free,
+        passivity,
+        quantisation: quantisation(world)?,
+        remedies: None,
         notes: notes(world),
+        motion: world.motion,
     })
 }
 
@@ -102,11 +123,36 @@ fn notes(world: &World) -> Vec<String> {
     if world.couplings.iter().any(|c| c.first == End::Puck || c.second == End::Puck) {
         notes.push(format!("free: its critical period is searched from {} up", time(shortest_period(sampling))));
     }
+    notes.extend(at_puck(world));
     notes
 }
 
+/// What passivity leaves out, or cannot be had with, at the puck.
+fn at_puck(world: &World) -> impl Iterator<Item = String> {
+    let damping = world.device.damping;
+    let touching = |c: &hapt_model::Coupling| c.first == End::Puck || c.second == End::Puck;
+    world.couplings.iter().enumerate().filter(move |(_, c)| touching(c)).filter_map(move |(index, c)| match c.law {
+        Law::Coulomb { torque } if torque > 0.0 => Some(format!(
+            "couplings.{index}: Coulomb friction at the puck jumps with the sign of the velocity, so no finite damping makes \
+             it passive; LuGre friction with its bristles has a finite slope"
+        )),
+        Law::Constant { torque } if torque != 0.0 => {
+            let speed = if damping > 0.0 {
+                format!("drives the puck at up to {}, its torque over the device's damping", short((torque / damping).abs()))
+            } else {
+                "drives the puck ever faster, because the device has no damping".to_string()
+            };
+            Some(format!(
+                "couplings.{index}: a constant torque at the puck gives energy without bound and counts 0 in passivity; hands \
+                 off it {speed}"
+            ))
+        }
+        _ => None,
+    })
+}
+
 /// A rate or a time for people: four digits, no trailing zeros.
-fn short(x: f64) -> String {
+pub(crate) fn short(x: f64) -> String {
     let digits = if x == 0.0 { 3 } else { (3 - x.abs().log10().floor() as i32).clamp(0, 12) };
     let text = format!("{x:.*}", digits as usize);
     let scientific = x != 0.0 && !(1e-4..1e5).contains(&x.abs());
@@ -156,6 +202,23 @@ fn pace(growth: f64) -> String {
 }
 
 impl Check {
+    /// The whole verdict in one sentence.
+    pub fn verdict_sentence(&self) -> String {
+        let reasons = [
+            (self.held.verdict == Verdict::Unstable, "it is unstable with the puck held"),
+            (self.free.verdict == Verdict::Unstable, "it is unstable when the puck is let go"),
+            (!self.passivity.passive, "there are hands, passive ones, that can draw energy from it"),
+        ];
+        let reasons: Vec<&str> = reasons.into_iter().filter(|(holds, _)| *holds).map(|(_, words)| words).collect();
+        match (reasons.is_empty(), self.passivity.proved) {
+            (false, _) => format!("not certified: {}", reasons.join("; ")),
+            (true, true) => "certified: stable held and let go, and passive against every passive hand".to_string(),
+            (true, false) => {
+                "certified, as far as the linear loop goes: stable held and let go, and passive".to_string()
+            }
+        }
+    }
+
     /// The verdict on the held world in one sentence, with its reason.
     pub fn sentence(&self) -> String {
         let held = &self.held;
@@ -250,5 +313,62 @@ impl Check {
                 format!("stable: let go, the loop comes to rest by at least {} per second; {room}", short(-growth))
             }
         }
+    }
+
+    /// The verdict on passivity in one sentence, with its reason; dampings in SI.
+    pub fn passivity_sentence(&self) -> String {
+        let Passivity { required_damping, device_damping, at_hz, passive, proved, cause, .. } = &self.passivity;
+        let linear = if *proved { "" } else { " (the linear loop)" };
+        let Some(required) = required_damping else {
+            let reason = match *cause {
+                Some(Cause::Grows { hz }) => {
+                    format!("the hand feels a motion at {} Hz that grows by itself", short(hz))
+                }
+                Some(Cause::OutOfStep { hz }) => {
+                    format!(
+                        "nothing damps the swing at {} Hz, and its torque comes out of step with the hand",
+                        short(hz)
+                    )
+                }
+                Some(Cause::Fraction { hz }) => format!(
+                    "nothing damps the swing at {} Hz, and the delay is not a whole number of samples",
+                    short(hz)
+                ),
+                Some(Cause::Coulomb) | None => "Coulomb friction at the puck has no finite slope".to_string(),
+            };
+            return format!("not passive at any device damping{linear}: {reason}");
+        };
+        let place = match *at_hz {
+            None => "the same at every frequency".to_string(),
+            Some(0.0) => "most toward 0 Hz".to_string(),
+            Some(hz) => format!("most at {} Hz", short(hz)),
+        };
+        let unit = Measure::Damping.dimension(self.motion).symbol();
+        let (has, wanted) = (short(*device_damping), short(*required));
+        if *passive {
+            format!(
+                "passive against every passive hand{linear}: it asks the device for {wanted} {unit}, {place}, and the device has {has}"
+            )
+        } else {
+            let more = short(required - device_damping);
+            format!(
+                "not passive{linear}: it asks the device for {wanted} {unit}, {place}, and the device has {has}, {more} too little"
+            )
+        }
+    }
+
+    /// What the encoder's counts allow, in one sentence; `None` for an ideal encoder.
+    pub fn quantisation_sentence(&self) -> Option<String> {
+        let unit = Measure::Stiffness.dimension(self.motion).symbol();
+        let most = format!("{} {unit}", short(self.quantisation.max_stiffness?));
+        Some(if self.quantisation.ok {
+            format!(
+                "friction and damping of the device swallow the encoder's counts up to {most} at the puck, and there is less"
+            )
+        } else {
+            format!(
+                "friction and damping of the device swallow the encoder's counts only up to {most} at the puck, and there is more: it may buzz"
+            )
+        })
     }
 }

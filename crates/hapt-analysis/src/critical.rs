@@ -117,6 +117,9 @@ pub fn critical(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes, method
 
 /// The same of one part; where that takes a search, it stops at `known`.
 pub(crate) fn of_part(part: &Modal, method: Method, known: Critical) -> Result<Critical, Error> {
+    if known == Critical::Never {
+        return Ok(known);
+    }
     // Tω of a mode that no damper damps, and of one whose damping is T ω²: s² + Tω² s + ω² = 0.
     let (undamped, compensated) = match method {
         Method::ForwardEuler => (0.0, 2.0),

@@ -53,6 +53,12 @@ pub enum Error {
         /// The most commands.
         limit: usize,
     },
+    /// The search for the least damping did not end within its bound.
+    #[error("no least damping: its search did not end after looking at {looks} intervals of frequency")]
+    Search {
+        /// How many it looked at.
+        looks: usize,
+    },
     /// An output that the method does not have.
     #[error(
         "{method} takes the new sample first and the torque from x_k: its output is \"start\", without advance, not \"{output}\"",

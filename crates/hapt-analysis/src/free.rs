@@ -59,13 +59,25 @@ struct Found {
 /// [`Error::Value`] for a period or inertia that is not positive, [`Error::NoSuchBody`], [`Error::InFlight`] for a delay of too
 /// many periods, [`Error::Step`] and [`Error::Eigenvalues`] when numbers leave double precision.
 pub fn free(world: &World) -> Result<Stability, Error> {
+    analyse(world, Critical::Unbounded)
+}
+
+/// The growth of [`free`] alone, in 1/s.
+///
+/// # Errors
+/// As [`free`].
+pub fn free_growth(world: &World) -> Result<Option<f64>, Error> {
+    Ok(analyse(world, Critical::Never)?.growth_per_s)
+}
+
+/// The critical period is searched where it may be below `critical`.
+fn analyse(world: &World, mut critical: Critical) -> Result<Stability, Error> {
     let period = positive("the period", world.sampling.period)?;
     // The puck is one of the bodies, the first.
     let mut inertia = vec![positive("the device's inertia", world.device.inertia)?];
     inertia.extend(inertias(&world.bodies)?);
     let mut known: Vec<(Part, Found)> = Vec::new();
     let mut worst: Option<(f64, Vec<Found>)> = None;
-    let mut critical = Critical::Unbounded;
     for slopes in combinations(&bent_anywhere(&world.couplings)) {
         let mut all: Vec<Found> = Vec::new();
         for (index, part) in

@@ -30,12 +30,30 @@ struct Found {
 /// [`Error::Value`] for a period or inertia that is not positive, [`Error::NoSuchBody`], [`Error::Eigenvalues`] when numbers
 /// leave double precision.
 pub fn held(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64) -> Result<Stability, Error> {
+    analyse(bodies, couplings, method, period, Critical::Unbounded)
+}
+
+/// The growth of [`held`] alone, in 1/s.
+///
+/// # Errors
+/// As [`held`].
+pub fn held_growth(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64) -> Result<Option<f64>, Error> {
+    Ok(analyse(bodies, couplings, method, period, Critical::Never)?.growth_per_s)
+}
+
+/// The critical period is searched where it may be below `critical`.
+fn analyse(
+    bodies: &[Body],
+    couplings: &[Coupling],
+    method: Method,
+    period: f64,
+    mut critical: Critical,
+) -> Result<Stability, Error> {
     positive("the period", period)?;
     let inertia = inertias(bodies)?;
     // Combinations differ in few parts: each is computed once.
     let mut known: Vec<(Part, Found)> = Vec::new();
     let mut worst: Option<(f64, Vec<Found>)> = None;
-    let mut critical = Critical::Unbounded;
     for slopes in combinations(&bent(couplings)) {
         let mut all = Vec::new();
         for part in parts(&inertia, &ties(bodies, couplings, &slopes)?) {

@@ -1,7 +1,7 @@
 //! The laboratory: what a world does when its loop runs, computed from its differential equations and never by running the
 //! loop. The loop and this crate share plain data only, so that a test which compares them compares two derivations.
 //!
-//! * [`check()`] is the whole answer on one world: eigenvalues, growth, critical period, modes, notes.
+//! * [`check()`] is the whole answer on one world: eigenvalues, growth, critical period, modes, passivity, notes.
 //! * [`Continuous`] holds the equations of motion, [`Discrete`] one sample of them under a method.
 //! * [`held()`] and [`free()`] are its two halves: the bodies while the puck stands, and the whole loop let go.
 //! * [`Design`] and [`closed_form`] are the notes' wheel on a spring: its specification, and what it does exactly.
@@ -20,10 +20,13 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod certificate;
 pub mod check;
 pub mod closed_form;
 pub mod continuous;
 pub mod critical;
+mod curve;
+mod delay;
 pub mod design;
 pub mod discrete;
 pub mod eigen;
@@ -32,23 +35,33 @@ mod estimator;
 pub mod free;
 pub mod held;
 mod hessenberg;
+mod impedance;
 mod jacobi;
 mod matrix;
 mod modal;
+pub mod passivity;
 mod polynomial;
 mod port;
+mod proof;
 mod rayleigh;
+pub mod remedies;
 mod scan;
+mod series;
 pub mod stability;
 mod stack;
 mod structure;
+mod supremum;
 
+pub use certificate::is_certified;
 pub use check::{Check, check};
 pub use continuous::{Continuous, Slopes};
 pub use critical::Critical;
+pub use delay::IN_FLIGHT;
 pub use design::Design;
 pub use discrete::Discrete;
 pub use error::Error;
-pub use free::free;
-pub use held::held;
+pub use free::{free, free_growth};
+pub use held::{held, held_growth};
+pub use passivity::{Passivity, Quantisation, passivity, quantisation, required_damping};
+pub use remedies::{Remedies, remedies};
 pub use stability::{Stability, Verdict};

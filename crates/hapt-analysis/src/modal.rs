@@ -63,6 +63,8 @@ pub(crate) struct Modal {
     pub compensated: Vec<f64>,
     /// All others.
     pub coupled: Coupled,
+    /// The columns of V in the order above: the undamped, the compensated, the coupled.
+    pub shapes: DMatrix<f64>,
 }
 
 impl Coupled {
@@ -213,6 +215,7 @@ impl Modal {
         }
         let no_columns = || DMatrix::<f64>::zeros(n, 0);
         let (mut undamped, mut compensated, mut kept, mut kept_shapes) = (vec![], vec![], vec![], no_columns());
+        let (mut undamped_shapes, mut compensated_shapes) = (no_columns(), no_columns());
         let follows = part.links.iter().any(|l| l.per_period > 0.0);
         let difference = form(part, &DMatrix::identity(n, n), |l| l.per_period - l.stiffness);
         for (w, group) in of_one_frequency(&omega) {
@@ -221,6 +224,7 @@ impl Modal {
             let seen = rows(part, &shapes, |l, reach| f64::from(u8::from(l.fixed > 0.0 || l.per_period > 0.0)) / reach);
             let (quiet, shapes) = split(seen, shapes);
             undamped.extend(std::iter::repeat_n(w, quiet.ncols()));
+            undamped_shapes = beside(&undamped_shapes, &quiet);
             let (quiet, shapes) = if follows {
                 let seen = rows(part, &shapes, |l, reach| f64::from(u8::from(l.fixed > 0.0)) / reach);
                 let uncovered = &difference * &shapes / (w * w);
@@ -232,6 +236,7 @@ impl Modal {
                 (no_columns(), shapes)
             };
             compensated.extend(std::iter::repeat_n(w, quiet.ncols()));
+            compensated_shapes = beside(&compensated_shapes, &quiet);
             kept.extend(std::iter::repeat_n(w, shapes.ncols()));
             kept_shapes = beside(&kept_shapes, &shapes);
         }
@@ -249,7 +254,8 @@ impl Modal {
         };
         if coupled.fixed.iter().chain(coupled.per_period.iter()).chain(coupled.uncovered.iter()).all(|x| x.is_finite())
         {
-            Ok(Modal { ones, undamped, compensated, coupled })
+            let shapes = beside(&beside(&undamped_shapes, &compensated_shapes), &v);
+            Ok(Modal { ones, undamped, compensated, coupled, shapes })
         } else {
             Err(Error::Eigenvalues { order: 2 * n })
         }

@@ -85,7 +85,8 @@ impl Port {
         let none = || DMatrix::<f64>::zeros(n, 0);
         let follows = bodies.links.iter().any(|l| l.per_period > 0.0);
         let difference = form(&bodies, &DMatrix::identity(n, n), |l| l.per_period - l.stiffness);
-        let mut unseen = Modal { ones: 0, undamped: vec![], compensated: vec![], coupled: Coupled::none() };
+        let mut unseen =
+            Modal { ones: 0, undamped: vec![], compensated: vec![], coupled: Coupled::none(), shapes: none() };
         let (mut alone, mut damped, mut damped_omega) = (Vec::new(), none(), Vec::new());
         for (w, group) in of_one_frequency(&omega) {
             let shapes = modes.columns_range(group).into_owned();

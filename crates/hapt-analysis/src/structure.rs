@@ -34,6 +34,8 @@ pub(crate) struct Cluster {
 /// Bodies that hang together, apart from all others.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Part {
+    /// The bodies' indices in the world.
+    pub members: Vec<usize>,
     /// Of each body.
     pub inertia: Vec<f64>,
     pub links: Vec<Link>,
@@ -96,7 +98,8 @@ pub(crate) fn held_still(part: &Part) -> Part {
         .filter(|&i| spring[i] == i)
         .map(|label| Cluster { bodies: (0..n).filter(|&i| spring[i] == label).collect(), anchored: anchored(label) });
     let clusters = clusters.collect();
-    Part { inertia: part.inertia[1..].to_vec(), tied: links.iter().any(|l| l.other.is_none()), clusters, links }
+    let (members, inertia) = (part.members[1..].to_vec(), part.inertia[1..].to_vec());
+    Part { members, inertia, tied: links.iter().any(|l| l.other.is_none()), clusters, links }
 }
 
 /// Takes a world apart.
@@ -125,6 +128,7 @@ pub(crate) fn parts(inertia: &[f64], ties: &[Tie]) -> Vec<Part> {
                 tied: of_part.iter().any(|l| l.other.is_none()),
                 clusters,
                 links: of_part.iter().map(|l| Link { body: local(l.body), other: l.other.map(local), ..*l }).collect(),
+                members,
             }
         })
         .collect()

@@ -84,11 +84,29 @@ fn check_speaks_the_words_of_the_contract() {
     let notes: Vec<_> = value["notes"].as_array().unwrap().iter().filter_map(|n| n.as_str()).collect();
     assert_eq!(notes, ["free: its critical period is searched from 1 us up"]);
     assert!(value["free"].as_object().unwrap().keys().eq(held.as_object().unwrap().keys()));
-    let places = ["period_s", "method", "output", "held", "free", "notes"];
-    assert!(value.as_object().unwrap().keys().eq(places.iter()));
-    for absent in ["passivity", "certified"] {
-        assert!(value.get(absent).is_none());
-    }
+    let text = serde_json::to_string(&answer).unwrap();
+    let keys = [
+        "held",
+        "free",
+        "passivity",
+        "required_damping",
+        "device_damping",
+        "at_hz",
+        "passive",
+        "proved",
+        "not_proved",
+        "quantisation",
+        "max_stiffness",
+        "ok",
+        "notes",
+    ];
+    let places: Vec<_> = keys.iter().map(|k| text.find(&format!("\"{k}\":")).unwrap()).collect();
+    assert!(places.is_sorted() && !text.contains("cause"));
+    assert_eq!(
+        answer.passivity_sentence(),
+        "not passive at any device damping: the hand feels a motion at 1 Hz that grows by itself"
+    );
+    assert_eq!(answer.quantisation_sentence(), None);
     assert_eq!(
         answer.sentence(),
         "unstable: the held world grows by 0.01974 per second (a factor 1.22 in 10 s); forward Euler is never stable on an \
@@ -279,4 +297,38 @@ proptest! {
             prop_assert!(!found.sentence().contains("NaN") && !found.free_sentence().contains("NaN"));
         }
     }
+}
+
+#[test]
+fn passivity_is_said_with_what_is_missing_and_where() {
+    let (design, bench) = notes();
+    let mut world = world(bench, Method::Zoh, 1e-3);
+    world.sampling.output = Output::End;
+    let half = 0.5e-3 * design.stiffness;
+    let answer = check(&world).unwrap();
+    assert!((answer.passivity.required_damping.unwrap() - half).abs() < 1e-12 * half);
+    assert_eq!(
+        answer.passivity_sentence(),
+        "passive against every passive hand: it asks the device for 0.0005093 N m s/rad, the same at every frequency, and the \
+         device has 0.0012"
+    );
+    world.sampling.output = Output::Start;
+    assert_eq!(
+        check(&world).unwrap().passivity_sentence(),
+        "not passive at any device damping: nothing damps the swing at 1 Hz, and its torque comes out of step with the hand"
+    );
+    let puck = |law| Coupling { first: End::Puck, second: End::Ground, law };
+    world.couplings.extend([puck(Law::Constant { torque: -0.6 }), puck(Law::Coulomb { torque: 0.1 })]);
+    let answer = check(&world).unwrap();
+    assert!(answer.notes.iter().any(|n| n.contains("constant torque") && n.contains("500")), "{:?}", answer.notes);
+    assert!(answer.notes.iter().any(|n| n.contains("Coulomb friction at the puck")));
+    world.couplings = vec![puck(Law::Spring { stiffness: 10.0, rest: 0.0 })];
+    world.device.encoder = Some(1000.0);
+    let answer = check(&world).unwrap();
+    assert_eq!(
+        answer.passivity_sentence(),
+        "not passive (the linear loop): it asks the device for 0.005 N m s/rad, the same at every frequency, and the device has \
+         0.0012, 0.0038 too little"
+    );
+    assert!(answer.quantisation_sentence().unwrap().ends_with("only up to 0 N m/rad at the puck, and there is more: it may buzz"));
 }

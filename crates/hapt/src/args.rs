@@ -36,10 +36,10 @@ Examples:
   hapt sim wheel.toml --set loop.period=2ms          the same at another period
   hapt design --travel 45deg --torque 800Nmm --frequency 1Hz | hapt sim -")]
     Sim(SimArgs),
-    /// Whether the loop holds: eigenvalues, growth, critical period.
+    /// The certificate: stable held, stable let go, passive against every hand; and what would make it so.
     #[command(after_help = "\
 Examples:
-  hapt check wheel.toml                              exit code 1 when unstable
+  hapt check wheel.toml                              exit code 1 when refused
   hapt check wheel.toml --json                       in numbers
   hapt check wheel.toml --set loop.method=trapezoidal")]
     Check(CheckArgs),
@@ -145,6 +145,9 @@ pub enum Format {
 pub struct CheckArgs {
     #[command(flatten)]
     pub world: WorldArgs,
+    /// Do not look for what would certify it, or for its margins.
+    #[arg(long)]
+    pub no_remedies: bool,
     /// Print the numbers as JSON.
     #[arg(long)]
     pub json: bool,

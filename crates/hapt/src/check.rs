@@ -1,31 +1,36 @@
-//! `hapt check`: whether the loop holds.
+//! `hapt check`: the certificate, and what would make it so.
 
 use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_analysis::{Check, Stability, Verdict};
+use hapt_analysis::{Check, Stability};
 
 use crate::args::CheckArgs;
 use crate::failure::Failure;
 use crate::people;
+use crate::remedies;
 use crate::world::load;
 
 pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
     let loaded = load(&args.world)?;
-    let check = hapt_analysis::check(&loaded.world)?;
+    let mut check = hapt_analysis::check(&loaded.world)?;
+    if !args.no_remedies {
+        check.remedies = Some(hapt_analysis::remedies(&loaded.world)?);
+    }
     let text = if args.json {
         let json = serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))?;
         json + "\n"
     } else {
-        format!("{}\n\n{}", loaded.title(), text(&check))
+        let proposed = match &check.remedies {
+            Some(remedies) => remedies::lines(&loaded, args, &check, remedies)?,
+            None => String::new(),
+        };
+        format!("{}\n\n{}{proposed}", loaded.title(), text(&check))
     };
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
-    Ok(match check.held.verdict {
-        Verdict::Unstable => ExitCode::from(1),
-        Verdict::Stable | Verdict::Marginal => ExitCode::SUCCESS,
-    })
+    Ok(if check.certified { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 fn text(check: &Check) -> String {
@@ -35,8 +40,16 @@ fn text(check: &Check) -> String {
         people::time(check.period_s),
         check.output
     );
+    let _ = writeln!(text, "verdict   {}", check.verdict_sentence());
     about(&mut text, "held", &check.sentence(), &check.held);
     about(&mut text, "free", &check.free_sentence(), &check.free);
+    let _ = writeln!(text, "passive   {}", check.passivity_sentence());
+    for reason in &check.passivity.not_proved {
+        let _ = writeln!(text, "          not proved: {reason}");
+    }
+    if let Some(counts) = check.quantisation_sentence() {
+        let _ = writeln!(text, "counts    {counts}");
+    }
     for note in &check.notes {
         let _ = writeln!(text, "note      {note}");
     }

@@ -12,6 +12,7 @@ mod output;
 mod people;
 mod plot;
 mod progress;
+mod remedies;
 mod report;
 mod schema;
 mod shell;

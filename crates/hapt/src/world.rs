@@ -12,13 +12,14 @@ use crate::failure::Failure;
 pub struct Loaded {
     pub name: String,
     pub world: World,
+    pub source: Source,
 }
 
 /// Reads the world file with its overrides.
 pub fn load(args: &WorldArgs) -> Result<Loaded, Failure> {
     let source = source(&args.path)?;
     let world = World::read(&source, &args.sets)?;
-    Ok(Loaded { name: source.name, world })
+    Ok(Loaded { name: source.name.clone(), world, source })
 }
 
 /// What WORLD stands for: a file, standard input for `-`, a built-in world for `@NAME`.

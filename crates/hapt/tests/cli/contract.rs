@@ -53,7 +53,7 @@ fn the_fields_are_those_of_the_contract() {
     for path in every_world() {
         let ended = hapt(Path::new("."), ["check".as_ref(), path.as_os_str(), "--json".as_ref()]);
         let json: Value = serde_json::from_str(&ended.out).unwrap();
-        keys(&json, &["period_s", "method", "output", "held", "notes"]);
+        keys(&json, &["period_s", "method", "output", "held", "passivity", "quantisation", "notes"]);
         assert!(number(&json["period_s"]) > 0.0);
         assert!(json["method"].is_string() && json["output"].is_string());
         assert!(json["notes"].as_array().unwrap().iter().all(Value::is_string));

@@ -1,0 +1,259 @@
+//! The least device damping as a function of frequency.
+//!
+//! The motor holds the torque -H z from a fraction a of a sample after the d-th on. Between samples the worst hand may move
+//! as it likes: with τ before and τ' after the motor's change, the device's own losses are least on straight stretches,
+//!
+//! ```text
+//! b δ²/T - (a τ + (1 - a) τ') δ - a (1 - a) T (τ' - τ)²/(4b),    δ = z_{k+1} - z_k
+//! ```
+//!
+//! so that over all frequencies φ = ωT the damping b has to satisfy (Colgate and Schenkel, J. Robotic Systems 14(1), 1997, for
+//! a = 0)
+//!
+//! ```text
+//! b² - b m - h ≥ 0,   m = -T Re{Z H/(z - 1)},   h = a (1 - a) T² |H|²/4,   Z = z⁻ᵈ (1 - a + a z⁻¹)
+//! ```
+//!
+//! With H = K + (z - 1) F the static part is a sum of cosines, T K (1/2 + Σ Re z⁻ⁱ, i = 1..d), and no digit is lost toward φ = 0.
+
+use nalgebra::Complex;
+
+use crate::delay::Delay;
+use crate::estimator::Filter;
+use crate::impedance::{Impedance, Pole};
+use crate::series::{Inverse, Real, Series};
+
+type C = Complex<f64>;
+
+/// W of v = (1 - z⁻¹) W z: Σ taps\[i\] z⁻ⁱ/(1 - pole z⁻¹), in 1/s.
+#[derive(Clone, Debug, PartialEq)]
+struct Slope {
+    taps: Vec<f64>,
+    pole: f64,
+    /// ln pole
+    ln_pole: f64,
+}
+
+/// m and h.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Curve {
+    period: f64,
+    lag: Delay,
+    slope: Slope,
+    stiffness: f64,
+    direct: f64,
+    /// Of m, N·m·s/rad.
+    constant: f64,
+    /// m has Σ taps\[i\] Re z⁻ⁱ more, from i = 1 on.
+    taps: Vec<f64>,
+    poles: Vec<Pole>,
+}
+
+impl Slope {
+    fn of(filter: &Filter, period: f64) -> Slope {
+        if filter.taps.is_empty() {
+            // The true velocity counts as the difference.
+            return Slope { taps: vec![1.0 / period], pole: 0.0, ln_pole: f64::NEG_INFINITY };
+        }
+        if filter.pole > 0.0 {
+            let ln_pole = (-period * filter.taps[0]).ln_1p();
+            return Slope { taps: vec![filter.taps[0]], pole: filter.pole, ln_pole };
+        }
+        let mut sum = 0.0;
+        let mut taps: Vec<f64> = filter
+            .taps
+            .iter()
+            .map(|tap| {
+                sum += tap;
+                sum
+            })
+            .collect();
+        taps.pop();
+        Slope { taps, pole: 0.0, ln_pole: f64::NEG_INFINITY }
+    }
+}
+
+/// e^x - 1.
+fn exp_m1(x: C) -> C {
+    let sin = (0.5 * x.im).sin();
+    C::new(x.re.exp_m1() * x.im.cos() - 2.0 * sin * sin, x.re.exp() * x.im.sin())
+}
+
+/// λⁿ
+fn power(pole: &Pole, n: f64) -> C {
+    C::new(pole.ln_abs * n, pole.arg * n).exp()
+}
+
+impl Curve {
+    pub fn new(port: &Impedance, filter: &Filter, lag: Delay, period: f64) -> Curve {
+        let mut curve = Curve {
+            period,
+            lag,
+            slope: Slope::of(filter, period),
+            stiffness: port.stiffness,
+            direct: port.direct,
+            constant: 0.5 * period * port.stiffness,
+            taps: vec![0.0; lag.samples + 2],
+            poles: port.poles.clone(),
+        };
+        // (1 - a) of a delay d and a of d + 1.
+        curve.taps[1..=lag.samples].fill(period * port.stiffness);
+        curve.taps[lag.samples + 1] = lag.part * period * port.stiffness;
+        curve
+    }
+
+    /// What T K and all dampers at the puck come to: the size of m.
+    pub fn size(port: &Impedance, period: f64) -> f64 {
+        period * port.at_puck[0] + port.at_puck[1]
+    }
+
+    /// Takes the poles that `chosen` says out of the curve and into its constant and its cosines, with the residue that Z F has
+    /// there: ρλ/(z - λ) has the real part -Re ρ/2 all around the circle, and what is left of the numerator is a polynomial in
+    /// z⁻¹. For whole delays only.
+    pub fn take_out(&mut self, chosen: impl Fn(&Pole) -> bool) -> Vec<(Pole, C)> {
+        let (out, rest): (Vec<Pole>, Vec<Pole>) = self.poles.iter().partition(|p| chosen(p));
+        self.poles = rest;
+        out.into_iter().map(|pole| (pole, self.without(&pole))).collect()
+    }
+
+    fn without(&mut self, pole: &Pole) -> C {
+        let [one, back, slope, slope_back] = pole.gains;
+        let lambda = power(pole, 1.0);
+        let d = self.lag.samples;
+        let moving = slope != C::from(0.0) || slope_back != C::from(0.0);
+        let reach = d + 1 + if moving { self.slope.taps.len() } else { 0 };
+        // The numerator with its delay, by powers of z⁻¹.
+        let mut numerator = vec![C::from(0.0); reach + 1];
+        numerator[d] += one;
+        numerator[d + 1] += back;
+        if moving {
+            // A low-pass, g z/(z - π): its value at λ stays here, the rest hangs on its own pole.
+            let own = if self.slope.pole > 0.0 { 1.0 / (1.0 - self.slope.pole / lambda) } else { C::from(1.0) };
+            for (i, tap) in self.slope.taps.iter().enumerate() {
+                numerator[d + i] += slope * own * *tap;
+                numerator[d + i + 1] += slope_back * own * *tap;
+            }
+            if self.slope.pole > 0.0 {
+                let left = -self.slope.taps[0] * self.slope.pole / (lambda - self.slope.pole);
+                let gains = [left * slope, left * slope_back, C::from(0.0), C::from(0.0)];
+                self.poles.push(Pole { ln_abs: self.slope.ln_pole, arg: 0.0, gains });
+            }
+        }
+        let (mut at_pole, mut tap) = (C::from(0.0), C::from(0.0));
+        self.taps.resize(self.taps.len().max(reach + 1), 0.0);
+        for i in (0..=reach).rev() {
+            at_pole += numerator[i] * power(pole, -(i as f64));
+            if i > 0 {
+                // (z⁻ʲ - λ⁻ʲ)/(z - λ) = -Σ z⁻ⁱ λ^{i - j - 1}, i = 1..j
+                tap = (tap - numerator[i]) / lambda;
+                self.taps[i] += self.period * tap.re;
+            }
+        }
+        let residue = -at_pole / lambda;
+        self.constant += 0.5 * self.period * residue.re;
+        residue
+    }
+
+    /// Leaves out poles.
+    pub fn drop_poles(&mut self, unwanted: impl Fn(&Pole) -> bool) {
+        self.poles.retain(|p| !unwanted(p));
+    }
+
+    /// The angles near which the curve may bend.
+    pub fn angles(&self) -> Vec<f64> {
+        self.poles.iter().map(|p| p.arg).filter(|a| *a >= 0.0).collect()
+    }
+
+    /// m and h over [φ - r, φ + r]; `None` when that is too long for a series.
+    pub fn over(&self, phi: f64, r: f64) -> Option<(Real, Real)> {
+        let inverse = Inverse::new(r);
+        // 1/(z - λ) = z0⁻¹/(e^{jru} - λ/z0)
+        let resolvent = |ln_abs: f64, arg: f64| inverse.of(-exp_m1(C::new(ln_abs, arg - phi)));
+        let turn = |n: f64| Series::turn(C::from_polar(1.0, n * phi), n, r);
+        let mut sums = [Series::ZERO; 4];
+        for pole in &self.poles {
+            let resolvent = resolvent(pole.ln_abs, pole.arg)?;
+            for (sum, gain) in sums.iter_mut().zip(&pole.gains) {
+                if *gain != C::from(0.0) {
+                    sum.add(*gain, &resolvent);
+                }
+            }
+        }
+        let (back, unit) = (turn(-1.0), C::from_polar(1.0, -phi));
+        let [mut still, still_back, mut moving, moving_back] = sums;
+        for sum in [&mut still, &mut moving] {
+            let mut turned = Series::ZERO;
+            turned.add(unit, sum);
+            *sum = turned;
+        }
+        let add_back = |sum: &mut Series, other: &Series| {
+            if other.size() > 0.0 {
+                sum.add(unit, &back.times(other));
+            }
+        };
+        add_back(&mut still, &still_back);
+        add_back(&mut moving, &moving_back);
+        moving.add(C::from(self.direct), &back);
+        if moving.size() > 0.0 {
+            let mut slope = fir(&self.slope.taps, phi, r);
+            if self.slope.pole > 0.0 {
+                // z/(z - π) = e^{jru}/(e^{jru} - π/z0)
+                slope = slope.times(&Series::turn(C::from(1.0), 1.0, r)).times(&resolvent(self.slope.ln_pole, 0.0)?);
+            }
+            still.add(C::from(1.0), &moving.times(&slope));
+        }
+        // -F now.
+        let a = self.lag.part;
+        let lag = turn(-(self.lag.samples as f64));
+        let mut lagged = still.times(&lag);
+        let mut h = Real { c: [0.0; crate::series::TERMS], rest: 0.0 };
+        if a > 0.0 {
+            let mut shifted = lagged.times(&back);
+            shifted.c.iter_mut().for_each(|c| *c *= a);
+            shifted.rest *= a;
+            shifted.add(C::from(1.0 - a), &lagged);
+            lagged = shifted;
+            let mut step = Series::turn(C::from_polar(1.0, phi), 1.0, r);
+            step.c[0] = exp_m1(C::new(0.0, phi));
+            let mut all = Series::constant(C::from(-self.stiffness));
+            all.add(C::from(1.0), &step.times(&still));
+            h = all.times(&all.conjugate()).real();
+            let scale = 0.25 * a * (1.0 - a) * self.period * self.period;
+            h.c.iter_mut().for_each(|c| *c *= scale);
+            h.rest *= scale;
+        }
+        let mut m = fir(&self.taps, phi, r);
+        m.c[0] += self.constant;
+        m.add(C::from(self.period), &lagged);
+        Some((m.real(), h))
+    }
+}
+
+/// Σ taps\[i\] z⁻ⁱ over [φ - r, φ + r].
+fn fir(taps: &[f64], phi: f64, r: f64) -> Series {
+    let mut sum = Series::ZERO;
+    for (i, tap) in taps.iter().enumerate().filter(|(_, tap)| **tap != 0.0) {
+        sum.add(C::from(*tap), &Series::turn(C::from_polar(1.0, -(i as f64) * phi), -(i as f64), r));
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::supremum::supremum;
+
+    #[test]
+    fn a_virtual_mass_by_double_differences_is_at_most_half_of_b_t() {
+        // H = M (1 - z⁻¹)²/T²: F = M (1 - z⁻¹) z⁻¹/T², a pole at 0.
+        let (mass, period) = (0.3, 2e-3);
+        let gain = C::from(mass / (period * period));
+        let pole = Pole { ln_abs: f64::NEG_INFINITY, arg: 0.0, gains: [-gain, gain, C::from(0.0), C::from(0.0)] };
+        let port = Impedance { stiffness: 0.0, direct: 0.0, poles: vec![pole], at_puck: [gain.re, 0.0] };
+        let filter = Filter { pole: 0.0, taps: Vec::new() };
+        let curve = Curve::new(&port, &filter, Delay { samples: 0, part: 0.0 }, period);
+        let found = supremum(&curve, Curve::size(&port, period)).unwrap();
+        assert!((found.value / (2.0 * mass / period) - 1.0).abs() < 1e-12, "{found:?}");
+        assert_eq!(found.at, Some(std::f64::consts::PI));
+    }
+}

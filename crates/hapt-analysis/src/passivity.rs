@@ -1,0 +1,248 @@
+//! How much damping the device needs so that the loop is passive against every passive hand, and how stiff the puck may feel
+//! to an encoder.
+//!
+//! The linear loop is passive exactly when G(z) = b/T + H/(z - 1) is positive real (Colgate and Schenkel 1997), H from the
+//! sampled position to the torque that resists the hand: poles outside the circle never pass, one on it must be simple with a
+//! residue ρ = R/p that is real and not negative, and all around the circle b is no less than the curve of `curve`. A pole on
+//! the circle is what a lossless world has; it is taken out by its residue before the largest value is looked for, because no
+//! grid of frequencies sees it.
+//!
+//! Steps ahead pay for whole samples of delay. In a lossless world at the end of a step each pole λ has a residue ρ ≥ 0, and d
+//! steps ahead with d samples of delay make of it ρ wᵈ w/(1 - w), w = λ/z, |w| = 1. Since
+//! wᵈ⁺¹/(1 - w) = w/(1 - w) - w - ... - wᵈ and Re w/(1 - w) = -1/2, the curve is
+//!
+//! ```text
+//! m = T Ks (1/2 + Σ cos iφ) + Σ T ρ (1/2 + Σ cos i(φ - arg λ)),  i = 1..d,    Ks + Σ ρ = K
+//! ```
+//!
+//! which is nowhere above K T (1/2 + d).
+
+use hapt_model::{Coupling, End, Law, Sampling, World};
+use serde::Serialize;
+
+use crate::continuous::{Slopes, ties};
+use crate::curve::Curve;
+use crate::delay::Delay;
+use crate::error::Error;
+use crate::estimator::Filter;
+use crate::impedance::{Impedance, Pole, Rule};
+use crate::proof;
+use crate::stability::MARGINAL;
+use crate::supremum::supremum;
+
+/// A residue counts as real when its imaginary part is below this, relatively.
+const REAL: f64 = 1e-9;
+
+/// Why no finite damping will do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cause {
+    /// The puck's torque has a mode that grows by itself.
+    Grows {
+        /// Of the mode.
+        hz: f64,
+    },
+    /// A mode that nothing damps answers the hand out of step.
+    OutOfStep {
+        /// Of the mode.
+        hz: f64,
+    },
+    /// A mode that nothing damps, under a delay with a fraction of a sample.
+    Fraction {
+        /// Of the mode.
+        hz: f64,
+    },
+    /// Coulomb friction at the puck.
+    Coulomb,
+}
+
+impl Cause {
+    /// Where in frequency, when that is a point.
+    fn at_hz(self) -> Option<f64> {
+        match self {
+            Cause::OutOfStep { hz } | Cause::Fraction { hz } => Some(hz),
+            Cause::Grows { .. } | Cause::Coulomb => None,
+        }
+    }
+}
+
+/// The answer on passivity.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Passivity {
+    /// The least device damping, N·m·s/rad (linear: N·s/m); `None` where no finite damping will do.
+    pub required_damping: Option<f64>,
+    /// What the device has.
+    pub device_damping: f64,
+    /// The lowest frequency that asks for all of it; 0 when it is approached toward 0, `None` when all ask for the same.
+    pub at_hz: Option<f64>,
+    /// Whether the device has enough.
+    pub passive: bool,
+    /// Whether the verdict holds for the whole loop, not only for its linear part.
+    pub proved: bool,
+    /// Why not, a sentence each.
+    pub not_proved: Vec<String>,
+    /// Why `required_damping` is `None`.
+    #[serde(skip)]
+    pub cause: Option<Cause>,
+}
+
+/// What an encoder's counts allow.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Quantisation {
+    /// min(2b/T, 2 friction/Δ), N·m/rad (linear: N/m); `None` for an ideal encoder.
+    pub max_stiffness: Option<f64>,
+    /// Whether the stiffness at the puck is no larger.
+    pub ok: bool,
+}
+
+/// What a loop asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Need {
+    pub damping: Result<f64, Cause>,
+    pub at_hz: Option<f64>,
+}
+
+/// The loop's delay in samples.
+pub(crate) fn lag(sampling: &Sampling) -> Result<Delay, Error> {
+    Delay::of(sampling.delay, sampling.period)
+}
+
+/// The stiffness and damping of the couplings at the puck, each on its steepest rise.
+pub(crate) fn at_puck(world: &World, couplings: &[Coupling]) -> Result<[f64; 2], Error> {
+    let period = world.sampling.period;
+    let ties = ties(&world.bodies, couplings, &Slopes::Steep)?;
+    let touching = ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck);
+    Ok(touching.fold([0.0, 0.0], |[k, b], t| [k + t.stiffness, b + t.fixed + period * t.per_period]))
+}
+
+/// The port of `couplings`, nonlinear ones on the given slopes.
+fn port(world: &World, couplings: &[Coupling], slopes: &Slopes) -> Result<Impedance, Error> {
+    let Sampling { method, output, advance, period, .. } = world.sampling;
+    Impedance::new(&world.bodies, couplings, slopes, Rule { method, output, advance, period })
+}
+
+/// What the linear loop of `couplings` asks for, nonlinear ones on their steepest rises.
+pub(crate) fn need(world: &World, couplings: &[Coupling]) -> Result<Need, Error> {
+    let period = world.sampling.period;
+    let port = port(world, couplings, &Slopes::Steep)?;
+    let lag = lag(&world.sampling)?;
+    let mut worst: Option<Need> = None;
+    for filter in Filter::of(&world.sampling, period) {
+        let need = of_filter(&port, &filter, lag, period)?;
+        let more = |old: &Need| match (need.damping, old.damping) {
+            (Ok(new), Ok(old)) => new > old,
+            (new, old) => new.is_err() && old.is_ok(),
+        };
+        if worst.as_ref().is_none_or(more) {
+            worst = Some(need);
+        }
+    }
+    Ok(worst.unwrap_or(Need { damping: Ok(0.0), at_hz: None }))
+}
+
+/// Whether the puck sees a mode that neither grows nor decays, with all nonlinear couplings flat or all steep.
+pub(crate) fn is_lossless(world: &World) -> Result<bool, Error> {
+    let period = world.sampling.period;
+    for slopes in [Slopes::Flat, Slopes::Steep] {
+        let port = port(world, &world.couplings, &slopes)?;
+        if port.poles.iter().any(|p| is_neutral(p, period) && is_seen(&port, p, period)) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+/// Whether a pole is at the circle. Real ones just below 1 belong to a body that only a very weak damper holds: it stands still.
+fn is_neutral(pole: &Pole, period: f64) -> bool {
+    pole.ln_abs.abs() < MARGINAL * period && pole.arg != 0.0
+}
+
+/// Whether the puck moves a pole and feels it.
+fn is_seen(port: &Impedance, pole: &Pole, period: f64) -> bool {
+    let [still, back, moving, moving_back] = pole.gains.map(|g| g.norm());
+    let all = still + back + (moving + moving_back) / period;
+    all.is_nan() || all > port.nothing(period)
+}
+
+fn of_filter(port: &Impedance, filter: &Filter, lag: Delay, period: f64) -> Result<Need, Error> {
+    let band = MARGINAL * period;
+    let (seen, neutral) = (|p: &Pole| is_seen(port, p, period), |p: &Pole| is_neutral(p, period));
+    let hz = |p: &Pole| p.arg.abs() / std::f64::consts::TAU / period;
+    let lowest = |wanted: &dyn Fn(&Pole) -> bool| port.poles.iter().filter(|p| wanted(p)).map(hz).reduce(f64::min);
+    let never = |cause: Cause| Ok(Need { damping: Err(cause), at_hz: cause.at_hz() });
+    if let Some(hz) = lowest(&|p| p.ln_abs >= band && seen(p)) {
+        return never(Cause::Grows { hz });
+    }
+    if lag.part > 0.0
+        && let Some(hz) = lowest(&|p| neutral(p) && seen(p))
+    {
+        return never(Cause::Fraction { hz });
+    }
+    let mut curve = Curve::new(port, filter, lag, period);
+    curve.drop_poles(|p| p.ln_abs > -band && !(neutral(p) && seen(p)));
+    if !port.is_finite() {
+        return Err(Error::Eigenvalues { order: port.poles.len() });
+    }
+    let out = curve.take_out(neutral);
+    let out_of_step = out.iter().filter(|(_, rho)| !(rho.re >= 0.0 && rho.im.abs() <= REAL * rho.norm()));
+    if let Some(hz) = out_of_step.map(|(pole, _)| hz(pole)).reduce(f64::min) {
+        return never(Cause::OutOfStep { hz });
+    }
+    let found = supremum(&curve, Curve::size(port, period))?;
+    let at_hz = found.at.map(|angle| angle / std::f64::consts::TAU / period);
+    Ok(Need { damping: Ok(found.value.max(0.0)), at_hz })
+}
+
+/// Whether a coupling is Coulomb friction at the puck.
+fn is_coulomb_at_puck(coupling: &Coupling) -> bool {
+    matches!(coupling.law, Law::Coulomb { torque } if torque > 0.0)
+        && (coupling.first == End::Puck || coupling.second == End::Puck)
+}
+
+/// What [`passivity`] finds first: the verdict on the linear loop.
+fn found(world: &World) -> Result<Need, Error> {
+    if world.couplings.iter().any(is_coulomb_at_puck) {
+        return Ok(Need { damping: Err(Cause::Coulomb), at_hz: None });
+    }
+    need(world, &world.couplings)
+}
+
+/// [`Passivity::required_damping`] alone.
+///
+/// # Errors
+/// As [`passivity`].
+pub fn required_damping(world: &World) -> Result<Option<f64>, Error> {
+    Ok(found(world)?.damping.ok())
+}
+
+/// Whether a world's loop is passive on its device against every passive hand.
+///
+/// # Errors
+/// [`Error::InFlight`] for a delay of too many periods, [`Error::Search`], and as [`crate::held()`].
+pub fn passivity(world: &World) -> Result<Passivity, Error> {
+    let found = found(world)?;
+    let required_damping = found.damping.ok();
+    let device_damping = world.device.damping;
+    let passive = required_damping.is_some_and(|b| b <= device_damping);
+    let not_proved = proof::missing(world, &found)?;
+    Ok(Passivity {
+        required_damping,
+        device_damping,
+        at_hz: found.at_hz,
+        passive,
+        proved: not_proved.is_empty(),
+        not_proved,
+        cause: found.damping.err(),
+    })
+}
+
+/// What the encoder's counts allow (Abbott and Okamura, IEEE Trans. Robotics 21(5), 2005).
+///
+/// # Errors
+/// [`Error::NoSuchBody`].
+pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
+    let [stiffness, _] = at_puck(world, &world.couplings)?;
+    let device = &world.device;
+    let max_stiffness =
+        world.count().map(|count| (2.0 * device.damping / world.sampling.period).min(2.0 * device.friction / count));
+    Ok(Quantisation { max_stiffness, ok: max_stiffness.is_none_or(|most| stiffness <= most) })
+}

@@ -1,0 +1,179 @@
+//! Short power series with a bound on what they leave out: what a function does over an interval, without a grid
+//! (Makino and Berz, "Taylor models", Int. J. Pure Appl. Math. 4(4), 2003).
+
+use nalgebra::Complex;
+
+type C = Complex<f64>;
+
+/// Terms kept.
+pub(crate) const TERMS: usize = 8;
+
+/// f(φ0 + r u) = Σ c\[k\] u^k, to within `rest` for all real |u| ≤ 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Series {
+    pub c: [C; TERMS],
+    pub rest: f64,
+}
+
+impl Series {
+    pub const ZERO: Series = Series { c: [C::new(0.0, 0.0); TERMS], rest: 0.0 };
+
+    pub fn constant(value: C) -> Series {
+        let mut s = Series::ZERO;
+        s.c[0] = value;
+        s
+    }
+
+    /// scale · e^{j n r u}, n of either sign.
+    pub fn turn(scale: C, n: f64, r: f64) -> Series {
+        let mut s = Series::constant(scale);
+        let step = n * r;
+        for k in 1..TERMS {
+            let last = s.c[k - 1] * (step / k as f64);
+            s.c[k] = C::new(-last.im, last.re);
+        }
+        // The remainder of e^{jx} for a real x is below its first term.
+        s.rest = s.c[TERMS - 1].norm() * step.abs() / TERMS as f64;
+        s
+    }
+
+    /// A bound on |f|.
+    pub fn size(&self) -> f64 {
+        self.c.iter().map(|c| c.norm()).sum::<f64>() + self.rest
+    }
+
+    /// self + factor · other
+    pub fn add(&mut self, factor: C, other: &Series) {
+        self.c.iter_mut().zip(&other.c).for_each(|(a, b)| *a += factor * b);
+        self.rest += factor.norm() * other.rest;
+    }
+
+    pub fn times(&self, other: &Series) -> Series {
+        let mut product = Series::ZERO;
+        let (a, b) = (self.c.map(|c| c.norm()), other.c.map(|c| c.norm()));
+        for (i, c) in self.c.iter().enumerate() {
+            let (kept, left) = other.c.split_at(TERMS - i);
+            product.c[i..].iter_mut().zip(kept).for_each(|(sum, d)| *sum += c * d);
+            product.rest += a[i] * b[TERMS - left.len()..].iter().sum::<f64>();
+        }
+        product.rest += a.iter().sum::<f64>() * other.rest + self.rest * (b.iter().sum::<f64>() + other.rest);
+        product
+    }
+
+    /// The series of the complex conjugate.
+    pub fn conjugate(&self) -> Series {
+        Series { c: self.c.map(|c| c.conj()), rest: self.rest }
+    }
+
+    /// Re f as a real polynomial with the same remainder.
+    pub fn real(&self) -> Real {
+        Real { c: self.c.map(|c| c.re), rest: self.rest }
+    }
+}
+
+/// 1/(q + e^{jru} - 1) over |u| ≤ 1, to be asked for many q at one r.
+pub(crate) struct Inverse {
+    r: f64,
+    /// e^{jru} - 1, from order 1 on.
+    turn: Series,
+}
+
+impl Inverse {
+    pub fn new(r: f64) -> Inverse {
+        let mut turn = Series::turn(C::new(1.0, 0.0), 1.0, r);
+        turn.c[0] = C::new(0.0, 0.0);
+        Inverse { r, turn }
+    }
+
+    /// The series; `None` when the interval is too long for it.
+    pub fn of(&self, q: C) -> Option<Series> {
+        let near = q.norm() - self.r;
+        if near <= 0.1 * self.r {
+            return None;
+        }
+        let mut s = Series::constant(1.0 / q);
+        let first = s.c[0];
+        for k in 1..TERMS {
+            let sum = (1..=k).fold(C::new(0.0, 0.0), |sum, j| sum + self.turn.c[j] * s.c[k - j]);
+            s.c[k] = -first * sum;
+        }
+        // 1 - (q + turn) s is what the product leaves beyond the last term.
+        let norms = s.c.map(|c| c.norm());
+        let mut left = self.turn.rest * norms.iter().sum::<f64>();
+        let mut power = 1.0;
+        for j in 1..TERMS {
+            // |turn.c[j]| = r^j/j!
+            power *= self.r / j as f64;
+            left += power * norms[TERMS - j..].iter().sum::<f64>();
+        }
+        s.rest = left / near;
+        Some(s)
+    }
+}
+
+/// A real function over an interval, likewise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Real {
+    pub c: [f64; TERMS],
+    pub rest: f64,
+}
+
+impl Real {
+    /// self + factor · other
+    pub fn plus(&self, factor: f64, other: &Real) -> Real {
+        let mut sum = *self;
+        sum.c.iter_mut().zip(&other.c).for_each(|(a, b)| *a += factor * b);
+        sum.rest += factor.abs() * other.rest;
+        sum
+    }
+
+    pub fn at(&self, u: f64) -> f64 {
+        self.c.iter().rev().fold(0.0, |sum, c| sum * u + c)
+    }
+
+    /// Nowhere above this.
+    pub fn upper(&self) -> f64 {
+        let [c0, c1, c2, ref others @ ..] = self.c;
+        let u = self.vertex();
+        c0 + (c1 * u + c2 * u * u) + others.iter().map(|c| c.abs()).sum::<f64>() + self.rest
+    }
+
+    /// Where in \[-1, 1\] the first three terms have their maximum.
+    pub fn vertex(&self) -> f64 {
+        let [_, c1, c2, ..] = self.c;
+        if c2 < 0.0 && c1.abs() < -2.0 * c2 {
+            -0.5 * c1 / c2
+        } else if c1 == 0.0 {
+            c2.signum()
+        } else {
+            c1.signum()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_a_series_leaves_out_is_within_its_bound(q in (-1.0..1.0f64, -1.0..1.0f64), n in -9.0..9.0f64, part in 0.01..0.8f64, u in -1.0..1.0f64) {
+            let q = C::new(q.0, q.1);
+            let r = part * q.norm();
+            let turned = |n: f64| C::from_polar(1.0, n * r * u);
+            let close = |s: &Series, value: C| {
+                let sum = s.c.iter().rev().fold(C::new(0.0, 0.0), |sum, c| sum * u + c);
+                (sum - value).norm() <= s.rest + 1e-13 * s.size()
+            };
+            let inverse = Inverse::new(r).of(q).unwrap();
+            let turn = Series::turn(C::new(0.3, 2.0), n, r);
+            let (a, b) = (1.0 / (q + turned(1.0) - 1.0), C::new(0.3, 2.0) * turned(n));
+            prop_assert!(close(&inverse, a) && close(&turn, b));
+            let product = inverse.times(&turn.conjugate());
+            prop_assert!(close(&product, a * b.conj()));
+            prop_assert!(product.real().upper() >= (a * b.conj()).re - 1e-13 * product.size());
+            prop_assert!(product.real().plus(-2.0, &inverse.real()).upper() >= (a * b.conj() - 2.0 * a).re - 1e-12 * product.size());
+        }
+    }
+}
