@@ -330,5 +330,10 @@ fn passivity_is_said_with_what_is_missing_and_where() {
         "not passive (the linear loop): it asks the device for 0.005 N m s/rad, the same at every frequency, and the device has \
          0.0012, 0.0038 too little"
     );
-    assert!(answer.quantisation_sentence().unwrap().ends_with("only up to 0 N m/rad at the puck, and there is more: it may buzz"));
+    assert!(
+        answer
+            .quantisation_sentence()
+            .unwrap()
+            .ends_with("only up to 0 N m/rad at the puck, and there is more: it may buzz")
+    );
 }

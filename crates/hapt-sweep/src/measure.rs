@@ -1,6 +1,6 @@
 //! What a cell is asked.
 
-use hapt_analysis::held::held;
+use hapt_analysis::{free_growth, held_growth, is_certified, required_damping};
 use hapt_model::{Motion, Scenario, World};
 use hapt_sim::{Simulation, Summary};
 
@@ -15,12 +15,25 @@ pub enum Measure {
     SettlingTime,
     /// Growth of the world alone, the puck held.
     HeldGrowth,
+    /// Growth of the whole loop, nobody at the puck.
+    FreeGrowth,
+    /// The least device damping that makes the loop passive.
+    RequiredDamping,
+    /// 1 for a certified loop, else 0.
+    Certified,
 }
 
 impl Measure {
     /// All of them, in the order of the documentation.
-    pub const ALL: [Measure; 4] =
-        [Measure::PeakTorque, Measure::FinalEnergy, Measure::SettlingTime, Measure::HeldGrowth];
+    pub const ALL: [Measure; 7] = [
+        Measure::PeakTorque,
+        Measure::FinalEnergy,
+        Measure::SettlingTime,
+        Measure::HeldGrowth,
+        Measure::FreeGrowth,
+        Measure::RequiredDamping,
+        Measure::Certified,
+    ];
 
     /// Its name on the command line and in tables.
     pub const fn name(self) -> &'static str {
@@ -29,6 +42,9 @@ impl Measure {
             Measure::FinalEnergy => "final_energy",
             Measure::SettlingTime => "settling_time",
             Measure::HeldGrowth => "held_growth_per_s",
+            Measure::FreeGrowth => "free_growth_per_s",
+            Measure::RequiredDamping => "required_damping",
+            Measure::Certified => "certified",
         }
     }
 
@@ -44,7 +60,10 @@ impl Measure {
             (Measure::PeakTorque, Motion::Linear) => "N",
             (Measure::FinalEnergy, _) => "J",
             (Measure::SettlingTime, _) => "s",
-            (Measure::HeldGrowth, _) => "1/s",
+            (Measure::HeldGrowth | Measure::FreeGrowth, _) => "1/s",
+            (Measure::RequiredDamping, Motion::Rotary) => "N m s/rad",
+            (Measure::RequiredDamping, Motion::Linear) => "N s/m",
+            (Measure::Certified, _) => "",
         }
     }
 
@@ -84,10 +103,18 @@ pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool) -> OfRu
     run(world).unwrap_or_default()
 }
 
-/// Growth in 1/s of the world with the puck held.
-pub(crate) fn held_growth(world: &World) -> Option<f64> {
+/// What the loop itself is asked; `None` where it has no such number, or none that can be computed.
+pub(crate) fn of_loop(world: &World, measure: Measure) -> Option<f64> {
     let sampling = &world.sampling;
-    held(&world.bodies, &world.couplings, sampling.method, sampling.period).ok()?.growth_per_s
+    match measure {
+        Measure::HeldGrowth => {
+            held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period).ok().flatten()
+        }
+        Measure::FreeGrowth => free_growth(world).ok().flatten(),
+        Measure::RequiredDamping => required_damping(world).ok().flatten(),
+        Measure::Certified => Some(f64::from(u8::from(is_certified(world)))),
+        Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => None,
+    }
 }
 
 /// The first row from which on everything stays within 2 % of its largest distance from where it ends.

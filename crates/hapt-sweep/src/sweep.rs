@@ -120,7 +120,7 @@ impl Sweep {
                 Measure::PeakTorque => run.peak_torque,
                 Measure::FinalEnergy => run.final_energy,
                 Measure::SettlingTime => run.settling_time,
-                Measure::HeldGrowth => measure::held_growth(world),
+                loops => measure::of_loop(world, *loops),
             };
             value.filter(|value| value.is_finite())
         }));

@@ -39,7 +39,7 @@ fn message(axes: &[&str], measures: &[Measure]) -> String {
 }
 
 /// The measures by a world that is read from its file with the values as overrides.
-fn one_by_one(sets: &[String]) -> [Option<f64>; 2] {
+fn one_by_one(sets: &[String]) -> [Option<f64>; 5] {
     let world = World::read(&Source::from_text("wheel.toml", WHEEL), sets).unwrap();
     let scenario = &world.scenarios[0];
     let mut run = Simulation::new(&world, scenario).unwrap();
@@ -47,8 +47,10 @@ fn one_by_one(sets: &[String]) -> [Option<f64>; 2] {
     while let Some(row) = run.next() {
         summary.add(row.unwrap());
     }
-    let held = hapt_analysis::check(&world).unwrap().held;
-    [Some(summary.peak_torque), held.growth_per_s]
+    let check = hapt_analysis::check(&world).unwrap();
+    let certified = f64::from(u8::from(check.certified));
+    let loops = [check.held.growth_per_s, check.free.growth_per_s, check.passivity.required_damping, Some(certified)];
+    [Some(summary.peak_torque), loops[0], loops[1], loops[2], loops[3]]
 }
 
 proptest! {
@@ -68,7 +70,7 @@ proptest! {
             "device.encoder=1000..4000:2".to_string(),
         ];
         let axes: Vec<&str> = axes.iter().map(String::as_str).collect();
-        let sweep = sweep(&axes, &[Measure::PeakTorque, Measure::HeldGrowth]).unwrap();
+        let sweep = sweep(&axes, &[Measure::PeakTorque, Measure::HeldGrowth, Measure::FreeGrowth, Measure::RequiredDamping, Measure::Certified]).unwrap();
         let rows = sweep.rows(0..sweep.cells());
         prop_assert_eq!(rows.len() as u64, counts * 6);
         for (cell, row) in rows.iter().enumerate() {

@@ -46,7 +46,8 @@ fn measured(sweep: &Sweep) -> (String, &'static str) {
 /// The value on whose two sides a measure means two things.
 fn edge(measure: Measure) -> Option<f64> {
     match measure {
-        Measure::HeldGrowth => Some(hapt_analysis::held::MARGINAL),
+        Measure::HeldGrowth | Measure::FreeGrowth => Some(hapt_analysis::held::MARGINAL),
+        Measure::Certified => Some(0.5),
         _ => None,
     }
 }
