@@ -70,8 +70,7 @@ pub fn check(world: &World) -> Result<Check, Error> {
 fn notes(world: &World) -> Vec<String> {
     let mut notes = Vec::new();
     let bent = bent(&world.couplings);
-    let nonlinear =
-        |law: &Law| matches!(law, Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. });
+    let nonlinear = |law: &Law| !matches!(law, Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. });
     let at_body = |end: End| matches!(end, End::Body(_));
     let looked = |bent: usize, flat: &str| match bent {
         0 => flat.to_string(),
@@ -82,7 +81,7 @@ fn notes(world: &World) -> Vec<String> {
         let looked = looked(bent.len(), "its nonlinear couplings at bodies have slope 0 and count as absent");
         notes.push(format!("held is a linear estimate of a nonlinear world: {looked}"));
     }
-    let follows = |law: &Law| matches!(law, Law::Damper { damping: Damping::Compensating });
+    let follows = |law: &Law| matches!(law.unclamped(), Law::Damper { damping: Damping::Compensating });
     let method = world.sampling.method;
     if method != Method::ForwardEuler {
         for (index, _) in world.couplings.iter().enumerate().filter(|(_, c)| follows(&c.law)) {
@@ -94,7 +93,7 @@ fn notes(world: &World) -> Vec<String> {
     }
     // No spring, and no nonlinear coupling, holds the body in place: whatever else it does, a shift of it stays.
     for (index, _) in world.bodies.iter().enumerate() {
-        let holds = |law: &Law| match *law {
+        let holds = |law: &Law| match law.unclamped() {
             Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => stiffness > 0.0,
             Law::Detent { torque, .. } => torque > 0.0,
             Law::Lugre { bristle_stiffness, .. } => bristle_stiffness > 0.0,

@@ -14,7 +14,7 @@
 //! C1 is there because a compensating damper, (2.24), is T times a stiffness: it moves with the period, and whoever asks what
 //! another period would do needs the two apart.
 
-use hapt_model::{Body, Coupling, Damping, End, Law};
+use hapt_model::{Body, Clampable, Coupling, Damping, End, Law};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
 use crate::error::{Error, positive};
@@ -69,7 +69,15 @@ fn slope(law: &Law, steep: bool) -> Option<(f64, f64)> {
             (bristle_stiffness, bristle_damping + viscous)
         }
         Law::Lugre { viscous, .. } => (0.0, viscous),
-        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } => (0.0, 0.0),
+        // Up to its limit a clamped coupling is as it is without, beyond it torque alone.
+        Law::Clamped { law, .. } if steep => match law {
+            Clampable::Spring { stiffness, .. } => (stiffness, 0.0),
+            Clampable::Damper { damping: Damping::Fixed(damping) } => (0.0, damping),
+            // With the period: `ties` has it.
+            Clampable::Damper { damping: Damping::Compensating } => (0.0, 0.0),
+            Clampable::Wall { stiffness, damping, .. } => (stiffness, damping),
+        },
+        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Clamped { .. } => (0.0, 0.0),
         Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => return None,
     })
 }
@@ -83,7 +91,14 @@ pub fn bent(couplings: &[Coupling]) -> Vec<usize> {
 
 /// Indices of all couplings that have two different slopes: those on which the choice of [`Slopes`] matters for the free loop.
 pub fn bent_anywhere(couplings: &[Coupling]) -> Vec<usize> {
-    (0..couplings.len()).filter(|&i| slope(&couplings[i].law, false) != slope(&couplings[i].law, true)).collect()
+    let two =
+        |law: &Law| slope(law, false) != slope(law, true) || (*law != law.unclamped() && follows(&law.unclamped()));
+    (0..couplings.len()).filter(|&i| two(&couplings[i].law)).collect()
+}
+
+/// Whether it is a damper that follows the springs.
+fn follows(law: &Law) -> bool {
+    matches!(law, Law::Damper { damping: Damping::Compensating })
 }
 
 /// T times which stiffness a compensating damper is: the springs between its two ends, in either order; from a body to
@@ -98,7 +113,7 @@ fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
         Some(body) => c.first == body || c.second == body,
         None => [c.first, c.second] == ends || [c.second, c.first] == ends,
     };
-    let stiffness = |c: &Coupling| match c.law {
+    let stiffness = |c: &Coupling| match c.law.unclamped() {
         Law::Spring { stiffness, .. } => stiffness,
         _ => 0.0,
     };
@@ -126,6 +141,9 @@ pub fn ties(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<
             Law::Damper { damping: Damping::Fixed(b) } => fixed = b,
             Law::Damper { damping: Damping::Compensating } => per_period = compensated(c, couplings),
             Law::Constant { torque } => force = torque,
+            law @ Law::Clamped { .. } if follows(&law.unclamped()) => {
+                per_period = if slopes.steep(index) { compensated(c, couplings) } else { 0.0 };
+            }
             _ => (stiffness, fixed) = slope(&c.law, slopes.steep(index)).unwrap_or_default(),
         }
         Ok(Tie { first: c.first, second: c.second, stiffness, fixed, per_period, force })

@@ -22,7 +22,7 @@ use crate::error::Error;
 use crate::passivity::{Need, at_puck, is_lossless, lag, need, quantisation};
 
 fn is_nonlinear(law: &Law) -> bool {
-    matches!(law, Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. })
+    !matches!(law, Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. })
 }
 
 fn at_body(coupling: &Coupling) -> bool {
@@ -31,6 +31,17 @@ fn at_body(coupling: &Coupling) -> bool {
 
 fn is_at_puck(coupling: &Coupling) -> bool {
     coupling.first == End::Puck || coupling.second == End::Puck
+}
+
+/// Whether the couplings at the puck can never ask the motor for more than `limit`.
+fn is_within(world: &World, limit: f64) -> bool {
+    let most = |law: &Law| match *law {
+        Law::Clamped { limit, .. } => limit,
+        Law::Detent { torque, .. } | Law::Coulomb { torque } => torque,
+        Law::Constant { torque } => torque.abs(),
+        _ => f64::INFINITY,
+    };
+    world.couplings.iter().filter(|c| is_at_puck(c)).map(|c| most(&c.law)).sum::<f64>() <= limit
 }
 
 /// The reasons why the answer on the linear loop is not one on the whole.
@@ -54,8 +65,12 @@ pub(crate) fn missing(world: &World, found: &Need) -> Result<Vec<String>, Error>
     {
         reasons.push(format!("{push} at a body whose swing nothing damps, and may push it up without bound"));
     }
-    if device.limit.is_some() && !world.bodies.is_empty() {
-        reasons.push("the motor's limit cuts the torque on the puck but not its opposite on the bodies".to_string());
+    if device.limit.is_some_and(|limit| !is_within(world, limit)) && !world.bodies.is_empty() {
+        reasons.push(
+            "the motor's limit cuts the torque on the puck but not its opposite on the bodies: a limit on every coupling at the \
+             puck, together no more than the motor's, would cut both"
+                .to_string(),
+        );
     }
     let nonlinear: Vec<&Coupling> = world.couplings.iter().filter(|c| is_nonlinear(&c.law)).collect();
     if !nonlinear.is_empty() {
@@ -134,7 +149,8 @@ fn theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<
     if lag.samples > 0 || lag.part > 0.0 {
         return outside("the torque comes late");
     }
-    let damped_wall = |c: &&&Coupling| is_at_puck(c) && matches!(c.law, Law::Wall { damping, .. } if damping > 0.0);
+    let damped_wall =
+        |c: &&&Coupling| is_at_puck(c) && matches!(c.law.unclamped(), Law::Wall { damping, .. } if damping > 0.0);
     if bodies.iter().any(|c| damped_wall(&c)) {
         return outside("a wall with damping stands between the puck and a body");
     }

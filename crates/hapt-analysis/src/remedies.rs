@@ -4,7 +4,7 @@
 //! then halved to a relative 1e-7, and the value on the certified side is what is given. Beyond it, at 1.01 times the value,
 //! the certificate has to fail; where it does not, the search has met an island and goes on from there.
 
-use hapt_model::{Coupling, Damping, End, Law, Output, World};
+use hapt_model::{Clampable, Coupling, Damping, End, Law, Output, World};
 use serde::Serialize;
 
 use crate::certificate::is_certified;
@@ -234,26 +234,27 @@ fn delay(world: &World, is_certified: bool) -> Option<f64> {
 }
 
 fn stiffness_scale(world: &World, is_certified: bool) -> Option<f64> {
-    let stiff = |c: &Coupling| match c.law {
-        Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => stiffness > 0.0,
-        Law::Detent { torque, .. } => torque > 0.0,
-        Law::Lugre { bristle_stiffness, .. } => bristle_stiffness > 0.0,
-        _ => false,
-    };
+    let stiff = |c: &Coupling| stiffness(&mut c.law.clone()).is_some_and(|stiffness| *stiffness > 0.0);
     if !world.couplings.iter().any(stiff) {
         return None;
     }
     let certified = |factor: f64| {
         changed(world, |w| {
-            for coupling in &mut w.couplings {
-                match &mut coupling.law {
-                    Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => *stiffness *= factor,
-                    Law::Detent { torque, .. } => *torque *= factor,
-                    Law::Lugre { bristle_stiffness, .. } => *bristle_stiffness *= factor,
-                    _ => {}
-                }
-            }
+            w.couplings.iter_mut().filter_map(|c| stiffness(&mut c.law)).for_each(|stiffness| *stiffness *= factor);
         })
     };
     largest(1.0, SOFTEST, is_certified, &certified)
+}
+
+/// The number in which a law's stiffness is.
+fn stiffness(law: &mut Law) -> Option<&mut f64> {
+    match law {
+        Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => Some(stiffness),
+        Law::Clamped { law: Clampable::Spring { stiffness, .. } | Clampable::Wall { stiffness, .. }, .. } => {
+            Some(stiffness)
+        }
+        Law::Detent { torque, .. } => Some(torque),
+        Law::Lugre { bristle_stiffness, .. } => Some(bristle_stiffness),
+        _ => None,
+    }
 }

@@ -1,6 +1,7 @@
 //! From the spec to a loop: the couplings become matrices by the method's rule, once a world.
 
 use crate::actuate::Actuator;
+use crate::gradient::Gradient;
 use crate::matrix::{Block, Half, Matrix, Vector};
 use crate::nonlinear::Nonlinear;
 use crate::rules::Dynamics;
@@ -107,7 +108,11 @@ impl<const B: usize> Network<B> {
                     network.add(ends, 1, spec.period * stiffness);
                 }
                 Law::Constant { torque } => network.push(ends, torque),
-                Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => {}
+                Law::Wall { .. }
+                | Law::Detent { .. }
+                | Law::Coulomb { .. }
+                | Law::Lugre { .. }
+                | Law::Clamped { .. } => {}
             }
         }
         Ok(network)
@@ -130,7 +135,7 @@ fn compensated(couplings: &[Coupling], damper: &Coupling) -> Option<f64> {
                     || (spring.second, spring.first) == (damper.first, damper.second)
             }
         })
-        .filter_map(|spring| match spring.law {
+        .filter_map(|spring| match spring.law.unclamped() {
             Law::Spring { stiffness, .. } => Some(stiffness),
             _ => None,
         })
@@ -199,17 +204,22 @@ fn check_law(law: &Law) -> Result<(), Error> {
             Error::check_not_negative("viscous", viscous)
         }
         Law::Constant { torque } => Error::check_finite("torque", torque),
+        Law::Clamped { limit, .. } => {
+            Error::check_positive("limit", limit)?;
+            check_law(&law.unclamped())
+        }
     }
 }
 
-/// A nonlinear torque on a body under a method that is not explicit would have to come from the start of the step, where it
-/// makes energy: refused. A constant is the same everywhere in the step, and exact; tustin and foh refuse it with the others.
+/// A nonlinear torque on a body is taken where it stands by the explicit methods, and found over the step by those that hold
+/// their torques, where LuGre's bristle has no such step. The methods that take the new sample first would have it from the
+/// start of the step, where it makes energy, and refuse it, a constant too.
 fn check_method(method: Method, index: usize, coupling: &Coupling) -> Result<(), Error> {
     let at_body = matches!(coupling.first, End::Body(_)) || matches!(coupling.second, End::Body(_));
     let refused = match coupling.law {
         Law::Spring { .. } | Law::Damper { .. } => false,
-        Law::Constant { .. } => method.takes_new_sample_first(),
-        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => !method.is_explicit(),
+        Law::Lugre { .. } => !method.is_explicit(),
+        _ => method.takes_new_sample_first(),
     };
     if at_body && refused { Err(Error::Unsupported { coupling: index, method }) } else { Ok(()) }
 }
@@ -237,10 +247,14 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         }
 
         let mut nonlinear = [None; C];
-        for (place, coupling) in nonlinear.iter_mut().zip(spec.couplings) {
-            *place = Nonlinear::<F>::new(coupling);
+        for (index, (place, coupling)) in nonlinear.iter_mut().zip(spec.couplings).enumerate() {
+            let follows = matches!(coupling.law.unclamped(), Law::Damper { damping: Damping::Compensating });
+            let springs = if follows { compensated(spec.couplings, coupling) } else { Some(0.0) };
+            let compensating = spec.period * springs.ok_or(Error::NoSpring { coupling: index })?;
+            *place = Nonlinear::<F>::new(coupling, compensating);
         }
-        let force_on_bodies = nonlinear.iter().flatten().any(Nonlinear::at_body);
+        let contacts = nonlinear.iter().flatten().filter(|coupling| coupling.at_body()).count();
+        let force_on_bodies = contacts > 0;
         // Runge-Kutta is a matrix only where everything is one; beside nonlinear torques it takes four of Euler's stages.
         let staged = spec.method == Method::Rk4 && force_on_bodies;
         let method = if staged { Method::ForwardEuler } else { spec.method };
@@ -273,6 +287,11 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             input_old: input(&rule.old),
             drift: drift.map(F::from_f64),
             force: force_on_bodies.then(|| rule.new.map(F::from_f64)),
+            gradient: (force_on_bodies && spec.method.finds_torques()).then(|| Gradient {
+                inertia: inertia.map(F::from_f64),
+                rate: F::from_f64(1.0 / spec.period),
+                contacts,
+            }),
             port: Port {
                 puck: network.own.map(F::from_f64),
                 bodies: Vector { position: network.from_puck[0], velocity: network.from_puck[1] }.map(F::from_f64),

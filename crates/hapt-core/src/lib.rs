@@ -41,8 +41,10 @@
 
 mod actuate;
 mod compile;
+mod contact;
 mod error;
 mod friction;
+mod gradient;
 mod matrix;
 mod nonlinear;
 mod real;
@@ -52,8 +54,9 @@ pub mod spec;
 mod step;
 
 pub use error::Error;
+pub use gradient::Contacts;
 pub use matrix::Vector;
 pub use real::Real;
 pub use sense::{Memory, Puck};
-pub use spec::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+pub use spec::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 pub use step::{Loop, Sample, State};

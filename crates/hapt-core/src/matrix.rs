@@ -63,6 +63,13 @@ impl<F: Real, const B: usize> Half<F, B> {
         }
     }
 
+    /// Row i, column j: of the positions and of the velocities; 0 outside.
+    #[inline]
+    pub fn entry(&self, i: usize, j: usize) -> (F, F) {
+        let of = |block: &Block<F, B>| block.get(i).and_then(|row| row.get(j)).copied().unwrap_or(F::ZERO);
+        (of(&self.position), of(&self.velocity))
+    }
+
     pub fn map<G: Real>(&self, f: impl Fn(F) -> G) -> Half<G, B> {
         Half { position: self.position.map(|row| row.map(&f)), velocity: self.velocity.map(|row| row.map(&f)) }
     }

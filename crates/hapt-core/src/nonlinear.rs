@@ -1,7 +1,8 @@
-//! The couplings that no matrix holds: wall, detent and the two frictions.
+//! The couplings that no matrix holds: wall, detent, the two frictions, and what is clamped.
 
+use crate::contact::within;
 use crate::friction::Lugre;
-use crate::{Coupling, End, Law, Real, Side, Vector};
+use crate::{Clampable, Coupling, Damping, End, Law, Real, Side, Vector};
 
 /// The torque on the first end as a function of q and q̇.
 #[derive(Clone, Copy, Debug)]
@@ -12,6 +13,19 @@ pub(crate) enum Curve<F> {
         at: F,
         stiffness: F,
         damping: F,
+        /// Infinite where it is not clamped.
+        limit: F,
+    },
+    /// A clamped one; the others are matrices.
+    Spring {
+        stiffness: F,
+        rest: F,
+        limit: F,
+    },
+    /// A clamped one.
+    Damper {
+        damping: F,
+        limit: F,
     },
     Detent {
         torque: F,
@@ -40,19 +54,34 @@ pub(crate) struct Relative<F> {
 }
 
 impl<F: Real> Nonlinear<F> {
-    /// `None` for the couplings that are matrices.
-    pub fn new(coupling: &Coupling) -> Option<Self> {
+    /// `None` for the couplings that are matrices. `compensating` is what a damper that follows the springs damps.
+    pub fn new(coupling: &Coupling, compensating: f64) -> Option<Self> {
         let f = F::from_f64;
+        let wall = |side, at, stiffness, damping, limit| Curve::Wall {
+            direction: match side {
+                Side::Above => F::ONE,
+                Side::Below => -F::ONE,
+            },
+            at: f(at),
+            stiffness: f(stiffness),
+            damping: f(damping),
+            limit: f(limit),
+        };
         let curve = match coupling.law {
             Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => return None,
-            Law::Wall { side, at, stiffness, damping } => Curve::Wall {
-                direction: match side {
-                    Side::Above => F::ONE,
-                    Side::Below => -F::ONE,
-                },
-                at: f(at),
-                stiffness: f(stiffness),
-                damping: f(damping),
+            Law::Wall { side, at, stiffness, damping } => wall(side, at, stiffness, damping, f64::INFINITY),
+            Law::Clamped { law, limit } => match law {
+                Clampable::Spring { stiffness, rest } => {
+                    Curve::Spring { stiffness: f(stiffness), rest: f(rest), limit: f(limit) }
+                }
+                Clampable::Damper { damping } => {
+                    let damping = match damping {
+                        Damping::Fixed(damping) => damping,
+                        Damping::Compensating => compensating,
+                    };
+                    Curve::Damper { damping: f(damping), limit: f(limit) }
+                }
+                Clampable::Wall { side, at, stiffness, damping } => wall(side, at, stiffness, damping, limit),
             },
             Law::Detent { torque, pitch, phase } => {
                 Curve::Detent { torque: f(torque), pitch: f(pitch), phase: f(phase) }
@@ -75,6 +104,11 @@ impl<F: Real> Nonlinear<F> {
     /// Whether a body stands at either end.
     pub fn at_body(&self) -> bool {
         matches!(self.first, End::Body(_)) || matches!(self.second, End::Body(_))
+    }
+
+    /// Whether the law alone does not say its torque: Coulomb friction at a body, whose torque a discrete-gradient step finds.
+    pub fn is_found(&self) -> bool {
+        matches!(self.curve, Curve::Coulomb { .. }) && self.at_body()
     }
 
     /// The sign of this coupling's torque on the puck; 0 when it is not tied to it.
@@ -106,7 +140,7 @@ impl<F: Real> Nonlinear<F> {
     pub fn bend(&self, bristle: F, q: Relative<F>, t: F) -> F {
         match self.curve {
             Curve::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
-            Curve::Wall { .. } | Curve::Detent { .. } | Curve::Coulomb { .. } => bristle,
+            _ => bristle,
         }
     }
 
@@ -114,12 +148,14 @@ impl<F: Real> Nonlinear<F> {
     #[inline]
     pub fn torque(&self, q: Relative<F>, bristle: F) -> F {
         match self.curve {
-            Curve::Wall { direction, at, stiffness, damping } => {
+            Curve::Wall { direction, at, stiffness, damping, limit } => {
                 let depth = direction * (q.position - at);
                 let push = stiffness * depth + damping * (direction * q.velocity);
                 // It pushes only, and only inside; a NaN pushes nothing.
-                if depth > F::ZERO && push > F::ZERO { -(direction * push) } else { F::ZERO }
+                if depth > F::ZERO && push > F::ZERO { -(direction * within(push, F::ZERO, limit)) } else { F::ZERO }
             }
+            Curve::Spring { stiffness, rest, limit } => within(-(stiffness * (q.position - rest)), -limit, limit),
+            Curve::Damper { damping, limit } => within(-(damping * q.velocity), -limit, limit),
             Curve::Detent { torque, pitch, phase } => {
                 let turns = (q.position - phase) / pitch;
                 // Taken from the nearest rest, so that every rest is exactly one, however far it is.

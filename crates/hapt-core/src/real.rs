@@ -22,6 +22,8 @@ pub trait Real:
     const ONE: Self;
     /// 1/2
     const HALF: Self;
+    /// From 1 to the next number.
+    const EPSILON: Self;
     /// Rounds to the nearest.
     fn from_f64(x: f64) -> Self;
     /// Exact.
@@ -46,6 +48,7 @@ macro_rules! real {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const HALF: Self = 0.5;
+            const EPSILON: Self = <$float>::EPSILON;
             #[inline]
             fn from_f64(x: f64) -> Self {
                 x as $float

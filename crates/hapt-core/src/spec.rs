@@ -98,6 +98,66 @@ pub enum Law {
         /// Any finite number.
         torque: f64,
     },
+    /// A spring, damper or wall whose torque, on both of its ends, is held within ±limit.
+    Clamped {
+        /// What is clamped.
+        law: Clampable,
+        /// N·m, positive.
+        limit: f64,
+    },
+}
+
+/// The laws that can be clamped, as they stand in [`Law`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Clampable {
+    /// [`Law::Spring`]
+    Spring {
+        /// N·m/rad, zero or more.
+        stiffness: f64,
+        /// The q at which the spring is slack.
+        rest: f64,
+    },
+    /// [`Law::Damper`]
+    Damper {
+        /// The damping, or the rule that gives it.
+        damping: Damping,
+    },
+    /// [`Law::Wall`]
+    Wall {
+        /// On which side of `at` the wall pushes.
+        side: Side,
+        /// The wall's face.
+        at: f64,
+        /// N·m/rad, zero or more.
+        stiffness: f64,
+        /// N·m·s/rad, zero or more.
+        damping: f64,
+    },
+}
+
+impl Law {
+    /// The law without its clamp; itself when it has none.
+    pub const fn unclamped(self) -> Law {
+        match self {
+            Law::Clamped { law: Clampable::Spring { stiffness, rest }, .. } => Law::Spring { stiffness, rest },
+            Law::Clamped { law: Clampable::Damper { damping }, .. } => Law::Damper { damping },
+            Law::Clamped { law: Clampable::Wall { side, at, stiffness, damping }, .. } => {
+                Law::Wall { side, at, stiffness, damping }
+            }
+            law => law,
+        }
+    }
+
+    /// The law with its torque held within ±`limit`; `None` for what is neither spring, damper nor wall.
+    pub const fn clamped(self, limit: f64) -> Option<Law> {
+        let law = match self {
+            Law::Spring { stiffness, rest } => Clampable::Spring { stiffness, rest },
+            Law::Damper { damping } => Clampable::Damper { damping },
+            Law::Wall { side, at, stiffness, damping } => Clampable::Wall { side, at, stiffness, damping },
+            _ => return None,
+        };
+        Some(Law::Clamped { law, limit })
+    }
 }
 
 /// How much a damper damps.
@@ -171,6 +231,11 @@ impl Method {
     /// u_k over the coming step.
     pub const fn takes_new_sample_first(self) -> bool {
         matches!(self, Method::Tustin | Method::Foh)
+    }
+
+    /// Whether a body's nonlinear torque is found so that the step gains no energy (the discrete-gradient step).
+    pub const fn finds_torques(self) -> bool {
+        matches!(self, Method::Zoh | Method::Trapezoidal | Method::BackwardEuler)
     }
 
     /// Whether the rule evaluates a body's nonlinear torque where it stands (the explicit ones).

@@ -1,6 +1,7 @@
 //! The loop: a world compiled once, and one sample of it.
 
 use crate::actuate::Actuator;
+use crate::gradient::{Contacts, Gradient, Step};
 use crate::matrix::{Half, Matrix, Vector};
 use crate::nonlinear::Nonlinear;
 use crate::sense::{Memory, Puck, Sensor};
@@ -26,6 +27,8 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) drift: Vector<F, B>,
     /// The bodies' response to nonlinear torques on them; `None` when there are none.
     pub(crate) force: Option<Half<F, B>>,
+    /// There where the method finds these torques over the step, rather than taking them where it stands.
+    pub(crate) gradient: Option<Gradient<F, B>>,
     pub(crate) port: Port<F, B>,
     pub(crate) nonlinear: [Option<Nonlinear<F>>; C],
     /// No nonlinear coupling stands from here on.
@@ -58,6 +61,8 @@ pub struct State<F, const B: usize, const C: usize, const W: usize> {
     pub change: Vector<F, B>,
     /// s of each coupling, in rad (linear: m); 0 where it is not LuGre friction.
     pub bristles: [F; C],
+    /// The torques found over the step, with the methods that find them.
+    pub contacts: Contacts<F, C>,
     /// What the sensor remembers.
     pub memory: Memory<F, W>,
 }
@@ -76,7 +81,8 @@ pub struct Sample<F> {
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     /// The state before sample 0.
     pub fn start(&self) -> State<F, B, C, W> {
-        State { now: self.start, change: Vector::ZERO, bristles: [F::ZERO; C], memory: Memory::EMPTY }
+        let bristles = [F::ZERO; C];
+        State { now: self.start, change: Vector::ZERO, bristles, contacts: Contacts::NONE, memory: Memory::EMPTY }
     }
 
     /// How many bodies the world has.
@@ -99,7 +105,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         if self.new_sample_first {
             if let Some(last) = last {
                 self.bend(&mut state.bristles, puck, &state.now);
-                let change = self.change(&state.now, last, puck, &state.bristles);
+                let change = self.change(&state.now, last, puck, &state.bristles, &mut state.contacts);
                 state.now.add(self.bodies, F::ONE, &change);
             } else {
                 self.bend(&mut state.bristles, puck, &state.now);
@@ -108,7 +114,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             let change = state.change;
             state.now.add(self.bodies, F::ONE, &change);
             self.bend(&mut state.bristles, puck, &state.now);
-            state.change = self.change(&state.now, puck, puck, &state.bristles);
+            state.change = self.change(&state.now, puck, puck, &state.bristles, &mut state.contacts);
         }
         let torque = self.torque(state, puck);
         Sample { puck, torque, command: self.actuator.command(torque) }
@@ -127,8 +133,20 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 
     /// x_{k+1} - x_k of the method, from x_k, u_{k-1} and u_k.
     #[inline]
-    fn change(&self, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>, bristles: &[F; C]) -> Vector<F, B> {
-        let first = self.stage(x, old, new, bristles);
+    fn change(
+        &self,
+        x: &Vector<F, B>,
+        old: Puck<F>,
+        new: Puck<F>,
+        bristles: &[F; C],
+        contacts: &mut Contacts<F, C>,
+    ) -> Vector<F, B> {
+        let mut first = self.stage(x, old, new, bristles);
+        if let (Some(gradient), Some(force)) = (&self.gradient, &self.force) {
+            let couplings = self.nonlinear.get(..self.nonlinear_count).unwrap_or(&self.nonlinear);
+            let step = Step { bodies: self.bodies, force, couplings, puck: (new.position, new.velocity), x };
+            gradient.step(&step, &mut first, contacts);
+        }
         if !self.staged {
             return first;
         }
@@ -159,7 +177,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             change.add(n, old.position, &self.input_old.position);
             change.add(n, old.velocity, &self.input_old.velocity);
         }
-        if let Some(force) = &self.force {
+        if let (Some(force), None) = (&self.force, &self.gradient) {
             force.apply(n, &self.nonlinear_torques(x, new, bristles), &mut change);
         }
         change
@@ -189,27 +207,27 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         let n = self.bodies;
         let mut bodies = state.now;
         match self.output {
-            Output::Start => self.torque_at(&bodies, puck, &state.bristles),
+            Output::Start => self.torque_at(&bodies, puck, &state.bristles, &state.contacts),
             Output::Middle => {
                 bodies.add(n, F::HALF, &state.change);
-                self.torque_at(&bodies, puck, &state.bristles)
+                self.torque_at(&bodies, puck, &state.bristles, &state.contacts)
             }
             Output::End => {
                 bodies.add(n, F::ONE, &state.change);
                 if self.advance == 0 {
                     bodies.velocity = self.mean_velocities(&state.change);
-                    return self.torque_at(&bodies, puck, &state.bristles);
+                    return self.torque_at(&bodies, puck, &state.bristles, &state.contacts);
                 }
                 // The world goes on without the loop, the puck held where it was seen.
                 let held = Puck { position: puck.position, velocity: F::ZERO };
-                let (mut change, mut bristles) = (state.change, state.bristles);
+                let (mut change, mut bristles, mut contacts) = (state.change, state.bristles, state.contacts);
                 for _ in 0..self.advance {
                     self.bend(&mut bristles, held, &bodies);
-                    change = self.change(&bodies, held, held, &bristles);
+                    change = self.change(&bodies, held, held, &bristles, &mut contacts);
                     bodies.add(n, F::ONE, &change);
                 }
                 bodies.velocity = self.mean_velocities(&change);
-                self.torque_at(&bodies, puck, &bristles)
+                self.torque_at(&bodies, puck, &bristles, &contacts)
             }
         }
     }
@@ -222,19 +240,21 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 
     /// The couplings' torque on the puck with the bodies as given.
     #[inline]
-    fn torque_at(&self, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C]) -> F {
+    fn torque_at(&self, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C], contacts: &Contacts<F, C>) -> F {
         let mut torque = self.port.offset + self.port.puck[0] * puck.position + self.port.puck[1] * puck.velocity;
         let own = self.port.bodies.position.iter().zip(&bodies.position);
         let damped = self.port.bodies.velocity.iter().zip(&bodies.velocity);
         for ((k, w), (c, v)) in own.zip(damped).take(self.bodies) {
             torque += *k * *w + *c * *v;
         }
-        for (coupling, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
+        let found = bristles.iter().zip(&contacts.torques);
+        for (coupling, (bristle, found)) in self.nonlinear.iter().zip(found).take(self.nonlinear_count) {
             if let Some(coupling) = coupling {
                 let sign = coupling.sign_at_puck();
                 if sign != F::ZERO {
                     let q = coupling.relative((puck.position, puck.velocity), bodies);
-                    torque += sign * coupling.torque(q, *bristle);
+                    let is_found = self.gradient.is_some() && coupling.is_found();
+                    torque += sign * if is_found { *found } else { coupling.torque(q, *bristle) };
                 }
             }
         }

@@ -98,19 +98,27 @@ fn a_compensating_damper_needs_its_spring() {
 }
 
 #[test]
-fn a_method_that_is_not_explicit_refuses_a_nonlinear_torque_on_a_body_and_takes_it_on_the_puck() {
+fn a_method_that_takes_the_new_sample_first_refuses_a_nonlinear_torque_on_a_body_and_those_that_find_it_refuse_lugre() {
+    let lugre = Law::Lugre {
+        coulomb: 1.0,
+        stribeck: 1.0,
+        stribeck_velocity: 1.0,
+        bristle_stiffness: 1.0,
+        bristle_damping: 1.0,
+        viscous: 1.0,
+    };
     let laws = [
         Law::Wall { side: Side::Above, at: 0.0, stiffness: 1.0, damping: 0.0 },
         Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 },
         Law::Coulomb { torque: 1.0 },
         Law::Constant { torque: 1.0 },
+        SPRING.law.clamped(1.0).unwrap(),
+        lugre,
     ];
     for method in Method::ALL {
         let output = if method.takes_new_sample_first() { Output::Start } else { Output::End };
         for law in laws {
-            // A constant is exact under every method that holds its torques.
-            let constant = matches!(law, Law::Constant { .. });
-            let taken = method.is_explicit() || (constant && !method.takes_new_sample_first());
+            let taken = method.is_explicit() || (method.finds_torques() && law != lugre);
             let couplings = coupling(End::Body(0), End::Ground, law);
             let refused = refusal(&Spec { method, output, couplings: &couplings, ..SPEC });
             assert_eq!(refused, (!taken).then_some(Error::Unsupported { coupling: 1, method }), "{method:?} {law:?}");
@@ -118,6 +126,20 @@ fn a_method_that_is_not_explicit_refuses_a_nonlinear_torque_on_a_body_and_takes_
             assert_eq!(refusal(&Spec { method, output, couplings: &couplings, ..SPEC }), None);
         }
     }
+}
+
+#[test]
+fn a_clamp_needs_a_limit_and_a_compensating_damper_its_spring_clamped_or_not() {
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let couplings = coupling(End::Puck, End::Ground, SPRING.law.clamped(bad).unwrap());
+        assert!(matches!(refusal(&Spec { couplings: &couplings, ..SPEC }), Some(Error::Value { what: "limit", .. })));
+    }
+    let damper = Law::Damper { damping: Damping::Compensating };
+    let couplings = coupling(End::Body(1), End::Ground, damper.clamped(1.0).unwrap());
+    assert_eq!(refusal(&Spec { couplings: &couplings, ..SPEC }), Some(Error::NoSpring { coupling: 1 }));
+    let mut couplings = coupling(End::Body(0), End::Puck, damper);
+    couplings[0].law = SPRING.law.clamped(1.0).unwrap();
+    assert_eq!(refusal(&Spec { couplings: &couplings, ..SPEC }), None);
 }
 
 #[test]

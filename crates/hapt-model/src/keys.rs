@@ -331,6 +331,7 @@ pub const KEYS: &[Key] = &[
     key("couplings.*.side", Takes::Name(&[side_name(Side::Above), side_name(Side::Below)]), Required,
         "Where the wall pushes: while q is above its face, or below it.").of(&["wall"]),
     key("couplings.*.at", Quantity(Position, Any), Required, "The wall's face.").of(&["wall"]),
+    key("couplings.*.limit", Quantity(Torque, Positive), Optional, "The torque, on both ends, is held within this; absent: any.").of(&["spring", "damper", "wall"]),
     key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Required, "The largest torque of the detent.").of(&["detent"]),
     key("couplings.*.pitch", Quantity(Position, Positive), Required, "From one rest of the detent to the next.").of(&["detent"]),
     key("couplings.*.phase", Quantity(Position, Any), Number(0.0), "Where one of the detent's rests is.").of(&["detent"]),

@@ -52,7 +52,7 @@ mod write;
 
 pub use dimension::Dimension;
 pub use error::{Error, ErrorKind, Location};
-pub use hapt_core::spec::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+pub use hapt_core::spec::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 pub use parameters::{Parameter, parameters};
 pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};
 pub use schema::schema;

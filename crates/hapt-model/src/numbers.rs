@@ -1,6 +1,6 @@
 //! Every number of a world under its key's name: what the writer writes, and what a sweep changes.
 
-use hapt_core::{Body, Damping, Law};
+use hapt_core::{Body, Clampable, Damping, Law};
 
 use crate::keys::{self, Key};
 use crate::world::{Device, Drive, Hand, Sampling, Shape, World};
@@ -71,9 +71,14 @@ pub(crate) fn body(body: &mut Body) -> Slots<'_> {
     ]
 }
 
-/// A law's kind and its numbers; a compensating damper has none.
+/// A law's kind and its numbers; a compensating damper's damping is none.
 pub(crate) fn law(law: &mut Law) -> (&'static str, Slots<'_>) {
     match law {
+        Law::Clamped { law, limit } => {
+            let (kind, mut slots) = clampable(law);
+            slots.push(("limit", Number(limit)));
+            (kind, slots)
+        }
         Law::Spring { stiffness, rest } => ("spring", vec![("stiffness", Number(stiffness)), ("rest", Number(rest))]),
         Law::Damper { damping: Damping::Fixed(damping) } => ("damper", vec![("damping", Number(damping))]),
         Law::Damper { damping: Damping::Compensating } => ("damper", Vec::new()),
@@ -96,6 +101,19 @@ pub(crate) fn law(law: &mut Law) -> (&'static str, Slots<'_>) {
             ],
         ),
         Law::Constant { torque } => ("constant", vec![("torque", Number(torque))]),
+    }
+}
+
+fn clampable(law: &mut Clampable) -> (&'static str, Slots<'_>) {
+    match law {
+        Clampable::Spring { stiffness, rest } => {
+            ("spring", vec![("stiffness", Number(stiffness)), ("rest", Number(rest))])
+        }
+        Clampable::Damper { damping: Damping::Fixed(damping) } => ("damper", vec![("damping", Number(damping))]),
+        Clampable::Damper { damping: Damping::Compensating } => ("damper", Vec::new()),
+        Clampable::Wall { side: _, at, stiffness, damping } => {
+            ("wall", vec![("at", Number(at)), ("stiffness", Number(stiffness)), ("damping", Number(damping))])
+        }
     }
 }
 
@@ -223,6 +241,11 @@ mod tests {
         kind = "spring"
         between = ["puck", "wheel"]
         stiffness = 1
+        [[couplings]]
+        kind = "spring"
+        between = ["puck", "ground"]
+        stiffness = 1
+        limit = 2
         [[couplings]]
         kind = "damper"
         between = ["wheel", "nut"]

@@ -175,6 +175,8 @@ fn coupling(fields: &Fields<'_>, names: &[String]) -> Result<Coupling, Error> {
         "friction" => friction(fields)?,
         _ => Law::Constant { torque: fields.number("torque")? },
     };
+    // The key belongs to the laws that can be clamped, and to no others.
+    let law = fields.optional_number("limit")?.and_then(|limit| law.clamped(limit)).unwrap_or(law);
     Ok(Coupling { first, second, law })
 }
 
@@ -232,7 +234,8 @@ fn check_coupling(
     names: &[String],
     method: Method,
 ) -> Result<(), Error> {
-    if matches!(coupling.law, Law::Damper { damping: Damping::Compensating }) && !has_spring(coupling, all) {
+    if matches!(coupling.law.unclamped(), Law::Damper { damping: Damping::Compensating }) && !has_spring(coupling, all)
+    {
         let name = |end| match end {
             End::Puck => "the puck",
             End::Ground => "ground",
@@ -256,7 +259,7 @@ fn check_coupling(
 /// Whether any spring is there that a compensating damper takes its damping from.
 fn has_spring(damper: &Coupling, all: &[Coupling]) -> bool {
     let ends = |coupling: &Coupling| [coupling.first, coupling.second];
-    all.iter().filter(|other| matches!(other.law, Law::Spring { .. })).any(|spring| match ends(damper) {
+    all.iter().filter(|other| matches!(other.law.unclamped(), Law::Spring { .. })).any(|spring| match ends(damper) {
         [body @ End::Body(_), End::Ground] | [End::Ground, body @ End::Body(_)] => ends(spring).contains(&body),
         pair => pair.iter().all(|end| ends(spring).contains(end)),
     })

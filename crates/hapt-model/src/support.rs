@@ -1,14 +1,14 @@
 //! Which couplings a method takes at a body.
 
-use hapt_core::{Law, Method};
+use hapt_core::{Clampable, Law, Method};
 
 use crate::words;
 
 /// Why `method` does not take this law at a body, and what to use; `None` when it does.
 ///
-/// The methods that hold a body's torque over the step (zoh, trapezoidal, backward Euler) would gain energy from a
-/// nonlinear one; the step that keeps them from it is not built yet for walls, detents and Coulomb friction. LuGre's
-/// bristle has no such step, and the methods that take the new sample first have no place for one.
+/// The explicit methods take every law where it stands. Those that hold a body's torque over the step (zoh, trapezoidal,
+/// backward Euler) find it so that the step gains no energy; LuGre's bristle has no such step. The methods that take the new
+/// sample first have no place for one.
 pub(crate) fn refusal(method: Method, law: &Law) -> Option<String> {
     let (what, method_name) = (name(law)?, method.name());
     let use_instead = |takes: fn(Method) -> bool| {
@@ -18,16 +18,11 @@ pub(crate) fn refusal(method: Method, law: &Law) -> Option<String> {
     let refused = format!("{what} at a body does not go with method {method_name:?}");
     match law {
         _ if method.is_explicit() => None,
-        Law::Constant { .. } if method.takes_new_sample_first() => {
+        Law::Lugre { .. } => Some(format!("{refused}; {}", use_instead(Method::is_explicit))),
+        _ if method.takes_new_sample_first() => {
             Some(format!("{refused}; {}", use_instead(|method| !method.takes_new_sample_first())))
         }
-        Law::Constant { .. } => None,
-        Law::Lugre { .. } => Some(format!("{refused}; {}", use_instead(Method::is_explicit))),
-        _ if method.takes_new_sample_first() => Some(format!("{refused}; {}", use_instead(Method::is_explicit))),
-        _ => Some(format!(
-            "{refused} yet, for its discrete-gradient step is not built; {}",
-            use_instead(Method::is_explicit)
-        )),
+        _ => None,
     }
 }
 
@@ -40,6 +35,9 @@ fn name(law: &Law) -> Option<&'static str> {
         Law::Coulomb { .. } => Some("Coulomb friction"),
         Law::Lugre { .. } => Some("LuGre friction"),
         Law::Constant { .. } => Some("a constant torque"),
+        Law::Clamped { law: Clampable::Spring { .. }, .. } => Some("a clamped spring"),
+        Law::Clamped { law: Clampable::Damper { .. }, .. } => Some("a clamped damper"),
+        Law::Clamped { law: Clampable::Wall { .. }, .. } => Some("a clamped wall"),
     }
 }
 
@@ -51,6 +49,7 @@ mod tests {
     const WALL: Law = Law::Wall { side: Side::Above, at: 0.0, stiffness: 1.0, damping: 0.0 };
     const DETENT: Law = Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 };
     const COULOMB: Law = Law::Coulomb { torque: 1.0 };
+    const CLAMPED: Law = Law::Clamped { law: Clampable::Spring { stiffness: 1.0, rest: 0.0 }, limit: 1.0 };
     const CONSTANT: Law = Law::Constant { torque: 1.0 };
     const LUGRE: Law = Law::Lugre {
         coulomb: 1.0,
@@ -72,7 +71,7 @@ mod tests {
     #[test]
     fn every_coupling_goes_with_the_explicit_methods() {
         for method in [Method::ForwardEuler, Method::SemiImplicitEuler, Method::Rk4] {
-            for law in [WALL, DETENT, COULOMB, CONSTANT, LUGRE] {
+            for law in [WALL, DETENT, COULOMB, CLAMPED, CONSTANT, LUGRE] {
                 assert_eq!(refusal(method, &law), None);
             }
         }
@@ -81,8 +80,8 @@ mod tests {
     #[test]
     fn no_nonlinear_coupling_goes_with_tustin_or_foh_and_a_constant_counts_as_one() {
         for method in [Method::Tustin, Method::Foh] {
-            for law in [WALL, DETENT, COULOMB, CONSTANT, LUGRE] {
-                assert!(refusal(method, &law).is_some_and(|message| !message.contains("yet")));
+            for law in [WALL, DETENT, COULOMB, CLAMPED, CONSTANT, LUGRE] {
+                assert!(refusal(method, &law).is_some());
             }
         }
         assert_eq!(
@@ -93,17 +92,16 @@ mod tests {
     }
 
     #[test]
-    fn methods_that_hold_the_torque_take_constants_and_refuse_lugre_for_good() {
+    fn methods_that_hold_the_torque_take_everything_but_lugre() {
         for method in [Method::Zoh, Method::Trapezoidal, Method::BackwardEuler] {
-            assert_eq!(refusal(method, &CONSTANT), None);
-            assert!(refusal(method, &LUGRE).is_some_and(|message| !message.contains("yet")));
-            for law in [WALL, DETENT, COULOMB] {
-                assert!(refusal(method, &law).is_some_and(|message| message.contains("not built")));
+            for law in [WALL, DETENT, COULOMB, CLAMPED, CONSTANT] {
+                assert_eq!(refusal(method, &law), None);
             }
+            assert!(refusal(method, &LUGRE).is_some());
         }
         assert_eq!(
-            refusal(Method::Zoh, &WALL).unwrap(),
-            "a wall at a body does not go with method \"zoh\" yet, for its discrete-gradient step is not built; \
+            refusal(Method::Zoh, &LUGRE).unwrap(),
+            "LuGre friction at a body does not go with method \"zoh\"; \
              use \"forward-euler\", \"semi-implicit-euler\" or \"rk4\""
         );
     }

@@ -55,7 +55,7 @@ impl World {
             End::Body(index) => self.names.get(index).map_or("", String::as_str),
         };
         let (first, second) = (end(coupling.first), end(coupling.second));
-        let word = match coupling.law {
+        let word = match coupling.law.unclamped() {
             Law::Wall { side, .. } => Some(("side", side_name(side))),
             Law::Damper { damping: Damping::Compensating } => Some(("damping", COMPENSATING)),
             _ => None,

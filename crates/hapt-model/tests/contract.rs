@@ -214,6 +214,16 @@ viscous = 5
 kind = "constant"
 between = ["a", "b"]
 torque = "-0.1 J"
+[[couplings]]
+kind = "spring"
+between = ["puck", "a"]
+stiffness = 2
+limit = "300 N mm"
+[[couplings]]
+kind = "damper"
+between = ["a", "b"]
+damping = 2
+limit = 1
 "#,
     );
     let tau = 2.0 * PI;
@@ -233,6 +243,8 @@ torque = "-0.1 J"
                 viscous: 5.0
             },
             Law::Constant { torque: -0.1 },
+            Law::Spring { stiffness: 2.0, rest: 0.0 }.clamped(0.3).unwrap(),
+            Law::Damper { damping: Damping::Fixed(2.0) }.clamped(1.0).unwrap(),
         ]
     );
     assert_eq!((world.couplings[4].first, world.couplings[4].second), (End::Body(0), End::Body(1)));

@@ -259,7 +259,7 @@ fn couplings() {
         (
             "kind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nrest = 0",
             "couplings.0.rest: not a key of kind \"wall\" but of \"spring\"; \
-             \"wall\" takes kind, between, stiffness, damping, side, at",
+             \"wall\" takes kind, between, stiffness, damping, side, at, limit",
         ),
         (
             "kind = \"damper\"\nbetween = [\"puck\", \"ground\"]",
@@ -297,9 +297,19 @@ fn couplings() {
             "couplings.0.stribeck_velocity: missing; an angular velocity (rad/s) above 0 is wanted, such as \"90 deg/s\"",
         ),
         (
-            "kind = \"friction\"\nbetween = [\"puck\", \"wheel\"]\ntorque = 1",
-            "couplings.0.kind: Coulomb friction at a body does not go with method \"zoh\" yet, for its discrete-gradient \
-             step is not built; use \"forward-euler\", \"semi-implicit-euler\" or \"rk4\"",
+            "kind = \"friction\"\nbetween = [\"puck\", \"wheel\"]\ncoulomb = 1\nstribeck = 1\nstribeck_velocity = 1\n\
+             bristle_stiffness = 1\nbristle_damping = 0\nviscous = 0",
+            "couplings.0.kind: LuGre friction at a body does not go with method \"zoh\"; \
+             use \"forward-euler\", \"semi-implicit-euler\" or \"rk4\"",
+        ),
+        (
+            "kind = \"spring\"\nbetween = [\"puck\", \"wheel\"]\nstiffness = 1\nlimit = 0",
+            "couplings.0.limit: 0 is not above 0; a torque (N m) above 0 is wanted, such as \"5 N mm\"",
+        ),
+        (
+            "kind = \"detent\"\nbetween = [\"puck\", \"wheel\"]\ntorque = 1\npitch = 1\nlimit = 1",
+            "couplings.0.limit: not a key of kind \"detent\" but of \"spring\", \"damper\" or \"wall\"; \
+             \"detent\" takes kind, between, torque, pitch, phase",
         ),
     ];
     check(&table, |given| format!("{LEAST}bodies.wheel.inertia = 1\n[[couplings]]\n{given}\n"));

@@ -25,6 +25,11 @@ fn positive() -> impl Strategy<Value = f64> {
 }
 
 fn law() -> impl Strategy<Value = Law> {
+    (plain_law(), option::of(positive()))
+        .prop_map(|(law, limit)| limit.and_then(|limit| law.clamped(limit)).unwrap_or(law))
+}
+
+fn plain_law() -> impl Strategy<Value = Law> {
     let (finite, zero, above) = (any_number, zero_or_more, positive);
     prop_oneof![
         (zero(), finite()).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),

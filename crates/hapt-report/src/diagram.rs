@@ -171,7 +171,7 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
     };
     go('M', 0.0, 0.0);
     go('L', from, 0.0);
-    match law {
+    match law.unclamped() {
         Law::Spring { .. } => {
             for i in 0..8 {
                 let s = from + (2.0 * half) * (f64::from(i) + 0.5) / 8.0;
@@ -224,6 +224,8 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
             go('L', to, 0.0);
             go('L', to - 9.0, 6.0);
         }
+        // What is unclamped is not clamped.
+        Law::Clamped { .. } => {}
     }
     go('M', to, 0.0);
     go('L', length, 0.0);
@@ -254,6 +256,10 @@ fn words(law: &Law, motion: Motion) -> (&'static str, String) {
         Law::Lugre { coulomb, .. } => ("LuGre friction", say_effort(coulomb, motion)),
         Law::Constant { torque } => {
             (if rotary { "constant torque" } else { "constant force" }, say_effort(torque, motion))
+        }
+        Law::Clamped { limit, .. } => {
+            let (kind, value) = words(&law.unclamped(), motion);
+            (kind, format!("{value}, at most {}", say_effort(limit, motion)))
         }
     }
 }

@@ -8,6 +8,11 @@ use hapt_sim::{Simulation, Summary, world_energy};
 use proptest::prelude::*;
 
 fn law() -> impl Strategy<Value = Law> {
+    let limit = prop::option::of(0.05_f64..5.0);
+    (plain_law(), limit).prop_map(|(law, limit)| limit.and_then(|limit| law.clamped(limit)).unwrap_or(law))
+}
+
+fn plain_law() -> impl Strategy<Value = Law> {
     let side = prop_oneof![Just(Side::Above), Just(Side::Below)];
     prop_oneof![
         (0.0_f64..10.0, -1.0_f64..1.0).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
@@ -59,6 +64,34 @@ proptest! {
             }
             let start = 0.5 * stiffness[0] * z0 * z0;
             prop_assert!((summary.final_energy() / start - 1.0).abs() < 1e-9, "{} {start}", summary.final_energy());
+        }
+    }
+
+    #[test]
+    fn nonlinear_couplings_at_a_body_give_nothing_while_the_puck_is_held_and_the_devices_ledger_closes(
+        laws in prop::collection::vec((law(), any::<bool>()), 1..4), coulomb in 0.0_f64..0.1, z0 in -1.0_f64..1.0, v0 in -5.0_f64..5.0,
+    ) {
+        for method in [Method::Zoh, Method::Trapezoidal, Method::BackwardEuler] {
+            let mut world = common::wheel(method, Output::End);
+            world.bodies[0].velocity = v0;
+            for &(law, at_puck) in &laws {
+                let second = if at_puck { End::Puck } else { End::Ground };
+                world.couplings.push(Coupling { first: End::Body(0), second, law });
+            }
+            let friction = Law::Coulomb { torque: coulomb };
+            world.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: friction });
+            let held = rows(&world, &scenario(0.5, step(z0, 0.0), None));
+            let energy = |row: &hapt_sim::Row| world_energy(&world, row.puck, &row.bodies, &row.bristles);
+            let size = held.iter().map(|row| energy(row).abs()).fold(1.0, f64::max);
+            for pair in held.windows(2) {
+                prop_assert!(energy(&pair[1]) - energy(&pair[0]) < 1e-13 * size, "{}", method.name());
+            }
+            // Let go at once: what motor and damping do to the puck is all its motion.
+            let free = rows(&world, &scenario(0.5, step(0.0, 0.0), Some(0.0)));
+            let last = &free[free.len() - 1];
+            let moving = 0.5 * world.device.inertia * last.puck_velocity * last.puck_velocity;
+            let left = last.ledger.hand + last.ledger.motor - last.ledger.damping - last.ledger.friction - moving;
+            prop_assert!(left.abs() < 1e-11 * (1.0 + last.ledger.damping + moving), "{}: {left}", method.name());
         }
     }
 

@@ -42,8 +42,9 @@ pub fn lines(loaded: &Loaded, args: &CheckArgs, check: &Check, remedies: &Remedi
     }
     if let Some(scale) = remedies.stiffness_scale {
         let stiff = |law: &Law| matches!(law, Law::Spring { .. } | Law::Wall { .. } | Law::Detent { .. });
-        for (i, coupling) in world.couplings.iter().enumerate().filter(|(_, coupling)| stiff(&coupling.law)) {
-            let (key, value) = match coupling.law {
+        for (i, coupling) in world.couplings.iter().enumerate().filter(|(_, coupling)| stiff(&coupling.law.unclamped()))
+        {
+            let (key, value) = match coupling.law.unclamped() {
                 Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => ("stiffness", stiffness),
                 Law::Detent { torque, .. } => ("torque", torque),
                 _ => continue,

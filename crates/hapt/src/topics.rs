@@ -297,9 +297,10 @@ No nonlinear coupling at a body goes with it.
         aliases: &["nonlinear", "discrete-gradient"],
         line: "\"does not go with method ...\": walls, detents, friction at a body",
         text: r#"A wall, a detent or friction between a body and anything is nonlinear inside of the integration.
-zoh, trapezoidal and backward-euler would have to take its torque from the start of the step, where
-it makes energy: a body bouncing on a wall gained a factor of millions. So hapt refuses it, and does
-not approximate in silence. Use an explicit method:
+Taken from the start of the step, its torque makes energy: a body bouncing on a wall gained a factor
+of millions. zoh, trapezoidal and backward-euler find it over the step, so that it never does (the
+discrete gradient); LuGre friction has no such step, and tustin and foh have no place for one. There
+hapt refuses, and does not approximate in silence. The explicit methods take everything:
 
   hapt check @notes/default --set loop.method=semi-implicit-euler      marginal
 

@@ -1,7 +1,7 @@
 //! Random worlds and their differential equation, written down a second time, coupling by coupling.
 #![allow(dead_code)]
 
-use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+use hapt_core::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -82,8 +82,17 @@ impl World {
         1.0 + 4.0 * k + 20.0 * c + torques
     }
 
+    /// What is moving and what is stored, with z held; and the size of the parts, below which differences are rounding.
+    pub fn energy(&self, x: &[f64], z: f64) -> (f64, f64) {
+        let n = self.bodies.len();
+        let moving: f64 = self.bodies.iter().zip(&x[n..]).map(|(body, v)| 0.5 * body.inertia * v * v).sum();
+        let stored =
+            self.couplings.iter().map(|coupling| stored(&coupling.law, self.relative(coupling, x, (z, 0.0)).0));
+        stored.fold((moving, moving), |(sum, size), part| (sum + part, size + part.abs()))
+    }
+
     fn slopes(&self) -> (f64, f64) {
-        self.couplings.iter().fold((0.0, 0.0), |(k, c), coupling| match coupling.law {
+        self.couplings.iter().fold((0.0, 0.0), |(k, c), coupling| match coupling.law.unclamped() {
             Law::Spring { stiffness, .. } => (k + stiffness, c),
             Law::Damper { damping: Damping::Fixed(damping) } => (k, c + damping),
             Law::Wall { stiffness, damping, .. } => (k + stiffness, c + damping),
@@ -93,9 +102,41 @@ impl World {
     }
 }
 
+/// V of a law, a clamp's own included; 0 of what only takes.
+pub fn stored(law: &Law, q: f64) -> f64 {
+    match *law {
+        Law::Spring { stiffness, rest } => 0.5 * stiffness * (q - rest).powi(2),
+        Law::Wall { .. } => stored(&Law::Clamped { law: wall(law), limit: f64::INFINITY }, q),
+        Law::Detent { torque, pitch, phase } => {
+            torque * pitch / std::f64::consts::PI * (std::f64::consts::PI * (q - phase) / pitch).sin().powi(2)
+        }
+        Law::Constant { torque } => -torque * q,
+        Law::Clamped { law: Clampable::Spring { stiffness, rest }, limit } => level_off(stiffness, q - rest, limit),
+        Law::Clamped { law: Clampable::Wall { side, at, stiffness, .. }, limit } => {
+            let depth = if side == Side::Above { q - at } else { at - q };
+            level_off(stiffness, depth.max(0.0), limit)
+        }
+        _ => 0.0,
+    }
+}
+
+fn wall(law: &Law) -> Clampable {
+    match law.clamped(1.0) {
+        Some(Law::Clamped { law, .. }) => law,
+        _ => unreachable!(),
+    }
+}
+
+/// ∫ min(k x, limit) dx
+fn level_off(stiffness: f64, x: f64, limit: f64) -> f64 {
+    let slope = x.abs().min(limit / stiffness);
+    0.5 * stiffness * slope * slope + if x.abs() > slope { limit * (x.abs() - slope) } else { 0.0 }
+}
+
 /// The contract's table of laws.
 pub fn torque(law: &Law, q: f64, qd: f64) -> f64 {
     match *law {
+        Law::Clamped { limit, .. } => torque(&law.unclamped(), q, qd).clamp(-limit, limit),
         Law::Spring { stiffness, rest } => -stiffness * (q - rest),
         Law::Damper { damping: Damping::Fixed(damping) } => -damping * qd,
         Law::Wall { side: Side::Above, at, stiffness, damping } if q > at => {
@@ -155,14 +196,13 @@ fn law(nonlinear: bool) -> BoxedStrategy<Law> {
         return linear.boxed();
     }
     let side = prop_oneof![Just(Side::Above), Just(Side::Below)];
+    let wall = (side, -1.0_f64..1.0, 0.0_f64..10.0, 0.0_f64..0.05)
+        .prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping })
+        .boxed();
+    let clampable = prop_oneof![linear.clone(), wall.clone()];
     prop_oneof![
         linear,
-        (side, -1.0_f64..1.0, 0.0_f64..10.0, 0.0_f64..0.05).prop_map(|(side, at, stiffness, damping)| Law::Wall {
-            side,
-            at,
-            stiffness,
-            damping
-        }),
+        wall,
         (0.0_f64..1.0, 0.1_f64..2.0, -1.0_f64..1.0).prop_map(|(torque, pitch, phase)| Law::Detent {
             torque,
             pitch,
@@ -170,6 +210,7 @@ fn law(nonlinear: bool) -> BoxedStrategy<Law> {
         }),
         (0.0_f64..0.5).prop_map(|torque| Law::Coulomb { torque }),
         (-0.5_f64..0.5).prop_map(|torque| Law::Constant { torque }),
+        (clampable, 0.01_f64..2.0).prop_map(|(law, limit): (Law, f64)| law.clamped(limit).unwrap()),
     ]
     .boxed()
 }

@@ -202,8 +202,8 @@ fn names(t: &mut Table) {
         "{ kind = \"grip\", moves = { kind = \"grip\", moves = { kind = \"grip\" } } }",
     );
     t.lines(
-        "a wall at a body under the usual method",
-        "[[couplings]]\nkind = \"wall\"\nbetween = [\"wheel\", \"ground\"]\nside = \"above\"\nat = 1\nstiffness = 1",
+        "LuGre friction at a body under the usual method",
+        "[[couplings]]\nkind = \"friction\"\nbetween = [\"wheel\", \"ground\"]\ncoulomb = 1\nstribeck = 1\nstribeck_velocity = 1\nbristle_stiffness = 1\nbristle_damping = 0\nviscous = 0",
     );
 }
 
