@@ -111,6 +111,11 @@ fn analyse(world: &World, mut critical: Critical) -> Result<Stability, Error> {
     let counting = counting(moving.clone(), shifts, period, MARGINAL);
     let all: Vec<Multiplier> = std::iter::repeat_n(Multiplier::ONE, shifts).chain(moving).collect();
     let pairs: Vec<Root> = found.iter().flat_map(|f| f.pairs.iter().copied()).collect();
+    // What leaves the circle below the shortest period does so where the rest is not looked at.
+    let critical = match critical {
+        Critical::Period(period) if period <= shortest_period(&world.sampling) => Critical::Never,
+        other => other,
+    };
     Ok(assemble(&all, &counting, &pairs, critical, period))
 }
 

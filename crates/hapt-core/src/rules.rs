@@ -108,8 +108,11 @@ impl<const B: usize> Dynamics<B> {
     /// The exact hold: Φ1(h) = ∫₀ʰ e^{As} ds by its series at h = T/2^halvings, then doubled,
     ///
     /// ```text
-    /// Φ1(2h) = 2 Φ1(h) + E Φ1(h),    Φ2(2h) = 2 Φ2(h) + E Φ2(h) + h Φ1(h),    E = e^{Ah} - I = A Φ1(h)
+    /// Φ1(2h) = 2 Φ1(h) + E Φ1(h),    Φ2(2h) = 2 Φ2(h) + E Φ2(h) + h Φ1(h),    E(2h) = 2 E(h) + E(h)²,    E = e^{Ah} - I
     /// ```
+    ///
+    /// E = A Φ1(h) is taken once, at the start: anew at each doubling it would lose digits by C h/J every time, and a light body
+    /// on a strong damper would keep none.
     ///
     /// where Φ2(h) = ∫₀ʰ e^{A(h-s)} s ds is the response to a ramp. With `ramp` the torque runs straight from the old to the
     /// new sample: new = Φ2/T, old = Φ1 - Φ2/T; without, it is held: new = Φ1.
@@ -121,8 +124,8 @@ impl<const B: usize> Dynamics<B> {
         }
         let mut hold = self.phi(h, terms, 1).map(|x| h * x);
         let mut slope = if ramp { self.phi(h, terms, 2).map(|x| h * h * x) } else { Matrix::ZERO };
+        let mut e = self.rate_of(1.0, &hold);
         for _ in 0..halvings {
-            let e = self.rate_of(1.0, &hold);
             if ramp {
                 let mut doubled = product(n, &e, &slope);
                 add(n, 2.0, &slope, &mut doubled);
@@ -132,9 +135,12 @@ impl<const B: usize> Dynamics<B> {
             let mut doubled = product(n, &e, &hold);
             add(n, 2.0, &hold, &mut doubled);
             hold = doubled;
+            let mut doubled = product(n, &e, &e);
+            add(n, 2.0, &e, &mut doubled);
+            e = doubled;
             h *= 2.0;
         }
-        let state = self.rate_of(1.0, &hold);
+        let state = e;
         let mut new = hold.from_velocity;
         let mut old = Half::ZERO;
         for i in 0..n {

@@ -176,6 +176,24 @@ fn compare<F: Real>(world: &Linear, method: Method, output: Output, tolerance: f
     Ok(())
 }
 
+/// A body four hundred times lighter than its dampers move in a period: C T/J = 2575. Its own motion is gone at once, and what
+/// it does is what the damper beside it does.
+#[test]
+fn the_exact_hold_keeps_its_digits_on_a_light_body_between_strong_dampers() {
+    let body = |inertia| Body { inertia, position: 0.0, velocity: 0.0 };
+    let damper = |first, second, damping| Coupling { first, second, law: Law::Damper { damping: Damping::Fixed(damping) } };
+    let world = Linear {
+        bodies: vec![body(1.0), body(4e-4)],
+        couplings: vec![damper(End::Puck, End::Body(0), 1.0), damper(End::Body(0), End::Body(1), 3.11)],
+        period: 0.3313,
+        advance: 0,
+    };
+    for output in Output::ALL {
+        compare::<f64>(&world, Method::Zoh, output, 1e-10).unwrap();
+    }
+    compare::<f64>(&world, Method::Foh, Output::Start, 1e-10).unwrap();
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
 

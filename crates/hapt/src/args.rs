@@ -36,7 +36,7 @@ Examples:
   hapt sim wheel.toml --set loop.period=2ms          the same at another period
   hapt design --travel 45deg --torque 800Nmm --frequency 1Hz | hapt sim -")]
     Sim(SimArgs),
-    /// The certificate: stable held, stable let go, passive against every hand; and what would make it so.
+    /// The certificate: stable held and let go, passive; and what would make it so.
     #[command(after_help = "\
 Examples:
   hapt check wheel.toml                              exit code 1 when refused
@@ -62,7 +62,7 @@ Examples:
   hapt plot runs/step.csv > step.svg                 as hapt sim wrote it
   hapt plot runs/step.csv --limit 822.25Nmm --out step.svg")]
     Plot(PlotArgs),
-    /// Every combination of a few numbers of a world, measured, as a table and a picture.
+    /// Every combination of a few numbers of a world, measured: a table, a picture.
     #[command(after_help = "\
 Examples:
   hapt sweep wheel.toml --vary loop.period=0.1ms..10ms:50:log \\

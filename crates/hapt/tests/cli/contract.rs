@@ -53,7 +53,21 @@ fn the_fields_are_those_of_the_contract() {
     for path in every_world() {
         let ended = hapt(Path::new("."), ["check".as_ref(), path.as_os_str(), "--json".as_ref()]);
         let json: Value = serde_json::from_str(&ended.out).unwrap();
-        keys(&json, &["period_s", "method", "output", "held", "passivity", "quantisation", "notes"]);
+        keys(
+            &json,
+            &[
+                "period_s",
+                "method",
+                "output",
+                "held",
+                "free",
+                "passivity",
+                "quantisation",
+                "remedies",
+                "certified",
+                "notes",
+            ],
+        );
         assert!(number(&json["period_s"]) > 0.0);
         assert!(json["method"].is_string() && json["output"].is_string());
         assert!(json["notes"].as_array().unwrap().iter().all(Value::is_string));
@@ -135,7 +149,7 @@ fn a_world_without_bodies_has_nothing_to_be_unstable() {
     let wall = "[[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = 1\n";
     for rest in ["", wall] {
         let (code, json) = checked(&world("period = 1e-3", rest), &[]);
-        assert_eq!(code, 0);
+        assert_eq!(code == 0, json["certified"].as_bool().unwrap());
         let held = &json["held"];
         assert_eq!((&held["eigenvalues"], &held["modes"]), (&Value::Array(vec![]), &Value::Array(vec![])));
         assert_eq!(number(&held["spectral_radius"]), 0.0);
@@ -160,7 +174,7 @@ fn the_largest_eigenvalue_comes_first() {
 fn equal_eigenvalues_stand_by_their_angle_upwards_the_positive_one_of_a_pair_first() {
     let two = [swing("fast", 100.0, "0"), swing("slow", 4.0, "0")].concat();
     let (code, json) = checked(&world("period = 0.01\nmethod = \"trapezoidal\"", &two), &[]);
-    assert_eq!((code, &json["held"]["verdict"]), (0, &"marginal".into()));
+    assert_eq!((code, &json["held"]["verdict"]), (1, &"marginal".into()));
     let given = eigenvalues(&json);
     assert_eq!(given.len(), 4);
     for ((re, im, abs), (x, sign)) in given.into_iter().zip([(0.02_f64, 1.0), (0.02, -1.0), (0.1, 1.0), (0.1, -1.0)]) {
@@ -177,7 +191,7 @@ fn equal_eigenvalues_stand_by_their_angle_upwards_the_positive_one_of_a_pair_fir
 #[test]
 fn the_exact_hold_keeps_frequency_and_damping_ratio() {
     let (code, json) = checked(&world("period = 0.01", &swing("w", 25.0, "2")), &[]);
-    assert_eq!((code, &json["held"]["verdict"]), (0, &"stable".into()));
+    assert_eq!((code, &json["held"]["verdict"]), (1, &"stable".into()));
     let mode = &json["held"]["modes"][0];
     near(number(&mode["frequency_hz"]), 5.0 / TAU, 1e-14);
     near(number(&mode["discrete_frequency_hz"]), 5.0 / TAU, 1e-12);
@@ -193,14 +207,13 @@ fn the_critical_period_is_where_the_verdict_changes() {
     // |1 + sT| = 1 at T = 2ζ/ω, ω = 5 rad/s, ζ = 0.2; with b = Tk it is the semi-implicit scheme, at T = 2/ω.
     for (damping, critical) in [("2", 0.08), ("\"compensating\"", 0.4)] {
         let text = world("period = 0.01\nmethod = \"forward-euler\"", &swing("w", 25.0, damping));
-        let (code, json) = checked(&text, &[]);
-        assert_eq!(code, 0);
+        let json = checked(&text, &[]).1;
         let found = number(&json["held"]["critical_period_s"]);
         near(found, critical, 1e-12);
         assert!(json["held"]["critical_period_reason"].is_null());
-        for (factor, code) in [(0.999, 0), (1.001, 1)] {
-            let (given, json) = checked(&text, &["--set", &format!("loop.period={:?}", found * factor)]);
-            assert_eq!(given, code, "{json}");
+        for (factor, unstable) in [(0.999, false), (1.001, true)] {
+            let json = checked(&text, &["--set", &format!("loop.period={:?}", found * factor)]).1;
+            assert_eq!(json["held"]["verdict"] == "unstable", unstable, "{json}");
         }
     }
 }

@@ -114,7 +114,7 @@ fn a_long_run_says_how_far_it_is_on_standard_error_only() {
     let mut running = Running::start(program(at.path(), ["sim", "w.toml"].into_iter().chain(ENDLESS)));
     running.until("a word on how far it is", |out, err| {
         assert!(["", "wheel\n"].contains(&out), "{out}");
-        err.ends_with("samples\n")
+        err.ends_with(" s left\n")
     });
     running.until("it still runs", |out, err| {
         let line = err.lines().next().unwrap();
