@@ -102,12 +102,15 @@ fn table(reports: &[Report<'_>]) -> Markup {
     html! {
         table {
             thead {
-                tr { th { "world" } th { "verdict" } th { "growth per s" } th { "critical period" } th { "peak torque" } th { "first clipped" } th { "loop" } }
+                tr { th { "world" } th { "certified" } th { "held" } th { "growth per s" } th { "critical period" } th { "peak torque" } th { "first clipped" } th { "loop" } }
             }
             tbody {
                 @for report in reports {
                     tr {
                         td { a href={ (report.stem) ".html" } { (report.title) } }
+                        td class={ "state " (if report.check.certified { "stable" } else { "unstable" }) } {
+                            (if report.check.certified { "yes" } else { "no" })
+                        }
                         td class={ "state " (verdict_name(report.check)) } { (verdict_name(report.check)) }
                         td.number { (report.check.held.growth_per_s.map_or("none".into(), rate)) }
                         td.number { (critical(report.check)) }

@@ -264,16 +264,22 @@ pub(crate) fn verdict_name(check: &Check) -> &'static str {
     }
 }
 
+/// The certificate: whether there is one, and what it rests on.
 fn verdict(check: &Check) -> Markup {
-    let name = verdict_name(check);
-    let sentence = check.sentence();
+    let sentence = check.verdict_sentence();
+    let (name, capital) = if check.certified { ("certified", "Certified") } else { ("not certified", "Not certified") };
     let reason = sentence.strip_prefix(name).unwrap_or(&sentence);
-    let capital = match check.held.verdict {
-        Verdict::Stable => "Stable",
-        Verdict::Marginal => "Marginal",
-        Verdict::Unstable => "Unstable",
-    };
-    html! { p class={ "verdict " (name) } { b { (capital) } (reason) "." } }
+    let colour = if check.certified { "stable" } else { "unstable" };
+    html! {
+        p class={ "verdict " (colour) } { b { (capital) } (reason) "." }
+        dl {
+            dt { "held" } dd { (check.sentence()) "." }
+            dt { "let go" } dd { (check.free_sentence()) "." }
+            dt { "any hand" } dd { (check.passivity_sentence()) "." }
+            @for reason in &check.passivity.not_proved { dt { "not proved" } dd { (reason) "." } }
+            @if let Some(counts) = check.quantisation_sentence() { dt { "counts" } dd { (counts) "." } }
+        }
+    }
 }
 
 fn parameters(list: &[Parameter]) -> Markup {

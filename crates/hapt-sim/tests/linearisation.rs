@@ -181,7 +181,8 @@ fn compare<F: Real>(world: &Linear, method: Method, output: Output, tolerance: f
 #[test]
 fn the_exact_hold_keeps_its_digits_on_a_light_body_between_strong_dampers() {
     let body = |inertia| Body { inertia, position: 0.0, velocity: 0.0 };
-    let damper = |first, second, damping| Coupling { first, second, law: Law::Damper { damping: Damping::Fixed(damping) } };
+    let damper =
+        |first, second, damping| Coupling { first, second, law: Law::Damper { damping: Damping::Fixed(damping) } };
     let world = Linear {
         bodies: vec![body(1.0), body(4e-4)],
         couplings: vec![damper(End::Puck, End::Body(0), 1.0), damper(End::Body(0), End::Body(1), 3.11)],
