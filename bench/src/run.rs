@@ -40,13 +40,18 @@ fn numbers(row: &Row) -> [f64; 14] {
 }
 
 pub fn time(scenario: &str, everything: bool, repeats: usize) -> Result<()> {
+    if everything { time_columns::<14>(scenario, repeats) } else { time_columns::<10>(scenario, repeats) }
+}
+
+fn time_columns<const N: usize>(scenario: &str, repeats: usize) -> Result<()> {
     let world = world(scenario)?;
     let scenario = world.scenario("step")?;
     let samples = hapt_sim::rows(scenario.duration, world.sampling.period) as usize;
-    let count = if everything { 14 } else { 10 };
-    let mut columns: Vec<Vec<f64>> = vec![vec![0.0; samples]; count];
+    let mut columns = [(); N].map(|()| vec![0.0; samples]);
     timed(repeats, samples, || {
         let mut run = Simulation::new(&world, scenario)?;
+        // All of one length, so that one question serves for all.
+        let mut columns = columns.each_mut().map(|column| &mut column[..samples]);
         let mut k = 0;
         while let Some(row) = run.next() {
             for (column, x) in columns.iter_mut().zip(numbers(row?)) {

@@ -2,11 +2,11 @@
 
 use crate::actuate::Actuator;
 use crate::gradient::Gradient;
-use crate::matrix::{Block, Half, Matrix, Vector};
+use crate::matrix::{Block, Half, Response, Vector};
 use crate::nonlinear::Nonlinear;
 use crate::rules::Dynamics;
 use crate::sense::Sensor;
-use crate::step::{Input, Loop, Port};
+use crate::step::{Loop, Port};
 use crate::{Coupling, Damping, End, Error, Law, Method, Output, Real, Spec};
 
 impl Error {
@@ -266,7 +266,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             half.apply(n, torque, &mut out);
             out
         };
-        let input = |half: &Half<f64, B>| Input {
+        let input = |half: &Half<f64, B>| Response {
             position: respond(half, &network.from_puck[0]).map(F::from_f64),
             velocity: respond(half, &network.from_puck[1]).map(F::from_f64),
         };
@@ -282,11 +282,14 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             output: spec.output,
             advance: spec.advance,
             start: start.map(F::from_f64),
-            state: rule.state.map(F::from_f64),
+            state: core::array::from_fn(|j| Response {
+                position: rule.state.from_position.column(j).map(F::from_f64),
+                velocity: rule.state.from_velocity.column(j).map(F::from_f64),
+            }),
             input_new: input(&rule.new),
             input_old: input(&rule.old),
             drift: drift.map(F::from_f64),
-            force: force_on_bodies.then(|| rule.new.map(F::from_f64)),
+            force: force_on_bodies.then(|| core::array::from_fn(|j| rule.new.column(j).map(F::from_f64))),
             gradient: (force_on_bodies && spec.method.finds_torques()).then(|| Gradient {
                 inertia: inertia.map(F::from_f64),
                 rate: F::from_f64(1.0 / spec.period),
@@ -306,21 +309,12 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     }
 
     fn is_finite(&self) -> bool {
-        let matrices: [&Matrix<F, B>; 1] = [&self.state];
-        let vectors = [
-            &self.start,
-            &self.input_new.position,
-            &self.input_new.velocity,
-            &self.input_old.position,
-            &self.input_old.velocity,
-            &self.drift,
-            &self.port.bodies,
-        ];
+        let vectors = [&self.start, &self.drift, &self.port.bodies];
         let numbers = [self.period, self.rate, self.port.offset, self.port.puck[0], self.port.puck[1]];
-        matrices.iter().all(|m| m.is_finite())
+        self.state.iter().chain([&self.input_new, &self.input_old]).all(Response::is_finite)
             && vectors.iter().all(|v| v.is_finite())
             && numbers.iter().all(|x| x.is_finite())
-            && self.force.is_none_or(|half| half.is_finite())
+            && self.force.iter().flatten().all(Vector::is_finite)
             && self.period > F::ZERO
     }
 }

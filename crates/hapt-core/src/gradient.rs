@@ -34,7 +34,7 @@
 //! lightest body turns by less than two radians a step.
 
 use crate::contact::Gap;
-use crate::matrix::{Half, Vector};
+use crate::matrix::Vector;
 use crate::nonlinear::{Curve, Nonlinear};
 use crate::{End, Real};
 
@@ -56,8 +56,8 @@ pub(crate) struct Gradient<F, const B: usize> {
 /// What a step starts from.
 pub(crate) struct Step<'a, F, const B: usize> {
     pub bodies: usize,
-    /// The bodies' response to torques held over the step.
-    pub force: &'a Half<F, B>,
+    /// The bodies' response to a torque held over the step, one a body that it stands on.
+    pub force: &'a [Vector<F, B>; B],
     pub couplings: &'a [Option<Nonlinear<F>>],
     /// The puck's measured position and velocity.
     pub puck: (F, F),
@@ -124,7 +124,7 @@ impl<F: Real, const B: usize> Gradient<F, B> {
     ) -> Gap<F> {
         let start = coupling.relative((step.puck.0, F::ZERO), step.x);
         let moved = coupling.relative((F::ZERO, F::ZERO), change);
-        let (compliance, mobility) = step.force.across(coupling, coupling);
+        let (compliance, mobility) = step.across(coupling, coupling);
         Gap {
             start: start.position,
             free: moved.position - compliance * torque,
@@ -155,7 +155,7 @@ impl<F: Real, const B: usize> Gradient<F, B> {
             steps[i] = answer.torque - torques[i];
             for j in 0..m {
                 if let (Some(other), false) = (at_body(&step.couplings[j]), i == j) {
-                    let (position, velocity) = step.force.across(coupling, other);
+                    let (position, velocity) = step.across(coupling, other);
                     rows[i][j] = -(answer.by_free * position + answer.by_rate * velocity);
                 }
             }
@@ -272,23 +272,20 @@ impl<F: Real, const B: usize> Step<'_, F, B> {
     fn push(&self, coupling: &Nonlinear<F>, torque: F, change: &mut Vector<F, B>) {
         for (end, torque) in [(coupling.first, torque), (coupling.second, -torque)] {
             if let End::Body(j) = end {
-                for i in 0..self.bodies.min(B) {
-                    let (position, velocity) = self.force.entry(i, j);
-                    change.position[i] += position * torque;
-                    change.velocity[i] += velocity * torque;
+                if let Some(response) = self.force.get(j) {
+                    change.add(self.bodies, torque, response);
                 }
             }
         }
     }
-}
 
-impl<F: Real, const B: usize> Half<F, B> {
     /// How far a unit of torque at one coupling moves the ends of another apart, in position and in velocity.
     #[inline]
     fn across(&self, one: &Nonlinear<F>, other: &Nonlinear<F>) -> (F, F) {
-        let entry = |i: End, j: End| match (i, j) {
-            (End::Body(i), End::Body(j)) => self.entry(i, j),
-            _ => (F::ZERO, F::ZERO),
+        let entry = |i: End, j: End| {
+            let (End::Body(i), End::Body(j)) = (i, j) else { return (F::ZERO, F::ZERO) };
+            let of = |row: Option<&F>| row.copied().unwrap_or(F::ZERO);
+            self.force.get(j).map_or((F::ZERO, F::ZERO), |r| (of(r.position.get(i)), of(r.velocity.get(i))))
         };
         let (a, b) = (entry(one.first, other.first), entry(one.second, other.second));
         let (c, d) = (entry(one.first, other.second), entry(one.second, other.first));

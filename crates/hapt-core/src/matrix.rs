@@ -1,6 +1,6 @@
 //! Positions and velocities of up to B bodies, and the matrices that act on them, in blocks of B so that both fit fixed sizes.
-//! Only the first `n` of each block are in use; every loop runs over those alone, in one order, so that a world gives the same
-//! bits whatever room it is compiled into.
+//! Only the first `n` of each block are in use. Every sum runs over those alone, in one order, so that a world gives the same
+//! bits whatever room it is compiled into; the sums of places not in use are zeros, made along where that is quicker than asking.
 
 use crate::Real;
 
@@ -19,10 +19,29 @@ impl<F: Real, const B: usize> Vector<F, B> {
     /// self += factor · other
     #[inline]
     pub(crate) fn add(&mut self, n: usize, factor: F, other: &Self) {
-        let n = n.min(B);
-        for i in 0..n {
-            self.position[i] += factor * other.position[i];
-            self.velocity[i] += factor * other.velocity[i];
+        let places = if B < ROWS { B } else { n };
+        for (x, y) in self.position.iter_mut().zip(&other.position).take(places) {
+            *x += factor * *y;
+        }
+        for (x, y) in self.velocity.iter_mut().zip(&other.velocity).take(places) {
+            *x += factor * *y;
+        }
+    }
+
+    /// The places of L bodies from the one at `at` on; there must be as many.
+    #[inline]
+    pub(crate) fn rows<const L: usize>(&self, at: usize) -> Vector<F, L> {
+        let of = |x: &[F; B]| x.get(at..).and_then(|x| x.first_chunk()).copied().unwrap_or([F::ZERO; L]);
+        Vector { position: of(&self.position), velocity: of(&self.velocity) }
+    }
+
+    /// Puts them there.
+    #[inline]
+    pub(crate) fn set_rows<const L: usize>(&mut self, at: usize, rows: &Vector<F, L>) {
+        for (x, rows) in [(&mut self.position, &rows.position), (&mut self.velocity, &rows.velocity)] {
+            if let Some(x) = x.get_mut(at..).and_then(|x| x.first_chunk_mut()) {
+                *x = *rows;
+            }
         }
     }
 
@@ -32,6 +51,32 @@ impl<F: Real, const B: usize> Vector<F, B> {
 
     pub(crate) fn is_finite(&self) -> bool {
         self.position.iter().chain(&self.velocity).all(|x| x.is_finite())
+    }
+}
+
+/// So many bodies' sums stay in registers while a matrix's columns pass by.
+pub(crate) const ROWS: usize = 8;
+
+/// What one body's position and velocity do to all bodies: two columns of a matrix. Or what the puck's do.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Response<F, const B: usize> {
+    pub position: Vector<F, B>,
+    pub velocity: Vector<F, B>,
+}
+
+impl<F: Real, const B: usize> Response<F, B> {
+    /// sums += response to a position and a velocity, for L bodies from the one at `at` on
+    #[inline]
+    pub fn apply<const L: usize>(&self, at: usize, position: F, velocity: F, sums: &mut Vector<F, L>) {
+        let (p, v) = (self.position.rows::<L>(at), self.velocity.rows::<L>(at));
+        for i in 0..L {
+            sums.position[i] += p.position[i] * position + v.position[i] * velocity;
+            sums.velocity[i] += p.velocity[i] * position + v.velocity[i] * velocity;
+        }
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.position.is_finite() && self.velocity.is_finite()
     }
 }
 
@@ -63,11 +108,10 @@ impl<F: Real, const B: usize> Half<F, B> {
         }
     }
 
-    /// Row i, column j: of the positions and of the velocities; 0 outside.
-    #[inline]
-    pub fn entry(&self, i: usize, j: usize) -> (F, F) {
-        let of = |block: &Block<F, B>| block.get(i).and_then(|row| row.get(j)).copied().unwrap_or(F::ZERO);
-        (of(&self.position), of(&self.velocity))
+    /// What the j-th number of the vector does.
+    pub fn column(&self, j: usize) -> Vector<F, B> {
+        let of = |rows: &Block<F, B>| rows.map(|row| row.get(j).copied().unwrap_or(F::ZERO));
+        Vector { position: of(&self.position), velocity: of(&self.velocity) }
     }
 
     pub fn map<G: Real>(&self, f: impl Fn(F) -> G) -> Half<G, B> {

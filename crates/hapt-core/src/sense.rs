@@ -50,12 +50,12 @@ impl<F: Real, const W: usize> Memory<F, W> {
 pub(crate) struct Sensor<F> {
     count: Option<F>,
     rate: F,
-    velocity: Velocity<F>,
+    /// `None`: the velocity is the true one.
+    velocity: Option<Velocity<F>>,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Velocity<F> {
-    Exact,
     Difference,
     /// v_k = keep v_{k-1} + gain (z_k - z_{k-1})
     LowPass {
@@ -82,16 +82,16 @@ impl<F: Real> Sensor<F> {
             _ => Ok(Velocity::Foaw { window: window as usize, best }),
         };
         let velocity = match spec.estimator {
-            Estimator::Exact => Velocity::Exact,
-            Estimator::Difference => Velocity::Difference,
+            Estimator::Exact => None,
+            Estimator::Difference => Some(Velocity::Difference),
             Estimator::LowPass { cutoff } => {
                 Error::check_positive("cutoff", cutoff)?;
                 let tau = 1.0 / (core::f64::consts::TAU * cutoff);
                 let sum = tau + spec.period;
-                Velocity::LowPass { keep: F::from_f64(tau / sum), gain: F::from_f64(1.0 / sum) }
+                Some(Velocity::LowPass { keep: F::from_f64(tau / sum), gain: F::from_f64(1.0 / sum) })
             }
-            Estimator::Foaw { window } => foaw(window, false)?,
-            Estimator::FoawBest { window } => foaw(window, true)?,
+            Estimator::Foaw { window } => Some(foaw(window, false)?),
+            Estimator::FoawBest { window } => Some(foaw(window, true)?),
         };
         Ok(Sensor { count: spec.count.map(F::from_f64), rate: F::from_f64(1.0 / spec.period), velocity })
     }
@@ -104,24 +104,29 @@ impl<F: Real> Sensor<F> {
             Some(size) => {
                 // A tie within 1e-9 of a count goes up.
                 let count = (position / size + F::HALF + F::from_f64(1e-9)).floor();
-                if let Velocity::Foaw { .. } = self.velocity {
+                if let Some(Velocity::Foaw { .. }) = self.velocity {
                     memory.push(count);
                 }
                 count * size
             }
         };
-        let velocity = match (self.velocity, memory.last) {
-            (Velocity::Exact, _) => velocity,
-            (_, None) => F::ZERO,
-            (Velocity::Difference, Some(last)) => (position - last.position) * self.rate,
-            (Velocity::LowPass { keep, gain }, Some(last)) => keep * last.velocity + gain * (position - last.position),
-            (Velocity::Foaw { window, best }, Some(_)) => {
+        let velocity = if self.velocity.is_none() { velocity } else { self.estimate(memory, position) };
+        Puck { position, velocity }
+    }
+
+    /// The velocity from this position and those before. Out of line: the exact velocity does not wait for what was stored last.
+    #[inline(never)]
+    fn estimate<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> F {
+        let (Some(estimator), Some(last)) = (self.velocity, memory.last) else { return F::ZERO };
+        match estimator {
+            Velocity::Difference => (position - last.position) * self.rate,
+            Velocity::LowPass { keep, gain } => keep * last.velocity + gain * (position - last.position),
+            Velocity::Foaw { window, best } => {
                 let n = longest_window(memory, window);
                 let slope = if best { best_fit(memory, n) } else { end_fit(memory, n) };
                 slope * self.count.unwrap_or(F::ONE) * self.rate
             }
-        };
-        Puck { position, velocity }
+        }
     }
 }
 

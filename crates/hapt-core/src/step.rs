@@ -2,7 +2,7 @@
 
 use crate::actuate::Actuator;
 use crate::gradient::{Contacts, Gradient, Step};
-use crate::matrix::{Half, Matrix, Vector};
+use crate::matrix::{ROWS, Response, Vector};
 use crate::nonlinear::Nonlinear;
 use crate::sense::{Memory, Puck, Sensor};
 use crate::{End, Output, Real};
@@ -21,12 +21,14 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) output: Output,
     pub(crate) advance: u32,
     pub(crate) start: Vector<F, B>,
-    pub(crate) state: Matrix<F, B>,
-    pub(crate) input_new: Input<F, B>,
-    pub(crate) input_old: Input<F, B>,
+    /// The method's matrix: what each body does to all.
+    pub(crate) state: [Response<F, B>; B],
+    /// What the puck does to them, as seen at this sample and at the last.
+    pub(crate) input_new: Response<F, B>,
+    pub(crate) input_old: Response<F, B>,
     pub(crate) drift: Vector<F, B>,
-    /// The bodies' response to nonlinear torques on them; `None` when there are none.
-    pub(crate) force: Option<Half<F, B>>,
+    /// The response to a nonlinear torque on each body; `None` when there are none.
+    pub(crate) force: Option<[Vector<F, B>; B]>,
     /// There where the method finds these torques over the step, rather than taking them where it stands.
     pub(crate) gradient: Option<Gradient<F, B>>,
     pub(crate) port: Port<F, B>,
@@ -35,13 +37,6 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) nonlinear_count: usize,
     pub(crate) sensor: Sensor<F>,
     pub(crate) actuator: Actuator<F>,
-}
-
-/// The bodies' response to the puck's position and velocity.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Input<F, const B: usize> {
-    pub position: Vector<F, B>,
-    pub velocity: Vector<F, B>,
 }
 
 /// The linear torque on the puck: from its own position and velocity, from the bodies', and from nothing.
@@ -99,29 +94,27 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     /// looks at.
     #[inline]
     pub fn step(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
-        let last = state.memory.last;
         let puck = self.sensor.read(&mut state.memory, position, velocity);
-        state.memory.last = Some(puck);
-        if self.new_sample_first {
-            if let Some(last) = last {
-                self.bend(&mut state.bristles, puck, &state.now);
-                let change = self.change(&state.now, last, puck, &state.bristles, &mut state.contacts);
-                state.now.add(self.bodies, F::ONE, &change);
-            } else {
-                self.bend(&mut state.bristles, puck, &state.now);
-            }
-        } else {
-            let change = state.change;
-            state.now.add(self.bodies, F::ONE, &change);
-            self.bend(&mut state.bristles, puck, &state.now);
-            state.change = self.change(&state.now, puck, puck, &state.bristles, &mut state.contacts);
+        if !self.new_sample_first {
+            state.now.add(self.bodies, F::ONE, &state.change);
         }
+        if self.nonlinear_count > 0 {
+            self.bend(&mut state.bristles, puck, &state.now);
+        }
+        if !self.new_sample_first {
+            state.change = self.change(&state.now, puck, puck, &state.bristles, &mut state.contacts);
+        } else if let Some(last) = state.memory.last {
+            let change = self.change(&state.now, last, puck, &state.bristles, &mut state.contacts);
+            state.now.add(self.bodies, F::ONE, &change);
+        }
+        state.memory.last = Some(puck);
         let torque = self.torque(state, puck);
         Sample { puck, torque, command: self.actuator.command(torque) }
     }
 
-    /// Every LuGre bristle over one period, with q̇ as it is at this sample held.
-    #[inline]
+    /// Every LuGre bristle over one period, with q̇ as it is at this sample held. Out of line, as all that only some worlds
+    /// have: it would take the registers of what all have.
+    #[cold]
     fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
         for (nonlinear, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
             if let Some(coupling) = nonlinear {
@@ -147,10 +140,19 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             let step = Step { bodies: self.bodies, force, couplings, puck: (new.position, new.velocity), x };
             gradient.step(&step, &mut first, contacts);
         }
-        if !self.staged {
-            return first;
-        }
-        // Runge-Kutta's four stages, each an Euler increment T f.
+        if self.staged { self.runge_kutta(first, x, old, new, bristles) } else { first }
+    }
+
+    /// Runge-Kutta's four stages, each an Euler increment T f; the first is there.
+    #[cold]
+    fn runge_kutta(
+        &self,
+        first: Vector<F, B>,
+        x: &Vector<F, B>,
+        old: Puck<F>,
+        new: Puck<F>,
+        bristles: &[F; C],
+    ) -> Vector<F, B> {
         let n = self.bodies;
         let two = F::ONE + F::ONE;
         let mut stage = first;
@@ -168,22 +170,44 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     /// The method's matrices on one state.
     #[inline]
     fn stage(&self, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>, bristles: &[F; C]) -> Vector<F, B> {
-        let n = self.bodies;
-        let mut change = self.drift;
-        self.state.apply(n, x, &mut change);
-        change.add(n, new.position, &self.input_new.position);
-        change.add(n, new.velocity, &self.input_new.velocity);
-        if self.new_sample_first {
-            change.add(n, old.position, &self.input_old.position);
-            change.add(n, old.velocity, &self.input_old.velocity);
+        let mut change = Vector::ZERO;
+        if B < ROWS {
+            change = self.rows(0, x, old, new);
+        } else {
+            for i in 0..B.div_ceil(ROWS) {
+                if i * ROWS >= self.bodies {
+                    break;
+                }
+                // The last rows may be some of those before: made twice, they are the same.
+                let at = (i * ROWS).min(B - ROWS);
+                change.set_rows(at, &self.rows::<ROWS>(at, x, old, new));
+            }
         }
         if let (Some(force), None) = (&self.force, &self.gradient) {
-            force.apply(n, &self.nonlinear_torques(x, new, bristles), &mut change);
+            let torques = self.nonlinear_torques(x, new, bristles);
+            for (response, torque) in force.iter().zip(&torques).take(self.bodies) {
+                change.add(self.bodies, *torque, response);
+            }
         }
         change
     }
 
+    /// L rows of the linear part. The bodies come after the puck: a sum should not wait where it can begin.
+    #[inline]
+    fn rows<const L: usize>(&self, at: usize, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>) -> Vector<F, L> {
+        let mut sums = self.drift.rows(at);
+        if self.new_sample_first {
+            self.input_old.apply(at, old.position, old.velocity, &mut sums);
+        }
+        self.input_new.apply(at, new.position, new.velocity, &mut sums);
+        for ((response, w), v) in self.state.iter().zip(&x.position).zip(&x.velocity).take(self.bodies) {
+            response.apply(at, *w, *v, &mut sums);
+        }
+        sums
+    }
+
     /// The nonlinear couplings' torques on the bodies.
+    #[cold]
     fn nonlinear_torques(&self, x: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C]) -> [F; B] {
         let mut torques = [F::ZERO; B];
         for (coupling, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
@@ -204,32 +228,39 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     /// The torque on the puck from the state that the output names.
     #[inline]
     fn torque(&self, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
-        let n = self.bodies;
-        let mut bodies = state.now;
+        let (mut bodies, change, bristles) = (state.now, &state.change, &state.bristles);
         match self.output {
-            Output::Start => self.torque_at(&bodies, puck, &state.bristles, &state.contacts),
-            Output::Middle => {
-                bodies.add(n, F::HALF, &state.change);
-                self.torque_at(&bodies, puck, &state.bristles, &state.contacts)
-            }
+            Output::Start => {}
+            Output::Middle => bodies.add(self.bodies, F::HALF, change),
             Output::End => {
-                bodies.add(n, F::ONE, &state.change);
-                if self.advance == 0 {
-                    bodies.velocity = self.mean_velocities(&state.change);
-                    return self.torque_at(&bodies, puck, &state.bristles, &state.contacts);
+                bodies.add(self.bodies, F::ONE, change);
+                if self.advance > 0 {
+                    return self.torque_ahead(bodies, *bristles, state.contacts, puck);
                 }
-                // The world goes on without the loop, the puck held where it was seen.
-                let held = Puck { position: puck.position, velocity: F::ZERO };
-                let (mut change, mut bristles, mut contacts) = (state.change, state.bristles, state.contacts);
-                for _ in 0..self.advance {
-                    self.bend(&mut bristles, held, &bodies);
-                    change = self.change(&bodies, held, held, &bristles, &mut contacts);
-                    bodies.add(n, F::ONE, &change);
-                }
-                bodies.velocity = self.mean_velocities(&change);
-                self.torque_at(&bodies, puck, &bristles, &contacts)
+                bodies.velocity = self.mean_velocities(change);
             }
         }
+        self.torque_at(&bodies, puck, bristles, &state.contacts)
+    }
+
+    /// The torque on the puck `advance` steps further on: the world goes on without the loop, the puck held where it was seen.
+    #[cold]
+    fn torque_ahead(
+        &self,
+        mut bodies: Vector<F, B>,
+        mut bristles: [F; C],
+        mut contacts: Contacts<F, C>,
+        puck: Puck<F>,
+    ) -> F {
+        let held = Puck { position: puck.position, velocity: F::ZERO };
+        let mut change = Vector::ZERO;
+        for _ in 0..self.advance {
+            self.bend(&mut bristles, held, &bodies);
+            change = self.change(&bodies, held, held, &bristles, &mut contacts);
+            bodies.add(self.bodies, F::ONE, &change);
+        }
+        bodies.velocity = self.mean_velocities(&change);
+        self.torque_at(&bodies, puck, &bristles, &contacts)
     }
 
     /// (w_{k+1} - w_k)/T
@@ -242,11 +273,26 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     #[inline]
     fn torque_at(&self, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C], contacts: &Contacts<F, C>) -> F {
         let mut torque = self.port.offset + self.port.puck[0] * puck.position + self.port.puck[1] * puck.velocity;
-        let own = self.port.bodies.position.iter().zip(&bodies.position);
-        let damped = self.port.bodies.velocity.iter().zip(&bodies.velocity);
-        for ((k, w), (c, v)) in own.zip(damped).take(self.bodies) {
-            torque += *k * *w + *c * *v;
+        // All products before the first sum, which then has only itself to wait for.
+        let port = &self.port.bodies;
+        let products: [F; B] =
+            core::array::from_fn(|i| port.position[i] * bodies.position[i] + port.velocity[i] * bodies.velocity[i]);
+        for product in products.iter().take(self.bodies) {
+            torque += *product;
         }
+        if self.nonlinear_count > 0 { torque + self.nonlinear_torque(bodies, puck, bristles, contacts) } else { torque }
+    }
+
+    /// The nonlinear couplings' torque on the puck.
+    #[cold]
+    fn nonlinear_torque(
+        &self,
+        bodies: &Vector<F, B>,
+        puck: Puck<F>,
+        bristles: &[F; C],
+        contacts: &Contacts<F, C>,
+    ) -> F {
+        let mut torque = F::ZERO;
         let found = bristles.iter().zip(&contacts.torques);
         for (coupling, (bristle, found)) in self.nonlinear.iter().zip(found).take(self.nonlinear_count) {
             if let Some(coupling) = coupling {

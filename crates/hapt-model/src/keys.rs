@@ -13,6 +13,8 @@ use crate::world::{EstimatorKind, Motion};
 pub struct Key {
     /// The dotted path, `*` for a name or an index: `loop.period`, `couplings.*.stiffness`.
     pub path: &'static str,
+    /// Where its name begins: the table is searched for every key of a file, and should not be taken apart each time.
+    name_at: usize,
     /// What it takes.
     pub takes: Takes,
     /// Whether it must be there, and what holds when it is not.
@@ -156,12 +158,12 @@ impl Range {
 impl Key {
     /// The table that it is in: `couplings.*` of `couplings.*.stiffness`; empty at the top.
     pub fn table(&self) -> &'static str {
-        self.path.rsplit_once('.').map_or("", |(table, _)| table)
+        &self.path[..self.name_at.saturating_sub(1)]
     }
 
     /// Its name in that table: `stiffness`.
     pub fn name(&self) -> &'static str {
-        self.path.rsplit_once('.').map_or(self.path, |(_, name)| name)
+        &self.path[self.name_at..]
     }
 
     /// Whether it belongs to this `kind` of its table, under this kind of hand, in this motion.
@@ -218,7 +220,11 @@ pub(crate) fn deepest() -> usize {
 }
 
 const fn key(path: &'static str, takes: Takes, presence: Presence, doc: &'static str) -> Key {
-    Key { path, takes, presence, kinds: &[], hands: &[], motion: None, doc }
+    let mut name_at = path.len();
+    while name_at > 0 && path.as_bytes()[name_at - 1] != b'.' {
+        name_at -= 1;
+    }
+    Key { path, name_at, takes, presence, kinds: &[], hands: &[], motion: None, doc }
 }
 
 impl Key {

@@ -2,7 +2,7 @@
 //!
 //! The bits are the same in every room; a step of one body that has to carry places for 32 would only take longer.
 
-use hapt_core::{Error, Loop, Sample, Spec, State};
+use hapt_core::{Coupling, Error, Law, Loop, Sample, Spec, State};
 
 /// The loop with a PC's room: 32 bodies, 64 couplings, a FOAW window of 256.
 pub type DesktopLoop = Loop<f64, 32, COUPLINGS, COUNTS>;
@@ -14,6 +14,8 @@ const COUNTS: usize = 257;
 pub(crate) struct Running<const B: usize> {
     compiled: Loop<f64, B, COUPLINGS, COUNTS>,
     state: State<f64, B, COUPLINGS, COUNTS>,
+    /// No bristle stands from here on.
+    bristles: usize,
 }
 
 /// A compiled world at work.
@@ -44,24 +46,25 @@ impl Control {
         })
     }
 
-    /// One sample at the puck's true position and velocity.
+    /// One sample at the puck's true position and velocity, with x_k and the bristles of it.
     #[inline]
-    pub fn step(&mut self, position: f64, velocity: f64) -> Sample<f64> {
-        in_its_room!(self, running => running.compiled.step(&mut running.state, position, velocity))
-    }
-
-    /// x_k, and the bristles, of the last sample.
-    #[inline]
-    pub fn show(&self, bodies: &mut [(f64, f64)], bristles: &mut [f64]) {
+    pub fn step(
+        &mut self,
+        position: f64,
+        velocity: f64,
+        bodies: &mut [(f64, f64)],
+        bristles: &mut [f64],
+    ) -> Sample<f64> {
         in_its_room!(self, running => {
-            let state = &running.state;
-            let now = state.now.position.iter().zip(&state.now.velocity);
-            for (place, (&position, &velocity)) in bodies.iter_mut().zip(now) {
-                *place = (position, velocity);
+            let state = &mut running.state;
+            let sample = running.compiled.step(state, position, velocity);
+            for (place, (w, v)) in bodies.iter_mut().zip(state.now.position.iter().zip(&state.now.velocity)) {
+                *place = (*w, *v);
             }
-            for (place, &bristle) in bristles.iter_mut().zip(&state.bristles) {
-                *place = bristle;
+            for (place, bristle) in bristles.iter_mut().zip(&state.bristles).take(running.bristles) {
+                *place = *bristle;
             }
+            sample
         })
     }
 }
@@ -70,6 +73,8 @@ impl<const B: usize> Running<B> {
     fn new(spec: &Spec) -> Result<Box<Self>, Error> {
         let compiled = Loop::new(spec)?;
         let state = compiled.start();
-        Ok(Box::new(Running { compiled, state }))
+        let lugre = |coupling: &Coupling| matches!(coupling.law, Law::Lugre { .. });
+        let bristles = spec.couplings.iter().rposition(lugre).map_or(0, |last| last + 1);
+        Ok(Box::new(Running { compiled, state, bristles }))
     }
 }

@@ -10,38 +10,39 @@ use crate::row::{Row, SIGNALS, columns};
 #[derive(Debug)]
 pub struct CsvWriter<W> {
     out: W,
-    line: String,
+    /// The line so far, and then room that is not in use.
+    line: Vec<u8>,
 }
+
+/// The longest number, -2.2250738585072014e-308, and a comma.
+const LONGEST: usize = 25;
 
 impl<W: Write> CsvWriter<W> {
     /// Writes the header. `out` is written a line at a time: hand in a buffered one.
     pub fn new(mut out: W, world: &World) -> io::Result<Self> {
         let names: Vec<String> = columns(world).into_iter().map(|column| column.name).collect();
         writeln!(out, "{}", names.join(","))?;
-        Ok(CsvWriter { out, line: String::new() })
+        Ok(CsvWriter { out, line: Vec::new() })
     }
 
     /// Writes one row.
     pub fn write(&mut self, row: &Row) -> io::Result<()> {
-        let mut digits = zmij::Buffer::new();
-        self.line.clear();
-        let mut number = |x: f64| {
-            if !self.line.is_empty() {
-                self.line.push(',');
-            }
-            let text = digits.format(x);
-            // Whole numbers need no ".0" to read back.
-            self.line.push_str(text.strip_suffix(".0").unwrap_or(text));
-        };
+        let room = LONGEST * (SIGNALS.len() + 2 * row.bodies.len());
+        if self.line.len() < room {
+            self.line.resize(room, 0);
+        }
+        let mut rest = &mut self.line[..];
         for signal in &SIGNALS {
-            number((signal.get)(row));
+            rest = number(rest, (signal.get)(row));
         }
         for &(position, velocity) in &row.bodies {
-            number(position);
-            number(velocity);
+            rest = number(number(rest, position), velocity);
         }
-        self.line.push('\n');
-        self.out.write_all(self.line.as_bytes())
+        let unused = rest.len();
+        let end = self.line.len() - unused;
+        // The last comma.
+        self.line[end - 1] = b'\n';
+        self.out.write_all(&self.line[..end])
     }
 
     /// Flushes and gives the output back.
@@ -49,4 +50,17 @@ impl<W: Write> CsvWriter<W> {
         self.out.flush()?;
         Ok(self.out)
     }
+}
+
+/// Writes a number and a comma; gives the room behind them.
+#[inline]
+fn number(line: &mut [u8], x: f64) -> &mut [u8] {
+    let mut digits = zmij::Buffer::new();
+    let text = digits.format(x).as_bytes();
+    // Whole numbers need no ".0" to read back.
+    let text = text.strip_suffix(b".0").unwrap_or(text);
+    let (place, rest) = line.split_at_mut(text.len() + 1);
+    place[..text.len()].copy_from_slice(text);
+    place[text.len()] = b',';
+    rest
 }

@@ -2,29 +2,57 @@
 
 use hapt_model::Shape;
 
-/// A shape laid on the loop's samples: straight pieces, or a sine.
+/// A shape laid on the loop's samples: at least one piece, the first from 0 on, their starts not decreasing.
 #[derive(Clone, Debug)]
-pub(crate) enum Curve {
-    /// At least one piece, the first from 0 on, their starts not decreasing.
-    Straight(Vec<Piece>),
-    Sine {
-        amplitude: f64,
-        omega: f64,
-        phase: f64,
-    },
-}
+pub(crate) struct Curve(Vec<Piece>);
 
-/// value + slope · (t - from), from `from` on.
+/// What a curve is from `from` on, until the next piece begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Piece {
     pub from: f64,
-    pub value: f64,
-    pub slope: f64,
+    pub form: Form,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Form {
+    /// value + slope · (t - from)
+    Straight { value: f64, slope: f64 },
+    /// amplitude · sin(omega t + phase)
+    Sine { amplitude: f64, omega: f64, phase: f64 },
 }
 
 impl Piece {
-    pub fn at(&self, t: f64) -> f64 {
-        self.value + self.slope * (t - self.from)
+    fn straight(from: f64, value: f64, slope: f64) -> Self {
+        Piece { from, form: Form::Straight { value, slope } }
+    }
+
+    /// Value and slope at t.
+    pub fn at(&self, t: f64) -> (f64, f64) {
+        match self.form {
+            Form::Straight { value, slope } => (value + slope * (t - self.from), slope),
+            Form::Sine { amplitude, omega, phase } => {
+                let (sin, cos) = libm::sincos(omega * t + phase);
+                (amplitude * sin, amplitude * omega * cos)
+            }
+        }
+    }
+
+    /// Whether it stays at one value.
+    pub fn is_flat(&self) -> bool {
+        matches!(self.form, Form::Straight { slope: 0.0, .. })
+    }
+
+    /// ∫ v² dt and ∫ |v| dt of the piece as a motion over [from, to].
+    pub fn travel(&self, from: f64, to: f64) -> (f64, f64) {
+        match self.form {
+            Form::Straight { slope, .. } => (slope * slope * (to - from), slope.abs() * (to - from)),
+            Form::Sine { amplitude, omega, phase } => {
+                let (a, b) = (omega * from + phase, omega * to + phase);
+                // ∫ cos² = (b - a)/2 + sin(b - a) cos(b + a)/2, a product, so that short spans keep their digits.
+                let square = 0.5 * ((b - a) + libm::sin(b - a) * libm::cos(b + a));
+                (amplitude * amplitude * omega * square, amplitude.abs() * (path_of_sine(b) - path_of_sine(a)))
+            }
+        }
     }
 }
 
@@ -36,27 +64,22 @@ pub(crate) fn snap(t: f64, period: f64) -> f64 {
 
 impl Curve {
     pub fn new(shape: &Shape, period: f64) -> Self {
-        let rest = Piece { from: 0.0, value: 0.0, slope: 0.0 };
-        match *shape {
-            Shape::Step { to, at } => {
-                Curve::Straight(vec![rest, Piece { from: snap(at, period), value: to, slope: 0.0 }])
-            }
+        let rest = Piece::straight(0.0, 0.0, 0.0);
+        Curve(match *shape {
+            Shape::Step { to, at } => vec![rest, Piece::straight(snap(at, period), to, 0.0)],
             Shape::Ramp { to, at, over } => {
                 let (from, end) = (snap(at, period), snap(at + over, period));
                 // A ramp within one sample's snap keeps its own length.
                 let end = if end > from { end } else { from + over };
-                Curve::Straight(vec![
-                    rest,
-                    Piece { from, value: 0.0, slope: to / (end - from) },
-                    Piece { from: end, value: to, slope: 0.0 },
-                ])
+                vec![rest, Piece::straight(from, 0.0, to / (end - from)), Piece::straight(end, to, 0.0)]
             }
             Shape::Sine { amplitude, frequency, phase } => {
-                Curve::Sine { amplitude, omega: std::f64::consts::TAU * frequency, phase }
+                let omega = std::f64::consts::TAU * frequency;
+                vec![rest, Piece { from: 0.0, form: Form::Sine { amplitude, omega, phase } }]
             }
             Shape::Path { ref points, .. } => {
                 let first = points.first().map_or(0.0, |point| point.1);
-                let mut pieces = vec![Piece { value: first, ..rest }];
+                let mut pieces = vec![Piece::straight(0.0, first, 0.0)];
                 let mut points = points.iter().map(|&(t, value)| (snap(t, period), value)).peekable();
                 while let Some((from, value)) = points.next() {
                     // Two points may fall on one sample; the later one counts from there on.
@@ -64,79 +87,32 @@ impl Curve {
                         Some(&(end, next)) if end > from => (next - value) / (end - from),
                         _ => 0.0,
                     };
-                    pieces.push(Piece { from, value, slope });
+                    pieces.push(Piece::straight(from, value, slope));
                 }
-                Curve::Straight(pieces)
+                pieces
             }
-        }
+        })
     }
 
-    /// Value and slope at t; where they jump, those after it.
-    pub fn at(&self, t: f64) -> (f64, f64) {
-        match self {
-            Curve::Straight(pieces) => {
-                let piece = piece(pieces, pieces.partition_point(|piece| piece.from <= t));
-                (piece.at(t), piece.slope)
-            }
-            &Curve::Sine { amplitude, omega, phase } => sine(amplitude, omega, phase, t),
-        }
+    /// The piece that the curve begins with, before whatever happens at 0.
+    pub fn first(&self) -> Piece {
+        self.0[0]
     }
 
-    /// Value and slope at t; where they jump, those before it.
-    pub fn before(&self, t: f64) -> (f64, f64) {
-        match self {
-            Curve::Straight(pieces) => {
-                let piece = piece(pieces, pieces.partition_point(|piece| piece.from < t));
-                (piece.at(t), piece.slope)
-            }
-            &Curve::Sine { .. } if t <= 0.0 => (0.0, 0.0),
-            &Curve::Sine { amplitude, omega, phase } => sine(amplitude, omega, phase, t),
-        }
+    /// The piece that it ends with.
+    pub fn last(&self) -> Piece {
+        self.0[self.0.len() - 1]
+    }
+
+    /// The piece at t; where one ends and another begins, the other.
+    pub fn piece(&self, t: f64) -> Piece {
+        self.0[self.0.partition_point(|piece| piece.from <= t).saturating_sub(1)]
     }
 
     /// The first instant after t at which a new piece begins.
     pub fn next_break(&self, t: f64) -> Option<f64> {
-        match self {
-            Curve::Straight(pieces) => {
-                pieces.get(pieces.partition_point(|piece| piece.from <= t)).map(|piece| piece.from)
-            }
-            Curve::Sine { .. } => None,
-        }
+        self.0.get(self.0.partition_point(|piece| piece.from <= t)).map(|piece| piece.from)
     }
-
-    /// The last instant at which something happens; 0 for a sine.
-    pub fn last_event(&self) -> f64 {
-        match self {
-            Curve::Straight(pieces) => pieces.last().map_or(0.0, |piece| piece.from),
-            Curve::Sine { .. } => 0.0,
-        }
-    }
-
-    /// ∫ v² dt and ∫ |v| dt of the curve as a motion over [from, to], with no break in between.
-    pub fn travel(&self, from: f64, to: f64) -> (f64, f64) {
-        match *self {
-            Curve::Straight(_) => {
-                let slope = self.at(from).1;
-                (slope * slope * (to - from), slope.abs() * (to - from))
-            }
-            Curve::Sine { amplitude, omega, phase } => {
-                let (a, b) = (omega * from + phase, omega * to + phase);
-                // ∫ cos² = (b - a)/2 + sin(b - a) cos(b + a)/2, a product, so that short spans keep their digits.
-                let square = 0.5 * ((b - a) + libm::sin(b - a) * libm::cos(b + a));
-                (amplitude * amplitude * omega * square, amplitude.abs() * (path_of_sine(b) - path_of_sine(a)))
-            }
-        }
-    }
-}
-
-/// The piece before the one at `index`, or the first.
-fn piece(pieces: &[Piece], index: usize) -> Piece {
-    pieces[index.saturating_sub(1)]
-}
-
-fn sine(amplitude: f64, omega: f64, phase: f64, t: f64) -> (f64, f64) {
-    let (sin, cos) = libm::sincos(omega * t + phase);
-    (amplitude * sin, amplitude * omega * cos)
 }
 
 /// ∫₀^θ |cos|: two for each half turn, and the rest from the nearest.
@@ -155,8 +131,8 @@ mod tests {
         let curve = Curve::new(&Shape::Step { to: 2.0, at: 0.3 }, 0.1);
         let t3 = 3.0 * 0.1;
         assert_ne!(t3, 0.3);
-        assert_eq!(curve.at(t3), (2.0, 0.0));
-        assert_eq!(curve.before(t3), (0.0, 0.0));
+        assert_eq!(curve.piece(t3).at(t3), (2.0, 0.0));
+        assert_eq!(curve.piece(0.999 * t3).at(t3), (0.0, 0.0));
         assert_eq!(curve.next_break(0.0), Some(t3));
         assert_eq!(curve.next_break(t3), None);
     }
@@ -164,10 +140,11 @@ mod tests {
     #[test]
     fn a_ramp_runs_straight_and_ends_where_it_should() {
         let curve = Curve::new(&Shape::Ramp { to: 3.0, at: 0.25, over: 0.5 }, 0.1);
-        assert_eq!(curve.at(0.2), (0.0, 0.0));
-        assert_eq!(curve.at(0.5), (1.5, 6.0));
-        assert_eq!(curve.before(0.75).1, 6.0);
-        assert_eq!(curve.at(0.75), (3.0, 0.0));
+        let at = |t: f64| curve.piece(t).at(t);
+        assert_eq!(at(0.2), (0.0, 0.0));
+        assert_eq!(at(0.5), (1.5, 6.0));
+        assert_eq!(at(0.74).1, 6.0);
+        assert_eq!(at(0.75), (3.0, 0.0));
     }
 
     #[test]
@@ -175,15 +152,15 @@ mod tests {
         let shape = Shape::Path { file: String::new(), points: vec![(1.0, 4.0), (2.0, 6.0), (4.0, 0.0)] };
         let curve = Curve::new(&shape, 1e-3);
         for (t, value) in [(0.0, 4.0), (0.5, 4.0), (1.5, 5.0), (2.0, 6.0), (3.0, 3.0), (9.0, 0.0)] {
-            assert!((curve.at(t).0 - value).abs() < 1e-12);
+            assert!((curve.piece(t).at(t).0 - value).abs() < 1e-12);
         }
-        assert_eq!(curve.last_event(), 4.0);
+        assert_eq!(curve.last().from, 4.0);
     }
 
     #[test]
     fn the_path_of_a_sine_is_four_amplitudes_a_turn() {
-        let curve = Curve::Sine { amplitude: -0.5, omega: std::f64::consts::TAU, phase: 0.3 };
-        let (square, path) = curve.travel(0.125, 3.125);
+        let sine = Curve::new(&Shape::Sine { amplitude: -0.5, frequency: 1.0, phase: 0.3 }, 1e-3);
+        let (square, path) = sine.last().travel(0.125, 3.125);
         assert!((path - 3.0 * 4.0 * 0.5).abs() < 1e-12);
         let mean_square = 0.5 * (0.5 * std::f64::consts::TAU).powi(2);
         assert!((square - 3.0 * mean_square).abs() < 1e-12);

@@ -53,5 +53,5 @@ pub use control::DesktopLoop;
 pub use csv::CsvWriter;
 pub use energy::{Ledger, world_energy};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, Signal, columns};
-pub use run::{Error, Simulation, rows};
+pub use run::{Error, Simulation, check, rows};
 pub use summary::Summary;

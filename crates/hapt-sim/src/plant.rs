@@ -7,9 +7,19 @@
 //!
 //! The drives are states too, so that one exponential carries the puck through every torque that a motor (held), a ramp (f')
 //! or a sine (σ, κ) can put on it. The works are integrals of products of these states, and exact in the same way.
+//!
+//! The states stand in the order in which they are needed, so that the first few do where the others have no part: v and f for a
+//! free puck under a held torque, x where a spring pulls, f' under a ramp, σ and κ under a sine.
 
-/// x, v, f, f', σ, κ.
+/// v, f, x, f', σ, κ.
 pub(crate) type Motion = [f64; 6];
+/// Where they stand.
+pub(crate) const V: usize = 0;
+pub(crate) const F: usize = 1;
+pub(crate) const X: usize = 2;
+pub(crate) const RAMP: usize = 3;
+pub(crate) const SIN: usize = 4;
+pub(crate) const COS: usize = 5;
 type Matrix = [[f64; 6]; 6];
 
 /// The constants of the equation.
@@ -32,9 +42,10 @@ pub(crate) struct Propagator {
     change: Matrix,
     /// ∫ v² dt as a quadratic form of the motion at the start; the upper triangle holds all of it.
     speed: Matrix,
-    /// ∫ drive · v dt, where drive = f + sine σ + cosine κ; as well.
-    drive: Matrix,
-    /// Whether σ and κ have a part in it.
+    /// ∫ (drive - f) v dt, where drive = f + sine σ + cosine κ, and f is that at the start; as well.
+    varying: Matrix,
+    /// Whether x, and whether σ and κ have a part in it.
+    spring: bool,
     sine: bool,
 }
 
@@ -43,10 +54,12 @@ pub(crate) struct Propagator {
 pub(crate) struct Stretch {
     /// Position and velocity; the drives' ends are known without it.
     pub end: [f64; 2],
+    /// How far that is from the start.
+    pub travel: f64,
     /// ∫ v² dt
     pub speed: f64,
-    /// ∫ drive · v dt
-    pub drive: f64,
+    /// ∫ (drive - f) v dt: what the drive does beyond the f of the start, whose work is f · travel.
+    pub varying: f64,
 }
 
 /// Gauss and Legendre's 8 nodes and weights on [0, 1]: exact to degree 15, and to the last bit over a quarter radian.
@@ -65,14 +78,13 @@ impl Plant {
     /// ẏ = N y; rows of N by state.
     fn generator(&self) -> Matrix {
         let m = self.mass;
-        [
-            [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
-            [-self.stiffness / m, -self.damping / m, 1.0 / m, 0.0, self.sine / m, self.cosine / m],
-            [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-            [0.0; 6],
-            [0.0, 0.0, 0.0, 0.0, 0.0, self.omega],
-            [0.0, 0.0, 0.0, 0.0, -self.omega, 0.0],
-        ]
+        let mut n = [[0.0; 6]; 6];
+        n[X][V] = 1.0;
+        n[V] = [-self.damping / m, 1.0 / m, -self.stiffness / m, 0.0, self.sine / m, self.cosine / m];
+        n[F][RAMP] = 1.0;
+        n[SIN][COS] = self.omega;
+        n[COS][SIN] = -self.omega;
+        n
     }
 
     /// The fastest rate in it, in 1/s.
@@ -87,12 +99,12 @@ impl Plant {
 
     /// The drive in N·m (linear: N): everything but the puck's own spring and damper.
     pub fn drive(&self, y: &Motion) -> f64 {
-        y[2] + self.sine * y[4] + self.cosine * y[5]
+        y[F] + self.sine * y[SIN] + self.cosine * y[COS]
     }
 
     /// v̇
     pub fn acceleration(&self, y: &Motion) -> f64 {
-        (self.drive(y) - self.stiffness * y[0] - self.damping * y[1]) / self.mass
+        (self.drive(y) - self.stiffness * y[X] - self.damping * y[V]) / self.mass
     }
 
     /// The motion after `dt`, for looking ahead; [`Propagator`] is for keeps.
@@ -120,12 +132,12 @@ impl Plant {
 impl Propagator {
     pub fn new(plant: &Plant, dt: f64) -> Self {
         let (n, h, halvings) = plant.start(dt);
-        let output = [0.0, 0.0, 1.0, 0.0, plant.sine, plant.cosine];
+        let output = [0.0, 1.0, 0.0, 0.0, plant.sine, plant.cosine];
         let (mut speed, mut drive) = ([[0.0; 6]; 6], [[0.0; 6]; 6]);
         for (node, weight) in GAUSS {
             let change = series(&n, node * h);
-            let mut v = change[1];
-            v[1] += 1.0;
+            let mut v = change[V];
+            v[V] += 1.0;
             let mut f = output;
             for (row, gain) in change.iter().zip(output) {
                 for (f, x) in f.iter_mut().zip(row) {
@@ -152,23 +164,44 @@ impl Propagator {
             }
             change = doubled(&change);
         }
-        let sine = plant.sine != 0.0 || plant.cosine != 0.0;
-        Propagator { change, speed: folded(&speed), drive: folded(&drive), sine }
+        let mut varying = folded(&drive);
+        for (j, travel) in change[X].iter().enumerate() {
+            varying[F.min(j)][F.max(j)] -= travel;
+        }
+        let (spring, sine) = (plant.stiffness != 0.0, plant.sine != 0.0 || plant.cosine != 0.0);
+        Propagator { change, speed: folded(&speed), varying, spring, sine }
     }
 
     /// The stretch from `y` on.
-    #[inline]
-    pub fn stretch(&self, y: &Motion) -> Stretch {
-        if self.sine { self.of_states::<6>(y) } else { self.of_states::<4>(y) }
+    #[inline(always)] // So that the few states of a held drive never leave the registers.
+    pub fn stretch(&self, y: Motion) -> Stretch {
+        if self.sine || y[RAMP] != 0.0 {
+            self.varying_stretch(y)
+        } else if self.spring {
+            self.of_states::<3>(&y)
+        } else {
+            self.of_states::<2>(&y)
+        }
+    }
+
+    /// The same under a drive that is not held.
+    #[inline(never)]
+    fn varying_stretch(&self, y: Motion) -> Stretch {
+        if self.sine { self.of_states::<6>(&y) } else { self.of_states::<4>(&y) }
     }
 
     /// The same, when only the first N states have a part in it.
-    #[inline]
+    #[inline(always)]
     fn of_states<const N: usize>(&self, y: &Motion) -> Stretch {
         let row = |row: &[f64; 6]| (0..N).map(|j| row[j] * y[j]).sum::<f64>();
         let form = |form: &Matrix| (0..N).map(|i| y[i] * (i..N).map(|j| form[i][j] * y[j]).sum::<f64>()).sum();
-        let end = [y[0] + row(&self.change[0]), y[1] + row(&self.change[1])];
-        Stretch { end, speed: form(&self.speed), drive: form(&self.drive) }
+        let travel = row(&self.change[X]);
+        Stretch {
+            end: [y[X] + travel, y[V] + row(&self.change[V])],
+            travel,
+            speed: form(&self.speed),
+            varying: if N > RAMP { form(&self.varying) } else { 0.0 },
+        }
     }
 }
 
@@ -197,7 +230,8 @@ fn applied(change: &Matrix, y: &Motion) -> Motion {
 fn product(a: &Matrix, b: &Matrix) -> Matrix {
     let mut out = [[0.0; 6]; 6];
     for (out, a) in out.iter_mut().zip(a) {
-        for (a, b) in a.iter().zip(b) {
+        // A generator is mostly zeros.
+        for (a, b) in a.iter().zip(b).filter(|(a, _)| **a != 0.0) {
             for (out, b) in out.iter_mut().zip(b) {
                 *out += a * b;
             }

@@ -1,7 +1,7 @@
 //! The puck on its own: pushed by motor and hand, held by Coulomb friction, every stop and start located.
 
 use crate::energy::Ledger;
-use crate::plant::{Motion, Plant, Propagator};
+use crate::plant::{COS, F, Motion, Plant, Propagator, RAMP, SIN, Stretch, V, X};
 
 /// The physical puck and, while it is held, the hand's inertia, damping and stiffness on it.
 #[derive(Clone, Debug)]
@@ -10,8 +10,8 @@ pub(crate) struct Puck {
     pub position: f64,
     pub velocity: f64,
     device: Inertia,
-    /// The hand's share of the plant; zeros where none.
-    hand: Inertia,
+    /// The hand's share of the plant, where it grips.
+    grip: Option<Inertia>,
     plant: Plant,
     friction: f64,
     /// The propagators of the lengths that come again and again: a period, or its parts around a delay.
@@ -37,7 +37,8 @@ pub(crate) struct Push {
 
 impl Puck {
     /// At rest at 0. `sine` is (gain on σ, gain on κ, ω) of the hand's push; `lengths` in s are those that come again and again.
-    pub fn new(device: Inertia, hand: Inertia, friction: f64, sine: (f64, f64, f64), lengths: &[f64]) -> Self {
+    pub fn new(device: Inertia, grip: Option<Inertia>, friction: f64, sine: (f64, f64, f64), lengths: &[f64]) -> Self {
+        let hand = grip.unwrap_or_default();
         let plant = Plant {
             mass: device.inertia + hand.inertia,
             damping: device.damping + hand.damping,
@@ -47,50 +48,52 @@ impl Puck {
             omega: sine.2,
         };
         let usual = lengths.iter().map(|&length| (length, Propagator::new(&plant, length))).collect();
-        Puck { position: 0.0, velocity: 0.0, device, hand, plant, friction, usual }
+        Puck { position: 0.0, velocity: 0.0, device, grip, plant, friction, usual }
     }
 
     /// Moves for `dt` under the motor's held torque and the hand's push; the works go to the ledger.
+    #[inline]
     pub fn advance(&mut self, dt: f64, motor: f64, push: Push, ledger: &mut Ledger) {
-        let mut y = [self.position, self.velocity, motor + push.value, push.slope, push.sin, push.cos];
-        if self.friction == 0.0 {
-            [y[0], y[1], ..] = self.slide(&y, dt, motor, 0.0, ledger);
+        let y = [self.velocity, motor + push.value, self.position, push.slope, push.sin, push.cos];
+        [self.position, self.velocity] = if self.friction == 0.0 {
+            self.slide(y, dt, motor, 0.0, ledger)
         } else {
-            let mut left = dt;
-            // Each pass ends in a stop or a start; more of them than this in one period is rest.
-            for _ in 0..MOST_EVENTS {
-                if left <= 0.0 {
-                    break;
-                }
-                let taken = match self.direction(&y) {
-                    None => {
-                        let start = self.first_slip(&y, left).unwrap_or(left);
-                        y = drives_after(&self.plant, &y, start);
-                        start
-                    }
-                    Some(direction) => match self.first_stop(&y, left, direction) {
-                        None => {
-                            y = self.slide(&y, left, motor, direction, ledger);
-                            left
-                        }
-                        Some(stop) => {
-                            y = self.slide(&y, stop, motor, direction, ledger);
-                            y[1] = 0.0;
-                            stop
-                        }
-                    },
-                };
-                left -= taken;
+            self.stick_and_slide(y, dt, motor, ledger)
+        };
+    }
+
+    /// The same with Coulomb friction.
+    #[inline(never)]
+    fn stick_and_slide(&self, mut y: Motion, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
+        let mut left = dt;
+        // Each pass ends in a stop or a start; more of them than this in one period is rest.
+        for _ in 0..MOST_EVENTS {
+            if left <= 0.0 {
+                break;
             }
+            let taken = match self.direction(&y) {
+                None => self.first_slip(&y, left).unwrap_or(left),
+                Some(direction) => {
+                    let stop = self.first_stop(&y, left, direction);
+                    let taken = stop.unwrap_or(left);
+                    [y[X], y[V]] = self.slide(y, taken, motor, direction, ledger);
+                    if stop.is_some() {
+                        y[V] = 0.0;
+                    }
+                    taken
+                }
+            };
+            y = drives_after(&self.plant, &y, taken);
+            left -= taken;
         }
-        (self.position, self.velocity) = (y[0], y[1]);
+        [y[X], y[V]]
     }
 
     /// Which way the puck slides, ±1; `None` while friction holds it: at rest and |net torque| ≤ friction.
     fn direction(&self, y: &Motion) -> Option<f64> {
         let net = self.net(y);
-        if y[1] != 0.0 {
-            Some(y[1].signum())
+        if y[V] != 0.0 {
+            Some(y[V].signum())
         } else if net.abs() > self.friction {
             Some(net.signum())
         } else {
@@ -100,48 +103,51 @@ impl Puck {
 
     /// Motor, hand and the hand's spring; friction aside, at rest.
     fn net(&self, y: &Motion) -> f64 {
-        self.plant.drive(y) - self.plant.stiffness * y[0]
+        self.plant.drive(y) - self.plant.stiffness * y[X]
     }
 
     /// Its derivative at rest.
     fn net_slope(&self, y: &Motion) -> f64 {
-        y[3] + self.plant.omega * (self.plant.sine * y[5] - self.plant.cosine * y[4])
+        y[RAMP] + self.plant.omega * (self.plant.sine * y[COS] - self.plant.cosine * y[SIN])
     }
 
-    /// Slides for `dt` with friction against `direction` (0: none).
-    fn slide(&mut self, y: &Motion, dt: f64, motor: f64, direction: f64, ledger: &mut Ledger) -> Motion {
-        let mut y = *y;
+    /// Slides for `dt` with friction against `direction` (0: none); gives position and velocity at the end.
+    #[inline(always)] // So that the motion of a puck without friction never leaves the registers.
+    fn slide(&self, mut y: Motion, dt: f64, motor: f64, direction: f64, ledger: &mut Ledger) -> [f64; 2] {
+        let push = y[F] - motor;
         let held = self.friction * direction;
-        y[2] -= held;
-        let stretch = match self.usual.iter().find(|(length, _)| *length == dt) {
-            Some((_, propagator)) => propagator.stretch(&y),
-            None => Propagator::new(&self.plant, dt).stretch(&y),
+        y[F] -= held;
+        let fresh;
+        let propagator = match self.usual.iter().find(|(length, _)| *length == dt) {
+            Some((_, propagator)) => propagator,
+            None => {
+                fresh = Propagator::new(&self.plant, dt);
+                &fresh
+            }
         };
-        let end = stretch.end;
-        let travel = end[0] - y[0];
-        let square = |x: f64| x * x;
+        let Stretch { end, travel, speed, varying } = propagator.stretch(y);
         ledger.motor += motor * travel;
         ledger.friction += held * travel;
-        ledger.damping += self.device.damping * stretch.speed;
-        // The hand's torque on the puck is what its intention, spring, damper and inertia leave over.
-        ledger.hand += stretch.drive
-            - (motor - held) * travel
-            - self.hand.damping * stretch.speed
-            - 0.5 * self.hand.stiffness * (end[0] + y[0]) * travel
-            - 0.5 * self.hand.inertia * (square(end[1]) - square(y[1]));
-        y[2] += held;
-        let drives = drives_after(&self.plant, &y, dt);
-        [end[0], end[1], drives[2], drives[3], drives[4], drives[5]]
+        ledger.damping += self.device.damping * speed;
+        ledger.hand += push * travel + varying;
+        if let Some(grip) = self.grip {
+            // The hand's torque on the puck is what its intention, spring, damper and inertia leave over.
+            let square = |x: f64| x * x;
+            ledger.hand -= grip.damping * speed
+                + 0.5 * grip.stiffness * (end[0] + y[X]) * travel
+                + 0.5 * grip.inertia * (square(end[1]) - square(y[V]));
+        }
+        end
     }
 
     /// The first instant in (0, dt] at which a slide in `direction` comes to rest.
     fn first_stop(&self, y: &Motion, dt: f64, direction: f64) -> Option<f64> {
         let mut sliding = *y;
-        sliding[2] -= self.friction * direction;
+        sliding[F] -= self.friction * direction;
         let plant = &self.plant;
         first_crossing(dt, slice(plant, dt), |t| {
             let y = plant.after(&sliding, t);
-            (-direction * y[1], -direction * plant.acceleration(&y))
+            (-direction * y[V], -direction * plant.acceleration(&y))
         })
     }
 
@@ -162,7 +168,7 @@ impl Puck {
     /// The hand lets go: its inertia, damping and stiffness are gone, position and velocity stay.
     pub fn release(&mut self) {
         let lengths: Vec<f64> = self.usual.iter().map(|(length, _)| *length).collect();
-        let fresh = Puck::new(self.device, Inertia::default(), self.friction, (0.0, 0.0, 0.0), &lengths);
+        let fresh = Puck::new(self.device, None, self.friction, (0.0, 0.0, 0.0), &lengths);
         *self = Puck { position: self.position, velocity: self.velocity, ..fresh };
     }
 }
@@ -173,7 +179,10 @@ const MOST_EVENTS: usize = 1000;
 /// The drives alone move on while the puck rests.
 fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
     let (sin, cos) = libm::sincos(plant.omega * dt);
-    [y[0], y[1], y[2] + y[3] * dt, y[3], y[4] * cos + y[5] * sin, y[5] * cos - y[4] * sin]
+    let mut out = *y;
+    out[F] += y[RAMP] * dt;
+    (out[SIN], out[COS]) = (y[SIN] * cos + y[COS] * sin, y[COS] * cos - y[SIN] * sin);
+    out
 }
 
 /// Short enough that nothing swings more than a quarter radian: a derivative changes sign at most once.

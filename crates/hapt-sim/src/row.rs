@@ -33,9 +33,13 @@ pub struct Row {
 
 impl Row {
     /// Whether every number of the row is one.
+    #[inline]
     pub fn is_finite(&self) -> bool {
-        let own = [self.puck, self.puck_velocity, self.measured, self.measured_velocity, self.torque, self.command];
-        own.iter().all(|x| x.is_finite()) && self.bodies.iter().all(|(w, v)| w.is_finite() && v.is_finite())
+        let own =
+            [(self.puck, self.puck_velocity), (self.measured, self.measured_velocity), (self.torque, self.command)];
+        // 0 · x is 0 or NaN, and a NaN stays in a sum: one question instead of one each.
+        let (a, b) = own.iter().chain(&self.bodies).fold((0.0, 0.0), |(a, b), (x, y)| (a + 0.0 * x, b + 0.0 * y));
+        a + b == 0.0
     }
 }
 

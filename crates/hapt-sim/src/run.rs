@@ -5,9 +5,8 @@ use std::collections::VecDeque;
 use hapt_model::{Scenario, World};
 
 use crate::control::Control;
-use crate::energy::Ledger;
 use crate::hand::Hand;
-use crate::puck::{Inertia, Puck};
+use crate::puck::{Inertia, Puck, Push};
 use crate::row::Row;
 
 /// Why a run cannot start or go on.
@@ -41,7 +40,6 @@ pub struct Simulation {
     device: Inertia,
     friction: f64,
     motor: Motor,
-    ledger: Ledger,
     sample: u64,
     rows: u64,
     row: Row,
@@ -101,9 +99,9 @@ impl Simulation {
         let motor = Motor::new(world.sampling.delay, period);
         let device = Inertia { inertia: world.device.inertia, damping: world.device.damping, stiffness: 0.0 };
         let lengths = if motor.rest > 0.0 { vec![motor.rest, period - motor.rest] } else { vec![period] };
-        let mut puck = Puck::new(device, hand.inertia(), world.device.friction, hand.sine(), &lengths);
-        if let Some(curve) = hand.prescribed() {
-            (puck.position, puck.velocity) = curve.before(0.0);
+        let mut puck = Puck::new(device, hand.grip(), world.device.friction, hand.sine(), &lengths);
+        if let Some(piece) = hand.prescribed() {
+            (puck.position, puck.velocity) = piece.at(0.0);
         }
         Ok(Simulation {
             control,
@@ -115,7 +113,6 @@ impl Simulation {
             device,
             friction: world.device.friction,
             motor,
-            ledger: Ledger::default(),
             sample: 0,
             rows: rows(scenario.duration, period),
             row: Row {
@@ -156,17 +153,16 @@ impl Simulation {
         if self.sample == 0 {
             self.hand_acts(time);
         } else {
-            self.travel((self.sample - 1) as f64 * self.period, time);
+            self.travel(self.row.time, time);
         }
-        let sample = self.control.step(self.puck.position, self.puck.velocity);
-        self.motor.command(sample.command);
         let row = &mut self.row;
+        let Puck { position, velocity, .. } = self.puck;
+        let sample = self.control.step(position, velocity, &mut row.bodies, &mut row.bristles);
+        self.motor.command(sample.command);
         row.time = time;
-        (row.puck, row.puck_velocity) = (self.puck.position, self.puck.velocity);
+        (row.puck, row.puck_velocity) = (position, velocity);
         (row.measured, row.measured_velocity) = (sample.puck.position, sample.puck.velocity);
         (row.torque, row.command, row.applied) = (sample.torque, sample.command, self.motor.applied);
-        self.control.show(&mut row.bodies, &mut row.bristles);
-        row.ledger = self.ledger;
         self.sample += 1;
         if !self.row.is_finite() {
             self.rows = 0;
@@ -175,8 +171,18 @@ impl Simulation {
         Some(Ok(&self.row))
     }
 
-    /// From one sample to the next, from event to event: the hand's, and the motor's change within the period.
+    /// From one sample to the next.
+    #[inline]
     fn travel(&mut self, from: f64, to: f64) {
+        if self.motor.rest == 0.0 && self.next_event > to {
+            self.stretch(from, to, self.period);
+        } else {
+            self.travel_by_events(from, to);
+        }
+    }
+
+    /// The same from event to event: the hand's, and the motor's change within the period.
+    fn travel_by_events(&mut self, from: f64, to: f64) {
         let mut now = from;
         // Seconds since `from`: these, and not the difference of absolute times, are the lengths that come again.
         let mut elapsed = 0.0;
@@ -210,32 +216,34 @@ impl Simulation {
     }
 
     /// A stretch of `length` seconds without an event.
+    #[inline]
     fn stretch(&mut self, from: f64, to: f64, length: f64) {
-        let prescribed = if self.held { self.hand.prescribed() } else { None };
-        let Some(curve) = prescribed else {
-            let push = if self.held { self.hand.push(from) } else { Default::default() };
-            self.puck.advance(length, self.motor.applied, push, &mut self.ledger);
-            return;
+        let push = match self.hand.prescribed() {
+            _ if !self.held => Push::default(),
+            None => self.hand.push(from),
+            // It is there already.
+            Some(piece) if piece.is_flat() => return,
+            Some(piece) => {
+                let (square, path) = piece.travel(from, to);
+                self.prescribe(piece.at(to), self.device.damping * square, self.friction * path);
+                return;
+            }
         };
-        let (square, path) = curve.travel(from, to);
-        let end = curve.before(to);
-        self.prescribe(end, self.device.damping * square, self.friction * path);
+        self.puck.advance(length, self.motor.applied, push, &mut self.row.ledger);
     }
 
     /// What the hand does at an instant: let go, or jump. A jump comes before a sample or a motor's change at the same instant,
     /// and its work is done against the torque held before it.
     fn hand_acts(&mut self, t: f64) {
-        self.next_event = f64::INFINITY;
         if self.hand.is_gone(t) {
             self.held = false;
+            self.next_event = f64::INFINITY;
             self.puck.release();
             return;
         }
-        if let Some(event) = self.hand.next_event(t) {
-            self.next_event = event;
-        }
-        if let Some(curve) = self.hand.prescribed() {
-            self.prescribe(curve.at(t), 0.0, 0.0);
+        self.next_event = self.hand.act(t).unwrap_or(f64::INFINITY);
+        if let Some(piece) = self.hand.prescribed() {
+            self.prescribe(piece.at(t), 0.0, 0.0);
         }
     }
 
@@ -245,11 +253,18 @@ impl Simulation {
         let before = self.puck.velocity;
         let moving = 0.5 * self.device.inertia * (velocity - before) * (velocity + before);
         (self.puck.position, self.puck.velocity) = (position, velocity);
-        self.ledger.motor += motor;
-        self.ledger.damping += damping;
-        self.ledger.friction += friction;
-        self.ledger.hand += moving + damping + friction - motor;
+        let ledger = &mut self.row.ledger;
+        ledger.motor += motor;
+        ledger.damping += damping;
+        ledger.friction += friction;
+        ledger.hand += moving + damping + friction - motor;
     }
+}
+
+/// Whether the world's loop can be compiled. Nothing else can keep a scenario of it from beginning.
+pub fn check(world: &World) -> Result<(), Error> {
+    Control::new(&world.spec())?;
+    Ok(())
 }
 
 /// round(duration/T) + 1

@@ -41,8 +41,9 @@ pub fn run() -> Result<ExitCode, Failure> {
         let world = World::read(&builtin::source(world)?, &[])?;
         let held = hapt_analysis::check(&world)?.held;
         for scenario in &world.scenarios {
-            let mut summary = Summary::new(&world, &Simulation::new(&world, scenario)?);
-            let end = rows(&world, scenario, |row| {
+            let run = Simulation::new(&world, scenario)?;
+            let mut summary = Summary::new(&world, &run);
+            let end = rows(run, &scenario.name, |row| {
                 summary.add(row);
                 Ok::<(), Failure>(())
             })?;

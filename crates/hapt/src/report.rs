@@ -71,9 +71,7 @@ fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
         let world = World::read(&source, &args.sets)?;
         let parameters = hapt_model::parameters(&source, &args.sets)?;
         let check = hapt_analysis::check(&world)?;
-        for scenario in &world.scenarios {
-            Simulation::new(&world, scenario)?;
-        }
+        hapt_sim::check(&world)?;
         let stem = stem(path, &world, &mut taken);
         let title = world.title.clone().filter(|title| !title.trim().is_empty()).unwrap_or_else(|| stem.clone());
         worlds.push(Ready { title, stem, world, parameters, check });
@@ -108,8 +106,9 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
     let Ready { title, stem, world, parameters, check } = ready;
     let mut runs = Vec::new();
     for scenario in &world.scenarios {
-        let mut run = Run::new(world, scenario, &Simulation::new(world, scenario)?, check);
-        let end = rows(world, scenario, |row| {
+        let simulation = Simulation::new(world, scenario)?;
+        let mut run = Run::new(world, scenario, &simulation, check);
+        let end = rows(simulation, &scenario.name, |row| {
             run.add(row);
             Ok::<(), Failure>(())
         })?;

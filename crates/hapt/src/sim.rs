@@ -17,10 +17,8 @@ use crate::world::{Loaded, load};
 pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
     let loaded = load(&args.world)?;
     let scenarios = named(&loaded.world, &args.scenarios)?;
-    // Whatever is wrong with a scenario is said before the first file is begun.
-    for scenario in &scenarios {
-        Simulation::new(&loaded.world, scenario)?;
-    }
+    // Whatever is wrong is said before the first file is begun.
+    hapt_sim::check(&loaded.world)?;
     match &args.out {
         Some(folder) => write_all(&loaded.world, &scenarios, folder)?,
         None => print_all(&loaded, &scenarios)?,
@@ -41,17 +39,13 @@ fn named<'w>(world: &'w World, names: &[String]) -> Result<Vec<&'w Scenario>, Fa
     Ok(world.scenarios.iter().filter(wanted).collect())
 }
 
-/// Runs a scenario to its end, giving each row to `each`. `Err` of the inside: the run stopped being finite there.
+/// Takes a run of the scenario `name` to its end, giving each row to `each`. `Err` of the inside: it stopped being finite there.
 pub fn rows<E>(
-    world: &World,
-    scenario: &Scenario,
+    mut run: Simulation,
+    name: &str,
     mut each: impl FnMut(&Row) -> Result<(), E>,
-) -> Result<Result<u64, Error>, E>
-where
-    E: From<Error>,
-{
-    let mut run = Simulation::new(world, scenario)?;
-    let mut progress = Progress::new(&scenario.name, "samples", run.rows(), 0);
+) -> Result<Result<u64, Error>, E> {
+    let mut progress = Progress::new(name, "samples", run.rows(), 0);
     let mut done = 0;
     while let Some(row) = run.next() {
         match row {
@@ -72,7 +66,8 @@ fn write_all(world: &World, scenarios: &[&Scenario], folder: &Path) -> Result<()
         let target = folder.join(format!("{}.csv", scenario.name));
         let failed = |error| Failure::write(target.display(), error);
         let mut csv = CsvWriter::new(Draft::new(target.clone()).map_err(failed)?, world).map_err(failed)?;
-        let end = rows(world, scenario, |row| csv.write(row).map_err(failed))?;
+        let run = Simulation::new(world, scenario)?;
+        let end = rows(run, &scenario.name, |row| csv.write(row).map_err(failed))?;
         let path = csv.finish().and_then(Draft::finish).map_err(failed)?;
         match end {
             Ok(rows) => people::say(format_args!("wrote {}, {} rows", path.display(), people::count(rows))),
@@ -93,7 +88,7 @@ fn print_all(loaded: &Loaded, scenarios: &[&Scenario]) -> Result<(), Failure> {
     for scenario in scenarios {
         let run = Simulation::new(world, scenario)?;
         let mut summary = Summary::new(world, &run);
-        let end = rows(world, scenario, |row| {
+        let end = rows(run, &scenario.name, |row| {
             summary.add(row);
             Ok::<(), Failure>(())
         })?;
