@@ -79,6 +79,14 @@ impl Bits<'_> {
         }
     }
 
+    /// One in two of the laws that can be is clamped.
+    fn clamped(&mut self, law: Law) -> Law {
+        match law.clamped(1.0) {
+            Some(_) if self.byte() & 1 == 1 => law.clamped(self.number()).unwrap_or(law),
+            _ => law,
+        }
+    }
+
     fn law(&mut self) -> Law {
         match self.below(8) {
             0 => Law::Spring { stiffness: self.number(), rest: self.number() },
@@ -122,6 +130,7 @@ pub fn run(bytes: &[u8]) -> u64 {
     let couplings: Vec<Coupling> = (0..bits.below(COUPLINGS + 2))
         .map(|_| Coupling { first: bits.end(), second: bits.end(), law: bits.law() })
         .collect();
+    let couplings: Vec<Coupling> = couplings.into_iter().map(|c| Coupling { law: bits.clamped(c.law), ..c }).collect();
     let spec = Spec {
         period: bits.number(),
         method: Method::ALL[bits.below(Method::ALL.len())],
