@@ -253,7 +253,7 @@ impl Bench {
         let mut text = String::from(
             "\n## The core's step\n\n`Loop::step` alone, hot, on worlds whose every body feels every other, in hapt-sim's rooms (1, 4 \
              and 32 bodies), against [C](../bench/c/step.c) with the same matrices, compiled for exactly n. The last column is \
-             hapt's time over the matrix's 4n² numbers: the cost grows as they do. \"For any machine\" C is built without \
+             hapt's time over the matrix's 4n² numbers. \"For any machine\" C is built without \
              `-march=native`, as hapt is; \"for this machine\" hapt is built with `-C target-cpu=native`, and gives the same bits.\n\n\
              | bodies | hapt / C | goal | | hapt / C for any machine | hapt for this machine / C | hapt, ns | C, ns | hapt, ns a number |\n\
              | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
@@ -433,8 +433,9 @@ fn program(path: &Path, words: &str) -> Command {
 // changes.
 
 const RUN_MISSED: &str = "
-What stands in the way: instructions. C needs about 50 for a released sample and 40 for a held one; hapt needs what the last table
-says. `Simulation::next` with the loop's step in it takes 240, the released puck's motion with its works 110, the fourteen columns 60.
+What stands in the way: instructions. C needs about 50 for a released sample and 40 for a held one (built without AVX-512, which
+callgrind does not know); hapt needs the 425 and 334 of the table below. `Simulation::next` with the loop's step in it takes 240, the
+released puck's motion with its works 110, the fourteen columns 60.
 Few of them are arithmetic: every sample asks anew what C's author knew (which estimator, method, output, levels, limit, delay, hand
 and friction), passes its numbers through memory, and looks whether all of them are finite. No single place takes more than a
 twentieth of the time, and nothing waits any longer for what was stored a moment before. To come near the bound, which is a single
