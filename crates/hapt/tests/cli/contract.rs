@@ -72,10 +72,30 @@ fn the_fields_are_those_of_the_contract() {
         assert!(json["method"].is_string() && json["output"].is_string());
         assert!(json["notes"].as_array().unwrap().iter().all(Value::is_string));
 
+        let passivity = &json["passivity"];
+        keys(passivity, &["required_damping", "device_damping", "at_hz", "passive", "proved", "not_proved"]);
+        let enough = passivity["required_damping"].as_f64().is_some_and(|b| b <= number(&passivity["device_damping"]));
+        assert_eq!(passivity["passive"], enough, "{json}");
+        assert_eq!(passivity["proved"], passivity["not_proved"].as_array().unwrap().is_empty());
+        keys(&json["quantisation"], &["max_stiffness", "ok"]);
+        let names = ["device_damping", "ground_damping", "period_s", "delay_s", "advance", "output", "stiffness_scale"];
+        keys(&json["remedies"], &names);
+        let holds = |of: &str| json[of]["verdict"] != "unstable";
+        assert_eq!(json["certified"], holds("held") && holds("free") && enough);
+        if json["certified"] == true {
+            assert_eq!((&json["remedies"]["advance"], &json["remedies"]["output"]), (&Value::Null, &Value::Null));
+        }
+        let without =
+            hapt(Path::new("."), ["check".as_ref(), path.as_os_str(), "--json".as_ref(), "--no-remedies".as_ref()]);
+        let without: Value = serde_json::from_str(&without.out).unwrap();
+        assert_eq!((&without["remedies"], &without["certified"]), (&Value::Null, &json["certified"]));
+
         let held = &json["held"];
         let lists = ["eigenvalues", "modes"];
         let critical = ["critical_period_s", "critical_period_reason"];
-        keys(held, &[&lists[..], &critical, &["spectral_radius", "growth_per_s", "verdict"]].concat());
+        for part in [held, &json["free"]] {
+            keys(part, &[&lists[..], &critical, &["spectral_radius", "growth_per_s", "verdict"]].concat());
+        }
         for eigenvalue in held["eigenvalues"].as_array().unwrap() {
             keys(eigenvalue, &["re", "im", "abs"]);
             let (re, im) = (number(&eigenvalue["re"]), number(&eigenvalue["im"]));
