@@ -17,7 +17,12 @@ pub fn number(x: f64) -> String {
     }
     let exponent = x.abs().log10().floor();
     if !(-4.0..=8.0).contains(&exponent) {
-        return format!("{x:.5e}");
+        // 5.64400e-7 is 5.644e-7.
+        let text = format!("{x:.5e}");
+        return match text.split_once('e') {
+            Some((digits, power)) => format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.')),
+            None => text,
+        };
     }
     let text = format!("{x:.*}", (5.0 - exponent).max(0.0) as usize);
     match text.contains('.') {

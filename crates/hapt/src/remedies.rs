@@ -97,8 +97,9 @@ impl File<'_> {
             return format!("{name} = {}", rounded(si, side));
         };
         let written = self.parameters.iter().find(|parameter| parameter.path == path).map(|p| unit(&p.written));
-        let own =
-            written.and_then(|unit| parse_quantity(&format!("1 {unit}"), dimension).ok().map(|size| (unit, size)));
+        let own = written
+            .filter(|unit| !unit.is_empty())
+            .and_then(|unit| parse_quantity(&format!("1 {unit}"), dimension).ok().map(|size| (unit, size)));
         let (unit, size) = own.unwrap_or_else(|| (dimension.symbol(), 1.0));
         format!("{name} = \"{} {unit}\"", rounded(si / size, side))
     }

@@ -20,12 +20,12 @@ pub const TOPICS: &[Topic] = &[
     Topic {
         name: "held",
         aliases: &["hold-still", "puck-held"],
-        line: "what `hapt check` looks at: the world alone, the puck standing still",
-        text: r#"The puck stands still, as in a hand infinitely strong, and only the bodies move. `hapt check` asks
-what becomes of a disturbance of them: it is multiplied by the eigenvalues λ of one sample.
+        line: "the world alone, the puck standing still: whether the integration holds",
+        text: r#"The puck stands still, as in a hand infinitely strong, and only the bodies move. The line `held`
+of `hapt check` says what becomes of a disturbance of them: λ, the eigenvalues of one sample.
 A held puck does not feel the motor: limit, delay, encoder and the device's damping change nothing.
-So "held" judges the integration alone. Whether hand and motor are safe is another matter: see
-released and passivity.
+So "held" judges the integration alone. Device and hand come in with the lines `free` and `passive`:
+see free and passivity.
 
   hapt check @notes/euler            held      unstable
 
@@ -49,44 +49,45 @@ angular frequency ω has ln(1 + ω²T²)/(2T), about ω²T/2: half the period, h
     },
     Topic {
         name: "verdict",
-        aliases: &["verdicts"],
-        line: "stable, marginal, unstable: the answer of `hapt check`",
-        text: r#"stable     a disturbance of the held world decays                                exit code 0
-marginal   it stays: the growth is below 1e-9 per second, either way             exit code 0
-unstable   it grows                                                              exit code 1
+        aliases: &["verdicts", "certified", "certificate", "not-certified"],
+        line: "certified, or not: the answer of `hapt check`",
+        text: r#"certified        stable held and let go, and passive against every passive hand      exit code 0
+  ... as far as the linear loop goes: the lines `not proved` say what that leaves open
+not certified    unstable held, unstable let go, or not passive                      exit code 1
 
-The sentence beside the verdict names the reason, and the period up to which it holds.
+The sentence names what is missing; `remedies` says what would make it so. Encoder counts get a
+line of their own and do not change the verdict.
 
-  hapt check @notes/damped           marginal: the held world neither grows nor decays
-
-A verdict is about the world with the puck held. See held, growth, critical-period, passivity.
+  hapt check @notes/default                                verdict   certified, as far as
+  hapt check @notes/default --set couplings.0.limit=0.8    verdict   certified: stable held
+  hapt check @notes/euler                                  verdict   not certified: it is unstable
 "#,
     },
     Topic {
         name: "stable",
         aliases: &[],
-        line: "a disturbance of the held world decays",
-        text: r#"Every eigenvalue of one sample lies inside the unit circle, |λ| < 1: with the puck held, whatever
-disturbs the bodies dies away, by at least the rate that is printed. A world without bodies has
-nothing to disturb, and is stable too.
+        line: "a disturbance decays",
+        text: r#"Every eigenvalue of one sample lies inside the unit circle, |λ| < 1: whatever disturbs the bodies
+(`held`), or bodies and wheel (`free`), dies away, by at least the rate that is printed. Held, a
+world without bodies has nothing to disturb, and is stable too.
 
   hapt check @notes/euler --set loop.method=backward-euler      stable: a disturbance
-  hapt check @devices/eth-wall                                  nothing is left to move
+  hapt check @devices/eth-wall --set loop.period=0.9ms          nothing is left to move
 
 Stable does not mean true: backward Euler takes energy out of a swing that nothing damps.
-Nor does it mean safe in the hand: see released and passivity.
+Nor does it mean safe in the hand: see passivity.
 "#,
     },
     Topic {
         name: "marginal",
         aliases: &["limit-of-stability"],
-        line: "a disturbance of the held world stays as it is",
+        line: "a disturbance stays as it is",
         text: r#"The largest eigenvalue lies on the unit circle, |λ| = 1 (a growth below 1e-9 per second counts as
 none). That is right for a swing which nothing damps, and for what no spring ties: it stays where
 it is shifted to. A good integrator keeps an undamped world marginal, and does not make it stable.
 
   hapt check @notes/default                                marginal
-  hapt check @notes/default --set loop.period=100ms        marginal
+  hapt check @notes/default --set loop.period=2ms          marginal
 
 A small change may tip it: for a margin add a damper between the same two ends.
 "#,
@@ -94,14 +95,14 @@ A small change may tip it: for a margin add a damper between the same two ends.
     Topic {
         name: "unstable",
         aliases: &["runs-away", "run-away"],
-        line: "a disturbance of the held world grows",
+        line: "a disturbance grows",
         text: r#"An eigenvalue lies outside the unit circle: the smallest disturbance grows, until
-the motor is at its limit. `hapt check` ends with exit code 1. What helps: another method (zoh,
-trapezoidal), a damper beside the spring, a shorter period.
+the motor is at its limit. `hapt check` ends with exit code 1. Held, another method helps (zoh,
+trapezoidal), or a damper beside the spring; let go (see free), damping of the real device, a
+softer spring, a shorter period.
 
-  hapt check @notes/euler                                  unstable
-  hapt check @notes/euler --set loop.method=zoh            marginal
-  hapt check @notes/damped                                 marginal
+  hapt check @notes/euler                                                  unstable
+  hapt check @notes/euler --set loop.method=zoh --set loop.output=end      marginal
 
 A shorter period alone does not cure forward Euler on an undamped swing: it only grows slower.
 "#,
@@ -109,61 +110,110 @@ A shorter period alone does not cure forward Euler on an undamped swing: it only
     Topic {
         name: "critical-period",
         aliases: &["critical", "period"],
-        line: "the longest period up to which the held world is not unstable",
-        text: r#"No eigenvalue of the held world is outside the unit circle for any period up to this one. Dampers
-called "compensating" follow the period. "none, unstable from 0 on": no period is short enough.
-"none, never unstable": any period will do for the integration, not for the hand.
+        line: "the longest period up to which the loop is not unstable",
+        text: r#"No eigenvalue is outside the unit circle for any period up to this one. Dampers called
+"compensating" follow the period, delays stay in seconds. It is printed for the held world and for
+the free loop. "none, unstable from 0 on": no period is short enough. "none, never unstable": any
+period will do. For a hand see the period among the margins: it is often shorter.
 
-  hapt check @notes/damped                                 critical period 318.31 ms
+  hapt check @notes/default                                critical period 2.35619 ms
   hapt check @notes/damped --set loop.period=320ms         unstable
   hapt check @notes/euler                                  none, unstable from 0 on
 
-318.31 ms is 2/ω for the notes' 1 Hz. With forward Euler, more damping can make it shorter.
+Held, the notes' wheel with b = Tk has 318.31 ms, 2/ω for 1 Hz.
 "#,
     },
     Topic {
         name: "modes",
         aliases: &["mode", "damping-ratio", "frequency"],
         line: "the swings of the world, and what the loop makes of them",
-        text: r#"A mode is one way in which the held world swings: its frequency |s|/2π and damping ratio -Re s/|s|,
-of the differential equation; then the same of what the loop really does, from ln(λ)/T.
+        text: r#"A mode is one way in which the world swings, with the puck held or with the wheel let go: its
+frequency |s|/2π and damping ratio -Re s/|s|, of the differential equation; then the same of what
+the loop really does, from ln(λ)/T.
 A method may change both. A negative ratio in the loop is a swing that grows.
 
   hapt check @notes/euler                in this loop 0.999992 Hz, -0.00314156
-  hapt check @notes/trapezoidal          in this loop 0.999997 Hz, 0
+  hapt check @notes/default --set loop.method=trapezoidal          in this loop 0.999997 Hz, 0
   hapt check @notes/default              in this loop 1 Hz, 0
 
 "It does not swing" says that the loop has made two real eigenvalues of the pair.
 "#,
     },
     Topic {
-        name: "released",
-        aliases: &["let-go", "hands-off", "hold"],
-        line: "the hand is gone: what the motor's hold does then",
-        text: r#"Released, the real wheel moves by the motor's torque. The motor holds it for a whole period, so that
-it comes T/2 late on average, and a late spring drives: the swing of J_z on k grows by about
-k T/(4 J_z) per second. No integration method of the virtual bodies changes that much. What pays is
-damping of the device, more than kT/2, or a shorter period.
+        name: "free",
+        aliases: &["released", "let-go", "hands-off", "hold", "free-loop"],
+        line: "the hand is gone: wheel, motor and world by themselves",
+        text: r#"The line `free` of `hapt check`: world, estimator, delay, hold and device as one linear map, nobody
+at the wheel. The motor holds its torque for a period, so that it comes T/2 late on average, and a
+late spring drives: the swing of J_z on k grows by about kT/(4 J_z) per second, whatever the method.
+Damping of the device, more than kT/2, or a shorter period pays for that. Limit, encoder, levels and
+Coulomb friction are left out.
 
-  hapt sim @notes/released --set device.damping=0 --set loop.period=4ms      asked for more
-  hapt sim @notes/released --set device.damping=0 --set loop.period=0.1ms    never asked for more
-
-`hapt check` does not look at this yet.
+  hapt check @notes/default                                            free      stable
+  hapt check @notes/default --set device.damping=0 | grep ^free        unstable: let go
 "#,
     },
     Topic {
         name: "passivity",
-        aliases: &["passive"],
-        line: "a world that cannot give a hand more energy than it got; not computed yet",
-        text: r#"A device is passive when no hand, however it moves, gets more energy out than it has put in, beyond
-what was stored. Then it cannot shake with any passive hand: a stronger promise than stability.
-A virtual spring K, sampled at T, needs damping b > KT/2 of the real device; with a damper B from
-velocity differences b > KT/2 + B (Colgate and Schenkel); an encoder's counts Δ need Coulomb
-friction f > KΔ/2 besides. No causal linear law of stiffness K does with less than KT/2.
-`hapt check` does not compute it yet. What it costs to ignore, a run shows in the motor's energy:
+        aliases: &["passive", "required-damping", "device-damping"],
+        line: "no passive hand can draw energy from it: how much device damping that takes",
+        text: r#"A hand is passive when it gives no more energy than it got: springs, masses, dampers, and nearly all
+people. The line `passive` says how much viscous damping the real device needs so that no such hand
+can make the loop shake (Colgate and Schenkel 1997, exactly, for the linear loop). A spring K needs
+KT/2; a damper B by differences B more; a delay of d samples KTd more. "not passive at any device
+damping": the world answers out of step, and friction of the wheel cannot pay; see output.
 
-  hapt sim @devices/eth-wall --scenario let-go                            motor gave
-  hapt sim @devices/eth-wall --scenario let-go --set loop.period=4ms      motor gave
+  hapt check @notes/default                           it asks the device for 0.0005093 N m s/rad
+  hapt check @notes/default --set loop.period=2ms     it asks the device for 0.001019 N m s/rad
+  hapt check @notes/wheel | grep ^passive             not passive at any device damping
+
+Passive and stable are different claims: see verdict, proved and remedies.
+"#,
+    },
+    Topic {
+        name: "proved",
+        aliases: &["not-proved", "proof", "linear-loop"],
+        line: "what a verdict on the linear loop leaves open",
+        text: r#"Eigenvalues and passivity are of the linear loop: no counts, no clipping, walls as their slopes.
+Where a theorem carries passivity over to the whole loop it is proved; where not, lines `not proved`
+give the reasons: a motor that clips beside a body, counts at a body that nothing damps, FOAW, a
+wall behind a low-pass. The verdict then stands for the linear loop alone. The energy theorem covers
+zoh, trapezoidal and backward-euler with output "end", undamped walls at bodies too.
+
+  hapt check @notes/default                                not proved: the motor's limit cuts
+  hapt check @notes/default --set couplings.0.limit=0.8    passive against every passive hand:
+
+"not proved" is not "wrong": simulate it, with the device as it is. See limit and energy.
+"#,
+    },
+    Topic {
+        name: "remedies",
+        aliases: &["remedy", "margins", "margin", "no-remedies"],
+        line: "what would make a loop certified, and how far one may go",
+        text: r#"Not certified, `hapt check` looks for numbers that would change that, each one by itself: device
+damping, period, delay, advance, output, stiffness, a damper from every body to ground. They are
+lines to paste, in the units of the file, rounded to the safe side. "none found": none of them does.
+Certified, the same list is the margins: how far each may go alone. Two at once need a new check.
+
+  hapt check @notes/wheel | grep -A1 remedies              output = "end"
+  hapt check @notes/default                                period = "2.356 ms"
+
+--no-remedies leaves the search out; in --json they are then null.
+"#,
+    },
+    Topic {
+        name: "sweep",
+        aliases: &["vary", "measure", "measures", "map"],
+        line: "many worlds at once: a table, and a map",
+        text: r#"`hapt sweep` goes through every combination of a few keys and writes a row for each: KEY=FROM..TO:N,
+or :N:log for equal ratios. Measures of a run are peak_torque, final_energy and settling_time; of
+the loop held_growth_per_s, free_growth_per_s, required_damping and certified (0 or 1). A measure
+without a value is empty. --plot draws a curve or a map; --resume goes on after an interruption.
+
+  hapt sweep @notes/default --vary loop.period=1ms..4ms:4 --measure certified --out map.csv
+  cat map.csv
+
+The row 0.003,0.0 says: at 3 ms it is not certified.
 "#,
     },
     Topic {
@@ -191,7 +241,7 @@ ln(1 + ω²T²)/(2T). A damper b = Tk beside the spring undoes that, for ωT < 2
 Damped worlds are stable up to the critical period; far beyond critical damping that gets shorter.
 
   hapt check @notes/euler                  unstable
-  hapt check @notes/damped                 marginal
+  hapt sim @notes/damped                   0 predicted
 
 It takes every coupling at a body, as semi-implicit-euler and rk4 do.
 "#,
@@ -206,7 +256,7 @@ the rate at which forward Euler makes it grow.
 
   hapt check @notes/default --set loop.method=backward-euler        growth -0.0197388 per second
 
-Walls, detents and friction at a body do not go with it yet: see nonlinear-at-a-body.
+Walls, detents and Coulomb friction at a body go with it: see nonlinear-at-a-body.
 "#,
     },
     Topic {
@@ -217,9 +267,10 @@ Walls, detents and friction at a body do not go with it yet: see nonlinear-at-a-
 As cheap as forward Euler, and an undamped swing keeps its size for ωT < 2; its frequency is a
 little high. Held, it has the eigenvalues of forward Euler with b = Tk.
 
-  hapt check @notes/default --set loop.method=semi-implicit-euler      critical period 318.31 ms
+  hapt check @notes/default --set loop.method=semi-implicit-euler --set loop.output=middle   318.3
 
-It takes every coupling at a body.
+With "middle" an undamped swing is passive from kT/2 of device damping on; with "start" or "end" no
+damping is enough. It takes every coupling at a body.
 "#,
     },
     Topic {
@@ -230,11 +281,10 @@ It takes every coupling at a body.
 λ = (1 + sT/2)/(1 - sT/2): an undamped swing stays on the unit circle at every period, and turns by
 2 atan(ωT/2) a sample, a little slow.
 
-  hapt check @notes/trapezoidal                            in this loop 0.999997 Hz, 0
-  hapt check @notes/trapezoidal --set loop.period=200ms    marginal
+  hapt check @notes/default --set loop.method=trapezoidal      in this loop 0.999997 Hz, 0
 
-tustin is the same rule with the new sample taken first. Nonlinear couplings at a body do not go
-with it yet: see nonlinear-at-a-body.
+tustin is the same rule with the new sample taken first. Walls, detents and Coulomb friction at
+a body go with it: see nonlinear-at-a-body.
 "#,
     },
     Topic {
@@ -246,9 +296,9 @@ exponential, computed once. λ = e^(sT) exactly: frequencies and damping are tho
 every period. What is left of the error is the hold of the puck's position, and of the motor.
 
   hapt check @notes/default                                in this loop 1 Hz, 0
-  hapt check @notes/default --set loop.period=100ms        in this loop 1 Hz, 0
+  hapt check @notes/default --set loop.period=2ms          in this loop 1 Hz, 0
 
-Walls, detents and friction at a body do not go with it yet: see nonlinear-at-a-body.
+Walls, detents and Coulomb friction at a body go with it: see nonlinear-at-a-body.
 "#,
     },
     Topic {
@@ -272,10 +322,10 @@ It takes every coupling at a body, evaluated at its four stages.
 world to now, then takes the torque from x_k. So its output is "start", and no other goes with it.
 Eigenvalues as trapezoidal. It does nothing at the first sample.
 
-  hapt check @notes/default --set loop.method=tustin       in this loop 0.999997 Hz, 0
+  hapt check @notes/default --set loop.method=tustin | grep Hz      in this loop 0.999997 Hz, 0
 
-No nonlinear coupling at a body goes with it, not even a constant: use forward-euler,
-semi-implicit-euler or rk4 there.
+With that output no device damping makes a swing passive that nothing damps.
+No nonlinear coupling at a body goes with it, not even a constant.
 "#,
     },
     Topic {
@@ -286,10 +336,11 @@ semi-implicit-euler or rk4 there.
 this one. It takes the new sample first; its output is "start". Second order in T for any motion of
 the puck: the method for a hand that moves smoothly, such as a sine.
 
-  hapt check @notes/resonance                              in this loop 1 Hz, 0
+  hapt check @notes/resonance | grep Hz                    in this loop 1 Hz, 0
   hapt sim @notes/resonance                                sample 2982 (2.982 s)
 
-No nonlinear coupling at a body goes with it.
+No nonlinear coupling at a body goes with it. No device damping makes a swing passive that nothing
+damps: its torque comes out of step with the hand.
 "#,
     },
     Topic {
@@ -300,9 +351,10 @@ No nonlinear coupling at a body goes with it.
 Taken from the start of the step, its torque makes energy: a body bouncing on a wall gained a factor
 of millions. zoh, trapezoidal and backward-euler find it over the step, so that it never does (the
 discrete gradient); LuGre friction has no such step, and tustin and foh have no place for one. There
-hapt refuses, and does not approximate in silence. The explicit methods take everything:
+hapt refuses, and does not approximate in silence. The explicit methods take everything and promise
+less. Under zoh, with a spring that is clamped at 0.8 N m:
 
-  hapt check @notes/default --set loop.method=semi-implicit-euler      marginal
+  hapt check @notes/default --set couplings.0.limit=0.8                passive against every
 
 Between puck and ground such couplings go with every method: @devices/eth-wall has them with zoh.
 "#,
@@ -318,7 +370,10 @@ spring passive at the price kT/2. "middle": the mean of both. tustin and foh kno
   hapt sim @notes/wheel                                    torque from the start of the step
   hapt sim @notes/wheel --set loop.output=end              torque from the end of the step
 
-It does not change the verdict: held, the torque on the puck moves nothing.
+Held, it changes nothing. For the hand it does: with "start" no device damping makes a swing
+passive that nothing damps.
+
+  hapt check @notes/wheel --set loop.output=end            verdict   certified
 "#,
     },
     Topic {
@@ -327,9 +382,10 @@ It does not change the verdict: held, the torque on the puck moves nothing.
         line: "steps further ahead, for a delay that is known",
         text: r#"With output "end", `advance = n` takes the world n further samples ahead for the torque, the puck
 held where it is: the torque is then that of the moment at which it arrives. For a known delay of n
-whole samples. The state itself is not changed by it.
+whole samples: a lossless world then asks for at most KT(1/2 + n) of device damping, and without the
+advance no damping is enough. The state itself is not changed by it.
 
-  hapt sim @notes/default --set loop.delay=2ms --set loop.advance=2      scenario step
+  hapt check @notes/default --set loop.delay=1ms --set loop.advance=1 | grep ^passive   0.001528
 
 See delay.
 "#,
@@ -343,9 +399,10 @@ delay, and before the first command the motor gives 0. A delay comes on top of t
 a spring K, released, then needs about K(T/2 + delay) of device damping.
 
   hapt sim @notes/released --set loop.delay=1ms            scenario release
-  hapt check @notes/default --set loop.delay=2ms           marginal
+  hapt check @notes/default --set loop.delay=1ms | grep ^free      unstable: let go
 
-Held, nothing changes. Whole periods can be made up for: see advance.
+Held, nothing changes. Whole periods can be made up for in part: see advance. With a part of a
+period no device damping makes a swing passive that nothing damps: wait until the sample is full.
 "#,
     },
     Topic {
@@ -365,7 +422,7 @@ By differences a step looks like a kick, of 2 k z0 with b = Tk between puck and 
     },
     Topic {
         name: "encoder",
-        aliases: &["counts", "count", "quantisation"],
+        aliases: &["count"],
         line: "the position comes in counts",
         text: r#"`encoder = 4000` rounds the puck's position to 1/4000 of a turn, 0.09 deg; linear, it is the size of
 a count, such as "5 um". Without the key the encoder is ideal. The torque of a spring K then comes
@@ -374,12 +431,27 @@ in steps of K·count, a difference's velocity in steps of count/T.
   hapt sim @devices/eth-wall --scenario push               peak torque
   hapt sim @devices/eth-wall --scenario push --set device.encoder=400
 
-A wall in coarse counts buzzes at rest, unless Coulomb friction beyond K·count/2 holds it still.
+A wall in coarse counts buzzes at rest, unless Coulomb friction beyond K·count/2 holds it still: see
+counts.
+"#,
+    },
+    Topic {
+        name: "counts",
+        aliases: &["quantisation", "quantization", "buzz", "max-stiffness"],
+        line: "the line `counts`: how stiff the wheel may feel in encoder counts",
+        text: r#"Counts of size Δ make a spring jump by KΔ, and that feeds a hum that no viscous damping stops near
+rest. Coulomb friction f of the real device does. The line `counts` gives the stiffness up to which
+friction and damping swallow them, min(2b/T, 2f/Δ) (Abbott and Okamura 2005), and whether all the
+stiffness at the puck together, walls at their steepest, is below. It is not part of the verdict,
+but a line `not proved` says so. Without `encoder` there is no such line.
+
+  hapt check @devices/eth-wall --set loop.period=0.9ms     up to 2.889 N m/rad at the puck
+  hapt check @devices/eth-wall --set loop.period=0.9ms --set device.friction=0    it may buzz
 "#,
     },
     Topic {
         name: "limit",
-        aliases: &["clipping", "clipped", "saturation"],
+        aliases: &["clipping", "clipped", "saturation", "motor-limit"],
         line: "the largest torque that the motor may be asked for",
         text: r#"`device.limit` cuts the command to ±limit. `hapt sim` says when the world asks for more, how often,
 and first at which sample: from there on the wheel does not feel like the world. The virtual bodies
@@ -388,7 +460,23 @@ know nothing of it: a held world grows on behind the limit.
   hapt sim @notes/euler                                    first at sample 1491 (1.491 s)
   hapt sim @notes/damped                                   never asked for more than its limit
 
-Softer springs, smaller travels or another method; `hapt design` starts from the torque.
+A coupling's own `limit` cuts it on both ends, so that the bodies know: see clamped.
+"#,
+    },
+    Topic {
+        name: "clamped",
+        aliases: &["coupling-limit", "clamp", "clamped-limit"],
+        line: "a `limit` on a spring, damper or wall: cut on both of its ends",
+        text: r#"`limit = "800 N mm"` in a spring, damper or wall holds its torque within ±limit, on the puck and on
+the body alike: action stays reaction. The motor's limit does not: it cuts what the wheel feels, and
+the body is still pulled by the full spring, which can make energy. Springs at the puck clamped to
+no more than the motor's limit keep it from clipping, and the verdict can be one on the whole loop.
+
+  hapt check @notes/default                                not proved: the motor's limit cuts
+  hapt check @notes/default --set couplings.0.limit=0.8    verdict   certified: stable held
+  hapt sim @notes/default --set couplings.0.limit=0.5      500 N mm
+
+Clamped, a coupling is nonlinear: `held` and `free` look at it with its slope and without.
 "#,
     },
     Topic {
@@ -411,12 +499,12 @@ Coarse levels are felt as clicks in a soft spring.
 ends (from a body to ground: of all springs at the body), and follows the period. Under forward
 Euler it keeps an undamped swing at one size, for ωT < 2, with the amplitude z0/√(1 - (ωT)²/4).
 
-  hapt check @notes/damped                                             growth 0 per second
-  hapt check @notes/damped --set loop.period=200ms                     marginal
-  hapt check @notes/damped --set loop.method=zoh                       only damps
+  hapt check @notes/damped | grep ^held                                marginal
+  hapt check @notes/damped | grep ^passive                             not passive at any
+  hapt check @notes/damped --set loop.method=zoh | grep note           only damps
 
-Under the other methods there is no growth to undo: there it is a damper. Without a spring between
-its ends it is an error.
+Held, that is enough; in the hand the torque from the start of the step stays out of step. Under the
+other methods it is a damper like any other.
 "#,
     },
     Topic {
@@ -430,7 +518,7 @@ of a wall may grow where neither does. Run it as well:
 
   hapt sim @devices/smartknob-detents                      scenario settle
 
-Couplings between puck and ground do not enter: held, they move nothing.
+Couplings between puck and ground enter `free` and not `held`: held, they move nothing.
 "#,
     },
     Topic {
@@ -442,8 +530,8 @@ there with exit code 3, and a file keeps its rows up to the last finite one. The
 motor's torque, not the virtual bodies, so it does not help here. Ask why, then change the method or
 the period:
 
-  hapt check @notes/euler --set loop.period=1s             unstable
-  hapt check @notes/default --set loop.period=1s           marginal
+  hapt check @notes/euler --set loop.period=1s                     unstable
+  hapt check @notes/default --set loop.period=1s | grep ^held      marginal
 "#,
     },
     Topic {
@@ -457,7 +545,7 @@ The angle counts: N m is a torque, N m/rad a stiffness, and one for the other is
 forgotten degrees cost a factor 57.3. Only an inertia goes both ways, kg m^2 or N m s^2/rad.
 
   hapt sim @notes/wheel --set loop.period=2ms              2 ms a sample
-  hapt check @notes/wheel --set 'couplings.0.stiffness=1 J/rad'
+  hapt sim @notes/wheel --set 'couplings.0.stiffness=1 J/rad'
 "#,
     },
     Topic {
@@ -517,8 +605,8 @@ with that sign the released wheel runs away.
         name: "exit-codes",
         aliases: &["exit-code", "codes", "exit"],
         line: "how a command ends: 0, 1, 2, 3, 130, 143",
-        text: r#"0     done; for `hapt check`: not unstable. Also when the reader of our output has seen enough
-1     `hapt check` has found the loop unstable
+        text: r#"0     done; for `hapt check`: certified. Also when the reader of our output has seen enough
+1     `hapt check` has not certified the loop: unstable held or let go, or not passive
 2     bad usage or bad input: nothing was done
 3     the system failed, or a run stopped being finite: its file ends before
 130   interrupted (Ctrl-C): unfinished files are removed
