@@ -67,6 +67,9 @@ pub fn check(world: &World) -> Result<Check, Error> {
     })
 }
 
+/// How the note begins that says so.
+const ESTIMATE: &str = "held is a linear estimate of a nonlinear world";
+
 fn notes(world: &World) -> Vec<String> {
     let mut notes = Vec::new();
     let bent = bent(&world.couplings);
@@ -79,7 +82,7 @@ fn notes(world: &World) -> Vec<String> {
     };
     if world.couplings.iter().any(|c| nonlinear(&c.law) && (at_body(c.first) || at_body(c.second))) {
         let looked = looked(bent.len(), "its nonlinear couplings at bodies have slope 0 and count as absent");
-        notes.push(format!("held is a linear estimate of a nonlinear world: {looked}"));
+        notes.push(format!("{ESTIMATE}: {looked}"));
     }
     let follows = |law: &Law| matches!(law.unclamped(), Law::Damper { damping: Damping::Compensating });
     let method = world.sampling.method;
@@ -248,7 +251,11 @@ impl Check {
             }
             Verdict::Marginal => {
                 let reason = if held.eigenvalues.iter().any(|e| e.im == 0.0 && e.re == 1.0 && e.abs == 1.0) {
-                    "something is tied by no spring and stays where it is shifted to"
+                    if self.notes.iter().any(|note| note.starts_with(ESTIMATE)) {
+                        "where the nonlinear couplings are slack, something stays where it is shifted to"
+                    } else {
+                        "something is tied by no spring and stays where it is shifted to"
+                    }
                 } else if self.method == "forward-euler" {
                     "its dampers undo what forward Euler adds to a swing"
                 } else if held.modes.iter().any(|mode| mode.damping_ratio > 0.0 && is_kept(mode)) {
