@@ -8,7 +8,7 @@
 //! foh. Half a sample later the torque pushes the whole loop along, at (KT/2 - b)/(J_z + J_w); a whole sample later at
 //! (KT - b)/(J_z + J_w).
 
-use hapt_model::{Body, Coupling, End, Method, Sampling, World};
+use hapt_model::{Body, Coupling, End, Method, Output, Sampling, World};
 use nalgebra::Complex;
 
 use crate::continuous::{Tie, bent_anywhere, ties};
@@ -169,7 +169,8 @@ fn of_puck(part: &Part, sampling: &Sampling, damping: f64, known: Critical) -> R
         if worst.as_ref().is_none_or(|(growth, _)| most > growth + MARGINAL) {
             worst = Some((most, multipliers));
         }
-        critical = critical.min(search(&port, sampling, damping, index, known.min(critical))?);
+        let conserved = !part.tied && damping == 0.0 && conserves_momentum(sampling, &port);
+        critical = critical.min(search(&port, sampling, damping, index, conserved, known.min(critical))?);
         if !port.has_damper() {
             // Nobody looks at the velocity.
             break;
@@ -234,8 +235,27 @@ fn growth(multipliers: &[Multiplier], period: f64) -> f64 {
     multipliers.iter().map(|m| m.growth(period)).fold(f64::NEG_INFINITY, f64::max)
 }
 
+/// Whether the torque on a wheel that spins evenly is 0, so that nothing pushes the loop along. A damper at the puck under the
+/// exact hold breaks that at MIDDLE.
+fn conserves_momentum(sampling: &Sampling, port: &Port) -> bool {
+    match (sampling.method, sampling.output) {
+        (Method::ForwardEuler | Method::SemiImplicitEuler | Method::Tustin | Method::Foh, Output::Start) => true,
+        (Method::Trapezoidal, Output::Middle) => true,
+        (Method::Zoh, Output::Middle) => !port.has_damper(),
+        (Method::BackwardEuler, Output::End) => sampling.advance == 0,
+        _ => false,
+    }
+}
+
 /// The critical period of the stacked loop, the delay staying in s; where it is above `known` that is no matter.
-fn search(port: &Port, sampling: &Sampling, damping: f64, filter: usize, known: Critical) -> Result<Critical, Error> {
+fn search(
+    port: &Port,
+    sampling: &Sampling,
+    damping: f64,
+    filter: usize,
+    conserved: bool,
+    known: Critical,
+) -> Result<Critical, Error> {
     let low = shortest_period(sampling);
     let slowest = port.slowest(damping).max(sampling.period).max(sampling.delay);
     let high = (LONGEST * slowest).min(known.period().unwrap_or(f64::INFINITY));
@@ -251,9 +271,11 @@ fn search(port: &Port, sampling: &Sampling, damping: f64, filter: usize, known: 
             Err(Error::Step { .. } | Error::Eigenvalues { .. }) if period > sampling.period => return Ok(f64::MAX),
             Err(error) => return Err(error),
         };
-        // Momentum that the scheme conserves, but for rounding, and beyond rounding whatever is above 1.
+        // Momentum that the scheme conserves: by structure whatever rounding makes of it, else what is no more than rounding.
+        let bound = |i: usize, error: f64| if i == 0 && conserved { 1e3 * MARGINAL * period } else { 4.0 * error };
         all.sort_by(|(a, _), (b, _)| from_one(a).total_cmp(&from_one(b)));
-        let kept = all.iter().take(port.shifts).take_while(|(m, error)| from_one(m) <= 4.0 * error).count();
+        let near = |(i, (m, error)): &(usize, &(Multiplier, f64))| from_one(m) <= bound(*i, *error);
+        let kept = all.iter().take(port.shifts).enumerate().take_while(near).count();
         let most = all[kept..].iter().map(|(m, error)| (m.ln_abs - error) / period).fold(f64::NEG_INFINITY, f64::max);
         Ok(most.clamp(-f64::MAX, f64::MAX))
     };

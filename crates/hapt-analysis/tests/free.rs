@@ -233,7 +233,7 @@ fn loops() -> impl Strategy<Value = World> {
             let damped = |c: &Coupling| if let Law::Damper { damping: Damping::Fixed(b) } = c.law { b } else { 0.0 };
             let lightest = bench.bodies.iter().map(|b| b.inertia).fold(inertia, f64::min);
             let most = bench.couplings.iter().map(damped).sum::<f64>() / lightest;
-            let period = x / fastest(&bench).max((2.0 * at_puck / inertia).sqrt()).max(1.0).max(2e-3 * most);
+            let period = x / fastest(&bench).max((2.0 * at_puck / inertia).sqrt()).max(1.0).max(0.1 * most);
             let mut world = world(&bench, Method::ALL[method], Output::ALL[output], period);
             world.device.inertia = inertia;
             world.device.damping = damping;

@@ -43,7 +43,7 @@ pub fn line(row: &[Option<f64>], out: &mut String) {
     out.push('\n');
 }
 
-/// A line back as a row of so many columns; `None` for what [`line`] has not written.
+/// A line back as a row of so many columns; `None` for what [`line()`] has not written.
 pub fn read(line: &str, columns: usize) -> Option<Vec<Option<f64>>> {
     let row: Option<Vec<Option<f64>>> = line
         .split(',')
