@@ -170,7 +170,8 @@ impl Map {
             }
         }
         if !d.is_empty() {
-            let _ = write!(svg, "<path class=\"edge\" d=\"{d}\"/>");
+            // Light below dark, so that it is seen on every colour.
+            let _ = write!(svg, "<path class=\"halo\" d=\"{d}\"/><path class=\"edge\" d=\"{d}\"/>");
         }
     }
 }

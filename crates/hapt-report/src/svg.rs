@@ -36,7 +36,7 @@ svg.hapt .beneath{stroke:#e69f00;stroke-width:3.6}\
 svg.hapt .d1{stroke-dasharray:2 2}svg.hapt .d2{stroke-dasharray:10 3 2 3}svg.hapt .d3{stroke-dasharray:1 4}\
 svg.hapt .limit{stroke:#565d66;stroke-dasharray:7 4}svg.hapt .predicted{stroke:#1b1e22;stroke-dasharray:2 3;stroke-width:1.6}\
 svg.hapt .guide{stroke:#8a929b}svg.hapt .cell{stroke:none}svg.hapt .none{fill:#c9ced4}\
-svg.hapt .edge{fill:none;stroke:#1b1e22;stroke-width:1.6}\
+svg.hapt .halo{fill:none;stroke:#fff;stroke-width:3.6}svg.hapt .edge{fill:none;stroke:#1b1e22;stroke-width:1.6}\
 svg.hapt .m0{fill:#440154}svg.hapt .m1{fill:#472d7b}svg.hapt .m2{fill:#3b528b}svg.hapt .m3{fill:#2c728e}svg.hapt .m4{fill:#21918c}\
 svg.hapt .m5{fill:#28ae80}svg.hapt .m6{fill:#5ec962}svg.hapt .m7{fill:#addc30}svg.hapt .m8{fill:#fde725}\
 svg.hapt .n0{fill:#d6e6f4}svg.hapt .n1{fill:#9ac4e1}svg.hapt .n2{fill:#4a98c9}svg.hapt .n3{fill:#0b559f}\
