@@ -111,7 +111,12 @@ fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, mut values: Vec<Option<f64>>) ->
         .clone()
         .fold(None, |range: Option<(f64, f64)>, x| Some(range.map_or((x, x), |(low, high)| (low.min(x), high.max(x)))));
     let edge = edge(sweep.measures[0]);
-    let map = Map { columns: fast.count as usize, scale: Scale::of(numbers), values, edge };
+    let scale = match sweep.measures[0] {
+        // 0 or 1, whichever of them the map has.
+        Measure::Certified => Scale::Sequential(vec![1.0]),
+        _ => Scale::of(numbers),
+    };
+    let map = Map { columns: fast.count as usize, scale, values, edge };
     let mut panel = Panel::new("", spread(fast), spread(slow));
     panel.map = Some(map.reduced(ROOM.0, ROOM.1));
     let seen = range.map_or("no value".to_string(), |(low, high)| {
