@@ -23,7 +23,7 @@ impl Failure {
     }
 
     /// A failed write to `what`.
-    pub fn write(what: impl Display, error: io::Error) -> Self {
+    pub fn write(what: impl Display, error: impl Display) -> Self {
         Failure::System(format!("cannot write {what}: {error}"))
     }
 

@@ -25,6 +25,8 @@ use crate::world::source;
 
 /// The most threads that can be asked for.
 const MOST_THREADS: usize = 1024;
+/// The most cells of a map: each is a number in memory until it is drawn.
+const MOST_DRAWN: u64 = 10_000_000;
 /// How long a stretch of cells may take before its rows are written.
 const STRETCH: Duration = Duration::from_millis(250);
 /// The most cells of a stretch, whose rows are in memory together.
@@ -50,6 +52,13 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
         let given = sweep.grid.axes.len();
         return Err(Failure::input(format!(
             "--plot draws a curve over one axis or a map over two, and {given} are varied"
+        )));
+    }
+    if args.plot.is_some() && sweep.grid.axes.len() == 2 && sweep.cells() > MOST_DRAWN {
+        return Err(Failure::input(format!(
+            "--plot draws a map of up to {} cells, and the grid has {}: fewer values, or no --plot",
+            people::count(MOST_DRAWN),
+            people::count(sweep.cells())
         )));
     }
     let threads = match args.threads {
@@ -189,7 +198,12 @@ impl Partial {
     }
 
     fn write(&mut self, text: &str) -> Result<(), Failure> {
-        self.file.write_all(text.as_bytes()).map_err(|error| Failure::write(self.path.display(), error))
+        self.file.write_all(text.as_bytes()).map_err(|error| {
+            Failure::write(
+                self.path.display(),
+                format!("{error}; the rows that fit are there, and --resume goes on behind them"),
+            )
+        })
     }
 
     /// The lines behind the header, from the beginning.

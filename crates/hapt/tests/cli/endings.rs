@@ -267,31 +267,52 @@ mod linux {
         hapt(Path::new("."), ["sim", &world, "--out", "/proc/hapt"]).refused(3, &["cannot make /proc/hapt"]);
     }
 
-    /// The same on a file system of 64 KiB that is there for this program only; where none can be had, that is said.
-    #[test]
-    fn a_full_file_system_is_said_and_left_as_it_was() {
-        let at = folder(&[("w.toml", WHEEL)]);
-        fs::create_dir(at.path().join("small")).unwrap();
-        let script = "mount -t tmpfs -o size=64k small small || exit 77
-            \"$0\" sim w.toml --out small --set scenarios.step.duration=0.01 2>/dev/null || exit 78
-            before=$(cksum small/step.csv)
-            \"$0\" sim w.toml --out small --set scenarios.step.duration=5; echo \"code $?\"
-            test \"$before\" = \"$(cksum small/step.csv)\" && ls -A small";
+    /// A script in a folder with a file system of 64 KiB, `small`, that is there for it only; `None` where none can be had, and
+    /// that is said.
+    fn on_a_small_file_system(at: &Path, script: &str) -> Option<crate::common::Ended> {
+        fs::create_dir(at.join("small")).unwrap();
+        let script = format!("mount -t tmpfs -o size=64k small small || exit 77\n{script}");
         let mut unshare = Command::new("unshare");
-        unshare.args(["--map-root-user", "--mount", "sh", "-c", script, env!("CARGO_BIN_EXE_hapt")]);
-        unshare.current_dir(at.path()).stdin(Stdio::null());
-        if Command::new("unshare")
-            .args(["--map-root-user", "--mount", "true"])
-            .output()
-            .is_ok_and(|o| o.status.success())
-        {
+        unshare.args(["--map-root-user", "--mount", "sh", "-c", &script, env!("CARGO_BIN_EXE_hapt")]);
+        unshare.current_dir(at).stdin(Stdio::null());
+        let possible = Command::new("unshare").args(["--map-root-user", "--mount", "true"]).output();
+        if possible.is_ok_and(|output| output.status.success()) {
             let ended = Running::start(unshare).end();
             if ended.code != Some(77) {
-                assert_eq!(ended.out, "code 3\nstep.csv\n", "{ended:?}");
-                assert!(ended.err.starts_with("hapt: cannot write small/step.csv: "), "{ended:?}");
-                return;
+                return Some(ended);
             }
         }
         eprintln!("skipped: no file system of its own can be mounted here");
+        None
+    }
+
+    #[test]
+    fn a_full_file_system_is_said_and_left_as_it_was() {
+        let at = folder(&[("w.toml", WHEEL)]);
+        let script = "\"$0\" sim w.toml --out small --set scenarios.step.duration=0.01 2>/dev/null || exit 78
+            before=$(cksum small/step.csv)
+            \"$0\" sim w.toml --out small --set scenarios.step.duration=5; echo \"code $?\"
+            test \"$before\" = \"$(cksum small/step.csv)\" && ls -A small";
+        let Some(ended) = on_a_small_file_system(at.path(), script) else { return };
+        assert_eq!(ended.out, "code 3\nstep.csv\n", "{ended:?}");
+        assert!(ended.err.starts_with("hapt: cannot write small/step.csv: "), "{ended:?}");
+    }
+
+    /// 10^9 cells to a disk that takes some thousand: the rows that fit stay, whole, for --resume.
+    #[test]
+    fn a_sweep_that_fills_the_disk_keeps_its_rows() {
+        let at = folder(&[("w.toml", WHEEL)]);
+        let script =
+            "\"$0\" sweep w.toml --vary device.damping=0..1:1000000000 --measure held_growth_per_s --out small/t.csv
+            echo \"code $?\"
+            ls -A small; cat small/*.partial | wc -l";
+        let Some(ended) = on_a_small_file_system(at.path(), script) else { return };
+        let lines: Vec<&str> = ended.out.lines().collect();
+        assert!(
+            matches!(lines[..], ["code 3", name, rows]
+            if name.ends_with(".partial") && rows.trim().parse::<u32>().is_ok_and(|rows| rows > 100)),
+            "{ended:?}"
+        );
+        assert!(ended.err.contains("cannot write small/t.csv.") && ended.err.contains("--resume"), "{ended:?}");
     }
 }

@@ -75,11 +75,33 @@ fn what_cannot_be_swept_is_said_and_leaves_nothing() {
             ],
             &["--plot", "two"],
         ),
+        (
+            &["--out", "t.csv", "--vary", "device.damping=0..1:1000000000", "--plot", "t.svg"],
+            &["up to 10 000 000 cells", "5 000 000 000", "no --plot"],
+        ),
+        (&["--out", "t.csv", "--vary", "device.damping=0..1:10000000000"], &["10000000000 cells"]),
+        (&["--out", "t.csv", "--vary", "device.damping=0..1:99999999999999999999"], &["no number of values"]),
+        (&["--out", "t.csv", "--vary", "device.damping=0..1e-3:3:log"], &["on one side of 0"]),
+        (&["--out", "t.csv", "--vary", "loop.method=zoh..foh:2"], &["loop.method"]),
+        (&["--out", "t.csv", "--vary", "device.encoder=1000..2000:7"], &["whole"]),
     ] {
         sweep(at.path(), more).refused(2, parts);
         assert_eq!(names(at.path()), ["w.toml"], "{more:?}");
     }
     sweep(at.path(), &["--out", "none/t.csv"]).refused(3, &["cannot write", "none"]);
+}
+
+#[test]
+fn a_cell_without_a_value_is_empty_and_counted() {
+    // Forward Euler leaves the numbers at the longer periods.
+    let at = folder(&[("w.toml", WHEEL)]);
+    let args = "sweep w.toml --set loop.method=forward-euler --set scenarios.step.duration=500s --vary loop.period=1ms..0.4s:3 \
+                --measure peak_torque --out t.csv";
+    let ended = hapt(at.path(), args.split_whitespace().filter(|word| *word != "\\"));
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert!(ended.err.contains("peak_torque has no value in 2 of them"), "{ended:?}");
+    let table = fs::read_to_string(at.path().join("t.csv")).unwrap();
+    assert_eq!(table.lines().filter(|line| line.ends_with(',')).count(), 2, "{table}");
 }
 
 #[cfg(unix)]
