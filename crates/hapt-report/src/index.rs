@@ -6,7 +6,7 @@ use maud::{Markup, html};
 use crate::extremes::Point;
 use crate::figure::Figure;
 use crate::page::{Drawing, Report, critical, document, rate, verdict_name};
-use crate::stability::{growth_by_period, period_panel};
+use crate::stability::{Half, growth_by_period, period_panel};
 use crate::svg::Width;
 use crate::units::{say_effort, say_time};
 
@@ -56,7 +56,7 @@ pub fn index_drawings(reports: &[Report<'_>]) -> Vec<Drawing> {
     let span = (0.1 * periods().fold(f64::INFINITY, f64::min), 10.0 * periods().fold(0.0, f64::max));
     let curves: Vec<(&str, Vec<Point>)> = reports
         .iter()
-        .map(|report| (report.title.as_str(), growth_by_period(report.world, report.check, span)))
+        .map(|report| (report.title.as_str(), growth_by_period(Half::Held, report.world, report.check, span)))
         .filter(|(_, curve)| !curve.is_empty())
         .take(CURVES)
         .collect();
@@ -102,7 +102,7 @@ fn table(reports: &[Report<'_>]) -> Markup {
     html! {
         table {
             thead {
-                tr { th { "world" } th { "certified" } th { "held" } th { "growth per s" } th { "critical period" } th { "peak torque" } th { "first clipped" } th { "loop" } }
+                tr { th { "world" } th { "certified" } th { "held" } th { "growth per s" } th { "critical period" } th { "let go" } th { "peak torque" } th { "first clipped" } th { "loop" } }
             }
             tbody {
                 @for report in reports {
@@ -111,9 +111,10 @@ fn table(reports: &[Report<'_>]) -> Markup {
                         td class={ "state " (if report.check.certified { "stable" } else { "unstable" }) } {
                             (if report.check.certified { "yes" } else { "no" })
                         }
-                        td class={ "state " (verdict_name(report.check)) } { (verdict_name(report.check)) }
+                        td class={ "state " (verdict_name(&report.check.held)) } { (verdict_name(&report.check.held)) }
                         td.number { (report.check.held.growth_per_s.map_or("none".into(), rate)) }
-                        td.number { (critical(report.check)) }
+                        td.number { (critical(&report.check.held)) }
+                        td class={ "state " (verdict_name(&report.check.free)) } { (verdict_name(&report.check.free)) }
                         td.number { @for run in &report.runs { (say_effort(run.summary.peak_torque, report.world.motion)) br; } }
                         td.number {
                             @for run in &report.runs {

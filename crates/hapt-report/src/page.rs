@@ -1,13 +1,13 @@
 //! One world as one page: no network, no scripts, nothing from elsewhere.
 
-use hapt_analysis::{Check, Verdict};
+use hapt_analysis::{Check, Stability, Verdict};
 use hapt_model::{Parameter, World};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::diagram::diagram;
 use crate::figure::Figure;
 use crate::run::Run;
-use crate::stability;
+use crate::stability::{self, Half};
 use crate::svg::{STYLE, Width};
 use crate::ticks::number;
 use crate::units::{effort_name, say_effort, say_energy, say_time};
@@ -35,7 +35,7 @@ th,td{text-align:left;vertical-align:top;padding:.28em .9em .28em 0;border-botto
 th{font-weight:600}td{overflow-wrap:anywhere}td.key{font-family:ui-monospace,'DejaVu Sans Mono',monospace;font-size:.9em}\
 td.number{overflow-wrap:normal}.state{overflow-wrap:normal;font-weight:600}tr.default td{color:var(--soft)}\
 td .doc{display:block;color:var(--soft);font:.85em/1.35 system-ui,'DejaVu Sans',sans-serif}\
-dl{display:grid;grid-template-columns:max-content 1fr;gap:.15em 1em;margin:.6em 0}dt{color:var(--soft)}dd{margin:0;overflow-wrap:anywhere}\
+dl{display:grid;grid-template-columns:max-content 1fr;gap:.15em 1em;margin:.6em 0}pre{background:var(--well);padding:.6em .8em;overflow-x:auto;font:.85em/1.45 ui-monospace,'DejaVu Sans Mono',monospace}dt{color:var(--soft)}dd{margin:0;overflow-wrap:anywhere}\
 @media screen and (max-width:700px){body{font-size:15px}main{padding:14px 14px 40px}.wide{display:none}.narrow{display:block}\
 td.key{font-size:.8em}th,td{padding-right:.5em}.parameters{table-layout:fixed}dl{grid-template-columns:1fr}dd{margin-bottom:.4em}}\
 @media print{.scroll svg.hapt{min-width:0!important}.scroll table{min-width:0}main{max-width:none;padding:0}figure,tr,.verdict{break-inside:avoid}h2{break-after:avoid}body{font-size:11pt}}";
@@ -98,6 +98,8 @@ pub struct Report<'w> {
     pub parameters: &'w [Parameter],
     /// Whether it holds.
     pub check: &'w Check,
+    /// What would make it hold, or how far it does: a heading, and lines to paste into the world file.
+    pub proposal: Option<(&'w str, &'w [String])>,
     /// The scenarios, run.
     pub runs: Vec<Run<'w>>,
 }
@@ -113,11 +115,13 @@ impl Report<'_> {
             wide: inline.svg,
             narrow: None,
         }];
-        if let Some(figure) = stability::eigenvalues(self.check) {
-            list.push(Drawing::new("eigenvalues", |_| figure.clone()));
-        }
-        if let Some(figure) = stability::periods(self.world, self.check) {
-            list.push(Drawing::new("periods", |_| figure.clone()));
+        for half in [Half::Held, Half::Free] {
+            if let Some(figure) = stability::eigenvalues(half, self.check) {
+                list.push(Drawing::new(&half.file("eigenvalues"), |_| figure.clone()));
+            }
+            if let Some(figure) = stability::periods(half, self.world, self.check) {
+                list.push(Drawing::new(&half.file("periods"), |_| figure.clone()));
+            }
         }
         let room = self.room();
         for run in &self.runs {
@@ -139,6 +143,8 @@ impl Report<'_> {
     pub fn page(&self, drawings: &[Drawing], index: bool) -> String {
         let (loop_figures, run_figures) = drawings.split_at(drawings.len() - 2 * self.runs.len());
         let (world_figure, loop_figures) = loop_figures.split_at(1);
+        let (free_figures, held_figures): (Vec<&Drawing>, Vec<&Drawing>) =
+            loop_figures.iter().partition(|drawing| drawing.name.starts_with(&Half::Free.file("")));
         document(
             &self.title,
             html! {
@@ -147,15 +153,22 @@ impl Report<'_> {
                     h1 { (self.title) }
                     p.soft { (self.loop_line()) }
                     (verdict(self.check))
+                    @if let Some((heading, lines)) = self.proposal {
+                        p { (if self.check.certified { "Margins: " } else { "Remedies: " }) (heading) "." }
+                        @if !lines.is_empty() { pre { (lines.join("\n")) } }
+                    }
                     @for note in &self.check.notes { p.soft { "Note: " (note) } }
                     @for drawing in world_figure { (drawing.markup()) }
-                    h2 { "The loop, the puck held still" }
-                    @if loop_figures.is_empty() {
+                    h2 { "The world, the puck held still" }
+                    @if held_figures.is_empty() {
                         p { "The world has no bodies: nothing of it moves while the puck is held, and there are no eigenvalues." }
                     } @else {
-                        (self.numbers())
+                        (numbers(&self.check.held))
                     }
-                    @for drawing in loop_figures { (drawing.markup()) }
+                    @for drawing in held_figures { (drawing.markup()) }
+                    h2 { "The whole loop, let go" }
+                    (numbers(&self.check.free))
+                    @for drawing in free_figures { (drawing.markup()) }
                     @for (run, drawings) in self.runs.iter().zip(run_figures.chunks(2)) {
                         h2 { "Scenario " (run.name) }
                         (self.scenario(run))
@@ -177,33 +190,6 @@ impl Report<'_> {
             say_time(sampling.period),
             sampling.output.name()
         )
-    }
-
-    fn numbers(&self) -> Markup {
-        let held = &self.check.held;
-        html! {
-            dl {
-                @if let Some(growth) = held.growth_per_s {
-                    dt { "growth" } dd { (rate(growth)) " per second" }
-                }
-                dt { "largest |λ|" } dd { (number(held.spectral_radius, 10)) }
-                dt { "critical period" }
-                dd { (critical(self.check)) }
-                @for mode in &held.modes {
-                    dt { "mode" }
-                    dd {
-                        (number(mode.frequency_hz, 5)) " Hz, damping ratio " (number(mode.damping_ratio, 4))
-                        @match (mode.discrete_frequency_hz, mode.discrete_damping_ratio) {
-                            (Some(frequency), Some(ratio)) => {
-                                "; in this loop " (number(frequency, 5)) " Hz, damping ratio "
-                                (number(if ratio.abs() < 1e-12 { 0.0 } else { ratio }, 4))
-                            }
-                            _ => "; in this loop it does not swing",
-                        }
-                    }
-                }
-            }
-        }
     }
 
     fn scenario(&self, run: &Run<'_>) -> Markup {
@@ -243,21 +229,48 @@ impl Report<'_> {
     }
 }
 
+/// The numbers of a half of the certificate.
+fn numbers(of: &Stability) -> Markup {
+    html! {
+        dl {
+            @if let Some(growth) = of.growth_per_s {
+                dt { "growth" } dd { (rate(growth)) " per second" }
+            }
+            dt { "largest |λ|" } dd { (number(of.spectral_radius, 10)) }
+            dt { "critical period" }
+            dd { (critical(of)) }
+            @for mode in &of.modes {
+                dt { "mode" }
+                dd {
+                    (number(mode.frequency_hz, 5)) " Hz, damping ratio " (number(mode.damping_ratio, 4))
+                    @match (mode.discrete_frequency_hz, mode.discrete_damping_ratio) {
+                        (Some(frequency), Some(ratio)) => {
+                            "; in this loop " (number(frequency, 5)) " Hz, damping ratio "
+                            (number(if ratio.abs() < 1e-12 { 0.0 } else { ratio }, 4))
+                        }
+                        _ => "; in this loop it does not swing",
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// A growth rate; below a billionth it is rounding.
 pub(crate) fn rate(growth: f64) -> String {
     if growth.abs() < 1e-9 { "0".into() } else { number(growth, 6) }
 }
 
-pub(crate) fn critical(check: &Check) -> String {
-    match (check.held.critical_period_s, check.held.critical_period_reason) {
+pub(crate) fn critical(of: &Stability) -> String {
+    match (of.critical_period_s, of.critical_period_reason) {
         (Some(period), _) => say_time(period),
-        (None, Some("never")) => "none: unstable from 0 on".into(),
+        (None, Some("never")) => "none: unstable however short".into(),
         (None, _) => "none: never unstable".into(),
     }
 }
 
-pub(crate) fn verdict_name(check: &Check) -> &'static str {
-    match check.held.verdict {
+pub(crate) fn verdict_name(of: &Stability) -> &'static str {
+    match of.verdict {
         Verdict::Stable => "stable",
         Verdict::Marginal => "marginal",
         Verdict::Unstable => "unstable",

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use hapt_analysis::{Check, held};
+use hapt_analysis::{Check, Stability, free_growth, held_growth};
 use hapt_model::World;
 
 use crate::extremes::Point;
@@ -13,14 +13,62 @@ use crate::units;
 /// Growth below this is none.
 const NONE: f64 = hapt_analysis::held::MARGINAL;
 
+/// The two halves of a certificate's stability.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Half {
+    /// The bodies, the puck held still.
+    Held,
+    /// The whole loop, nobody at the puck.
+    Free,
+}
+
+impl Half {
+    /// What it is, in a sentence.
+    fn name(self) -> &'static str {
+        match self {
+            Half::Held => "the held world",
+            Half::Free => "the loop let go",
+        }
+    }
+
+    /// Its file's name, of the figure `name`.
+    pub fn file(self, name: &str) -> String {
+        match self {
+            Half::Held => name.to_string(),
+            Half::Free => format!("free-{name}"),
+        }
+    }
+
+    /// What the certificate says of it.
+    pub fn of(self, check: &Check) -> &Stability {
+        match self {
+            Half::Held => &check.held,
+            Half::Free => &check.free,
+        }
+    }
+
+    /// Its growth at another period, delays staying in seconds.
+    fn growth(self, world: &World, period: f64) -> Option<f64> {
+        match self {
+            Half::Held => held_growth(&world.bodies, &world.couplings, world.sampling.method, period).ok()?,
+            Half::Free => {
+                let mut world = world.clone();
+                world.sampling.period = period;
+                free_growth(&world).ok()?
+            }
+        }
+    }
+}
+
 fn or_none(growth: f64) -> f64 {
     if growth.abs() < NONE { 0.0 } else { growth }
 }
 
-/// Eigenvalues of the held world beside the unit circle, and with a lens near 1, where ln λ/T is growth and frequency; `None`
-/// where there are none.
-pub fn eigenvalues(check: &Check) -> Option<Figure> {
-    let list = &check.held.eigenvalues;
+/// Eigenvalues beside the unit circle, and with a lens near 1, where ln λ/T is growth and frequency; `None` where there are
+/// none.
+pub fn eigenvalues(half: Half, check: &Check) -> Option<Figure> {
+    let stability = half.of(check);
+    let list = &stability.eigenvalues;
     if list.is_empty() {
         return None;
     }
@@ -53,54 +101,55 @@ pub fn eigenvalues(check: &Check) -> Option<Figure> {
         panels.push(lens);
     }
     let outside = list.iter().filter(|e| or_none(e.abs.ln() / period) > 0.0).count();
-    let held = &check.held;
     let mut alt = format!(
-        "{} eigenvalues in the complex plane with the unit circle; {}; the largest modulus is {}.",
+        "{} eigenvalues of {} in the complex plane with the unit circle; {}; the largest modulus is {}.",
         list.len(),
+        half.name(),
         match outside {
             0 => "none lies outside".to_string(),
             n => format!("{n} outside"),
         },
-        number(held.spectral_radius, 9),
+        number(stability.spectral_radius, 9),
     );
     if panels.len() == 2 {
         let all: Vec<String> =
             near.iter().take(6).map(|p| format!("{} per second at {} Hz", number(p.0, 4), number(p.1, 4))).collect();
         alt += &format!(" The lens near 1 shows {} of them as growth and frequency: {}.", near.len(), all.join(", "));
     }
-    Some(Figure { title: "Eigenvalues of the held world".into(), alt, panels, columns: 2 })
+    Some(Figure { title: format!("Eigenvalues of {}", half.name()), alt, panels, columns: 2 })
 }
 
 /// Periods worth a look, in s: around the present one, and as far as the critical one.
-fn periods_of_interest(check: &Check) -> (f64, f64) {
+fn periods_of_interest(half: Half, check: &Check) -> (f64, f64) {
     let present = check.period_s;
     let critical =
-        check.held.critical_period_s.filter(|critical| *critical < 1e4 * present && *critical > 1e-4 * present);
+        half.of(check).critical_period_s.filter(|critical| *critical < 1e4 * present && *critical > 1e-4 * present);
     let low = critical.map_or(0.1 * present, |critical| (0.3 * critical).min(0.1 * present));
     let high = critical.map_or(10.0 * present, |critical| (3.0 * critical).max(10.0 * present));
     (low, high)
 }
 
-/// (period in s, growth in 1/s) from one period to another; without bodies empty.
-pub fn growth_by_period(world: &World, check: &Check, (low, high): (f64, f64)) -> Vec<Point> {
-    if check.held.eigenvalues.is_empty() {
+/// (period in s, growth in 1/s) from one period to another; empty where there is nothing to grow.
+pub fn growth_by_period(half: Half, world: &World, check: &Check, (low, high): (f64, f64)) -> Vec<Point> {
+    let stability = half.of(check);
+    if stability.eigenvalues.is_empty() {
         return Vec::new();
     }
     let inside = |period: &f64| (low..=high).contains(period);
     let points = if world.bodies.len() > 8 { 24 } else { 96 };
     let mut periods: Vec<f64> =
         (0..=points).map(|i| low * (high / low).powf(f64::from(i) / f64::from(points))).collect();
-    periods.extend([Some(check.period_s), check.held.critical_period_s].into_iter().flatten().filter(inside));
+    periods.extend([Some(check.period_s), stability.critical_period_s].into_iter().flatten().filter(inside));
     periods.sort_by(f64::total_cmp);
-    let growth = |period: f64| held(&world.bodies, &world.couplings, world.sampling.method, period).ok()?.growth_per_s;
-    periods.into_iter().filter_map(|period| Some((period, or_none(growth(period)?)))).collect()
+    periods.into_iter().filter_map(|period| Some((period, or_none(half.growth(world, period)?)))).collect()
 }
 
-/// Growth against period, the present period marked; `None` without bodies.
-pub fn periods(world: &World, check: &Check) -> Option<Figure> {
-    let curve = growth_by_period(world, check, periods_of_interest(check));
+/// Growth against period, the present period marked; `None` where there is nothing to grow.
+pub fn periods(half: Half, world: &World, check: &Check) -> Option<Figure> {
+    let stability = half.of(check);
+    let curve = growth_by_period(half, world, check, periods_of_interest(half, check));
     let present = check.period_s;
-    let growth = or_none(check.held.growth_per_s?);
+    let growth = or_none(stability.growth_per_s?);
     let mut panel = period_panel(&[("growth", &curve)])?;
     panel.mark(
         &format!("present period, {}", units::say_time(present)),
@@ -108,7 +157,7 @@ pub fn periods(world: &World, check: &Check) -> Option<Figure> {
         Style::Signal(1),
         vec![(1e3 * present, growth)],
     );
-    if let Some(critical) = check.held.critical_period_s {
+    if let Some(critical) = stability.critical_period_s {
         let name = format!("critical period, {}", units::say_time(critical));
         panel.mark(&name, Shape::Line, Style::Limit, vec![(1e3 * critical, 0.0)]);
     }
@@ -116,16 +165,17 @@ pub fn periods(world: &World, check: &Check) -> Option<Figure> {
         point.map_or(String::new(), |p| format!("{} per second at {}", number(p.1, 4), units::say_time(p.0)))
     };
     let mut alt = format!(
-        "Growth of the held world against the sampling period: {}, {}. The present period, {}, has {} per second.",
+        "Growth of {} against the sampling period: {}, {}. The present period, {}, has {} per second.",
+        half.name(),
         say(curve.first()),
         say(curve.last()),
         units::say_time(present),
         number(growth, 4),
     );
-    if let Some(critical) = check.held.critical_period_s {
+    if let Some(critical) = stability.critical_period_s {
         alt += &format!(" Beyond the critical period, {}, the growth is positive.", units::say_time(critical));
     }
-    Some(Figure { title: "Growth against period".into(), alt, panels: vec![panel], columns: 1 })
+    Some(Figure { title: format!("Growth of {} against period", half.name()), alt, panels: vec![panel], columns: 1 })
 }
 
 /// Curves of (s, 1/s), each under its name, on one pair of axes; `None` when there is nothing to draw.

@@ -9,7 +9,7 @@ use hapt_analysis::{Check, Stability};
 use crate::args::CheckArgs;
 use crate::failure::Failure;
 use crate::people;
-use crate::remedies;
+use crate::remedies::{self, Proposal};
 use crate::world::load;
 
 pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
@@ -23,14 +23,22 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
         json + "\n"
     } else {
         let proposed = match &check.remedies {
-            Some(remedies) => remedies::lines(&loaded, args, &check, remedies)?,
-            None => String::new(),
+            Some(remedies) => remedies::proposal(&loaded, &args.world.sets, &check, remedies)?,
+            None => None,
         };
+        let proposed = proposed.map_or(String::new(), |proposed| proposal(&proposed, check.certified));
         format!("{}\n\n{}{proposed}", loaded.title(), text(&check))
     };
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(if check.certified { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+fn proposal(proposal: &Proposal, certified: bool) -> String {
+    let name = if certified { "margins" } else { "remedies" };
+    let end = if proposal.lines.is_empty() { "" } else { ":" };
+    let lines: String = proposal.lines.iter().map(|line| format!("  {line}\n")).collect();
+    format!("{name:<9} {}{end}\n{lines}", proposal.heading)
 }
 
 fn text(check: &Check) -> String {

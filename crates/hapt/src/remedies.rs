@@ -4,7 +4,6 @@ use hapt_analysis::{Check, Remedies};
 use hapt_model::keys::Takes;
 use hapt_model::{Law, Parameter, World, parameters, parse_quantity};
 
-use crate::args::CheckArgs;
 use crate::failure::Failure;
 use crate::people;
 use crate::world::Loaded;
@@ -16,13 +15,24 @@ enum Side {
     Down,
 }
 
-/// What `check` proposes, or the margins of a certified world.
-pub fn lines(loaded: &Loaded, args: &CheckArgs, check: &Check, remedies: &Remedies) -> Result<String, Failure> {
+/// What can be said of a certificate's remedies: a heading, and under it lines to paste.
+pub struct Proposal {
+    pub heading: &'static str,
+    pub lines: Vec<String>,
+}
+
+/// What would make the world certified, or the margins of one that is; `None` where there are none to give.
+pub fn proposal(
+    loaded: &Loaded,
+    sets: &[String],
+    check: &Check,
+    remedies: &Remedies,
+) -> Result<Option<Proposal>, Failure> {
     let world = &loaded.world;
-    let file = File { world, parameters: parameters(&loaded.source, &args.world.sets)? };
+    let file = File { world, parameters: parameters(&loaded.source, sets)? };
     let mut lines = Vec::new();
     let mut line = |assignment: String, place: String| {
-        lines.push(if place.is_empty() { format!("  {assignment}") } else { format!("  {assignment:<40}  # {place}") });
+        lines.push(if place.is_empty() { assignment } else { format!("{assignment:<40}  # {place}") });
     };
     let at = |table: &str| format!("in [{table}]");
     if let Some(damping) = remedies.device_damping {
@@ -66,13 +76,13 @@ pub fn lines(loaded: &Loaded, args: &CheckArgs, check: &Check, remedies: &Remedi
             line(format!("damping = \"{} {}\"", rounded(damping, Side::Up), unit_of_damping(world)), String::new());
         }
     }
-    let head = match (check.certified, lines.is_empty()) {
-        (true, true) => return Ok(String::new()),
-        (false, true) => "remedies  none found: no single number makes this loop certified\n".to_string(),
-        (true, false) => "margins   certified as far as each of these, one at a time:\n".to_string(),
-        (false, false) => "remedies  any one of these makes it certified:\n".to_string(),
+    let heading = match (check.certified, lines.is_empty()) {
+        (true, true) => return Ok(None),
+        (false, true) => "none found: no single number makes this loop certified",
+        (true, false) => "certified as far as each of these, one at a time",
+        (false, false) => "any one of these makes it certified",
     };
-    Ok(head + &lines.iter().map(|line| format!("{}\n", line.trim_end())).collect::<String>())
+    Ok(Some(Proposal { heading, lines }))
 }
 
 fn unit_of_damping(world: &World) -> String {

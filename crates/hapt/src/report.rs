@@ -14,8 +14,9 @@ use crate::args::ReportArgs;
 use crate::failure::Failure;
 use crate::output::{self, Draft};
 use crate::people;
+use crate::remedies::{self, Proposal};
 use crate::sim::rows;
-use crate::world::source;
+use crate::world::{Loaded, source};
 
 /// A world, ready to be run.
 struct Ready {
@@ -24,6 +25,7 @@ struct Ready {
     world: World,
     parameters: Vec<Parameter>,
     check: Check,
+    proposal: Option<Proposal>,
 }
 
 pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
@@ -74,7 +76,10 @@ fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
         hapt_sim::check(&world)?;
         let stem = stem(path, &world, &mut taken);
         let title = world.title.clone().filter(|title| !title.trim().is_empty()).unwrap_or_else(|| stem.clone());
-        worlds.push(Ready { title, stem, world, parameters, check });
+        let loaded = Loaded { name: source.name.clone(), world, source };
+        let remedies = hapt_analysis::remedies(&loaded.world)?;
+        let proposal = remedies::proposal(&loaded, &args.sets, &check, &remedies)?;
+        worlds.push(Ready { title, stem, world: loaded.world, parameters, check, proposal });
     }
     Ok(worlds)
 }
@@ -103,7 +108,8 @@ fn stem(path: &Path, world: &World, taken: &mut HashSet<String>) -> String {
 
 /// Runs every scenario of a world. One that stops being finite is shown up to there.
 fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
-    let Ready { title, stem, world, parameters, check } = ready;
+    let Ready { title, stem, world, parameters, check, proposal } = ready;
+    let proposal = proposal.as_ref().map(|proposal| (proposal.heading, proposal.lines.as_slice()));
     let mut runs = Vec::new();
     for scenario in &world.scenarios {
         let simulation = Simulation::new(world, scenario)?;
@@ -115,7 +121,7 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
         run.failure = end.err().map(|error| error.to_string());
         runs.push(run);
     }
-    Ok(Report { title: title.clone(), stem: stem.clone(), world, parameters, check, runs })
+    Ok(Report { title: title.clone(), stem: stem.clone(), world, parameters, check, proposal, runs })
 }
 
 fn write_figures(folder: &Path, stem: &str, drawings: &[Drawing]) -> Result<(), Failure> {

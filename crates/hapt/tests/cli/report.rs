@@ -9,7 +9,7 @@ fn a_report_is_a_page_and_its_figures() {
     let at = folder(&[("wheel.toml", WHEEL)]);
     let ended = hapt(at.path(), ["report", "wheel.toml", "--out", "pages"]).done();
     assert!(ended.out.is_empty() && ended.messages()[0].starts_with("wrote pages/wheel.html"), "{ended:?}");
-    let figures = ["eigenvalues", "periods", "step-energy", "step-motion", "world"];
+    let figures = ["eigenvalues", "free-eigenvalues", "free-periods", "periods", "step-energy", "step-motion", "world"];
     let mut wanted: Vec<String> = figures.iter().map(|name| format!("wheel-{name}.svg")).collect();
     wanted.push("wheel.html".into());
     wanted.sort();
