@@ -1,4 +1,4 @@
-//! The documents' pictures, drawn from the runs' CSV: one row of [`FIGURES`] each.
+//! The documents' pictures: drawn from the runs' CSV, one row of [`FIGURES`] each, and those of [`DRAWN`], which commands draw.
 
 use std::collections::HashMap;
 use std::fs;
@@ -136,6 +136,11 @@ const FIGURES: &[Figure] = &[
         limit: false,
     },
 ];
+/// Pictures that the command line draws by itself: docs/images/NAME.svg, and the command.
+const DRAWN: &[(&str, &[&str])] = &[
+    ("impedance", &["impedance", "worlds/notes/default.toml"]),
+    ("z-width", &["impedance", "worlds/devices/eth-wall.toml", "--z-width"]),
+];
 const LET_GO: &str = "scenarios.step.hand.release=0.25s";
 
 /// Values over time in s.
@@ -199,25 +204,37 @@ fn picture(figure: &Figure) -> Result<String> {
     Ok(drawn.svg(Width::Wide, true) + "\n")
 }
 
-fn path(figure: &Figure) -> String {
-    format!("docs/images/{}.svg", figure.name)
+/// The picture that a command of [`DRAWN`] draws.
+fn drawn(name: &str, command: &[&str]) -> Result<String> {
+    let plot = Path::new("target/figure").join(format!("{name}.svg"));
+    fs::create_dir_all("target/figure")?;
+    let hapt = ["run", "--quiet", "--release", "--package", "hapt", "--"];
+    let status = Command::new(env!("CARGO")).args(hapt).args(command).arg("--plot").arg(&plot).output()?;
+    ensure!(status.status.success(), "{}", String::from_utf8_lossy(&status.stderr));
+    Ok(fs::read_to_string(plot)?)
+}
+
+/// Every picture, each with where it is.
+fn pictures() -> impl Iterator<Item = (String, Result<String>)> {
+    let path = |name: &str| format!("docs/images/{name}.svg");
+    let of_runs = FIGURES.iter().map(move |figure| (path(figure.name), picture(figure)));
+    of_runs.chain(DRAWN.iter().map(move |(name, command)| (path(name), drawn(name, command))))
 }
 
 pub fn write() -> Result<()> {
     fs::create_dir_all("docs/images")?;
-    for figure in FIGURES {
-        fs::write(path(figure), picture(figure)?).with_context(|| path(figure))?;
-        println!("wrote {}", path(figure));
+    for (path, picture) in pictures() {
+        fs::write(&path, picture?).with_context(|| path.clone())?;
+        println!("wrote {path}");
     }
     Ok(())
 }
 
 /// Whether the pictures are those that today's code draws.
 pub fn is_current() -> Result<()> {
-    for figure in FIGURES {
-        let path = path(figure);
+    for (path, picture) in pictures() {
         let drawn = fs::read_to_string(&path).with_context(|| path.clone())?;
-        ensure!(drawn == picture(figure)?, "{path} is not current: run cargo xtask figure");
+        ensure!(drawn == picture?, "{path} is not current: run cargo xtask figure");
     }
     Ok(())
 }

@@ -74,7 +74,7 @@ impl Slope {
 }
 
 /// e^x - 1.
-fn exp_m1(x: C) -> C {
+pub(crate) fn exp_m1(x: C) -> C {
     let sin = (0.5 * x.im).sin();
     C::new(x.re.exp_m1() * x.im.cos() - 2.0 * sin * sin, x.re.exp() * x.im.sin())
 }

@@ -125,7 +125,7 @@ pub fn shortest_period(sampling: &Sampling) -> f64 {
 }
 
 /// The ties of the world with the puck as body 0.
-fn with_puck(bodies: &[Body], couplings: &[Coupling], slopes: &crate::Slopes) -> Result<Vec<Tie>, Error> {
+pub(crate) fn with_puck(bodies: &[Body], couplings: &[Coupling], slopes: &crate::Slopes) -> Result<Vec<Tie>, Error> {
     let end = |end| match end {
         End::Puck => End::Body(0),
         End::Body(i) => End::Body(i + 1),

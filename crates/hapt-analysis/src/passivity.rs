@@ -157,7 +157,7 @@ fn is_neutral(pole: &Pole, period: f64) -> bool {
 }
 
 /// Whether the puck moves a pole and feels it.
-fn is_seen(port: &Impedance, pole: &Pole, period: f64) -> bool {
+pub(crate) fn is_seen(port: &Impedance, pole: &Pole, period: f64) -> bool {
     let [still, back, moving, moving_back] = pole.gains.map(|g| g.norm());
     let all = still + back + (moving + moving_back) / period;
     all.is_nan() || all > port.nothing(period)

@@ -63,7 +63,11 @@ fn summit(f: &mut impl FnMut(f64) -> Result<f64, Error>, mut a: f64, mut b: f64)
 
 /// The last x before f rises above 0 between a, where it is not, and b, where it is: regula falsi with the Illinois
 /// correction (Dowell and Jarratt, BIT 11, 1971), halving when that is slow.
-fn crossing(f: &mut impl FnMut(f64) -> Result<f64, Error>, mut a: (f64, f64), mut b: (f64, f64)) -> Result<f64, Error> {
+pub(crate) fn crossing(
+    f: &mut impl FnMut(f64) -> Result<f64, Error>,
+    mut a: (f64, f64),
+    mut b: (f64, f64),
+) -> Result<f64, Error> {
     let (mut wa, mut wb) = (a.1, b.1);
     for step in 0..120 {
         let middle = 0.5 * (a.0 + b.0);

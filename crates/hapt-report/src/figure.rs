@@ -27,6 +27,8 @@ pub struct Panel {
     pub y: Axis,
     /// A plane of values, over the whole frame, behind everything.
     pub map: Option<Map>,
+    /// Filled, behind the curves, first to last.
+    pub areas: Vec<Area>,
     /// Drawn first to last.
     pub series: Vec<Series>,
     /// Behind the curves.
@@ -75,6 +77,17 @@ pub struct Series {
     /// Its look.
     pub style: Style,
     /// In the axes' units.
+    pub points: Vec<Point>,
+}
+
+/// A part of the plane, lightly filled.
+#[derive(Clone, Debug)]
+pub struct Area {
+    /// In the legend.
+    pub name: String,
+    /// A colour of maps, such as "n2".
+    pub colour: &'static str,
+    /// Its corners, in the axes' units.
     pub points: Vec<Point>,
 }
 
@@ -164,7 +177,22 @@ impl Axis {
 impl Panel {
     /// Empty, with these axes.
     pub fn new(title: &str, x: Axis, y: Axis) -> Self {
-        Panel { title: title.into(), x, y, map: None, series: Vec::new(), bands: None, marks: Vec::new(), round: false }
+        Panel {
+            title: title.into(),
+            x,
+            y,
+            map: None,
+            areas: Vec::new(),
+            series: Vec::new(),
+            bands: None,
+            marks: Vec::new(),
+            round: false,
+        }
+    }
+
+    /// With a filled part of the plane more.
+    pub fn area(&mut self, name: &str, colour: &'static str, points: Vec<Point>) {
+        self.areas.push(Area { name: name.into(), colour, points });
     }
 
     /// With a curve more.

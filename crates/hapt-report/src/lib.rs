@@ -11,6 +11,7 @@
 mod csv;
 mod diagram;
 mod extremes;
+pub mod felt;
 pub mod figure;
 mod index;
 mod map;

@@ -53,6 +53,8 @@ const COLOURS: usize = 7;
 const LINE: f64 = 17.0;
 const BELOW: f64 = 40.0;
 const RIGHT: f64 = 12.0;
+/// How much an area covers what is behind it.
+const FAINT: f64 = 0.4;
 
 impl Width {
     fn pixels(self) -> f64 {
@@ -162,6 +164,8 @@ struct Entry<'a> {
 enum Look {
     /// A map's colour, by its class.
     Cell(String),
+    /// An area's, by its class.
+    Area(&'static str),
     Line(Style),
     Mark(Shape, Style),
     Band,
@@ -260,6 +264,10 @@ impl<'a> Layout<'a> {
             }
             let _ = write!(svg, "<path class=\"band\" d=\"{d}\"/>");
         }
+        for area in &panel.areas {
+            let d = path(area.points.iter().map(|&point| to(point)));
+            let _ = write!(svg, "<path class=\"cell {}\" fill-opacity=\"{FAINT}\" d=\"{d}z\"/>", area.colour);
+        }
         for series in &panel.series {
             let d = path(series.points.iter().map(|&point| to(point)));
             let _ = write!(svg, "<path class=\"line {}\" d=\"{d}\"/>", class(series.style));
@@ -293,12 +301,13 @@ fn tick_labels(axis: &Axis, at: &[f64]) -> Vec<String> {
 /// The legend's entries behind the vertical axis's name and on as many further lines as they need.
 fn legend(panel: &Panel, total: f64) -> (Vec<Entry<'_>>, usize) {
     let cells = panel.map.iter().flat_map(|map| map.legend()).map(|(class, name)| (Cow::from(name), Look::Cell(class)));
+    let areas = panel.areas.iter().map(|area| (Cow::from(&area.name), Look::Area(area.colour)));
     let lines = panel.series.iter().map(|s| (Cow::from(&s.name), Look::Line(s.style)));
     let bands = panel.bands.iter().filter(|bands| !bands.list.is_empty()).map(|b| (Cow::from(&b.name), Look::Band));
     let marks = panel.marks.iter().map(|m| (Cow::from(&m.name), Look::Mark(m.shape, m.style)));
     let mut entries: Vec<Entry<'_>> = Vec::new();
     let (mut x, mut line) = (text_width(&panel.y.label()) + 14.0, 0);
-    for (name, look) in cells.chain(lines).chain(bands).chain(marks) {
+    for (name, look) in cells.chain(areas).chain(lines).chain(bands).chain(marks) {
         if name.is_empty() || entries.iter().any(|entry| entry.name == name) {
             continue;
         }
@@ -320,6 +329,13 @@ impl Entry<'_> {
                 write!(
                     svg,
                     "<rect class=\"cell {class}\" x=\"{x:.1}\" y=\"{:.1}\" width=\"18\" height=\"11\"/>",
+                    middle - 5.5
+                )
+            }
+            Look::Area(colour) => {
+                write!(
+                    svg,
+                    "<rect class=\"cell {colour}\" fill-opacity=\"{FAINT}\" x=\"{x:.1}\" y=\"{:.1}\" width=\"18\" height=\"11\"/>",
                     middle - 5.5
                 )
             }

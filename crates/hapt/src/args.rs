@@ -71,6 +71,13 @@ Examples:
       --vary device.damping=0..0.01:40 --measure peak_torque,settling_time \\
       --scenario step --out map.parquet --plot map.svg")]
     Sweep(SweepArgs),
+    /// What the hand feels against frequency, and the Z-width of a device.
+    #[command(after_help = "\
+Examples:
+  hapt impedance @notes/default                      up to which frequency
+  hapt impedance wheel.toml --from 1Hz --to 100Hz --out felt.csv --plot felt.svg
+  hapt impedance wheel.toml --z-width --plot z.svg   the walls it can stand for")]
+    Impedance(ImpedanceArgs),
     /// A world file to start from, with comments, and its schema for editors.
     #[command(after_help = "\
 Examples:
@@ -223,6 +230,45 @@ pub struct SweepArgs {
     /// Threads; all cores without it. The bytes are the same.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ImpedanceArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// The lowest frequency; without it, below the slowest swing of the world.
+    #[arg(long, value_name = "HZ")]
+    pub from: Option<String>,
+    /// The highest frequency; without it, half of the sampling rate.
+    #[arg(long, value_name = "HZ")]
+    pub to: Option<String>,
+    /// Rows, equal ratios apart: 200; dampers of a Z-width: 80.
+    #[arg(long, value_name = "N")]
+    pub points: Option<usize>,
+    /// On which slope nonlinear couplings are taken.
+    #[arg(long, value_name = "WHICH", value_enum, default_value = "steep")]
+    pub slopes: SlopesArg,
+    /// In place of the world, the springs and dampers to ground that the device can stand for, passive and stable let go.
+    #[arg(long, conflicts_with_all = ["from", "to", "slopes"])]
+    pub z_width: bool,
+    /// Write the rows here, and print no summary.
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+    /// Draw them.
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    /// Print the numbers as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The slope of a wall, a detent or a bristle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SlopesArg {
+    /// The steepest rise: a wall is touched.
+    Steep,
+    /// None: no wall is touched.
+    Flat,
 }
 
 #[derive(Debug, clap::Args)]

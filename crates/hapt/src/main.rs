@@ -6,6 +6,7 @@ mod check;
 mod design;
 mod explain;
 mod failure;
+mod impedance;
 mod init;
 mod notes;
 mod output;
@@ -43,6 +44,7 @@ fn main() -> ExitCode {
         Some(Command::Report(args)) => report::run(args),
         Some(Command::Plot(args)) => plot::run(args),
         Some(Command::Sweep(args)) => sweep::run(args),
+        Some(Command::Impedance(args)) => impedance::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Worlds) => worlds::run(),
         Some(Command::Explain(args)) => explain::run(args),

@@ -217,6 +217,37 @@ The row 0.003,0.0 says: at 3 ms it is not certified.
 "#,
     },
     Topic {
+        name: "impedance",
+        aliases: &["felt", "feel", "rendered", "asked", "ideal"],
+        line: "what a hand that swings feels, against frequency",
+        text: r#"`hapt impedance`: the torque that resists a hand which moves as a sine, over its position, K. It is
+said as the one spring (Re K), damper (Im K/ω) or mass (-Re K/ω²) that would do alone there; a mass
+below 0 is felt as a spring, a damper below 0 gives energy. "asked" is what a slow hand is to feel,
+"ideal" what the differential equations do, without samples, hold and delay. The device's own
+inertia and damping come to it. At a resonance that nothing damps it is "unbounded".
+
+  hapt impedance @notes/default            rendered to 10 % up to 0.301507 Hz
+  hapt impedance @notes/default            the loop damps by -0.0005093 N m s/rad
+
+That damping is -KT/2, the price of holding the torque: the device has to pay it.
+"#,
+    },
+    Topic {
+        name: "z-width",
+        aliases: &["width", "zwidth"],
+        line: "the springs and dampers that a device can stand for",
+        text: r#"`hapt impedance --z-width` puts the world away and asks which spring K and damper B to ground the
+device could render, at its period, delay and estimator. "passive": no passive hand can draw energy
+from it. "stable": nothing grows when nobody holds it. The stable ones are many times more, and
+feel stiffer; a hand may shake them. "counts" is up to where the encoder's steps are swallowed.
+
+  hapt impedance @devices/eth-wall --z-width     passive   up to 2.6 N m/rad without a damper
+  hapt impedance @devices/eth-wall --z-width --plot z.svg
+
+2.6 N m/rad is 2b/T. A longer delay, a heavier filter and a coarser encoder narrow it.
+"#,
+    },
+    Topic {
         name: "energy",
         aliases: &["energy-theorem", "ledger"],
         line: "the ledger of a run, and the theorem behind `output = \"end\"`",

@@ -341,6 +341,11 @@ fn usage(t: &mut Table) {
     t.typed("a file for a folder", &["sim", "w.toml", "--out", "w.toml"]);
     t.typed("a scenario that is not there", &["sim", "w.toml", "--scenario", "stpe"]);
     t.typed("a format that is none", &["sim", "w.toml", "--format", "xlsx"]);
+    t.typed("frequencies that cannot be told apart", &["impedance", "w.toml", "--to", "600 Hz"]);
+    t.typed("a frequency in milliseconds", &["impedance", "w.toml", "--from", "2 ms"]);
+    t.typed("the upper frequency first", &["impedance", "w.toml", "--from", "20", "--to", "10"]);
+    t.typed("an impedance without a row", &["impedance", "w.toml", "--points", "0"]);
+    t.typed("frequencies of a Z-width", &["impedance", "w.toml", "--z-width", "--to", "10 Hz"]);
     let name = OsString::from_vec(b"w\xff.toml".to_vec());
     t.add("a name that is no text", vec![], [words(&["check"]), vec![name]].concat());
     t.typed("a name with a line in it", &["check", "w\n.toml"]);

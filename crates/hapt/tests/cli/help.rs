@@ -4,8 +4,21 @@ use std::path::Path;
 
 use crate::common::{Running, hapt, program};
 
-const COMMANDS: [&str; 12] =
-    ["sim", "check", "design", "report", "plot", "sweep", "init", "worlds", "explain", "schema", "completions", "man"];
+const COMMANDS: [&str; 13] = [
+    "sim",
+    "check",
+    "design",
+    "report",
+    "plot",
+    "sweep",
+    "impedance",
+    "init",
+    "worlds",
+    "explain",
+    "schema",
+    "completions",
+    "man",
+];
 
 /// The examples at the end of a help text, without the words beside them; a line that ends in \\ goes on.
 fn examples(help: &str) -> Vec<String> {

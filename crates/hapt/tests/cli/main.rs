@@ -6,6 +6,7 @@ mod contract;
 mod endings;
 mod first_steps;
 mod help;
+mod impedance;
 mod refusals;
 mod report;
 mod runs;

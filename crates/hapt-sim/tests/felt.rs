@@ -1,0 +1,128 @@
+//! What the laboratory says a hand feels, and what the shipped loop does to a hand that swings: the fundamental of the motor's
+//! torque over whole periods of the hand.
+
+mod common;
+
+use std::f64::consts::{PI, TAU};
+
+use common::*;
+use hapt_analysis::{Felt, Slopes, held_growth};
+use hapt_model::*;
+use nalgebra::Complex;
+use proptest::prelude::*;
+
+type C = Complex<f64>;
+
+/// The hand's swings, and the samples in which they fit.
+const SAMPLES: u64 = 600;
+
+/// Σ ∫ torque e^{-jωt} over the last [`SAMPLES`] of `rows`, over that of the position; the motor's change lies `part` of a sample
+/// after t_k, from where on it holds what the next row shows.
+fn fundamental(world: &World, swings: u64, settle: u64) -> C {
+    let period = world.sampling.period;
+    let frequency = swings as f64 / (SAMPLES as f64 * period);
+    let omega = TAU * frequency;
+    let sine = Drive::Position(Shape::Sine { amplitude: 1.0, frequency, phase: 0.0 });
+    let rows = rows(world, &scenario((settle + SAMPLES) as f64 * period, sine, None));
+    let ratio = world.sampling.delay / period;
+    let part = ratio - (ratio + 1e-6).floor();
+    let part = if part < 1e-6 { 0.0 } else { part };
+    // ∫ e^{-jωt} dt from a to b, in samples.
+    let integral = |a: f64, b: f64| {
+        let (a, b) = (a * omega * period, b * omega * period);
+        C::from_polar(2.0 * (0.5 * (b - a)).sin() / omega, -0.5 * (a + b))
+    };
+    let torque = (settle..settle + SAMPLES).fold(C::from(0.0), |sum, k| {
+        let (t, at) = (k as f64, k as usize);
+        let (before, after) =
+            if part > 0.0 { (rows[at].applied, rows[at + 1].applied) } else { (0.0, rows[at].applied) };
+        sum + before * integral(t, t + part) + after * integral(t + part, t + 1.0)
+    });
+    // sin ωt is -j e^{jωt}/2 and its mirror.
+    let position = C::new(0.0, -0.5) * (SAMPLES as f64 * period);
+    -torque / position
+}
+
+/// A world whose every body comes to rest by itself.
+fn damped() -> impl Strategy<Value = World> {
+    let body = (-1.2..-0.2f64, 0.05..0.8f64, 0.05..0.8f64, 0..3usize);
+    (prop::collection::vec(body, 0..4), (0.1..50.0f64, 0.0..0.02f64), 0..8usize, 0..3usize, 0..4usize, 0..6u32)
+        .prop_map(|(bodies, (stiffness, damping), method, output, estimator, delay)| {
+            let mut world = bare();
+            let period = world.sampling.period;
+            world.couplings = vec![
+                spring(End::Puck, End::Ground, stiffness),
+                Coupling {
+                    first: End::Ground,
+                    second: End::Puck,
+                    law: Law::Damper { damping: Damping::Fixed(damping) },
+                },
+            ];
+            for (i, (angle, ratio, coupled, way)) in bodies.into_iter().enumerate() {
+                // Of a frequency of some tenths of a radian a sample.
+                let omega = 10f64.powf(angle) / period;
+                let inertia = 1e-3 * (1.0 + i as f64);
+                let to = if i == 0 || way == 0 { End::Puck } else { End::Body(way.min(i) - 1) };
+                let damper = |first, second, part: f64| Coupling {
+                    first,
+                    second,
+                    law: Law::Damper { damping: Damping::Fixed(part * omega * inertia) },
+                };
+                world.names.push(format!("body{i}"));
+                world.bodies.push(Body { inertia, position: 0.0, velocity: 0.0 });
+                world.couplings.push(spring(to, End::Body(i), 0.3 * omega * omega * inertia));
+                world.couplings.push(damper(End::Body(i), to, coupled));
+                world.couplings.push(damper(End::Body(i), End::Ground, ratio));
+            }
+            let sampling = &mut world.sampling;
+            sampling.method = Method::ALL[method];
+            sampling.output =
+                if sampling.method.takes_new_sample_first() { Output::Start } else { Output::ALL[output] };
+            sampling.estimator = EstimatorKind::ALL[estimator];
+            sampling.cutoff = Some(80.0);
+            sampling.delay = 0.35 * f64::from(delay) * period;
+            if delay == 5 {
+                sampling.delay = 2.0 * period;
+                sampling.advance = if sampling.output == Output::End { 2 } else { 0 };
+            }
+            world
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_hand_that_swings_feels_the_torque_that_the_laboratory_says(world in damped(), swings in 1..SAMPLES / 2) {
+        let sampling = &world.sampling;
+        let growth = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period).unwrap();
+        // In samples: 18 digits of what it began with, and the low-pass's own.
+        let settle = growth.map_or(0.0, |growth| -40.0 / (growth * sampling.period)) + 200.0;
+        prop_assume!(growth.is_none_or(|growth| growth < 0.0) && settle < 2e4);
+        let found = fundamental(&world, swings, settle as u64);
+        let felt = Felt::new(&world, &Slopes::Flat).unwrap();
+        let hz = swings as f64 / (SAMPLES as f64 * sampling.period);
+        let wanted = felt.row(hz).rendered.unwrap();
+        let wanted = C::new(wanted.stiffness, TAU * hz * wanted.damping);
+        let [k, b] = felt.at_puck();
+        let size = wanted.norm() + 1e-3 * (k + TAU * hz * b);
+        prop_assert!((found - wanted).norm() < 1e-9 * size, "{found} {wanted}");
+    }
+}
+
+/// An encoder's counts are left out; beside a motion of many of them they are little.
+#[test]
+fn foaw_on_an_ideal_encoder_is_the_difference() {
+    let mut world = bare();
+    world.couplings =
+        vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Damper { damping: Damping::Fixed(0.01) } }];
+    world.sampling.estimator = EstimatorKind::Foaw;
+    let felt = Felt::new(&world, &Slopes::Flat).unwrap();
+    let hz = 7.0 / (SAMPLES as f64 * world.sampling.period);
+    let wanted = felt.row(hz).rendered.unwrap();
+    let found = fundamental(&world, 7, 100);
+    assert!((found - C::new(wanted.stiffness, TAU * hz * wanted.damping)).norm() < 1e-12, "{found}");
+    // By half a sample of its own and half of the hold.
+    let phi = PI * hz / felt.nyquist_hz();
+    assert!((found.arg() - (0.5 * PI - phi)).abs() < 1e-12);
+}

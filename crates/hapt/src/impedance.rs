@@ -1,0 +1,333 @@
+//! `hapt impedance`: what the hand feels against frequency, and the Z-width of a device.
+
+use std::fmt::{Display, Write as _};
+use std::io::{Write, stdout};
+use std::path::Path;
+use std::process::ExitCode;
+
+use hapt_analysis::felt::{Asked, Element, Elements, Felt, Resonance, Row};
+use hapt_analysis::z_width::Walls;
+use hapt_analysis::{Slopes, ZWidth};
+use hapt_model::keys::Measure;
+use hapt_model::{Dimension, EstimatorKind, Motion, parse_quantity};
+use hapt_report::Width;
+use hapt_report::figure::Figure;
+use rayon::prelude::*;
+use serde_json::json;
+
+use crate::args::{ImpedanceArgs, SlopesArg};
+use crate::failure::Failure;
+use crate::output::Draft;
+use crate::people;
+use crate::progress::Progress;
+use crate::world::{Loaded, load};
+
+/// The most rows.
+const MOST: usize = 100_000;
+/// The most dampers of a Z-width, each of which is a search.
+const MOST_DAMPERS: usize = 2_000;
+/// About so many rows are printed.
+const PRINTED: usize = 14;
+
+pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
+    let most = if args.z_width { MOST_DAMPERS } else { MOST };
+    if args.points == Some(0) || args.points.is_some_and(|points| points > most) {
+        let given = args.points.unwrap_or_default();
+        return Err(Failure::input(format!("--points {given}: 1 to {most} are possible")));
+    }
+    if args.out.is_some() && args.out == args.plot {
+        return Err(Failure::input("--out and --plot are the same file"));
+    }
+    let loaded = load(&args.world)?;
+    let [csv, figure, json, text] = if args.z_width { width(args, &loaded)? } else { frequencies(args, &loaded)? };
+    // Both are written before either is put in its place.
+    let csv = args.out.as_deref().map(|target| draft(target, &csv)).transpose()?;
+    let figure = args.plot.as_deref().map(|target| draft(target, &figure)).transpose()?;
+    for (target, draft) in [(&args.out, csv), (&args.plot, figure)] {
+        if let (Some(target), Some(draft)) = (target, draft) {
+            let path = draft.finish().map_err(|error| Failure::write(target.display(), error))?;
+            people::say(format_args!("wrote {}", path.display()));
+        }
+    }
+    let printed = match (args.json, &args.out) {
+        (true, _) => json,
+        (false, Some(_)) => String::new(),
+        (false, None) => text,
+    };
+    let mut out = stdout().lock();
+    out.write_all(printed.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn draft(target: &Path, text: &str) -> Result<Draft, Failure> {
+    let failed = |error| Failure::write(target.display(), error);
+    let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
+    draft.write_all(text.as_bytes()).and_then(|()| draft.flush()).map_err(failed)?;
+    Ok(draft)
+}
+
+fn svg(figure: &Figure) -> String {
+    figure.svg(Width::Wide, true) + "\n"
+}
+
+fn pretty(value: &serde_json::Value) -> Result<String, Failure> {
+    let json = serde_json::to_string_pretty(value).map_err(|error| Failure::System(error.to_string()))?;
+    Ok(json + "\n")
+}
+
+/// The units' names of stiffness, damping and inertia.
+fn units(motion: Motion) -> [String; 3] {
+    [Measure::Stiffness, Measure::Damping, Measure::Inertia].map(|measure| measure.dimension(motion).symbol())
+}
+
+/// The same in the names of columns.
+fn suffixes(motion: Motion) -> [&'static str; 3] {
+    match motion {
+        Motion::Rotary => ["stiffness_Nm_per_rad", "damping_Nms_per_rad", "inertia_kgm2"],
+        Motion::Linear => ["stiffness_N_per_m", "damping_Ns_per_m", "inertia_kg"],
+    }
+}
+
+/// CSV, figure, JSON and text of an impedance against frequency.
+fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Failure> {
+    let world = &loaded.world;
+    let slopes = match args.slopes {
+        SlopesArg::Steep => Slopes::Steep,
+        SlopesArg::Flat => Slopes::Flat,
+    };
+    let felt = Felt::new(world, &slopes)?;
+    let nyquist = felt.nyquist_hz();
+    let high = frequency("--to", args.to.as_deref())?.unwrap_or(nyquist);
+    if high > nyquist * (1.0 + 1e-12) {
+        let (high, nyquist) = (people::number(high), people::number(nyquist));
+        return Err(Failure::input(format!(
+            "--to: {high} Hz is beyond {nyquist} Hz, half of the sampling rate, where frequencies can no longer be told apart"
+        )));
+    }
+    let low = frequency("--from", args.from.as_deref())?.unwrap_or(felt.low_hz().min(0.1 * high));
+    if low >= high {
+        let (low, high) = (people::number(low), people::number(high));
+        return Err(Failure::input(format!("--from: {low} Hz must be below --to, which is {high} Hz")));
+    }
+    let rows = felt.rows(low, high.min(nyquist), args.points.unwrap_or(200));
+    let (asked, resonances) = (felt.asked(), felt.resonances());
+    let figure = hapt_report::felt::impedance(loaded.title(), &rows, &resonances, felt.device(), world.motion);
+    let [inertia, damping] = felt.device();
+    let json = json!({
+        "period_s": world.sampling.period,
+        "nyquist_hz": nyquist,
+        "asked": asked,
+        "resonances": resonances,
+        "device": { "inertia": inertia, "damping": damping },
+        "rows": rows,
+        "notes": felt.notes(),
+    });
+    let text = text(loaded, &felt, &asked, &resonances, low, high.min(nyquist));
+    Ok([csv(&rows, world.motion), svg(&figure), pretty(&json)?, text])
+}
+
+fn frequency(flag: &str, text: Option<&str>) -> Result<Option<f64>, Failure> {
+    let Some(text) = text else { return Ok(None) };
+    let hz = parse_quantity(text, Dimension::FREQUENCY).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
+    if hz > 0.0 { Ok(Some(hz)) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
+}
+
+fn csv(rows: &[Row], motion: Motion) -> String {
+    let mut text = String::from("frequency_hz");
+    for of in ["", "ideal_", "whole_"] {
+        suffixes(motion).iter().for_each(|suffix| text += &format!(",{of}{suffix}"));
+    }
+    text += "\n";
+    for row in rows {
+        let _ = write!(text, "{:?}", row.frequency_hz);
+        for of in [row.rendered, row.ideal, row.whole] {
+            let _ = match of {
+                Some(e) => write!(text, ",{:?},{:?},{:?}", e.stiffness, e.damping, e.inertia),
+                None => write!(text, ",,,"),
+            };
+        }
+        text += "\n";
+    }
+    text
+}
+
+fn loop_line(loaded: &Loaded) -> String {
+    let sampling = &loaded.world.sampling;
+    let (method, output, estimator) = (sampling.method.name(), sampling.output.name(), sampling.estimator.name());
+    let mut line = format!(
+        "loop      {method} at {} a sample, torque from the {output} of the step, ",
+        people::time(sampling.period)
+    );
+    if sampling.delay > 0.0 {
+        line += &format!("{} late, ", people::time(sampling.delay));
+    }
+    line + &format!("velocity {estimator}\n")
+}
+
+fn text(loaded: &Loaded, felt: &Felt, asked: &[Asked], resonances: &[Resonance], low: f64, high: f64) -> String {
+    let units = units(loaded.world.motion);
+    let mut text = format!("{}\n\n{}", loaded.title(), loop_line(loaded));
+    if asked.is_empty() {
+        text += "asked     nothing: what hangs on the puck is neither felt slowly nor at rest\n";
+    }
+    for asked in asked {
+        let (name, unit) = match asked.element {
+            Element::Stiffness => ("stiffness", &units[0]),
+            Element::Damping => ("damping", &units[1]),
+            Element::Inertia => ("inertia", &units[2]),
+        };
+        let up = |hz: Option<f64>| match hz {
+            None => "at every frequency".to_string(),
+            Some(hz) if hz <= 0.11 * felt.low_hz() => "at none that was looked at".to_string(),
+            Some(hz) => format!("up to {} Hz", people::number(hz)),
+        };
+        let value = people::number(asked.value);
+        let _ = writeln!(text, "asked     {name} {value} {unit}: rendered to 10 % {}", up(asked.from_asked_hz));
+        let _ = writeln!(
+            text,
+            "ideal     of the differential equations: its {name} is rendered to 10 % {}",
+            up(asked.from_ideal_hz)
+        );
+    }
+    for resonance in resonances.iter().take(6) {
+        let how = match resonance.damping_ratio {
+            0.0 => "undamped: there the puck stands as if clamped".to_string(),
+            ratio if ratio < 0.0 => format!("growing, damping ratio {}", people::number(ratio)),
+            ratio => format!("damping ratio {}", people::number(ratio)),
+        };
+        let _ = writeln!(text, "resonance {} Hz with the puck held, {how}", people::number(resonance.frequency_hz));
+    }
+    if resonances.len() > 6 {
+        let _ = writeln!(text, "resonance and {} more above", resonances.len() - 6);
+    }
+    let [inertia, damping] = felt.device();
+    let _ = writeln!(
+        text,
+        "device    adds inertia {} {} and damping {} {} to all that stands below",
+        people::number(inertia),
+        units[2],
+        people::number(damping),
+        units[1]
+    );
+    if let (Some(rendered), Some(whole)) = (felt.row(low).rendered, felt.row(low).whole) {
+        let feeds = if whole.damping < 0.0 { ": it feeds the hand" } else { "" };
+        let _ = writeln!(
+            text,
+            "slowly    at {} Hz the loop damps by {} {}, with the device by {}{feeds}",
+            rounded(low),
+            rounded(rendered.damping),
+            units[1],
+            rounded(whole.damping)
+        );
+    }
+    for note in felt.notes() {
+        let _ = writeln!(text, "note      {note}");
+    }
+    text += "\n";
+    let [k, b, j] = ["stiffness", "damping", "inertia"];
+    line(&mut text, "", [&"rendered", &"", &"", &"ideal", &"", &""]);
+    line(&mut text, "frequency", [&k, &b, &j, &k, &b, &j]);
+    line(&mut text, "Hz", [&units[0], &units[1], &units[2], &units[0], &units[1], &units[2]]);
+    for hz in printed(low, high) {
+        let row = felt.row(hz);
+        let parts = |of: Option<Elements>| match of {
+            Some(e) => [e.stiffness, e.damping, e.inertia].map(rounded),
+            None => ["unbounded", "", ""].map(String::from),
+        };
+        let ([k, b, j], [ki, bi, ji]) = (parts(row.rendered), parts(row.ideal));
+        line(&mut text, &rounded(hz), [&k, &b, &j, &ki, &bi, &ji]);
+    }
+    text
+}
+
+fn line(text: &mut String, first: &str, cells: [&dyn Display; 6]) {
+    let cells: String = cells.iter().map(|cell| format!(" {:>11}", cell.to_string())).collect();
+    *text += format!("{first:<9}{cells}").trim_end();
+    *text += "\n";
+}
+
+/// Four digits.
+fn rounded(x: f64) -> String {
+    format!("{x:.3e}").parse().map_or_else(|_| x.to_string(), |x: f64| people::number(x + 0.0))
+}
+
+/// Round frequencies from `low` to `high`, and `high`.
+fn printed(low: f64, high: f64) -> Vec<f64> {
+    let powers = low.log10().floor() as i32..=high.log10().ceil() as i32;
+    let ladder = |steps: &[f64]| -> Vec<f64> {
+        let all = powers.clone().flat_map(|power| steps.iter().map(move |step| step * 10f64.powi(power)));
+        all.filter(|hz| *hz >= low * (1.0 - 1e-9) && *hz < high * (1.0 - 1e-9)).chain([high]).collect()
+    };
+    let fine = ladder(&[1.0, 2.0, 5.0]);
+    if fine.len() > PRINTED { ladder(&[1.0]) } else { fine }
+}
+
+/// CSV, figure, JSON and text of a Z-width.
+fn width(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Failure> {
+    let world = &loaded.world;
+    let walls = Walls::new(world)?;
+    let dampers = walls.dampers(args.points.unwrap_or(80));
+    let mut progress = Progress::new("z-width", "dampers", dampers.len() as u64, 0);
+    let mut edges = Vec::with_capacity(dampers.len());
+    // The same for every number of threads.
+    for some in dampers.chunks(2 * rayon::current_num_threads()) {
+        let found: Result<Vec<_>, _> = some.par_iter().map(|damping| walls.edge(*damping)).collect();
+        edges.extend(found?);
+        progress.reached(edges.len() as u64);
+    }
+    let found = walls.width(edges)?;
+    let [stiffness, damping, _] = suffixes(world.motion);
+    let mut csv = format!("{damping},passive_{stiffness},stable_{stiffness},counts_{stiffness}\n");
+    let cell = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:?}"));
+    for edge in &found.edges {
+        let _ = writeln!(csv, "{:?},{},{},{}", edge.damping, cell(edge.passive), cell(edge.stable), cell(found.counts));
+    }
+    let figure = hapt_report::felt::z_width(loaded.title(), &found, world.motion);
+    Ok([csv, svg(&figure), pretty(&json!(found))?, width_text(loaded, &found)])
+}
+
+fn width_text(loaded: &Loaded, found: &ZWidth) -> String {
+    let world = &loaded.world;
+    let [k, b, _] = units(world.motion);
+    let mut text =
+        format!("{}: a spring and a damper from the puck to ground\n\n{}", loaded.title(), loop_line(loaded));
+    let first = found.edges.first();
+    let alone = |edge: Option<f64>| people::number(edge.unwrap_or(0.0));
+    let _ = writeln!(
+        text,
+        "passive   up to {} {k} without a damper, and up to {} {b} without a spring",
+        alone(first.and_then(|edge| edge.passive)),
+        people::number(found.passive_damping)
+    );
+    let stiffest = found.edges.iter().filter_map(|edge| Some((edge.stable?, edge.damping)));
+    let (most, beside) = stiffest.fold((0.0, 0.0), |best, edge| if edge.0 > best.0 { edge } else { best });
+    let _ = writeln!(
+        text,
+        "stable    let go, up to {} {k} without a damper, and up to {} {b} without a spring; about {} {k} beside {} {b} at most",
+        alone(first.and_then(|edge| edge.stable)),
+        people::number(found.stable_damping),
+        rounded(most),
+        rounded(beside)
+    );
+    if let Some(counts) = found.counts {
+        let _ = writeln!(
+            text,
+            "counts    friction and damping of the device swallow the encoder's up to {} {k}",
+            people::number(counts)
+        );
+    }
+    if world.sampling.estimator == EstimatorKind::Exact {
+        text += "note      stable with the true velocity, which no encoder has, but passive with its difference: name the estimator\n";
+    }
+    let _ = writeln!(text, "\n{:>12} {:>12} {:>12}\n{b:>12} {k:>12} {k:>12}", "damper", "passive", "stable");
+    let every = found.edges.len().div_ceil(PRINTED).max(1);
+    for (i, edge) in found.edges.iter().enumerate() {
+        let last = i + 1 == found.edges.len();
+        let cell = |value: Option<f64>| value.map_or("none".to_string(), rounded);
+        if i % every == 0 || last {
+            let _ =
+                writeln!(text, "{:>12} {:>12} {:>12}", rounded(edge.damping), cell(edge.passive), cell(edge.stable));
+        }
+    }
+    text
+}
