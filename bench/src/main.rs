@@ -1,6 +1,7 @@
 //! One workload, timed: `ns` of one sample (or number), and the answer, a number a line. `cargo xtask bench` starts these in
 //! turns with the programs of `bench/c`, which print the same.
 
+mod boundary;
 mod csv;
 mod run;
 mod step;
@@ -17,6 +18,7 @@ fn main() -> Result<()> {
         ["parameters", scenario] => run::parameters(scenario),
         ["step", bodies, repeats] => step::time(bodies.parse()?, repeats.parse()?),
         ["matrices", bodies, file] => step::matrices(bodies.parse()?, file),
+        ["boundary", file, repeats] => boundary::time(file, repeats.parse()?),
         ["csv", printer, repeats] => csv::time(printer, repeats.parse()?),
         _ => bail!("see xtask/src/bench.rs"),
     }

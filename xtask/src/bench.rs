@@ -31,7 +31,8 @@ pub fn command(words: &[String]) -> Result<()> {
 fn run(write: bool) -> Result<()> {
     let bench = Bench::build()?;
     let mut page = bench.head()?;
-    for part in [Bench::runs, Bench::steps, Bench::start, Bench::csv, Bench::instructions, Bench::python] {
+    for part in [Bench::runs, Bench::steps, Bench::start, Bench::csv, Bench::edges, Bench::instructions, Bench::python]
+    {
         let text = part(&bench)?;
         eprintln!("{text}");
         page += &text;
@@ -324,6 +325,18 @@ impl Bench {
             text += START_MISSED;
         }
         Ok(text)
+    }
+
+    fn edges(&self) -> Result<String> {
+        let [hapt] = in_turns([self.rust("boundary worlds/devices/eth-wall.toml 200")])?;
+        let us = hapt.median() * 1e-3;
+        Ok(format!(
+            "\n## An edge of stability\n\nThe curve on which an eigenvalue of the ETH wheel with its wall is on the unit circle, in the \
+             plane of the wall's stiffness and damping: from the world to 2000 points in memory, `Decomposition::free`. Which of \
+             them are the edge takes two verdicts a point more, and is not timed.\n\n\
+             | | µs | goal | |\n| --- | --- | --- | --- |\n| 2000 points | {us:.0} | {} |\n",
+            goal(us, 100.0)
+        ))
     }
 
     fn csv(&self) -> Result<String> {

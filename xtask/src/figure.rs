@@ -140,6 +140,25 @@ const FIGURES: &[Figure] = &[
 const DRAWN: &[(&str, &[&str])] = &[
     ("impedance", &["impedance", "worlds/notes/default.toml"]),
     ("z-width", &["impedance", "worlds/devices/eth-wall.toml", "--z-width"]),
+    (
+        "edge-wall",
+        &[
+            "boundary",
+            "worlds/devices/eth-wall.toml",
+            "--vary=couplings.0.damping=0..0.02",
+            "--vary=couplings.0.stiffness=0..12",
+        ],
+    ),
+    (
+        "edge-euler",
+        &[
+            "boundary",
+            "worlds/notes/damped-to-ground.toml",
+            "--vary=couplings.1.damping=0.001..10:log",
+            "--vary=loop.period=1 ms..1 s:log",
+            "--of=held",
+        ],
+    ),
 ];
 const LET_GO: &str = "scenarios.step.hand.release=0.25s";
 

@@ -21,7 +21,7 @@ use crate::modal::Modal;
 use crate::port::Port;
 use crate::rayleigh;
 use crate::scan::first_rise;
-use crate::stability::{MARGINAL, Stability, assemble, combinations};
+use crate::stability::{Eigenvalue, MARGINAL, Stability, assemble, combinations};
 use crate::stack::stack;
 use crate::structure::{Link, Part, parts};
 
@@ -68,6 +68,14 @@ pub fn free(world: &World) -> Result<Stability, Error> {
 /// As [`free`].
 pub fn free_growth(world: &World) -> Result<Option<f64>, Error> {
     Ok(analyse(world, Critical::Never)?.growth_per_s)
+}
+
+/// The eigenvalues of [`free`] alone.
+///
+/// # Errors
+/// As [`free`].
+pub fn free_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
+    Ok(analyse(world, Critical::Never)?.eigenvalues)
 }
 
 /// The critical period is searched where it may be below `critical`.

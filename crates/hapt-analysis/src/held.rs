@@ -41,6 +41,19 @@ pub fn held_growth(bodies: &[Body], couplings: &[Coupling], method: Method, peri
     Ok(analyse(bodies, couplings, method, period, Critical::Never)?.growth_per_s)
 }
 
+/// The eigenvalues of [`held`] alone.
+///
+/// # Errors
+/// As [`held`].
+pub fn held_eigenvalues(
+    bodies: &[Body],
+    couplings: &[Coupling],
+    method: Method,
+    period: f64,
+) -> Result<Vec<Eigenvalue>, Error> {
+    Ok(analyse(bodies, couplings, method, period, Critical::Never)?.eigenvalues)
+}
+
 /// The critical period is searched where it may be below `critical`.
 fn analyse(
     bodies: &[Body],

@@ -39,6 +39,13 @@ pub(crate) fn eigenvalues(a: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
         // The lower right 2 × 2 block gives both shifts: their sum and their product.
         let (x, y) = (h[(last, last)], h[(last - 1, last - 1)]);
         let mut shifts = (x + y, x * y - h[(last, last - 1)] * h[(last - 1, last)]);
+        // One real shift from each of two clusters of eigenvalues may settle neither: where it takes long, the one nearer to the
+        // last entry counts twice, as in LAPACK's dlahqr.
+        let [one, other] = block(y, h[(last - 1, last)], h[(last, last - 1)], x);
+        if tried > 9 && one.im == 0.0 {
+            let nearer = if (one.re - x).abs() < (other.re - x).abs() { one.re } else { other.re };
+            shifts = (2.0 * nearer, nearer * nearer);
+        }
         // Every now and then others, for matrices that the step turns into themselves.
         if tried % 10 == 9 {
             taken += x;

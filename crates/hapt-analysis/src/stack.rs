@@ -36,12 +36,12 @@ use crate::estimator::Filter;
 use crate::port::Port;
 
 /// φ₁ of the module's head.
-fn phi1(x: f64) -> f64 {
+pub(crate) fn phi1(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { -(-x).exp_m1() / x }
 }
 
 /// φ₂ of the module's head: below 1 by its series, whose 19th term is below the last bit.
-fn phi2(x: f64) -> f64 {
+pub(crate) fn phi2(x: f64) -> f64 {
     if x >= 1.0 {
         return ((-x).exp_m1() + x) / (x * x);
     }

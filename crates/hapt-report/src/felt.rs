@@ -6,7 +6,7 @@ use hapt_model::Motion;
 use hapt_model::keys::Measure;
 
 use crate::extremes::Point;
-use crate::figure::{Axis, Figure, Panel, Shape, Style};
+use crate::figure::{Axis, Figure, Fill, Panel, Shape, Style};
 use crate::ticks::number;
 
 /// The most decades that an axis shows, from the highest down.
@@ -126,9 +126,9 @@ fn plane(panel: &mut Panel, found: &ZWidth, left: f64, bottom: f64) {
     };
     let stable = edge(|edge| edge.stable, found.stable_damping);
     let passive = edge(|edge| edge.passive, found.passive_damping);
-    panel.area("stable let go", "n2", below(&stable));
+    panel.region("stable let go", Fill::Fair, vec![below(&stable)]);
     if found.passive_damping > 0.0 {
-        panel.area("passive", "m6", below(&passive));
+        panel.region("passive", Fill::Good, vec![below(&passive)]);
     }
     panel.curve("", Style::Signal(0), stable);
     panel.curve("", Style::Signal(2), if found.passive_damping > 0.0 { passive } else { Vec::new() });
@@ -166,7 +166,10 @@ mod tests {
         let found = ZWidth { edges, passive_damping: 0.0, stable_damping: 1.0, counts: None };
         let figure = z_width("a wheel", &found, Motion::Linear);
         assert_eq!(figure.panels.len(), 1);
-        assert_eq!(figure.panels[0].areas.iter().map(|area| area.name.as_str()).collect::<Vec<_>>(), ["stable let go"]);
+        assert_eq!(
+            figure.panels[0].regions.iter().map(|region| region.name.as_str()).collect::<Vec<_>>(),
+            ["stable let go"]
+        );
         let svg = figure.svg(crate::Width::Narrow, true);
         assert!(svg.contains("damper (N s/m)") && !svg.contains("NaN"), "{svg}");
     }

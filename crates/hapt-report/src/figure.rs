@@ -27,8 +27,8 @@ pub struct Panel {
     pub y: Axis,
     /// A plane of values, over the whole frame, behind everything.
     pub map: Option<Map>,
-    /// Filled, behind the curves, first to last.
-    pub areas: Vec<Area>,
+    /// Parts of the plane, drawn first to last, behind all curves.
+    pub regions: Vec<Region>,
     /// Drawn first to last.
     pub series: Vec<Series>,
     /// Behind the curves.
@@ -67,6 +67,30 @@ pub enum Style {
     Predicted,
     /// A line to compare with, such as the unit circle.
     Guide,
+    /// The n-th edge between regions, seen on every colour.
+    Edge(usize),
+}
+
+/// What holds in a region.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fill {
+    /// All that was asked.
+    Good,
+    /// Some of it.
+    Fair,
+    /// The least of it not.
+    Bad,
+}
+
+/// A part of the plane that is filled: the even-odd sum of its polygons.
+#[derive(Clone, Debug)]
+pub struct Region {
+    /// In the legend; empty: not there.
+    pub name: String,
+    /// Its colour.
+    pub fill: Fill,
+    /// In the axes' units.
+    pub polygons: Vec<Vec<Point>>,
 }
 
 /// A curve.
@@ -77,17 +101,6 @@ pub struct Series {
     /// Its look.
     pub style: Style,
     /// In the axes' units.
-    pub points: Vec<Point>,
-}
-
-/// A part of the plane, lightly filled.
-#[derive(Clone, Debug)]
-pub struct Area {
-    /// In the legend.
-    pub name: String,
-    /// A colour of maps, such as "n2".
-    pub colour: &'static str,
-    /// Its corners, in the axes' units.
     pub points: Vec<Point>,
 }
 
@@ -182,7 +195,7 @@ impl Panel {
             x,
             y,
             map: None,
-            areas: Vec::new(),
+            regions: Vec::new(),
             series: Vec::new(),
             bands: None,
             marks: Vec::new(),
@@ -190,14 +203,14 @@ impl Panel {
         }
     }
 
-    /// With a filled part of the plane more.
-    pub fn area(&mut self, name: &str, colour: &'static str, points: Vec<Point>) {
-        self.areas.push(Area { name: name.into(), colour, points });
-    }
-
     /// With a curve more.
     pub fn curve(&mut self, name: &str, style: Style, points: Vec<Point>) {
         self.series.push(Series { name: name.into(), style, points });
+    }
+
+    /// With a region more.
+    pub fn region(&mut self, name: &str, fill: Fill, polygons: Vec<Vec<Point>>) {
+        self.regions.push(Region { name: name.into(), fill, polygons });
     }
 
     /// With marks of one name more.

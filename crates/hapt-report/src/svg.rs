@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::fmt::Write as _;
 
 use crate::extremes::Point;
-use crate::figure::{Axis, Figure, Panel, Shape, Style};
+use crate::figure::{Axis, Figure, Fill, Panel, Shape, Style};
 use crate::ticks;
 
 /// The width that a figure is laid out for.
@@ -53,8 +53,6 @@ const COLOURS: usize = 7;
 const LINE: f64 = 17.0;
 const BELOW: f64 = 40.0;
 const RIGHT: f64 = 12.0;
-/// How much an area covers what is behind it.
-const FAINT: f64 = 0.4;
 
 impl Width {
     fn pixels(self) -> f64 {
@@ -162,10 +160,8 @@ struct Entry<'a> {
 
 #[derive(Clone)]
 enum Look {
-    /// A map's colour, by its class.
+    /// A map's or a region's colour, by its class.
     Cell(String),
-    /// An area's, by its class.
-    Area(&'static str),
     Line(Style),
     Mark(Shape, Style),
     Band,
@@ -184,7 +180,7 @@ impl<'a> Layout<'a> {
         let width = total - left - RIGHT;
         let height = match (panel.round, columns) {
             (true, _) => width,
-            (false, _) if panel.map.is_some() => (0.55 * total).clamp(240.0, 420.0),
+            (false, _) if panel.map.is_some() || !panel.regions.is_empty() => (0.55 * total).clamp(240.0, 420.0),
             (false, 1) => (0.27 * total).clamp(170.0, 220.0),
             (false, _) => (0.62 * width).clamp(170.0, 330.0),
         };
@@ -264,12 +260,15 @@ impl<'a> Layout<'a> {
             }
             let _ = write!(svg, "<path class=\"band\" d=\"{d}\"/>");
         }
-        for area in &panel.areas {
-            let d = path(area.points.iter().map(|&point| to(point)));
-            let _ = write!(svg, "<path class=\"cell {}\" fill-opacity=\"{FAINT}\" d=\"{d}z\"/>", area.colour);
+        for region in &panel.regions {
+            let d: String = region.polygons.iter().map(|p| path(p.iter().map(|&point| to(point))) + "z").collect();
+            let _ = write!(svg, "<path class=\"cell {}\" fill-rule=\"evenodd\" d=\"{d}\"/>", fill(region.fill));
         }
         for series in &panel.series {
             let d = path(series.points.iter().map(|&point| to(point)));
+            if matches!(series.style, Style::Edge(_)) {
+                let _ = write!(svg, "<path class=\"halo\" d=\"{d}\"/>");
+            }
             let _ = write!(svg, "<path class=\"line {}\" d=\"{d}\"/>", class(series.style));
         }
         for mark in &panel.marks {
@@ -301,13 +300,14 @@ fn tick_labels(axis: &Axis, at: &[f64]) -> Vec<String> {
 /// The legend's entries behind the vertical axis's name and on as many further lines as they need.
 fn legend(panel: &Panel, total: f64) -> (Vec<Entry<'_>>, usize) {
     let cells = panel.map.iter().flat_map(|map| map.legend()).map(|(class, name)| (Cow::from(name), Look::Cell(class)));
-    let areas = panel.areas.iter().map(|area| (Cow::from(&area.name), Look::Area(area.colour)));
+    let regions = panel.regions.iter().filter(|region| !region.polygons.is_empty());
+    let cells = cells.chain(regions.map(|r| (Cow::from(&r.name), Look::Cell(fill(r.fill).into()))));
     let lines = panel.series.iter().map(|s| (Cow::from(&s.name), Look::Line(s.style)));
     let bands = panel.bands.iter().filter(|bands| !bands.list.is_empty()).map(|b| (Cow::from(&b.name), Look::Band));
     let marks = panel.marks.iter().map(|m| (Cow::from(&m.name), Look::Mark(m.shape, m.style)));
     let mut entries: Vec<Entry<'_>> = Vec::new();
     let (mut x, mut line) = (text_width(&panel.y.label()) + 14.0, 0);
-    for (name, look) in cells.chain(areas).chain(lines).chain(bands).chain(marks) {
+    for (name, look) in cells.chain(lines).chain(bands).chain(marks) {
         if name.is_empty() || entries.iter().any(|entry| entry.name == name) {
             continue;
         }
@@ -332,12 +332,9 @@ impl Entry<'_> {
                     middle - 5.5
                 )
             }
-            Look::Area(colour) => {
-                write!(
-                    svg,
-                    "<rect class=\"cell {colour}\" fill-opacity=\"{FAINT}\" x=\"{x:.1}\" y=\"{:.1}\" width=\"18\" height=\"11\"/>",
-                    middle - 5.5
-                )
+            Look::Line(style @ Style::Edge(_)) => {
+                let d = format!("d=\"M{x:.1} {middle:.1}h18\"");
+                write!(svg, "<path class=\"halo\" {d}/><path class=\"line {}\" {d}/>", class(style))
             }
             Look::Line(style) => {
                 write!(svg, "<path class=\"line {}\" d=\"M{x:.1} {middle:.1}h18\"/>", class(style))
@@ -373,6 +370,17 @@ pub(crate) fn class(style: Style) -> String {
         Style::Limit => "limit".into(),
         Style::Predicted => "predicted".into(),
         Style::Guide => "guide".into(),
+        Style::Edge(0) => "edge".into(),
+        Style::Edge(n) => format!("edge d{}", n.min(3)),
+    }
+}
+
+/// The colours of a map of signed values: safe, and worse and worse.
+fn fill(fill: Fill) -> &'static str {
+    match fill {
+        Fill::Good => "n1",
+        Fill::Fair => "p0",
+        Fill::Bad => "p2",
     }
 }
 

@@ -48,7 +48,23 @@ impl Axis {
     }
 }
 
-/// The pieces of `KEY=FROM..TO:N[:log]`.
+/// What is varied: a grid's axes have a number of values, a plane's have ends only.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Form {
+    Grid,
+    Plane,
+}
+
+impl Form {
+    fn wanted(self) -> &'static str {
+        match self {
+            Form::Grid => "KEY=FROM..TO:N is wanted, such as loop.period=0.1ms..10ms:50:log",
+            Form::Plane => "KEY=FROM..TO is wanted, such as loop.period=0.1ms..10ms or, by ratio, 0.1ms..10ms:log",
+        }
+    }
+}
+
+/// The pieces of `KEY=FROM..TO:N[:log]`, or without `:N`.
 struct Written<'a> {
     key: &'a str,
     from: &'a str,
@@ -57,13 +73,17 @@ struct Written<'a> {
     logarithmic: bool,
 }
 
-fn written(text: &str) -> Option<Written<'_>> {
+fn written(text: &str, form: Form) -> Option<Written<'_>> {
     let (key, range) = text.split_once('=')?;
     let (range, logarithmic) = match range.strip_suffix(":log") {
         Some(range) => (range, true),
         None => (range, false),
     };
-    let (ends, count) = range.rsplit_once(':')?;
+    let (ends, count) = match form {
+        Form::Grid => range.rsplit_once(':')?,
+        Form::Plane if range.contains(':') => return None,
+        Form::Plane => (range, "2"),
+    };
     let (from, to) = ends.split_once("..")?;
     Some(Written { key: key.trim(), from: from.trim(), to: to.trim(), count: count.trim(), logarithmic })
 }
@@ -84,20 +104,35 @@ impl Grid {
     /// # Errors
     /// [`Error::Axis`] for what is no axis of this world, [`Error::World`] for a world, or a corner, that cannot be read.
     pub fn new(source: &Source, sets: &[String], axes: &[String]) -> Result<(Grid, World), Error> {
-        let wrong = |text: &str, message: String| Error::Axis(format!("--vary {text}: {message}"));
         if axes.is_empty() || axes.len() > MOST_AXES {
             let message =
                 format!("a sweep varies 1 to {MOST_AXES} keys, and {} are given: --vary KEY=FROM..TO:N", axes.len());
             return Err(Error::Axis(message));
         }
+        Grid::read(source, sets, axes, Form::Grid)
+    }
+
+    /// The same for a plane: two axes, each `KEY=FROM..TO[:log]`, with their ends as the only values.
+    ///
+    /// # Errors
+    /// As [`Grid::new`].
+    pub fn plane(source: &Source, sets: &[String], axes: &[String]) -> Result<(Grid, World), Error> {
+        if axes.len() != 2 {
+            let message =
+                format!("an edge is drawn over 2 keys, and {} are given: --vary KEY=FROM..TO, twice", axes.len());
+            return Err(Error::Axis(message));
+        }
+        Grid::read(source, sets, axes, Form::Plane)
+    }
+
+    fn read(source: &Source, sets: &[String], axes: &[String], form: Form) -> Result<(Grid, World), Error> {
+        let wrong = |text: &str, message: String| Error::Axis(format!("--vary {text}: {message}"));
         // What is wrong with the world itself is said before what is wrong with an axis.
         World::read(source, sets)?;
         let mut all = Vec::new();
         let mut base = sets.to_vec();
         for text in axes {
-            let Some(parts) = written(text) else {
-                return Err(wrong(text, "KEY=FROM..TO:N is wanted, such as loop.period=0.1ms..10ms:50:log".into()));
-            };
+            let Some(parts) = written(text, form) else { return Err(wrong(text, form.wanted().into())) };
             if all.iter().any(|(axis, _): &(Written<'_>, &String)| axis.key == parts.key) {
                 return Err(wrong(text, format!("{} is varied twice", parts.key)));
             }
@@ -108,8 +143,20 @@ impl Grid {
         let mut grid = Grid { axes: Vec::new(), cells: 1 };
         for (parts, text) in all {
             let Some(key) = world.key(parts.key) else {
-                return Err(wrong(text, format!("{} takes no number; a sweep varies numbers", parts.key)));
+                return Err(wrong(
+                    text,
+                    format!(
+                        "{} takes no number; {} varies numbers",
+                        parts.key,
+                        if form == Form::Grid { "a sweep" } else { "a boundary" }
+                    ),
+                ));
             };
+            if form == Form::Plane && matches!(key.takes, Takes::Whole { .. }) {
+                let message =
+                    format!("{} takes whole numbers, between which no edge can lie: hapt sweep varies it", parts.key);
+                return Err(wrong(text, message));
+            }
             let axis = axis(&parts, key, &world).map_err(|message| wrong(text, message))?;
             let cells = grid.cells.checked_mul(axis.count).filter(|cells| *cells <= MOST_CELLS);
             grid.cells = match cells {

@@ -12,4 +12,12 @@ pub enum Error {
     /// A measure, or the scenario that it needs.
     #[error("{0}")]
     Measure(String),
+    /// No verdict at a point of a plane.
+    #[error("at {at}: {error}")]
+    At {
+        /// The keys and their values.
+        at: String,
+        /// Why not.
+        error: hapt_analysis::Error,
+    },
 }

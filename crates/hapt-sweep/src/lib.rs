@@ -4,6 +4,7 @@
 //! * [`Measure`] is what a cell is asked: peaks, energies and settling of a run, growth and damping of the loop.
 //! * [`Sweep`] is a grid of a world with its measures: [`Sweep::rows`] computes a stretch of cells on all cores, in the order of
 //!   the table, with the same bits whatever the number of threads.
+//! * [`boundary`] finds where in the plane of two keys a loop stops being stable or passive, without a grid.
 //! * [`table`] names the columns and writes them as CSV; [`columnar`] turns that into Parquet.
 //!
 //! ```
@@ -33,6 +34,7 @@
 #![forbid(unsafe_code)]
 
 mod axis;
+pub mod boundary;
 pub mod columnar;
 mod error;
 mod measure;
@@ -40,6 +42,7 @@ mod sweep;
 pub mod table;
 
 pub use axis::{Axis, Grid};
+pub use boundary::Boundary;
 pub use error::Error;
 pub use measure::Measure;
 pub use sweep::Sweep;

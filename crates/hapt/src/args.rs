@@ -71,6 +71,14 @@ Examples:
       --vary device.damping=0..0.01:40 --measure peak_torque,settling_time \\
       --scenario step --out map.parquet --plot map.svg")]
     Sweep(SweepArgs),
+    /// Where in the plane of two keys a loop stops being stable or passive: the exact edges.
+    #[command(after_help = "\
+Examples:
+  hapt boundary wheel.toml --vary loop.period=0.1ms..10ms:log \\
+      --vary device.damping=0..0.01 --out edges.csv --plot edges.svg
+  hapt boundary @devices/eth-wall --vary couplings.0.damping=0..0.02 \\
+      --vary couplings.0.stiffness=0..20 --of free,passive")]
+    Boundary(BoundaryArgs),
     /// What the hand feels against frequency, and the Z-width of a device.
     #[command(after_help = "\
 Examples:
@@ -269,6 +277,24 @@ pub enum SlopesArg {
     Steep,
     /// None: no wall is touched.
     Flat,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct BoundaryArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// A key and its range, such as loop.period=1ms..10ms, or 1ms..10ms:log; twice: to the right, and up.
+    #[arg(long = "vary", value_name = "KEY=FROM..TO[:log]", required = true)]
+    pub axes: Vec<String>,
+    /// Whose edges: held, free, passive, with commas between.
+    #[arg(long = "of", value_name = "NAME,...", value_delimiter = ',', default_value = "held,free,passive")]
+    pub claims: Vec<String>,
+    /// Write the edges' points here; without it, to standard output.
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+    /// Draw the plane, each side of each edge in its colour.
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
 }
 
 #[derive(Debug, clap::Args)]

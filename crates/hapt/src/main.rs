@@ -1,6 +1,8 @@
 //! The command line: wires between the crates, and nothing else.
 
 mod args;
+mod boundary;
+mod boundary_plot;
 mod builtin;
 mod check;
 mod design;
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
         Some(Command::Plot(args)) => plot::run(args),
         Some(Command::Sweep(args)) => sweep::run(args),
         Some(Command::Impedance(args)) => impedance::run(args),
+        Some(Command::Boundary(args)) => boundary::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Worlds) => worlds::run(),
         Some(Command::Explain(args)) => explain::run(args),

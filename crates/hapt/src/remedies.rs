@@ -116,7 +116,7 @@ impl File<'_> {
 }
 
 /// The unit in "17.8 N mm/deg".
-fn unit(written: &str) -> String {
+pub fn unit(written: &str) -> String {
     let number = |c: char| c.is_ascii_digit() || matches!(c, '.' | '+' | '-' | '_');
     let rest = written.trim().trim_start_matches(number);
     // The exponent of "1.2e-3 N".

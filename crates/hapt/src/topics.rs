@@ -248,6 +248,19 @@ feel stiffer; a hand may shake them. "counts" is up to where the encoder's steps
 "#,
     },
     Topic {
+        name: "boundary",
+        aliases: &["edge", "edges", "d-decomposition", "region"],
+        line: "the exact edge of stability and of passivity over two keys",
+        text: r#"`hapt boundary` finds where in the plane of two keys held, free and passive change, without a grid.
+Where the keys are a stiffness and a damping at one place, the edge of stability comes from its
+equation: λ = 1, λ = -1, λ = e^{jφ}, solved for both keys (D-decomposition). Else the edge is
+followed by the change of the verdict. Beside every point the verdict is asked on both sides. An
+island between the lines that are searched, five each way and the frame, can be missed.
+
+  hapt boundary @devices/eth-wall --vary loop.delay=0..2ms --vary device.damping=0..0.01
+"#,
+    },
+    Topic {
         name: "energy",
         aliases: &["energy-theorem", "ledger"],
         line: "the ledger of a run, and the theorem behind `output = \"end\"`",

@@ -117,6 +117,7 @@ pub fn cases() -> Vec<Case> {
         ("overrides", overrides),
         ("paths", paths),
         ("usage", usage),
+        ("edges", edges),
     ];
     for &(theme, add) in themes {
         table.theme = theme;
@@ -349,4 +350,25 @@ fn usage(t: &mut Table) {
     let name = OsString::from_vec(b"w\xff.toml".to_vec());
     t.add("a name that is no text", vec![], [words(&["check"]), vec![name]].concat());
     t.typed("a name with a line in it", &["check", "w\n.toml"]);
+}
+
+fn edges(t: &mut Table) {
+    let stiffness = "couplings.0.stiffness=0..2";
+    for (name, axes, more) in [
+        ("over one key", &[stiffness][..], &[][..]),
+        ("over three keys", &[stiffness, "loop.period=1ms..2ms", "loop.delay=0..1ms"], &[]),
+        ("over a name", &[stiffness, "loop.method=zoh..foh"], &[]),
+        ("between whole numbers", &[stiffness, "loop.advance=0..3"], &[]),
+        ("over a range by ratio, from 0", &[stiffness, "loop.delay=0..1ms:log"], &[]),
+        ("over a range with equal ends", &[stiffness, "loop.period=1ms..1ms"], &[]),
+        ("over a grid", &[stiffness, "loop.period=1ms..2ms:40"], &[]),
+        ("over a range that begins with what cannot be", &[stiffness, "loop.period=0..1ms"], &[]),
+        ("over a delay of too many periods", &[stiffness, "loop.delay=0..1s"], &[]),
+        ("an edge of what has none", &[stiffness, "loop.period=1ms..2ms"], &["--of", "held,heard"]),
+        ("into a table of another kind", &[stiffness, "loop.period=1ms..2ms"], &["--out", "edges.parquet"]),
+    ] {
+        let axes = axes.iter().flat_map(|axis| ["--vary", axis]);
+        let args: Vec<&str> = ["boundary", "w.toml"].into_iter().chain(axes).chain(more.iter().copied()).collect();
+        t.typed(name, &args);
+    }
 }

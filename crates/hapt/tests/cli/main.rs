@@ -1,5 +1,6 @@
 //! The command line as its users meet it: what is typed, what comes out, and how it ends.
 
+mod boundary;
 mod commands;
 mod common;
 mod contract;

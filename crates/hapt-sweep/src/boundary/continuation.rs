@@ -1,0 +1,306 @@
+//! The zero set of a function on the square, traced from its sign alone.
+//!
+//! The square is [`INSET`] smaller than the frame on each side: what a key means at the very end of its range, such as no damping
+//! at all, may be a world of its own. A function is above 0 on the one side of its edge, and may jump there, have a corner, or be
+//! infinite.
+//!
+//! From a point on the edge the next one is where a circle about it changes its sign, near the direction that the last steps
+//! predict. Where the circle leaves the square, the square's side takes its place, so that an edge ends there by the same rule. The
+//! circle shrinks until the edge turns little between two points, and grows again behind a corner.
+
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+
+/// So much of the frame is left out along each side.
+pub(crate) const INSET: f64 = 1e-6;
+/// Steps, in parts of the frame.
+const LONGEST: f64 = 0.02;
+const SHORTEST: f64 = 1e-5;
+/// The most that the edge may turn against a step, in rad, unless that is the shortest.
+const TURN: f64 = 0.12;
+/// A point is on the edge to this.
+const ON_EDGE: f64 = 1e-13;
+/// Points of an edge, at most.
+const MOST: usize = 20_000;
+/// Stretches of each side of the square, and of each line through it, that are looked at for a change of sign.
+const STRETCHES: usize = 48;
+/// And so near to their ends.
+const NEAR_ENDS: [f64; 3] = [1e-5, 1e-4, 2e-3];
+/// Lines through the square, each way.
+const LINES: usize = 5;
+
+/// A point of the frame: 0 to 1 to the right, and up.
+pub type Place = [f64; 2];
+
+/// An edge, beyond which the function is above 0: on the left of who walks along the points.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Trace {
+    pub points: Vec<Place>,
+    /// Whether the last point is tied to the first.
+    pub closed: bool,
+}
+
+pub(crate) fn distance(a: Place, b: Place) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+/// Whether a place is on a side of the square, or beyond it.
+pub(crate) fn on_frame(p: Place) -> bool {
+    p.iter().any(|x| *x <= 1.01 * INSET || *x >= 1.0 - 1.01 * INSET)
+}
+
+/// Where the function changes its sign on a path, which runs over [0, 1] and knows the values at its ends: regula falsi with the
+/// Illinois correction, halving where a value is infinite. The last two parameters, the one above 0 last.
+fn crossing<E>(
+    f: &impl Fn(Place) -> Result<f64, E>,
+    path: impl Fn(f64) -> Place,
+    [low, high]: [f64; 2],
+) -> Result<Place, E> {
+    let (mut a, mut b) = ((0.0, low), (1.0, high));
+    let rising = high > 0.0;
+    for step in 0..100 {
+        let middle = 0.5 * (a.0 + b.0);
+        if middle <= a.0 || middle >= b.0 || distance(path(a.0), path(b.0)) < ON_EDGE {
+            break;
+        }
+        let secant = (a.0 * b.1 - b.0 * a.1) / (b.1 - a.1);
+        let x = if step % 4 < 3 && secant > a.0 && secant < b.0 { secant } else { middle };
+        let y = f(path(x))?;
+        if (y > 0.0) == rising {
+            b = (x, y);
+            a.1 *= 0.5;
+        } else {
+            a = (x, y);
+            b.1 *= 0.5;
+        }
+    }
+    Ok(path(0.5 * (a.0 + b.0)))
+}
+
+/// From `p` in the direction of `angle`, by `step` or to the square's side.
+fn star(p: Place, angle: f64, step: f64) -> Place {
+    let (sin, cos) = angle.sin_cos();
+    let room = |x: f64, d: f64| match d {
+        d if d > 0.0 => (1.0 - INSET - x) / d,
+        d if d < 0.0 => (INSET - x) / d,
+        _ => f64::INFINITY,
+    };
+    let r = step.min(room(p[0], cos)).min(room(p[1], sin)).max(0.0);
+    [p[0] + r * cos, p[1] + r * sin].map(|x| x.clamp(INSET, 1.0 - INSET))
+}
+
+/// A place on an edge where a trace begins.
+#[derive(Clone, Copy, Debug)]
+struct Seed {
+    at: Place,
+    /// In this direction the function is above 0, and against it not.
+    beyond: f64,
+    /// Inwards, on a side of the square.
+    inward: Option<f64>,
+}
+
+/// Every edge that meets a side of the square, or one of a few lines through it, but those that lie along `known`. An island that
+/// fits between the lines is not found.
+pub(crate) fn trace<E: Send>(f: &(impl Fn(Place) -> Result<f64, E> + Sync), known: &[Trace]) -> Result<Vec<Trace>, E> {
+    let mut found: Vec<Trace> = Vec::new();
+    for seed in seeds(f)? {
+        if known.iter().chain(&found).any(|trace| lies_on(trace, seed.at)) {
+            continue;
+        }
+        let trace = from_seed(f, seed)?;
+        if trace.points.len() > 1 {
+            found.push(trace);
+        }
+    }
+    Ok(found)
+}
+
+/// Where the sides of the square and the lines through it cross an edge, the sides first.
+fn seeds<E: Send>(f: &(impl Fn(Place) -> Result<f64, E> + Sync)) -> Result<Vec<Seed>, E> {
+    let mut along: Vec<f64> = (0..=STRETCHES).map(|i| i as f64 / STRETCHES as f64).collect();
+    along.extend(NEAR_ENDS.iter().flat_map(|x| [*x, 1.0 - x]));
+    along.iter_mut().for_each(|x| *x = x.clamp(INSET, 1.0 - INSET));
+    along.sort_by(f64::total_cmp);
+    let mut lines: Vec<(usize, f64, Option<f64>)> = Vec::new();
+    for axis in 0..2 {
+        // Across a side that runs along the axis, inwards.
+        let inward = 0.5 * PI * (1 - axis) as f64;
+        lines.push((axis, INSET, Some(inward)));
+        lines.push((axis, 1.0 - INSET, Some(inward + PI)));
+    }
+    lines.extend((0..2 * LINES).map(|i| (i % 2, (i / 2 + 1) as f64 / (LINES + 1) as f64, None)));
+    let on_line = |&(axis, at, inward): &(usize, f64, Option<f64>)| -> Result<Vec<Seed>, E> {
+        let place = |x: f64| if axis == 0 { [x, at] } else { [at, x] };
+        let values = along.iter().map(|x| f(place(*x))).collect::<Result<Vec<f64>, E>>()?;
+        let mut seeds = Vec::new();
+        for (ends, values) in along.windows(2).zip(values.windows(2)) {
+            let (&[a, b], &[low, high]) = (ends, values) else { continue };
+            if (low > 0.0) == (high > 0.0) {
+                continue;
+            }
+            let at = crossing(f, |x| place(a + (b - a) * x), [low, high])?;
+            let beyond = 0.5 * PI * axis as f64 + if high > 0.0 { 0.0 } else { PI };
+            seeds.push(Seed { at, beyond, inward });
+        }
+        Ok(seeds)
+    };
+    let all = lines.par_iter().map(on_line).collect::<Result<Vec<_>, E>>()?;
+    Ok(all.into_iter().flatten().collect())
+}
+
+/// Whether a place is on the polygon's line, as exactly as that follows its edge.
+fn lies_on(trace: &Trace, at: Place) -> bool {
+    let last = trace.points.len().saturating_sub(1);
+    let closing = trace.closed.then(|| [trace.points[last], trace.points[0]]);
+    trace.points.windows(2).filter_map(|w| <[Place; 2]>::try_from(w).ok()).chain(closing).any(|[a, b]| {
+        let length = distance(a, b);
+        let along = ((at[0] - a[0]) * (b[0] - a[0]) + (at[1] - a[1]) * (b[1] - a[1])) / (length * length).max(1e-300);
+        let along = along.clamp(0.0, 1.0);
+        let foot = [a[0] + along * (b[0] - a[0]), a[1] + along * (b[1] - a[1])];
+        distance(foot, at) < (0.06 * length).clamp(2.0 * SHORTEST, 1e-3)
+    })
+}
+
+fn from_seed<E>(f: &impl Fn(Place) -> Result<f64, E>, seed: Seed) -> Result<Trace, E> {
+    let Seed { at, beyond, inward } = seed;
+    if let Some(inward) = inward {
+        // Inwards, beyond to the left or to the right.
+        let left = (beyond - inward).sin() > 0.0;
+        let mut trace = follow(f, at, inward, left, false)?;
+        if !left {
+            trace.points.reverse();
+        }
+        return Ok(trace);
+    }
+    let ahead = follow(f, at, beyond - 0.5 * PI, true, true)?;
+    if ahead.closed {
+        return Ok(ahead);
+    }
+    let mut back = follow(f, at, beyond + 0.5 * PI, false, false)?;
+    back.points.reverse();
+    back.points.pop();
+    back.points.extend(ahead.points);
+    Ok(back)
+}
+
+/// Walks from `start`, first about in the direction of `heading`, with what is beyond the edge to the left or to the right, to the
+/// square's side, or to the start again where that may be.
+fn follow<E>(
+    f: &impl Fn(Place) -> Result<f64, E>,
+    start: Place,
+    mut heading: f64,
+    left: bool,
+    may_close: bool,
+) -> Result<Trace, E> {
+    let mut points = vec![start];
+    let (mut p, mut step, mut length) = (start, 10.0 * SHORTEST, 0.0);
+    // The direction of the last step; at first only a half plane is known, as behind a corner.
+    let mut last: Option<f64> = None;
+    while points.len() < MOST {
+        if may_close && length > 4.0 * step && distance(p, start) <= step {
+            return Ok(Trace { points, closed: true });
+        }
+        let is_shortest = step <= 1.01 * SHORTEST;
+        let widths: &[f64] = match (last, is_shortest) {
+            (None, _) => &[0.5 * PI],
+            (_, false) => &[0.06, 0.3],
+            (_, true) => &[0.3, 1.0, 2.0, 2.8],
+        };
+        let mut next = None;
+        for width in widths {
+            let path = |x: f64| star(p, heading + width * (2.0 * x - 1.0), step);
+            let ends = [f(path(0.0))?, f(path(1.0))?];
+            // Beyond at the end of the arc that is on its side, and only there.
+            let [right, left_of_it] = ends.map(|value| value > 0.0);
+            if right != left_of_it && left_of_it == left {
+                next = Some(crossing(f, path, ends)?);
+                break;
+            }
+        }
+        // A step's direction, and by how much the edge has turned since the last one.
+        let step_to = |q: Place| {
+            let towards = (q[1] - p[1]).atan2(q[0] - p[0]);
+            (q, towards, last.map_or(0.0, |last| (towards - last + PI).rem_euclid(2.0 * PI) - PI))
+        };
+        match next.map(step_to) {
+            Some((q, towards, turn)) if is_shortest || turn.abs() <= TURN => {
+                length += distance(p, q);
+                points.push(q);
+                if on_frame(q) {
+                    break;
+                }
+                // It goes on turning, but for a corner.
+                heading = if turn.abs() <= TURN { towards + turn } else { towards };
+                if turn.abs() < 0.3 * TURN {
+                    step = (2.0 * step).min(LONGEST);
+                }
+                (p, last) = (q, Some(towards));
+            }
+            _ if is_shortest => break,
+            _ => step = (0.5 * step).max(SHORTEST),
+        }
+    }
+    Ok(Trace { points, closed: false })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(f: impl Fn(Place) -> f64 + Sync) -> Vec<Trace> {
+        trace(&|p| Ok::<f64, ()>(f(p)), &[]).unwrap()
+    }
+
+    #[test]
+    fn a_circle_is_one_closed_edge_with_the_inside_on_its_left() {
+        let circle = |p: Place| 0.09 - (p[0] - 0.5).powi(2) - (p[1] - 0.4).powi(2);
+        let found = all(circle);
+        assert!(found.len() == 1 && found[0].closed, "{found:?}");
+        let points = &found[0].points;
+        assert!(points.iter().all(|p| circle(*p).abs() < 1e-12));
+        // Shoelace: the area inside is to the left.
+        let area: f64 = (0..points.len())
+            .map(|i| (points[i], points[(i + 1) % points.len()]))
+            .map(|(a, b)| 0.5 * (a[0] * b[1] - b[0] * a[1]))
+            .sum();
+        assert!((area / (PI * 0.09) - 1.0).abs() < 2e-3, "{area}");
+    }
+
+    #[test]
+    fn a_corner_is_turned_and_an_infinite_side_is_no_hindrance() {
+        // Beyond a right angle at (0.3, 0.6), once with a function that jumps.
+        for beyond in [1.0, f64::INFINITY] {
+            let f = |p: Place| if p[0] > 0.3 && p[1] < 0.6 { beyond } else { -1.0 };
+            let found = all(f);
+            assert_eq!(found.len(), 1);
+            let points = &found[0].points;
+            assert!(points.iter().all(|p| (p[0] - 0.3).abs() < 2e-5 || (p[1] - 0.6).abs() < 2e-5), "{points:?}");
+            assert!(points.iter().any(|p| distance(*p, [0.3, 0.6]) < 3e-5));
+            assert!(on_frame(points[0]) && on_frame(*points.last().unwrap()));
+            assert!(points.len() < 300, "{}", points.len());
+        }
+    }
+
+    #[test]
+    fn several_edges_are_all_found_and_none_twice() {
+        // Three stripes.
+        let found = all(|p: Place| (9.0 * PI * (p[0] + 0.3 * p[1] * p[1])).sin() - 0.2);
+        let starts = found.iter().filter(|t| !t.closed && on_frame(t.points[0])).count();
+        assert_eq!(starts, found.len());
+        for (i, a) in found.iter().enumerate() {
+            for b in &found[..i] {
+                assert!(!lies_on(b, a.points[a.points.len() / 2]));
+            }
+        }
+        // (x, y) = (1, 0) is at 9 half periods, (1, 1) at 11.7: every one of sin = 0.2 before it is crossed.
+        let crossings =
+            (0..12).flat_map(|n| [n as f64 * 2.0 + 0.2f64.asin() / PI, n as f64 * 2.0 + 1.0 - 0.2f64.asin() / PI]);
+        assert_eq!(found.len(), crossings.filter(|x| *x < 9.0 * 1.3).count());
+    }
+
+    #[test]
+    fn a_function_of_one_sign_has_no_edge() {
+        assert!(all(|_| -1.0).is_empty() && all(|_| f64::INFINITY).is_empty());
+    }
+}

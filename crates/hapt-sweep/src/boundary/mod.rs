@@ -1,0 +1,154 @@
+//! The exact edge of stability and of passivity in the plane of two keys.
+//!
+//! Where the keys are a stiffness and a damping at one place the edge of stability comes from its equation
+//! ([`hapt_analysis::decomposition`]), point by point in closed form; elsewhere, and for passivity, it is followed by the change
+//! of the verdict. Every point is looked at on both of its sides.
+
+mod continuation;
+mod equation;
+mod outline;
+mod plane;
+
+use hapt_analysis::Decomposition;
+use hapt_model::Source;
+use rayon::prelude::*;
+
+use crate::error::Error;
+use continuation::{Trace, trace};
+use equation::{BESIDE, Found, Side, edges, normal, side};
+
+pub use continuation::Place;
+pub use plane::{Edge, Plane};
+
+/// How an edge was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// By its equation.
+    Equation,
+    /// Followed by the change of the verdict.
+    Continuation,
+}
+
+/// A point of an edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// 0 to 1 to the right, and up.
+    pub place: Place,
+    /// The keys' values, in SI.
+    pub values: [f64; 2],
+    /// Of the eigenvalue that crosses the circle here, or where most damping is asked for; `None` where there is no such one.
+    pub hz: Option<f64>,
+    /// The direction beyond the edge, of length 1, in parts of the frame.
+    pub beyond: [f64; 2],
+}
+
+/// An edge in one piece: what is beyond it is on the left of who walks along the points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Piece {
+    /// Of which claim.
+    pub edge: Edge,
+    /// How it was found.
+    pub way: Way,
+    /// One after the other.
+    pub points: Vec<Point>,
+    /// Whether the last is tied to the first; else both ends are at the frame.
+    pub closed: bool,
+    /// Points at which the verdict was the same on both sides: they are left out.
+    pub failed: usize,
+}
+
+/// What one claim is in the plane.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Claim {
+    /// Which.
+    pub edge: Edge,
+    /// Its edge.
+    pub pieces: Vec<Piece>,
+    /// What is beyond the edge, as polygons: even-odd, in parts of the frame.
+    pub beyond: Vec<Vec<Place>>,
+    /// Whether all of the plane is beyond it, or nothing; `None` where there is an edge.
+    pub everywhere: Option<bool>,
+}
+
+/// The edges of a world's claims in the plane of two keys.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Boundary {
+    /// The plane.
+    pub plane: Plane,
+    /// In the order asked for.
+    pub claims: Vec<Claim>,
+}
+
+impl Boundary {
+    /// Finds the edges of `claims` in the plane of the axes, each `KEY=FROM..TO[:log]`, of the world in `source` with the
+    /// overrides `sets`.
+    ///
+    /// Work: some thousand verdicts for each edge, on rayon's current pool. An island of a claim between the lines on which edges
+    /// are looked for, five each way and the frame, is not found.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub fn new(source: &Source, sets: &[String], axes: &[String], claims: &[Edge]) -> Result<Boundary, Error> {
+        let plane = Plane::new(source, sets, axes)?;
+        let claims = claims.par_iter().map(|edge| claim(&plane, *edge)).collect::<Result<Vec<_>, _>>()?;
+        Ok(Boundary { plane, claims })
+    }
+}
+
+fn claim(plane: &Plane, edge: Edge) -> Result<Claim, Error> {
+    let middle = [0.5, 0.5];
+    let failed = |error| plane.failed(middle, error);
+    let equations = match edge {
+        Edge::Held => Decomposition::held(&plane.world, plane.keys()).map_err(failed)?,
+        Edge::Free => Decomposition::free(&plane.world, plane.keys()).map_err(failed)?,
+        Edge::Passive => None,
+    };
+    let known = match &equations {
+        Some(equations) => edges(plane, edge, equations)?.unwrap_or_default(),
+        None => Vec::new(),
+    };
+    let traces: Vec<Trace> = known.iter().map(|found| found.trace.clone()).collect();
+    let more = trace(&|place| plane.beyond(edge, place), &traces)?;
+    let all: Vec<Trace> = traces.iter().chain(&more).cloned().collect();
+    let corner = plane.beyond(edge, Plane::inside([0.0, 0.0]))? > 0.0;
+    let mut pieces: Vec<Piece> = Vec::new();
+    for found in known {
+        pieces.extend(piece(plane, edge, Way::Equation, found)?);
+    }
+    for trace in more {
+        pieces.extend(piece(plane, edge, Way::Continuation, Found { trace, known: Vec::new() })?);
+    }
+    let everywhere = pieces.is_empty().then_some(corner);
+    Ok(Claim { edge, pieces, beyond: outline::beyond(&all, corner), everywhere })
+}
+
+/// A trace with what is known of each point. Of a trace that was followed each is looked at on both sides, across the neighbours on
+/// either side, or across one of them where a corner is near; of an equation's every point has been.
+fn piece(plane: &Plane, edge: Edge, way: Way, found: Found) -> Result<Option<Piece>, Error> {
+    let Found { trace: Trace { points, closed }, known } = found;
+    let n = points.len();
+    let point = |i: usize| -> Result<Option<Point>, Error> {
+        let here = points[i];
+        let made = |hz, beyond| Some(Point { place: here, values: plane.values(here), hz, beyond });
+        if let Some(&(hz, beyond)) = known.get(i) {
+            return Ok(made(Some(hz), beyond));
+        }
+        let (before, after) = match closed {
+            true => (points[(i + n - 1) % n], points[(i + 1) % n]),
+            false => (points[i.saturating_sub(1)], points[(i + 1).min(n - 1)]),
+        };
+        for (a, b) in [(before, after), (here, after), (before, here)] {
+            let along = [b[0] - a[0], b[1] - a[1]];
+            if side(plane, edge, here, along)? == Some(Side::Left) {
+                let beyond = normal(along, Side::Left);
+                let beside = Plane::inside([0, 1].map(|j| here[j] + BESIDE * beyond[j]));
+                return Ok(made(plane.hz(edge, beside)?, beyond));
+            }
+        }
+        Ok(None)
+    };
+    let looked = (0..n).into_par_iter().map(point).collect::<Result<Vec<_>, Error>>()?;
+    let points: Vec<Point> = looked.into_iter().flatten().collect();
+    let failed = n - points.len();
+    Ok((!points.is_empty()).then_some(Piece { edge, way, points, closed, failed }))
+}

@@ -1,0 +1,206 @@
+//! `hapt boundary`: where in the plane of two keys a loop stops being stable or passive.
+
+use std::fmt::Write as _;
+use std::io::{Write, stdout};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use hapt_model::keys::Takes;
+use hapt_model::parse_quantity;
+use hapt_sweep::boundary::{Boundary, Edge, Piece, Plane, Point, Way};
+use hapt_sweep::table;
+
+use crate::args::BoundaryArgs;
+use crate::boundary_plot;
+use crate::failure::Failure;
+use crate::output::Draft;
+use crate::people;
+use crate::remedies::unit;
+use crate::world::source;
+
+/// An axis in the unit in which it was typed.
+pub struct Shown {
+    pub key: String,
+    pub unit: String,
+    /// So much of SI is one of it.
+    pub size: f64,
+    pub from: f64,
+    pub to: f64,
+    pub logarithmic: bool,
+}
+
+impl Shown {
+    /// A value for people, without its unit: what is less than a picture's pixel of the range is rounding.
+    fn value(&self, si: f64) -> String {
+        let step = if self.logarithmic {
+            10f64.powf((si / self.size).abs().log10().floor() - 4.0)
+        } else {
+            10f64.powf(((self.to - self.from) / self.size).log10().floor() - 4.0)
+        };
+        people::number((si / self.size / step).round() * step)
+    }
+
+    /// "loop.period from 1 to 10 ms"
+    fn range(&self) -> String {
+        let text = format!("{} from {} to {} {}", self.key, self.value(self.from), self.value(self.to), self.unit);
+        text.trim_end().to_string()
+    }
+}
+
+pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
+    let claims = claims(&args.claims)?;
+    for (name, path, ending) in [("--out", &args.out, "csv"), ("--plot", &args.plot, "svg")] {
+        if let Some(path) = path.as_ref().filter(|path| path.extension().is_none_or(|have| have != ending)) {
+            return Err(Failure::input(format!("{name} {}: FILE.{ending} is wanted", path.display())));
+        }
+    }
+    let boundary = Boundary::new(&source(&args.world.path)?, &args.world.sets, &args.axes, &claims)?;
+    let axes = shown(&boundary.plane, &args.axes);
+    let title = boundary.plane.world.title.clone().unwrap_or_else(|| "edges".into());
+    let summary = summary(&boundary, &axes);
+
+    let csv = csv(&boundary);
+    let mut files = Vec::new();
+    if let Some(target) = &args.out {
+        files.push(draft(target, &csv)?);
+    }
+    if let Some(target) = &args.plot {
+        files.push(draft(target, &boundary_plot::svg(&boundary, &axes, &title, &summary))?);
+    }
+    // Both are there before one is in its place.
+    let mut wrote = Vec::new();
+    for (draft, target) in files {
+        wrote.push(draft.finish().map_err(|error| Failure::write(target.display(), error))?);
+    }
+    let summary = format!("{title}\n\n{summary}");
+    let result = if args.out.is_some() { &summary } else { &csv };
+    let mut out = stdout().lock();
+    out.write_all(result.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    if args.out.is_none() {
+        people::say(summary.trim_end());
+    }
+    for path in wrote {
+        people::say(format_args!("wrote {}", path.display()));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn claims(names: &[String]) -> Result<Vec<Edge>, Failure> {
+    let mut claims = Vec::new();
+    for name in names {
+        let edge = Edge::named(name.trim()).ok_or_else(|| {
+            let names = Edge::ALL.map(Edge::name).join(", ");
+            Failure::input(format!("--of: there is no {name:?}; there are {names}"))
+        })?;
+        if !claims.contains(&edge) {
+            claims.push(edge);
+        }
+    }
+    Ok(claims)
+}
+
+fn draft(target: &Path, text: &str) -> Result<(Draft, PathBuf), Failure> {
+    let failed = |error| Failure::write(target.display(), error);
+    let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
+    draft.write_all(text.as_bytes()).map_err(failed)?;
+    Ok((draft, target.to_path_buf()))
+}
+
+/// The axes in the units of their ends as typed, or else in SI.
+fn shown(plane: &Plane, typed: &[String]) -> [Shown; 2] {
+    [0, 1].map(|i| {
+        let axis = &plane.axes[i];
+        let range = typed.get(i).and_then(|text| text.split_once('=')).map_or("", |(_, range)| range);
+        let ends = range.strip_suffix(":log").unwrap_or(range).split("..");
+        let dimension = plane.world.key(&axis.key).and_then(|key| match key.takes {
+            Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => Some(measure.dimension(plane.world.motion)),
+            _ => None,
+        });
+        let own = ends.map(unit).filter(|unit| !unit.is_empty()).find_map(|unit| {
+            let size = parse_quantity(&format!("1 {unit}"), dimension?).ok()?;
+            Some((unit, size))
+        });
+        let (unit, size) = own.unwrap_or_else(|| (axis.unit.clone(), 1.0));
+        Shown { key: axis.key.clone(), unit, size, from: axis.from, to: axis.to, logarithmic: axis.logarithmic }
+    })
+}
+
+/// The side on which it is beyond the edge: the key that says it best, and whether larger or smaller.
+fn toward(point: &Point) -> (usize, bool) {
+    let axis = usize::from(point.beyond[1].abs() > point.beyond[0].abs());
+    (axis, point.beyond[axis] > 0.0)
+}
+
+fn csv(boundary: &Boundary) -> String {
+    let [x, y] = &boundary.plane.axes;
+    let mut text = format!("edge,piece,{},{},hz,beyond\n", x.key, y.key);
+    for claim in &boundary.claims {
+        for (number, piece) in claim.pieces.iter().enumerate() {
+            for point in &piece.points {
+                let (axis, larger) = toward(point);
+                let mut numbers = String::new();
+                table::line(&[Some(point.values[0]), Some(point.values[1]), point.hz], &mut numbers);
+                let sign = if larger { '+' } else { '-' };
+                let key = &boundary.plane.axes[axis].key;
+                let _ = writeln!(text, "{},{},{},{sign}{key}", claim.edge.name(), number + 1, numbers.trim_end());
+            }
+        }
+    }
+    text
+}
+
+/// What was found, for people.
+fn summary(boundary: &Boundary, axes: &[Shown; 2]) -> String {
+    let mut text = format!("plane     {}\n          {}\n", axes[0].range(), axes[1].range());
+    for claim in &boundary.claims {
+        let _ = match claim.everywhere {
+            Some(true) => writeln!(text, "{:<9} {} everywhere", claim.edge.name(), claim.edge.beyond()),
+            Some(false) => writeln!(text, "{:<9} nowhere {}", claim.edge.name(), claim.edge.beyond()),
+            None => Ok(()),
+        };
+        for (i, piece) in claim.pieces.iter().enumerate() {
+            let name = if i == 0 { claim.edge.name() } else { "" };
+            let _ = writeln!(text, "{name:<9} {}", about(piece, axes));
+        }
+    }
+    let pieces = || boundary.claims.iter().flat_map(|claim| &claim.pieces);
+    let (points, failed) = pieces().fold((0, 0), |(p, f), piece| (p + piece.points.len(), f + piece.failed));
+    if points + failed > 0 {
+        let _ = match failed {
+            0 => writeln!(text, "checked   {points} points: beside each, the verdicts on its two sides differ"),
+            _ => writeln!(
+                text,
+                "checked   {} points: beside {failed} of them the verdicts do not differ, and these are left out",
+                points + failed
+            ),
+        };
+    }
+    text
+}
+
+/// A piece in a sentence: where, how found, and which side is which.
+fn about(piece: &Piece, axes: &[Shown; 2]) -> String {
+    let place = |point: &Point| format!("({}, {})", axes[0].value(point.values[0]), axes[1].value(point.values[1]));
+    let way = match piece.way {
+        Way::Equation => "by its equation",
+        Way::Continuation => "by continuation",
+    };
+    let (Some(first), Some(last), Some(middle)) =
+        (piece.points.first(), piece.points.last(), piece.points.get(piece.points.len() / 2))
+    else {
+        return String::new();
+    };
+    let (axis, larger) = toward(middle);
+    let side = if larger { "larger" } else { "smaller" };
+    let ends = match piece.closed {
+        true => format!("closed, through {}", place(first)),
+        false => format!("from {} to {}", place(first), place(last)),
+    };
+    let count = piece.points.len();
+    format!(
+        "{ends}, {count} points {way}\n          seen from {}, {} toward {side} {}",
+        place(middle),
+        piece.edge.beyond(),
+        axes[axis].key
+    )
+}

@@ -1,0 +1,67 @@
+//! The picture of a boundary: the plane of two keys, each side of each edge in its colour.
+
+use hapt_report::figure::{Axis, Figure, Fill, Panel, Style};
+use hapt_report::{Point, Width};
+use hapt_sweep::boundary::{Boundary, Edge, Place};
+
+use crate::boundary::Shown;
+
+/// The whole figure as SVG.
+pub fn svg(boundary: &Boundary, axes: &[Shown; 2], title: &str, summary: &str) -> String {
+    let point = |place: Place| -> Point {
+        let [x, y] = boundary.plane.values(place);
+        (x / axes[0].size, y / axes[1].size)
+    };
+    let axis = |shown: &Shown| {
+        let (from, to) = (shown.from / shown.size, shown.to / shown.size);
+        match shown.logarithmic && from > 0.0 {
+            true => Axis::logarithmic(&shown.key, &shown.unit, from, to),
+            false => Axis::from_to(&shown.key, &shown.unit, from, to),
+        }
+    };
+    let mut panel = Panel::new("", axis(&axes[0]), axis(&axes[1]));
+    let asked = |edge: Edge| boundary.claims.iter().any(|claim| claim.edge == edge);
+    let stability = match (asked(Edge::Held), asked(Edge::Free)) {
+        (true, true) => ["stable", "unstable"],
+        (true, false) => ["stable held", "unstable held"],
+        (false, true) => ["stable let go", "unstable let go"],
+        (false, false) => ["", ""],
+    };
+    let passivity = asked(Edge::Passive);
+    let all = match (stability[0], passivity) {
+        ("stable", true) => "certified".to_string(),
+        ("", _) => "passive".into(),
+        (stable, true) => format!("{stable} and passive"),
+        (stable, false) => stable.into(),
+    };
+    // What is worse covers what is better.
+    let frame = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    let polygons = |polygons: &[Vec<Place>]| polygons.iter().map(|p| p.iter().map(|&q| point(q)).collect()).collect();
+    panel.region(&all, Fill::Good, polygons(&[frame]));
+    let not_passive =
+        if stability[0].is_empty() { "not passive".into() } else { format!("{}, not passive", stability[0]) };
+    for (edge, fill, name) in [
+        (Edge::Passive, Fill::Fair, not_passive.as_str()),
+        (Edge::Held, Fill::Bad, stability[1]),
+        (Edge::Free, Fill::Bad, stability[1]),
+    ] {
+        for claim in boundary.claims.iter().filter(|claim| claim.edge == edge && !claim.beyond.is_empty()) {
+            panel.region(name, fill, polygons(&claim.beyond));
+        }
+    }
+    for claim in &boundary.claims {
+        let (name, style) = match claim.edge {
+            Edge::Held => ("edge of stability, held", Style::Edge(2)),
+            Edge::Free => ("edge of stability, let go", Style::Edge(0)),
+            Edge::Passive => ("edge of passivity", Style::Edge(1)),
+        };
+        for piece in &claim.pieces {
+            let closing = piece.closed.then(|| piece.points.first()).flatten();
+            let places = piece.points.iter().chain(closing).map(|p| point(p.place));
+            panel.curve(name, style, places.collect());
+        }
+    }
+    let alt = summary.lines().map(str::trim).collect::<Vec<_>>().join("; ");
+    let figure = Figure { title: title.into(), alt, panels: vec![panel], columns: 1 };
+    figure.svg(Width::Wide, true) + "\n"
+}
