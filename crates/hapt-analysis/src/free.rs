@@ -16,6 +16,7 @@ use crate::critical::{Critical, of_part};
 use crate::eigen::{Multiplier, Root, multiplier, solve};
 use crate::error::{Error, positive};
 use crate::estimator::Filter;
+use crate::grip::Grip;
 use crate::held::{inertias, spectrum};
 use crate::modal::Modal;
 use crate::port::Port;
@@ -59,7 +60,7 @@ struct Found {
 /// [`Error::Value`] for a period or inertia that is not positive, [`Error::NoSuchBody`], [`Error::InFlight`] for a delay of too
 /// many periods, [`Error::Step`] and [`Error::Eigenvalues`] when numbers leave double precision.
 pub fn free(world: &World) -> Result<Stability, Error> {
-    analyse(world, Critical::Unbounded)
+    analyse(world, &Grip::default(), Critical::Unbounded)
 }
 
 /// The growth of [`free`] alone, in 1/s.
@@ -67,7 +68,17 @@ pub fn free(world: &World) -> Result<Stability, Error> {
 /// # Errors
 /// As [`free`].
 pub fn free_growth(world: &World) -> Result<Option<f64>, Error> {
-    Ok(analyse(world, Critical::Never)?.growth_per_s)
+    gripped_growth(world, &Grip::default())
+}
+
+/// The growth in 1/s of the loop with a hand on the puck that holds still: its inertia moves with the puck, its spring and damper
+/// stand between the puck and ground. Such a hand is passive, and what grows draws its energy from the loop. No hand, all three
+/// 0: [`free_growth`].
+///
+/// # Errors
+/// As [`free`].
+pub fn gripped_growth(world: &World, grip: &Grip) -> Result<Option<f64>, Error> {
+    Ok(analyse(world, grip, Critical::Never)?.growth_per_s)
 }
 
 /// The eigenvalues of [`free`] alone.
@@ -75,11 +86,11 @@ pub fn free_growth(world: &World) -> Result<Option<f64>, Error> {
 /// # Errors
 /// As [`free`].
 pub fn free_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
-    Ok(analyse(world, Critical::Never)?.eigenvalues)
+    Ok(analyse(world, &Grip::default(), Critical::Never)?.eigenvalues)
 }
 
 /// The critical period is searched where it may be below `critical`.
-fn analyse(world: &World, mut critical: Critical) -> Result<Stability, Error> {
+fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stability, Error> {
     let period = positive("the period", world.sampling.period)?;
     // The puck is one of the bodies, the first.
     let mut inertia = vec![positive("the device's inertia", world.device.inertia)?];
@@ -95,7 +106,7 @@ fn analyse(world: &World, mut critical: Critical) -> Result<Stability, Error> {
                 Some((_, found)) => found.clone(),
                 None => {
                     let found = match index {
-                        0 => of_puck(&part, &world.sampling, world.device.damping, critical)?,
+                        0 => of_puck(&part, &world.sampling, world.device.damping, grip, critical)?,
                         _ => apart(&part, world.sampling.method, period, critical)?,
                     };
                     known.push((part, found.clone()));
@@ -154,9 +165,10 @@ fn apart(part: &Part, method: Method, period: f64, known: Critical) -> Result<Fo
 }
 
 /// The part of the puck, its first member.
-fn of_puck(part: &Part, sampling: &Sampling, damping: f64, known: Critical) -> Result<Found, Error> {
+fn of_puck(part: &Part, sampling: &Sampling, damping: f64, grip: &Grip, known: Critical) -> Result<Found, Error> {
     let period = sampling.period;
-    let port = Port::new(part)?;
+    let port = Port::new(part)?.gripped(grip.inertia, grip.stiffness);
+    let damping = damping + grip.damping;
     let (unseen, _) = spectrum(&port.unseen, sampling.method, period)?;
     let mut critical = of_part(&port.unseen, sampling.method, known)?;
     // The differential equation has the device's damping too.
@@ -190,7 +202,7 @@ fn of_puck(part: &Part, sampling: &Sampling, damping: f64, known: Critical) -> R
 
 /// The eigenvalues of the stacked loop, each with a bound of its error: those so near the circle that a solver's rounding might
 /// decide are looked at again.
-fn multipliers(
+pub(crate) fn multipliers(
     port: &Port,
     sampling: &Sampling,
     damping: f64,
@@ -227,7 +239,7 @@ fn multipliers(
 }
 
 /// Those that count: all but as many as there are shifts that stand within `near`, in 1/s, of 1.
-fn counting(mut all: Vec<Multiplier>, shifts: usize, period: f64, near: f64) -> Vec<Multiplier> {
+pub(crate) fn counting(mut all: Vec<Multiplier>, shifts: usize, period: f64, near: f64) -> Vec<Multiplier> {
     all.sort_by(|a, b| from_one(a).total_cmp(&from_one(b)));
     let gone = all.iter().take(shifts).take_while(|m| from_one(m) / period < near).count();
     all.split_off(gone)

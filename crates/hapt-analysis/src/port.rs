@@ -36,8 +36,10 @@ pub(crate) struct Block {
 /// See the module's head.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Port {
-    /// J_z in kg·m².
+    /// J_z in kg·m², and the inertia of a hand that grips.
     pub inertia: f64,
+    /// The spring of a hand that grips, from the puck to ground, N·m/rad; 0: none.
+    pub spring: f64,
     pub blocks: Vec<Block>,
     /// Of all ties at the puck: N·m/rad.
     pub stiffness: f64,
@@ -124,6 +126,7 @@ impl Port {
         let own = |of: fn(&Link) -> f64| part.links.iter().filter(|l| l.body == 0).map(of).sum::<f64>();
         let port = Port {
             inertia: part.inertia[0],
+            spring: 0.0,
             blocks,
             stiffness: own(|l| l.stiffness),
             fixed: own(|l| l.fixed),
@@ -135,7 +138,18 @@ impl Port {
         if port.is_finite() { Ok(port) } else { Err(Error::Eigenvalues { order: 2 * n + 2 }) }
     }
 
-    /// Whether nothing pulls at the puck.
+    /// The same with a hand of this inertia and spring on the puck. A spring holds the puck in place: its shift is no longer free.
+    pub fn gripped(mut self, inertia: f64, spring: f64) -> Port {
+        self.inertia += inertia;
+        self.spring += spring;
+        if spring > 0.0 && !self.grounded {
+            self.grounded = true;
+            self.shifts -= 1;
+        }
+        self
+    }
+
+    /// Whether no coupling pulls at the puck.
     pub fn is_slack(&self) -> bool {
         self.stiffness == 0.0 && !self.has_damper()
     }

@@ -25,6 +25,8 @@
 //! ```text
 //! Δż = (e^{-x} - 1) ż + (h/J) φ₁ τ,    Δz = h φ₁ ż + (h²/J) φ₂ τ,    φ₁ = (1 - e^{-x})/x,    φ₂ = (x - 1 + e^{-x})/x²
 //! ```
+//!
+//! With a hand's spring on it the puck swings, J z̈ + b ż + k z = τ, and its stretch is the exponential of [`Swing`].
 
 use hapt_model::Sampling;
 use nalgebra::{DMatrix, RowDVector};
@@ -33,6 +35,7 @@ use crate::delay::{Delay, IN_FLIGHT};
 use crate::discrete::Discrete;
 use crate::error::Error;
 use crate::estimator::Filter;
+use crate::matrix::phi;
 use crate::port::Port;
 
 /// φ₁ of the module's head.
@@ -46,6 +49,30 @@ pub(crate) fn phi2(x: f64) -> f64 {
         return ((-x).exp_m1() + x) / (x * x);
     }
     (3..=20).rev().fold(1.0, |sum, k| 1.0 - x * sum / f64::from(k)) * 0.5
+}
+
+/// J z̈ + b ż + k z = τ.
+#[derive(Clone, Copy)]
+struct Swing {
+    inertia: f64,
+    damping: f64,
+    spring: f64,
+}
+
+impl Swing {
+    /// Over a stretch h under a held τ, (Δz, Δż) = C (z, ż) + p τ: C by rows, and p. With X = [0 1; -kh²/J -bh/J] on (z, h ż), in
+    /// which all entries are ratios of times, they are X φ₁(X) and φ₁(X) (0, h²/J).
+    fn over(&self, h: f64) -> ([[f64; 2]; 2], [f64; 2]) {
+        let Swing { inertia, damping, spring } = *self;
+        if h == 0.0 {
+            return ([[0.0; 2]; 2], [0.0; 2]);
+        }
+        let x = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, -spring * h * h / inertia, -damping * h / inertia]);
+        let (phi1, _) = phi(&x);
+        let c = x * &phi1;
+        let push = h * h / inertia;
+        ([[c[(0, 0)], c[(0, 1)] * h], [c[(1, 0)] / h, c[(1, 1)]]], [phi1[(0, 1)] * push, phi1[(1, 1)] * push / h])
+    }
 }
 
 /// D of the module's head. `damping` is the device's b, `filter` the estimator's at this period.
@@ -108,17 +135,34 @@ pub(crate) fn stack(
     let rate = damping / j;
     let (h1, h2) = (delay.part * period, period - delay.part * period);
     let command = |age: usize| if age == 0 { torque.clone() } else { unit(first_flying + age - 1) };
-    let mut dz = unit(v) * (period * phi1(rate * period));
-    let mut dv = unit(v) * (-rate * period).exp_m1();
-    if !slack {
-        let new = command(delay.samples);
-        dz += &new * (h2 * h2 / j * phi2(rate * h2));
-        dv += new * (h2 / j * phi1(rate * h2));
-        if delay.part > 0.0 {
-            let old = command(delay.samples + 1);
-            let push = h1 / j * phi1(rate * h1);
-            dz += &old * (h1 * h1 / j * phi2(rate * h1) + push * h2 * phi1(rate * h2));
-            dv += old * (push * (-rate * h2).exp());
+    let (mut dz, mut dv);
+    if let Some(z) = z.filter(|_| port.spring > 0.0) {
+        (dz, dv) = (RowDVector::zeros(order), RowDVector::zeros(order));
+        let swing = Swing { inertia: j, damping, spring: port.spring };
+        for (h, age) in [(h1, delay.samples + 1), (h2, delay.samples)].into_iter().filter(|(h, _)| *h > 0.0) {
+            let (change, push) = swing.over(h);
+            let (at_z, at_v) = (unit(z) + &dz, unit(v) + &dv);
+            dz += &at_z * change[0][0] + &at_v * change[0][1];
+            dv += at_z * change[1][0] + at_v * change[1][1];
+            if !slack {
+                let torque = command(age);
+                dz += &torque * push[0];
+                dv += torque * push[1];
+            }
+        }
+    } else {
+        dz = unit(v) * (period * phi1(rate * period));
+        dv = unit(v) * (-rate * period).exp_m1();
+        if !slack {
+            let new = command(delay.samples);
+            dz += &new * (h2 * h2 / j * phi2(rate * h2));
+            dv += new * (h2 / j * phi1(rate * h2));
+            if delay.part > 0.0 {
+                let old = command(delay.samples + 1);
+                let push = h1 / j * phi1(rate * h1);
+                dz += &old * (h1 * h1 / j * phi2(rate * h1) + push * h2 * phi1(rate * h2));
+                dv += old * (push * (-rate * h2).exp());
+            }
         }
     }
 
@@ -185,7 +229,6 @@ pub(crate) fn stack(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::matrix::phi;
     use proptest::prelude::*;
 
     proptest! {
@@ -195,6 +238,30 @@ mod tests {
             let (one, two) = phi(&DMatrix::from_element(1, 1, -x));
             prop_assert!((phi1(x) / one[0] - 1.0).abs() < 1e-14);
             prop_assert!((phi2(x) / two[0] - 1.0).abs() < 2e-14);
+        }
+
+        #[test]
+        fn a_swing_without_a_spring_is_the_free_puck(log in -6.0..1.5f64, h in 1e-5..1e-1f64) {
+            let (inertia, x) = (6.4e-4, 10f64.powf(log));
+            let swing = Swing { inertia, damping: x * inertia / h, spring: 0.0 };
+            let (change, push) = swing.over(h);
+            prop_assert_eq!([change[0][0], change[1][0]], [0.0, 0.0]);
+            let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
+            prop_assert!(close(change[0][1], h * phi1(x)) && close(change[1][1], (-x).exp_m1()));
+            prop_assert!(close(push[0], h * h / inertia * phi2(x)) && close(push[1], h / inertia * phi1(x)));
+        }
+
+        #[test]
+        fn an_undamped_swing_turns_by_its_angle(angle in 1e-4..20.0f64, h in 1e-5..1e-1f64) {
+            let (inertia, omega) = (6.4e-4, angle / h);
+            let ([[a, b], [c, d]], [z, v]) =
+                Swing { inertia, damping: 0.0, spring: inertia * omega * omega }.over(h);
+            let (sin, less) = (angle.sin(), -2.0 * (0.5 * angle).sin().powi(2));
+            let error = [a - less, b * omega - sin, c / omega + sin, d - less];
+            prop_assert!(error.iter().all(|e| e.abs() < 1e-12), "{error:?}");
+            // A held torque moves the rest by τ/k.
+            let k = inertia * omega * omega;
+            prop_assert!((z * k + less).abs() < 1e-12 && (v * k / omega - sin).abs() < 1e-12);
         }
     }
 }

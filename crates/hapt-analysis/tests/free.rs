@@ -6,7 +6,7 @@ mod common;
 use std::f64::consts::TAU;
 
 use common::*;
-use hapt_analysis::{Stability, Verdict, free};
+use hapt_analysis::{Grip, Stability, Verdict, eigen, free, gripped_growth};
 use hapt_core::{Loop, Puck, Spec};
 use hapt_model::{
     Coupling, Damping, Device, End, Estimator, EstimatorKind, Law, Method, Motion, Output, Sampling, Side, World,
@@ -68,13 +68,19 @@ struct Brute {
 
 impl Brute {
     fn new(world: &World) -> Self {
+        Brute::gripped(world, &Grip::default())
+    }
+
+    /// With a hand on the puck.
+    fn gripped(world: &World, grip: &Grip) -> Self {
         let sampling = &world.sampling;
-        let (period, j, b) = (sampling.period, world.device.inertia, world.device.damping);
+        let period = sampling.period;
+        let (j, b, k) = (world.device.inertia + grip.inertia, world.device.damping + grip.damping, grip.stiffness);
         let spec = Spec { estimator: Estimator::Exact, count: None, limit: None, levels: None, ..world.spec() };
         let ratio = sampling.delay / period;
         let near = (ratio - ratio.round()).abs() <= 1e-6;
         let samples = if near { ratio.round() } else { ratio.floor() };
-        let equations = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, 0.0, -b / j, 1.0 / j, 0.0, 0.0, 0.0]);
+        let equations = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, -k / j, -b / j, 1.0 / j, 0.0, 0.0, 0.0]);
         let over = |h: f64| (&equations * h).exp();
         let part = (ratio - samples) * period;
         let parts = if near { vec![over(period)] } else { vec![over(part), over(period - part)] };
@@ -271,6 +277,32 @@ proptest! {
         } else {
             agrees(&found, &Brute::new(&world).map(), &what)?;
         }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn the_real_loop_with_a_hand_on_an_exact_puck_grows_as_fast(
+        world in loops(), mass in 0.0..10.0f64, swing in log_uniform(-2.0..0.5), damped in 0.0..0.5f64,
+    ) {
+        // FOAW counts as the worse of two windows: here it has one.
+        let mut world = world;
+        world.sampling.window = 1;
+        let inertia = mass * world.device.inertia;
+        let (total, omega) = (inertia + world.device.inertia, swing / world.sampling.period);
+        let grip = Grip { inertia, damping: damped * total * omega, stiffness: total * omega * omega };
+        let found = gripped_growth(&world, &grip).unwrap();
+        let map = Brute::gripped(&world, &grip).map();
+        // A double eigenvalue 1, a body that nothing holds, splits by √eps.
+        let near = 1e-5 * map.norm();
+        let values = eigen::eigenvalues(&map).unwrap();
+        let most = values.iter().filter(|mu| mu.norm() > near).map(|mu| (mu + 1.0).norm()).fold(0.0, f64::max);
+        let radius = found.map_or(0.0, |g| (g * world.sampling.period).exp());
+        let size = map.norm().max(1.0);
+        let slow = (radius - 1.0).abs() < 2.0 * near;
+        prop_assert!((radius - most).abs() < 1e-7 * size || (slow && most < 1.0 + 2.0 * near), "{radius} {most}: {world:?} {grip:?}");
     }
 }
 

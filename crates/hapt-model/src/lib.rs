@@ -59,4 +59,4 @@ pub use schema::schema;
 pub use source::{LARGEST_SOURCE, Source};
 pub use unit::{UNITS, Unit, UnitError};
 pub use words::{did_you_mean, nearest};
-pub use world::{Device, Drive, EstimatorKind, Hand, Motion, Sampling, Scenario, Shape, World};
+pub use world::{Device, Drive, EstimatorKind, Hand, Motion, Sampling, Scenario, Shape, Switching, World};

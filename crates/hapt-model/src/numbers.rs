@@ -3,7 +3,7 @@
 use hapt_core::{Body, Clampable, Damping, Law};
 
 use crate::keys::{self, Key};
-use crate::world::{Device, Drive, Hand, Sampling, Shape, World};
+use crate::world::{Device, Drive, Hand, Sampling, Shape, Switching, World};
 
 /// Where a number stands.
 pub(crate) enum Slot<'a> {
@@ -123,8 +123,13 @@ pub(crate) fn hand(hand: &mut Hand) -> (&'static str, Slots<'_>) {
     let (kind, mut slots) = match &mut hand.drive {
         Drive::Position(moves) => shape(moves),
         Drive::Torque(_) => ("torque", Vec::new()),
-        Drive::Grip { inertia, damping, stiffness, moves: _ } => {
-            ("grip", vec![("inertia", Number(inertia)), ("damping", Number(damping)), ("stiffness", Number(stiffness))])
+        Drive::Grip { inertia, damping, stiffness, moves: _, switching } => {
+            let mut slots =
+                vec![("inertia", Number(inertia)), ("damping", Number(damping)), ("stiffness", Number(stiffness))];
+            if let Some(Switching { hold, open }) = switching {
+                slots.extend([("hold", Number(hold)), ("open", Number(open))]);
+            }
+            ("grip", slots)
         }
     };
     slots.push(release);

@@ -10,7 +10,7 @@ use crate::path::{self, Carries};
 use crate::source::Source;
 use crate::support;
 use crate::words;
-use crate::world::{Device, Drive, EstimatorKind, Hand, Motion, Sampling, Scenario, Shape, World};
+use crate::world::{Device, Drive, EstimatorKind, Hand, Motion, Sampling, Scenario, Shape, Switching, World};
 
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;
@@ -286,10 +286,35 @@ fn scenario(name: String, fields: &Fields<'_>, period: f64, paths: &mut path::Re
             damping: hand.number("damping")?,
             stiffness: hand.number("stiffness")?,
             moves: moves(Carries::Position)?,
+            switching: switching(&hand, duration)?,
         },
         _ => Drive::Position(shape(&hand, Carries::Position, paths)?),
     };
     Ok(Scenario { name, duration, hand: Hand { drive, release: hand.optional_number("release")? } })
+}
+
+/// The two keys of a grip that opens and takes hold again.
+fn switching(hand: &Fields<'_>, duration: f64) -> Result<Option<Switching>, Error> {
+    let alone = |key, other| {
+        let message = format!("stands without {other}: a hand that opens and takes hold again has both");
+        Err(hand.error(ErrorKind::Combination, key, message))
+    };
+    match (hand.optional_number("hold")?, hand.optional_number("open")?) {
+        (None, None) => Ok(None),
+        (Some(_), None) => alone("hold", "open"),
+        (None, Some(_)) => alone("open", "hold"),
+        (Some(hold), Some(open)) => {
+            let times = duration / (hold + open);
+            if times > MOST_SAMPLES {
+                let message = format!(
+                    "a hand that holds for {hold:?} s and opens for {open:?} s takes hold {times:e} times in {duration:?} s; at \
+                     most {MOST_SAMPLES:e} are allowed"
+                );
+                return Err(hand.error(ErrorKind::Combination, "hold", message));
+            }
+            Ok(Some(Switching { hold, open }))
+        }
+    }
 }
 
 fn shape(fields: &Fields<'_>, carries: Carries, paths: &mut path::Reader<'_>) -> Result<Shape, Error> {

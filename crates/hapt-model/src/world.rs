@@ -124,7 +124,20 @@ pub enum Drive {
         stiffness: f64,
         /// The intended motion.
         moves: Shape,
+        /// A hand that opens and takes hold again; `None`: it holds on.
+        switching: Option<Switching>,
     },
+}
+
+/// A grip that holds, opens and takes hold again, from t = 0 on. Open, it has no spring and no damper, and what its spring held is
+/// lost; its inertia stays with the puck. Each time it takes hold where the puck is: what it intends is the puck's position at that
+/// instant, and what its `moves` does from then on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Switching {
+    /// How long it holds, s, positive.
+    pub hold: f64,
+    /// How long it is open, s, positive.
+    pub open: f64,
 }
 
 /// A position, or a torque, as a function of time.

@@ -130,7 +130,10 @@ fn what_is_absent_has_its_default() {
     let device = Device { inertia: 1.0, damping: 0.0, friction: 0.0, limit: None, encoder: None, levels: None };
     assert_eq!(world.device, device);
     let moves = Shape::Step { to: 1.0, at: 0.0 };
-    assert_eq!(world.scenarios[0].hand.drive, Drive::Grip { inertia: 0.0, damping: 0.0, stiffness: 0.0, moves });
+    assert_eq!(
+        world.scenarios[0].hand.drive,
+        Drive::Grip { inertia: 0.0, damping: 0.0, stiffness: 0.0, moves, switching: None }
+    );
 }
 
 #[test]

@@ -377,6 +377,23 @@ fn scenarios_and_hands() {
             "scenarios.s.hand.moves.kind: \"torque\" is not known here; \"step\", \"ramp\", \"sine\" or \"path\" is wanted",
         ),
         (
+            "duration = 1\nhand = { kind = \"grip\", hold = 1, moves = { kind = \"step\", to = 1 } }",
+            "scenarios.s.hand.hold: stands without open: a hand that opens and takes hold again has both",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"grip\", open = 1, moves = { kind = \"step\", to = 1 } }",
+            "scenarios.s.hand.open: stands without hold: a hand that opens and takes hold again has both",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"grip\", hold = 0, open = 1, moves = { kind = \"step\", to = 1 } }",
+            "scenarios.s.hand.hold: 0 is not above 0; a time (s) above 0 is wanted, such as \"1 ms\"",
+        ),
+        (
+            "duration = 1\nhand = { kind = \"grip\", hold = 1e-12, open = 1e-12, moves = { kind = \"step\", to = 1 } }",
+            "scenarios.s.hand.hold: a hand that holds for 1e-12 s and opens for 1e-12 s takes hold 5e11 times in 1.0 s; at most \
+             1e10 are allowed",
+        ),
+        (
             "duration = 1\nhand = { kind = \"path\", file = \"/etc/passwd\" }",
             "scenarios.s.hand.file: \"/etc/passwd\" leads out of the world file's folder; a path file stands in it or below",
         ),

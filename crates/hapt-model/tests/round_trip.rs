@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hapt_model::{
     Body, Coupling, Damping, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Output, Sampling, Scenario,
-    Shape, Side, Source, World,
+    Shape, Side, Source, Switching, World,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -96,8 +96,12 @@ fn hand() -> impl Strategy<Value = Hand> {
     let drive = prop_oneof![
         position().prop_map(Drive::Position),
         shape("torque.csv", POINTS.to_vec()).prop_map(Drive::Torque),
-        (zero_or_more(), zero_or_more(), zero_or_more(), position())
-            .prop_map(|(inertia, damping, stiffness, moves)| Drive::Grip { inertia, damping, stiffness, moves }),
+        (zero_or_more(), zero_or_more(), zero_or_more(), position(), option::of((1e-3..1e3, 1e-3..1e3))).prop_map(
+            |(inertia, damping, stiffness, moves, switching)| {
+                let switching = switching.map(|(hold, open)| Switching { hold, open });
+                Drive::Grip { inertia, damping, stiffness, moves, switching }
+            }
+        ),
     ];
     (drive, option::of(zero_or_more())).prop_map(|(drive, release)| Hand { drive, release })
 }

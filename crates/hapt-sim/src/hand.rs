@@ -1,6 +1,6 @@
 //! The hand: what it prescribes or pushes, and when it lets go.
 
-use hapt_model::{Drive, Hand as Model};
+use hapt_model::{Drive, Hand as Model, Switching};
 
 use crate::curve::{Curve, Form, Piece, snap};
 use crate::puck::{Inertia, Push};
@@ -13,6 +13,52 @@ pub(crate) struct Hand {
     piece: Piece,
     kind: Kind,
     release: Option<f64>,
+    switch: Option<Switch>,
+}
+
+/// A grip that opens and takes hold again.
+#[derive(Clone, Debug)]
+struct Switch {
+    switching: Switching,
+    period: f64,
+    /// How often it has taken hold before.
+    cycle: u64,
+    is_open: bool,
+    /// When it opens or takes hold next, in s.
+    next: f64,
+    /// Where its intention stands above the `moves`.
+    offset: f64,
+}
+
+impl Switch {
+    /// Holding from t = 0 on.
+    fn new(switching: Switching, period: f64) -> Self {
+        let mut switch = Switch { switching, period, cycle: 0, is_open: false, next: 0.0, offset: 0.0 };
+        switch.next = switch.instant();
+        switch
+    }
+
+    /// When it opens, if it holds, or takes hold again.
+    fn instant(&self) -> f64 {
+        let Switching { hold, open } = self.switching;
+        let more = if self.is_open { hold + open } else { hold };
+        snap(self.cycle as f64 * (hold + open) + more, self.period)
+    }
+
+    /// Goes on to t, where the intended motion is at `moves` and the puck at `position`; whether it holds, or has opened, otherwise
+    /// than before.
+    fn act(&mut self, t: f64, moves: f64, position: f64) -> bool {
+        let before = self.is_open;
+        while self.next <= t {
+            if self.is_open {
+                self.cycle += 1;
+                self.offset = position - moves;
+            }
+            self.is_open = !self.is_open;
+            self.next = self.instant();
+        }
+        self.is_open != before
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -24,15 +70,21 @@ enum Kind {
 
 impl Hand {
     pub fn new(hand: &Model, period: f64) -> Self {
-        let (shape, kind) = match &hand.drive {
-            Drive::Position(shape) => (shape, Kind::Prescribed),
-            Drive::Torque(shape) => (shape, Kind::Torque),
-            &Drive::Grip { inertia, damping, stiffness, ref moves } => {
-                (moves, Kind::Grip(Inertia { inertia, damping, stiffness }))
+        let (shape, kind, switching) = match &hand.drive {
+            Drive::Position(shape) => (shape, Kind::Prescribed, None),
+            Drive::Torque(shape) => (shape, Kind::Torque, None),
+            &Drive::Grip { inertia, damping, stiffness, ref moves, switching } => {
+                (moves, Kind::Grip(Inertia { inertia, damping, stiffness }), switching)
             }
         };
         let curve = Curve::new(shape, period);
-        Hand { piece: curve.first(), curve, kind, release: hand.release.map(|t| snap(t, period)) }
+        let switch = switching.map(|switching| Switch::new(switching, period));
+        Hand { piece: curve.first(), curve, kind, release: hand.release.map(|t| snap(t, period)), switch }
+    }
+
+    /// Whether it opens and takes hold again.
+    pub fn switches(&self) -> bool {
+        self.switch.is_some()
     }
 
     /// The position as a function of time until the next event, where the hand prescribes it.
@@ -63,6 +115,16 @@ impl Hand {
     /// The push from t on, until the next event: the torque itself, or a grip's spring and damper on its intended motion. A
     /// jump of the intention has no velocity: no impulse.
     pub fn push(&self, t: f64) -> Push {
+        let Some(Switch { is_open, offset, .. }) = self.switch else { return self.plain_push(t) };
+        if is_open {
+            return Push::default();
+        }
+        let mut push = self.plain_push(t);
+        push.value += self.grip().map_or(0.0, |hand| hand.stiffness * offset);
+        push
+    }
+
+    fn plain_push(&self, t: f64) -> Push {
         if let Form::Sine { omega, phase, .. } = self.piece.form {
             let (sin, cos) = libm::sincos(omega * t + phase);
             return Push { sin, cos, ..Push::default() };
@@ -78,14 +140,16 @@ impl Hand {
         }
     }
 
-    /// Goes over to the curve's piece at t; gives the first instant after t at which the hand does something new.
-    pub fn act(&mut self, t: f64) -> Option<f64> {
+    /// Goes over to the curve's piece at t, and opens or takes hold of the puck, which is at `position`; gives the first instant after
+    /// t at which the hand does something new, and whether it has opened or taken hold now.
+    pub fn act(&mut self, t: f64, position: f64) -> (Option<f64>, bool) {
         self.piece = self.curve.piece(t);
+        let moves = self.piece.at(t).0;
+        let switched = self.switch.as_mut().is_some_and(|switch| switch.act(t, moves, position));
         let release = self.release.filter(|&release| release > t);
-        match (self.curve.next_break(t), release) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
-        }
+        let switch = self.switch.as_ref().map(|switch| switch.next);
+        let next = [self.curve.next_break(t), release, switch].into_iter().flatten().reduce(f64::min);
+        (next, switched)
     }
 
     /// Whether the hand is gone at t; the instant of release is the first at which it is.

@@ -10,10 +10,18 @@ pub(crate) struct Puck {
     pub position: f64,
     pub velocity: f64,
     device: Inertia,
+    friction: f64,
+    now: Held,
+    /// With a hand that opens and takes hold again: open now, or holding.
+    other: Option<Held>,
+}
+
+/// The puck with what a hand adds to it, or nothing.
+#[derive(Clone, Debug)]
+struct Held {
     /// The hand's share of the plant, where it grips.
     grip: Option<Inertia>,
     plant: Plant,
-    friction: f64,
     /// The propagators of the lengths that come again and again: a period, or its parts around a delay.
     usual: Vec<(f64, Propagator)>,
 }
@@ -35,9 +43,8 @@ pub(crate) struct Push {
     pub cos: f64,
 }
 
-impl Puck {
-    /// At rest at 0. `sine` is (gain on σ, gain on κ, ω) of the hand's push; `lengths` in s are those that come again and again.
-    pub fn new(device: Inertia, grip: Option<Inertia>, friction: f64, sine: (f64, f64, f64), lengths: &[f64]) -> Self {
+impl Held {
+    fn new(device: Inertia, grip: Option<Inertia>, sine: (f64, f64, f64), lengths: &[f64]) -> Self {
         let hand = grip.unwrap_or_default();
         let plant = Plant {
             mass: device.inertia + hand.inertia,
@@ -48,7 +55,26 @@ impl Puck {
             omega: sine.2,
         };
         let usual = lengths.iter().map(|&length| (length, Propagator::new(&plant, length))).collect();
-        Puck { position: 0.0, velocity: 0.0, device, grip, plant, friction, usual }
+        Held { grip, plant, usual }
+    }
+}
+
+impl Puck {
+    /// At rest at 0. `sine` is (gain on σ, gain on κ, ω) of the hand's push; `lengths` in s are those that come again and again.
+    pub fn new(device: Inertia, grip: Option<Inertia>, friction: f64, sine: (f64, f64, f64), lengths: &[f64]) -> Self {
+        let now = Held::new(device, grip, sine, lengths);
+        Puck { position: 0.0, velocity: 0.0, device, friction, now, other: None }
+    }
+
+    /// The same with a hand that opens and takes hold again: open, it leaves its inertia on the puck, and nothing else.
+    pub fn that_switches(mut self) -> Self {
+        let open = self.now.grip.map(|grip| Inertia { damping: 0.0, stiffness: 0.0, ..grip });
+        self.other = Some(Held::new(self.device, open, (0.0, 0.0, 0.0), &self.lengths()));
+        self
+    }
+
+    fn lengths(&self) -> Vec<f64> {
+        self.now.usual.iter().map(|(length, _)| *length).collect()
     }
 
     /// Moves for `dt` under the motor's held torque and the hand's push; the works go to the ledger.
@@ -83,7 +109,7 @@ impl Puck {
                     taken
                 }
             };
-            y = drives_after(&self.plant, &y, taken);
+            y = drives_after(&self.now.plant, &y, taken);
             left -= taken;
         }
         [y[X], y[V]]
@@ -103,12 +129,12 @@ impl Puck {
 
     /// Motor, hand and the hand's spring; friction aside, at rest.
     fn net(&self, y: &Motion) -> f64 {
-        self.plant.drive(y) - self.plant.stiffness * y[X]
+        self.now.plant.drive(y) - self.now.plant.stiffness * y[X]
     }
 
     /// Its derivative at rest.
     fn net_slope(&self, y: &Motion) -> f64 {
-        y[RAMP] + self.plant.omega * (self.plant.sine * y[COS] - self.plant.cosine * y[SIN])
+        y[RAMP] + self.now.plant.omega * (self.now.plant.sine * y[COS] - self.now.plant.cosine * y[SIN])
     }
 
     /// Slides for `dt` with friction against `direction` (0: none); gives position and velocity at the end.
@@ -118,10 +144,10 @@ impl Puck {
         let held = self.friction * direction;
         y[F] -= held;
         let fresh;
-        let propagator = match self.usual.iter().find(|(length, _)| *length == dt) {
+        let propagator = match self.now.usual.iter().find(|(length, _)| *length == dt) {
             Some((_, propagator)) => propagator,
             None => {
-                fresh = Propagator::new(&self.plant, dt);
+                fresh = Propagator::new(&self.now.plant, dt);
                 &fresh
             }
         };
@@ -130,7 +156,7 @@ impl Puck {
         ledger.friction += held * travel;
         ledger.damping += self.device.damping * speed;
         ledger.hand += push * travel + varying;
-        if let Some(grip) = self.grip {
+        if let Some(grip) = self.now.grip {
             // The hand's torque on the puck is what its intention, spring, damper and inertia leave over.
             let square = |x: f64| x * x;
             ledger.hand -= grip.damping * speed
@@ -144,7 +170,7 @@ impl Puck {
     fn first_stop(&self, y: &Motion, dt: f64, direction: f64) -> Option<f64> {
         let mut sliding = *y;
         sliding[F] -= self.friction * direction;
-        let plant = &self.plant;
+        let plant = &self.now.plant;
         first_crossing(dt, slice(plant, dt), |t| {
             let y = plant.after(&sliding, t);
             (-direction * y[V], -direction * plant.acceleration(&y))
@@ -154,8 +180,8 @@ impl Puck {
     /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction.
     fn first_slip(&self, y: &Motion, dt: f64) -> Option<f64> {
         let over = |side: f64| {
-            first_crossing(dt, slice(&self.plant, dt), |t| {
-                let y = drives_after(&self.plant, y, t);
+            first_crossing(dt, slice(&self.now.plant, dt), |t| {
+                let y = drives_after(&self.now.plant, y, t);
                 (side * self.net(&y) - self.friction, side * self.net_slope(&y))
             })
         };
@@ -165,10 +191,16 @@ impl Puck {
         }
     }
 
+    /// A hand that switches opens, or takes hold again.
+    pub fn switch(&mut self) {
+        if let Some(other) = &mut self.other {
+            std::mem::swap(&mut self.now, other);
+        }
+    }
+
     /// The hand lets go: its inertia, damping and stiffness are gone, position and velocity stay.
     pub fn release(&mut self) {
-        let lengths: Vec<f64> = self.usual.iter().map(|(length, _)| *length).collect();
-        let fresh = Puck::new(self.device, None, self.friction, (0.0, 0.0, 0.0), &lengths);
+        let fresh = Puck::new(self.device, None, self.friction, (0.0, 0.0, 0.0), &self.lengths());
         *self = Puck { position: self.position, velocity: self.velocity, ..fresh };
     }
 }

@@ -100,6 +100,9 @@ impl Simulation {
         let device = Inertia { inertia: world.device.inertia, damping: world.device.damping, stiffness: 0.0 };
         let lengths = if motor.rest > 0.0 { vec![motor.rest, period - motor.rest] } else { vec![period] };
         let mut puck = Puck::new(device, hand.grip(), world.device.friction, hand.sine(), &lengths);
+        if hand.switches() {
+            puck = puck.that_switches();
+        }
         if let Some(piece) = hand.prescribed() {
             (puck.position, puck.velocity) = piece.at(0.0);
         }
@@ -241,7 +244,11 @@ impl Simulation {
             self.puck.release();
             return;
         }
-        self.next_event = self.hand.act(t).unwrap_or(f64::INFINITY);
+        let (next, switched) = self.hand.act(t, self.puck.position);
+        self.next_event = next.unwrap_or(f64::INFINITY);
+        if switched {
+            self.puck.switch();
+        }
         if let Some(piece) = self.hand.prescribed() {
             self.prescribe(piece.at(t), 0.0, 0.0);
         }

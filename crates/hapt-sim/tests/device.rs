@@ -86,7 +86,7 @@ proptest! {
     ) {
         let mut world = bare();
         world.device.damping = 0.0;
-        let grip = Drive::Grip { inertia, damping: 0.0, stiffness, moves: Shape::Step { to, at: 0.0 } };
+        let grip = Drive::Grip { inertia, damping: 0.0, stiffness, moves: Shape::Step { to, at: 0.0 }, switching: None };
         let omega = (stiffness / (inertia + 6.4e-4)).sqrt();
         for row in rows(&world, &scenario(0.5, grip, None)) {
             let z = to * (1.0 - (omega * row.time).cos());
@@ -101,7 +101,7 @@ proptest! {
         world.device.damping = 0.0;
         let omega = (stiffness / 6.4e-4).sqrt();
         let moves = Shape::Sine { amplitude, frequency: omega / std::f64::consts::TAU, phase: 0.0 };
-        let grip = Drive::Grip { inertia: 0.0, damping: 0.0, stiffness, moves };
+        let grip = Drive::Grip { inertia: 0.0, damping: 0.0, stiffness, moves, switching: None };
         for row in rows(&world, &scenario(0.2, grip, None)) {
             // w = (A/2)(sin ωt - ωt cos ωt), here by the device itself.
             let x = omega * row.time;
@@ -176,8 +176,11 @@ fn random_run() -> impl Strategy<Value = (World, Scenario)> {
     let drive = prop_oneof![
         shape().prop_map(Drive::Position),
         shape().prop_map(move |shape| Drive::Torque(scale(shape, 0.1))),
-        (0.0_f64..1e-3, 0.0_f64..0.02, 0.0_f64..10.0, shape())
-            .prop_map(|(inertia, damping, stiffness, moves)| Drive::Grip { inertia, damping, stiffness, moves }),
+        ((0.0_f64..1e-3, 0.0_f64..0.02, 0.0_f64..10.0), shape(), prop::option::of((1e-3_f64..0.05, 1e-3_f64..0.05)))
+            .prop_map(|((inertia, damping, stiffness), moves, switching)| {
+                let switching = switching.map(|(hold, open)| Switching { hold, open });
+                Drive::Grip { inertia, damping, stiffness, moves, switching }
+            }),
     ];
     let device = (1e-4_f64..1e-2, prop_oneof![Just(0.0), 0.0_f64..0.05], prop_oneof![Just(0.0), 0.0_f64..0.05]);
     let delay = prop_oneof![Just(0.0), 0.0_f64..0.01];
@@ -238,7 +241,13 @@ fn a_grips_inertia_is_gone_with_the_hand() {
     world.couplings = vec![spring(End::Puck, End::Ground, 0.0), {
         Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque: 0.1 } }
     }];
-    let grip = Drive::Grip { inertia: 3.2e-3, damping: 0.0, stiffness: 0.0, moves: Shape::Step { to: 0.0, at: 0.0 } };
+    let grip = Drive::Grip {
+        inertia: 3.2e-3,
+        damping: 0.0,
+        stiffness: 0.0,
+        moves: Shape::Step { to: 0.0, at: 0.0 },
+        switching: None,
+    };
     let run = rows(&world, &scenario(0.2, grip, Some(0.1)));
     let (held, free) = (0.1 / (3.2e-3 + 6.4e-4), 0.1 / 6.4e-4);
     assert!(close(run[100].puck_velocity, held * 0.1, 1.0));

@@ -86,6 +86,13 @@ Examples:
   hapt impedance wheel.toml --from 1Hz --to 100Hz --out felt.csv --plot felt.svg
   hapt impedance wheel.toml --z-width --plot z.svg   the walls it can stand for")]
     Impedance(ImpedanceArgs),
+    /// The passive hand that draws most energy from the loop: what the certificate is about.
+    #[command(after_help = "\
+Examples:
+  hapt worst wheel.toml                              exit code 1 when broken
+  hapt worst wheel.toml --set loop.output=start --out broken.toml || \\
+      hapt sim broken.toml --scenario worst")]
+    Worst(WorstArgs),
     /// A world file to start from, with comments, and its schema for editors.
     #[command(after_help = "\
 Examples:
@@ -238,6 +245,18 @@ pub struct SweepArgs {
     /// Threads; all cores without it. The bytes are the same.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct WorstArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// Write the world with the scenario `worst` here; without it, the scenario is printed.
+    #[arg(long, value_name = "FILE.toml")]
+    pub out: Option<PathBuf>,
+    /// Print the numbers as JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 #[derive(Debug, clap::Args)]

@@ -77,6 +77,15 @@ impl From<hapt_sweep::Error> for Failure {
     }
 }
 
+impl From<hapt_worst::Error> for Failure {
+    fn from(error: hapt_worst::Error) -> Self {
+        match error {
+            hapt_worst::Error::Linear(error) => error.into(),
+            hapt_worst::Error::Run(error) => error.into(),
+        }
+    }
+}
+
 impl From<hapt_sim::Error> for Failure {
     fn from(error: hapt_sim::Error) -> Self {
         match error {

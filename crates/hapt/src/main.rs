@@ -25,6 +25,7 @@ mod sweep_plot;
 mod topics;
 mod world;
 mod worlds;
+mod worst;
 
 use std::process::ExitCode;
 
@@ -48,6 +49,7 @@ fn main() -> ExitCode {
         Some(Command::Sweep(args)) => sweep::run(args),
         Some(Command::Impedance(args)) => impedance::run(args),
         Some(Command::Boundary(args)) => boundary::run(args),
+        Some(Command::Worst(args)) => worst::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Worlds) => worlds::run(),
         Some(Command::Explain(args)) => explain::run(args),

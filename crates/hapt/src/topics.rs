@@ -261,6 +261,22 @@ island between the lines that are searched, five each way and the frame, can be 
 "#,
     },
     Topic {
+        name: "worst-hand",
+        aliases: &["worst", "broken", "survived", "gap"],
+        line: "the passive hand that draws most energy: the other side of the certificate",
+        text: r#"`hapt worst` looks for a passive hand, a mass on a spring with some damping, that draws energy from
+the loop: by eigenvalues, which is exact for the linear loop, and by runs with all that the device
+has; then for hands that open and take hold again. It prints the scenario, or writes it by --out.
+
+  hapt worst @notes/default                                survived, as certified
+  hapt worst @notes/wheel | grep verdict                   broken
+
+The exit code is 1 when broken. `gap` says what the certificate asks of the device's damping, and up
+to what such a hand breaks the linear loop. In between nothing is known: a hand of several swings
+may break it, and the certificate covers all of them.
+"#,
+    },
+    Topic {
         name: "energy",
         aliases: &["energy-theorem", "ledger"],
         line: "the ledger of a run, and the theorem behind `output = \"end\"`",
@@ -650,7 +666,7 @@ with that sign the released wheel runs away.
         aliases: &["exit-code", "codes", "exit"],
         line: "how a command ends: 0, 1, 2, 3, 130, 143",
         text: r#"0     done; for `hapt check`: certified. Also when the reader of our output has seen enough
-1     `hapt check` has not certified the loop: unstable held or let go, or not passive
+1     `hapt check` has not certified the loop: unstable or not passive; `hapt worst` broke it
 2     bad usage or bad input: nothing was done
 3     the system failed, or a run stopped being finite: its file ends before
 130   interrupted (Ctrl-C): unfinished files are removed

@@ -209,6 +209,16 @@ fn names(t: &mut Table) {
 }
 
 fn numbers(t: &mut Table) {
+    t.edit(
+        "a hand that opens and never holds",
+        "{ kind = \"step\", to = \"45 deg\" }",
+        "{ kind = \"grip\", open = \"1 ms\", moves = { kind = \"step\", to = 1 } }",
+    );
+    t.edit(
+        "a hand that switches faster than can be run",
+        "{ kind = \"step\", to = \"45 deg\" }",
+        "{ kind = \"grip\", hold = 1e-12, open = 1e-12, moves = { kind = \"step\", to = 1 } }",
+    );
     t.edit("not a number", "\"1 ms\"", "nan");
     t.edit("infinity", "\"1 ms\"", "inf");
     t.edit("zero where it must be positive", "\"1 ms\"", "0");
@@ -347,6 +357,9 @@ fn usage(t: &mut Table) {
     t.typed("the upper frequency first", &["impedance", "w.toml", "--from", "20", "--to", "10"]);
     t.typed("an impedance without a row", &["impedance", "w.toml", "--points", "0"]);
     t.typed("frequencies of a Z-width", &["impedance", "w.toml", "--z-width", "--to", "10 Hz"]);
+    t.typed("the world itself for its worst hand's file", &["worst", "w.toml", "--out", "./w.toml"]);
+    t.typed("a folder for the worst hand's file", &["worst", "w.toml", "--out", "."]);
+    t.typed("a worst hand of a world that is not there", &["worst", "wheel.toml"]);
     let name = OsString::from_vec(b"w\xff.toml".to_vec());
     t.add("a name that is no text", vec![], [words(&["check"]), vec![name]].concat());
     t.typed("a name with a line in it", &["check", "w\n.toml"]);

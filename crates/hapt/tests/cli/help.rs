@@ -13,6 +13,7 @@ const COMMANDS: &[&str] = &[
     "sweep",
     "impedance",
     "boundary",
+    "worst",
     "init",
     "worlds",
     "explain",

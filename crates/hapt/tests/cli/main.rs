@@ -12,3 +12,4 @@ mod refusals;
 mod report;
 mod runs;
 mod sweep;
+mod worst;

@@ -1,0 +1,114 @@
+//! What a hand has had from a loop, by the ledger of a run.
+
+use hapt_model::{Coupling, End, Law, Scenario, World};
+use hapt_sim::{Error, Row, Simulation, world_energy};
+use serde::Serialize;
+
+/// Beyond so many times what a run began with, it has run away, and no more of it is needed.
+const RUNAWAY: f64 = 1e6;
+
+/// A part of all energy that goes to and fro which may be rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Where, in a run, the hand had drawn most beyond what the loop was given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Drawn {
+    /// What the hand had from the puck, less what it gave, and less `supplied`: J. Not above 0 on a passive loop.
+    pub gain: f64,
+    /// What the world stored at the start, and what its constant torques did until then: J.
+    pub supplied: f64,
+    /// When that was, s.
+    pub at_s: f64,
+    /// All energy that went to and fro until then, J: of it the ledger's rounding is a part.
+    pub turnover: f64,
+    /// The gain at the last instant looked at, J.
+    pub end: f64,
+    /// What hand and motor have moved until then and the device has taken, J.
+    pub moved: f64,
+    /// That instant, s: before the scenario's end where the loop has run away.
+    pub until_s: f64,
+}
+
+impl Drawn {
+    /// Whether the gain is more than rounding, and than `grain`, J: what a count of the encoder is worth.
+    pub fn is_gain(&self, grain: f64) -> bool {
+        self.gain > ROUNDING * self.turnover + grain
+    }
+}
+
+/// The energy that a loop had to give until now.
+struct Supply {
+    /// The world without its constant torques.
+    stored: World,
+    constants: Vec<(End, End, f64)>,
+    first: f64,
+    /// Σ torque · q at the start.
+    height: f64,
+}
+
+impl Supply {
+    fn new(world: &World) -> Supply {
+        let constant = |c: &Coupling| match c.law {
+            Law::Constant { torque } => Some((c.first, c.second, torque)),
+            _ => None,
+        };
+        let mut stored = world.clone();
+        // What the ledger of bristles counts by stays in its place.
+        for coupling in stored.couplings.iter_mut().filter(|c| constant(c).is_some()) {
+            coupling.law = Law::Constant { torque: 0.0 };
+        }
+        Supply { stored, constants: world.couplings.iter().filter_map(constant).collect(), first: 0.0, height: 0.0 }
+    }
+
+    fn work(&self, row: &Row) -> f64 {
+        let at = |end: End| match end {
+            End::Puck => row.puck,
+            End::Ground => 0.0,
+            End::Body(i) => row.bodies.get(i).map_or(0.0, |body| body.0),
+        };
+        self.constants.iter().map(|&(first, second, torque)| torque * (at(first) - at(second))).sum()
+    }
+
+    fn begin(&mut self, row: &Row) {
+        self.first = world_energy(&self.stored, row.puck, &row.bodies, &row.bristles);
+        self.height = self.work(row);
+    }
+
+    fn until(&self, row: &Row) -> f64 {
+        self.first + self.work(row) - self.height
+    }
+}
+
+/// Runs a scenario and looks at each sample how much its hand has drawn. `had` in J is what the hand's spring holds at first: a
+/// gain of a million times that and the world's own ends the run. So does a number that is not finite.
+///
+/// # Errors
+/// When the loop cannot be compiled.
+pub fn drawn(world: &World, scenario: &Scenario, had: f64) -> Result<Drawn, Error> {
+    let mut run = Simulation::new(world, scenario)?;
+    let mut supply = Supply::new(world);
+    let mut most: Option<Drawn> = None;
+    let (mut end, mut until_s, mut moved) = (0.0, 0.0, 0.0);
+    while let Some(row) = run.next() {
+        let Ok(row) = row else { break };
+        if most.is_none() {
+            supply.begin(row);
+        }
+        let supplied = supply.until(row);
+        let ledger = row.ledger;
+        let gain = -ledger.hand - supplied;
+        if !gain.is_finite() {
+            break;
+        }
+        (end, until_s) = (gain, row.time);
+        moved = ledger.hand.abs() + ledger.motor.abs() + ledger.damping + ledger.friction;
+        if most.is_none_or(|most| gain > most.gain) {
+            let turnover = had + supplied.abs() + moved;
+            most = Some(Drawn { gain, supplied, at_s: row.time, turnover, end, until_s, moved });
+        }
+        if gain > RUNAWAY * (had + supply.first) && gain > 0.0 {
+            break;
+        }
+    }
+    Ok(Drawn { end, until_s, moved, ..most.unwrap_or_default() })
+}

@@ -1,0 +1,103 @@
+//! A hand, and the kick that it begins with.
+
+use hapt_analysis::Grip;
+use hapt_model::{Coupling, Drive, End, Hand as Model, Law, Motion, Scenario, Shape, Side, Switching, World};
+use serde::Serialize;
+
+/// A passive hand that has drawn its spring at t = 0 and means to stand still from then on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Hand {
+    /// Its mass, damper and spring.
+    pub grip: Grip,
+    /// Where its spring would be slack: rad (linear: m).
+    pub to: f64,
+    /// A hand that opens and takes hold again: how long it holds and is open, s; `None`: it holds on.
+    pub hold_and_open: Option<(f64, f64)>,
+}
+
+impl Hand {
+    /// A hand that would come to rest on the puck at `target`, were it to hold on. Its spring has to hold there against the world.
+    pub fn toward(world: &World, grip: Grip, target: f64, hold_and_open: Option<(f64, f64)>) -> Hand {
+        // And against twice the device's friction, which would hold the puck where it is.
+        let force = -torque(world, target) + 2.0 * world.device.friction * target.signum();
+        let to = target + force / grip.stiffness;
+        Hand { grip, to, hold_and_open }
+    }
+
+    /// What its spring holds at first, J.
+    pub fn energy(&self) -> f64 {
+        0.5 * self.grip.stiffness * self.to * self.to
+    }
+
+    /// The scenario that shows it.
+    pub fn scenario(&self, name: &str, duration: f64) -> Scenario {
+        let Grip { inertia, damping, stiffness } = self.grip;
+        let drive = Drive::Grip {
+            inertia,
+            damping,
+            stiffness,
+            moves: Shape::Step { to: self.to, at: 0.0 },
+            switching: self.hold_and_open.map(|(hold, open)| Switching { hold, open }),
+        };
+        Scenario { name: name.into(), duration, hand: Model { drive, release: None } }
+    }
+}
+
+/// What springs and walls between puck and ground do to a puck that rests at q, within the motor's limit: N·m (linear: N).
+fn torque(world: &World, q: f64) -> f64 {
+    let limit = world.device.limit.unwrap_or(f64::INFINITY);
+    let of = |c: &Coupling| {
+        // The law acts on the first end as seen from the second.
+        let sign = match (c.first, c.second) {
+            (End::Puck, End::Ground) => 1.0,
+            (End::Ground, End::Puck) => -1.0,
+            _ => return 0.0,
+        };
+        let q = sign * q;
+        let torque = match c.law.unclamped() {
+            Law::Spring { stiffness, rest } => -stiffness * (q - rest),
+            Law::Wall { side: Side::Above, at, stiffness, .. } => -stiffness * (q - at).max(0.0),
+            Law::Wall { side: Side::Below, at, stiffness, .. } => stiffness * (at - q).max(0.0),
+            _ => 0.0,
+        };
+        sign * torque
+    };
+    world.couplings.iter().map(of).sum::<f64>().clamp(-limit, limit)
+}
+
+/// How far a kick may move the puck, rad (linear: m): to a quarter of the motor's limit, or a tenth of a radian (linear: 1 cm), but
+/// by ten counts at least.
+fn reach(world: &World, stiffness: f64) -> f64 {
+    let plain: f64 = match world.motion {
+        Motion::Rotary => 0.1,
+        Motion::Linear => 0.01,
+    };
+    let within = world.device.limit.map_or(f64::INFINITY, |limit| 0.25 * limit / stiffness);
+    plain.min(within).max(world.count().map_or(0.0, |count| 10.0 * count))
+}
+
+/// Where hands try to rest: a little beside the start, at each wall's face, and some way inside. `stiffness` is that at the puck.
+pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
+    let reach = reach(world, stiffness);
+    let mut all = vec![reach];
+    for c in &world.couplings {
+        let sign = match (c.first, c.second) {
+            (End::Puck, _) => 1.0,
+            (_, End::Puck) => -1.0,
+            _ => continue,
+        };
+        match c.law.unclamped() {
+            Law::Wall { side, at, .. } => {
+                let inward = if side == Side::Above { reach } else { -reach };
+                all.extend([sign * at, sign * (at + inward)]);
+            }
+            Law::Detent { pitch, phase, .. } => all.push(sign * (phase + 0.2 * pitch)),
+            _ => {}
+        }
+    }
+    all.retain(|q| *q != 0.0 && q.is_finite());
+    all.dedup();
+    // A world of many walls is not looked at behind every one.
+    all.truncate(5);
+    all
+}

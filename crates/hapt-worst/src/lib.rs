@@ -1,0 +1,21 @@
+//! The passive hand that draws most energy from a loop: the other side of the certificate.
+//!
+//! A certificate says that no passive hand can draw energy. Here a hand is looked for that does: masses, springs and dampers, and such
+//! that open and take hold again. What the linear loop does with a hand is exact ([`hapt_analysis::worst_grip`]); what the whole loop
+//! does with it, limit, counts, friction and walls among it, is a run on the exact simulation, and its ledger ([`drawn`]).
+//!
+//! * [`search`] is the whole answer on one world: a [`Worst`].
+//! * [`Hand`] is a hand with the kick that it begins with, and the scenario that shows it.
+//! * [`Drawn`] is what a run's ledger says of the energy that the hand has had from the loop.
+//!
+//! A certified world has to survive. A refused one should fall; where it does not, what is between the certificate and the worst
+//! hand found is the gap that [`Worst::gap`] gives.
+#![forbid(unsafe_code)]
+
+mod drawn;
+mod hand;
+mod search;
+
+pub use drawn::{Drawn, drawn};
+pub use hand::Hand;
+pub use search::{Error, Gap, Worst, search};

@@ -1,0 +1,304 @@
+//! The search: by eigenvalues first, then by simulation.
+
+use hapt_analysis::continuous::ties;
+use hapt_analysis::simplex::climb;
+use hapt_analysis::{
+    Breaking, Grip, Slopes, breaking_damping, gripped_growth, is_certified, required_damping, worst_grip,
+};
+use hapt_model::{End, Law, Scenario, World};
+use serde::Serialize;
+
+use crate::drawn::{Drawn, drawn};
+use crate::hand::{Hand, targets};
+
+/// The most rows of a run; the fewest; and how long it shall be otherwise, s.
+const ROWS: f64 = 4_000.0;
+const FEWEST: f64 = 2_000.0;
+const LONG: f64 = 2.0;
+/// The most rows of the run that shows a hand, where runs are fast, and where friction or bends make them slow; so many times its
+/// growth's time constant shows what a slow hand does.
+const SHOWN: [f64; 2] = [3e6, 2e5];
+const GROWN: f64 = 12.0;
+
+/// Masses over the device's inertia, and ωT, of the hands that are tried whatever the linear loop says.
+const MASSES: [f64; 3] = [0.3, 3.0, 30.0];
+const ANGLES: [f64; 4] = [0.01, 0.06, 0.35, 2.0];
+/// The damping ratio of a hand's own swing.
+const DAMPED: f64 = 0.01;
+/// How long a hand that opens holds and is open, over the period of its own swing.
+const SWITCHED: [(f64, f64); 3] = [(0.25, 0.05), (0.25, 0.25), (0.5, 0.1)];
+/// How far a climb goes, as a logarithm.
+const FAR: f64 = 5.0;
+/// Springs of a hand to be kicked, over those at the puck.
+const STIFFER: [f64; 4] = [1.0, 0.3, 0.1, 0.03];
+/// The most runs of one climb.
+const RUNS: usize = 30;
+
+/// Why there is no answer.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// The linear loop has none.
+    #[error("{0}")]
+    Linear(#[from] hapt_analysis::Error),
+    /// The world cannot be compiled.
+    #[error("{0}")]
+    Run(#[from] hapt_sim::Error),
+}
+
+/// What lies between the certificate and the worst hand: device dampings, N·m·s/rad (linear: N·s/m).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Gap {
+    /// What the certificate asks for; `None`: no finite damping will do.
+    pub required_damping: Option<f64>,
+    /// Up to which a hand on the linear loop still makes it grow; `None`: at none.
+    pub breaking_damping: Option<f64>,
+    /// What the device has.
+    pub device_damping: f64,
+}
+
+/// The worst hand found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Worst {
+    /// Whether the certificate says that there is none.
+    pub certified: bool,
+    /// The linear loop's worst hand, or one nearly as bad whose spring gives a better kick, and its growth in 1/s; `None` where none that
+    /// was tried makes it grow.
+    pub linear: Option<hapt_analysis::Worst>,
+    /// The hand that drew most from the whole loop.
+    pub hand: Hand,
+    /// What it drew.
+    pub drawn: Drawn,
+    /// Whether that is more than rounding and a count of the encoder.
+    pub drew: bool,
+    /// The run that shows it, under the name `worst`.
+    pub scenario: Scenario,
+    /// Whether a hand draws energy: from the whole loop by a run, or from one that is linear all through, by its growth.
+    pub broken: bool,
+    /// How near the linear loop comes to the certificate.
+    pub gap: Gap,
+    /// How many hands were tried by simulation.
+    pub runs: usize,
+}
+
+/// A hand tried.
+#[derive(Clone, Copy, Debug)]
+struct Tried {
+    hand: Hand,
+    target: f64,
+    drawn: Drawn,
+}
+
+impl Tried {
+    /// A gain stands above any loss: by its joules, and by how soon a loop ran away. A loss counts by its share of all that went to and
+    /// fro, so that doing nothing is not best.
+    fn height(&self, duration: f64, grain: f64) -> f64 {
+        let Drawn { gain, end, until_s, moved, .. } = self.drawn;
+        if self.drawn.is_gain(grain) {
+            let early = (duration / until_s).max(1.0);
+            1e3 + (gain.ln() + 60.0).max(0.0) * early
+        } else {
+            (end / moved.max(1e-6 * self.hand.energy())).clamp(-1.0, 0.0)
+        }
+    }
+}
+
+/// The runs of one world.
+struct Trials<'w> {
+    world: &'w World,
+    duration: f64,
+    grain: f64,
+    runs: usize,
+    best: Option<Tried>,
+}
+
+impl Trials<'_> {
+    fn run(&mut self, grip: Grip, target: f64, hold_and_open: Option<(f64, f64)>) -> Result<Tried, Error> {
+        let hand = Hand::toward(self.world, grip, target, hold_and_open);
+        let drawn = drawn(self.world, &hand.scenario("worst", self.duration), hand.energy())?;
+        self.runs += 1;
+        let tried = Tried { hand, target, drawn };
+        if self.best.is_none_or(|best| self.height(&tried) > self.height(&best)) {
+            self.best = Some(tried);
+        }
+        Ok(tried)
+    }
+
+    fn height(&self, tried: &Tried) -> f64 {
+        tried.height(self.duration, self.grain)
+    }
+
+    /// Up from a hand that was tried, over the logarithms of its numbers.
+    fn climb(&mut self, from: Tried) -> Result<(), Error> {
+        let Grip { inertia, damping, stiffness } = from.hand.grip;
+        let mut failed = None;
+        let mut height =
+            |trials: &mut Self, grip: Grip, switched: Option<(f64, f64)>| match trials.run(grip, from.target, switched)
+            {
+                Ok(tried) => trials.height(&tried),
+                Err(error) => {
+                    failed = Some(error);
+                    f64::NEG_INFINITY
+                }
+            };
+        // The damper in parts of what stops its swing.
+        let stops = 2.0 * (stiffness * (inertia + self.world.device.inertia)).sqrt();
+        let grip = |x: &[f64]| Grip {
+            inertia: inertia * x[0].clamp(-FAR, FAR).exp(),
+            damping: damping + stops * x[1].clamp(0.0, 1.0),
+            stiffness: stiffness * x[2].clamp(-FAR, FAR).exp(),
+        };
+        match from.hand.hold_and_open {
+            None => {
+                climb([0.0; 3], [0.4, 0.02, 0.4], RUNS, |x| height(self, grip(x), None));
+            }
+            Some((hold, open)) => {
+                let period = self.world.sampling.period;
+                climb([0.0; 5], [0.4, 0.02, 0.4, 0.2, 0.2], 2 * RUNS, |x| {
+                    let of = |t: f64, x: f64| whole(t * x.clamp(-FAR, FAR).exp(), period);
+                    height(self, grip(x), Some((of(hold, x[3]), of(open, x[4]))))
+                });
+            }
+        }
+        failed.map_or(Ok(()), Err)
+    }
+}
+
+/// Whole samples, one at least: a hand that switches with the loop is as bad as any, and its runs are fast.
+fn whole(t: f64, period: f64) -> f64 {
+    (t / period).round().max(1.0) * period
+}
+
+/// The stiffness at the puck, nonlinear couplings on their steepest rise.
+fn stiffness(world: &World) -> Result<f64, Error> {
+    let ties = ties(&world.bodies, &world.couplings, &Slopes::Steep)?;
+    Ok(ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).map(|t| t.stiffness).sum())
+}
+
+/// Whether nothing bends at small motions, so that the growth of the linear loop is that of the whole as long as the motor's limit is
+/// not reached.
+fn is_linear(world: &World) -> bool {
+    let device = &world.device;
+    let straight = |law: &Law| matches!(law, Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. });
+    world.couplings.iter().all(|c| straight(&c.law))
+        && device.friction == 0.0
+        && device.encoder.is_none()
+        && device.levels.is_none()
+}
+
+/// The same hand with a stiffer spring, where that leaves half of the growth: the first push of a soft one sets the whole loop swinging
+/// slowly, and little of it the mode that grows.
+fn with_a_kick(
+    world: &World,
+    worst: hapt_analysis::Worst,
+    stiffness: f64,
+) -> Result<hapt_analysis::Worst, hapt_analysis::Error> {
+    for part in STIFFER {
+        let grip = Grip { stiffness: worst.grip.stiffness.max(part * stiffness), ..worst.grip };
+        if let Some(growth) = gripped_growth(world, &grip)?.filter(|growth| *growth >= 0.5 * worst.growth_per_s) {
+            return Ok(hapt_analysis::Worst { grip, growth_per_s: growth });
+        }
+    }
+    Ok(worst)
+}
+
+/// Looks for the passive hand that draws most energy from a world's loop.
+///
+/// The linear loop's worst hand comes first; then hands of three masses on four springs, holding on and switching, each kicked toward
+/// a few places, run on the exact simulation with all that the device has; then a climb from the best of either kind. Deterministic.
+///
+/// Work: some 250 runs of up to 12 000 samples, and the eigenvalues of [`breaking_damping`].
+///
+/// # Errors
+/// [`Error`].
+pub fn search(world: &World) -> Result<Worst, Error> {
+    hapt_sim::check(world)?;
+    let (linear, breaking) = (worst_grip(world)?, breaking_damping(world)?);
+    let period = world.sampling.period;
+    let stiffness = stiffness(world)?;
+    let targets = targets(world, stiffness);
+    let duration = LONG.clamp(FEWEST * period, ROWS * period);
+    let grain = world.count().map_or(0.0, |count| 0.5 * stiffness * count * count);
+    let mut trials = Trials { world, duration, grain, runs: 0, best: None };
+
+    let mut held = Vec::new();
+    let mut switched = Vec::new();
+    let linear = linear.map(|worst| with_a_kick(world, worst, stiffness)).transpose()?;
+    let named = [linear.map(|w| w.grip), breaking.map(|b: Breaking| b.grip)];
+    for grip in named.into_iter().flatten() {
+        let grip = Grip { inertia: grip.inertia.max(1e-3 * world.device.inertia), ..grip };
+        for &target in &targets {
+            held.push(trials.run(grip, target, None)?);
+        }
+    }
+    for mass in MASSES {
+        for angle in ANGLES {
+            let inertia = mass * world.device.inertia;
+            let (total, omega) = (inertia + world.device.inertia, angle / period);
+            let stiffness = total * omega * omega;
+            let grip = Grip { inertia, damping: 2.0 * DAMPED * total * omega, stiffness };
+            let swing = std::f64::consts::TAU / omega;
+            for &target in &targets {
+                held.push(trials.run(grip, target, None)?);
+            }
+            // Each in its turn.
+            let ((hold, open), target) =
+                (SWITCHED[switched.len() % SWITCHED.len()], targets[switched.len() % targets.len()]);
+            let times = (whole(hold * swing, period), whole(open * swing, period));
+            switched.push(trials.run(grip, target, Some(times))?);
+        }
+    }
+    for tried in [&held, &switched] {
+        let best = tried.iter().copied().max_by(|a, b| trials.height(a).total_cmp(&trials.height(b)));
+        if let Some(best) = best {
+            trials.climb(best)?;
+        }
+    }
+
+    let Trials { runs, best, .. } = trials;
+    let gains = |tried: &Tried| tried.drawn.is_gain(grain);
+    let mut shown = Vec::new();
+    let longest = period * SHOWN[usize::from(!is_linear(world))];
+    // The linear loop's hand, as long as it takes to see its growth; where there is none, the one that comes nearest to it.
+    if let Some(first) = held.first() {
+        let length = linear.map_or(duration, |w| (GROWN / w.growth_per_s).clamp(duration, longest.max(duration)));
+        shown.push(show(world, first.hand, (length / period).round() * period)?);
+    }
+    if let Some(best) = best.filter(gains) {
+        shown.push(show(world, best.hand, 8.0 * duration)?);
+    }
+    let more = |a: &Shown, b: &Shown| a.drawn.gain.total_cmp(&b.drawn.gain);
+    // Three masses are always tried.
+    let Some(Shown { hand, scenario, drawn }) = shown.into_iter().max_by(more) else {
+        return Err(Error::Linear(hapt_analysis::Error::Eigenvalues { order: 0 }));
+    };
+    let broken = drawn.is_gain(grain) || (linear.is_some() && is_linear(world));
+    Ok(Worst {
+        certified: is_certified(world),
+        linear,
+        hand,
+        drawn,
+        drew: drawn.is_gain(grain),
+        scenario,
+        broken,
+        gap: Gap {
+            required_damping: required_damping(world)?,
+            breaking_damping: breaking.map(|b| b.damping),
+            device_damping: world.device.damping,
+        },
+        runs,
+    })
+}
+
+/// A hand, and the run that shows it.
+struct Shown {
+    hand: Hand,
+    scenario: Scenario,
+    drawn: Drawn,
+}
+
+/// A run of `length`, or until the loop has run away.
+fn show(world: &World, hand: Hand, length: f64) -> Result<Shown, Error> {
+    let drawn = drawn(world, &hand.scenario("worst", length), hand.energy())?;
+    let length = if drawn.until_s < length - world.sampling.period { drawn.until_s } else { length };
+    Ok(Shown { hand, scenario: hand.scenario("worst", length), drawn })
+}

@@ -1,0 +1,154 @@
+//! Certified worlds survive their worst hand, refused ones fall.
+
+use std::path::PathBuf;
+
+use hapt_analysis::{is_certified, passivity, required_damping};
+use hapt_model::{Body, Coupling, Damping, End, Law, Method, Output, Source, World};
+use hapt_worst::{drawn, search};
+use proptest::prelude::*;
+use proptest::sample::select;
+use proptest::test_runner::RngSeed;
+
+/// The Michigan wheel without limit, encoder or friction, at 1 ms.
+fn bare() -> World {
+    let file = "[loop]\nperiod = \"1 ms\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\n";
+    World::read(&Source::from_text("bare.toml", file), &[]).unwrap()
+}
+
+fn to_ground(law: Law) -> Coupling {
+    Coupling { first: End::Puck, second: End::Ground, law }
+}
+
+fn spring(stiffness: f64) -> World {
+    World { couplings: vec![to_ground(Law::Spring { stiffness, rest: 0.0 })], ..bare() }
+}
+
+#[test]
+fn a_sampled_spring_falls_where_it_is_refused_and_survives_where_it_is_certified() {
+    let limit = 2.0 * bare().device.damping / bare().sampling.period;
+    for part in [0.5, 0.98] {
+        let worst = search(&spring(part * limit)).unwrap();
+        assert!(worst.certified && !worst.broken && !worst.drew && worst.linear.is_none(), "{worst:?}");
+    }
+    for part in [1.02, 1.5, 4.0] {
+        let worst = search(&spring(part * limit)).unwrap();
+        assert!(!worst.certified && worst.broken, "{worst:?}");
+        let breaking = worst.gap.breaking_damping.unwrap();
+        assert!((breaking / worst.gap.required_damping.unwrap() - 1.0).abs() < 1e-3, "{:?}", worst.gap);
+        // Nothing bends, so the run shows it: a million times what the hand began with, unless that takes too long.
+        assert!(worst.drew && worst.drawn.gain > worst.hand.energy(), "{worst:?}");
+    }
+}
+
+#[test]
+fn the_scenario_shows_what_the_search_says() {
+    let mut world = spring(4.0);
+    world.device.limit = Some(0.8);
+    let worst = search(&world).unwrap();
+    assert!(worst.broken && worst.drew);
+    let again = drawn(&world, &worst.scenario, worst.hand.energy()).unwrap();
+    assert!((again.gain - worst.drawn.gain).abs() < 1e-9 * worst.drawn.turnover, "{again:?} {worst:?}");
+    // By the file too, through text and back.
+    let file = World { scenarios: vec![worst.scenario.clone()], ..world }.to_toml();
+    let read = World::read(&Source::from_text("worst.toml", &file), &[]).unwrap();
+    let third = drawn(&read, read.scenario("worst").unwrap(), worst.hand.energy()).unwrap();
+    assert_eq!(third, again);
+    // What the hand has more, motor and initial energy have given: the ledger of the run closes.
+    assert_eq!(search(&read).unwrap(), search(&read).unwrap(), "the search is deterministic");
+}
+
+#[test]
+fn a_wall_falls_to_a_hand_that_leans_on_it() {
+    let wall = |stiffness, damping| Law::Wall { side: hapt_model::Side::Above, at: 0.3, stiffness, damping };
+    let mut world = World { couplings: vec![to_ground(wall(8.0, 0.0))], ..bare() };
+    world.device.limit = Some(0.8);
+    let worst = search(&world).unwrap();
+    assert!(!worst.certified && worst.broken && worst.drew, "{worst:?}");
+    world.couplings = vec![to_ground(wall(2.0, 1e-4))];
+    world.sampling.estimator = hapt_model::EstimatorKind::Difference;
+    let worst = search(&world).unwrap();
+    assert!(worst.certified && !worst.broken, "{worst:?}");
+}
+
+#[test]
+fn what_a_constant_torque_does_is_not_drawn() {
+    let mut world = World { couplings: vec![to_ground(Law::Constant { torque: 0.1 })], ..bare() };
+    assert!(is_certified(&world));
+    let worst = search(&world).unwrap();
+    assert!(!worst.broken && worst.drawn.gain <= 0.0, "{worst:?}");
+    world.couplings.push(to_ground(Law::Spring { stiffness: 8.0, rest: 0.0 }));
+    assert!(search(&world).unwrap().broken);
+}
+
+/// Every world of the repository that no friction makes slow to run, and a wall with some.
+#[test]
+fn the_worlds_and_templates_get_the_answer_of_their_certificate() {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    let folders = ["../../worlds/notes", "../../worlds/devices", "../hapt/templates"];
+    let files = folders.iter().flat_map(|folder| std::fs::read_dir(root.join(folder)).unwrap());
+    let mut looked = 0;
+    for path in files.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|e| e == "toml")) {
+        let world = World::read(&Source::open(&path).unwrap(), &[]).unwrap();
+        if world.device.friction > 0.0 && !path.ends_with("wall.toml") {
+            continue;
+        }
+        looked += 1;
+        let worst = search(&world).unwrap();
+        let proved = passivity(&world).unwrap().proved;
+        assert!(!(worst.certified && worst.broken && proved), "{}: {worst:?}", path.display());
+        assert!(worst.certified || worst.broken || !proved, "{}: {worst:?}", path.display());
+        let numbers = [worst.drawn.gain, worst.scenario.duration, worst.hand.to, worst.hand.grip.stiffness];
+        assert!(numbers.iter().all(|x| x.is_finite()) && worst.scenario.duration > 0.0, "{}", path.display());
+    }
+    assert!(looked > 10);
+}
+
+fn world() -> impl Strategy<Value = World> {
+    let log = |decades: std::ops::Range<f64>| decades.prop_map(|d| 10f64.powf(d));
+    let methods = select(vec![Method::Zoh, Method::Trapezoidal, Method::BackwardEuler, Method::SemiImplicitEuler]);
+    (methods, log(-3.0..-1.0), log(-1.0..1.0), log(-1.0..1.0), log(-4.0..-2.5), log(-4.0..-2.5)).prop_map(
+        |(method, inertia, own, beside, damper, loss)| {
+            let mut world = bare();
+            world.sampling.method = method;
+            world.sampling.output = if method == Method::SemiImplicitEuler { Output::Middle } else { Output::End };
+            world.sampling.estimator = hapt_model::EstimatorKind::Difference;
+            world.names = vec!["wheel".into()];
+            world.bodies = vec![Body { inertia, position: 0.0, velocity: 0.0 }];
+            let tie = |first, second, law| Coupling { first, second, law };
+            let fixed = |damping| Law::Damper { damping: Damping::Fixed(damping) };
+            world.couplings = vec![
+                tie(End::Puck, End::Body(0), Law::Spring { stiffness: own, rest: 0.0 }),
+                tie(End::Puck, End::Ground, Law::Spring { stiffness: beside, rest: 0.0 }),
+                tie(End::Puck, End::Body(0), fixed(damper)),
+                tie(End::Body(0), End::Ground, fixed(loss)),
+            ];
+            world
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 24, failure_persistence: None, rng_seed: RngSeed::Fixed(11), ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn what_the_certificate_asks_for_and_a_hundredth_more_survives(world in world()) {
+        let mut world = world;
+        let Some(required) = required_damping(&world).unwrap() else { return Ok(()) };
+        world.device.damping = 1.01 * required;
+        prop_assume!(is_certified(&world));
+        let worst = search(&world).unwrap();
+        prop_assert!(!worst.broken && !worst.drew, "{worst:?}");
+        prop_assert!(worst.gap.breaking_damping.is_none_or(|b| b <= required));
+    }
+
+    #[test]
+    fn half_of_what_the_certificate_asks_for_falls(world in world()) {
+        let mut world = world;
+        let Some(required) = required_damping(&world).unwrap() else { return Ok(()) };
+        world.device.damping = 0.5 * required;
+        let worst = search(&world).unwrap();
+        prop_assert!(!worst.certified && worst.broken, "{worst:?}");
+    }
+}

@@ -1,0 +1,230 @@
+//! `hapt worst`: the passive hand that draws most energy from a world's loop, and the scenario that shows it.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io::{Write, stdout};
+use std::path::Path;
+use std::process::ExitCode;
+
+use hapt_analysis::Grip;
+use hapt_model::keys::Measure;
+use hapt_model::{Law, World};
+use hapt_worst::{Gap, Hand, Worst};
+use serde_json::json;
+
+use crate::args::WorstArgs;
+use crate::failure::Failure;
+use crate::output::Draft;
+use crate::people;
+use crate::world::{Loaded, load};
+
+pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
+    let loaded = load(&args.world)?;
+    if let Some(path) = &args.out {
+        refuse_the_world_itself(path, &args.world.path)?;
+    }
+    // A file that cannot be is said before the search.
+    let draft = args.out.as_deref().map(begin).transpose()?;
+    let worst = hapt_worst::search(&loaded.world)?;
+    let shown = with_scenario(&loaded.world, &worst);
+    if let Some((path, draft)) = args.out.as_deref().zip(draft) {
+        write(path, draft, &shown)?;
+    }
+    let text = if args.json {
+        let json = serde_json::to_string_pretty(&json(&worst)).map_err(|error| Failure::System(error.to_string()))?;
+        json + "\n"
+    } else {
+        text(&loaded, &worst, args.out.as_deref(), &shown)
+    };
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    Ok(if worst.broken { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// The world as it was looked at, with this scenario alone: the others may lean on files beside the world.
+fn with_scenario(world: &World, worst: &Worst) -> World {
+    World { scenarios: vec![worst.scenario.clone()], ..world.clone() }
+}
+
+fn refuse_the_world_itself(out: &Path, world: &Path) -> Result<(), Failure> {
+    let same = match (fs::canonicalize(out), fs::canonicalize(world)) {
+        (Ok(out), Ok(world)) => out == world,
+        _ => false,
+    };
+    if same {
+        let out = out.display();
+        return Err(Failure::input(format!("--out {out}: that is the world itself; another name is wanted")));
+    }
+    Ok(())
+}
+
+fn begin(path: &Path) -> Result<Draft, Failure> {
+    if path.is_dir() {
+        return Err(Failure::input(format!("--out {}: that is a folder; a file is wanted", path.display())));
+    }
+    Draft::new(path.to_path_buf()).map_err(|error| Failure::write(path.display(), error))
+}
+
+fn write(path: &Path, mut draft: Draft, world: &World) -> Result<(), Failure> {
+    let failed = |error| Failure::write(path.display(), error);
+    draft.write_all(world.to_toml().as_bytes()).map_err(failed)?;
+    draft.finish().map_err(failed)?;
+    people::say(format_args!("wrote {}", path.display()));
+    Ok(())
+}
+
+/// The numbers, in SI.
+fn json(worst: &Worst) -> serde_json::Value {
+    json!({
+        "broken": worst.broken,
+        "certified": worst.certified,
+        "linear": worst.linear,
+        "hand": worst.hand,
+        "drew": worst.drew,
+        "drawn": worst.drawn,
+        "duration_s": worst.scenario.duration,
+        "gap": worst.gap,
+        "runs": worst.runs,
+    })
+}
+
+fn text(loaded: &Loaded, worst: &Worst, out: Option<&Path>, shown: &World) -> String {
+    let world = &loaded.world;
+    let mut text = format!("{}\n\n", loaded.title());
+    let mut line = |name: &str, words: String| {
+        let _ = writeln!(text, "{name:<9} {words}");
+    };
+    line("verdict", verdict(worst));
+    line("linear", linear(world, worst));
+    line("gap", gap(world, &worst.gap));
+    line("hand", hand(world, &worst.hand));
+    line("run", shown_run(worst));
+    for note in notes(world, worst) {
+        line("note", note);
+    }
+    match out {
+        Some(path) => {
+            let _ = writeln!(text, "\nhapt sim {} shows it", path.display());
+        }
+        None => {
+            let _ = write!(text, "\n{}", pasted(shown));
+        }
+    }
+    text
+}
+
+fn verdict(worst: &Worst) -> String {
+    let tried = people::count(worst.runs as u64);
+    match (worst.broken, worst.drew, worst.certified) {
+        (true, true, false) => "broken: a passive hand draws energy from it".into(),
+        (true, false, _) => {
+            "broken: a passive hand makes it grow, too slowly for its energy to be seen in this run".into()
+        }
+        (true, true, true) => {
+            "broken, though the linear loop is certified: what `hapt check` calls not proved lets a hand draw energy"
+                .into()
+        }
+        (false, _, true) => format!("survived, as certified: none of {tried} passive hands draws energy"),
+        (false, _, false) => format!("survived, though not certified: none of {tried} passive hands draws energy"),
+    }
+}
+
+fn linear(world: &World, worst: &Worst) -> String {
+    match &worst.linear {
+        None => "no hand that was tried makes the linear loop grow".into(),
+        Some(found) => {
+            let growth = found.growth_per_s;
+            format!(
+                "with a hand of {} the loop grows by {} per second, doubling every {}",
+                grip(world, &found.grip),
+                people::number(growth),
+                people::time(std::f64::consts::LN_2 / growth)
+            )
+        }
+    }
+}
+
+fn gap(world: &World, gap: &Gap) -> String {
+    let unit = unit(world, Measure::Damping);
+    let asks = match gap.required_damping {
+        Some(damping) => format!("the certificate asks the device for {} {unit}", people::number(damping)),
+        None => "no device damping is enough for the certificate".into(),
+    };
+    let breaks = match gap.breaking_damping {
+        Some(damping) => format!("the worst hand breaks the linear loop up to {} {unit}", people::number(damping)),
+        None => "no hand breaks the linear loop at any".into(),
+    };
+    format!("{asks}; {breaks}; the device has {} {unit}", people::number(gap.device_damping))
+}
+
+fn unit(world: &World, measure: Measure) -> String {
+    measure.dimension(world.motion).symbol()
+}
+
+fn grip(world: &World, grip: &Grip) -> String {
+    let parts =
+        [(grip.inertia, Measure::Inertia), (grip.damping, Measure::Damping), (grip.stiffness, Measure::Stiffness)];
+    let parts: Vec<String> = parts
+        .into_iter()
+        .filter(|(value, _)| *value > 0.0)
+        .map(|(value, measure)| format!("{} {}", people::number(value), unit(world, measure)))
+        .collect();
+    if parts.is_empty() { "nothing at all".into() } else { parts.join(" and ") }
+}
+
+fn hand(world: &World, hand: &Hand) -> String {
+    let drawn = format!(
+        "{}, its spring drawn to {} at first",
+        grip(world, &hand.grip),
+        match world.motion {
+            hapt_model::Motion::Rotary => format!("{} deg", people::number(hand.to.to_degrees())),
+            hapt_model::Motion::Linear => format!("{} mm", people::number(1e3 * hand.to)),
+        }
+    );
+    match hand.hold_and_open {
+        None => drawn,
+        Some((hold, open)) => {
+            format!("{drawn}; it holds for {}, opens for {}, and so on", people::time(hold), people::time(open))
+        }
+    }
+}
+
+fn shown_run(worst: &Worst) -> String {
+    let drawn = &worst.drawn;
+    let within = people::time(worst.scenario.duration);
+    let given = match drawn.supplied {
+        supplied if supplied > 0.0 => format!("the {} that the world had to give", people::energy(supplied)),
+        _ => "all that it gave".into(),
+    };
+    if worst.drew {
+        format!(
+            "in {within} the hand draws {} more than {given}, at {}",
+            people::energy(drawn.gain),
+            people::time(drawn.at_s)
+        )
+    } else {
+        format!("in {within} the hand draws no more than {given}")
+    }
+}
+
+/// What the numbers leave out.
+fn notes(world: &World, worst: &Worst) -> Vec<String> {
+    let mut notes = Vec::new();
+    if world.couplings.iter().any(|c| matches!(c.law, Law::Constant { torque } if torque != 0.0)) {
+        notes
+            .push("a constant torque gives energy without bound; its work counts as what the world had to give".into());
+    }
+    if worst.linear.is_some() && !worst.broken {
+        notes.push(
+            "the linear loop leaves out the device's friction, counts and levels, and takes bends by their slopes"
+                .into(),
+        );
+    }
+    notes
+}
+
+/// The scenario's lines of the file.
+fn pasted(shown: &World) -> String {
+    let file = shown.to_toml();
+    file.find("[scenarios.").map_or(String::new(), |at| file[at..].to_string())
+}

@@ -1,0 +1,74 @@
+//! `hapt worst`: its verdicts, its scenario, and what it leaves.
+
+use std::fs;
+
+use crate::common::{WHEEL, folder, hapt, names};
+
+#[test]
+fn a_certified_wheel_survives() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let ended = hapt(at.path(), ["worst", "w.toml"]).done();
+    assert!(ended.out.contains("verdict   survived, as certified") && ended.err.is_empty(), "{ended:?}");
+    assert!(ended.out.contains("the device has 0.0012 N m s/rad"), "{ended:?}");
+    // The lines to paste are a scenario of the file.
+    let (_, lines) = ended.out.split_once("\n[scenarios.worst]").unwrap();
+    fs::write(at.path().join("more.toml"), format!("{WHEEL}\n[scenarios.worst]{lines}")).unwrap();
+    hapt(at.path(), ["sim", "more.toml", "--scenario", "worst"]).done();
+}
+
+#[test]
+fn a_refused_wheel_falls_and_its_file_shows_it() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let ended = hapt(at.path(), ["worst", "w.toml", "--set", "loop.output=start", "--out", "b.toml"]);
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    assert!(ended.out.contains("verdict   broken: a passive hand draws energy from it"), "{ended:?}");
+    assert!(ended.out.contains("no device damping is enough for the certificate"), "{ended:?}");
+    assert!(ended.err.contains("wrote b.toml") && ended.out.contains("hapt sim b.toml shows it"), "{ended:?}");
+    assert_eq!(names(at.path()), ["b.toml", "w.toml"]);
+    // The override is in the file, the other scenario is not; the hand gets more than it gives.
+    let shown = hapt(at.path(), ["sim", "b.toml"]).done();
+    assert!(shown.out.contains("torque from the start of the step") && shown.out.contains("hand gave -"), "{shown:?}");
+    assert!(!fs::read_to_string(at.path().join("b.toml")).unwrap().contains("scenarios.step"));
+}
+
+#[test]
+fn its_json_has_the_numbers_in_si() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let json = |more: &[&str]| {
+        let ended = hapt(at.path(), ["worst", "w.toml", "--json"].iter().chain(more));
+        let value: serde_json::Value = serde_json::from_str(&ended.out).unwrap();
+        assert_eq!(ended.code, Some(i32::from(value["broken"].as_bool().unwrap())), "{ended:?}");
+        value
+    };
+    let good = json(&[]);
+    assert!(good["certified"] == true && good["broken"] == false && good["linear"].is_null(), "{good}");
+    assert_eq!(good["gap"]["device_damping"], 1.2e-3);
+    assert!(good["gap"]["breaking_damping"].as_f64().unwrap() <= good["gap"]["required_damping"].as_f64().unwrap());
+    let bad = json(&["--set", "loop.output=start"]);
+    assert!(
+        bad["gap"]["required_damping"].is_null() && bad["linear"]["growth_per_s"].as_f64().unwrap() > 1e-6,
+        "{bad}"
+    );
+    assert!(bad["drawn"]["gain"].as_f64().unwrap() > 0.0, "{bad}");
+}
+
+#[test]
+fn a_linear_world_is_spoken_of_in_its_units() {
+    let world = "motion = \"linear\"\n[loop]\nperiod = 1e-3\n[device]\ninertia = \"0.2 kg\"\ndamping = \"0.1 N s/m\"\n\
+        [[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = \"500 N/m\"\n";
+    let at = folder(&[("w.toml", world)]);
+    let ended = hapt(at.path(), ["worst", "w.toml"]);
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    for words in ["asks the device for 0.25 N s/m", " kg and ", " N/m", " mm at first"] {
+        assert!(ended.out.contains(words), "{words}: {ended:?}");
+    }
+}
+
+#[test]
+fn a_file_that_cannot_be_is_said_and_nothing_is_left() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    hapt(at.path(), ["worst", "w.toml", "--out", "w.toml"]).refused(2, &["that is the world itself"]);
+    hapt(at.path(), ["worst", "w.toml", "--out", "."]).refused(2, &["that is a folder"]);
+    hapt(at.path(), ["worst", "w.toml", "--out", "none/b.toml"]).refused(3, &["cannot write", "none"]);
+    assert_eq!(names(at.path()), ["w.toml"]);
+}
