@@ -9,9 +9,9 @@ use hapt_analysis::{Design, check, closed_form};
 use hapt_model::{Source, World};
 use hapt_sim::{Simulation, Summary};
 
+use crate::marked;
+
 const PAGE: &str = "docs/notes.md";
-const BEGIN: &str = "<!-- cargo xtask notes -->";
-const END: &str = "<!-- end -->";
 
 /// The table in Markdown. Whatever a run can say is said by the run, and what a formula can say beside it.
 pub fn table() -> Result<String> {
@@ -92,10 +92,7 @@ fn run(world: &World) -> Result<Summary<'_>> {
 
 /// The page with its table made anew.
 pub fn page() -> Result<String> {
-    let page = fs::read_to_string(PAGE).context(PAGE)?;
-    let (head, rest) = page.split_once(BEGIN).context("no table in the page")?;
-    let (_, tail) = rest.split_once(END).context("no end of the table in the page")?;
-    Ok(format!("{head}{BEGIN}\n\n{}\n{END}{tail}", table()?))
+    marked::replaced(&fs::read_to_string(PAGE).context(PAGE)?, "cargo xtask notes", &table()?)
 }
 
 pub fn write() -> Result<()> {

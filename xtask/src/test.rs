@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{book, figure, fuzz, memory, notes, supply};
+use crate::{book, figure, fuzz, memory, notes, supply, truth};
 
 /// What has passed and failed so far.
 #[derive(Default)]
@@ -32,6 +32,7 @@ pub fn run() -> Result<()> {
     }
     tally.step("hapt-core cannot panic", cannot_panic());
     tally.step("fuzzing finds nothing in a few seconds", fuzz::is_quiet());
+    tally.step("the certificate holds against brute force", truth::holds());
     tally.step("memory stays bounded", memory::is_bounded());
     tally.step("licences and sources", supply::licences());
     tally.step("the oldest Rust", supply::oldest_rust());

@@ -1,0 +1,309 @@
+//! `cargo xtask truth`: the certificate against brute force, on random loops.
+//!
+//! Every loop is judged by hapt-analysis and then run: the real core on the exact device. What is called stable must not grow,
+//! what is called unstable must; no hand may get work out of what is called passive; and of what is refused, how much can a
+//! passive hand really break?
+
+mod brute;
+mod worlds;
+
+use std::fs;
+use std::ops::AddAssign;
+use std::sync::Mutex;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail, ensure};
+use brute::{At, Motion};
+use fastrand::Rng;
+use hapt_analysis::held::MARGINAL;
+use hapt_analysis::{Error, breaking_damping, free_growth, held_growth, passivity, required_damping, worst_grip};
+use hapt_model::World;
+use rayon::prelude::*;
+
+use crate::marked;
+
+const PAGE: &str = "docs/truth.md";
+
+/// Samples of a motion; ten times as many where the first do not decide.
+const SAMPLES: u64 = 100_000;
+/// Samples of a hand's run, and hands a loop.
+const HAND_SAMPLES: u64 = 3_000;
+const HANDS: u32 = 4;
+/// An amplitude that changes by less than this part is not seen to change.
+const SEEN: f64 = 1e-3;
+/// By e to this power a swing grows above any other.
+const OVERTAKES: f64 = 60.0;
+/// Damping beyond what is required, in parts of that.
+const JUST: f64 = 1e-9;
+/// Of so many refused loops with a finite price one has its worst hand's reach measured.
+const MEASURED: u8 = 10;
+/// Work that is rounding, in parts of all the work that went round.
+const ROUNDING: f64 = 1e-9;
+
+/// How many loops, and how many of them were contradicted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Claim {
+    loops: u64,
+    /// Of these: what ran as claimed.
+    confirmed: u64,
+    /// What changes too slowly to be seen in so many samples.
+    slow: u64,
+    contradicted: u64,
+}
+
+/// What a campaign has found.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Found {
+    loops: u64,
+    samples: u64,
+    /// Numbers that left double precision, and worlds that the loop refuses.
+    unanswered: u64,
+    held_stable: Claim,
+    held_unstable: Claim,
+    free_stable: Claim,
+    free_unstable: Claim,
+    /// Passive, against random hands and against the worst that was found.
+    passive: Claim,
+    /// The same beyond the linear loop, where it is called proved.
+    proved: Claim,
+    /// Not passive: broken by a passive hand, or (slow) not by any that was tried.
+    refused: Claim,
+    /// Up to which part of the damping asked for a hand breaks the loop, for some of the refused.
+    reach: Vec<f64>,
+}
+
+impl AddAssign for Claim {
+    fn add_assign(&mut self, other: Self) {
+        self.loops += other.loops;
+        self.confirmed += other.confirmed;
+        self.slow += other.slow;
+        self.contradicted += other.contradicted;
+    }
+}
+
+impl Found {
+    /// Whether a loop's reach is measured, which takes as long as all else.
+    fn draws_lots(rng: &mut Rng) -> bool {
+        rng.u8(..MEASURED) == 0
+    }
+
+    fn claims(&mut self) -> [(&'static str, &mut Claim); 7] {
+        [
+            ("stable or marginal, held", &mut self.held_stable),
+            ("unstable, held", &mut self.held_unstable),
+            ("stable or marginal, free", &mut self.free_stable),
+            ("unstable, free", &mut self.free_unstable),
+            ("passive, linear", &mut self.passive),
+            ("passive, nonlinear, proved", &mut self.proved),
+            ("not passive", &mut self.refused),
+        ]
+    }
+}
+
+impl AddAssign for Found {
+    fn add_assign(&mut self, mut other: Self) {
+        self.loops += other.loops;
+        self.samples += other.samples;
+        self.unanswered += other.unanswered;
+        for ((_, sum), (_, more)) in self.claims().into_iter().zip(other.claims()) {
+            *sum += *more;
+        }
+        self.reach.append(&mut other.reach);
+    }
+}
+
+/// `[--n N] [--seed S] [--write]`
+pub fn command(words: &[&str]) -> Result<()> {
+    let (mut n, mut seed, mut write) = (1000, 1, false);
+    let mut words = words.iter();
+    while let Some(word) = words.next() {
+        let mut number = || -> Result<u64> {
+            let value = words.next().with_context(|| format!("{word} takes a number"))?;
+            value.parse().with_context(|| format!("{word} {value}"))
+        };
+        match *word {
+            "--n" => n = number()?,
+            "--seed" => seed = number()?,
+            "--write" => write = true,
+            _ => bail!("cargo xtask truth [--n N] [--seed S] [--write]"),
+        }
+    }
+    let started = Instant::now();
+    let text = table(&mut campaign(seed, n)?, seed);
+    print!("{text}");
+    eprintln!("{:.0} s", started.elapsed().as_secs_f64());
+    if write {
+        let page = marked::replaced(&fs::read_to_string(PAGE).context(PAGE)?, "cargo xtask truth", &text)?;
+        fs::write(PAGE, page).context(PAGE)?;
+    }
+    Ok(())
+}
+
+/// The part of it that every run of the tests makes.
+pub fn holds() -> Result<()> {
+    campaign(2, 400).map(drop)
+}
+
+/// Judges and runs `n` loops, each from a seed of its own; an error where one contradicts its verdict.
+fn campaign(seed: u64, n: u64) -> Result<Found> {
+    let against = Mutex::new(Vec::new());
+    let found = (0..n)
+        .into_par_iter()
+        .map(|i| {
+            let mut rng = Rng::with_seed(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(i));
+            let bent = i % 2 == 1;
+            let mut world = worlds::random(&mut rng, bent);
+            // A third of them with what the certificate asks for, and hardly more: the sharpest claim on passivity.
+            if i % 3 == 0
+                && let Ok(Some(required)) = required_damping(&world)
+            {
+                world.device.damping = required * (1.0 + JUST);
+            }
+            let mut found = Found { loops: 1, ..Found::default() };
+            let mut tell = |what: String| {
+                if let Ok(mut against) = against.lock() {
+                    against.push(format!("loop {i}: {what}\n{}", world.to_toml()));
+                }
+            };
+            if judge(&mut rng, &world, bent, &mut found, &mut tell).is_err() {
+                found.unanswered += 1;
+            }
+            found
+        })
+        .reduce(Found::default, |mut a, b| {
+            a += b;
+            a
+        });
+    let against = against.into_inner()?;
+    for text in against.iter().take(5) {
+        eprintln!("{text}");
+    }
+    ensure!(against.is_empty(), "{} of {n} loops contradict their verdict", against.len());
+    Ok(found)
+}
+
+fn judge(
+    rng: &mut Rng,
+    world: &World,
+    bent: bool,
+    found: &mut Found,
+    tell: &mut dyn FnMut(String),
+) -> Result<(), Error> {
+    let sampling = &world.sampling;
+    if !bent {
+        let held = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
+        let free = free_growth(world)?;
+        if !world.bodies.is_empty() {
+            run(rng, world, At::Held, held, found, tell);
+        }
+        run(rng, world, At::Free, free, found, tell);
+    }
+    let answer = passivity(world)?;
+    let device = brute::as_certified(world);
+    let worst = worst_grip(&device)?;
+    let grows = worst.as_ref().map_or(f64::NEG_INFINITY, |worst| worst.growth_per_s);
+    if !answer.passive {
+        // The slopes of what bends are the worst of many: only a linear loop is what is refused.
+        if bent {
+            return Ok(());
+        }
+        let broken = grows > MARGINAL;
+        if let Some(required) = answer.required_damping.filter(|_| Found::draws_lots(rng)) {
+            let breaking = breaking_damping(&device)?.map_or(0.0, |breaking| breaking.damping);
+            found.reach.push(breaking / required);
+        }
+        found.refused += Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };
+        return Ok(());
+    }
+    if bent && !answer.proved {
+        return Ok(());
+    }
+    let mut drawn = f64::NEG_INFINITY;
+    for _ in 0..HANDS {
+        let hand = brute::hand(rng, &device);
+        let (work, samples) = brute::drawn(&device, hand.clone(), HAND_SAMPLES);
+        found.samples += samples;
+        if work > ROUNDING {
+            tell(format!("called passive, and a hand draws {work:e} of the work that goes round: {hand:?}"));
+        }
+        drawn = drawn.max(work);
+    }
+    // What is passive stays stable in every passive hand.
+    let stays = bent || grows <= MARGINAL;
+    if !stays {
+        tell(format!("called passive, and grows by {grows:e} per second in {worst:?}"));
+    }
+    let holds = drawn <= ROUNDING && stays;
+    let claim = if bent { &mut found.proved } else { &mut found.passive };
+    *claim += Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
+    Ok(())
+}
+
+/// One claim on growth against a run.
+fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Found, tell: &mut dyn FnMut(String)) {
+    let growth = growth.unwrap_or(f64::NEG_INFINITY);
+    let unstable = growth > MARGINAL;
+    let claim = |confirmed, slow, contradicted| Claim { loops: 1, confirmed, slow, contradicted };
+    let seen = |samples: u64| SEEN / (0.5 * samples as f64 * world.sampling.period);
+    let mut outcome = claim(1, 0, 0);
+    for samples in [SAMPLES, 10 * SAMPLES] {
+        let (motion, taken) = brute::motion(rng, world, at, samples);
+        found.samples += taken;
+        // Of an amplitude; an energy's is twice that.
+        let rate = match motion {
+            Motion::Gone => f64::NEG_INFINITY,
+            Motion::Grown => f64::INFINITY,
+            Motion::Rate(rate) => 0.5 * rate,
+        };
+        outcome = match unstable {
+            false if rate < seen(samples) => claim(1, 0, 0),
+            true if rate > 0.25 * growth => claim(1, 0, 0),
+            // Beside a swing that keeps its size a small one has to overtake it first.
+            true if growth * samples as f64 * world.sampling.period < OVERTAKES => claim(0, 1, 0),
+            _ => claim(0, 0, 1),
+        };
+        if outcome.confirmed > 0 {
+            break;
+        }
+        if outcome.contradicted > 0 && samples > SAMPLES {
+            tell(format!("{at:?}: growth by the analysis {growth:e}, by {samples} samples {rate:e} per second"));
+        }
+    }
+    *match (at, unstable) {
+        (At::Held, false) => &mut found.held_stable,
+        (At::Held, true) => &mut found.held_unstable,
+        (At::Free, false) => &mut found.free_stable,
+        (At::Free, true) => &mut found.free_unstable,
+    } += outcome;
+}
+
+/// The counts in Markdown.
+fn table(found: &mut Found, seed: u64) -> String {
+    let mut text = format!(
+        "{} random loops (seed {seed}), {} samples of the real core on the exact device; {} without an answer (numbers out of range).\n\n\
+         | called | loops | ran as called | too slow to see | contradicted |\n| --- | --- | --- | --- | --- |\n",
+        found.loops, found.samples, found.unanswered
+    );
+    for (name, claim) in found.claims().into_iter().take(6) {
+        let Claim { loops, confirmed, slow, contradicted } = *claim;
+        text += &format!("| {name} | {loops} | {confirmed} | {slow} | {contradicted} |\n");
+    }
+    let refused = found.refused;
+    found.reach.sort_by(f64::total_cmp);
+    text += &format!(
+        "\nOf {} loops called not passive, all linear, a passive hand of a mass and a spring breaks {} ({:.1} %); no hand that was tried breaks the other {}.\n",
+        refused.loops,
+        refused.confirmed,
+        100.0 * refused.confirmed as f64 / refused.loops.max(1) as f64,
+        refused.slow
+    );
+    let at = |part: f64| found.reach.get((part * found.reach.len().saturating_sub(1) as f64).round() as usize);
+    if let (Some(low), Some(middle), Some(high)) = (at(0.1), at(0.5), at(0.9)) {
+        text += &format!(
+            "Where a finite damping is asked for, such a hand breaks the loop up to {middle:.3} of it at the median of {} loops, \
+             {low:.3} and {high:.3} at the tenths.\n",
+            found.reach.len()
+        );
+    }
+    text
+}

@@ -1,0 +1,162 @@
+//! What the real core does on the exact device: whether a motion grows, and whether a hand gets work out of it.
+
+use fastrand::Rng;
+use hapt_model::{Drive, EstimatorKind, Hand, Law, Scenario, Shape, Switching, World};
+use hapt_sim::{Simulation, world_energy};
+
+/// Below this part of the largest energy there is only rounding.
+const NOTHING: f64 = 1e-20;
+/// An energy this many times the first has grown, whatever comes.
+const GROWN: f64 = 1e20;
+
+/// What became of a motion over some samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// It has died out, or left the numbers.
+    Gone,
+    /// It has grown beyond all bounds.
+    Grown,
+    /// Its amplitude has changed by this rate in 1/s, between the middle of the run and its end.
+    Rate(f64),
+}
+
+/// A hand that holds the puck at 0, or one that lets it go at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum At {
+    Held,
+    Free,
+}
+
+/// The world from a random start, all its bodies moving, for `samples` samples; with how many were taken.
+pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u64) {
+    let mut world = world.clone();
+    let period = world.sampling.period;
+    for body in &mut world.bodies {
+        body.position = rng.f64() - 0.5;
+        body.velocity = (rng.f64() - 0.5) / (100.0 * period);
+    }
+    let still = Shape::Step { to: 0.0, at: 0.0 };
+    // Held, the bodies move; let go, the puck is pushed first.
+    let push = world.device.inertia / (100.0 * period) / period;
+    let drive = match at {
+        At::Held => Drive::Position(still),
+        At::Free => Drive::Torque(Shape::Step { to: push, at: 0.0 }),
+    };
+    let release = (at == At::Free).then_some(period);
+    let scenario = Scenario { name: "brute".into(), duration: samples as f64 * period, hand: Hand { drive, release } };
+    let Ok(mut run) = Simulation::new(&world, &scenario) else { return (Motion::Gone, 0) };
+    let (mut first, mut middle, mut end, mut largest) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
+    let mut taken = 0;
+    while let Some(row) = run.next() {
+        // A loop that runs away leaves the numbers.
+        let Ok(row) = row else { return (Motion::Grown, taken) };
+        let puck = 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity;
+        let energy = puck + world_energy(&world, row.puck, &row.bodies, &row.bristles);
+        largest = largest.max(energy);
+        if taken == 2 {
+            first = largest;
+        }
+        taken += 1;
+        let part = taken as f64 / samples as f64;
+        if (0.4..0.5).contains(&part) {
+            middle = middle.max(energy);
+        } else if part >= 0.9 {
+            end = end.max(energy);
+        }
+        if taken > 2 && energy > GROWN * first && first > 0.0 {
+            return (Motion::Grown, taken);
+        }
+        if taken.is_multiple_of(4096) && energy < 1e-3 * NOTHING * largest && middle < NOTHING * largest {
+            return (Motion::Gone, taken);
+        }
+    }
+    if middle <= NOTHING * largest {
+        return (Motion::Gone, taken);
+    }
+    (Motion::Rate((end / middle).ln() / samples as f64 / period), taken)
+}
+
+/// The most that a hand has got out of the loop at any sample beyond what was stored in it, in parts of all the work that went
+/// round; not above 0 but for rounding where the loop is passive.
+pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
+    let duration = samples as f64 * world.sampling.period;
+    let scenario = Scenario { name: "hand".into(), duration, hand };
+    let Ok(mut run) = Simulation::new(world, &scenario) else { return (0.0, 0) };
+    let (mut most, mut taken) = (f64::NEG_INFINITY, 0);
+    let (mut stored, mut round, mut last) = (0.0, 0.0, 0.0);
+    // What a grip's own spring passes on is left over from its energy.
+    let grip = match scenario.hand.drive {
+        Drive::Grip { stiffness, .. } => stiffness,
+        _ => 0.0,
+    };
+    while let Some(row) = run.next() {
+        let Ok(row) = row else { break };
+        let ledger = row.ledger;
+        if taken == 0 {
+            // All hands start at 0, where nothing is stored but in a detent, and in a puck that has its speed from the start.
+            stored = world_energy(world, row.puck, &row.bodies, &row.bristles)
+                + 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity;
+            round = stored;
+        }
+        round += (ledger.hand - last).abs() + 1e-5 * grip * row.puck * row.puck;
+        last = ledger.hand;
+        most = most.max((-ledger.hand - stored) / (round + ledger.damping + f64::MIN_POSITIVE));
+        taken += 1;
+    }
+    (most, taken)
+}
+
+/// A random hand: a grip on a still or moving intention, a torque, or a position that it prescribes.
+pub fn hand(rng: &mut Rng, world: &World) -> Hand {
+    let period = world.sampling.period;
+    let stiffness: f64 = world
+        .couplings
+        .iter()
+        .map(|c| match c.law.unclamped() {
+            Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => stiffness,
+            _ => 0.0,
+        })
+        .sum();
+    let log = |rng: &mut Rng, from: f64, to: f64| 10f64.powf(from + (to - from) * rng.f64());
+    let size = log(rng, -3.0, 0.0);
+    let frequency = log(rng, -3.0, -0.1) * 0.5 / period;
+    // No jump of a prescribed position: it would cross the device's damping at no cost.
+    let shape = |rng: &mut Rng, size: f64, jumps: bool| match rng.u8(..3) {
+        0 if jumps => Shape::Step { to: size, at: 0.0 },
+        0 | 1 => Shape::Sine { amplitude: size, frequency, phase: 0.0 },
+        _ => {
+            // A hand at its roughest: anywhere at any time.
+            let mut at = 0.0;
+            let further = (0..50).map(|_| {
+                at += period * 20.0 * rng.f64().max(1e-3);
+                (at, size * (2.0 * rng.f64() - 1.0))
+            });
+            let points = std::iter::once((0.0, 0.0)).chain(further).collect();
+            Shape::Path { file: String::new(), points }
+        }
+    };
+    let drive = match rng.u8(..4) {
+        0 => Drive::Position(shape(rng, size, false)),
+        1 => Drive::Torque(shape(rng, size * stiffness, true)),
+        _ => Drive::Grip {
+            inertia: world.device.inertia * log(rng, -1.0, 2.0),
+            damping: if rng.bool() { 0.0 } else { world.device.damping * rng.f64() },
+            stiffness: stiffness * log(rng, -2.0, 1.0),
+            moves: shape(rng, size, true),
+            switching: rng.bool().then(|| {
+                let mut samples = || f64::from(rng.u32(1..200)) * period;
+                Switching { hold: samples(), open: samples() }
+            }),
+        },
+    };
+    Hand { drive, release: None }
+}
+
+/// The loop that the certificate of passivity speaks of: the exact estimator counts as the difference.
+pub fn as_certified(world: &World) -> World {
+    let mut world = world.clone();
+    if world.sampling.estimator == EstimatorKind::Exact {
+        world.sampling.estimator = EstimatorKind::Difference;
+    }
+    world
+}

@@ -1,0 +1,157 @@
+//! Random loops, over all that the certificate speaks of.
+
+use fastrand::Rng;
+use hapt_model::{
+    Body, Coupling, Damping, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, Side, World,
+};
+
+/// Uniform in the logarithm, between two powers of ten.
+fn log_uniform(rng: &mut Rng, from: f64, to: f64) -> f64 {
+    10f64.powf(from + (to - from) * rng.f64())
+}
+
+fn one_of<T: Copy>(rng: &mut Rng, of: &[T]) -> T {
+    of[rng.usize(..of.len())]
+}
+
+fn between(rng: &mut Rng, from: f64, to: f64) -> f64 {
+    from + (to - from) * rng.f64()
+}
+
+/// A loop of up to three bodies: every method, output and estimator; delays with and without a fraction; periods from 0.1 to
+/// 10 ms; ωT up to about 3; a device whose damping is near what its stiffness asks for. `bent` puts walls, detents and friction
+/// in, and an encoder, friction and limit into the device.
+pub fn random(rng: &mut Rng, bent: bool) -> World {
+    let period = log_uniform(rng, -4.0, -2.0);
+    let (method, output, advance) = rule(rng);
+    let estimator = one_of(
+        rng,
+        &[
+            EstimatorKind::Exact,
+            EstimatorKind::Exact,
+            EstimatorKind::Difference,
+            EstimatorKind::Difference,
+            EstimatorKind::LowPass,
+        ],
+    );
+    let delay = match rng.u8(..4) {
+        0 | 1 => 0.0,
+        2 => f64::from(rng.u8(1..4)) * period,
+        _ => between(rng, 0.0, 3.0) * period,
+    };
+    let cutoff = (estimator == EstimatorKind::LowPass).then(|| log_uniform(rng, -2.0, 0.0) / period);
+    let sampling = Sampling { period, method, output, advance, delay, estimator, cutoff, window: 16 };
+    let inertia = log_uniform(rng, -5.0, -2.0);
+    let bodies: Vec<Body> = (0..rng.usize(..4))
+        .map(|_| Body { inertia: inertia * log_uniform(rng, -1.0, 2.0), position: 0.0, velocity: 0.0 })
+        .collect();
+    let couplings = couplings(rng, &bodies, inertia, period, bent, method);
+    let wanted: f64 = couplings
+        .iter()
+        .filter(|c| c.first == End::Puck || c.second == End::Puck)
+        .map(|c| match c.law.unclamped() {
+            Law::Spring { stiffness, .. } => stiffness * period * (0.5 + delay / period),
+            Law::Wall { stiffness, damping, .. } => stiffness * period * (0.5 + delay / period) + damping,
+            Law::Damper { damping: Damping::Fixed(damping) } => damping,
+            _ => 0.0,
+        })
+        .sum();
+    let damping = match rng.u8(..6) {
+        0 => 0.0,
+        1 => log_uniform(rng, -6.0, -1.0),
+        _ => wanted * between(rng, 0.5, 3.0),
+    };
+    let (encoder, friction, limit) = if bent && rng.bool() {
+        (
+            rng.bool().then(|| log_uniform(rng, 3.0, 6.0).round()),
+            if rng.bool() { log_uniform(rng, -5.0, -2.0) } else { 0.0 },
+            rng.bool().then(|| log_uniform(rng, -2.0, 1.0)),
+        )
+    } else {
+        (None, 0.0, None)
+    };
+    World {
+        title: None,
+        motion: Motion::Rotary,
+        sampling,
+        device: Device { inertia, damping, friction, limit, encoder, levels: None },
+        names: (0..bodies.len()).map(|i| format!("b{i}")).collect(),
+        bodies,
+        couplings,
+        scenarios: Vec::new(),
+    }
+}
+
+fn rule(rng: &mut Rng) -> (Method, Output, u32) {
+    let method = one_of(rng, &Method::ALL);
+    if method.takes_new_sample_first() {
+        return (method, Output::Start, 0);
+    }
+    let output = one_of(rng, &[Output::Start, Output::Middle, Output::End, Output::End]);
+    let advance = if output == Output::End && rng.u8(..4) == 0 { rng.u32(1..4) } else { 0 };
+    (method, output, advance)
+}
+
+/// Springs and dampers that tie each body to the puck, ground or an earlier one; sometimes the puck to ground.
+fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bool, method: Method) -> Vec<Coupling> {
+    let mut all = Vec::new();
+    let mut tie = |rng: &mut Rng, first: End, second: End, inertia: f64| {
+        // Stiffness by the angle that the inertia on it would go a sample.
+        let x = log_uniform(rng, -2.0, 0.4);
+        let stiffness = inertia * (x / period).powi(2);
+        all.push(Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 } });
+        match rng.u8(..6) {
+            // The notes' own.
+            0 => all.push(Coupling { first, second, law: Law::Damper { damping: Damping::Compensating } }),
+            1 | 2 => {
+                let damping = 2.0 * log_uniform(rng, -3.0, 0.0) * stiffness * period / x;
+                all.push(Coupling { first, second, law: Law::Damper { damping: Damping::Fixed(damping) } });
+            }
+            _ => {}
+        }
+    };
+    for (i, body) in bodies.iter().enumerate() {
+        let other = match rng.u8(..6) {
+            0 => End::Ground,
+            1 | 2 if i > 0 => End::Body(rng.usize(..i)),
+            _ => End::Puck,
+        };
+        tie(rng, End::Body(i), other, body.inertia);
+    }
+    if bodies.is_empty() || rng.u8(..4) == 0 {
+        tie(rng, End::Puck, End::Ground, inertia);
+    }
+    if bent {
+        for _ in 0..rng.usize(1..3) {
+            // A body's contact under the new-sample-first methods is refused by the loop.
+            let at_body = !bodies.is_empty() && rng.bool() && !method.takes_new_sample_first();
+            let ends = match at_body {
+                true => (End::Body(rng.usize(..bodies.len())), one_of(rng, &[End::Ground, End::Puck])),
+                false => (End::Puck, End::Ground),
+            };
+            let law = nonlinear(rng, inertia, period);
+            all.push(Coupling { first: ends.0, second: ends.1, law });
+        }
+    }
+    all
+}
+
+fn nonlinear(rng: &mut Rng, inertia: f64, period: f64) -> Law {
+    let stiffness = inertia * (log_uniform(rng, -2.0, 0.0) / period).powi(2);
+    match rng.u8(..3) {
+        0 => Law::Wall {
+            side: one_of(rng, &[Side::Above, Side::Below]),
+            at: between(rng, -0.3, 0.3),
+            stiffness,
+            damping: if rng.bool() { stiffness * period * rng.f64() } else { 0.0 },
+        },
+        1 => {
+            let pitch = between(rng, 0.05, 1.0);
+            Law::Detent { torque: stiffness * pitch / std::f64::consts::TAU, pitch, phase: between(rng, -1.0, 1.0) }
+        }
+        _ => Law::Clamped {
+            law: hapt_model::Clampable::Spring { stiffness, rest: 0.0 },
+            limit: stiffness * between(rng, 0.01, 0.3),
+        },
+    }
+}
