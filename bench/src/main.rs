@@ -3,6 +3,7 @@
 
 mod boundary;
 mod csv;
+mod loops;
 mod run;
 mod step;
 
@@ -19,6 +20,7 @@ fn main() -> Result<()> {
         ["step", bodies, repeats] => step::time(bodies.parse()?, repeats.parse()?),
         ["matrices", bodies, file] => step::matrices(bodies.parse()?, file),
         ["boundary", file, repeats] => boundary::time(file, repeats.parse()?),
+        ["loops", repeats] => loops::time(repeats.parse()?),
         ["csv", printer, repeats] => csv::time(printer, repeats.parse()?),
         _ => bail!("see xtask/src/bench.rs"),
     }

@@ -1,6 +1,8 @@
 //! `cargo xtask bench`: hapt beside plain C, in turns, each in a process of its own that times its inner loop; and what makes
 //! docs/performance.md. The workloads are in `bench`.
 
+mod sweep;
+
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -31,8 +33,19 @@ pub fn command(words: &[String]) -> Result<()> {
 fn run(write: bool) -> Result<()> {
     let bench = Bench::build()?;
     let mut page = bench.head()?;
-    for part in [Bench::runs, Bench::steps, Bench::start, Bench::csv, Bench::edges, Bench::instructions, Bench::python]
-    {
+    let parts = [
+        Bench::runs,
+        Bench::steps,
+        Bench::start,
+        Bench::csv,
+        Bench::instructions,
+        Bench::python,
+        Bench::sweeps,
+        Bench::loops,
+        Bench::checks,
+        Bench::edges,
+    ];
+    for part in parts {
         let text = part(&bench)?;
         eprintln!("{text}");
         page += &text;
@@ -166,6 +179,7 @@ impl Bench {
         output(build.args(packages).arg("--target-dir").arg(&native).env("RUSTFLAGS", "-C target-cpu=native"))?;
         let bench = Bench { release: target.join("release"), native: native.join("release/hapt-bench"), folder };
         bench.compile("empty", "empty", &[])?;
+        bench.compile("sweep", "sweep", &["-ffinite-math-only", "-fno-trapping-math", "-fopenmp"])?;
         // No fused multiply-add in the bound: hapt has none either.
         bench.compile("bound", "bound", &["-ffp-contract=off"])?;
         for works in [0, 1] {

@@ -103,7 +103,7 @@ fn follows(law: &Law) -> bool {
 
 /// T times which stiffness a compensating damper is: the springs between its two ends, in either order; from a body to
 /// ground, all springs at the body.
-fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
+pub(crate) fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
     let ends = [damper.first, damper.second];
     let at_body = match ends {
         [End::Body(body), End::Ground] | [End::Ground, End::Body(body)] => Some(End::Body(body)),

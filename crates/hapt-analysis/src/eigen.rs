@@ -101,6 +101,11 @@ impl Multiplier {
         self.value().arg()
     }
 
+    /// Whether it is in the range of numbers; λ = 0 is.
+    pub(crate) fn is_sound(&self) -> bool {
+        self.less_one.re.is_finite() && self.less_one.im.is_finite() && self.ln_abs < f64::INFINITY
+    }
+
     /// ln |λ|/T in 1/s.
     pub fn growth(&self, period: f64) -> f64 {
         self.ln_abs / period

@@ -1,13 +1,13 @@
 //! The held world: the bodies alone, the puck standing still.
 
-use hapt_model::{Body, Coupling, Method};
+use hapt_model::{Body, Coupling, Damping, End, Law, Method};
 
-use crate::continuous::{Slopes, bent, ties};
+use crate::continuous::{Slopes, bent, compensated, ties};
 use crate::critical::{Critical, balance_of, of_part, roots};
 use crate::eigen::{Multiplier, Root, multiplier, pair};
 use crate::error::{Error, positive};
 use crate::modal::Modal;
-use crate::stability::{assemble, combinations};
+use crate::stability::{assemble, combinations, growth};
 use crate::structure::{Part, parts};
 
 pub use crate::stability::{COMBINED, Eigenvalue, LISTED, MARGINAL, Mode, Stability, Verdict};
@@ -38,7 +38,44 @@ pub fn held(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64
 /// # Errors
 /// As [`held`].
 pub fn held_growth(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64) -> Result<Option<f64>, Error> {
-    Ok(analyse(bodies, couplings, method, period, Critical::Never)?.growth_per_s)
+    match of_one_body(bodies, couplings, method, period) {
+        Some(growth) => Ok(growth),
+        None => Ok(analyse(bodies, couplings, method, period, Critical::Never)?.growth_per_s),
+    }
+}
+
+/// The same of one body on springs, with no dampers or with those that follow all of them: what [`analyse`] comes to then, in the
+/// same operations, without its matrices. `None` for every other world, and where numbers leave double precision.
+fn of_one_body(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64) -> Option<Option<f64>> {
+    let &[Body { inertia, .. }] = bodies else { return None };
+    let (mut stiffness, mut following) = (0.0, 0.0);
+    for coupling in couplings {
+        let ends = [coupling.first, coupling.second];
+        match coupling.law {
+            // That there is no other body is for others to say.
+            _ if ends.iter().any(|end| matches!(end, End::Body(1..))) => return None,
+            _ if !ends.contains(&End::Body(0)) => {}
+            Law::Spring { stiffness: k, .. } => stiffness += k,
+            Law::Damper { damping: Damping::Compensating } => following += compensated(coupling, couplings),
+            Law::Constant { .. } => {}
+            _ => return None,
+        }
+    }
+    if !(inertia > 0.0 && period > 0.0) || !(following == 0.0 || following == stiffness) {
+        return None;
+    }
+    let rate = 1.0 / inertia.sqrt() * f64::sqrt(stiffness);
+    let omega = (rate * rate).sqrt();
+    if !(omega > 0.0 && (omega * omega).is_normal() && inertia.is_finite()) {
+        return None;
+    }
+    let x = omega * period;
+    let damping = f64::from(u8::from(following > 0.0)) + f64::from(u8::from(method == Method::SemiImplicitEuler));
+    let multipliers = pair(x, damping * x * x).map(|root| multiplier(method, root));
+    if !multipliers.iter().all(Multiplier::is_sound) {
+        return None;
+    }
+    Some(growth(&multipliers, period))
 }
 
 /// The eigenvalues of [`held`] alone.
@@ -146,7 +183,7 @@ pub(crate) fn spectrum(part: &Modal, method: Method, period: f64) -> Result<(Vec
     }
     let ones = std::iter::repeat_n(Multiplier::ONE, part.ones);
     let multipliers: Vec<_> = ones.chain(discrete.into_iter().map(|root| multiplier(method, root))).collect();
-    if !multipliers.iter().all(|m| m.less_one.re.is_finite() && m.less_one.im.is_finite() && m.ln_abs < f64::INFINITY) {
+    if !multipliers.iter().all(Multiplier::is_sound) {
         return Err(Error::Eigenvalues { order: multipliers.len() });
     }
     // A double real root comes out of the solver as a pair √eps apart: that is no oscillation.

@@ -104,6 +104,12 @@ pub(crate) fn combinations(bent: &[usize]) -> Vec<Slopes> {
     (0..1u32 << bent.len()).map(|bits| Slopes::Chosen(chosen(bits))).collect()
 }
 
+/// The largest growth in 1/s; `None` where every eigenvalue is 0.
+pub(crate) fn growth(multipliers: &[Multiplier], period: f64) -> Option<f64> {
+    // A growth of -0 is 0.
+    multipliers.iter().filter(|m| m.abs() >= LISTED).map(|m| m.growth(period) + 0.0).reduce(f64::max)
+}
+
 /// The answer from all eigenvalues, those of them that count, z = Ts of the differential equation's complex pairs, and the
 /// critical period.
 pub(crate) fn assemble(
@@ -116,9 +122,8 @@ pub(crate) fn assemble(
     let is_listed = |m: &&Multiplier| m.abs() >= LISTED;
     let mut listed: Vec<Multiplier> = all.iter().filter(is_listed).copied().collect();
     sort(&mut listed);
+    let growth_per_s = growth(counting, period);
     let counting: Vec<Multiplier> = counting.iter().filter(is_listed).copied().collect();
-    // A growth of -0 is 0.
-    let growth_per_s = counting.iter().map(|m| m.growth(period) + 0.0).reduce(f64::max);
     // + 0, so that a real one does not print as -0.
     let eigenvalue = |m: &Multiplier| Eigenvalue { re: m.value().re + 0.0, im: m.value().im + 0.0, abs: m.abs() };
     let mut modes: Vec<Mode> = pairs.iter().map(|root| mode(*root, all, period)).collect();

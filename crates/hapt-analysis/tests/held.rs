@@ -5,8 +5,8 @@ mod common;
 use common::*;
 use hapt_analysis::continuous::{Continuous, Slopes};
 use hapt_analysis::eigen::eigenvalues;
-use hapt_analysis::{Discrete, Verdict, held};
-use hapt_model::{Coupling, End, Law, Method, Output, Side};
+use hapt_analysis::{Discrete, Verdict, held, held_growth};
+use hapt_model::{Body, Coupling, Damping, End, Law, Method, Output, Side};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 
@@ -50,6 +50,33 @@ proptest! {
                     prop_assert!((value.im.atan2(value.re).abs() - angle).abs() < 1e-13);
                 }
             }
+        }
+    }
+
+    /// One body on springs has its growth from a formula, any other world from its matrices; nobody can tell.
+    #[test]
+    fn growth_alone_is_the_growth_of_the_whole_answer(
+        inertia in -5.0..2.0f64,
+        stiffness in (-3.0..7.0f64, -3.0..7.0f64),
+        period in -5.0..-1.0f64,
+        grounded: bool,
+        damper_kind in 0..4,
+    ) {
+        let ten = |x: f64| 10_f64.powf(x);
+        let spring = |second, stiffness| Coupling { first: End::Body(0), second, law: Law::Spring { stiffness, rest: 0.1 } };
+        let damper = |damping| Coupling { first: End::Body(0), second: End::Ground, law: Law::Damper { damping } };
+        let bodies = [Body { inertia: ten(inertia), position: 0.0, velocity: 0.0 }];
+        let mut couplings = vec![spring(End::Puck, ten(stiffness.0))];
+        couplings.extend(grounded.then(|| spring(End::Ground, ten(stiffness.1))));
+        couplings.extend(match damper_kind {
+            0 => Some(damper(Damping::Compensating)),
+            1 => Some(damper(Damping::Fixed(ten(stiffness.1) * 1e-4))),
+            _ => None,
+        });
+        for method in Method::ALL {
+            let whole = held(&bodies, &couplings, method, ten(period)).unwrap().growth_per_s;
+            let alone = held_growth(&bodies, &couplings, method, ten(period)).unwrap();
+            prop_assert_eq!(alone.map(f64::to_bits), whole.map(f64::to_bits), "{}", method.name());
         }
     }
 

@@ -1,14 +1,14 @@
 //! The last step before the motor: levels and limit (docs/contract.md, section 3, step 4).
 
-use crate::{Error, Real, Spec};
+use crate::{Error, Number, Spec};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Actuator<F> {
-    limit: Option<F>,
-    step: Option<F>,
+    pub limit: Option<F>,
+    pub step: Option<F>,
 }
 
-impl<F: Real> Actuator<F> {
+impl<F: Number> Actuator<F> {
     pub fn new(spec: &Spec) -> Result<Self, Error> {
         if let Some(limit) = spec.limit {
             Error::check_positive("limit", limit)?;
@@ -25,20 +25,16 @@ impl<F: Real> Actuator<F> {
     }
 
     /// step · floor(τ/step + 1/2 + 1e-9), within ±limit. A torque that is no number commands 0: the only safe answer.
-    #[inline]
+    #[inline(always)]
     pub fn command(&self, torque: F) -> F {
         let mut command = torque;
         if let Some(step) = self.step {
             command = step * (command / step + F::HALF + F::from_f64(1e-9)).floor();
         }
         if let Some(limit) = self.limit {
-            if command > limit {
-                command = limit;
-            } else if command < -limit {
-                command = -limit;
-            }
+            command = command.within(limit);
         }
-        if command.is_finite() { command } else { F::ZERO }
+        command.finite_or_zero()
     }
 }
 

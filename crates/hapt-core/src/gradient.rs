@@ -36,7 +36,7 @@
 use crate::contact::Gap;
 use crate::matrix::Vector;
 use crate::nonlinear::{Curve, Nonlinear};
-use crate::{End, Real};
+use crate::{End, Number, Real};
 
 /// Rounds over the couplings before the step is given up.
 const PASSES: usize = 60;
@@ -74,7 +74,7 @@ pub struct Contacts<F, const C: usize> {
     pub unsettled: u32,
 }
 
-impl<F: Real, const C: usize> Contacts<F, C> {
+impl<F: Number, const C: usize> Contacts<F, C> {
     pub(crate) const NONE: Self = Contacts { torques: [F::ZERO; C], unsettled: 0 };
 }
 

@@ -40,11 +40,13 @@
 #![allow(clippy::needless_range_loop)]
 
 mod actuate;
+mod branches;
 mod compile;
 mod contact;
 mod error;
 mod friction;
 mod gradient;
+mod lanes;
 mod matrix;
 mod nonlinear;
 mod real;
@@ -55,8 +57,9 @@ mod step;
 
 pub use error::Error;
 pub use gradient::Contacts;
+pub use lanes::Lanes;
 pub use matrix::Vector;
-pub use real::Real;
+pub use real::{Number, Real};
 pub use sense::{Memory, Puck};
 pub use spec::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 pub use step::{Loop, Sample, State};

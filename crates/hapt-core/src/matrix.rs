@@ -1,8 +1,9 @@
 //! Positions and velocities of up to B bodies, and the matrices that act on them, in blocks of B so that both fit fixed sizes.
 //! Only the first `n` of each block are in use. Every sum runs over those alone, in one order, so that a world gives the same
 //! bits whatever room it is compiled into; the sums of places not in use are zeros, made along where that is quicker than asking.
+//! What is always inlined is compiled with the vectors of whoever calls it: see [`crate::Lanes`].
 
-use crate::Real;
+use crate::{Number, Real};
 
 /// Positions and velocities of the bodies, in rad and rad/s (linear: m and m/s), in the order of the spec.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,11 +14,11 @@ pub struct Vector<F, const B: usize> {
     pub velocity: [F; B],
 }
 
-impl<F: Real, const B: usize> Vector<F, B> {
+impl<F: Number, const B: usize> Vector<F, B> {
     pub(crate) const ZERO: Self = Vector { position: [F::ZERO; B], velocity: [F::ZERO; B] };
 
     /// self += factor · other
-    #[inline]
+    #[inline(always)]
     pub(crate) fn add(&mut self, n: usize, factor: F, other: &Self) {
         let places = if B < ROWS { B } else { n };
         for (x, y) in self.position.iter_mut().zip(&other.position).take(places) {
@@ -29,14 +30,14 @@ impl<F: Real, const B: usize> Vector<F, B> {
     }
 
     /// The places of L bodies from the one at `at` on; there must be as many.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn rows<const L: usize>(&self, at: usize) -> Vector<F, L> {
         let of = |x: &[F; B]| x.get(at..).and_then(|x| x.first_chunk()).copied().unwrap_or([F::ZERO; L]);
         Vector { position: of(&self.position), velocity: of(&self.velocity) }
     }
 
     /// Puts them there.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn set_rows<const L: usize>(&mut self, at: usize, rows: &Vector<F, L>) {
         for (x, rows) in [(&mut self.position, &rows.position), (&mut self.velocity, &rows.velocity)] {
             if let Some(x) = x.get_mut(at..).and_then(|x| x.first_chunk_mut()) {
@@ -45,10 +46,12 @@ impl<F: Real, const B: usize> Vector<F, B> {
         }
     }
 
-    pub(crate) fn map<G: Real>(&self, f: impl Fn(F) -> G) -> Vector<G, B> {
+    pub(crate) fn map<G: Number>(&self, f: impl Fn(F) -> G) -> Vector<G, B> {
         Vector { position: self.position.map(&f), velocity: self.velocity.map(&f) }
     }
+}
 
+impl<F: Real, const B: usize> Vector<F, B> {
     pub(crate) fn is_finite(&self) -> bool {
         self.position.iter().chain(&self.velocity).all(|x| x.is_finite())
     }
@@ -64,9 +67,9 @@ pub(crate) struct Response<F, const B: usize> {
     pub velocity: Vector<F, B>,
 }
 
-impl<F: Real, const B: usize> Response<F, B> {
+impl<F: Number, const B: usize> Response<F, B> {
     /// sums += response to a position and a velocity, for L bodies from the one at `at` on
-    #[inline]
+    #[inline(always)]
     pub fn apply<const L: usize>(&self, at: usize, position: F, velocity: F, sums: &mut Vector<F, L>) {
         let (p, v) = (self.position.rows::<L>(at), self.velocity.rows::<L>(at));
         for i in 0..L {
@@ -74,7 +77,9 @@ impl<F: Real, const B: usize> Response<F, B> {
             sums.velocity[i] += p.velocity[i] * position + v.velocity[i] * velocity;
         }
     }
+}
 
+impl<F: Real, const B: usize> Response<F, B> {
     pub fn is_finite(&self) -> bool {
         self.position.is_finite() && self.velocity.is_finite()
     }

@@ -3,11 +3,11 @@
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// `f32` or `f64`, with the few functions a loop needs, from libm alone: the standard library's differ between machines.
-pub trait Real:
+/// A number, or several side by side ([`crate::Lanes`]): what a linear loop needs. Nothing here asks what a number is, so that lanes
+/// of different answers never part.
+pub trait Number:
     Copy
     + Debug
-    + PartialOrd
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
@@ -22,14 +22,22 @@ pub trait Real:
     const ONE: Self;
     /// 1/2
     const HALF: Self;
-    /// From 1 to the next number.
-    const EPSILON: Self;
     /// Rounds to the nearest.
     fn from_f64(x: f64) -> Self;
-    /// Exact.
-    fn to_f64(self) -> f64;
     /// The largest whole number that is not greater.
     fn floor(self) -> Self;
+    /// The nearest number within ±`limit`, which is not negative; NaN stays.
+    fn within(self, limit: Self) -> Self;
+    /// Itself, or 0 in place of what is infinite or NaN.
+    fn finite_or_zero(self) -> Self;
+}
+
+/// `f32` or `f64`, with the few functions a loop needs, from libm alone: the standard library's differ between machines.
+pub trait Real: Number + PartialOrd {
+    /// From 1 to the next number.
+    const EPSILON: Self;
+    /// Exact.
+    fn to_f64(self) -> f64;
     /// |x|
     fn abs(self) -> Self;
     /// sin x
@@ -44,22 +52,39 @@ pub trait Real:
 
 macro_rules! real {
     ($float:ty, $floor:path, $fabs:path, $sin:path, $exp:path, $expm1:path) => {
-        impl Real for $float {
+        impl Number for $float {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const HALF: Self = 0.5;
-            const EPSILON: Self = <$float>::EPSILON;
             #[inline]
             fn from_f64(x: f64) -> Self {
                 x as $float
             }
             #[inline]
-            fn to_f64(self) -> f64 {
-                f64::from(self)
-            }
-            #[inline]
             fn floor(self) -> Self {
                 $floor(self)
+            }
+            #[inline]
+            fn within(self, limit: Self) -> Self {
+                if self > limit {
+                    limit
+                } else if self < -limit {
+                    -limit
+                } else {
+                    self
+                }
+            }
+            #[inline]
+            fn finite_or_zero(self) -> Self {
+                if <$float>::is_finite(self) { self } else { 0.0 }
+            }
+        }
+
+        impl Real for $float {
+            const EPSILON: Self = <$float>::EPSILON;
+            #[inline]
+            fn to_f64(self) -> f64 {
+                f64::from(self)
             }
             #[inline]
             fn abs(self) -> Self {

@@ -1,6 +1,6 @@
 //! What the loop knows of the puck: the encoder's count and a velocity (docs/contract.md, section 3, step 1).
 
-use crate::{Error, Estimator, Real, Spec};
+use crate::{Error, Estimator, Number, Real, Spec};
 
 /// The puck as the loop sees it at one sample: u_k.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +24,7 @@ pub struct Memory<F, const W: usize> {
     pub older: usize,
 }
 
-impl<F: Real, const W: usize> Memory<F, W> {
+impl<F: Number, const W: usize> Memory<F, W> {
     pub(crate) const EMPTY: Self = Memory { last: None, counts: [F::ZERO; W], newest: 0, older: 0 };
 
     fn push(&mut self, count: F) {
@@ -48,14 +48,14 @@ impl<F: Real, const W: usize> Memory<F, W> {
 /// The encoder and the estimator's constants.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sensor<F> {
-    count: Option<F>,
-    rate: F,
+    pub count: Option<F>,
+    pub rate: F,
     /// `None`: the velocity is the true one.
-    velocity: Option<Velocity<F>>,
+    pub velocity: Option<Velocity<F>>,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Velocity<F> {
+pub(crate) enum Velocity<F> {
     Difference,
     /// v_k = keep v_{k-1} + gain (z_k - z_{k-1})
     LowPass {
@@ -68,7 +68,7 @@ enum Velocity<F> {
     },
 }
 
-impl<F: Real> Sensor<F> {
+impl<F: Number> Sensor<F> {
     pub fn new<const W: usize>(spec: &Spec) -> Result<Self, Error> {
         const { assert!(W > 0, "a loop remembers one count at least") }
         if let Some(count) = spec.count {
@@ -96,9 +96,16 @@ impl<F: Real> Sensor<F> {
         Ok(Sensor { count: spec.count.map(F::from_f64), rate: F::from_f64(1.0 / spec.period), velocity })
     }
 
-    /// u_k from the puck's true position and velocity; the memory moves on by one sample, except for its `last`.
-    #[inline]
-    pub fn read<const W: usize>(&self, memory: &mut Memory<F, W>, position: F, velocity: F) -> Puck<F> {
+    /// u_k from the puck's true position and velocity, with `estimate` where the velocity is not the true one; the memory moves on
+    /// by one sample, except for its `last`.
+    #[inline(always)]
+    pub fn read<const W: usize>(
+        &self,
+        memory: &mut Memory<F, W>,
+        position: F,
+        velocity: F,
+        estimate: impl Fn(&Memory<F, W>, F) -> F,
+    ) -> Puck<F> {
         let position = match self.count {
             None => position,
             Some(size) => {
@@ -110,22 +117,33 @@ impl<F: Real> Sensor<F> {
                 count * size
             }
         };
-        let velocity = if self.velocity.is_none() { velocity } else { self.estimate(memory, position) };
+        let velocity = if self.velocity.is_none() { velocity } else { estimate(memory, position) };
         Puck { position, velocity }
     }
 
+    /// The velocity from this position and the last; `None` for FOAW, which looks at more.
+    #[inline(always)]
+    pub fn by_last<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> Option<F> {
+        let (Some(estimator), Some(last)) = (self.velocity, memory.last) else { return Some(F::ZERO) };
+        match estimator {
+            Velocity::Difference => Some((position - last.position) * self.rate),
+            Velocity::LowPass { keep, gain } => Some(keep * last.velocity + gain * (position - last.position)),
+            Velocity::Foaw { .. } => None,
+        }
+    }
+}
+
+impl<F: Real> Sensor<F> {
     /// The velocity from this position and those before. Out of line: the exact velocity does not wait for what was stored last.
     #[inline(never)]
-    fn estimate<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> F {
-        let (Some(estimator), Some(last)) = (self.velocity, memory.last) else { return F::ZERO };
-        match estimator {
-            Velocity::Difference => (position - last.position) * self.rate,
-            Velocity::LowPass { keep, gain } => keep * last.velocity + gain * (position - last.position),
-            Velocity::Foaw { window, best } => {
+    pub fn estimate<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> F {
+        match (self.by_last(memory, position), self.velocity) {
+            (None, Some(Velocity::Foaw { window, best })) => {
                 let n = longest_window(memory, window);
                 let slope = if best { best_fit(memory, n) } else { end_fit(memory, n) };
                 slope * self.count.unwrap_or(F::ONE) * self.rate
             }
+            (velocity, _) => velocity.unwrap_or(F::ZERO),
         }
     }
 }

@@ -1,11 +1,12 @@
 //! The loop: a world compiled once, and one sample of it.
 
 use crate::actuate::Actuator;
-use crate::gradient::{Contacts, Gradient, Step};
+use crate::branches::Branches;
+use crate::gradient::{Contacts, Gradient};
 use crate::matrix::{ROWS, Response, Vector};
 use crate::nonlinear::Nonlinear;
 use crate::sense::{Memory, Puck, Sensor};
-use crate::{End, Output, Real};
+use crate::{Number, Output, Real};
 
 /// A world compiled for at most B bodies, C couplings and W remembered counts (a FOAW window of W - 1), on numbers F.
 ///
@@ -73,7 +74,7 @@ pub struct Sample<F> {
     pub command: F,
 }
 
-impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
+impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     /// The state before sample 0.
     pub fn start(&self) -> State<F, B, C, W> {
         let bristles = [F::ZERO; C];
@@ -90,110 +91,26 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         self.period
     }
 
-    /// Sample k at the puck's true position in rad (linear: m) and velocity in rad/s (m/s), which only the exact estimator
-    /// looks at.
-    #[inline]
-    pub fn step(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
-        let puck = self.sensor.read(&mut state.memory, position, velocity);
-        if !self.new_sample_first {
-            state.now.add(self.bodies, F::ONE, &state.change);
-        }
-        if self.nonlinear_count > 0 {
-            self.bend(&mut state.bristles, puck, &state.now);
-        }
-        if !self.new_sample_first {
-            state.change = self.change(&state.now, puck, puck, &state.bristles, &mut state.contacts);
-        } else if let Some(last) = state.memory.last {
-            let change = self.change(&state.now, last, puck, &state.bristles, &mut state.contacts);
-            state.now.add(self.bodies, F::ONE, &change);
-        }
-        state.memory.last = Some(puck);
-        let torque = self.torque(state, puck);
-        Sample { puck, torque, command: self.actuator.command(torque) }
-    }
-
-    /// Every LuGre bristle over one period, with q̇ as it is at this sample held. Out of line, as all that only some worlds
-    /// have: it would take the registers of what all have.
-    #[cold]
-    fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
-        for (nonlinear, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
-            if let Some(coupling) = nonlinear {
-                let q = coupling.relative((puck.position, puck.velocity), bodies);
-                *bristle = coupling.bend(*bristle, q, self.period);
-            }
-        }
-    }
-
-    /// x_{k+1} - x_k of the method, from x_k, u_{k-1} and u_k.
-    #[inline]
-    fn change(
-        &self,
-        x: &Vector<F, B>,
-        old: Puck<F>,
-        new: Puck<F>,
-        bristles: &[F; C],
-        contacts: &mut Contacts<F, C>,
-    ) -> Vector<F, B> {
-        let mut first = self.stage(x, old, new, bristles);
-        if let (Some(gradient), Some(force)) = (&self.gradient, &self.force) {
-            let couplings = self.nonlinear.get(..self.nonlinear_count).unwrap_or(&self.nonlinear);
-            let step = Step { bodies: self.bodies, force, couplings, puck: (new.position, new.velocity), x };
-            gradient.step(&step, &mut first, contacts);
-        }
-        if self.staged { self.runge_kutta(first, x, old, new, bristles) } else { first }
-    }
-
-    /// Runge-Kutta's four stages, each an Euler increment T f; the first is there.
-    #[cold]
-    fn runge_kutta(
-        &self,
-        first: Vector<F, B>,
-        x: &Vector<F, B>,
-        old: Puck<F>,
-        new: Puck<F>,
-        bristles: &[F; C],
-    ) -> Vector<F, B> {
-        let n = self.bodies;
-        let two = F::ONE + F::ONE;
-        let mut stage = first;
-        let mut sum = first;
-        for (reach, weight) in [(F::HALF, two), (F::HALF, two), (F::ONE, F::ONE)] {
-            let mut at = *x;
-            at.add(n, reach, &stage);
-            stage = self.stage(&at, old, new, bristles);
-            sum.add(n, weight, &stage);
-        }
-        let sixth = F::ONE / F::from_f64(6.0);
-        sum.map(|x| sixth * x)
-    }
-
     /// The method's matrices on one state.
-    #[inline]
-    fn stage(&self, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>, bristles: &[F; C]) -> Vector<F, B> {
-        let mut change = Vector::ZERO;
+    #[inline(always)]
+    pub(crate) fn linear(&self, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>) -> Vector<F, B> {
         if B < ROWS {
-            change = self.rows(0, x, old, new);
-        } else {
-            for i in 0..B.div_ceil(ROWS) {
-                if i * ROWS >= self.bodies {
-                    break;
-                }
-                // The last rows may be some of those before: made twice, they are the same.
-                let at = (i * ROWS).min(B - ROWS);
-                change.set_rows(at, &self.rows::<ROWS>(at, x, old, new));
-            }
+            return self.rows(0, x, old, new);
         }
-        if let (Some(force), None) = (&self.force, &self.gradient) {
-            let torques = self.nonlinear_torques(x, new, bristles);
-            for (response, torque) in force.iter().zip(&torques).take(self.bodies) {
-                change.add(self.bodies, *torque, response);
+        let mut change = Vector::ZERO;
+        for i in 0..B.div_ceil(ROWS) {
+            if i * ROWS >= self.bodies {
+                break;
             }
+            // The last rows may be some of those before: made twice, they are the same.
+            let at = (i * ROWS).min(B - ROWS);
+            change.set_rows(at, &self.rows::<ROWS>(at, x, old, new));
         }
         change
     }
 
     /// L rows of the linear part. The bodies come after the puck: a sum should not wait where it can begin.
-    #[inline]
+    #[inline(always)]
     fn rows<const L: usize>(&self, at: usize, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>) -> Vector<F, L> {
         let mut sums = self.drift.rows(at);
         if self.new_sample_first {
@@ -206,37 +123,57 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         sums
     }
 
-    /// The nonlinear couplings' torques on the bodies.
-    #[cold]
-    fn nonlinear_torques(&self, x: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C]) -> [F; B] {
-        let mut torques = [F::ZERO; B];
-        for (coupling, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
-            if let Some(coupling) = coupling {
-                let torque = coupling.torque(coupling.relative((puck.position, puck.velocity), x), *bristle);
-                for (end, torque) in [(coupling.first, torque), (coupling.second, -torque)] {
-                    if let End::Body(i) = end {
-                        if let Some(sum) = torques.get_mut(i) {
-                            *sum += torque;
-                        }
-                    }
-                }
-            }
+    /// (w_{k+1} - w_k)/T
+    #[inline(always)]
+    fn mean_velocities(&self, change: &Vector<F, B>) -> [F; B] {
+        change.position.map(|distance| distance * self.rate)
+    }
+}
+
+impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
+    /// Sample k at the puck's true position in rad (linear: m) and velocity in rad/s (m/s), which only the exact estimator
+    /// looks at.
+    #[inline]
+    pub fn step(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
+        self.sample(state, position, velocity)
+    }
+}
+
+/// One source for numbers and for lanes: what a sample is.
+#[allow(private_bounds)] // Nothing here is public.
+impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
+where
+    Self: Branches<F, B, C, W>,
+{
+    #[inline(always)]
+    pub(crate) fn sample(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
+        let estimate = |memory: &Memory<F, W>, position| self.estimate(memory, position);
+        let puck = self.sensor.read(&mut state.memory, position, velocity, estimate);
+        if !self.new_sample_first {
+            state.now.add(self.bodies, F::ONE, &state.change);
         }
-        torques
+        self.bend(&mut state.bristles, puck, &state.now);
+        if !self.new_sample_first {
+            state.change = self.change(&state.now, puck, puck, &state.bristles, &mut state.contacts);
+        } else if let Some(last) = state.memory.last {
+            let change = self.change(&state.now, last, puck, &state.bristles, &mut state.contacts);
+            state.now.add(self.bodies, F::ONE, &change);
+        }
+        state.memory.last = Some(puck);
+        let torque = self.torque(state, puck);
+        Sample { puck, torque, command: self.actuator.command(torque) }
     }
 
     /// The torque on the puck from the state that the output names.
-    #[inline]
+    #[inline(always)]
     fn torque(&self, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
         let (mut bodies, change, bristles) = (state.now, &state.change, &state.bristles);
         match self.output {
             Output::Start => {}
             Output::Middle => bodies.add(self.bodies, F::HALF, change),
+            Output::End if self.advance > 0 => return self.torque_ahead(state, puck),
             Output::End => {
                 bodies.add(self.bodies, F::ONE, change);
-                if self.advance > 0 {
-                    return self.torque_ahead(bodies, *bristles, state.contacts, puck);
-                }
                 bodies.velocity = self.mean_velocities(change);
             }
         }
@@ -245,13 +182,9 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 
     /// The torque on the puck `advance` steps further on: the world goes on without the loop, the puck held where it was seen.
     #[cold]
-    fn torque_ahead(
-        &self,
-        mut bodies: Vector<F, B>,
-        mut bristles: [F; C],
-        mut contacts: Contacts<F, C>,
-        puck: Puck<F>,
-    ) -> F {
+    fn torque_ahead(&self, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
+        let (mut bodies, mut bristles, mut contacts) = (state.now, state.bristles, state.contacts);
+        bodies.add(self.bodies, F::ONE, &state.change);
         let held = Puck { position: puck.position, velocity: F::ZERO };
         let mut change = Vector::ZERO;
         for _ in 0..self.advance {
@@ -263,14 +196,8 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         self.torque_at(&bodies, puck, &bristles, &contacts)
     }
 
-    /// (w_{k+1} - w_k)/T
-    #[inline]
-    fn mean_velocities(&self, change: &Vector<F, B>) -> [F; B] {
-        change.position.map(|distance| distance * self.rate)
-    }
-
     /// The couplings' torque on the puck with the bodies as given.
-    #[inline]
+    #[inline(always)]
     fn torque_at(&self, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C], contacts: &Contacts<F, C>) -> F {
         let mut torque = self.port.offset + self.port.puck[0] * puck.position + self.port.puck[1] * puck.velocity;
         // All products before the first sum, which then has only itself to wait for.
@@ -280,30 +207,6 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         for product in products.iter().take(self.bodies) {
             torque += *product;
         }
-        if self.nonlinear_count > 0 { torque + self.nonlinear_torque(bodies, puck, bristles, contacts) } else { torque }
-    }
-
-    /// The nonlinear couplings' torque on the puck.
-    #[cold]
-    fn nonlinear_torque(
-        &self,
-        bodies: &Vector<F, B>,
-        puck: Puck<F>,
-        bristles: &[F; C],
-        contacts: &Contacts<F, C>,
-    ) -> F {
-        let mut torque = F::ZERO;
-        let found = bristles.iter().zip(&contacts.torques);
-        for (coupling, (bristle, found)) in self.nonlinear.iter().zip(found).take(self.nonlinear_count) {
-            if let Some(coupling) = coupling {
-                let sign = coupling.sign_at_puck();
-                if sign != F::ZERO {
-                    let q = coupling.relative((puck.position, puck.velocity), bodies);
-                    let is_found = self.gradient.is_some() && coupling.is_found();
-                    torque += sign * if is_found { *found } else { coupling.torque(q, *bristle) };
-                }
-            }
-        }
-        torque
+        self.bent(torque, bodies, puck, bristles, contacts)
     }
 }

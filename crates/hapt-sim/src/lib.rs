@@ -47,6 +47,7 @@ mod plant;
 mod puck;
 mod row;
 mod run;
+mod side;
 mod summary;
 
 pub use control::DesktopLoop;
@@ -54,4 +55,5 @@ pub use csv::CsvWriter;
 pub use energy::{Ledger, world_energy};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, Signal, columns};
 pub use run::{Error, Simulation, check, rows};
+pub use side::{Outcome, SIDE, side_by_side};
 pub use summary::Summary;

@@ -21,6 +21,8 @@ pub(crate) const RAMP: usize = 3;
 pub(crate) const SIN: usize = 4;
 pub(crate) const COS: usize = 5;
 type Matrix = [[f64; 6]; 6];
+/// The first M states alone, where the others have no part in them.
+type Leading<const M: usize> = [[f64; M]; M];
 
 /// The constants of the equation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,6 +117,18 @@ impl Plant {
             change = doubled(&change);
         }
         applied(&change, y)
+    }
+
+    /// exp(N dt) - I, the rows of x and v on v and f: all that a held torque does to a puck without a spring. The bits are those of
+    /// a [`Propagator`], whose other states only add zeros.
+    pub fn under_held_torque(&self, dt: f64) -> [[f64; 2]; 2] {
+        let (n, h, halvings) = self.start(dt);
+        let leading: Leading<3> = std::array::from_fn(|i| std::array::from_fn(|j| n[i][j]));
+        let mut change = series(&leading, h);
+        for _ in 0..halvings {
+            change = doubled(&change);
+        }
+        [X, V].map(|row| [change[row][V], change[row][F]])
     }
 
     /// The generator, a step of a quarter radian at most, and how often to double it.
@@ -227,8 +241,8 @@ fn applied(change: &Matrix, y: &Motion) -> Motion {
     out
 }
 
-fn product(a: &Matrix, b: &Matrix) -> Matrix {
-    let mut out = [[0.0; 6]; 6];
+fn product<const M: usize>(a: &Leading<M>, b: &Leading<M>) -> Leading<M> {
+    let mut out = [[0.0; M]; M];
     for (out, a) in out.iter_mut().zip(a) {
         // A generator is mostly zeros.
         for (a, b) in a.iter().zip(b).filter(|(a, _)| **a != 0.0) {
@@ -242,8 +256,8 @@ fn product(a: &Matrix, b: &Matrix) -> Matrix {
 
 /// exp(N h) - I by its series. 16 terms: at a quarter radian 0.25^16/16! is far below the last bit; what is not a rate (the
 /// drives' gains) enters once and only scales.
-fn series(n: &Matrix, h: f64) -> Matrix {
-    let mut sum = [[0.0; 6]; 6];
+fn series<const M: usize>(n: &Leading<M>, h: f64) -> Leading<M> {
+    let mut sum = [[0.0; M]; M];
     for j in (1..=16).rev() {
         // sum = hN/j · (I + sum), from the last term inward.
         for (i, row) in sum.iter_mut().enumerate() {
@@ -258,7 +272,7 @@ fn series(n: &Matrix, h: f64) -> Matrix {
 }
 
 /// (I + E)² - I = 2E + E²: small changes keep their digits.
-fn doubled(change: &Matrix) -> Matrix {
+fn doubled<const M: usize>(change: &Leading<M>) -> Leading<M> {
     let mut out = product(change, change);
     for (out, x) in out.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
         *out += 2.0 * x;

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use hapt_core::Number;
 use hapt_model::{Scenario, World};
 
 use crate::control::Control;
@@ -39,7 +40,7 @@ pub struct Simulation {
     puck: Puck,
     device: Inertia,
     friction: f64,
-    motor: Motor,
+    motor: Motor<f64>,
     sample: u64,
     rows: u64,
     row: Row,
@@ -47,17 +48,17 @@ pub struct Simulation {
 
 /// The motor holds a command from t_k + delay on.
 #[derive(Clone, Debug)]
-struct Motor {
+pub(crate) struct Motor<F> {
     /// Whole samples of the delay, and the rest in s.
-    samples: usize,
-    rest: f64,
+    pub samples: usize,
+    pub rest: f64,
     /// Commands on their way.
-    flying: VecDeque<f64>,
-    applied: f64,
+    flying: VecDeque<F>,
+    pub applied: F,
 }
 
-impl Motor {
-    fn new(delay: f64, period: f64) -> Self {
+impl<F: Number> Motor<F> {
+    pub fn new(delay: f64, period: f64) -> Self {
         let ratio = delay / period;
         let whole = ratio.round();
         // Within 1e-6 T of a whole sample it is that sample.
@@ -66,7 +67,7 @@ impl Motor {
         } else {
             (ratio.floor(), (ratio - ratio.floor()) * period)
         };
-        Motor { samples: samples as usize, rest, flying: VecDeque::new(), applied: 0.0 }
+        Motor { samples: samples as usize, rest, flying: VecDeque::new(), applied: F::ZERO }
     }
 
     /// The instant at which a command arrives.
@@ -78,7 +79,7 @@ impl Motor {
         }
     }
 
-    fn command(&mut self, command: f64) {
+    pub fn command(&mut self, command: F) {
         if self.samples == 0 && self.rest == 0.0 {
             self.applied = command;
             return;

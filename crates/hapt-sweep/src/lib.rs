@@ -40,6 +40,7 @@ mod error;
 mod measure;
 mod sweep;
 pub mod table;
+mod worker;
 
 pub use axis::{Axis, Grid};
 pub use boundary::Boundary;

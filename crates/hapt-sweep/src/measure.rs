@@ -2,7 +2,7 @@
 
 use hapt_analysis::{free_growth, held_growth, is_certified, required_damping};
 use hapt_model::{Motion, Scenario, World};
-use hapt_sim::{Simulation, Summary};
+use hapt_sim::{Outcome, Simulation, Summary};
 
 /// A number that a world, or a run of it, has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,6 +67,31 @@ impl Measure {
         }
     }
 
+    /// Whether the number under this key, a dotted path, can change it. A run looks at everything; no measure of the loop looks at
+    /// a scenario, at where bodies start, or at the encoder; and with the puck held there is no device, no delay and no estimator.
+    pub(crate) fn depends_on(self, key: &str) -> bool {
+        let mut names = key.split('.');
+        let (table, last) = (names.next().unwrap_or_default(), names.next_back().unwrap_or_default());
+        match self {
+            Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => true,
+            Measure::HeldGrowth => match table {
+                "loop" => last == "period",
+                "bodies" => last == "inertia",
+                table => table == "couplings",
+            },
+            Measure::FreeGrowth => {
+                matches!((table, last), ("device", "inertia" | "damping")) || self.is_in_loop(table, last)
+            }
+            // The device's damping pays for what is required, and has no part in it.
+            Measure::RequiredDamping => self.is_in_loop(table, last),
+            Measure::Certified => matches!((table, last), ("device", _)) || self.is_in_loop(table, last),
+        }
+    }
+
+    fn is_in_loop(self, table: &str, last: &str) -> bool {
+        matches!((table, last), ("loop" | "couplings", _) | ("bodies", "inertia"))
+    }
+
     /// Whether it is of a run, and needs a scenario.
     pub const fn of_a_run(self) -> bool {
         matches!(self, Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime)
@@ -79,6 +104,17 @@ pub(crate) struct OfRun {
     pub peak_torque: Option<f64>,
     pub final_energy: Option<f64>,
     pub settling_time: Option<f64>,
+}
+
+impl OfRun {
+    /// Of a run in a lane; nothing of one that stops being finite counts.
+    pub fn of(outcome: Option<Outcome>) -> Self {
+        OfRun {
+            peak_torque: outcome.map(|run| run.peak_torque),
+            final_energy: outcome.map(|run| run.final_energy),
+            settling_time: None,
+        }
+    }
 }
 
 /// Runs the scenario once; nothing of a run that cannot start or stops being finite counts.

@@ -3,11 +3,13 @@
 use std::ops::Range;
 
 use hapt_model::{Source, World};
+use hapt_sim::SIDE;
 use rayon::prelude::*;
 
 use crate::axis::Grid;
 use crate::error::Error;
-use crate::measure::{self, Measure};
+use crate::measure::Measure;
+use crate::worker::Worker;
 
 /// The most samples of one run whose settling is asked for: they are kept until it ends.
 const MOST_KEPT: f64 = 1e8;
@@ -22,7 +24,7 @@ pub struct Sweep {
     /// The world at the grid's first cell.
     pub world: World,
     /// Which of the world's scenarios is run, where a measure is of a run.
-    scenario: Option<usize>,
+    pub(crate) scenario: Option<usize>,
 }
 
 impl Sweep {
@@ -97,33 +99,11 @@ impl Sweep {
     }
 
     /// The rows of these cells, in their order, on rayon's current pool: the axes' values, then the measures; `None` for a
-    /// measure without a value. A cell does not know which thread computes it, so its bits are the same on any number of them.
+    /// measure without a value. A cell knows neither which thread computes it nor which others are computed beside it, so its bits are
+    /// the same on any number of threads.
     pub fn rows(&self, cells: Range<u64>) -> Vec<Vec<Option<f64>>> {
-        let row = |world: &mut World, cell: u64| self.row(world, cell);
-        cells.into_par_iter().map_init(|| self.world.clone(), row).collect()
-    }
-
-    /// `world` is any world of this grid; it becomes that of the cell.
-    fn row(&self, world: &mut World, cell: u64) -> Vec<Option<f64>> {
-        let mut row = Vec::with_capacity(self.grid.axes.len() + self.measures.len());
-        for (axis, value) in self.grid.axes.iter().zip(self.grid.values(cell)) {
-            world.set_number(&axis.key, value);
-            row.push(Some(value));
-        }
-        let run = self
-            .scenario
-            .and_then(|i| world.scenarios.get(i))
-            .map(|scenario| measure::of_run(world, scenario, self.measures.contains(&Measure::SettlingTime)));
-        let run = run.unwrap_or_default();
-        row.extend(self.measures.iter().map(|measure| {
-            let value = match measure {
-                Measure::PeakTorque => run.peak_torque,
-                Measure::FinalEnergy => run.final_energy,
-                Measure::SettlingTime => run.settling_time,
-                loops => measure::of_loop(world, *loops),
-            };
-            value.filter(|value| value.is_finite())
-        }));
-        row
+        let side = SIDE as u64;
+        let blocks = cells.clone().step_by(SIDE).map(|first| first..cells.end.min(first + side)).collect::<Vec<_>>();
+        blocks.into_par_iter().map_init(|| Worker::new(self), Worker::rows).flatten_iter().collect()
     }
 }

@@ -1,0 +1,194 @@
+//! What of a sample depends on what its numbers are: nonlinear couplings, the steps that find their torques, FOAW's window. A
+//! number decides them; lanes, which would decide differently, have none of them ([`crate::Lanes`]).
+
+use crate::gradient::{Contacts, Step};
+use crate::matrix::Vector;
+use crate::sense::{Memory, Puck};
+use crate::step::Loop;
+use crate::{End, Real};
+
+/// The places of a sample at which its numbers are looked at.
+pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
+    /// The velocity from this position and those before.
+    fn estimate(&self, memory: &Memory<F, W>, position: F) -> F;
+
+    /// Every LuGre bristle over one period, with q̇ as it is at this sample held.
+    fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>);
+
+    /// x_{k+1} - x_k of the method, from x_k, u_{k-1} and u_k.
+    fn change(
+        &self,
+        x: &Vector<F, B>,
+        old: Puck<F>,
+        new: Puck<F>,
+        bristles: &[F; C],
+        contacts: &mut Contacts<F, C>,
+    ) -> Vector<F, B>;
+
+    /// The linear `torque` on the puck with the nonlinear couplings'.
+    fn bent(&self, torque: F, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C], contacts: &Contacts<F, C>) -> F;
+}
+
+impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, W> for Loop<F, B, C, W> {
+    #[inline(always)]
+    fn estimate(&self, memory: &Memory<F, W>, position: F) -> F {
+        self.sensor.estimate(memory, position)
+    }
+
+    #[inline(always)]
+    fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
+        if self.nonlinear_count > 0 {
+            self.bend_all(bristles, puck, bodies);
+        }
+    }
+
+    #[inline(always)]
+    fn change(
+        &self,
+        x: &Vector<F, B>,
+        old: Puck<F>,
+        new: Puck<F>,
+        bristles: &[F; C],
+        contacts: &mut Contacts<F, C>,
+    ) -> Vector<F, B> {
+        let linear = self.linear(x, old, new);
+        let Some(force) = &self.force else { return linear };
+        // A copy of its own: what is lent away has no place in registers.
+        let mut change = linear;
+        self.force_on(&mut change, force, x, old, new, bristles, contacts);
+        change
+    }
+
+    #[inline(always)]
+    fn bent(&self, torque: F, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C], contacts: &Contacts<F, C>) -> F {
+        if self.nonlinear_count == 0 {
+            return torque;
+        }
+        // A copy: what is lent away has no place in registers.
+        let bodies = *bodies;
+        torque + self.nonlinear_torque(&bodies, puck, bristles, contacts)
+    }
+}
+
+/// Out of line, as all that only some worlds have: it would take the registers of what all have.
+impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
+    #[cold]
+    fn bend_all(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
+        for (nonlinear, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
+            if let Some(coupling) = nonlinear {
+                let q = coupling.relative((puck.position, puck.velocity), bodies);
+                *bristle = coupling.bend(*bristle, q, self.period);
+            }
+        }
+    }
+
+    /// Takes `change`, the motion of the bodies without nonlinear torques, to the motion with them; `force` is the response to them.
+    #[cold]
+    #[inline(never)]
+    #[allow(clippy::too_many_arguments)] // Those of `change`, and what it has found out.
+    fn force_on(
+        &self,
+        change: &mut Vector<F, B>,
+        force: &[Vector<F, B>; B],
+        x: &Vector<F, B>,
+        old: Puck<F>,
+        new: Puck<F>,
+        bristles: &[F; C],
+        contacts: &mut Contacts<F, C>,
+    ) {
+        if let Some(gradient) = &self.gradient {
+            let couplings = self.nonlinear.get(..self.nonlinear_count).unwrap_or(&self.nonlinear);
+            let step = Step { bodies: self.bodies, force, couplings, puck: (new.position, new.velocity), x };
+            gradient.step(&step, change, contacts);
+            return;
+        }
+        *change = self.pushed(*change, force, x, new, bristles);
+        if self.staged {
+            *change = self.runge_kutta(*change, force, x, old, new, bristles);
+        }
+    }
+
+    /// The change with the nonlinear torques as they stand at x.
+    fn pushed(
+        &self,
+        mut change: Vector<F, B>,
+        force: &[Vector<F, B>; B],
+        x: &Vector<F, B>,
+        new: Puck<F>,
+        bristles: &[F; C],
+    ) -> Vector<F, B> {
+        let torques = self.nonlinear_torques(x, new, bristles);
+        for (response, torque) in force.iter().zip(&torques).take(self.bodies) {
+            change.add(self.bodies, *torque, response);
+        }
+        change
+    }
+
+    /// Runge-Kutta's four stages, each an Euler increment T f; the first is there.
+    #[cold]
+    fn runge_kutta(
+        &self,
+        first: Vector<F, B>,
+        force: &[Vector<F, B>; B],
+        x: &Vector<F, B>,
+        old: Puck<F>,
+        new: Puck<F>,
+        bristles: &[F; C],
+    ) -> Vector<F, B> {
+        let n = self.bodies;
+        let two = F::ONE + F::ONE;
+        let mut stage = first;
+        let mut sum = first;
+        for (reach, weight) in [(F::HALF, two), (F::HALF, two), (F::ONE, F::ONE)] {
+            let mut at = *x;
+            at.add(n, reach, &stage);
+            stage = self.pushed(self.linear(&at, old, new), force, &at, new, bristles);
+            sum.add(n, weight, &stage);
+        }
+        let sixth = F::ONE / F::from_f64(6.0);
+        sum.map(|x| sixth * x)
+    }
+
+    /// The nonlinear couplings' torques on the bodies.
+    #[cold]
+    fn nonlinear_torques(&self, x: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C]) -> [F; B] {
+        let mut torques = [F::ZERO; B];
+        for (coupling, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
+            if let Some(coupling) = coupling {
+                let torque = coupling.torque(coupling.relative((puck.position, puck.velocity), x), *bristle);
+                for (end, torque) in [(coupling.first, torque), (coupling.second, -torque)] {
+                    if let End::Body(i) = end {
+                        if let Some(sum) = torques.get_mut(i) {
+                            *sum += torque;
+                        }
+                    }
+                }
+            }
+        }
+        torques
+    }
+
+    /// The nonlinear couplings' torque on the puck.
+    #[cold]
+    fn nonlinear_torque(
+        &self,
+        bodies: &Vector<F, B>,
+        puck: Puck<F>,
+        bristles: &[F; C],
+        contacts: &Contacts<F, C>,
+    ) -> F {
+        let mut torque = F::ZERO;
+        let found = bristles.iter().zip(&contacts.torques);
+        for (coupling, (bristle, found)) in self.nonlinear.iter().zip(found).take(self.nonlinear_count) {
+            if let Some(coupling) = coupling {
+                let sign = coupling.sign_at_puck();
+                if sign != F::ZERO {
+                    let q = coupling.relative((puck.position, puck.velocity), bodies);
+                    let is_found = self.gradient.is_some() && coupling.is_found();
+                    torque += sign * if is_found { *found } else { coupling.torque(q, *bristle) };
+                }
+            }
+        }
+        torque
+    }
+}

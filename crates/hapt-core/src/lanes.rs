@@ -1,0 +1,279 @@
+//! Many worlds side by side: a number that is N numbers.
+//!
+//! A sample of a linear loop asks nothing of its numbers, so it runs on N of them at once, in the same source, and each lane does
+//! what a number alone would have done, operation by operation: the same bits. The loops over the lanes are plain ones, which a
+//! compiler turns into vectors as wide as the machine has them.
+
+use core::array::from_fn;
+use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+use crate::Number;
+use crate::actuate::Actuator;
+use crate::branches::Branches;
+use crate::gradient::Contacts;
+use crate::matrix::{Response, Vector};
+use crate::sense::{Memory, Puck, Sensor, Velocity};
+use crate::step::{Loop, Port, Sample, State};
+
+/// N numbers, each in its own lane.
+///
+/// ```
+/// use hapt_core::{Lanes, Number};
+///
+/// let x = Lanes([1.5, -2.5]) * Lanes([2.0, 2.0]) + Lanes::ONE;
+/// assert_eq!(x.within(Lanes([3.0, 5.0])), Lanes([3.0, -4.0]));
+/// ```
+// In memory a vector then lies in one cache line: across two it takes twice as long.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
+pub struct Lanes<const N: usize>(pub [f64; N]);
+
+impl<const N: usize> Lanes<N> {
+    #[inline(always)]
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        Lanes(from_fn(|i| f(self.0[i])))
+    }
+
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        Lanes(from_fn(|i| f(self.0[i], other.0[i])))
+    }
+
+    /// `other` in the lanes in which it is the larger; NaN is larger than nothing.
+    #[inline(always)]
+    pub fn larger(self, other: Self) -> Self {
+        self.zip(other, |x, y| if y > x { y } else { x })
+    }
+
+    /// `yes` in the lanes that are not 0, `no` in the others.
+    #[inline(always)]
+    pub fn choose(self, yes: Self, no: Self) -> Self {
+        Lanes(from_fn(|i| if self.0[i] != 0.0 { yes.0[i] } else { no.0[i] }))
+    }
+
+    /// |x|
+    #[inline(always)]
+    pub fn abs(self) -> Self {
+        self.map(libm::fabs)
+    }
+}
+
+macro_rules! lane_by_lane {
+    ($($trait:ident $function:ident $op:tt),*) => {$(
+        impl<const N: usize> $trait for Lanes<N> {
+            type Output = Self;
+            #[inline(always)]
+            fn $function(self, other: Self) -> Self {
+                self.zip(other, |x, y| x $op y)
+            }
+        }
+    )*};
+}
+
+lane_by_lane!(Add add +, Sub sub -, Mul mul *, Div div /);
+
+impl<const N: usize> Neg for Lanes<N> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.map(|x| -x)
+    }
+}
+
+impl<const N: usize> AddAssign for Lanes<N> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<const N: usize> SubAssign for Lanes<N> {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+/// Every choice is one of two numbers that are there already, and each step is a loop of its own: so it stays a vector's.
+impl<const N: usize> Number for Lanes<N> {
+    const ZERO: Self = Lanes([0.0; N]);
+    const ONE: Self = Lanes([1.0; N]);
+    const HALF: Self = Lanes([0.5; N]);
+
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        Lanes([x; N])
+    }
+
+    #[inline(always)]
+    fn floor(self) -> Self {
+        // From here on every double is whole; below, adding it and taking it away again leaves the nearest whole number.
+        const WHOLE: f64 = 4_503_599_627_370_496.0;
+        let nearest = self.map(|x| x + libm::copysign(WHOLE, x)).zip(self, |sum, x| sum - libm::copysign(WHOLE, x));
+        let below = nearest.zip(self, |n, x| n - if n > x { 1.0 } else { 0.0 });
+        // -0 is its own floor. What is NaN or infinite is no smaller than WHOLE either.
+        let signed = below.zip(self, libm::copysign);
+        signed.zip(self, |n, x| if libm::fabs(x) < WHOLE { n } else { x })
+    }
+
+    #[inline(always)]
+    fn within(self, limit: Self) -> Self {
+        let below = self.zip(limit, |x, limit| if x > limit { limit } else { x });
+        below.zip(limit, |x, limit| if x < -limit { -limit } else { x })
+    }
+
+    #[inline(always)]
+    fn finite_or_zero(self) -> Self {
+        self.map(|x| if libm::fabs(x) < f64::INFINITY { x } else { 0.0 })
+    }
+}
+
+impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<Lanes<N>, B, C, W>
+    for Loop<Lanes<N>, B, C, W>
+{
+    #[inline(always)]
+    fn estimate(&self, memory: &Memory<Lanes<N>, W>, position: Lanes<N>) -> Lanes<N> {
+        self.sensor.by_last(memory, position).unwrap_or(Lanes::ZERO)
+    }
+
+    #[inline(always)]
+    fn bend(&self, _: &mut [Lanes<N>; C], _: Puck<Lanes<N>>, _: &Vector<Lanes<N>, B>) {}
+
+    #[inline(always)]
+    fn change(
+        &self,
+        x: &Vector<Lanes<N>, B>,
+        old: Puck<Lanes<N>>,
+        new: Puck<Lanes<N>>,
+        _: &[Lanes<N>; C],
+        _: &mut Contacts<Lanes<N>, C>,
+    ) -> Vector<Lanes<N>, B> {
+        self.linear(x, old, new)
+    }
+
+    #[inline(always)]
+    fn bent(
+        &self,
+        torque: Lanes<N>,
+        _: &Vector<Lanes<N>, B>,
+        _: Puck<Lanes<N>>,
+        _: &[Lanes<N>; C],
+        _: &Contacts<Lanes<N>, C>,
+    ) -> Lanes<N> {
+        torque
+    }
+}
+
+impl<const N: usize, const B: usize, const C: usize, const W: usize> Loop<Lanes<N>, B, C, W> {
+    /// N worlds side by side, which may differ in their numbers. `None` where they differ in anything else (bodies, how the method
+    /// steps, output, advance, estimator, what the device has), where a coupling is nonlinear, and where the velocity is FOAW's.
+    pub fn side_by_side<const C1: usize, const W1: usize>(worlds: &[Loop<f64, B, C1, W1>; N]) -> Option<Self> {
+        let first = worlds.first()?;
+        let alike = |world: &Loop<f64, B, C1, W1>| {
+            world.nonlinear_count == 0
+                && (world.bodies, world.new_sample_first) == (first.bodies, first.new_sample_first)
+                && (world.output, world.advance) == (first.output, first.advance)
+        };
+        if !worlds.iter().all(alike) {
+            return None;
+        }
+        Some(Loop {
+            bodies: first.bodies,
+            period: each(worlds, |w| w.period),
+            rate: each(worlds, |w| w.rate),
+            new_sample_first: first.new_sample_first,
+            staged: false,
+            output: first.output,
+            advance: first.advance,
+            start: vector(worlds, |w| &w.start),
+            state: from_fn(|j| response(worlds, |w| &w.state[j])),
+            input_new: response(worlds, |w| &w.input_new),
+            input_old: response(worlds, |w| &w.input_old),
+            drift: vector(worlds, |w| &w.drift),
+            force: None,
+            gradient: None,
+            port: Port {
+                puck: from_fn(|i| each(worlds, |w| w.port.puck[i])),
+                bodies: vector(worlds, |w| &w.port.bodies),
+                offset: each(worlds, |w| w.port.offset),
+            },
+            nonlinear: [None; C],
+            nonlinear_count: 0,
+            sensor: Sensor {
+                count: each_or_none(worlds, |w| w.sensor.count)?,
+                rate: each(worlds, |w| w.sensor.rate),
+                velocity: velocity(worlds)?,
+            },
+            actuator: Actuator {
+                // No limit is one that nothing reaches.
+                limit: Some(each(worlds, |w| w.actuator.limit.unwrap_or(f64::INFINITY))),
+                step: each_or_none(worlds, |w| w.actuator.step)?,
+            },
+        })
+    }
+
+    /// Sample k of every world, as a world alone would take it: see [`Loop::step`] on numbers.
+    #[inline(always)]
+    pub fn step(
+        &self,
+        state: &mut State<Lanes<N>, B, C, W>,
+        position: Lanes<N>,
+        velocity: Lanes<N>,
+    ) -> Sample<Lanes<N>> {
+        self.sample(state, position, velocity)
+    }
+}
+
+fn each<T, const N: usize>(worlds: &[T; N], of: impl Fn(&T) -> f64) -> Lanes<N> {
+    Lanes(from_fn(|i| of(&worlds[i])))
+}
+
+/// What all worlds have, or none; `None` where only some have it.
+fn each_or_none<T, const N: usize>(worlds: &[T; N], of: impl Fn(&T) -> Option<f64>) -> Option<Option<Lanes<N>>> {
+    let how_many = worlds.iter().filter(|world| of(world).is_some()).count();
+    match how_many {
+        0 => Some(None),
+        all if all == N => Some(Some(each(worlds, |world| of(world).unwrap_or(0.0)))),
+        _ => None,
+    }
+}
+
+fn vector<T, const N: usize, const B: usize>(
+    worlds: &[T; N],
+    of: impl Fn(&T) -> &Vector<f64, B>,
+) -> Vector<Lanes<N>, B> {
+    Vector {
+        position: from_fn(|i| each(worlds, |world| of(world).position[i])),
+        velocity: from_fn(|i| each(worlds, |world| of(world).velocity[i])),
+    }
+}
+
+fn response<T, const N: usize, const B: usize>(
+    worlds: &[T; N],
+    of: impl Fn(&T) -> &Response<f64, B>,
+) -> Response<Lanes<N>, B> {
+    Response {
+        position: vector(worlds, |world| &of(world).position),
+        velocity: vector(worlds, |world| &of(world).velocity),
+    }
+}
+
+/// The estimator of all worlds; `None` where they have different ones, or FOAW.
+fn velocity<const N: usize, const B: usize, const C: usize, const W: usize>(
+    worlds: &[Loop<f64, B, C, W>; N],
+) -> Option<Option<Velocity<Lanes<N>>>> {
+    let of = |world: &Loop<f64, B, C, W>| world.sensor.velocity;
+    let all = |is: fn(Option<Velocity<f64>>) -> bool| worlds.iter().all(|world| is(of(world)));
+    if all(|velocity| velocity.is_none()) {
+        Some(None)
+    } else if all(|velocity| matches!(velocity, Some(Velocity::Difference))) {
+        Some(Some(Velocity::Difference))
+    } else {
+        let low_pass = |world: &Loop<f64, B, C, W>| match of(world) {
+            Some(Velocity::LowPass { keep, gain }) => Some([keep, gain]),
+            _ => None,
+        };
+        let part = |i: usize| each_or_none(worlds, |world| low_pass(world).map(|parts| parts[i])).flatten();
+        Some(Some(Velocity::LowPass { keep: part(0)?, gain: part(1)? }))
+    }
+}

@@ -1,0 +1,267 @@
+//! Runs side by side, for whoever wants a few numbers of many runs: a world in each lane, all at the same sample.
+//!
+//! The loop is hapt-core's own on [`Lanes`], and the puck moves by the same products and sums as in a run of its own, so that each lane
+//! has the bits of [`crate::Simulation`]. What looks at its numbers has no place here, and [`side_by_side`] then says `None`: nonlinear
+//! couplings, FOAW, Coulomb friction on a puck that the hand lets move, grips, torques that change between their steps, delays that are
+//! no whole samples or not the same everywhere, and whatever a hand does between two samples.
+
+use std::array::from_fn;
+
+use hapt_core::{Lanes, Loop, Number};
+use hapt_model::{Scenario, World};
+use pulp::{Simd, WithSimd};
+
+use crate::energy::world_energy;
+use crate::hand::Hand;
+use crate::plant::Plant;
+use crate::run::{Motor, rows};
+
+/// So many worlds run side by side: two of the widest vectors of today, so that one computes while the other waits.
+pub const SIDE: usize = 16;
+/// The most couplings of a world in a lane.
+const COUPLINGS: usize = 8;
+/// The longest delay in samples; its commands are kept for all lanes.
+const LONGEST_DELAY: usize = 4096;
+
+type Side = Lanes<SIDE>;
+
+/// What remains of a run in a lane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// As [`crate::Summary::peak_torque`].
+    pub peak_torque: f64,
+    /// As [`crate::Summary::final_energy`].
+    pub final_energy: f64,
+}
+
+/// The scenario `scenario(world)` of each world, all of them side by side. An outcome is `None` where the run stops being finite; all
+/// are `None` together where these worlds do not fit, and have to be run one by one.
+pub fn side_by_side(worlds: &[World; SIDE], scenario: usize) -> Option<[Option<Outcome>; SIDE]> {
+    match worlds[0].bodies.len() {
+        0 | 1 => in_room::<1>(worlds, scenario),
+        2..=4 => in_room::<4>(worlds, scenario),
+        _ => None,
+    }
+}
+
+fn in_room<const B: usize>(worlds: &[World; SIDE], scenario: usize) -> Option<[Option<Outcome>; SIDE]> {
+    let run = Run::<B>::new(worlds, scenario)?;
+    pulp::Arch::new().dispatch(run)
+}
+
+/// The hand and the clock of one lane.
+struct Lane<'w> {
+    world: &'w World,
+    hand: Hand,
+    period: f64,
+    rows: u64,
+    /// The sample at which the hand does something next; never: none.
+    next: u64,
+    /// Whether the hand is still there.
+    held: bool,
+}
+
+/// How the pucks move until a hand does something next.
+#[derive(Clone, Copy)]
+struct Motion {
+    /// 1 where the puck is pushed, 0 where it is where its hand wants it.
+    pushed: Side,
+    /// By what, beside the motor.
+    push: Side,
+    any_pushed: bool,
+    /// Whether some hand moves its puck.
+    any_led: bool,
+}
+
+struct Run<'w, const B: usize> {
+    lanes: Vec<Lane<'w>>,
+    compiled: Loop<Side, B, 0, 1>,
+    /// What velocity and torque do to position and velocity over a period.
+    plant: [[Side; 2]; 2],
+    motor: Motor<Side>,
+}
+
+impl<'w> Lane<'w> {
+    fn new(world: &'w World, scenario: &Scenario) -> Option<Self> {
+        let period = world.sampling.period;
+        let hand = Hand::new(&scenario.hand, period);
+        let rows = rows(scenario.duration, period);
+        let lane = Lane { world, hand, period, rows, next: 0, held: true };
+        let fits = lane.hand.grip().is_none() && (world.device.friction == 0.0 || !lane.moves());
+        fits.then_some(lane)
+    }
+
+    /// Whether the puck is ever left to what pushes it.
+    fn moves(&self) -> bool {
+        self.hand.prescribed().is_none() || self.hand.is_gone((self.rows - 1) as f64 * self.period)
+    }
+
+    /// What the hand does at sample k; the puck where it then is, if the hand says so. `None` when its next act is at no sample.
+    fn act(&mut self, k: u64, puck: (f64, f64)) -> Option<(f64, f64)> {
+        let t = k as f64 * self.period;
+        self.next = u64::MAX;
+        if self.hand.is_gone(t) {
+            self.held = false;
+            return Some(puck);
+        }
+        if let Some(next) = self.hand.act(t, puck.0).0.filter(|next| *next <= (self.rows - 1) as f64 * self.period) {
+            let sample = (next / self.period).round();
+            if sample * self.period != next {
+                return None;
+            }
+            self.next = sample as u64;
+        }
+        Some(self.hand.prescribed().map_or(puck, |piece| piece.at(t)))
+    }
+
+    /// What pushes the puck from sample k on; `None` where the hand says where it is.
+    fn push(&self, k: u64) -> Option<crate::puck::Push> {
+        match self.hand.prescribed() {
+            _ if !self.held => Some(Default::default()),
+            None => Some(self.hand.push(k as f64 * self.period)),
+            Some(_) => None,
+        }
+    }
+}
+
+impl<'w, const B: usize> Run<'w, B> {
+    fn new(worlds: &'w [World; SIDE], scenario: usize) -> Option<Self> {
+        let mut lanes = Vec::with_capacity(SIDE);
+        for world in worlds {
+            lanes.push(Lane::new(world, world.scenarios.get(scenario)?)?);
+        }
+        let motors: Vec<Motor<Side>> =
+            lanes.iter().map(|lane| Motor::new(lane.world.sampling.delay, lane.period)).collect();
+        let motor = motors.first()?.clone();
+        if motor.samples > LONGEST_DELAY || motors.iter().any(|m| m.rest != 0.0 || m.samples != motor.samples) {
+            return None;
+        }
+        let mut loops = Vec::with_capacity(SIDE);
+        for lane in &lanes {
+            loops.push(Loop::<f64, B, COUPLINGS, 1>::new(&lane.world.spec()).ok()?);
+        }
+        let compiled = Loop::side_by_side(loops.as_slice().try_into().ok()?)?;
+        let mut plant = [[Side::ZERO; 2]; 2];
+        for (i, lane) in lanes.iter().enumerate().filter(|(_, lane)| lane.moves()) {
+            let device = &lane.world.device;
+            let free = Plant {
+                mass: device.inertia,
+                damping: device.damping,
+                stiffness: 0.0,
+                sine: 0.0,
+                cosine: 0.0,
+                omega: 0.0,
+            };
+            let change = free.under_held_torque(lane.period);
+            for (plant, change) in plant.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
+                plant.0[i] = *change;
+            }
+        }
+        Some(Run { lanes, compiled, plant, motor })
+    }
+
+    /// What the hands do at sample k; the pucks then, and how they move on.
+    #[inline(never)]
+    fn act(&mut self, k: u64, mut puck: [Side; 2]) -> Option<([Side; 2], Motion)> {
+        let mut motion = Motion { pushed: Side::ZERO, push: Side::ZERO, any_pushed: false, any_led: false };
+        for (i, lane) in self.lanes.iter_mut().enumerate() {
+            if lane.next == k {
+                (puck[0].0[i], puck[1].0[i]) = lane.act(k, (puck[0].0[i], puck[1].0[i]))?;
+            }
+            match lane.push(k) {
+                Some(push) if push.slope == 0.0 && push.sin == 0.0 && push.cos == 0.0 => {
+                    motion.any_pushed = true;
+                    (motion.pushed.0[i], motion.push.0[i]) = (1.0, push.value);
+                }
+                Some(_) => return None,
+                None => motion.any_led |= lane.hand.prescribed().is_some_and(|piece| !piece.is_flat()),
+            }
+        }
+        Some((puck, motion))
+    }
+
+    /// Takes the pucks that a hand moves to where they are at sample k.
+    #[inline(never)]
+    fn lead(&self, k: u64, mut puck: [Side; 2]) -> [Side; 2] {
+        for (i, lane) in self.lanes.iter().enumerate().filter(|(_, lane)| lane.held) {
+            if let Some(piece) = lane.hand.prescribed().filter(|piece| !piece.is_flat()) {
+                (puck[0].0[i], puck[1].0[i]) = piece.at(k as f64 * lane.period);
+            }
+        }
+        puck
+    }
+}
+
+impl<const B: usize> WithSimd for Run<'_, B> {
+    type Output = Option<[Option<Outcome>; SIDE]>;
+
+    /// The whole run, compiled once for each width of vectors.
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
+        let compiled = self.compiled;
+        let mut state = compiled.start();
+        let mut outcomes = [None; SIDE];
+        let mut puck = [Side::ZERO; 2];
+        for (i, lane) in self.lanes.iter().enumerate() {
+            if let Some(piece) = lane.hand.prescribed() {
+                (puck[0].0[i], puck[1].0[i]) = piece.at(0.0);
+            }
+        }
+        let mut motion = Motion { pushed: Side::ZERO, push: Side::ZERO, any_pushed: false, any_led: false };
+        let (mut applied, mut peak, mut sound) = (Side::ZERO, Side::ZERO, Side::ZERO);
+        let end = self.lanes.iter().map(|lane| lane.rows).max()?;
+        let mut k = 0;
+        while k < end {
+            // From here to the next act of any hand, or the end of any run.
+            let first = k;
+            let mut last = end;
+            while k < last {
+                if k > 0 {
+                    if motion.any_pushed {
+                        puck = moved(&self.plant, puck, applied + motion.push, motion.pushed);
+                    }
+                    if motion.any_led {
+                        puck = self.lead(k, puck);
+                        sound += Side::ZERO * puck[1];
+                    }
+                }
+                if k == first {
+                    (puck, motion) = self.act(k, puck)?;
+                    let stops = self.lanes.iter().flat_map(|lane| [lane.next, lane.rows]);
+                    last = stops.filter(|stop| *stop > k).fold(end, u64::min);
+                }
+                let sample = compiled.step(&mut state, puck[0], puck[1]);
+                applied = if self.motor.samples == 0 {
+                    sample.command
+                } else {
+                    self.motor.command(sample.command);
+                    self.motor.applied
+                };
+                peak = peak.larger(sample.torque.abs());
+                // 0 · x is 0 or NaN, and a NaN stays in a sum. Bodies and puck, once not finite, stay so.
+                sound += Side::ZERO * sample.torque;
+                k += 1;
+            }
+            for (i, lane) in self.lanes.iter().enumerate().filter(|(_, lane)| lane.rows == k) {
+                let bodies: [(f64, f64); B] = from_fn(|j| (state.now.position[j].0[i], state.now.velocity[j].0[i]));
+                let bodies = &bodies[..compiled.bodies()];
+                let own = [(puck[0].0[i], puck[1].0[i]), (sound.0[i], 0.0)];
+                let finite = own.iter().chain(bodies).all(|(x, v)| x.is_finite() && v.is_finite());
+                outcomes[i] = finite.then(|| Outcome {
+                    peak_torque: peak.0[i],
+                    final_energy: world_energy(lane.world, puck[0].0[i], bodies, &[]),
+                });
+            }
+        }
+        Some(outcomes)
+    }
+}
+
+/// The puck a period later, where it is pushed.
+#[inline(always)]
+fn moved(plant: &[[Side; 2]; 2], [position, velocity]: [Side; 2], torque: Side, pushed: Side) -> [Side; 2] {
+    let [by_position, by_velocity] = plant;
+    let travel = by_position[0] * velocity + by_position[1] * torque;
+    let gain = by_velocity[0] * velocity + by_velocity[1] * torque;
+    [pushed.choose(position + travel, position), pushed.choose(velocity + gain, velocity)]
+}

@@ -1,0 +1,202 @@
+//! A run in a lane is the run alone, to the bit.
+
+mod common;
+
+use common::*;
+use hapt_model::*;
+use hapt_sim::{Outcome, SIDE, Simulation, Summary, side_by_side};
+use proptest::prelude::*;
+
+/// Numbers for worlds that share a seed and differ in a lane.
+struct Dice(u64);
+
+impl Dice {
+    /// On [0, 1): Steele, Lea and Flood's SplitMix.
+    fn roll(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        (self.roll() * n as f64) as usize
+    }
+
+    fn chance(&mut self, p: f64) -> bool {
+        self.roll() < p
+    }
+
+    fn between(&mut self, from: f64, to: f64) -> f64 {
+        from + (to - from) * self.roll()
+    }
+}
+
+/// What all lanes have in common, by `seed`, with the numbers of one of them, by `lane`.
+fn world(seed: u64, lane: u64, runaway: bool) -> World {
+    let (shape, number) = (&mut Dice(seed), &mut Dice(seed ^ (lane + 1).wrapping_mul(0x2545_f491_4f6c_dd1d)));
+    let mut world = bare();
+    let sampling = &mut world.sampling;
+    sampling.method = Method::ALL[shape.below(8)];
+    sampling.output =
+        if sampling.method.takes_new_sample_first() { Output::Start } else { Output::ALL[shape.below(3)] };
+    sampling.advance = if sampling.output == Output::End { shape.below(3) as u32 } else { 0 };
+    sampling.estimator = [EstimatorKind::Exact, EstimatorKind::Difference, EstimatorKind::LowPass][shape.below(3)];
+    sampling.cutoff = Some(number.between(20.0, 200.0));
+    // Periods differ, and with them the rows; delays are the same number of samples.
+    sampling.period = if shape.chance(0.5) { 1e-3 } else { number.between(0.5e-3, 2e-3) };
+    sampling.delay = if shape.chance(0.5) { 0.0 } else { shape.below(4) as f64 * sampling.period };
+    let device = &mut world.device;
+    device.inertia *= number.between(0.5, 2.0);
+    device.damping *= number.between(0.0, 2.0);
+    device.encoder = shape.chance(0.5).then(|| number.between(100.0, 8000.0));
+    device.limit = shape.chance(0.5).then(|| number.between(0.1, 1.0));
+    device.levels = (device.limit.is_some() && shape.chance(0.5)).then(|| 2 * (1 + number.below(1000) as u32));
+
+    let n = shape.below(5);
+    let new_sample_first = world.sampling.method.takes_new_sample_first();
+    for i in 0..n {
+        let (position, velocity) = (number.between(-1.0, 1.0), number.between(-1.0, 1.0));
+        world.names.push(format!("b{i}"));
+        world.bodies.push(Body { inertia: number.between(0.002, 0.05), position, velocity });
+    }
+    let end = |i: usize| {
+        if i < n {
+            End::Body(i)
+        } else if i == n {
+            End::Puck
+        } else {
+            End::Ground
+        }
+    };
+    for _ in 0..shape.below(7) {
+        let first = shape.below(n + 1);
+        let second = first + 1 + shape.below(n + 1 - first);
+        let law = match shape.below(5) {
+            0 => Law::Damper { damping: Damping::Fixed(number.between(0.0, 0.01)) },
+            1 if !new_sample_first => Law::Constant { torque: number.between(-0.1, 0.1) },
+            _ if runaway && lane == 5 => Law::Spring { stiffness: 1e8, rest: 1.0 },
+            _ => Law::Spring { stiffness: number.between(0.1, 5.0), rest: number.between(-0.2, 0.2) },
+        };
+        world.couplings.push(Coupling { first: end(first), second: end(second), law });
+    }
+    if shape.chance(0.3) && world.couplings.iter().any(|c| matches!(c.law, Law::Spring { .. })) {
+        let spring = *world.couplings.iter().find(|c| matches!(c.law, Law::Spring { .. })).unwrap();
+        world.couplings.push(Coupling { law: Law::Damper { damping: Damping::Compensating }, ..spring });
+    }
+
+    let period = world.sampling.period;
+    let mut sample = |most: usize| (number.below(most)) as f64 * period;
+    let (at, over) = (sample(100), sample(100) + period);
+    let release = Some(sample(300)).filter(|_| shape.chance(0.6));
+    let duration = if shape.chance(0.5) { 300.0 * period } else { 0.3 };
+    let to = number.between(-1.0, 1.0);
+    let (amplitude, frequency, phase) = (to, number.between(0.5, 20.0), number.between(-3.0, 3.0));
+    let drive = match shape.below(6) {
+        0 => Drive::Position(Shape::Ramp { to, at, over }),
+        1 => Drive::Position(Shape::Sine { amplitude, frequency, phase }),
+        2 => {
+            let mut t = 0.0;
+            let mut point = |_| {
+                t += (1 + number.below(60)) as f64 * period;
+                (t, number.between(-1.0, 1.0))
+            };
+            Drive::Position(Shape::Path { file: "p.csv".into(), points: (0..6).map(&mut point).collect() })
+        }
+        3 => Drive::Torque(Shape::Step { to: 0.1 * to, at }),
+        _ => Drive::Position(Shape::Step { to, at }),
+    };
+    world.scenarios = vec![scenario(duration, drive, release)];
+    world
+}
+
+fn worlds(of: impl Fn(u64) -> World) -> Box<[World; SIDE]> {
+    Box::new(std::array::from_fn(|lane| of(lane as u64)))
+}
+
+/// The run alone; `None` where it stops being finite.
+fn alone(world: &World) -> Option<Outcome> {
+    let mut run = Simulation::new(world, &world.scenarios[0]).unwrap();
+    let mut summary = Summary::new(world, &run);
+    while let Some(row) = run.next() {
+        summary.add(row.ok()?);
+    }
+    Some(Outcome { peak_torque: summary.peak_torque, final_energy: summary.final_energy() })
+}
+
+fn bits(outcome: Option<Outcome>) -> Option<[u64; 2]> {
+    outcome.map(|run| [run.peak_torque.to_bits(), run.final_energy.to_bits()])
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_lane_has_the_bits_of_the_run_alone(seed in any::<u64>(), runaway in any::<bool>()) {
+        let worlds = worlds(|lane| world(seed, lane, runaway));
+        let outcomes = side_by_side(&worlds, 0);
+        prop_assert!(outcomes.is_some(), "these worlds fit: {:#?}", worlds[0]);
+        for (lane, (world, outcome)) in worlds.iter().zip(outcomes.unwrap()).enumerate() {
+            prop_assert_eq!(bits(outcome), bits(alone(world)), "lane {}: {:#?}", lane, world);
+        }
+    }
+}
+
+/// Under forward Euler a stiff spring takes one lane out of the range of numbers, and no other.
+#[test]
+fn a_lane_that_runs_away_leaves_the_others_alone() {
+    let of = |lane: u64| {
+        let mut world = wheel(Method::ForwardEuler, Output::Start);
+        world.scenarios = vec![scenario(1.0, step(0.5, 0.0), Some(0.25))];
+        let stiffness = if lane == 3 { 1e6 } else { STIFFNESS * (1.0 + 0.01 * lane as f64) };
+        world.couplings[0].law = Law::Spring { stiffness, rest: 0.0 };
+        world
+    };
+    let worlds = worlds(of);
+    let outcomes = side_by_side(&worlds, 0).unwrap();
+    for (lane, (world, outcome)) in worlds.iter().zip(outcomes).enumerate() {
+        assert_eq!(outcome.is_none(), lane == 3);
+        assert_eq!(bits(outcome), bits(alone(world)), "lane {lane}");
+    }
+}
+
+#[test]
+fn what_looks_at_its_numbers_runs_alone() {
+    let fit = |change: &dyn Fn(&mut World, u64)| {
+        let of = |lane| {
+            let mut world = wheel(Method::Zoh, Output::End);
+            world.scenarios = vec![scenario(0.1, step(0.5, 0.0), Some(0.05))];
+            change(&mut world, lane);
+            world
+        };
+        side_by_side(&worlds(of), 0).is_some()
+    };
+    let of_puck = |law| Coupling { first: End::Puck, second: End::Ground, law };
+    let lean = Shape::Sine { amplitude: 0.1, frequency: 1.0, phase: 0.0 };
+    let drive = |world: &mut World, drive| world.scenarios[0].hand.drive = drive;
+    assert!(fit(&|_, _| ()));
+    assert!(!fit(&|world, _| world.couplings.push(of_puck(Law::Coulomb { torque: 0.1 }))));
+    assert!(!fit(&|world, lane| if lane == 7 {
+        world.couplings.push(of_puck(Law::Coulomb { torque: 0.1 }))
+    }));
+    assert!(!fit(&|world, lane| if lane == 7 {
+        world.sampling.method = Method::Tustin;
+        world.sampling.output = Output::Start
+    }));
+    assert!(!fit(&|world, lane| world.device.encoder = (lane == 7).then_some(4000.0)));
+    assert!(!fit(
+        &|world, lane| world.sampling.estimator = [EstimatorKind::Exact, EstimatorKind::Difference][lane as usize % 2]
+    ));
+    assert!(!fit(&|world, _| (world.sampling.estimator, world.device.encoder) = (EstimatorKind::Foaw, Some(4000.0))));
+    assert!(!fit(&|world, _| world.sampling.delay = 0.4e-3));
+    assert!(!fit(&|world, lane| world.sampling.delay = if lane == 7 { 1e-3 } else { 0.0 }));
+    assert!(!fit(&|world, _| world.device.friction = 1e-3));
+    assert!(fit(&|world, _| (world.device.friction, world.scenarios[0].hand.release) = (1e-3, None)));
+    assert!(!fit(&|world, _| world.scenarios[0].hand.release = Some(0.0503)));
+    assert!(!fit(&|world, _| drive(world, Drive::Torque(lean.clone()))));
+    assert!(!fit(&|world, _| drive(
+        world,
+        Drive::Grip { inertia: 0.0, damping: 0.0, stiffness: 1.0, moves: lean.clone(), switching: None }
+    )));
+    assert!(!fit(&|world, _| world.bodies = vec![world.bodies[0]; 5]));
+}

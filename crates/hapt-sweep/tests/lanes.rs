@@ -1,0 +1,151 @@
+//! Neither lanes nor what is kept from cell to cell changes a bit of the table.
+
+use hapt_analysis::check;
+use hapt_model::keys::Takes;
+use hapt_model::{Scenario, Source, World, parameters};
+use hapt_sim::{Simulation, Summary};
+use hapt_sweep::{Measure, Sweep};
+use proptest::prelude::*;
+
+/// Two wheels and a puck, let go; with a wall no lane can run it.
+const WHEELS: &str = r#"
+[loop]
+period = "1 ms"
+estimator = "low-pass"
+cutoff = "60 Hz"
+delay = "1 ms"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "1.2e-3 N m s/rad"
+encoder = 4000
+limit = "0.8 N m"
+levels = 2048
+[bodies.wheel]
+inertia = 0.0258
+[bodies.nut]
+inertia = 0.01
+position = 0.1
+[[couplings]]
+kind = "spring"
+between = ["puck", "wheel"]
+stiffness = 0.8
+[[couplings]]
+kind = "damper"
+between = ["wheel", "nut"]
+damping = 0.002
+[[couplings]]
+kind = "spring"
+between = ["nut", "ground"]
+stiffness = 0.3
+[[couplings]]
+kind = "wall"
+between = ["puck", "ground"]
+side = "above"
+at = 0.3
+stiffness = 0
+[scenarios.go]
+duration = 0.12
+hand = { kind = "step", to = 0.5, at = 0.01, release = 0.04 }
+"#;
+
+/// The same without the wall: what lanes can do.
+fn without_wall() -> String {
+    let (before, rest) = WHEELS.split_once("[[couplings]]\nkind = \"wall\"").unwrap();
+    before.to_string() + &rest[rest.find("[scenarios").unwrap()..]
+}
+
+fn alone(world: &World, scenario: &Scenario) -> [Option<f64>; 2] {
+    let mut run = Simulation::new(world, scenario).unwrap();
+    let mut summary = Summary::new(world, &run);
+    while let Some(row) = run.next() {
+        match row {
+            Ok(row) => summary.add(row),
+            Err(_) => return [None; 2],
+        }
+    }
+    [summary.peak_torque, summary.final_energy()].map(|x| Some(x).filter(|x| x.is_finite()))
+}
+
+fn bits(row: &[Option<f64>]) -> Vec<Option<u64>> {
+    row.iter().map(|x| x.map(f64::to_bits)).collect()
+}
+
+const AXES: [&str; 12] = [
+    "couplings.0.stiffness=0.1..1e9:7:log",
+    "couplings.1.damping=0..0.01:5",
+    "bodies.wheel.inertia=0.001..0.1:6",
+    "bodies.nut.velocity=-1..1:4",
+    "device.damping=0..0.01:5",
+    "device.inertia=1e-4..1e-3:9:log",
+    "device.encoder=500..8000:3",
+    "loop.cutoff=10..100:8",
+    "loop.period=0.5ms..2ms:4",
+    "loop.delay=0..4ms:5",
+    "scenarios.go.hand.release=0..0.2:11",
+    "scenarios.go.duration=0.01..0.2:6",
+];
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_cell_is_its_run_alone_whatever_stands_beside_it(
+        slow in 0..AXES.len(),
+        fast in 0..AXES.len(),
+        wall in any::<bool>(),
+        method in prop::sample::select(vec!["forward-euler", "zoh", "tustin", "trapezoidal"]),
+        threads in 1..4usize,
+        cut in 0.0..1.0f64,
+    ) {
+        prop_assume!(slow != fast && !(wall && method == "tustin"));
+        let text = if wall { WHEELS.to_string() } else { without_wall() };
+        let source = Source::from_text("w.toml", &text);
+        let axes = [AXES[slow], AXES[fast]].map(String::from);
+        let sets = [format!("loop.method={method}")];
+        let sweep = Sweep::new(&source, &sets, &axes, &[Measure::PeakTorque, Measure::FinalEnergy], None).unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let middle = (cut * sweep.cells() as f64) as u64;
+        let rows = pool.install(|| [sweep.rows(0..middle), sweep.rows(middle..sweep.cells())].concat());
+        prop_assert_eq!(rows.len() as u64, sweep.cells());
+        for row in rows {
+            let mut world = sweep.world.clone();
+            for (axis, value) in sweep.grid.axes.iter().zip(&row) {
+                prop_assert!(world.set_number(&axis.key, value.unwrap()));
+            }
+            prop_assert_eq!(bits(&row[2..]), bits(&alone(&world, &world.scenarios[0])), "{:?}", row);
+        }
+    }
+}
+
+/// Every number of a world in turn: a measure that were wrongly taken for one that it cannot change would stay as it was.
+#[test]
+fn what_a_measure_does_not_look_at_does_not_change_it() {
+    let source = Source::from_text("w.toml", WHEELS);
+    let measures = [Measure::HeldGrowth, Measure::FreeGrowth, Measure::RequiredDamping, Measure::Certified];
+    let base = World::read(&source, &[]).unwrap();
+    let mut seen = [[0; 2]; 4];
+    for parameter in parameters(&source, &[]).unwrap() {
+        let Some(key) = base.key(&parameter.path) else { continue };
+        let axis = match key.takes {
+            Takes::Whole { .. } => format!("{}=4..64:2", parameter.path),
+            _ => format!("{}=0.0008..0.0021:2", parameter.path),
+        };
+        let method = "loop.method=forward-euler".to_string();
+        let Ok(sweep) = Sweep::new(&source, &[method], std::slice::from_ref(&axis), &measures, None) else { continue };
+        let rows = sweep.rows(0..2);
+        for row in &rows {
+            let mut world = sweep.world.clone();
+            assert!(world.set_number(&parameter.path, row[0].unwrap()));
+            let check = check(&world).unwrap();
+            let certified = f64::from(u8::from(check.certified));
+            let fresh =
+                [check.held.growth_per_s, check.free.growth_per_s, check.passivity.required_damping, Some(certified)];
+            assert_eq!(bits(&row[1..]), bits(&fresh), "{axis}");
+        }
+        for (i, seen) in seen.iter_mut().enumerate() {
+            seen[usize::from(rows[0][1 + i] != rows[1][1 + i])] += 1;
+        }
+    }
+    // Each of the three numbers stays along some axes and changes along others.
+    assert!(seen[..3].iter().all(|[same, changed]| *same > 2 && *changed > 2), "{seen:?}");
+}

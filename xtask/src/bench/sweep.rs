@@ -1,0 +1,158 @@
+//! Many worlds at once: `hapt sweep` beside C with OpenMP, loops beside NumPy, and `hapt check` as a process.
+
+use std::fmt::Write;
+use std::fs;
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+
+use super::{Bench, STARTS, Times, goal, in_turns, output, program};
+
+/// Rounds of whole sweeps.
+const ROUNDS: usize = 9;
+/// The axes, and what is asked.
+const STIFFNESS: (f64, f64, usize) = (0.5, 2.0, 250);
+const INERTIA: (f64, f64, usize) = (0.01, 0.05, 400);
+const MEASURES: &str = "peak_torque,final_energy";
+
+/// Runs the commands in turns, so many rounds; ms of each whole process.
+fn processes<const N: usize>(rounds: usize, mut commands: [Command; N]) -> Result<[Times; N]> {
+    let mut all = [(); N].map(|()| Times { ns: Vec::new(), answer: Vec::new() });
+    for _ in 0..rounds {
+        for (command, times) in commands.iter_mut().zip(&mut all) {
+            let start = Instant::now();
+            let out = command.output().with_context(|| format!("{command:?}"))?;
+            times.ns.push(start.elapsed().as_secs_f64() * 1e3);
+            // A check may end with 1: not certified.
+            ensure!(matches!(out.status.code(), Some(0 | 1)), "{command:?} failed");
+        }
+    }
+    Ok(all)
+}
+
+/// The largest difference between two tables of numbers, each relative to the larger of the two.
+fn difference(one: &str, other: &str) -> Result<f64> {
+    let numbers = |text: &str| -> Result<Vec<f64>> {
+        let fields = text.lines().skip(1).flat_map(|line| line.split(','));
+        fields.map(|field| field.parse().context("no number")).collect()
+    };
+    let (one, other) = (numbers(one)?, numbers(other)?);
+    ensure!(one.len() == other.len(), "tables of {} and {} numbers", one.len(), other.len());
+    let relative = |(a, b): (&f64, &f64)| (a - b).abs() / a.abs().max(b.abs()).max(f64::MIN_POSITIVE);
+    Ok(one.iter().zip(&other).map(relative).fold(0.0, f64::max))
+}
+
+impl Bench {
+    /// 100 000 worlds of a second, from the command to the file.
+    pub(super) fn sweeps(&self) -> Result<String> {
+        let mut text = String::from(
+            "\n## A sweep of runs\n\n`hapt sweep` of 100 000 worlds of 1 s at 1 kHz, the notes' wheel held or let go after 0.25 s, two \
+             measures, two threads: the whole process with its file, against [C](../bench/c/sweep.c) with OpenMP, sixteen worlds side by \
+             side (`-O3 -march=native -ffinite-math-only`). The last column is the largest relative difference of any two numbers in \
+             the tables.\n\n\
+             | run | hapt / C | goal | | hapt, ms | C, ms | difference |\n| --- | --- | --- | --- | --- | --- | --- |\n",
+        );
+        for scenario in ["released", "held"] {
+            let parameters = output(&mut self.rust(&format!("parameters {scenario}")))?;
+            let words: Vec<&str> = parameters.split_whitespace().collect();
+            let [period, _, inertia, damping, limit, _, _, to, release] = words[..] else {
+                anyhow::bail!("nine parameters are wanted: {parameters}");
+            };
+            let [own, other] = ["hapt.csv", "c.csv"].map(|name| self.folder.join(name));
+            let (own, other) = (own.to_str().context("a path in UTF-8")?, other.to_str().context("a path in UTF-8")?);
+            let axis = |key: &str, (from, to, n): (f64, f64, usize)| format!("--vary {key}={from}..{to}:{n}");
+            let (k, j) = (axis("couplings.0.stiffness", STIFFNESS), axis("bodies.wheel.inertia", INERTIA));
+            let mut hapt = format!(
+                "sweep worlds/notes/default.toml --set scenarios.step.duration=1 {k} {j} --measure {MEASURES} --threads 2 --out {own}"
+            );
+            if scenario == "released" {
+                hapt += " --set scenarios.step.hand.release=0.25";
+            }
+            let values = |(from, to, n): (f64, f64, usize)| format!("{from} {to} {n}");
+            let c = format!(
+                "{period} 1001 {inertia} {damping} {limit} {to} {release} {} {} {other}",
+                values(STIFFNESS),
+                values(INERTIA)
+            );
+            let mut c = self.c("sweep", &c);
+            c.env("OMP_NUM_THREADS", "2");
+            let [hapt, c] = processes(ROUNDS, [program(&self.release.join("hapt"), &hapt), c])?;
+            let difference = difference(&fs::read_to_string(own)?, &fs::read_to_string(other)?)?;
+            ensure!(difference < 1e-9, "the tables differ by {difference:e}");
+            let (ratio, quartiles) = hapt.over(&c);
+            let goal = goal(ratio, 1.0);
+            let (hapt, c) = (hapt.median(), c.median());
+            writeln!(text, "| {scenario} | {quartiles} | {goal} | {hapt:.0} | {c:.0} | {difference:.0e} |")?;
+        }
+        Ok(text)
+    }
+
+    /// A million loops, without reading and writing.
+    pub(super) fn loops(&self) -> Result<String> {
+        let python = self.folder.join("python/bin/python");
+        let mut text = String::from(
+            "\n## A sweep of loops\n\nThe growth of 10⁶ loops of one body on a spring under forward Euler, held, over stiffness and \
+             inertia, on one core. Whether a loop is stable is its growth's sign, and takes as long. The error is the largest, relative \
+             to ln(1 + x²)/(2T).\n\n| | ms | goal | | error |\n| --- | --- | --- | --- | --- |\n",
+        );
+        let [hapt] = in_turns([self.rust("loops 1")])?;
+        let (ms, error) = (hapt.median(), hapt.answer.first().copied().context("no error")?);
+        writeln!(text, "| hapt, growth | {ms:.0} | {} | {error:.0e} |", goal(ms, 50.0))?;
+        writeln!(text, "| hapt, stable or not | {ms:.0} | {} | |", goal(ms, 2.0))?;
+        let there = Command::new(&python).args(["-c", "import numpy"]).output().is_ok_and(|out| out.status.success());
+        if !there {
+            return Ok(text + "\nNumPy is skipped: there is no Python environment with it.\n");
+        }
+        let mut numpy = Command::new(&python);
+        numpy.args(["bench/python/loops.py", "1"]);
+        let [hapt, numpy] = in_turns([self.rust("loops 1"), numpy])?;
+        let (ratio, quartiles) = numpy.over(&hapt);
+        let error = numpy.answer.first().copied().context("no error")?;
+        writeln!(text, "| NumPy's `eigvals` | {:.0} | | | {error:.0e} |", numpy.median())?;
+        let met = |wanted: f64| if ratio >= wanted { "met" } else { "**missed**" };
+        writeln!(
+            text,
+            "\nNumPy takes {quartiles} times as long; the goals are 20 for the growth ({}) and 1000 for the verdict ({}).",
+            met(20.0),
+            met(1000.0)
+        )?;
+        Ok(text)
+    }
+
+    /// Whole processes of `hapt check`.
+    pub(super) fn checks(&self) -> Result<String> {
+        let mut chain = String::from("loop.period = \"1 ms\"\ndevice = { inertia = 6.4e-4, damping = 1.2e-3 }\n");
+        for i in 0..32 {
+            writeln!(chain, "[bodies.b{i}]\ninertia = {}", 0.01 + 0.001 * f64::from(i))?;
+        }
+        for i in 0..32 {
+            let before = if i == 0 { "puck".into() } else { format!("b{}", i - 1) };
+            writeln!(
+                chain,
+                "[[couplings]]\nkind = \"spring\"\nbetween = [\"{before}\", \"b{i}\"]\nstiffness = {}",
+                1 + i
+            )?;
+        }
+        let file = self.folder.join("chain.toml");
+        fs::write(&file, chain)?;
+        let file = file.to_str().context("a path in UTF-8")?;
+        let check = |words: &str| program(&self.release.join("hapt"), &format!("check {words}"));
+        let [one] = processes(STARTS, [check("worlds/notes/default.toml")])?;
+        let [quick] = processes(ROUNDS, [check(&format!("{file} --no-remedies"))])?;
+        let [all] = processes(3, [check(file)])?;
+        let mut text = String::from(
+            "\n## One check\n\nThe whole process of `hapt check`; the 32 bodies are a chain of springs.\n\n\
+             | | ms | goal | |\n| --- | --- | --- | --- |\n",
+        );
+        for (name, times, wanted) in [
+            ("1 body, with remedies", one, 10.0),
+            ("32 bodies, without", quick, 100.0),
+            ("32 bodies, with remedies", all, 5000.0),
+        ] {
+            let ms = times.median();
+            writeln!(text, "| {name} | {ms:.1} | {} |", goal(ms, wanted))?;
+        }
+        Ok(text)
+    }
+}
