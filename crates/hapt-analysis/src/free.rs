@@ -20,7 +20,7 @@ use crate::grip::Grip;
 use crate::held::{inertias, spectrum};
 use crate::modal::Modal;
 use crate::port::Port;
-use crate::rayleigh;
+use crate::rayleigh::Quotients;
 use crate::scan::first_rise;
 use crate::stability::{Eigenvalue, MARGINAL, Stability, assemble, combinations};
 use crate::stack::stack;
@@ -216,12 +216,11 @@ pub(crate) fn multipliers(
     let of = |mu| multiplier(Method::ForwardEuler, Root::from(mu));
     let mut found: Vec<(Multiplier, f64)> = values.iter().map(|mu| (of(*mu), rounding)).collect();
     let doubtful = |m: &Multiplier| m.ln_abs.abs() < DOUBTFUL * rounding && m.less_one.im >= 0.0;
+    let quotients = found.iter().any(|(m, _)| doubtful(m)).then(|| Quotients::new(&d));
     for i in 0..found.len() {
         let mu = found[i].0.less_one;
-        if !doubtful(&found[i].0) {
-            continue;
-        }
-        let Some((better, error)) = rayleigh::quotient(&d, mu) else { continue };
+        let Some(quotients) = quotients.as_ref().filter(|_| doubtful(&found[i].0)) else { continue };
+        let Some((better, error)) = quotients.at(mu) else { continue };
         if (better - mu).norm() > DOUBTFUL * rounding {
             continue;
         }

@@ -4,41 +4,148 @@
 //! estimator's last sample has λ - 1 = -1, and at T = 1 µs an error of 1e-15 is a growth of 1e-9 1/s. With the left and right
 //! vectors l and x the quotient lᵀDx/lᵀx errs by the product of both vectors' errors, and by eps Σ|l||D||x|/|lᵀx| from the sums and
 //! entries: memory has little part in those vectors' product, and its rounding little in the quotient.
+//!
+//! The vectors come by inverse iteration in Hessenberg form, D = Q H Qᵀ, so that an eigenvalue costs squares of the order and no
+//! cube.
 
+use nalgebra::linalg::Hessenberg;
 use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::matrix::{balance, scaled};
 
-/// The eigenvalue of `a` near `mu`, and a bound of its rounding; `None` when the vectors are not found.
-pub(crate) fn quotient(a: &DMatrix<f64>, mu: Complex<f64>) -> Option<(Complex<f64>, f64)> {
-    let a = scaled(a, &balance(a));
-    let n = a.nrows();
-    // Not on the eigenvalue itself, where there is no inverse.
-    let shift = mu * (1.0 + 1e-14) + f64::EPSILON * a.amax();
-    let near = |a: &DMatrix<f64>| a.map(Complex::from) - DMatrix::from_diagonal_element(n, n, shift);
-    let vector = |m: DMatrix<Complex<f64>>| {
-        let lu = m.lu();
-        let mut x =
-            DVector::from_fn(n, |i, _| Complex::new(1.0 + 0.3 * (i as f64).sin(), 0.4 * (2.3 * i as f64).cos()));
-        for _ in 0..3 {
-            x = lu.solve(&x)?;
-            x.unscale_mut(x.norm());
+type C = Complex<f64>;
+
+/// A matrix whose eigenvalues are looked at again.
+pub(crate) struct Quotients {
+    /// Balanced.
+    a: DMatrix<f64>,
+    q: DMatrix<f64>,
+    h: DMatrix<f64>,
+}
+
+impl Quotients {
+    pub fn new(a: &DMatrix<f64>) -> Self {
+        let a = scaled(a, &balance(a));
+        let n = a.nrows();
+        let (q, h) = if n > 2 { Hessenberg::new(a.clone()).unpack() } else { (DMatrix::identity(n, n), a.clone()) };
+        Quotients { a, q, h }
+    }
+
+    /// The eigenvalue near `mu`, and a bound of its rounding; `None` when the vectors are not found.
+    pub fn at(&self, mu: C) -> Option<(C, f64)> {
+        let n = self.a.nrows();
+        // Not on the eigenvalue itself, where there is no inverse.
+        let factors = Factors::new(&self.h, mu * (1.0 + 1e-14) + f64::EPSILON * self.a.amax());
+        let start = DVector::from_fn(n, |i, _| C::new(1.0 + 0.3 * (i as f64).sin(), 0.4 * (2.3 * i as f64).cos()));
+        let vector = |solve: &dyn Fn(&mut DVector<C>)| {
+            let mut x = start.clone();
+            for _ in 0..3 {
+                solve(&mut x);
+                x.unscale_mut(x.norm());
+            }
+            // Back from H's coordinates.
+            let [re, im] = [x.map(|c| c.re), x.map(|c| c.im)].map(|part| &self.q * part);
+            let x = re.zip_map(&im, C::new);
+            x.iter().all(|c| c.re.is_finite() && c.im.is_finite()).then_some(x)
+        };
+        let (x, l) = (vector(&|x| factors.solve(x))?, vector(&|x| factors.solve_transposed(x))?);
+        let (mut sum, mut size) = (C::new(0.0, 0.0), 0.0);
+        for (column, x) in self.a.column_iter().zip(x.iter()) {
+            for (entry, l) in column.iter().zip(l.iter()) {
+                if *entry != 0.0 {
+                    let term = l * x * *entry;
+                    sum += term;
+                    size += term.norm();
+                }
+            }
         }
-        x.iter().all(|c| c.re.is_finite() && c.im.is_finite()).then_some(x)
-    };
-    let (x, l) = (vector(near(&a))?, vector(near(&a.transpose()))?);
-    let (mut sum, mut size) = (Complex::new(0.0, 0.0), 0.0);
-    for (column, x) in a.column_iter().zip(x.iter()) {
-        for (entry, l) in column.iter().zip(l.iter()) {
-            let term = l * x * *entry;
-            sum += term;
-            size += term.norm();
+        let overlap = l.dot(&x);
+        let found = sum / overlap;
+        // A real eigenvalue stays one.
+        let found = if mu.im == 0.0 { C::new(found.re, 0.0) } else { found };
+        let error = 2.0 * f64::EPSILON * size / overlap.norm();
+        (found.re.is_finite() && found.im.is_finite() && error.is_finite()).then_some((found, error))
+    }
+}
+
+/// H - shift as a product: each row is taken off the next, the larger of the two pivots first.
+struct Factors {
+    upper: DMatrix<C>,
+    /// For each row but the last: whether it was exchanged with the next, and how much of it was then taken off that.
+    steps: Vec<(bool, C)>,
+}
+
+impl Factors {
+    fn new(h: &DMatrix<f64>, shift: C) -> Self {
+        let n = h.nrows();
+        let mut upper = h.map(C::from);
+        (0..n).for_each(|i| upper[(i, i)] -= shift);
+        let mut steps = Vec::with_capacity(n);
+        for k in 0..n.saturating_sub(1) {
+            let exchanged = upper[(k, k)].norm_sqr() < upper[(k + 1, k)].norm_sqr();
+            if exchanged {
+                upper.swap_rows(k, k + 1);
+            }
+            let pivot = upper[(k, k)];
+            let part = if pivot == C::new(0.0, 0.0) { pivot } else { upper[(k + 1, k)] / pivot };
+            for mut column in upper.columns_mut(k, n - k).column_iter_mut() {
+                let above = column[k];
+                column[k + 1] -= part * above;
+            }
+            steps.push((exchanged, part));
+        }
+        Factors { upper, steps }
+    }
+
+    fn solve(&self, x: &mut DVector<C>) {
+        for (k, (exchanged, part)) in self.steps.iter().enumerate() {
+            if *exchanged {
+                x.swap_rows(k, k + 1);
+            }
+            let above = x[k];
+            x[k + 1] -= part * above;
+        }
+        for (j, column) in self.upper.column_iter().enumerate().rev() {
+            x[j] /= column[j];
+            let here = x[j];
+            (0..j).for_each(|i| x[i] -= column[i] * here);
         }
     }
-    let overlap = l.dot(&x);
-    let found = sum / overlap;
-    // A real eigenvalue stays one.
-    let found = if mu.im == 0.0 { Complex::new(found.re, 0.0) } else { found };
-    let error = 2.0 * f64::EPSILON * size / overlap.norm();
-    (found.re.is_finite() && found.im.is_finite() && error.is_finite()).then_some((found, error))
+
+    fn solve_transposed(&self, x: &mut DVector<C>) {
+        for (j, column) in self.upper.column_iter().enumerate() {
+            let before: C = (0..j).map(|i| column[i] * x[i]).sum();
+            x[j] = (x[j] - before) / column[j];
+        }
+        for (k, (exchanged, part)) in self.steps.iter().enumerate().rev() {
+            let below = x[k + 1];
+            x[k] -= part * below;
+            if *exchanged {
+                x.swap_rows(k, k + 1);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_factored_matrix_is_solved_both_ways(n in 1..9usize, numbers in prop::collection::vec(-1.0..1.0f64, 81), re in -1.0..1.0f64, im in -1.0..1.0f64) {
+            let h = DMatrix::from_fn(n, n, |i, j| if i > j + 1 { 0.0 } else { numbers[9 * i + j] });
+            let shift = C::new(re, im);
+            let shifted = h.map(C::from) - DMatrix::from_diagonal_element(n, n, shift);
+            prop_assume!(shifted.clone().try_inverse().is_some_and(|inverse| inverse.norm() < 1e3));
+            let factors = Factors::new(&h, shift);
+            let b = DVector::from_fn(n, |i, _| C::new(1.0 + i as f64, 0.5 - i as f64));
+            let (mut x, mut l) = (b.clone(), b.clone());
+            factors.solve(&mut x);
+            factors.solve_transposed(&mut l);
+            prop_assert!((&shifted * x - &b).norm() < 1e-10);
+            prop_assert!((shifted.transpose() * l - &b).norm() < 1e-10);
+        }
+    }
 }
