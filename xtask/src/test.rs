@@ -23,7 +23,7 @@ pub fn run() -> Result<()> {
     tally.step("format", cargo("fmt --all --check", ""));
     tally.step("lints", cargo("clippy --workspace --all-targets -- -D warnings", ""));
     tally.tests("tests in debug", "test --workspace")?;
-    tally.tests("tests in release", "test --workspace --release")?;
+    tally.tests("tests in release", "test --workspace --profile tested")?;
     tally.step("documentation", cargo("doc --workspace --no-deps", "-D warnings"));
     tally
         .step("binaries", cargo("build --package hapt", "").and_then(|()| cargo("build --package hapt --release", "")));
