@@ -461,7 +461,7 @@ fn program(path: &Path, words: &str) -> Command {
 
 const RUN_MISSED: &str = "
 What stands in the way: instructions. C needs about 50 for a released sample and 40 for a held one (built without AVX-512, which
-callgrind does not know); hapt needs the 425 and 334 of the table below. `Simulation::next` with the loop's step in it takes 240, the
+callgrind does not know); hapt needs the 414 and 323 of the table below. `Simulation::next` with the loop's step in it takes 240, the
 released puck's motion with its works 110, the fourteen columns 60.
 Few of them are arithmetic: every sample asks anew what C's author knew (which estimator, method, output, levels, limit, delay, hand
 and friction), passes its numbers through memory, and looks whether all of them are finite. No single place takes more than a
