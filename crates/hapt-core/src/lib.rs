@@ -54,6 +54,7 @@ mod rules;
 mod sense;
 pub mod spec;
 mod step;
+mod supervisor;
 
 pub use error::Error;
 pub use gradient::Contacts;
@@ -63,3 +64,4 @@ pub use real::{Number, Real};
 pub use sense::{Memory, Puck};
 pub use spec::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 pub use step::{Loop, Sample, State};
+pub use supervisor::{Guarded, Phase, Reading, Reason, Request, Supervisor, Watch};

@@ -41,6 +41,7 @@
 mod control;
 mod csv;
 mod curve;
+mod device;
 mod energy;
 mod hand;
 mod plant;
@@ -52,6 +53,7 @@ mod summary;
 
 pub use control::DesktopLoop;
 pub use csv::CsvWriter;
+pub use device::{Grip, VirtualDevice};
 pub use energy::{Ledger, world_energy};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, Signal, columns};
 pub use run::{Error, Simulation, check, rows};
