@@ -7,29 +7,13 @@ use std::f64::consts::{FRAC_PI_4, PI, TAU};
 use common::*;
 use hapt_analysis::closed_form::*;
 use hapt_analysis::{Continuous, Design, Discrete, Slopes, check};
-use hapt_model::{Coupling, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, Side, World};
+use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, World};
 use proptest::prelude::*;
 
 fn world(bench: Bench, method: Method, period: f64) -> World {
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling: Sampling {
-            period,
-            method,
-            output: Output::Start,
-            advance: 0,
-            delay: 0.0,
-            estimator: EstimatorKind::Exact,
-            cutoff: None,
-            window: 16,
-        },
-        device: Device { inertia: 6.4e-4, damping: 1.2e-3, friction: 0.0, limit: None, encoder: None, levels: None },
-        names: (0..bench.bodies.len()).map(|i| format!("body{i}")).collect(),
-        bodies: bench.bodies,
-        couplings: bench.couplings,
-        scenarios: vec![],
-    }
+    let mut world = bench.world(method, Output::Start, period);
+    world.sampling.estimator = EstimatorKind::Exact;
+    world
 }
 
 /// The notes' wheel, section 2.1.

@@ -7,33 +7,17 @@ use std::f64::consts::PI;
 use common::*;
 use hapt_analysis::decomposition::Keys;
 use hapt_analysis::{Decomposition, free_eigenvalues, held_eigenvalues};
-use hapt_model::{Coupling, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, Side, World};
+use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, World};
 use proptest::prelude::*;
 
 /// `bench` behind a spring and a damper, couplings 0 and 1, between puck and ground.
 fn world(bench: &Bench, method: Method, period: f64, inertia: f64, damping: f64) -> World {
     let ends = (End::Puck, End::Ground);
-    let mut couplings = vec![spring(ends.0, ends.1, 1.0), damper(ends.0, ends.1, 1.0)];
-    couplings.extend(bench.couplings.iter().copied());
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling: Sampling {
-            period,
-            method,
-            output: if method.takes_new_sample_first() { Output::Start } else { Output::End },
-            advance: 0,
-            delay: 0.0,
-            estimator: EstimatorKind::Difference,
-            cutoff: Some(50.0),
-            window: 5,
-        },
-        device: Device { inertia, damping, friction: 0.0, limit: None, encoder: None, levels: None },
-        names: (0..bench.bodies.len()).map(|i| format!("body{i}")).collect(),
-        bodies: bench.bodies.clone(),
-        couplings,
-        scenarios: vec![],
-    }
+    let mut world = bench.world(method, Output::End, period);
+    world.couplings.splice(..0, [spring(ends.0, ends.1, 1.0), damper(ends.0, ends.1, 1.0)]);
+    (world.sampling.cutoff, world.sampling.window) = (Some(50.0), 5);
+    (world.device.inertia, world.device.damping) = (inertia, damping);
+    world
 }
 
 const PATHS: [&str; 2] = ["couplings.0.stiffness", "couplings.1.damping"];

@@ -7,37 +7,18 @@ use std::f64::consts::{PI, TAU};
 use common::*;
 use hapt_analysis::felt::{APART, Asked, Element};
 use hapt_analysis::{Continuous, Elements, Felt, Slopes, required_damping};
-use hapt_model::{Coupling, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, Side, World};
+use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, World};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 
 type C = Complex<f64>;
 
 fn world(bench: Bench, method: Method, period: f64) -> World {
-    let output = if method.takes_new_sample_first() { Output::Start } else { Output::End };
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling: Sampling {
-            period,
-            method,
-            output,
-            advance: 0,
-            delay: 0.0,
-            estimator: EstimatorKind::Difference,
-            cutoff: None,
-            window: 16,
-        },
-        device: Device { inertia: 6.4e-4, damping: 1.2e-3, friction: 0.0, limit: None, encoder: None, levels: None },
-        names: (0..bench.bodies.len()).map(|i| format!("body{i}")).collect(),
-        bodies: bench.bodies,
-        couplings: bench.couplings,
-        scenarios: vec![],
-    }
+    bench.world(method, Output::End, period)
 }
 
 fn plain(couplings: Vec<Coupling>, period: f64) -> World {
-    world(Bench { bodies: vec![], couplings }, Method::Zoh, period)
+    world(Bench::of(couplings), Method::Zoh, period)
 }
 
 fn felt(world: &World) -> Felt {

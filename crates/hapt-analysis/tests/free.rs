@@ -8,9 +8,7 @@ use std::f64::consts::TAU;
 use common::*;
 use hapt_analysis::{Grip, Stability, Verdict, eigen, free, gripped_growth};
 use hapt_core::{Loop, Puck, Spec};
-use hapt_model::{
-    Coupling, Damping, Device, End, Estimator, EstimatorKind, Law, Method, Motion, Output, Sampling, Side, World,
-};
+use hapt_model::{Coupling, Damping, End, Estimator, EstimatorKind, Law, Method, Output, Side, World};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -19,25 +17,9 @@ const ROOM: usize = 8;
 type Room = Loop<f64, ROOM, 32, 2>;
 
 fn world(bench: &Bench, method: Method, output: Output, period: f64) -> World {
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling: Sampling {
-            period,
-            method,
-            output: if method.takes_new_sample_first() { Output::Start } else { output },
-            advance: 0,
-            delay: 0.0,
-            estimator: EstimatorKind::Exact,
-            cutoff: None,
-            window: 16,
-        },
-        device: Device { inertia: 6.4e-4, damping: 1.2e-3, friction: 0.0, limit: None, encoder: None, levels: None },
-        names: (0..bench.bodies.len()).map(|i| format!("body{i}")).collect(),
-        bodies: bench.bodies.clone(),
-        couplings: bench.couplings.clone(),
-        scenarios: vec![],
-    }
+    let mut world = bench.world(method, output, period);
+    world.sampling.estimator = EstimatorKind::Exact;
+    world
 }
 
 const STIFFNESS: f64 = 1.018592;

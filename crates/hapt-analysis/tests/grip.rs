@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 use common::*;
 use hapt_analysis::held::MARGINAL;
 use hapt_analysis::{Grip, breaking_damping, free_growth, gripped_growth, is_certified, required_damping, worst_grip};
-use hapt_model::{Device, End, EstimatorKind, Method, Motion, Output, Sampling, World};
+use hapt_model::{End, Method, Output, World};
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::RngSeed;
@@ -16,31 +16,13 @@ const PERIOD: f64 = 1e-3;
 const INERTIA: f64 = 6.4e-4;
 
 fn world(bench: &Bench, method: Method, output: Output) -> World {
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling: Sampling {
-            period: PERIOD,
-            method,
-            output: if method.takes_new_sample_first() { Output::Start } else { output },
-            advance: 0,
-            delay: 0.0,
-            estimator: EstimatorKind::Difference,
-            cutoff: None,
-            window: 16,
-        },
-        device: Device { inertia: INERTIA, damping: 1.2e-3, friction: 0.0, limit: None, encoder: None, levels: None },
-        names: (0..bench.bodies.len()).map(|i| format!("body{i}")).collect(),
-        bodies: bench.bodies.clone(),
-        couplings: bench.couplings.clone(),
-        scenarios: vec![],
-    }
+    bench.world(method, output, PERIOD)
 }
 
 /// A spring and a damper from the puck to ground, on a device of so much damping.
 fn wall(stiffness: f64, damper: f64, device: f64) -> World {
     let couplings = vec![spring(End::Puck, End::Ground, stiffness), common::damper(End::Puck, End::Ground, damper)];
-    let mut world = world(&Bench { bodies: vec![], couplings }, Method::Zoh, Output::End);
+    let mut world = world(&Bench::of(couplings), Method::Zoh, Output::End);
     world.device.damping = device;
     world
 }

@@ -9,36 +9,21 @@ use hapt_analysis::IN_FLIGHT;
 use hapt_analysis::held::multipliers;
 use hapt_analysis::passivity::Cause;
 use hapt_analysis::{Continuous, Discrete, Error, Passivity, Slopes, passivity, quantisation};
-use hapt_model::{Coupling, Damping, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, Side, World};
+use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Motion, Output, Side, World};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 
 type C = Complex<f64>;
 
+/// On a device without damping: what is required is all that there must be.
 fn world(bench: Bench, method: Method, output: Output, period: f64) -> World {
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling: Sampling {
-            period,
-            method,
-            output,
-            advance: 0,
-            delay: 0.0,
-            estimator: EstimatorKind::Difference,
-            cutoff: None,
-            window: 16,
-        },
-        device: Device { inertia: 6.4e-4, damping: 0.0, friction: 0.0, limit: None, encoder: None, levels: None },
-        names: (0..bench.bodies.len()).map(|i| format!("body{i}")).collect(),
-        bodies: bench.bodies,
-        couplings: bench.couplings,
-        scenarios: vec![],
-    }
+    let mut world = bench.world(method, output, period);
+    world.device.damping = 0.0;
+    world
 }
 
 fn plain(couplings: Vec<Coupling>, period: f64) -> World {
-    world(Bench { bodies: vec![], couplings }, Method::Zoh, Output::End, period)
+    world(Bench::of(couplings), Method::Zoh, Output::End, period)
 }
 
 fn to_ground(stiffness: f64, damping: f64) -> Vec<Coupling> {

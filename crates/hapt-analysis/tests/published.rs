@@ -7,7 +7,7 @@ mod common;
 
 use common::*;
 use hapt_analysis::{check, free_growth, held, passivity, quantisation};
-use hapt_model::{Device, End, EstimatorKind, Method, Motion, Output, Sampling, World};
+use hapt_model::{End, Method, Output, World};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 
@@ -16,32 +16,11 @@ const INERTIA: f64 = 6.4e-4;
 
 /// A wall without a surface: K and B to ground, on a device with damping b.
 fn wall(stiffness: f64, damping: f64, device_damping: f64, delay: f64) -> World {
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling: Sampling {
-            period: PERIOD,
-            method: Method::Zoh,
-            output: Output::End,
-            advance: 0,
-            delay,
-            estimator: EstimatorKind::Difference,
-            cutoff: None,
-            window: 16,
-        },
-        device: Device {
-            inertia: INERTIA,
-            damping: device_damping,
-            friction: 0.0,
-            limit: None,
-            encoder: None,
-            levels: None,
-        },
-        names: Vec::new(),
-        bodies: Vec::new(),
-        couplings: vec![spring(End::Puck, End::Ground, stiffness), damper(End::Puck, End::Ground, damping)],
-        scenarios: Vec::new(),
-    }
+    let couplings = vec![spring(End::Puck, End::Ground, stiffness), damper(End::Puck, End::Ground, damping)];
+    let mut world = Bench::of(couplings).world(Method::Zoh, Output::End, PERIOD);
+    world.sampling.delay = delay;
+    (world.device.inertia, world.device.damping) = (INERTIA, device_damping);
+    world
 }
 
 /// In the dimensionless numbers of the module's head; `d` in samples.

@@ -1,34 +1,23 @@
 //! The Z-width of a device: closed forms, and its edges looked at from both sides.
 
+mod common;
+
 use std::f64::consts::TAU;
 
+use common::Bench;
 use hapt_analysis::z_width::{Edge, with_wall};
 use hapt_analysis::{Verdict, ZWidth, free_growth, required_damping, z_width};
-use hapt_model::{Device, EstimatorKind, Method, Motion, Output, Sampling, World};
+use hapt_model::{EstimatorKind, Method, Output, World};
 use proptest::prelude::*;
 
 const INERTIA: f64 = 6.4e-4;
 
 fn device(damping: f64, delay: f64, estimator: EstimatorKind) -> World {
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling: Sampling {
-            period: 1e-3,
-            method: Method::Zoh,
-            output: Output::End,
-            advance: 0,
-            delay: delay * 1e-3,
-            estimator,
-            cutoff: Some(60.0),
-            window: 6,
-        },
-        device: Device { inertia: INERTIA, damping, friction: 0.0, limit: None, encoder: None, levels: None },
-        names: vec![],
-        bodies: vec![],
-        couplings: vec![],
-        scenarios: vec![],
-    }
+    let mut world = Bench::of(vec![]).world(Method::Zoh, Output::End, 1e-3);
+    world.sampling.delay = delay * 1e-3;
+    (world.sampling.estimator, world.sampling.cutoff, world.sampling.window) = (estimator, Some(60.0), 6);
+    (world.device.inertia, world.device.damping) = (INERTIA, damping);
+    world
 }
 
 fn of(world: &World) -> ZWidth {

@@ -1,7 +1,7 @@
 //! Random worlds.
 #![allow(dead_code)]
 
-use hapt_model::{Body, Coupling, Damping, End, Law};
+use hapt_model::{Body, Coupling, Damping, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, World};
 use proptest::prelude::*;
 
 /// Bodies and couplings.
@@ -9,6 +9,43 @@ use proptest::prelude::*;
 pub struct Bench {
     pub bodies: Vec<Body>,
     pub couplings: Vec<Coupling>,
+}
+
+impl Bench {
+    /// Couplings without bodies.
+    pub fn of(couplings: Vec<Coupling>) -> Self {
+        Bench { bodies: vec![], couplings }
+    }
+
+    /// A loop on the notes' device, the velocity differenced; the output is "start" with the methods that take no other.
+    pub fn world(&self, method: Method, output: Output, period: f64) -> World {
+        World {
+            title: None,
+            motion: Motion::Rotary,
+            sampling: Sampling {
+                period,
+                method,
+                output: if method.takes_new_sample_first() { Output::Start } else { output },
+                advance: 0,
+                delay: 0.0,
+                estimator: EstimatorKind::Difference,
+                cutoff: None,
+                window: 16,
+            },
+            device: Device {
+                inertia: 6.4e-4,
+                damping: 1.2e-3,
+                friction: 0.0,
+                limit: None,
+                encoder: None,
+                levels: None,
+            },
+            names: (0..self.bodies.len()).map(|i| format!("body{i}")).collect(),
+            bodies: self.bodies.clone(),
+            couplings: self.couplings.clone(),
+            scenarios: vec![],
+        }
+    }
 }
 
 /// Which dampers a random world has.
