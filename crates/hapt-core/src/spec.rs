@@ -5,6 +5,7 @@
 
 /// What a coupling can be tied to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum End {
     /// The part of the device that the hand holds, at position z.
     Puck,
@@ -16,6 +17,7 @@ pub enum End {
 
 /// A virtual inertia.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Body {
     /// J_w in kg·m² (linear: mass in kg), positive.
     pub inertia: f64,
@@ -28,6 +30,7 @@ pub struct Body {
 /// A massless virtual element between two different ends. It acts on q = q_first - q_second, the first end as seen from the
 /// second; its torque stands on the first end, the opposite on the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Coupling {
     /// The end that takes the law's torque.
     pub first: End,
@@ -39,6 +42,7 @@ pub struct Coupling {
 
 /// The torque of a coupling on its first end, in N·m (linear: N), for q in rad (linear: m).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Law {
     /// -stiffness · (q - rest)
     Spring {
@@ -109,6 +113,7 @@ pub enum Law {
 
 /// The laws that can be clamped, as they stand in [`Law`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Clampable {
     /// [`Law::Spring`]
     Spring {
@@ -162,6 +167,7 @@ impl Law {
 
 /// How much a damper damps.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Damping {
     /// N·m·s/rad, zero or more.
     Fixed(f64),
@@ -172,6 +178,7 @@ pub enum Damping {
 
 /// On which side of its face a wall pushes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Side {
     /// It pushes toward smaller q while q > at.
     Above,
@@ -181,6 +188,7 @@ pub enum Side {
 
 /// The rule that takes the bodies over one period. x = (positions, velocities), u = (z, ż) of the puck.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Method {
     /// x_{k+1} = x_k + T f(x_k, u_k)
     ForwardEuler,
@@ -246,6 +254,7 @@ impl Method {
 
 /// Which state of the bodies makes the torque of sample k.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Output {
     /// x_k, as the notes' diagrams have it.
     Start,
@@ -271,6 +280,7 @@ impl Output {
 
 /// How the loop comes by the puck's velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Estimator {
     /// The true velocity.
     Exact,

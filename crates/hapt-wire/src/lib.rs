@@ -1,0 +1,40 @@
+//! A world as bytes, for whatever runs a loop without a file system: a microcontroller, a browser.
+//!
+//! [`write`] makes the bytes of a [`Spec`], [`Stored::read`] checks them and holds the world in fixed room. The form is postcard's, behind a
+//! version and before a checksum; what is cut, flipped or of another version is refused, and never half read.
+//!
+//! ```
+//! use hapt_core::{Body, Coupling, End, Estimator, Law, Loop, Method, Output, Spec};
+//! use hapt_wire::{Stored, write};
+//!
+//! let spec = Spec {
+//!     period: 1e-3,
+//!     method: Method::Zoh,
+//!     output: Output::End,
+//!     advance: 0,
+//!     estimator: Estimator::Difference,
+//!     count: None,
+//!     limit: Some(0.8),
+//!     levels: None,
+//!     bodies: &[Body { inertia: 0.0258, position: 0.0, velocity: 0.0 }],
+//!     couplings: &[Coupling {
+//!         first: End::Puck,
+//!         second: End::Body(0),
+//!         law: Law::Spring { stiffness: 1.02, rest: 0.0 },
+//!     }],
+//! };
+//! let mut room = [0; 512];
+//! let bytes = write(&spec, &mut room)?;
+//! let stored = Stored::<4, 8>::read(bytes)?;
+//! assert_eq!(stored.spec(), spec);
+//! let world = Loop::<f32, 4, 8, 17>::new(&stored.spec()).unwrap();
+//! # Ok::<(), hapt_wire::Error>(())
+//! ```
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod world;
+
+#[doc(inline)]
+pub use hapt_core::Spec;
+pub use world::{Error, Stored, VERSION, write};

@@ -1,0 +1,179 @@
+//! ```text
+//! version  settings  bodies, each  couplings, each  checksum
+//! u8       postcard  postcard      postcard         CRC-16/IBM-3740 of all before it, little-endian u16
+//! ```
+
+use core::fmt;
+
+use crc::{CRC_16_IBM_3740, Crc};
+use hapt_core::{Body, Coupling, End, Estimator, Law, Method, Output, Spec};
+use serde::{Deserialize, Serialize};
+
+/// The first byte of a world. It changes whenever the bytes after it mean something else.
+pub const VERSION: u8 = 1;
+
+const SUM: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
+const SUM_BYTES: usize = 2;
+
+/// Why bytes are no world, or a world does not fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Error {
+    /// The room for the bytes is too small.
+    NoRoom,
+    /// Cut, or nothing of ours.
+    Cut,
+    /// Another version's.
+    Version {
+        /// The first byte.
+        given: u8,
+    },
+    /// A byte is not as it was written.
+    Checksum,
+    /// The checksum holds, and yet it is no world: written by something else.
+    NotAWorld,
+    /// More bodies than there is room for.
+    TooManyBodies {
+        /// In the bytes.
+        given: usize,
+        /// Here.
+        room: usize,
+    },
+    /// More couplings than there is room for.
+    TooManyCouplings {
+        /// In the bytes.
+        given: usize,
+        /// Here.
+        room: usize,
+    },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Error::NoRoom => f.write_str("the world's bytes do not fit into the room given for them"),
+            Error::Cut => f.write_str("the bytes end before a world does"),
+            Error::Version { given } => write!(f, "a world of version {given}, where this reads version {VERSION}"),
+            Error::Checksum => f.write_str("the checksum does not hold: a byte is not as it was written"),
+            Error::NotAWorld => f.write_str("the bytes are no world"),
+            Error::TooManyBodies { given, room } => write!(f, "{given} bodies, where there is room for {room}"),
+            Error::TooManyCouplings { given, room } => write!(f, "{given} couplings, where there is room for {room}"),
+        }
+    }
+}
+
+impl core::error::Error for Error {}
+
+/// All of a spec but its lists, which come after it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Settings {
+    period: f64,
+    method: Method,
+    output: Output,
+    advance: u32,
+    estimator: Estimator,
+    count: Option<f64>,
+    limit: Option<f64>,
+    levels: Option<u32>,
+    bodies: u8,
+    couplings: u8,
+}
+
+/// A world read from bytes, in room for B bodies and C couplings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stored<const B: usize, const C: usize> {
+    settings: Settings,
+    bodies: [Body; B],
+    couplings: [Coupling; C],
+}
+
+/// Writes a world into `room` and gives what it takes of it: about 20 bytes, 25 for each body and 20 for each coupling.
+///
+/// Errors: [`Error::NoRoom`]; more than 255 bodies or couplings.
+pub fn write<'a>(spec: &Spec, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
+    let few = |given: usize| u8::try_from(given).ok();
+    let (given, room_of_a_byte) = (spec.bodies.len(), 255);
+    let bodies = few(given).ok_or(Error::TooManyBodies { given, room: room_of_a_byte })?;
+    let given = spec.couplings.len();
+    let couplings = few(given).ok_or(Error::TooManyCouplings { given, room: room_of_a_byte })?;
+    let &Spec { period, method, output, advance, estimator, count, limit, levels, .. } = spec;
+    let settings = Settings { period, method, output, advance, estimator, count, limit, levels, bodies, couplings };
+    let mut at = 0;
+    put(room, &mut at, &VERSION)?;
+    put(room, &mut at, &settings)?;
+    for body in spec.bodies {
+        put(room, &mut at, body)?;
+    }
+    for coupling in spec.couplings {
+        put(room, &mut at, coupling)?;
+    }
+    let sum = SUM.checksum(room.get(..at).ok_or(Error::NoRoom)?);
+    room.get_mut(at..at + SUM_BYTES).ok_or(Error::NoRoom)?.copy_from_slice(&sum.to_le_bytes());
+    room.get(..at + SUM_BYTES).ok_or(Error::NoRoom)
+}
+
+fn put<T: Serialize>(room: &mut [u8], at: &mut usize, value: &T) -> Result<(), Error> {
+    let written = postcard::to_slice(value, room.get_mut(*at..).ok_or(Error::NoRoom)?).map_err(|_| Error::NoRoom)?;
+    *at += written.len();
+    Ok(())
+}
+
+impl<const B: usize, const C: usize> Stored<B, C> {
+    /// Reads what [`write`] has written. Whether its numbers are in range is [`hapt_core::Loop::new`]'s to say.
+    pub fn read(bytes: &[u8]) -> Result<Self, Error> {
+        let version = *bytes.first().ok_or(Error::Cut)?;
+        if version != VERSION {
+            return Err(Error::Version { given: version });
+        }
+        let (content, sum) = bytes.split_last_chunk::<SUM_BYTES>().ok_or(Error::Cut)?;
+        if SUM.checksum(content) != u16::from_le_bytes(*sum) {
+            return Err(Error::Checksum);
+        }
+        let mut rest = content.get(1..).ok_or(Error::Cut)?;
+        let settings: Settings = take(&mut rest)?;
+        let (given, room) = (usize::from(settings.bodies), B);
+        if given > room {
+            return Err(Error::TooManyBodies { given, room });
+        }
+        let (given, room) = (usize::from(settings.couplings), C);
+        if given > room {
+            return Err(Error::TooManyCouplings { given, room });
+        }
+        let mut stored = Stored {
+            settings,
+            bodies: [Body { inertia: 1.0, position: 0.0, velocity: 0.0 }; B],
+            couplings: [Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque: 0.0 } }; C],
+        };
+        for body in stored.bodies.iter_mut().take(usize::from(settings.bodies)) {
+            *body = take(&mut rest)?;
+        }
+        for coupling in stored.couplings.iter_mut().take(usize::from(settings.couplings)) {
+            *coupling = take(&mut rest)?;
+        }
+        if rest.is_empty() { Ok(stored) } else { Err(Error::NotAWorld) }
+    }
+
+    /// The world.
+    pub fn spec(&self) -> Spec<'_> {
+        let Settings { period, method, output, advance, estimator, count, limit, levels, bodies, couplings } =
+            self.settings;
+        Spec {
+            period,
+            method,
+            output,
+            advance,
+            estimator,
+            count,
+            limit,
+            levels,
+            bodies: self.bodies.get(..usize::from(bodies)).unwrap_or(&[]),
+            couplings: self.couplings.get(..usize::from(couplings)).unwrap_or(&[]),
+        }
+    }
+}
+
+fn take<T: for<'a> Deserialize<'a>>(rest: &mut &[u8]) -> Result<T, Error> {
+    let (value, after) = postcard::take_from_bytes(rest).map_err(|_| Error::NotAWorld)?;
+    *rest = after;
+    Ok(value)
+}

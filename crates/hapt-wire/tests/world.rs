@@ -1,0 +1,144 @@
+//! A world that goes over a wire is the same world, or none.
+
+use hapt_core::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+use hapt_wire::{Error, Stored, write};
+use proptest::prelude::*;
+use proptest::sample::select;
+
+fn ends() -> impl Strategy<Value = End> {
+    prop_oneof![Just(End::Puck), Just(End::Ground), (0..4usize).prop_map(End::Body)]
+}
+
+fn laws() -> impl Strategy<Value = Law> {
+    let x = any::<f64>;
+    let side = || select(vec![Side::Above, Side::Below]);
+    let damping = || prop_oneof![Just(Damping::Compensating), any::<f64>().prop_map(Damping::Fixed)];
+    let wall = (side(), x(), x(), x());
+    prop_oneof![
+        (x(), x()).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
+        damping().prop_map(|damping| Law::Damper { damping }),
+        wall.prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping }),
+        (x(), x(), x()).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
+        x().prop_map(|torque| Law::Coulomb { torque }),
+        x().prop_map(|torque| Law::Constant { torque }),
+        prop::array::uniform6(x()).prop_map(|[coulomb, stribeck, stribeck_velocity, a, b, viscous]| Law::Lugre {
+            coulomb,
+            stribeck,
+            stribeck_velocity,
+            bristle_stiffness: a,
+            bristle_damping: b,
+            viscous
+        }),
+        (x(), x(), x())
+            .prop_map(|(stiffness, rest, limit)| Law::Clamped { law: Clampable::Spring { stiffness, rest }, limit }),
+        (damping(), x()).prop_map(|(damping, limit)| Law::Clamped { law: Clampable::Damper { damping }, limit }),
+    ]
+}
+
+/// Every kind of world, its numbers anything that bits can be.
+#[derive(Clone, Debug)]
+struct Any {
+    numbers: (f64, Option<f64>, Option<f64>, Option<u32>, u32),
+    method: Method,
+    output: Output,
+    estimator: Estimator,
+    bodies: Vec<Body>,
+    couplings: Vec<Coupling>,
+}
+
+impl Any {
+    fn spec(&self) -> Spec<'_> {
+        let (period, count, limit, levels, advance) = self.numbers;
+        let &Any { method, output, estimator, .. } = self;
+        let (bodies, couplings) = (&self.bodies[..], &self.couplings[..]);
+        Spec { period, method, output, advance, estimator, count, limit, levels, bodies, couplings }
+    }
+}
+
+fn worlds() -> impl Strategy<Value = Any> {
+    let estimator = prop_oneof![
+        Just(Estimator::Exact),
+        Just(Estimator::Difference),
+        any::<f64>().prop_map(|cutoff| Estimator::LowPass { cutoff }),
+        any::<u32>().prop_map(|window| Estimator::Foaw { window }),
+        any::<u32>().prop_map(|window| Estimator::FoawBest { window }),
+    ];
+    let body = (any::<f64>(), any::<f64>(), any::<f64>());
+    let body = body.prop_map(|(inertia, position, velocity)| Body { inertia, position, velocity });
+    let coupling = (ends(), ends(), laws()).prop_map(|(first, second, law)| Coupling { first, second, law });
+    let lists = (prop::collection::vec(body, 0..5), prop::collection::vec(coupling, 0..9));
+    let numbers = any::<(f64, Option<f64>, Option<f64>, Option<u32>, u32)>();
+    (((numbers, select(&Method::ALL[..]), select(&Output::ALL[..])), estimator), lists).prop_map(
+        |(((numbers, method, output), estimator), (bodies, couplings))| Any {
+            numbers,
+            method,
+            output,
+            estimator,
+            bodies,
+            couplings,
+        },
+    )
+}
+
+proptest! {
+    #[test]
+    fn a_world_comes_back_to_the_bit(world in worlds()) {
+        let mut room = [0; 4096];
+        let bytes = write(&world.spec(), &mut room).unwrap();
+        let stored = Stored::<4, 8>::read(bytes).unwrap();
+        // Debug prints every bit of a number that there is to see.
+        prop_assert_eq!(format!("{:?}", stored.spec()), format!("{:?}", world.spec()));
+    }
+
+    #[test]
+    fn what_is_cut_or_flipped_is_no_world(world in worlds(), at in any::<prop::sample::Index>(), bit in 0..8u8) {
+        let mut room = [0; 4096];
+        let bytes = write(&world.spec(), &mut room).unwrap().to_vec();
+        let cut = at.index(bytes.len());
+        prop_assert!(Stored::<4, 8>::read(&bytes[..cut]).is_err());
+        let mut flipped = bytes.clone();
+        flipped[cut] ^= 1 << bit;
+        prop_assert!(Stored::<4, 8>::read(&flipped).is_err());
+        let mut longer = bytes;
+        longer.push(0);
+        prop_assert!(Stored::<4, 8>::read(&longer).is_err());
+    }
+
+    #[test]
+    fn bytes_that_nobody_meant_are_refused_quietly(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let _ = Stored::<4, 8>::read(&bytes);
+    }
+
+    #[test]
+    fn room_that_is_too_small_is_said(world in worlds(), room in 0..64usize) {
+        let mut small = vec![0; room];
+        let mut large = [0; 4096];
+        let whole = write(&world.spec(), &mut large).unwrap();
+        match write(&world.spec(), &mut small) {
+            Ok(bytes) => prop_assert_eq!(bytes, whole),
+            Err(error) => prop_assert!(error == Error::NoRoom && room < whole.len()),
+        }
+    }
+}
+
+#[test]
+fn more_than_there_is_room_for_is_refused_by_number() {
+    let bodies = [Body { inertia: 1.0, position: 0.0, velocity: 0.0 }; 5];
+    let spec = Spec {
+        period: 1e-3,
+        method: Method::Zoh,
+        output: Output::End,
+        advance: 0,
+        estimator: Estimator::Exact,
+        count: None,
+        limit: None,
+        levels: None,
+        bodies: &bodies,
+        couplings: &[],
+    };
+    let mut room = [0; 512];
+    let bytes = write(&spec, &mut room).unwrap();
+    assert_eq!(Stored::<4, 8>::read(bytes).unwrap_err(), Error::TooManyBodies { given: 5, room: 4 });
+    let other = [&[2], &bytes[1..]].concat();
+    assert_eq!(Stored::<4, 8>::read(&other).unwrap_err(), Error::Version { given: 2 });
+}
