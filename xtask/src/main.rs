@@ -7,6 +7,7 @@ mod fuzz;
 mod marked;
 mod memory;
 mod notes;
+mod page;
 mod reference;
 mod supply;
 mod test;
@@ -21,6 +22,7 @@ cargo xtask test      format, lints, tests in debug and release, docs, every wor
 cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S]; with --write, into docs/truth.md
+cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask book      whether the book's commands, worlds, outputs and links hold; with --write, makes its outputs and tables
 cargo xtask bench     speed beside plain C; --write into docs/performance.md; --guards the instruction counts alone
 cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names
@@ -41,6 +43,7 @@ fn main() -> Result<()> {
         ["fuzz", ref arguments @ ..] => fuzz::run(arguments),
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),
+        ["page"] => page::build(),
         ["book"] => book::check(),
         ["book", "--write"] => book::write(),
         _ => bail!("{USAGE}"),

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{book, figure, fuzz, memory, notes, supply, truth};
+use crate::{book, figure, fuzz, memory, notes, page, supply, truth};
 
 /// What has passed and failed so far.
 #[derive(Default)]
@@ -31,6 +31,7 @@ pub fn run() -> Result<()> {
         tally.step(&world.display().to_string(), same_bytes(&world));
     }
     tally.step("hapt-core cannot panic", cannot_panic());
+    tally.step("the page's core gives the same bits", page::same_bits());
     tally.step("fuzzing finds nothing in a few seconds", fuzz::is_quiet());
     tally.step("the certificate holds against brute force", truth::holds());
     tally.step("memory stays bounded", memory::is_bounded());

@@ -5,7 +5,7 @@
 //! passive hand really break?
 
 mod brute;
-mod worlds;
+pub mod worlds;
 
 use std::fs;
 use std::ops::AddAssign;
