@@ -4,6 +4,7 @@
 mod boundary;
 mod csv;
 mod loops;
+mod realtime;
 mod run;
 mod step;
 
@@ -21,6 +22,7 @@ fn main() -> Result<()> {
         ["matrices", bodies, file] => step::matrices(bodies.parse()?, file),
         ["boundary", file, repeats] => boundary::time(file, repeats.parse()?),
         ["loops", repeats] => loops::time(repeats.parse()?),
+        ["realtime", samples, period, spin] => realtime::time(samples.parse()?, period.parse()?, spin.parse()?),
         ["csv", printer, repeats] => csv::time(printer, repeats.parse()?),
         _ => bail!("see xtask/src/bench.rs"),
     }

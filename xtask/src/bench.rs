@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: hapt beside plain C, in turns, each in a process of its own that times its inner loop; and what makes
 //! docs/performance.md. The workloads are in `bench`.
 
+mod realtime;
 mod sweep;
 
 use std::fmt::Write;
@@ -23,9 +24,11 @@ pub fn command(words: &[String]) -> Result<()> {
     match words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [] => run(false),
         ["--write"] => run(true),
+        ["realtime"] => realtime::alone(false),
+        ["realtime", "--write"] => realtime::alone(true),
         ["--guards"] => guards(false),
         ["--guards", "--write"] => guards(true),
-        _ => bail!("cargo xtask bench [--write], or [--guards [--write]]"),
+        _ => bail!("cargo xtask bench [realtime] [--write], or [--guards [--write]]"),
     }
 }
 
@@ -44,6 +47,7 @@ fn run(write: bool) -> Result<()> {
         Bench::loops,
         Bench::checks,
         Bench::edges,
+        Bench::realtime,
     ];
     for part in parts {
         let text = part(&bench)?;
@@ -191,6 +195,15 @@ impl Bench {
             bench.compile("step", &format!("step-{n}-plain"), &[&size, "-march=x86-64"])?;
         }
         Ok(bench)
+    }
+
+    /// hapt-bench alone, for a part that needs nothing else.
+    fn of_one(part: &str) -> Result<Self> {
+        let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
+        let folder = target.join("bench").join(part);
+        fs::create_dir_all(&folder)?;
+        output(Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt-bench"]))?;
+        Ok(Bench { release: target.join("release"), native: PathBuf::new(), folder })
     }
 
     fn compile(&self, source: &str, program: &str, flags: &[&str]) -> Result<()> {

@@ -24,7 +24,7 @@ cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/ima
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S]; with --write, into docs/truth.md
 cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask book      whether the book's commands, worlds, outputs and links hold; with --write, makes its outputs and tables
-cargo xtask bench     speed beside plain C; --write into docs/performance.md; --guards the instruction counts alone
+cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone
 cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names
 cargo xtask memory N  what streaming N samples to CSV takes, such as 1e8";
 

@@ -1,14 +1,27 @@
-//! The thread and its two rings.
+//! The thread and its rings.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use hapt_core::{Reading, State, Watch};
+use hapt_core::Request;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::{BODIES, Device, Order, Plan, Record};
+use crate::clock::Clock;
+use crate::cycle::{Cycle, Moment};
+use crate::schedule::Schedule;
+use crate::{Device, Failure, Order, Plan, Realtime, Record, scheduling};
+
+/// The shortest period of a loop in real time, in s: a PC's clock wakes nobody more often.
+pub const SHORTEST_PERIOD: f64 = 1e-5;
+/// Orders on their way, and old plans on their way back.
+const ORDERS: usize = 64;
+/// Records on their way: half a minute at 1 kHz.
+const RECORDS: usize = 1 << 15;
+/// Orders that are looked at in one sample.
+const A_SAMPLE: usize = 4;
 
 /// Why the loop cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -16,116 +29,212 @@ pub enum Error {
     /// The system gives no thread.
     #[error("the system gives no thread for the loop: {0}")]
     Thread(#[from] std::io::Error),
+    /// Nothing keeps such a period.
+    #[error("a loop in real time needs a period of 10 us or more; this one is {} us", given * 1e6)]
+    Period {
+        /// In s.
+        given: f64,
+    },
+}
+
+/// What the loop's thread asks of the system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// The priority under SCHED_FIFO, from 1 to 99; `None`: as everybody else.
+    pub priority: Option<u8>,
+    /// Whether to lock the process's memory in place.
+    pub lock: bool,
+    /// The last so long before each instant the thread watches the clock instead of sleeping: a core's time for exact instants.
+    pub spin: Duration,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings { priority: Some(80), lock: true, spin: Duration::ZERO }
+    }
+}
+
+/// How a loop has ended. The torque is off in each case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// Its owner wanted it.
+    Asked,
+    /// The device failed.
+    Device(Failure),
+    /// A defect of this program.
+    Panicked,
 }
 
 /// A loop at work. Dropped, it stops, with no torque on.
 pub struct Engine {
-    /// Toward the loop.
-    pub orders: Producer<Order>,
-    /// From it.
+    /// From the loop, sample by sample. It holds half a minute at 1 kHz; what finds no room is lost.
     pub records: Consumer<Record>,
-    end: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    orders: Producer<Order>,
+    /// Plans that are no longer used, to be freed here.
+    spent: Consumer<Box<Plan>>,
+    realtime: Realtime,
+    flags: Arc<Flags>,
+    thread: Option<JoinHandle<End>>,
+    end: End,
+}
+
+/// What must not wait in a ring.
+#[derive(Default)]
+struct Flags {
+    end: AtomicBool,
+    stop: AtomicBool,
 }
 
 impl Engine {
-    /// Runs `plan` on `device` from now on, disarmed.
+    /// Runs `plan` on `device` from now on, disarmed, with the system's best.
     pub fn start(plan: Plan, device: Box<dyn Device>) -> Result<Self, Error> {
-        let (orders, incoming) = RingBuffer::new(64);
-        let (outgoing, records) = RingBuffer::new(1 << 15);
-        let end = Arc::new(AtomicBool::new(false));
-        let stop = Arc::clone(&end);
-        let plan = Box::new(plan);
-        let thread = std::thread::Builder::new()
-            .name("loop".into())
-            .spawn(move || run(plan, device, incoming, outgoing, &stop))?;
-        Ok(Engine { orders, records, end, thread: Some(thread) })
+        Engine::start_with(plan, device, Settings::default())
+    }
+
+    /// The same with what `settings` ask for.
+    pub fn start_with(plan: Plan, device: Box<dyn Device>, settings: Settings) -> Result<Self, Error> {
+        check(&plan)?;
+        let (orders, incoming) = RingBuffer::new(ORDERS);
+        let (outgoing, records) = RingBuffer::new(RECORDS);
+        let (back, spent) = RingBuffer::new(ORDERS);
+        let flags = Arc::new(Flags::default());
+        let (say, hear) = mpsc::sync_channel(1);
+        let rings = Rings { orders: incoming, records: outgoing, back, flags: Arc::clone(&flags) };
+        let cycle = Cycle::new(Box::new(plan), device);
+        let thread = std::thread::Builder::new().name("loop".into()).spawn(move || {
+            let _ = say.send(scheduling::prepare(&settings));
+            // Freed here and not at the end, so that nothing is freed while the loop runs.
+            drop(say);
+            run(cycle, rings, Clock::new(settings.spin))
+        })?;
+        // A thread that has ended before it said anything says so in `ended`.
+        let realtime = hear.recv().unwrap_or_default();
+        Ok(Engine { records, orders, spent, realtime, flags, thread: Some(thread), end: End::Asked })
+    }
+
+    /// What the system has granted.
+    pub fn realtime(&self) -> &Realtime {
+        &self.realtime
+    }
+
+    /// An order for the next sample; it comes back where 64 are on their way already, or where the plan's period is too short. A plan is
+    /// made by [`Plan::following`] the one that was sent before it.
+    pub fn send(&mut self, order: Order) -> Result<(), Order> {
+        while self.spent.pop().is_ok() {}
+        match &order {
+            Order::Swap(plan) if check(plan).is_err() => Err(order),
+            _ => self.orders.push(order).map_err(|rtrb::PushError::Full(order)| order),
+        }
+    }
+
+    /// Stop, ahead of all orders: no torque from the next sample on.
+    pub fn stop(&self) {
+        self.flags.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// How the loop has ended, if it has.
+    pub fn ended(&mut self) -> Option<End> {
+        if self.thread.as_ref().is_some_and(|thread| thread.is_finished()) {
+            self.join();
+        }
+        self.thread.is_none().then_some(self.end)
+    }
+
+    /// Ends the loop, and waits until the torque is off.
+    pub fn end(&mut self) -> End {
+        self.flags.end.store(true, Ordering::Relaxed);
+        self.join();
+        self.end
+    }
+
+    fn join(&mut self) {
+        if let Some(thread) = self.thread.take() {
+            self.end = thread.join().unwrap_or(End::Panicked);
+        }
     }
 }
 
 impl Drop for Engine {
     fn drop(&mut self) {
-        self.end.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        self.end();
     }
 }
 
-fn run(
-    mut plan: Box<Plan>,
-    mut device: Box<dyn Device>,
-    mut orders: Consumer<Order>,
-    mut records: Producer<Record>,
-    end: &AtomicBool,
-) {
-    let mut state: State<_, _, _, _> = plan.world.start();
-    let mut watch = Watch::START;
-    let mut plans = 0;
-    let mut sample = 0_u64;
-    let begin = Instant::now();
-    while !end.load(Ordering::Relaxed) {
-        let period = Duration::from_secs_f64(plan.world.period());
-        let due = begin + period.mul_f64(sample as f64);
-        std::thread::sleep(due.saturating_duration_since(Instant::now()));
-        let woken = Instant::now();
-        let mut request = None;
-        while request.is_none()
-            && let Ok(order) = orders.pop()
-        {
-            match order {
-                Order::Request(what) => request = Some(what),
-                Order::Swap(next) => {
-                    let mut fresh = next.world.start();
-                    for (to, from) in next.carried.iter().enumerate() {
-                        if let Some(from) = *from {
-                            fresh.now.position[to] = state.now.position[from];
-                            fresh.now.velocity[to] = state.now.velocity[from];
-                        }
+fn check(plan: &Plan) -> Result<(), Error> {
+    let given = plan.period();
+    if given >= SHORTEST_PERIOD { Ok(()) } else { Err(Error::Period { given }) }
+}
+
+/// The loop's ends of the rings.
+struct Rings {
+    orders: Consumer<Order>,
+    records: Producer<Record>,
+    back: Producer<Box<Plan>>,
+    flags: Arc<Flags>,
+}
+
+/// The loop. From its first sample to its last it calls nothing of the system's but the clock and the device.
+fn run(mut cycle: Cycle, mut rings: Rings, clock: Clock) -> End {
+    let flags = Arc::clone(&rings.flags);
+    let ends = || flags.end.load(Ordering::Relaxed);
+    let mut schedule = Schedule::new(clock.now(), cycle.period());
+    // The instant of sample 0.
+    let mut start = None;
+    // When the link was last heard; `None`: there is none.
+    let mut heard = None;
+    loop {
+        clock.wait(schedule.due(), ends);
+        if ends() {
+            return End::Asked;
+        }
+        let woken = clock.now();
+        let taken = schedule.take(woken);
+        cycle.pass(taken.periods);
+        let request = rings.orders(&mut cycle, &mut schedule, || heard = Some(woken));
+        let moment = Moment {
+            due: taken.due - *start.get_or_insert(taken.due),
+            late: taken.late as f64 * 1e-9,
+            periods: taken.periods,
+            silent: heard.map_or(0.0, |heard: u64| (woken - heard) as f64 * 1e-9),
+        };
+        let mut record = match cycle.sample(&moment, request) {
+            Ok(record) => record,
+            Err(failure) => return End::Device(failure),
+        };
+        let done = clock.now();
+        record.computation = u32::try_from(done - woken).unwrap_or(u32::MAX);
+        // Whoever does not take the records loses them; the loop waits for nobody.
+        let _ = rings.records.push(record);
+        schedule.done(clock.now());
+    }
+}
+
+impl Rings {
+    /// What the orders come to at this sample: at most one request, and swaps of which the last counts.
+    fn orders(&mut self, cycle: &mut Cycle, schedule: &mut Schedule, mut alive: impl FnMut()) -> Option<Request> {
+        if self.flags.stop.swap(false, Ordering::Relaxed) {
+            return Some(Request::Stop);
+        }
+        for _ in 0..A_SAMPLE {
+            // An old plan is not freed here: without room on the way back the new one waits.
+            if let Ok(Order::Swap(_)) = self.orders.peek()
+                && self.back.is_full()
+            {
+                return None;
+            }
+            match self.orders.pop() {
+                Ok(Order::Request(request)) => return Some(request),
+                Ok(Order::Alive) => alive(),
+                Ok(Order::Swap(plan)) => {
+                    let old = cycle.swap(plan);
+                    if old.period() != cycle.period() {
+                        schedule.change_period(cycle.period());
                     }
-                    (plan, state, plans) = (next, fresh, plans + 1);
+                    let _ = self.back.push(old);
                 }
-                Order::Alive => {}
+                Err(_) => return None,
             }
         }
-        let Ok(position) = device.read() else { break };
-        let reading = Reading {
-            position: position.position,
-            velocity: position.velocity,
-            announced: position.announced,
-            late: 0.0,
-            missed: 0,
-            silent: 0.0,
-        };
-        let guarded = plan.supervisor.step(&mut watch, &plan.world, &mut state, &reading, request);
-        if device.write(guarded.output).is_err() {
-            break;
-        }
-        let mut bodies = [(0.0, 0.0); BODIES];
-        for (place, i) in bodies.iter_mut().zip(0..plan.world.bodies()) {
-            *place = (state.now.position[i], state.now.velocity[i]);
-        }
-        let record = Record {
-            sample,
-            plan: plans,
-            position: position.position,
-            velocity: position.velocity,
-            measured: guarded.sample.puck.position,
-            measured_velocity: guarded.sample.puck.velocity,
-            torque: guarded.sample.torque,
-            command: guarded.sample.command,
-            output: guarded.output,
-            phase: guarded.phase,
-            reason: guarded.reason,
-            latency: woken.saturating_duration_since(due).as_nanos() as u32,
-            computation: woken.elapsed().as_nanos() as u32,
-            missed: 0,
-            bodies,
-            announced: position.announced,
-        };
-        let _ = records.push(record);
-        device.passed(1);
-        sample += 1;
+        None
     }
-    let _ = device.write(0.0);
 }

@@ -1,18 +1,50 @@
 //! The loop in real time: a thread that knows clock, device and core, and nothing else.
 //!
-//! [`Engine::start`] takes a [`Plan`] (a world compiled) and a [`Device`], and runs one sample a period on a thread of its own.
-//! [`Order`]s reach that thread and [`Record`]s leave it through bounded rings without locks; the thread itself never allocates, locks,
-//! prints, opens or waits on anything but the clock and the device.
+//! [`Engine::start`] takes a [`Plan`] (a world compiled) and a [`Device`], and takes one sample a period on a thread of its own.
+//! [`Order`]s reach that thread and [`Record`]s leave it through bounded rings without locks; the thread itself never allocates,
+//! locks, prints, opens or waits on anything but the clock and the device. [`Cycle`] is the same loop without clock and thread, for
+//! whoever has a time of their own; [`Timing`] is what the records say about the clock.
+//!
+//! ```no_run
+//! use hapt_core::Request;
+//! use hapt_model::{Source, World};
+//! use hapt_rt::{Engine, Order, Plan, Simulated, Timing};
+//!
+//! let world = World::read(&Source::open("wheel.toml")?, &[])?;
+//! let (device, _hands) = Simulated::new(&world);
+//! let mut engine = Engine::start(Plan::new(&world)?, Box::new(device))?;
+//! let _ = engine.send(Order::Request(Request::Arm));
+//! let mut timing = Timing::new();
+//! while timing.samples() < 1000 {
+//!     std::thread::sleep(std::time::Duration::from_millis(5));
+//!     while let Ok(record) = engine.records.pop() {
+//!         timing.add(&record);
+//!     }
+//! }
+//! println!("{timing}");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
+mod bridge;
+mod clock;
+mod cycle;
 mod engine;
 mod plan;
+mod replay;
+mod schedule;
+mod scheduling;
 mod simulated;
+mod timing;
 
 use hapt_core::{Phase, Reason, Request};
 
-pub use engine::{Engine, Error};
+pub use cycle::{Cycle, Moment};
+pub use engine::{End, Engine, Error, SHORTEST_PERIOD, Settings};
 pub use plan::Plan;
-pub use simulated::{Simulated, Touch};
+pub use replay::Replay;
+pub use scheduling::Realtime;
+pub use simulated::{Hands, Simulated, Touch};
+pub use timing::{Bar, Quantiles, Timing};
 
 /// Bodies that a record has room for.
 pub const BODIES: usize = 32;
@@ -27,6 +59,9 @@ pub trait Device: Send {
 
     /// Periods have passed since the last sample: 1, or more when samples were missed.
     fn passed(&mut self, _periods: u32) {}
+
+    /// The loop begins with `plan`, or goes on with it from this sample on.
+    fn adopt(&mut self, _plan: &mut Plan) {}
 }
 
 /// The puck as a device sees it.
@@ -49,9 +84,13 @@ pub enum Failure {
     /// Its recording has ended.
     #[error("the recording has ended")]
     Ended,
+    /// A simulated puck's position or velocity is no longer a number.
+    #[error("the simulated puck has run away: its position is no longer a finite number")]
+    NotFinite,
 }
 
 /// What reaches the loop between two samples.
+#[derive(Debug)]
 pub enum Order {
     /// To the supervisor.
     Request(Request),
@@ -66,12 +105,24 @@ pub enum Order {
 pub struct Record {
     /// k, counted from the start, missed ones too.
     pub sample: u64,
+    /// The instant of the sample, in ns from the start; sample · T while nobody changes the period.
+    pub due: u64,
     /// Which plan made it: counted from 0 with each swap.
     pub plan: u32,
     /// The puck's position as the device gave it, rad (linear: m).
     pub position: f64,
     /// And velocity.
     pub velocity: f64,
+    /// A prescribed jump of a simulated hand fell on this sample.
+    pub announced: bool,
+    /// How long after its instant the sample was taken, in s, as the supervisor was told.
+    pub late: f64,
+    /// Samples missed since the last.
+    pub missed: u32,
+    /// How long ago whoever holds the link was last heard, in s; 0 where there is no link.
+    pub silent: f64,
+    /// What somebody asked of the supervisor at this sample.
+    pub request: Option<Request>,
     /// z_k, after the encoder.
     pub measured: f64,
     /// v_k, by the estimator.
@@ -90,10 +141,6 @@ pub struct Record {
     pub latency: u32,
     /// From there to when the device had its command, in ns.
     pub computation: u32,
-    /// Samples missed since the last record.
-    pub missed: u32,
     /// x_k: positions and velocities of the bodies; those beyond the world's are 0.
     pub bodies: [(f64, f64); BODIES],
-    /// A prescribed jump of a simulated hand fell on this sample.
-    pub announced: bool,
 }

@@ -1,17 +1,40 @@
-//! A world compiled for the loop's thread.
+//! A world compiled for the loop's thread, with everything that it will need there.
 
-use hapt_core::Supervisor;
-use hapt_model::World;
-use hapt_sim::DesktopLoop;
+use hapt_core::{Estimator, Law, State, Supervisor};
+use hapt_model::{End, Method, World};
+use hapt_sim::{DesktopLoop, VirtualDevice};
 
-/// A world compiled, with its supervisor.
+/// Everything that changes from sample to sample, in the loop's room.
+pub(crate) type DesktopState = State<f64, 32, 64, 257>;
+
+/// A world compiled, with its supervisor, and its device for whoever simulates one.
 #[derive(Clone, Debug)]
 pub struct Plan {
     pub(crate) world: DesktopLoop,
     pub(crate) supervisor: Supervisor<f64>,
+    pub(crate) device: VirtualDevice,
+    /// The largest output in N·m (linear: N).
+    pub(crate) limit: f64,
+    /// What it is known by to the plan that follows it.
+    names: Names,
     /// Where each body's state comes from in the plan before; `None`: from its start.
-    pub(crate) carried: Vec<Option<usize>>,
-    pub(crate) names: Vec<String>,
+    bodies: Vec<Option<usize>>,
+    /// The same for each bristle.
+    bristles: Vec<Option<usize>>,
+    /// The sensor goes on with what it remembers, periods shorter by so much, in s.
+    remembers: Option<f64>,
+}
+
+/// Whatever can be found again in another world.
+#[derive(Clone, Debug, PartialEq)]
+struct Names {
+    bodies: Vec<String>,
+    /// The ends of each LuGre friction, and which one it is between them; `None` where it is another coupling.
+    bristles: Vec<Option<(String, String, usize)>>,
+    /// What the sensor's memory is a memory of.
+    sensor: (Option<f64>, Estimator),
+    new_sample_first: bool,
+    period: f64,
 }
 
 impl Plan {
@@ -19,14 +42,89 @@ impl Plan {
     pub fn new(world: &World) -> Result<Self, hapt_core::Error> {
         let compiled = DesktopLoop::new(&world.spec())?;
         let fade = 0.1 / world.sampling.period;
-        let carried = vec![None; world.names.len()];
-        Ok(Plan { world: compiled, supervisor: Supervisor::new(fade), carried, names: world.names.clone() })
+        let mut device = VirtualDevice::new(world);
+        device.reserve();
+        Ok(Plan {
+            world: compiled,
+            supervisor: Supervisor::new(fade),
+            device,
+            limit: world.device.limit.unwrap_or(f64::INFINITY),
+            names: Names::new(world),
+            bodies: vec![None; world.bodies.len()],
+            bristles: vec![None; world.couplings.len()],
+            remembers: None,
+        })
     }
 
-    /// The same, to follow `before`: bodies of the same name go on where they are.
+    /// The same, to follow `before`: bodies of the same name go on where they are, and so do the bristles of LuGre friction between the
+    /// same two ends.
     pub fn following(world: &World, before: &Plan) -> Result<Self, hapt_core::Error> {
         let mut plan = Plan::new(world)?;
-        plan.carried = world.names.iter().map(|name| before.names.iter().position(|other| other == name)).collect();
+        let (now, then) = (&plan.names, &before.names);
+        plan.bodies = now.bodies.iter().map(|name| then.bodies.iter().position(|other| other == name)).collect();
+        let same = |bristle: &Option<_>| then.bristles.iter().position(|other| bristle.is_some() && other == bristle);
+        plan.bristles = now.bristles.iter().map(same).collect();
+        let shorter = then.period - now.period;
+        // A method that takes the new sample first would take the last one twice; counts of another period are no counts of this one.
+        let same = now.sensor == then.sensor && now.new_sample_first == then.new_sample_first;
+        let foaw = matches!(now.sensor.1, Estimator::Foaw { .. } | Estimator::FoawBest { .. });
+        plan.remembers = (same && (shorter == 0.0 || !foaw)).then_some(shorter);
         Ok(plan)
+    }
+
+    /// T in s.
+    pub fn period(&self) -> f64 {
+        self.world.period()
+    }
+
+    /// The state to go on with where `state` was, of the plan before. Allocates nothing.
+    pub(crate) fn carry(&self, state: &DesktopState) -> DesktopState {
+        let mut next = self.world.start();
+        for (to, from) in self.bodies.iter().enumerate() {
+            let Some(from) = *from else { continue };
+            // x_{k+1}, where the method knows it already: this is the sample after.
+            next.now.position[to] = state.now.position[from] + state.change.position[from];
+            next.now.velocity[to] = state.now.velocity[from] + state.change.velocity[from];
+        }
+        for (to, from) in self.bristles.iter().enumerate() {
+            if let Some(from) = *from {
+                next.bristles[to] = state.bristles[from];
+            }
+        }
+        if let Some(shorter) = self.remembers {
+            next.memory = state.memory;
+            if let Some(last) = &mut next.memory.last {
+                // Where the puck, at its velocity, was one new period ago.
+                last.position += shorter * last.velocity;
+            }
+        }
+        next
+    }
+}
+
+impl Names {
+    fn new(world: &World) -> Self {
+        let end = |end: End| match end {
+            End::Puck => "puck",
+            End::Ground => "ground",
+            End::Body(i) => world.names.get(i).map_or("", String::as_str),
+        };
+        let mut bristles: Vec<Option<(String, String, usize)>> = Vec::new();
+        for coupling in &world.couplings {
+            let ends = (end(coupling.first), end(coupling.second));
+            let before =
+                bristles.iter().flatten().filter(|(first, second, _)| (first.as_str(), second.as_str()) == ends);
+            let nth = before.count();
+            let is_bristle = matches!(coupling.law, Law::Lugre { .. });
+            bristles.push(is_bristle.then(|| (ends.0.into(), ends.1.into(), nth)));
+        }
+        let sampling = &world.sampling;
+        Names {
+            bodies: world.names.clone(),
+            bristles,
+            sensor: (world.count(), sampling.velocity_estimator()),
+            period: sampling.period,
+            new_sample_first: matches!(sampling.method, Method::Tustin | Method::Foh),
+        }
     }
 }

@@ -1,47 +1,88 @@
 //! The exact simulation as a device in real time, with a hand that somebody moves from outside.
 
 use hapt_model::World;
-use hapt_sim::{Grip, VirtualDevice};
+use hapt_sim::{Grip, Script, VirtualDevice};
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::{Device, Failure, Position};
+use crate::{Device, Failure, Plan, Position};
+
+/// Touches on their way, and old scripts on their way back.
+const TOUCHES: usize = 64;
+/// After a longer pause than so many periods the simulation does not catch up: it has stood still.
+const LONGEST_PAUSE: u32 = 1 << 20;
 
 /// What a hand on the simulated puck does.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Debug)]
 pub enum Touch {
     /// Takes hold where the puck is.
     Grab(Grip),
     /// Means to be at this position, in rad (linear: m).
     Move(f64),
-    /// Lets go.
+    /// Lets go, whoever holds it.
     Release,
+    /// A scenario's hand takes hold, at its t = 0.
+    Scenario(Box<Script>),
+}
+
+/// Where the hands on a simulated puck are told what to do.
+pub struct Hands {
+    touches: Producer<Touch>,
+    /// Scripts that are over, to be freed here.
+    spent: Consumer<Box<Script>>,
+}
+
+impl Hands {
+    /// A touch for the next sample; it comes back where 64 are on their way already.
+    pub fn push(&mut self, touch: Touch) -> Result<(), Touch> {
+        while self.spent.pop().is_ok() {}
+        self.touches.push(touch).map_err(|rtrb::PushError::Full(touch)| touch)
+    }
 }
 
 /// A simulated device.
 pub struct Simulated {
     device: VirtualDevice,
-    hand: Consumer<Touch>,
+    touches: Consumer<Touch>,
+    back: Producer<Box<Script>>,
+    announced: bool,
 }
 
 impl Simulated {
-    /// The world's device, and the ring through which its hand is moved.
-    pub fn new(world: &World) -> (Self, Producer<Touch>) {
-        let (producer, hand) = RingBuffer::new(64);
-        (Simulated { device: VirtualDevice::new(world), hand }, producer)
+    /// The world's device, and what moves its hand.
+    pub fn new(world: &World) -> (Self, Hands) {
+        let (producer, touches) = RingBuffer::new(TOUCHES);
+        let (back, spent) = RingBuffer::new(TOUCHES);
+        let mut device = VirtualDevice::new(world);
+        device.reserve();
+        (Simulated { device, touches, back, announced: false }, Hands { touches: producer, spent })
+    }
+
+    fn is_touched(&mut self) {
+        // An old script is not freed here: without room on the way back the new one waits.
+        while !matches!(self.touches.peek(), Ok(Touch::Scenario(_))) || !self.back.is_full() {
+            match self.touches.pop() {
+                Ok(Touch::Grab(grip)) => self.device.hold(Some(grip)),
+                Ok(Touch::Move(position)) => self.device.intend(position),
+                Ok(Touch::Release) => self.device.hold(None),
+                Ok(Touch::Scenario(mut script)) => {
+                    self.device.begin(&mut script);
+                    let _ = self.back.push(script);
+                }
+                Err(_) => return,
+            }
+        }
     }
 }
 
 impl Device for Simulated {
     fn read(&mut self) -> Result<Position, Failure> {
-        while let Ok(touch) = self.hand.pop() {
-            match touch {
-                Touch::Grab(grip) => self.device.hold(Some(grip)),
-                Touch::Move(position) => self.device.intend(position),
-                Touch::Release => self.device.hold(None),
-            }
-        }
+        self.is_touched();
         let (position, velocity) = self.device.puck();
-        Ok(Position { position, velocity, announced: false })
+        if !(position.is_finite() && velocity.is_finite()) {
+            return Err(Failure::NotFinite);
+        }
+        let announced = std::mem::take(&mut self.announced) || self.device.announced();
+        Ok(Position { position, velocity, announced })
     }
 
     fn write(&mut self, torque: f64) -> Result<(), Failure> {
@@ -50,8 +91,13 @@ impl Device for Simulated {
     }
 
     fn passed(&mut self, periods: u32) {
-        for _ in 0..periods {
+        for _ in 0..periods.min(LONGEST_PAUSE) {
             self.device.travel();
+            self.announced |= self.device.announced();
         }
+    }
+
+    fn adopt(&mut self, plan: &mut Plan) {
+        self.device.refit(&mut plan.device);
     }
 }

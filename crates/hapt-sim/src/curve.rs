@@ -22,7 +22,7 @@ pub(crate) enum Form {
 }
 
 impl Piece {
-    fn straight(from: f64, value: f64, slope: f64) -> Self {
+    pub fn straight(from: f64, value: f64, slope: f64) -> Self {
         Piece { from, form: Form::Straight { value, slope } }
     }
 

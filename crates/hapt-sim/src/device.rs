@@ -1,95 +1,346 @@
-//! The device on its own, for whoever runs the loop beside it: the exact puck, and a hand that is told what to do as it goes.
+//! The device on its own, period after period: the exact puck, the motor, and whatever hand holds it. Whoever has a loop runs it
+//! beside one: [`crate::Simulation`], or a thread in real time.
 
-use hapt_model::World;
+use hapt_model::{Scenario, World};
 
+use crate::curve::Piece;
 use crate::energy::Ledger;
-use crate::puck::{Inertia, Puck, Push};
-use crate::run::Motor;
+use crate::hand::{Hand, grip_push};
+use crate::motor::Motor;
+use crate::puck::{Inertia, Lengths, Puck, Push};
+
+/// A hand that takes longer than this from one word to the next has stopped in between, in s.
+const LONGEST_MOVE: f64 = 0.05;
 
 /// A hand on the puck: its inertia moves with the puck, spring and damper stand between the puck and what it intends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grip {
     /// kg·m² (linear: kg), zero or more.
     pub inertia: f64,
-    /// N·m·s/rad, zero or more.
+    /// N·m·s/rad (linear: N·s/m), zero or more.
     pub damping: f64,
-    /// N·m/rad, zero or more.
+    /// N·m/rad (linear: N/m), zero or more.
     pub stiffness: f64,
 }
 
-/// A world's device, period after period, from rest at 0.
+/// A scenario's hand, laid on the samples of a loop; none by default.
+#[derive(Clone, Debug, Default)]
+pub struct Script {
+    hand: Option<Hand>,
+    /// The sample after which it is over.
+    last: u64,
+}
+
+impl Script {
+    /// The hand of `scenario` at this period, in s.
+    pub fn new(scenario: &Scenario, period: f64) -> Self {
+        Script { hand: Some(Hand::new(&scenario.hand, period)), last: crate::rows(scenario.duration, period) - 1 }
+    }
+
+    pub(crate) fn hand(&self) -> Option<&Hand> {
+        self.hand.as_ref()
+    }
+}
+
+/// Who holds the puck.
+#[derive(Clone, Debug)]
+enum Holder {
+    Nobody,
+    Script,
+    Grip(Follower),
+}
+
+/// A grip whose intended motion is told as it goes.
+#[derive(Clone, Debug)]
+struct Follower {
+    grip: Inertia,
+    intended: Piece,
+    /// Where it is on the way to.
+    target: f64,
+    /// The sample at which that was said.
+    said: u64,
+}
+
+/// A world's device. Nothing that it does between two samples allocates, once it is made.
 #[derive(Clone, Debug)]
 pub struct VirtualDevice {
     period: f64,
     device: Inertia,
     friction: f64,
+    delay: f64,
     motor: Motor<f64>,
     puck: Puck,
-    grip: Option<Grip>,
-    /// What the hand intends now, and its velocity over the next period.
-    intended: f64,
-    slope: f64,
-    /// The device's works up to here.
-    pub ledger: Ledger,
+    script: Script,
+    holder: Holder,
+    /// The instant of this sample by the hand's own clock in s, origin + sample · T.
+    now: f64,
+    origin: f64,
+    sample: u64,
+    /// When the hand does something next, in s; infinite when never.
+    next_event: f64,
+    announced: bool,
+    ledger: Ledger,
 }
 
 impl VirtualDevice {
-    /// The device of a world, nobody's hand on it.
+    /// The device of a world, the puck at rest at 0, nobody's hand on it.
     pub fn new(world: &World) -> Self {
+        let period = world.sampling.period;
         let device = Inertia { inertia: world.device.inertia, damping: world.device.damping, stiffness: 0.0 };
-        let motor = Motor::new(world.sampling.delay, world.sampling.period);
-        let puck = Puck::new(device, None, world.device.friction, (0.0, 0.0, 0.0), &[world.sampling.period]);
+        let motor = Motor::new(world.sampling.delay, period);
         VirtualDevice {
-            period: world.sampling.period,
+            period,
             device,
             friction: world.device.friction,
+            delay: world.sampling.delay,
+            puck: Puck::new(device, world.device.friction, lengths(&motor, period)),
             motor,
-            puck,
-            grip: None,
-            intended: 0.0,
-            slope: 0.0,
+            script: Script::default(),
+            holder: Holder::Nobody,
+            now: 0.0,
+            origin: 0.0,
+            sample: 0,
+            next_event: f64::INFINITY,
+            announced: false,
             ledger: Ledger::default(),
         }
     }
 
-    /// The puck's true position and velocity.
+    /// Makes room for all commands that the motor's delay keeps on their way (up to 65 536), for a thread that must not.
+    pub fn reserve(&mut self) {
+        self.motor.reserve();
+    }
+
+    /// The puck's true position in rad (linear: m) and velocity in rad/s (m/s).
+    #[inline]
     pub fn puck(&self) -> (f64, f64) {
         (self.puck.position, self.puck.velocity)
     }
 
-    /// What the motor holds.
+    /// What the motor holds, in N·m (linear: N).
+    #[inline]
     pub fn applied(&self) -> f64 {
         self.motor.applied
     }
 
-    /// A hand takes hold where the puck is, or lets go.
+    /// The device's works up to here.
+    #[inline]
+    pub fn ledger(&self) -> Ledger {
+        self.ledger
+    }
+
+    /// Whether a hand has prescribed the puck a jump, or a corner of its motion, since the last sample.
+    pub fn announced(&self) -> bool {
+        self.announced
+    }
+
+    /// Whether anybody holds the puck.
+    pub fn is_held(&self) -> bool {
+        !matches!(self.holder, Holder::Nobody)
+    }
+
+    pub(crate) fn script(&self) -> &Script {
+        &self.script
+    }
+
+    /// A scenario's hand takes hold now, at its t = 0, and lets go when the scenario is over; `script` is then the one before it.
+    pub fn begin(&mut self, script: &mut Script) {
+        std::mem::swap(&mut self.script, script);
+        self.restart_clock();
+        let Some(hand) = &self.script.hand else { return self.let_go() };
+        self.holder = Holder::Script;
+        self.puck.take(hand.grip(), hand.sine(), hand.switches());
+        if let Some(piece) = hand.prescribed() {
+            self.prescribe(piece.at(0.0), 0.0, 0.0);
+        }
+        self.hand_acts(0.0);
+    }
+
+    /// A hand takes hold where the puck is, without a push, or whoever holds it lets go.
     pub fn hold(&mut self, grip: Option<Grip>) {
-        let hand = grip.map(|g| Inertia { inertia: g.inertia, damping: g.damping, stiffness: g.stiffness });
-        let (position, velocity) = self.puck();
-        self.puck = Puck::new(self.device, hand, self.friction, (0.0, 0.0, 0.0), &[self.period]);
-        (self.puck.position, self.puck.velocity) = (position, velocity);
-        (self.grip, self.intended, self.slope) = (grip, position, 0.0);
+        let Some(Grip { inertia, damping, stiffness }) = grip else { return self.let_go() };
+        let grip = Inertia { inertia, damping, stiffness };
+        self.restart_clock();
+        self.next_event = f64::INFINITY;
+        self.puck.take(Some(grip), (0.0, 0.0, 0.0), false);
+        let target = self.puck.position;
+        self.holder = Holder::Grip(Follower { grip, intended: Piece::straight(0.0, target, 0.0), target, said: 0 });
     }
 
-    /// The hand means to be at `position` one period from now.
+    /// The grip means to be at `position` in rad (linear: m), and goes there straight: for as long as its word before this one is ago,
+    /// but 50 ms at most, so that words at a steady rate make one steady motion. Without a grip nothing happens.
     pub fn intend(&mut self, position: f64) {
-        self.slope = (position - self.intended) / self.period;
+        if let Holder::Grip(hand) = &mut self.holder
+            && position.is_finite()
+        {
+            let longest = (LONGEST_MOVE / self.period).max(1.0) as u64;
+            let samples = (self.sample - hand.said).clamp(1, longest);
+            let from = hand.intended.at(self.now).0;
+            let slope = (position - from) / (samples as f64 * self.period);
+            hand.intended = Piece::straight(self.now, from, slope);
+            (hand.target, hand.said) = (position, self.sample);
+            self.next_event = self.origin + (self.sample + samples) as f64 * self.period;
+        }
     }
 
-    /// The loop's command.
+    /// The loop's command, in N·m (linear: N).
+    #[inline]
     pub fn command(&mut self, torque: f64) {
         self.motor.command(torque);
     }
 
-    /// One period.
-    pub fn travel(&mut self) {
-        let push = self.grip.map_or(Push::default(), |hand| Push {
-            value: hand.stiffness * self.intended + hand.damping * self.slope,
-            slope: hand.stiffness * self.slope,
-            ..Push::default()
-        });
-        self.puck.advance(self.period, self.motor.applied, push, &mut self.ledger);
-        self.intended += self.slope * self.period;
-        self.slope = 0.0;
+    /// Goes on as the device `to`, with the puck where and as it is, in the same hand; `to` takes the place of what was.
+    pub fn refit(&mut self, to: &mut VirtualDevice) {
+        let key = |device: &Self| {
+            (device.period, device.device.inertia, device.device.damping, device.friction, device.delay)
+        };
+        if key(self) == key(to) {
+            return;
+        }
+        to.motor.follow(&self.motor);
+        std::mem::swap(&mut self.motor, &mut to.motor);
+        std::mem::swap(&mut self.delay, &mut to.delay);
+        std::mem::swap(&mut self.device, &mut to.device);
+        std::mem::swap(&mut self.friction, &mut to.friction);
+        if self.period != to.period {
+            let ratio = self.period / to.period;
+            std::mem::swap(&mut self.period, &mut to.period);
+            // The hand's clock goes on, in other samples.
+            if let Holder::Grip(hand) = &mut self.holder {
+                hand.said = 0;
+            }
+            self.script.last = (self.script.last.saturating_sub(self.sample) as f64 * ratio) as u64;
+            (self.origin, self.sample) = (self.now, 0);
+        }
+        self.puck.refit(self.device, self.friction, lengths(&self.motor, self.period));
     }
+
+    fn restart_clock(&mut self) {
+        (self.now, self.origin, self.sample) = (0.0, 0.0, 0);
+    }
+
+    /// From this sample to the next.
+    #[inline]
+    pub fn travel(&mut self) {
+        let from = self.now;
+        self.sample += 1;
+        self.announced = false;
+        // t_k is k·T in one multiplication.
+        let to = self.origin + self.sample as f64 * self.period;
+        if self.motor.rest == 0.0 && self.next_event > to {
+            self.stretch(from, to, self.period);
+        } else {
+            self.travel_by_events(from, to);
+        }
+        self.now = to;
+        if self.sample > self.script.last && matches!(self.holder, Holder::Script) {
+            self.let_go();
+        }
+    }
+
+    /// The same from event to event: the hand's, and the motor's change within the period.
+    fn travel_by_events(&mut self, from: f64, to: f64) {
+        let mut now = from;
+        // Seconds since `from`: these, and not the difference of absolute times, are the lengths that come again.
+        let mut elapsed = 0.0;
+        let mut change_at = (self.motor.rest > 0.0).then_some(self.motor.rest);
+        loop {
+            let event_at = (self.next_event < to).then(|| (self.next_event - from).max(elapsed));
+            let end = [change_at, event_at].into_iter().flatten().fold(self.period, f64::min);
+            let change_now = change_at.is_some_and(|at| at <= end);
+            let event_now = event_at.is_some_and(|at| at <= end);
+            let next = match (event_now, change_now) {
+                (true, _) => self.next_event,
+                (false, true) => from + end,
+                (false, false) => to,
+            };
+            self.stretch(now, next, end - elapsed);
+            (now, elapsed) = (next, end);
+            if event_now {
+                self.hand_acts(now);
+            }
+            if change_now {
+                self.motor.change();
+                change_at = None;
+            }
+            if !(event_now || change_now) {
+                break;
+            }
+        }
+        if self.next_event <= to {
+            self.hand_acts(to);
+        }
+    }
+
+    /// A stretch of `length` seconds without an event.
+    #[inline]
+    fn stretch(&mut self, from: f64, to: f64, length: f64) {
+        let push = match (&self.holder, &self.script.hand) {
+            (Holder::Script, Some(hand)) => match hand.prescribed() {
+                None => hand.push(from),
+                // It is there already.
+                Some(piece) if piece.is_flat() => return,
+                Some(piece) => {
+                    let (square, path) = piece.travel(from, to);
+                    self.prescribe(piece.at(to), self.device.damping * square, self.friction * path);
+                    return;
+                }
+            },
+            (Holder::Grip(hand), _) => {
+                let (intended, velocity) = hand.intended.at(from);
+                grip_push(hand.grip, intended, velocity)
+            }
+            _ => Push::default(),
+        };
+        self.puck.advance(length, self.motor.applied, push, &mut self.ledger);
+    }
+
+    /// What the hand does at an instant: arrive, let go, or jump. A jump comes before a sample or a motor's change at the same instant,
+    /// and its work is done against the torque held before it.
+    fn hand_acts(&mut self, t: f64) {
+        if let Holder::Grip(hand) = &mut self.holder {
+            hand.intended = Piece::straight(t, hand.target, 0.0);
+            self.next_event = f64::INFINITY;
+            return;
+        }
+        let Some(hand) = &mut self.script.hand else { return };
+        if hand.is_gone(t) {
+            return self.let_go();
+        }
+        let (next, switched) = hand.act(t, self.puck.position);
+        self.next_event = next.unwrap_or(f64::INFINITY);
+        let prescribed = hand.prescribed().map(|piece| piece.at(t));
+        if switched {
+            self.puck.switch();
+        }
+        if let Some(motion) = prescribed {
+            self.announced = true;
+            self.prescribe(motion, 0.0, 0.0);
+        }
+    }
+
+    fn let_go(&mut self) {
+        if self.is_held() {
+            self.puck.release();
+        }
+        (self.holder, self.next_event) = (Holder::Nobody, f64::INFINITY);
+    }
+
+    /// The puck is where the hand wants it; the hand's work is whatever the others leave over.
+    fn prescribe(&mut self, (position, velocity): (f64, f64), damping: f64, friction: f64) {
+        let motor = self.motor.applied * (position - self.puck.position);
+        let before = self.puck.velocity;
+        let moving = 0.5 * self.device.inertia * (velocity - before) * (velocity + before);
+        (self.puck.position, self.puck.velocity) = (position, velocity);
+        let ledger = &mut self.ledger;
+        ledger.motor += motor;
+        ledger.damping += damping;
+        ledger.friction += friction;
+        ledger.hand += moving + damping + friction - motor;
+    }
+}
+
+/// The lengths between the instants at which a motor's command may change.
+fn lengths(motor: &Motor<f64>, period: f64) -> Lengths {
+    if motor.rest > 0.0 { [motor.rest, period - motor.rest] } else { [period; 2] }
 }

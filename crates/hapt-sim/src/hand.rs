@@ -3,7 +3,7 @@
 use hapt_model::{Drive, Hand as Model, Switching};
 
 use crate::curve::{Curve, Form, Piece, snap};
-use crate::puck::{Inertia, Push};
+use crate::puck::{Inertia, Push, Sine};
 
 /// A hand laid on the loop's samples.
 #[derive(Clone, Debug)]
@@ -102,7 +102,7 @@ impl Hand {
     }
 
     /// The push per unit of σ = sin(ωt + phase) and κ = cos(ωt + phase), and ω in rad/s; zeros where there is no sine.
-    pub fn sine(&self) -> (f64, f64, f64) {
+    pub fn sine(&self) -> Sine {
         match (self.curve.last().form, self.kind) {
             (Form::Sine { amplitude, omega, .. }, Kind::Torque) => (amplitude, 0.0, omega),
             (Form::Sine { amplitude, omega, .. }, Kind::Grip(hand)) => {
@@ -131,11 +131,7 @@ impl Hand {
         }
         let (value, slope) = self.piece.at(t);
         match self.kind {
-            Kind::Grip(hand) => Push {
-                value: hand.stiffness * value + hand.damping * slope,
-                slope: hand.stiffness * slope,
-                ..Push::default()
-            },
+            Kind::Grip(hand) => grip_push(hand, value, slope),
             Kind::Torque | Kind::Prescribed => Push { value, slope, ..Push::default() },
         }
     }
@@ -167,4 +163,9 @@ impl Hand {
     pub fn holds_still(&self) -> bool {
         self.prescribed().is_some() && self.release.is_none() && self.curve.last().is_flat()
     }
+}
+
+/// What a grip's spring and damper push while the intended motion is at `value`, and goes on with `slope`.
+pub(crate) fn grip_push(hand: Inertia, value: f64, slope: f64) -> Push {
+    Push { value: hand.stiffness * value + hand.damping * slope, slope: hand.stiffness * slope, ..Push::default() }
 }

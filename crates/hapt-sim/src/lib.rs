@@ -44,6 +44,7 @@ mod curve;
 mod device;
 mod energy;
 mod hand;
+mod motor;
 mod plant;
 mod puck;
 mod row;
@@ -53,7 +54,7 @@ mod summary;
 
 pub use control::DesktopLoop;
 pub use csv::CsvWriter;
-pub use device::{Grip, VirtualDevice};
+pub use device::{Grip, Script, VirtualDevice};
 pub use energy::{Ledger, world_energy};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, Signal, columns};
 pub use run::{Error, Simulation, check, rows};

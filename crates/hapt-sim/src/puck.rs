@@ -11,6 +11,7 @@ pub(crate) struct Puck {
     pub velocity: f64,
     device: Inertia,
     friction: f64,
+    lengths: Lengths,
     now: Held,
     /// With a hand that opens and takes hold again: open now, or holding.
     other: Option<Held>,
@@ -22,9 +23,15 @@ struct Held {
     /// The hand's share of the plant, where it grips.
     grip: Option<Inertia>,
     plant: Plant,
-    /// The propagators of the lengths that come again and again: a period, or its parts around a delay.
-    usual: Vec<(f64, Propagator)>,
+    /// The propagators of the lengths that come again and again: a period (twice), or its parts around a delay.
+    usual: [(f64, Propagator); 2],
 }
+
+/// The stretches that come again and again, in s; the second is the first where there is one.
+pub(crate) type Lengths = [f64; 2];
+
+/// A hand's push per unit of σ and of κ, and its ω in rad/s; zeros where there is no sine.
+pub(crate) type Sine = (f64, f64, f64);
 
 /// Inertia, damping and stiffness of something.
 #[derive(Clone, Copy, Debug, Default)]
@@ -44,7 +51,7 @@ pub(crate) struct Push {
 }
 
 impl Held {
-    fn new(device: Inertia, grip: Option<Inertia>, sine: (f64, f64, f64), lengths: &[f64]) -> Self {
+    fn new(device: Inertia, grip: Option<Inertia>, sine: Sine, [first, second]: Lengths) -> Self {
         let hand = grip.unwrap_or_default();
         let plant = Plant {
             mass: device.inertia + hand.inertia,
@@ -54,27 +61,37 @@ impl Held {
             cosine: sine.1,
             omega: sine.2,
         };
-        let usual = lengths.iter().map(|&length| (length, Propagator::new(&plant, length))).collect();
-        Held { grip, plant, usual }
+        let long = Propagator::new(&plant, first);
+        let short = if second == first { long.clone() } else { Propagator::new(&plant, second) };
+        Held { grip, plant, usual: [(first, long), (second, short)] }
+    }
+
+    /// The same on another device.
+    fn refitted(&self, device: Inertia, lengths: Lengths) -> Self {
+        Held::new(device, self.grip, (self.plant.sine, self.plant.cosine, self.plant.omega), lengths)
     }
 }
 
 impl Puck {
-    /// At rest at 0. `sine` is (gain on σ, gain on κ, ω) of the hand's push; `lengths` in s are those that come again and again.
-    pub fn new(device: Inertia, grip: Option<Inertia>, friction: f64, sine: (f64, f64, f64), lengths: &[f64]) -> Self {
-        let now = Held::new(device, grip, sine, lengths);
-        Puck { position: 0.0, velocity: 0.0, device, friction, now, other: None }
+    /// At rest at 0, in nobody's hand.
+    pub fn new(device: Inertia, friction: f64, lengths: Lengths) -> Self {
+        let now = Held::new(device, None, NO_SINE, lengths);
+        Puck { position: 0.0, velocity: 0.0, device, friction, lengths, now, other: None }
     }
 
-    /// The same with a hand that opens and takes hold again: open, it leaves its inertia on the puck, and nothing else.
-    pub fn that_switches(mut self) -> Self {
-        let open = self.now.grip.map(|grip| Inertia { damping: 0.0, stiffness: 0.0, ..grip });
-        self.other = Some(Held::new(self.device, open, (0.0, 0.0, 0.0), &self.lengths()));
-        self
+    /// A hand takes hold, with this `grip` and `sine`. One that `switches` opens and takes hold again: open, it leaves its inertia on the
+    /// puck, and nothing else. Allocates nothing.
+    pub fn take(&mut self, grip: Option<Inertia>, sine: Sine, switches: bool) {
+        self.now = Held::new(self.device, grip, sine, self.lengths);
+        let open = grip.filter(|_| switches).map(|grip| Inertia { damping: 0.0, stiffness: 0.0, ..grip });
+        self.other = open.map(|open| Held::new(self.device, Some(open), NO_SINE, self.lengths));
     }
 
-    fn lengths(&self) -> Vec<f64> {
-        self.now.usual.iter().map(|(length, _)| *length).collect()
+    /// The same puck, in the same hand, on another device. Allocates nothing.
+    pub fn refit(&mut self, device: Inertia, friction: f64, lengths: Lengths) {
+        (self.device, self.friction, self.lengths) = (device, friction, lengths);
+        self.now = self.now.refitted(device, lengths);
+        self.other = self.other.as_ref().map(|other| other.refitted(device, lengths));
     }
 
     /// Moves for `dt` under the motor's held torque and the hand's push; the works go to the ledger.
@@ -200,10 +217,11 @@ impl Puck {
 
     /// The hand lets go: its inertia, damping and stiffness are gone, position and velocity stay.
     pub fn release(&mut self) {
-        let fresh = Puck::new(self.device, None, self.friction, (0.0, 0.0, 0.0), &self.lengths());
-        *self = Puck { position: self.position, velocity: self.velocity, ..fresh };
+        self.take(None, NO_SINE, false);
     }
 }
+
+const NO_SINE: Sine = (0.0, 0.0, 0.0);
 
 /// More stops and starts than this within one stretch is chatter at the edge of friction.
 const MOST_EVENTS: usize = 1000;

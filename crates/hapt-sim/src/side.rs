@@ -13,8 +13,9 @@ use pulp::{Simd, WithSimd};
 
 use crate::energy::world_energy;
 use crate::hand::Hand;
+use crate::motor::Motor;
 use crate::plant::Plant;
-use crate::run::{Motor, rows};
+use crate::run::rows;
 
 /// So many worlds run side by side: two of the widest vectors of today, so that one computes while the other waits.
 pub const SIDE: usize = 16;

@@ -93,6 +93,20 @@ Examples:
   hapt worst wheel.toml --set loop.output=start --out broken.toml || \\
       hapt sim broken.toml --scenario worst")]
     Worst(WorstArgs),
+    /// The loop in real time on a device, until its time is over or Ctrl-C, the torque off at the end.
+    #[command(after_help = "\
+Examples:
+  hapt run wheel.toml --duration 1s                  on the simulated device
+  hapt run wheel.toml --scenario step                with a hand that plays it
+  hapt sim wheel.toml --out runs && \\
+      hapt run wheel.toml --device replay:runs/step.csv")]
+    Run(RunArgs),
+    /// How well this machine keeps a loop's time, and what would help.
+    #[command(after_help = "\
+Examples:
+  hapt latency --duration 1s                         the notes' wheel at 1 ms
+  hapt latency wheel.toml --duration 1s --spin 100us --json")]
+    Latency(LatencyArgs),
     /// A world file to start from, with comments, and its schema for editors.
     #[command(after_help = "\
 Examples:
@@ -314,6 +328,58 @@ pub struct BoundaryArgs {
     /// Draw the plane, each side of each edge in its colour.
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct RunArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// The device: sim, or replay:FILE with the CSV of a run.
+    #[arg(long, value_name = "SPEC", default_value = "sim")]
+    pub device: String,
+    /// The scenario that the simulated device's hand plays once the torque is all there.
+    #[arg(long, value_name = "NAME")]
+    pub scenario: Option<String>,
+    /// How long at full torque; without it the scenario's, or until Ctrl-C.
+    #[arg(long, value_name = "Q")]
+    pub duration: Option<String>,
+    /// Write every sample into this log.
+    #[arg(long, value_name = "FILE.mcap")]
+    pub log: Option<PathBuf>,
+    /// Run a world that is not certified on a real device.
+    #[arg(long)]
+    pub uncertified: bool,
+    #[command(flatten)]
+    pub realtime: RealtimeArgs,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct LatencyArgs {
+    /// The world file; the notes' wheel (@notes/default) without it.
+    #[arg(value_name = "WORLD")]
+    pub world: Option<PathBuf>,
+    /// Override a key of the world file by its dotted path, such as loop.period=2ms; repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// How long.
+    #[arg(long, value_name = "Q", default_value = "10 s")]
+    pub duration: String,
+    #[command(flatten)]
+    pub realtime: RealtimeArgs,
+    /// Print the numbers as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What the loop's thread asks of the system.
+#[derive(Debug, clap::Args)]
+pub struct RealtimeArgs {
+    /// Watch the clock for the last so long before each sample instead of sleeping, such as 100us.
+    #[arg(long, value_name = "Q")]
+    pub spin: Option<String>,
+    /// The loop's priority under SCHED_FIFO, from 1 to 99; 0: as any other program.
+    #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(0..=99))]
+    pub priority: u8,
 }
 
 #[derive(Debug, clap::Args)]

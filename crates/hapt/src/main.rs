@@ -6,10 +6,12 @@ mod boundary_plot;
 mod builtin;
 mod check;
 mod design;
+mod device;
 mod explain;
 mod failure;
 mod impedance;
 mod init;
+mod latency;
 mod notes;
 mod output;
 mod people;
@@ -17,6 +19,7 @@ mod plot;
 mod progress;
 mod remedies;
 mod report;
+mod run;
 mod schema;
 mod shell;
 mod sim;
@@ -50,6 +53,8 @@ fn main() -> ExitCode {
         Some(Command::Impedance(args)) => impedance::run(args),
         Some(Command::Boundary(args)) => boundary::run(args),
         Some(Command::Worst(args)) => worst::run(args),
+        Some(Command::Run(args)) => run::run(args),
+        Some(Command::Latency(args)) => latency::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Worlds) => worlds::run(),
         Some(Command::Explain(args)) => explain::run(args),

@@ -3,6 +3,7 @@
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use tempfile::{Builder, TempPath};
@@ -85,9 +86,30 @@ pub fn folder(path: &Path) -> Result<(), Failure> {
     fs::create_dir_all(path).map_err(|error| Failure::System(format!("cannot make {}: {error}", path.display())))
 }
 
+/// Whether a command ends in order by itself when a signal comes, and the exit code that the signal asks for.
+static IN_ORDER: AtomicBool = AtomicBool::new(false);
+static SIGNALLED: AtomicU8 = AtomicU8::new(0);
+
+/// From now on the first signal shows in [`signalled`] and does nothing else: the command takes the torque off, finishes its files, and
+/// ends. A second one ends the program at once.
+pub fn end_in_order() {
+    IN_ORDER.store(true, Ordering::SeqCst);
+}
+
+/// The exit code that a signal has asked for.
+pub fn signalled() -> Option<u8> {
+    Some(SIGNALLED.load(Ordering::SeqCst)).filter(|code| *code != 0)
+}
+
 /// SIGINT ends the program with 130, SIGTERM with 143; unfinished files are removed.
 pub fn watch_for_signals() {
-    fn end(code: i32) -> ! {
+    fn end(code: u8) {
+        if IN_ORDER.load(Ordering::SeqCst) && SIGNALLED.swap(code, Ordering::SeqCst) == 0 {
+            return;
+        }
+        exit(code.into())
+    }
+    fn exit(code: i32) -> ! {
         // Never let go of again: no new draft appears while the program ends.
         let list = drafts();
         for draft in list.iter() {
@@ -104,8 +126,8 @@ pub fn watch_for_signals() {
         // Where signals cannot be watched they end the program all the same, with their own code.
         if let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGINT, SIGTERM]) {
             std::thread::spawn(move || {
-                if let Some(signal) = signals.forever().next() {
-                    end(128 + signal);
+                for signal in signals.forever() {
+                    end(128 + signal as u8);
                 }
             });
         }

@@ -118,6 +118,7 @@ pub fn cases() -> Vec<Case> {
         ("paths", paths),
         ("usage", usage),
         ("edges", edges),
+        ("realtime", realtime),
     ];
     for &(theme, add) in themes {
         table.theme = theme;
@@ -384,4 +385,27 @@ fn edges(t: &mut Table) {
         let args: Vec<&str> = ["boundary", "w.toml"].into_iter().chain(axes).chain(more.iter().copied()).collect();
         t.typed(name, &args);
     }
+}
+
+fn realtime(t: &mut Table) {
+    for (name, args) in [
+        ("a device that is none", &["--device", "wheel"][..]),
+        ("a drive of a later version", &["--device", "moteus:/dev/ttyACM0"]),
+        ("a replay of nothing", &["--device", "replay:"]),
+        ("a replay of a file that is not there", &["--device", "replay:runs/step.csv"]),
+        ("a replay of what is no run", &["--device", "replay:w.toml"]),
+        ("a scenario for a device without a hand", &["--device", "replay:w.toml", "--scenario", "step"]),
+        ("a scenario that is not there", &["--scenario", "stpe"]),
+        ("no time at all", &["--duration", "0 s"]),
+        ("a time in metres", &["--duration", "2 m"]),
+        ("a log of a later version", &["--log", "run.mcap"]),
+        ("spinning for longer than half a period", &["--spin", "0.6 ms"]),
+        ("spinning for less than nothing", &["--spin=-1us"]),
+        ("a priority that is none", &["--priority", "100"]),
+        ("a period that no clock keeps", &["--set", "loop.period=5us"]),
+    ] {
+        t.typed(name, &[&["run", "w.toml"], args].concat());
+    }
+    t.typed("the latency of a world that is not there", &["latency", "wheel.toml"]);
+    t.typed("a latency measured for no time", &["latency", "--duration", "0"]);
 }

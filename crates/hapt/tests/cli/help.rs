@@ -14,6 +14,8 @@ const COMMANDS: &[&str] = &[
     "impedance",
     "boundary",
     "worst",
+    "run",
+    "latency",
     "init",
     "worlds",
     "explain",

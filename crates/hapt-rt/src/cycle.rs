@@ -1,0 +1,134 @@
+//! One sample after the other, without a clock.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use hapt_core::{Guarded, Reading, Request, Watch};
+
+use crate::bridge::Bridge;
+use crate::plan::DesktopState;
+use crate::{BODIES, Device, Failure, Plan, Record};
+
+/// When a sample is taken, for whoever keeps the time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moment {
+    /// The sample's instant in ns from the start; only the record shows it.
+    pub due: u64,
+    /// How long ago that is, in s.
+    pub late: f64,
+    /// Periods since the last sample: 1, or more when samples were missed; 0 at the first.
+    pub periods: u32,
+    /// How long ago whoever holds the link was last heard, in s; 0 where there is no link.
+    pub silent: f64,
+}
+
+/// The loop on its device, sample after sample, for any thread and any clock: [`crate::Engine`]'s, a test's, a campaign's.
+///
+/// A sample is [`Cycle::pass`], then [`Cycle::swap`] where the world changes, then [`Cycle::sample`]. Dropped, it leaves no torque on.
+pub struct Cycle {
+    plan: Box<Plan>,
+    device: Safe,
+    state: DesktopState,
+    watch: Watch<f64>,
+    bridge: Bridge,
+    /// The last output.
+    output: f64,
+    sample: u64,
+    swaps: u32,
+}
+
+/// A device that is left without torque, also where a panic comes by.
+struct Safe(Box<dyn Device>);
+
+impl Drop for Safe {
+    fn drop(&mut self) {
+        // A device that panics has had its chance; a panic in a panic would end the process.
+        let _ = catch_unwind(AssertUnwindSafe(|| self.0.write(0.0)));
+    }
+}
+
+impl Cycle {
+    /// `plan` on `device`, disarmed.
+    pub fn new(mut plan: Box<Plan>, mut device: Box<dyn Device>) -> Self {
+        device.adopt(&mut plan);
+        let state = plan.world.start();
+        Cycle {
+            plan,
+            device: Safe(device),
+            state,
+            watch: Watch::START,
+            bridge: Bridge::default(),
+            output: 0.0,
+            sample: 0,
+            swaps: 0,
+        }
+    }
+
+    /// T in s.
+    pub fn period(&self) -> f64 {
+        self.plan.period()
+    }
+
+    /// Periods pass: 1 between two samples, or more when samples were missed. None before the first.
+    pub fn pass(&mut self, periods: u32) {
+        if periods > 0 {
+            self.sample += u64::from(periods);
+            self.device.0.passed(periods);
+        }
+    }
+
+    /// From this sample on the world is another; gives the plan before. Bodies go on as [`Plan::following`] found them, and the torque
+    /// fades over. Allocates nothing.
+    pub fn swap(&mut self, mut plan: Box<Plan>) -> Box<Plan> {
+        self.state = plan.carry(&self.state);
+        // Here the supervisor may take over the fade, and credit what the new world has stored.
+        self.bridge.begin(self.output);
+        self.device.0.adopt(&mut plan);
+        self.swaps += 1;
+        std::mem::replace(&mut self.plan, plan)
+    }
+
+    /// The sample itself. Errors where the device fails, which then has no torque.
+    pub fn sample(&mut self, moment: &Moment, request: Option<Request>) -> Result<Record, Failure> {
+        let position = self.device.0.read()?;
+        let reading = Reading {
+            position: position.position,
+            velocity: position.velocity,
+            announced: position.announced,
+            late: moment.late,
+            missed: moment.periods.saturating_sub(1),
+            silent: moment.silent,
+        };
+        let Cycle { plan, state, watch, .. } = self;
+        let Guarded { sample, output, phase, reason } =
+            plan.supervisor.step(watch, &plan.world, state, &reading, request);
+        self.output = self.bridge.over(output, phase, plan.period(), plan.limit);
+        self.device.0.write(self.output)?;
+        let mut bodies = [(0.0, 0.0); BODIES];
+        let now = &self.state.now;
+        for (place, state) in bodies.iter_mut().zip(now.position.iter().zip(&now.velocity)).take(plan.world.bodies()) {
+            *place = (*state.0, *state.1);
+        }
+        Ok(Record {
+            sample: self.sample,
+            due: moment.due,
+            plan: self.swaps,
+            position: reading.position,
+            velocity: reading.velocity,
+            announced: reading.announced,
+            late: reading.late,
+            missed: reading.missed,
+            silent: reading.silent,
+            request,
+            measured: sample.puck.position,
+            measured_velocity: sample.puck.velocity,
+            torque: sample.torque,
+            command: sample.command,
+            output: self.output,
+            phase,
+            reason,
+            latency: u32::try_from((moment.late * 1e9).round() as u64).unwrap_or(u32::MAX),
+            computation: 0,
+            bodies,
+        })
+    }
+}

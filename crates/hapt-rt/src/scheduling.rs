@@ -1,0 +1,119 @@
+//! What makes a thread a real-time one: a priority above all ordinary work, memory that stays in place, a stack that is there.
+
+use crate::Settings;
+
+/// What the system has granted to the loop's thread.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Realtime {
+    /// Its priority under SCHED_FIFO, from 1 to 99; `None`: it waits in line with everybody else.
+    pub priority: Option<u8>,
+    /// Whether the process's memory is locked in place, so that no page has to be fetched.
+    pub locked: bool,
+    /// What was asked for and refused, and what would grant it.
+    pub warnings: Vec<String>,
+}
+
+/// More than the loop's deepest call takes.
+const STACK: usize = 256 << 10;
+
+/// Prepares the calling thread.
+pub(crate) fn prepare(settings: &Settings) -> Realtime {
+    let realtime = system::prepare(settings);
+    touch_the_stack();
+    realtime
+}
+
+/// Writes to every page of the stack that the loop may reach, so that the system puts memory behind it now.
+#[inline(never)]
+fn touch_the_stack() {
+    let mut pages = [0_u8; STACK];
+    for byte in pages.iter_mut().step_by(4096) {
+        // Not to be optimised away.
+        *std::hint::black_box(byte) = 1;
+    }
+}
+
+#[cfg(target_os = "linux")]
+mod system {
+    use std::num::NonZeroU64;
+
+    use rustix::mm::{MlockAllFlags, mlockall};
+    use rustix::process::{Resource, getrlimit};
+    use rustix::thread::{CapabilitySet, capabilities, set_current_timer_slack};
+
+    use super::Realtime;
+    use crate::Settings;
+
+    pub fn prepare(settings: &Settings) -> Realtime {
+        // Threads in line are woken in groups, 50 us late, unless they ask for better.
+        let _ = set_current_timer_slack(NonZeroU64::new(1));
+        let mut realtime = Realtime::default();
+        if let Some(priority) = settings.priority {
+            match set_fifo(priority) {
+                Ok(()) => realtime.priority = Some(priority),
+                Err(error) => realtime.warnings.push(no_fifo(priority, &error)),
+            }
+        }
+        if settings.lock {
+            match lock() {
+                Ok(()) => realtime.locked = true,
+                Err(why) => realtime.warnings.push(no_lock(&why)),
+            }
+        }
+        realtime
+    }
+
+    /// SCHED_FIFO for this thread. The one call here that no crate wraps for all of Linux's C libraries.
+    #[allow(unsafe_code)]
+    fn set_fifo(priority: u8) -> std::io::Result<()> {
+        // SAFETY: sched_param is plain integers, for which zeros are values; musl has more of them than glibc.
+        let mut parameters: libc::sched_param = unsafe { std::mem::zeroed() };
+        parameters.sched_priority = priority.into();
+        // SAFETY: pthread_self() is a thread that lives, and the parameters outlive the call, which only reads them.
+        let error = unsafe { libc::pthread_setschedparam(libc::pthread_self(), libc::SCHED_FIFO, &parameters) };
+        if error == 0 { Ok(()) } else { Err(std::io::Error::from_raw_os_error(error)) }
+    }
+
+    /// Everything that is in memory, and everything that will be. With a limit on locked memory the latter would make any later
+    /// allocation fail that goes beyond it, so that a limit is a no.
+    fn lock() -> Result<(), String> {
+        let limit = getrlimit(Resource::Memlock).current;
+        let is_free = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
+        if let Some(limit) = limit
+            && !is_free
+        {
+            return Err(format!("this user may lock {} kB only", limit >> 10));
+        }
+        mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| error.to_string())
+    }
+
+    fn no_fifo(priority: u8, error: &std::io::Error) -> String {
+        format!(
+            "no real-time priority: the system refuses SCHED_FIFO {priority} ({error}), so that anything that runs here may delay the \
+             loop; to allow it, write `@realtime - rtprio {priority}` and `@realtime - memlock unlimited` into \
+             /etc/security/limits.d/realtime.conf, run `sudo groupadd -f realtime && sudo usermod -aG realtime $USER`, and log in anew \
+             (or, for this program alone: sudo setcap cap_sys_nice,cap_ipc_lock=ep \"$(command -v hapt)\")"
+        )
+    }
+
+    fn no_lock(why: &str) -> String {
+        format!(
+            "memory is not locked: {why}, so that a page that the system takes away delays the loop when it is fetched; to allow it, \
+             write `@realtime - memlock unlimited` into /etc/security/limits.d/realtime.conf, with your user in the group realtime, and \
+             log in anew (or, for this program alone: sudo setcap cap_sys_nice,cap_ipc_lock=ep \"$(command -v hapt)\")"
+        )
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+mod system {
+    use super::Realtime;
+    use crate::Settings;
+
+    pub fn prepare(settings: &Settings) -> Realtime {
+        let asked = settings.priority.is_some() || settings.lock;
+        let warning = "no real-time priority: on this system the loop runs as any other thread, and is woken when it suits; Linux can \
+                       do better";
+        Realtime { warnings: asked.then(|| warning.into()).into_iter().collect(), ..Realtime::default() }
+    }
+}

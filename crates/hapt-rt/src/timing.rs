@@ -1,0 +1,260 @@
+//! What the records say about the clock: period, latency and computation, as histograms.
+
+use std::fmt;
+
+use hdrhistogram::Histogram;
+
+use crate::Record;
+
+/// The times of a loop, from its records, on whatever thread takes them. All in ns.
+#[derive(Clone, Debug)]
+pub struct Timing {
+    /// From a sample's instant to when it was taken.
+    latency: Histogram<u64>,
+    /// From one sample to the next, where none was missed.
+    period: Histogram<u64>,
+    /// From there to when the device had its command.
+    computation: Histogram<u64>,
+    overruns: u64,
+    missed: u64,
+    lost: u64,
+    /// The last sample, and when it was taken.
+    last: Option<(u64, u64)>,
+}
+
+/// Quantiles of a time, in ns; 0 without samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Quantiles {
+    /// Half of the samples are below.
+    pub p50: u64,
+    /// 90 %.
+    pub p90: u64,
+    /// 99 %.
+    pub p99: u64,
+    /// 99.9 %.
+    pub p999: u64,
+    /// The largest.
+    pub max: u64,
+}
+
+/// One bar of a histogram: so many in [from, to), in ns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bar {
+    /// The lower edge.
+    pub from: u64,
+    /// The upper edge, which is the next bar's lower one.
+    pub to: u64,
+    /// How many.
+    pub count: u64,
+}
+
+impl Timing {
+    /// Nothing yet.
+    pub fn new() -> Self {
+        // Up to a minute, to a thousandth; longer is a minute.
+        let histogram = || Histogram::new_with_bounds(1, 60_000_000_000, 3).expect("these bounds are good");
+        Timing {
+            latency: histogram(),
+            period: histogram(),
+            computation: histogram(),
+            overruns: 0,
+            missed: 0,
+            lost: 0,
+            last: None,
+        }
+    }
+
+    /// One more record, in the order of the loop.
+    pub fn add(&mut self, record: &Record) {
+        self.latency.saturating_record(record.latency.into());
+        self.computation.saturating_record(record.computation.into());
+        self.overruns += u64::from(record.missed > 0);
+        self.missed += u64::from(record.missed);
+        let taken = record.due + u64::from(record.latency);
+        if let Some((sample, before)) = self.last {
+            // What the loop did not miss and is not here has found no room.
+            let lost = (record.sample - sample).saturating_sub(1 + u64::from(record.missed));
+            self.lost += lost;
+            if lost == 0 && record.missed == 0 {
+                self.period.saturating_record(taken.saturating_sub(before));
+            }
+        }
+        self.last = Some((record.sample, taken));
+    }
+
+    /// Samples that were taken and seen here.
+    pub fn samples(&self) -> u64 {
+        self.latency.len()
+    }
+
+    /// How often the loop came too late for at least one instant.
+    pub fn overruns(&self) -> u64 {
+        self.overruns
+    }
+
+    /// Instants without a sample.
+    pub fn missed(&self) -> u64 {
+        self.missed
+    }
+
+    /// Samples whose records found no room.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// From a sample's instant to when it was taken.
+    pub fn latency(&self) -> Quantiles {
+        Quantiles::of(&self.latency)
+    }
+
+    /// From one sample to the next, where none was missed.
+    pub fn period(&self) -> Quantiles {
+        Quantiles::of(&self.period)
+    }
+
+    /// From when a sample was taken to when the device had its command.
+    pub fn computation(&self) -> Quantiles {
+        Quantiles::of(&self.computation)
+    }
+
+    /// The latencies in bars between 1, 2 and 5 times the powers of ten, from the first that is not empty to the last; in ns.
+    pub fn latency_bars(&self) -> Vec<Bar> {
+        let mut edges = vec![0];
+        let mut power = 100;
+        while power < 100_000_000_000 {
+            edges.extend([power, 2 * power, 5 * power]);
+            power *= 10;
+        }
+        let bar = |(from, to): (u64, u64)| Bar { from, to, count: 0 };
+        let mut bars: Vec<Bar> = edges.iter().copied().zip(edges.iter().copied().skip(1)).map(bar).collect();
+        // The histogram's own bins are a thousandth wide; one that an edge cuts goes to where its largest number is.
+        for bin in self.latency.iter_recorded() {
+            let at = bars.partition_point(|bar| bar.to <= bin.value_iterated_to());
+            if let Some(bar) = bars.get_mut(at) {
+                bar.count += bin.count_since_last_iteration();
+            }
+        }
+        let empty = |bar: &Bar| bar.count == 0;
+        while bars.last().is_some_and(empty) {
+            bars.pop();
+        }
+        let first = bars.iter().take_while(|bar| empty(bar)).count();
+        bars.split_off(first)
+    }
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        Timing::new()
+    }
+}
+
+impl Quantiles {
+    fn of(times: &Histogram<u64>) -> Self {
+        let at = |quantile| times.value_at_quantile(quantile);
+        Quantiles { p50: at(0.5), p90: at(0.9), p99: at(0.99), p999: at(0.999), max: times.max() }
+    }
+
+    /// In the order of a table: 50, 90, 99 and 99.9 %, and the largest.
+    pub fn all(&self) -> [u64; 5] {
+        [self.p50, self.p90, self.p99, self.p999, self.max]
+    }
+}
+
+/// A table for people, in microseconds.
+impl fmt::Display for Timing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "             {:>9} {:>9} {:>9} {:>9} {:>9}", "p50", "p90", "p99", "p99.9", "max")?;
+        let rows = [("latency", self.latency()), ("period", self.period()), ("computation", self.computation())];
+        for (name, quantiles) in rows {
+            write!(f, "{name:<12}")?;
+            for ns in quantiles.all() {
+                write!(f, " {:>9.1}", ns as f64 * 1e-3)?;
+            }
+            writeln!(f, " us")?;
+        }
+        let times = |n: u64| if n == 1 { "once".to_string() } else { format!("{n} times") };
+        match self.overruns {
+            0 => write!(f, "{} samples, none missed", self.samples())?,
+            n => write!(f, "{} samples, {} missed, too late {}", self.samples(), self.missed, times(n))?,
+        }
+        match self.lost {
+            0 => Ok(()),
+            n => write!(f, "; {n} of the samples not seen here"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hapt_core::Phase;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::BODIES;
+
+    fn record(sample: u64, missed: u32, latency: u32, computation: u32) -> Record {
+        Record {
+            sample,
+            due: sample * 1_000_000,
+            plan: 0,
+            position: 0.0,
+            velocity: 0.0,
+            announced: false,
+            late: f64::from(latency) * 1e-9,
+            missed,
+            silent: 0.0,
+            request: None,
+            measured: 0.0,
+            measured_velocity: 0.0,
+            torque: 0.0,
+            command: 0.0,
+            output: 0.0,
+            phase: Phase::Disarmed,
+            reason: None,
+            latency,
+            computation,
+            bodies: [(0.0, 0.0); BODIES],
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn quantiles_are_those_of_the_sorted_times_and_every_sample_stands_in_one_bar(
+            latencies in prop::collection::vec(1_u32..2_000_000, 1..500),
+        ) {
+            let mut timing = Timing::new();
+            for (k, latency) in latencies.iter().enumerate() {
+                timing.add(&record(k as u64, 0, *latency, 500));
+            }
+            let mut sorted = latencies.clone();
+            sorted.sort_unstable();
+            for (quantile, given) in [(0.5, timing.latency().p50), (0.9, timing.latency().p90), (1.0, timing.latency().max)] {
+                let exact = f64::from(sorted[(quantile * sorted.len() as f64).ceil() as usize - 1]);
+                prop_assert!((given as f64 - exact).abs() <= 1e-3 * exact + 1.0, "{quantile}: {given} {exact}");
+            }
+            prop_assert_eq!(timing.latency_bars().iter().map(|bar| bar.count).sum::<u64>(), latencies.len() as u64);
+            prop_assert_eq!(timing.computation().max, 500);
+            for (bar, next) in timing.latency_bars().iter().zip(timing.latency_bars().iter().skip(1)) {
+                prop_assert_eq!(bar.to, next.from);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_missed_and_what_is_lost_are_two_things_and_neither_is_a_period() {
+        let mut timing = Timing::new();
+        // On time, late by 100 us, three missed by the loop, two that found no room.
+        for given in [record(0, 0, 0, 1), record(1, 0, 100_000, 1), record(5, 3, 100_000, 1), record(8, 0, 100_000, 1)]
+        {
+            timing.add(&given);
+        }
+        assert_eq!((timing.samples(), timing.overruns(), timing.missed(), timing.lost()), (4, 1, 3, 2));
+        let period = timing.period();
+        assert!(period.p50 == period.max && period.max.abs_diff(1_100_000) < 1_100, "{period:?}");
+        let text = timing.to_string();
+        assert!(text.ends_with("4 samples, 3 missed, too late once; 2 of the samples not seen here"), "{text}");
+    }
+}

@@ -1,0 +1,67 @@
+//! The motor: holds a command from t_k + delay on.
+
+use std::collections::VecDeque;
+
+use hapt_core::Number;
+
+/// More commands on their way than this get no room before they are there.
+const ROOM: usize = 1 << 16;
+
+/// The motor holds a command from t_k + delay on.
+#[derive(Clone, Debug)]
+pub(crate) struct Motor<F> {
+    /// Whole samples of the delay, and the rest in s.
+    pub samples: usize,
+    pub rest: f64,
+    /// Commands on their way.
+    flying: VecDeque<F>,
+    pub applied: F,
+}
+
+impl<F: Number> Motor<F> {
+    pub fn new(delay: f64, period: f64) -> Self {
+        let ratio = delay / period;
+        let whole = ratio.round();
+        // Within 1e-6 T of a whole sample it is that sample.
+        let (samples, rest) = if (ratio - whole).abs() <= 1e-6 {
+            (whole, 0.0)
+        } else {
+            (ratio.floor(), (ratio - ratio.floor()) * period)
+        };
+        Motor { samples: samples as usize, rest, flying: VecDeque::new(), applied: F::ZERO }
+    }
+
+    /// Room for all commands that will ever be on their way at once, so that none has to be made later.
+    pub fn reserve(&mut self) {
+        self.flying.reserve(self.samples.saturating_add(2).min(ROOM));
+    }
+
+    /// What `before` holds, and the newest of what is on its way there, as far as there is room.
+    pub fn follow(&mut self, before: &Self) {
+        self.applied = before.applied;
+        let kept = self.samples.min(self.flying.capacity());
+        let old = before.flying.len().saturating_sub(kept);
+        self.flying.clear();
+        self.flying.extend(before.flying.iter().skip(old).copied());
+    }
+
+    /// The instant at which a command arrives.
+    pub fn change(&mut self) {
+        if self.flying.len() > self.samples
+            && let Some(command) = self.flying.pop_front()
+        {
+            self.applied = command;
+        }
+    }
+
+    pub fn command(&mut self, command: F) {
+        if self.samples == 0 && self.rest == 0.0 {
+            self.applied = command;
+            return;
+        }
+        self.flying.push_back(command);
+        if self.rest == 0.0 {
+            self.change();
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! What `--device SPEC` stands for.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use hapt_model::{Motion, World};
+use hapt_rt::{Device, Hands, Position, Replay, Simulated};
+
+use crate::failure::Failure;
+
+/// A device, as it is named on the command line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Spec {
+    /// The exact simulation.
+    Sim,
+    /// The positions of a run, one a period.
+    Replay(PathBuf),
+}
+
+/// Words that will mean a drive.
+const LATER: [&str; 3] = ["hapt", "moteus", "odrive"];
+
+impl FromStr for Spec {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once(':') {
+            None if text == "sim" => Ok(Spec::Sim),
+            Some(("replay", file)) if !file.is_empty() => Ok(Spec::Replay(file.into())),
+            Some((word, _)) if LATER.contains(&word) => {
+                Err(format!("drives ({word}:...) come with a later version; today there are sim and replay:FILE"))
+            }
+            _ => Err("a device is sim, or replay:FILE with a run's CSV".into()),
+        }
+    }
+}
+
+impl Spec {
+    /// Whether a motor hangs on it, so that a world has to be certified first.
+    pub fn has_a_motor(&self) -> bool {
+        match self {
+            Spec::Sim | Spec::Replay(_) => false,
+        }
+    }
+
+    /// The device for `world`, and what moves its hand, where it is a simulated one.
+    pub fn open(&self, world: &World) -> Result<(Box<dyn Device>, Option<Hands>), Failure> {
+        match self {
+            Spec::Sim => {
+                let (device, hands) = Simulated::new(world);
+                Ok((Box::new(device), Some(hands)))
+            }
+            Spec::Replay(file) => Ok((Box::new(Replay::new(positions(file, world.motion)?)), None)),
+        }
+    }
+}
+
+/// The puck's positions and velocities in a run's CSV.
+fn positions(path: &PathBuf, motion: Motion) -> Result<Vec<Position>, Failure> {
+    let name = path.display();
+    let wrong = |line: usize, message: String| Failure::input(format!("{name}, line {line}: {message}"));
+    let file = File::open(path).map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
+    let columns = match motion {
+        Motion::Rotary => ["puck_rad", "puck_rad_per_s"],
+        Motion::Linear => ["puck_m", "puck_m_per_s"],
+    };
+    let mut places = None;
+    let mut positions = Vec::new();
+    for (i, line) in BufReader::new(file).lines().enumerate() {
+        let line = line.map_err(|error| wrong(i + 1, error.to_string()))?;
+        let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+        let Some(places) = places else {
+            let place = |column: &str| {
+                let missing = || wrong(1, format!("no column {column}; hapt sim --out writes such files"));
+                fields.iter().position(|field| *field == column).ok_or_else(missing)
+            };
+            places = Some([place(columns[0])?, place(columns[1])?]);
+            continue;
+        };
+        let number = |place: usize| {
+            let field = fields.get(place).copied().unwrap_or_default();
+            let number = field.parse::<f64>().ok().filter(|number| number.is_finite());
+            number.ok_or_else(|| wrong(i + 1, format!("{field:?} is no finite number")))
+        };
+        positions.push(Position { position: number(places[0])?, velocity: number(places[1])?, announced: true });
+    }
+    if positions.is_empty() {
+        return Err(Failure::input(format!("{name} has no rows")));
+    }
+    Ok(positions)
+}

@@ -1,0 +1,135 @@
+//! `hapt latency`: how well this machine keeps a loop's time.
+
+use std::fmt::Write as _;
+use std::io::{Write, stdout};
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use hapt_core::Request;
+use hapt_model::{Dimension, World, parse_quantity};
+use hapt_rt::{Engine, Order, Plan, Quantiles, Realtime, Settings, Simulated, Timing};
+use serde_json::{Value, json};
+
+use crate::args::{LatencyArgs, RealtimeArgs};
+use crate::failure::Failure;
+use crate::{output, people, world};
+
+/// How often the records are taken.
+pub const LOOK: Duration = Duration::from_millis(5);
+/// The longest bar of the histogram, in characters.
+const WIDEST: u64 = 50;
+
+pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
+    let source = world::source(args.world.as_deref().unwrap_or(Path::new("@notes/default")))?;
+    let world = World::read(&source, &args.sets)?;
+    let duration = time("--duration", &args.duration)?;
+    let (device, _hands) = Simulated::new(&world);
+    let mut engine = Engine::start_with(plan(&world)?, Box::new(device), settings(&args.realtime, &world)?)?;
+    output::end_in_order();
+    let _ = engine.send(Order::Request(Request::Arm));
+    let mut timing = Timing::new();
+    let mut latest = 0;
+    while (latest as f64) < duration * 1e9 && output::signalled().is_none() && engine.ended().is_none() {
+        std::thread::sleep(LOOK);
+        while let Ok(record) = engine.records.pop() {
+            timing.add(&record);
+            latest = record.due;
+        }
+    }
+    engine.end();
+    let text =
+        if args.json { json(&world, &timing, engine.realtime()) } else { text(&world, &timing, engine.realtime()) };
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    Ok(output::signalled().map_or(ExitCode::SUCCESS, ExitCode::from))
+}
+
+/// A positive time.
+pub fn time(flag: &str, text: &str) -> Result<f64, Failure> {
+    let value = parse_quantity(text, Dimension::TIME).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
+    if value > 0.0 { Ok(value) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
+}
+
+/// A world compiled.
+pub fn plan(world: &World) -> Result<Plan, Failure> {
+    Plan::new(world).map_err(Failure::input)
+}
+
+/// What the thread is to ask of the system.
+pub fn settings(args: &RealtimeArgs, world: &World) -> Result<Settings, Failure> {
+    let spin = match args.spin.as_deref() {
+        None => 0.0,
+        Some(text) => time("--spin", text)?,
+    };
+    let period = world.sampling.period;
+    if spin > 0.5 * period {
+        let (spin, most) = (people::time(spin), people::time(0.5 * period));
+        let why =
+            format!("at {} a sample it takes {most} at most, so that others get the core, too", people::time(period));
+        return Err(Failure::input(format!("--spin: {spin} is too long: {why}")));
+    }
+    let priority = (args.priority > 0).then_some(args.priority);
+    Ok(Settings { priority, lock: true, spin: Duration::from_secs_f64(spin) })
+}
+
+impl From<hapt_rt::Error> for Failure {
+    fn from(error: hapt_rt::Error) -> Self {
+        match error {
+            hapt_rt::Error::Period { .. } => Failure::input(error),
+            hapt_rt::Error::Thread(_) => Failure::System(error.to_string()),
+        }
+    }
+}
+
+/// What the system has granted, a line each.
+pub fn granted(realtime: &Realtime) -> String {
+    let mut text = match realtime.priority {
+        Some(priority) => format!("priority     SCHED_FIFO {priority}\n"),
+        None => "priority     as any other program\n".into(),
+    };
+    text += if realtime.locked { "memory       locked in place\n" } else { "memory       not locked\n" };
+    for warning in &realtime.warnings {
+        let _ = writeln!(text, "warning      {warning}");
+    }
+    text
+}
+
+fn text(world: &World, timing: &Timing, realtime: &Realtime) -> String {
+    let mut text = format!("{} a sample, on the simulated device\n\n{timing}\n\n", people::time(world.sampling.period));
+    let bars = timing.latency_bars();
+    let most = bars.iter().map(|bar| bar.count).max().unwrap_or(1).max(1);
+    for (i, bar) in bars.iter().enumerate() {
+        let name = if i == 0 { "latency" } else { "" };
+        let label = format!("below {}", people::time(bar.to as f64 * 1e-9));
+        // A single sample shows, too.
+        let length = (bar.count * WIDEST).div_ceil(most) as usize;
+        let _ = writeln!(text, "{name:<12} {label:<14} {:>9} {}", bar.count, "#".repeat(length));
+    }
+    text.push('\n');
+    text + &granted(realtime)
+}
+
+fn json(world: &World, timing: &Timing, realtime: &Realtime) -> String {
+    let us = |ns: u64| ns as f64 / 1e3;
+    let quantiles = |q: Quantiles| -> Value {
+        json!({ "p50": us(q.p50), "p90": us(q.p90), "p99": us(q.p99), "p999": us(q.p999), "max": us(q.max) })
+    };
+    let bars: Vec<Value> = timing
+        .latency_bars()
+        .iter()
+        .map(|bar| json!({ "from_us": us(bar.from), "to_us": us(bar.to), "count": bar.count }))
+        .collect();
+    let value = json!({
+        "period_s": world.sampling.period,
+        "samples": timing.samples(),
+        "overruns": timing.overruns(),
+        "missed": timing.missed(),
+        "latency_us": quantiles(timing.latency()),
+        "period_us": quantiles(timing.period()),
+        "computation_us": quantiles(timing.computation()),
+        "histogram": bars,
+        "realtime": { "priority": realtime.priority, "locked": realtime.locked, "warnings": realtime.warnings },
+    });
+    format!("{value:#}\n")
+}

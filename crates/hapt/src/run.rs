@@ -1,0 +1,218 @@
+//! `hapt run`: a world in real time on a device, without a page.
+
+use std::io::{Write, stdout};
+use std::process::ExitCode;
+
+use hapt_core::{Phase, Reason, Request};
+use hapt_model::{Scenario, World};
+use hapt_rt::{End, Engine, Failure as DeviceFailure, Hands, Order, Record, Timing, Touch};
+use hapt_sim::Script;
+
+use crate::args::RunArgs;
+use crate::device::Spec;
+use crate::failure::Failure;
+use crate::latency::{LOOK, granted, plan, settings, time};
+use crate::output;
+use crate::people;
+use crate::world::{Loaded, load};
+
+pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
+    let loaded = load(&args.world)?;
+    let world = &loaded.world;
+    let spec: Spec =
+        args.device.parse().map_err(|wrong| Failure::input(format!("--device {}: {wrong}", args.device)))?;
+    let scenario = args.scenario.as_deref().map(|name| world.scenario(name)).transpose()?;
+    if scenario.is_some() && spec != Spec::Sim {
+        return Err(Failure::input(
+            "--scenario: only the simulated device (--device sim) has a hand that can play one",
+        ));
+    }
+    let duration = match &args.duration {
+        Some(text) => time("--duration", text)?,
+        None => scenario.map_or(f64::INFINITY, |scenario| scenario.duration),
+    };
+    is_certified(args, &spec, world)?;
+    let settings = settings(&args.realtime, world)?;
+    let plan = plan(world)?;
+    let mut recorder = recorder(args)?;
+    let (device, hands) = spec.open(world)?;
+    let engine = Engine::start_with(plan, device, settings)?;
+    output::end_in_order();
+    let mut run = Run { world, engine, hands, scenario, duration, seen: Seen::default() };
+    let how = run.until_it_ends(&mut recorder)?;
+    let mut out = stdout().lock();
+    out.write_all(run.summary(&loaded, &spec, &how).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    match how {
+        How::Done => Ok(ExitCode::SUCCESS),
+        How::Signal(code) => Ok(ExitCode::from(code)),
+        How::Fault(reason) => Err(Failure::System(format!("the torque was taken away: {}", sentence(reason)))),
+        How::Device(failure) => Err(Failure::System(format!("the run ended by itself, the torque off: {failure}"))),
+        How::Panicked => Err(Failure::System("the loop broke off, the torque off: a defect of hapt".into())),
+    }
+}
+
+/// The place of the recorder: what takes every record, below the loop, into a log.
+fn recorder(args: &RunArgs) -> Result<impl FnMut(&Record) + use<>, Failure> {
+    match &args.log {
+        Some(file) => Err(Failure::input(format!("--log {}: logs come with a later version", file.display()))),
+        None => Ok(|_: &Record| {}),
+    }
+}
+
+/// On a motor only what is certified runs, unless somebody says otherwise.
+fn is_certified(args: &RunArgs, spec: &Spec, world: &World) -> Result<(), Failure> {
+    if !spec.has_a_motor() || args.uncertified {
+        return Ok(());
+    }
+    let check = hapt_analysis::check(world)?;
+    if check.certified {
+        return Ok(());
+    }
+    let what = format!("{}; hapt check says what would certify it", check.verdict_sentence());
+    Err(Failure::input(format!("{what}. --uncertified runs it all the same, with a tighter supervisor")))
+}
+
+/// How a run has ended.
+enum How {
+    Done,
+    Signal(u8),
+    Fault(Reason),
+    Device(DeviceFailure),
+    Panicked,
+}
+
+/// What the records have said.
+#[derive(Default)]
+struct Seen {
+    timing: Timing,
+    last: Option<Record>,
+    /// From when to when the torque was all there, in ns from the start.
+    running: Option<(u64, u64)>,
+    /// The largest |output|, in N·m (linear: N).
+    peak: f64,
+    fault: Option<Reason>,
+}
+
+struct Run<'w> {
+    world: &'w World,
+    engine: Engine,
+    hands: Option<Hands>,
+    scenario: Option<&'w Scenario>,
+    /// In s, counted from when the torque is all there.
+    duration: f64,
+    seen: Seen,
+}
+
+impl Run<'_> {
+    /// Arms, plays the scenario, disarms; looks at every record, and gives it to `recorder`.
+    fn until_it_ends(&mut self, recorder: &mut impl FnMut(&Record)) -> Result<How, Failure> {
+        self.order(Request::Arm)?;
+        // When the time began to count, in ns from the start.
+        let mut begun = None;
+        let mut is_over = false;
+        loop {
+            std::thread::sleep(LOOK);
+            // Asked before the last records are taken: they may be those of its end.
+            let ended = self.engine.ended();
+            while let Ok(record) = self.engine.records.pop() {
+                self.seen.add(&record);
+                recorder(&record);
+            }
+            if let Some(how) = self.how(ended, is_over) {
+                self.engine.end();
+                return Ok(how);
+            }
+            let (Some(last), Some(_)) = (self.seen.last, self.seen.running) else { continue };
+            let since = match begun {
+                Some(since) => since,
+                None if self.play() => {
+                    people::say("at full torque; Ctrl-C takes it off");
+                    *begun.insert(last.due)
+                }
+                None => continue,
+            };
+            if !is_over && (last.due - since) as f64 >= self.duration * 1e9 {
+                is_over = true;
+                self.order(Request::Disarm)?;
+            }
+        }
+    }
+
+    /// Begins the scenario, if there is one.
+    fn play(&mut self) -> bool {
+        let (Some(scenario), Some(hands)) = (self.scenario, &mut self.hands) else { return true };
+        let script = Box::new(Script::new(scenario, self.world.sampling.period));
+        hands.push(Touch::Scenario(script)).is_ok()
+    }
+
+    /// How it has ended, if it has; `is_over`: it was disarmed.
+    fn how(&self, ended: Option<End>, is_over: bool) -> Option<How> {
+        if let Some(signal) = output::signalled() {
+            return Some(How::Signal(signal));
+        }
+        if let Some(reason) = self.seen.fault {
+            return Some(How::Fault(reason));
+        }
+        match ended {
+            None => {}
+            Some(End::Device(DeviceFailure::Ended) | End::Asked) => return Some(How::Done),
+            Some(End::Device(failure)) => return Some(How::Device(failure)),
+            Some(End::Panicked) => return Some(How::Panicked),
+        }
+        let is_disarmed = self.seen.last.is_some_and(|record| record.phase == Phase::Disarmed);
+        (is_over && is_disarmed).then_some(How::Done)
+    }
+
+    fn order(&mut self, request: Request) -> Result<(), Failure> {
+        self.engine.send(Order::Request(request)).map_err(|_| Failure::System("the loop takes no orders".into()))
+    }
+
+    fn summary(&self, loaded: &Loaded, spec: &Spec, how: &How) -> String {
+        let on = match spec {
+            Spec::Sim => "the simulated device".to_string(),
+            Spec::Replay(file) => format!("the positions of {}", file.display()),
+        };
+        let Seen { timing, running, peak, .. } = &self.seen;
+        let ran = match running {
+            Some((from, to)) => format!("for {} at full torque", people::time((to - from) as f64 * 1e-9)),
+            None => "the torque was never all there".into(),
+        };
+        let end = match how {
+            How::Done => "ended in order".into(),
+            How::Signal(_) => "interrupted, the torque off at once".into(),
+            How::Fault(reason) => format!("faulted: {}", sentence(*reason)),
+            How::Device(failure) => failure.to_string(),
+            How::Panicked => "broken off".into(),
+        };
+        format!(
+            "{} on {on}, {} a sample\nran          {ran}; {end}\nmotor        asked for {} at most\n\n{timing}\n\n{}",
+            loaded.title(),
+            people::time(self.world.sampling.period),
+            people::effort(*peak, self.world.motion),
+            granted(self.engine.realtime()),
+        )
+    }
+}
+
+impl Seen {
+    fn add(&mut self, record: &Record) {
+        self.timing.add(record);
+        self.peak = self.peak.max(record.output.abs());
+        if record.phase == Phase::Running {
+            self.running.get_or_insert((record.due, record.due)).1 = record.due;
+        }
+        if record.phase == Phase::Faulted {
+            self.fault = self.fault.or(record.reason);
+        }
+        self.last = Some(*record);
+    }
+}
+
+/// A reason in words.
+fn sentence(reason: Reason) -> String {
+    match reason {
+        Reason::Stop => "somebody pressed stop".into(),
+        Reason::NotFinite => "a number was no number".into(),
+        other => format!("{other:?}"),
+    }
+}

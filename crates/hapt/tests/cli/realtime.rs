@@ -1,0 +1,147 @@
+//! The loop in real time: `hapt run` and `hapt latency`.
+
+use std::fs;
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::common::{Running, WHEEL, folder, hapt, near, program};
+
+/// The wheel with a motor that is asked for more than there is, and a puck that nothing holds.
+const RUNAWAY: &str = r#"
+[loop]
+period = "1 ms"
+[device]
+inertia = "6.4e-4 kg m^2"
+[[couplings]]
+kind = "constant"
+between = ["puck", "ground"]
+torque = 1e308
+"#;
+
+/// The number between these words.
+fn between(text: &str, before: &str, after: &str) -> f64 {
+    let number = text.split_once(before).and_then(|(_, rest)| rest.split_once(after));
+    number.unwrap_or_else(|| panic!("no {before:?} ... {after:?} in {text}")).0.trim().parse().unwrap()
+}
+
+/// How many samples were taken, and how many missed.
+fn samples(text: &str) -> (f64, f64) {
+    let line = text.lines().find(|line| line.contains(" samples, ")).unwrap_or_else(|| panic!("no samples in {text}"));
+    let taken = line.split(' ').next().unwrap().parse().unwrap();
+    (taken, if line.contains("none missed") { 0.0 } else { between(line, " samples, ", " missed") })
+}
+
+#[test]
+fn a_scenario_in_real_time_asks_for_the_torque_that_it_asks_for_in_the_simulation() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let ended = hapt(at.path(), ["run", "w.toml", "--scenario", "step", "--duration", "0.3s"]).done();
+    assert!(ended.out.starts_with("wheel on the simulated device, 1 ms a sample\n"), "{ended:?}");
+    assert!(ended.out.contains("at full torque; ended in order"), "{ended:?}");
+    // 1.018592 N m/rad over 45 deg, at the first sample.
+    near(between(&ended.out, "asked for", "N mm"), 800.0, 1e-3);
+    // Two fades of a tenth of a second each, and what was asked for.
+    let (taken, missed) = samples(&ended.out);
+    assert!(taken + missed >= 500.0 && taken > 100.0, "{ended:?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_without_an_end_ends_with_the_torque_off_when_it_is_interrupted() {
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let at = folder(&[("w.toml", WHEEL)]);
+        let mut running = Running::start(program(at.path(), ["run", "w.toml"]));
+        running.until("it runs", |_, err| err.contains("at full torque"));
+        running.signal(signal);
+        let ended = running.end();
+        assert_eq!(ended.code, Some(code), "{ended:?}");
+        assert!(ended.out.contains("interrupted, the torque off at once"), "{ended:?}");
+    }
+}
+
+#[test]
+fn a_loop_that_runs_away_ends_by_itself_with_the_torque_off_and_code_three() {
+    let at = folder(&[("w.toml", RUNAWAY)]);
+    let ended = hapt(at.path(), ["run", "w.toml", "--duration", "60s"]);
+    assert_eq!(ended.code, Some(3), "{ended:?}");
+    assert!(ended.err.contains("hapt: the "), "{ended:?}");
+    assert!(ended.out.contains("samples"), "{ended:?}");
+}
+
+#[test]
+fn a_replay_ends_with_its_recording() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    hapt(at.path(), ["sim", "w.toml", "--out", "runs"]).done();
+    let ended = hapt(at.path(), ["run", "w.toml", "--device", "replay:runs/step.csv"]).done();
+    assert!(ended.out.starts_with("wheel on the positions of runs/step.csv"), "{ended:?}");
+    assert!(ended.out.contains("ended in order"), "{ended:?}");
+    // The recording has 501 rows; some of them may be missed.
+    assert!(samples(&ended.out).0 <= 501.0, "{ended:?}");
+    // One that is cut in the middle of a line says where.
+    let text = fs::read_to_string(at.path().join("runs/step.csv")).unwrap();
+    let cut: String = text.lines().take(3).map(|line| format!("{line}\n")).collect();
+    fs::write(at.path().join("cut.csv"), cut + "0.003,0.7").unwrap();
+    hapt(at.path(), ["run", "w.toml", "--device", "replay:cut.csv"])
+        .refused(2, &["cut.csv, line 4", "no finite number"]);
+}
+
+#[test]
+fn the_latency_comes_as_a_table_and_as_numbers() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let ended = hapt(at.path(), ["latency", "w.toml", "--duration", "0.2s"]).done();
+    for word in ["latency", "period", "computation", "p99.9", "samples", "priority", "memory", "below"] {
+        assert!(ended.out.contains(word), "{word}: {ended:?}");
+    }
+    let ended =
+        hapt(at.path(), ["latency", "--duration", "0.2s", "--priority", "0", "--spin", "100us", "--json"]).done();
+    let json: Value = serde_json::from_str(&ended.out).unwrap();
+    assert_eq!(json["period_s"], 1e-3);
+    assert_eq!(json["realtime"]["priority"], Value::Null);
+    let samples = json["samples"].as_u64().unwrap();
+    assert!(samples + json["missed"].as_u64().unwrap() >= 200, "{json}");
+    for time in ["latency_us", "period_us", "computation_us"] {
+        let at = |name: &str| json[time][name].as_f64().unwrap();
+        assert!(at("p50") <= at("p90") && at("p90") <= at("p99") && at("p99") <= at("p999") && at("p999") <= at("max"));
+    }
+    // Every sample stands in one bar.
+    let counts = json["histogram"].as_array().unwrap().iter().map(|bar| bar["count"].as_u64().unwrap());
+    assert_eq!(counts.sum::<u64>(), samples);
+}
+
+/// Where strace is there and may look: between its first sleep and its last, the loop's thread calls nothing of the system's but to
+/// sleep until an instant.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_loops_thread_makes_one_system_call_a_sample_and_it_is_the_sleep() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let mut strace = Command::new("strace");
+    strace.current_dir(at.path()).args([
+        "-f",
+        "-o",
+        "calls",
+        env!("CARGO_BIN_EXE_hapt"),
+        "run",
+        "w.toml",
+        "--scenario",
+        "step",
+    ]);
+    let Some(out) = strace.output().ok().filter(|out| out.status.success()) else {
+        println!("SKIPPED: there is no strace here, or it may not look");
+        return;
+    };
+    let calls = fs::read_to_string(at.path().join("calls")).unwrap();
+    // "1234  clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, ..."
+    let by_thread = |line: &str| line.split_once(' ').map(|(id, call)| (id.to_string(), call.trim_start().to_string()));
+    let calls: Vec<(String, String)> = calls.lines().filter_map(by_thread).collect();
+    let sleeps = |call: &str| call.starts_with("clock_nanosleep(") && call.contains("TIMER_ABSTIME");
+    let thread = &calls.iter().find(|(_, call)| sleeps(call)).expect("nobody sleeps until an instant").0;
+    let own: Vec<&str> = calls.iter().filter(|(id, _)| id == thread).map(|(_, call)| call.as_str()).collect();
+    let first = own.iter().position(|call| sleeps(call)).unwrap();
+    let last = own.iter().rposition(|call| sleeps(call)).unwrap();
+    let slept = own[first..=last].iter().filter(|call| sleeps(call)).count();
+    for call in &own[first..=last] {
+        assert!(sleeps(call) || call.starts_with("<... clock_nanosleep resumed>"), "the loop's thread calls {call}");
+    }
+    let (taken, _) = samples(&String::from_utf8(out.stdout).unwrap());
+    assert!(slept as f64 <= taken + 1.0 && slept > 100, "{slept} sleeps in {taken} samples");
+}

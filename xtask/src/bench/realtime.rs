@@ -1,0 +1,106 @@
+//! The loop in real time beside a bare C loop with the same calls of the clock, in turns on the same core.
+
+use std::fmt::Write;
+use std::fs;
+use std::process::Command;
+
+use anyhow::{Context, Result, ensure};
+
+use super::{Bench, PAGE, quantile};
+
+/// Rounds, each of so many samples of so many ns.
+const ROUNDS: usize = 15;
+const SAMPLES: u64 = 2000;
+const PERIOD: u64 = 1_000_000;
+/// How long the spinning loops watch the clock, in ns.
+const SPIN: u64 = 200_000;
+const HEADING: &str = "\n## In real time\n";
+
+/// p50, p90, p99, p99.9 and the largest latency of each round, in ns.
+struct Latencies(Vec<[f64; 5]>);
+
+impl Latencies {
+    /// The median of the rounds, in us.
+    fn us(&self, i: usize) -> f64 {
+        let all: Vec<f64> = self.0.iter().map(|round| round[i]).collect();
+        quantile(&all, 0.5) * 1e-3
+    }
+
+    /// How much more than the other's: the median of the rounds' differences, in us.
+    fn more_than(&self, other: &Latencies, i: usize) -> f64 {
+        let all: Vec<f64> = self.0.iter().zip(&other.0).map(|(a, b)| a[i] - b[i]).collect();
+        quantile(&all, 0.5) * 1e-3
+    }
+}
+
+/// This part alone, and with `write` into its place on the page.
+pub fn alone(write: bool) -> Result<()> {
+    let text = Bench::of_one("realtime")?.realtime()?;
+    eprintln!("{text}");
+    if write {
+        let page = fs::read_to_string(PAGE).context(PAGE)?;
+        // Up to the next heading, or the end.
+        let (before, rest) = page.split_once(HEADING).unwrap_or((&page, ""));
+        let after = rest.find("\n## ").map_or("", |next| &rest[next..]);
+        fs::write(PAGE, format!("{before}{text}{after}")).context(PAGE)?;
+        println!("wrote {PAGE}");
+    }
+    Ok(())
+}
+
+impl Bench {
+    pub(super) fn realtime(&self) -> Result<String> {
+        self.compile("realtime", "realtime", &[])?;
+        let mut text = format!(
+            "{HEADING}\nHow late the loop is at its samples: hapt's, on the simulated device, and a [bare loop in C](../bench/c/realtime.c) with \
+             the same calls of the clock and nothing to compute, at 1 kHz, in turns on the same core, {ROUNDS} rounds of 2 s each; medians of \
+             the rounds. \"Spinning\" watches the clock for the last 200 us. The goals are for the median (sleeping, hapt beyond C) and for \
+             p50 and p90 (spinning, hapt itself); what is beyond is the machine's, and is shown, not judged.\n\n"
+        );
+        if Command::new("taskset").arg("--version").output().is_err() {
+            return Ok(text + "Skipped: there is no taskset to put both on one core.\n");
+        }
+        let core = (std::thread::available_parallelism()?.get() - 1).to_string();
+        let (sleeping, spinning) = (self.latencies(&core, 0)?, self.latencies(&core, SPIN)?);
+        text += "| µs | p50 | p90 | p99 | p99.9 | largest |\n| --- | --- | --- | --- | --- | --- |\n";
+        for (name, [hapt, c]) in [("sleeping", &sleeping), ("spinning", &spinning)] {
+            for (who, of) in [("hapt", hapt), ("C", c)] {
+                let numbers: Vec<String> = (0..5).map(|i| format!("{:.2}", of.us(i))).collect();
+                writeln!(text, "| {name}, {who} | {} |", numbers.join(" | "))?;
+            }
+        }
+        let more = sleeping[0].more_than(&sleeping[1], 0);
+        let (half, most) = (spinning[0].us(0), spinning[0].us(1));
+        let met = |is: bool| if is { "met" } else { "**missed**" };
+        writeln!(
+            text,
+            "\n| | µs | goal | |\n| --- | --- | --- | --- |\n| sleeping, hapt beyond C at p50 | {more:.2} | 2 | {} |\n\
+             | spinning, p50 | {half:.2} | 1 | {} |\n| spinning, p90 | {most:.2} | 1 | {} |",
+            met(more <= 2.0),
+            met(half < 1.0),
+            met(most < 1.0)
+        )?;
+        Ok(text)
+    }
+
+    /// hapt and C in turns, pinned to `core`.
+    fn latencies(&self, core: &str, spin: u64) -> Result<[Latencies; 2]> {
+        let mut all = [Latencies(Vec::new()), Latencies(Vec::new())];
+        let words = format!("{SAMPLES} {PERIOD} {spin}");
+        for _ in 0..ROUNDS {
+            let programs = [self.rust(&format!("realtime {words}")), self.c("realtime", &words)];
+            let mut classes = Vec::new();
+            for (program, latencies) in programs.into_iter().zip(&mut all) {
+                let mut pinned = Command::new("taskset");
+                pinned.args(["-c", core]).arg(program.get_program()).args(program.get_args());
+                let said = super::output(&mut pinned)?;
+                let numbers: Vec<f64> = said.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
+                let (class, rest) = numbers.split_first().context("no numbers")?;
+                classes.push(*class);
+                latencies.0.push(rest.try_into().context("five quantiles are wanted")?);
+            }
+            ensure!(classes[0] == classes[1], "one runs under SCHED_FIFO, and the other does not");
+        }
+        Ok(all)
+    }
+}
