@@ -1,9 +1,10 @@
 //! Every number of a world under its key's name: what the writer writes, and what a sweep changes.
 
 use hapt_core::{Body, Clampable, Damping, Law};
+use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
 use crate::keys::{self, Key};
-use crate::world::{Device, Drive, Hand, Sampling, Shape, Switching, World};
+use crate::world::{Device, Sampling, World};
 
 /// Where a number stands.
 pub(crate) enum Slot<'a> {

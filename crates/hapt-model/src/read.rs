@@ -1,6 +1,7 @@
 //! From the tree to the [`World`]: what the table of keys cannot say alone.
 
 use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side};
+use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
 use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
@@ -10,7 +11,7 @@ use crate::path::{self, Carries};
 use crate::source::Source;
 use crate::support;
 use crate::words;
-use crate::world::{Device, Drive, EstimatorKind, Hand, Motion, Sampling, Scenario, Shape, Switching, World};
+use crate::world::{Device, EstimatorKind, Motion, Sampling, Scenario, World};
 
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;

@@ -1,6 +1,7 @@
 //! The world file's content, checked and in SI: rad, m, s, kg, N, N·m.
 
 use hapt_core::{Body, Coupling, Estimator, Method, Output, Spec};
+use hapt_plant::spec::{Hand, Rig};
 
 /// Whether the puck turns or slides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -98,85 +99,6 @@ pub struct Scenario {
     pub hand: Hand,
 }
 
-/// What drives the puck, and until when.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Hand {
-    /// How it drives.
-    pub drive: Drive,
-    /// From this instant on the hand is gone; in s, zero or more.
-    pub release: Option<f64>,
-}
-
-/// How a hand drives the puck.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Drive {
-    /// `step`, `ramp`, `sine`, `path`: the position is prescribed, whatever the torque.
-    Position(Shape),
-    /// `torque`: the puck moves by itself, pushed by this torque.
-    Torque(Shape),
-    /// `grip`: held through a spring and a damper between the puck and the intended motion; the inertia moves with the puck.
-    Grip {
-        /// kg·m², 0 when not given.
-        inertia: f64,
-        /// N·m·s/rad, zero or more.
-        damping: f64,
-        /// N·m/rad, zero or more.
-        stiffness: f64,
-        /// The intended motion.
-        moves: Shape,
-        /// A hand that opens and takes hold again; `None`: it holds on.
-        switching: Option<Switching>,
-    },
-}
-
-/// A grip that holds, opens and takes hold again, from t = 0 on. Open, it has no spring and no damper, and what its spring held is
-/// lost; its inertia stays with the puck. Each time it takes hold where the puck is: what it intends is the puck's position at that
-/// instant, and what its `moves` does from then on.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Switching {
-    /// How long it holds, s, positive.
-    pub hold: f64,
-    /// How long it is open, s, positive.
-    pub open: f64,
-}
-
-/// A position, or a torque, as a function of time.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
-    /// 0, and from `at` on `to`.
-    Step {
-        /// Position or torque.
-        to: f64,
-        /// s, zero or more.
-        at: f64,
-    },
-    /// From 0 to `to` straight, starting `at`, taking `over`.
-    Ramp {
-        /// Position or torque.
-        to: f64,
-        /// s, zero or more.
-        at: f64,
-        /// s, positive.
-        over: f64,
-    },
-    /// amplitude · sin(2π frequency t + phase), from t = 0.
-    Sine {
-        /// Position or torque.
-        amplitude: f64,
-        /// Hz, positive.
-        frequency: f64,
-        /// rad.
-        phase: f64,
-    },
-    /// Straight between points; the first value before them, the last after them.
-    Path {
-        /// As the world file names it.
-        file: String,
-        /// (s, position or torque), times strictly increasing, at least one point.
-        points: Vec<(f64, f64)>,
-    },
-}
-
 impl Motion {
     /// The motion's name in world files.
     pub const fn name(self) -> &'static str {
@@ -224,6 +146,12 @@ impl Sampling {
 }
 
 impl World {
+    /// What a device in simulation is made from.
+    pub fn rig(&self) -> Rig {
+        let Device { inertia, damping, friction, .. } = self.device;
+        Rig { period: self.sampling.period, delay: self.sampling.delay, inertia, damping, friction }
+    }
+
     /// What the loop is compiled from.
     pub fn spec(&self) -> Spec<'_> {
         Spec {

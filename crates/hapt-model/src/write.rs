@@ -3,10 +3,11 @@
 use std::fmt::{self, Write};
 
 use hapt_core::{Coupling, Damping, End, Law};
+use hapt_plant::spec::{Drive, Hand, Shape};
 
 use crate::keys::{self, COMPENSATING, Measure, Takes, side_name};
 use crate::numbers::{self, Slot, Slots};
-use crate::world::{Drive, Hand, Motion, Shape, World};
+use crate::world::{Motion, World};
 
 impl World {
     /// The world as a TOML file, quantities with their SI units: `"0.001 s"`. Reading it gives an equal world, as long as

@@ -42,7 +42,7 @@ impl Plan {
     pub fn new(world: &World) -> Result<Self, hapt_core::Error> {
         let compiled = DesktopLoop::new(&world.spec())?;
         let fade = 0.1 / world.sampling.period;
-        let mut device = VirtualDevice::new(world);
+        let mut device = VirtualDevice::new(&world.rig());
         device.reserve();
         Ok(Plan {
             world: compiled,

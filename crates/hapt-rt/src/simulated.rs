@@ -52,7 +52,7 @@ impl Simulated {
     pub fn new(world: &World) -> (Self, Hands) {
         let (producer, touches) = RingBuffer::new(TOUCHES);
         let (back, spent) = RingBuffer::new(TOUCHES);
-        let mut device = VirtualDevice::new(world);
+        let mut device = VirtualDevice::new(&world.rig());
         device.reserve();
         (Simulated { device, touches, back, announced: false }, Hands { touches: producer, spent })
     }

@@ -6,7 +6,7 @@ use common::{Held, armed, constant, sample, spring, wheel};
 use hapt_core::Phase;
 use hapt_model::World;
 use hapt_rt::{Cycle, Failure, Plan, Position, Replay, Simulated, Touch};
-use hapt_sim::{Script, Simulation};
+use hapt_sim::{Simulation, script};
 use proptest::prelude::*;
 
 /// A device that is always there.
@@ -68,7 +68,7 @@ proptest! {
         let mut cycle = on(&world, Box::new(device));
         armed(&mut cycle);
         let scenario = &world.scenarios[0];
-        hands.push(Touch::Scenario(Box::new(Script::new(scenario, world.sampling.period)))).unwrap();
+        hands.push(Touch::Scenario(Box::new(script(scenario, world.sampling.period)))).unwrap();
         let mut run = Simulation::new(&world, scenario).unwrap();
         while let Some(row) = run.next() {
             let row = row.unwrap();

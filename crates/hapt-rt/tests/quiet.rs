@@ -14,7 +14,7 @@ use common::{spring, wheel};
 use hapt_core::Request;
 use hapt_model::World;
 use hapt_rt::{Device, Engine, Failure, Hands, Order, Plan, Position, Settings, Simulated, Touch};
-use hapt_sim::{Grip, Script};
+use hapt_sim::{Grip, script};
 
 thread_local! {
     /// What this thread has allocated and freed.
@@ -95,7 +95,7 @@ fn touch(hands: &mut Hands, k: u64) {
         0 => Touch::Grab(Grip { inertia: 1e-4, damping: 0.01, stiffness: 3.0 }),
         1 => Touch::Move(0.1 * (k as f64).sin()),
         2 => Touch::Release,
-        _ => Touch::Scenario(Box::new(Script::new(&wheel("0.1 ms", SCENARIO).scenarios[0], 1e-4))),
+        _ => Touch::Scenario(Box::new(script(&wheel("0.1 ms", SCENARIO).scenarios[0], 1e-4))),
     };
     let _ = hands.push(touch);
 }

@@ -1,20 +1,6 @@
-//! Where the energy goes: the device's ledger, and what the world stores.
+//! What the world stores.
 
 use hapt_model::{Clampable, End, Law, Side, World};
-
-/// Works since t = 0 in J. Hand and motor give, damping and friction take, and the rest moves:
-/// hand + motor = damping + friction + change of J_z ż²/2.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Ledger {
-    /// Done by the hand on the puck.
-    pub hand: f64,
-    /// Done by the motor on the puck.
-    pub motor: f64,
-    /// Taken by the device's viscous damping.
-    pub damping: f64,
-    /// Taken by the device's Coulomb friction.
-    pub friction: f64,
-}
 
 /// What the world stores in J, at the puck's true position and the bodies' state: bodies J v²/2, springs k (q - rest)²/2, walls
 /// k (q - at)²/2 inside, detents torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), constants -torque · q, bristles σ0 s²/2; a

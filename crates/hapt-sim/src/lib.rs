@@ -40,13 +40,7 @@
 
 mod control;
 mod csv;
-mod curve;
-mod device;
 mod energy;
-mod hand;
-mod motor;
-mod plant;
-mod puck;
 mod row;
 mod run;
 mod side;
@@ -54,9 +48,9 @@ mod summary;
 
 pub use control::DesktopLoop;
 pub use csv::CsvWriter;
-pub use device::{Grip, Script, VirtualDevice};
-pub use energy::{Ledger, world_energy};
+pub use energy::world_energy;
+pub use hapt_plant::{Grip, Ledger, Script, VirtualDevice};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, Signal, columns};
-pub use run::{Error, Simulation, check, rows};
+pub use run::{Error, Simulation, check, rows, script};
 pub use side::{Outcome, SIDE, side_by_side};
 pub use summary::Summary;

@@ -2,7 +2,7 @@
 
 use hapt_model::{Motion, World};
 
-use crate::energy::Ledger;
+use hapt_plant::Ledger;
 
 /// One sample: everything at t_k, in SI (rad, rad/s, N·m; linear m, m/s, N). Bodies show x_k.
 #[derive(Clone, Debug, Default, PartialEq)]

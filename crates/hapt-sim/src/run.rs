@@ -3,9 +3,8 @@
 use hapt_model::{Scenario, World};
 
 use crate::control::Control;
-use crate::device::{Script, VirtualDevice};
-use crate::hand::Hand;
 use crate::row::Row;
+use hapt_plant::{Hand, Script, VirtualDevice};
 
 /// Why a run cannot start or go on.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -40,8 +39,8 @@ impl Simulation {
     pub fn new(world: &World, scenario: &Scenario) -> Result<Self, Error> {
         let control = Control::new(&world.spec())?;
         let period = world.sampling.period;
-        let mut device = VirtualDevice::new(world);
-        device.begin(&mut Script::new(scenario, period));
+        let mut device = VirtualDevice::new(&world.rig());
+        device.begin(&mut script(scenario, period));
         Ok(Simulation {
             control,
             device,
@@ -112,6 +111,11 @@ impl Simulation {
 pub fn check(world: &World) -> Result<(), Error> {
     Control::new(&world.spec())?;
     Ok(())
+}
+
+/// The hand of `scenario` on the samples of a loop of this period, in s, for a [`VirtualDevice`].
+pub fn script(scenario: &Scenario, period: f64) -> Script {
+    Script::new(&scenario.hand, scenario.duration, period)
 }
 
 /// round(duration/T) + 1

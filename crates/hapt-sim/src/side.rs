@@ -12,10 +12,8 @@ use hapt_model::{Scenario, World};
 use pulp::{Simd, WithSimd};
 
 use crate::energy::world_energy;
-use crate::hand::Hand;
-use crate::motor::Motor;
-use crate::plant::Plant;
 use crate::run::rows;
+use hapt_plant::{Hand, Motor, Push, under_held_torque};
 
 /// So many worlds run side by side: two of the widest vectors of today, so that one computes while the other waits.
 pub const SIDE: usize = 16;
@@ -88,7 +86,7 @@ impl<'w> Lane<'w> {
         let hand = Hand::new(&scenario.hand, period);
         let rows = rows(scenario.duration, period);
         let lane = Lane { world, hand, period, rows, next: 0, held: true };
-        let fits = lane.hand.grip().is_none() && (world.device.friction == 0.0 || !lane.moves());
+        let fits = !lane.hand.grips() && (world.device.friction == 0.0 || !lane.moves());
         fits.then_some(lane)
     }
 
@@ -116,7 +114,7 @@ impl<'w> Lane<'w> {
     }
 
     /// What pushes the puck from sample k on; `None` where the hand says where it is.
-    fn push(&self, k: u64) -> Option<crate::puck::Push> {
+    fn push(&self, k: u64) -> Option<Push> {
         match self.hand.prescribed() {
             _ if !self.held => Some(Default::default()),
             None => Some(self.hand.push(k as f64 * self.period)),
@@ -145,15 +143,7 @@ impl<'w, const B: usize> Run<'w, B> {
         let mut plant = [[Side::ZERO; 2]; 2];
         for (i, lane) in lanes.iter().enumerate().filter(|(_, lane)| lane.moves()) {
             let device = &lane.world.device;
-            let free = Plant {
-                mass: device.inertia,
-                damping: device.damping,
-                stiffness: 0.0,
-                sine: 0.0,
-                cosine: 0.0,
-                omega: 0.0,
-            };
-            let change = free.under_held_torque(lane.period);
+            let change = under_held_torque(device.inertia, device.damping, lane.period);
             for (plant, change) in plant.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
                 plant.0[i] = *change;
             }

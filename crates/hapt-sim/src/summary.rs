@@ -2,7 +2,9 @@
 
 use hapt_model::{Coupling, End, Law, World};
 
-use crate::energy::{Ledger, world_energy};
+use hapt_plant::Ledger;
+
+use crate::energy::world_energy;
 use crate::row::Row;
 use crate::run::Simulation;
 

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use hapt_core::{Phase, Reason, Request};
 use hapt_model::{Scenario, World};
 use hapt_rt::{End, Engine, Failure as DeviceFailure, Hands, Order, Record, Timing, Touch};
-use hapt_sim::Script;
+use hapt_sim::script;
 
 use crate::args::RunArgs;
 use crate::device::Spec;
@@ -141,7 +141,7 @@ impl Run<'_> {
     /// Begins the scenario, if there is one.
     fn play(&mut self) -> bool {
         let (Some(scenario), Some(hands)) = (self.scenario, &mut self.hands) else { return true };
-        let script = Box::new(Script::new(scenario, self.world.sampling.period));
+        let script = Box::new(script(scenario, self.world.sampling.period));
         hands.push(Touch::Scenario(script)).is_ok()
     }
 

@@ -1,13 +1,13 @@
 //! The hand: what it prescribes or pushes, and when it lets go.
 
-use hapt_model::{Drive, Hand as Model, Switching};
+use crate::spec::{Drive, Hand as Model, Switching};
 
 use crate::curve::{Curve, Form, Piece, snap};
 use crate::puck::{Inertia, Push, Sine};
 
 /// A hand laid on the loop's samples.
 #[derive(Clone, Debug)]
-pub(crate) struct Hand {
+pub struct Hand {
     curve: Curve,
     /// The curve's piece since the last event.
     piece: Piece,
@@ -69,6 +69,7 @@ enum Kind {
 }
 
 impl Hand {
+    /// Laid on the samples of this period, in s.
     pub fn new(hand: &Model, period: f64) -> Self {
         let (shape, kind, switching) = match &hand.drive {
             Drive::Position(shape) => (shape, Kind::Prescribed, None),
@@ -83,7 +84,7 @@ impl Hand {
     }
 
     /// Whether it opens and takes hold again.
-    pub fn switches(&self) -> bool {
+    pub(crate) fn switches(&self) -> bool {
         self.switch.is_some()
     }
 
@@ -93,8 +94,13 @@ impl Hand {
         matches!(self.kind, Kind::Prescribed).then_some(&self.piece)
     }
 
+    /// Whether it holds the puck by a spring and a damper, and its inertia moves with it.
+    pub fn grips(&self) -> bool {
+        self.grip().is_some()
+    }
+
     /// What the hand adds to the puck while it is there.
-    pub fn grip(&self) -> Option<Inertia> {
+    pub(crate) fn grip(&self) -> Option<Inertia> {
         match self.kind {
             Kind::Grip(inertia) => Some(inertia),
             Kind::Prescribed | Kind::Torque => None,
@@ -102,7 +108,7 @@ impl Hand {
     }
 
     /// The push per unit of σ = sin(ωt + phase) and κ = cos(ωt + phase), and ω in rad/s; zeros where there is no sine.
-    pub fn sine(&self) -> Sine {
+    pub(crate) fn sine(&self) -> Sine {
         match (self.curve.last().form, self.kind) {
             (Form::Sine { amplitude, omega, .. }, Kind::Torque) => (amplitude, 0.0, omega),
             (Form::Sine { amplitude, omega, .. }, Kind::Grip(hand)) => {

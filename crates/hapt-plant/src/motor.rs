@@ -1,6 +1,6 @@
 //! The motor: holds a command from t_k + delay on.
 
-use std::collections::VecDeque;
+use alloc::collections::VecDeque;
 
 use hapt_core::Number;
 
@@ -9,24 +9,27 @@ const ROOM: usize = 1 << 16;
 
 /// The motor holds a command from t_k + delay on.
 #[derive(Clone, Debug)]
-pub(crate) struct Motor<F> {
+pub struct Motor<F> {
     /// Whole samples of the delay, and the rest in s.
     pub samples: usize,
+    /// In s.
     pub rest: f64,
     /// Commands on their way.
     flying: VecDeque<F>,
+    /// What it holds.
     pub applied: F,
 }
 
 impl<F: Number> Motor<F> {
+    /// With this delay and period, in s; it holds 0.
     pub fn new(delay: f64, period: f64) -> Self {
         let ratio = delay / period;
-        let whole = ratio.round();
+        let whole = libm::round(ratio);
         // Within 1e-6 T of a whole sample it is that sample.
         let (samples, rest) = if (ratio - whole).abs() <= 1e-6 {
             (whole, 0.0)
         } else {
-            (ratio.floor(), (ratio - ratio.floor()) * period)
+            (libm::floor(ratio), (ratio - libm::floor(ratio)) * period)
         };
         Motor { samples: samples as usize, rest, flying: VecDeque::new(), applied: F::ZERO }
     }
@@ -47,13 +50,12 @@ impl<F: Number> Motor<F> {
 
     /// The instant at which a command arrives.
     pub fn change(&mut self) {
-        if self.flying.len() > self.samples
-            && let Some(command) = self.flying.pop_front()
-        {
-            self.applied = command;
+        if self.flying.len() > self.samples {
+            self.applied = self.flying.pop_front().unwrap_or(self.applied);
         }
     }
 
+    /// The loop's command at a sample.
     pub fn command(&mut self, command: F) {
         if self.samples == 0 && self.rest == 0.0 {
             self.applied = command;

@@ -1,13 +1,12 @@
 //! The device on its own, period after period: the exact puck, the motor, and whatever hand holds it. Whoever has a loop runs it
-//! beside one: [`crate::Simulation`], or a thread in real time.
-
-use hapt_model::{Scenario, World};
+//! beside one: a simulation, a thread in real time, a page.
 
 use crate::curve::Piece;
-use crate::energy::Ledger;
 use crate::hand::{Hand, grip_push};
+use crate::ledger::Ledger;
 use crate::motor::Motor;
 use crate::puck::{Inertia, Lengths, Puck, Push};
+use crate::spec::{self, Rig};
 
 /// A hand that takes longer than this from one word to the next has stopped in between, in s.
 const LONGEST_MOVE: f64 = 0.05;
@@ -32,12 +31,13 @@ pub struct Script {
 }
 
 impl Script {
-    /// The hand of `scenario` at this period, in s.
-    pub fn new(scenario: &Scenario, period: f64) -> Self {
-        Script { hand: Some(Hand::new(&scenario.hand, period)), last: crate::rows(scenario.duration, period) - 1 }
+    /// A hand for `duration` s on the samples of this period in s.
+    pub fn new(hand: &spec::Hand, duration: f64, period: f64) -> Self {
+        Script { hand: Some(Hand::new(hand, period)), last: libm::round(duration / period) as u64 }
     }
 
-    pub(crate) fn hand(&self) -> Option<&Hand> {
+    /// The hand, where there is one.
+    pub fn hand(&self) -> Option<&Hand> {
         self.hand.as_ref()
     }
 }
@@ -83,17 +83,17 @@ pub struct VirtualDevice {
 }
 
 impl VirtualDevice {
-    /// The device of a world, the puck at rest at 0, nobody's hand on it.
-    pub fn new(world: &World) -> Self {
-        let period = world.sampling.period;
-        let device = Inertia { inertia: world.device.inertia, damping: world.device.damping, stiffness: 0.0 };
-        let motor = Motor::new(world.sampling.delay, period);
+    /// The puck at rest at 0, nobody's hand on it.
+    pub fn new(rig: &Rig) -> Self {
+        let &Rig { period, delay, inertia, damping, friction } = rig;
+        let device = Inertia { inertia, damping, stiffness: 0.0 };
+        let motor = Motor::new(delay, period);
         VirtualDevice {
             period,
             device,
-            friction: world.device.friction,
-            delay: world.sampling.delay,
-            puck: Puck::new(device, world.device.friction, lengths(&motor, period)),
+            friction,
+            delay,
+            puck: Puck::new(device, friction, lengths(&motor, period)),
             motor,
             script: Script::default(),
             holder: Holder::Nobody,
@@ -139,13 +139,14 @@ impl VirtualDevice {
         !matches!(self.holder, Holder::Nobody)
     }
 
-    pub(crate) fn script(&self) -> &Script {
+    /// The scenario's hand that has taken hold last.
+    pub fn script(&self) -> &Script {
         &self.script
     }
 
     /// A scenario's hand takes hold now, at its t = 0, and lets go when the scenario is over; `script` is then the one before it.
     pub fn begin(&mut self, script: &mut Script) {
-        std::mem::swap(&mut self.script, script);
+        core::mem::swap(&mut self.script, script);
         self.restart_clock();
         let Some(hand) = &self.script.hand else { return self.let_go() };
         self.holder = Holder::Script;
@@ -198,13 +199,13 @@ impl VirtualDevice {
             return;
         }
         to.motor.follow(&self.motor);
-        std::mem::swap(&mut self.motor, &mut to.motor);
-        std::mem::swap(&mut self.delay, &mut to.delay);
-        std::mem::swap(&mut self.device, &mut to.device);
-        std::mem::swap(&mut self.friction, &mut to.friction);
+        core::mem::swap(&mut self.motor, &mut to.motor);
+        core::mem::swap(&mut self.delay, &mut to.delay);
+        core::mem::swap(&mut self.device, &mut to.device);
+        core::mem::swap(&mut self.friction, &mut to.friction);
         if self.period != to.period {
             let ratio = self.period / to.period;
-            std::mem::swap(&mut self.period, &mut to.period);
+            core::mem::swap(&mut self.period, &mut to.period);
             // The hand's clock goes on, in other samples.
             if let Holder::Grip(hand) = &mut self.holder {
                 hand.said = 0;

@@ -96,7 +96,7 @@ impl Plant {
 
     /// The fastest rate at which anything can swing, in rad/s; damping alone only decays.
     pub fn swing(&self) -> f64 {
-        (self.stiffness / self.mass).sqrt().max(self.omega)
+        libm::sqrt(self.stiffness / self.mass).max(self.omega)
     }
 
     /// The drive in N·m (linear: N): everything but the puck's own spring and damper.
@@ -121,9 +121,9 @@ impl Plant {
 
     /// exp(N dt) - I, the rows of x and v on v and f: all that a held torque does to a puck without a spring. The bits are those of
     /// a [`Propagator`], whose other states only add zeros.
-    pub fn under_held_torque(&self, dt: f64) -> [[f64; 2]; 2] {
+    fn under_held_torque(&self, dt: f64) -> [[f64; 2]; 2] {
         let (n, h, halvings) = self.start(dt);
-        let leading: Leading<3> = std::array::from_fn(|i| std::array::from_fn(|j| n[i][j]));
+        let leading: Leading<3> = core::array::from_fn(|i| core::array::from_fn(|j| n[i][j]));
         let mut change = series(&leading, h);
         for _ in 0..halvings {
             change = doubled(&change);
@@ -141,6 +141,11 @@ impl Plant {
         }
         (self.generator(), h, halvings)
     }
+}
+
+/// x and v after `dt` s less those before, on v and the held torque: of a free puck of `inertia` and `damping`.
+pub fn under_held_torque(inertia: f64, damping: f64, dt: f64) -> [[f64; 2]; 2] {
+    Plant { mass: inertia, damping, stiffness: 0.0, sine: 0.0, cosine: 0.0, omega: 0.0 }.under_held_torque(dt)
 }
 
 impl Propagator {

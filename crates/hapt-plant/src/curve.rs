@@ -1,6 +1,9 @@
 //! What a hand intends: a position or torque as a function of time, in pieces.
 
-use hapt_model::Shape;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use crate::spec::Shape;
 
 /// A shape laid on the loop's samples: at least one piece, the first from 0 on, their starts not decreasing.
 #[derive(Clone, Debug)]
@@ -8,9 +11,9 @@ pub(crate) struct Curve(Vec<Piece>);
 
 /// What a curve is from `from` on, until the next piece begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Piece {
-    pub from: f64,
-    pub form: Form,
+pub struct Piece {
+    pub(crate) from: f64,
+    pub(crate) form: Form,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +25,7 @@ pub(crate) enum Form {
 }
 
 impl Piece {
-    pub fn straight(from: f64, value: f64, slope: f64) -> Self {
+    pub(crate) fn straight(from: f64, value: f64, slope: f64) -> Self {
         Piece { from, form: Form::Straight { value, slope } }
     }
 
@@ -43,7 +46,7 @@ impl Piece {
     }
 
     /// ∫ v² dt and ∫ |v| dt of the piece as a motion over [from, to].
-    pub fn travel(&self, from: f64, to: f64) -> (f64, f64) {
+    pub(crate) fn travel(&self, from: f64, to: f64) -> (f64, f64) {
         match self.form {
             Form::Straight { slope, .. } => (slope * slope * (to - from), slope.abs() * (to - from)),
             Form::Sine { amplitude, omega, phase } => {
@@ -58,7 +61,7 @@ impl Piece {
 
 /// An instant within 1e-6 T of a whole sample is that sample, t_k = k·T in one multiplication.
 pub(crate) fn snap(t: f64, period: f64) -> f64 {
-    let sample = (t / period).round() * period;
+    let sample = libm::round(t / period) * period;
     if (t - sample).abs() <= 1e-6 * period { sample } else { t }
 }
 
@@ -74,7 +77,7 @@ impl Curve {
                 vec![rest, Piece::straight(from, 0.0, to / (end - from)), Piece::straight(end, to, 0.0)]
             }
             Shape::Sine { amplitude, frequency, phase } => {
-                let omega = std::f64::consts::TAU * frequency;
+                let omega = core::f64::consts::TAU * frequency;
                 vec![rest, Piece { from: 0.0, form: Form::Sine { amplitude, omega, phase } }]
             }
             Shape::Path { ref points, .. } => {
@@ -117,9 +120,9 @@ impl Curve {
 
 /// ∫₀^θ |cos|: two for each half turn, and the rest from the nearest.
 fn path_of_sine(theta: f64) -> f64 {
-    let halves = (theta / std::f64::consts::PI).round();
+    let halves = libm::round(theta / core::f64::consts::PI);
     let rest = libm::sin(theta);
-    2.0 * halves + if halves.rem_euclid(2.0) == 0.0 { rest } else { -rest }
+    2.0 * halves + if halves % 2.0 == 0.0 { rest } else { -rest }
 }
 
 #[cfg(test)]
@@ -149,7 +152,8 @@ mod tests {
 
     #[test]
     fn a_path_stays_before_its_first_point_and_after_its_last() {
-        let shape = Shape::Path { file: String::new(), points: vec![(1.0, 4.0), (2.0, 6.0), (4.0, 0.0)] };
+        let shape =
+            Shape::Path { file: alloc::string::String::new(), points: vec![(1.0, 4.0), (2.0, 6.0), (4.0, 0.0)] };
         let curve = Curve::new(&shape, 1e-3);
         for (t, value) in [(0.0, 4.0), (0.5, 4.0), (1.5, 5.0), (2.0, 6.0), (3.0, 3.0), (9.0, 0.0)] {
             assert!((curve.piece(t).at(t).0 - value).abs() < 1e-12);
@@ -162,7 +166,7 @@ mod tests {
         let sine = Curve::new(&Shape::Sine { amplitude: -0.5, frequency: 1.0, phase: 0.3 }, 1e-3);
         let (square, path) = sine.last().travel(0.125, 3.125);
         assert!((path - 3.0 * 4.0 * 0.5).abs() < 1e-12);
-        let mean_square = 0.5 * (0.5 * std::f64::consts::TAU).powi(2);
+        let mean_square = 0.5 * (0.5 * core::f64::consts::TAU) * (0.5 * core::f64::consts::TAU);
         assert!((square - 3.0 * mean_square).abs() < 1e-12);
     }
 }

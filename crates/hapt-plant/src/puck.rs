@@ -1,6 +1,6 @@
 //! The puck on its own: pushed by motor and hand, held by Coulomb friction, every stop and start located.
 
-use crate::energy::Ledger;
+use crate::ledger::Ledger;
 use crate::plant::{COS, F, Motion, Plant, Propagator, RAMP, SIN, Stretch, V, X};
 
 /// The physical puck and, while it is held, the hand's inertia, damping and stiffness on it.
@@ -43,10 +43,14 @@ pub(crate) struct Inertia {
 
 /// What pushes the puck over a stretch: value + slope · t, and the sine's σ and κ at its start.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Push {
+pub struct Push {
+    /// N·m (N)
     pub value: f64,
+    /// N·m/s (N/s)
     pub slope: f64,
+    /// σ
     pub sin: f64,
+    /// κ
     pub cos: f64,
 }
 
@@ -211,7 +215,7 @@ impl Puck {
     /// A hand that switches opens, or takes hold again.
     pub fn switch(&mut self) {
         if let Some(other) = &mut self.other {
-            std::mem::swap(&mut self.now, other);
+            core::mem::swap(&mut self.now, other);
         }
     }
 
@@ -237,14 +241,14 @@ fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
 
 /// Short enough that nothing swings more than a quarter radian: a derivative changes sign at most once.
 fn slice(plant: &Plant, dt: f64) -> f64 {
-    let slices = (plant.swing() * dt / 0.25).ceil().clamp(1.0, 1e6);
+    let slices = libm::ceil(plant.swing() * dt / 0.25).clamp(1.0, 1e6);
     dt / slices
 }
 
 /// The first t in (0, dt] at which g, negative or zero at 0, becomes positive. `g` gives value and derivative. A rise and fall
 /// within a slice is found at its summit, where the derivative changes sign.
 fn first_crossing(dt: f64, slice: f64, g: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
-    let slices = (dt / slice).round().max(1.0) as u64;
+    let slices = libm::round(dt / slice).max(1.0) as u64;
     let (mut from, mut slope) = (0.0, g(0.0).1);
     for i in 1..=slices {
         let to = if i == slices { dt } else { slice * i as f64 };

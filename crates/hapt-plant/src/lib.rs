@@ -1,0 +1,41 @@
+//! The physical device between the samples, exactly: the puck with its friction, the motor, and whatever hand holds it.
+//!
+//! A [`VirtualDevice`] is made from a [`spec::Rig`]. Whoever runs a loop reads its puck, gives it the command, and lets it travel a
+//! period: no step size, no error of integration, every stop and start of Coulomb friction located.
+//!
+//! ```
+//! use hapt_plant::{Grip, VirtualDevice, spec::Rig};
+//!
+//! let rig = Rig { period: 1e-3, delay: 0.0, inertia: 6.4e-4, damping: 1.2e-3, friction: 0.0 };
+//! let mut device = VirtualDevice::new(&rig);
+//! // A hand takes hold of the wheel and means to have it at half a radian, against a spring.
+//! device.hold(Some(Grip { inertia: 1e-4, damping: 0.02, stiffness: 3.0 }));
+//! for _ in 0..2000 {
+//!     device.intend(0.5);
+//!     let (position, _) = device.puck();
+//!     device.command(-1.0 * position);
+//!     device.travel();
+//! }
+//! assert!((device.puck().0 - 3.0 * 0.5 / (3.0 + 1.0)).abs() < 1e-3);
+//! ```
+#![no_std]
+#![forbid(unsafe_code)]
+
+extern crate alloc;
+
+mod curve;
+mod device;
+mod hand;
+mod ledger;
+mod motor;
+mod plant;
+mod puck;
+pub mod spec;
+
+pub use curve::Piece;
+pub use device::{Grip, Script, VirtualDevice};
+pub use hand::Hand;
+pub use ledger::Ledger;
+pub use motor::Motor;
+pub use plant::under_held_torque;
+pub use puck::Push;
