@@ -2,6 +2,7 @@
 
 mod bench;
 mod book;
+mod faults;
 mod figure;
 mod fuzz;
 mod marked;
@@ -23,6 +24,8 @@ cargo xtask notes     the notes' numbers as a table; with --write, into docs/not
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S]; with --write, into docs/truth.md
 cargo xtask page      the page's core in WebAssembly, into web/core
+cargo xtask faults    the supervisor against faults of every kind, and against none: [--n N] [--clean SAMPLES] [--seed S]; with
+                      --write, into docs/safety.md
 cargo xtask book      whether the book's commands, worlds, outputs and links hold; with --write, makes its outputs and tables
 cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone
 cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names
@@ -44,6 +47,7 @@ fn main() -> Result<()> {
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["page"] => page::build(),
+        ["faults", ref arguments @ ..] => faults::command(arguments),
         ["book"] => book::check(),
         ["book", "--write"] => book::write(),
         _ => bail!("{USAGE}"),

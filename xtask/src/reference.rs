@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use anyhow::{Result, bail};
+use hapt_core::{Guarding, Limits, Reason};
 use hapt_model::keys::{self, KEYS, Key, Measure, Presence, Range, Takes};
 use hapt_model::{Motion, Source, World};
 use hapt_sim::columns;
@@ -12,8 +13,50 @@ pub fn tables(name: &str) -> Result<String> {
     match name {
         "keys" => keys(),
         "columns" => signals(),
+        "reasons" => Ok(reasons()),
+        "safety" => Ok(safety()),
         _ => bail!("there are no tables {name}"),
     }
+}
+
+/// Why the supervisor takes the torque away.
+fn reasons() -> String {
+    let mut text = String::from("| code | name | what happened | what to do |\n| --- | --- | --- | --- |\n");
+    for reason in Reason::ALL {
+        let (code, name) = (reason.code(), reason.name());
+        text += &format!("| {code} | `{name}` | {} | {} |\n", reason.sentence(), reason.remedy());
+    }
+    text
+}
+
+/// The limits that the notes' default world has without a `[safety]` table: certified, not certified, simulated.
+fn safety() -> String {
+    let text = include_str!("../../worlds/notes/default.toml");
+    let Ok(world) = World::read(&Source::from_text("default.toml", text), &[]) else { return String::new() };
+    let all = [Guarding::Certified, Guarding::Uncertified, Guarding::Simulated].map(|guarding| world.limits(guarding));
+    type Row = (&'static str, &'static str, f64, fn(&Limits) -> f64);
+    let rows: [Row; 11] = [
+        ("fade", "ms", 1e3, |l| l.fade),
+        ("velocity", "rad/s", 1.0, |l| l.velocity),
+        ("jump", "mrad", 1e3, |l| l.jump),
+        ("overspeed", "rad/s", 1.0, |l| l.overspeed),
+        ("stuck", "s", 1.0, |l| l.stuck),
+        ("torque", "N mm", 1e3, |l| l.torque),
+        ("slew", "N mm", 1e3, |l| l.slew),
+        ("late", "ms", 1e3, |l| l.late),
+        ("link", "ms", 1e3, |l| l.link),
+        ("energy", "mJ", 1e3, |l| l.energy),
+        ("pulse", "N mm", 1e3, |l| l.pulse),
+    ];
+    let mut text = String::from("| key | certified | not certified | simulated |\n| --- | --- | --- | --- |\n");
+    for (key, unit, factor, of) in rows {
+        let shown = all.each_ref().map(|limits| match of(limits) {
+            none if none.is_infinite() => "none".to_string(),
+            value => format!("{:.4} {unit}", factor * value),
+        });
+        text += &format!("| `{key}` | {} |\n", shown.join(" | "));
+    }
+    text
 }
 
 fn keys() -> Result<String> {
@@ -73,10 +116,10 @@ fn owner(key: &Key) -> String {
 
 fn takes(key: &Key) -> String {
     let quantity = |measure: Measure, range: Range| {
-        let (rotary, linear) = (measure.dimension(Motion::Rotary), measure.dimension(Motion::Linear));
+        let (rotary, linear) = (measure.described(Motion::Rotary), measure.described(Motion::Linear));
         let dimension = match key.motion {
-            Some(motion) => measure.dimension(motion).to_string(),
-            None if rotary == linear => rotary.to_string(),
+            Some(motion) => measure.described(motion),
+            None if rotary == linear => rotary,
             None => format!("{rotary}; linear: {linear}"),
         };
         let range = match range {

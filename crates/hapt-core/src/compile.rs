@@ -121,7 +121,7 @@ impl<const B: usize> Network<B> {
 
 /// The stiffness that a compensating damper undoes: of all springs between its two ends, in either order; between a body and
 /// ground, of all springs at the body. `None` when there is no such spring.
-fn compensated(couplings: &[Coupling], damper: &Coupling) -> Option<f64> {
+pub(crate) fn compensated(couplings: &[Coupling], damper: &Coupling) -> Option<f64> {
     let grounded = match (damper.first, damper.second) {
         (body @ End::Body(_), End::Ground) | (End::Ground, body @ End::Body(_)) => Some(body),
         _ => None,

@@ -64,4 +64,4 @@ pub use real::{Number, Real};
 pub use sense::{Memory, Puck};
 pub use spec::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 pub use step::{Loop, Sample, State};
-pub use supervisor::{Guarded, Phase, Reading, Reason, Request, Supervisor, Watch};
+pub use supervisor::{Guarded, Guarding, Heat, Limits, Phase, Reading, Reason, Request, Supervisor, Watch};

@@ -94,6 +94,8 @@ pub enum Measure {
     Damping,
     /// kg m^2 (or N m s^2/rad), linear: kg
     Inertia,
+    /// J, in both motions
+    Energy,
 }
 
 /// The numbers that a quantity may be; all are finite.
@@ -132,7 +134,7 @@ impl Measure {
             (Measure::Position, Motion::Linear) => Dimension::LENGTH,
             (Measure::Velocity, Motion::Rotary) => Dimension::ANGULAR_VELOCITY,
             (Measure::Velocity, Motion::Linear) => Dimension::VELOCITY,
-            (Measure::Torque, Motion::Rotary) => Dimension::TORQUE,
+            (Measure::Torque, Motion::Rotary) | (Measure::Energy, _) => Dimension::TORQUE,
             (Measure::Torque, Motion::Linear) => Dimension::FORCE,
             (Measure::Stiffness, Motion::Rotary) => Dimension::ANGULAR_STIFFNESS,
             (Measure::Stiffness, Motion::Linear) => Dimension::STIFFNESS,
@@ -141,6 +143,22 @@ impl Measure {
             (Measure::Inertia, Motion::Rotary) => Dimension::INERTIA,
             (Measure::Inertia, Motion::Linear) => Dimension::MASS,
         }
+    }
+}
+
+impl Measure {
+    /// What it is called: `a torque (N m)`.
+    pub fn described(self, motion: Motion) -> String {
+        match self {
+            // N m is both, and a dimension has one name.
+            Measure::Energy => "an energy (J)".to_string(),
+            _ => self.dimension(motion).to_string(),
+        }
+    }
+
+    /// A quantity of it as someone might write it.
+    pub fn example(self, motion: Motion) -> String {
+        if self == Measure::Energy { "0.05 J".to_string() } else { self.dimension(motion).example() }
     }
 }
 
@@ -176,13 +194,12 @@ impl Key {
     /// What it takes, as the end of an error message: `a time (s) above 0 is wanted, such as "1 ms"`.
     pub fn wanted(&self, motion: Motion) -> String {
         let quantity = |measure: Measure, range: Range| {
-            let dimension = measure.dimension(motion);
             let range = match range {
                 Range::Any => "",
                 Range::ZeroOrMore => " of 0 or more",
                 Range::Positive => " above 0",
             };
-            format!("{dimension}{range} is wanted, such as {:?}", dimension.example())
+            format!("{}{range} is wanted, such as {:?}", measure.described(motion), measure.example(motion))
         };
         match self.takes {
             Takes::Text => "text in quotes is wanted".to_string(),
@@ -282,7 +299,11 @@ const SCENARIOS: Takes = Takes::Named { most: 1000, what: "scenario", letter_fir
 
 const LUGRE: Presence = Presence::Depends("the six LuGre keys stand together, in place of torque");
 
-use Measure::{Angle, Damping, Frequency, Inertia, Position, Stiffness, Time, Torque, Velocity};
+/// What stands for a lost link, and for what the world's own ledger finds.
+pub(crate) const LINK_LOST: [&str; 2] = ["fade-out", "fault"];
+pub(crate) const WORLD_LEDGER: [&str; 2] = ["warn", "trip"];
+
+use Measure::{Angle, Damping, Energy, Frequency, Inertia, Position, Stiffness, Time, Torque, Velocity};
 use Presence::{Depends, Name, Number, Optional, Required};
 use Range::{Any, Positive, ZeroOrMore};
 use Takes::{Ends, List, Quantity, QuantityOr, Table, Text, Whole};
@@ -351,6 +372,40 @@ pub const KEYS: &[Key] = &[
     key("couplings.*.bristle_damping", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_1.").of(&["friction"]),
     key("couplings.*.viscous", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_2.").of(&["friction"]),
     key("couplings.*.torque", Quantity(Torque, Any), Required, "The torque on the first end.").of(&["constant"]),
+
+    key("safety", Table, Optional, "What the supervisor holds a live loop to."),
+    key("safety.fade", Quantity(Time, Positive), Number(0.1), "How long the torque takes to rise when armed, and to fall when disarmed."),
+    key("safety.velocity", Quantity(Velocity, Positive), Depends("twice the overspeed"),
+        "The largest speed that the device can have; a reading beyond it faults."),
+    key("safety.jump", Quantity(Position, Positive), Depends("25 rad/s (linear: 1.25 m/s) and limit times period over inertia, times the period"),
+        "The largest change of the displacement from one sample to the next; two counts are added."),
+    key("safety.overspeed", Quantity(Velocity, Positive),
+        Depends("50 rad/s (linear: 2.5 m/s), or where the limit throws the puck over half a turn (0.1 m), the larger"),
+        "The largest speed with the motor on: beyond it the puck runs away."),
+    key("safety.stuck", Quantity(Time, ZeroOrMore), Depends("1 s; never on the simulated device"),
+        "How long the position may stand still under a torque of more than twice the friction and a twentieth of the limit; 0: for ever."),
+    key("safety.torque", Quantity(Torque, Positive), Depends("device.limit"), "The largest command; more faults."),
+    key("safety.slew", Quantity(Torque, Positive), Depends("what this world can do at these speeds; any on the simulated device"),
+        "The largest change of the torque from one sample to the next."),
+    key("safety.rms", Quantity(Torque, Positive), Depends("any"), "The torque that the motor may hold for ever."),
+    key("safety.heating", Quantity(Time, Positive), Number(30.0), "The motor's thermal time constant."),
+    key("safety.driver_rms", Quantity(Torque, Positive), Depends("any"), "The torque that the driver may hold for ever."),
+    key("safety.driver_heating", Quantity(Time, Positive), Number(1.0), "The driver's thermal time constant."),
+    key("safety.late", Quantity(Time, ZeroOrMore), Depends("5 periods; any on the simulated device"),
+        "How late a sample may come, missed samples counted in; 0: any."),
+    key("safety.link", Quantity(Time, ZeroOrMore), Depends("0.3 s; never on the simulated device"),
+        "How long whoever holds the controls may be silent; 0: for ever."),
+    key("safety.link_lost", Takes::Name(&LINK_LOST), Name(LINK_LOST[0]), "What a lost link does."),
+    key("safety.energy", Quantity(Energy, Positive),
+        Depends("device.limit over 0.05 rad (linear: 2.5 mm), 0.05 J without a limit; a tenth of it for a world that is not certified"),
+        "The most that the hand may be given beyond what is stored, and that the integrator may make."),
+    key("safety.world_ledger", Takes::Name(&WORLD_LEDGER), Depends("\"trip\"; \"warn\" on the simulated device, and with an explicit method in a certified world"),
+        "What it does when the integrator has made that energy; on the simulated device also when the hand has been given it."),
+    key("safety.pulse", Quantity(Torque, ZeroOrMore),
+        Depends("twice the friction and a twentieth of the limit; none on the simulated device"),
+        "The torque of the sign test's pulse when armed; 0: no test."),
+    key("safety.brake", Quantity(Damping, ZeroOrMore), Number(0.0),
+        "Damping for a fade's time after faults that leave the encoder trusted; 0: the torque is just off."),
 
     key("scenarios", SCENARIOS, Optional, "What is simulated, by name."),
     key("scenarios.*.duration", Quantity(Time, Positive), Required, "How long; at most 10^10 samples."),

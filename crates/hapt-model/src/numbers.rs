@@ -4,6 +4,7 @@ use hapt_core::{Body, Clampable, Damping, Law};
 use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
 use crate::keys::{self, Key};
+use crate::safety::Safety;
 use crate::world::{Device, Sampling, World};
 
 /// Where a number stands.
@@ -61,6 +62,27 @@ pub(crate) fn device(device: &mut Device) -> Slots<'_> {
         ("limit", Optional(&mut device.limit)),
         ("encoder", Optional(&mut device.encoder)),
         ("levels", OptionalWhole(&mut device.levels)),
+    ]
+}
+
+pub(crate) fn safety(safety: &mut Safety) -> Slots<'_> {
+    vec![
+        ("fade", Number(&mut safety.fade)),
+        ("velocity", Optional(&mut safety.velocity)),
+        ("jump", Optional(&mut safety.jump)),
+        ("overspeed", Optional(&mut safety.overspeed)),
+        ("stuck", Optional(&mut safety.stuck)),
+        ("torque", Optional(&mut safety.torque)),
+        ("slew", Optional(&mut safety.slew)),
+        ("rms", Optional(&mut safety.rms)),
+        ("heating", Number(&mut safety.heating)),
+        ("driver_rms", Optional(&mut safety.driver_rms)),
+        ("driver_heating", Number(&mut safety.driver_heating)),
+        ("late", Optional(&mut safety.late)),
+        ("link", Optional(&mut safety.link)),
+        ("energy", Optional(&mut safety.energy)),
+        ("pulse", Optional(&mut safety.pulse)),
+        ("brake", Number(&mut safety.brake)),
     ]
 }
 
@@ -171,6 +193,7 @@ impl World {
         Some(match *path {
             ["loop"] => plain("loop", sampling(&mut self.sampling)),
             ["device"] => plain("device", device(&mut self.device)),
+            ["safety"] => plain("safety", safety(&mut self.safety)),
             ["bodies", name] => {
                 let index = self.names.iter().position(|body| body == name)?;
                 plain("bodies.*", body(self.bodies.get_mut(index)?))
@@ -239,6 +262,9 @@ mod tests {
         limit = 1
         encoder = 4000
         levels = 200
+        [safety]
+        velocity = 60
+        link = 0.5
         [bodies.wheel]
         inertia = 0.02
         [bodies.nut]

@@ -8,6 +8,7 @@ use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
 use crate::keys;
 use crate::path::{self, Carries};
+use crate::safety::Safety;
 use crate::source::Source;
 use crate::support;
 use crate::words;
@@ -34,6 +35,7 @@ impl World {
 
         let sampling = sampling(&Fields::new(table("loop"), top.node("loop"))?)?;
         let device = device(&Fields::new(table("device"), top.node("device"))?)?;
+        let safety = Safety::read(&Fields::new(table("safety"), top.node("safety"))?)?;
 
         let (mut names, mut bodies) = (Vec::new(), Vec::new());
         for entry in named(&top, "bodies") {
@@ -66,7 +68,7 @@ impl World {
             let fields = Fields::new(context, Some(&entry.node))?;
             scenarios.push(scenario(entry.key.clone(), &fields, sampling.period, &mut paths)?);
         }
-        Ok(World { title: top.text("title"), motion, sampling, device, names, bodies, couplings, scenarios })
+        Ok(World { title: top.text("title"), motion, sampling, device, safety, names, bodies, couplings, scenarios })
     }
 
     /// The scenario of this name.

@@ -3,6 +3,8 @@
 use hapt_core::{Body, Coupling, Estimator, Method, Output, Spec};
 use hapt_plant::spec::{Hand, Rig};
 
+use crate::safety::Safety;
+
 /// Whether the puck turns or slides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Motion {
@@ -24,6 +26,8 @@ pub struct World {
     pub sampling: Sampling,
     /// The `[device]` table.
     pub device: Device,
+    /// The `[safety]` table.
+    pub safety: Safety,
     /// The bodies' names, in file order.
     pub names: Vec<String>,
     /// The bodies, in the same order.

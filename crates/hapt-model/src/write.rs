@@ -7,6 +7,7 @@ use hapt_plant::spec::{Drive, Hand, Shape};
 
 use crate::keys::{self, COMPENSATING, Measure, Takes, side_name};
 use crate::numbers::{self, Slot, Slots};
+use crate::safety::Safety;
 use crate::world::{Motion, World};
 
 impl World {
@@ -34,6 +35,11 @@ impl World {
         lines(f, table("loop", numbers::sampling(&mut world.sampling)))?;
         writeln!(f, "\n[device]")?;
         lines(f, table("device", numbers::device(&mut world.device)))?;
+        if self.safety != Safety::default() {
+            writeln!(f, "\n[safety]")?;
+            self.safety.names().try_for_each(|(key, name)| writeln!(f, "{key} = {}", text(name)))?;
+            lines(f, table("safety", numbers::safety(&mut world.safety)))?;
+        }
         for (name, body) in self.names.iter().zip(&mut world.bodies) {
             writeln!(f, "\n[bodies.{name}]")?;
             lines(f, table("bodies.*", numbers::body(body)))?;

@@ -157,7 +157,7 @@ fn world() -> impl Strategy<Value = World> {
                 hand,
             };
             let scenarios = scenarios.into_iter().enumerate().map(scenario).collect();
-            World { title, motion, sampling, device, names, bodies, couplings, scenarios }
+            World { title, motion, sampling, device, safety, names, bodies, couplings, scenarios }
         })
 }
 

@@ -4,7 +4,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use hapt_core::{Guarded, Reading, Request, Watch};
 
-use crate::bridge::Bridge;
 use crate::plan::DesktopState;
 use crate::{BODIES, Device, Failure, Plan, Record};
 
@@ -29,9 +28,6 @@ pub struct Cycle {
     device: Safe,
     state: DesktopState,
     watch: Watch<f64>,
-    bridge: Bridge,
-    /// The last output.
-    output: f64,
     sample: u64,
     swaps: u32,
 }
@@ -51,16 +47,7 @@ impl Cycle {
     pub fn new(mut plan: Box<Plan>, mut device: Box<dyn Device>) -> Self {
         device.adopt(&mut plan);
         let state = plan.world.start();
-        Cycle {
-            plan,
-            device: Safe(device),
-            state,
-            watch: Watch::START,
-            bridge: Bridge::default(),
-            output: 0.0,
-            sample: 0,
-            swaps: 0,
-        }
+        Cycle { plan, device: Safe(device), state, watch: Watch::START, sample: 0, swaps: 0 }
     }
 
     /// T in s.
@@ -80,8 +67,7 @@ impl Cycle {
     /// fades over. Allocates nothing.
     pub fn swap(&mut self, mut plan: Box<Plan>) -> Box<Plan> {
         self.state = plan.carry(&self.state);
-        // Here the supervisor may take over the fade, and credit what the new world has stored.
-        self.bridge.begin(self.output);
+        self.watch.swap();
         self.device.0.adopt(&mut plan);
         self.swaps += 1;
         std::mem::replace(&mut self.plan, plan)
@@ -99,10 +85,9 @@ impl Cycle {
             silent: moment.silent,
         };
         let Cycle { plan, state, watch, .. } = self;
-        let Guarded { sample, output, phase, reason } =
+        let Guarded { sample, output, phase, reason, warning } =
             plan.supervisor.step(watch, &plan.world, state, &reading, request);
-        self.output = self.bridge.over(output, phase, plan.period(), plan.limit);
-        self.device.0.write(self.output)?;
+        self.device.0.write(output)?;
         let mut bodies = [(0.0, 0.0); BODIES];
         let now = &self.state.now;
         for (place, state) in bodies.iter_mut().zip(now.position.iter().zip(&now.velocity)).take(plan.world.bodies()) {
@@ -123,9 +108,10 @@ impl Cycle {
             measured_velocity: sample.puck.velocity,
             torque: sample.torque,
             command: sample.command,
-            output: self.output,
+            output,
             phase,
             reason,
+            warning,
             latency: u32::try_from((moment.late * 1e9).round() as u64).unwrap_or(u32::MAX),
             computation: 0,
             bodies,

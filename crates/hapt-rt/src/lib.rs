@@ -6,13 +6,13 @@
 //! whoever has a time of their own; [`Timing`] is what the records say about the clock.
 //!
 //! ```no_run
-//! use hapt_core::Request;
+//! use hapt_core::{Guarding, Request};
 //! use hapt_model::{Source, World};
 //! use hapt_rt::{Engine, Order, Plan, Simulated, Timing};
 //!
 //! let world = World::read(&Source::open("wheel.toml")?, &[])?;
 //! let (device, _hands) = Simulated::new(&world);
-//! let mut engine = Engine::start(Plan::new(&world)?, Box::new(device))?;
+//! let mut engine = Engine::start(Plan::new(&world, Guarding::Simulated)?, Box::new(device))?;
 //! let _ = engine.send(Order::Request(Request::Arm));
 //! let mut timing = Timing::new();
 //! while timing.samples() < 1000 {
@@ -25,7 +25,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod bridge;
 mod clock;
 mod cycle;
 mod engine;
@@ -135,8 +134,10 @@ pub struct Record {
     pub output: f64,
     /// The supervisor's.
     pub phase: Phase,
-    /// Why it is faulted.
+    /// Why it is faulted, or has faded out by itself.
     pub reason: Option<Reason>,
+    /// What would have tripped where it only warns, since it was armed.
+    pub warning: Option<Reason>,
     /// From the sample's instant to when it was taken, in ns.
     pub latency: u32,
     /// From there to when the device had its command, in ns.

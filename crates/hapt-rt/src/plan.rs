@@ -1,8 +1,8 @@
 //! A world compiled for the loop's thread, with everything that it will need there.
 
-use hapt_core::{Estimator, Law, State, Supervisor};
+use hapt_core::{Estimator, Guarding, Law, State};
 use hapt_model::{End, Method, World};
-use hapt_sim::{DesktopLoop, VirtualDevice};
+use hapt_sim::{DesktopLoop, DesktopSupervisor, VirtualDevice};
 
 /// Everything that changes from sample to sample, in the loop's room.
 pub(crate) type DesktopState = State<f64, 32, 64, 257>;
@@ -11,10 +11,9 @@ pub(crate) type DesktopState = State<f64, 32, 64, 257>;
 #[derive(Clone, Debug)]
 pub struct Plan {
     pub(crate) world: DesktopLoop,
-    pub(crate) supervisor: Supervisor<f64>,
+    pub(crate) supervisor: DesktopSupervisor,
     pub(crate) device: VirtualDevice,
-    /// The largest output in N·m (linear: N).
-    pub(crate) limit: f64,
+    guarding: Guarding,
     /// What it is known by to the plan that follows it.
     names: Names,
     /// Where each body's state comes from in the plan before; `None`: from its start.
@@ -38,17 +37,18 @@ struct Names {
 }
 
 impl Plan {
-    /// Compiles a world. Errors where the core does.
-    pub fn new(world: &World) -> Result<Self, hapt_core::Error> {
-        let compiled = DesktopLoop::new(&world.spec())?;
-        let fade = 0.1 / world.sampling.period;
+    /// Compiles a world, to be guarded so. Errors where the core does.
+    pub fn new(world: &World, guarding: Guarding) -> Result<Self, hapt_core::Error> {
+        let spec = world.spec();
+        let compiled = DesktopLoop::new(&spec)?;
+        let supervisor = DesktopSupervisor::new(&world.limits(guarding), &spec)?;
         let mut device = VirtualDevice::new(&world.rig());
         device.reserve();
         Ok(Plan {
             world: compiled,
-            supervisor: Supervisor::new(fade),
+            supervisor,
             device,
-            limit: world.device.limit.unwrap_or(f64::INFINITY),
+            guarding,
             names: Names::new(world),
             bodies: vec![None; world.bodies.len()],
             bristles: vec![None; world.couplings.len()],
@@ -57,9 +57,9 @@ impl Plan {
     }
 
     /// The same, to follow `before`: bodies of the same name go on where they are, and so do the bristles of LuGre friction between the
-    /// same two ends.
+    /// same two ends. It is guarded as that was.
     pub fn following(world: &World, before: &Plan) -> Result<Self, hapt_core::Error> {
-        let mut plan = Plan::new(world)?;
+        let mut plan = Plan::new(world, before.guarding)?;
         let (now, then) = (&plan.names, &before.names);
         plan.bodies = now.bodies.iter().map(|name| then.bodies.iter().position(|other| other == name)).collect();
         let same = |bristle: &Option<_>| then.bristles.iter().position(|other| bristle.is_some() && other == bristle);

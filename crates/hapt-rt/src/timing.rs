@@ -212,6 +212,7 @@ mod tests {
             output: 0.0,
             phase: Phase::Disarmed,
             reason: None,
+            warning: None,
             latency,
             computation,
             bodies: [(0.0, 0.0); BODIES],

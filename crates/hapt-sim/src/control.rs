@@ -2,10 +2,13 @@
 //!
 //! The bits are the same in every room; a step of one body that has to carry places for 32 would only take longer.
 
-use hapt_core::{Coupling, Error, Law, Loop, Sample, Spec, State};
+use hapt_core::{Coupling, Error, Law, Loop, Sample, Spec, State, Supervisor};
 
 /// The loop with a PC's room: 32 bodies, 64 couplings, a FOAW window of 256.
 pub type DesktopLoop = Loop<f64, 32, COUPLINGS, COUNTS>;
+
+/// Its supervisor.
+pub type DesktopSupervisor = Supervisor<f64, 32, COUPLINGS>;
 
 const COUPLINGS: usize = 64;
 const COUNTS: usize = 257;

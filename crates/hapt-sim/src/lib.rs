@@ -46,7 +46,7 @@ mod run;
 mod side;
 mod summary;
 
-pub use control::DesktopLoop;
+pub use control::{DesktopLoop, DesktopSupervisor};
 pub use csv::CsvWriter;
 pub use energy::world_energy;
 pub use hapt_plant::{Grip, Ledger, Script, VirtualDevice};

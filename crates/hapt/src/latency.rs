@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use hapt_core::Request;
+use hapt_core::{Guarding, Request};
 use hapt_model::{Dimension, World, parse_quantity};
 use hapt_rt::{Engine, Order, Plan, Quantiles, Realtime, Settings, Simulated, Timing};
 use serde_json::{Value, json};
@@ -25,7 +25,8 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     let world = World::read(&source, &args.sets)?;
     let duration = time("--duration", &args.duration)?;
     let (device, _hands) = Simulated::new(&world);
-    let mut engine = Engine::start_with(plan(&world)?, Box::new(device), settings(&args.realtime, &world)?)?;
+    let mut engine =
+        Engine::start_with(plan(&world, Guarding::Simulated)?, Box::new(device), settings(&args.realtime, &world)?)?;
     output::end_in_order();
     let _ = engine.send(Order::Request(Request::Arm));
     let mut timing = Timing::new();
@@ -51,9 +52,9 @@ pub fn time(flag: &str, text: &str) -> Result<f64, Failure> {
     if value > 0.0 { Ok(value) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
 }
 
-/// A world compiled.
-pub fn plan(world: &World) -> Result<Plan, Failure> {
-    Plan::new(world).map_err(Failure::input)
+/// A world compiled, to be guarded so.
+pub fn plan(world: &World, guarding: Guarding) -> Result<Plan, Failure> {
+    Plan::new(world, guarding).map_err(Failure::input)
 }
 
 /// What the thread is to ask of the system.

@@ -3,7 +3,7 @@
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_core::{Phase, Reason, Request};
+use hapt_core::{Guarding, Phase, Reason, Request};
 use hapt_model::{Scenario, World};
 use hapt_rt::{End, Engine, Failure as DeviceFailure, Hands, Order, Record, Timing, Touch};
 use hapt_sim::script;
@@ -31,9 +31,9 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         Some(text) => time("--duration", text)?,
         None => scenario.map_or(f64::INFINITY, |scenario| scenario.duration),
     };
-    is_certified(args, &spec, world)?;
+    let guarding = guarding(args, &spec, world)?;
     let settings = settings(&args.realtime, world)?;
-    let plan = plan(world)?;
+    let plan = plan(world, guarding)?;
     let mut recorder = recorder(args)?;
     let (device, hands) = spec.open(world)?;
     let engine = Engine::start_with(plan, device, settings)?;
@@ -60,13 +60,16 @@ fn recorder(args: &RunArgs) -> Result<impl FnMut(&Record) + use<>, Failure> {
 }
 
 /// On a motor only what is certified runs, unless somebody says otherwise.
-fn is_certified(args: &RunArgs, spec: &Spec, world: &World) -> Result<(), Failure> {
-    if !spec.has_a_motor() || args.uncertified {
-        return Ok(());
+fn guarding(args: &RunArgs, spec: &Spec, world: &World) -> Result<Guarding, Failure> {
+    if !spec.has_a_motor() {
+        return Ok(Guarding::Simulated);
     }
     let check = hapt_analysis::check(world)?;
     if check.certified {
-        return Ok(());
+        return Ok(Guarding::Certified);
+    }
+    if args.uncertified {
+        return Ok(Guarding::Uncertified);
     }
     let what = format!("{}; hapt check says what would certify it", check.verdict_sentence());
     Err(Failure::input(format!("{what}. --uncertified runs it all the same, with a tighter supervisor")))

@@ -75,6 +75,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         motion: Motion::Rotary,
         sampling,
         device: Device { inertia, damping, friction, limit, encoder, levels: None },
+        safety: Default::default(),
         names: (0..bodies.len()).map(|i| format!("b{i}")).collect(),
         bodies,
         couplings,

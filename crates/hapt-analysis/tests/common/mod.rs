@@ -1,7 +1,9 @@
 //! Random worlds.
 #![allow(dead_code)]
 
-use hapt_model::{Body, Coupling, Damping, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, World};
+use hapt_model::{
+    Body, Coupling, Damping, Device, End, EstimatorKind, Law, Method, Motion, Output, Safety, Sampling, World,
+};
 use proptest::prelude::*;
 
 /// Bodies and couplings.
@@ -40,6 +42,7 @@ impl Bench {
                 encoder: None,
                 levels: None,
             },
+            safety: Safety::default(),
             names: (0..self.bodies.len()).map(|i| format!("body{i}")).collect(),
             bodies: self.bodies.clone(),
             couplings: self.couplings.clone(),

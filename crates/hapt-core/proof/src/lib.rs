@@ -4,7 +4,9 @@
 
 use core::hint::black_box;
 
-use hapt_core::{Body, Coupling, End, Estimator, Law, Loop, Method, Output, Real, Spec};
+use hapt_core::{
+    Body, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Real, Reading, Request, Spec, Supervisor, Watch,
+};
 
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo) -> ! {
@@ -34,9 +36,56 @@ fn run<F: Real, const B: usize, const C: usize, const W: usize>(z: f64) -> f64 {
     for _ in 0..10 {
         sum += compiled.step(&mut state, F::from_f64(black_box(z)), F::from_f64(black_box(z))).torque.to_f64();
     }
+    sum += guarded(z, &compiled, &spec);
     #[cfg(feature = "control")]
     {
         sum += bodies[black_box(z) as usize].inertia;
+    }
+    sum
+}
+
+/// The same under a supervisor.
+fn guarded<F: Real, const B: usize, const C: usize, const W: usize>(z: f64, world: &Loop<F, B, C, W>, spec: &Spec) -> f64 {
+    let heat = Heat { rms: z, time: z };
+    let limits = black_box(Limits {
+        fade: z,
+        velocity: z,
+        jump: z,
+        overspeed: z,
+        stuck: z,
+        stuck_torque: z,
+        torque: z,
+        slew: z,
+        motor: heat,
+        driver: heat,
+        late: z,
+        link: z,
+        link_faults: z > 0.0,
+        energy: z,
+        world_trips: z > 1.0,
+        port_trips: z > 1.0,
+        pulse: z,
+        brake: z,
+        zero_where_armed: z > 2.0,
+        announcements: z > 3.0,
+        inertia: z,
+        damping: z,
+        friction: z,
+        delay: z,
+    });
+    let Ok(supervisor) = Supervisor::<F, B, C>::new(&limits, spec) else { return 0.0 };
+    let (mut state, mut watch) = (black_box(world.start()), black_box(Watch::START));
+    let mut sum = 0.0;
+    for _ in 0..10 {
+        let f = |z| F::from_f64(black_box(z));
+        let missed = black_box(z) as u32;
+        let reading = Reading { position: f(z), velocity: f(z), announced: black_box(z) > 4.0, late: f(z), missed, silent: f(z) };
+        let request = [None, Some(Request::Arm), Some(Request::Disarm), Some(Request::Stop), Some(Request::Clear)];
+        let request = request.get(black_box(z) as usize).copied().flatten();
+        sum += supervisor.step(&mut watch, world, &mut state, &reading, request).output.to_f64();
+        if black_box(z) > 5.0 {
+            watch.swap();
+        }
     }
     sum
 }

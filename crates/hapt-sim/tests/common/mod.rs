@@ -20,6 +20,7 @@ pub fn bare() -> World {
             window: 16,
         },
         device: Device { inertia: 6.4e-4, damping: 1.2e-3, friction: 0.0, limit: None, encoder: None, levels: None },
+        safety: Default::default(),
         names: vec![],
         bodies: vec![],
         couplings: vec![],

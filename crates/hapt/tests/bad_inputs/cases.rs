@@ -308,6 +308,10 @@ fn overrides(t: &mut Table) {
     t.set("a value that ends in a line", "loop.period=2 kg\nms");
     t.set("a whole table in place of a number", "loop.period={a=1}");
     t.set("a key of a thousand names", &format!("{}a=1", "a.".repeat(1000)));
+    t.set("a lost link that does nothing known", "safety.link_lost=stop");
+    t.set("an energy in metres", "safety.energy=5 mm");
+    t.set("a fade of no time", "safety.fade=0 s");
+    t.set("a limit of safety that is none", "safety.speed=5 rad/s");
     t.set("brackets, a thousand deep", &format!("loop.period={}", "[".repeat(1000)));
     let many: Vec<String> = (0..1001).map(|i| format!("--set=loop.period={}", i + 1)).collect();
     let args: Vec<&str> = ["check", "w.toml"].into_iter().chain(many.iter().map(String::as_str)).collect();

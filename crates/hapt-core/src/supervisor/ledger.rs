@@ -1,0 +1,99 @@
+//! The two energy ledgers: at the port, and inside of the world.
+//!
+//! **Port** (Hannaford and Ryu, IEEE T-RA 18(1), 2002). Over one sample the hand puts in -τ dz against the torque that was held, and the
+//! device's own damping takes at least b dz²/T of what goes by, which pays for the hold:
+//!
+//! ```text
+//! account += -τ_held dz + b dz²/T + the constants' work on bodies
+//! ```
+//!
+//! τ_held is the torque that the world made when the motor took it, one hold and the delay before, without the constants on the puck.
+//! What levels, limit, fades and swaps take off that torque, or put on it, is credited at the same instant and at the same rate, so that
+//! it cancels: the ledger is about the world. For a passive world the account never falls below minus what the world has stored. It
+//! starts at what is stored and `most`, and is held down to that ever after, so that a hand that has paid
+//! for an hour has no credit for a fault. Below 0 the hand has been given `most` beyond what was there.
+//!
+//! **World.** A held puck exchanges nothing, and the port sees nothing of an integrator that makes energy. So what a step makes is
+//! summed too, never below 0: `made`. Exact zoh, trapezoidal and backward Euler keep it at 0, linear or bent; semi-implicit Euler keeps
+//! its own energy and is measured by that; forward Euler makes (ωT)² of what swings a sample.
+
+use crate::Real;
+use crate::supervisor::energy::Step;
+
+/// Torques that a delay may hold back; the port's ledger rests with longer delays.
+pub(crate) const HELD: usize = 16;
+
+/// The constants of both.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ledger<F> {
+    pub most: F,
+    /// b/T
+    pub damping: F,
+    /// Whole samples of the delay, and the part of one beyond them.
+    pub delay: usize,
+    pub part: F,
+}
+
+/// Where they stand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Books<F> {
+    pub account: F,
+    pub made: F,
+    /// The torques of the last samples, the newest at `newest`.
+    held: [F; HELD],
+    newest: usize,
+    /// The last measured position; `None` where the books are to be opened anew.
+    position: Option<F>,
+}
+
+impl<F: Real> Books<F> {
+    pub const CLOSED: Self =
+        Books { account: F::ZERO, made: F::ZERO, held: [F::ZERO; HELD], newest: 0, position: None };
+
+    /// From the next sample on another world.
+    pub fn reopen(&mut self) {
+        self.position = None;
+    }
+
+    fn held(&self, age: usize) -> F {
+        self.held.get((self.newest % HELD + HELD - age % HELD) % HELD).copied().unwrap_or(F::ZERO)
+    }
+
+    fn push(&mut self, torque: F) {
+        self.newest = (self.newest % HELD + 1) % HELD;
+        if let Some(place) = self.held.get_mut(self.newest) {
+            *place = torque;
+        }
+    }
+}
+
+impl<F: Real> Ledger<F> {
+    /// One sample, `periods` after the last: the world's torque without constants, the puck's measured position.
+    pub fn enter(&self, books: &mut Books<F>, step: &Step<F>, position: F, torque: F, periods: u32) {
+        let most = step.stored + self.most;
+        match books.position {
+            None => (books.account, books.made) = (most, F::ZERO),
+            Some(last) if self.delay + 2 < HELD => {
+                // What the motor held while no sample came it held on.
+                for _ in 1..periods.min(HELD as u32) {
+                    books.push(books.held(0));
+                }
+                let dz = position - last;
+                let held = books.held(self.delay);
+                let late = books.held(self.delay + 1);
+                let time = if periods > 1 { F::from_f64(f64::from(periods)) } else { F::ONE };
+                books.account += self.damping * (dz * dz) / time - (held + self.part * (late - held)) * dz + step.given;
+            }
+            Some(_) => books.account = most,
+        }
+        if books.account > most {
+            books.account = most;
+        }
+        books.made += step.made;
+        if books.made < F::ZERO {
+            books.made = F::ZERO;
+        }
+        books.push(torque);
+        books.position = Some(position);
+    }
+}

@@ -1,0 +1,118 @@
+//! What a supervisor holds a loop to, as plain data in SI.
+
+use crate::{Error, Spec};
+
+/// How much the supervisor trusts what it guards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Guarding {
+    /// A real device, its world certified: stable and passive.
+    Certified,
+    /// A real device, the world not certified: the energy ledgers are armed tighter.
+    Uncertified,
+    /// The simulated device: nobody can be hurt.
+    Simulated,
+}
+
+/// The limits of a supervisor and what it must know of the device. An infinite limit is none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// How long a fade takes, in s.
+    pub fade: f64,
+    /// The largest speed that the position can have, in rad/s (linear: m/s).
+    pub velocity: f64,
+    /// The largest change of the displacement from one sample to the next, in rad (m).
+    pub jump: f64,
+    /// The largest speed with the motor on, in rad/s (m/s).
+    pub overspeed: f64,
+    /// How long the position may stand still under more than `stuck_torque`, in s.
+    pub stuck: f64,
+    /// In N·m (N).
+    pub stuck_torque: f64,
+    /// The largest command, in N·m (N).
+    pub torque: f64,
+    /// The largest change of torque from one sample to the next, in N·m (N).
+    pub slew: f64,
+    /// The motor's i²t.
+    pub motor: Heat,
+    /// The driver's.
+    pub driver: Heat,
+    /// The longest that the motor may hold a torque beyond its period, in s.
+    pub late: f64,
+    /// The link's deadline in s.
+    pub link: f64,
+    /// Whether a lost link is a fault; else the torque fades out.
+    pub link_faults: bool,
+    /// The most that the hand may be given beyond what is stored, and that the integrator may make, in J.
+    pub energy: f64,
+    /// Whether the world's own ledger trips; else it warns.
+    pub world_trips: bool,
+    /// Whether the ledger at the port trips; else it warns.
+    pub port_trips: bool,
+    /// The torque of the sign test's pulse in N·m (N); 0: no test.
+    pub pulse: f64,
+    /// Damping after a fault that leaves the encoder trusted, in N·m·s/rad (N·s/m); 0: none.
+    pub brake: f64,
+    /// Whether the position where it is armed is 0.
+    pub zero_where_armed: bool,
+    /// Whether announced jumps are believed: a simulated hand's.
+    pub announcements: bool,
+    /// The puck's inertia in kg·m² (kg), positive.
+    pub inertia: f64,
+    /// Its viscous damping in N·m·s/rad (N·s/m).
+    pub damping: f64,
+    /// Its Coulomb friction in N·m (N).
+    pub friction: f64,
+    /// From the sample to the motor's torque, in s.
+    pub delay: f64,
+}
+
+/// A first-order thermal model: heat goes as the torque's square, and leaves with one time constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heat {
+    /// The torque that may be held for ever, in N·m (N).
+    pub rms: f64,
+    /// The time constant in s.
+    pub time: f64,
+}
+
+impl Limits {
+    /// Errors on what no limit can be, naming it.
+    pub(crate) fn check(&self, spec: &Spec) -> Result<(), Error> {
+        Error::check_positive("period", spec.period)?;
+        Error::check_positive("fade", self.fade)?;
+        Error::check_positive("inertia", self.inertia)?;
+        for (what, given) in [
+            ("velocity", self.velocity),
+            ("jump", self.jump),
+            ("overspeed", self.overspeed),
+            ("stuck", self.stuck),
+            ("torque", self.torque),
+            ("slew", self.slew),
+            ("rms", self.motor.rms),
+            ("heating", self.motor.time),
+            ("driver_rms", self.driver.rms),
+            ("driver_heating", self.driver.time),
+            ("late", self.late),
+            ("link", self.link),
+            ("energy", self.energy),
+        ] {
+            let right = given > 0.0;
+            if !right {
+                return Err(Error::Value { what, given, wanted: "positive, or infinite for none" });
+            }
+        }
+        for (what, given) in [
+            ("stuck_torque", self.stuck_torque),
+            ("pulse", self.pulse),
+            ("brake", self.brake),
+            ("damping", self.damping),
+            ("friction", self.friction),
+            ("delay", self.delay),
+        ] {
+            if !(given >= 0.0 && given.is_finite()) {
+                return Err(Error::Value { what, given, wanted: "zero or more" });
+            }
+        }
+        Ok(())
+    }
+}

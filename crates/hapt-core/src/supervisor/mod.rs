@@ -1,0 +1,378 @@
+//! The supervisor: what stands between a loop's command and a motor, sample by sample.
+//!
+//! A [`Supervisor`] is the limits, compiled once; a [`Watch`] is everything that it remembers, one `Copy` struct. It runs the loop
+//! itself, so that no torque reaches the motor but through it:
+//!
+//! ```text
+//! disarmed --arm--> fading in --> running --disarm--> fading out --> disarmed
+//!     any of them --fault--> faulted --clear, the cause gone--> disarmed
+//! ```
+//!
+//! Each sample looks at the reading (`motion.rs`), steps the world, books its energies (`energy.rs`, `ledger.rs`), and looks at the
+//! torque. A fault takes the torque away at the sample that shows it.
+
+mod energy;
+mod ledger;
+mod limits;
+mod motion;
+mod phase;
+mod pulse;
+mod reason;
+mod thermal;
+
+use crate::{Error, Loop, Real, Sample, Spec, State};
+use energy::Energy;
+use ledger::{Books, Ledger};
+pub use limits::{Guarding, Heat, Limits};
+use motion::{Motion, Seen};
+pub use phase::{Guarded, Phase, Reading, Request};
+use pulse::{Answer, Pulse, Testing};
+pub use reason::Reason;
+use thermal::Thermal;
+
+/// Samples without anything wrong after which a cause counts as gone.
+const CALM: u32 = 16;
+
+/// The limits, compiled once, for a loop with room for B bodies and C couplings.
+#[derive(Clone, Copy, Debug)]
+pub struct Supervisor<F, const B: usize, const C: usize> {
+    /// 1/samples of a fade.
+    fade: F,
+    motion: Motion<F>,
+    energy: Energy<F, B, C>,
+    ledger: Ledger<F>,
+    /// Of the motor and of its driver.
+    thermal: [Thermal<F>; 2],
+    pulse: Option<Pulse<F>>,
+    torque: F,
+    slew: F,
+    /// Torque per displacement of a sample after a fault; 0: none.
+    brake: F,
+    link_faults: bool,
+    world_trips: bool,
+    port_trips: bool,
+    zero_where_armed: bool,
+    announcements: bool,
+}
+
+/// What the supervisor remembers from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Watch<F> {
+    /// Where it stands.
+    pub phase: Phase,
+    /// Why it is faulted, or has faded out by itself.
+    pub reason: Option<Reason>,
+    /// What would have tripped where it only warns, since it was armed.
+    pub warning: Option<Reason>,
+    /// From 0 to 1: how much of the command reaches the motor.
+    pub gain: F,
+    /// The device's position at which the world's is 0, in rad (linear: m).
+    pub offset: F,
+    /// The torque that the motor was last asked for, in N·m (N).
+    pub output: F,
+    seen: Seen<F>,
+    books: Books<F>,
+    heat: [F; 2],
+    testing: Option<Testing<F>>,
+    /// The world begins anew at the next sample.
+    fresh: bool,
+    /// The world is another from the next sample on.
+    swapped: bool,
+    /// What is left of the step that a swap would have been, and how much of it goes a sample.
+    carry: [F; 2],
+    /// From 1 to 0: what is left of the braking after a fault.
+    braking: F,
+    /// Samples since something was wrong.
+    calm: u32,
+}
+
+impl<F: Real> Watch<F> {
+    /// Disarmed.
+    pub const START: Self = Watch {
+        phase: Phase::Disarmed,
+        reason: None,
+        warning: None,
+        gain: F::ZERO,
+        offset: F::ZERO,
+        output: F::ZERO,
+        seen: Seen::NOTHING,
+        books: Books::CLOSED,
+        heat: [F::ZERO; 2],
+        testing: None,
+        fresh: true,
+        swapped: false,
+        carry: [F::ZERO; 2],
+        braking: F::ZERO,
+        calm: 0,
+    };
+
+    /// From the next sample on the world and its supervisor are others. The torque goes on from where it was and
+    /// fades over to the new world's; what that has stored is credited to the ledger.
+    pub fn swap(&mut self) {
+        self.swapped = true;
+        self.seen.step = None;
+        self.books.reopen();
+    }
+
+    /// What the hand may still be given beyond what is stored, in J; below 0 it has been given too much.
+    pub fn account(&self) -> F {
+        self.books.account
+    }
+
+    /// What the world's integrator has made, in J.
+    pub fn made(&self) -> F {
+        self.books.made
+    }
+
+    fn fault(&mut self, reason: Reason) {
+        if self.phase != Phase::Faulted || reason == Reason::Stop {
+            self.braking = if reason.trusts_the_encoder() && self.phase.is_active() { F::ONE } else { F::ZERO };
+            (self.phase, self.reason) = (Phase::Faulted, Some(reason));
+        }
+    }
+}
+
+impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
+    /// A supervisor of the loop of `spec`. Errors where a limit is out of range, or the loop has no room for the world.
+    pub fn new(limits: &Limits, spec: &Spec) -> Result<Self, Error> {
+        limits.check(spec)?;
+        if spec.bodies.len() > B {
+            return Err(Error::TooManyBodies { given: spec.bodies.len(), room: B });
+        }
+        if spec.couplings.len() > C {
+            return Err(Error::TooManyCouplings { given: spec.couplings.len(), room: C });
+        }
+        let f = F::from_f64;
+        let periods = limits.delay / spec.period;
+        let whole = libm::floor(periods + 1e-6);
+        let part = if periods > whole { periods - whole } else { 0.0 };
+        // A differenced damper that is a sample and the delay late is stable below J/(T(1 + 2 delays)); a quarter of that is calm.
+        let most = 0.25 * limits.inertia / (spec.period * (1.0 + 2.0 * periods));
+        let brake = if limits.brake < most { limits.brake } else { most };
+        let fade = libm::ceil(limits.fade / spec.period);
+        Ok(Supervisor {
+            fade: f(1.0 / fade),
+            motion: Motion::new(limits, spec),
+            energy: Energy::new(spec),
+            ledger: Ledger {
+                most: f(limits.energy),
+                damping: f(limits.damping / spec.period),
+                delay: whole as usize,
+                part: f(part),
+            },
+            thermal: [Thermal::new(&limits.motor, spec.period), Thermal::new(&limits.driver, spec.period)],
+            pulse: Pulse::new(limits, spec),
+            // A limit rounded to this number is no fault.
+            torque: f(limits.torque * (1.0 + 8.0 * F::EPSILON.to_f64())),
+            slew: f(limits.slew),
+            brake: f(brake / spec.period),
+            link_faults: limits.link_faults,
+            world_trips: limits.world_trips,
+            port_trips: limits.port_trips,
+            zero_where_armed: limits.zero_where_armed,
+            announcements: limits.announcements,
+        })
+    }
+
+    /// One sample of `world`, guarded.
+    pub fn step<const W: usize>(
+        &self,
+        watch: &mut Watch<F>,
+        world: &Loop<F, B, C, W>,
+        state: &mut State<F, B, C, W>,
+        reading: &Reading<F>,
+        request: Option<Request>,
+    ) -> Guarded<F> {
+        let announced = reading.announced && self.announcements;
+        let wrong = self.motion.wrong(&mut watch.seen, reading, announced, watch.output);
+        watch.calm = if wrong.is_some() { 0 } else { watch.calm.saturating_add(1) };
+        self.ask(watch, request, wrong, self.motion.link_is_lost(reading));
+
+        let waits = !watch.phase.is_active() || watch.testing.is_some();
+        if waits || watch.fresh {
+            *state = world.start();
+            watch.books.reopen();
+            watch.fresh = false;
+        }
+        // A reading that is no number is not shown to the world.
+        let velocity = reading.velocity.finite_or_zero();
+        let sample = world.step(state, watch.seen.position - watch.offset, velocity);
+        if !waits {
+            self.book(watch, state, &sample, reading);
+        }
+        let testing = watch.testing.is_some();
+        let wanted = self.wanted(watch, &sample);
+        let slewed = (wanted - watch.output).abs() > self.slew;
+        if slewed && !announced && !testing && watch.phase.is_active() {
+            watch.fault(Reason::Slew);
+        }
+        let mut output = if watch.phase == Phase::Faulted { self.braked(watch, wrong) } else { wanted };
+        let mut hot = None;
+        for ((heat, thermal), reason) in
+            watch.heat.iter_mut().zip(&self.thermal).zip([Reason::Heat, Reason::DriverHeat])
+        {
+            if thermal.warm(heat, output) {
+                hot = hot.or(Some(reason));
+            }
+        }
+        if let (Some(reason), true) = (hot, watch.phase.is_active()) {
+            watch.fault(reason);
+            output = F::ZERO;
+        }
+        watch.output = output;
+        let Watch { phase, reason, warning, .. } = *watch;
+        Guarded { sample, output, phase, reason, warning }
+    }
+
+    /// What somebody asks for, and what the reading says.
+    fn ask(&self, watch: &mut Watch<F>, request: Option<Request>, wrong: Option<Reason>, lost: bool) {
+        match (request, watch.phase) {
+            (Some(Request::Stop), _) => {
+                watch.fault(Reason::Stop);
+                watch.calm = 0;
+            }
+            (Some(Request::Arm), Phase::Disarmed | Phase::FadingOut) => match wrong {
+                Some(reason) => watch.fault(reason),
+                None if lost => watch.reason = Some(Reason::Link),
+                None => self.arm(watch),
+            },
+            (Some(Request::Disarm), Phase::FadingIn | Phase::Running) => watch.phase = Phase::FadingOut,
+            (Some(Request::Clear), Phase::Faulted) if self.is_over(watch, lost) => {
+                (watch.phase, watch.reason) = (Phase::Disarmed, None);
+            }
+            _ => {}
+        }
+        if !watch.phase.is_active() {
+            return;
+        }
+        if let Some(reason) = wrong {
+            watch.fault(reason);
+        } else if lost && self.link_faults {
+            watch.fault(Reason::Link);
+        } else if lost && watch.phase != Phase::FadingOut {
+            (watch.phase, watch.reason) = (Phase::FadingOut, Some(Reason::Link));
+        }
+    }
+
+    fn arm(&self, watch: &mut Watch<F>) {
+        (watch.reason, watch.warning) = (None, None);
+        if watch.phase == Phase::Disarmed {
+            watch.fresh = true;
+            watch.testing = self.pulse.map(|_| Testing::BEGIN);
+            self.home(watch);
+        }
+        watch.phase = Phase::FadingIn;
+    }
+
+    fn home(&self, watch: &mut Watch<F>) {
+        if self.zero_where_armed {
+            watch.offset = watch.seen.position;
+        }
+    }
+
+    /// Whether the cause of a fault is gone.
+    fn is_over(&self, watch: &Watch<F>, lost: bool) -> bool {
+        let cool = watch.heat.iter().zip(&self.thermal).all(|(heat, thermal)| thermal.has_cooled(*heat));
+        match watch.reason {
+            Some(Reason::Heat | Reason::DriverHeat) => cool,
+            Some(Reason::Link) => !lost,
+            _ => watch.calm >= CALM,
+        }
+    }
+
+    /// The world's numbers and energies.
+    fn book<const W: usize>(
+        &self,
+        watch: &mut Watch<F>,
+        state: &State<F, B, C, W>,
+        sample: &Sample<F>,
+        reading: &Reading<F>,
+    ) {
+        let puck = (sample.puck.position, sample.puck.velocity);
+        let step = self.energy.step(state, puck);
+        if !(sample.torque.is_finite() && step.stored.is_finite() && step.made.is_finite()) {
+            watch.fault(Reason::NotFinite);
+            return;
+        }
+        let torque = sample.torque - self.energy.constant;
+        self.ledger.enter(&mut watch.books, &step, puck.0, torque, reading.missed.saturating_add(1));
+        // Written so that what is no number trips too.
+        let (in_account, within) = (watch.books.account >= F::ZERO, watch.books.made <= self.ledger.most);
+        for (right, trips, reason) in
+            [(in_account, self.port_trips, Reason::PortEnergy), (within, self.world_trips, Reason::WorldEnergy)]
+        {
+            if !right && trips {
+                watch.fault(reason);
+            } else if !right {
+                watch.warning = Some(reason);
+            }
+        }
+        if sample.command.abs() > self.torque {
+            watch.fault(Reason::Torque);
+        }
+    }
+
+    /// What the phase makes of the world's command, and the phase after this sample.
+    fn wanted(&self, watch: &mut Watch<F>, sample: &Sample<F>) -> F {
+        if !watch.phase.is_active() {
+            (watch.gain, watch.testing, watch.carry, watch.swapped) = (F::ZERO, None, [F::ZERO; 2], false);
+            return F::ZERO;
+        }
+        if let (Some(testing), Some(pulse), Phase::FadingIn) = (watch.testing.as_mut(), &self.pulse, watch.phase) {
+            match pulse.sample(testing, watch.seen.position) {
+                Answer::Torque(torque) => return torque,
+                Answer::Right => {
+                    (watch.testing, watch.fresh) = (None, true);
+                    self.home(watch);
+                }
+                Answer::Wrong(reason) => watch.fault(reason),
+            }
+            return F::ZERO;
+        }
+        let before = watch.gain;
+        match watch.phase {
+            Phase::FadingIn => watch.gain += self.fade,
+            Phase::FadingOut => watch.gain -= self.fade,
+            _ => {}
+        }
+        // A sum of many parts is near a whole, not one.
+        let near = F::HALF * self.fade;
+        if watch.gain > F::ONE - near {
+            (watch.gain, watch.phase) = (F::ONE, Phase::Running);
+        } else if watch.gain < near {
+            (watch.gain, watch.phase, watch.testing) = (F::ZERO, Phase::Disarmed, None);
+            return F::ZERO;
+        }
+        let wanted = watch.gain * sample.command;
+        let [carry, part] = watch.carry;
+        if watch.swapped {
+            let carry = watch.output - wanted;
+            (watch.carry, watch.swapped) = ([carry, carry * self.fade], false);
+        } else if carry != F::ZERO {
+            let gone = carry.abs() <= part.abs();
+            let left = if gone { F::ZERO } else { carry - part };
+            // It leaves with the torque that fades out.
+            let left = if watch.phase == Phase::FadingOut { left * (watch.gain / before) } else { left };
+            watch.carry[0] = left;
+        }
+        (wanted + watch.carry[0]).within(self.torque)
+    }
+
+    /// The torque after a fault: none, or what brings the puck to rest over a fade's time.
+    fn braked(&self, watch: &mut Watch<F>, wrong: Option<Reason>) -> F {
+        if watch.braking < F::HALF * self.fade || self.brake <= F::ZERO {
+            return F::ZERO;
+        }
+        // The speed that made it fault may be believed; a reading that is wrong since may not.
+        if wrong.is_some_and(|reason| !reason.trusts_the_encoder()) {
+            watch.braking = F::ZERO;
+            return F::ZERO;
+        }
+        watch.braking -= self.fade;
+        if watch.braking < F::HALF * self.fade {
+            return F::ZERO;
+        }
+        let step = watch.seen.step.unwrap_or(F::ZERO);
+        -(self.brake * step * watch.braking).within(self.torque)
+    }
+}

@@ -1,0 +1,101 @@
+//! What a reading alone shows: numbers, times, and whether a puck can have moved so.
+
+use crate::supervisor::{Limits, Reading, Reason};
+use crate::{Real, Spec};
+
+/// The limits of a reading, in the displacement of one sample.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Motion<F> {
+    period: F,
+    /// The largest displacement of a sample, without the encoder's own.
+    velocity: F,
+    overspeed: F,
+    /// The largest change of it, with the encoder's own.
+    jump: F,
+    count: F,
+    late: F,
+    link: F,
+    friction: F,
+    stuck_torque: F,
+    /// In samples.
+    stuck: F,
+}
+
+/// What is remembered of the last reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Seen<F> {
+    /// The last position that was a number.
+    pub position: F,
+    /// The displacement a period, where two positions were seen.
+    pub step: Option<F>,
+    /// Whether one was.
+    known: bool,
+    /// For how many samples it has stood still under torque.
+    still: F,
+}
+
+impl<F: Real> Seen<F> {
+    pub const NOTHING: Self = Seen { position: F::ZERO, step: None, known: false, still: F::ZERO };
+}
+
+impl<F: Real> Motion<F> {
+    pub fn new(limits: &Limits, spec: &Spec) -> Self {
+        let f = F::from_f64;
+        let count = spec.count.unwrap_or(0.0);
+        Motion {
+            period: f(spec.period),
+            velocity: f(limits.velocity * spec.period),
+            overspeed: f(limits.overspeed * spec.period),
+            jump: f(limits.jump + 2.0 * count),
+            count: f(count),
+            late: f(limits.late),
+            link: f(limits.link),
+            friction: f(limits.friction),
+            stuck_torque: f(limits.stuck_torque),
+            stuck: f(limits.stuck / spec.period),
+        }
+    }
+
+    /// What is wrong with a reading under the torque `held` since the last; a lost link apart.
+    pub fn wrong(&self, seen: &mut Seen<F>, reading: &Reading<F>, announced: bool, held: F) -> Option<Reason> {
+        let finite = [reading.position, reading.velocity, reading.late, reading.silent].iter().all(|x| x.is_finite());
+        if !finite {
+            return Some(Reason::NotFinite);
+        }
+        let missed = F::from_f64(f64::from(reading.missed));
+        let periods = F::ONE + missed;
+        let (distance, known) = (reading.position - seen.position, seen.known);
+        (seen.position, seen.known) = (reading.position, true);
+        let is_pushed = held.abs() > self.stuck_torque;
+        let moves = distance != F::ZERO || !is_pushed;
+        seen.still = if moves || announced { F::ZERO } else { seen.still + periods };
+        let late = reading.late.abs() + missed * self.period > self.late;
+        if !known || announced {
+            // A jump has no velocity, before or after.
+            seen.step = known.then_some(F::ZERO);
+            return late.then_some(Reason::Late);
+        }
+        let step = if reading.missed > 0 { distance / periods } else { distance };
+        let before = seen.step.replace(step);
+        let size = distance.abs();
+        let jumped = reading.missed == 0 && before.is_some_and(|before| (step - before).abs() > self.jump);
+        if jumped {
+            Some(Reason::Jump)
+        } else if size > self.velocity * periods + self.count {
+            Some(Reason::Velocity)
+        } else if size > self.overspeed * periods + self.count && held.abs() > self.friction {
+            Some(Reason::Overspeed)
+        } else if late {
+            Some(Reason::Late)
+        } else if seen.still > self.stuck {
+            Some(Reason::Stuck)
+        } else {
+            None
+        }
+    }
+
+    /// Whether whoever holds the link has been silent for too long.
+    pub fn link_is_lost(&self, reading: &Reading<F>) -> bool {
+        reading.silent > self.link
+    }
+}

@@ -1,0 +1,155 @@
+//! Why a torque is taken away: codes, names, and sentences for people.
+
+/// Why the torque was taken away. The codes are for wires and logs, and never change their meaning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+#[non_exhaustive]
+pub enum Reason {
+    /// Somebody pressed stop.
+    Stop = 1,
+    /// A number is no number.
+    NotFinite = 2,
+    /// The position changed its speed by more in one sample than a hand or the motor could.
+    Jump = 3,
+    /// The position went faster than the device can.
+    Velocity = 4,
+    /// The position stood still under a torque that should have moved it.
+    Stuck = 5,
+    /// The loop asks for more than its limit.
+    Torque = 6,
+    /// The torque changed by more in one sample than this world can change it.
+    Slew = 7,
+    /// The motor would become too hot.
+    Heat = 8,
+    /// The driver would.
+    DriverHeat = 9,
+    /// The puck is faster than hands are, with the motor on.
+    Overspeed = 10,
+    /// A sample came late, or some were missed.
+    Late = 11,
+    /// Whoever holds the link has not been heard.
+    Link = 12,
+    /// The hand was given energy that nobody had put in.
+    PortEnergy = 13,
+    /// The world's integrator made energy.
+    WorldEnergy = 14,
+    /// At the start a small pulse moved the puck the wrong way.
+    Reversed = 15,
+}
+
+impl Reason {
+    /// All of them, by their codes.
+    pub const ALL: [Reason; 15] = [
+        Reason::Stop,
+        Reason::NotFinite,
+        Reason::Jump,
+        Reason::Velocity,
+        Reason::Stuck,
+        Reason::Torque,
+        Reason::Slew,
+        Reason::Heat,
+        Reason::DriverHeat,
+        Reason::Overspeed,
+        Reason::Late,
+        Reason::Link,
+        Reason::PortEnergy,
+        Reason::WorldEnergy,
+        Reason::Reversed,
+    ];
+
+    /// Its number on wires and in logs, 1 and up; 0 is for no reason.
+    pub const fn code(self) -> u8 {
+        self as u8
+    }
+
+    /// The reason of a code.
+    pub fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|reason| reason.code() == code)
+    }
+
+    /// Its name in logs and protocols.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Reason::Stop => "stop",
+            Reason::NotFinite => "not-finite",
+            Reason::Jump => "jump",
+            Reason::Velocity => "velocity",
+            Reason::Stuck => "stuck",
+            Reason::Torque => "torque",
+            Reason::Slew => "slew",
+            Reason::Heat => "heat",
+            Reason::DriverHeat => "driver-heat",
+            Reason::Overspeed => "overspeed",
+            Reason::Late => "late",
+            Reason::Link => "link",
+            Reason::PortEnergy => "port-energy",
+            Reason::WorldEnergy => "world-energy",
+            Reason::Reversed => "reversed",
+        }
+    }
+
+    /// What happened.
+    pub const fn sentence(self) -> &'static str {
+        match self {
+            Reason::Stop => "Somebody pressed stop.",
+            Reason::NotFinite => "A position, a time or a torque is no finite number.",
+            Reason::Jump => "The position jumped: no hand changes the puck's speed so much within one sample.",
+            Reason::Velocity => "The position ran faster than the device can turn.",
+            Reason::Stuck => "The position stood still against a torque that should have moved the puck.",
+            Reason::Torque => "The loop asked for more torque than it may.",
+            Reason::Slew => "The torque jumped by more than this world can make it.",
+            Reason::Heat => "The motor has held more torque than it can carry away as heat.",
+            Reason::DriverHeat => "The driver has carried more current than it can for long.",
+            Reason::Overspeed => "The puck turned faster than a hand turns it, with the motor on.",
+            Reason::Late => "A sample came too late, or samples were missed.",
+            Reason::Link => "Whoever holds the controls was not heard in time.",
+            Reason::PortEnergy => "The loop gave the hand energy that nobody had put in.",
+            Reason::WorldEnergy => "The integration method made energy inside of the world.",
+            Reason::Reversed => "A small pulse of torque moved the puck the wrong way.",
+        }
+    }
+
+    /// How to clear it: what has to be done before, and what would help.
+    pub const fn remedy(self) -> &'static str {
+        match self {
+            Reason::Stop => "Release the stop, then clear.",
+            Reason::NotFinite => {
+                "Clear. If it comes again, the world runs away (check it) or the device sends no numbers."
+            }
+            Reason::Jump => "Look at the encoder's cable and at safety.jump, then clear.",
+            Reason::Velocity => "Let the puck come to rest, look at the encoder and at safety.velocity, then clear.",
+            Reason::Stuck => {
+                "Let go of the puck, look at the encoder's cable, then clear and arm. A hand that holds it still for longer wants a longer safety.stuck."
+            }
+            Reason::Torque => "Raise safety.torque or lower device.limit, then clear.",
+            Reason::Slew => "Look for what changed the torque; raise safety.slew if the world may do that; then clear.",
+            Reason::Heat => {
+                "Wait until the motor has cooled, then clear. safety.rms and safety.heating say what it bears."
+            }
+            Reason::DriverHeat => {
+                "Wait until the driver has cooled, then clear. safety.driver_rms and safety.driver_heating say what it bears."
+            }
+            Reason::Overspeed => {
+                "Let the puck come to rest, then clear. If it ran away by itself, check the world and the motor's sign."
+            }
+            Reason::Late => {
+                "Clear when samples come in time again. `hapt latency` says how well the computer keeps time."
+            }
+            Reason::Link => "Clear, if it faulted, and arm when the link is there again.",
+            Reason::PortEnergy => {
+                "Clear. `hapt check` says whether the world is passive on this device, and what would make it so."
+            }
+            Reason::WorldEnergy => {
+                "Clear, and choose a method that makes no energy: zoh, trapezoidal or backward-euler."
+            }
+            Reason::Reversed => {
+                "Swap the motor's sign or the encoder's direction, then clear. If a hand was on the puck: let go, clear and arm again."
+            }
+        }
+    }
+
+    /// Whether the puck's velocity can be believed after it, so that damping may bring it to rest.
+    pub(crate) const fn trusts_the_encoder(self) -> bool {
+        matches!(self, Reason::Stop | Reason::Overspeed | Reason::Link | Reason::PortEnergy | Reason::WorldEnergy)
+    }
+}

@@ -1,0 +1,28 @@
+//! i²t: a first-order model of what a winding or a transistor bears.
+
+use crate::{Heat, Real};
+
+/// heat += (τ² - heat) · part, part = 1 - exp(-T/time): what a torque held for ever would have been, squared.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Thermal<F> {
+    part: F,
+    /// rms²
+    most: F,
+}
+
+impl<F: Real> Thermal<F> {
+    pub fn new(heat: &Heat, period: f64) -> Self {
+        Thermal { part: F::from_f64(-libm::expm1(-period / heat.time)), most: F::from_f64(heat.rms * heat.rms) }
+    }
+
+    /// One sample at a torque; whether it is too hot.
+    pub fn warm(&self, heat: &mut F, torque: F) -> bool {
+        *heat += (torque * torque - *heat) * self.part;
+        *heat > self.most
+    }
+
+    /// Half of what it bears has gone again.
+    pub fn has_cooled(&self, heat: F) -> bool {
+        heat <= F::HALF * self.most
+    }
+}

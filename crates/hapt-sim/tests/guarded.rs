@@ -1,0 +1,220 @@
+//! The supervisor on the exact device: the notes' runs pass, what runs away is caught, signs are told, energies agree.
+
+mod common;
+
+use common::{bare, spring, wheel};
+use hapt_core::{Guarded, Guarding, Phase, Reading, Reason, Request, Watch};
+use hapt_model::{
+    Body, Clampable, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Side, Source, World,
+};
+use hapt_sim::{DesktopLoop, DesktopSupervisor, Grip, Simulation, VirtualDevice, world_energy};
+use proptest::prelude::*;
+
+type State = hapt_core::State<f64, 32, 64, 257>;
+
+struct Guard {
+    core: DesktopLoop,
+    supervisor: DesktopSupervisor,
+    state: State,
+    watch: Watch<f64>,
+}
+
+impl Guard {
+    fn new(world: &World, guarding: Guarding) -> Self {
+        let core = DesktopLoop::new(&world.spec()).unwrap();
+        let supervisor = DesktopSupervisor::new(&world.limits(guarding), &world.spec()).unwrap();
+        Guard { state: core.start(), core, supervisor, watch: Watch::START }
+    }
+
+    fn step(&mut self, position: f64, velocity: f64, announced: bool, request: Option<Request>) -> Guarded<f64> {
+        let reading = Reading { position, velocity, announced, late: 0.0, missed: 0, silent: 0.0 };
+        self.supervisor.step(&mut self.watch, &self.core, &mut self.state, &reading, request)
+    }
+
+    /// A period of the device, whose motor feels `gain` times the torque.
+    fn on(&mut self, device: &mut VirtualDevice, gain: f64, request: Option<Request>) -> Guarded<f64> {
+        let (position, velocity) = device.puck();
+        let guarded = self.step(position, velocity, false, request);
+        device.command(gain * guarded.output);
+        device.travel();
+        guarded
+    }
+}
+
+/// The Michigan wheel with its motor's limit and encoder, the notes' wheel on it.
+fn michigan(method: Method, output: Output) -> World {
+    let mut world = wheel(method, output);
+    world.device.limit = Some(0.82225);
+    world.device.encoder = Some(4000.0);
+    world.sampling.estimator = EstimatorKind::Difference;
+    world
+}
+
+/// Readings as the runs have them: the supervisor sees what it would have seen.
+#[test]
+fn every_run_of_the_notes_passes_and_only_forward_euler_is_warned_of() {
+    let mut warned = Vec::new();
+    for entry in std::fs::read_dir("../../worlds/notes").unwrap() {
+        let path = entry.unwrap().path();
+        let world = World::read(&Source::from_text("w", std::fs::read_to_string(&path).unwrap()), &[]).unwrap();
+        for scenario in &world.scenarios {
+            let mut guard = Guard::new(&world, Guarding::Simulated);
+            let jump = match scenario.hand.drive {
+                Drive::Position(Shape::Step { at, .. }) => Some((at / world.sampling.period).round() as u64),
+                _ => None,
+            };
+            let mut run = Simulation::new(&world, scenario).unwrap();
+            let mut sample = 0;
+            while let Some(row) = run.next() {
+                let row = row.unwrap();
+                let request = (sample == 0).then_some(Request::Arm);
+                let guarded = guard.step(row.puck, row.puck_velocity, jump == Some(sample), request);
+                assert!(guarded.phase.is_active(), "{path:?} {}: {:?} at {}", scenario.name, guarded.reason, row.time);
+                assert_eq!(guarded.sample.command, row.command);
+                if guarded.phase == Phase::Running {
+                    assert_eq!(guarded.output, row.command);
+                }
+                sample += 1;
+            }
+            if guard.watch.warning.is_some() {
+                warned.push(path.file_stem().unwrap().to_string_lossy().into_owned());
+            }
+        }
+    }
+    assert_eq!(warned, ["euler"]);
+}
+
+/// Under forward Euler the released wheel takes energy from nowhere: the port's ledger sees it long before it is fast.
+#[test]
+fn a_wheel_that_runs_away_by_itself_is_caught_and_stays_without_torque() {
+    let mut world = michigan(Method::ForwardEuler, Output::Start);
+    world.bodies[0].position = 0.2;
+    world.device.damping = 1e-4;
+    for guarding in [Guarding::Simulated, Guarding::Uncertified] {
+        let mut guard = Guard::new(&world, guarding);
+        let mut device = VirtualDevice::new(&world);
+        let mut caught = None;
+        for sample in 0..60_000 {
+            let request = (sample == 20).then_some(Request::Arm);
+            let guarded = guard.on(&mut device, 1.0, request);
+            if caught.is_some() {
+                assert_eq!((guarded.phase, guarded.output), (Phase::Faulted, 0.0));
+            } else if guarded.phase == Phase::Faulted {
+                caught = guarded.reason;
+                assert_eq!(guarded.output, 0.0);
+            }
+        }
+        assert!(matches!(caught, Some(Reason::PortEnergy | Reason::WorldEnergy)), "{guarding:?}: {caught:?}");
+    }
+}
+
+#[test]
+fn the_sign_test_tells_a_reversed_motor_a_hand_in_the_way_and_none() {
+    let world = michigan(Method::Zoh, Output::End);
+    let stiff = Grip { inertia: 0.0, damping: 1.0, stiffness: 100.0 };
+    for (gain, grip, phase, reason) in [
+        (1.0, None, Phase::Running, None),
+        (-1.0, None, Phase::Faulted, Some(Reason::Reversed)),
+        (0.0, None, Phase::Faulted, Some(Reason::Stuck)),
+        (1.0, Some(stiff), Phase::Faulted, Some(Reason::Stuck)),
+    ] {
+        let mut guard = Guard::new(&world, Guarding::Certified);
+        let mut device = VirtualDevice::new(&world);
+        device.hold(grip);
+        let mut farthest = 0.0_f64;
+        for sample in 0..2000 {
+            guard.on(&mut device, gain, (sample == 20).then_some(Request::Arm));
+            farthest = farthest.max(device.puck().0.abs());
+        }
+        assert_eq!((guard.watch.phase, guard.watch.reason), (phase, reason), "{gain} {grip:?}");
+        assert!(farthest < 0.2, "{farthest} rad");
+    }
+}
+
+/// A constant that nobody holds takes the puck beyond what hands do, and is taken away.
+#[test]
+fn a_puck_that_nobody_holds_is_stopped_before_it_is_too_fast() {
+    let mut world = bare();
+    world.device.limit = Some(0.5);
+    world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque: 0.4 } }];
+    let mut guard = Guard::new(&world, Guarding::Certified);
+    let mut device = VirtualDevice::new(&world);
+    let limits = world.limits(Guarding::Certified);
+    let mut fastest = 0.0_f64;
+    for sample in 0..5000 {
+        guard.on(&mut device, 1.0, (sample == 20).then_some(Request::Arm));
+        fastest = fastest.max(device.puck().1);
+    }
+    assert_eq!(guard.watch.reason, Some(Reason::Overspeed));
+    let step = 0.4 / world.device.inertia * world.sampling.period;
+    assert!(fastest > limits.overspeed - step && fastest < limits.overspeed + 2.0 * step, "{fastest}");
+}
+
+fn law() -> impl Strategy<Value = Law> {
+    prop_oneof![
+        (0.1..20.0, -0.2..0.2).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
+        (0.1..20.0, -0.2..0.2, any::<bool>()).prop_map(|(stiffness, at, above)| Law::Wall {
+            side: if above { Side::Above } else { Side::Below },
+            at,
+            stiffness,
+            damping: 0.01
+        }),
+        (0.01..0.2, 0.3..2.0, -1.0..1.0).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
+        (0.1..20.0, 0.01..0.5)
+            .prop_map(|(stiffness, limit)| Law::Clamped { law: Clampable::Spring { stiffness, rest: 0.1 }, limit }),
+        (0.0..0.01).prop_map(|torque| Law::Coulomb { torque }),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// The account begins at what is stored after the first step and the energy that it lets pass: the core's energies are those that the
+    /// laboratory computes on its own.
+    #[test]
+    fn the_supervisors_energy_is_the_laboratorys(
+        laws in proptest::collection::vec((0usize..4, law()), 1..6), puck in -0.5..0.5f64,
+        starts in proptest::collection::vec((-0.5..0.5f64, -5.0..5.0f64), 2),
+    ) {
+        let mut world = bare();
+        world.names = vec!["a".into(), "b".into()];
+        world.bodies = starts.iter().map(|&(position, velocity)| Body { inertia: 5e-3, position, velocity }).collect();
+        let pairs = [
+            (End::Puck, End::Body(0)), (End::Body(1), End::Puck), (End::Body(0), End::Body(1)), (End::Ground, End::Puck),
+        ];
+        world.couplings =
+            laws.iter().map(|&(pair, law)| Coupling { first: pairs[pair].0, second: pairs[pair].1, law }).collect();
+        let mut guard = Guard::new(&world, Guarding::Simulated);
+        guard.step(puck, 0.0, false, Some(Request::Arm));
+        let State { now, change, .. } = guard.state;
+        let bodies: Vec<(f64, f64)> =
+            (0..2).map(|i| (now.position[i] + change.position[i], now.velocity[i] + change.velocity[i])).collect();
+        let stored = world_energy(&world, puck, &bodies, &vec![0.0; world.couplings.len()]);
+        let account = guard.watch.account() - world.limits(Guarding::Simulated).energy;
+        prop_assert!((account - stored).abs() < 1e-9 * (1.0 + stored), "{account} {stored}");
+    }
+
+    /// A certified spring in a hand that shakes it as it likes, on a real device: no fault.
+    #[test]
+    fn a_hand_that_shakes_a_certified_wheel_trips_nothing(
+        stiffness in 0.5..5.0f64, frequency in 0.2..20.0f64, amplitude in 0.05..1.0f64, own in 0.0..1.0f64,
+    ) {
+        let mut world = michigan(Method::Zoh, Output::End);
+        world.couplings.push(spring(End::Puck, End::Ground, own));
+        let mut guard = Guard::new(&world, Guarding::Certified);
+        let mut device = VirtualDevice::new(&world);
+        let mut sample = 0;
+        while guard.watch.phase != Phase::Running {
+            guard.on(&mut device, 1.0, (sample == 20).then_some(Request::Arm));
+            sample += 1;
+            prop_assert!(sample < 1000);
+        }
+        device.hold(Some(Grip { inertia: 1e-4, damping: 0.02, stiffness }));
+        let rate = std::f64::consts::TAU * frequency * world.sampling.period;
+        let amplitude = amplitude.min(20.0 / (std::f64::consts::TAU * frequency));
+        for k in 0..5000 {
+            device.intend(amplitude * (rate * f64::from(k)).sin());
+            prop_assert!(guard.on(&mut device, 1.0, None).phase == Phase::Running, "{:?}", guard.watch.reason);
+        }
+    }
+}

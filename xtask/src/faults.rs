@@ -1,0 +1,233 @@
+//! `cargo xtask faults`: the supervisor against faults of every kind, and against none.
+//!
+//! Random certified worlds on the exact device, a hand at its roughest, a virtual clock. A fault sets in at a random sample; what is
+//! measured is the device's own truth: when the torque was gone, how large it was, what the hand was given.
+
+mod bench;
+mod kinds;
+mod rig;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail, ensure};
+use fastrand::Rng;
+use hapt_core::{Guarding, Phase, Reason};
+use rayon::prelude::*;
+
+use crate::marked;
+use bench::Hand;
+use kinds::Kind;
+use rig::Rig;
+
+const PAGE: &str = "docs/safety.md";
+/// A fault that is not caught within this time is not caught, s; and samples.
+const WINDOW: f64 = 3.0;
+const MOST_SAMPLES: u32 = 10_000;
+/// Samples after a fault for which the torque has to stay away.
+const AFTER: u32 = 50;
+/// Samples of one clean run.
+const CLEAN: u64 = 20_000;
+
+/// What became of one fault.
+struct Trial {
+    kind: Kind,
+    /// From its onset to the sample from which on there was no torque, in samples and in s; `None`: not caught.
+    caught: Option<(Reason, u32, f64)>,
+    /// The largest torque that the motor was asked for after the onset, in parts of its limit.
+    peak: f64,
+    /// The most that the hand was given after the onset, J.
+    given: f64,
+}
+
+/// `[--n N] [--clean SAMPLES] [--seed S] [--write]`
+pub fn command(words: &[&str]) -> Result<()> {
+    let (mut n, mut clean, mut seed, mut write) = (10_000, 1e8, 1, false);
+    let mut words = words.iter();
+    while let Some(word) = words.next() {
+        let mut number = || -> Result<f64> {
+            let text = words.next().with_context(|| format!("{word} takes a number"))?;
+            text.parse().with_context(|| format!("{text} is no number"))
+        };
+        match *word {
+            "--n" => n = number()? as u64,
+            "--clean" => clean = number()?,
+            "--seed" => seed = number()? as u64,
+            "--write" => write = true,
+            _ => bail!("faults takes --n N, --clean SAMPLES, --seed S and --write, not {word}"),
+        }
+    }
+    let started = Instant::now();
+    let trials = campaign(n, seed)?;
+    let runs = (clean / CLEAN as f64).ceil() as u64;
+    clean_runs(runs, seed)?;
+    let text = format!(
+        "{n} faults (seed {seed}) in as many random certified worlds, and {} samples without any in {runs}: no false trip.\n\n{}",
+        runs * CLEAN,
+        table(&trials)
+    );
+    if write {
+        let page = fs::read_to_string(PAGE)?;
+        fs::write(PAGE, marked::replaced(&page, "cargo xtask faults", &text)?)?;
+    } else {
+        println!("{text}");
+    }
+    eprintln!("{:.0} s", started.elapsed().as_secs_f64());
+    Ok(())
+}
+
+/// A small campaign, for every test run.
+pub fn are_caught() -> Result<()> {
+    campaign(420, 1)?;
+    clean_runs(50, 1)
+}
+
+fn campaign(n: u64, seed: u64) -> Result<Vec<Trial>> {
+    let trials: Vec<(u64, Result<Trial>)> = (0..n).into_par_iter().map(|i| (i, trial(seed, i))).collect();
+    let wrong: Vec<String> = trials
+        .iter()
+        .filter_map(|(i, trial)| trial.as_ref().err().map(|error| format!("fault {i}: {error:#}")))
+        .collect();
+    for text in wrong.iter().take(20) {
+        eprintln!("{text}");
+    }
+    ensure!(wrong.is_empty(), "{} of {n} faults ended wrongly", wrong.len());
+    Ok(trials.into_iter().filter_map(|(_, trial)| trial.ok()).collect())
+}
+
+fn clean_runs(runs: u64, seed: u64) -> Result<()> {
+    let trips: Vec<String> = (0..runs)
+        .into_par_iter()
+        .filter_map(|i| clean_run(seed, i).err().map(|error| format!("clean run {i}: {error:#}")))
+        .collect();
+    for text in trips.iter().take(20) {
+        eprintln!("{text}");
+    }
+    ensure!(trips.is_empty(), "{} of {runs} clean runs tripped", trips.len());
+    Ok(())
+}
+
+/// A generator of its own for each run, so that any of them can be looked at alone.
+fn generator(seed: u64, i: u64) -> Rng {
+    Rng::with_seed(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ i)
+}
+
+fn clean_run(seed: u64, i: u64) -> Result<()> {
+    let mut rng = generator(seed, i);
+    let world = bench::world(&mut rng);
+    let mut rig = Rig::new(&world, Guarding::Certified)?;
+    let armed = rig.arm();
+    ensure!(armed.phase == Phase::Running, "did not arm: {:?}\n{}", armed.reason, world.to_toml());
+    let mut hand = Hand::new();
+    for k in 0..CLEAN {
+        hand.act(&mut rng, &world, &mut rig.device);
+        let guarded = rig.sample(None);
+        if guarded.phase != Phase::Running {
+            let (account, made, speed) = (rig.watch.account(), rig.watch.made(), rig.device.puck().1);
+            bail!(
+                "sample {k}: {:?} at {speed:.1} rad/s, account {account:.2e} J, made {made:.2e} J\n{:?}\n{}",
+                guarded.reason,
+                world.limits(Guarding::Certified),
+                world.to_toml()
+            );
+        }
+    }
+    Ok(())
+}
+
+fn trial(seed: u64, i: u64) -> Result<Trial> {
+    let mut rng = generator(!seed, i);
+    let kind = Kind::ALL[i as usize % Kind::ALL.len()];
+    // What the sign test is to show is shown where there is one.
+    let world = bench::world(&mut rng);
+    let mut rig = Rig::new(&world, Guarding::Certified)?;
+    let mut hand = Hand::new();
+    let mut request = None;
+    if kind.before_arming() {
+        rig.rest();
+        request = Some(hapt_core::Request::Arm);
+    } else {
+        let armed = rig.arm();
+        ensure!(armed.phase == Phase::Running, "did not arm: {:?}\n{}", armed.reason, world.to_toml());
+        for _ in 0..rng.u32(200..3000) {
+            hand.act(&mut rng, &world, &mut rig.device);
+            rig.sample(None);
+        }
+        ensure!(rig.watch.phase == Phase::Running, "tripped without a fault: {:?}", rig.watch.reason);
+    }
+    let limit = world.device.limit.unwrap_or(f64::INFINITY);
+    let (period, begin) = (world.sampling.period, rig.device.ledger().hand);
+    let window = ((WINDOW / period) as u32).min(MOST_SAMPLES);
+    let mut trial = Trial { kind, caught: None, peak: 0.0, given: 0.0 };
+    let (mut ended, mut samples) = (None, 0);
+    for age in 0..window {
+        if !kind.before_arming() && kind != Kind::Hit {
+            hand.act(&mut rng, &world, &mut rig.device);
+        }
+        let asked = kind.act(&mut rng, &mut rig, age).or(request.take());
+        let missed = rig.wires.missed;
+        let guarded = rig.sample(asked);
+        samples += 1 + missed;
+        trial.peak = trial.peak.max(guarded.output.abs() / limit);
+        trial.given = trial.given.max(begin - rig.device.ledger().hand);
+        let over = matches!(guarded.phase, Phase::Faulted | Phase::Disarmed);
+        if let (None, true, Some(reason)) = (ended, over, guarded.reason) {
+            ensure!(kind.right().contains(&reason), "{}: {}\n{}", kind.name(), reason.name(), world.to_toml());
+            ensure!(guarded.output == 0.0, "{}: a torque after {}", kind.name(), reason.name());
+            trial.caught = Some((reason, samples, f64::from(samples) * period));
+            ended = Some(age);
+        }
+        if let Some(at) = ended {
+            ensure!(guarded.output == 0.0 && over, "{}: the torque came back", kind.name());
+            if age > at + AFTER {
+                break;
+            }
+        }
+    }
+    ensure!(trial.peak <= 1.0 + 1e-9, "{}: {} times the limit", kind.name(), trial.peak);
+    ensure!(trial.caught.is_some() || !kind.must_trip(), "{}: not caught\n{}", kind.name(), world.to_toml());
+    Ok(trial)
+}
+
+/// The counts in Markdown.
+fn table(trials: &[Trial]) -> String {
+    let mut text = String::from(
+        "| fault | tried | caught, by | median | longest | to the hand | not caught | to the hand, median | at most |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for kind in Kind::ALL {
+        let (caught, missed): (Vec<&Trial>, Vec<&Trial>) =
+            trials.iter().filter(|trial| trial.kind == kind).partition(|trial| trial.caught.is_some());
+        let mut reasons = BTreeMap::<&str, usize>::new();
+        for (reason, ..) in caught.iter().filter_map(|trial| trial.caught) {
+            *reasons.entry(reason.name()).or_default() += 1;
+        }
+        let mut by: Vec<_> = reasons.into_iter().collect();
+        by.sort_by_key(|(_, count)| usize::MAX - count);
+        let by: Vec<String> = by.into_iter().map(|(name, count)| format!("{name} {count}")).collect();
+        let sorted = |of: &[&Trial], what: fn(&Trial) -> f64| {
+            let mut all: Vec<f64> = of.iter().map(|trial| what(trial)).collect();
+            all.sort_by(f64::total_cmp);
+            all
+        };
+        let times = sorted(&caught, |trial| trial.caught.map_or(0.0, |(_, _, seconds)| 1e3 * seconds));
+        let (given, kept) = (sorted(&caught, |trial| trial.given), sorted(&missed, |trial| trial.given));
+        let show = |number: Option<&f64>, unit: &str| number.map_or("-".into(), |number| format!("{number:.3} {unit}"));
+        text += &format!(
+            "| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
+            kind.name(),
+            caught.len() + missed.len(),
+            if by.is_empty() { "-".into() } else { by.join(", ") },
+            show(times.get(times.len() / 2), "ms"),
+            show(times.last(), "ms"),
+            show(given.last(), "J"),
+            missed.len(),
+            show(kept.get(kept.len() / 2), "J"),
+            show(kept.last(), "J"),
+        );
+    }
+    let peak = trials.iter().map(|trial| trial.peak).fold(0.0, f64::max);
+    text += &format!("\nThe largest torque that a motor was asked for is {:.1} % of its limit.\n", 100.0 * peak);
+    text
+}

@@ -1,0 +1,136 @@
+//! Random certified worlds on plausible devices, and hands at their roughest.
+
+use std::f64::consts::TAU;
+
+use fastrand::Rng;
+use hapt_analysis::{is_certified, required_damping};
+use hapt_model::{EstimatorKind, World};
+use hapt_sim::{Grip, VirtualDevice};
+
+use crate::truth::worlds;
+
+fn log(rng: &mut Rng, from: f64, to: f64) -> f64 {
+    from * (to / from).powf(rng.f64())
+}
+
+/// Devices that nobody could turn are left out, in N·m·s/rad.
+const DAMPED: f64 = 0.2;
+
+/// A world that is certified on a real device: a motor with a limit, mostly an encoder, friction, whole delays. Half of them bend.
+pub fn world(rng: &mut Rng) -> World {
+    loop {
+        let bent = rng.bool();
+        let mut world = worlds::random(rng, bent);
+        let sampling = &mut world.sampling;
+        sampling.delay = (sampling.delay / sampling.period).round().min(3.0) * sampling.period;
+        if sampling.estimator == EstimatorKind::Exact {
+            sampling.estimator = EstimatorKind::Difference;
+        }
+        let device = &mut world.device;
+        device.friction = if rng.bool() { log(rng, 1e-4, 5e-3) } else { 0.0 };
+        device.limit = Some(log(rng, 0.05, 5.0));
+        device.encoder = (rng.u8(..4) > 0).then(|| log(rng, 2e3, 1e6).round());
+        let Ok(Some(damping)) = required_damping(&world) else { continue };
+        world.device.damping = (damping * (1.0 + rng.f64())).max(1e-5);
+        if world.couplings.len() <= 8 && world.device.damping < DAMPED && is_certified(&world) {
+            return world;
+        }
+    }
+}
+
+/// A hand on the puck, that does something else every now and then.
+pub struct Hand {
+    grip: Option<Grip>,
+    /// Where it means to be.
+    intended: f64,
+    /// Where it does something from, and what.
+    from: f64,
+    way: Way,
+    /// Samples since it began, and until it does something else.
+    sample: u32,
+    last: u32,
+    /// In rad.
+    tremor: f64,
+    /// Tremor in rad per sample.
+    rate: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Way {
+    Still,
+    /// To another place, as fast as it can.
+    Bang(f64),
+    Sine {
+        amplitude: f64,
+        /// rad per sample
+        rate: f64,
+    },
+}
+
+/// No hand moves faster, in rad/s.
+const FASTEST: f64 = 20.0;
+
+/// Nor swings faster on what it holds, in rad/s: fingers are soft.
+const SOFT: f64 = 300.0;
+
+impl Hand {
+    pub fn new() -> Self {
+        Hand { grip: None, intended: 0.0, from: 0.0, way: Way::Still, sample: 0, last: 0, tremor: 0.0, rate: 0.0 }
+    }
+
+    /// One sample.
+    pub fn act(&mut self, rng: &mut Rng, world: &World, device: &mut VirtualDevice) {
+        if self.sample >= self.last {
+            self.change(rng, world, device);
+        }
+        self.sample += 1;
+        if self.grip.is_some() {
+            let t = f64::from(self.sample);
+            let place = match self.way {
+                Way::Still => 0.0,
+                Way::Bang(to) => to,
+                Way::Sine { amplitude, rate } => amplitude * (rate * t).sin(),
+            };
+            let wanted = self.from + place + self.tremor * (self.rate * t).sin();
+            let most = FASTEST * world.sampling.period;
+            self.intended += (wanted - self.intended).clamp(-most, most);
+            device.intend(self.intended);
+        }
+    }
+
+    fn change(&mut self, rng: &mut Rng, world: &World, device: &mut VirtualDevice) {
+        let period = world.sampling.period;
+        // Nobody catches what flies faster.
+        let flies = self.grip.is_none() && device.puck().1.abs() > FASTEST;
+        let open = flies || rng.u8(..4) == 0;
+        // Holding what it holds, or taking hold anew: now and then with all its mass.
+        if open || self.grip.is_none() || rng.u8(..3) == 0 {
+            let inertia = log(rng, 1e-5, 3e-3);
+            // No stiffer than would turn the speed over within a few samples, nor than fingers are.
+            let stiffest = (0.3 / period).min(SOFT).powi(2) * (inertia + world.device.inertia);
+            let stiffness = log(rng, 0.3, 30.0).min(stiffest);
+            let damping = 2.0 * (0.3 + 0.7 * rng.f64()) * (stiffness * (inertia + world.device.inertia)).sqrt();
+            self.grip = (!open).then_some(Grip { inertia, damping, stiffness });
+            device.hold(self.grip);
+            self.intended = device.puck().0;
+        }
+        self.from = device.puck().0;
+        (self.sample, self.last) = (0, log(rng, 5.0, 5000.0) as u32);
+        let Some(grip) = self.grip else { return };
+        // A hand trembles by more than a count and more than the friction hides.
+        let count = world.count().unwrap_or(1e-5);
+        self.tremor = 3.0 * count + 4.0 * world.device.friction / grip.stiffness;
+        self.rate = TAU * (8.0 + 4.0 * rng.f64()) * period;
+        let inertia = grip.inertia + world.device.inertia;
+        let farthest = FASTEST * (inertia / grip.stiffness).sqrt();
+        self.way = match rng.u8(..4) {
+            0 => Way::Still,
+            1 | 2 => Way::Bang(farthest.min(3.0) * (2.0 * rng.f64() - 1.0)),
+            _ => {
+                let frequency = log(rng, 0.1, (0.25 / period).min(100.0));
+                let amplitude = (FASTEST / (TAU * frequency)).min(3.0) * rng.f64();
+                Way::Sine { amplitude, rate: TAU * frequency * period }
+            }
+        };
+    }
+}

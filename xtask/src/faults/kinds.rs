@@ -1,0 +1,199 @@
+//! The faults: what each does to the wires, and which reasons are right for it.
+
+use fastrand::Rng;
+use hapt_core::{Guarding, Reason, Request};
+use hapt_model::{Body, Coupling, End, Law, Method, Output, World};
+use hapt_sim::Grip;
+
+use crate::faults::rig::Rig;
+
+/// A kind of fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// None, to compare with.
+    None,
+    Dropped,
+    Doubled,
+    Swapped,
+    Frozen,
+    Flipped,
+    Jump,
+    EncoderReversed,
+    Delay,
+    Jitter,
+    NotANumber,
+    MotorGain,
+    MotorReversed,
+    Hit,
+    Unstable,
+    Link,
+    Stalled,
+    Clock,
+    Stop,
+    ArmedReversed,
+    ArmedDead,
+}
+
+use Reason::{Jump, Late, Link, NotFinite, Overspeed, PortEnergy, Reversed, Slew, Stop, Stuck, Velocity, WorldEnergy};
+
+impl Kind {
+    pub const ALL: [Kind; 21] = [
+        Kind::None,
+        Kind::Dropped,
+        Kind::Doubled,
+        Kind::Swapped,
+        Kind::Frozen,
+        Kind::Flipped,
+        Kind::Jump,
+        Kind::EncoderReversed,
+        Kind::Delay,
+        Kind::Jitter,
+        Kind::NotANumber,
+        Kind::MotorGain,
+        Kind::MotorReversed,
+        Kind::Hit,
+        Kind::Unstable,
+        Kind::Link,
+        Kind::Stalled,
+        Kind::Clock,
+        Kind::Stop,
+        Kind::ArmedReversed,
+        Kind::ArmedDead,
+    ];
+
+    /// In the table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::None => "none, to compare with",
+            Kind::Dropped => "one sample lost",
+            Kind::Doubled => "one sample twice",
+            Kind::Swapped => "two samples in the wrong order",
+            Kind::Frozen => "encoder frozen",
+            Kind::Flipped => "one bit of the position flipped, once",
+            Kind::Jump => "position jumps and stays there (up to a turn)",
+            Kind::EncoderReversed => "encoder runs the other way",
+            Kind::Delay => "positions 1 to 8 samples old",
+            Kind::Jitter => "positions 0 to 3 samples old, at random",
+            Kind::NotANumber => "NaN or infinite",
+            Kind::MotorGain => "motor 0.1 to 5 times as strong",
+            Kind::MotorReversed => "motor pushes the other way",
+            Kind::Hit => "a hammer hits the puck",
+            Kind::Unstable => "world swapped to an unstable one",
+            Kind::Link => "link lost",
+            Kind::Stalled => "process stalled for 6 to 300 samples",
+            Kind::Clock => "clock stepped by 10 ms to an hour",
+            Kind::Stop => "stop",
+            Kind::ArmedReversed => "encoder or motor reversed before arming",
+            Kind::ArmedDead => "encoder dead before arming",
+        }
+    }
+
+    /// Whether every such fault has to be caught.
+    pub fn must_trip(self) -> bool {
+        matches!(
+            self,
+            Kind::NotANumber
+                | Kind::Link
+                | Kind::Stalled
+                | Kind::Clock
+                | Kind::Stop
+                | Kind::ArmedReversed
+                | Kind::ArmedDead
+                | Kind::Unstable
+        )
+    }
+
+    /// Whether it is there when the loop is armed.
+    pub fn before_arming(self) -> bool {
+        matches!(self, Kind::ArmedReversed | Kind::ArmedDead)
+    }
+
+    /// The reasons that are right.
+    pub fn right(self) -> &'static [Reason] {
+        match self {
+            Kind::None => &[],
+            Kind::Dropped | Kind::Doubled | Kind::Swapped | Kind::Flipped | Kind::Jump => {
+                &[Jump, Velocity, Overspeed, Slew]
+            }
+            // The puck runs away unseen, or stands where nobody believes it.
+            Kind::Frozen => &[Stuck, Jump],
+            Kind::EncoderReversed | Kind::MotorReversed | Kind::MotorGain => {
+                &[Overspeed, Velocity, Jump, Slew, PortEnergy]
+            }
+            Kind::Delay => &[Overspeed, Velocity, Jump, Slew, PortEnergy],
+            Kind::Jitter => &[Overspeed, Velocity, Jump, Slew, PortEnergy],
+            Kind::NotANumber => &[NotFinite],
+            Kind::Hit => &[Jump, Velocity, Overspeed, Slew],
+            Kind::Unstable => &[PortEnergy, WorldEnergy, Overspeed, Velocity, Jump, Slew, NotFinite],
+            Kind::Link => &[Link],
+            Kind::Stalled | Kind::Clock => &[Late],
+            Kind::Stop => &[Stop],
+            Kind::ArmedReversed => &[Reversed],
+            Kind::ArmedDead => &[Stuck],
+        }
+    }
+
+    /// Sets in, or goes on, `age` samples after it began; what somebody asks for at this sample.
+    pub fn act(self, rng: &mut Rng, rig: &mut Rig, age: u32) -> Option<Request> {
+        let first = age == 0;
+        let period = rig.world.sampling.period;
+        let log = |rng: &mut Rng, from: f64, to: f64| from * (to / from).powf(rng.f64());
+        let wires = &mut rig.wires;
+        match self {
+            Kind::Dropped if first => wires.missed = 1,
+            Kind::Doubled => wires.frozen = first,
+            Kind::Swapped => wires.age = if age == 1 { 2 } else { 0 },
+            Kind::Frozen | Kind::ArmedDead => wires.frozen = true,
+            Kind::Flipped if first => wires.flipped = Some(rng.u32(0..20)),
+            Kind::Jump if first => wires.offset = log(rng, 1e-4, 6.0) * if rng.bool() { 1.0 } else { -1.0 },
+            Kind::EncoderReversed if first => (wires.scale, wires.offset) = (-1.0, 2.0 * rig.device.puck().0),
+            Kind::Delay if first => wires.age = rng.usize(1..9),
+            Kind::Jitter => wires.age = rng.usize(0..4),
+            Kind::NotANumber if first => {
+                wires.instead = Some([f64::NAN, f64::INFINITY, f64::NEG_INFINITY][rng.usize(..3)]);
+            }
+            Kind::MotorGain if first => wires.gain = log(rng, 0.1, 5.0),
+            Kind::MotorReversed => wires.gain = -1.0,
+            Kind::ArmedReversed if first => {
+                if rng.bool() {
+                    wires.gain = -1.0;
+                } else {
+                    wires.scale = -1.0;
+                }
+            }
+            Kind::Hit if first => {
+                let inertia = log(rng, 1e-4, 1e-2);
+                let stiffness = (log(rng, 0.1, 1.0) / period).powi(2) * inertia;
+                rig.device.hold(Some(Grip { inertia, damping: 0.0, stiffness }));
+                let place = rig.device.puck().0;
+                rig.device.intend(place + log(rng, 0.1, 3.0));
+            }
+            // It bounces off.
+            Kind::Hit if age == 5 => rig.device.hold(None),
+            Kind::Unstable if first => {
+                let world = unstable(rng, &rig.world);
+                // Such a world has room: it compiles.
+                let _ = rig.swap(&world, Guarding::Certified);
+            }
+            Kind::Link => wires.cut = true,
+            Kind::Stalled if first => wires.missed = log(rng, 6.0, 300.0) as u32,
+            Kind::Clock if first => wires.late = log(rng, 0.01f64.max(6.0 * period), 3600.0),
+            Kind::Stop if first => return Some(Request::Stop),
+            _ => {}
+        }
+        None
+    }
+}
+
+/// A world on the same device that grows with the puck held, and faster with it free: forward Euler, undamped.
+fn unstable(rng: &mut Rng, world: &World) -> World {
+    let mut world = world.clone();
+    (world.sampling.method, world.sampling.output, world.sampling.advance) = (Method::ForwardEuler, Output::Start, 0);
+    let angle = 0.1 + rng.f64();
+    let stiffness = world.device.inertia * (angle / world.sampling.period).powi(2);
+    world.names = vec!["b0".into()];
+    world.bodies = vec![Body { inertia: world.device.inertia, position: 0.1, velocity: 0.0 }];
+    world.couplings =
+        vec![Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness, rest: 0.0 } }];
+    world
+}

@@ -1,0 +1,155 @@
+//! A guarded loop on the simulated device and a virtual clock, with every wire in between open for faults.
+
+use std::collections::VecDeque;
+
+use anyhow::{Result, anyhow};
+use hapt_core::{Guarded, Guarding, Loop, Phase, Reading, Request, State, Supervisor, Watch};
+use hapt_model::World;
+use hapt_sim::VirtualDevice;
+
+/// Room for the campaign's worlds.
+type Core = Loop<f64, 4, 8, 17>;
+
+/// What stands in the wires between loop and device. Without faults: nothing.
+#[derive(Clone, Debug)]
+pub struct Wires {
+    /// The position that the loop is given is `scale` times the device's, and `offset` more.
+    pub scale: f64,
+    pub offset: f64,
+    /// It is this many samples old.
+    pub age: usize,
+    /// The position stays what it was.
+    pub frozen: bool,
+    /// Given in place of the position, once.
+    pub instead: Option<f64>,
+    /// This bit of the position's count is the other way round, once.
+    pub flipped: Option<u32>,
+    /// The motor's torque is this many times the one asked for.
+    pub gain: f64,
+    /// Samples that the loop misses before the next.
+    pub missed: u32,
+    /// How late the next sample is, s.
+    pub late: f64,
+    /// How long the link has been silent, s; it grows when it is cut.
+    pub silent: f64,
+    pub cut: bool,
+}
+
+impl Wires {
+    pub const WHOLE: Wires = Wires {
+        scale: 1.0,
+        offset: 0.0,
+        age: 0,
+        frozen: false,
+        instead: None,
+        flipped: None,
+        gain: 1.0,
+        missed: 0,
+        late: 0.0,
+        silent: 0.0,
+        cut: false,
+    };
+}
+
+/// Positions that the wires may hold back.
+const AGES: usize = 32;
+
+pub struct Rig {
+    pub world: World,
+    pub device: VirtualDevice,
+    pub wires: Wires,
+    pub watch: Watch<f64>,
+    core: Box<Core>,
+    supervisor: Box<Supervisor<f64, 4, 8>>,
+    state: Box<State<f64, 4, 8, 17>>,
+    positions: VecDeque<f64>,
+    count: f64,
+}
+
+impl Rig {
+    pub fn new(world: &World, guarding: Guarding) -> Result<Self> {
+        let (core, supervisor) = compiled(world, guarding)?;
+        Ok(Rig {
+            device: VirtualDevice::new(&world.rig()),
+            wires: Wires::WHOLE,
+            watch: Watch::START,
+            state: Box::new(core.start()),
+            core,
+            supervisor,
+            positions: VecDeque::with_capacity(AGES),
+            count: world.count().unwrap_or(1e-5),
+            world: world.clone(),
+        })
+    }
+
+    /// One sample, and the period after it.
+    pub fn sample(&mut self, request: Option<Request>) -> Guarded<f64> {
+        let reading = self.reading();
+        let guarded = self.supervisor.step(&mut self.watch, &self.core, &mut self.state, &reading, request);
+        self.device.command(self.wires.gain * guarded.output);
+        self.device.travel();
+        guarded
+    }
+
+    /// Disarmed for a while.
+    pub fn rest(&mut self) {
+        for _ in 0..20 {
+            self.sample(None);
+        }
+    }
+
+    /// The same, then armed with nobody's hand on the puck, until it has faded in or faulted.
+    pub fn arm(&mut self) -> Guarded<f64> {
+        self.rest();
+        let mut guarded = self.sample(Some(Request::Arm));
+        while guarded.phase == Phase::FadingIn {
+            guarded = self.sample(None);
+        }
+        guarded
+    }
+
+    /// Another world from the next sample on, on the same device.
+    pub fn swap(&mut self, world: &World, guarding: Guarding) -> Result<()> {
+        let (core, supervisor) = compiled(world, guarding)?;
+        let mut fresh = core.start();
+        fresh.now = self.state.now;
+        (self.core, self.supervisor, *self.state) = (core, supervisor, fresh);
+        self.watch.swap();
+        Ok(())
+    }
+
+    fn reading(&mut self) -> Reading<f64> {
+        let wires = &mut self.wires;
+        let missed = std::mem::take(&mut wires.missed);
+        let late = std::mem::take(&mut wires.late);
+        for _ in 0..missed {
+            self.device.travel();
+        }
+        let period = self.world.sampling.period;
+        wires.silent = if wires.cut { wires.silent + period * f64::from(1 + missed) } else { 0.0 };
+        let position = self.device.puck().0;
+        if self.positions.len() == AGES {
+            self.positions.pop_back();
+        }
+        if !wires.frozen || self.positions.is_empty() {
+            self.positions.push_front(position);
+        } else {
+            self.positions.push_front(self.positions[0]);
+        }
+        let mut seen = *self.positions.get(wires.age).unwrap_or(&self.positions[self.positions.len() - 1]);
+        seen = wires.scale * seen + wires.offset;
+        if let Some(bit) = wires.flipped.take() {
+            let counts = (seen / self.count).round() as i64;
+            seen = (counts ^ (1 << bit)) as f64 * self.count;
+        }
+        let position = wires.instead.take().unwrap_or(seen);
+        Reading { position, velocity: 0.0, announced: false, late, missed, silent: wires.silent }
+    }
+}
+
+fn compiled(world: &World, guarding: Guarding) -> Result<(Box<Core>, Box<Supervisor<f64, 4, 8>>)> {
+    let spec = world.spec();
+    let core = Core::new(&spec).map_err(|error| anyhow!("{error}"))?;
+    let supervisor = Supervisor::new(&world.limits(guarding), &spec).map_err(|error| anyhow!("{error}"))?;
+    Ok((Box::new(core), Box::new(supervisor)))
+}
