@@ -6,6 +6,7 @@
 mod core;
 mod dictionary;
 mod limits;
+mod log;
 mod messages;
 mod mutate;
 mod path;
@@ -31,12 +32,13 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 5] = [
+pub const TARGETS: [Target; 6] = [
     Target { name: "world", run: world::run, seeds: seeds::worlds, longest: 1 << 16 },
     Target { name: "set", run: set::run, seeds: seeds::sets, longest: 1 << 12 },
     Target { name: "quantity", run: quantity::run, seeds: seeds::quantities, longest: 1 << 10 },
     Target { name: "path", run: path::run, seeds: seeds::paths, longest: 1 << 14 },
     Target { name: "core", run: core::run, seeds: seeds::cores, longest: 1 << 11 },
+    Target { name: "log", run: log::run, seeds: seeds::logs, longest: 1 << 14 },
 ];
 
 /// The target of this name.

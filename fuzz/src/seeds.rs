@@ -4,6 +4,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use hapt_log::{Header, LogWriter, Origin};
+use hapt_model::{Source, World};
+use hapt_sim::Simulation;
+
 use crate::set::EVERYTHING;
 
 fn here() -> PathBuf {
@@ -147,6 +151,39 @@ pub fn cores() -> Vec<Vec<u8>> {
     );
     seeds.extend(files(&here().join("kept/core")));
     seeds
+}
+
+/// A wheel's log, whole and cut, with its checksums and without: what changes a byte of a log with checksums is found by them, and
+/// gets no further.
+pub fn logs() -> Vec<Vec<u8>> {
+    let text = "loop.period = 1e-3\ndevice.inertia = 1\nbodies.b.inertia = 1\n[[couplings]]\nkind = \"spring\"\n\
+        between = [\"puck\", \"b\"]\nstiffness = 1\n[scenarios.s]\nduration = 0.02\nhand = { kind = \"step\", to = 1 }\n";
+    let log = || -> Result<Vec<u8>, Box<dyn std::error::Error>> {
+        let world = World::read(&Source::from_text("w", text), &[])?;
+        let header = Header { world_text: text.into(), ..Header::default() };
+        let mut writer = LogWriter::new(Vec::new(), &world, &header, Origin::Run)?;
+        let mut run = Simulation::new(&world, world.scenario("s")?)?;
+        while let Some(row) = run.next() {
+            writer.write_row(row?)?;
+        }
+        Ok(writer.finish()?)
+    };
+    let log = log().unwrap_or_else(|error| panic!("{error}"));
+    let mut plain = log.clone();
+    let mut at = 8;
+    while let Some(head) = log.get(at..at + 9) {
+        let length = u64::from_le_bytes(std::array::from_fn(|i| head[i + 1])) as usize;
+        let (body, end) = (at + 9, at + 9 + length);
+        match head[0] {
+            0x06 => plain[body + 24..body + 28].fill(0),
+            0x09 => plain[end - 4..end].fill(0),
+            0x0f => plain[body..body + 4].fill(0),
+            _ => {}
+        }
+        at = end;
+    }
+    let cuts = [9, 100, log.len() / 2, log.len() - 1].map(|length| log[..length].to_vec());
+    [log, plain].into_iter().chain(cuts).chain(files(&here().join("kept/log"))).collect()
 }
 
 /// A wheel on a spring with a wall, by the order in which the core's target takes its input.

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use anyhow::{Result, bail};
 use hapt_core::{Guarding, Limits, Reason};
+use hapt_log::Kind;
 use hapt_model::keys::{self, KEYS, Key, Measure, Presence, Range, Takes};
 use hapt_model::{Motion, Source, World};
 use hapt_sim::columns;
@@ -15,6 +16,7 @@ pub fn tables(name: &str) -> Result<String> {
         "columns" => signals(),
         "reasons" => Ok(reasons()),
         "safety" => Ok(safety()),
+        "log" => logged(),
         _ => bail!("there are no tables {name}"),
     }
 }
@@ -171,6 +173,25 @@ fn signals() -> Result<String> {
     for (rotary, linear) in of(Motion::Rotary, "1 kg m^2")?.iter().zip(of(Motion::Linear, "1 kg")?) {
         let (name, unit, doc) = (&rotary.name, rotary.unit, rotary.doc);
         writeln!(text, "| `{name}` | {unit} | `{}` | {} | {doc} |", linear.name, linear.unit)?;
+    }
+    Ok(text)
+}
+
+/// What the log of a loop in real time has behind the columns of a run.
+fn logged() -> Result<String> {
+    let text = "loop.period = 1\ndevice.inertia = 1\n";
+    let world = World::read(&Source::from_text("columns", text), &[])?;
+    let run = columns(&world).len();
+    let mut text = String::from("| column | unit | meaning |\n| --- | --- | --- |\n");
+    for column in hapt_log::columns(&world, true).iter().skip(run) {
+        let codes = match column.kind {
+            Kind::Choice(choice) => {
+                let codes: Vec<String> = choice.values.iter().map(|(name, code)| format!("{code} {name}")).collect();
+                format!(": {}", codes.join(", "))
+            }
+            _ => String::new(),
+        };
+        writeln!(text, "| `{}` | {} | {}{codes} |", column.name, column.unit, column.doc)?;
     }
     Ok(text)
 }

@@ -19,10 +19,26 @@ const LONGEST: usize = 25;
 
 impl<W: Write> CsvWriter<W> {
     /// Writes the header. `out` is written a line at a time: hand in a buffered one.
-    pub fn new(mut out: W, world: &World) -> io::Result<Self> {
+    pub fn new(out: W, world: &World) -> io::Result<Self> {
         let names: Vec<String> = columns(world).into_iter().map(|column| column.name).collect();
+        CsvWriter::with_columns(out, &names)
+    }
+
+    /// The same with columns of these names, for [`CsvWriter::write_numbers`].
+    pub fn with_columns(mut out: W, names: &[String]) -> io::Result<Self> {
         writeln!(out, "{}", names.join(","))?;
         Ok(CsvWriter { out, line: Vec::new() })
+    }
+
+    /// Writes a line of numbers, one for each column, at least one.
+    pub fn write_numbers(&mut self, numbers: &[f64]) -> io::Result<()> {
+        let room = LONGEST * numbers.len();
+        if self.line.len() < room {
+            self.line.resize(room, 0);
+        }
+        let rest = numbers.iter().fold(&mut self.line[..], |rest, x| number(rest, *x));
+        let unused = rest.len();
+        self.end(unused)
     }
 
     /// Writes one row.
@@ -39,6 +55,12 @@ impl<W: Write> CsvWriter<W> {
             rest = number(number(rest, position), velocity);
         }
         let unused = rest.len();
+        self.end(unused)
+    }
+
+    /// Writes the line, of which so much is not in use.
+    #[inline]
+    fn end(&mut self, unused: usize) -> io::Result<()> {
         let end = self.line.len() - unused;
         // The last comma.
         self.line[end - 1] = b'\n';

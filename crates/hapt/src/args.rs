@@ -33,6 +33,7 @@ pub enum Command {
 Examples:
   hapt sim wheel.toml                                a summary of every scenario
   hapt sim wheel.toml --scenario step --out runs     runs/step.csv
+  hapt sim wheel.toml --out runs --format mcap       runs/step.mcap, a log
   hapt sim wheel.toml --set loop.period=2ms          the same at another period
   hapt design --travel 45deg --torque 800Nmm --frequency 1Hz | hapt sim -")]
     Sim(SimArgs),
@@ -56,12 +57,25 @@ Examples:
   hapt report @notes/euler @notes/damped --out report    and an index
   hapt report wheel.toml --set loop.period=5ms --out report")]
     Report(ReportArgs),
-    /// Position, velocity and torque over time as an SVG, from the CSV of a run.
+    /// Position, velocity and torque over time as an SVG, from a run's CSV or from a log.
     #[command(after_help = "\
 Examples:
   hapt plot runs/step.csv > step.svg                 as hapt sim wrote it
+  hapt plot runs/step.mcap --out step.svg            with its motor's limit
   hapt plot runs/step.csv --limit 822.25Nmm --out step.svg")]
     Plot(PlotArgs),
+    /// A log's inputs through today's core: are the torques the same bits?
+    #[command(after_help = "\
+Examples:
+  hapt replay runs/step.mcap                         exit code 1 if not
+  hapt replay runs/step.mcap --json                  with the first difference")]
+    Replay(ReplayArgs),
+    /// A log as CSV or Parquet; or as a log, whole again where it was cut.
+    #[command(after_help = "\
+Examples:
+  hapt convert runs/step.mcap -o step.csv            the bytes of hapt sim's own
+  hapt convert runs/step.mcap -o step.parquet        units as metadata")]
+    Convert(ConvertArgs),
     /// Every combination of a few numbers of a world, measured: a table, a picture.
     #[command(after_help = "\
 Examples:
@@ -162,7 +176,7 @@ pub struct SimArgs {
     /// Run this scenario only; repeatable.
     #[arg(long = "scenario", value_name = "NAME")]
     pub scenarios: Vec<String>,
-    /// Write NAME.csv for each scenario into this folder; without it, print a summary.
+    /// Write NAME.csv (or .mcap, .parquet) for each scenario into this folder; without it, print a summary.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// The format of the files; repeatable.
@@ -175,6 +189,10 @@ pub struct SimArgs {
 pub enum Format {
     /// One line a sample, SI units in the header.
     Csv,
+    /// A log, with the world and its certificate, as Foxglove and PlotJuggler read it.
+    Mcap,
+    /// A table, units in the columns' metadata.
+    Parquet,
 }
 
 #[derive(Debug, clap::Args)]
@@ -223,15 +241,38 @@ pub struct ReportArgs {
 
 #[derive(Debug, clap::Args)]
 pub struct PlotArgs {
-    /// A run as hapt sim --out writes it; - is standard input.
-    #[arg(value_name = "CSV")]
+    /// A run as hapt sim --out writes it, or a log; - is standard input.
+    #[arg(value_name = "CSV or LOG")]
     pub csv: PathBuf,
-    /// The motor's limit, such as '822.25 N mm', to draw in and to mark what goes beyond.
+    /// The motor's limit, such as '822.25 N mm', to draw in and to mark what goes beyond; a log knows its own.
     #[arg(long, value_name = "Q")]
     pub limit: Option<String>,
     /// Write the figure here; without it, to standard output.
     #[arg(long, value_name = "FILE.svg")]
     pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ReplayArgs {
+    /// A log of hapt sim, hapt run or hapt live; - is standard input.
+    #[arg(value_name = "LOG")]
+    pub log: PathBuf,
+    /// Print the outcome as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ConvertArgs {
+    /// A log of hapt sim, hapt run or hapt live; - is standard input.
+    #[arg(value_name = "LOG")]
+    pub log: PathBuf,
+    /// Write it here: FILE.csv, FILE.parquet or FILE.mcap.
+    #[arg(short, long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Only the samples of this plan: worlds are numbered from 0, one more with each change while the loop ran.
+    #[arg(long, value_name = "N")]
+    pub plan: Option<u32>,
 }
 
 #[derive(Debug, clap::Args)]

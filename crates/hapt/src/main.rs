@@ -5,6 +5,7 @@ mod boundary;
 mod boundary_plot;
 mod builtin;
 mod check;
+mod convert;
 mod design;
 mod device;
 mod explain;
@@ -12,12 +13,14 @@ mod failure;
 mod impedance;
 mod init;
 mod latency;
+mod log;
 mod notes;
 mod output;
 mod people;
 mod plot;
 mod progress;
 mod remedies;
+mod replay;
 mod report;
 mod run;
 mod schema;
@@ -25,6 +28,7 @@ mod shell;
 mod sim;
 mod sweep;
 mod sweep_plot;
+mod table;
 mod topics;
 mod world;
 mod worlds;
@@ -49,6 +53,8 @@ fn main() -> ExitCode {
         Some(Command::Design(args)) => design::run(args),
         Some(Command::Report(args)) => report::run(args),
         Some(Command::Plot(args)) => plot::run(args),
+        Some(Command::Replay(args)) => replay::run(args),
+        Some(Command::Convert(args)) => convert::run(args),
         Some(Command::Sweep(args)) => sweep::run(args),
         Some(Command::Impedance(args)) => impedance::run(args),
         Some(Command::Boundary(args)) => boundary::run(args),

@@ -4,14 +4,16 @@ use std::io::{Write, stdout};
 use std::path::Path;
 use std::process::ExitCode;
 
+use hapt_log::{Header, Origin};
 use hapt_model::{Scenario, World};
-use hapt_sim::{CsvWriter, Error, Row, Simulation, Summary};
+use hapt_sim::{Error, Row, Simulation, Summary};
 
-use crate::args::SimArgs;
+use crate::args::{Format, SimArgs};
 use crate::failure::Failure;
-use crate::output::{self, Draft};
+use crate::output;
 use crate::people;
 use crate::progress::Progress;
+use crate::table::Table;
 use crate::world::{Loaded, load};
 
 pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
@@ -20,7 +22,7 @@ pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
     // Whatever is wrong is said before the first file is begun.
     hapt_sim::check(&loaded.world)?;
     match &args.out {
-        Some(folder) => write_all(&loaded.world, &scenarios, folder)?,
+        Some(folder) => write_all(&loaded, &scenarios, folder, args)?,
         None => print_all(&loaded, &scenarios)?,
     }
     Ok(ExitCode::SUCCESS)
@@ -58,26 +60,49 @@ pub fn rows<E>(
     Ok(Ok(done))
 }
 
-/// One file a scenario. A run that stops being finite keeps its rows up to there, and the others still run.
-fn write_all(world: &World, scenarios: &[&Scenario], folder: &Path) -> Result<(), Failure> {
+/// A file a scenario and format. A run that stops being finite keeps its rows up to there, and the others still run.
+fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &SimArgs) -> Result<(), Failure> {
     output::folder(folder)?;
+    let world = &loaded.world;
+    let formats: Vec<Format> = [Format::Csv, Format::Mcap, Format::Parquet]
+        .into_iter()
+        .filter(|format| args.formats.contains(format))
+        .collect();
+    let mut header = header(loaded, &args.world.sets, formats.contains(&Format::Mcap));
     let mut first_failure = None;
     for scenario in scenarios {
-        let target = folder.join(format!("{}.csv", scenario.name));
-        let failed = |error| Failure::write(target.display(), error);
-        let mut csv = CsvWriter::new(Draft::new(target.clone()).map_err(failed)?, world).map_err(failed)?;
+        header.scenario = Some(scenario.name.clone());
+        let table = |format: &Format| {
+            let target = folder.join(format!("{}.{}", scenario.name, format.ending()));
+            Table::new(*format, target, world, &header, Origin::Run)
+        };
+        let mut tables = formats.iter().map(table).collect::<Result<Vec<_>, _>>()?;
         let run = Simulation::new(world, scenario)?;
-        let end = rows(run, &scenario.name, |row| csv.write(row).map_err(failed))?;
-        let path = csv.finish().and_then(Draft::finish).map_err(failed)?;
-        match end {
-            Ok(rows) => people::say(format_args!("wrote {}, {} rows", path.display(), people::count(rows))),
-            Err(error) => {
-                let message = format!("scenario {}: {error}; {} ends before", scenario.name, path.display());
-                first_failure = first_failure.or(Some(Failure::System(message)));
+        let end = rows(run, &scenario.name, |row| tables.iter_mut().try_for_each(|table| table.row(row)))?;
+        for table in tables {
+            let path = table.finish()?;
+            match &end {
+                Ok(rows) => people::say(format_args!("wrote {}, {} rows", path.display(), people::count(*rows))),
+                Err(error) => {
+                    let message = format!("scenario {}: {error}; {} ends before", scenario.name, path.display());
+                    first_failure = first_failure.or(Some(Failure::System(message)));
+                }
             }
         }
     }
     first_failure.map_or(Ok(()), Err)
+}
+
+/// What goes into a log beside the rows; the certificate only where it is asked for.
+fn header(loaded: &Loaded, sets: &[String], certified: bool) -> Header {
+    let check = certified.then(|| hapt_analysis::check(&loaded.world).ok()).flatten();
+    Header {
+        world_text: loaded.source.text.clone(),
+        overrides: sets.to_vec(),
+        certificate_json: check.and_then(|check| serde_json::to_string_pretty(&check).ok()),
+        device: "sim".into(),
+        ..Header::default()
+    }
 }
 
 fn print_all(loaded: &Loaded, scenarios: &[&Scenario]) -> Result<(), Failure> {

@@ -365,6 +365,13 @@ fn usage(t: &mut Table) {
     t.typed("the world itself for its worst hand's file", &["worst", "w.toml", "--out", "./w.toml"]);
     t.typed("a folder for the worst hand's file", &["worst", "w.toml", "--out", "."]);
     t.typed("a worst hand of a world that is not there", &["worst", "wheel.toml"]);
+    t.typed("a log that is not there", &["replay", "run.mcap"]);
+    t.typed("a world for a log", &["replay", "w.toml"]);
+    t.typed("a folder for a log", &["convert", ".", "-o", "run.csv"]);
+    t.typed("a conversion into what is no format", &["convert", "run.mcap", "-o", "run.txt"]);
+    t.typed("a conversion into nowhere", &["convert", "run.mcap"]);
+    let stub = b"\x89MCAP0\r\n\x01\x08\0\0\0\0\0\0\0\0\0\0\0\0".to_vec();
+    t.add("a log cut before its first sample", vec![("cut.mcap", stub)], words(&["replay", "cut.mcap"]));
     let name = OsString::from_vec(b"w\xff.toml".to_vec());
     t.add("a name that is no text", vec![], [words(&["check"]), vec![name]].concat());
     t.typed("a name with a line in it", &["check", "w\n.toml"]);

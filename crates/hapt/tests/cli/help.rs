@@ -10,6 +10,8 @@ const COMMANDS: &[&str] = &[
     "design",
     "report",
     "plot",
+    "replay",
+    "convert",
     "sweep",
     "impedance",
     "boundary",

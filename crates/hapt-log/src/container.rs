@@ -1,0 +1,310 @@
+//! MCAP read from the beginning, record by record, as far as it goes: <https://mcap.dev/spec>.
+//!
+//! A log may have been cut by a full disk or a killed process, and a file may be anything. The crate that writes logs panics on some
+//! bytes that are no record, so what comes from outside is read here, with every length looked at. A chunk counts when it is there
+//! whole and its checksum is right; what stands behind the first that is not is left alone. Of a chunk in which the file ends, the
+//! whole records count.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::io::{self, Read};
+use std::ops::Range;
+
+/// How every MCAP file begins and ends.
+pub const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
+
+/// Opcodes.
+const CHANNEL: u8 = 0x04;
+const MESSAGE: u8 = 0x05;
+const CHUNK: u8 = 0x06;
+const ATTACHMENT: u8 = 0x09;
+const METADATA: u8 = 0x0c;
+const DATA_END: u8 = 0x0f;
+
+/// No record of a log is longer, by far.
+const LONGEST: u64 = 1 << 30;
+
+/// Where a log ends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// Where its writer ended it.
+    Whole,
+    /// It was cut off behind this many bytes.
+    Cut(u64),
+    /// Behind this many bytes something is wrong.
+    Damaged(u64, String),
+}
+
+impl fmt::Display for Ending {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Ending::Whole => f.write_str("whole"),
+            Ending::Cut(at) => write!(f, "cut off behind {at} bytes, before its writer ended it"),
+            Ending::Damaged(at, what) => write!(f, "damaged behind byte {at}: {what}"),
+        }
+    }
+}
+
+/// A record that matters here.
+#[derive(Debug)]
+pub(crate) enum Item {
+    Channel(Channel),
+    Message(Message),
+    Attachment { name: String, data: Vec<u8> },
+    Metadata { name: String, values: BTreeMap<String, String> },
+}
+
+/// Of what the messages are.
+#[derive(Debug)]
+pub(crate) struct Channel {
+    pub id: u16,
+    pub topic: String,
+    pub encoding: String,
+    pub metadata: BTreeMap<String, String>,
+}
+
+/// One of them; its data are in [`Container::data`].
+#[derive(Clone, Debug)]
+pub(crate) struct Message {
+    pub channel: u16,
+    pub log_time: u64,
+    pub data: Range<usize>,
+}
+
+/// A file's records, one after the other.
+pub(crate) struct Container<R> {
+    from: R,
+    /// Bytes read.
+    read: u64,
+    /// Bytes up to the end of the last good record of the file.
+    good: u64,
+    checksum: crc32fast::Hasher,
+    /// The record at hand.
+    body: Vec<u8>,
+    /// What is left of it, where it is a chunk.
+    chunk: Range<usize>,
+    /// The file ends in it.
+    cut: bool,
+    ending: Option<Ending>,
+}
+
+impl<R: Read> Container<R> {
+    /// The first bytes. `None` where they are not MCAP's.
+    pub fn new(from: R) -> io::Result<Option<Self>> {
+        let mut container = Container {
+            from,
+            read: 0,
+            good: 0,
+            checksum: crc32fast::Hasher::new(),
+            body: Vec::new(),
+            chunk: 0..0,
+            cut: false,
+            ending: None,
+        };
+        container.fill(MAGIC.len() as u64)?;
+        if container.body != MAGIC {
+            return Ok(None);
+        }
+        container.checksum.update(&MAGIC);
+        container.good = container.read;
+        Ok(Some(container))
+    }
+
+    /// Where and how the file ended, once it has.
+    pub fn ending(&self) -> Option<&Ending> {
+        self.ending.as_ref()
+    }
+
+    /// What a message holds, until the next is asked for.
+    pub fn data(&self, message: &Message) -> &[u8] {
+        self.body.get(message.data.clone()).unwrap_or_default()
+    }
+
+    /// The next record that matters; `None` at the end, which is then known.
+    pub fn next(&mut self) -> io::Result<Option<Item>> {
+        while self.ending.is_none() {
+            let (opcode, range) = if !self.chunk.is_empty() {
+                let Some((opcode, range)) = self.inside() else {
+                    match self.cut {
+                        true => self.chunk = 0..0,
+                        false => self.damaged("a chunk holds what is no record"),
+                    }
+                    continue;
+                };
+                self.chunk.start = range.end;
+                (opcode, range)
+            } else if self.cut {
+                self.ending = Some(Ending::Cut(self.read));
+                continue;
+            } else {
+                self.good = self.read;
+                let Some(opcode) = self.record()? else { continue };
+                (opcode, 0..self.body.len())
+            };
+            match opcode {
+                CHUNK if range.start == 0 => self.open_chunk(),
+                DATA_END if range.start == 0 => self.end(),
+                CHANNEL | MESSAGE | ATTACHMENT | METADATA => match self.item(opcode, range) {
+                    Some(item) => return Ok(Some(item)),
+                    None => self.damaged("a record is not what it says it is"),
+                },
+                _ => {}
+            }
+        }
+        Ok(None)
+    }
+
+    /// The file goes no further: this is wrong with it.
+    pub fn damaged(&mut self, what: &str) {
+        self.ending = Some(Ending::Damaged(self.good, what.into()));
+    }
+
+    /// Reads so many bytes, or what there is.
+    fn fill(&mut self, length: u64) -> io::Result<bool> {
+        self.body.clear();
+        // It takes no more memory than there are bytes, whatever the length says.
+        let read = (&mut self.from).take(length).read_to_end(&mut self.body)? as u64;
+        self.read += read;
+        Ok(read == length)
+    }
+
+    /// Reads the next record of the file: its opcode. `None`: the file ends here.
+    fn record(&mut self) -> io::Result<Option<u8>> {
+        self.cut = !self.fill(9)?;
+        if self.cut {
+            return Ok(None);
+        }
+        let head: [u8; 9] = self.body[..].try_into().unwrap_or_default();
+        let (opcode, length) = (head[0], Bytes(&head[1..]).u64().unwrap_or(0));
+        if length > LONGEST {
+            self.damaged("a record is longer than any of a log");
+            return Ok(None);
+        }
+        self.cut = !self.fill(length)?;
+        if self.cut {
+            return Ok(Some(opcode).filter(|opcode| *opcode == CHUNK));
+        }
+        // The checksum of the data section is of all records before its end.
+        if opcode != DATA_END {
+            self.checksum.update(&head);
+            self.checksum.update(&self.body);
+        }
+        Ok(Some(opcode))
+    }
+
+    /// The next record of the chunk.
+    fn inside(&self) -> Option<(u8, Range<usize>)> {
+        let (&opcode, rest) = self.body.get(self.chunk.clone())?.split_first()?;
+        let length = usize::try_from(Bytes(rest).u64()?).ok()?;
+        let start = self.chunk.start + 9;
+        let end = start.checked_add(length).filter(|end| *end <= self.chunk.end)?;
+        Some((opcode, start..end))
+    }
+
+    /// Goes into the chunk at hand.
+    fn open_chunk(&mut self) {
+        let mut head = Bytes(&self.body);
+        let header = (|| {
+            head.take(24)?; // its first and last time, and its size before compression
+            Some((head.u32()?, head.text()?, head.u64()?))
+        })();
+        let start = self.body.len() - head.0.len();
+        match header {
+            // Without its end there is no size and no checksum to look at.
+            Some((_, compression, _)) if self.cut && compression.is_empty() => self.chunk = start..self.body.len(),
+            None if self.cut => {}
+            Some((checksum, compression, size)) if size == head.0.len() as u64 => {
+                if !compression.is_empty() {
+                    let what =
+                        format!("its chunks are compressed ({compression}); hapt reads plain ones: mcap decompress");
+                    self.damaged(&what);
+                } else if checksum != 0 && checksum != crc32fast::hash(head.0) {
+                    self.damaged("the checksum of a chunk is wrong");
+                } else {
+                    self.chunk = start..self.body.len();
+                }
+            }
+            _ => self.damaged("a chunk is not as long as it says"),
+        }
+    }
+
+    /// The end of the data: what stands behind it is an index.
+    fn end(&mut self) {
+        let wanted = Bytes(&self.body).u32().unwrap_or(0);
+        if wanted != 0 && wanted != self.checksum.clone().finalize() {
+            self.damaged("the checksum of the whole is wrong");
+        } else {
+            self.ending = Some(Ending::Whole);
+        }
+    }
+
+    fn item(&self, opcode: u8, range: Range<usize>) -> Option<Item> {
+        let body = self.body.get(range.clone())?;
+        let mut from = Bytes(body);
+        Some(match opcode {
+            CHANNEL => {
+                let id = from.u16()?;
+                from.u16()?;
+                Item::Channel(Channel { id, topic: from.text()?, encoding: from.text()?, metadata: from.map()? })
+            }
+            MESSAGE => {
+                let channel = from.u16()?;
+                from.u32()?;
+                let log_time = from.u64()?;
+                from.u64()?;
+                Item::Message(Message { channel, log_time, data: range.end - from.0.len()..range.end })
+            }
+            ATTACHMENT => {
+                from.take(16)?;
+                let (name, _kind) = (from.text()?, from.text()?);
+                let length = usize::try_from(from.u64()?).ok()?;
+                let data = from.take(length)?.to_vec();
+                let sum = crc32fast::hash(&body[..body.len() - from.0.len()]);
+                let wanted = from.u32()?;
+                if wanted != 0 && wanted != sum {
+                    return None;
+                }
+                Item::Attachment { name, data }
+            }
+            _ => Item::Metadata { name: from.text()?, values: from.map()? },
+        })
+    }
+}
+
+/// Bytes, taken from the front.
+struct Bytes<'a>(&'a [u8]);
+
+impl<'a> Bytes<'a> {
+    fn take(&mut self, length: usize) -> Option<&'a [u8]> {
+        let (head, rest) = self.0.split_at_checked(length)?;
+        self.0 = rest;
+        Some(head)
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        Some(u16::from_le_bytes(self.take(2)?.try_into().ok()?))
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        Some(u32::from_le_bytes(self.take(4)?.try_into().ok()?))
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        Some(u64::from_le_bytes(self.take(8)?.try_into().ok()?))
+    }
+
+    fn text(&mut self) -> Option<String> {
+        let length = self.u32()? as usize;
+        String::from_utf8(self.take(length)?.to_vec()).ok()
+    }
+
+    fn map(&mut self) -> Option<BTreeMap<String, String>> {
+        let length = self.u32()? as usize;
+        let mut pairs = Bytes(self.take(length)?);
+        let mut map = BTreeMap::new();
+        while !pairs.0.is_empty() {
+            map.insert(pairs.text()?, pairs.text()?);
+        }
+        Some(map)
+    }
+}

@@ -1,0 +1,62 @@
+//! Logs of haptic loops, as MCAP files that Foxglove and PlotJuggler open as they are.
+//!
+//! A log is one channel, `/hapt/sample`, with one message a sample: a Protocol Buffers message whose fields are the columns of the
+//! CSV files ([`columns`]), doubles with all of their bits. The world goes with it, and for a loop in real time everything that the
+//! loop was told, so that [`replay`] can run the same inputs through today's core and compare the torques bit by bit.
+//!
+//! * [`LogWriter`] writes runs of the simulation and records of the loop, in chunks that are whole or not there.
+//! * [`Recorder`] does that on a thread below the loop, which never waits for it.
+//! * [`Log`] reads a log back, up to wherever it was cut.
+//!
+//! ```
+//! use hapt_log::{Header, Log, LogWriter, Origin, replay};
+//! use hapt_model::{Source, World};
+//! use hapt_sim::Simulation;
+//!
+//! let file = r#"
+//! loop.period = "1 ms"
+//! device.inertia = "6.4e-4 kg m^2"
+//! [bodies.wheel]
+//! inertia = "0.0258 kg m^2"
+//! [[couplings]]
+//! kind = "spring"
+//! between = ["puck", "wheel"]
+//! stiffness = "17.8 N mm/deg"
+//! [scenarios.step]
+//! duration = "1 s"
+//! hand = { kind = "step", to = "45 deg" }
+//! "#;
+//! let world = World::read(&Source::from_text("wheel.toml", file), &[])?;
+//! let header = Header { world_text: file.into(), device: "sim".into(), ..Header::default() };
+//! let mut writer = LogWriter::new(Vec::new(), &world, &header, Origin::Run)?;
+//! let mut run = Simulation::new(&world, world.scenario("step")?)?;
+//! while let Some(row) = run.next() {
+//!     writer.write_row(row?)?;
+//! }
+//! let bytes = writer.finish()?;
+//!
+//! let mut log = Log::read(&bytes[..])?;
+//! let same = replay(&mut log)?;
+//! assert_eq!((same.compared, same.first), (1001, None));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod container;
+mod descriptor;
+mod error;
+mod log;
+mod recorder;
+mod replay;
+mod schema;
+mod wire;
+mod writer;
+
+pub use container::Ending;
+pub use descriptor::descriptor;
+pub use error::Error;
+pub use log::{Inputs, Log, LoggedPlan, Sample, is_log};
+pub use recorder::{Recorder, RecorderState, Summary};
+pub use replay::{Difference, Replay, replay};
+pub use schema::{Choice, Column, Kind, columns, phase_name, reason_name};
+pub use writer::{Header, LogWriter, Origin, TOPIC};

@@ -1,0 +1,287 @@
+//! A log, read back.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+use std::sync::Arc;
+
+use hapt_core::{Reading, Request};
+use hapt_model::{Source, World};
+use hapt_sim::{Row, SIGNALS};
+
+use crate::Error;
+use crate::container::{Channel, Container, Ending, Item, MAGIC, Message};
+use crate::schema::{Column, LIVE_COLUMNS, columns, request};
+use crate::wire::{self, Value};
+use crate::writer::{Header, Origin, TOPIC};
+
+/// A log: what goes with its samples, and then they, one after the other.
+pub struct Log<R> {
+    /// What went with the samples.
+    pub header: Header,
+    /// Where they come from.
+    pub origin: Origin,
+    container: Container<R>,
+    /// By the channel's number.
+    plans: BTreeMap<u16, Arc<LoggedPlan>>,
+    plan: Arc<LoggedPlan>,
+    /// Read with the header, not yet given.
+    first: Option<Message>,
+    values: Vec<f64>,
+    done: Option<Ending>,
+}
+
+/// A world whose samples a log holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoggedPlan {
+    /// As records count them.
+    pub number: u32,
+    /// Of a loop in real time.
+    pub live: bool,
+    /// Without its scenarios.
+    pub world: World,
+    /// Of its samples' values.
+    pub columns: Vec<Column>,
+    /// The column of each field, from field 1 on; none for a column that this version does not know.
+    places: Vec<Option<usize>>,
+}
+
+/// One sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample<'a> {
+    /// Whose it is.
+    pub plan: &'a Arc<LoggedPlan>,
+    /// In ns: since 1970 for a loop in real time, since the start for a run.
+    pub log_time: u64,
+    /// Of all columns.
+    pub values: &'a [f64],
+}
+
+/// What the loop was told at a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inputs {
+    /// k.
+    pub sample: u64,
+    /// What the device and the clock said.
+    pub reading: Reading<f64>,
+    /// What somebody asked for.
+    pub request: Option<Request>,
+    /// The code of the supervisor's phase after the sample.
+    pub phase: u64,
+    /// The code of its reason, 0 for none.
+    pub reason: u64,
+}
+
+impl Log<BufReader<File>> {
+    /// Opens a log and reads what goes with its samples.
+    ///
+    /// # Errors
+    /// [`Error::Unreadable`], [`Error::Foreign`] for what is no log of hapt or was cut before its first sample, [`Error::World`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
+        Log::read(BufReader::with_capacity(1 << 16, File::open(path)?))
+    }
+}
+
+impl<R: Read> Log<R> {
+    /// The same from anywhere.
+    pub fn read(from: R) -> Result<Self, Error> {
+        let foreign = |words: String| Err(Error::Foreign(words));
+        let Some(mut container) = Container::new(from)? else {
+            return foreign("it is no log: it does not begin as an MCAP file does".into());
+        };
+        let (mut header, mut metadata) = (Header { version: String::new(), ..Header::default() }, None);
+        let (mut plans, mut topics) = (BTreeMap::new(), Vec::new());
+        while let Some(item) = container.next()? {
+            match item {
+                Item::Metadata { name, values } if name == "hapt" => metadata = Some(values),
+                Item::Attachment { name, data } => {
+                    let text = String::from_utf8_lossy(&data).into_owned();
+                    match name.as_str() {
+                        "world.toml" => header.world_text = text,
+                        "certificate.json" => header.certificate_json = Some(text),
+                        _ => {}
+                    }
+                }
+                Item::Channel(channel) => {
+                    topics.push(channel.topic.clone());
+                    if let Some(plan) = LoggedPlan::new(&channel)? {
+                        plans.insert(channel.id, Arc::new(plan));
+                    }
+                }
+                Item::Message(message) => {
+                    let Some(plan) = plans.get(&message.channel).cloned() else { continue };
+                    // Other programs that write a log anew may put the metadata behind the samples: then they stay unknown.
+                    header.fill(&metadata.unwrap_or_default(), plan.number);
+                    let origin = if plan.live { Origin::Live(message.log_time) } else { Origin::Run };
+                    let (first, values) = (Some(message), Vec::new());
+                    return Ok(Log { header, origin, container, plans, plan, first, values, done: None });
+                }
+                Item::Metadata { .. } => {}
+            }
+        }
+        let ending = container.ending().cloned().unwrap_or(Ending::Whole);
+        match ending {
+            Ending::Whole if metadata.is_some() => foreign("it holds no sample".into()),
+            _ if metadata.is_some() || (topics.is_empty() && ending != Ending::Whole) => {
+                foreign(format!("it holds no sample: {ending}"))
+            }
+            _ if topics.is_empty() => foreign("it is an MCAP file, and no log of hapt: it has no topic".into()),
+            _ => {
+                topics.truncate(5);
+                let topics: Vec<String> = topics.iter().map(|topic| topic.chars().take(40).collect()).collect();
+                foreign(format!(
+                    "it is an MCAP file, and no log of hapt: its topics are {topics:?}, and {TOPIC:?} is wanted"
+                ))
+            }
+        }
+    }
+
+    /// The plan of the next sample, or of the last.
+    pub fn plan(&self) -> &Arc<LoggedPlan> {
+        &self.plan
+    }
+
+    /// Whether the samples are a real-time loop's.
+    pub fn is_live(&self) -> bool {
+        self.origin != Origin::Run
+    }
+
+    /// Where the log ended, once [`Log::next`] has said so.
+    pub fn ending(&self) -> &Ending {
+        self.done.as_ref().unwrap_or(&Ending::Whole)
+    }
+
+    /// The next sample; `None` at the end of what can be read. A plan that changes between the samples changes with them.
+    ///
+    /// # Errors
+    /// [`Error::Unreadable`] and, for another world, [`Error::World`].
+    #[allow(clippy::should_implement_trait)] // The sample is lent.
+    pub fn next(&mut self) -> Result<Option<Sample<'_>>, Error> {
+        let message = match self.first.take() {
+            Some(message) => message,
+            None => loop {
+                if self.done.is_some() {
+                    return Ok(None);
+                }
+                match self.container.next()? {
+                    None => self.done = self.container.ending().cloned(),
+                    Some(Item::Channel(channel)) => {
+                        if let Some(plan) = LoggedPlan::new(&channel)? {
+                            self.plans.insert(channel.id, Arc::new(plan));
+                        }
+                    }
+                    Some(Item::Message(message)) if self.plans.contains_key(&message.channel) => break message,
+                    Some(_) => {}
+                }
+            },
+        };
+        if let Some(plan) = self.plans.get(&message.channel) {
+            self.plan = Arc::clone(plan);
+        }
+        let Some(()) = self.plan.decode(self.container.data(&message), &mut self.values) else {
+            self.container.damaged("a sample is no message of its channel");
+            self.done = self.container.ending().cloned();
+            return Ok(None);
+        };
+        Ok(Some(Sample { plan: &self.plan, log_time: message.log_time, values: &self.values }))
+    }
+}
+
+impl Header {
+    fn fill(&mut self, values: &BTreeMap<String, String>, plan: u32) {
+        let text = |key: &str| values.get(key).cloned();
+        self.version = text("version").unwrap_or_default();
+        self.device = text("device").unwrap_or_default();
+        self.scenario = text("scenario");
+        self.overrides = (0..).map_while(|i: u32| text(&format!("override.{i}"))).collect();
+        self.plan = plan;
+    }
+}
+
+impl LoggedPlan {
+    /// What a channel holds; `None` for one that is not ours.
+    fn new(channel: &Channel) -> Result<Option<Self>, Error> {
+        if channel.topic != TOPIC || channel.encoding != "protobuf" {
+            return Ok(None);
+        }
+        let text = |key: &str| {
+            channel
+                .metadata
+                .get(key)
+                .ok_or_else(|| Error::Foreign(format!("its channel {TOPIC} does not say its {key}")))
+        };
+        let live = text("origin")? == "live";
+        let number = text("plan")?.parse().map_err(|_| Error::Foreign("its plan has no number".into()))?;
+        let source = Source::from_text("the log's world", text("world")?.as_str());
+        let world = World::read(&source, &[]).map_err(|error| Error::World(error.to_string()))?;
+        let columns = columns(&world, live);
+        let names: Vec<&str> = text("columns")?.split(',').collect();
+        let place = |name: &&str| columns.iter().position(|column| column.name == *name);
+        let places: Vec<Option<usize>> = names.iter().map(place).collect();
+        let missing = |column: &&Column| !names.contains(&column.name.as_str());
+        if let Some(column) = columns.iter().find(missing) {
+            let name = &column.name;
+            return Err(Error::Foreign(format!("it has no column {name}, which every log of such a world has")));
+        }
+        Ok(Some(LoggedPlan { number, live, world, columns, places }))
+    }
+
+    /// The values of a message, in the order of the columns.
+    fn decode(&self, mut message: &[u8], values: &mut Vec<f64>) -> Option<()> {
+        values.clear();
+        values.resize(self.columns.len(), 0.0);
+        while !message.is_empty() {
+            let (field, value) = wire::take(&mut message)?;
+            let index = usize::try_from(field.checked_sub(1)?).ok()?;
+            let Some(Some(place)) = self.places.get(index).copied() else { continue };
+            *values.get_mut(place)? = match value {
+                Value::Double(x) => x,
+                Value::Varint(x) => x as f64,
+                Value::Other => return None,
+            };
+        }
+        Some(())
+    }
+}
+
+impl Sample<'_> {
+    /// The sample as a row of a run; what no log holds stays as it is.
+    pub fn fill(&self, row: &mut Row) {
+        let at = |place: usize| self.values.get(place).copied().unwrap_or(0.0);
+        row.time = at(0);
+        (row.puck, row.puck_velocity) = (at(1), at(2));
+        (row.measured, row.measured_velocity) = (at(3), at(4));
+        (row.torque, row.command, row.applied) = (at(5), at(6), at(7));
+        let bodies = self.plan.world.bodies.len();
+        row.bodies.clear();
+        row.bodies.extend((0..bodies).map(|body| (at(SIGNALS.len() + 2 * body), at(SIGNALS.len() + 2 * body + 1))));
+    }
+
+    /// What a loop in real time was told; `None` in the log of a run.
+    pub fn inputs(&self) -> Option<Inputs> {
+        let live = self.values.last_chunk::<LIVE_COLUMNS>();
+        let live = live.filter(|_| self.values.len() > SIGNALS.len() + 2 * self.plan.world.bodies.len())?;
+        let [sample, _plan, phase, reason, request_code, announced, late, missed, silent, _latency, _computation] =
+            *live;
+        Some(Inputs {
+            sample: sample as u64,
+            reading: Reading {
+                position: *self.values.get(1)?,
+                velocity: *self.values.get(2)?,
+                announced: announced != 0.0,
+                late,
+                missed: missed as u32,
+                silent,
+            },
+            request: request(request_code),
+            phase: phase as u64,
+            reason: reason as u64,
+        })
+    }
+}
+
+/// Whether these are the first bytes of a log.
+pub fn is_log(first: &[u8]) -> bool {
+    first.starts_with(&MAGIC)
+}

@@ -1,0 +1,216 @@
+//! The recorder: a thread below the loop that writes down what the loop did.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use hapt_model::World;
+use hapt_rt::Record;
+
+use crate::Error;
+use crate::writer::{Header, LogWriter, Origin};
+
+/// Records that may wait for the disk: 16 s of a loop at 1 kHz, some 12 MB.
+const WAITING: usize = 1 << 14;
+/// What is not written by then is, however little it is.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// A log on its way. Whoever feeds it never waits: a record for which there is no room is lost, and counted.
+pub struct Recorder {
+    path: PathBuf,
+    queue: Option<SyncSender<Record>>,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// How a recorder is doing.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RecorderState {
+    /// Samples that the system has taken: whatever happens to this process, they stay.
+    pub written: u64,
+    /// Samples that are in no file.
+    pub lost: u64,
+    /// Why nothing is written any more.
+    pub error: Option<String>,
+}
+
+/// A log that has been finished.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Summary {
+    /// The file.
+    pub path: PathBuf,
+    /// Its samples.
+    pub written: u64,
+    /// Those that are not in it.
+    pub lost: u64,
+}
+
+#[derive(Default)]
+struct Shared {
+    written: AtomicU64,
+    lost: AtomicU64,
+    error: Mutex<Option<String>>,
+    /// Worlds whose samples are to come.
+    plans: Mutex<BTreeMap<u32, World>>,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Recorder {
+    /// Starts a log of `world`, the plan of number [`Header::plan`], in a new file at `path`.
+    ///
+    /// # Errors
+    /// [`Error::Write`] for a file that cannot be made or takes nothing.
+    pub fn start(path: impl AsRef<Path>, world: &World, header: Header) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let failed = |error: io::Error| Error::Write { path: path.display().to_string(), error: error.to_string() };
+        let file = File::create(path).map_err(failed)?;
+        Recorder::start_on(BufWriter::with_capacity(1 << 16, file), path, world, header)
+    }
+
+    /// The same on anything that takes bytes; `path` is what it is called.
+    pub fn start_on<W: Write + Send + 'static>(
+        out: W,
+        path: impl AsRef<Path>,
+        world: &World,
+        header: Header,
+    ) -> Result<Self, Error> {
+        let path = path.as_ref().to_path_buf();
+        let failed = |error: io::Error| Error::Write { path: path.display().to_string(), error: error.to_string() };
+        let epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos() as u64;
+        let (queue, records) = sync_channel(WAITING);
+        let shared = Arc::new(Shared::default());
+        let mut writer = LogWriter::new(out, world, &header, Origin::Live(epoch)).map_err(failed)?;
+        // What cannot be written at all is known before the first sample.
+        writer.flush().map_err(failed)?;
+        let (to, name) = (Arc::clone(&shared), path.display().to_string());
+        let thread = std::thread::Builder::new().name("recorder".into()).spawn(move || {
+            stand_back();
+            if let Err(error) = write(writer, &records, &to) {
+                *lock(&to.error) = Some(format!("cannot write {name}: {error}"));
+                // Nobody waits for room that nothing will make.
+                while records.recv().is_ok() {
+                    to.lost.fetch_add(1, Ordering::Relaxed);
+                }
+            }
+        });
+        Ok(Recorder { queue: Some(queue), shared, thread: Some(thread.map_err(failed)?), path })
+    }
+
+    /// Says whose samples those of plan `number` are; before the first of them is sent.
+    pub fn plan(&self, number: u32, world: &World) {
+        lock(&self.shared.plans).insert(number, world.clone());
+    }
+
+    /// Takes a record; false where there is no room, or no file any more. Never waits for the disk.
+    pub fn send(&self, record: &Record) -> bool {
+        let sent = self.queue.as_ref().is_some_and(|queue| queue.try_send(*record).is_ok());
+        if !sent {
+            self.shared.lost.fetch_add(1, Ordering::Relaxed);
+        }
+        sent && lock(&self.shared.error).is_none()
+    }
+
+    /// How it is doing.
+    pub fn state(&self) -> RecorderState {
+        RecorderState {
+            written: self.shared.written.load(Ordering::Relaxed),
+            lost: self.shared.lost.load(Ordering::Relaxed),
+            error: lock(&self.shared.error).clone(),
+        }
+    }
+
+    /// Writes what waits, and the end of the log.
+    ///
+    /// # Errors
+    /// [`Error::Write`]: what was written before stays, and can be read.
+    pub fn finish(mut self) -> Result<Summary, Error> {
+        self.join();
+        let RecorderState { written, lost, error } = self.state();
+        match error {
+            None => Ok(Summary { path: self.path.clone(), written, lost }),
+            Some(error) => {
+                let path = self.path.display().to_string();
+                let error = error.trim_start_matches(&format!("cannot write {path}: ")).to_string();
+                Err(Error::Write { path, error })
+            }
+        }
+    }
+
+    fn join(&mut self) {
+        drop(self.queue.take());
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            lock(&self.shared.error).get_or_insert_with(|| "the recorder has ended early".into());
+        }
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        self.join();
+    }
+}
+
+/// Writes what comes, until nobody sends any more.
+fn write<W: Write>(mut writer: LogWriter<W>, records: &Receiver<Record>, shared: &Shared) -> io::Result<()> {
+    let mut waiting = 0;
+    let mut due = Instant::now() + PATIENCE;
+    let end = loop {
+        let next = records.recv_timeout(due.saturating_duration_since(Instant::now()));
+        // Those of a plan before are still on their way when a log begins just after a change.
+        if let Ok(record) = &next
+            && record.plan >= writer.plan()
+        {
+            if record.plan != writer.plan() {
+                let world = lock(&shared.plans).remove(&record.plan);
+                let world = world.ok_or_else(|| {
+                    io::Error::other(format!("the samples of plan {} came before its world", record.plan))
+                });
+                let begun = world.and_then(|world| writer.begin_at(record.sample, record.plan, &world));
+                if let Err(error) = begun {
+                    break Err(error);
+                }
+            }
+            waiting += 1;
+            if let Err(error) = writer.write_record(record) {
+                break Err(error);
+            }
+        }
+        let ended = matches!(next, Err(RecvTimeoutError::Disconnected));
+        // The writer flushes by itself when a chunk is full.
+        if Instant::now() >= due || ended {
+            if let Err(error) = writer.flush() {
+                break Err(error);
+            }
+            due = Instant::now() + PATIENCE;
+        }
+        if writer.pending() == 0 {
+            shared.written.fetch_add(waiting, Ordering::Relaxed);
+            waiting = 0;
+        }
+        if ended {
+            break writer.finish().map(drop);
+        }
+    };
+    shared.lost.fetch_add(waiting, Ordering::Relaxed);
+    end
+}
+
+/// The recorder runs when nobody else wants to.
+fn stand_back() {
+    #[cfg(target_os = "linux")]
+    {
+        // Whoever may not step back stays where everybody is.
+        let _ = rustix::process::setpriority_process(Some(rustix::thread::gettid()), 10);
+    }
+}

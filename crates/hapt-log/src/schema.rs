@@ -1,0 +1,222 @@
+//! What a sample holds: the columns of every run, and behind them those of the loop in real time.
+
+use hapt_core::{Phase, Reason, Request};
+use hapt_model::World;
+use hapt_rt::Record;
+use hapt_sim::{Row, SIGNALS};
+
+/// A column of a log: a field of its messages, a column of the CSV or Parquet file that it is converted to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// As in the CSV's header.
+    pub name: String,
+    /// As people write it; empty for what is counted or named.
+    pub unit: &'static str,
+    /// One line for people.
+    pub doc: &'static str,
+    /// How it is written.
+    pub kind: Kind,
+}
+
+/// How a column is written. In memory each is a double, which holds whole numbers up to 2⁵³.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// A double with all of its bits.
+    Number,
+    /// A whole number, zero or more.
+    Count,
+    /// A code with a name.
+    Choice(&'static Choice),
+}
+
+/// The names of a column's codes.
+#[derive(Debug, PartialEq)]
+pub struct Choice {
+    /// As a type: `Phase`.
+    pub name: &'static str,
+    /// Each with its code; 0 is among them.
+    pub values: &'static [(&'static str, u64)],
+}
+
+/// The supervisor's phase.
+static PHASES: Choice = Choice {
+    name: "Phase",
+    values: &[("disarmed", 0), ("fading-in", 1), ("running", 2), ("fading-out", 3), ("faulted", 4)],
+};
+
+/// The supervisor's reason.
+static REASONS: Choice = Choice {
+    name: "Reason",
+    values: &[("none", 0), ("stop", Reason::Stop as u64), ("not-finite", Reason::NotFinite as u64)],
+};
+
+/// What was asked of the supervisor.
+static REQUESTS: Choice =
+    Choice { name: "Request", values: &[("none", 0), ("arm", 1), ("disarm", 2), ("stop", 3), ("clear", 4)] };
+
+/// The name of a phase's code.
+pub fn phase_name(code: u64) -> Option<&'static str> {
+    PHASES.values.iter().find(|value| value.1 == code).map(|value| value.0)
+}
+
+/// The name of a reason's code.
+pub fn reason_name(code: u64) -> Option<&'static str> {
+    REASONS.values.iter().find(|value| value.1 == code).map(|value| value.0)
+}
+
+/// A column of the loop in real time.
+struct Live {
+    name: &'static str,
+    unit: &'static str,
+    doc: &'static str,
+    kind: Kind,
+    get: fn(&Record) -> f64,
+}
+
+/// They stand behind the bodies, in this order.
+static LIVE: [Live; 11] = [
+    Live {
+        name: "sample",
+        unit: "",
+        doc: "k, counted from the loop's start, missed ones too",
+        kind: Kind::Count,
+        get: |record| record.sample as f64,
+    },
+    Live {
+        name: "plan",
+        unit: "",
+        doc: "which world ran: 0 at the start, one more with each change",
+        kind: Kind::Count,
+        get: |record| f64::from(record.plan),
+    },
+    Live {
+        name: "phase",
+        unit: "",
+        doc: "where the supervisor stands after the sample",
+        kind: Kind::Choice(&PHASES),
+        get: |record| phase_code(record.phase),
+    },
+    Live {
+        name: "reason",
+        unit: "",
+        doc: "why it is faulted",
+        kind: Kind::Choice(&REASONS),
+        get: |record| record.reason.map_or(0.0, |reason| f64::from(reason as u8)),
+    },
+    Live {
+        name: "request",
+        unit: "",
+        doc: "what the supervisor was asked for at this sample",
+        kind: Kind::Choice(&REQUESTS),
+        get: |record| request_code(record.request),
+    },
+    Live {
+        name: "announced",
+        unit: "",
+        doc: "1 where a prescribed jump of a simulated hand fell on this sample",
+        kind: Kind::Count,
+        get: |record| f64::from(u8::from(record.announced)),
+    },
+    Live {
+        name: "late_s",
+        unit: "s",
+        doc: "how late the supervisor was told that the sample was",
+        kind: Kind::Number,
+        get: |record| record.late,
+    },
+    Live {
+        name: "missed",
+        unit: "",
+        doc: "samples missed since the last",
+        kind: Kind::Count,
+        get: |record| f64::from(record.missed),
+    },
+    Live {
+        name: "silent_s",
+        unit: "s",
+        doc: "how long ago whoever holds the link was last heard",
+        kind: Kind::Number,
+        get: |record| record.silent,
+    },
+    Live {
+        name: "latency_s",
+        unit: "s",
+        doc: "from the sample's instant to when it was taken",
+        kind: Kind::Number,
+        get: |record| f64::from(record.latency) / 1e9,
+    },
+    Live {
+        name: "computation_s",
+        unit: "s",
+        doc: "from there to when the device had its command",
+        kind: Kind::Number,
+        get: |record| f64::from(record.computation) / 1e9,
+    },
+];
+
+/// How many columns a loop in real time adds.
+pub(crate) const LIVE_COLUMNS: usize = LIVE.len();
+
+/// The columns of a world's log, in order; `live`: of a loop in real time.
+pub fn columns(world: &World, live: bool) -> Vec<Column> {
+    let run = hapt_sim::columns(world).into_iter();
+    let run = run.map(|column| Column { name: column.name, unit: column.unit, doc: column.doc, kind: Kind::Number });
+    let more = LIVE.iter().filter(|_| live).map(|column| Column {
+        name: column.name.into(),
+        unit: column.unit,
+        doc: column.doc,
+        kind: column.kind,
+    });
+    run.chain(more).collect()
+}
+
+/// The values of a row of a run, in the order of the columns.
+pub(crate) fn row_values(row: &Row, values: &mut Vec<f64>) {
+    values.clear();
+    values.extend(SIGNALS.iter().map(|signal| (signal.get)(row)));
+    values.extend(row.bodies.iter().flat_map(|&(position, velocity)| [position, velocity]));
+}
+
+/// The values of a record of the loop at `time`, in a world of so many bodies. What the motor holds is what it was asked for, after
+/// the supervisor.
+pub(crate) fn record_values(record: &Record, time: f64, bodies: usize, row: &mut Row, values: &mut Vec<f64>) {
+    row.time = time;
+    (row.puck, row.puck_velocity) = (record.position, record.velocity);
+    (row.measured, row.measured_velocity) = (record.measured, record.measured_velocity);
+    (row.torque, row.command, row.applied) = (record.torque, record.command, record.output);
+    row.bodies.clear();
+    row.bodies.extend(record.bodies.iter().take(bodies));
+    row_values(row, values);
+    values.extend(LIVE.iter().map(|column| (column.get)(record)));
+}
+
+fn phase_code(phase: Phase) -> f64 {
+    match phase {
+        Phase::Disarmed => 0.0,
+        Phase::FadingIn => 1.0,
+        Phase::Running => 2.0,
+        Phase::FadingOut => 3.0,
+        Phase::Faulted => 4.0,
+    }
+}
+
+fn request_code(request: Option<Request>) -> f64 {
+    match request {
+        None => 0.0,
+        Some(Request::Arm) => 1.0,
+        Some(Request::Disarm) => 2.0,
+        Some(Request::Stop) => 3.0,
+        Some(Request::Clear) => 4.0,
+    }
+}
+
+/// What a code asked for.
+pub(crate) fn request(code: f64) -> Option<Request> {
+    match code as u64 {
+        1 => Some(Request::Arm),
+        2 => Some(Request::Disarm),
+        3 => Some(Request::Stop),
+        4 => Some(Request::Clear),
+        _ => None,
+    }
+}

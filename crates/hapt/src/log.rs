@@ -1,0 +1,51 @@
+//! The log that a command works on.
+
+use std::fs::File;
+use std::io::{BufReader, Read, stdin};
+use std::path::Path;
+
+use hapt_log::{Ending, Error, Log};
+
+use crate::failure::Failure;
+use crate::people;
+
+/// A log and what people call it.
+pub struct Opened {
+    pub name: String,
+    pub log: Log<Box<dyn Read>>,
+}
+
+/// Opens a log; `-` is standard input.
+pub fn open(path: &Path) -> Result<Opened, Failure> {
+    let (name, from) = reader(path)?;
+    let log = Log::read(from).map_err(|error| failure(&name, error))?;
+    Ok(Opened { name, log })
+}
+
+/// What a file is called, and its bytes.
+pub fn reader(path: &Path) -> Result<(String, Box<dyn Read>), Failure> {
+    if path.as_os_str() == "-" {
+        return Ok(("<stdin>".into(), Box::new(stdin().lock())));
+    }
+    let name = path.display().to_string();
+    let file = File::open(path).map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
+    Ok((name, Box::new(BufReader::with_capacity(1 << 16, file))))
+}
+
+/// What is wrong with the log of this name.
+pub fn failure(name: &str, error: Error) -> Failure {
+    match error {
+        Error::Unreadable(error) => Failure::input(format!("cannot read {name}: {error}")),
+        error => Failure::input(format!("{name}: {error}")),
+    }
+}
+
+impl Opened {
+    /// Says where it ended, where that is not its writer's end; after the last sample.
+    pub fn say_ending(&self, samples: u64, last: f64) {
+        if *self.log.ending() != Ending::Whole {
+            let (samples, last) = (people::count(samples), people::time(last));
+            people::say(format_args!("{}: {}; {samples} samples up to {last} are there", self.name, self.log.ending()));
+        }
+    }
+}
