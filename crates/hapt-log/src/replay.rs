@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::sync::Arc;
 
-use hapt_core::Watch;
+use hapt_core::{Guarding, Watch};
 use hapt_rt::{Plan, PlanState};
 use hapt_sim::DesktopLoop;
 
@@ -120,6 +120,7 @@ struct Running {
 
 /// The log of a loop in real time: the loop behind its supervisor.
 fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
+    let guarding = log.header.guarding;
     let mut running: Option<Running> = None;
     let mut before: Option<Inputs> = None;
     while let Some(sample) = log.next()? {
@@ -133,7 +134,7 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
         // A sample that begins and ends disarmed puts the world back to its start.
         let waits = follows && inputs.phase == DISARMED && before.is_some_and(|before| before.phase == DISARMED);
         if running.is_none() && (inputs.sample == 0 || waits) {
-            running = Some(Running::start(sample.plan)?);
+            running = Some(Running::start(sample.plan, guarding)?);
         }
         before = Some(inputs);
         match &mut running {
@@ -152,8 +153,8 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
 }
 
 impl Running {
-    fn start(logged: &Arc<LoggedPlan>) -> Result<Self, Error> {
-        let plan = Plan::new(&logged.world).map_err(world_error)?;
+    fn start(logged: &Arc<LoggedPlan>, guarding: Guarding) -> Result<Self, Error> {
+        let plan = Plan::new(&logged.world, guarding).map_err(world_error)?;
         Ok(Running { logged: Arc::clone(logged), state: plan.start(), plan, watch: Watch::START })
     }
 
@@ -161,6 +162,7 @@ impl Running {
     fn change(&mut self, logged: &Arc<LoggedPlan>) -> Result<(), Error> {
         if !Arc::ptr_eq(&self.logged, logged) {
             let plan = Plan::following(&logged.world, &self.plan).map_err(world_error)?;
+            self.watch.swap();
             (self.state, self.plan, self.logged) = (plan.carry(&self.state), plan, Arc::clone(logged));
         }
         Ok(())

@@ -47,7 +47,15 @@ static PHASES: Choice = Choice {
 /// The supervisor's reason.
 static REASONS: Choice = Choice {
     name: "Reason",
-    values: &[("none", 0), ("stop", Reason::Stop as u64), ("not-finite", Reason::NotFinite as u64)],
+    values: &{
+        let mut values = [("none", 0); Reason::ALL.len() + 1];
+        let mut i = 0;
+        while i < Reason::ALL.len() {
+            values[i + 1] = (Reason::ALL[i].name(), Reason::ALL[i].code() as u64);
+            i += 1;
+        }
+        values
+    },
 };
 
 /// What was asked of the supervisor.

@@ -9,7 +9,7 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
 use common::{WHEEL, header, world};
-use hapt_core::{Phase, Request};
+use hapt_core::{Guarding, Phase, Request};
 use hapt_log::{Ending, Error, Log, Recorder, Summary, columns, phase_name, replay};
 use hapt_rt::{BODIES, Engine, Order, Plan, Record, Simulated, Touch};
 use hapt_sim::Grip;
@@ -18,6 +18,7 @@ use hapt_sim::Grip;
 fn record(sample: u64) -> Record {
     Record {
         sample,
+        due: 1_000_000 * sample,
         plan: 0,
         position: sample as f64,
         velocity: 0.0,
@@ -28,6 +29,7 @@ fn record(sample: u64) -> Record {
         output: 0.0,
         phase: Phase::Running,
         reason: None,
+        warning: None,
         latency: 1_500,
         computation: 900,
         missed: 0,
@@ -43,7 +45,7 @@ fn record(sample: u64) -> Record {
 /// many samples of it.
 fn session(samples: usize, text: &str, other: &str) -> Vec<Record> {
     let world = world(text);
-    let plan = Plan::new(&world).unwrap();
+    let plan = Plan::new(&world, Guarding::Simulated).unwrap();
     let next = Plan::following(&common::world(other), &plan).unwrap();
     let (device, mut hand) = Simulated::new(&world);
     let mut engine = Engine::start(plan, Box::new(device)).unwrap();
@@ -63,7 +65,7 @@ fn session(samples: usize, text: &str, other: &str) -> Vec<Record> {
             records.push(record);
             if records.len() % (samples / 6) == 10 {
                 touches.next().map(|touch| hand.push(touch));
-                orders.next().map(|order| engine.orders.push(order).ok());
+                orders.next().map(|order| engine.send(order).ok());
             }
         }
         std::thread::sleep(Duration::from_millis(2));

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use hapt_model::{
-    Body, Coupling, Damping, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Output, Sampling, Scenario,
-    Shape, Side, Source, Switching, World,
+    Body, Coupling, Damping, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Output, Safety, Sampling,
+    Scenario, Shape, Side, Source, Switching, World,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -136,6 +136,38 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
     )
 }
 
+fn safety() -> impl Strategy<Value = Safety> {
+    let some = || option::of(positive());
+    let first = (positive(), some(), some(), some(), option::of(zero_or_more()), some(), some());
+    let second = (some(), positive(), some(), positive(), option::of(zero_or_more()), option::of(zero_or_more()));
+    let third = (any::<bool>(), some(), option::of(any::<bool>()), option::of(zero_or_more()), zero_or_more());
+    (first, second, third).prop_map(|(first, second, third)| {
+        let (fade, velocity, jump, overspeed, stuck, torque, slew) = first;
+        let (rms, heating, driver_rms, driver_heating, late, link) = second;
+        let (link_faults, energy, world_trips, pulse, brake) = third;
+        Safety {
+            fade,
+            velocity,
+            jump,
+            overspeed,
+            stuck,
+            torque,
+            slew,
+            rms,
+            heating,
+            driver_rms,
+            driver_heating,
+            late,
+            link,
+            link_faults,
+            energy,
+            world_trips,
+            pulse,
+            brake,
+        }
+    })
+}
+
 fn world() -> impl Strategy<Value = World> {
     let body = (positive(), any_number(), any_number()).prop_map(|(inertia, position, velocity)| Body {
         inertia,
@@ -147,9 +179,9 @@ fn world() -> impl Strategy<Value = World> {
         .prop_flat_map(|(motion, sampling, bodies, title)| {
             let couplings = couplings(bodies.len(), !sampling.method.is_explicit());
             let scenarios = vec((0.0..1e9, hand()), 0..4);
-            (Just((motion, sampling, bodies, title)), device(motion), couplings, scenarios)
+            (Just((motion, sampling, bodies, title)), (device(motion), safety()), couplings, scenarios)
         })
-        .prop_map(|((motion, sampling, bodies, title), device, couplings, scenarios)| {
+        .prop_map(|((motion, sampling, bodies, title), (device, safety), couplings, scenarios)| {
             let names = ["z-w", "A_1", "x", "y"].map(String::from).into_iter().take(bodies.len()).collect();
             let scenario = |(index, (samples, hand)): (usize, (f64, Hand))| Scenario {
                 name: format!("{index}-s"),

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use crate::spec::Shape;
 
 /// A shape laid on the loop's samples: at least one piece, the first from 0 on, their starts not decreasing.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Curve(Vec<Piece>);
 
 /// What a curve is from `from` on, until the next piece begins.

@@ -23,7 +23,7 @@ pub struct Grip {
 }
 
 /// A scenario's hand, laid on the samples of a loop; none by default.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Script {
     hand: Option<Hand>,
     /// The sample after which it is over.

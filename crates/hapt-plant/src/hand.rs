@@ -6,7 +6,7 @@ use crate::curve::{Curve, Form, Piece, snap};
 use crate::puck::{Inertia, Push, Sine};
 
 /// A hand laid on the loop's samples.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Hand {
     curve: Curve,
     /// The curve's piece since the last event.
@@ -17,7 +17,7 @@ pub struct Hand {
 }
 
 /// A grip that opens and takes hold again.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 struct Switch {
     switching: Switching,
     period: f64,
@@ -61,7 +61,7 @@ impl Switch {
     }
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Prescribed,
     Torque,

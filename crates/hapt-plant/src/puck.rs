@@ -34,7 +34,7 @@ pub(crate) type Lengths = [f64; 2];
 pub(crate) type Sine = (f64, f64, f64);
 
 /// Inertia, damping and stiffness of something.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Inertia {
     pub inertia: f64,
     pub damping: f64,

@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use hapt_core::{Guarded, Reading, Request, Watch};
 
-use crate::plan::DesktopState;
+use crate::plan::PlanState;
 use crate::{BODIES, Device, Failure, Plan, Record};
 
 /// When a sample is taken, for whoever keeps the time.
@@ -26,7 +26,7 @@ pub struct Moment {
 pub struct Cycle {
     plan: Box<Plan>,
     device: Safe,
-    state: DesktopState,
+    state: PlanState,
     watch: Watch<f64>,
     sample: u64,
     swaps: u32,
@@ -46,7 +46,7 @@ impl Cycle {
     /// `plan` on `device`, disarmed.
     pub fn new(mut plan: Box<Plan>, mut device: Box<dyn Device>) -> Self {
         device.adopt(&mut plan);
-        let state = plan.world.start();
+        let state = plan.start();
         Cycle { plan, device: Safe(device), state, watch: Watch::START, sample: 0, swaps: 0 }
     }
 
@@ -73,8 +73,16 @@ impl Cycle {
         std::mem::replace(&mut self.plan, plan)
     }
 
-    /// The sample itself. Errors where the device fails, which then has no torque.
+    /// The sample itself. Errors where the device fails, which then is asked for no torque.
     pub fn sample(&mut self, moment: &Moment, request: Option<Request>) -> Result<Record, Failure> {
+        let record = self.guarded(moment, request);
+        if record.is_err() {
+            let _ = self.device.0.write(0.0);
+        }
+        record
+    }
+
+    fn guarded(&mut self, moment: &Moment, request: Option<Request>) -> Result<Record, Failure> {
         let position = self.device.0.read()?;
         let reading = Reading {
             position: position.position,
@@ -85,8 +93,7 @@ impl Cycle {
             silent: moment.silent,
         };
         let Cycle { plan, state, watch, .. } = self;
-        let Guarded { sample, output, phase, reason, warning } =
-            plan.supervisor.step(watch, &plan.world, state, &reading, request);
+        let Guarded { sample, output, phase, reason, warning } = plan.step(watch, state, &reading, request);
         self.device.0.write(output)?;
         let mut bodies = [(0.0, 0.0); BODIES];
         let now = &self.state.now;

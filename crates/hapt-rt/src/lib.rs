@@ -39,7 +39,7 @@ use hapt_core::{Phase, Reason, Request};
 
 pub use cycle::{Cycle, Moment};
 pub use engine::{End, Engine, Error, SHORTEST_PERIOD, Settings};
-pub use plan::Plan;
+pub use plan::{Plan, PlanState};
 pub use replay::Replay;
 pub use scheduling::Realtime;
 pub use simulated::{Hands, Simulated, Touch};

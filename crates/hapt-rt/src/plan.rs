@@ -1,11 +1,11 @@
 //! A world compiled for the loop's thread, with everything that it will need there.
 
-use hapt_core::{Estimator, Guarding, Law, State};
+use hapt_core::{Estimator, Guarded, Guarding, Law, Reading, Request, State, Watch};
 use hapt_model::{End, Method, World};
 use hapt_sim::{DesktopLoop, DesktopSupervisor, VirtualDevice};
 
-/// Everything that changes from sample to sample, in the loop's room.
-pub(crate) type DesktopState = State<f64, 32, 64, 257>;
+/// Everything that changes in a plan's world from sample to sample.
+pub type PlanState = State<f64, 32, 64, 257>;
 
 /// A world compiled, with its supervisor, and its device for whoever simulates one.
 #[derive(Clone, Debug)]
@@ -77,9 +77,25 @@ impl Plan {
         self.world.period()
     }
 
+    /// The world's state before its first sample.
+    pub fn start(&self) -> PlanState {
+        self.world.start()
+    }
+
+    /// One sample, guarded: what the loop's thread does between its device's two calls, and a replay again.
+    pub fn step(
+        &self,
+        watch: &mut Watch<f64>,
+        state: &mut PlanState,
+        reading: &Reading<f64>,
+        request: Option<Request>,
+    ) -> Guarded<f64> {
+        self.supervisor.step(watch, &self.world, state, reading, request)
+    }
+
     /// The state to go on with where `state` was, of the plan before. Allocates nothing.
-    pub(crate) fn carry(&self, state: &DesktopState) -> DesktopState {
-        let mut next = self.world.start();
+    pub fn carry(&self, state: &PlanState) -> PlanState {
+        let mut next = self.start();
         for (to, from) in self.bodies.iter().enumerate() {
             let Some(from) = *from else { continue };
             // x_{k+1}, where the method knows it already: this is the sample after.

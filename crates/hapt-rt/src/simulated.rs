@@ -12,7 +12,7 @@ const TOUCHES: usize = 64;
 const LONGEST_PAUSE: u32 = 1 << 20;
 
 /// What a hand on the simulated puck does.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub enum Touch {
     /// Takes hold where the puck is.
     Grab(Grip),
@@ -26,9 +26,10 @@ pub enum Touch {
 
 /// Where the hands on a simulated puck are told what to do.
 pub struct Hands {
-    touches: Producer<Touch>,
-    /// Scripts that are over, to be freed here.
-    spent: Consumer<Box<Script>>,
+    /// Toward the device.
+    pub touches: Producer<Touch>,
+    /// Scripts that are over, to be freed on this side; with 64 of them here no further one begins.
+    pub spent: Consumer<Box<Script>>,
 }
 
 impl Hands {

@@ -123,6 +123,30 @@ proptest! {
 }
 
 #[test]
+fn the_notes_wheel_let_go_in_real_time_is_the_simulation_to_its_last_row() {
+    let text = format!(
+        "limit = 0.82225\n[bodies.wheel]\ninertia = 0.0258\n{}[scenarios.let-go]\nduration = \"3 s\"\n\
+         hand = {{ kind = \"ramp\", to = \"45 deg\", over = \"0.2 s\", release = \"0.5 s\" }}\n",
+        spring("puck", "wheel", 1.018592)
+    );
+    let world = wheel("1 ms", &text);
+    let (device, mut hands) = Simulated::new(&world);
+    let mut cycle = on(&world, Box::new(device));
+    armed(&mut cycle);
+    hands.push(Touch::Scenario(Box::new(script(&world.scenarios[0], 1e-3)))).unwrap();
+    let mut run = Simulation::new(&world, &world.scenarios[0]).unwrap();
+    let mut rows = 0;
+    while let Some(row) = run.next() {
+        let (row, record) = (row.unwrap(), sample(&mut cycle, false, None));
+        assert_eq!((record.phase, record.reason), (Phase::Running, None), "at {} s", row.time);
+        assert_eq!((record.position, record.velocity, record.output), (row.puck, row.puck_velocity, row.command));
+        assert_eq!(record.bodies[0], row.bodies[0]);
+        rows += 1;
+    }
+    assert_eq!(rows, 3001);
+}
+
+#[test]
 fn bodies_go_on_by_their_names_and_others_start_where_they_start() {
     let bodies = |names: [&str; 2], rest: &str| {
         let body = |name: &str| {
@@ -237,4 +261,14 @@ fn nothing_is_left_on_when_a_loop_is_dropped() {
     assert_eq!(torque.get(), 0.3);
     drop(cycle);
     assert_eq!(torque.get(), 0.0);
+
+    let (device, torque) = Held::new(|k| -> There {
+        if k < 1_000 { Ok((0.0, 0.0)) } else { Err(Failure::Gone) }
+    });
+    let mut cycle = on(&wheel("1 ms", &constant(0.3)), device);
+    armed(&mut cycle);
+    while cycle.sample(&Default::default(), None).is_ok() {
+        assert_eq!(torque.get(), 0.3);
+    }
+    assert_eq!(torque.get(), 0.0, "the device has failed");
 }

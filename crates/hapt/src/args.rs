@@ -107,7 +107,7 @@ Examples:
   hapt worst wheel.toml --set loop.output=start --out broken.toml || \\
       hapt sim broken.toml --scenario worst")]
     Worst(WorstArgs),
-    /// The loop in real time on a device, until its time is over or Ctrl-C, the torque off at the end.
+    /// A world in real time on a device, the torque off at the end.
     #[command(after_help = "\
 Examples:
   hapt run wheel.toml --duration 1s                  on the simulated device

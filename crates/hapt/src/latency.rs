@@ -85,15 +85,11 @@ impl From<hapt_rt::Error> for Failure {
 
 /// What the system has granted, a line each.
 pub fn granted(realtime: &Realtime) -> String {
-    let mut text = match realtime.priority {
+    let text = match realtime.priority {
         Some(priority) => format!("priority     SCHED_FIFO {priority}\n"),
         None => "priority     as any other program\n".into(),
     };
-    text += if realtime.locked { "memory       locked in place\n" } else { "memory       not locked\n" };
-    for warning in &realtime.warnings {
-        let _ = writeln!(text, "warning      {warning}");
-    }
-    text
+    text + if realtime.locked { "memory       locked in place\n" } else { "memory       not locked\n" }
 }
 
 fn text(world: &World, timing: &Timing, realtime: &Realtime) -> String {
@@ -108,7 +104,11 @@ fn text(world: &World, timing: &Timing, realtime: &Realtime) -> String {
         let _ = writeln!(text, "{name:<12} {label:<14} {:>9} {}", bar.count, "#".repeat(length));
     }
     text.push('\n');
-    text + &granted(realtime)
+    text += &granted(realtime);
+    for warning in &realtime.warnings {
+        let _ = writeln!(text, "\n{warning}");
+    }
+    text
 }
 
 fn json(world: &World, timing: &Timing, realtime: &Realtime) -> String {

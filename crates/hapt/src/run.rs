@@ -38,6 +38,9 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let (device, hands) = spec.open(world)?;
     let engine = Engine::start_with(plan, device, settings)?;
     output::end_in_order();
+    for warning in &engine.realtime().warnings {
+        people::say(format_args!("warning: {warning}"));
+    }
     let mut run = Run { world, engine, hands, scenario, duration, seen: Seen::default() };
     let how = run.until_it_ends(&mut recorder)?;
     let mut out = stdout().lock();
@@ -117,12 +120,10 @@ impl Run<'_> {
             std::thread::sleep(LOOK);
             // Asked before the last records are taken: they may be those of its end.
             let ended = self.engine.ended();
-            while let Ok(record) = self.engine.records.pop() {
-                self.seen.add(&record);
-                recorder(&record);
-            }
-            if let Some(how) = self.how(ended, is_over) {
+            self.take_records(recorder);
+            if let Some(how) = self.how(ended) {
                 self.engine.end();
+                self.take_records(recorder);
                 return Ok(how);
             }
             let (Some(last), Some(_)) = (self.seen.last, self.seen.running) else { continue };
@@ -141,6 +142,13 @@ impl Run<'_> {
         }
     }
 
+    fn take_records(&mut self, recorder: &mut impl FnMut(&Record)) {
+        while let Ok(record) = self.engine.records.pop() {
+            self.seen.add(&record);
+            recorder(&record);
+        }
+    }
+
     /// Begins the scenario, if there is one.
     fn play(&mut self) -> bool {
         let (Some(scenario), Some(hands)) = (self.scenario, &mut self.hands) else { return true };
@@ -148,8 +156,8 @@ impl Run<'_> {
         hands.push(Touch::Scenario(script)).is_ok()
     }
 
-    /// How it has ended, if it has; `is_over`: it was disarmed.
-    fn how(&self, ended: Option<End>, is_over: bool) -> Option<How> {
+    /// How it has ended, if it has.
+    fn how(&self, ended: Option<End>) -> Option<How> {
         if let Some(signal) = output::signalled() {
             return Some(How::Signal(signal));
         }
@@ -163,7 +171,7 @@ impl Run<'_> {
             Some(End::Panicked) => return Some(How::Panicked),
         }
         let is_disarmed = self.seen.last.is_some_and(|record| record.phase == Phase::Disarmed);
-        (is_over && is_disarmed).then_some(How::Done)
+        (is_disarmed && self.seen.running.is_some()).then_some(How::Done)
     }
 
     fn order(&mut self, request: Request) -> Result<(), Failure> {

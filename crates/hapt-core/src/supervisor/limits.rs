@@ -13,6 +13,20 @@ pub enum Guarding {
     Simulated,
 }
 
+impl Guarding {
+    /// All of them.
+    pub const ALL: [Guarding; 3] = [Guarding::Certified, Guarding::Uncertified, Guarding::Simulated];
+
+    /// Its name in logs.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Guarding::Certified => "certified",
+            Guarding::Uncertified => "uncertified",
+            Guarding::Simulated => "simulated",
+        }
+    }
+}
+
 /// The limits of a supervisor and what it must know of the device. An infinite limit is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
