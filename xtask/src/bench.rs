@@ -493,7 +493,7 @@ only at run time. 8 and 16 bodies stand in the room of 32; with 8, half of the i
 const START_MISSED: &str = "
 What stands in the way: the system more than hapt. Of 0.9 million instructions a third are the loader's, a tenth the start of the
 standard library, a quarter the world file and its memory, and a tenth the loop and the puck; the rest is the command line and text.
-Most of the time goes where no instruction is counted: 190 page faults (the empty program has 70), and waiting for a core where the
+Most of the time goes where no instruction is counted: 140 page faults (the empty program has 50), and waiting for a core where the
 machine is busy (see the fastest).
 ";
 

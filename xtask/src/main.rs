@@ -22,7 +22,7 @@ const USAGE: &str = "\
 cargo xtask test      format, lints, tests in debug and release, docs, every world file, proofs, documents
 cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
-cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S]; with --write, into docs/truth.md
+cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md
 cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask faults    the supervisor against faults of every kind, and against none: [--n N] [--clean SAMPLES] [--seed S]; with
                       --write, into docs/safety.md

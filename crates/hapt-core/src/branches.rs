@@ -15,15 +15,17 @@ pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
     /// Every LuGre bristle over one period, with q̇ as it is at this sample held.
     fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>);
 
-    /// x_{k+1} - x_k of the method, from x_k, u_{k-1} and u_k.
+    /// x_{k+1} - x_k of the method, from x_k, u_{k-1} and u_k, into its place. Given back and stored there it would go in parts, and the
+    /// next sample, which reads positions and velocities as one vector, would wait for them.
     fn change(
         &self,
+        change: &mut Vector<F, B>,
         x: &Vector<F, B>,
         old: Puck<F>,
         new: Puck<F>,
         bristles: &[F; C],
         contacts: &mut Contacts<F, C>,
-    ) -> Vector<F, B>;
+    );
 
     /// The linear `torque` on the puck with the nonlinear couplings'.
     fn bent(&self, torque: F, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C], contacts: &Contacts<F, C>) -> F;
@@ -45,18 +47,17 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
     #[inline(always)]
     fn change(
         &self,
+        change: &mut Vector<F, B>,
         x: &Vector<F, B>,
         old: Puck<F>,
         new: Puck<F>,
         bristles: &[F; C],
         contacts: &mut Contacts<F, C>,
-    ) -> Vector<F, B> {
-        let linear = self.linear(x, old, new);
-        let Some(force) = &self.force else { return linear };
-        // A copy of its own: what is lent away has no place in registers.
-        let mut change = linear;
-        self.force_on(&mut change, force, x, old, new, bristles, contacts);
-        change
+    ) {
+        *change = self.linear(x, old, new);
+        if let Some(force) = &self.force {
+            self.force_on(change, force, x, old, new, bristles, contacts);
+        }
     }
 
     #[inline(always)]

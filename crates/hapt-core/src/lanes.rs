@@ -142,13 +142,14 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<La
     #[inline(always)]
     fn change(
         &self,
+        change: &mut Vector<Lanes<N>, B>,
         x: &Vector<Lanes<N>, B>,
         old: Puck<Lanes<N>>,
         new: Puck<Lanes<N>>,
         _: &[Lanes<N>; C],
         _: &mut Contacts<Lanes<N>, C>,
-    ) -> Vector<Lanes<N>, B> {
-        self.linear(x, old, new)
+    ) {
+        *change = self.linear(x, old, new);
     }
 
     #[inline(always)]

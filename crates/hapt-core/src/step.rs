@@ -153,10 +153,12 @@ where
             state.now.add(self.bodies, F::ONE, &state.change);
         }
         self.bend(&mut state.bristles, puck, &state.now);
+        let State { now, change, bristles, contacts, memory } = state;
         if !self.new_sample_first {
-            state.change = self.change(&state.now, puck, puck, &state.bristles, &mut state.contacts);
-        } else if let Some(last) = state.memory.last {
-            let change = self.change(&state.now, last, puck, &state.bristles, &mut state.contacts);
+            self.change(change, now, puck, puck, bristles, contacts);
+        } else if let Some(last) = memory.last {
+            let mut change = Vector::ZERO;
+            self.change(&mut change, now, last, puck, bristles, contacts);
             state.now.add(self.bodies, F::ONE, &change);
         }
         state.memory.last = Some(puck);
@@ -189,7 +191,7 @@ where
         let mut change = Vector::ZERO;
         for _ in 0..self.advance {
             self.bend(&mut bristles, held, &bodies);
-            change = self.change(&bodies, held, held, &bristles, &mut contacts);
+            self.change(&mut change, &bodies, held, held, &bristles, &mut contacts);
             bodies.add(self.bodies, F::ONE, &change);
         }
         bodies.velocity = self.mean_velocities(&change);

@@ -1,5 +1,7 @@
 //! The supervisor on readings made by hand: every limit, every way back, both ledgers in closed form, for f32 and f64.
 
+#![allow(clippy::disallowed_methods, clippy::disallowed_macros)]
+
 use hapt_core::{
     Body, Coupling, Damping, End, Estimator, Guarded, Heat, Law, Limits, Loop, Method, Output, Phase, Reading, Real,
     Reason, Request, Spec, State, Supervisor, Watch,

@@ -136,12 +136,12 @@ impl Puck {
         [y[X], y[V]]
     }
 
-    /// Which way the puck slides, ±1; `None` while friction holds it: at rest and |net torque| ≤ friction.
+    /// Which way the puck slides, ±1; `None` while friction holds it: at rest and |net torque| ≤ friction, but for rounding.
     fn direction(&self, y: &Motion) -> Option<f64> {
         let net = self.net(y);
         if y[V] != 0.0 {
             Some(y[V].signum())
-        } else if net.abs() > self.friction {
+        } else if net.abs() > self.hold(y) {
             Some(net.signum())
         } else {
             None
@@ -153,7 +153,15 @@ impl Puck {
         self.now.plant.drive(y) - self.now.plant.stiffness * y[X]
     }
 
-    /// Its derivative at rest.
+    /// The most net torque that holds the puck at rest: friction, and what rounding can leave of the torques that balance there.
+    /// Without that a slip that only rounding sees is undone by it in no time at all, again and again.
+    fn hold(&self, y: &Motion) -> f64 {
+        let Plant { stiffness, sine, cosine, .. } = self.now.plant;
+        let torques = y[F].abs() + (sine * y[SIN]).abs() + (cosine * y[COS]).abs() + (stiffness * y[X]).abs();
+        self.friction + ROUNDING * (self.friction + torques)
+    }
+
+    /// The derivative of the net torque at rest.
     fn net_slope(&self, y: &Motion) -> f64 {
         y[RAMP] + self.now.plant.omega * (self.now.plant.sine * y[COS] - self.now.plant.cosine * y[SIN])
     }
@@ -203,7 +211,7 @@ impl Puck {
         let over = |side: f64| {
             first_crossing(dt, slice(&self.now.plant, dt), |t| {
                 let y = drives_after(&self.now.plant, y, t);
-                (side * self.net(&y) - self.friction, side * self.net_slope(&y))
+                (side * self.net(&y) - self.hold(&y), side * self.net_slope(&y))
             })
         };
         match (over(1.0), over(-1.0)) {
@@ -229,6 +237,9 @@ const NO_SINE: Sine = (0.0, 0.0, 0.0);
 
 /// More stops and starts than this within one stretch is chatter at the edge of friction.
 const MOST_EVENTS: usize = 1000;
+
+/// Rounding of a sum of torques and of what an exponential makes of them, in parts of their sizes.
+const ROUNDING: f64 = 256.0 * f64::EPSILON;
 
 /// The drives alone move on while the puck rests.
 fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {

@@ -73,6 +73,8 @@ impl Control {
 }
 
 impl<const B: usize> Running<B> {
+    /// Out of line, so that a small room is not compiled on the largest one's stack.
+    #[inline(never)]
     fn new(spec: &Spec) -> Result<Box<Self>, Error> {
         let compiled = Loop::new(spec)?;
         let state = compiled.start();

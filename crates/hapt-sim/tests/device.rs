@@ -141,6 +141,31 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 50, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// A motor's torque that nearly balances friction, and a hand that adds what is missing, again and again: so is rounding's say.
+    #[test]
+    fn a_puck_that_sticks_and_slips_does_not_care_where_the_samples_fall(
+        stiffness in 0.1_f64..10.0, amplitude in 0.01_f64..0.1, frequency in 100.0_f64..2000.0,
+        part in 0.01_f64..0.99, pull in -3.0_f64..3.0, split in 2_u32..5,
+    ) {
+        let mut world = bare();
+        (world.device.inertia, world.device.damping) = (1e-5, 0.01);
+        world.device.friction = part * stiffness * amplitude;
+        let constant = Law::Constant { torque: pull * stiffness * amplitude };
+        world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law: constant }];
+        let moves = Shape::Sine { amplitude, frequency, phase: 0.0 };
+        let grip = Drive::Grip { inertia: 0.0, damping: 0.0, stiffness, moves, switching: None };
+        let coarse = rows(&world, &scenario(0.2, grip.clone(), None));
+        world.sampling.period /= f64::from(split);
+        let fine = rows(&world, &scenario(0.2, grip, None));
+        for (row, other) in coarse.iter().zip(fine.iter().step_by(split as usize)) {
+            prop_assert!((row.puck - other.puck).abs() <= 1e-8 * amplitude, "{} {} {}", row.time, row.puck, other.puck);
+        }
+    }
+}
+
 fn shape() -> impl Strategy<Value = Shape> {
     // Instants anywhere, on samples and between them.
     let at = prop_oneof![(0_u32..40).prop_map(|k| f64::from(k) * 4e-3), 0.0_f64..0.15];

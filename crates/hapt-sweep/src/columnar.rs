@@ -1,26 +1,36 @@
-//! Tables of numbers as Parquet: a sweep's from its CSV, a run's row by row.
+//! A table of numbers as Parquet: a sweep's from its CSV, or row by row.
+//!
+//! The columns go to Parquet's own writer. Arrow's would do the same, but brings every type that it knows into the program, and a
+//! loader has to relocate them all before a command can begin.
 
 use std::collections::HashMap;
 use std::io::{self, BufRead, Write};
-use std::sync::Arc;
 
-use arrow_array::{ArrayRef, Float64Array, RecordBatch};
 use arrow_schema::{DataType, Field, Schema};
-use parquet::arrow::ArrowWriter;
+use parquet::arrow::{ArrowSchemaConverter, add_encoded_arrow_schema_to_metadata};
+use parquet::data_type::DoubleType;
+use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
 
 use crate::table::{self, Column};
 
-/// Rows that become columns at once.
-const BATCH: usize = 1 << 16;
-/// Bytes in memory at which a group of rows is written.
-const GROUP: usize = 32 << 20;
+/// Rows in memory at once, and in a row group.
+const GROUP: usize = 1 << 16;
 
 /// Writes rows as they come, in the same memory however many there are.
 pub struct Writer<W: Write + Send> {
-    writer: ArrowWriter<W>,
-    schema: Arc<Schema>,
-    values: Vec<Vec<Option<f64>>>,
+    file: SerializedFileWriter<W>,
+    columns: Vec<Values>,
+    rows: usize,
+}
+
+/// What a column has in the group at hand.
+#[derive(Clone, Default)]
+struct Values {
+    values: Vec<f64>,
+    /// Of each row: 1 where there is a value, 0 where it is null. Parquet's definition levels.
+    there: Vec<i16>,
 }
 
 impl<W: Write + Send> Writer<W> {
@@ -33,38 +43,55 @@ impl<W: Write + Send> Writer<W> {
             let unit = [("unit".to_string(), column.unit.clone())];
             Field::new(&column.name, DataType::Float64, true).with_metadata(HashMap::from(unit))
         };
-        let schema = Arc::new(Schema::new(columns.iter().map(field).collect::<Vec<_>>()));
+        let schema = Schema::new(columns.iter().map(field).collect::<Vec<_>>());
         // The bytes are those of the rows, whenever and wherever they are written.
-        let properties =
-            WriterProperties::builder().set_created_by(format!("hapt {}", env!("CARGO_PKG_VERSION"))).build();
-        let writer = ArrowWriter::try_new(out, Arc::clone(&schema), Some(properties)).map_err(io::Error::other)?;
-        Ok(Writer { writer, schema, values: vec![Vec::with_capacity(BATCH); columns.len()] })
+        let created_by = format!("hapt {}", env!("CARGO_PKG_VERSION"));
+        let mut properties = WriterProperties::builder().set_created_by(created_by).build();
+        // The units: Parquet itself has no place for a column's metadata.
+        add_encoded_arrow_schema_to_metadata(&schema, &mut properties);
+        let schema = ArrowSchemaConverter::new().convert(&schema).map_err(io::Error::other)?;
+        let file =
+            SerializedFileWriter::new(out, schema.root_schema_ptr(), properties.into()).map_err(io::Error::other)?;
+        Ok(Writer { file, columns: vec![Values::default(); columns.len()], rows: 0 })
     }
 
     /// Writes a row, a value a column. A value that is not there is null.
+    ///
+    /// # Errors
+    /// Those of the output.
     pub fn write(&mut self, row: impl IntoIterator<Item = Option<f64>>) -> io::Result<()> {
-        self.values.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
-        match self.values.first() {
-            Some(column) if column.len() == BATCH => self.put(),
-            _ => Ok(()),
+        for (column, value) in self.columns.iter_mut().zip(row) {
+            column.values.extend(value);
+            column.there.push(value.is_some().into());
         }
+        self.rows += 1;
+        if self.rows == GROUP { self.put().map_err(io::Error::other) } else { Ok(()) }
     }
 
-    fn put(&mut self) -> io::Result<()> {
-        let arrays =
-            self.values.iter_mut().map(|column| Arc::new(Float64Array::from_iter(column.drain(..))) as ArrayRef);
-        let batch = RecordBatch::try_new(Arc::clone(&self.schema), arrays.collect()).map_err(io::Error::other)?;
-        self.writer.write(&batch).map_err(io::Error::other)?;
-        if self.writer.in_progress_size() > GROUP {
-            self.writer.flush().map_err(io::Error::other)?;
+    /// Writes the group at hand.
+    fn put(&mut self) -> Result<(), ParquetError> {
+        let mut group = self.file.next_row_group()?;
+        for column in &mut self.columns {
+            if let Some(mut writer) = group.next_column()? {
+                writer.typed::<DoubleType>().write_batch(&column.values, Some(&column.there), None)?;
+                writer.close()?;
+            }
+            column.values.clear();
+            column.there.clear();
         }
-        Ok(())
+        self.rows = 0;
+        group.close().map(drop)
     }
 
     /// Writes what waits, and the end; gives the output back.
+    ///
+    /// # Errors
+    /// Those of the output.
     pub fn finish(mut self) -> io::Result<W> {
-        self.put()?;
-        self.writer.into_inner().map_err(io::Error::other)
+        if self.rows > 0 {
+            self.put().map_err(io::Error::other)?;
+        }
+        self.file.into_inner().map_err(io::Error::other)
     }
 }
 

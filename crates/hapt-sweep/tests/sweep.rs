@@ -189,6 +189,33 @@ fn a_table_reads_back_and_goes_to_parquet_with_units() {
 }
 
 #[test]
+fn a_table_of_several_row_groups_reads_back_row_by_row() {
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::RowAccessor;
+    let columns = ["a", "b"].map(|name| table::Column { name: name.into(), unit: "s".into() });
+    // Each third number of the second column is not there.
+    let value = |row: usize| (!row.is_multiple_of(3)).then_some(1.0 / row as f64);
+    let rows = (1 << 17) + 5;
+    let mut writer = columnar::Writer::new(&columns, Vec::new()).unwrap();
+    for row in 0..rows {
+        writer.write([Some(row as f64), value(row)]).unwrap();
+    }
+    let file = std::env::temp_dir().join(format!("hapt-sweep-groups-{}.parquet", std::process::id()));
+    std::fs::write(&file, writer.finish().unwrap()).unwrap();
+    let reader = SerializedFileReader::new(std::fs::File::open(&file).unwrap()).unwrap();
+    assert_eq!(reader.metadata().num_row_groups(), 3);
+    let mut read = 0;
+    for (i, row) in reader.get_row_iter(None).unwrap().enumerate() {
+        let row = row.unwrap();
+        assert_eq!(row.get_double(0).unwrap(), i as f64);
+        assert_eq!(row.get_double(1).ok(), value(i));
+        read += 1;
+    }
+    std::fs::remove_file(&file).unwrap();
+    assert_eq!(read, rows);
+}
+
+#[test]
 fn what_is_no_axis_is_said_with_what_would_be_right() {
     let held = [Measure::HeldGrowth];
     let cases: &[(&[&str], &str)] = &[

@@ -26,7 +26,9 @@ pub struct Args {
     pub command: Option<Command>,
 }
 
+// A command's own arguments are made when it is the one.
 #[derive(Debug, Subcommand)]
+#[command(defer = true)]
 pub enum Command {
     /// Run the scenarios of a world on an exact simulation of device and hand.
     #[command(after_help = "\
@@ -158,7 +160,7 @@ Examples:
     Man(ManArgs),
 }
 
-/// The world, as every command takes it.
+// The world, as every command takes it. Flattened arguments have no doc comment: it would become the command's own.
 #[derive(Debug, clap::Args)]
 pub struct WorldArgs {
     /// The world file; - is standard input, @NAME a built-in world (hapt worlds lists them).
@@ -412,7 +414,7 @@ pub struct LatencyArgs {
     pub json: bool,
 }
 
-/// What the loop's thread asks of the system.
+// What the loop's thread asks of the system. (A doc comment would be the command's own description.)
 #[derive(Debug, clap::Args)]
 pub struct RealtimeArgs {
     /// Watch the clock for the last so long before each sample instead of sleeping, such as 100us.

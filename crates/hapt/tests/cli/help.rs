@@ -50,6 +50,21 @@ fn the_help_names_every_command_and_shows_examples() {
     assert!(examples(&text).len() > 1);
 }
 
+/// One space between any two words, however the lines are broken.
+fn words(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn the_help_of_every_command_begins_with_what_the_list_says_of_it() {
+    let list = words(&help(&["--help"]));
+    for command in COMMANDS {
+        let text = help(&[command, "--help"]);
+        let about = words(text.split("\n\n").next().unwrap_or_default());
+        assert!(list.contains(&format!(" {command} {}", about.trim_end_matches('.'))), "{command}: {about}");
+    }
+}
+
 #[test]
 fn the_help_of_every_command_has_an_example_of_it() {
     for command in COMMANDS {
