@@ -6,6 +6,7 @@
 mod core;
 mod dictionary;
 mod limits;
+mod live;
 mod log;
 mod messages;
 mod mutate;
@@ -32,13 +33,14 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 6] = [
+pub const TARGETS: [Target; 7] = [
     Target { name: "world", run: world::run, seeds: seeds::worlds, longest: 1 << 16 },
     Target { name: "set", run: set::run, seeds: seeds::sets, longest: 1 << 12 },
     Target { name: "quantity", run: quantity::run, seeds: seeds::quantities, longest: 1 << 10 },
     Target { name: "path", run: path::run, seeds: seeds::paths, longest: 1 << 14 },
     Target { name: "core", run: core::run, seeds: seeds::cores, longest: 1 << 11 },
     Target { name: "log", run: log::run, seeds: seeds::logs, longest: 1 << 14 },
+    Target { name: "live", run: live::run, seeds: seeds::messages, longest: 1 << 12 },
 ];
 
 /// The target of this name.

@@ -186,6 +186,26 @@ pub fn logs() -> Vec<Vec<u8>> {
     [log, plain].into_iter().chain(cuts).chain(files(&here().join("kept/log"))).collect()
 }
 
+pub fn messages() -> Vec<Vec<u8>> {
+    let talk = r#"{"type":"hello","v":1,"token":"00ff"}
+{"type":"take"}
+{"type":"order","order":"arm"}
+{"type":"hand","grip":true,"position":-0.5}
+{"type":"set","key":"loop.estimator","value":"low-pass"}
+{"type":"set","key":"loop.period","value":"2 ms"}
+{"type":"focus","key":"couplings.0.stiffness"}
+{"type":"scenario","name":null}
+{"type":"record","on":false}
+{"type":"reset"}
+{"type":"give"}
+{"type":"alive"}"#;
+    let sets = |value: &str| format!(r#"{{"type":"set","key":"couplings.0.stiffness","value":"{value}"}}"#);
+    let many = [sets("1 N m/rad"), sets("1e-300 N mm/deg"), sets("{a=1}"), sets("[]"), sets("\\u0000")].join("\n");
+    let deep = format!("{}1{}", "[".repeat(2000), "]".repeat(2000));
+    let wide = format!(r#"{{"type":"set","key":"{}","value":"{}"}}"#, "a.".repeat(128), "(".repeat(256));
+    with_kept("live", [talk.to_string(), many, deep, wide])
+}
+
 /// A wheel on a spring with a wall, by the order in which the core's target takes its input.
 fn wheel(method: u8) -> Vec<u8> {
     let (one, small) = (1u8, 4u8);

@@ -123,6 +123,13 @@ Examples:
   hapt latency --duration 1s                         the notes' wheel at 1 ms
   hapt latency wheel.toml --duration 1s --spin 100us --json")]
     Latency(LatencyArgs),
+    /// The loop in real time behind a page: grab the wheel and turn its numbers.
+    #[command(after_help = "\
+Examples:
+  hapt live                                          the notes' wheel
+  hapt live wheel.toml --port 0                      another world, any port
+  hapt live @notes/euler --set loop.period=5ms")]
+    Live(LiveArgs),
     /// A world file to start from, with comments, and its schema for editors.
     #[command(after_help = "\
 Examples:
@@ -377,7 +384,7 @@ pub struct BoundaryArgs {
 pub struct RunArgs {
     #[command(flatten)]
     pub world: WorldArgs,
-    /// The device: sim, or replay:FILE with the CSV of a run.
+    /// The device: sim, or replay:FILE with the CSV of a run or a log.
     #[arg(long, value_name = "SPEC", default_value = "sim")]
     pub device: String,
     /// The scenario that the simulated device's hand plays once the torque is all there.
@@ -423,6 +430,31 @@ pub struct RealtimeArgs {
     /// The loop's priority under SCHED_FIFO, from 1 to 99; 0: as any other program.
     #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(0..=99))]
     pub priority: u8,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct LiveArgs {
+    /// The world file, - or @NAME; without it, the notes' wheel.
+    #[arg(value_name = "WORLD")]
+    pub path: Option<PathBuf>,
+    /// Override a key of the world file by its dotted path, such as loop.period=2ms; repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// The port of the page; 0 takes one that is free.
+    #[arg(long, value_name = "N", default_value_t = hapt_live::PORT)]
+    pub port: u16,
+    /// What the loop drives: sim, the exact simulation with a hand from the page.
+    #[arg(long, value_name = "SPEC", default_value = "sim")]
+    pub device: String,
+    /// Listen on this address of the machine, for other machines too; pages then need the token in the printed link.
+    #[arg(long, value_name = "ADDRESS")]
+    pub listen: Option<String>,
+    /// The folder for recordings.
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub log_dir: PathBuf,
+    /// Open the page in the browser.
+    #[arg(long)]
+    pub open: bool,
 }
 
 #[derive(Debug, clap::Args)]

@@ -5,6 +5,7 @@ use std::io::{Write, stdout};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use hapt_analysis::proposal::unit;
 use hapt_model::keys::Takes;
 use hapt_model::parse_quantity;
 use hapt_sweep::boundary::{Boundary, Edge, Piece, Plane, Point, Way};
@@ -15,7 +16,6 @@ use crate::boundary_plot;
 use crate::failure::Failure;
 use crate::output::Draft;
 use crate::people;
-use crate::remedies::unit;
 use crate::world::source;
 
 /// An axis in the unit in which it was typed.

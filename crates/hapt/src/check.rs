@@ -4,12 +4,11 @@ use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_analysis::{Check, Stability};
+use hapt_analysis::{Check, Proposal, Stability};
 
 use crate::args::CheckArgs;
 use crate::failure::Failure;
 use crate::people;
-use crate::remedies::{self, Proposal};
 use crate::world::load;
 
 pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
@@ -23,7 +22,9 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
         json + "\n"
     } else {
         let proposed = match &check.remedies {
-            Some(remedies) => remedies::proposal(&loaded, &args.world.sets, &check, remedies)?,
+            Some(remedies) => {
+                hapt_analysis::proposal(&loaded.world, &loaded.source, &args.world.sets, &check, remedies)?
+            }
             None => None,
         };
         let proposed = proposed.map_or(String::new(), |proposed| proposal(&proposed, check.certified));
@@ -36,8 +37,9 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
 
 fn proposal(proposal: &Proposal, certified: bool) -> String {
     let name = if certified { "margins" } else { "remedies" };
-    let end = if proposal.lines.is_empty() { "" } else { ":" };
-    let lines: String = proposal.lines.iter().map(|line| format!("  {line}\n")).collect();
+    let lines = proposal.lines();
+    let end = if lines.is_empty() { "" } else { ":" };
+    let lines: String = lines.iter().map(|line| format!("  {line}\n")).collect();
     format!("{name:<9} {}{end}\n{lines}", proposal.heading)
 }
 

@@ -2,13 +2,14 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use hapt_model::{Motion, World};
 use hapt_rt::{Device, Hands, Position, Replay, Simulated};
 
 use crate::failure::Failure;
+use crate::log;
 
 /// A device, as it is named on the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,7 +33,7 @@ impl FromStr for Spec {
             Some((word, _)) if LATER.contains(&word) => {
                 Err(format!("drives ({word}:...) come with a later version; today there are sim and replay:FILE"))
             }
-            _ => Err("a device is sim, or replay:FILE with a run's CSV".into()),
+            _ => Err("a device is sim, or replay:FILE with a run's CSV or a log".into()),
         }
     }
 }
@@ -57,18 +58,36 @@ impl Spec {
     }
 }
 
-/// The puck's positions and velocities in a run's CSV.
-fn positions(path: &PathBuf, motion: Motion) -> Result<Vec<Position>, Failure> {
+/// The puck's positions and velocities in a log.
+fn logged(path: &Path) -> Result<Vec<Position>, Failure> {
+    let mut opened = log::open(path)?;
+    let mut positions = Vec::new();
+    while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
+        // Time, then the puck: the first columns of every log.
+        if let [_, position, velocity, ..] = *sample.values {
+            positions.push(Position { position, velocity, announced: true });
+        }
+    }
+    if positions.is_empty() { Err(Failure::input(format!("{} has no samples", opened.name))) } else { Ok(positions) }
+}
+
+/// The puck's positions and velocities in a run's CSV, or in a log.
+fn positions(path: &Path, motion: Motion) -> Result<Vec<Position>, Failure> {
     let name = path.display();
     let wrong = |line: usize, message: String| Failure::input(format!("{name}, line {line}: {message}"));
-    let file = File::open(path).map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
+    let mut file =
+        BufReader::new(File::open(path).map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?);
+    let first = file.fill_buf().map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
+    if hapt_log::is_log(first) {
+        return logged(path);
+    }
     let columns = match motion {
         Motion::Rotary => ["puck_rad", "puck_rad_per_s"],
         Motion::Linear => ["puck_m", "puck_m_per_s"],
     };
     let mut places = None;
     let mut positions = Vec::new();
-    for (i, line) in BufReader::new(file).lines().enumerate() {
+    for (i, line) in file.lines().enumerate() {
         let line = line.map_err(|error| wrong(i + 1, error.to_string()))?;
         let fields: Vec<&str> = line.split(',').map(str::trim).collect();
         let Some(places) = places else {

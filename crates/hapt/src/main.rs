@@ -13,13 +13,13 @@ mod failure;
 mod impedance;
 mod init;
 mod latency;
+mod live;
 mod log;
 mod notes;
 mod output;
 mod people;
 mod plot;
 mod progress;
-mod remedies;
 mod replay;
 mod report;
 mod run;
@@ -61,6 +61,7 @@ fn main() -> ExitCode {
         Some(Command::Worst(args)) => worst::run(args),
         Some(Command::Run(args)) => run::run(args),
         Some(Command::Latency(args)) => latency::run(args),
+        Some(Command::Live(args)) => live::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Worlds) => worlds::run(),
         Some(Command::Explain(args)) => explain::run(args),

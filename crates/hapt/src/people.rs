@@ -3,32 +3,12 @@
 use std::fmt::Display;
 use std::io::{Write, stderr};
 
+pub use hapt_analysis::proposal::number;
 use hapt_model::Motion;
 
 /// A line on standard error. Who has closed it wants no lines, and the command goes on.
 pub fn say(line: impl Display) {
     let _ = writeln!(stderr(), "{line}");
-}
-
-/// Six significant digits, no trailing zeros.
-pub fn number(x: f64) -> String {
-    if x == 0.0 {
-        return "0".into();
-    }
-    let exponent = x.abs().log10().floor();
-    if !(-4.0..=8.0).contains(&exponent) {
-        // 5.64400e-7 is 5.644e-7.
-        let text = format!("{x:.5e}");
-        return match text.split_once('e') {
-            Some((digits, power)) => format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.')),
-            None => text,
-        };
-    }
-    let text = format!("{x:.*}", (5.0 - exponent).max(0.0) as usize);
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').into(),
-        false => text,
-    }
 }
 
 /// A torque in N mm up to 10 N m, as such devices are spoken of; or a force in N.

@@ -14,7 +14,6 @@ use crate::args::ReportArgs;
 use crate::failure::Failure;
 use crate::output::{self, Draft};
 use crate::people;
-use crate::remedies::{self, Proposal};
 use crate::sim::rows;
 use crate::world::{Loaded, source};
 
@@ -25,7 +24,7 @@ struct Ready {
     world: World,
     parameters: Vec<Parameter>,
     check: Check,
-    proposal: Option<Proposal>,
+    proposal: Option<(&'static str, Vec<String>)>,
 }
 
 pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
@@ -78,7 +77,8 @@ fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
         let title = world.title.clone().filter(|title| !title.trim().is_empty()).unwrap_or_else(|| stem.clone());
         let loaded = Loaded { name: source.name.clone(), world, source };
         let remedies = hapt_analysis::remedies(&loaded.world)?;
-        let proposal = remedies::proposal(&loaded, &args.sets, &check, &remedies)?;
+        let proposal = hapt_analysis::proposal(&loaded.world, &loaded.source, &args.sets, &check, &remedies)?;
+        let proposal = proposal.map(|proposal| (proposal.heading, proposal.lines()));
         worlds.push(Ready { title, stem, world: loaded.world, parameters, check, proposal });
     }
     Ok(worlds)
@@ -109,7 +109,7 @@ fn stem(path: &Path, world: &World, taken: &mut HashSet<String>) -> String {
 /// Runs every scenario of a world. One that stops being finite is shown up to there.
 fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
     let Ready { title, stem, world, parameters, check, proposal } = ready;
-    let proposal = proposal.as_ref().map(|proposal| (proposal.heading, proposal.lines.as_slice()));
+    let proposal = proposal.as_ref().map(|(heading, lines)| (*heading, lines.as_slice()));
     let mut runs = Vec::new();
     for scenario in &world.scenarios {
         let simulation = Simulation::new(world, scenario)?;

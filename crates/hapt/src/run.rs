@@ -4,6 +4,7 @@ use std::io::{Write, stdout};
 use std::process::ExitCode;
 
 use hapt_core::{Guarding, Phase, Reason, Request};
+use hapt_log::{Header, Recorder, Summary};
 use hapt_model::{Scenario, World};
 use hapt_rt::{End, Engine, Failure as DeviceFailure, Hands, Order, Record, Timing, Touch};
 use hapt_sim::script;
@@ -14,6 +15,7 @@ use crate::failure::Failure;
 use crate::latency::{LOOK, granted, plan, settings, time};
 use crate::output;
 use crate::people;
+use crate::sim;
 use crate::world::{Loaded, load};
 
 pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
@@ -34,7 +36,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let guarding = guarding(args, &spec, world)?;
     let settings = settings(&args.realtime, world)?;
     let plan = plan(world, guarding)?;
-    let mut recorder = recorder(args)?;
+    let recorder = recorder(args, &loaded, guarding)?;
     let (device, hands) = spec.open(world)?;
     let engine = Engine::start_with(plan, device, settings)?;
     output::end_in_order();
@@ -42,24 +44,42 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         people::say(format_args!("warning: {warning}"));
     }
     let mut run = Run { world, engine, hands, scenario, duration, seen: Seen::default() };
-    let how = run.until_it_ends(&mut recorder)?;
+    let how = run.until_it_ends(&mut |record| {
+        // What finds no room is counted by it.
+        recorder.as_ref().map(|recorder| recorder.send(record));
+    })?;
+    let logged = recorder.map(finish).transpose();
     let mut out = stdout().lock();
-    out.write_all(run.summary(&loaded, &spec, &how).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    let logged_line = logged.as_ref().ok().and_then(Option::as_deref).unwrap_or_default();
+    let text = run.summary(&loaded, &spec, &how) + logged_line;
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    logged?;
     match how {
         How::Done => Ok(ExitCode::SUCCESS),
         How::Signal(code) => Ok(ExitCode::from(code)),
-        How::Fault(reason) => Err(Failure::System(format!("the torque was taken away: {}", sentence(reason)))),
+        How::Fault(reason) => {
+            Err(Failure::System(format!("the torque was taken away. {} {}", reason.sentence(), reason.remedy())))
+        }
         How::Device(failure) => Err(Failure::System(format!("the run ended by itself, the torque off: {failure}"))),
         How::Panicked => Err(Failure::System("the loop broke off, the torque off: a defect of hapt".into())),
     }
 }
 
-/// The place of the recorder: what takes every record, below the loop, into a log.
-fn recorder(args: &RunArgs) -> Result<impl FnMut(&Record) + use<>, Failure> {
-    match &args.log {
-        Some(file) => Err(Failure::input(format!("--log {}: logs come with a later version", file.display()))),
-        None => Ok(|_: &Record| {}),
-    }
+/// The log, where one is asked for.
+fn recorder(args: &RunArgs, loaded: &Loaded, guarding: Guarding) -> Result<Option<Recorder>, Failure> {
+    let Some(file) = &args.log else { return Ok(None) };
+    let (device, scenario) = (args.device.clone(), args.scenario.clone());
+    let header = Header { device, scenario, guarding, ..sim::header(loaded, &args.world.sets, true) };
+    let recorder = Recorder::start(file, &loaded.world, header);
+    recorder.map(Some).map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))
+}
+
+/// Its last second, and what has become of it.
+fn finish(recorder: Recorder) -> Result<String, Failure> {
+    let Summary { path, written, lost } =
+        recorder.finish().map_err(|error| Failure::System(format!("the log has ended early: {error}")))?;
+    let lost = if lost > 0 { format!(", {} lost", people::count(lost)) } else { String::new() };
+    Ok(format!("log          {} samples{lost}: {}\n", people::count(written), path.display()))
 }
 
 /// On a motor only what is certified runs, unless somebody says otherwise.
@@ -191,7 +211,7 @@ impl Run<'_> {
         let end = match how {
             How::Done => "ended in order".into(),
             How::Signal(_) => "interrupted, the torque off at once".into(),
-            How::Fault(reason) => format!("faulted: {}", sentence(*reason)),
+            How::Fault(reason) => format!("faulted. {}", reason.sentence()),
             How::Device(failure) => failure.to_string(),
             How::Panicked => "broken off".into(),
         };
@@ -216,14 +236,5 @@ impl Seen {
             self.fault = self.fault.or(record.reason);
         }
         self.last = Some(*record);
-    }
-}
-
-/// A reason in words.
-fn sentence(reason: Reason) -> String {
-    match reason {
-        Reason::Stop => "somebody pressed stop".into(),
-        Reason::NotFinite => "a number was no number".into(),
-        other => format!("{other:?}"),
     }
 }

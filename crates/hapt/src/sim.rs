@@ -94,7 +94,7 @@ fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &Sim
 }
 
 /// What goes into a log beside the rows; the certificate only where it is asked for.
-fn header(loaded: &Loaded, sets: &[String], certified: bool) -> Header {
+pub fn header(loaded: &Loaded, sets: &[String], certified: bool) -> Header {
     let check = certified.then(|| hapt_analysis::check(&loaded.world).ok()).flatten();
     Header {
         world_text: loaded.source.text.clone(),

@@ -119,6 +119,7 @@ pub fn cases() -> Vec<Case> {
         ("usage", usage),
         ("edges", edges),
         ("realtime", realtime),
+        ("live", live),
     ];
     for &(theme, add) in themes {
         table.theme = theme;
@@ -409,7 +410,7 @@ fn realtime(t: &mut Table) {
         ("a scenario that is not there", &["--scenario", "stpe"]),
         ("no time at all", &["--duration", "0 s"]),
         ("a time in metres", &["--duration", "2 m"]),
-        ("a log of a later version", &["--log", "run.mcap"]),
+        ("a log in a folder that is not there", &["--log", "nowhere/run.mcap"]),
         ("spinning for longer than half a period", &["--spin", "0.6 ms"]),
         ("spinning for less than nothing", &["--spin=-1us"]),
         ("a priority that is none", &["--priority", "100"]),
@@ -419,4 +420,19 @@ fn realtime(t: &mut Table) {
     }
     t.typed("the latency of a world that is not there", &["latency", "wheel.toml"]);
     t.typed("a latency measured for no time", &["latency", "--duration", "0"]);
+}
+
+fn live(t: &mut Table) {
+    for (name, args) in [
+        ("a world with an error", &["--port", "0", "--set", "loop.period=1 kg"][..]),
+        ("a period that nobody can watch", &["--port", "0", "--set", "loop.period=1 us"]),
+        ("a name for an address", &["--port", "0", "--listen", "localhost"]),
+        ("an address with its port", &["--port", "0", "--listen", "0.0.0.0:80"]),
+        ("a device that is none", &["--port", "0", "--device", "simulation"]),
+        ("a device that comes later", &["--port", "0", "--device", "moteus:/dev/ttyACM0"]),
+        ("a port that is none", &["--port", "65536"]),
+    ] {
+        let args: Vec<&str> = ["live", "w.toml"].into_iter().chain(args.iter().copied()).collect();
+        t.typed(name, &args);
+    }
 }

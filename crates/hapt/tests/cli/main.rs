@@ -8,6 +8,7 @@ mod endings;
 mod first_steps;
 mod help;
 mod impedance;
+mod live;
 mod logs;
 mod realtime;
 mod refusals;

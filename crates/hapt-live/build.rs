@@ -1,0 +1,41 @@
+//! Lists the built page, web/dist, as a table of `include_bytes!`, so that the binary needs no files beside it and a build no Node.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn main() {
+    let here = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
+    let page = here.join("../../web/dist");
+    println!("cargo::rerun-if-changed={}", page.display());
+    let mut files = Vec::new();
+    list(&page, "", &mut files);
+    files.sort();
+    if let Err(error) = embed(&files) {
+        println!("cargo::error=the page cannot be embedded: {error}");
+    }
+}
+
+/// Copies the files to where this build has its own, for the page may be built anew while it runs, and writes the table.
+fn embed(files: &[(String, PathBuf)]) -> std::io::Result<()> {
+    let out = PathBuf::from(std::env::var_os("OUT_DIR").unwrap_or_default());
+    let mut table = String::from("&[\n");
+    for (number, (name, path)) in files.iter().enumerate() {
+        let copy = out.join(number.to_string());
+        fs::copy(path, &copy)?;
+        // Debug quotes as Rust does.
+        table += &format!("    ({name:?}, include_bytes!({:?})),\n", copy.display().to_string());
+    }
+    fs::write(out.join("page.rs"), table + "]")
+}
+
+/// The files below a folder, by their paths on the server.
+fn list(folder: &Path, under: &str, files: &mut Vec<(String, PathBuf)>) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let (name, path) = (format!("{under}/{}", entry.file_name().to_string_lossy()), entry.path());
+        if path.is_dir() {
+            list(&path, &name, files);
+        } else {
+            files.push((name, path));
+        }
+    }
+}

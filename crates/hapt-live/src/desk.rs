@@ -1,0 +1,305 @@
+//! The desk: the thread that owns the loop's engine. It hears what pages say, tells the loop, and tells the pages what the loop does.
+//!
+//! Nothing here waits on anything but its own door, and that a few milliseconds at most: pages that do not read are shown out,
+//! certificates are computed elsewhere, and the loop itself runs on without the desk.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::time::{Duration, Instant};
+
+use hapt_core::{Phase, Reason, Request};
+use hapt_model::World;
+use hapt_rt::{End, Engine, Order, Plan, Record, Timing};
+use tokio::sync::mpsc::Sender;
+use tokio_tungstenite::tungstenite::Message;
+
+use crate::control::{Client, Control};
+use crate::frames::Frames;
+use crate::hand::VisitorsHand;
+use crate::judge::Judge;
+use crate::protocol::{Realtime, Said, Says, Status, TimingSays};
+use crate::recording::Recording;
+use crate::state::Workbench;
+
+/// How long the desk listens at its door before it looks at the loop again.
+const TICK: Duration = Duration::from_millis(4);
+/// From one telemetry frame to the next.
+const FRAME: Duration = Duration::from_micros(16_667);
+/// From one status to the next, when nothing happens.
+const STATUS: Duration = Duration::from_millis(200);
+/// How much may wait at the door.
+const WAITING: usize = 1024;
+
+/// What comes to the desk.
+pub enum Event {
+    /// A page that has said hello, and where it is told.
+    Joined(Client, Sender<Message>),
+    /// A page has gone.
+    Left(Client),
+    /// A page has said something.
+    Said(Client, Said),
+    /// The judge has an answer on this generation.
+    Judged(u32, Says),
+    /// The program ends.
+    End,
+}
+
+/// The desk's door, for the server.
+#[derive(Clone)]
+pub struct Door {
+    events: SyncSender<Event>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Door {
+    /// A door, and the desk's side of it.
+    pub fn new() -> (Self, Receiver<Event>) {
+        let (events, inside) = sync_channel(WAITING);
+        (Door { events, stop: Arc::default() }, inside)
+    }
+
+    /// Hands something in, without waiting; `false`: the desk is gone, or overrun.
+    pub fn hand_in(&self, event: Event) -> bool {
+        // Stop stands in no queue.
+        if let Event::Said(_, Said::Order { order: crate::protocol::Wish::Stop }) = event {
+            self.stop.store(true, Ordering::Release);
+            return true;
+        }
+        self.events.try_send(event).is_ok()
+    }
+
+    /// Hands an answer of the judge in, who may wait for it; `false`: the desk is gone.
+    pub fn report(&self, generation: u32, says: Says) -> bool {
+        self.events.send(Event::Judged(generation, says)).is_ok()
+    }
+
+    /// The program ends.
+    pub fn end(&self) {
+        let mut event = Event::End;
+        while let Err(TrySendError::Full(back)) = self.events.try_send(event) {
+            event = back;
+            std::thread::sleep(TICK);
+        }
+    }
+}
+
+/// Who sits there.
+pub struct Desk {
+    pub(crate) bench: Workbench,
+    pub(crate) engine: Engine,
+    /// The last plan that the loop was given.
+    pub(crate) plan: Box<Plan>,
+    /// The worlds of the plans that the loop may still be at, by their generation.
+    pub(crate) worlds: VecDeque<(u32, World)>,
+    pub(crate) hand: VisitorsHand,
+    /// The scenario that the hand plays, and when by the loop's time in s it is over.
+    pub(crate) scenario: Option<(String, f64)>,
+    pub(crate) control: Control,
+    pub(crate) clients: BTreeMap<Client, Sender<Message>>,
+    pub(crate) judge: Judge,
+    /// The last verdict, and the ranges of this generation by their keys: for pages that come later.
+    pub(crate) verdict: Option<Message>,
+    pub(crate) ranges: BTreeMap<String, Message>,
+    pub(crate) recording: Option<Recording>,
+    pub(crate) folder: PathBuf,
+    pub(crate) timing: Timing,
+    /// The loop's time in s, and where it stands.
+    pub(crate) time: f64,
+    pub(crate) state: (Phase, Option<Reason>),
+    /// What would have tripped on a real device.
+    warning: Option<Reason>,
+    frames: Frames,
+    stop: Arc<AtomicBool>,
+}
+
+/// What the desk starts with.
+pub struct Start {
+    /// The world.
+    pub bench: Workbench,
+    /// The loop, running.
+    pub engine: Engine,
+    /// Its plan.
+    pub plan: Box<Plan>,
+    /// The hand on its device.
+    pub hand: VisitorsHand,
+    /// Who judges.
+    pub judge: Judge,
+    /// Where recordings go.
+    pub folder: PathBuf,
+}
+
+impl Desk {
+    /// A desk with nobody before it.
+    pub fn new(start: Start, door: &Door) -> Self {
+        let Start { bench, engine, plan, hand, judge, folder } = start;
+        judge.ask(bench.clone());
+        Desk {
+            worlds: VecDeque::from([(bench.generation, bench.world.clone())]),
+            bench,
+            engine,
+            plan,
+            hand,
+            scenario: None,
+            control: Control::default(),
+            clients: BTreeMap::new(),
+            judge,
+            verdict: None,
+            ranges: BTreeMap::new(),
+            recording: None,
+            folder,
+            timing: Timing::new(),
+            time: 0.0,
+            state: (Phase::Disarmed, None),
+            warning: None,
+            frames: Frames::default(),
+            stop: Arc::clone(&door.stop),
+        }
+    }
+
+    /// Until the program ends, or the device does.
+    ///
+    /// # Errors
+    /// The device is gone; in a sentence.
+    pub fn run(mut self, events: &Receiver<Event>) -> Result<(), String> {
+        // A simulated device is there to be grabbed at once.
+        self.order(Request::Arm);
+        let (mut frame, mut status) = (Instant::now(), Instant::now());
+        let mut alive = Instant::now();
+        loop {
+            match events.recv_timeout(TICK) {
+                Ok(first) => {
+                    // Not for ever: the loop wants to be looked at.
+                    for event in std::iter::once(first).chain(events.try_iter().take(WAITING)) {
+                        if matches!(event, Event::End) {
+                            return Ok(());
+                        }
+                        self.take_in(event);
+                    }
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            }
+            if self.stop.swap(false, Ordering::AcqRel) {
+                self.engine.stop();
+            }
+            let before = self.state;
+            let ended = self.engine.ended();
+            self.look();
+            let now = Instant::now();
+            self.lead(now);
+            if now >= alive {
+                // The loop hears of the desk, and the desk of whoever has control: his hand lets go first.
+                let _ = self.engine.send(Order::Alive);
+                alive = now + Duration::from_millis(50);
+            }
+            if now >= frame {
+                frame = (frame + FRAME).max(now);
+                if let Some(bytes) = self.frames.take() {
+                    self.tell_all(&Message::Binary(bytes));
+                }
+            }
+            if now >= status || self.state != before {
+                status = now + STATUS;
+                let status = self.status();
+                self.tell_all(&message(&status));
+            }
+            match ended {
+                Some(End::Device(failure)) => return Err(failure.to_string()),
+                Some(End::Panicked) => return Err("the loop has ended by a defect of hapt's own".into()),
+                Some(End::Asked) => return Ok(()),
+                None => {}
+            }
+        }
+    }
+
+    /// What the loop has done since.
+    fn look(&mut self) {
+        while let Ok(record) = self.engine.records.pop() {
+            while self.worlds.len() > 1 && self.worlds.front().is_some_and(|(plan, _)| *plan < record.plan) {
+                self.worlds.pop_front();
+            }
+            if let Some(recording) = &mut self.recording {
+                recording.add(&record);
+            }
+            self.add(&record);
+        }
+    }
+
+    fn add(&mut self, record: &Record) {
+        let Some((generation, world)) = self.worlds.front() else { return };
+        self.time = record.due as f64 * 1e-9;
+        self.state = (record.phase, record.reason);
+        self.warning = record.warning;
+        self.frames.add(world, *generation, self.time, record);
+        self.timing.add(record);
+    }
+
+    /// The hand's next position, by the scenario or by the page that has control; who is silent lets go.
+    fn lead(&mut self, now: Instant) {
+        if !self.control.is_awake(now) {
+            self.let_go();
+        }
+        if self.scenario.as_ref().is_some_and(|(_, over)| self.time > *over) {
+            self.let_go();
+        }
+        self.hand.tell();
+    }
+
+    /// The hand lets go, and a scenario ends with it.
+    pub(crate) fn let_go(&mut self) {
+        self.scenario = None;
+        self.hand.want(None);
+    }
+
+    /// Asks something of the supervisor; `false`: there is no room just now.
+    pub(crate) fn order(&mut self, request: Request) -> bool {
+        self.engine.send(Order::Request(request)).is_ok()
+    }
+
+    /// Tells one page; who does not read is shown out.
+    pub(crate) fn tell(&mut self, client: Client, message: Message) {
+        let Some(to) = self.clients.get(&client) else { return };
+        if to.try_send(message).is_err() {
+            self.left(client);
+        }
+    }
+
+    /// Tells every page.
+    pub(crate) fn tell_all(&mut self, message: &Message) {
+        let deaf = |(client, to): (&Client, &Sender<Message>)| to.try_send(message.clone()).is_err().then_some(*client);
+        let gone: Vec<Client> = self.clients.iter().filter_map(deaf).collect();
+        gone.into_iter().for_each(|client| self.left(client));
+    }
+
+    /// How the loop goes.
+    pub(crate) fn status(&self) -> Says {
+        let mut status = Status {
+            phase: "",
+            code: None,
+            reason: None,
+            sentence: None,
+            clear: None,
+            warnings: self
+                .warning
+                .iter()
+                .map(|reason| format!("On a real device it would have faulted. {}", reason.sentence()))
+                .collect(),
+            scenario: self.scenario.as_ref().map(|(name, _)| name.clone()),
+            recording: self.recording.as_ref().and_then(Recording::says),
+            timing: TimingSays::of(&self.timing),
+            realtime: Realtime::of(self.engine.realtime()),
+            clients: self.clients.len(),
+        };
+        let (phase, reason) = self.state;
+        status.explain(phase, reason);
+        Says::Status(Box::new(status))
+    }
+}
+
+/// As it goes over the wire.
+pub fn message(says: &Says) -> Message {
+    Message::Text(says.json().into())
+}

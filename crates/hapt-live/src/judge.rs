@@ -1,0 +1,322 @@
+//! The certificate, on threads of its own: the desk asks and goes on, and hears of it as of anything else.
+//!
+//! Of several questions the last counts. One thread gives the verdict, so that it is there at once; another looks for remedies and
+//! for the certified ranges, which take hundreds of certificates, and gives up on a world that is no longer asked about.
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use hapt_analysis::{Check, Verdict as Stands, is_certified};
+
+use crate::protocol::{KeySays, RemedySays, Says, Sentence, Verdict};
+use crate::state::Workbench;
+
+/// Looks at so many places of a slider, then closer at where the answer turns.
+const PLACES: usize = 33;
+/// To this part of the slider.
+const WIDTH: f64 = 1e-3;
+
+/// Who answers. Dropped, it finishes what it is at, and ends.
+pub struct Judge {
+    asked: Arc<Latest<Workbench>>,
+    next: Arc<Latest<(Workbench, Box<Verdict>, Check)>>,
+    focus: Arc<Mutex<Option<String>>>,
+}
+
+/// Hands an answer over; `false`: nobody listens any more.
+type Answer = Arc<dyn Fn(u32, Says) -> bool + Send + Sync>;
+
+impl Judge {
+    /// Answers go to `answer` with their generation.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub fn start(answer: impl Fn(u32, Says) -> bool + Send + Sync + 'static) -> std::io::Result<Self> {
+        let judge = Judge { asked: Arc::default(), next: Arc::default(), focus: Arc::default() };
+        let answer: Answer = Arc::new(answer);
+        let (asked, next, to) = (Arc::clone(&judge.asked), Arc::clone(&judge.next), Arc::clone(&answer));
+        std::thread::Builder::new().name("judge".into()).spawn(move || {
+            below_the_loop();
+            while let Some(bench) = asked.take() {
+                let (verdict, check) = verdict(&bench);
+                if !to(bench.generation, Says::Verdict(verdict.clone())) {
+                    break;
+                }
+                if let Some(check) = check {
+                    next.put((bench, verdict, check));
+                }
+            }
+        })?;
+        let (next, focus) = (Arc::clone(&judge.next), Arc::clone(&judge.focus));
+        std::thread::Builder::new().name("adviser".into()).spawn(move || {
+            below_the_loop();
+            while let Some((bench, verdict, check)) = next.take() {
+                if advise(&bench, verdict, &check, &next, &focus, &answer).is_none() {
+                    break;
+                }
+            }
+        })?;
+        Ok(judge)
+    }
+
+    /// Asks about a world; whatever was asked before is forgotten.
+    pub fn ask(&self, bench: Workbench) {
+        self.asked.put(bench);
+    }
+
+    /// The key whose range is wanted first.
+    pub fn focus(&self, key: String) {
+        *self.focus.lock().unwrap_or_else(PoisonError::into_inner) = Some(key);
+    }
+}
+
+impl Drop for Judge {
+    fn drop(&mut self) {
+        self.asked.end();
+        self.next.end();
+    }
+}
+
+/// Others go first: a verdict may come late, a sample may not.
+fn below_the_loop() {
+    #[cfg(target_os = "linux")]
+    let _ = rustix::process::nice(10);
+}
+
+/// A place for one thing, of which the last put there counts.
+struct Latest<T> {
+    /// The thing, and whether there will be no more.
+    slot: Mutex<(Option<T>, bool)>,
+    changed: Condvar,
+}
+
+impl<T> Default for Latest<T> {
+    fn default() -> Self {
+        Latest { slot: Mutex::new((None, false)), changed: Condvar::new() }
+    }
+}
+
+impl<T> Latest<T> {
+    fn slot(&self) -> MutexGuard<'_, (Option<T>, bool)> {
+        self.slot.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn put(&self, thing: T) {
+        self.slot().0 = Some(thing);
+        self.changed.notify_one();
+    }
+
+    fn end(&self) {
+        *self.slot() = (None, true);
+        self.changed.notify_one();
+    }
+
+    /// Whether there is something newer, or the end.
+    fn has_news(&self) -> bool {
+        let slot = self.slot();
+        slot.0.is_some() || slot.1
+    }
+
+    /// Waits; `None` at the end.
+    fn take(&self) -> Option<T> {
+        let waiting = |slot: &mut (Option<T>, bool)| slot.0.is_none() && !slot.1;
+        self.changed.wait_while(self.slot(), waiting).unwrap_or_else(PoisonError::into_inner).0.take()
+    }
+}
+
+/// The certificate, and what the page is told of it.
+fn verdict(bench: &Workbench) -> (Box<Verdict>, Option<Check>) {
+    let begin = Instant::now();
+    let checked = hapt_analysis::check(&bench.world);
+    let ms = begin.elapsed().as_secs_f64() * 1e3;
+    let mut says = Box::new(Verdict {
+        generation: bench.generation,
+        certified: false,
+        sentence: String::new(),
+        sentences: Vec::new(),
+        growth_per_s: None,
+        held: Vec::new(),
+        free: Vec::new(),
+        required_damping: None,
+        device_damping: bench.world.device.damping,
+        notes: Vec::new(),
+        remedies: None,
+        ms,
+    });
+    let check = match checked {
+        Ok(check) => check,
+        Err(error) => {
+            says.sentence = format!("not certified: {error}");
+            says.remedies = Some(Vec::new());
+            return (says, None);
+        }
+    };
+    let ok = |verdict: Stands| match verdict {
+        Stands::Stable => Some(true),
+        Stands::Marginal => None,
+        Stands::Unstable => Some(false),
+    };
+    let sentence = |what, ok, text| Sentence { what, ok, text };
+    let passive = &check.passivity;
+    says.certified = check.certified;
+    says.sentence = check.verdict_sentence();
+    says.sentences = vec![
+        sentence("held", ok(check.held.verdict), check.sentence()),
+        sentence("free", ok(check.free.verdict), check.free_sentence()),
+        sentence(
+            "passive",
+            (passive.proved || !passive.passive).then_some(passive.passive),
+            check.passivity_sentence(),
+        ),
+    ];
+    if let Some(text) = check.quantisation_sentence() {
+        says.sentences.push(sentence("quantisation", Some(check.quantisation.ok), text));
+    }
+    says.growth_per_s = [check.held.growth_per_s, check.free.growth_per_s].into_iter().flatten().reduce(f64::max);
+    says.held = check.held.eigenvalues.iter().map(|value| [value.re, value.im]).collect();
+    says.free = check.free.eigenvalues.iter().map(|value| [value.re, value.im]).collect();
+    says.required_damping = passive.required_damping;
+    says.notes = passive.not_proved.iter().map(|why| format!("not proved: {why}")).collect();
+    says.notes.extend(check.notes.iter().cloned());
+    (says, Some(check))
+}
+
+/// Remedies and ranges, as long as nothing newer is asked; `None`: nobody listens any more.
+fn advise(
+    bench: &Workbench,
+    mut verdict: Box<Verdict>,
+    check: &Check,
+    next: &Latest<(Workbench, Box<Verdict>, Check)>,
+    focus: &Mutex<Option<String>>,
+    answer: &Answer,
+) -> Option<()> {
+    verdict.remedies = Some(remedies(bench, check));
+    let heard = next.has_news() || answer(bench.generation, Says::Verdict(verdict));
+    let mut keys: Vec<KeySays> = bench.keys().into_iter().filter(|key| key.kind == "quantity").collect();
+    while heard && !keys.is_empty() {
+        let wanted = focus.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let first = keys.iter().position(|key| Some(&key.path) == wanted.as_ref()).unwrap_or(0);
+        let key = keys.remove(first);
+        let Some(certified) = range(bench, &key, &|| next.has_news()) else { continue };
+        if next.has_news() {
+            break;
+        }
+        let generation = bench.generation;
+        if !answer(generation, Says::Range { generation, key: key.path, certified }) {
+            return None;
+        }
+    }
+    heard.then_some(())
+}
+
+fn remedies(bench: &Workbench, check: &Check) -> Vec<RemedySays> {
+    let found = hapt_analysis::remedies(&bench.world).ok();
+    let proposal = found.and_then(|found| {
+        hapt_analysis::proposal(&bench.world, bench.source(), &bench.sets(), check, &found).ok().flatten()
+    });
+    let says = |remedy: hapt_analysis::Remedy| {
+        let text = remedy.lines.join("\n");
+        match <[(String, String); 1]>::try_from(remedy.sets) {
+            Ok([(key, value)]) => RemedySays { key: Some(key), value: Some(value), text },
+            Err(_) => RemedySays { key: None, value: None, text },
+        }
+    };
+    proposal.map_or(Vec::new(), |proposal| proposal.remedies.into_iter().map(says).collect())
+}
+
+/// Where on its slider a key is certified; `None` where it holds no number, or nobody wants to know any more.
+fn range(bench: &Workbench, key: &KeySays, is_over: &dyn Fn() -> bool) -> Option<Vec<[f64; 2]>> {
+    let at = |part: f64| match key.log {
+        true => key.min * (key.max / key.min).powf(part),
+        false => key.min + part * (key.max - key.min),
+    };
+    let mut world = bench.world.clone();
+    let mut good = |part: f64| -> Option<bool> {
+        if is_over() || !world.set_number(&key.path, at(part)) {
+            return None;
+        }
+        Some(is_certified(&world))
+    };
+    let mut ranges: Vec<[f64; 2]> = Vec::new();
+    let mut before = (0.0, good(0.0)?);
+    let mut open = before.1.then_some(0.0);
+    for place in 1..PLACES {
+        let here = place as f64 / (PLACES - 1) as f64;
+        let now = good(here)?;
+        if now != before.1 {
+            let (mut low, mut high) = (before.0, here);
+            while high - low > WIDTH {
+                let middle = 0.5 * (low + high);
+                if good(middle)? == before.1 { low = middle } else { high = middle }
+            }
+            // The certified side of the edge.
+            match open.take() {
+                Some(from) => ranges.push([at(from), at(low)]),
+                None => open = Some(high),
+            }
+        }
+        before = (here, now);
+    }
+    ranges.extend(open.map(|from| [at(from), at(1.0)]));
+    Some(ranges)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+
+    use hapt_model::Source;
+
+    use super::*;
+    use crate::testing::WHEEL;
+
+    fn bench() -> Workbench {
+        Workbench::new(Source::from_text("wheel.toml", WHEEL), Vec::new(), "sim".into()).unwrap()
+    }
+
+    #[test]
+    fn a_range_ends_where_the_certificate_turns() {
+        let bench = bench();
+        let keys = bench.keys();
+        let stiffness = keys.iter().find(|key| key.path == "couplings.0.stiffness").unwrap();
+        let found = range(&bench, stiffness, &|| false).unwrap();
+        // END asks for b >= KT/2 (the energy theorem): one range from the slider's end up to 2b/T.
+        let edge = 2.0 * 1.2e-3 / 1e-3;
+        assert_eq!(found.len(), 1);
+        let [from, to] = found[0];
+        assert!(from == stiffness.min && to <= edge * (1.0 + 1e-9) && to > 0.99 * edge, "{found:?} to {edge}");
+        assert_eq!(range(&bench, stiffness, &|| true), None);
+    }
+
+    #[test]
+    fn every_remedy_of_one_key_makes_the_world_certified() {
+        let bench = bench().with("loop.period", "4 ms").unwrap();
+        let (verdict, check) = verdict(&bench);
+        assert!(!verdict.certified && verdict.sentences.iter().any(|sentence| sentence.ok == Some(false)));
+        let remedies = remedies(&bench, &check.unwrap());
+        let mut tried = 0;
+        for remedy in &remedies {
+            if let (Some(key), Some(value)) = (&remedy.key, &remedy.value) {
+                assert!(super::verdict(&bench.with(key, value).unwrap()).0.certified, "{remedy:?}");
+                tried += 1;
+            }
+        }
+        assert!(tried >= 3, "{remedies:?}");
+    }
+
+    #[test]
+    fn of_several_questions_the_last_is_answered_and_the_end_is_heard() {
+        let (to, answers) = channel();
+        let judge = Judge::start(move |generation, _| to.send(generation).is_ok()).unwrap();
+        let mut bench = bench();
+        for _ in 0..20 {
+            bench = bench.reset().unwrap();
+            judge.ask(bench.clone());
+        }
+        // Those between may be skipped, the last is not, and after it comes no other.
+        let heard: Vec<u32> = std::iter::from_fn(|| answers.recv().ok()).take_while(|g| *g != 20).collect();
+        assert!(heard.is_sorted());
+        drop(judge);
+        assert!(answers.iter().all(|generation| generation <= 20));
+    }
+}

@@ -1,0 +1,247 @@
+//! The keys that the page shows: their values as written, and a sensible slider for each.
+
+use hapt_analysis::proposal::unit;
+use hapt_model::keys::{KEYS, Key, Measure, Range, Takes};
+use hapt_model::{
+    Coupling, End, Error, EstimatorKind, Law, Method, Motion, Output, Parameter, Source, World, parameters,
+    parse_quantity,
+};
+
+use crate::protocol::KeySays;
+
+/// The longest and the shortest period that a page can set, in s: a loop that is to be seen runs, and leaves the machine some time.
+pub const PERIODS: std::ops::RangeInclusive<f64> = 50e-6..=0.1;
+
+/// A slider by equal ratios goes so far either way.
+const DECADE: f64 = 10.0;
+
+/// Every key that can be set, with the sliders about the file's own values: those that `given`, the sets of the command line, leave.
+///
+/// # Errors
+/// As [`World::read`].
+pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<KeySays>, Error> {
+    let file = World::read(source, given)?;
+    let world = World::read(source, sets)?;
+    let mut own = parameters(source, given)?;
+    let mut now = parameters(source, sets)?;
+    absent(&mut own, &file);
+    absent(&mut now, &world);
+    let shown = now.iter().filter(|parameter| is_shown(&parameter.path) && counts(&world, &parameter.path));
+    Ok(shown
+        .filter_map(|parameter| {
+            let before = own.iter().find(|own| own.path == parameter.path);
+            key(&world, parameter, before.unwrap_or(parameter), &file)
+        })
+        .collect())
+}
+
+/// Whether a key can be set while the loop runs: its numbers and names, not what is tied to what.
+fn is_shown(path: &str) -> bool {
+    let names: Vec<&str> = path.split('.').collect();
+    match names[..] {
+        ["loop" | "device", _] => true,
+        ["bodies", _, name] => !matches!(name, "position" | "velocity"),
+        ["couplings", _, name] => !matches!(name, "kind" | "between"),
+        _ => false,
+    }
+}
+
+/// Whether the key does anything in this loop: a window without FOAW does not.
+fn counts(world: &World, path: &str) -> bool {
+    let sampling = &world.sampling;
+    match path {
+        "loop.window" => matches!(sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest),
+        "loop.cutoff" => sampling.estimator == EstimatorKind::LowPass,
+        "loop.advance" => sampling.output == Output::End,
+        _ => true,
+    }
+}
+
+/// The output, whose default depends on the method, is among the keys also where the file leaves it out.
+fn absent(list: &mut Vec<Parameter>, world: &World) {
+    if list.iter().any(|parameter| parameter.path == "loop.output") {
+        return;
+    }
+    let doc = KEYS.iter().find(|key| key.path == "loop.output").map_or("", |key| key.doc);
+    let output = Parameter {
+        path: "loop.output".into(),
+        written: world.sampling.output.name().into(),
+        si: None,
+        unit: String::new(),
+        doc,
+        given: false,
+    };
+    let after = list.iter().position(|parameter| parameter.path == "loop.method").map_or(0, |method| method + 1);
+    list.insert(after.min(list.len()), output);
+}
+
+fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<KeySays> {
+    let row = row(world, &now.path)?;
+    let mut says = KeySays {
+        path: now.path.clone(),
+        group: group(world, &now.path),
+        label: row.name().replace('_', " "),
+        doc: now.doc,
+        kind: "quantity",
+        written: now.written.clone(),
+        value: now.si,
+        unit: String::new(),
+        factor: 1.0,
+        min: 0.0,
+        max: 1.0,
+        log: false,
+        choices: Vec::new(),
+        changed: now.written != own.written,
+    };
+    match row.takes {
+        Takes::Name(names) => {
+            (says.kind, says.choices) = ("choice", names.to_vec());
+        }
+        Takes::Whole { least, most, .. } => {
+            let value = now.written.parse().ok();
+            let about: f64 = own.written.parse().unwrap_or(least as f64);
+            let farthest = (4.0 * about).max(8.0).min(most as f64);
+            (says.kind, says.value, says.min, says.max) = ("whole", value, least as f64, farthest);
+        }
+        Takes::Quantity(measure, range) | Takes::QuantityOr(measure, range, _) => {
+            if let Takes::QuantityOr(.., word) = row.takes {
+                says.choices.push(word);
+            }
+            let dimension = measure.dimension(world.motion);
+            if !now.given && now.si == Some(0.0) {
+                // Nobody wrote it: in the unit that such devices are spoken of in.
+                says.written = format!("0 {}", spoken(measure, world.motion).unwrap_or(&now.unit));
+            }
+            let named = Some(unit(&says.written)).filter(|unit| !unit.is_empty());
+            let sized =
+                named.and_then(|unit| parse_quantity(&format!("1 {unit}"), dimension).ok().map(|size| (unit, size)));
+            (says.unit, says.factor) = sized.unwrap_or_else(|| (dimension.symbol(), 1.0));
+            (says.min, says.max, says.log) = slider(&now.path, measure, range, own.si.unwrap_or(0.0), file);
+        }
+        _ => return None,
+    }
+    Some(says)
+}
+
+/// The unit for a key that the file leaves out, where it is not the SI unit.
+fn spoken(measure: Measure, motion: Motion) -> Option<&'static str> {
+    match (measure, motion) {
+        (Measure::Time, _) => Some("ms"),
+        (Measure::Angle, _) | (Measure::Position, Motion::Rotary) => Some("deg"),
+        (Measure::Position, Motion::Linear) => Some("mm"),
+        (Measure::Torque, Motion::Rotary) => Some("N mm"),
+        _ => None,
+    }
+}
+
+/// The row of the table of keys for a path of this world.
+fn row(world: &World, path: &str) -> Option<&'static Key> {
+    let names: Vec<&str> = path.split('.').collect();
+    let (pattern, kind) = match names[..] {
+        ["loop" | "device", _] => (path.to_string(), None),
+        ["bodies", _, name] => (format!("bodies.*.{name}"), None),
+        ["couplings", index, name] => {
+            (format!("couplings.*.{name}"), Some(kind(world.couplings.get(index.parse::<usize>().ok()?)?)))
+        }
+        _ => return None,
+    };
+    KEYS.iter().find(|key| key.path == pattern && key.belongs(kind, None, world.motion))
+}
+
+/// A coupling's kind in world files.
+pub fn kind(coupling: &Coupling) -> &'static str {
+    match coupling.law.unclamped() {
+        Law::Spring { .. } => "spring",
+        Law::Damper { .. } => "damper",
+        Law::Wall { .. } => "wall",
+        Law::Detent { .. } => "detent",
+        Law::Coulomb { .. } | Law::Lugre { .. } => "friction",
+        Law::Constant { .. } | Law::Clamped { .. } => "constant",
+    }
+}
+
+/// An end's name in world files.
+pub fn end(world: &World, end: End) -> &str {
+    match end {
+        End::Puck => "puck",
+        End::Ground => "ground",
+        End::Body(index) => world.names.get(index).map_or("", String::as_str),
+    }
+}
+
+/// What a key belongs to, for people.
+fn group(world: &World, path: &str) -> String {
+    let names: Vec<&str> = path.split('.').collect();
+    match names[..] {
+        ["couplings", index, _] => {
+            let coupling = index.parse().ok().and_then(|index: usize| world.couplings.get(index));
+            coupling.map_or(String::new(), |coupling| {
+                let [first, second] = [coupling.first, coupling.second].map(|at| end(world, at));
+                format!("{}, {first} to {second}", kind(coupling))
+            })
+        }
+        ["bodies", name, _] => name.to_string(),
+        [table, ..] => table.to_string(),
+        [] => String::new(),
+    }
+}
+
+/// A slider's ends in SI about the file's value, and whether it goes by equal ratios.
+fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) -> (f64, f64, bool) {
+    if path == "loop.period" {
+        return ((about / DECADE).max(*PERIODS.start()), (about * DECADE).min(*PERIODS.end()), true);
+    }
+    if path == "loop.delay" {
+        return (0.0, (4.0 * about).max(5.0 * file.sampling.period), false);
+    }
+    if range != Range::Any && about > 0.0 {
+        return (about / DECADE, about * DECADE, true);
+    }
+    // About nothing: so much as is felt on this device.
+    let device = &file.device;
+    let (turn, effort) = match file.motion {
+        Motion::Rotary => (std::f64::consts::PI, device.limit.unwrap_or(1.0)),
+        Motion::Linear => (0.1, device.limit.unwrap_or(10.0)),
+    };
+    let size = match measure {
+        Measure::Time => 5.0 * file.sampling.period,
+        Measure::Frequency => 0.1 / file.sampling.period,
+        Measure::Angle => std::f64::consts::PI,
+        Measure::Position => turn,
+        Measure::Velocity => 10.0 * turn,
+        Measure::Torque => 0.2 * effort,
+        Measure::Stiffness => 4.0 * effort / turn,
+        // What takes a tenth of the puck's motion in a sample.
+        Measure::Damping => (0.1 * device.inertia / file.sampling.period).min(10.0 * device.damping.max(1e-9 * effort)),
+        Measure::Inertia => DECADE * device.inertia,
+        Measure::Energy => effort * turn,
+    };
+    match range {
+        Range::Any => {
+            let size = size.max(2.0 * about.abs());
+            (-size, size, false)
+        }
+        _ => (0.0, size, false),
+    }
+}
+
+/// What a key that is refused by itself needs beside it, so that a list of names offers none that is always refused.
+pub fn companion(world: &World, key: &str, value: &str) -> Option<(String, String)> {
+    match (key, value.trim()) {
+        // A tenth of the sampling rate, until somebody says another.
+        ("loop.estimator", "low-pass") => {
+            Some(("loop.cutoff".into(), format!("{} Hz", (0.1 / world.sampling.period).round().max(1.0))))
+        }
+        // Those that take the new sample first take the torque from the start and no other.
+        ("loop.method", name) => {
+            let method = Method::ALL.into_iter().find(|method| method.name() == name)?;
+            method.takes_new_sample_first().then(|| ("loop.output".into(), Output::Start.name().into()))
+        }
+        _ => None,
+    }
+}
+
+/// Whether this world takes the key, absent ones among them, while the loop runs.
+pub fn may_be_set(world: &World, path: &str) -> bool {
+    is_shown(path) && row(world, path).is_some_and(|row| !matches!(row.takes, Takes::Table | Takes::Ends))
+}

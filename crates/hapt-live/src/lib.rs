@@ -1,0 +1,35 @@
+//! The loop in real time behind a web page.
+//!
+//! [`Live::start`] takes a world and an address, and runs three things on threads of their own: the loop ([`hapt_rt::Engine`], which knows
+//! nothing of pages), the [`desk`], which owns it and speaks with the pages, and the [`server`], which carries what they say. A
+//! [`judge`] computes the certificate aside. Between them are bounded queues, and only the desk ever waits for something to do:
+//!
+//! ```text
+//! browser <-> server <-> desk <-> loop
+//!                         |  \
+//!                       judge recorder
+//! ```
+//!
+//! The messages are in [`protocol`], the telemetry in [`frames`], who may come in is in [`access`].
+
+pub mod access;
+pub mod assets;
+pub mod control;
+pub mod desk;
+pub mod frames;
+mod hand;
+mod http;
+pub mod judge;
+pub mod keys;
+mod live;
+pub mod protocol;
+mod recording;
+mod requests;
+pub mod server;
+mod socket;
+pub mod state;
+mod status;
+#[cfg(test)]
+mod testing;
+
+pub use live::{Error, Live, Options, PORT};

@@ -1,0 +1,155 @@
+//! Everything started, and ended in the right order.
+
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use hapt_core::Guarding;
+use hapt_model::Source;
+use hapt_rt::{Engine, Plan, Simulated};
+
+use crate::access::Access;
+use crate::desk::{Desk, Door, Start};
+use crate::hand::VisitorsHand;
+use crate::judge::Judge;
+use crate::server::{self, Server};
+use crate::state::Workbench;
+
+/// The port where nobody asks for another.
+pub const PORT: u16 = 4278;
+
+/// What a loop behind a page is started with.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The world file.
+    pub source: Source,
+    /// `KEY=VALUE` overrides of it.
+    pub sets: Vec<String>,
+    /// Where the server listens; port 0: any that is free.
+    pub address: SocketAddr,
+    /// Where recordings go.
+    pub folder: PathBuf,
+}
+
+/// Why a loop behind a page cannot start, or has ended.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The world file is wrong.
+    #[error("{0}")]
+    World(String),
+    /// The address is not to be had.
+    #[error("cannot listen on {address}: {}", listening(.address, .error))]
+    Address {
+        /// Which.
+        address: SocketAddr,
+        /// What the system says.
+        error: io::Error,
+    },
+    /// The system gives no threads, or no random numbers.
+    #[error("the system gives no thread or no token: {0}")]
+    System(#[from] io::Error),
+    /// The loop's thread does not start.
+    #[error(transparent)]
+    Engine(#[from] hapt_rt::Error),
+    /// The device has gone while it ran.
+    #[error("{0}")]
+    Device(String),
+}
+
+/// What to do about an address that is not to be had.
+fn listening(address: &SocketAddr, error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::AddrInUse => {
+            format!("port {} is taken, perhaps by another hapt live; --port 0 takes one that is free", address.port())
+        }
+        io::ErrorKind::AddrNotAvailable => format!("no address of this machine ({error})"),
+        io::ErrorKind::PermissionDenied => format!("{error}; ports from 1024 on need no permission"),
+        _ => error.to_string(),
+    }
+}
+
+/// A loop behind a page, running. Dropped, it ends, with no torque on.
+pub struct Live {
+    link: String,
+    address: SocketAddr,
+    asks_for_token: bool,
+    door: Door,
+    desk: Option<JoinHandle<()>>,
+    server: Option<Server>,
+    outcome: Receiver<Result<(), String>>,
+}
+
+impl Live {
+    /// Starts the loop on the simulated device, and the server.
+    ///
+    /// # Errors
+    /// All of [`Error`] but [`Error::Device`]; nothing runs then.
+    pub fn start(options: Options) -> Result<Live, Error> {
+        let Options { source, sets, address, folder } = options;
+        let bench = Workbench::new(source, sets, "sim".into()).map_err(Error::World)?;
+        let plan =
+            Box::new(Plan::new(&bench.world, Guarding::Simulated).map_err(|error| Error::World(error.to_string()))?);
+        let refused = |error| Error::Address { address, error };
+        let listener = TcpListener::bind(address).map_err(refused)?;
+        listener.set_nonblocking(true)?;
+        let address = listener.local_addr()?;
+        let access = Access::new(address)?;
+        let (link, asks_for_token) = (access.link(), access.asks_for_token());
+
+        let (door, events) = Door::new();
+        let judging = door.clone();
+        let judge = Judge::start(move |generation, says| judging.report(generation, says))?;
+        let (device, hands) = Simulated::new(&bench.world);
+        let hand = VisitorsHand::new(&bench.world, hands);
+        let engine = Engine::start((*plan).clone(), Box::new(device))?;
+        let desk = Desk::new(Start { bench, engine, plan, hand, judge, folder }, &door);
+
+        let (says, outcome) = channel();
+        let desk = std::thread::Builder::new().name("desk".into()).spawn(move || {
+            // With the desk goes the engine: no torque is on when the outcome is told.
+            let _ = says.send(desk.run(&events));
+        })?;
+        let server = server::start(listener, access, door.clone())?;
+        Ok(Live { link, address, asks_for_token, door, desk: Some(desk), server: Some(server), outcome })
+    }
+
+    /// What to type into a browser, with the token where one is asked for.
+    pub fn link(&self) -> &str {
+        &self.link
+    }
+
+    /// Where the server listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Whether pages must have the link's token: the server can be reached from other machines.
+    pub fn asks_for_token(&self) -> bool {
+        self.asks_for_token
+    }
+
+    /// Waits for its end, so long at most.
+    ///
+    /// # Errors
+    /// [`Error::Device`]: it has ended by itself.
+    pub fn wait(&self, most: Duration) -> Result<(), Error> {
+        match self.outcome.recv_timeout(most) {
+            Ok(Err(words)) => Err(Error::Device(words)),
+            Ok(Ok(())) | Err(RecvTimeoutError::Timeout) => Ok(()),
+            Err(RecvTimeoutError::Disconnected) => Err(Error::Device("the desk has ended by itself".into())),
+        }
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        self.door.end();
+        if let Some(desk) = self.desk.take() {
+            let _ = desk.join();
+        }
+        drop(self.server.take());
+    }
+}

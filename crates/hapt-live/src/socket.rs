@@ -1,0 +1,175 @@
+//! One websocket: a page's messages to the desk, the desk's to the page.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use futures_util::{SinkExt, StreamExt};
+use hyper::upgrade::Upgraded;
+use hyper_util::rt::TokioIo;
+use tokio::sync::mpsc;
+use tokio::time::timeout;
+use tokio_tungstenite::WebSocketStream;
+use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
+use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
+use tokio_tungstenite::tungstenite::{Error, Message};
+
+use crate::desk::{Event, message};
+use crate::protocol::{LONGEST, Said, Says, VERSION};
+use crate::server::House;
+
+/// Messages that may wait for a page to read them: two seconds of telemetry.
+const WAITING: usize = 128;
+/// A hello comes within this, or never.
+const HELLO: Duration = Duration::from_secs(5);
+/// A page says that it is there ten times a second, one in the background of a browser once a minute.
+const SILENCE: Duration = Duration::from_secs(90);
+/// A page that takes nothing for so long is gone.
+const DEAF: Duration = Duration::from_secs(5);
+/// Messages a second.
+const RATE: f64 = 200.0;
+/// What is no message of ours, so often in a row.
+const STRIKES: u32 = 20;
+
+/// Why a websocket is closed, in the protocol's own codes.
+type Close = (CloseCode, &'static str);
+
+/// Speaks with a page until either side ends it.
+pub async fn talk(io: TokioIo<Upgraded>, house: Arc<House>) {
+    let config = WebSocketConfig::default()
+        .max_message_size(Some(LONGEST))
+        .max_frame_size(Some(LONGEST))
+        .read_buffer_size(LONGEST)
+        .write_buffer_size(0)
+        .max_write_buffer_size(1 << 20);
+    let socket = WebSocketStream::from_raw_socket(io, Role::Server, Some(config)).await;
+    let (mut sink, mut stream) = socket.split();
+    let (outbox, mut waiting) = mpsc::channel(WAITING);
+    let client = house.number();
+    let hearing = hear(&mut stream, &house, client, outbox);
+    let telling = async {
+        while let Some(message) = waiting.recv().await {
+            if !matches!(timeout(DEAF, sink.send(message)).await, Ok(Ok(()))) {
+                return (CloseCode::Away, "");
+            }
+        }
+        (CloseCode::Policy, "the page does not read")
+    };
+    let (code, reason) = tokio::select! {
+        close = hearing => close,
+        close = telling => close,
+    };
+    house.door.hand_in(Event::Left(client));
+    // What is still on its way, the reason among it, while the page takes it.
+    let last = async {
+        while let Ok(message) = waiting.try_recv() {
+            sink.send(message).await?;
+        }
+        sink.send(Message::Close(Some(CloseFrame { code, reason: reason.into() }))).await
+    };
+    let _ = timeout(Duration::from_secs(1), last).await;
+}
+
+/// Hears a page out; why it ends.
+async fn hear(
+    stream: &mut (impl StreamExt<Item = Result<Message, Error>> + Unpin),
+    house: &House,
+    client: u64,
+    outbox: mpsc::Sender<Message>,
+) -> Close {
+    let mut allowance = Allowance::new(Instant::now());
+    let mut strikes = 0;
+    // Until it is the desk's: what the desk lets go of is closed.
+    let (weak, mut own) = (outbox.downgrade(), Some(outbox));
+    let answer = |words: String| {
+        weak.upgrade().is_some_and(|outbox| outbox.try_send(message(&Says::Error { message: words })).is_ok())
+    };
+    let opened = tokio::time::Instant::now();
+    loop {
+        let until = if own.is_none() { tokio::time::Instant::now() + SILENCE } else { opened + HELLO };
+        let text = match tokio::time::timeout_at(until, stream.next()).await {
+            Err(_) => return (CloseCode::Policy, "the page says nothing"),
+            Ok(None | Some(Ok(Message::Close(_)))) => return (CloseCode::Normal, ""),
+            Ok(Some(Err(Error::Capacity(_)))) => return (CloseCode::Size, "a message has at most 4 KiB"),
+            Ok(Some(Err(_))) => return (CloseCode::Protocol, ""),
+            Ok(Some(Ok(Message::Text(text)))) => Some(text),
+            Ok(Some(Ok(_))) => None,
+        };
+        if !allowance.spend(Instant::now()) {
+            return (CloseCode::Policy, "more than 200 messages a second");
+        }
+        let said = match &text {
+            Some(text) => Said::read(text.as_str()),
+            None => Err("messages are text".into()),
+        };
+        let trouble = match said {
+            Ok(Said::Hello { v, .. }) if v != VERSION => {
+                Err(format!("this server speaks version {VERSION}, the page {v}: load it anew"))
+            }
+            Ok(said) => match (own.take(), said) {
+                (None, said) => Ok(house.door.hand_in(Event::Said(client, said))),
+                (Some(outbox), Said::Hello { token, .. }) => {
+                    if !house.access.knows(token.as_deref()) {
+                        answer("the token is wrong or missing: open the link that hapt live printed".into());
+                        return (CloseCode::Policy, "token");
+                    }
+                    Ok(house.door.hand_in(Event::Joined(client, outbox)))
+                }
+                (early, _) => {
+                    own = early;
+                    Err("hello comes first".into())
+                }
+            },
+            Err(words) => Err(words),
+        };
+        match trouble {
+            Ok(true) => strikes = 0,
+            Ok(false) => return (CloseCode::Again, "the server is overrun"),
+            Err(words) => {
+                strikes += 1;
+                if strikes >= STRIKES || !answer(words) {
+                    return (CloseCode::Policy, "no messages of ours");
+                }
+            }
+        }
+    }
+}
+
+/// So many messages a second, and as many saved up.
+struct Allowance {
+    left: f64,
+    at: Instant,
+}
+
+impl Allowance {
+    fn new(now: Instant) -> Self {
+        Allowance { left: RATE, at: now }
+    }
+
+    /// Whether there is one left.
+    fn spend(&mut self, now: Instant) -> bool {
+        self.left = (self.left + RATE * now.saturating_duration_since(self.at).as_secs_f64()).min(RATE);
+        self.at = now;
+        self.left -= 1.0;
+        self.left >= 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_hundred_a_second_are_allowed_and_no_more() {
+        let start = Instant::now();
+        let at = |ms: u64| start + Duration::from_millis(ms);
+        let mut steady = Allowance::new(start);
+        assert!((1..=10_000).all(|n| steady.spend(at(5 * n))));
+        let mut burst = Allowance::new(start);
+        assert_eq!((0..1000).filter(|_| burst.spend(start)).count(), 200);
+        assert!(!burst.spend(start));
+        let mut fast = Allowance::new(start);
+        // At 1000 a second 0.8 of each are more than is earned, and 200 are saved up.
+        let lasted = (1..).take_while(|n| fast.spend(at(*n))).count();
+        assert!((249..=251).contains(&lasted), "{lasted}");
+    }
+}

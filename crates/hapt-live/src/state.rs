@@ -1,0 +1,296 @@
+//! The world as it runs: its file, what has been set since, and what the page is told of it.
+
+use hapt_model::{Drive, Error, Hand, Law, Shape, Side, Source, World};
+use hapt_sim::Measures;
+use serde_json::{Value, json};
+
+use crate::frames::columns_of;
+use crate::keys::{PERIODS, companion, end, keys, kind, may_be_set};
+use crate::protocol::{BodySays, KeySays, ScenarioSays, Units, WorldSays};
+
+/// A world file and the changes that pages have made.
+#[derive(Clone, Debug)]
+pub struct Workbench {
+    source: Source,
+    /// From the command line.
+    given: Vec<String>,
+    /// By pages: keys and values, in the order in which they were first set.
+    changes: Vec<(String, String)>,
+    /// As it stands.
+    pub world: World,
+    /// Counted from 0 with each change.
+    pub generation: u32,
+    device: String,
+}
+
+impl Workbench {
+    /// The world of a file with its overrides, to run on `device`.
+    ///
+    /// # Errors
+    /// As [`World::read`], and for a period that a page cannot be shown.
+    pub fn new(source: Source, given: Vec<String>, device: String) -> Result<Self, String> {
+        let world = World::read(&source, &given).map_err(|error| error.to_string())?;
+        slow_enough(&world)?;
+        Ok(Workbench { source, given, changes: Vec::new(), world, generation: 0, device })
+    }
+
+    /// The file.
+    pub fn source(&self) -> &Source {
+        &self.source
+    }
+
+    /// All overrides as they stand.
+    pub fn sets(&self) -> Vec<String> {
+        let changes = self.changes.iter().map(|(key, value)| format!("{key}={value}"));
+        self.given.iter().cloned().chain(changes).collect()
+    }
+
+    /// The same with a key set; nothing is changed here.
+    ///
+    /// # Errors
+    /// In the reader's words, without the place, which nobody typed.
+    pub fn with(&self, key: &str, value: &str) -> Result<Self, String> {
+        if !may_be_set(&self.world, key) {
+            return Err(format!("{key:?} is no key that can be set while the loop runs"));
+        }
+        let alone = self.changed(&[(key.to_string(), value.to_string())]).read();
+        match (alone, companion(&self.world, key, value)) {
+            (Err(refused), Some(other)) => {
+                let both = [other, (key.to_string(), value.to_string())];
+                self.changed(&both).read().map_err(|_| refused)
+            }
+            (alone, _) => alone,
+        }
+    }
+
+    fn changed(&self, sets: &[(String, String)]) -> Self {
+        let mut next = self.clone();
+        for (key, value) in sets {
+            match next.changes.iter_mut().find(|(changed, _)| changed == key) {
+                Some((_, old)) => old.clone_from(value),
+                None => next.changes.push((key.clone(), value.clone())),
+            }
+        }
+        next
+    }
+
+    /// The same as the file has it.
+    ///
+    /// # Errors
+    /// When the file's other parts are gone.
+    pub fn reset(&self) -> Result<Self, String> {
+        let mut next = self.clone();
+        next.changes.clear();
+        next.read()
+    }
+
+    fn read(mut self) -> Result<Self, String> {
+        self.world = World::read(&self.source, &self.sets()).map_err(|error| said(&error))?;
+        slow_enough(&self.world)?;
+        self.generation = self.generation.wrapping_add(1);
+        Ok(self)
+    }
+
+    /// The keys that can be set.
+    pub fn keys(&self) -> Vec<KeySays> {
+        // It has been read before, with the same overrides.
+        keys(&self.source, &self.given, &self.sets()).unwrap_or_default()
+    }
+
+    /// What the page is told.
+    pub fn says(&self) -> WorldSays {
+        let world = &self.world;
+        let motion = world.motion;
+        WorldSays {
+            generation: self.generation,
+            title: world.title.clone().unwrap_or_else(|| self.source.name.clone()),
+            motion: motion.name(),
+            units: Units {
+                position: Measures::Position.unit(motion),
+                velocity: Measures::Velocity.unit(motion),
+                effort: Measures::Effort.unit(motion),
+            },
+            period_s: world.sampling.period,
+            limit: world.device.limit,
+            device: self.device.clone(),
+            bodies: (world.names.iter().zip(&world.bodies))
+                .map(|(name, body)| BodySays { name: name.clone(), inertia: body.inertia })
+                .collect(),
+            couplings: (0..world.couplings.len()).map(|index| coupling(world, index)).collect(),
+            scenarios: (world.scenarios.iter())
+                .map(|scenario| ScenarioSays {
+                    name: scenario.name.clone(),
+                    duration_s: scenario.duration,
+                    hand: hand(&scenario.hand),
+                })
+                .collect(),
+            keys: self.keys(),
+            columns: columns_of(world),
+        }
+    }
+}
+
+/// A loop that somebody looks at.
+fn slow_enough(world: &World) -> Result<(), String> {
+    let period = world.sampling.period;
+    match PERIODS.contains(&period) {
+        true => Ok(()),
+        false => {
+            Err(format!("loop.period: {period} s is no period for a loop behind a page; 50 us to 100 ms is wanted"))
+        }
+    }
+}
+
+/// The reader's words on a set.
+fn said(error: &Error) -> String {
+    match error.key.is_empty() {
+        true => error.message.clone(),
+        false => format!("{}: {}", error.key, error.message),
+    }
+}
+
+fn hand(hand: &Hand) -> &'static str {
+    match &hand.drive {
+        Drive::Position(Shape::Step { .. }) => "step",
+        Drive::Position(Shape::Ramp { .. }) => "ramp",
+        Drive::Position(Shape::Sine { .. }) => "sine",
+        Drive::Position(Shape::Path { .. }) => "path",
+        Drive::Torque(_) => "torque",
+        Drive::Grip { .. } => "grip",
+    }
+}
+
+/// A coupling, with the numbers by which it is drawn.
+fn coupling(world: &World, index: usize) -> Value {
+    let Some(coupling) = world.couplings.get(index) else { return Value::Null };
+    let ends = [end(world, coupling.first), end(world, coupling.second)];
+    let mut says = json!({ "kind": kind(coupling), "between": ends, "key": format!("couplings.{index}") });
+    let mut put = |name: &str, value: f64| says[name] = json!(value);
+    match coupling.law.unclamped() {
+        Law::Spring { stiffness, rest } => {
+            put("stiffness", stiffness);
+            put("rest", rest);
+        }
+        Law::Damper { damping } => {
+            if let hapt_model::Damping::Fixed(damping) = damping {
+                put("damping", damping);
+            }
+        }
+        Law::Wall { side, at, stiffness, damping } => {
+            put("at", at);
+            put("stiffness", stiffness);
+            put("damping", damping);
+            says["side"] = json!(match side {
+                Side::Above => "above",
+                Side::Below => "below",
+            });
+        }
+        Law::Detent { torque, pitch, phase } => {
+            put("torque", torque);
+            put("pitch", pitch);
+            put("phase", phase);
+        }
+        Law::Coulomb { torque } | Law::Constant { torque } => put("torque", torque),
+        Law::Lugre { coulomb, .. } => put("torque", coulomb),
+        Law::Clamped { .. } => {}
+    }
+    says
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::WHEEL;
+
+    fn bench() -> Workbench {
+        let source = Source::from_text("wheel.toml", WHEEL);
+        Workbench::new(source, vec!["device.damping=2e-3 N m s/rad".into()], "sim".into()).unwrap()
+    }
+
+    fn key(bench: &Workbench, path: &str) -> KeySays {
+        bench.keys().into_iter().find(|key| key.path == path).unwrap_or_else(|| panic!("no {path}"))
+    }
+
+    #[test]
+    fn every_key_has_its_own_unit_and_a_slider_about_its_value() {
+        let bench = bench();
+        let spring = key(&bench, "couplings.0.stiffness");
+        assert_eq!((spring.unit.as_str(), spring.written.as_str()), ("N mm/deg", "17.8 N mm/deg"));
+        assert!((spring.value.unwrap() / spring.factor - 17.8).abs() < 1e-12);
+        assert_eq!((spring.group.as_str(), spring.label.as_str()), ("spring, puck to wheel", "stiffness"));
+        assert!(!spring.changed && !key(&bench, "device.damping").changed, "the command line's word is the file's");
+        for key in bench.keys() {
+            assert!(key.min < key.max && (!key.log || key.min > 0.0), "{key:?}");
+            let value = key.value.unwrap_or(key.min);
+            assert!(key.min <= value && value <= key.max, "{key:?}");
+            assert_eq!(key.kind == "choice", !key.choices.is_empty() && key.value.is_none(), "{key:?}");
+        }
+        let method = key(&bench, "loop.method");
+        assert!(method.choices.contains(&method.written.as_str()) && method.choices.len() == 8);
+        assert_eq!(key(&bench, "loop.output").written, "end");
+        let rest = key(&bench, "couplings.0.rest");
+        assert_eq!((rest.written.as_str(), rest.unit.as_str(), rest.value), ("0 deg", "deg", Some(0.0)));
+        assert!(!bench.keys().iter().any(|key| key.path == "loop.window"), "it does nothing here");
+    }
+
+    #[test]
+    fn a_set_changes_one_key_and_a_reset_takes_it_back() {
+        let before = bench();
+        let softer = before.with("couplings.0.stiffness", "10 N mm/deg").unwrap();
+        assert_eq!((softer.generation, before.generation), (1, 0));
+        let spring = key(&softer, "couplings.0.stiffness");
+        assert!(spring.changed && spring.written == "10 N mm/deg");
+        assert_eq!((spring.min, spring.max), {
+            let own = key(&before, "couplings.0.stiffness");
+            (own.min, own.max)
+        });
+        let again = softer.with("couplings.0.stiffness", "12 N mm/deg").unwrap();
+        assert_eq!(again.sets().len(), 2, "the last word on a key counts alone");
+        let back = again.reset().unwrap();
+        assert_eq!((back.world, back.generation), (before.world, 3));
+    }
+
+    #[test]
+    fn a_choice_brings_along_what_it_cannot_do_without() {
+        let bench = bench();
+        let smooth = bench.with("loop.estimator", "low-pass").unwrap();
+        assert_eq!(smooth.world.sampling.cutoff, Some(100.0), "a tenth of 1 kHz");
+        let start = bench.with("loop.output", "middle").unwrap().with("loop.method", "tustin").unwrap();
+        assert_eq!(start.world.sampling.output.name(), "start");
+        // And what needs nothing brings nothing.
+        assert_eq!(bench.with("loop.method", "tustin").unwrap().sets().len(), 2);
+    }
+
+    #[test]
+    fn what_every_slider_offers_at_its_ends_the_reader_takes() {
+        let bench = bench();
+        for key in bench.keys().into_iter().filter(|key| key.kind == "quantity") {
+            for end in [key.min, key.max] {
+                let value = format!("{} {}", end / key.factor, key.unit);
+                let set = bench.with(&key.path, &value);
+                assert!(set.is_ok() || key.path == "loop.period", "{} = {value}: {:?}", key.path, set.err());
+            }
+        }
+    }
+
+    #[test]
+    fn every_world_that_comes_along_has_its_sliders_in_order() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../worlds");
+        let mut seen = 0;
+        for entry in ["notes", "devices"].iter().flat_map(|under| std::fs::read_dir(folder.join(under)).unwrap()) {
+            let path = entry.unwrap().path();
+            if path.extension().is_none_or(|ending| ending != "toml") {
+                continue;
+            }
+            let bench = Workbench::new(Source::open(&path).unwrap(), Vec::new(), "sim".into()).unwrap();
+            for key in bench.keys() {
+                let value = key.value.unwrap_or(key.min);
+                assert!(key.min <= value && value <= key.max && key.min < key.max, "{}: {key:?}", path.display());
+                assert!(!key.group.is_empty() && !key.label.is_empty(), "{key:?}");
+            }
+            assert_eq!(bench.says().couplings.len(), bench.world.couplings.len());
+            seen += 1;
+        }
+        assert!(seen >= 12, "{seen} worlds");
+    }
+}

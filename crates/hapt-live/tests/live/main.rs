@@ -1,0 +1,8 @@
+//! The server as a browser meets it: over the loopback, by HTTP and websocket.
+
+mod common;
+mod crowd;
+mod hand;
+mod page;
+mod record;
+mod talk;

@@ -1,0 +1,53 @@
+//! The recording of a loop under way.
+
+use hapt_live::{Live, Options};
+use hapt_log::Log;
+use hapt_model::Source;
+use serde_json::json;
+
+use crate::common::{Page, WORLD};
+
+#[test]
+fn a_recording_is_a_log_of_the_worlds_that_ran_while_it_was_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = Source::from_text("wheel.toml", WORLD);
+    let address = "127.0.0.1:0".parse().unwrap();
+    let live = Live::start(Options { source, sets: Vec::new(), address, folder: folder.path().into() }).unwrap();
+    let (mut page, _) = Page::new(&live);
+    page.say(json!({ "type": "record", "on": true }));
+    let long = |least: f64| {
+        move |status: &serde_json::Value| status["recording"]["seconds"].as_f64().is_some_and(|seconds| seconds > least)
+    };
+    let status = page.hear_until("status", long(0.2));
+    assert!(status["recording"]["error"].is_null() && status["recording"]["lost"] == 0, "{status}");
+    page.say(json!({ "type": "set", "key": "loop.delay", "value": "1 ms" }));
+    page.frame_until(|frame| frame.generation == 1);
+    page.hear_until("status", long(0.5));
+    page.say(json!({ "type": "record", "on": false }));
+    page.hear_until("status", |status| status["recording"].is_null());
+
+    let file = folder.path().join("live-0001.mcap");
+    assert_eq!(status["recording"]["file"], file.display().to_string());
+    let mut log = Log::open(&file).unwrap();
+    let (mut samples, mut plans) = (0, Vec::new());
+    while let Some(sample) = log.next().unwrap() {
+        samples += 1;
+        let plan = sample.plan.number;
+        if plans.last() != Some(&plan) {
+            plans.push(plan);
+        }
+    }
+    assert!(samples > 400, "{samples}");
+    assert_eq!(plans, [0, 1]);
+}
+
+#[test]
+fn a_folder_that_takes_no_file_is_refused_in_words() {
+    let source = Source::from_text("wheel.toml", WORLD);
+    let address = "127.0.0.1:0".parse().unwrap();
+    let live = Live::start(Options { source, sets: Vec::new(), address, folder: "/proc/no/such".into() }).unwrap();
+    let (mut page, _) = Page::new(&live);
+    page.say(json!({ "type": "record", "on": true }));
+    let refused = page.hear("refused");
+    assert!(refused["message"].as_str().unwrap().contains("/proc/no/such"), "{refused}");
+}

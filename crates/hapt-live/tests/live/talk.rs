@@ -1,0 +1,197 @@
+//! What pages and server say to each other.
+
+use hapt_live::{Live, Options};
+use hapt_model::Source;
+use serde_json::{Value, json};
+use tokio_tungstenite::tungstenite::Message;
+
+use crate::common::{Page, WORLD, live};
+
+#[test]
+fn a_page_hears_hello_world_verdict_and_a_stream_of_frames() {
+    let live = live(WORLD);
+    let (mut page, hello) = Page::new(&live);
+    assert_eq!((&hello["v"], &hello["control"]), (&json!(1), &hello["client"]), "the first has control");
+    let world = page.hear("world");
+    assert_eq!(world["generation"], 0);
+    assert_eq!(world["motion"], "rotary");
+    assert_eq!(world["units"], json!({ "position": "rad", "velocity": "rad/s", "effort": "N m" }));
+    assert_eq!(world["bodies"], json!([{ "name": "wheel", "inertia": 0.02580123 }]));
+    assert_eq!(world["couplings"][0]["between"], json!(["puck", "wheel"]));
+    assert_eq!(world["scenarios"][0], json!({ "name": "step", "duration_s": 600.0, "hand": "step" }));
+    let names: Vec<&str> = world["columns"].as_array().unwrap().iter().map(|c| c["name"].as_str().unwrap()).collect();
+    assert_eq!(
+        names,
+        [
+            "puck_rad",
+            "puck_rad_per_s",
+            "measured_rad",
+            "measured_rad_per_s",
+            "torque_Nm",
+            "command_Nm",
+            "output_Nm",
+            "energy_J",
+            "wheel_rad",
+            "wheel_rad_per_s"
+        ]
+    );
+    let verdict = page.hear("verdict");
+    assert_eq!((&verdict["generation"], &verdict["certified"]), (&json!(0), &json!(true)), "{verdict}");
+    assert_eq!(verdict["sentences"].as_array().unwrap().len(), 3);
+    // Remedies come once they are found, and a range for every number.
+    page.hear_until("verdict", |verdict| verdict["remedies"].is_array());
+    let range = page.hear_until("range", |range| range["key"] == "couplings.0.stiffness");
+    assert!(!range["certified"].as_array().unwrap().is_empty(), "{range}");
+
+    let mut time = 0.0;
+    for _ in 0..10 {
+        let frame = page.frame();
+        assert_eq!((frame.columns.len(), frame.generation), (names.len(), 0));
+        assert!(frame.time > time, "time goes on");
+        time = frame.time;
+        for [last, smallest, largest] in frame.columns {
+            assert!(smallest <= last && last <= largest);
+        }
+    }
+    let status = page.hear_until("status", |status| status["phase"] == "running");
+    assert_eq!((&status["code"], &status["clients"]), (&Value::Null, &json!(1)));
+    assert!(status["timing"]["samples"].as_u64().unwrap() > 0);
+    let histogram = &status["timing"]["histogram"];
+    let (edges, bars) = (histogram["edges_us"].as_array().unwrap(), histogram["latency"].as_array().unwrap());
+    assert_eq!(edges.len(), bars.len() + 1);
+    assert_eq!(
+        bars.iter().map(|bar| bar.as_u64().unwrap()).sum::<u64>(),
+        status["timing"]["samples"].as_u64().unwrap()
+    );
+}
+
+#[test]
+fn a_key_that_is_set_makes_another_world_with_its_own_verdict() {
+    let live = live(WORLD);
+    let (mut page, _) = Page::new(&live);
+    page.say(json!({ "type": "set", "key": "loop.method", "value": "forward-euler" }));
+    let world = page.hear_until("world", |world| world["generation"] == 1);
+    let method = world["keys"].as_array().unwrap().iter().find(|key| key["path"] == "loop.method").unwrap();
+    assert_eq!((&method["written"], &method["changed"]), (&json!("forward-euler"), &json!(true)));
+    let verdict = page.hear_until("verdict", |verdict| verdict["generation"] == 1);
+    assert_eq!(verdict["certified"], false);
+    assert!(verdict["growth_per_s"].as_f64().unwrap() > 0.0);
+    page.frame_until(|frame| frame.generation == 1);
+
+    page.say(json!({ "type": "reset" }));
+    let world = page.hear_until("world", |world| world["generation"] == 2);
+    assert!(world["keys"].as_array().unwrap().iter().all(|key| key["changed"] == false));
+    let verdict = page.hear_until("verdict", |verdict| verdict["generation"] == 2);
+    assert_eq!(verdict["certified"], true);
+}
+
+#[test]
+fn a_key_that_is_wrong_is_refused_in_the_readers_words_and_changes_nothing() {
+    let live = live(WORLD);
+    let (mut page, _) = Page::new(&live);
+    for (key, value, word) in [
+        ("loop.period", "2 kg", "a time (s)"),
+        ("loop.period", "10 s", "50 us to 100 ms"),
+        ("loop.period", "-1 ms", "above 0"),
+        ("couplings.0.stiffness", "", "stiffness"),
+        ("couplings.7.stiffness", "1 N m/rad", "no key that can be set"),
+        ("couplings.0.kind", "wall", "no key that can be set"),
+        ("title", "x", "no key that can be set"),
+        ("loop.method", "newton", "forward-euler"),
+        ("loop.period=1 ms\nloop.method", "zoh", "no key that can be set"),
+        ("scenarios.step.hand.to", "1 rad", "no key that can be set"),
+    ] {
+        page.say(json!({ "type": "set", "key": key, "value": value }));
+        let refused = page.hear("refused");
+        assert_eq!(refused["key"], key);
+        assert!(refused["message"].as_str().unwrap().contains(word), "{refused}");
+    }
+    // The generation is still the first.
+    page.say(json!({ "type": "set", "key": "loop.delay", "value": "1 ms" }));
+    assert_eq!(page.hear_until("world", |world| world["generation"] != 0)["generation"], 1);
+}
+
+#[test]
+fn what_is_no_message_is_answered_and_dropped_and_over_and_over_it_closes() {
+    let live = live(WORLD);
+    let mut page = Page::open(&live);
+    page.say(json!({ "type": "alive" }));
+    assert!(page.hear("error")["message"].as_str().unwrap().contains("hello comes first"));
+    page.say(json!({ "type": "hello", "v": 2 }));
+    assert!(page.hear("error")["message"].as_str().unwrap().contains("version 1"));
+    page.say(json!({ "type": "hello", "v": 1 }));
+    page.hear("hello");
+    for text in ["", "{", "[]", "{\"type\":\"fly\"}", "{\"type\":\"hand\",\"grip\":true,\"position\":1e400}"] {
+        page.send(Message::text(text));
+        page.hear("error");
+        // And what is right goes on.
+        page.say(json!({ "type": "alive" }));
+    }
+    page.send(Message::binary(vec![1, 2, 3]));
+    page.hear("error");
+    for _ in 0..40 {
+        page.send(Message::text("garbage"));
+    }
+    assert!([1008, 0].contains(&page.closed()));
+    // The server is none the worse.
+    Page::new(&live);
+}
+
+#[test]
+fn too_long_a_message_and_too_many_close_the_socket() {
+    let live = live(WORLD);
+    let (mut page, _) = Page::new(&live);
+    page.say(json!({ "type": "set", "key": "loop.period", "value": "1 ms".repeat(2000) }));
+    assert!([1009, 0].contains(&page.closed()));
+    let (mut page, _) = Page::new(&live);
+    // Some thousand in the time that two hundred are allowed in.
+    let sent = (0..20_000).take_while(|_| page.send(Message::text("{\"type\":\"alive\"}"))).count();
+    assert!([1008, 0].contains(&page.closed()), "{sent} sent");
+    Page::new(&live);
+}
+
+#[test]
+fn orders_move_the_supervisor_and_anybody_may_stop() {
+    let live = live(WORLD);
+    let (mut page, _) = Page::new(&live);
+    let (mut watcher, hello) = Page::new(&live);
+    page.hear_until("status", |status| status["phase"] == "running");
+    page.say(json!({ "type": "order", "order": "disarm" }));
+    page.hear_until("status", |status| status["phase"] == "disarmed");
+    page.say(json!({ "type": "order", "order": "arm" }));
+    page.hear_until("status", |status| status["phase"] == "running");
+    assert_ne!(hello["client"], hello["control"]);
+    watcher.say(json!({ "type": "order", "order": "stop" }));
+    let status = page.hear_until("status", |status| status["phase"] == "faulted");
+    assert_eq!((&status["code"], &status["reason"]), (&json!(1), &json!("stop")));
+    assert!(status["sentence"].is_string() && status["clear"].is_string());
+    // A watcher may not clear.
+    watcher.say(json!({ "type": "order", "order": "clear" }));
+    assert!(watcher.hear("error")["message"].as_str().unwrap().contains("control"));
+    page.say(json!({ "type": "order", "order": "clear" }));
+    page.hear_until("status", |status| status["phase"] == "disarmed");
+}
+
+#[test]
+fn a_file_that_is_gone_refuses_every_change_and_the_loop_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let way = folder.path().join("way.csv");
+    std::fs::write(&way, "time_s,puck_deg\n0,0\n1,10\n").unwrap();
+    let text =
+        format!("{WORLD}[scenarios.way]\nduration = \"1 s\"\nhand = {{ kind = \"path\", file = \"way.csv\" }}\n");
+    let file = folder.path().join("wheel.toml");
+    std::fs::write(&file, text).unwrap();
+    let address = "127.0.0.1:0".parse().unwrap();
+    let source = Source::open(&file).unwrap();
+    let live = Live::start(Options { source, sets: Vec::new(), address, folder: ".".into() }).unwrap();
+    let (mut page, _) = Page::new(&live);
+    // The world file itself has been read; the path is read again with each change.
+    std::fs::remove_file(&file).unwrap();
+    page.say(json!({ "type": "set", "key": "loop.delay", "value": "1 ms" }));
+    assert_eq!(page.hear_until("world", |world| world["generation"] != 0)["generation"], 1);
+    std::fs::remove_file(&way).unwrap();
+    page.say(json!({ "type": "set", "key": "loop.delay", "value": "2 ms" }));
+    assert!(page.hear("refused")["message"].as_str().unwrap().contains("way.csv"));
+    let time = page.frame().time;
+    page.frame_until(|frame| frame.time > time && frame.generation == 1);
+}

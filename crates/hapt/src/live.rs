@@ -1,0 +1,101 @@
+//! `hapt live`: the loop in real time behind a web page.
+
+use std::io::{Write, stdout};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::Path;
+use std::process::{Command, ExitCode, Stdio};
+use std::time::Duration;
+
+use hapt_live::{Error, Live, Options};
+
+use crate::args::LiveArgs;
+use crate::failure::Failure;
+use crate::output;
+use crate::people::say;
+use crate::world::source;
+
+/// What runs where no world is named.
+const WHEEL: &str = "@notes/wheel";
+/// From one look for a signal to the next.
+const MOMENT: Duration = Duration::from_millis(20);
+/// Devices that are spoken of in the contract and come later.
+const LATER: [&str; 4] = ["replay:", "hapt:", "moteus:", "odrive:"];
+
+pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
+    device(&args.device)?;
+    let address = SocketAddr::new(listen(args.listen.as_deref())?, args.port);
+    let source = source(args.path.as_deref().unwrap_or(Path::new(WHEEL)))?;
+    let options = Options { source, sets: args.sets.clone(), address, folder: args.log_dir.clone() };
+    // Before anything can hold a torque: a signal takes it off first.
+    output::end_in_order();
+    let live = Live::start(options)?;
+
+    let mut out = stdout().lock();
+    writeln!(out, "{}", live.link()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    drop(out);
+    if live.asks_for_token() {
+        say(format_args!(
+            "hapt: listening on {}, which other machines can reach; a page needs the token in the link",
+            live.address()
+        ));
+    }
+    if args.open {
+        open(live.link());
+    }
+    loop {
+        if let Some(code) = output::signalled() {
+            drop(live);
+            return Ok(ExitCode::from(code));
+        }
+        live.wait(MOMENT)?;
+    }
+}
+
+/// Only the simulation so far.
+fn device(spec: &str) -> Result<(), Failure> {
+    match spec {
+        "sim" => Ok(()),
+        _ if LATER.iter().any(|later| spec.starts_with(later)) => {
+            Err(Failure::input(format!("--device {spec}: hapt live drives no such device yet; sim is the one it has")))
+        }
+        _ => Err(Failure::input(format!("--device {spec}: no such device; sim is the one that hapt live has"))),
+    }
+}
+
+/// The address to listen on.
+fn listen(address: Option<&str>) -> Result<IpAddr, Failure> {
+    let Some(text) = address else { return Ok(Ipv4Addr::LOCALHOST.into()) };
+    let number = text.strip_prefix('[').and_then(|text| text.strip_suffix(']')).unwrap_or(text);
+    number.parse().map_err(|_| {
+        Failure::input(format!(
+            "--listen {text:?} is no address of a machine in numbers, such as 192.168.0.7, or 0.0.0.0 for all of this one's"
+        ))
+    })
+}
+
+/// Opens the link in the browser that the system knows of; where it knows none, the link is there to be clicked.
+fn open(link: &str) {
+    let (program, before): (&str, &[&str]) = match () {
+        () if cfg!(target_os = "macos") => ("open", &[]),
+        () if cfg!(windows) => ("rundll32", &["url.dll,FileProtocolHandler"]),
+        () => ("xdg-open", &[]),
+    };
+    let mut command = Command::new(program);
+    command.args(before).arg(link).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    match command.spawn() {
+        // It may live as long as the browser does.
+        Ok(mut child) => drop(std::thread::spawn(move || child.wait())),
+        Err(error) => say(format_args!("hapt: no browser could be opened ({program}: {error}); the link is above")),
+    }
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::World(_) => Failure::input(error),
+            Error::Address { .. } | Error::System(_) | Error::Engine(_) | Error::Device(_) => {
+                Failure::System(error.to_string())
+            }
+        }
+    }
+}

@@ -1,0 +1,76 @@
+// What stands above everything: phase, faults, who has control, the recording, the connection.
+
+import { byId, say } from "./dom.ts";
+import type { Status } from "./protocol.ts";
+import { number } from "./units.ts";
+
+const PHASES = { disarmed: "Disarmed", "fading-in": "Fading in", running: "Running", "fading-out": "Fading out", faulted: "Fault" };
+
+export interface Desk {
+  /** There is a connection. */
+  up: boolean;
+  /** This page has control. */
+  mine: boolean;
+  /** Who has it. */
+  control: number | null;
+  status: Status | null;
+}
+
+export function showBar({ up, mine, control, status }: Desk): void {
+  const able = up && mine;
+  const phase = up ? status?.phase : undefined;
+  const pill = byId("phase");
+  pill.dataset["phase"] = phase ?? "off";
+  say(pill, phase ? PHASES[phase] : "Not connected");
+  for (const [id, on] of [
+    ["arm", phase === "disarmed"],
+    ["disarm", phase === "running" || phase === "fading-in"],
+    ["record", phase !== undefined],
+    ["clear", phase === "faulted"],
+    ["reset", true],
+  ] as const) {
+    byId<HTMLButtonElement>(id).disabled = !able || !on;
+  }
+  byId<HTMLFieldSetElement>("knobs").disabled = !able;
+  for (const button of document.querySelectorAll<HTMLButtonElement>("#scenarios button, button.remedy")) button.disabled = !able;
+  byId("stage").setAttribute("aria-disabled", String(!able));
+
+  const watching = byId("watching");
+  watching.hidden = !up || mine;
+  if (!watching.hidden) say(byId("watching-text"), control === null ? "You are watching; nobody has control." : `You are watching; visitor ${control} has control.`);
+
+  const fault = byId("fault");
+  fault.hidden = phase !== "faulted";
+  if (status && phase === "faulted") {
+    say(byId("fault-name"), status.code === null ? "Fault:" : `Fault ${status.code}${status.reason ? ` (${status.reason})` : ""}:`);
+    say(byId("fault-text"), status.sentence ?? "");
+    say(byId("fault-clear"), status.clear ?? "");
+  }
+  const warnings = byId("warnings");
+  const texts = up ? (status?.warnings ?? []) : [];
+  warnings.hidden = texts.length === 0;
+  if (warnings.dataset["said"] !== texts.join("\n")) {
+    warnings.dataset["said"] = texts.join("\n");
+    warnings.replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+  }
+  showRecording(up ? (status?.recording ?? null) : null);
+  for (const button of document.querySelectorAll<HTMLButtonElement>("#scenarios button")) {
+    const on = up && button.dataset["name"] === status?.scenario;
+    button.setAttribute("aria-pressed", String(on));
+  }
+}
+
+function showRecording(recording: Status["recording"]): void {
+  const button = byId<HTMLButtonElement>("record");
+  button.setAttribute("aria-pressed", String(recording !== null && recording.error === null));
+  say(button, recording && !recording.error ? "Stop recording" : "Record");
+  const parts = recording
+    ? [
+        recording.error ?? `${number(recording.seconds, 3)} s in ${recording.file}`,
+        recording.lost > 0 ? `${recording.lost} samples lost` : "",
+      ]
+    : [];
+  const line = byId("recording");
+  line.classList.toggle("refusal", Boolean(recording?.error || recording?.lost));
+  say(line, parts.filter(Boolean).join("; "));
+}

@@ -1,0 +1,54 @@
+// What the motor does now, on the scale of colours that the couplings are drawn in.
+
+import { attribute, say, svg } from "./dom.ts";
+import { tint } from "./laws.ts";
+import type { Units } from "./units.ts";
+import { number, steady } from "./units.ts";
+
+const HALF = 150;
+
+export class Gauge {
+  private readonly needle = svg("path", { class: "needle", d: "M0 4l-5 -9h10z" });
+  private readonly low = svg("text", { class: "end", x: -HALF, y: 29, "text-anchor": "start" });
+  private readonly high = svg("text", { class: "end", x: HALF, y: 29, "text-anchor": "end" });
+  private readonly value = svg("text", { class: "value", x: 0, y: 30, "text-anchor": "middle" });
+  private scale = 1;
+  private per = 1;
+
+  constructor(root: HTMLElement) {
+    const stops = Array.from({ length: 33 }, (_, i) => {
+      const stop = svg("stop", { offset: String(i / 32) });
+      stop.style.setProperty("stop-color", tint(i / 16 - 1));
+      return stop;
+    });
+    const gradient = svg("linearGradient", { id: "pushes" }, ...stops);
+    root.append(
+      svg(
+        "svg",
+        { viewBox: "-160 -12 320 48", "aria-hidden": "true" },
+        svg("defs", {}, gradient),
+        svg("rect", { class: "bar", x: -HALF, y: 4, width: 2 * HALF, height: 8, rx: 2, fill: "url(#pushes)" }),
+        svg("path", { class: "ticks", d: `M${-HALF} 1v14M0 1v14M${HALF} 1v14` }),
+        this.needle,
+        this.low,
+        this.high,
+        this.value,
+      ),
+    );
+  }
+
+  /** `scale`: the limit, or the largest so far, in SI. */
+  show(scale: number, limited: boolean, units: Units): void {
+    [this.scale, this.per] = [scale, units.effort.per];
+    const text = number(scale * this.per);
+    const name = limited ? "limit " : "";
+    say(this.low, `−${text}`);
+    say(this.high, `${name}${text}`);
+  }
+
+  frame(output: number, units: Units): void {
+    const place = Math.max(-1.05, Math.min(1.05, output / this.scale)) * HALF;
+    attribute(this.needle, "transform", `translate(${place.toFixed(1)} 0)`);
+    say(this.value, `motor ${steady(output * this.per, this.scale * this.per)} ${units.effort.name}`);
+  }
+}

@@ -1,0 +1,109 @@
+// The visitor's hand: pointer or arrow keys to an intended position, at most once a drawn frame.
+
+import type { Link } from "./link.ts";
+import type { Stage } from "./stage.ts";
+
+const TURNING: Record<string, number> = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
+
+/** Between two messages, in ms. */
+const PAUSE = 15;
+
+export class Hand {
+  /** What it means to be at; nothing while it holds nothing. */
+  intended: number | null = null;
+  /** Whether this page may grab. */
+  allowed = false;
+  private readonly stage: Stage;
+  private readonly link: Link;
+  private pointer: number | null = null;
+  private offset = 0;
+  private sent: number | null = null;
+  private keys = new Map<string, number>();
+  private kept = false;
+  private then = 0;
+  private told = 0;
+
+  constructor(stage: Stage, link: Link) {
+    this.stage = stage;
+    this.link = link;
+    const svg = stage.svg;
+    svg.addEventListener("pointerdown", (event) => this.down(event));
+    svg.addEventListener("pointermove", (event) => this.move(event));
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
+      svg.addEventListener(end, (event) => event.pointerId === this.pointer && this.release());
+    }
+    svg.addEventListener("keydown", (event) => this.key(event));
+    svg.addEventListener("keyup", (event) => this.keys.delete(event.key) && this.keys.size === 0 && !this.kept && this.release());
+    svg.addEventListener("blur", () => this.pointer === null && this.release());
+    document.addEventListener("visibilitychange", () => document.hidden && this.release());
+  }
+
+  release(): void {
+    this.keys.clear();
+    this.kept = false;
+    if (this.pointer !== null) {
+      const pointer = this.pointer;
+      this.pointer = null;
+      if (this.stage.svg.hasPointerCapture(pointer)) this.stage.svg.releasePointerCapture(pointer);
+    }
+    if (this.intended === null) return;
+    this.link.send({ type: "hand", grip: false, position: this.intended });
+    this.intended = this.sent = null;
+  }
+
+  /** Once a drawn frame, at `now` in ms. */
+  frame(now: number): void {
+    const seconds = Math.min(0.1, (now - this.then) / 1000);
+    this.then = now;
+    if (!this.allowed) this.release();
+    if (this.intended === null) return;
+    for (const speed of this.keys.values()) this.intended += speed * this.stage.geometry.pace * seconds;
+    // A fast screen draws more often than the server wants to hear.
+    if (this.intended === this.sent || now - this.told < PAUSE) return;
+    this.told = now;
+    this.sent = this.intended;
+    this.link.send({ type: "hand", grip: true, position: this.intended });
+  }
+
+  private grab(): void {
+    if (this.intended === null) this.intended = this.stage.position;
+  }
+
+  private point(event: PointerEvent): number | null {
+    const matrix = this.stage.svg.getScreenCTM();
+    if (!matrix) return null;
+    const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(matrix.inverse());
+    return this.stage.geometry.pointed(x, y);
+  }
+
+  private down(event: PointerEvent): void {
+    if (!this.allowed || this.pointer !== null || event.button !== 0) return;
+    const place = this.point(event);
+    if (place === null) return;
+    this.grab();
+    this.pointer = event.pointerId;
+    // The wheel stays where it is under the finger.
+    this.offset = this.intended! - place;
+    this.stage.svg.setPointerCapture(event.pointerId);
+  }
+
+  private move(event: PointerEvent): void {
+    if (event.pointerId !== this.pointer || this.intended === null) return;
+    const place = this.point(event);
+    if (place !== null) this.intended = this.stage.geometry.unwrap(place + this.offset, this.intended);
+  }
+
+  private key(event: KeyboardEvent): void {
+    if (!this.allowed || event.ctrlKey || event.altKey || event.metaKey) return;
+    const direction = TURNING[event.key];
+    if (direction !== undefined) {
+      event.preventDefault();
+      this.grab();
+      this.keys.set(event.key, direction * (event.shiftKey ? 0.25 : 1));
+    } else if (event.key.toLowerCase() === "h" && !event.repeat) {
+      this.kept = !this.kept;
+      if (this.kept) this.grab();
+      else this.release();
+    }
+  }
+}

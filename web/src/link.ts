@@ -1,0 +1,77 @@
+// The websocket: says hello, keeps the hand alive, and comes back by itself with growing pauses.
+
+import { decode, VERSION, type Frame, type FromServer, type ToServer } from "./protocol.ts";
+
+const ALIVE_MS = 100;
+const FIRST_PAUSE_MS = 250;
+const LONGEST_PAUSE_MS = 4000;
+
+export interface Listener {
+  message(message: FromServer): void;
+  frame(frame: Frame): void;
+  /** Up, or down with the time of the next attempt on the clock of `performance.now`. */
+  connection(up: boolean, retry: number | null): void;
+}
+
+export class Link {
+  private socket: WebSocket | null = null;
+  private pause = FIRST_PAUSE_MS;
+  private timer = 0;
+  private readonly listener: Listener;
+
+  constructor(listener: Listener) {
+    this.listener = listener;
+    setInterval(() => this.send({ type: "alive" }), ALIVE_MS);
+    this.connect();
+  }
+
+  get up(): boolean {
+    return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  /** False: there is no connection, and nothing was sent. */
+  send(message: ToServer): boolean {
+    if (!this.up) return false;
+    this.socket!.send(JSON.stringify(message));
+    return true;
+  }
+
+  /** Without waiting for the pause to end. */
+  now(): void {
+    clearTimeout(this.timer);
+    this.pause = FIRST_PAUSE_MS;
+    if (!this.up) this.connect();
+  }
+
+  private connect(): void {
+    this.socket?.close();
+    const socket = new WebSocket(new URL("ws", location.href.replace(/^http/, "ws").replace(/#.*$/, "")));
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    socket.onopen = () => {
+      const token = new URLSearchParams(location.hash.slice(1)).get("token");
+      this.send({ type: "hello", v: VERSION, ...(token === null ? {} : { token }) });
+    };
+    socket.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
+      if (this.socket !== socket) return;
+      if (typeof data !== "string") {
+        const frame = decode(data);
+        if (frame) this.listener.frame(frame);
+        return;
+      }
+      const message = JSON.parse(data) as FromServer;
+      if (message.type === "hello") {
+        this.pause = FIRST_PAUSE_MS;
+        this.listener.connection(true, null);
+      }
+      this.listener.message(message);
+    };
+    socket.onclose = () => {
+      if (this.socket !== socket) return;
+      this.socket = null;
+      this.listener.connection(false, performance.now() + this.pause);
+      this.timer = setTimeout(() => this.connect(), this.pause);
+      this.pause = Math.min(2 * this.pause, LONGEST_PAUSE_MS);
+    };
+  }
+}

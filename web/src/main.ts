@@ -1,0 +1,201 @@
+// Wires the link, what is drawn, and what the visitor does.
+
+import { showBar, type Desk } from "./bar.ts";
+import { attribute, button, byId, say } from "./dom.ts";
+import { Gauge } from "./gauge.ts";
+import { Hand } from "./hand.ts";
+import { History } from "./history.ts";
+import { Knobs } from "./knobs.ts";
+import { Link } from "./link.ts";
+import { factors, panels } from "./panels.ts";
+import { Plots } from "./plots.ts";
+import { Poles } from "./poles.ts";
+import { COLUMN, VERSION, type Frame, type FromServer, type World } from "./protocol.ts";
+import { Legend, Stage } from "./stage.ts";
+import { stopOn } from "./stop.ts";
+import { Timing } from "./timing.ts";
+import { steady, units, type Units } from "./units.ts";
+import { VerdictCard } from "./verdict.ts";
+
+const WINDOWS = [2, 5, 10];
+/** Between two drawings of the plots where motion is to be reduced, in ms. */
+const REDUCED = 250;
+
+const desk: Desk = { up: false, mine: false, control: null, status: null };
+let client: number | null = null;
+let world: World | null = null;
+let shown: Units | null = null;
+let shape = "";
+let history = new History([]);
+let frame: Frame | null = null;
+let fresh = false;
+let drawn = 0;
+let retry: number | null = null;
+
+const stage = new Stage(byId("stage") as unknown as SVGSVGElement);
+const legend = new Legend(byId("legend"));
+const gauge = new Gauge(byId("gauge"));
+const plots = new Plots(byId("plots"));
+const poles = new Poles(byId("poles"));
+const timing = new Timing(byId("timing"));
+const link = new Link({ message, frame: arrived, connection });
+const hand = new Hand(stage, link);
+const set = (key: string, value: string) => void link.send({ type: "set", key, value });
+const verdict = new VerdictCard(byId("sentences"), byId("verdict"), set);
+const knobs = new Knobs(byId("knobs"), { set, focus: (key) => void (desk.mine && link.send({ type: "focus", key })) });
+
+function message(message: FromServer): void {
+  switch (message.type) {
+    case "hello":
+      client = message.client;
+      if (message.v !== VERSION) fail(`The server speaks version ${message.v} of the page's protocol, and this page version ${VERSION}: reload it.`);
+      return control(message.control);
+    case "control":
+      return control(message.control);
+    case "world":
+      return show(message);
+    case "verdict":
+      if (!world || message.generation < world.generation) return;
+      verdict.show(message);
+      poles.show(message, world.period_s);
+      return showBar(desk);
+    case "range":
+      if (message.generation === world?.generation) knobs.range(message);
+      return;
+    case "status":
+      desk.status = message;
+      timing.show(message);
+      return showBar(desk);
+    case "refused":
+      if (!message.key || !knobs.refused(message.key, message.message)) fail(message.message);
+      return;
+    case "error":
+      return fail(message.message);
+  }
+}
+
+function control(holder: number | null): void {
+  desk.control = holder;
+  desk.mine = holder !== null && holder === client;
+  hand.allowed = desk.up && desk.mine;
+  showBar(desk);
+}
+
+function connection(up: boolean, next: number | null): void {
+  desk.up = up;
+  retry = next;
+  if (!up) [desk.mine, desk.status] = [false, null];
+  hand.allowed = up && desk.mine;
+  document.body.classList.toggle("down", !up);
+  byId("lost").hidden = up;
+  countdown();
+  showBar(desk);
+}
+
+function countdown(): void {
+  if (retry === null) return;
+  const seconds = Math.max(0, Math.ceil((retry - performance.now()) / 1000));
+  say(byId("countdown"), seconds > 0 ? `Trying again in ${seconds} s.` : "Trying again.");
+}
+
+function fail(text: string): void {
+  byId("error").hidden = false;
+  say(byId("error-text"), text);
+}
+
+function show(next: World): void {
+  const before = world;
+  world = next;
+  shown = units(next);
+  document.title = `${next.title} · hapt`;
+  say(byId("title"), next.title);
+  // Plots begin anew only where their signals or units do.
+  const now = JSON.stringify([next.motion, next.bodies.map(({ name }) => name), next.limit, shown]);
+  if (now !== shape) {
+    shape = now;
+    plots.show(panels(next, shown));
+    history = new History(factors(next, shown));
+  }
+  stage.show(next);
+  legend.show(next);
+  gauge.show(stage.strongest, next.limit !== null, shown);
+  knobs.show(next);
+  const way = next.motion === "rotary" ? "Clockwise" : "To the right";
+  say(byId("hint"), `Drag it and let go; on the keyboard hold an arrow key (with Shift, slowly), and H holds on. ${way} is positive. Couplings have the colour of their ${shown.what} on this scale.`);
+  const names = (of: World | null) => of?.scenarios.map(({ name }) => name).join(" ");
+  if (names(before) !== names(next)) experiments(next);
+  showBar(desk);
+}
+
+function experiments({ scenarios }: World): void {
+  byId("scenarios").replaceChildren(
+    ...scenarios.map(({ name, hand: kind, duration_s }) =>
+      button(name, () => link.send({ type: "scenario", name: desk.status?.scenario === name ? null : name }), {
+        "data-name": name,
+        "aria-pressed": "false",
+        title: `a hand (${kind}) for ${duration_s} s; again: stop it`,
+      }),
+    ),
+  );
+}
+
+function arrived(next: Frame): void {
+  frame = next;
+  fresh = true;
+  if (!plots.paused && world && next.last.length === COLUMN.bodies + 2 * world.bodies.length) history.add(next);
+}
+
+const reduced = matchMedia("(prefers-reduced-motion: reduce)");
+
+function draw(now: number): void {
+  requestAnimationFrame(draw);
+  hand.frame(now);
+  if (retry !== null) countdown();
+  if (!world || !shown || !frame || !fresh || !desk.up) return;
+  fresh = false;
+  stage.frame(frame, hand.intended);
+  if (world.limit === null) gauge.show(stage.strongest, false, shown);
+  gauge.frame(frame.last[COLUMN.output]!, shown);
+  const quick = reduced.matches ? REDUCED : 0;
+  if (now - drawn < quick) return;
+  drawn = now;
+  const { position } = shown;
+  const places = [COLUMN.position, ...world.bodies.map((_, i) => COLUMN.bodies + 2 * i)].map((column) => frame!.last[column]! * position.per);
+  legend.frame(places.map((place) => `${steady(place, 90)}\u2009${position.name}`));
+  attribute(stage.svg, "aria-valuenow", Math.round(places[0]!));
+  attribute(stage.svg, "aria-valuetext", `${steady(places[0]!, 100)} ${position.name}${hand.intended === null ? "" : ", held"}`);
+  plots.draw(history, history.last);
+}
+
+function press(id: string, act: () => void): void {
+  byId(id).addEventListener("click", act);
+}
+
+for (const order of ["arm", "disarm", "clear"] as const) press(order, () => link.send({ type: "order", order }));
+stopOn(byId("stop"), () => {
+  hand.release();
+  link.send({ type: "order", order: "stop" });
+});
+press("take", () => link.send({ type: "take" }));
+press("reset", () => link.send({ type: "reset" }));
+press("record", () => link.send({ type: "record", on: byId("record").getAttribute("aria-pressed") !== "true" }));
+press("retry", () => link.now());
+press("dismiss", () => (byId("error").hidden = true));
+press("pause", () => {
+  plots.paused = !plots.paused;
+  byId("pause").setAttribute("aria-pressed", String(plots.paused));
+});
+// The sliders stay where they are while one is dragged, however long the verdict above them becomes.
+const card = byId("card");
+byId("knobs").addEventListener("pointerdown", () => (card.style.height = `${card.offsetHeight}px`));
+for (const end of ["pointerup", "pointercancel"]) addEventListener(end, () => (card.style.height = ""));
+for (const seconds of WINDOWS) {
+  const choice = button(`${seconds} s`, () => {
+    plots.seconds = seconds;
+    for (const other of byId("windows").children) other.setAttribute("aria-pressed", String(other === choice));
+    plots.draw(history, history.last);
+  });
+  choice.setAttribute("aria-pressed", String(seconds === plots.seconds));
+  byId("windows").append(choice);
+}
+requestAnimationFrame(draw);

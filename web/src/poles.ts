@@ -1,0 +1,84 @@
+// Eigenvalues a sample: the unit circle, and a lens near 1, where slow loops have theirs.
+
+import { html, svg } from "./dom.ts";
+import type { Verdict } from "./protocol.ts";
+import { number } from "./units.ts";
+
+type Pole = readonly [number, number];
+
+const SIZE = 100;
+const CROSS = "M-4.5-4.5L4.5 4.5M-4.5 4.5L4.5-4.5";
+
+export class Poles {
+  private readonly root: HTMLElement;
+
+  constructor(root: HTMLElement) {
+    this.root = root;
+  }
+
+  /** `period` in s. */
+  show({ held, free }: Verdict, period: number): void {
+    const largest = (poles: Pole[]) => Math.max(0, ...poles.map(([re, im]) => Math.hypot(re, im)));
+    const row = (name: string, kind: string, poles: Pole[]) => {
+      const radius = largest(poles);
+      // Near 1 the growth says more than digits of the radius.
+      const growth = radius > 0 ? Math.log(radius) / period : Number.NaN;
+      const text = poles.length === 0 ? "none" : `${poles.length}, largest |λ| ${radius.toFixed(6)}`;
+      const more = Number.isFinite(growth) ? (Math.abs(growth) < 1e-9 ? ", keeps its size" : `, ${growth > 0 ? "grows" : "decays"} by ${number(Math.abs(growth))} per s`) : "";
+      return html("li", { class: kind }, html("span", {}, name), ` ${text}${more}`);
+    };
+    this.root.replaceChildren(
+      html("div", { class: "maps" }, this.circle(held, free), this.lens(held, free, period)),
+      html("ul", { class: "key" }, row("○ held", "held", held), row("× let go", "free", free)),
+    );
+  }
+
+  private circle(held: Pole[], free: Pole[]): HTMLElement {
+    const out = Math.max(1.15, ...[...held, ...free].map(([re, im]) => 1.1 * Math.max(Math.abs(re), Math.abs(im))));
+    const k = SIZE / out;
+    const map = this.map("whole", "Eigenvalues and the unit circle");
+    map.append(
+      svg("path", { class: "axis", d: `M${-SIZE} 0H${SIZE}M0 ${-SIZE}V${SIZE}` }),
+      svg("circle", { class: "unit", r: k }),
+      ...this.points(held, free, ([re, im]) => [re * k, -im * k]),
+    );
+    return html("figure", {}, html("figcaption", {}, "unit circle"), map);
+  }
+
+  /** ln λ / T: growth per second to the right, frequency upwards; the unit circle is the upright line. */
+  private lens(held: Pole[], free: Pole[], period: number): HTMLElement {
+    const logs = (poles: Pole[]) =>
+      poles
+        .map(([re, im]): Pole => [Math.log(Math.hypot(re, im)) / period, Math.atan2(im, re) / (2 * Math.PI * period)])
+        .filter(([growth]) => Number.isFinite(growth));
+    const [h, f] = [logs(held), logs(free)];
+    // The slowest few count: what lies far out is in the other map.
+    const near = [...h, ...f].sort((a, b) => Math.hypot(...a) - Math.hypot(...b)).slice(0, 6);
+    const bound = (values: number[], least: number) => 1.3 * Math.max(least, ...values.map(Math.abs));
+    const top = bound(near.map(([, hz]) => hz), 0.1);
+    const side = bound(near.map(([growth]) => growth).filter((growth) => Math.abs(growth) < 20 * top), top / 50);
+    const map = this.map("lens", "Eigenvalues near 1: growth per second and frequency");
+    map.append(
+      svg("rect", { class: "bad", x: 0, y: -SIZE, width: SIZE, height: 2 * SIZE }),
+      svg("path", { class: "axis", d: `M${-SIZE} 0H${SIZE}` }),
+      svg("path", { class: "unit", d: `M0 ${-SIZE}V${SIZE}` }),
+      ...this.points(h, f, ([growth, hz]) => [(growth / side) * SIZE, (-hz / top) * SIZE]),
+      svg("text", { x: SIZE - 3, y: SIZE - 5, "text-anchor": "end" }, `${number(side, 2)} /s`),
+      svg("text", { x: -SIZE + 3, y: SIZE - 5 }, `−${number(side, 2)}`),
+      svg("text", { x: -SIZE + 3, y: -SIZE + 12 }, `${number(top, 2)} Hz`),
+    );
+    return html("figure", {}, html("figcaption", {}, "lens near 1: ln λ / T"), map);
+  }
+
+  private map(kind: string, label: string): SVGSVGElement {
+    return svg("svg", { class: `map ${kind}`, viewBox: `${-SIZE} ${-SIZE} ${2 * SIZE} ${2 * SIZE}`, role: "img", "aria-label": label });
+  }
+
+  private points(held: Pole[], free: Pole[], place: (pole: Pole) => [number, number]): SVGElement[] {
+    const inside = ([x, y]: [number, number]) => Math.abs(x) <= SIZE && Math.abs(y) <= SIZE;
+    return [
+      ...free.map(place).filter(inside).map(([x, y]) => svg("path", { class: "free", d: CROSS, transform: `translate(${x.toFixed(2)} ${y.toFixed(2)})` })),
+      ...held.map(place).filter(inside).map(([x, y]) => svg("circle", { class: "held", cx: x, cy: y, r: 5 })),
+    ];
+  }
+}

@@ -1,0 +1,177 @@
+// The messages of the websocket, version 1 (docs/live.md). Numbers are SI.
+
+export const VERSION = 1;
+
+export type Order = "arm" | "disarm" | "clear" | "stop";
+
+export type ToServer =
+  | { type: "hello"; v: number; token?: string }
+  | { type: "take" | "give" | "reset" | "alive" }
+  | { type: "order"; order: Order }
+  | { type: "hand"; grip: boolean; position: number }
+  | { type: "set"; key: string; value: string }
+  | { type: "scenario"; name: string | null }
+  | { type: "record"; on: boolean }
+  | { type: "focus"; key: string };
+
+export interface Coupling {
+  kind: "spring" | "damper" | "wall" | "detent" | "friction" | "constant";
+  between: [string, string];
+  key: string;
+  at?: number | null;
+  side?: "above" | "below" | null;
+  rest?: number | null;
+  pitch?: number | null;
+  phase?: number | null;
+  torque?: number | null;
+  stiffness?: number | null;
+  damping?: number | null;
+}
+
+/** One of the file's keys that can be changed here. `factor` is SI per `unit`; `min` and `max` are SI. */
+export interface Key {
+  path: string;
+  /** What it belongs to: "loop", "spring, puck to wheel". */
+  group?: string;
+  label: string;
+  /** What it means. */
+  doc?: string;
+  kind: "quantity" | "choice" | "whole";
+  written: string;
+  value?: number | null;
+  unit?: string | null;
+  factor?: number | null;
+  min?: number | null;
+  max?: number | null;
+  log?: boolean | null;
+  choices?: string[] | null;
+  changed: boolean;
+}
+
+export interface World {
+  type: "world";
+  generation: number;
+  title: string;
+  motion: "rotary" | "linear";
+  units: { position: string; velocity: string; effort: string };
+  period_s: number;
+  limit: number | null;
+  device: string;
+  bodies: { name: string; inertia: number }[];
+  couplings: Coupling[];
+  scenarios: { name: string; duration_s: number; hand: string }[];
+  keys: Key[];
+  columns: { name: string; unit: string }[];
+}
+
+export interface Verdict {
+  type: "verdict";
+  generation: number;
+  certified: boolean;
+  /** All of it in one. */
+  sentence?: string;
+  sentences: { what: "held" | "free" | "passive" | "quantisation"; ok: boolean | null; text: string }[];
+  growth_per_s: number | null;
+  held: [number, number][];
+  free: [number, number][];
+  required_damping: number | null;
+  device_damping: number;
+  notes?: string[];
+  remedies: { key?: string | null; value?: string | null; text: string }[] | null;
+  ms: number;
+}
+
+export interface Range {
+  type: "range";
+  generation: number;
+  key: string;
+  certified: [number, number][];
+}
+
+export interface Quantiles {
+  p50: number;
+  p90: number;
+  p99: number;
+  p999: number;
+  max: number;
+}
+
+export type Phase = "disarmed" | "fading-in" | "running" | "fading-out" | "faulted";
+
+export interface Status {
+  type: "status";
+  phase: Phase;
+  code: number | null;
+  reason: string | null;
+  sentence: string | null;
+  clear: string | null;
+  warnings: string[];
+  scenario: string | null;
+  recording: { file: string; seconds: number; lost: number; error: string | null } | null;
+  timing: {
+    samples: number;
+    overruns: number;
+    missed: number;
+    latency_us: Quantiles;
+    period_us: Quantiles;
+    computation_us: Quantiles;
+    histogram: { edges_us: number[]; latency: number[] };
+  };
+  realtime: { fifo: boolean; locked: boolean; warning: string | null };
+  clients: number;
+}
+
+export type FromServer =
+  | { type: "hello"; v: number; client: number; control: number | null }
+  | { type: "control"; control: number | null }
+  | { type: "refused"; key?: string | null; message: string }
+  | { type: "error"; message: string }
+  | World
+  | Verdict
+  | Range
+  | Status;
+
+/** A binary frame: per column the last value, and the extremes since the frame before. */
+export interface Frame {
+  generation: number;
+  time: number;
+  last: Float32Array;
+  low: Float32Array;
+  high: Float32Array;
+}
+
+/** Columns before those of the bodies, which take two each: position and velocity. */
+export const COLUMN = {
+  position: 0,
+  velocity: 1,
+  measured: 2,
+  measuredVelocity: 3,
+  torque: 4,
+  command: 5,
+  output: 6,
+  energy: 7,
+  bodies: 8,
+} as const;
+
+const HEADER = 16;
+
+/** Nothing where the bytes are no frame of this version. */
+export function decode(bytes: ArrayBuffer): Frame | null {
+  const view = new DataView(bytes);
+  if (bytes.byteLength < HEADER || view.getUint8(0) !== VERSION || view.getUint8(1) !== 1) return null;
+  const columns = view.getUint16(2, true);
+  if (bytes.byteLength !== HEADER + 12 * columns) return null;
+  const frame: Frame = {
+    generation: view.getUint32(4, true),
+    time: view.getFloat64(8, true),
+    last: new Float32Array(columns),
+    low: new Float32Array(columns),
+    high: new Float32Array(columns),
+  };
+  for (let i = 0; i < columns; i++) {
+    frame.last[i] = view.getFloat32(HEADER + 12 * i, true);
+    frame.low[i] = view.getFloat32(HEADER + 12 * i + 4, true);
+    frame.high[i] = view.getFloat32(HEADER + 12 * i + 8, true);
+  }
+  return frame;
+}

@@ -1,0 +1,229 @@
+// The wheel (or handle), the bodies behind it, and the couplings in between, drawn where the last frame has them.
+
+import { attribute, html, say, svg } from "./dom.ts";
+import type { Gap, Geometry } from "./geometry.ts";
+import { grounded, push, tint } from "./laws.ts";
+import { linear, roundUp } from "./linear.ts";
+import { rotary } from "./rotary.ts";
+import { COLUMN, type Coupling, type Frame, type World } from "./protocol.ts";
+
+/** A moving part: what it does with the positions and velocities of puck and bodies, ground the last. */
+type Part = (q: Float64Array, v: Float64Array) => void;
+
+export class Stage {
+  readonly svg: SVGSVGElement;
+  geometry: Geometry = rotary(0);
+  /** Where the puck is. */
+  position = 0;
+  private world: World | null = null;
+  private parts: Part[] = [];
+  private reach = 0.05;
+  private scale = 1e-3;
+  private shape = "";
+  private grip: SVGPathElement | null = null;
+  private intended: SVGElement | null = null;
+
+  constructor(root: SVGSVGElement) {
+    this.svg = root;
+  }
+
+  /** The largest torque that colours show. */
+  get strongest(): number {
+    return this.scale;
+  }
+
+  show(world: World): void {
+    const shape = JSON.stringify([world.motion, world.bodies.map((body) => body.name), world.couplings]);
+    this.world = world;
+    this.scale = world.limit ?? this.scale;
+    if (shape === this.shape) return;
+    this.shape = shape;
+    const walls = world.couplings.map((coupling) => Math.abs(coupling.at ?? 0));
+    this.reach = roundUp(1.3 * Math.max(0.03, ...walls));
+    this.build();
+  }
+
+  frame(frame: Frame, intended: number | null): void {
+    const world = this.world;
+    const bodies = world?.bodies.length ?? 0;
+    if (!world || frame.last.length < COLUMN.bodies + 2 * bodies) return;
+    const q = new Float64Array(bodies + 2);
+    const v = new Float64Array(bodies + 2);
+    q[0] = frame.last[COLUMN.position]!;
+    v[0] = frame.last[COLUMN.velocity]!;
+    for (let i = 0; i < bodies; i++) {
+      q[i + 1] = frame.last[COLUMN.bodies + 2 * i]!;
+      v[i + 1] = frame.last[COLUMN.bodies + 2 * i + 1]!;
+    }
+    if (!q.every(Number.isFinite)) return;
+    this.position = q[0]!;
+    const furthest = Math.max(...q.map(Math.abs));
+    if (world.motion === "linear" && furthest > this.reach) this.rescale(furthest);
+    for (const part of this.parts) part(q, v);
+    this.hand(q[0]!, intended);
+  }
+
+  private rescale(furthest: number): void {
+    this.reach = roundUp(1.3 * furthest);
+    this.build();
+  }
+
+  private hand(position: number, intended: number | null): void {
+    if (!this.grip || !this.intended) return;
+    const shown = intended !== null;
+    attribute(this.svg, "data-held", shown);
+    attribute(this.grip, "visibility", shown ? "visible" : "hidden");
+    attribute(this.intended, "visibility", shown ? "visible" : "hidden");
+    if (!shown) return;
+    attribute(this.grip, "d", this.geometry.arc(this.geometry.lanes[0]!.outer - 8, position, intended));
+    attribute(this.intended, "transform", this.geometry.place(intended));
+  }
+
+  private build(): void {
+    const world = this.world!;
+    const names = world.bodies.map((body) => body.name);
+    const geometry = world.motion === "rotary" ? rotary(names.length) : linear(names.length, this.reach);
+    this.geometry = geometry;
+    this.parts = [];
+    attribute(this.svg, "viewBox", geometry.viewBox);
+    attribute(this.svg, "data-motion", world.motion);
+    const { ticks, labels } = geometry.scale();
+    const scale = svg("g", { class: "scale" }, svg("path", { d: ticks }));
+    for (const { x, y, text } of labels) scale.append(svg("text", { x, y }, text));
+    this.svg.replaceChildren(scale);
+    const drawn = geometry.lanes.map((lane, i) => {
+      const { outline, mark, detail } = geometry.body(lane, i === 0);
+      const group = svg("g", { class: i === 0 ? "puck" : `body c${((i - 1) % 6) + 1}`, "data-name": names[i - 1] ?? "puck" });
+      group.append(
+        svg("path", { class: "outline", "fill-rule": "evenodd", d: outline }),
+        svg("path", { class: "detail", d: detail }),
+        svg("path", { class: "mark", d: mark }),
+      );
+      this.parts.push((q) => attribute(group, "transform", geometry.place(q[i]!)));
+      return group;
+    });
+    this.svg.append(...drawn.reverse());
+    if (world.motion === "rotary") this.svg.append(svg("circle", { class: "hub", r: geometry.hub - 5 }));
+    for (const coupling of world.couplings) this.couple(coupling, names);
+    const puck = geometry.lanes[0]!;
+    this.grip = svg("path", { class: "grip" });
+    const finger = world.motion === "rotary" ? { cx: 0, cy: -(puck.outer - 8) } : { cx: 0, cy: puck.outer + 8 };
+    this.intended = svg("circle", { class: "finger", r: 9, ...finger });
+    this.svg.append(this.grip, this.intended);
+  }
+
+  private couple(told: Coupling, names: string[]): void {
+    const coupling = grounded(told);
+    const geometry = this.geometry;
+    const ground = names.length + 1;
+    const end = (name: string) => (name === "ground" ? ground : name === "puck" ? 0 : names.indexOf(name) + 1);
+    const [first, second] = [end(coupling.between[0]), end(coupling.between[1])];
+    // Ground is the frame outside for the puck, and the hub inside for a body.
+    const framed = first + second === ground && first * second === 0;
+    const depth = (end: number) => (framed && end === ground ? -1 : end);
+    const [outer, inner] = depth(first) < depth(second) ? [first, second] : [second, first];
+    const gap: Gap = framed
+      ? [geometry.frame, geometry.lanes[0]!.outer]
+      : [geometry.lanes[outer]!.inner, inner === ground ? geometry.hub : geometry.lanes[inner]!.outer];
+    const element = svg("path", { class: `coupling ${coupling.kind}` });
+    const group = svg("g", { class: "attached" }, element);
+    this.svg.append(group);
+    const draw = this.pen(coupling, gap, { element, group, outer, inner, first, second });
+    const sign = first === outer ? 1 : -1;
+    this.parts.push((q, v) => {
+      const torque = push(coupling, q[first]! - q[second]!, v[first]! - v[second]!);
+      if (this.world!.limit === null) this.scale = Math.max(this.scale, Math.abs(torque));
+      // Seen from the puck's side: ground's own push is of no interest.
+      const share = ((framed ? -sign : sign) * torque) / this.scale;
+      element.style.setProperty("--push", tint(share));
+      attribute(element, "data-push", share.toFixed(3));
+      draw(q);
+    });
+  }
+
+  /** How a coupling of its kind follows its ends. */
+  private pen(
+    coupling: Coupling,
+    gap: Gap,
+    at: { element: SVGPathElement; group: SVGElement; outer: number; inner: number; first: number; second: number },
+  ): (q: Float64Array) => void {
+    const { element, group, outer, inner, first, second } = at;
+    const geometry = this.geometry;
+    // Which edge of the gap the first end has.
+    const edge = first === outer ? 0 : 1;
+    switch (coupling.kind) {
+      case "spring": {
+        const rest = coupling.rest ?? 0;
+        const shift = first === outer ? rest : -rest;
+        return (q) => attribute(element, "d", geometry.spring(gap, q[outer]!, q[inner]! + shift));
+      }
+      case "damper":
+        return (q) => attribute(element, "d", geometry.damper(gap, q[outer]!, q[inner]!));
+      case "wall": {
+        attribute(element, "d", geometry.wall(gap, coupling.at ?? 0, coupling.side === "below" ? -1 : 1));
+        const nub = svg("path", { class: "nub", d: geometry.nub(gap, edge) });
+        group.after(nub);
+        return (q) => {
+          attribute(group, "transform", geometry.place(q[second]!));
+          attribute(nub, "transform", geometry.place(q[first]!));
+        };
+      }
+      case "detent": {
+        const [pitch, phase] = [coupling.pitch ?? 1, coupling.phase ?? 0];
+        const nub = svg("path", { class: "nub", d: geometry.nub(gap, edge) });
+        group.after(nub);
+        let drawn = Number.NaN;
+        return (q) => {
+          const nearest = Math.round((q[first]! - q[second]! - phase) / pitch);
+          attribute(group, "transform", geometry.place(q[second]!));
+          attribute(nub, "transform", geometry.place(q[first]!));
+          if (nearest === drawn) return;
+          drawn = nearest;
+          const [from, to] = geometry.view(phase + nearest * pitch);
+          const count = Math.min(60, Math.floor((to - from) / pitch / 2));
+          let d = "";
+          for (let n = nearest - count; n <= nearest + count; n++) {
+            if (n === nearest + count && (to - from) / pitch === 2 * count && count > 0) break;
+            d += geometry.dent(gap, phase + n * pitch, edge === 0 ? 1 : 0);
+          }
+          attribute(element, "d", d);
+        };
+      }
+      case "friction":
+      case "constant": {
+        // A shoe that rides on the first end, at the side away from the marks.
+        const middle = (gap[0] + gap[1]) / 2;
+        const side = Math.PI * 0.75;
+        const [from, to] = this.world!.motion === "rotary" ? [side - 0.16, side + 0.16] : [0.3 * this.reach, 0.42 * this.reach];
+        attribute(element, "d", geometry.arc(coupling.kind === "friction" ? gap[edge] + (middle - gap[edge]) * 0.4 : middle, from, to));
+        return (q) => attribute(group, "transform", geometry.place(q[coupling.kind === "friction" ? second : first]!));
+      }
+    }
+  }
+}
+
+/** The names, marks and positions below the drawing. */
+export class Legend {
+  private values: HTMLElement[] = [];
+  private readonly root: HTMLElement;
+
+  constructor(root: HTMLElement) {
+    this.root = root;
+  }
+
+  show(world: World): void {
+    const names = ["puck", ...world.bodies.map((body) => body.name)];
+    const shape = names.join(" ");
+    if (this.root.dataset["shape"] === shape) return;
+    this.root.dataset["shape"] = shape;
+    this.values = names.map(() => html("dd"));
+    this.root.replaceChildren(
+      ...names.map((name, i) => html("div", {}, html("dt", { class: i === 0 ? "c0" : `c${((i - 1) % 6) + 1}` }, name), this.values[i]!)),
+    );
+  }
+
+  /** Texts for puck and bodies. */
+  frame(texts: string[]): void {
+    texts.forEach((text, i) => this.values[i] && say(this.values[i], text));
+  }
+}

@@ -1,0 +1,70 @@
+// How well the loop keeps its clock: a histogram of lateness, and quantiles.
+
+import { attribute, html, say, svg } from "./dom.ts";
+import type { Quantiles, Status } from "./protocol.ts";
+import { micros } from "./units.ts";
+
+const [WIDTH, HEIGHT] = [320, 84];
+const SHOWN: (keyof Quantiles)[] = ["p50", "p90", "p99", "p999", "max"];
+const NAMES = ["50 %", "90 %", "99 %", "99.9 %", "max"];
+const ROWS = [
+  ["latency", "latency_us"],
+  ["period", "period_us"],
+  ["computation", "computation_us"],
+] as const;
+
+export class Timing {
+  private readonly bars = svg("path", { class: "bars" });
+  private readonly labels = svg("g");
+  private readonly counts = html("p", { class: "soft" });
+  private readonly warning = html("p", { class: "warning" });
+  private readonly cells: HTMLElement[][];
+  private edges = "";
+
+  constructor(root: HTMLElement) {
+    this.cells = ROWS.map(() => SHOWN.map(() => html("td")));
+    const table = html(
+      "table",
+      {},
+      html("thead", {}, html("tr", {}, html("th", { scope: "col" }, "quantile"), ...NAMES.map((name) => html("th", { scope: "col" }, name)))),
+      html("tbody", {}, ...ROWS.map(([name], i) => html("tr", {}, html("th", { scope: "row" }, name), ...this.cells[i]!))),
+    );
+    const drawing = svg(
+      "svg",
+      { viewBox: `0 0 ${WIDTH} ${HEIGHT + 16}`, class: "histogram", role: "img", "aria-label": "Histogram of the loop's latency; its quantiles are in the table" },
+      svg("path", { class: "axis", d: `M0 ${HEIGHT}H${WIDTH}` }),
+      this.bars,
+      this.labels,
+    );
+    root.append(html("p", { class: "soft" }, "How late samples are taken (counts on a logarithmic scale)"), drawing, table, this.counts, this.warning);
+  }
+
+  show({ timing, realtime }: Status): void {
+    ROWS.forEach(([, key], row) => {
+      SHOWN.forEach((quantile, i) => say(this.cells[row]![i]!, micros(timing[key][quantile])));
+    });
+    const { latency, edges_us: edges } = timing.histogram;
+    const most = Math.log1p(Math.max(1, ...latency));
+    const step = WIDTH / Math.max(1, latency.length);
+    let d = "";
+    latency.forEach((count, i) => {
+      const height = (Math.log1p(count) / most) * (HEIGHT - 4);
+      if (count > 0) d += `M${(i * step + 0.5).toFixed(1)} ${HEIGHT}v${(-height).toFixed(1)}h${Math.max(0.5, step - 1).toFixed(1)}V${HEIGHT}z`;
+    });
+    attribute(this.bars, "d", d);
+    if (String(edges) !== this.edges) {
+      this.edges = String(edges);
+      const every = Math.max(1, Math.ceil(edges.length / 6));
+      this.labels.replaceChildren(
+        ...edges.flatMap((edge, i) =>
+          i % every === 0
+            ? [svg("text", { x: i * step, y: HEIGHT + 12, "text-anchor": i === 0 ? "start" : i * step > WIDTH - 20 ? "end" : "middle" }, micros(edge))]
+            : [],
+        ),
+      );
+    }
+    const grouped = (count: number) => String(count).replace(/\B(?=(\d{3})+$)/g, "\u202f");
+    say(this.counts, `${grouped(timing.samples)} samples, ${grouped(timing.overruns)} overruns, ${grouped(timing.missed)} missed; ${realtime.fifo ? "FIFO scheduling" : "ordinary scheduling"}, memory ${realtime.locked ? "locked" : "not locked"}`);
+    say(this.warning, realtime.warning ?? "");
+  }
+}

@@ -1,0 +1,72 @@
+// Numbers as people read them.
+
+import type { World } from "./protocol.ts";
+
+/** What a signal is shown in: `per` is how many of it one SI unit is. */
+export interface Unit {
+  name: string;
+  per: number;
+}
+
+export interface Units {
+  position: Unit;
+  velocity: Unit;
+  effort: Unit;
+  energy: Unit;
+  /** What pushes: a torque, or a force. */
+  what: "torque" | "force";
+}
+
+const DEGREES = 180 / Math.PI;
+
+/** Degrees or millimetres; the effort in the unit of the file's limit, where it has one. */
+export function units(world: World): Units {
+  const rotary = world.motion === "rotary";
+  const limit = world.keys.find((key) => key.path === "device.limit");
+  const effort =
+    limit?.unit && limit.factor
+      ? { name: limit.unit, per: 1 / limit.factor }
+      : rotary
+        ? { name: "N mm", per: 1000 }
+        : { name: "N", per: 1 };
+  return {
+    position: rotary ? { name: "°", per: DEGREES } : { name: "mm", per: 1000 },
+    velocity: rotary ? { name: "°/s", per: DEGREES } : { name: "mm/s", per: 1000 },
+    effort: { ...effort, name: pretty(effort.name) },
+    energy: { name: "mJ", per: 1000 },
+    what: rotary ? "torque" : "force",
+  };
+}
+
+/** "N mm/deg" as "N·mm/°". */
+export function pretty(unit: string): string {
+  return unit.replace(/\bdeg\b/g, "°").replace(/\bum\b/g, "µm").replace(/\bus\b/g, "µs").replace(/\^2/g, "²").replace(/ /g, "·");
+}
+
+/** To so many significant digits, without an exponent where that is short, with a true minus. */
+export function number(value: number, digits = 3): string {
+  if (!Number.isFinite(value)) return Number.isNaN(value) ? "no number" : value > 0 ? "∞" : "−∞";
+  return plain(value, digits).replace(/-/g, "−");
+}
+
+/** The same as a program reads it. */
+export function plain(value: number, digits: number): string {
+  if (value === 0) return "0";
+  const size = Math.floor(Math.log10(Math.abs(value)));
+  if (size < -4 || size > 6) return value.toExponential(digits - 1).replace(/\.?0+e/, "e").replace("e+", "e");
+  const places = Math.min(12, Math.max(0, digits - 1 - size));
+  const fixed = value.toFixed(places);
+  return places > 0 ? fixed.replace(/\.?0+$/, "") : fixed;
+}
+
+/** With as many decimals as the size of what it stands beside asks for, so that it does not jitter. */
+export function steady(value: number, scale: number): string {
+  const places = Math.min(6, Math.max(0, 2 - Math.floor(Math.log10(Math.max(scale, 1e-9)))));
+  const text = value.toFixed(Number.isFinite(value) ? places : 0);
+  return (/^-0\.?0*$/.test(text) ? text.slice(1) : text).replace("-", "−");
+}
+
+export function micros(us: number): string {
+  if (us >= 1e6) return `${number(us / 1e6)} s`;
+  return us >= 1000 ? `${number(us / 1000)} ms` : `${number(us)} µs`;
+}

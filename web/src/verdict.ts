@@ -1,0 +1,65 @@
+// The certificate in sentences, and remedies that a press applies.
+
+import { button, html } from "./dom.ts";
+import type { Verdict } from "./protocol.ts";
+import { number } from "./units.ts";
+
+const NAMES = { held: "held", free: "let go", passive: "any hand", quantisation: "encoder" } as const;
+
+export class VerdictCard {
+  private readonly root: HTMLElement;
+  private readonly heading: HTMLElement;
+  private readonly apply: (key: string, value: string) => void;
+  /** Folded as the visitor left it. */
+  private readonly notes = html("details", { class: "notes soft" });
+  private said = "";
+
+  /** `heading` is announced by screen readers when its words change; the details beside it are not. */
+  constructor(root: HTMLElement, heading: HTMLElement, apply: (key: string, value: string) => void) {
+    this.root = root;
+    this.heading = heading;
+    this.apply = apply;
+  }
+
+  show(verdict: Verdict): void {
+    const unstable = verdict.sentences.some(({ what, ok }) => ok === false && (what === "held" || what === "free"));
+    const state = verdict.certified ? "stable" : unstable ? "unstable" : "marginal";
+    const words = verdict.certified ? "Certified" : unstable ? "Not certified: unstable" : "Not certified";
+    this.heading.parentElement!.className = `verdict ${state}`;
+    if (this.said !== words) this.heading.textContent = this.said = words;
+    const summary = html("p", {}, upper((verdict.sentence ?? "").replace(/^(not )?certified[:,] /, "")));
+    const sentences = html("dl");
+    for (const { what, ok, text } of verdict.sentences) {
+      const [mark, meaning] = ok === null ? ["~", "in between"] : ok ? ["✓", "good"] : ["✗", "bad"];
+      sentences.append(
+        html("dt", { class: ok === null ? "even" : ok ? "good" : "bad" }, html("span", { "aria-label": meaning, role: "img" }, mark), ` ${NAMES[what] ?? what}`),
+        html("dd", {}, text),
+      );
+    }
+    const growth = verdict.growth_per_s;
+    const facts = [
+      growth === null ? "" : Math.abs(growth) < 1e-9 ? "neither grows nor decays" : `${growth > 0 ? "grows" : "decays"} by ${number(Math.abs(growth))} per second`,
+      `computed in ${number(verdict.ms, 2)} ms`,
+    ];
+    this.notes.replaceChildren(html("summary", {}, "Notes"), ...(verdict.notes ?? []).map((note) => html("p", {}, upper(note))));
+    this.notes.hidden = !verdict.notes?.length;
+    this.root.replaceChildren(summary, sentences, this.notes, html("p", { class: "soft" }, upper(facts.filter(Boolean).join(", "))), this.remedies(verdict));
+  }
+
+  private remedies({ remedies, certified }: Verdict): HTMLElement {
+    if (remedies === null) return html("p", { class: "soft" }, "Looking for remedies …");
+    if (remedies.length === 0) return html("p", { class: "soft" }, certified ? "" : "No single number makes this loop certified.");
+    const rows = remedies.map(({ key, value, text }) =>
+      key && value
+        ? html("li", {}, button(text, () => this.apply(key, value), { class: "remedy", "data-key": key, title: `sets ${key} to ${value}` }))
+        : html("li", {}, html("code", {}, text.replace(/ {2,}#/g, "  #"))),
+    );
+    const title = certified ? "Certified as far as each of these, one at a time" : "Any one of these makes it certified";
+    return html("div", { class: "remedies" }, html("p", {}, title), html("ul", {}, ...rows));
+  }
+}
+
+/** A sentence begins with a capital. */
+function upper(text: string): string {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}

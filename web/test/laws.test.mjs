@@ -1,0 +1,112 @@
+// What needs no browser: laws of couplings, frames, history, numbers.
+import assert from "node:assert/strict";
+import { after, test } from "node:test";
+import { createServer } from "vite";
+
+const vite = await createServer({ server: { middlewareMode: true, hmr: false, ws: false, watch: null }, appType: "custom", logLevel: "error" });
+after(() => vite.close());
+const load = (name) => vite.ssrLoadModule(`/src/${name}.ts`);
+const { grounded, push } = await load("laws");
+const { decode } = await load("protocol");
+const { History } = await load("history");
+const { rotary } = await load("rotary");
+const { roundUp } = await load("linear");
+const { number, plain } = await load("units");
+
+const between = ["puck", "ground"];
+const couplings = [
+  { kind: "spring", between, stiffness: 2, rest: 0.3 },
+  { kind: "damper", between, damping: 0.4 },
+  { kind: "wall", between, side: "above", at: 0.2, stiffness: 3, damping: 0.1 },
+  { kind: "wall", between, side: "below", at: -0.1, stiffness: 3, damping: 0.1 },
+  { kind: "detent", between, torque: 0.5, pitch: 0.7, phase: 0.1 },
+  { kind: "friction", between, torque: 0.2 },
+  { kind: "constant", between, torque: 0.2 },
+];
+const random = (size) => size * (2 * Math.random() - 1);
+
+test("a coupling written from ground's side pushes the other end as much the other way", () => {
+  for (const coupling of couplings) {
+    const turned = { ...coupling, between: ["ground", "puck"] };
+    assert.deepEqual(grounded(turned).between, ["puck", "ground"]);
+    for (let i = 0; i < 200; i++) {
+      const [q, v] = [random(2), random(3)];
+      assert.ok(Math.abs(push(grounded(turned), q, v) + push(turned, -q, -v)) < 1e-12, `${coupling.kind} at ${q}, ${v}`);
+    }
+  }
+});
+
+test("dampers, friction and walls take energy; springs and detents give back what they took", () => {
+  for (const coupling of couplings) {
+    // Around a closed path q = sin s, slowly: the work done on the coupling.
+    let work = 0;
+    const steps = 20_000;
+    for (let i = 0; i < steps; i++) {
+      const s = (2 * Math.PI * i) / steps;
+      work -= push(coupling, Math.sin(s), Math.cos(s)) * Math.cos(s) * ((2 * Math.PI) / steps);
+    }
+    const takes = coupling.damping > 0 || coupling.kind === "friction";
+    assert.ok(takes ? work > 1e-3 : Math.abs(work) < 1e-9, `${coupling.kind}: ${work} J`);
+  }
+});
+
+test("a frame reads as it was written, and a cut one not at all", () => {
+  const columns = 12;
+  const view = new DataView(new ArrayBuffer(16 + 12 * columns));
+  view.setUint8(0, 1);
+  view.setUint8(1, 1);
+  view.setUint16(2, columns, true);
+  view.setUint32(4, 77, true);
+  view.setFloat64(8, 12.5, true);
+  for (let i = 0; i < 3 * columns; i++) view.setFloat32(16 + 4 * i, i, true);
+  const frame = decode(view.buffer);
+  assert.deepEqual([frame.generation, frame.time], [77, 12.5]);
+  assert.deepEqual([...frame.last], Array.from({ length: columns }, (_, i) => 3 * i));
+  assert.deepEqual([...frame.high], Array.from({ length: columns }, (_, i) => 3 * i + 2));
+  for (const length of [0, 15, 16, 16 + 12 * columns - 1]) assert.equal(decode(view.buffer.slice(0, length)), null);
+  view.setUint8(0, 2);
+  assert.equal(decode(view.buffer), null, "of another version");
+});
+
+test("the history keeps every extreme of its window, however long it runs, and begins anew when time goes back", () => {
+  const history = new History([10]);
+  const frame = (k) => ({ time: k / 60, last: [k], low: [k - 0.5], high: [k + 0.5] });
+  for (let k = 0; k < 20_000; k++) history.add(frame(k));
+  const [time, last, low, high] = history.window([0], 10);
+  assert.ok(time.length >= 600 && time.length <= 605, `${time.length} frames in ten seconds`);
+  time.forEach((t, i) => {
+    const k = Math.round(t * 60);
+    assert.deepEqual([last[i], low[i], high[i]], [10 * k, 10 * (k - 0.5), 10 * (k + 0.5)]);
+  });
+  assert.equal(time.at(-1), 19_999 / 60);
+  history.add(frame(3));
+  assert.deepEqual([...history.window([0], 10)[0]], [3 / 60]);
+});
+
+test("a loop that has run away leaves a gap, and no infinite axis", () => {
+  const history = new History([1]);
+  history.add({ time: 0, last: [1], low: [-Infinity], high: [Infinity] });
+  const [, last, low, high] = history.window([0], 5);
+  assert.deepEqual([last[0], low[0], high[0]], [1, NaN, NaN]);
+});
+
+test("a pointer's angle is unwrapped to the turn that is next", () => {
+  const { pointed, unwrap } = rotary(1);
+  for (let i = 0; i < 200; i++) {
+    const [near, angle] = [random(50), random(Math.PI)];
+    const got = unwrap(angle, near);
+    assert.ok(Math.abs(got - near) <= Math.PI + 1e-9);
+    assert.ok(Math.abs(Math.sin((got - angle) / 2)) < 1e-9, "by whole turns");
+  }
+  assert.ok(Math.abs(pointed(1, 0) - Math.PI / 2) < 1e-12, "clockwise from the top");
+});
+
+test("numbers read back to the digits that they show", () => {
+  for (let i = 0; i < 500; i++) {
+    const value = Math.sign(random(1)) * 10 ** random(9);
+    for (const digits of [2, 3, 6]) assert.ok(Math.abs(Number(plain(value, digits)) / value - 1) < 0.51 * 10 ** (1 - digits), `${value} as ${plain(value, digits)}`);
+    const up = roundUp(Math.abs(value));
+    assert.ok(up >= Math.abs(value) * (1 - 1e-8) && up <= 2.5 * Math.abs(value) * (1 + 1e-8), `${value} up to ${up}`);
+  }
+  assert.deepEqual([number(0), number(-1.5), number(1000), number(NaN)], ["0", "−1.5", "1000", "no number"]);
+});

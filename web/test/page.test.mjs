@@ -1,0 +1,295 @@
+// The page in a real browser, against the real server.
+import assert from "node:assert/strict";
+import { after, test } from "node:test";
+import { extremes, number, open, place, quit, serve, turn, until, world } from "./desk.mjs";
+
+after(quit);
+
+/** A test with a server and one page on it, both gone afterwards. */
+function visit(name, file, act, options, away) {
+  test(name, { timeout: 90_000 }, async () => {
+    const server = await serve(file);
+    try {
+      const desk = await open(server.url, options, away);
+      await act(desk.page, server, desk);
+      desk.quiet();
+      await desk.context.close();
+    } finally {
+      await server.end();
+    }
+  });
+}
+
+const verdict = (page) => () => page.locator("#verdict").textContent();
+const phase = (page) => () => page.getAttribute("#phase", "data-phase");
+const trace = (page, plot, index) => async () => number(await page.locator(".plot").nth(plot).locator("b").nth(index).textContent());
+const locked = async (page) => (await page.locator("#knobs:disabled").count()) > 0;
+const set = async (page, key, value) => {
+  const field = page.locator(`[data-key="${key}"] input[type=text]`);
+  await field.fill(value);
+  await field.press("Enter");
+};
+
+visit("grabbed, the puck follows the hand; let go, puck and wheel swing by themselves", undefined, async (page) => {
+  await turn(page, 60);
+  await until(() => place(page), (puck) => puck > 40);
+  await until(() => page.getAttribute("#stage", "data-held"), (held) => held === "");
+  await page.mouse.up();
+  const [low, high] = await extremes(page, () => place(page, 1), 3);
+  assert.ok(high - low > 5, `the wheel swings, from ${low} to ${high} degrees`);
+  assert.equal(await page.getAttribute("#stage", "data-held"), null);
+  const [least, most] = await extremes(page, trace(page, 3, 0), 0.5);
+  assert.ok(most > 0 && least >= 0, `energy is never negative, ${least} to ${most}`);
+});
+
+visit("forward Euler is called unstable, and runs into the motor's limit and no further", "@notes/default", async (page) => {
+  await page.click("#euler");
+  await until(verdict(page), (text) => text === "Not certified: unstable");
+  // Growth is w²T/2 a second: at 10 ms ten times that of the notes.
+  await set(page, "loop.period", "10 ms");
+  await page.click('#scenarios [data-name="step"]');
+  const limit = 822.25;
+  await until(trace(page, 2, 0), (torque) => Math.abs(torque) > limit + 5, 30);
+  const [low, high] = await extremes(page, trace(page, 2, 1), 2);
+  assert.ok(low > -limit - 0.5 && high < limit + 0.5, `the motor is asked for ${low} to ${high} N mm`);
+  assert.ok(Math.max(-low, high) > limit - 10, `and for the limit, ${low} to ${high}`);
+  await page.click("#euler");
+  await until(() => page.inputValue('[data-key="loop.method"] select'), (method) => method === "zoh");
+});
+
+visit("a slider moved out of what is certified turns the verdict, and back again", "@notes/default", async (page) => {
+  await until(verdict(page), (text) => text === "Certified");
+  const slider = page.locator('[data-key="loop.period"] input[type=range]');
+  await slider.focus();
+  await page.waitForSelector('[data-key="loop.period"].ranged', { timeout: 20_000 });
+  const told = await page.locator('[data-key="loop.period"] .certified').textContent();
+  assert.match(told, /^certified .*ms/);
+  assert.ok((await page.locator('[data-key="loop.period"] .paint rect').count()) > 0);
+  await slider.press("End");
+  await until(verdict(page), (text) => text.startsWith("Not certified"));
+  // The certified range of a key does not depend on where that key stands.
+  assert.equal(await page.locator('[data-key="loop.period"] .certified').textContent(), told);
+  await page.click("#reset");
+  await until(verdict(page), (text) => text === "Certified");
+});
+
+visit("a remedy is one press away", undefined, async (page) => {
+  await until(verdict(page), (text) => text.startsWith("Not certified"));
+  await page.locator("button.remedy").first().click();
+  await until(verdict(page), (text) => text === "Certified");
+});
+
+visit("what the reader refuses is said beside the field, and changes nothing", undefined, async (page) => {
+  const before = await page.inputValue('[data-key="couplings.0.stiffness"] input[type=text]');
+  await set(page, "couplings.0.stiffness", "3 bananas");
+  await until(() => page.locator('[data-key="couplings.0.stiffness"] .refusal').textContent(), (text) => text.includes("bananas"));
+  assert.equal(await page.getAttribute('[data-key="couplings.0.stiffness"] input[type=text]', "aria-invalid"), "true");
+  await set(page, "loop.period", "2 ms");
+  await until(() => page.locator(".knob.changed").count(), (changed) => changed === 1);
+  assert.equal(await page.inputValue('[data-key="couplings.0.stiffness"] input[type=text]'), before);
+});
+
+visit("a reload in the middle lets the hand go and comes back to the same loop", undefined, async (page) => {
+  await set(page, "loop.period", "2 ms");
+  await turn(page, 60);
+  await until(() => place(page), (puck) => puck > 40);
+  await page.reload();
+  await page.waitForSelector('#phase[data-phase="running"]');
+  await until(() => locked(page), (off) => !off);
+  assert.equal(await page.inputValue('[data-key="loop.period"] input[type=text]'), "2 ms");
+  await page.mouse.up();
+  const [low, high] = await extremes(page, () => place(page), 3);
+  assert.ok(high - low > 5, `nobody holds the puck: it goes from ${low} to ${high} degrees`);
+});
+
+test("of two tabs one has control; the other watches, may stop, and may take it", { timeout: 90_000 }, async () => {
+  const server = await serve();
+  try {
+    const first = await open(server.url);
+    const second = await open(server.url);
+    await until(() => second.page.locator("#watching").isVisible(), Boolean);
+    assert.ok(await locked(second.page));
+    assert.ok(await first.page.isEnabled("#disarm"));
+    await turn(second.page, 60);
+    await second.page.mouse.up();
+    assert.ok(Math.abs(await place(first.page)) < 1, "who watches moves nothing");
+    await second.page.click("#take");
+    await until(() => first.page.locator("#watching").isVisible(), Boolean);
+    await until(() => locked(second.page), (off) => !off);
+    await turn(second.page, 60);
+    await until(() => place(first.page), (puck) => puck > 40);
+    await second.page.mouse.up();
+    await first.page.click("#stop");
+    await until(phase(second.page), (now) => now === "faulted");
+    for (const desk of [first, second]) {
+      desk.quiet();
+      await desk.context.close();
+    }
+  } finally {
+    await server.end();
+  }
+});
+
+visit(
+  "the server killed: a banner says so and controls are off; back again: they are on",
+  undefined,
+  async (page, server) => {
+    await server.end("SIGKILL");
+    await until(() => page.locator("#lost").isVisible(), Boolean);
+    assert.ok(await locked(page));
+    assert.ok(await page.isDisabled("#disarm"));
+    assert.ok(await page.isVisible("#stop"));
+    const again = await serve(undefined, server.port);
+    try {
+      await until(() => page.locator("#lost").isHidden(), Boolean, 15);
+      await until(() => locked(page), (off) => !off);
+      await turn(page, 60);
+      await until(() => place(page), (puck) => puck > 40);
+      await page.mouse.up();
+    } finally {
+      await again.end();
+    }
+  },
+  {},
+  { down: true },
+);
+
+visit("Space and Escape stop wherever the focus is; a text field keeps its spaces", undefined, async (page) => {
+  const again = async () => {
+    await page.click("#clear");
+    await until(phase(page), (now) => now === "disarmed");
+    await page.click("#arm");
+    await until(phase(page), (now) => now === "running");
+  };
+  for (const [key, focus] of [
+    ["Space", "body"],
+    ["Space", "#record"],
+    ["Space", '[data-key="loop.period"] input[type=range]'],
+    ["Space", '[data-key="loop.method"] select'],
+    ["Escape", "#stage"],
+    ["Escape", '[data-key="loop.period"] input[type=text]'],
+  ]) {
+    await page.locator(focus).focus();
+    await page.keyboard.press(key);
+    await until(phase(page), (now) => now === "faulted");
+    assert.ok(await page.isVisible("#fault-text"));
+    assert.ok((await page.textContent("#fault-clear")).length > 0, "how to clear it");
+    assert.equal(await page.getAttribute("#record", "aria-pressed"), "false", "Space presses nothing else");
+    await again();
+  }
+  const field = page.locator('[data-key="loop.period"] input[type=text]');
+  await field.focus();
+  await page.keyboard.press("End");
+  await page.keyboard.press("Space");
+  assert.equal(await field.inputValue(), "1 ms ");
+  assert.equal(await phase(page)(), "running");
+});
+
+visit("on the keyboard alone: an arrow turns the puck, H keeps hold of it, Tab reaches everything", undefined, async (page) => {
+  await page.locator("#stage").focus();
+  await page.keyboard.down("ArrowRight");
+  await until(() => place(page), (puck) => puck > 30);
+  await page.keyboard.press("h");
+  await page.keyboard.up("ArrowRight");
+  await page.waitForTimeout(1500);
+  const [low, high] = await extremes(page, () => place(page), 0.5);
+  assert.ok(high - low < 20 && low > 20, `held, the puck stays about where it is: ${low} to ${high} degrees`);
+  await page.keyboard.press("h");
+  await until(() => page.getAttribute("#stage", "data-held"), (held) => held === null);
+  const reached = new Set();
+  await page.locator("body").focus();
+  for (let i = 0; i < 80; i++) {
+    await page.keyboard.press("Tab");
+    const { id, ring } = await page.evaluate(() => {
+      const element = document.activeElement;
+      if (element === document.body) return { id: "", ring: "" };
+      const knob = element.closest("[data-key]");
+      return { id: element.id || (knob && `${knob.dataset.key} ${element.type}`) || element.textContent, ring: getComputedStyle(element).outlineStyle };
+    });
+    if (id !== "") assert.notEqual(ring, "none", `${id} shows that it has the focus`);
+    reached.add(id);
+  }
+  for (const id of ["stop", "disarm", "record", "stage", "pause", "euler", "reset", "loop.period range"]) assert.ok(reached.has(id), `Tab reaches ${id}`);
+});
+
+visit(
+  "at 390 pixels nothing overflows, and stop lies on top wherever the page is scrolled",
+  world("two-bodies"),
+  async (page) => {
+    await page.evaluate(() => document.querySelectorAll("details").forEach((details) => (details.open = true)));
+    const overflow = await page.evaluate(() => [...document.querySelectorAll("body *")].filter((e) => e.getBoundingClientRect().right > innerWidth + 0.5 && !e.closest("svg, .canvas")).map((e) => e.outerHTML.slice(0, 90)));
+    assert.deepEqual(overflow, []);
+    assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 390);
+    const height = await page.evaluate(() => document.documentElement.scrollHeight);
+    for (let y = 0; y < height; y += 400) {
+      const top = await page.evaluate((y) => {
+        scrollTo(0, y);
+        const box = document.getElementById("stop").getBoundingClientRect();
+        return document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2).closest("button")?.id;
+      }, y);
+      assert.equal(top, "stop");
+    }
+    const small = await page.evaluate(() => [...document.querySelectorAll("button, select, input[type=text]")].filter((e) => e.checkVisibility() && e.getBoundingClientRect().height < 24).map((e) => e.outerHTML));
+    assert.deepEqual(small, [], "WCAG 2.5.8: targets of at least 24 pixels");
+  },
+  { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true },
+);
+
+visit("a finger grabs the wheel", undefined, async (page) => {
+    const box = await page.locator("#stage").boundingBox();
+    const [x, y, radius] = [box.x + box.width / 2, box.y + box.height / 2, box.width * 0.35];
+    const touch = await page.context().newCDPSession(page);
+    const send = (type, angle) => touch.send("Input.dispatchTouchEvent", { type, touchPoints: type === "touchEnd" ? [] : [{ x: x + radius * Math.sin(angle), y: y - radius * Math.cos(angle) }] });
+    await send("touchStart", 0);
+    for (let i = 1; i <= 20; i++) {
+      await send("touchMove", i / 20);
+      await page.waitForTimeout(15);
+    }
+    await until(() => place(page), (puck) => puck > 35);
+    await send("touchEnd");
+    await until(() => page.getAttribute("#stage", "data-held"), (held) => held === null);
+}, { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true });
+
+visit("end stops stand where the file has them: a hand that means to go beyond is held there", "@devices/smartknob-detents", async (page) => {
+  await turn(page, 100);
+  await page.waitForTimeout(800);
+  const puck = await place(page);
+  assert.ok(puck > 55 && puck < 98, `the puck is at ${puck} degrees`);
+  const pushes = await page.locator(".coupling.wall").first().getAttribute("data-push");
+  assert.ok(Number(pushes) < 0, `and the wall pushes back, ${pushes} of the limit`);
+  await page.mouse.up();
+});
+
+visit("a linear world is a handle on a rail, in millimetres and newtons", world("rail"), async (page) => {
+  const box = await page.locator("#stage").boundingBox();
+  const y = box.y + box.height * 0.3;
+  await page.mouse.move(box.x + box.width / 2, y);
+  await page.mouse.down();
+  await page.mouse.move(box.x + box.width / 2 + 40, y, { steps: 10 });
+  await until(() => place(page), (puck) => puck > 5);
+  assert.match(await page.locator("#legend dd").first().textContent(), /mm$/);
+  assert.match(await page.locator(".plot .name").nth(2).textContent(), /^force \(N\)$/);
+  await page.mouse.up();
+});
+
+visit(
+  "with reduced motion the plots are drawn four times a second",
+  undefined,
+  async (page) => {
+    const count = () =>
+      page.evaluate(
+        () =>
+          new Promise((done) => {
+            let changes = 0;
+            const observer = new MutationObserver(() => (changes += 1));
+            observer.observe(document.getElementById("legend"), { subtree: true, childList: true, characterData: true });
+            setTimeout(() => (observer.disconnect(), done(changes)), 2000);
+          }),
+      );
+    await turn(page, 60);
+    await page.mouse.up();
+    const reduced = await count();
+    assert.ok(reduced > 2 && reduced <= 9, `${reduced} in two seconds`);
+  },
+  { reducedMotion: "reduce" },
+);
