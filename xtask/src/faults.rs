@@ -24,11 +24,12 @@ use rig::Rig;
 const PAGE: &str = "docs/safety.md";
 /// A fault that is not caught within this time is not caught, s; and samples.
 const WINDOW: f64 = 3.0;
+const LEAST_SAMPLES: u32 = 2000;
 const MOST_SAMPLES: u32 = 10_000;
 /// Samples after a fault for which the torque has to stay away.
 const AFTER: u32 = 50;
 /// Samples of one clean run.
-const CLEAN: u64 = 20_000;
+const CLEAN: u64 = 100_000;
 
 /// What became of one fault.
 struct Trial {
@@ -79,8 +80,8 @@ pub fn command(words: &[&str]) -> Result<()> {
 
 /// A small campaign, for every test run.
 pub fn are_caught() -> Result<()> {
-    campaign(420, 1)?;
-    clean_runs(50, 1)
+    campaign(210, 1)?;
+    clean_runs(10, 1)
 }
 
 fn campaign(n: u64, seed: u64) -> Result<Vec<Trial>> {
@@ -158,7 +159,7 @@ fn trial(seed: u64, i: u64) -> Result<Trial> {
     }
     let limit = world.device.limit.unwrap_or(f64::INFINITY);
     let (period, begin) = (world.sampling.period, rig.device.ledger().hand);
-    let window = ((WINDOW / period) as u32).min(MOST_SAMPLES);
+    let window = ((WINDOW / period) as u32).clamp(LEAST_SAMPLES, MOST_SAMPLES);
     let mut trial = Trial { kind, caught: None, peak: 0.0, given: 0.0 };
     let (mut ended, mut samples) = (None, 0);
     for age in 0..window {

@@ -143,11 +143,11 @@ fn the_torque_rises_and_falls_by_equal_parts<F: Real>() {
 }
 
 /// What is wrong, and the reason for it.
-fn faults<F: Real>() -> Vec<(&'static str, Reading<F>, Reason)> {
+fn faults<F: Real>() -> [(&'static str, Reading<F>, Reason); 10] {
     let f = F::from_f64;
     let still = reading::<F>(0.1);
     let nan = f(f64::NAN);
-    vec![
+    [
         ("no position", Reading { position: nan, ..still }, Reason::NotFinite),
         ("no velocity", Reading { velocity: f(f64::INFINITY), ..still }, Reason::NotFinite),
         ("no time", Reading { late: nan, ..still }, Reason::NotFinite),
@@ -473,7 +473,7 @@ proptest! {
     #[test]
     fn an_exact_step_makes_no_energy(
         (bodies, couplings) in network(),
-        method in proptest::sample::select(vec![Method::Zoh, Method::Trapezoidal, Method::BackwardEuler]),
+        method in proptest::sample::select([Method::Zoh, Method::Trapezoidal, Method::BackwardEuler].to_vec()),
         steps in proptest::collection::vec(-0.02..0.02f64, 300),
     ) {
         let spec = Spec { method, limit: None, bodies: &bodies, couplings: &couplings, ..WORLD };

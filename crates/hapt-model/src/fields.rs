@@ -316,7 +316,11 @@ fn no_name(name: &str, letter_first: bool, reserved: &[&str]) -> Option<String> 
 fn quantity(measure: Measure, motion: Motion, value: &Value) -> Result<f64, String> {
     let wanted = measure.dimension(motion);
     match value {
-        Value::Text(text) => parse_with_unit(text, wanted).map_err(|error| error.to_string()),
+        Value::Text(text) => parse_with_unit(text, wanted).map_err(|error| {
+            // Of an energy the dimension's own name would be a torque's.
+            let (plain, own) = (wanted.to_string(), measure.described(motion));
+            if own == plain { error.to_string() } else { error.to_string().replace(&plain, &own) }
+        }),
         // The parser's floats include inf and nan, and what a double cannot hold.
         _ => {
             let text = number(value);

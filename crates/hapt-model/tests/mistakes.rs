@@ -183,7 +183,7 @@ fn the_device_and_the_top() {
         (
             "period = 1",
             "period: unknown key here; it belongs in loop; \
-             the top of the file takes title, motion, loop, device, bodies, couplings, scenarios",
+             the top of the file takes title, motion, loop, device, bodies, couplings, safety, scenarios",
         ),
         ("devise.inertia = 1", "devise: unknown key; did you mean \"device\"?"),
     ];

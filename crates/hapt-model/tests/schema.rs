@@ -173,7 +173,7 @@ fn every_key_is_there_with_its_doc() {
         let inside = |table: &Value| {
             let each = |name: &str| described(&table["properties"][name]["additionalProperties"]);
             described(table)
-                || ["loop", "device"].iter().any(|name| described(&table["properties"][*name]))
+                || ["loop", "device", "safety"].iter().any(|name| described(&table["properties"][*name]))
                 || ["bodies", "scenarios"].iter().any(|name| each(name))
         };
         assert!(definitions.values().any(inside), "{}", key.path);

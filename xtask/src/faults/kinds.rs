@@ -1,8 +1,9 @@
 //! The faults: what each does to the wires, and which reasons are right for it.
 
 use fastrand::Rng;
+use hapt_analysis::free_growth;
 use hapt_core::{Guarding, Reason, Request};
-use hapt_model::{Body, Coupling, End, Law, Method, Output, World};
+use hapt_model::{Body, Coupling, Device, End, Law, Method, Output, World};
 use hapt_sim::Grip;
 
 use crate::faults::rig::Rig;
@@ -99,7 +100,6 @@ impl Kind {
                 | Kind::Stop
                 | Kind::ArmedReversed
                 | Kind::ArmedDead
-                | Kind::Unstable
         )
     }
 
@@ -123,7 +123,8 @@ impl Kind {
             Kind::Delay => &[Overspeed, Velocity, Jump, Slew, PortEnergy],
             Kind::Jitter => &[Overspeed, Velocity, Jump, Slew, PortEnergy],
             Kind::NotANumber => &[NotFinite],
-            Kind::Hit => &[Jump, Velocity, Overspeed, Slew],
+            // A world with a delay draws on its account by what is under way.
+            Kind::Hit => &[Jump, Velocity, Overspeed, Slew, PortEnergy],
             Kind::Unstable => &[PortEnergy, WorldEnergy, Overspeed, Velocity, Jump, Slew, NotFinite],
             Kind::Link => &[Link],
             Kind::Stalled | Kind::Clock => &[Late],
@@ -173,7 +174,7 @@ impl Kind {
             Kind::Unstable if first => {
                 let world = unstable(rng, &rig.world);
                 // Such a world has room: it compiles.
-                let _ = rig.swap(&world, Guarding::Certified);
+                let _ = rig.swap(&world, Guarding::Uncertified);
             }
             Kind::Link => wires.cut = true,
             Kind::Stalled if first => wires.missed = log(rng, 6.0, 300.0) as u32,
@@ -185,15 +186,22 @@ impl Kind {
     }
 }
 
-/// A world on the same device that grows with the puck held, and faster with it free: forward Euler, undamped.
+/// A world on the same device that grows with the puck held, and with it free: forward Euler, undamped.
 fn unstable(rng: &mut Rng, world: &World) -> World {
     let mut world = world.clone();
     (world.sampling.method, world.sampling.output, world.sampling.advance) = (Method::ForwardEuler, Output::Start, 0);
-    let angle = 0.1 + rng.f64();
-    let stiffness = world.device.inertia * (angle / world.sampling.period).powi(2);
+    let Device { inertia, .. } = world.device;
     world.names = vec!["b0".into()];
-    world.bodies = vec![Body { inertia: world.device.inertia, position: 0.1, velocity: 0.0 }];
-    world.couplings =
-        vec![Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness, rest: 0.0 } }];
-    world
+    world.bodies = vec![Body { inertia, position: 0.1, velocity: 0.0 }];
+    let mut angle = 0.1 + rng.f64();
+    loop {
+        let stiffness = inertia * (angle / world.sampling.period).powi(2);
+        let law = Law::Spring { stiffness, rest: 0.0 };
+        world.couplings = vec![Coupling { first: End::Puck, second: End::Body(0), law }];
+        // Much damping holds it for a while.
+        if free_growth(&world).ok().flatten().is_some_and(|growth| growth * world.sampling.period > 0.01) {
+            return world;
+        }
+        angle *= 1.5;
+    }
 }

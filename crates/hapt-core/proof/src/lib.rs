@@ -5,7 +5,8 @@
 use core::hint::black_box;
 
 use hapt_core::{
-    Body, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Real, Reading, Request, Spec, Supervisor, Watch,
+    Body, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Reading, Real, Request, Spec, Supervisor,
+    Watch,
 };
 
 #[panic_handler]
@@ -45,7 +46,11 @@ fn run<F: Real, const B: usize, const C: usize, const W: usize>(z: f64) -> f64 {
 }
 
 /// The same under a supervisor.
-fn guarded<F: Real, const B: usize, const C: usize, const W: usize>(z: f64, world: &Loop<F, B, C, W>, spec: &Spec) -> f64 {
+fn guarded<F: Real, const B: usize, const C: usize, const W: usize>(
+    z: f64,
+    world: &Loop<F, B, C, W>,
+    spec: &Spec,
+) -> f64 {
     let heat = Heat { rms: z, time: z };
     let limits = black_box(Limits {
         fade: z,
@@ -79,7 +84,8 @@ fn guarded<F: Real, const B: usize, const C: usize, const W: usize>(z: f64, worl
     for _ in 0..10 {
         let f = |z| F::from_f64(black_box(z));
         let missed = black_box(z) as u32;
-        let reading = Reading { position: f(z), velocity: f(z), announced: black_box(z) > 4.0, late: f(z), missed, silent: f(z) };
+        let reading =
+            Reading { position: f(z), velocity: f(z), announced: black_box(z) > 4.0, late: f(z), missed, silent: f(z) };
         let request = [None, Some(Request::Arm), Some(Request::Disarm), Some(Request::Stop), Some(Request::Clear)];
         let request = request.get(black_box(z) as usize).copied().flatten();
         sum += supervisor.step(&mut watch, world, &mut state, &reading, request).output.to_f64();

@@ -19,16 +19,18 @@ mod phase;
 mod pulse;
 mod reason;
 mod thermal;
+mod watch;
 
 use crate::{Error, Loop, Real, Sample, Spec, State};
 use energy::Energy;
-use ledger::{Books, Ledger};
+use ledger::Ledger;
 pub use limits::{Guarding, Heat, Limits};
-use motion::{Motion, Seen};
+use motion::Motion;
 pub use phase::{Guarded, Phase, Reading, Request};
 use pulse::{Answer, Pulse, Testing};
 pub use reason::Reason;
 use thermal::Thermal;
+pub use watch::Watch;
 
 /// Samples without anything wrong after which a cause counts as gone.
 const CALM: u32 = 16;
@@ -53,83 +55,6 @@ pub struct Supervisor<F, const B: usize, const C: usize> {
     port_trips: bool,
     zero_where_armed: bool,
     announcements: bool,
-}
-
-/// What the supervisor remembers from sample to sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Watch<F> {
-    /// Where it stands.
-    pub phase: Phase,
-    /// Why it is faulted, or has faded out by itself.
-    pub reason: Option<Reason>,
-    /// What would have tripped where it only warns, since it was armed.
-    pub warning: Option<Reason>,
-    /// From 0 to 1: how much of the command reaches the motor.
-    pub gain: F,
-    /// The device's position at which the world's is 0, in rad (linear: m).
-    pub offset: F,
-    /// The torque that the motor was last asked for, in N·m (N).
-    pub output: F,
-    seen: Seen<F>,
-    books: Books<F>,
-    heat: [F; 2],
-    testing: Option<Testing<F>>,
-    /// The world begins anew at the next sample.
-    fresh: bool,
-    /// The world is another from the next sample on.
-    swapped: bool,
-    /// What is left of the step that a swap would have been, and how much of it goes a sample.
-    carry: [F; 2],
-    /// From 1 to 0: what is left of the braking after a fault.
-    braking: F,
-    /// Samples since something was wrong.
-    calm: u32,
-}
-
-impl<F: Real> Watch<F> {
-    /// Disarmed.
-    pub const START: Self = Watch {
-        phase: Phase::Disarmed,
-        reason: None,
-        warning: None,
-        gain: F::ZERO,
-        offset: F::ZERO,
-        output: F::ZERO,
-        seen: Seen::NOTHING,
-        books: Books::CLOSED,
-        heat: [F::ZERO; 2],
-        testing: None,
-        fresh: true,
-        swapped: false,
-        carry: [F::ZERO; 2],
-        braking: F::ZERO,
-        calm: 0,
-    };
-
-    /// From the next sample on the world and its supervisor are others. The torque goes on from where it was and
-    /// fades over to the new world's; what that has stored is credited to the ledger.
-    pub fn swap(&mut self) {
-        self.swapped = true;
-        self.seen.step = None;
-        self.books.reopen();
-    }
-
-    /// What the hand may still be given beyond what is stored, in J; below 0 it has been given too much.
-    pub fn account(&self) -> F {
-        self.books.account
-    }
-
-    /// What the world's integrator has made, in J.
-    pub fn made(&self) -> F {
-        self.books.made
-    }
-
-    fn fault(&mut self, reason: Reason) {
-        if self.phase != Phase::Faulted || reason == Reason::Stop {
-            self.braking = if reason.trusts_the_encoder() && self.phase.is_active() { F::ONE } else { F::ZERO };
-            (self.phase, self.reason) = (Phase::Faulted, Some(reason));
-        }
-    }
 }
 
 impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {

@@ -1,0 +1,85 @@
+//! What the supervisor remembers.
+
+use crate::Real;
+use crate::supervisor::ledger::Books;
+use crate::supervisor::motion::Seen;
+use crate::supervisor::pulse::Testing;
+use crate::supervisor::{Phase, Reason};
+
+/// What the supervisor remembers from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Watch<F> {
+    /// Where it stands.
+    pub phase: Phase,
+    /// Why it is faulted, or has faded out by itself.
+    pub reason: Option<Reason>,
+    /// What would have tripped where it only warns, since it was armed.
+    pub warning: Option<Reason>,
+    /// From 0 to 1: how much of the command reaches the motor.
+    pub gain: F,
+    /// The device's position at which the world's is 0, in rad (linear: m).
+    pub offset: F,
+    /// The torque that the motor was last asked for, in N·m (N).
+    pub output: F,
+    pub(crate) seen: Seen<F>,
+    pub(crate) books: Books<F>,
+    pub(crate) heat: [F; 2],
+    pub(crate) testing: Option<Testing<F>>,
+    /// The world begins anew at the next sample.
+    pub(crate) fresh: bool,
+    /// The world is another from the next sample on.
+    pub(crate) swapped: bool,
+    /// What is left of the step that a swap would have been, and how much of it goes a sample.
+    pub(crate) carry: [F; 2],
+    /// From 1 to 0: what is left of the braking after a fault.
+    pub(crate) braking: F,
+    /// Samples since something was wrong.
+    pub(crate) calm: u32,
+}
+
+impl<F: Real> Watch<F> {
+    /// Disarmed.
+    pub const START: Self = Watch {
+        phase: Phase::Disarmed,
+        reason: None,
+        warning: None,
+        gain: F::ZERO,
+        offset: F::ZERO,
+        output: F::ZERO,
+        seen: Seen::NOTHING,
+        books: Books::CLOSED,
+        heat: [F::ZERO; 2],
+        testing: None,
+        fresh: true,
+        swapped: false,
+        carry: [F::ZERO; 2],
+        braking: F::ZERO,
+        calm: 0,
+    };
+
+    /// From the next sample on the world and its supervisor are others. The torque goes on from where it was and
+    /// fades over to the new world's; what that has stored is credited to the ledger.
+    pub fn swap(&mut self) {
+        self.swapped = true;
+        self.seen.step = None;
+        self.books.reopen();
+    }
+
+    /// What the hand may still be given beyond what is stored, in J; below 0 it has been given too much.
+    pub fn account(&self) -> F {
+        self.books.account
+    }
+
+    /// What the world's integrator has made, in J.
+    pub fn made(&self) -> F {
+        self.books.made
+    }
+
+    /// Takes the torque away, unless it is away already.
+    pub(crate) fn fault(&mut self, reason: Reason) {
+        if self.phase != Phase::Faulted || reason == Reason::Stop {
+            self.braking = if reason.trusts_the_encoder() && self.phase.is_active() { F::ONE } else { F::ZERO };
+            (self.phase, self.reason) = (Phase::Faulted, Some(reason));
+        }
+    }
+}
