@@ -1,8 +1,8 @@
-//! The page's core in WebAssembly: made here, and held to the bits of every other machine.
+//! The page: its core in WebAssembly, held to the bits of every other machine, and its files, built from web/ and tried in a browser.
 
 use std::fs;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
@@ -72,6 +72,61 @@ pub fn same_bits() -> Result<()> {
     print!("        {}", String::from_utf8_lossy(&said.stdout));
     fs::remove_file(cases)?;
     Ok(())
+}
+
+/// web/dist is what the sources build to.
+pub fn is_current() -> Result<()> {
+    if has_npm()? {
+        npm(&["run", "--silent", "check"])?;
+    }
+    Ok(())
+}
+
+/// The page does what it should, in a real browser on the released program.
+pub fn works() -> Result<()> {
+    if !has_npm()? {
+        return Ok(());
+    }
+    let usual = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
+    if std::env::var_os("CHROMIUM").is_none() && !usual.iter().any(|path| Path::new(path).exists()) {
+        ensure!(std::env::var_os("CI").is_none(), "no Chromium: apt-get install chromium");
+        println!("        (skipped: the page wants Chromium, apt-get install chromium)");
+        return Ok(());
+    }
+    npm(&["test", "--silent"])
+}
+
+/// Whether there is npm, and what the page is built with; with `CI` set what is missing is installed.
+fn has_npm() -> Result<bool> {
+    let there = || Command::new("npm").arg("--version").stdout(Stdio::null()).status().is_ok_and(|said| said.success());
+    let ci = std::env::var_os("CI").is_some();
+    if ci && !there() {
+        Command::new("apt-get").args(["install", "-y", "nodejs", "npm", "chromium"]).output()?;
+    }
+    let built = Path::new("web/node_modules").exists();
+    if there() && (built || ci) {
+        if !built {
+            npm(&["ci", "--silent", "--no-audit", "--no-fund"])?;
+        }
+        return Ok(true);
+    }
+    ensure!(!ci, "npm is missing");
+    println!("        (skipped: npm ci in web/ first, which wants nodejs and npm)");
+    Ok(false)
+}
+
+fn npm(arguments: &[&str]) -> Result<()> {
+    let mut command = Command::new("npm");
+    command.args(arguments).current_dir("web").env("HAPT", fs::canonicalize(program())?);
+    let said = command.output()?;
+    let text = [said.stdout, said.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).join("\n");
+    let failed: Vec<&str> = text.lines().filter(|line| !line.starts_with("✔")).take(60).collect();
+    ensure!(said.status.success(), "npm {}:\n{}", arguments.join(" "), failed.join("\n"));
+    Ok(())
+}
+
+fn program() -> PathBuf {
+    PathBuf::from(crate::test::binary("release").get_program())
 }
 
 /// A random world of this method, with a puck that swings through all of it; `None` where it does not stay finite.

@@ -32,6 +32,8 @@ pub fn run() -> Result<()> {
     }
     tally.step("hapt-core cannot panic", cannot_panic());
     tally.step("the page's core gives the same bits", page::same_bits());
+    tally.step("the page is what its sources build to", page::is_current());
+    tally.step("the page works in a browser", page::works());
     tally.step("fuzzing finds nothing in a few seconds", fuzz::is_quiet());
     tally.step("the certificate holds against brute force", truth::holds());
     tally.step("the supervisor catches faults, and nothing else", faults::are_caught());

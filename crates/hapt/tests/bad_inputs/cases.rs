@@ -410,7 +410,6 @@ fn realtime(t: &mut Table) {
         ("a scenario that is not there", &["--scenario", "stpe"]),
         ("no time at all", &["--duration", "0 s"]),
         ("a time in metres", &["--duration", "2 m"]),
-        ("a log in a folder that is not there", &["--log", "nowhere/run.mcap"]),
         ("spinning for longer than half a period", &["--spin", "0.6 ms"]),
         ("spinning for less than nothing", &["--spin=-1us"]),
         ("a priority that is none", &["--priority", "100"]),
