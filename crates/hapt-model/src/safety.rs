@@ -148,10 +148,14 @@ impl World {
 
         // As fast as the motor's limit throws a puck that a hand has wound up and let go.
         let thrown = (2.0 * limit * WOUND[motion] / device.inertia).sqrt();
-        let overspeed = safety.overspeed.unwrap_or(thrown.max(FASTEST[motion]));
-        let velocity = safety.velocity.unwrap_or(2.0 * overspeed);
+        // A simulated encoder does not fail, and a pointer moves a simulated hand as no hand moves.
+        let or_any = |key: Option<f64>, default: f64| key.unwrap_or(if real { default } else { f64::INFINITY });
+        let fastest = thrown.max(FASTEST[motion]);
+        let overspeed = or_any(safety.overspeed, fastest);
+        let velocity = or_any(safety.velocity, 2.0 * safety.overspeed.unwrap_or(fastest));
         // A hit by the hand, and what the motor adds to it.
-        let change = HIT * FASTEST[motion] + (limit * period / device.inertia).min(2.0 * overspeed);
+        let change =
+            HIT * FASTEST[motion] + (limit * period / device.inertia).min(2.0 * safety.overspeed.unwrap_or(fastest));
         let nudge = 2.0 * device.friction + if limit.is_finite() { 0.05 * limit } else { 0.0 };
         // An explicit method makes energy even in a certified world, and its dampers take it: the certificate has weighed both.
         let trips = match guarding {
@@ -163,12 +167,12 @@ impl World {
         Limits {
             fade,
             velocity,
-            jump: safety.jump.unwrap_or(change * period),
+            jump: or_any(safety.jump, change * period),
             overspeed,
             stuck: or_never(safety.stuck, 1.0),
             stuck_torque: nudge,
             torque: safety.torque.unwrap_or(limit),
-            slew: safety.slew.unwrap_or(if real { self.slew(&reach, velocity, limit) } else { f64::INFINITY }),
+            slew: or_any(safety.slew, self.slew(&reach, velocity, limit)),
             motor: Heat { rms: safety.rms.unwrap_or(f64::INFINITY), time: heating },
             driver: Heat { rms: safety.driver_rms.unwrap_or(f64::INFINITY), time: driver_heating },
             late: or_never(safety.late, 5.0 * period),
