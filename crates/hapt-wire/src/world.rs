@@ -119,7 +119,7 @@ fn put<T: Serialize>(room: &mut [u8], at: &mut usize, value: &T) -> Result<(), E
 }
 
 impl<const B: usize, const C: usize> Stored<B, C> {
-    /// Reads what [`write`] has written. Whether its numbers are in range is [`hapt_core::Loop::new`]'s to say.
+    /// Reads what [`write()`] has written. Whether its numbers are in range is [`hapt_core::Loop::new`]'s to say.
     pub fn read(bytes: &[u8]) -> Result<Self, Error> {
         let version = *bytes.first().ok_or(Error::Cut)?;
         if version != VERSION {
