@@ -21,6 +21,7 @@ const LOOPS: [(&str, &str); 4] = [
 
 const NEXT: &str = "
 The motor takes up to 822.25 N mm. Forward Euler grows into that; the others keep the swing as it is.
+`hapt live` opens this wheel in a browser, in real time: grab it.
 
 Next:
   hapt check @notes/euler                           why, and up to which period a loop holds
