@@ -34,6 +34,10 @@ pub fn build() -> Result<()> {
         command.arg("-Zbuild-std=core");
     }
     command.args(["--manifest-path", &format!("{CORE}/Cargo.toml"), "--target-dir", folder]);
+    // Where this machine keeps its sources is nobody's business, and would make other bytes on every machine.
+    let home = std::env::var("CARGO_HOME").or_else(|_| std::env::var("HOME").map(|home| format!("{home}/.cargo")))?;
+    let here = std::env::current_dir()?;
+    command.env("RUSTFLAGS", format!("--remap-path-prefix={home}=cargo --remap-path-prefix={}=hapt", here.display()));
     let status = command.status().context("no compiler for the browser: rustup target add wasm32-unknown-unknown")?;
     ensure!(status.success(), "the page's core does not build: rustup target add {TARGET}");
     fs::copy(format!("{folder}/{TARGET}/release/hapt_page.wasm"), BUILT)?;
