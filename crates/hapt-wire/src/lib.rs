@@ -1,7 +1,8 @@
-//! A world as bytes, for whatever runs a loop without a file system: a microcontroller, a browser.
+//! A world as bytes, for whatever runs a loop without a file system: a microcontroller, a browser; and the frames in which bytes travel.
 //!
 //! [`write()`] makes the bytes of a [`Spec`], [`Stored::read`] checks them and holds the world in fixed room. The form is postcard's, behind a
-//! version and before a checksum; what is cut, flipped or of another version is refused, and never half read.
+//! version and before a checksum; what is cut, flipped or of another version is refused, and never half read. [`frame()`] and [`Reader`]
+//! carry any message over a line that loses and flips bytes.
 //!
 //! ```
 //! use hapt_core::{Body, Coupling, End, Estimator, Law, Loop, Method, Output, Spec};
@@ -33,7 +34,15 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod frame;
 mod world;
+
+use crc::{CRC_16_IBM_3740, Crc};
+
+/// The checksum of everything: polynomial 0x1021, from 0xffff.
+const SUM: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
+
+pub use frame::{Reader, frame};
 
 #[doc(inline)]
 pub use hapt_core::Spec;

@@ -5,14 +5,14 @@
 
 use core::fmt;
 
-use crc::{CRC_16_IBM_3740, Crc};
 use hapt_core::{Body, Coupling, End, Estimator, Law, Method, Output, Spec};
 use serde::{Deserialize, Serialize};
+
+use crate::SUM;
 
 /// The first byte of a world. It changes whenever the bytes after it mean something else.
 pub const VERSION: u8 = 1;
 
-const SUM: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 const SUM_BYTES: usize = 2;
 
 /// Why bytes are no world, or a world does not fit.

@@ -1,0 +1,63 @@
+//! ```text
+//! COBS( message in postcard   CRC-16/IBM-3740 of it, little-endian )   0
+//! ```
+//!
+//! No byte of a frame is 0 but its last, so that a reader that has lost its place finds it again at the next 0 (Cheshire and
+//! Baker, IEEE/ACM Transactions on Networking 7(2), 1999).
+
+use postcard::de_flavors::crc as checked;
+use postcard::ser_flavors::crc::CrcModifier;
+use postcard::ser_flavors::{Cobs, Slice};
+use serde::{Deserialize, Serialize};
+
+use crate::{Error, SUM};
+
+/// Writes a message as one frame into `room`, and gives what it takes of it: the message, and 4 bytes and one in 254 more.
+pub fn frame<'a, T: Serialize>(message: &T, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
+    let stuffed = Cobs::try_new(Slice::new(room)).map_err(|_| Error::NoRoom)?;
+    let written = postcard::serialize_with_flavor(message, CrcModifier::new(stuffed, SUM.digest()));
+    written.map(|bytes| &*bytes).map_err(|_| Error::NoRoom)
+}
+
+/// Finds frames of at most N bytes in a stream of bytes. What is cut, flipped, too long or nothing of ours is passed over, and counted.
+#[derive(Clone, Copy, Debug)]
+pub struct Reader<const N: usize> {
+    bytes: [u8; N],
+    length: usize,
+    /// Frames that were none.
+    pub refused: u32,
+}
+
+impl<const N: usize> Default for Reader<N> {
+    fn default() -> Self {
+        Reader { bytes: [0; N], length: 0, refused: 0 }
+    }
+}
+
+impl<const N: usize> Reader<N> {
+    /// Takes a byte; a frame's last gives its message.
+    pub fn push<'a, T: Deserialize<'a>>(&'a mut self, byte: u8) -> Option<T> {
+        if byte != 0 {
+            // One that is too long is refused at its end.
+            if let Some(place) = self.bytes.get_mut(self.length) {
+                *place = byte;
+            }
+            self.length = self.length.saturating_add(1);
+            return None;
+        }
+        let length = core::mem::take(&mut self.length);
+        if length == 0 {
+            // A 0 after a 0: how a writer makes sure that its frame begins.
+            return None;
+        }
+        let message = self.bytes.get_mut(..length).and_then(|stuffed| {
+            let length = cobs::decode_in_place(stuffed).ok()?;
+            let (message, rest) = checked::take_from_bytes_u16(stuffed.get(..length)?, SUM.digest()).ok()?;
+            rest.is_empty().then_some(message)
+        });
+        if message.is_none() {
+            self.refused = self.refused.saturating_add(1);
+        }
+        message
+    }
+}
