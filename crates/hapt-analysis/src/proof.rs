@@ -7,7 +7,8 @@
 //! S, S' = f, and f(z_k) δ ≥ S(z_{k+1}) - S(z_k) - K δ²/2, whatever falls. With a wall's damping B the torque is never more than
 //! B |v_k| away from that, |v_k| = |δ before|/T, which costs B (δ² + δ²before)/2T at most. A delay of d samples moves f(z_k) by no
 //! more than K times the d steps between, as long as nothing falls by more than K either. Together T K (1/2 + d) + B, on top of
-//! what the linear rest of the loop asks for by itself.
+//! what the linear rest of the loop asks for by itself. The motor holds 0, and not f(z_0), until the first command arrives: that lends
+//! the hand |f(z_0)| times the way of the first d samples at most, once, beyond the energy S(z_0).
 //!
 //! **At bodies** the energy theorem: where the step, puck held, does not raise the energy S(z, x), and the torque is -∂S/∂z at
 //! its end, the hand's work is the change of S less K δ²/2 at most. `zoh`, `trapezoidal` and `backward-euler` with their

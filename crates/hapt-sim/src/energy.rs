@@ -1,6 +1,8 @@
-//! What the world stores.
+//! What the world stores, and what a delay lends at the start.
 
 use hapt_model::{Clampable, End, Law, Side, World};
+
+use crate::Row;
 
 /// What the world stores in J, at the puck's true position and the bodies' state: bodies J v²/2, springs k (q - rest)²/2, walls
 /// k (q - at)²/2 inside, detents torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), constants -torque · q, bristles σ0 s²/2; a
@@ -53,4 +55,40 @@ fn stored(law: &Law, q: f64, bristle: f64) -> f64 {
 fn clamped(stiffness: f64, x: f64, limit: f64) -> f64 {
     let slope = x.min(limit / stiffness);
     0.5 * stiffness * slope * slope + if x > slope { limit * (x - slope) } else { 0.0 }
+}
+
+/// What a delay lends whoever moves the puck at the start of a run: until the first command arrives the motor holds 0, where the world
+/// would have it hold τ_0. Of the work that is missing, no more than |τ_0| |δ| a sample of the delay is owed to that, δ being the
+/// sample's way; a loop that begins at rest without torque lends nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct Lent {
+    /// Samples that the first command is still away.
+    left: u64,
+    /// |τ_0| in N·m (linear: N), and where the puck was last.
+    from: Option<(f64, f64)>,
+    /// So far, in J.
+    pub work: f64,
+}
+
+impl Lent {
+    /// Nothing yet.
+    pub fn new(world: &World) -> Self {
+        // A delay within 1e-6 of a whole number of samples is that number.
+        let samples = (world.sampling.delay / world.sampling.period - 1e-6).ceil();
+        Lent { left: samples.max(0.0) as u64, from: None, work: 0.0 }
+    }
+
+    /// The next row, from the first on.
+    pub fn add(&mut self, row: &Row) {
+        let torque = match self.from {
+            None => row.command.abs(),
+            Some((torque, last)) if self.left > 0 => {
+                self.left -= 1;
+                self.work += torque * (row.puck - last).abs();
+                torque
+            }
+            Some(_) => return,
+        };
+        self.from = Some((torque, row.puck));
+    }
 }

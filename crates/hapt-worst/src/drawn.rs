@@ -1,7 +1,7 @@
 //! What a hand has had from a loop, by the ledger of a run.
 
 use hapt_model::{Coupling, End, Law, Scenario, World};
-use hapt_sim::{Error, Row, Simulation, world_energy};
+use hapt_sim::{Error, Lent, Row, Simulation, world_energy};
 use serde::Serialize;
 
 /// Beyond so many times what a run began with, it has run away, and no more of it is needed.
@@ -15,7 +15,7 @@ const ROUNDING: f64 = 1e-9;
 pub struct Drawn {
     /// What the hand had from the puck, less what it gave, and less `supplied`: J. Not above 0 on a passive loop.
     pub gain: f64,
-    /// What the world stored at the start, and what its constant torques did until then: J.
+    /// What the world stored at the start, what its delay has lent ([`Lent`]), and what its constant torques did until then: J.
     pub supplied: f64,
     /// When that was, s.
     pub at_s: f64,
@@ -44,6 +44,7 @@ struct Supply {
     first: f64,
     /// Σ torque · q at the start.
     height: f64,
+    lent: Lent,
 }
 
 impl Supply {
@@ -57,7 +58,8 @@ impl Supply {
         for coupling in stored.couplings.iter_mut().filter(|c| constant(c).is_some()) {
             coupling.law = Law::Constant { torque: 0.0 };
         }
-        Supply { stored, constants: world.couplings.iter().filter_map(constant).collect(), first: 0.0, height: 0.0 }
+        let constants = world.couplings.iter().filter_map(constant).collect();
+        Supply { stored, constants, first: 0.0, height: 0.0, lent: Lent::new(world) }
     }
 
     fn work(&self, row: &Row) -> f64 {
@@ -74,8 +76,9 @@ impl Supply {
         self.height = self.work(row);
     }
 
-    fn until(&self, row: &Row) -> f64 {
-        self.first + self.work(row) - self.height
+    fn until(&mut self, row: &Row) -> f64 {
+        self.lent.add(row);
+        self.first + self.lent.work + self.work(row) - self.height
     }
 }
 

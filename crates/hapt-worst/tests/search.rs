@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use hapt_analysis::{is_certified, passivity, required_damping};
-use hapt_model::{Body, Coupling, Damping, End, Law, Method, Output, Source, World};
+use hapt_model::{
+    Body, Coupling, Damping, Drive, End, Hand, Law, Method, Output, Scenario, Shape, Side, Source, World,
+};
 use hapt_worst::{drawn, search};
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -151,4 +153,42 @@ proptest! {
         let worst = search(&world).unwrap();
         prop_assert!(!worst.certified && worst.broken, "{worst:?}");
     }
+}
+
+/// A wall pressed at the start, its torque `samples` late, on a device with just the damping that this asks for, and a push.
+fn pressed(stiffness: f64, depth: f64, samples: u32, push: f64) -> (World, Scenario) {
+    let wall = Law::Wall { side: Side::Above, at: -depth, stiffness, damping: 0.0 };
+    let mut world = World { couplings: vec![to_ground(wall)], ..bare() };
+    let period = world.sampling.period;
+    world.sampling.delay = f64::from(samples) * period;
+    world.device.damping = required_damping(&world).unwrap().unwrap() * (1.0 + 1e-9);
+    let hand = Hand { drive: Drive::Torque(Shape::Step { to: push, at: 0.0 }), release: None };
+    (world, Scenario { name: "push".into(), duration: 1000.0 * period, hand })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(7), cases: 200, ..ProptestConfig::default() })]
+
+    #[test]
+    fn of_a_pressed_wall_with_a_delay_nobody_gets_more_than_it_stores_and_lends(
+        stiffness in 0.1..50.0, depth in 0.0..0.3, samples in 0u32..6, push in -3.0..3.0,
+    ) {
+        let (world, scenario) = pressed(stiffness, depth, samples, push);
+        let answer = passivity(&world).unwrap();
+        prop_assert!(answer.passive && answer.proved);
+        let drawn = drawn(&world, &scenario, 0.0).unwrap();
+        prop_assert!(!drawn.is_gain(0.0), "{drawn:?}");
+    }
+}
+
+#[test]
+fn a_delay_lends_the_torque_of_its_first_samples() {
+    let stored = |stiffness: f64, depth: f64| 0.5 * stiffness * depth * depth;
+    let (world, scenario) = pressed(28.0, 0.14, 3, 2.4);
+    let lent = drawn(&world, &scenario, 0.0).unwrap();
+    // More than was stored: without the loan this would count as a gain.
+    assert!(lent.gain <= 0.0 && lent.gain + lent.supplied > stored(28.0, 0.14), "{lent:?}");
+    let (world, scenario) = pressed(28.0, 0.14, 0, 2.4);
+    let at_once = drawn(&world, &scenario, 0.0).unwrap();
+    assert!(at_once.gain <= 0.0 && (at_once.supplied - stored(28.0, 0.14)).abs() < 1e-12, "{at_once:?}");
 }

@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use hapt_model::{Drive, EstimatorKind, Hand, Law, Scenario, Shape, Switching, World};
-use hapt_sim::{Simulation, world_energy};
+use hapt_sim::{Lent, Simulation, world_energy};
 
 /// Below this part of the largest energy there is only rounding.
 const NOTHING: f64 = 1e-20;
@@ -76,7 +76,7 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u6
     (Motion::Rate((end / middle).ln() / samples as f64 / period), taken)
 }
 
-/// The most that a hand has got out of the loop at any sample beyond what was stored in it, in parts of all the work that went
+/// The most that a hand has got out of the loop at any sample beyond what was stored in it and what its delay has lent, in parts of all the work that went
 /// round; not above 0 but for rounding where the loop is passive.
 pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
     let duration = samples as f64 * world.sampling.period;
@@ -89,9 +89,11 @@ pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
         Drive::Grip { stiffness, .. } => stiffness,
         _ => 0.0,
     };
+    let mut lent = Lent::new(world);
     while let Some(row) = run.next() {
         let Ok(row) = row else { break };
         let ledger = row.ledger;
+        lent.add(row);
         if taken == 0 {
             // All hands start at 0, where nothing is stored but in a detent, and in a puck that has its speed from the start.
             stored = world_energy(world, row.puck, &row.bodies, &row.bristles)
@@ -100,7 +102,7 @@ pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
         }
         round += (ledger.hand - last).abs() + 1e-5 * grip * row.puck * row.puck;
         last = ledger.hand;
-        most = most.max((-ledger.hand - stored) / (round + ledger.damping + f64::MIN_POSITIVE));
+        most = most.max((-ledger.hand - stored - lent.work) / (round + ledger.damping + f64::MIN_POSITIVE));
         taken += 1;
     }
     (most, taken)
