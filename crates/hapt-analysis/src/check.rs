@@ -8,11 +8,11 @@ use serde::Serialize;
 
 use crate::continuous::{bent, bent_anywhere};
 use crate::error::Error;
-use crate::free::{free, shortest_period};
+use crate::free::{free, free_at_this_period, shortest_period};
 use crate::held::held;
 use crate::passivity::{Cause, Passivity, Quantisation, passivity, quantisation};
 use crate::remedies::Remedies;
-use crate::stability::{COMBINED, Mode, Stability, Verdict};
+use crate::stability::{COMBINED, Mode, NOT_SEARCHED, Stability, Verdict};
 
 /// What `check` says of a world. It serialises to the mapping that `hapt check --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -48,9 +48,22 @@ pub struct Check {
 /// more periods than the analysis carries; [`Error::Value`] and [`Error::NoSuchBody`] for a world
 /// that no reader has checked.
 pub fn check(world: &World) -> Result<Check, Error> {
+    with_free(world, free(world)?)
+}
+
+/// The same but for the free loop's critical period, which is not searched: that search is most of `check`'s work, and changes no verdict.
+/// For whoever needs the answer while a value is still under somebody's finger.
+///
+/// # Errors
+/// As [`check`].
+pub fn quick_check(world: &World) -> Result<Check, Error> {
+    with_free(world, free_at_this_period(world)?)
+}
+
+fn with_free(world: &World, free: Stability) -> Result<Check, Error> {
     let sampling = &world.sampling;
     let held = held(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
-    let (free, passivity) = (free(world)?, passivity(world)?);
+    let passivity = passivity(world)?;
     let holds = |of: &Stability| of.verdict != Verdict::Unstable;
     Ok(Check {
         period_s: sampling.period,
@@ -294,6 +307,7 @@ impl Check {
                     if swing > 0.0 { format!("swinging at {} Hz", short(swing)) } else { "without a swing".into() };
                 let reason = match (free.critical_period_reason, limit) {
                     (Some("never"), _) => "so it does at every shorter period that was looked at".to_string(),
+                    (Some(NOT_SEARCHED), _) => "its dampers take less than the hold of the torque feeds it".to_string(),
                     (_, Some(limit)) if limit < self.period_s => {
                         format!("it holds up to a period of {}, and this one is {}", time(limit), time(self.period_s))
                     }

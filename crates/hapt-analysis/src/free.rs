@@ -22,7 +22,7 @@ use crate::modal::Modal;
 use crate::port::Port;
 use crate::rayleigh::Quotients;
 use crate::scan::first_rise;
-use crate::stability::{Eigenvalue, MARGINAL, Stability, assemble, combinations};
+use crate::stability::{Eigenvalue, MARGINAL, NOT_SEARCHED, Stability, assemble, combinations};
 use crate::stack::stack;
 use crate::structure::{Link, Part, parts};
 
@@ -61,6 +61,15 @@ struct Found {
 /// many periods, [`Error::Step`] and [`Error::Eigenvalues`] when numbers leave double precision.
 pub fn free(world: &World) -> Result<Stability, Error> {
     analyse(world, &Grip::default(), Critical::Unbounded)
+}
+
+/// The same without the search for the critical period, whose reason is then [`NOT_SEARCHED`].
+///
+/// # Errors
+/// As [`free`].
+pub(crate) fn free_at_this_period(world: &World) -> Result<Stability, Error> {
+    let found = analyse(world, &Grip::default(), Critical::Never)?;
+    Ok(Stability { critical_period_s: None, critical_period_reason: Some(NOT_SEARCHED), ..found })
 }
 
 /// The growth of [`free`] alone, in 1/s.

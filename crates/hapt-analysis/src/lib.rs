@@ -60,7 +60,7 @@ mod supremum;
 pub mod z_width;
 
 pub use certificate::is_certified;
-pub use check::{Check, check};
+pub use check::{Check, check, quick_check};
 pub use continuous::{Continuous, Slopes};
 pub use critical::Critical;
 pub use decomposition::Decomposition;

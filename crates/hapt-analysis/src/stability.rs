@@ -15,6 +15,9 @@ pub const MARGINAL: f64 = 1e-9;
 /// Eigenvalues of modulus below this are 0: not listed.
 pub const LISTED: f64 = 1e-12;
 
+/// Why a quick check has no critical period.
+pub(crate) const NOT_SEARCHED: &str = "not searched";
+
 /// Up to this many nonlinear couplings every combination of their slopes is looked at.
 pub const COMBINED: usize = 6;
 
@@ -88,7 +91,7 @@ pub struct Stability {
     pub verdict: Verdict,
     /// The supremum of T0 such that no modulus of those that count is above 1 for all 0 < T ≤ T0, in s.
     pub critical_period_s: Option<f64>,
-    /// Why there is none: `"never"` or `"unbounded"`.
+    /// Why there is none: `"never"` or `"unbounded"`; `"not searched"` in a quick check.
     pub critical_period_reason: Option<&'static str>,
     /// The differential equation's complex pairs, by frequency.
     pub modes: Vec<Mode>,

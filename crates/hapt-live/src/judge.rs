@@ -1,12 +1,13 @@
 //! The certificate, on threads of its own: the desk asks and goes on, and hears of it as of anything else.
 //!
-//! Of several questions the last counts. One thread gives the verdict, so that it is there at once; another looks for remedies and
-//! for the certified ranges, which take hundreds of certificates, and gives up on a world that is no longer asked about.
+//! Of several questions the last counts. One thread gives the verdict, so that it is there at once; another looks how far the period may
+//! grow, for remedies and for the certified ranges, which take hundreds of certificates, and gives up on a world that is no longer asked about.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use hapt_analysis::{Check, Verdict as Stands, is_certified};
+use hapt_analysis::{Check, Verdict as Stands, check, is_certified, quick_check};
+use hapt_model::World;
 
 use crate::protocol::{KeySays, RemedySays, Says, Sentence, Verdict};
 use crate::state::Workbench;
@@ -19,7 +20,7 @@ const WIDTH: f64 = 1e-3;
 /// Who answers. Dropped, it finishes what it is at, and ends.
 pub struct Judge {
     asked: Arc<Latest<Workbench>>,
-    next: Arc<Latest<(Workbench, Box<Verdict>, Check)>>,
+    next: Arc<Latest<Workbench>>,
     focus: Arc<Mutex<Option<String>>>,
 }
 
@@ -38,20 +39,20 @@ impl Judge {
         std::thread::Builder::new().name("judge".into()).spawn(move || {
             below_the_loop();
             while let Some(bench) = asked.take() {
-                let (verdict, check) = verdict(&bench);
-                if !to(bench.generation, Says::Verdict(verdict.clone())) {
+                let (verdict, check) = verdict(&bench, quick_check);
+                if !to(bench.generation, Says::Verdict(verdict)) {
                     break;
                 }
-                if let Some(check) = check {
-                    next.put((bench, verdict, check));
+                if check.is_some() {
+                    next.put(bench);
                 }
             }
         })?;
         let (next, focus) = (Arc::clone(&judge.next), Arc::clone(&judge.focus));
         std::thread::Builder::new().name("adviser".into()).spawn(move || {
             below_the_loop();
-            while let Some((bench, verdict, check)) = next.take() {
-                if advise(&bench, verdict, &check, &next, &focus, &answer).is_none() {
+            while let Some(bench) = next.take() {
+                if advise(&bench, &next, &focus, &answer).is_none() {
                     break;
                 }
             }
@@ -124,10 +125,13 @@ impl<T> Latest<T> {
     }
 }
 
-/// The certificate, and what the page is told of it.
-fn verdict(bench: &Workbench) -> (Box<Verdict>, Option<Check>) {
+/// The certificate by `judged`, and what the page is told of it.
+fn verdict(
+    bench: &Workbench,
+    judged: fn(&World) -> Result<Check, hapt_analysis::Error>,
+) -> (Box<Verdict>, Option<Check>) {
     let begin = Instant::now();
-    let checked = hapt_analysis::check(&bench.world);
+    let checked = judged(&bench.world);
     let ms = begin.elapsed().as_secs_f64() * 1e3;
     let mut says = Box::new(Verdict {
         generation: bench.generation,
@@ -182,15 +186,9 @@ fn verdict(bench: &Workbench) -> (Box<Verdict>, Option<Check>) {
 }
 
 /// Remedies and ranges, as long as nothing newer is asked; `None`: nobody listens any more.
-fn advise(
-    bench: &Workbench,
-    mut verdict: Box<Verdict>,
-    check: &Check,
-    next: &Latest<(Workbench, Box<Verdict>, Check)>,
-    focus: &Mutex<Option<String>>,
-    answer: &Answer,
-) -> Option<()> {
-    verdict.remedies = Some(remedies(bench, check));
+fn advise(bench: &Workbench, next: &Latest<Workbench>, focus: &Mutex<Option<String>>, answer: &Answer) -> Option<()> {
+    let (mut verdict, check) = verdict(bench, check);
+    verdict.remedies = Some(check.map_or(Vec::new(), |check| remedies(bench, &check)));
     let heard = next.has_news() || answer(bench.generation, Says::Verdict(verdict));
     let mut keys: Vec<KeySays> = bench.keys().into_iter().filter(|key| key.kind == "quantity").collect();
     while heard && !keys.is_empty() {
@@ -291,13 +289,16 @@ mod tests {
     #[test]
     fn every_remedy_of_one_key_makes_the_world_certified() {
         let bench = bench().with("loop.period", "4 ms").unwrap();
-        let (verdict, check) = verdict(&bench);
+        let (verdict, check) = verdict(&bench, check);
         assert!(!verdict.certified && verdict.sentences.iter().any(|sentence| sentence.ok == Some(false)));
         let remedies = remedies(&bench, &check.unwrap());
         let mut tried = 0;
         for remedy in &remedies {
             if let (Some(key), Some(value)) = (&remedy.key, &remedy.value) {
-                assert!(super::verdict(&bench.with(key, value).unwrap()).0.certified, "{remedy:?}");
+                assert!(
+                    super::verdict(&bench.with(key, value).unwrap(), hapt_analysis::check).0.certified,
+                    "{remedy:?}"
+                );
                 tried += 1;
             }
         }
