@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 
 use crate::args::{LatencyArgs, RealtimeArgs};
 use crate::failure::Failure;
+use crate::host::Stolen;
 use crate::{output, people, world};
 
 /// How often the records are taken.
@@ -29,6 +30,7 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
         Engine::start_with(plan(&world, Guarding::Simulated)?, Box::new(device), settings(&args.realtime, &world)?)?;
     output::end_in_order();
     let _ = engine.send(Order::Request(Request::Arm));
+    let stolen = Stolen::until_now();
     let mut timing = Timing::new();
     let mut latest = 0;
     while (latest as f64) < duration * 1e9 && output::signalled().is_none() && engine.ended().is_none() {
@@ -39,8 +41,9 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
         }
     }
     engine.end();
+    let (realtime, stolen) = (engine.realtime(), stolen.since());
     let text =
-        if args.json { json(&world, &timing, engine.realtime()) } else { text(&world, &timing, engine.realtime()) };
+        if args.json { json(&world, &timing, realtime, stolen) } else { text(&world, &timing, realtime, stolen) };
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(output::signalled().map_or(ExitCode::SUCCESS, ExitCode::from))
@@ -83,16 +86,21 @@ impl From<hapt_rt::Error> for Failure {
     }
 }
 
-/// What the system has granted, a line each.
-pub fn granted(realtime: &Realtime) -> String {
+/// What the system has granted, a line each, and what its host took.
+pub fn granted(realtime: &Realtime, stolen: Option<Duration>) -> String {
     let text = match realtime.priority {
         Some(priority) => format!("priority     SCHED_FIFO {priority}\n"),
         None => "priority     as any other program\n".into(),
     };
-    text + if realtime.locked { "memory       locked in place\n" } else { "memory       not locked\n" }
+    let text = text + if realtime.locked { "memory       locked in place\n" } else { "memory       not locked\n" };
+    let took = stolen.map(|stolen| {
+        let stolen = people::time(stolen.as_secs_f64());
+        format!("host         took each core away for {stolen} (steal): samples were missed then that no setting gives back\n")
+    });
+    text + &took.unwrap_or_default()
 }
 
-fn text(world: &World, timing: &Timing, realtime: &Realtime) -> String {
+fn text(world: &World, timing: &Timing, realtime: &Realtime, stolen: Option<Duration>) -> String {
     let mut text = format!("{} a sample, on the simulated device\n\n{timing}\n\n", people::time(world.sampling.period));
     let bars = timing.latency_bars();
     let most = bars.iter().map(|bar| bar.count).max().unwrap_or(1).max(1);
@@ -104,14 +112,14 @@ fn text(world: &World, timing: &Timing, realtime: &Realtime) -> String {
         let _ = writeln!(text, "{name:<12} {label:<14} {:>9} {}", bar.count, "#".repeat(length));
     }
     text.push('\n');
-    text += &granted(realtime);
+    text += &granted(realtime, stolen);
     for warning in &realtime.warnings {
         let _ = writeln!(text, "\n{warning}");
     }
     text
 }
 
-fn json(world: &World, timing: &Timing, realtime: &Realtime) -> String {
+fn json(world: &World, timing: &Timing, realtime: &Realtime, stolen: Option<Duration>) -> String {
     let us = |ns: u64| ns as f64 / 1e3;
     let quantiles = |q: Quantiles| -> Value {
         json!({ "p50": us(q.p50), "p90": us(q.p90), "p99": us(q.p99), "p999": us(q.p999), "max": us(q.max) })
@@ -130,6 +138,7 @@ fn json(world: &World, timing: &Timing, realtime: &Realtime) -> String {
         "period_us": quantiles(timing.period()),
         "computation_us": quantiles(timing.computation()),
         "histogram": bars,
+        "stolen_s": stolen.unwrap_or_default().as_secs_f64(),
         "realtime": { "priority": realtime.priority, "locked": realtime.locked, "warnings": realtime.warnings },
     });
     format!("{value:#}\n")

@@ -10,6 +10,7 @@ mod design;
 mod device;
 mod explain;
 mod failure;
+mod host;
 mod impedance;
 mod init;
 mod latency;

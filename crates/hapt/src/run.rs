@@ -12,6 +12,7 @@ use hapt_sim::script;
 use crate::args::RunArgs;
 use crate::device::Spec;
 use crate::failure::Failure;
+use crate::host::Stolen;
 use crate::latency::{LOOK, granted, plan, settings, time};
 use crate::output;
 use crate::people;
@@ -43,7 +44,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     for warning in &engine.realtime().warnings {
         people::say(format_args!("warning: {warning}"));
     }
-    let mut run = Run { world, engine, hands, scenario, duration, seen: Seen::default() };
+    let mut run = Run { world, engine, hands, scenario, duration, stolen: Stolen::until_now(), seen: Seen::default() };
     let how = run.until_it_ends(&mut |record| {
         // What finds no room is counted by it.
         recorder.as_ref().map(|recorder| recorder.send(record));
@@ -126,6 +127,7 @@ struct Run<'w> {
     scenario: Option<&'w Scenario>,
     /// In s, counted from when the torque is all there.
     duration: f64,
+    stolen: Stolen,
     seen: Seen,
 }
 
@@ -220,7 +222,7 @@ impl Run<'_> {
             loaded.title(),
             people::time(self.world.sampling.period),
             people::effort(*peak, self.world.motion),
-            granted(self.engine.realtime()),
+            granted(self.engine.realtime(), self.stolen.since()),
         )
     }
 }
