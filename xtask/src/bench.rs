@@ -474,8 +474,8 @@ fn program(path: &Path, words: &str) -> Command {
 
 const RUN_MISSED: &str = "
 What stands in the way: instructions. C needs about 50 for a released sample and 40 for a held one (built without AVX-512, which
-callgrind does not know); hapt needs the 414 and 323 of the table below. `Simulation::next` with the loop's step in it takes 240, the
-released puck's motion with its works 110, the fourteen columns 60.
+callgrind does not know); hapt needs those of the table below. Of a released sample's, `Simulation::next` with the loop's step in it takes 240,
+the released puck's motion with its works 110, the fourteen columns 60.
 Few of them are arithmetic: every sample asks anew what C's author knew (which estimator, method, output, levels, limit, delay, hand
 and friction), passes its numbers through memory, and looks whether all of them are finite. No single place takes more than a
 twentieth of the time, and nothing waits any longer for what was stored a moment before. To come near the bound, which is a single
