@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
-use hapt_core::{Phase, Reason, Request};
+use hapt_core::{Guarding, Phase, Reason, Request};
 use hapt_model::World;
 use hapt_rt::{End, Engine, Order, Plan, Record, Timing};
 use tokio::sync::mpsc::Sender;
@@ -92,6 +92,7 @@ pub struct Desk {
     pub(crate) engine: Engine,
     /// The last plan that the loop was given.
     pub(crate) plan: Box<Plan>,
+    pub(crate) guarding: Guarding,
     /// The worlds of the plans that the loop may still be at, by their generation.
     pub(crate) worlds: VecDeque<(u32, World)>,
     pub(crate) hand: VisitorsHand,
@@ -123,6 +124,8 @@ pub struct Start {
     pub engine: Engine,
     /// Its plan.
     pub plan: Box<Plan>,
+    /// How the plan is guarded.
+    pub guarding: Guarding,
     /// The hand on its device.
     pub hand: VisitorsHand,
     /// Who judges.
@@ -134,13 +137,14 @@ pub struct Start {
 impl Desk {
     /// A desk with nobody before it.
     pub fn new(start: Start, door: &Door) -> Self {
-        let Start { bench, engine, plan, hand, judge, folder } = start;
+        let Start { bench, engine, plan, guarding, hand, judge, folder } = start;
         judge.ask(bench.clone());
         Desk {
             worlds: VecDeque::from([(bench.generation, bench.world.clone())]),
             bench,
             engine,
             plan,
+            guarding,
             hand,
             scenario: None,
             control: Control::default(),
@@ -164,8 +168,10 @@ impl Desk {
     /// # Errors
     /// The device is gone; in a sentence.
     pub fn run(mut self, events: &Receiver<Event>) -> Result<(), String> {
-        // A simulated device is there to be grabbed at once.
-        self.order(Request::Arm);
+        // A simulated device is there to be grabbed at once; a real one waits for somebody to arm it.
+        if self.is_simulated() {
+            self.order(Request::Arm);
+        }
         let (mut frame, mut status) = (Instant::now(), Instant::now());
         let mut alive = Instant::now();
         loop {
@@ -190,8 +196,9 @@ impl Desk {
             self.look();
             let now = Instant::now();
             self.lead(now);
-            if now >= alive {
-                // The loop hears of the desk, and the desk of whoever has control: his hand lets go first.
+            // The simulated hand lets go when whoever has control is silent, and that is all there is to it. A real motor hears of him
+            // himself: without him the supervisor's link is lost, and the torque fades out.
+            if now >= alive && (self.is_simulated() || self.control.is_awake(now)) {
                 let _ = self.engine.send(Order::Alive);
                 alive = now + Duration::from_millis(50);
             }
@@ -248,6 +255,11 @@ impl Desk {
         self.hand.tell();
     }
 
+    /// Whether nobody can be hurt.
+    fn is_simulated(&self) -> bool {
+        self.guarding == Guarding::Simulated
+    }
+
     /// The hand lets go, and a scenario ends with it.
     pub(crate) fn let_go(&mut self) {
         self.scenario = None;
@@ -285,7 +297,10 @@ impl Desk {
             warnings: self
                 .warning
                 .iter()
-                .map(|reason| format!("On a real device it would have faulted. {}", reason.sentence()))
+                .map(|reason| match self.is_simulated() {
+                    true => format!("On a real device it would have faulted. {}", reason.sentence()),
+                    false => reason.sentence().to_string(),
+                })
                 .collect(),
             scenario: self.scenario.as_ref().map(|(name, _)| name.clone()),
             recording: self.recording.as_ref().and_then(Recording::says),

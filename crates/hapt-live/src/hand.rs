@@ -12,7 +12,8 @@ const HEAVY: f64 = 2.0;
 
 /// A hand, and how the device feels it.
 pub struct VisitorsHand {
-    hands: Hands,
+    /// `None`: the puck is a real one, and so is its hand.
+    hands: Option<Hands>,
     grip: Grip,
     /// What it is to do.
     wanted: Wanted,
@@ -40,7 +41,7 @@ enum Told {
 
 impl VisitorsHand {
     /// A hand for this world's device.
-    pub fn new(world: &World, hands: Hands) -> Self {
+    pub fn new(world: &World, hands: Option<Hands>) -> Self {
         VisitorsHand { hands, grip: grip(world), wanted: Wanted::Nothing, told: Told::LetGo }
     }
 
@@ -54,27 +55,32 @@ impl VisitorsHand {
         self.wanted = Wanted::Play(Box::new(script));
     }
 
+    /// Whether there is a hand that a page can move.
+    pub fn is_there(&self) -> bool {
+        self.hands.is_some()
+    }
+
     /// Tells the device. What finds no room on the way is told the next time: a release is never lost.
     pub fn tell(&mut self) {
+        let Some(hands) = &mut self.hands else { return };
         match std::mem::replace(&mut self.wanted, Wanted::GoOn) {
             Wanted::Nothing => {
-                if self.told != Told::LetGo && self.hands.push(Touch::Release).is_ok() {
+                if self.told != Told::LetGo && hands.push(Touch::Release).is_ok() {
                     self.told = Told::LetGo;
                 }
                 self.wanted = Wanted::Nothing;
             }
             Wanted::At(position) => {
-                if !matches!(self.told, Told::Grabbed | Told::At(_)) && self.hands.push(Touch::Grab(self.grip)).is_ok()
-                {
+                if !matches!(self.told, Told::Grabbed | Told::At(_)) && hands.push(Touch::Grab(self.grip)).is_ok() {
                     self.told = Told::Grabbed;
                 }
                 let is_new = matches!(self.told, Told::Grabbed) || matches!(self.told, Told::At(at) if at != position);
-                if is_new && self.hands.push(Touch::Move(position)).is_ok() {
+                if is_new && hands.push(Touch::Move(position)).is_ok() {
                     self.told = Told::At(position);
                 }
                 self.wanted = Wanted::At(position);
             }
-            Wanted::Play(script) => match self.hands.push(Touch::Scenario(script)) {
+            Wanted::Play(script) => match hands.push(Touch::Scenario(script)) {
                 Ok(()) => self.told = Told::Played,
                 Err(Touch::Scenario(script)) => self.wanted = Wanted::Play(script),
                 Err(_) => {}
@@ -115,7 +121,7 @@ mod tests {
     fn a_hand_goes_where_it_means_to_and_let_go_the_puck_coasts() {
         let world = world();
         let (mut device, hands) = Simulated::new(&world);
-        let mut hand = VisitorsHand::new(&world, hands);
+        let mut hand = VisitorsHand::new(&world, Some(hands));
         assert_eq!(goes(&mut device, &mut hand, 100), (0.0, 0.0));
         hand.want(Some(0.2));
         let (position, velocity) = goes(&mut device, &mut hand, 1000);
@@ -133,7 +139,7 @@ mod tests {
     fn a_scenario_is_played_and_a_page_that_grabs_ends_it() {
         let world = world();
         let (mut device, hands) = Simulated::new(&world);
-        let mut hand = VisitorsHand::new(&world, hands);
+        let mut hand = VisitorsHand::new(&world, Some(hands));
         hand.play(hapt_sim::script(world.scenario("step").unwrap(), world.sampling.period));
         let (position, _) = goes(&mut device, &mut hand, 10);
         assert_eq!(position, std::f64::consts::FRAC_PI_4, "a step is prescribed");

@@ -269,7 +269,7 @@ mod tests {
     use crate::testing::WHEEL;
 
     fn bench() -> Workbench {
-        Workbench::new(Source::from_text("wheel.toml", WHEEL), Vec::new(), "sim".into()).unwrap()
+        Workbench::new(Source::from_text("wheel.toml", WHEEL), Vec::new()).unwrap()
     }
 
     #[test]

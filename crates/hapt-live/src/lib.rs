@@ -32,4 +32,4 @@ mod status;
 #[cfg(test)]
 mod testing;
 
-pub use live::{Error, Live, Options, PORT};
+pub use live::{Error, Live, Machine, Options, PORT};

@@ -8,8 +8,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use hapt_core::Guarding;
-use hapt_model::Source;
-use hapt_rt::{Engine, Plan, Simulated};
+use hapt_model::{Source, World};
+use hapt_rt::{Device, Engine, Hands, Plan, Settings, Simulated};
 
 use crate::access::Access;
 use crate::desk::{Desk, Door, Start};
@@ -32,6 +32,34 @@ pub struct Options {
     pub address: SocketAddr,
     /// Where recordings go.
     pub folder: PathBuf,
+}
+
+/// What the loop drives, and how.
+pub struct Machine {
+    /// As it is named: `sim`, `moteus:/dev/ttyACM0`.
+    pub name: String,
+    /// Started, and without a torque.
+    pub device: Box<dyn Device>,
+    /// What moves its hand, where it is a simulated one; a real one is moved by a real one.
+    pub hands: Option<Hands>,
+    /// How its supervisor guards. With [`Guarding::Certified`] the page sets no key to a value that is not certified.
+    pub guarding: Guarding,
+    /// What the loop's thread asks of the system.
+    pub settings: Settings,
+}
+
+impl Machine {
+    /// The exact simulation of this world's device, with a hand for the page.
+    pub fn simulated(world: &World) -> Self {
+        let (device, hands) = Simulated::new(world);
+        Machine {
+            name: "sim".into(),
+            device: Box::new(device),
+            hands: Some(hands),
+            guarding: Guarding::Simulated,
+            settings: Settings::default(),
+        }
+    }
 }
 
 /// Why a loop behind a page cannot start, or has ended.
@@ -88,31 +116,43 @@ impl Live {
     /// # Errors
     /// All of [`Error`] but [`Error::Device`]; nothing runs then.
     pub fn start(options: Options) -> Result<Live, Error> {
+        Live::start_on(options, |world| Ok(Machine::simulated(world)))
+    }
+
+    /// The same on whatever `open` gives for the world. It is opened last, when everything else is there, and disarmed; the page arms it.
+    ///
+    /// # Errors
+    /// As [`Live::start`], and those of `open`.
+    pub fn start_on<E: From<Error>>(
+        options: Options,
+        open: impl FnOnce(&World) -> Result<Machine, E>,
+    ) -> Result<Live, E> {
         let Options { source, sets, address, folder } = options;
-        let bench = Workbench::new(source, sets, "sim".into()).map_err(Error::World)?;
-        let plan =
-            Box::new(Plan::new(&bench.world, Guarding::Simulated).map_err(|error| Error::World(error.to_string()))?);
+        let bench = Workbench::new(source, sets).map_err(Error::World)?;
         let refused = |error| Error::Address { address, error };
         let listener = TcpListener::bind(address).map_err(refused)?;
-        listener.set_nonblocking(true)?;
-        let address = listener.local_addr()?;
-        let access = Access::new(address)?;
+        listener.set_nonblocking(true).map_err(Error::System)?;
+        let address = listener.local_addr().map_err(Error::System)?;
+        let access = Access::new(address).map_err(Error::System)?;
         let (link, asks_for_token) = (access.link(), access.asks_for_token());
 
         let (door, events) = Door::new();
         let judging = door.clone();
-        let judge = Judge::start(move |generation, says| judging.report(generation, says))?;
-        let (device, hands) = Simulated::new(&bench.world);
+        let judge = Judge::start(move |generation, says| judging.report(generation, says)).map_err(Error::System)?;
+        let Machine { name, device, hands, guarding, settings } = open(&bench.world)?;
+        let bench = bench.on(name);
+        let plan = Plan::new(&bench.world, guarding).map_err(|error| Error::World(error.to_string()))?;
         let hand = VisitorsHand::new(&bench.world, hands);
-        let engine = Engine::start((*plan).clone(), Box::new(device))?;
-        let desk = Desk::new(Start { bench, engine, plan, hand, judge, folder }, &door);
+        let engine = Engine::start_with(plan.clone(), device, settings).map_err(Error::Engine)?;
+        let desk = Desk::new(Start { bench, engine, plan: Box::new(plan), guarding, hand, judge, folder }, &door);
 
         let (says, outcome) = channel();
         let desk = std::thread::Builder::new().name("desk".into()).spawn(move || {
             // With the desk goes the engine: no torque is on when the outcome is told.
             let _ = says.send(desk.run(&events));
-        })?;
-        let server = server::start(listener, access, door.clone())?;
+        });
+        let desk = desk.map_err(Error::System)?;
+        let server = server::start(listener, access, door.clone()).map_err(Error::System)?;
         Ok(Live { link, address, asks_for_token, door, desk: Some(desk), server: Some(server), outcome })
     }
 

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use hapt_core::Guarding;
 use hapt_log::{Header, Recorder};
 use hapt_model::World;
 use hapt_rt::Record;
@@ -25,7 +26,7 @@ impl Recording {
     ///
     /// # Errors
     /// In a sentence.
-    pub fn start(folder: &Path, bench: &Workbench) -> Result<Self, String> {
+    pub fn start(folder: &Path, bench: &Workbench, guarding: Guarding) -> Result<Self, String> {
         let free = |n: &u32| !folder.join(format!("live-{n:04}.mcap")).exists();
         let number = (1..10_000)
             .find(free)
@@ -36,7 +37,8 @@ impl Recording {
             world_text: bench.source().text.clone(),
             overrides: bench.sets(),
             certificate_json: check.and_then(|check| serde_json::to_string_pretty(&check).ok()),
-            device: "sim".into(),
+            device: bench.device().into(),
+            guarding,
             plan: bench.generation,
             ..Header::default()
         };

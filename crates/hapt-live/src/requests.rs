@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use hapt_core::Request;
+use hapt_core::{Guarding, Request};
 use hapt_rt::{Order, Plan, Timing};
 use hapt_sim::script;
 use tokio::sync::mpsc::Sender;
@@ -13,6 +13,10 @@ use crate::desk::{Desk, Event, message};
 use crate::protocol::{Said, Says, VERSION, Wish};
 use crate::recording::Recording;
 use crate::state::Workbench;
+
+/// Why a key is not set on a real motor.
+const UNCERTIFIED: &str =
+    "the world would not be certified, and a motor hangs on it; hapt live --uncertified lets that be";
 
 impl Desk {
     /// Somebody has come, gone, said something, or the judge has an answer.
@@ -134,6 +138,9 @@ impl Desk {
     /// Runs another world in place of the present one, whole or not at all.
     fn change(&mut self, client: Client, key: &str, next: Result<Workbench, String>) {
         let planned = next.and_then(|next| {
+            if self.guarding == Guarding::Certified && !hapt_analysis::is_certified(&next.world) {
+                return Err(UNCERTIFIED.into());
+            }
             let plan = Plan::following(&next.world, &self.plan).map_err(|error| error.to_string())?;
             Ok((next, Box::new(plan)))
         });
@@ -162,6 +169,9 @@ impl Desk {
     fn run_scenario(&mut self, client: Client, name: Option<&str>) {
         self.let_go();
         let Some(name) = name else { return };
+        if !self.hand.is_there() {
+            return self.refuse(client, "scenario", format!("{} has no hand that could play it", self.bench.device()));
+        }
         match self.bench.world.scenario(name) {
             Ok(scenario) => {
                 self.hand.play(script(scenario, self.bench.world.sampling.period));
@@ -176,7 +186,7 @@ impl Desk {
             recording.end();
         }
         if on {
-            match Recording::start(&self.folder, &self.bench) {
+            match Recording::start(&self.folder, &self.bench, self.guarding) {
                 Ok(recording) => self.recording = Some(recording),
                 Err(words) => self.refuse(client, "record", words),
             }

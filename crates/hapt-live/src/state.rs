@@ -8,6 +8,9 @@ use crate::frames::columns_of;
 use crate::keys::{PERIODS, companion, end, keys, kind, may_be_set};
 use crate::protocol::{BodySays, KeySays, ScenarioSays, Units, WorldSays};
 
+/// The device that needs no name.
+const SIMULATED: &str = "sim";
+
 /// A world file and the changes that pages have made.
 #[derive(Clone, Debug)]
 pub struct Workbench {
@@ -24,14 +27,24 @@ pub struct Workbench {
 }
 
 impl Workbench {
-    /// The world of a file with its overrides, to run on `device`.
+    /// The world of a file with its overrides, to run on the simulated device.
     ///
     /// # Errors
     /// As [`World::read`], and for a period that a page cannot be shown.
-    pub fn new(source: Source, given: Vec<String>, device: String) -> Result<Self, String> {
+    pub fn new(source: Source, given: Vec<String>) -> Result<Self, String> {
         let world = World::read(&source, &given).map_err(|error| error.to_string())?;
         slow_enough(&world)?;
-        Ok(Workbench { source, given, changes: Vec::new(), world, generation: 0, device })
+        Ok(Workbench { source, given, changes: Vec::new(), world, generation: 0, device: SIMULATED.into() })
+    }
+
+    /// The same on another device, as `--device` names it.
+    pub fn on(self, device: String) -> Self {
+        Workbench { device, ..self }
+    }
+
+    /// The device that it runs on.
+    pub fn device(&self) -> &str {
+        &self.device
     }
 
     /// The file.
@@ -204,7 +217,7 @@ mod tests {
 
     fn bench() -> Workbench {
         let source = Source::from_text("wheel.toml", WHEEL);
-        Workbench::new(source, vec!["device.damping=2e-3 N m s/rad".into()], "sim".into()).unwrap()
+        Workbench::new(source, vec!["device.damping=2e-3 N m s/rad".into()]).unwrap()
     }
 
     fn key(bench: &Workbench, path: &str) -> KeySays {
@@ -282,7 +295,7 @@ mod tests {
             if path.extension().is_none_or(|ending| ending != "toml") {
                 continue;
             }
-            let bench = Workbench::new(Source::open(&path).unwrap(), Vec::new(), "sim".into()).unwrap();
+            let bench = Workbench::new(Source::open(&path).unwrap(), Vec::new()).unwrap();
             for key in bench.keys() {
                 let value = key.value.unwrap_or(key.min);
                 assert!(key.min <= value && value <= key.max && key.min < key.max, "{}: {key:?}", path.display());

@@ -443,9 +443,12 @@ pub struct LiveArgs {
     /// The port of the page; 0 takes one that is free.
     #[arg(long, value_name = "N", default_value_t = hapt_live::PORT)]
     pub port: u16,
-    /// What the loop drives: sim, the exact simulation with a hand from the page.
+    /// What the loop drives: sim, the exact simulation with a hand from the page; or what hapt run drives.
     #[arg(long, value_name = "SPEC", default_value = "sim")]
     pub device: String,
+    /// Run a world that is not certified on a real device.
+    #[arg(long)]
+    pub uncertified: bool,
     /// Listen on this address of the machine, for other machines too; pages then need the token in the printed link.
     #[arg(long, value_name = "ADDRESS")]
     pub listen: Option<String>,
@@ -455,6 +458,8 @@ pub struct LiveArgs {
     /// Open the page in the browser.
     #[arg(long)]
     pub open: bool,
+    #[command(flatten)]
+    pub realtime: RealtimeArgs,
 }
 
 #[derive(Debug, clap::Args)]

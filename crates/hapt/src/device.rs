@@ -39,6 +39,11 @@ impl FromStr for Spec {
 }
 
 impl Spec {
+    /// What `--device` says.
+    pub fn named(text: &str) -> Result<Self, Failure> {
+        text.parse().map_err(|wrong| Failure::input(format!("--device {text}: {wrong}")))
+    }
+
     /// Whether a motor hangs on it, so that a world has to be certified first.
     pub fn has_a_motor(&self) -> bool {
         match self {

@@ -6,29 +6,35 @@ use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
-use hapt_live::{Error, Live, Options};
+use hapt_live::{Error, Live, Machine, Options};
+use hapt_model::World;
 
 use crate::args::LiveArgs;
+use crate::device::Spec;
 use crate::failure::Failure;
+use crate::latency::settings;
 use crate::output;
 use crate::people::say;
+use crate::run::guarding;
 use crate::world::source;
 
 /// What runs where no world is named.
 const WHEEL: &str = "@notes/wheel";
 /// From one look for a signal to the next.
 const MOMENT: Duration = Duration::from_millis(20);
-/// Devices that are spoken of in the contract and come later.
-const LATER: [&str; 4] = ["replay:", "hapt:", "moteus:", "odrive:"];
-
 pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
-    device(&args.device)?;
+    let spec = Spec::named(&args.device)?;
     let address = SocketAddr::new(listen(args.listen.as_deref())?, args.port);
     let source = source(args.path.as_deref().unwrap_or(Path::new(WHEEL)))?;
     let options = Options { source, sets: args.sets.clone(), address, folder: args.log_dir.clone() };
     // Before anything can hold a torque: a signal takes it off first.
     output::end_in_order();
-    let live = Live::start(options)?;
+    let live = Live::start_on(options, |world: &World| {
+        let guarding = guarding(args.uncertified, &spec, world)?;
+        let settings = settings(&args.realtime, world)?;
+        let (device, hands) = spec.open(world)?;
+        Ok::<_, Failure>(Machine { name: args.device.clone(), device, hands, guarding, settings })
+    })?;
 
     let mut out = stdout().lock();
     writeln!(out, "{}", live.link()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
@@ -48,17 +54,6 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
             return Ok(ExitCode::from(code));
         }
         live.wait(MOMENT)?;
-    }
-}
-
-/// Only the simulation so far.
-fn device(spec: &str) -> Result<(), Failure> {
-    match spec {
-        "sim" => Ok(()),
-        _ if LATER.iter().any(|later| spec.starts_with(later)) => {
-            Err(Failure::input(format!("--device {spec}: hapt live drives no such device yet; sim is the one it has")))
-        }
-        _ => Err(Failure::input(format!("--device {spec}: no such device; sim is the one that hapt live has"))),
     }
 }
 
@@ -93,9 +88,8 @@ impl From<Error> for Failure {
     fn from(error: Error) -> Self {
         match error {
             Error::World(_) => Failure::input(error),
-            Error::Address { .. } | Error::System(_) | Error::Engine(_) | Error::Device(_) => {
-                Failure::System(error.to_string())
-            }
+            Error::Engine(error) => error.into(),
+            Error::Address { .. } | Error::System(_) | Error::Device(_) => Failure::System(error.to_string()),
         }
     }
 }

@@ -22,8 +22,7 @@ use crate::world::{Loaded, load};
 pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let loaded = load(&args.world)?;
     let world = &loaded.world;
-    let spec: Spec =
-        args.device.parse().map_err(|wrong| Failure::input(format!("--device {}: {wrong}", args.device)))?;
+    let spec = Spec::named(&args.device)?;
     let scenario = args.scenario.as_deref().map(|name| world.scenario(name)).transpose()?;
     if scenario.is_some() && spec != Spec::Sim {
         return Err(Failure::input(
@@ -34,7 +33,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         Some(text) => time("--duration", text)?,
         None => scenario.map_or(f64::INFINITY, |scenario| scenario.duration),
     };
-    let guarding = guarding(args, &spec, world)?;
+    let guarding = guarding(args.uncertified, &spec, world)?;
     let settings = settings(&args.realtime, world)?;
     let plan = plan(world, guarding)?;
     let recorder = recorder(args, &loaded, guarding)?;
@@ -84,7 +83,7 @@ fn finish(recorder: Recorder) -> Result<String, Failure> {
 }
 
 /// On a motor only what is certified runs, unless somebody says otherwise.
-fn guarding(args: &RunArgs, spec: &Spec, world: &World) -> Result<Guarding, Failure> {
+pub fn guarding(uncertified: bool, spec: &Spec, world: &World) -> Result<Guarding, Failure> {
     if !spec.has_a_motor() {
         return Ok(Guarding::Simulated);
     }
@@ -92,7 +91,7 @@ fn guarding(args: &RunArgs, spec: &Spec, world: &World) -> Result<Guarding, Fail
     if check.certified {
         return Ok(Guarding::Certified);
     }
-    if args.uncertified {
+    if uncertified {
         return Ok(Guarding::Uncertified);
     }
     let what = format!("{}; hapt check says what would certify it", check.verdict_sentence());

@@ -3,6 +3,7 @@
 mod common;
 mod crowd;
 mod hand;
+mod motor;
 mod page;
 mod record;
 mod talk;
