@@ -11,15 +11,16 @@ use anyhow::{Context, Result, ensure};
 use crate::{book, faults, figure, fuzz, memory, notes, page, supply, truth};
 
 /// What has passed and failed so far.
-#[derive(Default)]
 struct Tally {
     passed: u64,
     failed: u64,
+    /// When the last step ended.
+    since: Instant,
 }
 
 pub fn run() -> Result<()> {
     let started = Instant::now();
-    let mut tally = Tally::default();
+    let mut tally = Tally { passed: 0, failed: 0, since: started };
     tally.step("format", cargo("fmt --all --check", ""));
     tally.step("lints", cargo("clippy --workspace --all-targets -- -D warnings", ""));
     tally.tests("tests in debug", "test --workspace")?;
@@ -53,18 +54,24 @@ pub fn run() -> Result<()> {
 }
 
 impl Tally {
-    /// One check, counted.
+    /// One check, counted, with the seconds that it took.
     fn step(&mut self, name: &str, done: Result<()>) {
+        let took = self.lap();
         match done {
             Ok(()) => {
                 self.passed += 1;
-                println!("ok      {name}");
+                println!("ok     {took:4.0} s  {name}");
             }
             Err(error) => {
                 self.failed += 1;
-                println!("FAILED  {name}: {error:#}");
+                println!("FAILED {took:4.0} s  {name}: {error:#}");
             }
         }
+    }
+
+    /// Seconds since the last step.
+    fn lap(&mut self) -> f64 {
+        std::mem::replace(&mut self.since, Instant::now()).elapsed().as_secs_f64()
     }
 
     /// The tests of cargo, each counted; a test program that fails without a count is one failure.
@@ -88,7 +95,8 @@ impl Tally {
             self.failed += 1;
         }
         let verdict = if self.failed == failed { "ok    " } else { "FAILED" };
-        println!("{verdict}  {name}: {} passed, {} failed", self.passed - passed, self.failed - failed);
+        let took = self.lap();
+        println!("{verdict} {took:4.0} s  {name}: {} passed, {} failed", self.passed - passed, self.failed - failed);
         Ok(())
     }
 }
