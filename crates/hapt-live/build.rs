@@ -1,4 +1,5 @@
-//! Lists the built page, web/dist, as a table of `include_bytes!`, so that the binary needs no files beside it and a build no Node.
+//! Lists the built page, web/dist, as a table of `include_bytes!`, so that the binary needs no files beside it and a build no Node; beside
+//! it the page's core, web/core/hapt.wasm.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,13 +11,15 @@ fn main() {
     let mut files = Vec::new();
     list(&page, "", &mut files);
     files.sort();
-    if let Err(error) = embed(&files) {
+    let core = here.join("../../web/core/hapt.wasm");
+    println!("cargo::rerun-if-changed={}", core.display());
+    if let Err(error) = embed(&files, &core) {
         println!("cargo::error=the page cannot be embedded: {error}");
     }
 }
 
 /// Copies the files to where this build has its own, for the page may be built anew while it runs, and writes the table.
-fn embed(files: &[(String, PathBuf)]) -> std::io::Result<()> {
+fn embed(files: &[(String, PathBuf)], core: &Path) -> std::io::Result<()> {
     let out = PathBuf::from(std::env::var_os("OUT_DIR").unwrap_or_default());
     let mut table = String::from("&[\n");
     for (number, (name, path)) in files.iter().enumerate() {
@@ -25,6 +28,8 @@ fn embed(files: &[(String, PathBuf)]) -> std::io::Result<()> {
         // Debug quotes as Rust does.
         table += &format!("    ({name:?}, include_bytes!({:?})),\n", copy.display().to_string());
     }
+    // A checkout without it builds too, and has no pages without a server.
+    fs::write(out.join("core.wasm"), fs::read(core).unwrap_or_default())?;
     fs::write(out.join("page.rs"), table + "]")
 }
 

@@ -1,7 +1,9 @@
-// Runs recorded samples through the page's core: node check.mjs hapt.wasm cases. Every number must come out to the bit.
+// Runs a page that ran elsewhere: node check.mjs hapt.wasm case. Every number must come out to the bit.
 //
-// A case: u32 length and a world's bytes; u32 samples; then for each f64 position, velocity, and what the core gave elsewhere:
-// measured position and velocity, torque, command; at its end the bodies' positions and velocities, u32 of them before. Little-endian.
+// A case, little-endian: u32 length and a world's bytes; the same of its setup; f64 the hand's inertia, damping, stiffness; u32 deeds,
+// samples, columns. Then the deeds, each u32 sample, slot (the last number there is: a scenario begins), index, f64 value, u32 whether it
+// was done elsewhere. Then the samples, each f64 where the hand means to be (-Infinity: it lets go; Infinity: it leaves the puck to the
+// scenario) and the frame's columns.
 import { readFileSync } from "node:fs";
 
 const [, , program, file] = process.argv;
@@ -14,31 +16,37 @@ let at = 0;
 const whole = () => view.getUint32((at += 4) - 4, true);
 const number = () => view.getFloat64((at += 8) - 8, true);
 const bits = () => view.getBigUint64((at += 8) - 8, true);
+const part = () => bytes.subarray((at += 4), (at += view.getUint32(at - 4, true)));
 
-let cases = 0;
-let samples = 0;
-while (at < bytes.length) {
-  const length = whole();
-  new Uint8Array(core.memory.buffer, core.room(), length).set(bytes.subarray(at, at + length));
-  at += length;
-  const bodies = core.load(length);
-  if (bodies < 0) throw new Error(`case ${cases}: refused with ${bodies}`);
-  const row = new BigUint64Array(core.memory.buffer, core.row());
-  const compare = (place, name, k) => {
-    const wanted = bits();
-    if (row[place] !== wanted) {
-      throw new Error(`case ${cases}, sample ${k}: ${name} is ${row[place].toString(16)}, elsewhere ${wanted.toString(16)}`);
-    }
-  };
-  const count = whole();
-  for (let k = 0; k < count; k++) {
-    core.step(number(), number());
-    ["measured", "measured velocity", "torque", "command"].forEach((name, place) => compare(place, name, k));
+const [world, setup] = [part(), part()];
+const room = core.room(world.length + setup.length);
+const place = new Uint8Array(core.memory.buffer, room, world.length + setup.length);
+place.set(world);
+place.set(setup, world.length);
+const bodies = core.load(world.length);
+if (bodies < 0) throw new Error("the world is refused");
+const grip = [number(), number(), number()];
+const [count, samples, columns] = [whole(), whole(), whole()];
+if (columns !== 8 + 2 * bodies) throw new Error(`${bodies} bodies, elsewhere ${columns} columns`);
+const deeds = Array.from({ length: count }, () => ({ sample: whole(), slot: whole(), index: whole(), value: number(), done: whole() }));
+
+core.order(1);
+let holds = false;
+for (let sample = 0; sample < samples; sample++) {
+  for (const { slot, index, value, done } of deeds.filter((deed) => deed.sample === sample)) {
+    const here = slot === 0xffffffff ? core.begin(index) : core.set(slot, index, value);
+    if (here !== done) throw new Error(`sample ${sample}, slot ${slot}: ${here}, elsewhere ${done}`);
   }
-  const wanted = whole();
-  if (wanted !== bodies) throw new Error(`case ${cases}: ${bodies} bodies, elsewhere ${wanted}`);
-  for (let i = 0; i < 2 * bodies; i++) compare(4 + i, `body ${i >> 1}`, count);
-  cases++;
-  samples += count;
+  const intended = number();
+  if (Number.isFinite(intended)) {
+    if (!holds) core.hold(...grip);
+    core.intend(intended);
+  } else if (intended < 0 && holds) core.release();
+  holds = Number.isFinite(intended);
+  core.run(1);
+  const row = new BigUint64Array(core.memory.buffer, core.frame(), columns);
+  for (let column = 0; column < columns; column++) {
+    const wanted = bits();
+    if (row[column] !== wanted) throw new Error(`sample ${sample}, column ${column}: ${row[column].toString(16)}, elsewhere ${wanted.toString(16)}`);
+  }
 }
-console.log(`${cases} worlds, ${samples} samples: the same bits`);

@@ -1,6 +1,6 @@
 // The visitor's hand: pointer or arrow keys to an intended position, at most once a drawn frame.
 
-import type { Link } from "./link.ts";
+import type { Peer } from "./link.ts";
 import type { Stage } from "./stage.ts";
 
 const TURNING: Record<string, number> = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
@@ -14,7 +14,7 @@ export class Hand {
   /** Whether this page may grab. */
   allowed = false;
   private readonly stage: Stage;
-  private readonly link: Link;
+  private readonly link: Peer;
   private pointer: number | null = null;
   private offset = 0;
   private sent: number | null = null;
@@ -23,7 +23,7 @@ export class Hand {
   private then = 0;
   private told = 0;
 
-  constructor(stage: Stage, link: Link) {
+  constructor(stage: Stage, link: Peer) {
     this.stage = stage;
     this.link = link;
     const svg = stage.svg;

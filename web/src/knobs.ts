@@ -21,7 +21,8 @@ export class Knobs {
     this.euler = button("Try forward Euler", () => this.toggle(), { class: "euler", id: "euler" });
   }
 
-  show(world: World): void {
+  show(all: World): void {
+    const world = { ...all, keys: all.keys.filter((key) => !key.fixed) };
     const shape = world.keys.map((key) => `${key.path} ${key.kind}`).join("\n");
     if (shape !== this.shape) this.build(world);
     this.shape = shape;

@@ -13,7 +13,16 @@ export interface Listener {
   connection(up: boolean, retry: number | null): void;
 }
 
-export class Link {
+/** Who answers the page: a server, or the page itself. */
+export interface Peer {
+  readonly up: boolean;
+  /** False: there is no connection, and nothing was sent. */
+  send(message: ToServer): boolean;
+  /** Connects without waiting for the pause to end. */
+  now(): void;
+}
+
+export class Link implements Peer {
   private socket: WebSocket | null = null;
   private pause = FIRST_PAUSE_MS;
   private timer = 0;
@@ -29,14 +38,12 @@ export class Link {
     return this.socket?.readyState === WebSocket.OPEN;
   }
 
-  /** False: there is no connection, and nothing was sent. */
   send(message: ToServer): boolean {
     if (!this.up) return false;
     this.socket!.send(JSON.stringify(message));
     return true;
   }
 
-  /** Without waiting for the pause to end. */
   now(): void {
     clearTimeout(this.timer);
     this.pause = FIRST_PAUSE_MS;

@@ -1,12 +1,13 @@
 // Wires the link, what is drawn, and what the visitor does.
 
 import { showBar, type Desk } from "./bar.ts";
-import { attribute, button, byId, say } from "./dom.ts";
+import { attribute, button, byId, html, say } from "./dom.ts";
 import { Gauge } from "./gauge.ts";
 import { Hand } from "./hand.ts";
 import { History } from "./history.ts";
 import { Knobs } from "./knobs.ts";
-import { Link } from "./link.ts";
+import { Link, type Peer } from "./link.ts";
+import { Local, type Recorded } from "./local.ts";
 import { factors, panels } from "./panels.ts";
 import { Plots } from "./plots.ts";
 import { Poles } from "./poles.ts";
@@ -18,6 +19,8 @@ import { steady, units, type Units } from "./units.ts";
 import { VerdictCard } from "./verdict.ts";
 
 const WINDOWS = [2, 5, 10];
+/** The device with a hand that a page can move. */
+const SIMULATED = "sim";
 /** Between two drawings of the plots where motion is to be reduced, in ms. */
 const REDUCED = 250;
 
@@ -38,7 +41,9 @@ const gauge = new Gauge(byId("gauge"));
 const plots = new Plots(byId("plots"));
 const poles = new Poles(byId("poles"));
 const timing = new Timing(byId("timing"));
-const link = new Link({ message, frame: arrived, connection });
+const recorded = (window as { hapt?: Recorded }).hapt;
+const listener = { message, frame: arrived, connection };
+const link: Peer = recorded ? new Local(listener, recorded) : new Link(listener);
 const hand = new Hand(stage, link);
 const set = (key: string, value: string) => void link.send({ type: "set", key, value });
 const verdict = new VerdictCard(byId("sentences"), byId("verdict"), set);
@@ -77,7 +82,7 @@ function message(message: FromServer): void {
 function control(holder: number | null): void {
   desk.control = holder;
   desk.mine = holder !== null && holder === client;
-  hand.allowed = desk.up && desk.mine;
+  mayGrab();
   showBar(desk);
 }
 
@@ -85,11 +90,16 @@ function connection(up: boolean, next: number | null): void {
   desk.up = up;
   retry = next;
   if (!up) [desk.mine, desk.status] = [false, null];
-  hand.allowed = up && desk.mine;
+  mayGrab();
   document.body.classList.toggle("down", !up);
   byId("lost").hidden = up;
   countdown();
   showBar(desk);
+}
+
+/** A real wheel is turned by a real hand alone. */
+function mayGrab(): void {
+  hand.allowed = desk.up && desk.mine && world?.device === SIMULATED;
 }
 
 function countdown(): void {
@@ -121,15 +131,18 @@ function show(next: World): void {
   gauge.show(stage.strongest, next.limit !== null, shown);
   knobs.show(next);
   const way = next.motion === "rotary" ? "Clockwise" : "To the right";
-  say(byId("hint"), `Drag it and let go; on the keyboard hold an arrow key (with Shift, slowly), and H holds on. ${way} is positive. Couplings have the colour of their ${shown.what} on this scale.`);
+  const grab = next.device === SIMULATED ? "Drag it and let go; on the keyboard hold an arrow key (with Shift, slowly), and H holds on." : `It moves as ${next.device} does.`;
+  say(byId("hint"), `${grab} ${way} is positive. Couplings have the colour of their ${shown.what} on this scale.`);
+  mayGrab();
   const names = (of: World | null) => of?.scenarios.map(({ name }) => name).join(" ");
   if (names(before) !== names(next)) experiments(next);
   showBar(desk);
 }
 
-function experiments({ scenarios }: World): void {
+function experiments({ device, scenarios }: World): void {
+  const played = device === SIMULATED ? scenarios : [];
   byId("scenarios").replaceChildren(
-    ...scenarios.map(({ name, hand: kind, duration_s }) =>
+    ...played.map(({ name, hand: kind, duration_s }) =>
       button(name, () => link.send({ type: "scenario", name: desk.status?.scenario === name ? null : name }), {
         "data-name": name,
         "aria-pressed": "false",
@@ -167,6 +180,18 @@ function draw(now: number): void {
   plots.draw(history, history.last);
 }
 
+/** What a page without a server cannot do is not there, and it says so. */
+function alone({ command, report }: Recorded): void {
+  document.body.classList.add("alone");
+  byId("alone").hidden = false;
+  byId("alone").append(
+    "hapt’s own core runs in this page, and no server. ",
+    html("code", {}, `hapt live ${command}`),
+    " has one: it makes a certificate of whatever you change, changes every key, records, and keeps real time. ",
+    html("a", { href: report }, "The report"),
+  );
+}
+
 function press(id: string, act: () => void): void {
   byId(id).addEventListener("click", act);
 }
@@ -198,4 +223,5 @@ for (const seconds of WINDOWS) {
   choice.setAttribute("aria-pressed", String(seconds === plots.seconds));
   byId("windows").append(choice);
 }
+if (recorded) alone(recorded);
 requestAnimationFrame(draw);

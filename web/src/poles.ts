@@ -17,7 +17,8 @@ export class Poles {
   }
 
   /** `period` in s. */
-  show({ held, free }: Verdict, period: number): void {
+  show({ held, free, command }: Verdict, period: number): void {
+    if (command !== undefined) return this.root.replaceChildren(html("p", { class: "soft" }, "Not computed for what has been changed here."));
     const largest = (poles: Pole[]) => Math.max(0, ...poles.map(([re, im]) => Math.hypot(re, im)));
     const row = (name: string, kind: string, poles: Pole[]) => {
       const radius = largest(poles);

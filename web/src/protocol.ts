@@ -46,6 +46,8 @@ export interface Key {
   log?: boolean | null;
   choices?: string[] | null;
   changed: boolean;
+  /** It can only be looked at. */
+  fixed?: boolean;
 }
 
 export interface World {
@@ -67,7 +69,9 @@ export interface World {
 export interface Verdict {
   type: "verdict";
   generation: number;
-  certified: boolean;
+  /** With a `command`, which judges it, only whether it is in a certified range; `null`: nobody knows. */
+  certified: boolean | null;
+  command?: string;
   /** All of it in one. */
   sentence?: string;
   sentences: { what: "held" | "free" | "passive" | "quantisation"; ok: boolean | null; text: string }[];
@@ -78,7 +82,7 @@ export interface Verdict {
   device_damping: number;
   notes?: string[];
   remedies: { key?: string | null; value?: string | null; text: string }[] | null;
-  ms: number;
+  ms: number | null;
 }
 
 export interface Range {
@@ -96,6 +100,16 @@ export interface Quantiles {
   max: number;
 }
 
+export interface Punctuality {
+  samples: number;
+  overruns: number;
+  missed: number;
+  latency_us: Quantiles;
+  period_us: Quantiles;
+  computation_us: Quantiles;
+  histogram: { edges_us: number[]; latency: number[] };
+}
+
 export type Phase = "disarmed" | "fading-in" | "running" | "fading-out" | "faulted";
 
 export interface Status {
@@ -108,16 +122,9 @@ export interface Status {
   warnings: string[];
   scenario: string | null;
   recording: { file: string; seconds: number; lost: number; error: string | null } | null;
-  timing: {
-    samples: number;
-    overruns: number;
-    missed: number;
-    latency_us: Quantiles;
-    period_us: Quantiles;
-    computation_us: Quantiles;
-    histogram: { edges_us: number[]; latency: number[] };
-  };
-  realtime: { fifo: boolean; locked: boolean; warning: string | null };
+  /** `null`: there is no clock to keep. */
+  timing: Punctuality | null;
+  realtime: { fifo: boolean; locked: boolean; warning: string | null } | null;
   clients: number;
 }
 

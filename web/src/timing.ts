@@ -40,6 +40,7 @@ export class Timing {
   }
 
   show({ timing, realtime }: Status): void {
+    if (!timing || !realtime) return;
     ROWS.forEach(([, key], row) => {
       SHOWN.forEach((quantile, i) => say(this.cells[row]![i]!, micros(timing[key][quantile])));
     });

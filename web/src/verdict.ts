@@ -22,11 +22,10 @@ export class VerdictCard {
   }
 
   show(verdict: Verdict): void {
+    if (verdict.command !== undefined) return this.unjudged(verdict.certified, verdict.command);
     const unstable = verdict.sentences.some(({ what, ok }) => ok === false && (what === "held" || what === "free"));
     const state = verdict.certified ? "stable" : unstable ? "unstable" : "marginal";
-    const words = verdict.certified ? "Certified" : unstable ? "Not certified: unstable" : "Not certified";
-    this.heading.parentElement!.className = `verdict ${state}`;
-    if (this.said !== words) this.heading.textContent = this.said = words;
+    this.head(verdict.certified ? "Certified" : unstable ? "Not certified: unstable" : "Not certified", state);
     const summary = html("p", {}, upper((verdict.sentence ?? "").replace(/^(not )?certified[:,] /, "")));
     const sentences = html("dl");
     for (const { what, ok, text } of verdict.sentences) {
@@ -39,11 +38,23 @@ export class VerdictCard {
     const growth = verdict.growth_per_s;
     const facts = [
       growth === null ? "" : Math.abs(growth) < 1e-9 ? "neither grows nor decays" : `${growth > 0 ? "grows" : "decays"} by ${number(Math.abs(growth))} per second`,
-      `computed in ${number(verdict.ms, 2)} ms`,
+      verdict.ms === null ? "" : `computed in ${number(verdict.ms, 2)} ms`,
     ];
     this.notes.replaceChildren(html("summary", {}, "Notes"), ...(verdict.notes ?? []).map((note) => html("p", {}, upper(note))));
     this.notes.hidden = !verdict.notes?.length;
     this.root.replaceChildren(summary, sentences, this.notes, html("p", { class: "soft" }, upper(facts.filter(Boolean).join(", "))), this.remedies(verdict));
+  }
+
+  private head(words: string, state: string): void {
+    this.heading.parentElement!.className = `verdict ${state}`;
+    if (this.said !== words) this.heading.textContent = this.said = words;
+  }
+
+  /** No certificate was made of it; whether it is in a certified range may be known. */
+  private unjudged(inside: boolean | null, command: string): void {
+    this.head(inside === null ? "Not judged" : inside ? "In the certified range" : "Outside of the certified range", inside ? "stable" : "marginal");
+    const known = inside === null ? "The certificate is of the file’s own values, and there is no server here to make another." : "That is what the painted slider says of this one change; the certificate itself is of the file’s own values.";
+    this.root.replaceChildren(html("p", {}, `${known} This command makes one:`), html("p", { class: "command" }, html("code", {}, command)));
   }
 
   private remedies({ remedies, certified }: Verdict): HTMLElement {

@@ -6,7 +6,7 @@ import { createInterface } from "node:readline";
 import { join } from "node:path";
 import { chromium } from "playwright-core";
 
-const HAPT = process.env.HAPT ?? join(import.meta.dirname, "../../target/debug/hapt");
+export const HAPT = process.env.HAPT ?? join(import.meta.dirname, "../../target/debug/hapt");
 const FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
 
 export const world = (name) => join(import.meta.dirname, "worlds", `${name}.toml`);

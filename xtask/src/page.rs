@@ -1,24 +1,40 @@
 //! The page: its core in WebAssembly, held to the bits of every other machine, and its files, built from web/ and tried in a browser.
 
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use fastrand::Rng;
-use hapt_core::Method;
-use hapt_sim::DesktopLoop;
+use hapt_core::{Guarding, Method, Phase, Request};
+use hapt_model::{Drive, Hand, Shape};
+use hapt_page::{OWN, Page, Setup, Slot};
+use hapt_sim::{DesktopLoop, Grip};
 
 use crate::truth::worlds;
 
 const CORE: &str = "web/core";
 const BUILT: &str = "web/core/hapt.wasm";
+/// The compiler that it was built with: another one's bytes are others.
+const COMPILER: &str = "web/core/hapt.wasm.txt";
 const TARGET: &str = "wasm32-unknown-unknown";
+/// Samples of each method.
 const EACH: u32 = 100_000;
+/// What is loaded with a page, and what a page without a server loads beside it, stays small.
+const LARGEST: usize = 200_000;
 
-/// Builds the core for the browser: with rustup's target where it is installed, else with the distribution's compiler and sources.
+/// Builds the core for the browser.
 pub fn build() -> Result<()> {
+    let (bytes, compiler) = compile()?;
+    ensure!(bytes.len() <= LARGEST, "the page's core has {} bytes, more than {LARGEST}", bytes.len());
+    println!("{BUILT}: {} bytes", bytes.len());
+    fs::write(BUILT, bytes)?;
+    fs::write(COMPILER, compiler)?;
+    same_bits()
+}
+
+/// The core's bytes and its compiler: with rustup's target where it is installed, else with the distribution's compiler and sources.
+fn compile() -> Result<(Vec<u8>, String)> {
     let folder = "target/page";
     let mut command = if has_target() {
         Command::new(env!("CARGO"))
@@ -31,7 +47,7 @@ pub fn build() -> Result<()> {
     };
     command.args(["build", "--quiet", "--release", "--locked", "--target", TARGET]);
     if !has_target() {
-        command.arg("-Zbuild-std=core");
+        command.arg("-Zbuild-std=core,alloc");
     }
     command.args(["--manifest-path", &format!("{CORE}/Cargo.toml"), "--target-dir", folder]);
     // Where this machine keeps its sources is nobody's business, and would make other bytes on every machine.
@@ -40,9 +56,14 @@ pub fn build() -> Result<()> {
     command.env("RUSTFLAGS", format!("--remap-path-prefix={home}=cargo --remap-path-prefix={}=hapt", here.display()));
     let status = command.status().context("no compiler for the browser: rustup target add wasm32-unknown-unknown")?;
     ensure!(status.success(), "the page's core does not build: rustup target add {TARGET}");
-    fs::copy(format!("{folder}/{TARGET}/release/hapt_page.wasm"), BUILT)?;
-    println!("{BUILT}: {} bytes", fs::metadata(BUILT)?.len());
-    same_bits()
+    Ok((fs::read(format!("{folder}/{TARGET}/release/hapt_web.wasm"))?, compiler()?))
+}
+
+/// The compiler that [`compile`] takes, in its own words.
+fn compiler() -> Result<String> {
+    let rustc = if has_target() { "rustc" } else { "/usr/bin/rustc" };
+    let said = Command::new(rustc).arg("--version").output().context("no compiler for the browser")?;
+    Ok(String::from_utf8_lossy(&said.stdout).into_owned())
 }
 
 /// Whether this compiler has the target's standard library.
@@ -51,15 +72,15 @@ fn has_target() -> bool {
     said.is_ok_and(|said| Path::new(String::from_utf8_lossy(&said.stdout).trim()).exists())
 }
 
-/// The built core gives the bits of this machine's, for every method over 10^5 samples of a random world.
+/// The built page gives the bits of this machine's, for every method over 10^5 samples of a random world: loop, supervisor, device, the
+/// hands on it, and numbers that are changed while it runs.
 pub fn same_bits() -> Result<()> {
     if !Command::new("node").arg("--version").stdout(Stdio::null()).status().is_ok_and(|status| status.success()) {
         ensure!(std::env::var_os("CI").is_none(), "node is missing");
         println!("        (skipped: the page's core wants node)");
         return Ok(());
     }
-    let cases = Path::new("target/page-cases");
-    let mut file = std::io::BufWriter::new(fs::File::create(cases)?);
+    let file = Path::new("target/page-case");
     let mut rng = Rng::with_seed(6);
     for method in Method::ALL {
         // A world that runs away has no bits to compare.
@@ -68,21 +89,32 @@ pub fn same_bits() -> Result<()> {
                 break case;
             }
         };
-        file.write_all(&case)?;
+        fs::write(file, case)?;
+        let said = Command::new("node").args([&format!("{CORE}/check.mjs"), BUILT]).arg(file).output()?;
+        ensure!(said.status.success(), "{}: {}", method.name(), String::from_utf8_lossy(&said.stderr));
     }
-    file.flush()?;
-    let said = Command::new("node").args([&format!("{CORE}/check.mjs"), BUILT]).arg(cases).output()?;
-    ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
-    print!("        {}", String::from_utf8_lossy(&said.stdout));
-    fs::remove_file(cases)?;
+    println!("        {} worlds, {EACH} samples each: the same bits", Method::ALL.len());
+    fs::remove_file(file)?;
     Ok(())
 }
 
-/// web/dist is what the sources build to.
+/// web/dist and the core are what the sources build to.
 pub fn is_current() -> Result<()> {
     if has_npm()? {
         npm(&["run", "--silent", "check"])?;
     }
+    let system = || Path::new("/usr/bin/rustc").exists() && Path::new("/usr/lib/rustlib/src/rust/library").exists();
+    if std::env::var_os("CI").is_some() && !has_target() && !system() {
+        let packages = ["rustc-web", "cargo-web", "rust-web-src", "lld"];
+        Command::new("apt-get").args(["install", "-y"]).args(packages).output()?;
+    }
+    // Another compiler's bytes are others, and say nothing about ours.
+    let kept = fs::read_to_string(COMPILER)?;
+    if !(has_target() || system()) || compiler()? != kept {
+        println!("        (SKIPPED: whether {BUILT} is current; it was built with {})", kept.trim());
+        return Ok(());
+    }
+    ensure!(compile()?.0 == fs::read(BUILT)?, "{BUILT} is not what its sources build to: cargo xtask page");
     Ok(())
 }
 
@@ -133,40 +165,109 @@ fn program() -> PathBuf {
     PathBuf::from(crate::test::binary("release").get_program())
 }
 
-/// A random world of this method, with a puck that swings through all of it; `None` where it does not stay finite.
+/// What is done to a page between two samples, beside its hand.
+struct Deed {
+    sample: u32,
+    /// A [`Slot`], or [`BEGIN`].
+    slot: u32,
+    index: u32,
+    value: f64,
+}
+
+/// A scenario begins.
+const BEGIN: u32 = u32::MAX;
+/// Where the hand means to be: nowhere, it lets go.
+const LETS_GO: f64 = f64::NEG_INFINITY;
+/// Nowhere: a scenario's hand has the puck.
+const LEAVES: f64 = f64::INFINITY;
+
+/// A random world of this method in hands, all that is done to it, and every number that it gives; `None` where it does not stay finite.
+/// Its form is check.mjs's.
 fn case(method: Method, rng: &mut Rng) -> Result<Option<Vec<u8>>> {
     let bent = rng.bool();
     let world = worlds::random(rng, bent);
-    if world.sampling.method != method || world.bodies.is_empty() {
+    // Not every random world can be compiled.
+    if world.sampling.method != method || world.bodies.is_empty() || DesktopLoop::new(&world.spec()).is_err() {
         return Ok(None);
     }
-    // Not every random world can be compiled.
-    let Ok(compiled) = DesktopLoop::new(&world.spec()) else { return Ok(None) };
+    let period = world.sampling.period;
+    let sine = Drive::Position(Shape::Sine { amplitude: 0.3, frequency: 0.01 / period, phase: 0.0 });
+    let setup = Setup {
+        rig: world.rig(),
+        limits: world.limits(Guarding::Simulated),
+        output: world.sampling.output,
+        scenarios: vec![(Hand { drive: sine, release: None }, 3000.0 * period)],
+    };
     let mut room = [0; 8192];
     let bytes = hapt_wire::write(&world.spec(), &mut room)?;
+    let setup = postcard::to_allocvec(&setup)?;
+    let Some(mut page) = Page::new(bytes, &setup) else { bail!("a page refuses its own world") };
+    let deed = |sample, slot, index, value| Deed { sample, slot, index, value };
+    let other =
+        Method::ALL.iter().position(|other| *other == method).map_or(0, |place| (place + 1) % Method::ALL.len());
+    let deeds = [
+        deed(20_000, Slot::Period as u32, 0, 1.05 * period),
+        deed(30_000, Slot::Inertia as u32, 0, 1.5 * world.bodies[0].inertia),
+        deed(40_000, Slot::PuckDamping as u32, 0, 1.5 * world.device.damping),
+        deed(50_000, BEGIN, 0, 0.0),
+        deed(95_000, Slot::Method as u32, 0, other as f64),
+    ];
+
     let mut case = Vec::new();
-    case.extend((bytes.len() as u32).to_le_bytes());
-    case.extend(bytes);
-    case.extend(EACH.to_le_bytes());
-    let mut state = compiled.start();
-    let period = world.sampling.period;
-    let omega = 0.3 / period * rng.f64();
-    let (mut position, mut velocity) = (0.0, 0.0);
-    for _ in 0..EACH {
-        // A swing that is pushed about, so that counts, walls and limits are met.
-        velocity += period * (-omega * omega * position + omega * (rng.f64() - 0.5) * 30.0);
-        velocity *= 0.999;
-        position += period * velocity;
-        let sample = compiled.step(&mut state, position, velocity);
-        let row = [position, velocity, sample.puck.position, sample.puck.velocity, sample.torque, sample.command];
+    let count = |case: &mut Vec<u8>, number: usize| case.extend((number as u32).to_le_bytes());
+    for part in [bytes, setup.as_slice()] {
+        count(&mut case, part.len());
+        case.extend(part);
+    }
+    let inertia = 2.0 * world.device.inertia;
+    let swing = (0.1 / period).min(60.0);
+    let grip = Grip { inertia, damping: 3.0 * inertia * swing, stiffness: 1.5 * inertia * swing * swing };
+    case.extend([grip.inertia, grip.damping, grip.stiffness].iter().flat_map(|x| x.to_le_bytes()));
+    let columns = OWN + 2 * world.bodies.len();
+    for number in [deeds.len(), EACH as usize, columns] {
+        count(&mut case, number);
+    }
+    let at = case.len();
+    for Deed { sample, slot, index, value } in &deeds {
+        [*sample, *slot, *index].iter().for_each(|number| case.extend(number.to_le_bytes()));
+        case.extend(value.to_le_bytes());
+        // Whether it was done, once that is known.
+        count(&mut case, 0);
+    }
+    page.ask(Request::Arm);
+    let (mut target, mut holds) = (0.0, false);
+    for sample in 0..EACH {
+        for (place, deed) in deeds.iter().enumerate().filter(|(_, deed)| deed.sample == sample) {
+            let index = deed.index as usize;
+            let done = match Slot::ALL.get(deed.slot as usize) {
+                Some(slot) => page.set(*slot, index, deed.value),
+                None => page.begin(index),
+            };
+            case[at + 24 * place + 20] = done.into();
+        }
+        target += 0.02 * (rng.f64() - 0.5) - 1e-4 * target;
+        let intended = match sample {
+            50_000..54_000 => LEAVES,
+            _ if sample / 2_000 % 4 == 3 => LETS_GO,
+            _ => target,
+        };
+        if intended.is_finite() {
+            if !holds {
+                page.hold(Some(grip));
+            }
+            page.intend(intended);
+        } else if intended == LETS_GO && holds {
+            page.hold(None);
+        }
+        holds = intended.is_finite();
+        page.run(1);
+        let [row, ..] = page.frame();
+        let row = &row[..columns];
+        // What is no number has no bits that machines agree on.
         if !row.iter().all(|x| x.is_finite()) {
             return Ok(None);
         }
-        case.extend(row.iter().flat_map(|x| x.to_le_bytes()));
+        case.extend(std::iter::once(&intended).chain(row).flat_map(|x| x.to_le_bytes()));
     }
-    case.extend((compiled.bodies() as u32).to_le_bytes());
-    for (w, v) in state.now.position.iter().zip(&state.now.velocity).take(compiled.bodies()) {
-        case.extend([*w, *v].iter().flat_map(|x| x.to_le_bytes()));
-    }
-    Ok(Some(case))
+    Ok((page.phase().0 == Phase::Running).then_some(case))
 }

@@ -3,6 +3,9 @@
 /// Paths on the server and their bytes.
 const PAGE: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/page.rs"));
 
+/// The core in WebAssembly, for pages without a server; empty where it has not been built.
+pub const CORE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/core.wasm"));
+
 /// What is served in a checkout where the page has not been built.
 const UNBUILT: &[u8] = b"<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>hapt live</title>\
 <p>The page has not been built: npm ci and npm run build in web/, then build hapt anew.\n";
@@ -16,6 +19,11 @@ pub struct Asset {
     pub media: &'static str,
     /// Whether it never changes under its name.
     pub is_hashed: bool,
+}
+
+/// Every file of the page: its path on the server, and its bytes.
+pub fn all() -> impl Iterator<Item = (&'static str, &'static [u8])> {
+    PAGE.iter().copied()
 }
 
 /// What is at this path, if anything.

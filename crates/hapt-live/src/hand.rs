@@ -91,7 +91,7 @@ impl VisitorsHand {
 }
 
 /// A hand that goes well with a puck: critically damped with it at [`SWING`], so that it follows a pointer and is felt by walls.
-fn grip(world: &World) -> Grip {
+pub(crate) fn grip(world: &World) -> Grip {
     let inertia = HEAVY * world.device.inertia;
     let (mass, swing) = (world.device.inertia + inertia, std::f64::consts::TAU * SWING);
     Grip { inertia, damping: 2.0 * mass * swing, stiffness: mass * swing * swing }

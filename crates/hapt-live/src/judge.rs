@@ -6,7 +6,7 @@
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use hapt_analysis::{Check, Verdict as Stands, check, is_certified, quick_check};
+use hapt_analysis::{Check, Proposal, Remedy, Verdict as Stands, check, is_certified, quick_check};
 use hapt_model::World;
 
 use crate::protocol::{KeySays, RemedySays, Says, Sentence, Verdict};
@@ -132,8 +132,19 @@ fn verdict(
 ) -> (Box<Verdict>, Option<Check>) {
     let begin = Instant::now();
     let checked = judged(&bench.world);
-    let ms = begin.elapsed().as_secs_f64() * 1e3;
-    let mut says = Box::new(Verdict {
+    let ms = Some(begin.elapsed().as_secs_f64() * 1e3);
+    match checked {
+        Ok(check) => (Box::new(Verdict { ms, ..told(bench, &check) }), Some(check)),
+        Err(error) => {
+            let sentence = format!("not certified: {error}");
+            (Box::new(Verdict { sentence, remedies: Some(Vec::new()), ms, ..nothing(bench) }), None)
+        }
+    }
+}
+
+/// The verdict of a world of which nothing is known.
+fn nothing(bench: &Workbench) -> Verdict {
+    Verdict {
         generation: bench.generation,
         certified: false,
         sentence: String::new(),
@@ -145,16 +156,13 @@ fn verdict(
         device_damping: bench.world.device.damping,
         notes: Vec::new(),
         remedies: None,
-        ms,
-    });
-    let check = match checked {
-        Ok(check) => check,
-        Err(error) => {
-            says.sentence = format!("not certified: {error}");
-            says.remedies = Some(Vec::new());
-            return (says, None);
-        }
-    };
+        ms: None,
+    }
+}
+
+/// What the page is told of a world's certificate, without its remedies.
+pub(crate) fn told(bench: &Workbench, check: &Check) -> Verdict {
+    let mut says = nothing(bench);
     let ok = |verdict: Stands| match verdict {
         Stands::Stable => Some(true),
         Stands::Marginal => None,
@@ -182,7 +190,7 @@ fn verdict(
     says.required_damping = passive.required_damping;
     says.notes = passive.not_proved.iter().map(|why| format!("not proved: {why}")).collect();
     says.notes.extend(check.notes.iter().cloned());
-    (says, Some(check))
+    says
 }
 
 /// Remedies and ranges, as long as nothing newer is asked; `None`: nobody listens any more.
@@ -212,18 +220,23 @@ fn remedies(bench: &Workbench, check: &Check) -> Vec<RemedySays> {
     let proposal = found.and_then(|found| {
         hapt_analysis::proposal(&bench.world, bench.source(), &bench.sets(), check, &found).ok().flatten()
     });
-    let says = |remedy: hapt_analysis::Remedy| {
+    proposal.as_ref().map_or(Vec::new(), proposed)
+}
+
+/// What the page is told of a proposal.
+pub(crate) fn proposed(proposal: &Proposal) -> Vec<RemedySays> {
+    let says = |remedy: &Remedy| {
         let text = remedy.lines.join("\n");
-        match <[(String, String); 1]>::try_from(remedy.sets) {
-            Ok([(key, value)]) => RemedySays { key: Some(key), value: Some(value), text },
-            Err(_) => RemedySays { key: None, value: None, text },
+        match &remedy.sets[..] {
+            [(key, value)] => RemedySays { key: Some(key.clone()), value: Some(value.clone()), text },
+            _ => RemedySays { key: None, value: None, text },
         }
     };
-    proposal.map_or(Vec::new(), |proposal| proposal.remedies.into_iter().map(says).collect())
+    proposal.remedies.iter().map(says).collect()
 }
 
 /// Where on its slider a key is certified; `None` where it holds no number, or nobody wants to know any more.
-fn range(bench: &Workbench, key: &KeySays, is_over: &dyn Fn() -> bool) -> Option<Vec<[f64; 2]>> {
+pub(crate) fn range(bench: &Workbench, key: &KeySays, is_over: &dyn Fn() -> bool) -> Option<Vec<[f64; 2]>> {
     let at = |part: f64| match key.log {
         true => key.min * (key.max / key.min).powf(part),
         false => key.min + part * (key.max - key.min),

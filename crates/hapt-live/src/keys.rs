@@ -9,8 +9,7 @@ use hapt_model::{
 
 use crate::protocol::KeySays;
 
-/// The longest and the shortest period that a page can set, in s: a loop that is to be seen runs, and leaves the machine some time.
-pub const PERIODS: std::ops::RangeInclusive<f64> = 50e-6..=0.1;
+pub use hapt_page::PERIODS;
 
 /// A slider by equal ratios goes so far either way.
 const DECADE: f64 = 10.0;

@@ -10,6 +10,8 @@
 //!                       judge recorder
 //! ```
 //!
+//! [`standalone`] writes the same page with all of that left out, for a folder without a server.
+//!
 //! The messages are in [`protocol`], the telemetry in [`frames`], who may come in is in [`access`].
 
 pub mod access;
@@ -27,6 +29,7 @@ mod recording;
 mod requests;
 pub mod server;
 mod socket;
+pub mod standalone;
 pub mod state;
 mod status;
 #[cfg(test)]

@@ -171,17 +171,17 @@ impl VirtualDevice {
     /// The grip means to be at `position` in rad (linear: m), and goes there straight: for as long as its word before this one is ago,
     /// but 50 ms at most, so that words at a steady rate make one steady motion. Without a grip nothing happens.
     pub fn intend(&mut self, position: f64) {
-        if let Holder::Grip(hand) = &mut self.holder
-            && position.is_finite()
-        {
-            let longest = (LONGEST_MOVE / self.period).max(1.0) as u64;
-            let samples = (self.sample - hand.said).clamp(1, longest);
-            let from = hand.intended.at(self.now).0;
-            let slope = (position - from) / (samples as f64 * self.period);
-            hand.intended = Piece::straight(self.now, from, slope);
-            (hand.target, hand.said) = (position, self.sample);
-            self.next_event = self.origin + (self.sample + samples) as f64 * self.period;
+        let Holder::Grip(hand) = &mut self.holder else { return };
+        if !position.is_finite() {
+            return;
         }
+        let longest = (LONGEST_MOVE / self.period).max(1.0) as u64;
+        let samples = (self.sample - hand.said).clamp(1, longest);
+        let from = hand.intended.at(self.now).0;
+        let slope = (position - from) / (samples as f64 * self.period);
+        hand.intended = Piece::straight(self.now, from, slope);
+        (hand.target, hand.said) = (position, self.sample);
+        self.next_event = self.origin + (self.sample + samples) as f64 * self.period;
     }
 
     /// The loop's command, in N·m (linear: N).

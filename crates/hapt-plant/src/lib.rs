@@ -25,6 +25,7 @@ extern crate alloc;
 
 mod curve;
 mod device;
+mod energy;
 mod hand;
 mod ledger;
 mod motor;
@@ -34,6 +35,7 @@ pub mod spec;
 
 pub use curve::Piece;
 pub use device::{Grip, Script, VirtualDevice};
+pub use energy::stored_energy;
 pub use hand::Hand;
 pub use ledger::Ledger;
 pub use motor::Motor;

@@ -102,6 +102,8 @@ pub struct Report<'w> {
     pub proposal: Option<(&'w str, &'w [String])>,
     /// The scenarios, run.
     pub runs: Vec<Run<'w>>,
+    /// The page on which the world runs, where there is one.
+    pub live: Option<String>,
 }
 
 impl Report<'_> {
@@ -152,6 +154,9 @@ impl Report<'_> {
                     @if index { p.soft { a href="index.html" { "All worlds" } } }
                     h1 { (self.title) }
                     p.soft { (self.loop_line()) }
+                    @if let Some(live) = &self.live {
+                        p { a href=(live) { "Grab it" } ": this loop runs in your browser, with a hand for your mouse." }
+                    }
                     (verdict(self.check))
                     @if let Some((heading, lines)) = self.proposal {
                         p { (if self.check.certified { "Margins: " } else { "Remedies: " }) (heading) "." }

@@ -243,7 +243,8 @@ pub struct ReportArgs {
     /// Override a key of every world by its dotted path, such as loop.period=2ms; repeatable.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
-    /// Write NAME.html and NAME-FIGURE.svg for each world into this folder, and index.html for several.
+    /// Write NAME.html, NAME-FIGURE.svg and live/NAME.html, a page to grab it on, for each world into this folder, and index.html for
+    /// several.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }

@@ -1,11 +1,13 @@
-//! `hapt report`: a page a world, its figures as files, and an index of several.
+//! `hapt report`: a page a world, its figures as files, an index of several, and beside them pages on which the worlds run.
 
 use std::collections::HashSet;
 use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-use hapt_analysis::Check;
+use hapt_analysis::{Check, Proposal};
+use hapt_live::standalone::{self, Known};
+use hapt_live::state::Workbench;
 use hapt_model::{Parameter, World};
 use hapt_report::{Drawing, Report, Run, index_drawings, index_page};
 use hapt_sim::Simulation;
@@ -24,8 +26,16 @@ struct Ready {
     world: World,
     parameters: Vec<Parameter>,
     check: Check,
-    proposal: Option<(&'static str, Vec<String>)>,
+    proposal: Option<Proposal>,
+    lines: Vec<String>,
+    /// What it is called on the command line, with its overrides.
+    command: String,
+    /// For the page on which it runs, or why it has none.
+    bench: Result<Workbench, String>,
 }
+
+/// Where the pages are on which the worlds run.
+const LIVE: &str = "live";
 
 pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
     // Whatever is wrong with a world is said before the first file is begun.
@@ -35,9 +45,10 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
     let mut first_failure = None;
     for ready in &worlds {
         let report = report(ready)?;
+        live(&args.out, ready)?;
         let drawings = report.drawings();
         let page = args.out.join(format!("{}.html", report.stem));
-        write(&page, &report.page(&drawings, worlds.len() > 1))?;
+        write(&page, report.page(&drawings, worlds.len() > 1).as_bytes())?;
         write_figures(&args.out, &report.stem, &drawings)?;
         people::say(format_args!("wrote {} and {} figures beside it", page.display(), drawings.len()));
         let failed = report.runs.iter().find_map(|run| Some((&run.name, run.failure.as_ref()?)));
@@ -50,7 +61,7 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
     if reports.len() > 1 {
         let drawings = index_drawings(&reports);
         let page = args.out.join("index.html");
-        write(&page, &index_page(&reports, &drawings))?;
+        write(&page, index_page(&reports, &drawings).as_bytes())?;
         write_figures(&args.out, "index", &drawings)?;
         people::say(format_args!("wrote {}", page.display()));
     }
@@ -75,11 +86,13 @@ fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
         hapt_sim::check(&world)?;
         let stem = stem(path, &world, &mut taken);
         let title = world.title.clone().filter(|title| !title.trim().is_empty()).unwrap_or_else(|| stem.clone());
+        let bench = standalone::bench(source.clone(), args.sets.clone());
         let loaded = Loaded { name: source.name.clone(), world, source };
         let remedies = hapt_analysis::remedies(&loaded.world)?;
         let proposal = hapt_analysis::proposal(&loaded.world, &loaded.source, &args.sets, &check, &remedies)?;
-        let proposal = proposal.map(|proposal| (proposal.heading, proposal.lines()));
-        worlds.push(Ready { title, stem, world: loaded.world, parameters, check, proposal });
+        let lines = proposal.as_ref().map_or(Vec::new(), Proposal::lines);
+        let command = command(path, &args.sets);
+        worlds.push(Ready { title, stem, world: loaded.world, parameters, check, proposal, lines, command, bench });
     }
     Ok(worlds)
 }
@@ -108,8 +121,9 @@ fn stem(path: &Path, world: &World, taken: &mut HashSet<String>) -> String {
 
 /// Runs every scenario of a world. One that stops being finite is shown up to there.
 fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
-    let Ready { title, stem, world, parameters, check, proposal } = ready;
-    let proposal = proposal.as_ref().map(|(heading, lines)| (*heading, lines.as_slice()));
+    let Ready { title, stem, world, parameters, check, proposal, lines, bench, .. } = ready;
+    let proposal = proposal.as_ref().map(|proposal| (proposal.heading, lines.as_slice()));
+    let live = bench.is_ok().then(|| format!("{LIVE}/{stem}.html"));
     let mut runs = Vec::new();
     for scenario in &world.scenarios {
         let simulation = Simulation::new(world, scenario)?;
@@ -121,17 +135,51 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
         run.failure = end.err().map(|error| error.to_string());
         runs.push(run);
     }
-    Ok(Report { title: title.clone(), stem: stem.clone(), world, parameters, check, proposal, runs })
+    Ok(Report { title: title.clone(), stem: stem.clone(), world, parameters, check, proposal, runs, live })
+}
+
+/// Writes the page on which a world runs, and what all of them share.
+fn live(folder: &Path, ready: &Ready) -> Result<(), Failure> {
+    let Ready { title, stem, check, proposal, command, .. } = ready;
+    let bench = match &ready.bench {
+        Ok(bench) => bench,
+        Err(why) => {
+            people::say(format_args!("{title} has no page to grab it on: {why}"));
+            return Ok(());
+        }
+    };
+    let report = format!("../{stem}.html");
+    let known = Known { bench, check, proposal: proposal.as_ref(), command, report: &report };
+    let folder = folder.join(LIVE);
+    output::folder(&folder.join("assets"))?;
+    for (name, bytes) in standalone::shared().into_iter().chain(standalone::world(stem, &known)) {
+        write(&folder.join(name), &bytes)?;
+    }
+    Ok(())
+}
+
+/// What a world is called on the command line, for a shell.
+fn command(path: &Path, sets: &[String]) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "@%+=:,./_-".contains(c);
+    let quoted = |word: &str| match word.chars().all(plain) {
+        true => word.to_string(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    };
+    let name = if path.as_os_str() == "-" { "world.toml".into() } else { path.to_string_lossy() };
+    let sets = sets.iter().map(|set| format!(" --set {}", quoted(set)));
+    quoted(&name) + &sets.collect::<String>()
 }
 
 fn write_figures(folder: &Path, stem: &str, drawings: &[Drawing]) -> Result<(), Failure> {
-    drawings.iter().try_for_each(|drawing| write(&folder.join(format!("{stem}-{}.svg", drawing.name)), &drawing.file))
+    drawings
+        .iter()
+        .try_for_each(|drawing| write(&folder.join(format!("{stem}-{}.svg", drawing.name)), drawing.file.as_bytes()))
 }
 
-fn write(target: &Path, text: &str) -> Result<(), Failure> {
+fn write(target: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let failed = |error| Failure::write(target.display(), error);
     let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
-    draft.write_all(text.as_bytes()).map_err(failed)?;
+    draft.write_all(bytes).map_err(failed)?;
     draft.finish().map_err(failed)?;
     Ok(())
 }

@@ -1,107 +1,154 @@
-//! hapt's core in a browser: the functions that the page calls, and the one page that they work on.
+//! What JavaScript calls of hapt-page, and the one page that there is. Where no world is loaded nothing happens.
 //!
-//! JavaScript writes a world's bytes (hapt-wire) into [`room`], calls [`load`], then [`step`] once a sample, and reads the
-//! sample from [`row`]. All numbers are `f64`, so that the bits are those of every other machine.
+//! JavaScript asks for [`room`], writes a world's bytes and a setup's into it, and calls [`load`]. Then it calls [`run`] for the samples of
+//! each frame, and reads them from [`frame`].
 #![no_std]
 
+extern crate alloc;
+
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 use core::cell::UnsafeCell;
-use core::mem::MaybeUninit;
 
-use hapt_core::{Loop, State};
-use hapt_wire::Stored;
+use hapt_core::{Reason, Request};
+use hapt_page::{Page, Slot};
+use hapt_plant::Grip;
 
-const BODIES: usize = 32;
-const COUPLINGS: usize = 64;
-const COUNTS: usize = 257;
-const ROOM: usize = 8192;
-/// Measured position and velocity, torque, command; then position and velocity of each body.
-const ROW: usize = 4 + 2 * BODIES;
+#[global_allocator]
+static HEAP: dlmalloc::GlobalDlmalloc = dlmalloc::GlobalDlmalloc;
 
-type World = Loop<f64, BODIES, COUPLINGS, COUNTS>;
-
-struct Page {
-    room: [u8; ROOM],
-    row: [f64; ROW],
-    /// What runs, once a world has been loaded: a page of zeros until then, which takes no place in the file.
-    running: MaybeUninit<Running>,
-    is_loaded: bool,
-}
-
-struct Running {
-    world: World,
-    state: State<f64, BODIES, COUPLINGS, COUNTS>,
-}
-
-impl Page {
-    const EMPTY: Page = Page { room: [0; ROOM], row: [0.0; ROW], running: MaybeUninit::uninit(), is_loaded: false };
-
-    fn running(&mut self) -> Option<(&mut Running, &mut [f64; ROW])> {
-        // SAFETY: `is_loaded` is set after `running` is, and never taken back.
-        self.is_loaded.then(|| (unsafe { self.running.assume_init_mut() }, &mut self.row))
-    }
-}
-
-/// A page runs on one thread: its WebAssembly has no other.
-struct Alone(UnsafeCell<Page>);
-
-// SAFETY: see above; and no function below calls another that asks for the page.
-unsafe impl Sync for Alone {}
-
-static PAGE: Alone = Alone(UnsafeCell::new(Page::EMPTY));
-
-fn page() -> &'static mut Page {
-    // SAFETY: one thread, and no reference outlives the exported function that took it.
-    unsafe { &mut *PAGE.0.get() }
-}
-
-/// Where a world's bytes go: 8 KiB, more than the largest world takes.
-#[unsafe(no_mangle)]
-pub extern "C" fn room() -> *mut u8 {
-    page().room.as_mut_ptr()
-}
-
-/// Where the sample stands after [`step`].
-#[unsafe(no_mangle)]
-pub extern "C" fn row() -> *const f64 {
-    page().row.as_ptr()
-}
-
-/// Compiles the world whose bytes are the first `length` of the room, and starts it; the number of its bodies, or -1 where the
-/// bytes are no world, -2 where its numbers are not in range. A world that is refused leaves the one before running.
-#[unsafe(no_mangle)]
-pub extern "C" fn load(length: usize) -> i32 {
-    let page = page();
-    let Some(Ok(stored)) = page.room.get(..length).map(Stored::<BODIES, COUPLINGS>::read) else { return -1 };
-    let Ok(world) = World::new(&stored.spec()) else { return -2 };
-    page.running.write(Running { world, state: world.start() });
-    page.is_loaded = true;
-    world.bodies() as i32
-}
-
-/// Back to the state before sample 0.
-#[unsafe(no_mangle)]
-pub extern "C" fn reset() {
-    if let Some((running, _)) = page().running() {
-        running.state = running.world.start();
-    }
-}
-
-/// One sample at the puck's position in rad (linear: m) and velocity; the command, 0 where no world runs.
-#[unsafe(no_mangle)]
-pub extern "C" fn step(position: f64, velocity: f64) -> f64 {
-    let Some((Running { world, state }, row)) = page().running() else { return 0.0 };
-    let sample = world.step(state, position, velocity);
-    let (own, bodies) = row.split_at_mut(4);
-    own.copy_from_slice(&[sample.puck.position, sample.puck.velocity, sample.torque, sample.command]);
-    let state = state.now.position.iter().zip(&state.now.velocity).take(world.bodies());
-    for (place, (w, v)) in bodies.chunks_exact_mut(2).zip(state) {
-        place.copy_from_slice(&[*w, *v]);
-    }
-    sample.command
-}
-
-#[cfg(target_arch = "wasm32")]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo) -> ! {
     core::arch::wasm32::unreachable()
+}
+
+struct Alone {
+    room: Vec<u8>,
+    page: Option<Box<Page>>,
+}
+
+/// A page runs on one thread: its WebAssembly has no other.
+struct Thread(UnsafeCell<Alone>);
+
+// SAFETY: see above.
+unsafe impl Sync for Thread {}
+
+static ALONE: Thread = Thread(UnsafeCell::new(Alone { room: Vec::new(), page: None }));
+
+fn alone() -> &'static mut Alone {
+    // SAFETY: one thread; no exported function calls another, and no reference outlives the one that took it.
+    unsafe { &mut *ALONE.0.get() }
+}
+
+fn page() -> Option<&'static mut Page> {
+    alone().page.as_deref_mut()
+}
+
+/// Room for so many bytes.
+#[unsafe(no_mangle)]
+pub extern "C" fn room(length: usize) -> *mut u8 {
+    let room = &mut alone().room;
+    room.clear();
+    room.resize(length, 0);
+    room.as_mut_ptr()
+}
+
+/// Loads the world in the first `world` bytes of the room and the setup in the rest, in place of what ran: how many bodies it has, or -1
+/// where it is none.
+#[unsafe(no_mangle)]
+pub extern "C" fn load(world: usize) -> i32 {
+    let Alone { room, page } = alone();
+    let Some((world, setup)) = room.split_at_checked(world) else { return -1 };
+    *page = Page::new(world, setup);
+    page.as_ref().map_or(-1, |page| page.bodies() as i32)
+}
+
+/// Takes so many samples.
+#[unsafe(no_mangle)]
+pub extern "C" fn run(samples: u32) {
+    if let Some(page) = page() {
+        page.run(samples);
+    }
+}
+
+/// Where the frame stands: of each of [`columns`] the last value; then the least of each; then the greatest.
+#[unsafe(no_mangle)]
+pub extern "C" fn frame() -> *const f64 {
+    page().map_or(core::ptr::null(), |page| page.frame().as_ptr().cast())
+}
+
+/// How many columns a frame has room for; a world of fewer bodies leaves the last ones 0.
+#[unsafe(no_mangle)]
+pub extern "C" fn columns() -> usize {
+    hapt_page::COLUMNS
+}
+
+/// 1: arm, 2: disarm, 3: stop, 4: clear.
+#[unsafe(no_mangle)]
+pub extern "C" fn order(code: usize) {
+    let requests = [Request::Arm, Request::Disarm, Request::Stop, Request::Clear];
+    if let (Some(page), Some(&request)) = (page(), requests.get(code.wrapping_sub(1))) {
+        page.ask(request);
+    }
+}
+
+/// The supervisor's phase, counted from 0; in the second byte the code of its reason, in the third that of its warning, 0 for none.
+#[unsafe(no_mangle)]
+pub extern "C" fn phase() -> u32 {
+    let code = |reason: Option<Reason>| reason.map_or(0, |reason| u32::from(reason.code()));
+    page().map_or(0, |page| {
+        let (phase, reason, warning) = page.phase();
+        phase as u32 | code(reason) << 8 | code(warning) << 16
+    })
+}
+
+/// The output, counted from 0.
+#[unsafe(no_mangle)]
+pub extern "C" fn output() -> u32 {
+    page().map_or(0, |page| page.output() as u32)
+}
+
+/// The visitor's hand takes hold.
+#[unsafe(no_mangle)]
+pub extern "C" fn hold(inertia: f64, damping: f64, stiffness: f64) {
+    if let Some(page) = page() {
+        page.hold(Some(Grip { inertia, damping, stiffness }));
+    }
+}
+
+/// It means to be here, in rad (linear: m).
+#[unsafe(no_mangle)]
+pub extern "C" fn intend(position: f64) {
+    if let Some(page) = page() {
+        page.intend(position);
+    }
+}
+
+/// Whoever holds the puck lets go.
+#[unsafe(no_mangle)]
+pub extern "C" fn release() {
+    if let Some(page) = page() {
+        page.hold(None);
+    }
+}
+
+/// A scenario's hand takes hold: 1, or 0 where there is none.
+#[unsafe(no_mangle)]
+pub extern "C" fn begin(scenario: usize) -> u32 {
+    page().is_some_and(|page| page.begin(scenario)).into()
+}
+
+/// Whether anybody holds the puck.
+#[unsafe(no_mangle)]
+pub extern "C" fn held() -> u32 {
+    page().is_some_and(|page| page.is_held()).into()
+}
+
+/// Changes a number of the world ([`Slot`]): 1, or 0 where it is refused and nothing has changed.
+#[unsafe(no_mangle)]
+pub extern "C" fn set(slot: usize, index: usize, value: f64) -> u32 {
+    match (page(), Slot::ALL.get(slot)) {
+        (Some(page), Some(&slot)) => page.set(slot, index, value).into(),
+        _ => 0,
+    }
 }

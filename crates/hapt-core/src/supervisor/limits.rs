@@ -29,6 +29,7 @@ impl Guarding {
 
 /// The limits of a supervisor and what it must know of the device. An infinite limit is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Limits {
     /// How long a fade takes, in s.
     pub fade: f64,
@@ -82,6 +83,7 @@ pub struct Limits {
 
 /// A first-order thermal model: heat goes as the torque's square, and leaves with one time constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Heat {
     /// The torque that may be held for ever, in N·m (N).
     pub rms: f64,

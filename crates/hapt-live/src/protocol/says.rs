@@ -184,8 +184,8 @@ pub struct Verdict {
     pub notes: Vec<String>,
     /// What would make it certified, or its margins; `None`: not yet known.
     pub remedies: Option<Vec<RemedySays>>,
-    /// How long the certificate took.
-    pub ms: f64,
+    /// How long the certificate took; `None`: it was made before.
+    pub ms: Option<f64>,
 }
 
 /// One claim of the certificate.

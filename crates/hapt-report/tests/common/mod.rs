@@ -98,7 +98,16 @@ pub fn pages(sources: &[(String, Source)]) -> Vec<Made> {
                 run
             });
             let title = world.title.clone().unwrap_or_else(|| stem.clone());
-            Report { title, stem: stem.clone(), world, parameters, check, proposal: None, runs: runs.collect() }
+            Report {
+                title,
+                stem: stem.clone(),
+                world,
+                parameters,
+                check,
+                proposal: None,
+                runs: runs.collect(),
+                live: None,
+            }
         })
         .collect();
     let mut made: Vec<Made> = reports

@@ -11,11 +11,48 @@ fn a_report_is_a_page_and_its_figures() {
     assert!(ended.out.is_empty() && ended.messages()[0].starts_with("wrote pages/wheel.html"), "{ended:?}");
     let figures = ["eigenvalues", "free-eigenvalues", "free-periods", "periods", "step-energy", "step-motion", "world"];
     let mut wanted: Vec<String> = figures.iter().map(|name| format!("wheel-{name}.svg")).collect();
-    wanted.push("wheel.html".into());
+    wanted.extend(["live".into(), "wheel.html".into()]);
     wanted.sort();
     assert_eq!(names(&at.path().join("pages")), wanted);
     let page = fs::read_to_string(at.path().join("pages/wheel.html")).unwrap();
     assert!(page.contains("<title>wheel</title>") && page.contains("822.25 N mm") && page.contains("0.82225 N m"));
+}
+
+#[test]
+fn a_report_leads_to_a_page_on_which_the_world_runs_and_all_that_this_asks_for_is_there() {
+    let at = folder(&[("wheel.toml", WHEEL)]);
+    let args = ["report", "wheel.toml", "@notes/euler", "--set", "loop.period=2 ms", "--out", "pages"];
+    hapt(at.path(), args).done();
+    let live = at.path().join("pages/live");
+    let files: Vec<String> = names(&live);
+    assert_eq!(files, ["assets", "euler.html", "euler.js", "wheel.html", "wheel.js"]);
+    for stem in ["wheel", "euler"] {
+        let report = fs::read_to_string(at.path().join(format!("pages/{stem}.html"))).unwrap();
+        assert!(report.contains(&format!("href=\"live/{stem}.html\"")));
+        let page = fs::read_to_string(live.join(format!("{stem}.html"))).unwrap();
+        let asked: Vec<&str> = page.split('"').filter(|word| word.starts_with("./")).collect();
+        assert!(asked.len() >= 4 && asked.contains(&format!("./{stem}.js").as_str()), "{asked:?}");
+        for file in asked {
+            assert!(live.join(file).is_file(), "{file}");
+        }
+        // What a folder cannot serve.
+        assert!(!page.contains("type=\"module\"") && !page.contains("crossorigin"));
+    }
+    let data = fs::read_to_string(live.join("wheel.js")).unwrap();
+    assert!(data.contains("\"command\":\"wheel.toml --set 'loop.period=2 ms'\"") && data.contains("../wheel.html"));
+    // Twice the same: nothing in it is of this moment.
+    hapt(at.path(), ["report", "wheel.toml", "--set", "loop.period=2 ms", "--out", "again"]).done();
+    assert_eq!(fs::read_to_string(at.path().join("again/live/wheel.js")).unwrap(), data);
+}
+
+#[test]
+fn a_world_too_fast_for_a_page_has_a_report_and_a_word_why() {
+    let at = folder(&[("wheel.toml", WHEEL)]);
+    let fast = ["--set", "loop.period=20 us", "--set", "scenarios.step.duration=10 ms"];
+    let ended = hapt(at.path(), ["report", "wheel.toml", "--out", "pages"].iter().chain(&fast)).done();
+    assert!(ended.messages()[0].contains("50 us to 100 ms"), "{ended:?}");
+    let report = fs::read_to_string(at.path().join("pages/wheel.html")).unwrap();
+    assert!(!report.contains("href=\"live") && !at.path().join("pages/live").exists());
 }
 
 #[test]
@@ -56,6 +93,15 @@ fn a_report_with_anything_wrong_writes_nothing() {
         hapt(at.path(), args).refused(2, &[words]);
         assert_eq!(names(at.path()), ["bad.toml", "file", "wheel.toml"], "{args:?}");
     }
+}
+
+#[test]
+fn a_file_where_the_pages_folder_belongs_is_left_alone() {
+    let at = folder(&[("wheel.toml", WHEEL)]);
+    fs::create_dir(at.path().join("pages")).unwrap();
+    fs::write(at.path().join("pages/live"), "mine").unwrap();
+    hapt(at.path(), ["report", "wheel.toml", "--out", "pages"]).refused(2, &["pages/live is a file"]);
+    assert_eq!(names(&at.path().join("pages")), ["live"]);
 }
 
 #[test]

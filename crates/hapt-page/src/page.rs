@@ -1,0 +1,214 @@
+//! Everything that runs in a page, sample after sample.
+
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+
+use hapt_core::{
+    Error, Estimator, Limits, Loop, Output, Phase, Reading, Reason, Request, Spec, State, Supervisor, Watch,
+};
+use hapt_plant::{Grip, Script, VirtualDevice, spec, stored_energy};
+use hapt_wire::Stored;
+use serde::{Deserialize, Serialize};
+
+use crate::slot::{Slot, Written};
+
+/// Room for a world, as on the desktop.
+const BODIES: usize = 32;
+const COUPLINGS: usize = 64;
+const COUNTS: usize = 257;
+/// The frame's columns before the bodies': the puck's true position and velocity, the measured ones, torque, command, what the motor is
+/// asked for, and the energy that the world stores; SI.
+pub const OWN: usize = 8;
+/// The frame's columns; after [`OWN`] each body has its position and its velocity.
+pub const COLUMNS: usize = OWN + 2 * BODIES;
+
+type World = Loop<f64, BODIES, COUPLINGS, COUNTS>;
+type Stand = State<f64, BODIES, COUPLINGS, COUNTS>;
+
+/// What a page needs beside the world's bytes. As bytes: postcard.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Setup {
+    /// The device.
+    pub rig: spec::Rig,
+    /// What the supervisor holds the loop to.
+    pub limits: Limits,
+    /// The output of a method that may have any.
+    pub output: Output,
+    /// The scenarios' hands, each for so many s.
+    pub scenarios: Vec<(spec::Hand, f64)>,
+}
+
+/// A world that runs: the loop under its supervisor on the exact device, in whatever hand holds it.
+pub struct Page {
+    written: Written,
+    world: World,
+    supervisor: Supervisor<f64, BODIES, COUPLINGS>,
+    state: Stand,
+    watch: Watch<f64>,
+    device: VirtualDevice,
+    request: Option<Request>,
+    samples: u64,
+    frame: [[f64; COLUMNS]; 3],
+}
+
+impl Page {
+    /// From a world's bytes and a setup's, disarmed; `None` where they are none, or what they say cannot run.
+    pub fn new(world: &[u8], setup: &[u8]) -> Option<Box<Self>> {
+        let stored = Stored::<BODIES, COUPLINGS>::read(world).ok()?;
+        let written = Written::new(&stored.spec(), postcard::from_bytes(setup).ok()?);
+        let (world, supervisor) = compile(&written).ok()?;
+        Some(Box::new(Page {
+            state: world.start(),
+            watch: Watch::START,
+            device: VirtualDevice::new(&written.setup.rig),
+            request: None,
+            samples: 0,
+            frame: [[0.0; COLUMNS]; 3],
+            written,
+            world,
+            supervisor,
+        }))
+    }
+
+    /// How many bodies the world has.
+    pub fn bodies(&self) -> usize {
+        self.world.bodies()
+    }
+
+    /// The output as it is now: some methods have but one.
+    pub fn output(&self) -> Output {
+        self.written.spec().output
+    }
+
+    /// Where the supervisor stands, why, and what would have tripped on a real device.
+    pub fn phase(&self) -> (Phase, Option<Reason>, Option<Reason>) {
+        (self.watch.phase, self.watch.reason, self.watch.warning)
+    }
+
+    /// For each column the last value, the least and the greatest of the samples that [`Page::run`] has last taken.
+    pub fn frame(&self) -> &[[f64; COLUMNS]; 3] {
+        &self.frame
+    }
+
+    /// Something for the supervisor, at the next sample.
+    pub fn ask(&mut self, request: Request) {
+        self.request = Some(request);
+    }
+
+    /// The visitor's hand takes hold, or, with `None`, whoever holds lets go.
+    pub fn hold(&mut self, grip: Option<Grip>) {
+        self.device.hold(grip);
+    }
+
+    /// Where the visitor's hand means to be, in rad (linear: m).
+    pub fn intend(&mut self, position: f64) {
+        self.device.intend(position);
+    }
+
+    /// A scenario's hand takes hold; `false` where there is no such scenario.
+    pub fn begin(&mut self, scenario: usize) -> bool {
+        let Some((hand, duration)) = self.written.setup.scenarios.get(scenario) else { return false };
+        self.device.begin(&mut Script::new(hand, *duration, self.world.period()));
+        true
+    }
+
+    /// Whether anybody holds the puck.
+    pub fn is_held(&self) -> bool {
+        self.device.is_held()
+    }
+
+    /// Changes one number of the world, of its coupling or body `index`, between two samples: bodies go on where they are, and the torque
+    /// fades over. `false`, and nothing is changed, where there is no such number or the core refuses it.
+    pub fn set(&mut self, slot: Slot, index: usize, value: f64) -> bool {
+        let mut written = self.written.clone();
+        if !written.change(slot, index, value) {
+            return false;
+        }
+        let Ok((world, supervisor)) = compile(&written) else { return false };
+        let mut state = world.start();
+        // x_{k+1}, where the method knows it already: this is the sample after.
+        let steps = self.state.change.position.iter().zip(&self.state.change.velocity);
+        state.now = self.state.now;
+        for ((w, v), (dw, dv)) in state.now.position.iter_mut().zip(&mut state.now.velocity).zip(steps) {
+            *w += *dw;
+            *v += *dv;
+        }
+        state.bristles = self.state.bristles;
+        if let Some(shorter) = remembers(&self.written.spec(), &written.spec()) {
+            state.memory = self.state.memory;
+            if let Some(last) = &mut state.memory.last {
+                // Where the puck, at its velocity, was one new period ago.
+                last.position += shorter * last.velocity;
+            }
+        }
+        self.device.refit(&mut VirtualDevice::new(&written.setup.rig));
+        self.watch.swap();
+        (self.world, self.supervisor, self.state, self.written) = (world, supervisor, state, written);
+        true
+    }
+
+    /// Takes so many samples.
+    pub fn run(&mut self, samples: u32) {
+        for sample in 0..samples {
+            self.sample(sample == 0);
+        }
+    }
+
+    fn sample(&mut self, is_first: bool) {
+        if self.samples > 0 {
+            self.device.travel();
+        }
+        self.samples += 1;
+        let (position, velocity) = self.device.puck();
+        let announced = self.device.announced();
+        let reading = Reading { position, velocity, announced, late: 0.0, missed: 0, silent: 0.0 };
+        let request = self.request.take();
+        let guarded = self.supervisor.step(&mut self.watch, &self.world, &mut self.state, &reading, request);
+        self.device.command(guarded.output);
+
+        let Page { state, written, frame: [last, least, greatest], .. } = self;
+        let bodies = self.world.bodies();
+        let mut states = [(0.0, 0.0); BODIES];
+        for (place, (w, v)) in states.iter_mut().zip(state.now.position.iter().zip(&state.now.velocity)) {
+            *place = (*w, *v);
+        }
+        let states = states.get(..bodies).unwrap_or(&[]);
+        let spec = written.spec();
+        let seen = guarded.sample;
+        let own: [f64; OWN] = [
+            position,
+            velocity,
+            seen.puck.position,
+            seen.puck.velocity,
+            seen.torque,
+            seen.command,
+            guarded.output,
+            stored_energy(spec.bodies, spec.couplings, position, states, &state.bristles),
+        ];
+        let values = own.into_iter().chain(states.iter().flat_map(|&(w, v)| [w, v]));
+        for (((value, last), least), greatest) in values.zip(last).zip(least).zip(greatest) {
+            *last = value;
+            // What is no number stays: it is worth being seen.
+            if is_first || value < *least || value.is_nan() {
+                *least = value;
+            }
+            if is_first || value > *greatest || value.is_nan() {
+                *greatest = value;
+            }
+        }
+    }
+}
+
+fn compile(written: &Written) -> Result<(World, Supervisor<f64, BODIES, COUPLINGS>), Error> {
+    let spec = written.spec();
+    Ok((World::new(&spec)?, Supervisor::new(&written.setup.limits, &spec)?))
+}
+
+/// Whether the sensor goes on with what it remembers, and by how much the periods are shorter then, in s.
+fn remembers(before: &Spec<'_>, now: &Spec<'_>) -> Option<f64> {
+    let shorter = before.period - now.period;
+    // A method that takes the new sample first would take the last one twice; counts of another period are no counts of this one.
+    let is_same = before.method.takes_new_sample_first() == now.method.takes_new_sample_first();
+    let counts = matches!(now.estimator, Estimator::Foaw { .. } | Estimator::FoawBest { .. });
+    (is_same && (shorter == 0.0 || !counts)).then_some(shorter)
+}
