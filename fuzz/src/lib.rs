@@ -14,6 +14,7 @@ mod path;
 mod quantity;
 mod seeds;
 mod set;
+mod wire;
 mod world;
 
 pub use dictionary::words;
@@ -33,7 +34,7 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 7] = [
+pub const TARGETS: [Target; 8] = [
     Target { name: "world", run: world::run, seeds: seeds::worlds, longest: 1 << 16 },
     Target { name: "set", run: set::run, seeds: seeds::sets, longest: 1 << 12 },
     Target { name: "quantity", run: quantity::run, seeds: seeds::quantities, longest: 1 << 10 },
@@ -41,6 +42,7 @@ pub const TARGETS: [Target; 7] = [
     Target { name: "core", run: core::run, seeds: seeds::cores, longest: 1 << 11 },
     Target { name: "log", run: log::run, seeds: seeds::logs, longest: 1 << 14 },
     Target { name: "live", run: live::run, seeds: seeds::messages, longest: 1 << 12 },
+    Target { name: "wire", run: wire::run, seeds: wire::seeds, longest: 1 << 11 },
 ];
 
 /// The target of this name.

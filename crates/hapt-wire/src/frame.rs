@@ -30,11 +30,16 @@ pub struct Reader<const N: usize> {
 
 impl<const N: usize> Default for Reader<N> {
     fn default() -> Self {
-        Reader { bytes: [0; N], length: 0, refused: 0 }
+        Reader::new()
     }
 }
 
 impl<const N: usize> Reader<N> {
+    /// At the beginning of a frame.
+    pub const fn new() -> Self {
+        Reader { bytes: [0; N], length: 0, refused: 0 }
+    }
+
     /// Takes a byte; a frame's last gives its message.
     pub fn push<'a, T: Deserialize<'a>>(&'a mut self, byte: u8) -> Option<T> {
         if byte != 0 {

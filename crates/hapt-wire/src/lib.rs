@@ -2,7 +2,8 @@
 //!
 //! [`write()`] makes the bytes of a [`Spec`], [`Stored::read`] checks them and holds the world in fixed room. The form is postcard's, behind a
 //! version and before a checksum; what is cut, flipped or of another version is refused, and never half read. [`frame()`] and [`Reader`]
-//! carry any message over a line that loses and flips bytes.
+//! carry any message over a line that loses and flips bytes; [`Command`] and [`Says`] are the messages between a host and a board
+//! (docs/wire.md), [`pack`] the world and its limits as a board takes them.
 //!
 //! ```
 //! use hapt_core::{Body, Coupling, End, Estimator, Law, Loop, Method, Output, Spec};
@@ -35,6 +36,8 @@
 #![forbid(unsafe_code)]
 
 mod frame;
+mod load;
+mod message;
 mod world;
 
 use crc::{CRC_16_IBM_3740, Crc};
@@ -43,6 +46,10 @@ use crc::{CRC_16_IBM_3740, Crc};
 const SUM: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 
 pub use frame::{Reader, frame};
+pub use load::{LARGEST, hash, pack, unpack};
+pub use message::{
+    BODIES, Command, Hello, LONGEST, Order, PIECE, PROTOCOL, Parameter, ROOM, Says, States, Telemetry, Why,
+};
 
 #[doc(inline)]
 pub use hapt_core::Spec;

@@ -112,7 +112,7 @@ pub fn write<'a>(spec: &Spec, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
     room.get(..at + SUM_BYTES).ok_or(Error::NoRoom)
 }
 
-fn put<T: Serialize>(room: &mut [u8], at: &mut usize, value: &T) -> Result<(), Error> {
+pub(crate) fn put<T: Serialize>(room: &mut [u8], at: &mut usize, value: &T) -> Result<(), Error> {
     let written = postcard::to_slice(value, room.get_mut(*at..).ok_or(Error::NoRoom)?).map_err(|_| Error::NoRoom)?;
     *at += written.len();
     Ok(())
@@ -172,7 +172,7 @@ impl<const B: usize, const C: usize> Stored<B, C> {
     }
 }
 
-fn take<T: for<'a> Deserialize<'a>>(rest: &mut &[u8]) -> Result<T, Error> {
+pub(crate) fn take<T: for<'a> Deserialize<'a>>(rest: &mut &[u8]) -> Result<T, Error> {
     let (value, after) = postcard::take_from_bytes(rest).map_err(|_| Error::NotAWorld)?;
     *rest = after;
     Ok(value)

@@ -115,8 +115,15 @@ Examples:
   hapt run wheel.toml --duration 1s                  on the simulated device
   hapt run wheel.toml --scenario step                with a hand that plays it
   hapt sim wheel.toml --out runs && \\
-      hapt run wheel.toml --device replay:runs/step.csv")]
+      hapt run wheel.toml --device replay:runs/step.csv
+  hapt run wheel.toml --device hapt:/dev/ttyACM0     the loop on a board")]
     Run(RunArgs),
+    /// A world onto a board that runs hapt's firmware: checked, sent, verified.
+    #[command(after_help = "\
+Examples:
+  hapt flash wheel.toml --device hapt:/dev/ttyACM0
+  hapt run wheel.toml --device hapt:/dev/ttyACM0     then it turns")]
+    Flash(FlashArgs),
     /// How well this machine keeps a loop's time, and what would help.
     #[command(after_help = "\
 Examples:
@@ -385,7 +392,7 @@ pub struct BoundaryArgs {
 pub struct RunArgs {
     #[command(flatten)]
     pub world: WorldArgs,
-    /// The device: sim, or replay:FILE with the CSV of a run or a log.
+    /// The device: sim, replay:FILE with the CSV of a run or a log, or hapt:PATH with the serial port of a board that runs the loop.
     #[arg(long, value_name = "SPEC", default_value = "sim")]
     pub device: String,
     /// The scenario that the simulated device's hand plays once the torque is all there.
@@ -402,6 +409,18 @@ pub struct RunArgs {
     pub uncertified: bool,
     #[command(flatten)]
     pub realtime: RealtimeArgs,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct FlashArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// The board: hapt:PATH with its serial port.
+    #[arg(long, value_name = "SPEC")]
+    pub device: String,
+    /// Send a world that is not certified.
+    #[arg(long)]
+    pub uncertified: bool,
 }
 
 #[derive(Debug, clap::Args)]

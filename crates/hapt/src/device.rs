@@ -18,10 +18,12 @@ pub enum Spec {
     Sim,
     /// The positions of a run, one a period.
     Replay(PathBuf),
+    /// A board with hapt's firmware at a serial port, which runs the loop itself.
+    Board(PathBuf),
 }
 
 /// Words that will mean a drive.
-const LATER: [&str; 3] = ["hapt", "moteus", "odrive"];
+const LATER: [&str; 2] = ["moteus", "odrive"];
 
 impl FromStr for Spec {
     type Err = String;
@@ -30,10 +32,12 @@ impl FromStr for Spec {
         match text.split_once(':') {
             None if text == "sim" => Ok(Spec::Sim),
             Some(("replay", file)) if !file.is_empty() => Ok(Spec::Replay(file.into())),
-            Some((word, _)) if LATER.contains(&word) => {
-                Err(format!("drives ({word}:...) come with a later version; today there are sim and replay:FILE"))
-            }
-            _ => Err("a device is sim, or replay:FILE with a run's CSV or a log".into()),
+            Some(("hapt", path)) if !path.is_empty() => Ok(Spec::Board(path.into())),
+            Some((word, _)) if LATER.contains(&word) => Err(format!(
+                "drives ({word}:...) come with a later version; today there are sim, replay:FILE and hapt:PATH"
+            )),
+            _ => Err("a device is sim, replay:FILE with a run's CSV or a log, or hapt:PATH with a board's serial port"
+                .into()),
         }
     }
 }
@@ -48,6 +52,7 @@ impl Spec {
     pub fn has_a_motor(&self) -> bool {
         match self {
             Spec::Sim | Spec::Replay(_) => false,
+            Spec::Board(_) => true,
         }
     }
 
@@ -59,6 +64,10 @@ impl Spec {
                 Ok((Box::new(device), Some(hands)))
             }
             Spec::Replay(file) => Ok((Box::new(Replay::new(positions(file, world.motion)?)), None)),
+            // Its loop is not on this computer: hapt run takes another way.
+            Spec::Board(path) => {
+                Err(Failure::input(format!("hapt:{}: no loop of this computer's drives a board", path.display())))
+            }
         }
     }
 }

@@ -1,6 +1,8 @@
 //! The command line: wires between the crates, and nothing else.
 
 mod args;
+mod board;
+mod board_run;
 mod boundary;
 mod boundary_plot;
 mod builtin;
@@ -10,6 +12,7 @@ mod design;
 mod device;
 mod explain;
 mod failure;
+mod flash;
 mod host;
 mod impedance;
 mod init;
@@ -61,6 +64,7 @@ fn main() -> ExitCode {
         Some(Command::Boundary(args)) => boundary::run(args),
         Some(Command::Worst(args)) => worst::run(args),
         Some(Command::Run(args)) => run::run(args),
+        Some(Command::Flash(args)) => flash::run(args),
         Some(Command::Latency(args)) => latency::run(args),
         Some(Command::Live(args)) => live::run(args),
         Some(Command::Init(args)) => init::run(args),

@@ -10,6 +10,7 @@ use hapt_rt::{End, Engine, Failure as DeviceFailure, Hands, Order, Record, Timin
 use hapt_sim::script;
 
 use crate::args::RunArgs;
+use crate::board_run;
 use crate::device::Spec;
 use crate::failure::Failure;
 use crate::host::Stolen;
@@ -33,6 +34,9 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         Some(text) => time("--duration", text)?,
         None => scenario.map_or(f64::INFINITY, |scenario| scenario.duration),
     };
+    if let Spec::Board(path) = &spec {
+        return board_run::run(args, loaded, path, duration);
+    }
     let guarding = guarding(args.uncertified, &spec, world)?;
     let settings = settings(&args.realtime, world)?;
     let plan = plan(world, guarding)?;
@@ -75,7 +79,7 @@ fn recorder(args: &RunArgs, loaded: &Loaded, guarding: Guarding) -> Result<Optio
 }
 
 /// Its last second, and what has become of it.
-fn finish(recorder: Recorder) -> Result<String, Failure> {
+pub fn finish(recorder: Recorder) -> Result<String, Failure> {
     let Summary { path, written, lost } =
         recorder.finish().map_err(|error| Failure::System(format!("the log has ended early: {error}")))?;
     let lost = if lost > 0 { format!(", {} lost", people::count(lost)) } else { String::new() };
@@ -84,9 +88,11 @@ fn finish(recorder: Recorder) -> Result<String, Failure> {
 
 /// On a motor only what is certified runs, unless somebody says otherwise.
 pub fn guarding(uncertified: bool, spec: &Spec, world: &World) -> Result<Guarding, Failure> {
-    if !spec.has_a_motor() {
-        return Ok(Guarding::Simulated);
-    }
+    if spec.has_a_motor() { judged(world, uncertified) } else { Ok(Guarding::Simulated) }
+}
+
+/// How the supervisor is to guard a motor from a world.
+pub fn judged(world: &World, uncertified: bool) -> Result<Guarding, Failure> {
     let check = hapt_analysis::check(world)?;
     if check.certified {
         return Ok(Guarding::Certified);
@@ -203,6 +209,7 @@ impl Run<'_> {
         let on = match spec {
             Spec::Sim => "the simulated device".to_string(),
             Spec::Replay(file) => format!("the positions of {}", file.display()),
+            Spec::Board(path) => path.display().to_string(),
         };
         let Seen { timing, running, peak, .. } = &self.seen;
         let ran = match running {

@@ -403,6 +403,10 @@ fn realtime(t: &mut Table) {
     for (name, args) in [
         ("a device that is none", &["--device", "wheel"][..]),
         ("a drive of a later version", &["--device", "moteus:/dev/ttyACM0"]),
+        ("a board at no port", &["--device", "hapt:"]),
+        ("a world that no board should have", &["--device", "hapt:/dev/ttyACM0"]),
+        ("a board at a port that is not there", &["--device", "hapt:/dev/no-such-port", "--uncertified"]),
+        ("a board that is a file", &["--device", "hapt:w.toml", "--uncertified"]),
         ("a replay of nothing", &["--device", "replay:"]),
         ("a replay of a file that is not there", &["--device", "replay:runs/step.csv"]),
         ("a replay of what is no run", &["--device", "replay:w.toml"]),
@@ -417,6 +421,11 @@ fn realtime(t: &mut Table) {
     ] {
         t.typed(name, &[&["run", "w.toml"], args].concat());
     }
+    t.typed(
+        "a board without a limit",
+        &["flash", "w.toml", "--device", "hapt:/dev/ttyACM0", "--set", "device={inertia=1}"],
+    );
+    t.typed("a simulation that is to be flashed", &["flash", "w.toml", "--device", "sim"]);
     t.typed("the latency of a world that is not there", &["latency", "wheel.toml"]);
     t.typed("a latency measured for no time", &["latency", "--duration", "0"]);
 }

@@ -1,5 +1,7 @@
 //! The command line as its users meet it: what is typed, what comes out, and how it ends.
 
+#[cfg(unix)]
+mod board;
 mod boundary;
 mod commands;
 mod common;

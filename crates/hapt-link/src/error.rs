@@ -1,0 +1,64 @@
+//! What can go wrong with a board.
+
+use std::io;
+use std::path::PathBuf;
+
+use hapt_wire::{PROTOCOL, Why};
+
+/// What can go wrong with a board.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The port cannot be opened.
+    #[error("cannot open {}: {source}", path.display())]
+    Open {
+        /// The port.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The port was there, and is no more.
+    #[error("the board at {} is gone: {source}", path.display())]
+    Gone {
+        /// The port.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// Nothing answers a hello.
+    #[error(
+        "nothing at {} answers in hapt's protocol: is it the board's port, and does the board run hapt's firmware?",
+        path.display()
+    )]
+    Nobody {
+        /// The port.
+        path: PathBuf,
+    },
+    /// Something answered before, and nothing answers now.
+    #[error("the board at {} has stopped answering; its own watchdog takes the torque away", path.display())]
+    Silent {
+        /// The port.
+        path: PathBuf,
+    },
+    /// The board speaks another version.
+    #[error(
+        "the board at {} speaks version {board} of the protocol, this hapt version {PROTOCOL}: its firmware and hapt do not fit together",
+        path.display()
+    )]
+    Protocol {
+        /// The port.
+        path: PathBuf,
+        /// The board's version.
+        board: u16,
+    },
+    /// The board refuses.
+    #[error("the board will not {what}: {}", why.sentence())]
+    Refused {
+        /// What was asked of it, such as "arm".
+        what: &'static str,
+        /// Why not.
+        why: Why,
+    },
+    /// The world came, and another one is there.
+    #[error("the board has taken the world, and says that it runs another one")]
+    NotVerified,
+}

@@ -1,0 +1,226 @@
+//! A host and a board at the two ends of a pseudoterminal.
+#![cfg(unix)]
+
+use std::time::{Duration, Instant};
+
+use hapt_core::{Guarding, Phase};
+use hapt_link::simulate::Simulated;
+use hapt_link::{Error, Link, Parameter, Telemetry, Why, pty};
+use hapt_model::{Rig, Source, World};
+use hapt_station::Board;
+use hapt_wire::{Hello, Order, Says, frame, hash, pack};
+
+const BOARD: Board = Board { name: "table", firmware: "1.2.3", fed: false, periods: [5e-5, 1e-2] };
+
+/// A constant torque against a damped puck: something is on whenever it is armed.
+const PUSH: &str = r#"
+[loop]
+period = "1 ms"
+estimator = "difference"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "1.2e-2 N m s/rad"
+limit = "822.25 N mm"
+[safety]
+pulse = 0
+link = "2 s"
+stuck = 0
+energy = 1e9
+[[couplings]]
+kind = "constant"
+between = ["puck", "ground"]
+torque = "50 N mm"
+"#;
+
+fn world() -> World {
+    World::read(&Source::from_text("w.toml", PUSH), &[]).unwrap()
+}
+
+fn packed() -> Vec<u8> {
+    let world = world();
+    pack(&world.spec(), &world.limits(Guarding::Certified), &mut [0; 1024]).unwrap().to_vec()
+}
+
+fn rig() -> Rig {
+    world().rig()
+}
+
+/// However slow the machine is.
+fn patiently(mut what: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !what() {
+        assert!(start.elapsed() < Duration::from_secs(60), "waited too long");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Telemetry until one of it is as wanted, the link kept all the while.
+fn until(link: &mut Link, mut wanted: impl FnMut(&Telemetry) -> bool) -> Telemetry {
+    let start = Instant::now();
+    loop {
+        assert!(start.elapsed() < Duration::from_secs(60), "waited too long");
+        link.keep().unwrap();
+        if let Some(telemetry) = link.telemetry(Instant::now() + Duration::from_millis(20)).unwrap()
+            && wanted(&telemetry)
+        {
+            return telemetry;
+        }
+    }
+}
+
+/// Armed, and at full torque.
+fn running(board: &Simulated) -> Link {
+    let mut link = Link::open(board.path()).unwrap();
+    let world = link.load(&packed()).unwrap();
+    link.set(Parameter::Divider, 10).unwrap();
+    link.arm(world).unwrap();
+    until(&mut link, |telemetry| telemetry.phase == Phase::Running as u8);
+    assert!(board.torque() > 0.049);
+    link
+}
+
+#[test]
+fn a_world_is_sent_armed_kept_and_disarmed() {
+    let board = Simulated::start(BOARD, rig()).unwrap();
+    let mut link = running(&board);
+    assert_eq!((link.board().name.as_str(), link.board().firmware.as_str()), ("table", "1.2.3"));
+    assert_eq!((link.board().core, link.board().world), (hapt_core::SOURCE, Some(hash(&packed()))));
+    assert_eq!(link.board().room, [4, 8, 16]);
+    // Its puck turns, and telemetry follows it.
+    let first = until(&mut link, |telemetry| telemetry.velocity > 0.1);
+    let later = until(&mut link, |telemetry| telemetry.position > first.position + 0.01);
+    assert!(later.sample > first.sample && later.output == 0.05);
+    assert_eq!(link.get(Parameter::Missed).unwrap(), 0);
+    assert!(matches!(link.load(&[1, 2, 3]), Err(Error::Refused { why: Why::Armed, .. })));
+    link.disarm().unwrap();
+    until(&mut link, |telemetry| telemetry.phase == Phase::Disarmed as u8);
+    assert_eq!(board.torque(), 0.0);
+    // It was left in order: nothing has to be cleared.
+    drop(link);
+    assert_eq!(Link::open(board.path()).unwrap().board().phase, Some(Phase::Disarmed));
+}
+
+#[test]
+fn a_link_that_is_dropped_with_a_torque_on_takes_it_off() {
+    let board = Simulated::start(BOARD, rig()).unwrap();
+    drop(running(&board));
+    patiently(|| board.torque() == 0.0);
+    let link = Link::open(board.path()).unwrap();
+    assert_eq!((link.board().phase, link.board().reason), (Some(Phase::Faulted), Some(hapt_core::Reason::Stop)));
+
+    // A panic is a way out, too.
+    let board = Simulated::start(BOARD, rig()).unwrap();
+    let link = running(&board);
+    let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(move || {
+        let _link = link;
+        panic!("as a test wants it");
+    }));
+    assert!(panicked.is_err());
+    patiently(|| board.torque() == 0.0);
+}
+
+#[test]
+fn a_plug_that_is_pulled_is_an_error_here_and_no_torque_there() {
+    let board = Simulated::start(BOARD, rig()).unwrap();
+    let mut link = running(&board);
+    board.unplug();
+    let start = Instant::now();
+    let error = loop {
+        assert!(start.elapsed() < Duration::from_secs(60));
+        let told = link.keep().and_then(|()| link.telemetry(Instant::now() + Duration::from_millis(20)));
+        if let Err(error) = told {
+            break error;
+        }
+    };
+    assert!(matches!(error, Error::Gone { .. }), "{error}");
+    patiently(|| board.torque() == 0.0);
+}
+
+#[test]
+fn a_host_that_hangs_loses_the_torque() {
+    let board = Simulated::start(BOARD, rig()).unwrap();
+    let mut link = running(&board);
+    patiently(|| board.torque() == 0.0);
+    link.greet().unwrap();
+    // Whatever else it says, it is armed by nobody.
+    assert_eq!(link.board().phase, Some(Phase::Disarmed));
+    assert_eq!(link.board().reason, Some(hapt_core::Reason::Link));
+}
+
+#[test]
+fn a_line_that_flips_bytes_carries_a_world_whole_or_says_that_it_cannot() {
+    let board = Simulated::start(BOARD, rig()).unwrap();
+    board.disturb(401);
+    let mut link = Link::open(board.path()).unwrap();
+    match link.load(&packed()) {
+        Ok(world) => assert_eq!(world, hash(&packed())),
+        Err(error) => {
+            assert!(matches!(error, Error::Refused { .. } | Error::Silent { .. } | Error::NotVerified), "{error}")
+        }
+    }
+    assert_eq!(board.most(), 0.0);
+    board.disturb(0);
+    let world = link.load(&packed()).unwrap();
+    link.arm(world).unwrap();
+    patiently(|| board.torque() > 0.0);
+}
+
+#[test]
+fn a_fed_board_is_run_in_lockstep() {
+    let fed = Board { fed: true, ..BOARD };
+    let board = Simulated::start(fed, rig()).unwrap();
+    let mut link = Link::open(board.path()).unwrap();
+    let world = link.load(&packed()).unwrap();
+    for sample in 0..150 {
+        if sample == 1 {
+            link.tell(Order::Arm { world }).unwrap();
+        }
+        let order = Order::Feed { sample, position: 0.0, velocity: 0.0, late: 0.0, announced: false };
+        let telemetry = link.feed(order).unwrap().unwrap();
+        assert_eq!(telemetry.sample, sample);
+        // A fade of 100 samples.
+        let part = (sample as f32 / 100.0).min(1.0);
+        assert!((telemetry.output - 0.05 * part).abs() < 1e-6, "{telemetry:?}");
+    }
+    let again = Order::Feed { sample: 3, position: 0.0, velocity: 0.0, late: 0.0, announced: false };
+    assert!(matches!(link.feed(again), Err(Error::Refused { .. })));
+}
+
+#[test]
+fn a_port_where_nobody_answers_or_where_somebody_else_does_is_named() {
+    let (mut ours, path) = pty().unwrap();
+    let error = Link::open(&path).unwrap_err();
+    assert!(matches!(error, Error::Nobody { .. }), "{error}");
+    assert!(error.to_string().contains("hapt's firmware"));
+
+    // A board of another version.
+    let answer = std::thread::spawn(move || {
+        let mut some = [0; 64];
+        while ours.read(&mut some, Instant::now() + Duration::from_secs(60)).unwrap() == 0 {}
+        let hello = Hello {
+            protocol: 7,
+            firmware: "9",
+            board: "other",
+            core: 0,
+            world: None,
+            bodies: 4,
+            couplings: 8,
+            window: 16,
+            fed: false,
+            sequence: 0,
+            sample: 0,
+            period: 1,
+            phase: 0,
+            reason: 0,
+        };
+        let mut room = [0; 256];
+        let frame = frame(&Says::Hello(hello), &mut room).unwrap();
+        ours.write(frame, Instant::now() + Duration::from_secs(60)).unwrap();
+        ours
+    });
+    let error = Link::open(&path).unwrap_err();
+    assert!(matches!(error, Error::Protocol { board: 7, .. }), "{error}");
+    assert!(error.to_string().contains("version 7"));
+    drop(answer.join().unwrap());
+    assert!(matches!(Link::open("/dev/no-such-port".as_ref()), Err(Error::Open { .. })));
+}

@@ -1,0 +1,140 @@
+//! Where the two halves meet.
+
+use hapt_core::Request;
+use hapt_wire::{Telemetry, Why};
+
+use crate::Slot;
+
+/// T before there is a world, in s.
+pub(crate) const FIRST_PERIOD: f32 = 1e-3;
+
+/// Orders and verdicts on their way.
+pub(crate) const WAITING: usize = 8;
+
+/// A short queue.
+#[derive(Debug)]
+pub(crate) struct Queue<T> {
+    /// The oldest first, no hole between them.
+    items: [Option<T>; WAITING],
+}
+
+impl<T> Queue<T> {
+    pub const fn new() -> Self {
+        Queue { items: [const { None }; WAITING] }
+    }
+
+    /// Puts one at the end; it comes back where there is no room.
+    pub fn push(&mut self, item: T) -> Result<(), T> {
+        match self.items.iter_mut().find(|place| place.is_none()) {
+            Some(place) => {
+                *place = Some(item);
+                Ok(())
+            }
+            None => Err(item),
+        }
+    }
+
+    /// The oldest.
+    pub fn pop(&mut self) -> Option<T> {
+        let item = self.items.first_mut()?.take();
+        self.items.rotate_left(1);
+        item
+    }
+
+    pub fn is_full(&self) -> bool {
+        self.items.iter().all(Option::is_some)
+    }
+}
+
+/// An order to the sampler.
+#[derive(Debug)]
+pub(crate) struct Errand<'w> {
+    pub sequence: u32,
+    pub not_after: u64,
+    pub what: What<'w>,
+}
+
+#[derive(Debug)]
+pub(crate) enum What<'w> {
+    Alive,
+    /// To the supervisor; to arm, the hash of the world that is meant.
+    Ask(Request, Option<u32>),
+    Swap(&'w mut Slot),
+    Divide(u16),
+    CountUseFrom(u32),
+}
+
+/// What has become of a command.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Verdict {
+    pub sequence: u32,
+    pub said: Said,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Said {
+    Done,
+    Refused(Why),
+    Value(u8, u32),
+}
+
+/// How far the sampler is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Progress {
+    /// The number of the next sample.
+    pub next: u64,
+    /// In s.
+    pub period: f32,
+    pub phase: u8,
+    pub reason: u8,
+    pub world: Option<u32>,
+    pub divider: u16,
+    pub missed: u32,
+    pub most_used: u32,
+}
+
+impl Progress {
+    pub const START: Progress = Progress {
+        next: 0,
+        period: FIRST_PERIOD,
+        phase: 0,
+        reason: 0,
+        world: None,
+        divider: 0,
+        missed: 0,
+        most_used: 0,
+    };
+}
+
+/// What passes between the halves. Whoever holds it works with it for microseconds at most.
+#[derive(Debug)]
+pub struct Mail<'w> {
+    pub(crate) orders: Queue<Errand<'w>>,
+    /// The sequence of a stop, which waits for no order.
+    pub(crate) stop: Option<u32>,
+    pub(crate) verdicts: Queue<Verdict>,
+    /// The world that runs no more, or was not taken.
+    pub(crate) back: Option<&'w mut Slot>,
+    pub(crate) telemetry: Option<Telemetry>,
+    pub(crate) progress: Progress,
+}
+
+impl Mail<'_> {
+    /// Empty.
+    pub const fn new() -> Self {
+        Mail {
+            orders: Queue::new(),
+            stop: None,
+            verdicts: Queue::new(),
+            back: None,
+            telemetry: None,
+            progress: Progress::START,
+        }
+    }
+}
+
+impl Default for Mail<'_> {
+    fn default() -> Self {
+        Mail::new()
+    }
+}

@@ -1,0 +1,195 @@
+//! A board on the table, and a host that speaks to it.
+#![allow(dead_code)] // Each test takes what it wants of it.
+
+use hapt_core::{Guarding, Phase};
+use hapt_model::{Source, World};
+use hapt_station::{Board, LONGEST, Motor, Seen, Slot, Station};
+use hapt_wire::{Command, Order, PIECE, PROTOCOL, Reader, Says, Telemetry, Why, frame, hash, pack};
+
+/// With an encoder.
+pub const BOARD: Board = Board { name: "table", firmware: "1.2.3", fed: false, periods: [5e-5, 1e-2] };
+/// Without one.
+pub const FED: Board = Board { fed: true, ..BOARD };
+
+pub const WHEEL: &str = r#"
+[loop]
+period = "1 ms"
+estimator = "difference"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "1.2e-3 N m s/rad"
+friction = "5 N mm"
+limit = "822.25 N mm"
+encoder = 4000
+[safety]
+pulse = 0
+[bodies.wheel]
+inertia = "0.0258 kg m^2"
+[[couplings]]
+kind = "spring"
+between = ["puck", "wheel"]
+stiffness = "1.02 N m/rad"
+"#;
+
+pub fn world(text: &str, sets: &[&str]) -> World {
+    let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+    World::read(&Source::from_text("w.toml", text), &sets).unwrap()
+}
+
+pub fn packed(world: &World) -> Vec<u8> {
+    pack(&world.spec(), &world.limits(Guarding::Certified), &mut [0; 4096]).unwrap().to_vec()
+}
+
+/// What a board has said.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Heard {
+    Hello { world: Option<u32>, sequence: u32, sample: u64, phase: Phase },
+    Done(u32),
+    Refused(u32, Why),
+    Value(u32, u8, u32),
+    Telemetry(Telemetry),
+}
+
+/// A host, on a line that loses nothing unless a test makes it.
+pub struct Table<'w> {
+    pub station: Station<'w>,
+    pub sequence: u32,
+    reader: Reader<512>,
+    /// The puck.
+    pub seen: Seen,
+    /// All that the board has said and nobody has taken.
+    pub heard: Vec<Heard>,
+    /// Of the last sample.
+    pub motor: Motor,
+}
+
+impl<'w> Table<'w> {
+    pub fn new(board: Board, slots: &'w mut [Slot; 2]) -> Self {
+        let [one, other] = slots;
+        let mut table = Table {
+            station: Station::new(board, one, other),
+            sequence: 0,
+            reader: Reader::new(),
+            seen: Seen::default(),
+            heard: Vec::new(),
+            motor: Motor::default(),
+        };
+        table.send(Order::Hello { protocol: PROTOCOL });
+        assert!(matches!(table.heard.pop(), Some(Heard::Hello { .. })));
+        table
+    }
+
+    /// The frame of an order that counts for the next 100 samples.
+    pub fn framed(&mut self, order: Order) -> Vec<u8> {
+        self.sequence += 1;
+        self.framed_as(self.sequence, self.station.next() + 100, order)
+    }
+
+    pub fn framed_as(&self, sequence: u32, not_after: u64, order: Order) -> Vec<u8> {
+        frame(&Command { sequence, not_after, order }, &mut [0; LONGEST]).unwrap().to_vec()
+    }
+
+    pub fn send(&mut self, order: Order) {
+        let bytes = self.framed(order);
+        self.put(&bytes);
+    }
+
+    /// Bytes on the line, whatever they are.
+    pub fn put(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            if let Some(motor) = self.station.push(*byte) {
+                self.motor = motor;
+            }
+            self.listen();
+        }
+    }
+
+    /// A sample.
+    pub fn sample(&mut self) -> Motor {
+        let seen = self.seen;
+        self.motor = self.station.sample(&seen);
+        self.listen();
+        self.motor
+    }
+
+    fn listen(&mut self) {
+        let mut room = [0; LONGEST];
+        while let Some(bytes) = self.station.answer(&mut room) {
+            for byte in bytes {
+                self.heard.extend(self.reader.push::<Says>(*byte).map(|says| match says {
+                    Says::Hello(hello) => {
+                        assert_eq!((hello.board, hello.firmware), (BOARD.name, BOARD.firmware));
+                        let phase = Phase::ALL[usize::from(hello.phase)];
+                        let (world, sequence, sample) = (hello.world, hello.sequence, hello.sample);
+                        Heard::Hello { world, sequence, sample, phase }
+                    }
+                    Says::Done { sequence } => Heard::Done(sequence),
+                    Says::Refused { sequence, why } => Heard::Refused(sequence, why),
+                    Says::Value { sequence, parameter, value } => Heard::Value(sequence, parameter, value),
+                    Says::Telemetry(telemetry) => Heard::Telemetry(telemetry),
+                }));
+            }
+        }
+    }
+
+    /// What has become of an order; where it is the supervisor's, a sample is taken for it.
+    #[track_caller]
+    pub fn ask(&mut self, order: Order) -> Result<(), Why> {
+        self.heard.clear();
+        self.send(order);
+        if matches!(order, Order::Arm { .. } | Order::Disarm | Order::Clear | Order::Stop) && self.heard.is_empty() {
+            self.sample();
+        }
+        match self.heard.iter().find(|heard| !matches!(heard, Heard::Telemetry(_))) {
+            Some(Heard::Done(sequence) | Heard::Value(sequence, ..)) if *sequence == self.sequence => Ok(()),
+            Some(Heard::Refused(sequence, why)) if *sequence == self.sequence => Err(*why),
+            other => panic!("{order:?} was answered by {other:?}"),
+        }
+    }
+
+    /// Sends a world's bytes, up to the commit.
+    pub fn gather(&mut self, bytes: &[u8]) -> Result<(), Why> {
+        self.ask(Order::Begin { length: bytes.len() as u16, hash: hash(bytes) })?;
+        for (i, piece) in bytes.chunks(PIECE).enumerate() {
+            self.ask(Order::Piece { at: (i * PIECE) as u16, bytes: piece })?;
+        }
+        Ok(())
+    }
+
+    pub fn load(&mut self, bytes: &[u8]) -> Result<u32, Why> {
+        self.gather(bytes)?;
+        self.ask(Order::Commit)?;
+        Ok(hash(bytes))
+    }
+
+    /// Where it stands, and the world it runs.
+    pub fn state(&mut self) -> (Phase, Option<u32>) {
+        self.heard.clear();
+        self.send(Order::Hello { protocol: PROTOCOL });
+        match self.heard[..] {
+            [Heard::Hello { phase, world, .. }] => (phase, world),
+            ref other => panic!("{other:?}"),
+        }
+    }
+
+    /// Armed and at full torque, the puck at rest.
+    #[track_caller]
+    pub fn run(&mut self, text: &str) -> u32 {
+        let hash = self.load(&packed(&world(text, &[]))).unwrap();
+        self.ask(Order::Arm { world: hash }).unwrap();
+        for _ in 0..300 {
+            self.keep();
+            self.sample();
+        }
+        assert_eq!(self.state().0, Phase::Running);
+        hash
+    }
+
+    pub fn keep(&mut self) {
+        self.send(Order::Alive);
+    }
+}
+
+pub fn slots() -> [Slot; 2] {
+    [Slot::EMPTY, Slot::EMPTY]
+}

@@ -1,0 +1,89 @@
+//! A world for a board that runs hapt's firmware, and the board that takes it.
+
+use hapt_core::{Loop, Supervisor};
+use hapt_model::{EstimatorKind, Guarding};
+use hapt_wire::ROOM;
+
+use crate::failure::Failure;
+use crate::run::judged;
+use crate::world::Loaded;
+
+/// A world that a board may have.
+pub struct Fit {
+    /// As the board runs it.
+    pub loaded: Loaded,
+    /// What was set over the file for that.
+    pub sets: Vec<String>,
+    pub guarding: Guarding,
+    /// As it goes over the wire.
+    pub packed: Vec<u8>,
+}
+
+impl Fit {
+    /// Judges a world as `hapt check` does, and fits it into a board: its numbers are f32, its room is small, and its motor has a limit. An
+    /// encoder gives no true velocity, so that `exact` means `difference`, and is certified so.
+    pub fn new(mut loaded: Loaded, sets: &[String], uncertified: bool) -> Result<Self, Failure> {
+        let mut sets = sets.to_vec();
+        let world = &mut loaded.world;
+        if world.device.limit.is_none() {
+            let why = "the world does not say what the motor may be asked for";
+            return Err(Failure::input(format!("device.limit: missing; {why}, such as limit = \"800 N mm\"")));
+        }
+        if world.sampling.estimator == EstimatorKind::Exact {
+            world.sampling.estimator = EstimatorKind::Difference;
+            sets.push("loop.estimator=difference".into());
+        }
+        let guarding = judged(world, uncertified)?;
+        let (spec, limits) = (world.spec(), world.limits(guarding));
+        let refused = |error| Failure::input(format!("on a board: {error}"));
+        Loop::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec).map_err(refused)?;
+        Supervisor::<f32, { ROOM[0] }, { ROOM[1] }>::new(&limits, &spec).map_err(refused)?;
+        let packed = hapt_wire::pack(&spec, &limits, &mut [0; hapt_wire::LARGEST]).map_err(Failure::input)?.to_vec();
+        Ok(Fit { loaded, sets, guarding, packed })
+    }
+}
+
+#[cfg(unix)]
+pub use here::{open, send};
+
+#[cfg(unix)]
+mod here {
+    use std::io::ErrorKind::{InvalidInput, NotFound};
+    use std::path::Path;
+
+    use hapt_link::{Error, Link, Why};
+
+    use super::Fit;
+    use crate::failure::Failure;
+    use crate::people;
+
+    /// The board at a port.
+    pub fn open(path: &Path) -> Result<Link, Failure> {
+        let link = Link::open(path)?;
+        if link.board().core != hapt_core::SOURCE {
+            people::say(
+                "warning: the board's core was built from another source than this hapt's; its torques may differ from what hapt says of them",
+            );
+        }
+        Ok(link)
+    }
+
+    /// Gives the board a world, where it does not run it already; its hash.
+    pub fn send(link: &mut Link, fit: &Fit) -> Result<u32, Failure> {
+        Ok(link.load(&fit.packed)?)
+    }
+
+    impl From<Error> for Failure {
+        fn from(error: Error) -> Self {
+            match error {
+                Error::Refused { why: Why::Room | Why::World | Why::Period | Why::NoLimit | Why::Exact, .. } => {
+                    Failure::input(error)
+                }
+                Error::Open { ref source, .. } if matches!(source.kind(), NotFound | InvalidInput) => {
+                    Failure::input(error)
+                }
+                _ => Failure::System(error.to_string()),
+            }
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! `hapt run` on a board: the loop runs there; here it is armed, kept, watched and disarmed.
+
+#[cfg(unix)]
+pub use here::run;
+#[cfg(not(unix))]
+pub use nowhere::{run, unreachable};
+
+#[cfg(not(unix))]
+mod nowhere {
+    use std::path::Path;
+    use std::process::ExitCode;
+
+    use crate::args::RunArgs;
+    use crate::failure::Failure;
+    use crate::world::Loaded;
+
+    pub fn run(_: &RunArgs, _: Loaded, path: &Path, _: f64) -> Result<ExitCode, Failure> {
+        Err(unreachable(path))
+    }
+
+    /// Serial ports are Unix's here.
+    pub fn unreachable(path: &Path) -> Failure {
+        Failure::input(format!("hapt:{}: boards can be reached from Linux and macOS only", path.display()))
+    }
+}
+
+#[cfg(unix)]
+mod here {
+    use std::io::{Write, stdout};
+    use std::path::Path;
+    use std::process::ExitCode;
+    use std::time::{Duration, Instant};
+
+    use hapt_core::{Phase, Reason};
+    use hapt_link::{Link, Parameter, Telemetry};
+    use hapt_log::{Header, Recorder};
+    use hapt_rt::{BODIES, Record};
+
+    use crate::args::RunArgs;
+    use crate::board::{self, Fit};
+    use crate::failure::Failure;
+    use crate::run::finish;
+    use crate::world::Loaded;
+    use crate::{output, people, sim};
+
+    /// How often telemetry comes, in s, and with a log.
+    const SHOWN: f64 = 0.02;
+    const LOGGED: f64 = 1e-3;
+    /// The link is kept at least so often.
+    const KEPT: Duration = Duration::from_millis(50);
+    /// A board that shows no sample for so long has stopped.
+    const SILENT: Duration = Duration::from_secs(1);
+
+    /// `duration` in s at full torque.
+    pub fn run(args: &RunArgs, loaded: Loaded, path: &Path, duration: f64) -> Result<ExitCode, Failure> {
+        let fit = Fit::new(loaded, &args.world.sets, args.uncertified)?;
+        let mut link = board::open(path)?;
+        if link.board().fed {
+            let message = "has no encoder and no motor: it waits for samples, to be tried in lockstep";
+            return Err(Failure::input(format!("the board {} {message}", link.board().name)));
+        }
+        output::end_in_order();
+        let hash = board::send(&mut link, &fit)?;
+        if link.board().phase == Some(Phase::Faulted) {
+            let why = link.board().reason.map_or("It does not say why.", Reason::sentence);
+            people::say(format_args!("the board was faulted, and is cleared: {why}"));
+            link.clear()?;
+        }
+        let period = fit.loaded.world.sampling.period;
+        let shown = if args.log.is_some() { LOGGED } else { SHOWN };
+        link.set(Parameter::Divider, (shown / period).round().clamp(1.0, 65_535.0) as u32)?;
+        let recorder = recorder(args, &fit)?;
+        let mut run = Run { link, period, link_allows: link_allows(&fit), duration, seen: Seen::default() };
+        let how = run.until_it_ends(hash, &mut |record| {
+            // What finds no room is counted by it.
+            recorder.as_ref().map(|recorder| recorder.send(record));
+        });
+        let logged = recorder.map(finish).transpose();
+        let mut out = stdout().lock();
+        let logged_line = logged.as_ref().ok().and_then(Option::as_deref).unwrap_or_default();
+        let text = run.summary(&fit, &how) + logged_line;
+        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+        logged?;
+        match how? {
+            How::Done => Ok(ExitCode::SUCCESS),
+            How::Signal(code) => Ok(ExitCode::from(code)),
+            How::Fault(reason) => {
+                Err(Failure::System(format!("the torque was taken away. {} {}", reason.sentence(), reason.remedy())))
+            }
+        }
+    }
+
+    /// How often the board is to hear of us.
+    fn link_allows(fit: &Fit) -> Duration {
+        let link = fit.loaded.world.limits(fit.guarding).link;
+        if link.is_finite() { Duration::from_secs_f64(link / 6.0).min(KEPT) } else { KEPT }
+    }
+
+    /// The log, where one is asked for.
+    fn recorder(args: &RunArgs, fit: &Fit) -> Result<Option<Recorder>, Failure> {
+        let Some(file) = &args.log else { return Ok(None) };
+        let header = sim::header(&fit.loaded, &fit.sets, true);
+        let header = Header { device: args.device.clone(), guarding: fit.guarding, ..header };
+        let recorder = Recorder::start(file, &fit.loaded.world, header);
+        recorder.map(Some).map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))
+    }
+
+    /// How a run has ended.
+    enum How {
+        Done,
+        Signal(u8),
+        Fault(Reason),
+    }
+
+    /// What telemetry has said.
+    #[derive(Default)]
+    struct Seen {
+        first: Option<Telemetry>,
+        last: Option<Telemetry>,
+        shown: u64,
+        /// From which sample to which the torque was all there.
+        running: Option<(u64, u64)>,
+        /// The largest |output|, in N·m (linear: N).
+        peak: f64,
+        phase: Option<Phase>,
+        reason: Option<Reason>,
+    }
+
+    struct Run {
+        link: Link,
+        /// T in s.
+        period: f64,
+        link_allows: Duration,
+        /// In s, counted from when the torque is all there.
+        duration: f64,
+        seen: Seen,
+    }
+
+    impl Run {
+        /// Arms, keeps the link, disarms; looks at every telemetry, and gives it to `recorder`.
+        fn until_it_ends(&mut self, world: u32, recorder: &mut impl FnMut(&Record)) -> Result<How, Failure> {
+            self.link.arm(world)?;
+            let (mut kept, mut heard) = (Instant::now(), Instant::now());
+            let (mut is_over, mut begun) = (false, false);
+            loop {
+                if let Some(signal) = output::signalled() {
+                    self.link.stop()?;
+                    return Ok(How::Signal(signal));
+                }
+                if kept.elapsed() >= self.link_allows {
+                    kept = Instant::now();
+                    self.link.keep()?;
+                }
+                if let Some(telemetry) = self.link.telemetry(Instant::now() + self.link_allows / 4)? {
+                    heard = Instant::now();
+                    self.seen.add(&telemetry);
+                    recorder(&self.seen.record(&telemetry, self.period));
+                }
+                if heard.elapsed() > SILENT {
+                    let message =
+                        "the board shows no samples any more; what it does to the motor is its watchdog's to say";
+                    return Err(Failure::System(message.into()));
+                }
+                match self.seen.phase {
+                    Some(Phase::Faulted) => return Ok(How::Fault(self.seen.reason.unwrap_or(Reason::Stop))),
+                    Some(Phase::Disarmed) => {
+                        return Ok(self.seen.reason.filter(|_| !is_over).map_or(How::Done, How::Fault));
+                    }
+                    _ => {}
+                }
+                let Some((from, to)) = self.seen.running else { continue };
+                if !std::mem::replace(&mut begun, true) {
+                    people::say("at full torque; Ctrl-C takes it off");
+                }
+                if !is_over && (to - from) as f64 * self.period >= self.duration {
+                    is_over = true;
+                    self.link.disarm()?;
+                }
+            }
+        }
+
+        fn summary(&self, fit: &Fit, how: &Result<How, Failure>) -> String {
+            let Seen { first, last, shown, running, peak, .. } = &self.seen;
+            let ran = match running {
+                Some((from, to)) => format!("for {} at full torque", people::time((to - from) as f64 * self.period)),
+                None => "the torque was never all there".into(),
+            };
+            let end = match how {
+                Ok(How::Done) => "ended in order".into(),
+                Ok(How::Signal(_)) => "interrupted, the torque off at once".into(),
+                Ok(How::Fault(reason)) => format!("faulted. {}", reason.sentence()),
+                Err(_) => "broken off".into(),
+            };
+            let (samples, missed) = match (first, last) {
+                (Some(first), Some(last)) => (last.sample - first.sample + 1, last.missed.wrapping_sub(first.missed)),
+                _ => (0, 0),
+            };
+            let missed = if missed == 0 { "none".into() } else { people::count(missed.into()) };
+            let board = self.link.board();
+            format!(
+                "{} on the board {}, {} a sample\nran          {ran}; {end}\nmotor        asked for {} at most, of what was shown\nsamples      {}, {missed} missed; {} shown\n",
+                fit.loaded.title(),
+                board.name,
+                people::time(self.period),
+                people::effort(*peak, fit.loaded.world.motion),
+                people::count(samples),
+                people::count(*shown),
+            )
+        }
+    }
+
+    impl Seen {
+        fn add(&mut self, telemetry: &Telemetry) {
+            self.first.get_or_insert(*telemetry);
+            self.last = Some(*telemetry);
+            self.shown += 1;
+            self.peak = self.peak.max(f64::from(telemetry.output).abs());
+            self.phase = Phase::ALL.get(usize::from(telemetry.phase)).copied();
+            self.reason = Reason::from_code(telemetry.reason);
+            if self.phase == Some(Phase::Running) {
+                self.running.get_or_insert((telemetry.sample, telemetry.sample)).1 = telemetry.sample;
+            }
+        }
+
+        /// As a loop on this computer would have it; what telemetry does not say is 0.
+        fn record(&self, telemetry: &Telemetry, period: f64) -> Record {
+            let sample = telemetry.sample - self.first.map_or(telemetry.sample, |first| first.sample);
+            let mut bodies = [(0.0, 0.0); BODIES];
+            for (place, (position, velocity)) in bodies.iter_mut().zip(telemetry.bodies.as_slice()) {
+                *place = (f64::from(*position), f64::from(*velocity));
+            }
+            Record {
+                sample,
+                due: (sample as f64 * period * 1e9).round() as u64,
+                plan: 0,
+                position: telemetry.position.into(),
+                velocity: 0.0,
+                announced: false,
+                late: 0.0,
+                missed: 0,
+                silent: 0.0,
+                request: None,
+                measured: telemetry.measured.into(),
+                measured_velocity: telemetry.velocity.into(),
+                torque: telemetry.torque.into(),
+                command: telemetry.command.into(),
+                output: telemetry.output.into(),
+                phase: self.phase.unwrap_or(Phase::Disarmed),
+                reason: self.reason,
+                warning: Reason::from_code(telemetry.warning),
+                latency: 0,
+                computation: 0,
+                bodies,
+            }
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! A board's line: bytes as they come, and messages whose checksums hold and whose content is anything.
+//!
+//! An input is a row of chunks, each a length byte and so many bytes: with the top bit set they go on the line as they are, else as a
+//! frame. After each the board takes a sample.
+
+use hapt_core::Guarding;
+use hapt_model::{Source, World};
+use hapt_station::{Board, LONGEST, Seen, Slot, Station};
+use hapt_wire::{Command, Order, PROTOCOL, Parameter, Reader, Says, frame, hash, pack};
+
+use crate::messages::outcome;
+
+const BOARD: Board = Board { name: "fuzz", firmware: "0", fed: false, periods: [5e-5, 1e-2] };
+const FED: Board = Board { fed: true, ..BOARD };
+
+const WORLD: &str = r#"
+loop = { period = 1e-3, estimator = "difference" }
+device = { inertia = 6.4e-4, damping = 1.2e-3, limit = 0.8, encoder = 4000 }
+bodies.wheel.inertia = 0.025
+[[couplings]]
+kind = "spring"
+between = ["puck", "wheel"]
+stiffness = 1
+"#;
+
+fn packed() -> Vec<u8> {
+    let world = World::read(&Source::from_text("w.toml", WORLD), &[]).unwrap_or_else(|error| panic!("{error}"));
+    let bytes = pack(&world.spec(), &world.limits(Guarding::Certified), &mut [0; 1024]).map(<[u8]>::to_vec);
+    bytes.unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// A board with a world, disarmed, hears the input; a number says which answers it gave.
+///
+/// # Panics
+/// When there is a torque that nobody has armed, one beyond every limit, or the board does not answer, or stop, in the end.
+pub fn run(bytes: &[u8]) -> u64 {
+    let (mut one, mut other) = (Slot::EMPTY, Slot::EMPTY);
+    let (kind, mut rest) = bytes.split_first().map_or((0, bytes), |(kind, rest)| (*kind, rest));
+    let mut station = Station::new(if kind & 1 == 0 { BOARD } else { FED }, &mut one, &mut other);
+    let (mut answers, mut armed) = (0_u64, false);
+    let mut ears = Ears { host: Reader::new(), board: Reader::new() };
+    for command in session(&packed(), false) {
+        ears.put(&mut station, &command, &mut answers);
+    }
+    let mut seen = Seen::default();
+    while let Some((length, after)) = rest.split_first() {
+        let (chunk, next) = after.split_at(usize::from(length & 0x7f).min(after.len()));
+        rest = next;
+        let line = if length & 0x80 == 0 { stuffed(chunk) } else { chunk.to_vec() };
+        armed |= ears.put(&mut station, &line, &mut answers);
+        seen.position += 1e-3;
+        let motor = station.sample(&seen);
+        assert!(motor.torque.is_finite(), "{motor:?}");
+        assert!(motor.on || motor.torque == 0.0, "{motor:?}");
+        assert!(armed || !motor.on, "nobody has armed it");
+        ears.listen(&mut station, &mut answers);
+    }
+    let before = answers;
+    let last = |order| framed(u32::MAX, 0, order);
+    ears.put(&mut station, &[0], &mut answers);
+    ears.put(&mut station, &last(Order::Hello { protocol: PROTOCOL }), &mut answers);
+    assert!(answers != before, "it does not answer any more");
+    ears.put(&mut station, &last(Order::Stop), &mut answers);
+    assert_eq!(station.sample(&seen), Default::default(), "it does not stop");
+    before
+}
+
+/// A host's reader, and one that hears what the board hears.
+struct Ears {
+    host: Reader<512>,
+    board: Reader<LONGEST>,
+}
+
+impl Ears {
+    /// Puts bytes on the line; whether an arm was among what could be read.
+    fn put(&mut self, station: &mut Station<'_>, bytes: &[u8], answers: &mut u64) -> bool {
+        let mut armed = false;
+        for byte in bytes {
+            let command = self.board.push::<Command<'_>>(*byte);
+            armed |= command.is_some_and(|command| matches!(command.order, Order::Arm { .. }));
+            station.push(*byte);
+            self.listen(station, answers);
+        }
+        armed
+    }
+
+    fn listen(&mut self, station: &mut Station<'_>, answers: &mut u64) {
+        let mut room = [0; LONGEST];
+        while let Some(bytes) = station.answer(&mut room) {
+            let mut read = false;
+            for byte in bytes {
+                if let Some(says) = self.host.push::<Says<'_>>(*byte) {
+                    read = true;
+                    let what = match says {
+                        Says::Refused { why, .. } => (2, why as u8),
+                        Says::Telemetry(telemetry) => (4, telemetry.phase * 16 + telemetry.reason),
+                        Says::Hello(hello) => (0, hello.phase),
+                        Says::Done { .. } => (1, 0),
+                        Says::Value { parameter, .. } => (3, parameter),
+                    };
+                    *answers = answers.wrapping_mul(31) ^ outcome(&what);
+                }
+            }
+            assert!(read, "a frame of the board's that cannot be read");
+        }
+    }
+}
+
+fn framed(sequence: u32, not_after: u64, order: Order) -> Vec<u8> {
+    let command = Command { sequence, not_after, order };
+    frame(&command, &mut [0; LONGEST]).map(<[u8]>::to_vec).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// What a host says: greets, loads, and with `whole` arms, disarms, looks and stops.
+fn session(bytes: &[u8], whole: bool) -> Vec<Vec<u8>> {
+    let mut orders = vec![Order::Hello { protocol: PROTOCOL }];
+    orders.push(Order::Begin { length: bytes.len() as u16, hash: hash(bytes) });
+    orders.extend(bytes.chunks(100).enumerate().map(|(i, bytes)| Order::Piece { at: 100 * i as u16, bytes }));
+    orders.push(Order::Commit);
+    if whole {
+        let set = Order::Set { parameter: Parameter::Divider as u8, value: 1 };
+        let feed = |sample| Order::Feed { sample, position: 0.1, velocity: 0.0, late: 0.0, announced: true };
+        let arm = Order::Arm { world: hash(bytes) };
+        orders.extend([set, arm, Order::Alive, feed(20), feed(21), Order::Get { parameter: 1 }, Order::Disarm]);
+        orders.extend([Order::Stop, Order::Clear]);
+    }
+    (0..).zip(orders).map(|(sequence, order)| framed(sequence, 200, order)).collect()
+}
+
+/// A session on either board, as frames and as what is in them.
+pub fn seeds() -> Vec<Vec<u8>> {
+    let frames = session(&packed(), true);
+    // The board of a run has been through the first of them.
+    let later = &frames[frames.len() - 9..];
+    let chunks = |frames: &[Vec<u8>], raw: bool| {
+        let mut input = Vec::new();
+        for frame in frames {
+            let chunk = if raw { frame.clone() } else { unstuffed(frame) };
+            input.push(chunk.len() as u8 | if raw { 0x80 } else { 0 });
+            input.extend(chunk);
+        }
+        input
+    };
+    let all = [chunks(later, true), chunks(later, false), chunks(&frames, false), vec![0; 400], vec![0xff; 400]];
+    all.into_iter().flat_map(|input| [0, 1].map(|kind| [vec![kind], input.clone()].concat())).collect()
+}
+
+/// A message as a frame, by the words of docs/wire.md.
+fn stuffed(message: &[u8]) -> Vec<u8> {
+    let mut sum = 0xffff_u16;
+    for byte in message {
+        sum ^= u16::from(*byte) << 8;
+        for _ in 0..8 {
+            sum = if sum & 0x8000 == 0 { sum << 1 } else { (sum << 1) ^ 0x1021 };
+        }
+    }
+    let bytes = [message, &sum.to_le_bytes()].concat();
+    // Chunks are below 128 bytes: no run is longer than COBS's 254.
+    let mut frame: Vec<u8> =
+        bytes.split(|byte| *byte == 0).flat_map(|run| [&[run.len() as u8 + 1], run].concat()).collect();
+    frame.push(0);
+    frame
+}
+
+/// And back, without its checksum.
+fn unstuffed(frame: &[u8]) -> Vec<u8> {
+    let (mut message, mut rest) = (Vec::new(), &frame[..frame.len() - 1]);
+    while let Some((code, after)) = rest.split_first() {
+        let (run, next) = after.split_at(usize::from(*code - 1));
+        message.extend(run);
+        message.push(0);
+        rest = next;
+    }
+    message.truncate(message.len().saturating_sub(3));
+    message
+}
