@@ -5,6 +5,7 @@ mod book;
 mod faults;
 mod figure;
 mod fuzz;
+mod identify;
 mod marked;
 mod memory;
 mod notes;
@@ -26,6 +27,7 @@ cargo xtask truth     the certificate against brute force, on random loops: [--n
 cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask faults    the supervisor against faults of every kind, and against none: [--n N] [--clean SAMPLES] [--seed S]; with
                       --write, into docs/safety.md
+cargo xtask identify  the intervals of hapt identify on random devices: [--n N] [--seed S]; --write: docs/identify.md
 cargo xtask book      whether the book's commands, worlds, outputs and links hold; with --write, makes its outputs and tables
 cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone
 cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names
@@ -48,6 +50,7 @@ fn main() -> Result<()> {
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["page"] => page::build(),
         ["faults", ref arguments @ ..] => faults::command(arguments),
+        ["identify", ref arguments @ ..] => identify::command(arguments),
         ["book"] => book::check(),
         ["book", "--write"] => book::write(),
         _ => bail!("{USAGE}"),

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{book, faults, figure, fuzz, memory, notes, page, supply, truth};
+use crate::{book, faults, figure, fuzz, identify, memory, notes, page, supply, truth};
 
 /// What has passed and failed so far.
 struct Tally {
@@ -38,6 +38,7 @@ pub fn run() -> Result<()> {
     tally.step("fuzzing finds nothing in a few seconds", fuzz::is_quiet());
     tally.step("the certificate holds against brute force", truth::holds());
     tally.step("the supervisor catches faults, and nothing else", faults::are_caught());
+    tally.step("intervals of identified devices cover the truth", identify::holds());
     tally.step("memory stays bounded", memory::is_bounded());
     tally.step("licences and sources", supply::licences());
     tally.step("the oldest Rust", supply::oldest_rust());

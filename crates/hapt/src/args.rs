@@ -124,6 +124,15 @@ Examples:
   hapt flash wheel.toml --device hapt:/dev/ttyACM0
   hapt run wheel.toml --device hapt:/dev/ttyACM0     then it turns")]
     Flash(FlashArgs),
+    /// What a device is made of: inertia, damping, friction, delay, sign, counts, from a log or by an experiment.
+    #[command(after_help = "\
+Examples:
+  hapt identify sim --world wheel.toml --duration 2s --log wheel.mcap
+  hapt identify wheel.mcap --plot fit.svg            from a log, with a picture
+  hapt convert wheel.mcap -o log.csv && \\
+      hapt identify log.csv \\
+      --columns time=time_s,position=measured_rad,torque=applied_Nm")]
+    Identify(IdentifyArgs),
     /// How well this machine keeps a loop's time, and what would help.
     #[command(after_help = "\
 Examples:
@@ -421,6 +430,63 @@ pub struct FlashArgs {
     /// Send a world that is not certified.
     #[arg(long)]
     pub uncertified: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct IdentifyArgs {
+    /// A log or a run's CSV (- is standard input), another program's CSV, or a device as hapt run takes it.
+    #[arg(value_name = "LOG_OR_DEVICE")]
+    pub what: String,
+    /// The columns of a CSV, units behind their last underscore; without it, by the usual names.
+    #[arg(long, value_name = "time=NAME,position=NAME,torque=NAME")]
+    pub columns: Option<String>,
+    /// The spring to ground that a loop ran, where the CSV has no torques.
+    #[arg(long, value_name = "Q", conflicts_with = "coast")]
+    pub spring: Option<String>,
+    /// No torque was on: the puck coasted down.
+    #[arg(long)]
+    pub coast: bool,
+    /// The inertia, where it is known: then the motor's gain is found in its place.
+    #[arg(long, value_name = "Q")]
+    pub inertia: Option<String>,
+    /// Counts a revolution, for positions in counts.
+    #[arg(long, value_name = "N")]
+    pub counts: Option<f64>,
+    /// Only what is from this time on.
+    #[arg(long, value_name = "Q")]
+    pub from: Option<String>,
+    /// Only what is up to this time.
+    #[arg(long, value_name = "Q")]
+    pub to: Option<String>,
+    /// The world whose certificate is asked for, and for a device its loop and limits.
+    #[arg(long, value_name = "WORLD")]
+    pub world: Option<PathBuf>,
+    /// Override a key of that world by its dotted path, such as loop.period=2ms; repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// The experiment's largest torque; a tenth of the motor's limit without it.
+    #[arg(long, value_name = "Q")]
+    pub torque: Option<String>,
+    /// How long the experiment takes.
+    #[arg(long, value_name = "Q", default_value = "5 s")]
+    pub duration: String,
+    /// Move a real device without asking.
+    #[arg(long)]
+    pub yes: bool,
+    /// Write every sample of the experiment into this log.
+    #[arg(long, value_name = "FILE.mcap")]
+    pub log: Option<PathBuf>,
+    /// Write the [device] table here.
+    #[arg(long, value_name = "FILE.toml")]
+    pub write: Option<PathBuf>,
+    /// Draw positions, fit and what it leaves.
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    /// Print the numbers as JSON.
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub realtime: RealtimeArgs,
 }
 
 #[derive(Debug, clap::Args)]

@@ -14,6 +14,7 @@ mod explain;
 mod failure;
 mod flash;
 mod host;
+mod identify;
 mod impedance;
 mod init;
 mod latency;
@@ -65,6 +66,7 @@ fn main() -> ExitCode {
         Some(Command::Worst(args)) => worst::run(args),
         Some(Command::Run(args)) => run::run(args),
         Some(Command::Flash(args)) => flash::run(args),
+        Some(Command::Identify(args)) => identify::run(args),
         Some(Command::Latency(args)) => latency::run(args),
         Some(Command::Live(args)) => live::run(args),
         Some(Command::Init(args)) => init::run(args),

@@ -120,6 +120,7 @@ pub fn cases() -> Vec<Case> {
         ("edges", edges),
         ("realtime", realtime),
         ("live", live),
+        ("identify", identify),
     ];
     for &(theme, add) in themes {
         table.theme = theme;
@@ -443,4 +444,38 @@ fn live(t: &mut Table) {
         let args: Vec<&str> = ["live", "w.toml"].into_iter().chain(args.iter().copied()).collect();
         t.typed(name, &args);
     }
+}
+
+/// A table of a puck that swings, with a torque or without.
+fn swing(header: &str, samples: usize, row: impl Fn(usize) -> String) -> Vec<u8> {
+    let rows: String = (0..samples).map(|k| row(k) + "\n").collect();
+    format!("{header}\n{rows}").into()
+}
+
+fn identify(t: &mut Table) {
+    let at = |k: usize| ((0.05 * k as f64).sin() * 100.0).round();
+    let good = |k: usize| format!("{k},{},{}", at(k), if k % 100 < 50 { 1.0 } else { -1.0 });
+    let header = "t_ms,angle_deg,tau_mNm";
+    let mut log = |name, bytes: Vec<u8>, more: &[&str]| {
+        t.add(name, vec![("log.csv", bytes)], words(&[&["identify", "log.csv"], more].concat()));
+    };
+    log("a log without a header", swing("0,1,2", 600, good), &[]);
+    log("a log without torques", swing("t_ms,angle_deg", 600, |k| format!("{k},{}", at(k))), &[]);
+    log("a log with a position in newtons", swing("t_ms,angle_N,tau_mNm", 600, good), &[]);
+    log("a log with a torque without a unit", swing("t_ms,angle_deg,tau", 600, good), &[]);
+    log("a log with counts, and nobody says how many", swing("t_ms,angle_counts,tau_mNm", 600, good), &[]);
+    log("a log with NaN in it", swing(header, 600, |k| if k == 300 { "300,1,nan".into() } else { good(k) }), &[]);
+    log("a log in which time stands still", swing(header, 600, |k| good(k.min(400))), &[]);
+    log("a log of a tenth of a second", swing(header, 100, good), &[]);
+    log("a log in which nothing moves", swing(header, 600, |k| format!("{k},0,1")), &[]);
+    log("a log without excitation", swing(header, 600, |k| format!("{k},{},5", at(k))), &[]);
+    log("a log whose motion no torque makes", swing(header, 3000, good), &[]);
+    log("a column that is not there", swing(header, 600, good), &["--columns", "position=angle"]);
+    log("a column for something else", swing(header, 600, good), &["--columns", "speed=angle_deg"]);
+    log("nothing between two times", swing(header, 600, good), &["--from", "0.5 s", "--to", "0.2 s"]);
+    log("an inertia in grams", swing(header, 600, good), &["--inertia", "5 g"]);
+    t.typed("neither a log nor a device", &["identify", "wheel.csv"]);
+    t.typed("a device without a world", &["identify", "sim"]);
+    t.typed("more torque than the motor has", &["identify", "sim", "--world", "w.toml", "--torque", "1 N m"]);
+    t.typed("an experiment of no time", &["identify", "sim", "--world", "w.toml", "--duration", "1 ms"]);
 }

@@ -18,6 +18,7 @@ const COMMANDS: &[&str] = &[
     "worst",
     "run",
     "flash",
+    "identify",
     "latency",
     "live",
     "init",

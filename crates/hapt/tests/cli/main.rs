@@ -9,6 +9,7 @@ mod contract;
 mod endings;
 mod first_steps;
 mod help;
+mod identify;
 mod impedance;
 mod live;
 mod logs;

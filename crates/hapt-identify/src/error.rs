@@ -1,0 +1,70 @@
+//! What is wrong with a record.
+
+/// Why nothing can be said.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// The lists of times, positions and torques are of different lengths.
+    #[error("{times} times, {positions} positions and {torques} torques; a record has one of each for every sample")]
+    Lengths {
+        /// How many.
+        times: usize,
+        /// How many.
+        positions: usize,
+        /// How many.
+        torques: usize,
+    },
+    /// A number that is none.
+    #[error("sample {sample}: the {what} is {value}; a finite number is wanted")]
+    NotFinite {
+        /// From 0.
+        sample: usize,
+        /// time, position or torque.
+        what: &'static str,
+        /// NaN or infinite.
+        value: f64,
+    },
+    /// Time stands still or runs backward.
+    #[error("sample {sample}: the time is {time} s after {before} s; times must increase")]
+    Times {
+        /// From 0.
+        sample: usize,
+        /// In s.
+        time: f64,
+        /// In s.
+        before: f64,
+    },
+    /// Too few samples, or over too short a time.
+    #[error(
+        "{samples} samples over {duration:.3} s are too few; 200 over half a second are the least, some seconds are good"
+    )]
+    Short {
+        /// How many.
+        samples: usize,
+        /// In s.
+        duration: f64,
+    },
+    /// The position does not change.
+    #[error(
+        "nothing moves: different positions in the whole record: {values}, where 8 are the least; the torque has to overcome the friction, and move the puck by many counts"
+    )]
+    Still {
+        /// Different positions.
+        values: usize,
+    },
+    /// The torque is the same all the time, and is not 0.
+    #[error(
+        "there is no excitation: the torque is {torque} throughout; one that steps up and down, or a chirp, is wanted (or none at all, for a coast-down)"
+    )]
+    Constant {
+        /// In N·m (N).
+        torque: f64,
+    },
+    /// The motion does not follow the torque.
+    #[error(
+        "the motion does not follow from the torque: no inertia, damping, friction and delay up to 50 ms were found that explain it; look at the columns, their units, and at whether a hand was on the puck"
+    )]
+    Unexplained,
+    /// The columns of a table.
+    #[error("{0}")]
+    Columns(String),
+}

@@ -1,0 +1,51 @@
+//! What a device is made of, from a record of its motion: inertia, viscous damping, Coulomb friction, delay, the motor's sign and the
+//! encoder's counts, each with a 95 % interval.
+//!
+//! A [`Record`] is positions and commanded torques over time. [`identify`] fits the puck's own differential equation to it,
+//!
+//! ```text
+//! J v̇ = τ(t - d) - b v - f sign v,    at rest while |τ| <= f,
+//! ```
+//!
+//! solved exactly from one change of torque to the next, every stop and start located ([`Puck`]). The fit is the one with the least sum
+//! of squared position errors over the whole record: the most likely one where the positions carry independent noise.
+//!
+//! ```
+//! use hapt_identify::{Known, Record, identify};
+//!
+//! // A square wave of torque on J = 1e-3 kg m², with a little friction; the positions are those of the solution, in counts.
+//! let period = 1e-3;
+//! let torque = |k: usize| if (k / 170) % 2 == 0 { 0.05 } else { -0.04 };
+//! let puck = hapt_identify::Puck { gain: 1e3, damping: 2.0, friction: 5.0, delay: 2.3e-3, position: 0.0, velocity: 0.0 };
+//! let times: Vec<f64> = (0..3000).map(|k| k as f64 * period).collect();
+//! let torques: Vec<f64> = (0..3000).map(torque).collect();
+//! let truth = puck.positions(&times, &torques);
+//! let count = std::f64::consts::TAU / 4000.0;
+//! let noise = |k: usize| ((k * 7919 % 1000) as f64 / 1000.0 - 0.5) * 2.0 * count;
+//! let seen = truth.iter().enumerate().map(|(k, z)| ((z + noise(k)) / count).round() * count).collect();
+//!
+//! let found = identify(&Record::new(times, seen, torques)?, &Known::default())?;
+//! let inertia = found.inertia.unwrap();
+//! assert!(inertia.low < 1e-3 && 1e-3 < inertia.high, "{inertia:?}");
+//! assert_eq!(found.counts.unwrap().value, 4000.0);
+//! # Ok::<(), hapt_identify::Error>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod columns;
+mod counts;
+mod error;
+mod estimate;
+mod fit;
+mod puck;
+mod quantile;
+mod record;
+mod start;
+mod stretch;
+
+pub use columns::{Columns, Scale};
+pub use counts::{Lattice, lattice};
+pub use error::Error;
+pub use estimate::{Identified, Interval, Known, Residual, Twins, identify};
+pub use puck::{Puck, Sensitivity};
+pub use record::{LONGEST_DELAY, Record};

@@ -1,0 +1,105 @@
+//! What is known of a motion: times, positions and the torques that were asked for.
+
+use crate::Error;
+
+/// Delays are looked for up to here, in s. So long after its beginning the part of a record begins that is fitted: by then every torque
+/// that can still arrive has been recorded.
+pub const LONGEST_DELAY: f64 = 0.05;
+
+/// The least that anything can be said of.
+const FEWEST_SAMPLES: usize = 200;
+const SHORTEST: f64 = 0.5;
+const FEWEST_VALUES: usize = 8;
+
+/// So many equal positions one after the other are one measurement: a puck at rest on one count, without noise.
+const AT_REST: usize = 100;
+
+/// A motion, sampled; in SI.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    times: Vec<f64>,
+    positions: Vec<f64>,
+    torques: Vec<f64>,
+    /// Whether a position says more than the one before it.
+    news: Vec<bool>,
+}
+
+impl Record {
+    /// Times in s, increasing; positions in rad (linear: m); torques in N·m (N), each commanded at its sample and held until the next.
+    ///
+    /// # Errors
+    /// Numbers that are not finite, times that do not increase, fewer than 200 samples, less than half a second, a puck that does not
+    /// move, a torque that is always the same and not 0.
+    pub fn new(times: Vec<f64>, positions: Vec<f64>, torques: Vec<f64>) -> Result<Self, Error> {
+        let lengths = (times.len(), positions.len(), torques.len());
+        if lengths.0 != lengths.1 || lengths.0 != lengths.2 {
+            return Err(Error::Lengths { times: lengths.0, positions: lengths.1, torques: lengths.2 });
+        }
+        for (what, values) in [("time", &times), ("position", &positions), ("torque", &torques)] {
+            if let Some((sample, value)) = values.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+                return Err(Error::NotFinite { sample, what, value: *value });
+            }
+        }
+        if let Some(i) = times.windows(2).position(|pair| pair[1] <= pair[0]) {
+            return Err(Error::Times { sample: i + 1, time: times[i + 1], before: times[i] });
+        }
+        let duration = times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first);
+        if times.len() < FEWEST_SAMPLES || duration < SHORTEST {
+            return Err(Error::Short { samples: times.len(), duration });
+        }
+        let mut values = positions.clone();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        if values.len() < FEWEST_VALUES {
+            return Err(Error::Still { values: values.len() });
+        }
+        let torque = torques[0];
+        if torque != 0.0 && torques.iter().all(|t| *t == torque) {
+            return Err(Error::Constant { torque });
+        }
+        let news = positions
+            .chunk_by(|a, b| a == b)
+            .flat_map(|equal| (0..equal.len()).map(|i| i == 0 || equal.len() < AT_REST));
+        Ok(Record { news: news.collect(), times, positions, torques })
+    }
+
+    /// In s.
+    pub fn times(&self) -> &[f64] {
+        &self.times
+    }
+
+    /// In rad (m).
+    pub fn positions(&self) -> &[f64] {
+        &self.positions
+    }
+
+    /// In N·m (N).
+    pub fn torques(&self) -> &[f64] {
+        &self.torques
+    }
+
+    /// Whether the position of a sample is a measurement, or repeats the one before it while the puck rests on a count.
+    pub fn is_news(&self, sample: usize) -> bool {
+        self.news.get(sample).copied().unwrap_or(false)
+    }
+
+    /// The mean time from sample to sample, in s.
+    pub fn period(&self) -> f64 {
+        let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
+        (last - first) / (self.times.len() - 1) as f64
+    }
+
+    /// Whether there is any torque.
+    pub fn is_driven(&self) -> bool {
+        self.torques.iter().any(|torque| *torque != 0.0)
+    }
+
+    /// The first sample of the part that is fitted.
+    pub fn first(&self) -> usize {
+        if !self.is_driven() {
+            return 0;
+        }
+        let begin = self.times[0] + LONGEST_DELAY;
+        self.times.iter().position(|t| *t >= begin).unwrap_or(0)
+    }
+}

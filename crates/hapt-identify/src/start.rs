@@ -1,0 +1,173 @@
+//! Where the fit starts: linear regression by modulating functions (Shinbrot 1957).
+//!
+//! With a bump w(t) that vanishes with its slope at both ends of a window, z̈ = α τ - β ż - γ s becomes
+//!
+//! ```text
+//! ∫ ẅ z = α ∫ w τ + β ∫ ẇ z - γ ∫ w s
+//! ```
+//!
+//! in which no measured position is differentiated but for the sign s of the velocity. One line a window, for each delay on a grid; the
+//! delay with the least squares counts.
+
+use crate::fit::Normal;
+use crate::puck::Puck;
+use crate::record::{LONGEST_DELAY, Record};
+
+/// Lengths of the windows, s: each gives a start.
+const WINDOWS: [f64; 3] = [0.05, 0.15, 0.5];
+/// Over so long the velocity is looked at, s.
+const GLANCE: f64 = 6e-3;
+/// A velocity below so many standard errors may be none.
+const DOUBT: f64 = 3.0;
+
+/// What a record shows at a glance.
+struct Glance {
+    /// From -1 to 1: the sign of the velocity, 0 where the puck may rest.
+    sign: Vec<f64>,
+    position: f64,
+    velocity: f64,
+}
+
+/// Pucks from which a fit may find the best one, the better of each window's.
+pub(crate) fn starts(record: &Record) -> Vec<Puck> {
+    let glance = glance(record);
+    let duration = record.period() * record.times().len() as f64;
+    let mut windows: Vec<f64> = WINDOWS.iter().map(|window| window.min(0.2 * duration)).collect();
+    windows.dedup();
+    windows.iter().filter_map(|window| of_window(record, &glance, *window)).collect()
+}
+
+/// The half of the samples that a window of this length has.
+fn half(record: &Record, length: f64) -> usize {
+    ((0.5 * length / record.period()).round() as usize).max(2)
+}
+
+/// The slope of the straight line through the positions from `low` to `high`, its standard error per unit of noise, and their mean.
+fn slope(record: &Record, low: usize, high: usize) -> (f64, f64, f64) {
+    let (times, positions) = (&record.times()[low..=high], &record.positions()[low..=high]);
+    let n = times.len() as f64;
+    let (t, z) = (times.iter().sum::<f64>() / n, positions.iter().sum::<f64>() / n);
+    let tt: f64 = times.iter().map(|at| (at - t).powi(2)).sum();
+    let tz: f64 = times.iter().zip(positions).map(|(at, x)| (at - t) * (x - z)).sum();
+    (tz / tt, tt.sqrt().recip(), z)
+}
+
+fn glance(record: &Record) -> Glance {
+    let positions = record.positions();
+    let (n, half) = (positions.len(), half(record, GLANCE));
+    // Third differences of a smooth motion are noise alone, 20 times its variance; their median does not see the jerks.
+    let mut thirds: Vec<f64> = positions.windows(4).map(|z| (z[3] - 3.0 * z[2] + 3.0 * z[1] - z[0]).abs()).collect();
+    thirds.sort_by(f64::total_cmp);
+    let mean_square = thirds.iter().map(|x| x * x).sum::<f64>() / thirds.len() as f64;
+    let median = thirds[thirds.len() / 2] / 0.6745;
+    let noise = (if median > 0.0 { median } else { mean_square.sqrt() }) / 20f64.sqrt();
+    let sign = (0..n).map(|i| {
+        let (v, error, _) = slope(record, i.saturating_sub(half), (i + half).min(n - 1));
+        let doubt = DOUBT * noise * error;
+        if v.abs() < doubt {
+            v / doubt
+        } else if v == 0.0 {
+            0.0
+        } else {
+            v.signum()
+        }
+    });
+    let first = record.first();
+    let last = (first + 2 * half).min(n - 1);
+    let (v, error, z) = slope(record, first, last);
+    let sign = sign.collect();
+    if v.abs() < 2.0 * DOUBT * noise * error {
+        return Glance { sign, position: z, velocity: 0.0 };
+    }
+    let ago = 0.5 * (record.times()[last] - record.times()[first]);
+    Glance { sign, position: z - v * ago, velocity: v }
+}
+
+/// The best start by windows of one length.
+fn of_window(record: &Record, glance: &Glance, length: f64) -> Option<Puck> {
+    let is_driven = record.is_driven();
+    let free = [is_driven, true, true, false, false, false];
+    let step = (0.5 * record.period()).max(1e-3);
+    let delays = if is_driven { (LONGEST_DELAY / step) as usize } else { 0 };
+    let of_delay = |i: usize| {
+        let delay = i as f64 * step;
+        let normal = regression(record, glance, length, delay);
+        let p = normal.step(free, 0.0)?;
+        // Σ (r - p s)² at the solution.
+        let left = normal.left(&p);
+        Some((
+            left,
+            Puck {
+                gain: p[0],
+                damping: p[1].max(0.0),
+                friction: p[2].max(0.0),
+                delay,
+                position: glance.position,
+                velocity: glance.velocity,
+            },
+        ))
+    };
+    (0..=delays).filter_map(of_delay).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, puck)| puck)
+}
+
+/// A line a window.
+fn regression(record: &Record, glance: &Glance, length: f64, delay: f64) -> Normal {
+    let (times, positions) = (record.times(), record.positions());
+    let torques = delayed(record, delay);
+    let half = half(record, length);
+    let mut normal = Normal::new();
+    let mut centre = record.first() + half;
+    while centre + half < times.len() {
+        let (low, high) = (centre - half, centre + half);
+        let c = 0.5 * (times[high] - times[low]);
+        let middle = 0.5 * (times[high] + times[low]);
+        let (mut row, mut right) = ([0.0; 6], 0.0);
+        for i in low + 1..high {
+            let dt = 0.5 * (times[i + 1] - times[i - 1]);
+            let u = (times[i] - middle) / c;
+            let q = 1.0 - u * u;
+            let (w, w1) = (q * q * q * dt, -6.0 * u * q * q / c * dt);
+            let w2 = (24.0 * u * u * q - 6.0 * q * q) / (c * c) * dt;
+            let (z, s) = (positions[i] - positions[centre], glance.sign[i]);
+            right += w2 * z;
+            // At rest friction holds whatever the torque.
+            row[0] += w * torques[i] * s.abs();
+            row[1] += w1 * z;
+            row[2] -= w * s;
+        }
+        normal.add(&row, right);
+        centre += (half / 2).max(1);
+    }
+    normal
+}
+
+/// The mean torque around each sample, from half way to the one before to half way to the next.
+fn delayed(record: &Record, delay: f64) -> Vec<f64> {
+    let (times, torques) = (record.times(), record.torques());
+    // The held torque's integral up to each sample.
+    let mut sum = 0.0;
+    let mut impulse = vec![0.0];
+    impulse.extend(times.windows(2).zip(torques).map(|(pair, torque)| {
+        sum += torque * (pair[1] - pair[0]);
+        sum
+    }));
+    let n = times.len();
+    let at = |t: f64, from: &mut usize| {
+        while *from + 1 < n && times[*from + 1] <= t {
+            *from += 1;
+        }
+        impulse[*from] + torques[*from] * (t - times[*from])
+    };
+    let (mut low, mut high) = (0, 0);
+    let middle = |i: usize| match (times.get(i.wrapping_sub(1)), times.get(i)) {
+        (Some(before), Some(now)) => 0.5 * (before + now),
+        (None, Some(now)) => now - 0.5 * record.period(),
+        _ => times[n - 1] + 0.5 * record.period(),
+    };
+    (0..n)
+        .map(|i| {
+            let (from, to) = (middle(i) - delay, middle(i + 1) - delay);
+            (at(to, &mut high) - at(from, &mut low)) / (to - from)
+        })
+        .collect()
+}

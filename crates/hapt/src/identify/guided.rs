@@ -1,0 +1,244 @@
+//! The experiment: steps of a small torque, asked of the device through the loop and its supervisor.
+//!
+//! Each step is a world of its own, with one constant torque on the puck and nothing else; a swap fades it over to the next. Nothing in
+//! it depends on the position, so that it stays what it is when the motor's sign or the encoder's counts are wrong.
+
+use std::io::{BufRead, IsTerminal, Write, stderr, stdin};
+use std::time::Duration;
+
+use hapt_core::{Guarding, Phase, Request};
+use hapt_identify::Record;
+use hapt_log::{Header, Recorder};
+use hapt_model::keys::Measure;
+use hapt_model::{Coupling, End, Law, World};
+use hapt_rt::{End as LoopEnd, Engine, Failure as DeviceFailure, Order, Plan};
+
+use super::{Given, positive};
+use crate::args::IdentifyArgs;
+use crate::device::Spec;
+use crate::failure::Failure;
+use crate::latency::{LOOK, plan, settings, time};
+use crate::{output, people};
+
+/// Of the motor's limit, where --torque says nothing.
+const PART: f64 = 0.1;
+/// A step fades over to the next in so many s, or samples where those are longer.
+const FADE: f64 = 5e-3;
+const FADE_SAMPLES: f64 = 4.0;
+/// Lengths of the steps, s: together they reach from 2 Hz to 20 Hz; they come again and again.
+const LENGTHS: [f64; 12] = [0.12, 0.24, 0.18, 0.09, 0.13, 0.05, 0.07, 0.03, 0.05, 0.04, 0.025, 0.06];
+/// And their sizes: none is the one before it with the other sign, so that friction and damping tell themselves apart.
+const SIZES: [f64; 12] = [1.0, -0.9, 0.7, -1.0, 0.0, 0.8, -1.0, 1.0, -0.7, 0.9, -0.8, 0.5];
+/// In the steps' mean speed it may turn so fast, rad/s (linear: m/s): longer steps are cut.
+const FASTEST: [f64; 2] = [25.0, 1.0];
+
+/// What the loop said, sample by sample.
+#[derive(Default)]
+struct Seen {
+    times: Vec<f64>,
+    /// As the device gave them, and as the encoder of the world has them.
+    given: Vec<f64>,
+    counted: Vec<f64>,
+    torques: Vec<f64>,
+}
+
+pub fn experiment(args: &IdentifyArgs, spec: &Spec, world: Option<World>) -> Result<Given, Failure> {
+    if let Some(flag) =
+        [("--columns", args.columns.is_some()), ("--spring", args.spring.is_some()), ("--coast", args.coast)]
+            .into_iter()
+            .find_map(|(flag, is_there)| is_there.then_some(flag))
+    {
+        return Err(Failure::input(format!("{flag} is for logs; {} is a device", args.what)));
+    }
+    let world = world.ok_or_else(|| {
+        Failure::input(
+            "--world FILE.toml is wanted with a device: its period, its limits, and what is known of it so far",
+        )
+    })?;
+    if matches!(spec, Spec::Replay(_)) {
+        return Err(Failure::input("a recording follows no torque; hapt identify takes the log itself"));
+    }
+    let torque = torque(args, &world)?;
+    let duration = time("--duration", &args.duration)?;
+    if !(1.0..=60.0).contains(&duration) {
+        return Err(Failure::input(format!("--duration: {} is not within 1 s and 60 s", people::time(duration))));
+    }
+    if spec.has_a_motor() && !args.yes {
+        ask(&args.what, &world, torque, duration)?;
+    }
+    let seen = Experiment::start(args, spec, &world, torque)?.run(duration)?;
+    let positions = if spec.has_a_motor() { seen.given } else { seen.counted };
+    let name = args.what.clone();
+    let record = Record::new(seen.times, positions, seen.torques).map_err(|error| {
+        Failure::input(format!("{name}: {error}; --torque asks for more than {}", people::effort(torque, world.motion)))
+    })?;
+    Ok(Given { name, record, motion: world.motion, world: Some(world) })
+}
+
+fn torque(args: &IdentifyArgs, world: &World) -> Result<f64, Failure> {
+    let limit = world.device.limit.unwrap_or(f64::INFINITY);
+    let torque = match &args.torque {
+        Some(text) => positive("--torque", text, Measure::Torque, world.motion)?,
+        None if limit.is_finite() => PART * limit,
+        None => return Err(Failure::input("--torque Q is wanted: the world has no device.limit to take a tenth of")),
+    };
+    if torque > limit {
+        let limit = people::effort(limit, world.motion);
+        return Err(Failure::input(format!("--torque: it is above the world's device.limit, {limit}")));
+    }
+    Ok(torque)
+}
+
+/// Nothing moves before somebody has said yes.
+fn ask(what: &str, world: &World, torque: f64, duration: f64) -> Result<(), Failure> {
+    if !stdin().is_terminal() {
+        return Err(Failure::input(format!("{what} is going to move: --yes says that nobody is in its way")));
+    }
+    let (torque, duration) = (people::effort(torque, world.motion), people::time(duration));
+    people::say(format_args!("{what} will be pushed to and fro by up to {torque} for {duration}, and may turn far."));
+    let _ = write!(stderr(), "Hands off, nothing in its way? Go on? [y/N] ");
+    let mut answer = String::new();
+    let _ = stdin().lock().read_line(&mut answer);
+    match answer.trim() {
+        "y" | "Y" | "yes" => Ok(()),
+        _ => Err(Failure::input("not moved")),
+    }
+}
+
+struct Experiment {
+    engine: Engine,
+    recorder: Option<Recorder>,
+    /// Without bodies and couplings.
+    bare: World,
+    last: Plan,
+    /// Worlds before the one that runs.
+    plans: u32,
+    torque: f64,
+    seen: Seen,
+    is_running: bool,
+}
+
+impl Experiment {
+    fn start(args: &IdentifyArgs, spec: &Spec, world: &World, torque: f64) -> Result<Self, Failure> {
+        let mut bare = world.clone();
+        bare.title = None;
+        (bare.names, bare.bodies, bare.couplings, bare.scenarios) = Default::default();
+        bare.safety.fade = FADE.max(FADE_SAMPLES * world.sampling.period);
+        bare.safety.torque = Some(torque.min(bare.safety.torque.unwrap_or(f64::INFINITY)));
+        // A constant torque cannot run away by its sign, which is what is to be found; and it may well be smaller than the friction.
+        (bare.safety.pulse, bare.safety.stuck) = (Some(0.0), Some(0.0));
+        let guarding = if spec.has_a_motor() { Guarding::Certified } else { Guarding::Simulated };
+        let settings = settings(&args.realtime, world)?;
+        let first = plan(&bare, guarding)?;
+        let recorder = match &args.log {
+            None => None,
+            Some(file) => {
+                let header =
+                    Header { world_text: bare.to_toml(), device: args.what.clone(), guarding, ..Header::default() };
+                let started = Recorder::start(file, &bare, header);
+                Some(started.map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))?)
+            }
+        };
+        let (device, _hands) = spec.open(world)?;
+        let engine = Engine::start_with(first.clone(), device, settings)?;
+        output::end_in_order();
+        for warning in &engine.realtime().warnings {
+            people::say(format_args!("warning: {warning}"));
+        }
+        Ok(Experiment {
+            engine,
+            recorder,
+            bare,
+            last: first,
+            plans: 0,
+            torque,
+            seen: Seen::default(),
+            is_running: false,
+        })
+    }
+
+    /// Arms, steps for `duration` s, disarms.
+    fn run(mut self, duration: f64) -> Result<Seen, Failure> {
+        self.order(Order::Request(Request::Arm))?;
+        while !self.is_running {
+            self.wait(LOOK.as_secs_f64())?;
+        }
+        let done = self.steps(duration);
+        let _ = self.order(Order::Request(Request::Disarm));
+        let faded = done.and_then(|()| self.wait(4.0 * self.bare.safety.fade + 0.05));
+        self.engine.end();
+        let logged = self.recorder.take().map(|recorder| recorder.finish());
+        faded?;
+        if let Some(logged) = logged {
+            let logged = logged.map_err(|error| Failure::System(format!("the log has ended early: {error}")))?;
+            people::say(format_args!("wrote {}", logged.path.display()));
+        }
+        Ok(self.seen)
+    }
+
+    fn steps(&mut self, duration: f64) -> Result<(), Failure> {
+        let fastest = FASTEST[usize::from(self.bare.motion == hapt_model::Motion::Linear)];
+        let longest = fastest * self.bare.device.inertia / self.torque;
+        let mut left = duration;
+        // Each round the other way round, so that it comes back.
+        for round in 0.. {
+            let way = if round % 2 == 0 { self.torque } else { -self.torque };
+            for (length, size) in LENGTHS.into_iter().zip(SIZES) {
+                if left <= 0.0 {
+                    return self.step(0.0);
+                }
+                let length = length.min(longest).max(2.0 * self.bare.safety.fade);
+                self.step(way * size)?;
+                self.wait(length)?;
+                left -= length;
+            }
+        }
+        Ok(())
+    }
+
+    /// From now on this torque.
+    fn step(&mut self, torque: f64) -> Result<(), Failure> {
+        let mut world = self.bare.clone();
+        world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque } }];
+        self.last = Plan::following(&world, &self.last).map_err(Failure::input)?;
+        self.plans += 1;
+        if let Some(recorder) = &self.recorder {
+            recorder.plan(self.plans, &world);
+        }
+        self.order(Order::Swap(Box::new(self.last.clone())))
+    }
+
+    fn order(&mut self, order: Order) -> Result<(), Failure> {
+        self.engine.send(order).map_err(|_| Failure::System("the loop takes no orders".into()))
+    }
+
+    /// Goes on for so many s, and looks at what comes.
+    fn wait(&mut self, seconds: f64) -> Result<(), Failure> {
+        std::thread::sleep(Duration::from_secs_f64(seconds));
+        let ended = self.engine.ended();
+        while let Ok(record) = self.engine.records.pop() {
+            if let Some(recorder) = &self.recorder {
+                recorder.send(&record);
+            }
+            self.is_running |= record.phase == Phase::Running;
+            self.seen.times.push(record.due as f64 * 1e-9);
+            self.seen.given.push(record.position);
+            self.seen.counted.push(record.measured);
+            self.seen.torques.push(record.output);
+            if let (Phase::Faulted, Some(reason)) = (record.phase, record.reason) {
+                let words = format!("the torque was taken away. {} {}", reason.sentence(), reason.remedy());
+                return Err(Failure::System(words));
+            }
+        }
+        if output::signalled().is_some() {
+            return Err(Failure::System("interrupted, the torque off".into()));
+        }
+        match ended {
+            None => Ok(()),
+            Some(LoopEnd::Device(failure @ (DeviceFailure::Gone | DeviceFailure::NotFinite))) => {
+                Err(Failure::System(format!("the experiment ended by itself, the torque off: {failure}")))
+            }
+            Some(_) => Err(Failure::System("the experiment ended by itself, the torque off".into())),
+        }
+    }
+}

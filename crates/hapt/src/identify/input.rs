@@ -1,0 +1,112 @@
+//! The record in a file: a log of hapt's, or a table of any program's.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+use hapt_identify::{Columns, Record};
+use hapt_log::{Log, Origin};
+use hapt_model::keys::Measure;
+use hapt_model::{Motion, World};
+
+use super::{Given, positive};
+use crate::args::IdentifyArgs;
+use crate::failure::Failure;
+use crate::latency::time;
+use crate::log::{self, Opened};
+
+/// A larger table is refused: 256 MiB.
+const LARGEST: u64 = 256 << 20;
+/// The places of the values in every log.
+const TIME: usize = 0;
+const PUCK: usize = 1;
+const MEASURED: usize = 3;
+const COMMAND: usize = 6;
+const APPLIED: usize = 7;
+
+/// Times, positions, torques.
+type Lists = [Vec<f64>; 3];
+
+pub fn read(args: &IdentifyArgs, world: Option<World>) -> Result<Given, Failure> {
+    let path = Path::new(&args.what);
+    if args.what != "-" && !path.exists() {
+        let what = &args.what;
+        return Err(Failure::input(format!(
+            "cannot read {what}: there is no such file, and {what} is no device either"
+        )));
+    }
+    let (name, from) = log::reader(path)?;
+    let mut from = BufReader::with_capacity(1 << 16, from);
+    let first = from.fill_buf().map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
+    let (lists, motion, world) = if hapt_log::is_log(first) {
+        if args.columns.is_some() || args.spring.is_some() {
+            return Err(Failure::input("--columns and --spring are for tables; a log knows its columns and torques"));
+        }
+        let log = Log::read(Box::new(from) as Box<dyn Read>).map_err(|error| log::failure(&name, error))?;
+        logged(Opened { name: name.clone(), log }, world, args.coast)?
+    } else {
+        let (lists, motion) = table(args, &name, from)?;
+        (lists, motion, world)
+    };
+    let lists = cut(args, lists)?;
+    let [times, positions, torques] = lists;
+    let record = Record::new(times, positions, torques).map_err(|error| Failure::input(format!("{name}: {error}")))?;
+    Ok(Given { name, record, motion, world })
+}
+
+/// A table with a header.
+fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<(Lists, Motion), Failure> {
+    let mut bytes = Vec::new();
+    let read = from.take(LARGEST + 1).read_to_end(&mut bytes);
+    read.map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
+    if bytes.len() as u64 > LARGEST {
+        return Err(Failure::input(format!("{name} is larger than 256 MiB; --from and --to cut a log, not a table")));
+    }
+    let text = String::from_utf8(bytes).map_err(|_| Failure::input(format!("{name} is no text in UTF-8")))?;
+    let mut columns = Columns::parse(args.columns.as_deref().unwrap_or_default())
+        .map_err(|error| Failure::input(format!("--columns: {error}")))?;
+    if args.counts.is_some_and(|counts| !(counts > 0.0 && counts.is_finite())) {
+        return Err(Failure::input("--counts: a positive number is wanted"));
+    }
+    (columns.counts, columns.coasts) = (args.counts, args.coast);
+    let spring = |motion| args.spring.as_ref().map(|text| positive("--spring", text, Measure::Stiffness, motion));
+    // Whether it is a torsional spring shows with the position's unit.
+    columns.spring = spring(Motion::Rotary).transpose().or_else(|error| match spring(Motion::Linear) {
+        Some(Ok(linear)) => Ok(Some(linear)),
+        _ => Err(error),
+    })?;
+    let wrong = |error| Failure::input(format!("{name}: {error}"));
+    let (lists, motion) = columns.read(&text).map_err(wrong)?;
+    spring(motion).transpose()?;
+    Ok((lists, motion))
+}
+
+/// A log of hapt's: of a run, the commands; of a loop in real time, what the motor was asked for after the supervisor.
+fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lists, Motion, Option<World>), Failure> {
+    let plan = std::sync::Arc::clone(opened.log.plan());
+    let is_real = opened.log.is_live() && opened.log.header.device != "sim";
+    let place = if is_real { PUCK } else { MEASURED };
+    let torque = if opened.log.origin == Origin::Run { COMMAND } else { APPLIED };
+    let mut lists = Lists::default();
+    while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
+        let at = |place: usize| sample.values.get(place).copied().unwrap_or(f64::NAN);
+        lists[0].push(at(TIME));
+        lists[1].push(at(place));
+        lists[2].push(if coasts { 0.0 } else { at(torque) });
+    }
+    opened.say_ending(lists[0].len() as u64, lists[0].last().copied().unwrap_or(0.0));
+    let world = named.unwrap_or_else(|| plan.world.clone());
+    Ok((lists, plan.world.motion, Some(world)))
+}
+
+/// What lies between --from and --to.
+fn cut(args: &IdentifyArgs, lists: Lists) -> Result<Lists, Failure> {
+    let bound = |flag: &str, text: &Option<String>| text.as_deref().map(|text| time(flag, text)).transpose();
+    let from = bound("--from", &args.from)?.unwrap_or(f64::NEG_INFINITY);
+    let to = bound("--to", &args.to)?.unwrap_or(f64::INFINITY);
+    if from >= to {
+        return Err(Failure::input("--from must be before --to"));
+    }
+    let keep: Vec<bool> = lists[0].iter().map(|t| !(*t < from || *t > to)).collect();
+    let kept = |list: Vec<f64>| list.into_iter().zip(&keep).filter_map(|(x, keep)| keep.then_some(x)).collect();
+    Ok(lists.map(kept))
+}

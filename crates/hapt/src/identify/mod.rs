@@ -1,0 +1,106 @@
+//! `hapt identify`: what a device is made of, from a log, or from an experiment on it.
+
+mod figure;
+mod guided;
+mod input;
+mod print;
+
+use std::io::{Write, stdout};
+use std::path::Path;
+use std::process::ExitCode;
+
+use hapt_identify::{Identified, Known, Record, identify};
+use hapt_model::keys::Measure;
+use hapt_model::{Motion, World, parse_quantity};
+use hapt_report::Width;
+
+use crate::args::IdentifyArgs;
+use crate::device::Spec;
+use crate::failure::Failure;
+use crate::output::{self, Draft};
+use crate::people;
+use crate::world::source;
+
+/// A motion, and where it comes from.
+pub struct Given {
+    /// A file's name, or a device's.
+    pub name: String,
+    pub record: Record,
+    pub motion: Motion,
+    /// The world that ran, or the one that --world names.
+    pub world: Option<World>,
+}
+
+pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
+    let world = named_world(args)?;
+    if world.is_none() && !args.sets.is_empty() {
+        return Err(Failure::input("--set changes the world that --world names, and none is named"));
+    }
+    let given = match device(&args.what) {
+        Some(spec) => match (guided::experiment(args, &spec, world), output::signalled()) {
+            (_, Some(code)) => return Ok(ExitCode::from(code)),
+            (given, None) => given?,
+        },
+        None => input::read(args, world)?,
+    };
+    let known = Known { inertia: inertia(args, given.motion)?, is_linear: given.motion == Motion::Linear };
+    let found = identify(&given.record, &known).map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
+    for warning in found.warnings() {
+        people::say(format_args!("warning: {warning}"));
+    }
+    if found.sign.is_none() && known.inertia.is_none() {
+        people::say("note: without a torque only damping/inertia and friction/inertia show; --inertia gives the rest");
+    }
+    let table = print::table(&given, &found);
+    let drafts = [
+        args.write.as_deref().map(|target| draft(target, &table)).transpose()?,
+        args.plot.as_deref().map(|target| draft(target, &svg(&given, &found))).transpose()?,
+    ];
+    for draft in drafts.into_iter().flatten() {
+        let path = draft.finish().map_err(|error| Failure::write("the file", error))?;
+        people::say(format_args!("wrote {}", path.display()));
+    }
+    let text = if args.json {
+        print::json(&found)?
+    } else {
+        let table = if args.write.is_some() { String::new() } else { format!("\n{table}") };
+        print::text(&given, &found, known.inertia.is_some()) + &print::certificate(&given, &found)? + &table
+    };
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The device that LOG_OR_DEVICE names, where it names no file.
+fn device(what: &str) -> Option<Spec> {
+    if Path::new(what).exists() { None } else { what.parse().ok() }
+}
+
+fn named_world(args: &IdentifyArgs) -> Result<Option<World>, Failure> {
+    let read = |path: &std::path::PathBuf| Ok::<_, Failure>(World::read(&source(path)?, &args.sets)?);
+    args.world.as_ref().map(read).transpose()
+}
+
+/// What --inertia says.
+fn inertia(args: &IdentifyArgs, motion: Motion) -> Result<Option<f64>, Failure> {
+    let Some(text) = &args.inertia else { return Ok(None) };
+    positive("--inertia", text, Measure::Inertia, motion).map(Some)
+}
+
+/// A positive quantity in SI.
+fn positive(flag: &str, text: &str, measure: Measure, motion: Motion) -> Result<f64, Failure> {
+    let value =
+        parse_quantity(text, measure.dimension(motion)).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
+    if value > 0.0 { Ok(value) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
+}
+
+fn svg(given: &Given, found: &Identified) -> String {
+    figure::figure(given, found).svg(Width::Wide, true) + "\n"
+}
+
+fn draft(target: &Path, text: &str) -> Result<Draft, Failure> {
+    let failed = |error| Failure::write(target.display(), error);
+    let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
+    draft.write_all(text.as_bytes()).and_then(|()| draft.flush()).map_err(failed)?;
+    Ok(draft)
+}

@@ -1,0 +1,224 @@
+//! The answer in words, as JSON, and as the `[device]` table of a world file.
+
+use std::fmt::Write as _;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use hapt_identify::{Identified, Interval};
+use hapt_model::keys::Measure;
+use hapt_model::{Motion, World};
+use serde_json::{Value, json};
+
+use super::Given;
+use crate::failure::Failure;
+use crate::people;
+
+/// The contract's six, each with its interval or null.
+pub fn json(found: &Identified) -> Result<String, Failure> {
+    let value = |interval: Option<Interval>| -> Value {
+        interval.map_or(Value::Null, |x| json!({ "value": x.value, "low": x.low, "high": x.high }))
+    };
+    let json = json!({
+        "inertia": value(found.inertia),
+        "damping": value(found.damping),
+        "friction": value(found.friction),
+        "delay_s": value(found.delay),
+        "sign": value(found.sign),
+        "counts_per_rev": value(found.counts),
+    });
+    let text = serde_json::to_string_pretty(&json).map_err(|error| Failure::System(error.to_string()))?;
+    Ok(text + "\n")
+}
+
+/// A line for each number.
+pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String {
+    let times = given.record.times();
+    let mut text = format!(
+        "{}: {} samples over {}, {} apart\n\n",
+        given.name,
+        people::count(times.len() as u64),
+        people::time(times[times.len() - 1] - times[0]),
+        people::time(given.record.period())
+    );
+    let [inertia, damping] = units(given.motion);
+    let (effort, per_si) = effort(given.motion);
+    let mut line = |name: &str, words: String| {
+        let _ = writeln!(text, "{name:<9} {words}");
+    };
+    let within = |interval: Option<Interval>, factor: f64, unit: &str| {
+        interval.map_or("not in this record".to_string(), |x| sized(x, factor, unit))
+    };
+    match (inertia_is_known, found.inertia) {
+        (true, Some(known)) => {
+            line("inertia", format!("{} {inertia}, as given", people::number(known.value)));
+            line("gain", within(found.gain, 1.0, "of the torque that is asked for"));
+        }
+        (_, found) => line("inertia", within(found, 1.0, &inertia)),
+    }
+    line("damping", within(found.damping, 1.0, &damping));
+    line("friction", within(found.friction, per_si, effort));
+    if found.damping.is_none() {
+        let per_inertia = if given.motion == Motion::Linear { "m/s^2" } else { "rad/s^2" };
+        line("damping", format!("over inertia {}", within(found.rates[0], 1.0, "1/s")));
+        line("friction", format!("over inertia {}", within(found.rates[1], 1.0, per_inertia)));
+    }
+    line("delay", within(found.delay, 1e3, "ms"));
+    line(
+        "sign",
+        match found.sign {
+            None => "not in this record".into(),
+            Some(sign) if sign.value < 0.0 => "-1: a positive torque makes the position fall".into(),
+            Some(_) => "1: a positive torque makes the position grow".into(),
+        },
+    );
+    line("encoder", encoder(given.motion, found));
+    let (unit, factor) = if given.motion == Motion::Linear { ("um", 1e6) } else { ("mdeg", 1e3f64.to_degrees()) };
+    let counts =
+        found.lattice.map_or(String::new(), |lattice| format!(", {:.2} counts", found.residual.rms / lattice.step));
+    line("fit", format!("leaves {} {unit} rms{counts}", digits(found.residual.rms * factor, 3)));
+    text
+}
+
+fn encoder(motion: Motion, found: &Identified) -> String {
+    match (found.counts, found.lattice) {
+        (Some(counts), _) if counts.low == counts.high => format!("{} counts a revolution", counts.value),
+        (Some(counts), _) => format!("{} to {} counts a revolution", counts.low, counts.high),
+        (None, Some(lattice)) if motion == Motion::Linear => format!("{} um a count", digits(1e6 * lattice.step, 6)),
+        _ => "no counts show in the positions".into(),
+    }
+}
+
+/// What the certificate says of the world with this device; nothing where no world is known.
+pub fn certificate(given: &Given, found: &Identified) -> Result<String, Failure> {
+    let Some(before) = &given.world else { return Ok(String::new()) };
+    let (Some(inertia), Some(damping)) = (found.inertia, found.damping) else { return Ok(String::new()) };
+    let friction = found.friction.map_or(0.0, |x| x.value);
+    let mut world = before.clone();
+    world.device.inertia = inertia.value;
+    world.device.damping = damping.value;
+    world.device.friction = friction;
+    world.device.encoder = encoder_key(given.motion, found).or(world.device.encoder);
+    world.sampling.delay = found.delay.map_or(world.sampling.delay, |delay| whole(delay, world.sampling.period));
+    let mut least = world.clone();
+    least.device.damping = damping.low;
+    if let Some(delay) = found.delay.filter(|_| world.sampling.delay % world.sampling.period != 0.0) {
+        least.sampling.delay = delay.high;
+    }
+    let verdict = |world: &World| -> Result<String, Failure> { Ok(hapt_analysis::check(world)?.verdict_sentence()) };
+    let (was, is, at_least) = (verdict(before)?, verdict(&world)?, verdict(&least)?);
+    let mut text = format!("\nworld     as its file has the device: {was}\n          with this device: {is}\n");
+    if at_least != is {
+        let _ = writeln!(text, "          at the bad ends of the intervals: {at_least}");
+    }
+    Ok(text)
+}
+
+/// The `[device]` table, with where it comes from.
+pub fn table(given: &Given, found: &Identified) -> String {
+    let [inertia, damping] = units(given.motion);
+    let (effort, per_si) = effort(given.motion);
+    let mut text = format!("[device] # identified {} from {}\n", today(), given.name.escape_default());
+    let mut line = |key: &str, value: String, note: String| {
+        let _ = writeln!(text, "{:<42}# {note}", format!("{key:<8} = {value}"));
+    };
+    let quantity = |x: Interval, factor: f64, unit: &str| {
+        let half = 0.5 * factor * (x.high - x.low);
+        (format!("\"{} {unit}\"", to(factor * x.value, half)), ends(x, factor))
+    };
+    if let Some(x) = found.inertia {
+        let (value, note) = quantity(x, 1.0, &inertia);
+        line("inertia", value, if x.low == x.high { "as given".into() } else { note });
+    }
+    if let Some((value, note)) = found.damping.map(|x| quantity(x, 1.0, &damping)) {
+        line("damping", value, note);
+    }
+    if let Some((value, note)) = found.friction.map(|x| quantity(x, per_si, effort)) {
+        line("friction", value, note);
+    }
+    match (found.counts, found.lattice) {
+        (Some(counts), _) if counts.low == counts.high => line("encoder", counts.value.to_string(), "exact".into()),
+        (None, Some(lattice)) if given.motion == Motion::Linear => {
+            line("encoder", format!("\"{} um\"", digits(1e6 * lattice.step, 6)), "the positions' lattice".into());
+        }
+        _ => {}
+    }
+    if let Some(limit) = given.world.as_ref().and_then(|world| world.device.limit) {
+        line("limit", format!("\"{} {effort}\"", people::number(per_si * limit)), "as the world's file has it".into());
+    }
+    if let Some(delay) = found.delay {
+        let _ = writeln!(text, "# for [loop]: delay = \"{} ms\", {} ms", delay_words(given, delay), ends(delay, 1e3));
+    }
+    if found.sign.is_some_and(|sign| sign.value < 0.0) {
+        text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";
+    }
+    text
+}
+
+/// The delay as it is used, in ms.
+fn delay_words(given: &Given, delay: Interval) -> String {
+    let period = given.world.as_ref().map_or(given.record.period(), |world| world.sampling.period);
+    let used = whole(delay, period);
+    if used == delay.value { to(1e3 * used, 0.5e3 * (delay.high - delay.low)) } else { people::number(1e3 * used) }
+}
+
+/// A delay that is known to a sample and may be a whole number of them is taken to be that.
+fn whole(delay: Interval, period: f64) -> f64 {
+    let nearest = (delay.value / period).round() * period;
+    if delay.covers(nearest) && delay.high - delay.low < period { nearest } else { delay.value }
+}
+
+fn encoder_key(motion: Motion, found: &Identified) -> Option<f64> {
+    match motion {
+        Motion::Rotary => found.counts.filter(|counts| counts.low == counts.high).map(|counts| counts.value),
+        Motion::Linear => found.lattice.map(|lattice| lattice.step),
+    }
+}
+
+/// Of inertia and damping.
+fn units(motion: Motion) -> [String; 2] {
+    [Measure::Inertia, Measure::Damping].map(|measure| measure.dimension(motion).symbol())
+}
+
+/// The unit of torques, and how many of it a N m (linear: N) has.
+fn effort(motion: Motion) -> (&'static str, f64) {
+    if motion == Motion::Linear { ("N", 1.0) } else { ("N mm", 1e3) }
+}
+
+/// A value with its unit and its interval.
+fn sized(x: Interval, factor: f64, unit: &str) -> String {
+    let half = 0.5 * factor * (x.high - x.low);
+    format!("{} {unit}, {}", to(factor * x.value, half), ends(x, factor))
+}
+
+fn ends(x: Interval, factor: f64) -> String {
+    let half = 0.5 * factor * (x.high - x.low);
+    format!("95 %: {} to {}", to(factor * x.low, half), to(factor * x.high, half))
+}
+
+/// Rounded so that the second digit of its uncertainty still shows.
+fn to(x: f64, half: f64) -> String {
+    if !(half > 0.0 && half.is_finite()) {
+        return people::number(x);
+    }
+    let step = 10f64.powf(half.log10().floor() - 1.0);
+    let whole = (x / step).round();
+    if whole == 0.0 { "0".into() } else { people::number(format!("{:.6e}", whole * step).parse().unwrap_or(x)) }
+}
+
+/// With so many digits.
+fn digits(x: f64, digits: usize) -> String {
+    format!("{x:.*e}", digits - 1).parse().map_or_else(|_| x.to_string(), people::number)
+}
+
+/// The date, in UTC: days since 1970 by the civil calendar (Hinnant, "chrono-compatible low-level date algorithms").
+fn today() -> String {
+    let days = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs() / 86_400);
+    let z = days + 719_468;
+    let (era, day_of_era) = (z / 146_097, z % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted = (5 * day_of_year + 2) / 153;
+    let (day, month) =
+        (day_of_year - (153 * shifted + 2) / 5 + 1, if shifted < 10 { shifted + 3 } else { shifted - 9 });
+    let year = year_of_era + era * 400 + u64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02}")
+}

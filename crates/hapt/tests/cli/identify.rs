@@ -1,0 +1,124 @@
+//! `hapt identify`: from logs, from tables, and by an experiment on the simulated device.
+
+use std::fs;
+use std::path::Path;
+
+use crate::common::{Ended, folder, hapt, names};
+
+/// A wheel let go beside a virtual one.
+const PAIR: &str = r#"title = "pair"
+[loop]
+period = "1 ms"
+delay = "2 ms"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "3e-3 N m s/rad"
+friction = "5 N mm"
+limit = "822.25 N mm"
+encoder = 4000
+[bodies.wheel]
+inertia = "0.0258 kg m^2"
+[[couplings]]
+kind = "spring"
+between = ["puck", "wheel"]
+stiffness = "1 N m/rad"
+[scenarios.let-go]
+duration = "2 s"
+hand = { kind = "step", to = "40 deg", release = "0.25 s" }
+[scenarios.held]
+duration = "2 s"
+hand = { kind = "sine", amplitude = "1 rad", frequency = "3 Hz" }
+"#;
+const TRUTH: [(&str, f64); 3] = [("inertia", 6.4e-4), ("damping", 3e-3), ("friction", 5e-3)];
+
+fn identify(at: &Path, args: &[&str]) -> Ended {
+    hapt(at, [&["identify"], args].concat())
+}
+
+/// Each number is within three half widths of the truth, and no interval is wider than a twentieth of it.
+#[track_caller]
+fn holds(json: &str, delay: f64) {
+    let json: serde_json::Value = serde_json::from_str(json).unwrap();
+    let keys: Vec<&String> = json.as_object().unwrap().keys().collect();
+    assert_eq!(keys, ["inertia", "damping", "friction", "delay_s", "sign", "counts_per_rev"]);
+    for (name, truth) in TRUTH.into_iter().chain([("delay_s", delay)]) {
+        let number = |key: &str| json[name][key].as_f64().unwrap_or_else(|| panic!("no {name}: {json}"));
+        let half = 0.5 * (number("high") - number("low"));
+        assert!((number("value") - truth).abs() < 3.0 * half + 1e-9 * truth, "{name}: {json}");
+        assert!(half < 0.05 * if truth > 0.0 { truth } else { 1e-3 }, "{name}: {json}");
+    }
+    assert_eq!(json["sign"]["value"], 1.0, "{json}");
+    assert_eq!(json["counts_per_rev"]["value"], 4000.0, "{json}");
+}
+
+#[test]
+fn a_run_as_csv_and_as_a_log_says_what_the_wheel_is() {
+    let at = folder(&[("w.toml", PAIR)]);
+    hapt(at.path(), ["sim", "w.toml", "--out", ".", "--format", "csv", "--format", "mcap"]).done();
+    let from = |log: &str, more: &[&str]| {
+        identify(at.path(), &[&[log, "--from", "0.26s", "--json"], more].concat()).done().out
+    };
+    let csv = from("let-go.csv", &[]);
+    holds(&csv, 2e-3);
+    assert_eq!(from("let-go.mcap", &[]), csv);
+    assert_eq!(from("let-go.csv", &["--columns", "torque=command_Nm,position=measured_rad"]), csv);
+}
+
+#[test]
+fn positions_alone_are_enough_beside_a_known_spring() {
+    let spring = PAIR.replace("\"puck\", \"wheel\"", "\"puck\", \"ground\"").replace("0.25 s", "0.1 s");
+    let at = folder(&[("w.toml", &spring)]);
+    hapt(at.path(), ["sim", "w.toml", "--scenario", "let-go", "--out", "."]).done();
+    let of = |more: &[&str]| identify(at.path(), &[&["let-go.csv", "--from", "0.11s"], more].concat()).done();
+    assert_eq!(of(&["--spring", "1 N m/rad", "--json"]).out, of(&["--json"]).out);
+    // On a spring alone a delay takes away what damping gives, and no more is claimed.
+    let said = of(&[]);
+    assert!(said.err.contains("hardly tells damping and delay apart"), "{}", said.err);
+}
+
+#[test]
+fn what_is_written_is_a_device_that_a_world_takes() {
+    let at = folder(&[("w.toml", PAIR)]);
+    hapt(at.path(), ["sim", "w.toml", "--out", "."]).done();
+    let args = ["let-go.csv", "--from", "0.26s", "--world", "w.toml", "--write", "device.toml", "--plot", "fit.svg"];
+    let ended = identify(at.path(), &args).done();
+    assert_eq!(names(at.path()), ["device.toml", "fit.svg", "held.csv", "let-go.csv", "w.toml"]);
+    for line in [
+        "sign      1: a positive torque",
+        "encoder   4000 counts a revolution",
+        "world     as its file has the device: ",
+    ] {
+        assert!(ended.out.contains(line), "{line}: {}", ended.out);
+    }
+    let table = fs::read_to_string(at.path().join("device.toml")).unwrap();
+    assert!(table.starts_with("[device] # identified 20") && table.contains(" from let-go.csv\n"), "{table}");
+    assert!(table.contains("# for [loop]: delay = \"2 ms\""), "{table}");
+    let world = PAIR.replace(&PAIR[PAIR.find("[device]").unwrap()..PAIR.find("[bodies").unwrap()], &table);
+    fs::write(at.path().join("found.toml"), world).unwrap();
+    hapt(at.path(), ["sim", "found.toml"]).done();
+    let svg = fs::read_to_string(at.path().join("fit.svg")).unwrap();
+    for word in ["position (deg)", "what the fit leaves (counts)", "measured", "torque asked for (N mm)"] {
+        assert!(svg.contains(word), "{word}");
+    }
+}
+
+#[test]
+fn an_experiment_on_the_simulated_wheel_finds_it() {
+    let at = folder(&[("w.toml", PAIR)]);
+    // Without a delay: the simulated one is as many samples as were taken, also where some were missed.
+    let args =
+        ["sim", "--world", "w.toml", "--set", "loop.delay=0", "--duration", "2 s", "--log", "log.mcap", "--json"];
+    let found = identify(at.path(), &args).done();
+    holds(&found.out, 0.0);
+    // The log of the experiment says the same.
+    holds(&identify(at.path(), &["log.mcap", "--json"]).done().out, 0.0);
+}
+
+#[test]
+fn a_hand_on_the_puck_is_no_experiment_and_leaves_nothing_behind() {
+    let at = folder(&[("w.toml", PAIR)]);
+    hapt(at.path(), ["sim", "w.toml", "--out", "."]).done();
+    identify(at.path(), &["held.csv", "--write", "device.toml", "--plot", "fit.svg"])
+        .refused(2, &["held.csv: the motion does not follow from the torque", "whether a hand was on the puck"]);
+    assert_eq!(names(at.path()), ["held.csv", "let-go.csv", "w.toml"]);
+}
