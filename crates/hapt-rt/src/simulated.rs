@@ -46,6 +46,8 @@ pub struct Simulated {
     touches: Consumer<Touch>,
     back: Producer<Box<Script>>,
     announced: bool,
+    /// What the motor was last asked for, in N·m (linear: N).
+    asked: f64,
 }
 
 impl Simulated {
@@ -55,7 +57,7 @@ impl Simulated {
         let (back, spent) = RingBuffer::new(TOUCHES);
         let mut device = VirtualDevice::new(&world.rig());
         device.reserve();
-        (Simulated { device, touches, back, announced: false }, Hands { touches: producer, spent })
+        (Simulated { device, touches, back, announced: false, asked: 0.0 }, Hands { touches: producer, spent })
     }
 
     fn is_touched(&mut self) {
@@ -87,12 +89,17 @@ impl Device for Simulated {
     }
 
     fn write(&mut self, torque: f64) -> Result<(), Failure> {
+        self.asked = torque;
         self.device.command(torque);
         Ok(())
     }
 
     fn passed(&mut self, periods: u32) {
-        for _ in 0..periods.min(LONGEST_PAUSE) {
+        for period in 0..periods.min(LONGEST_PAUSE) {
+            if period > 0 {
+                // At an instant that was missed it is asked for what it was: a delay is a time, and no number of commands.
+                self.device.command(self.asked);
+            }
             self.device.travel();
             self.announced |= self.device.announced();
         }
@@ -100,5 +107,29 @@ impl Device for Simulated {
 
     fn adopt(&mut self, plan: &mut Plan) {
         self.device.refit(&mut plan.device);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hapt_model::Source;
+
+    use super::*;
+
+    #[test]
+    fn samples_that_are_missed_make_no_delay_longer() {
+        let file = "[loop]\nperiod = \"1 ms\"\ndelay = \"2.4 ms\"\n[device]\ninertia = 6.4e-4\n";
+        let world = World::read(&Source::from_text("late.toml", file), &[]).unwrap();
+        let (mut steady, _hands) = Simulated::new(&world);
+        let (mut late, _more_hands) = Simulated::new(&world);
+        for (torque, missed) in [(0.1, 0), (-0.3, 3), (0.2, 1), (0.5, 7), (0.0, 0), (0.4, 2)] {
+            late.write(torque).unwrap();
+            late.passed(missed + 1);
+            for _ in 0..=missed {
+                steady.write(torque).unwrap();
+                steady.passed(1);
+            }
+            assert_eq!(late.read().unwrap(), steady.read().unwrap(), "after {missed} missed");
+        }
     }
 }
