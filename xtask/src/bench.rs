@@ -28,8 +28,18 @@ pub fn command(words: &[String]) -> Result<()> {
         ["realtime", "--write"] => realtime::alone(true),
         ["--guards"] => guards(false),
         ["--guards", "--write"] => guards(true),
-        _ => bail!("cargo xtask bench [realtime] [--write], or [--guards [--write]]"),
+        ["drive"] => drive("python3"),
+        ["drive", python] => drive(python),
+        _ => bail!("cargo xtask bench [realtime] [--write], or [--guards [--write]], or drive [PYTHON]"),
     }
+}
+
+/// One exchange with a simulated drive over a serial port, beside that of the makers' own library.
+fn drive(python: &str) -> Result<()> {
+    let mut command = Command::new(env!("CARGO"));
+    command.args(["run", "--quiet", "--release", "-p", "hapt-drive", "--example", "exchange", "--", python]);
+    ensure!(command.status()?.success(), "the exchange with the drive does not run");
+    Ok(())
 }
 
 /// Measures everything and prints it; with `write`, into [`PAGE`].

@@ -5,6 +5,7 @@ mod book;
 mod faults;
 mod figure;
 mod fuzz;
+mod guest;
 mod identify;
 mod marked;
 mod memory;
@@ -29,7 +30,9 @@ cargo xtask faults    the supervisor against faults of every kind, and against n
                       --write, into docs/safety.md
 cargo xtask identify  the intervals of hapt identify on random devices: [--n N] [--seed S]; --write: docs/identify.md
 cargo xtask book      whether the book's commands, worlds, outputs and links hold; with --write, makes its outputs and tables
-cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone
+cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone;
+                      drive [PYTHON]: an exchange with a motor drive, beside its makers' own library's
+cargo xtask guest     the drives on a CAN bus, in an emulated machine; with a line of shell, that
 cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names
 cargo xtask memory N  what streaming N samples to CSV takes, such as 1e8";
 
@@ -45,6 +48,8 @@ fn main() -> Result<()> {
         }
         ["notes", "--write"] => notes::write(),
         ["figure"] => figure::write(),
+        ["guest"] => guest::drives(),
+        ["guest", ref line @ ..] => guest::run(&line.join(" ")),
         ["fuzz", ref arguments @ ..] => fuzz::run(arguments),
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),

@@ -214,6 +214,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
         Measure::Damping => (0.1 * device.inertia / file.sampling.period).min(10.0 * device.damping.max(1e-9 * effort)),
         Measure::Inertia => DECADE * device.inertia,
         Measure::Energy => effort * turn,
+        Measure::Ratio => DECADE,
     };
     match range {
         Range::Any => {

@@ -35,7 +35,7 @@ pub type File = (String, Vec<u8>);
 /// What is known of a world whose page is to be written.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
-    /// The world, of [`bench`].
+    /// The world, of [`bench()`].
     pub bench: &'a Workbench,
     /// Its certificate.
     pub check: &'a Check,

@@ -96,6 +96,8 @@ pub enum Measure {
     Inertia,
     /// J, in both motions
     Energy,
+    /// A plain number
+    Ratio,
 }
 
 /// The numbers that a quantity may be; all are finite.
@@ -128,6 +130,7 @@ impl Measure {
     /// The dimension in a world of this motion.
     pub const fn dimension(self, motion: Motion) -> Dimension {
         match (self, motion) {
+            (Measure::Ratio, _) => Dimension::NONE,
             (Measure::Time, _) => Dimension::TIME,
             (Measure::Frequency, _) => Dimension::FREQUENCY,
             (Measure::Angle, _) | (Measure::Position, Motion::Rotary) => Dimension::ANGLE,
@@ -302,8 +305,10 @@ const LUGRE: Presence = Presence::Depends("the six LuGre keys stand together, in
 /// What stands for a lost link, and for what the world's own ledger finds.
 pub(crate) const LINK_LOST: [&str; 2] = ["fade-out", "fault"];
 pub(crate) const WORLD_LEDGER: [&str; 2] = ["warn", "trip"];
+/// Which way a drive turns.
+pub(crate) const DIRECTION: [&str; 2] = ["forward", "reverse"];
 
-use Measure::{Angle, Damping, Energy, Frequency, Inertia, Position, Stiffness, Time, Torque, Velocity};
+use Measure::{Angle, Damping, Energy, Frequency, Inertia, Position, Ratio, Stiffness, Time, Torque, Velocity};
 use Presence::{Depends, Name, Number, Optional, Required};
 use Range::{Any, Positive, ZeroOrMore};
 use Takes::{Ends, List, Quantity, QuantityOr, Table, Text, Whole};
@@ -339,6 +344,14 @@ pub const KEYS: &[Key] = &[
     key("device.encoder", Quantity(Position, Positive), Optional, "The size of one count; absent: ideal.").only(Motion::Linear),
     key("device.levels", Whole { least: 2, most: u32::MAX as u64, step: 2 }, Optional,
         "Torque resolution: steps of 2 limit/levels. Needs a limit; absent: ideal."),
+    key("device.drive", Table, Optional, "How the puck hangs on a motor drive, where there is one (--device moteus:... and odrive:...)."),
+    key("device.drive.gear", Quantity(Ratio, Positive), Depends("1"), "Revolutions of the drive for one of the puck.").only(Motion::Rotary),
+    key("device.drive.gear", Quantity(Position, Positive), Depends("required with a drive"), "How far the puck goes in one revolution of the drive.").only(Motion::Linear),
+    key("device.drive.direction", Takes::Name(&DIRECTION), Name(DIRECTION[0]),
+        "Whether the drive's positions rise with the puck's (\"forward\") or fall (\"reverse\"); its torques go the same way."),
+    key("device.drive.home", Quantity(Position, Any), Optional,
+        "The puck's position, by the drive's own zero, that is the world's 0; a rotary puck is within half a turn of it at the start. \
+         Absent: 0 is where the loop is armed."),
 
     key("bodies", BODIES, Optional, "The virtual inertias, by name."),
     key("bodies.*.inertia", Quantity(Inertia, Positive), Required, "Its inertia (linear: mass)."),

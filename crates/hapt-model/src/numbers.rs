@@ -5,7 +5,7 @@ use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
 use crate::keys::{self, Key};
 use crate::safety::Safety;
-use crate::world::{Device, Sampling, World};
+use crate::world::{Device, Mounting, Sampling, World};
 
 /// Where a number stands.
 pub(crate) enum Slot<'a> {
@@ -63,6 +63,10 @@ pub(crate) fn device(device: &mut Device) -> Slots<'_> {
         ("encoder", Optional(&mut device.encoder)),
         ("levels", OptionalWhole(&mut device.levels)),
     ]
+}
+
+pub(crate) fn mounting(drive: &mut Mounting) -> Slots<'_> {
+    vec![("gear", Optional(&mut drive.gear)), ("home", Optional(&mut drive.home))]
 }
 
 pub(crate) fn safety(safety: &mut Safety) -> Slots<'_> {
@@ -193,6 +197,7 @@ impl World {
         Some(match *path {
             ["loop"] => plain("loop", sampling(&mut self.sampling)),
             ["device"] => plain("device", device(&mut self.device)),
+            ["device", "drive"] => plain("device.drive", mounting(&mut self.device.drive)),
             ["safety"] => plain("safety", safety(&mut self.safety)),
             ["bodies", name] => {
                 let index = self.names.iter().position(|body| body == name)?;
@@ -262,6 +267,9 @@ mod tests {
         limit = 1
         encoder = 4000
         levels = 200
+        [device.drive]
+        gear = 5
+        home = 0.5
         [safety]
         velocity = 60
         link = 0.5

@@ -12,7 +12,7 @@ use crate::safety::Safety;
 use crate::source::Source;
 use crate::support;
 use crate::words;
-use crate::world::{Device, EstimatorKind, Motion, Sampling, Scenario, World};
+use crate::world::{Device, EstimatorKind, Motion, Mounting, Sampling, Scenario, World};
 
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;
@@ -142,12 +142,21 @@ fn device(fields: &Fields<'_>) -> Result<Device, Error> {
         limit: fields.optional_number("limit")?,
         encoder: fields.optional_number("encoder")?,
         levels: fields.optional_whole("levels")?,
+        drive: mounting(&Fields::new(fields.inner("drive", "device.drive"), fields.node("drive"))?)?,
     };
     if device.levels.is_some() && device.limit.is_none() {
         let message = "levels divide the range of the motor: they need device.limit";
         return Err(fields.error(ErrorKind::Combination, "levels", message));
     }
     Ok(device)
+}
+
+fn mounting(fields: &Fields<'_>) -> Result<Mounting, Error> {
+    Ok(Mounting {
+        gear: fields.optional_number("gear")?,
+        reversed: fields.name("direction") == Some(keys::DIRECTION[1]),
+        home: fields.optional_number("home")?,
+    })
 }
 
 fn coupling(fields: &Fields<'_>, names: &[String]) -> Result<Coupling, Error> {

@@ -183,7 +183,7 @@ impl World {
             port_trips: real || safety.world_trips == Some(true),
             pulse: safety.pulse.unwrap_or(if real { nudge } else { 0.0 }),
             brake,
-            zero_where_armed: real,
+            zero_where_armed: real && device.drive.home.is_none(),
             announcements: !real,
             inertia: device.inertia,
             damping: device.damping,

@@ -90,6 +90,19 @@ pub struct Device {
     pub encoder: Option<f64>,
     /// Torque resolution: steps of 2 limit/levels; `None`: ideal.
     pub levels: Option<u32>,
+    /// The `[device.drive]` table.
+    pub drive: Mounting,
+}
+
+/// The `[device.drive]` table: how the puck hangs on a motor drive.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Mounting {
+    /// Revolutions of the drive for one of the puck (linear: m for one revolution of the drive), positive; `None`: 1 (linear: unknown).
+    pub gear: Option<f64>,
+    /// The drive's positions fall where the puck's rise.
+    pub reversed: bool,
+    /// The puck's position by the drive's own zero, in rad (linear: m), that is the world's 0; `None`: where it is armed.
+    pub home: Option<f64>,
 }
 
 /// A hand, a duration and a name.

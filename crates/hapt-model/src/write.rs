@@ -5,10 +5,10 @@ use std::fmt::{self, Write};
 use hapt_core::{Coupling, Damping, End, Law};
 use hapt_plant::spec::{Drive, Hand, Shape};
 
-use crate::keys::{self, COMPENSATING, Measure, Takes, side_name};
+use crate::keys::{self, COMPENSATING, DIRECTION, Measure, Takes, side_name};
 use crate::numbers::{self, Slot, Slots};
 use crate::safety::Safety;
-use crate::world::{Motion, World};
+use crate::world::{Motion, Mounting, World};
 
 impl World {
     /// The world as a TOML file, quantities with their SI units: `"0.001 s"`. Reading it gives an equal world, as long as
@@ -28,6 +28,7 @@ impl World {
 
         // The numbers are lent for change, so a copy lends them.
         let mut world = self.clone();
+        let mut drive = self.device.drive;
         let sampling = &self.sampling;
         writeln!(f, "\n[loop]\nmethod = {:?}\noutput = {:?}", sampling.method.name(), sampling.output.name())?;
         writeln!(f, "estimator = {:?}", sampling.estimator.name())?;
@@ -35,6 +36,10 @@ impl World {
         lines(f, table("loop", numbers::sampling(&mut world.sampling)))?;
         writeln!(f, "\n[device]")?;
         lines(f, table("device", numbers::device(&mut world.device)))?;
+        if drive != Mounting::default() {
+            writeln!(f, "\n[device.drive]\ndirection = {:?}", DIRECTION[usize::from(drive.reversed)])?;
+            lines(f, table("device.drive", numbers::mounting(&mut drive)))?;
+        }
         if self.safety != Safety::default() {
             writeln!(f, "\n[safety]")?;
             self.safety.names().try_for_each(|(key, name)| writeln!(f, "{key} = {}", text(name)))?;

@@ -88,6 +88,7 @@ fn the_documented_example_reads_to_its_numbers() {
         limit: Some(0.82225),
         encoder: Some(4000.0),
         levels: Some(2048),
+        drive: Default::default(),
     };
     assert_eq!(world.device, device);
     assert_eq!(world.names, ["wheel"]);
@@ -127,7 +128,15 @@ fn what_is_absent_has_its_default() {
         window: 16,
     };
     assert_eq!((world.title, world.motion, world.sampling), (None, Motion::Rotary, sampling));
-    let device = Device { inertia: 1.0, damping: 0.0, friction: 0.0, limit: None, encoder: None, levels: None };
+    let device = Device {
+        inertia: 1.0,
+        damping: 0.0,
+        friction: 0.0,
+        limit: None,
+        encoder: None,
+        levels: None,
+        drive: Default::default(),
+    };
     assert_eq!(world.device, device);
     let moves = Shape::Step { to: 1.0, at: 0.0 };
     assert_eq!(
@@ -172,6 +181,7 @@ hand = { kind = "sine", amplitude = "3 mm", frequency = "2 Hz", phase = "90 deg"
         limit: Some(10.0),
         encoder: Some(5e-6),
         levels: Some(16),
+        drive: Default::default(),
     };
     assert_eq!(world.device, device);
     assert_eq!(world.count(), Some(5e-6));

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use hapt_model::{
-    Body, Coupling, Damping, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Output, Safety, Sampling,
-    Scenario, Shape, Side, Source, Switching, World,
+    Body, Coupling, Damping, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Mounting, Output, Safety,
+    Sampling, Scenario, Shape, Side, Source, Switching, World,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -124,14 +124,17 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
         Motion::Linear => positive().boxed(),
     };
     let motor = option::of((positive(), option::of(1u32..1 << 31)));
-    (positive(), zero_or_more(), zero_or_more(), option::of(encoder), motor).prop_map(
-        |(inertia, damping, friction, encoder, motor)| Device {
+    let drive = (option::of(positive()), any::<bool>(), option::of(any_number()));
+    let drive = drive.prop_map(|(gear, reversed, home)| Mounting { gear, reversed, home });
+    (positive(), zero_or_more(), zero_or_more(), option::of(encoder), motor, drive).prop_map(
+        |(inertia, damping, friction, encoder, motor, drive)| Device {
             inertia,
             damping,
             friction,
             limit: motor.map(|(limit, _)| limit),
             encoder,
             levels: motor.and_then(|(_, half)| half).map(|half| half * 2),
+            drive,
         },
     )
 }

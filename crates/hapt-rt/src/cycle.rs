@@ -89,7 +89,7 @@ impl Cycle {
             velocity: position.velocity,
             announced: position.announced,
             late: moment.late,
-            missed: moment.periods.saturating_sub(1),
+            missed: moment.periods.saturating_sub(1).saturating_add(self.device.0.missed()),
             silent: moment.silent,
         };
         let Cycle { plan, state, watch, .. } = self;

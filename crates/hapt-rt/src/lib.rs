@@ -59,6 +59,11 @@ pub trait Device: Send {
     /// Periods have passed since the last sample: 1, or more when samples were missed.
     fn passed(&mut self, _periods: u32) {}
 
+    /// How many readings in a row up to the last one were not new: they count as missed samples. At a new one, those before it.
+    fn missed(&self) -> u32 {
+        0
+    }
+
     /// The loop begins with `plan`, or goes on with it from this sample on.
     fn adopt(&mut self, _plan: &mut Plan) {}
 }
@@ -83,9 +88,35 @@ pub enum Failure {
     /// Its recording has ended.
     #[error("the recording has ended")]
     Ended,
+    /// Its port or bus is gone.
+    #[error("the device is no longer there: its port or bus is gone")]
+    Unplugged,
+    /// Its drive has stopped by itself.
+    #[error("{0}")]
+    Drive(DriveFault),
     /// A simulated puck's position or velocity is no longer a number.
     #[error("the simulated puck has run away: its position is no longer a finite number")]
     NotFinite,
+}
+
+/// Why a motor drive has stopped by itself, in its maker's terms and, where there is one, the supervisor's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DriveFault {
+    /// The maker's number.
+    pub code: u32,
+    /// What it stands for.
+    pub what: &'static str,
+    /// The supervisor's word for it.
+    pub reason: Option<Reason>,
+}
+
+impl std::fmt::Display for DriveFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let DriveFault { code, what, reason } = self;
+        write!(f, "the drive has stopped: {what} (its code {code}")?;
+        reason.map_or(Ok(()), |reason| write!(f, ", here {}", reason.name()))?;
+        write!(f, ")")
+    }
 }
 
 /// What reaches the loop between two samples.

@@ -133,6 +133,18 @@ Examples:
       hapt identify log.csv \\
       --columns time=time_s,position=measured_rad,torque=applied_Nm")]
     Identify(IdentifyArgs),
+    /// Serial ports and CAN interfaces, and the drives that may be behind them.
+    #[command(after_help = "\
+Examples:
+  hapt devices                                       what --device may name")]
+    Devices,
+    /// A motor drive and its wheel, simulated, at the end of a serial port or on a CAN bus.
+    #[command(after_help = "\
+Examples:
+  hapt simulate-drive moteus --pty --duration 1s     its port is the first line
+  hapt simulate-drive odrive --pty --duration 1s     behind an slcan adapter
+  hapt simulate-drive moteus --pty @notes/wheel --duration 1s --lockstep")]
+    SimulateDrive(SimulateDriveArgs),
     /// How well this machine keeps a loop's time, and what would help.
     #[command(after_help = "\
 Examples:
@@ -401,7 +413,8 @@ pub struct BoundaryArgs {
 pub struct RunArgs {
     #[command(flatten)]
     pub world: WorldArgs,
-    /// The device: sim, replay:FILE with the CSV of a run or a log, or hapt:PATH with the serial port of a board that runs the loop.
+    /// The device: sim, replay:FILE with the CSV of a run or a log, a drive (moteus:PATH, moteus:canX#ID, odrive:...), or hapt:PATH with
+    /// the serial port of a board that runs the loop.
     #[arg(long, value_name = "SPEC", default_value = "sim")]
     pub device: String,
     /// The scenario that the simulated device's hand plays once the torque is all there.
@@ -487,6 +500,37 @@ pub struct IdentifyArgs {
     pub json: bool,
     #[command(flatten)]
     pub realtime: RealtimeArgs,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct SimulateDriveArgs {
+    /// moteus or odrive.
+    #[arg(value_name = "DRIVE")]
+    pub make: String,
+    /// The world whose puck hangs on it; the notes' wheel (@notes/wheel) without it.
+    #[arg(value_name = "WORLD")]
+    pub world: Option<PathBuf>,
+    /// Override a key of the world file by its dotted path, such as device.inertia=1e-3; repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// At the end of a new serial port, whose path is the first line on standard output.
+    #[arg(long, required_unless_present = "can")]
+    pub pty: bool,
+    /// On this CAN interface, such as vcan0.
+    #[arg(long, value_name = "IF", conflicts_with = "pty")]
+    pub can: Option<String>,
+    /// Its identifier on the bus.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub id: u8,
+    /// The scenario that a hand on the wheel plays from the start.
+    #[arg(long, value_name = "NAME")]
+    pub scenario: Option<String>,
+    /// Time passes by the loop: a period of the world each time that it asks for the position.
+    #[arg(long)]
+    pub lockstep: bool,
+    /// For how long; without it until Ctrl-C.
+    #[arg(long, value_name = "Q")]
+    pub duration: Option<String>,
 }
 
 #[derive(Debug, clap::Args)]

@@ -5,9 +5,10 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use hapt_model::{Motion, World};
+use hapt_model::{EstimatorKind, Motion, World};
 use hapt_rt::{Device, Hands, Position, Replay, Simulated};
 
+use crate::drives::{self, Address};
 use crate::failure::Failure;
 use crate::log;
 
@@ -18,12 +19,14 @@ pub enum Spec {
     Sim,
     /// The positions of a run, one a period.
     Replay(PathBuf),
+    /// A motor drive.
+    Drive(Address),
     /// A board with hapt's firmware at a serial port, which runs the loop itself.
     Board(PathBuf),
 }
 
-/// Words that will mean a drive.
-const LATER: [&str; 2] = ["moteus", "odrive"];
+/// Words that mean a drive.
+const DRIVES: [&str; 2] = ["moteus", "odrive"];
 
 impl FromStr for Spec {
     type Err = String;
@@ -33,10 +36,9 @@ impl FromStr for Spec {
             None if text == "sim" => Ok(Spec::Sim),
             Some(("replay", file)) if !file.is_empty() => Ok(Spec::Replay(file.into())),
             Some(("hapt", path)) if !path.is_empty() => Ok(Spec::Board(path.into())),
-            Some((word, _)) if LATER.contains(&word) => Err(format!(
-                "drives ({word}:...) come with a later version; today there are sim, replay:FILE and hapt:PATH"
-            )),
-            _ => Err("a device is sim, replay:FILE with a run's CSV or a log, or hapt:PATH with a board's serial port"
+            Some((word, _)) if DRIVES.contains(&word) => text.parse().map(Spec::Drive),
+            _ => Err("a device is sim, replay:FILE with a run's CSV or a log, a drive (moteus:..., odrive:...), or hapt:PATH with a board's \
+                      serial port"
                 .into()),
         }
     }
@@ -52,8 +54,26 @@ impl Spec {
     pub fn has_a_motor(&self) -> bool {
         match self {
             Spec::Sim | Spec::Replay(_) => false,
-            Spec::Board(_) => true,
+            Spec::Drive(_) | Spec::Board(_) => true,
         }
+    }
+
+    /// What a real device asks of the world file beyond what a simulated one does: the overrides that it comes to. The velocity is
+    /// differenced from positions, as it is certified.
+    pub fn overrides(&self, world: &World) -> Result<Vec<String>, Failure> {
+        // A board brings its own.
+        if !matches!(self, Spec::Drive(_)) {
+            return Ok(Vec::new());
+        }
+        let missing = |key: &str, why: &str| Failure::input(format!("a real motor needs {key}: {why}"));
+        if world.device.limit.is_none() {
+            return Err(missing("device.limit", "the largest torque that it may be asked for"));
+        }
+        if world.motion == Motion::Linear && world.device.drive.gear.is_none() {
+            return Err(missing("device.drive.gear", "how far the puck goes in one revolution of the drive"));
+        }
+        let exact = world.sampling.estimator == EstimatorKind::Exact;
+        Ok(exact.then(|| "loop.estimator=difference".into()).into_iter().collect())
     }
 
     /// The device for `world`, and what moves its hand, where it is a simulated one.
@@ -64,6 +84,7 @@ impl Spec {
                 Ok((Box::new(device), Some(hands)))
             }
             Spec::Replay(file) => Ok((Box::new(Replay::new(positions(file, world.motion)?)), None)),
+            Spec::Drive(address) => Ok((drives::open(address, world)?, None)),
             // Its loop is not on this computer: hapt run takes another way.
             Spec::Board(path) => {
                 Err(Failure::input(format!("hapt:{}: no loop of this computer's drives a board", path.display())))

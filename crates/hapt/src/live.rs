@@ -11,6 +11,7 @@ use hapt_model::World;
 
 use crate::args::LiveArgs;
 use crate::device::Spec;
+use crate::drives;
 use crate::failure::Failure;
 use crate::latency::settings;
 use crate::output;
@@ -26,7 +27,9 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     let spec = Spec::named(&args.device)?;
     let address = SocketAddr::new(listen(args.listen.as_deref())?, args.port);
     let source = source(args.path.as_deref().unwrap_or(Path::new(WHEEL)))?;
-    let options = Options { source, sets: args.sets.clone(), address, folder: args.log_dir.clone() };
+    let mut sets = args.sets.clone();
+    sets.extend(spec.overrides(&World::read(&source, &sets)?)?);
+    let options = Options { source, sets, address, folder: args.log_dir.clone() };
     // Before anything can hold a torque: a signal takes it off first.
     output::end_in_order();
     let live = Live::start_on(options, |world: &World| {
@@ -36,6 +39,9 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
         Ok::<_, Failure>(Machine { name: args.device.clone(), device, hands, guarding, settings })
     })?;
 
+    if spec.has_a_motor() {
+        say(drives::NOT_CERTIFIED);
+    }
     let mut out = stdout().lock();
     writeln!(out, "{}", live.link()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     drop(out);

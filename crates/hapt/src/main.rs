@@ -10,6 +10,7 @@ mod check;
 mod convert;
 mod design;
 mod device;
+mod drives;
 mod explain;
 mod failure;
 mod flash;
@@ -68,6 +69,8 @@ fn main() -> ExitCode {
         Some(Command::Flash(args)) => flash::run(args),
         Some(Command::Identify(args)) => identify::run(args),
         Some(Command::Latency(args)) => latency::run(args),
+        Some(Command::Devices) => drives::devices(),
+        Some(Command::SimulateDrive(args)) => drives::simulate(args),
         Some(Command::Live(args)) => live::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Worlds) => worlds::run(),

@@ -12,6 +12,7 @@ use hapt_sim::script;
 use crate::args::RunArgs;
 use crate::board_run;
 use crate::device::Spec;
+use crate::drives;
 use crate::failure::Failure;
 use crate::host::Stolen;
 use crate::latency::{LOOK, granted, plan, settings, time};
@@ -21,9 +22,12 @@ use crate::sim;
 use crate::world::{Loaded, load};
 
 pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
-    let loaded = load(&args.world)?;
-    let world = &loaded.world;
+    let mut loaded = load(&args.world)?;
     let spec = Spec::named(&args.device)?;
+    let mut sets = args.world.sets.clone();
+    sets.extend(spec.overrides(&loaded.world)?);
+    loaded.world = World::read(&loaded.source, &sets)?;
+    let world = &loaded.world;
     let scenario = args.scenario.as_deref().map(|name| world.scenario(name)).transpose()?;
     if scenario.is_some() && spec != Spec::Sim {
         return Err(Failure::input(
@@ -40,10 +44,14 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let guarding = guarding(args.uncertified, &spec, world)?;
     let settings = settings(&args.realtime, world)?;
     let plan = plan(world, guarding)?;
-    let recorder = recorder(args, &loaded, guarding)?;
-    let (device, hands) = spec.open(world)?;
-    let engine = Engine::start_with(plan, device, settings)?;
+    // Before anything can hold a torque: a signal takes it off first.
     output::end_in_order();
+    let (device, hands) = spec.open(world)?;
+    let recorder = recorder(args, &loaded, &sets, guarding)?;
+    let engine = Engine::start_with(plan, device, settings)?;
+    if spec.has_a_motor() {
+        people::say(drives::NOT_CERTIFIED);
+    }
     for warning in &engine.realtime().warnings {
         people::say(format_args!("warning: {warning}"));
     }
@@ -70,10 +78,10 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
 }
 
 /// The log, where one is asked for.
-fn recorder(args: &RunArgs, loaded: &Loaded, guarding: Guarding) -> Result<Option<Recorder>, Failure> {
+fn recorder(args: &RunArgs, loaded: &Loaded, sets: &[String], guarding: Guarding) -> Result<Option<Recorder>, Failure> {
     let Some(file) = &args.log else { return Ok(None) };
     let (device, scenario) = (args.device.clone(), args.scenario.clone());
-    let header = Header { device, scenario, guarding, ..sim::header(loaded, &args.world.sets, true) };
+    let header = Header { device, scenario, guarding, ..sim::header(loaded, sets, true) };
     let recorder = Recorder::start(file, &loaded.world, header);
     recorder.map(Some).map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))
 }
@@ -210,6 +218,7 @@ impl Run<'_> {
             Spec::Sim => "the simulated device".to_string(),
             Spec::Replay(file) => format!("the positions of {}", file.display()),
             Spec::Board(path) => path.display().to_string(),
+            Spec::Drive(address) => format!("the drive {address}"),
         };
         let Seen { timing, running, peak, .. } = &self.seen;
         let ran = match running {

@@ -74,7 +74,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         title: None,
         motion: Motion::Rotary,
         sampling,
-        device: Device { inertia, damping, friction, limit, encoder, levels: None },
+        device: Device { inertia, damping, friction, limit, encoder, levels: None, drive: Default::default() },
         safety: Default::default(),
         names: (0..bodies.len()).map(|i| format!("b{i}")).collect(),
         bodies,

@@ -41,6 +41,7 @@ impl Bench {
                 limit: None,
                 encoder: None,
                 levels: None,
+                drive: Default::default(),
             },
             safety: Safety::default(),
             names: (0..self.bodies.len()).map(|i| format!("body{i}")).collect(),

@@ -10,7 +10,7 @@ use hapt_core::{Guarding, Phase, Request};
 use hapt_identify::Record;
 use hapt_log::{Header, Recorder};
 use hapt_model::keys::Measure;
-use hapt_model::{Coupling, End, Law, World};
+use hapt_model::{Coupling, End, EstimatorKind, Law, World};
 use hapt_rt::{End as LoopEnd, Engine, Failure as DeviceFailure, Order, Plan};
 
 use super::{Given, positive};
@@ -50,13 +50,16 @@ pub fn experiment(args: &IdentifyArgs, spec: &Spec, world: Option<World>) -> Res
     {
         return Err(Failure::input(format!("{flag} is for logs; {} is a device", args.what)));
     }
-    let world = world.ok_or_else(|| {
+    let mut world = world.ok_or_else(|| {
         Failure::input(
             "--world FILE.toml is wanted with a device: its period, its limits, and what is known of it so far",
         )
     })?;
     if matches!(spec, Spec::Replay(_)) {
         return Err(Failure::input("a recording follows no torque; hapt identify takes the log itself"));
+    }
+    if !spec.overrides(&world)?.is_empty() {
+        world.sampling.estimator = EstimatorKind::Difference;
     }
     let torque = torque(args, &world)?;
     let duration = time("--duration", &args.duration)?;

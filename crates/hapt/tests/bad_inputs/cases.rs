@@ -121,6 +121,7 @@ pub fn cases() -> Vec<Case> {
         ("realtime", realtime),
         ("live", live),
         ("identify", identify),
+        ("drives", drives),
     ];
     for &(theme, add) in themes {
         table.theme = theme;
@@ -403,11 +404,16 @@ fn edges(t: &mut Table) {
 fn realtime(t: &mut Table) {
     for (name, args) in [
         ("a device that is none", &["--device", "wheel"][..]),
-        ("a drive of a later version", &["--device", "moteus:/dev/ttyACM0"]),
         ("a board at no port", &["--device", "hapt:"]),
         ("a world that no board should have", &["--device", "hapt:/dev/ttyACM0"]),
         ("a board at a port that is not there", &["--device", "hapt:/dev/no-such-port", "--uncertified"]),
         ("a board that is a file", &["--device", "hapt:w.toml", "--uncertified"]),
+        ("a drive nowhere", &["--device", "moteus:"]),
+        ("an identifier that no drive has", &["--device", "moteus:can0#127"]),
+        ("an identifier that is no number", &["--device", "moteus:/dev/ttyACM0#one"]),
+        ("a node that no drive has", &["--device", "odrive:can0#63"]),
+        ("a drive for a world that is not certified", &["--device", "moteus:/dev/ttyACM0"]),
+        ("a scenario for a drive", &["--device", "moteus:/dev/ttyACM0", "--scenario", "step"]),
         ("a replay of nothing", &["--device", "replay:"]),
         ("a replay of a file that is not there", &["--device", "replay:runs/step.csv"]),
         ("a replay of what is no run", &["--device", "replay:w.toml"]),
@@ -429,6 +435,21 @@ fn realtime(t: &mut Table) {
     t.typed("a simulation that is to be flashed", &["flash", "w.toml", "--device", "sim"]);
     t.typed("the latency of a world that is not there", &["latency", "wheel.toml"]);
     t.typed("a latency measured for no time", &["latency", "--duration", "0"]);
+}
+
+/// Drives that are not simulated.
+fn drives(t: &mut Table) {
+    for (name, args) in [
+        ("a drive that nobody makes", &["simulate-drive", "vesc", "--pty"][..]),
+        ("a drive at the end of nothing", &["simulate-drive", "moteus"]),
+        ("a port and a bus at once", &["simulate-drive", "moteus", "--pty", "--can", "vcan0"]),
+        ("the identifier of everybody", &["simulate-drive", "moteus", "--pty", "--id", "127"]),
+        ("the node of everybody", &["simulate-drive", "odrive", "--pty", "--id", "63"]),
+        ("a wheel that is not there", &["simulate-drive", "moteus", "--pty", "no-such.toml"]),
+        ("a hand that is not there", &["simulate-drive", "moteus", "--pty", "w.toml", "--scenario", "stpe"]),
+    ] {
+        t.typed(name, args);
+    }
 }
 
 fn live(t: &mut Table) {

@@ -19,6 +19,8 @@ const COMMANDS: &[&str] = &[
     "run",
     "flash",
     "identify",
+    "devices",
+    "simulate-drive",
     "latency",
     "live",
     "init",

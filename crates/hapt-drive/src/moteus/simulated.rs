@@ -1,0 +1,348 @@
+//! The inside of a simulated moteus: its registers, modes and watchdog.
+//!
+//! Simulated: stopped, position mode with its gains, limits of torque and watchdog, zero velocity, brake, faults, the setting of its
+//! zero. Not simulated: trajectories (stop position, limits of velocity and acceleration), currents and voltages, the diagnostic stream,
+//! which is always empty. Its motor makes 0.1 N·m per A.
+
+use super::registers::{Parser, Resolution, Subframe, Value, Writer};
+use super::{EVERYBODY, REPLY, mode, register};
+use crate::frame::Frame;
+use crate::simulate::{Firmware, Shaft};
+
+/// What the drive's makers set: the watchdog in s, torque per revolution and per revolution per second, the largest torque while its
+/// watchdog has run out, in N·m.
+const DEFAULT_TIMEOUT: f32 = 0.1;
+const KP: f32 = 4.0;
+const KD: f32 = 0.05;
+const TIMEOUT_TORQUE: f32 = 5.0;
+/// How long it takes to switch its motor on, in s.
+const ENABLING: f64 = 3e-3;
+const ENABLING_MODE: i32 = 2;
+/// N·m per A.
+const MOTOR: f32 = 0.1;
+/// Its serial number, and what its UUID is made of.
+const SERIAL: i32 = 0x6861_7074;
+const COMMANDS: usize = (register::LAST_COMMAND - register::COMMAND_POSITION + 1) as usize;
+
+/// Steps of the integer types for 8, 16 and 32 bits.
+type Scales = [f32; 3];
+const ANGLE: Scales = [0.01, 1e-4, 1e-5];
+const VELOCITY: Scales = [0.1, 2.5e-4, 1e-5];
+const ACCELERATION: Scales = [0.05, 1e-3, 1e-5];
+const TORQUE: Scales = [0.5, 0.01, 1e-3];
+const VOLTAGE: Scales = [0.5, 0.1, 1e-3];
+const AMPERE: Scales = [1.0, 0.1, 1e-3];
+const POWER: Scales = [10.0, 0.05, 1e-4];
+const PART: Scales = [1.0 / 127.0, 1.0 / 32767.0, 1.0 / 2147483647.0];
+const TIME: Scales = [0.01, 1e-3, 1e-6];
+
+/// A simulated moteus.
+#[derive(Clone, Debug)]
+pub struct Simulated {
+    id: u8,
+    mode: i32,
+    fault: i32,
+    /// What has been written from 0x010 to 0x01f and from 0x020 on, and waits for a mode.
+    other: [f32; 16],
+    written: [f32; COMMANDS],
+    /// What it goes by.
+    active: [f32; COMMANDS],
+    /// Where position mode wants it, in revolutions.
+    wanted: Option<f64>,
+    /// Until its watchdog runs out, and until its motor is on, in s.
+    left: f64,
+    enabling: f64,
+    after_enabling: i32,
+    /// Its position is the shaft's and this.
+    zero: f64,
+    torque: f32,
+}
+
+impl Simulated {
+    /// A drive with this identifier, stopped.
+    pub fn new(id: u8) -> Self {
+        Simulated {
+            id,
+            mode: mode::STOPPED,
+            fault: 0,
+            other: [0.0; 16],
+            written: fresh(),
+            active: fresh(),
+            wanted: None,
+            left: f64::INFINITY,
+            enabling: 0.0,
+            after_enabling: mode::STOPPED,
+            zero: 0.0,
+            torque: 0.0,
+        }
+    }
+
+    /// The fault of this number strikes it.
+    pub fn fail(&mut self, code: u8) {
+        (self.mode, self.fault, self.torque) = (mode::FAULT, code.into(), 0.0);
+    }
+
+    fn command(&self, register: u32) -> f32 {
+        self.active[(register - register::COMMAND_POSITION) as usize]
+    }
+
+    /// A mode has been written, with what was written after it.
+    fn commit(&mut self, wanted: i32, shaft: Shaft) {
+        match (wanted, self.mode) {
+            (mode::STOPPED, _) => {
+                (self.mode, self.fault, self.wanted) = (mode::STOPPED, 0, None);
+            }
+            // Latched until it is stopped.
+            (_, mode::FAULT | mode::TIMEOUT) => {}
+            (mode::POSITION | mode::CURRENT | mode::ZERO_VELOCITY | mode::BRAKE, before) => {
+                self.active = self.written;
+                if before == mode::STOPPED {
+                    (self.mode, self.enabling) = (ENABLING_MODE, ENABLING);
+                } else if before != ENABLING_MODE {
+                    self.mode = wanted;
+                }
+                self.after_enabling = wanted;
+                let timeout = self.command(register::COMMAND_TIMEOUT);
+                self.left = match (wanted, timeout) {
+                    (mode::POSITION, 0.0) => DEFAULT_TIMEOUT.into(),
+                    (mode::POSITION, timeout) if !timeout.is_nan() => timeout.into(),
+                    _ => f64::INFINITY,
+                };
+                let position = self.command(register::COMMAND_POSITION);
+                if !position.is_nan() {
+                    self.wanted = Some(position.into());
+                } else if self.wanted.is_none() {
+                    self.wanted = Some(shaft.position + self.zero);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The torque in this mode at this shaft.
+    fn torque(&mut self, seconds: f64, shaft: Shaft) -> f32 {
+        let velocity = shaft.velocity as f32;
+        let damped = |most: f32| (-KD * velocity).clamp(-most, most);
+        match self.mode {
+            mode::POSITION => {
+                let goes = self.command(register::COMMAND_VELOCITY);
+                let goes = if goes.is_nan() { 0.0 } else { goes };
+                let wanted = self.wanted.get_or_insert(shaft.position + self.zero);
+                *wanted += f64::from(goes) * seconds;
+                let away = (*wanted - shaft.position - self.zero) as f32;
+                let torque = KP * self.command(register::COMMAND_KP_SCALE) * away
+                    + KD * self.command(register::COMMAND_KD_SCALE) * (goes - velocity)
+                    + self.command(register::COMMAND_TORQUE);
+                let most = self.command(register::COMMAND_MAX_TORQUE);
+                if most.is_nan() { torque } else { torque.clamp(-most.abs(), most.abs()) }
+            }
+            mode::TIMEOUT => damped(TIMEOUT_TORQUE),
+            mode::ZERO_VELOCITY | mode::BRAKE => damped(f32::INFINITY),
+            mode::CURRENT => MOTOR * self.other[0xc],
+            _ => 0.0,
+        }
+    }
+
+    /// 1: there is no such register; 2: it cannot be written; 3: not with this value.
+    fn write(&mut self, register: u32, value: Value, shaft: Shaft) -> Result<Option<i32>, u32> {
+        match register {
+            register::MODE => {
+                let wanted = value.whole();
+                if !(0..mode::END).contains(&wanted) {
+                    return Err(3);
+                }
+                (self.written, self.other) = (fresh(), [0.0; 16]);
+                return Ok(Some(wanted));
+            }
+            0x010..0x020 => self.other[(register - 0x010) as usize] = value.scaled(scales(register)),
+            register::COMMAND_POSITION..=register::LAST_COMMAND => {
+                self.written[(register - register::COMMAND_POSITION) as usize] = value.scaled(scales(register));
+            }
+            register::SET_OUTPUT_NEAREST | register::SET_OUTPUT_EXACT => {
+                let position = value.scaled(ANGLE);
+                if !position.is_finite() {
+                    return Err(3);
+                }
+                let offset = f64::from(position) - shaft.position;
+                let nearest = register == register::SET_OUTPUT_NEAREST;
+                // The nearest position that differs by whole turns from what the encoder says.
+                self.zero = if nearest { offset.round() } else { offset };
+                self.wanted = None;
+            }
+            register::MODE..=register::FAULT | register::MODEL..=0x122 | register::UUID..=0x153 => return Err(2),
+            _ => return Err(1),
+        }
+        Ok(None)
+    }
+
+    fn read(&self, register: u32, resolution: Resolution, shaft: Shaft) -> Result<Value, u32> {
+        let whole = |x: i32| Ok(Value::from_whole(x, resolution));
+        let scaled = |x: f32| Ok(Value::from_scaled(x, scales(register), resolution));
+        match register {
+            register::MODE => whole(self.mode),
+            register::POSITION | register::ABS_POSITION => scaled((shaft.position + self.zero) as f32),
+            register::VELOCITY => scaled(shaft.velocity as f32),
+            register::TORQUE => scaled(self.torque),
+            register::Q_CURRENT => scaled(self.torque / MOTOR),
+            register::D_CURRENT => scaled(0.0),
+            register::POWER => scaled(self.torque * shaft.velocity as f32 * std::f32::consts::TAU),
+            register::MOTOR_TEMPERATURE | register::TEMPERATURE => scaled(25.0),
+            register::TRAJECTORY_COMPLETE => whole(1),
+            register::HOME_STATE => whole(1),
+            register::VOLTAGE => scaled(24.0),
+            register::FAULT => whole(self.fault),
+            0x010..0x020 => scaled(self.other[(register - 0x010) as usize]),
+            register::COMMAND_POSITION..=register::LAST_COMMAND => {
+                scaled(self.written[(register - register::COMMAND_POSITION) as usize])
+            }
+            register::ID => whole(self.id.into()),
+            _ if resolution != Resolution::Int32 => Err(1),
+            register::MODEL => whole(0x100),
+            register::FIRMWARE => whole(0x108),
+            register::MAP => whole(5),
+            register::SERIAL..=0x122 | register::UUID..=0x153 => whole(self.uuid(register)),
+            register::UUID_MASK_CAPABLE => whole(1),
+            _ => Err(1),
+        }
+    }
+
+    /// What tells it from others: a part of its serial number or UUID.
+    fn uuid(&self, register: u32) -> i32 {
+        SERIAL ^ i32::from(self.id) << 8 ^ (register & 3) as i32
+    }
+}
+
+impl Firmware for Simulated {
+    fn asks(&self, frame: &Frame) -> bool {
+        let is_mine = frame.id & 0x7f == u32::from(self.id) && frame.id & REPLY != 0;
+        is_mine && Parser::new(frame.data()).any(|part| matches!(part, Subframe::Read(register::POSITION, _)))
+    }
+
+    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
+        let (to, source) = (frame.id & 0x7f, frame.id >> 8 & 0x7f);
+        if frame.id >> 16 != 0 || ![u32::from(self.id), EVERYBODY].contains(&to) {
+            return;
+        }
+        let mut answer = Writer::new(u32::from(self.id) << 8 | source);
+        let mut wanted = None;
+        // Registers that are read one after the other are answered as one.
+        let (mut first, mut values) = (0, Run::default());
+        for part in Parser::new(frame.data()) {
+            let read = match part {
+                Subframe::Read(register, resolution) => Some((register, self.read(register, resolution, shaft))),
+                _ => None,
+            };
+            match read {
+                Some((register, Ok(value))) if values.takes(register, first, value) => values.push(value),
+                read => {
+                    answer = values.flush(answer, first);
+                    match read {
+                        Some((register, Ok(value))) => {
+                            first = register;
+                            values.push(value);
+                        }
+                        Some((register, Err(code))) => answer = answer.error(1, register, code),
+                        None => {}
+                    }
+                }
+            }
+            match part {
+                // Meant for one of several with the same identifier.
+                Subframe::Write(register @ register::UUID_MASK..register::UUID_MASK_CAPABLE, mask) => {
+                    if mask.whole() != self.uuid(register) {
+                        return;
+                    }
+                }
+                Subframe::Write(register, value) => match self.write(register, value, shaft) {
+                    Ok(mode) => wanted = mode.or(wanted),
+                    Err(code) => answer = answer.error(0, register, code),
+                },
+                Subframe::Stream(channel) => answer = answer.empty_stream(channel),
+                Subframe::Read(..) | Subframe::Reply(..) | Subframe::Error(..) => {}
+            }
+        }
+        answer = values.flush(answer, first);
+        if let Some(wanted) = wanted {
+            self.commit(wanted, shaft);
+        }
+        if frame.id & REPLY != 0 && !answer.is_empty() {
+            say(answer.frame());
+        }
+    }
+
+    fn pass(&mut self, seconds: f64, shaft: Shaft, _say: &mut dyn FnMut(Frame)) -> f64 {
+        if self.mode == ENABLING_MODE {
+            self.enabling -= seconds;
+            if self.enabling <= 0.0 {
+                self.mode = self.after_enabling;
+            }
+        }
+        self.left -= seconds;
+        if self.left <= 0.0 && self.mode == mode::POSITION {
+            self.mode = mode::TIMEOUT;
+        }
+        self.torque = self.torque(seconds, shaft);
+        self.torque.into()
+    }
+}
+
+/// Values of one type in a row.
+#[derive(Default)]
+struct Run {
+    values: Vec<Value>,
+}
+
+impl Run {
+    /// Whether `register` follows those that are there, in the same type.
+    fn takes(&self, register: u32, first: u32, value: Value) -> bool {
+        let same = |other: &Value| std::mem::discriminant(other) == std::mem::discriminant(&value);
+        self.values.first().is_some_and(same) && register == first + self.values.len() as u32
+    }
+
+    fn push(&mut self, value: Value) {
+        self.values.push(value);
+    }
+
+    fn flush(&mut self, answer: Writer, first: u32) -> Writer {
+        let answer = answer.reply(first, &self.values);
+        self.values.clear();
+        answer
+    }
+}
+
+/// A command in which nothing is said: both gains as they are, no limits, the usual watchdog.
+fn fresh() -> [f32; COMMANDS] {
+    let mut command = [f32::NAN; COMMANDS];
+    let says = [
+        (register::COMMAND_POSITION, 0.0),
+        (register::COMMAND_VELOCITY, 0.0),
+        (register::COMMAND_TORQUE, 0.0),
+        (register::COMMAND_KP_SCALE, 1.0),
+        (register::COMMAND_KD_SCALE, 1.0),
+        (register::COMMAND_TIMEOUT, 0.0),
+    ];
+    for (register, value) in says {
+        command[(register - register::COMMAND_POSITION) as usize] = value;
+    }
+    command
+}
+
+/// The unit of a register.
+fn scales(register: u32) -> Scales {
+    match register {
+        register::POSITION
+        | register::ABS_POSITION
+        | register::COMMAND_POSITION
+        | register::COMMAND_STOP_POSITION
+        | register::SET_OUTPUT_NEAREST
+        | register::SET_OUTPUT_EXACT => ANGLE,
+        register::VELOCITY | register::COMMAND_VELOCITY | 0x028 | 0x01e => VELOCITY,
+        0x029 => ACCELERATION,
+        register::TORQUE | register::COMMAND_TORQUE | register::COMMAND_MAX_TORQUE => TORQUE,
+        register::VOLTAGE | 0x014..=0x016 | 0x019..=0x01b | 0x02a => VOLTAGE,
+        register::POWER => POWER,
+        register::COMMAND_TIMEOUT => TIME,
+        0x010..=0x013 | 0x018 | register::COMMAND_KP_SCALE | register::COMMAND_KD_SCALE | 0x02b | 0x02d => PART,
+        _ => AMPERE,
+    }
+}

@@ -1,0 +1,258 @@
+//! An ODrive, as its host sees it from the bus: firmware 0.6's messages, states, errors and watchdog, around whatever moves the wheel.
+
+use super::codec::{self, Command, Heartbeat, PASSTHROUGH, Version, control, state};
+use crate::frame::Frame;
+use crate::simulate::{Firmware, Shaft};
+
+/// What it speaks.
+const VERSION: Version = Version { major: 0, minor: 6, revision: 10 };
+/// How long it bears not to be fed, where nobody says otherwise, s.
+const WATCHDOG: f64 = 0.05;
+/// From one heartbeat to the next, as shipped, s.
+const HEARTBEAT: f64 = 0.1;
+/// ODrive's gains, as shipped: 1/s, N·m/(rev/s), N·m/rev.
+const POSITION_GAIN: f64 = 20.0;
+const VELOCITY_GAIN: f64 = 1.0 / 6.0;
+const INTEGRATOR_GAIN: f64 = 1.0 / 3.0;
+/// What is faster than so much of its limit is an error.
+const OVERSPEED: f64 = 1.2;
+const VELOCITY_LIMIT_VIOLATION: u32 = 0x8000;
+const MISSING_INPUT: u32 = 0x40;
+/// Volts and amperes of its supply.
+const BUS: (f32, f32) = (24.0, 0.0);
+
+/// What a host has asked the controller for, in revolutions.
+#[derive(Clone, Copy, Debug, Default)]
+struct Input {
+    position: f64,
+    velocity: f64,
+    torque: f64,
+}
+
+/// The drive without its wheel: whoever has one gives it the frames and the time, and takes the torque.
+#[derive(Clone, Debug)]
+pub struct Simulated {
+    node: u8,
+    /// How long it bears not to be fed, s; `None`: for ever.
+    watchdog: Option<f64>,
+    /// Since it was fed last, s.
+    hungry: f64,
+    is_armed: bool,
+    error: u32,
+    disarm_reason: u32,
+    control: u32,
+    input: Input,
+    /// Of the velocity's error, N·m.
+    integral: f64,
+    /// rev/s.
+    fastest: f64,
+    /// What is added to the wheel's revolutions.
+    offset: f64,
+    /// From one position that it says unasked to the next, s; `None`: it is asked.
+    estimates: Option<f64>,
+    since_heartbeat: f64,
+    since_estimates: f64,
+}
+
+impl Simulated {
+    /// Disarmed and without an error, set up as hapt wants it: a watchdog of 50 ms, and no position unasked.
+    pub fn new(node: u8) -> Self {
+        Simulated {
+            node,
+            watchdog: Some(WATCHDOG),
+            hungry: 0.0,
+            is_armed: false,
+            error: 0,
+            disarm_reason: 0,
+            control: control::POSITION,
+            input: Input::default(),
+            integral: 0.0,
+            fastest: f64::INFINITY,
+            offset: 0.0,
+            estimates: None,
+            since_heartbeat: 0.0,
+            since_estimates: 0.0,
+        }
+    }
+
+    /// The same with a watchdog of so many seconds; `None`: as ODrives are shipped, without.
+    pub fn with_watchdog(self, watchdog: Option<f64>) -> Self {
+        Simulated { watchdog, ..self }
+    }
+
+    /// The same, saying its position every so many seconds; as ODrives are shipped, every 10 ms.
+    pub fn with_estimates(self, every: Option<f64>) -> Self {
+        Simulated { estimates: every, ..self }
+    }
+
+    /// Whether its motor has current.
+    pub fn is_armed(&self) -> bool {
+        self.is_armed
+    }
+
+    /// Something breaks in it: it disarms, with these bits for a reason.
+    pub fn fail(&mut self, error: u32) {
+        self.error |= error;
+        self.disarm(error);
+    }
+
+    /// The data of what it says when it is asked.
+    fn answer(&self, command: Command, shaft: Shaft) -> Option<[u8; 8]> {
+        Some(match command {
+            Command::Version => VERSION.data(),
+            Command::Error => codec::pair(self.error, self.disarm_reason),
+            Command::Estimates => self.estimates(shaft),
+            // One newton metre an ampere, and a cool day.
+            Command::Current => codec::floats(self.torque(shaft) as f32, self.torque(shaft) as f32),
+            Command::Warmth => codec::floats(20.0, 20.0),
+            Command::Bus => codec::floats(BUS.0, BUS.1),
+            _ => return None,
+        })
+    }
+
+    fn obey(&mut self, command: Command, data: [u8; 8], shaft: Shaft) {
+        let (first, second) = codec::numbers(data);
+        let floats = (f64::from(f32::from_bits(first)), f64::from(f32::from_bits(second)));
+        match command {
+            Command::Estop => self.fail(VERSION.estop()),
+            Command::State if first == state::CLOSED_LOOP && self.error == 0 => {
+                self.is_armed = true;
+                self.disarm_reason = 0;
+                self.integral = 0.0;
+                if self.control == control::POSITION {
+                    self.input.position = self.position(shaft);
+                }
+            }
+            // It calibrates nothing.
+            Command::State => self.is_armed = false,
+            Command::Mode if second == PASSTHROUGH => self.control = first,
+            Command::Mode => {}
+            Command::Position => {
+                let feed = |at: usize| f64::from(i16::from_le_bytes([data[at], data[at + 1]])) * 1e-3;
+                self.input = Input { position: floats.0, velocity: feed(4), torque: feed(6) };
+            }
+            Command::Velocity => (self.input.velocity, self.input.torque) = floats,
+            Command::Torque => self.input.torque = floats.0,
+            Command::Limits if floats.0 > 0.0 => self.fastest = floats.0,
+            Command::Clear => (self.error, self.disarm_reason) = (0, 0),
+            Command::Absolute => self.offset += floats.0 - self.position(shaft),
+            Command::Reboot => {
+                *self = Simulated::new(self.node).with_watchdog(self.watchdog).with_estimates(self.estimates)
+            }
+            Command::Version
+            | Command::Heartbeat
+            | Command::Error
+            | Command::Estimates
+            | Command::Limits
+            | Command::Current
+            | Command::Warmth
+            | Command::Bus => {}
+        }
+    }
+
+    /// What its motor makes, N·m.
+    fn torque(&self, shaft: Shaft) -> f64 {
+        if !self.is_armed {
+            return 0.0;
+        }
+        let controller = match self.control {
+            control::POSITION | control::VELOCITY => {
+                VELOCITY_GAIN * (self.velocity_wanted(shaft) - shaft.velocity) + self.integral
+            }
+            _ => 0.0,
+        };
+        self.input.torque + controller
+    }
+
+    fn velocity_wanted(&self, shaft: Shaft) -> f64 {
+        match self.control {
+            control::POSITION => POSITION_GAIN * (self.input.position - self.position(shaft)) + self.input.velocity,
+            _ => self.input.velocity,
+        }
+    }
+
+    fn disarm(&mut self, reason: u32) {
+        if self.is_armed {
+            self.disarm_reason = reason;
+        }
+        self.is_armed = false;
+    }
+
+    fn heartbeat(&self) -> [u8; 8] {
+        let state = if self.is_armed { state::CLOSED_LOOP } else { state::IDLE };
+        Heartbeat { error: self.error | self.disarm_reason, state: state as u8 }.data()
+    }
+
+    fn estimates(&self, shaft: Shaft) -> [u8; 8] {
+        codec::floats(self.position(shaft) as f32, shaft.velocity as f32)
+    }
+
+    fn position(&self, shaft: Shaft) -> f64 {
+        shaft.position + self.offset
+    }
+
+    /// The identifier of a frame to this drive.
+    fn id(&self, frame: &Frame) -> Option<u16> {
+        u16::try_from(frame.id).ok().filter(|id| !frame.extended && codec::node(*id) == self.node)
+    }
+
+    fn command(&self, frame: &Frame) -> Option<Command> {
+        Command::of(self.id(frame)?)
+    }
+
+    fn frame(&self, command: Command, data: [u8; 8]) -> Frame {
+        Frame::classic(command.id(self.node).into(), &data)
+    }
+}
+
+impl Firmware for Simulated {
+    fn asks(&self, frame: &Frame) -> bool {
+        frame.data().is_empty() && self.command(frame) == Some(Command::Estimates)
+    }
+
+    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
+        if self.id(frame).is_some() {
+            // Whatever it is about.
+            self.hungry = 0.0;
+        }
+        let Some(command) = self.command(frame) else { return };
+        match self.answer(command, shaft).filter(|_| frame.data().is_empty()) {
+            Some(data) => say(self.frame(command, data)),
+            None if frame.remote => {}
+            None => self.obey(command, codec::padded(frame.data()), shaft),
+        }
+    }
+
+    fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64 {
+        self.hungry += seconds;
+        if self.is_armed {
+            if !shaft.velocity.is_finite() || !self.torque(shaft).is_finite() {
+                self.fail(MISSING_INPUT);
+            } else if shaft.velocity.abs() > OVERSPEED * self.fastest {
+                self.fail(VELOCITY_LIMIT_VIOLATION);
+            } else if self.watchdog.is_some_and(|watchdog| self.hungry > watchdog) {
+                self.fail(VERSION.watchdog());
+            } else if self.control != control::TORQUE {
+                let error = self.velocity_wanted(shaft) - shaft.velocity;
+                self.integral += seconds * INTEGRATOR_GAIN * error;
+            }
+        }
+        if is_due(&mut self.since_heartbeat, seconds, HEARTBEAT) {
+            say(self.frame(Command::Heartbeat, self.heartbeat()));
+        }
+        if self.estimates.is_some_and(|every| is_due(&mut self.since_estimates, seconds, every)) {
+            say(self.frame(Command::Estimates, self.estimates(shaft)));
+        }
+        self.torque(shaft)
+    }
+}
+
+/// Whether something that is said every so many seconds is due again. A host that was not there is not told what it has missed.
+fn is_due(since: &mut f64, seconds: f64, every: f64) -> bool {
+    *since += seconds;
+    let is_due = *since >= every;
+    if is_due {
+        *since %= every;
+    }
+    is_due
+}

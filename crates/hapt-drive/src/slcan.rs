@@ -1,0 +1,254 @@
+//! slcan: classic CAN frames as lines of text over a serial port, as the Lawicel adapters brought it up and Linux, python-can and most
+//! USB adapters speak it.
+//!
+//! ```text
+//! t 029 8 0000803f00000000 \r      a frame: 11-bit identifier, length, data, in hexadecimal digits (without the spaces)
+//! T 00008001 2 aabb \r             with a 29-bit identifier
+//! r 029 8 \r                       a remote frame: a length, no data
+//! ```
+//!
+//! The adapter answers commands by `\r`, and what it cannot do by the bell; some answer each frame by `z\r`. A host passes over all of
+//! that: whether frames arrive is seen by their answers.
+
+use std::io;
+use std::time::{Duration, Instant};
+
+use crate::can::Bus;
+use crate::frame::Frame;
+use crate::line::Line;
+use crate::text::Lines;
+
+/// Closes the adapter's bus, sets it to 1 Mbit/s, and opens it.
+const OPEN: &[u8] = b"C\rS8\rO\r";
+/// How an adapter says yes and no.
+const YES: &[u8] = b"\r";
+const NO: &[u8] = b"\x07";
+/// How long an adapter may take for a word that is no part of the loop.
+const A_WORD: Duration = Duration::from_millis(200);
+/// The longest line: the kind, 8 digits of identifier, the length, 16 digits of data, the end.
+const LONGEST: usize = 1 + 8 + 1 + 16 + 1;
+
+/// A bus behind an adapter on a serial port. It stays open when this is dropped: to close it could lose the last frames, which stop a drive.
+#[derive(Debug)]
+pub struct Client(Lines);
+
+impl Client {
+    /// Opens the adapter's bus at 1 Mbit/s: at less, an exchange with a drive takes more than a millisecond.
+    ///
+    /// # Errors
+    /// The port is gone.
+    pub fn open(line: Line) -> io::Result<Self> {
+        let mut lines = Lines::new(line);
+        lines.write(OPEN, Instant::now() + A_WORD)?;
+        Ok(Client(lines))
+    }
+}
+
+impl Bus for Client {
+    fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()> {
+        let mut room = [0; LONGEST];
+        let length = write(frame, &mut room).ok_or(io::ErrorKind::InvalidInput)?;
+        self.0.write(&room[..length], until)
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
+        while let Some((line, _)) = self.0.next(until)? {
+            if let Some(frame) = read(line) {
+                return Ok(Some(frame));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// The adapter's end: the bus of whoever simulates a drive behind one.
+#[derive(Debug)]
+pub struct Adapter {
+    lines: Lines,
+    is_open: bool,
+}
+
+impl Adapter {
+    /// Closed until the host opens it.
+    pub fn new(line: Line) -> Self {
+        Adapter { lines: Lines::new(line), is_open: false }
+    }
+}
+
+impl Bus for Adapter {
+    /// A closed bus carries nothing, and that is no error.
+    fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()> {
+        if !self.is_open {
+            return Ok(());
+        }
+        let mut room = [0; LONGEST];
+        let length = write(frame, &mut room).ok_or(io::ErrorKind::InvalidInput)?;
+        self.lines.write(&room[..length], until)
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
+        while let Some((line, _)) = self.lines.next(until)? {
+            let frame = read(line);
+            if frame.is_some() && self.is_open {
+                return Ok(frame);
+            }
+            let answer = match command(line) {
+                Said::Open => {
+                    self.is_open = true;
+                    YES
+                }
+                Said::Close => {
+                    self.is_open = false;
+                    YES
+                }
+                Said::Setting => YES,
+                Said::Version => b"V1013\r",
+                Said::Number => b"NHAPT\r",
+                Said::Unknown => NO,
+            };
+            self.lines.write(answer, Instant::now() + A_WORD)?;
+        }
+        Ok(None)
+    }
+}
+
+/// Writes a frame as a line, and gives how long it is; `None`: it is CAN FD, or its identifier is out of range.
+fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> Option<usize> {
+    let (kind, digits) = match (frame.extended, frame.remote) {
+        (false, false) => (b't', 3),
+        (true, false) => (b'T', 8),
+        (false, true) => (b'r', 3),
+        (true, true) => (b'R', 8),
+    };
+    if frame.fd || u64::from(frame.id) >> if frame.extended { 29 } else { 11 } != 0 {
+        return None;
+    }
+    let mut length = 0;
+    let mut push = |byte| {
+        line[length] = byte;
+        length += 1;
+    };
+    push(kind);
+    for place in (0..digits).rev() {
+        push(digit(frame.id >> (4 * place)));
+    }
+    push(digit(frame.length().into()));
+    for byte in frame.data() {
+        push(digit(u32::from(byte >> 4)));
+        push(digit(u32::from(*byte)));
+    }
+    push(b'\r');
+    Some(length)
+}
+
+/// The frame of a line without its end; `None`: it is something else. A time stamp behind the data is passed over.
+fn read(line: &[u8]) -> Option<Frame> {
+    let (kind, rest) = line.split_first()?;
+    let (extended, remote) = match kind {
+        b't' => (false, false),
+        b'T' => (true, false),
+        b'r' => (false, true),
+        b'R' => (true, true),
+        _ => return None,
+    };
+    let (id, rest) = rest.split_at_checked(if extended { 8 } else { 3 })?;
+    let id = id.iter().try_fold(0, |id, digit| Some(id << 4 | u32::from(value(*digit)?)))?;
+    let (length, rest) = rest.split_first()?;
+    let length = value(*length).filter(|length| *length <= 8)?;
+    if id >> if extended { 29 } else { 11 } != 0 {
+        return None;
+    }
+    let mut frame = if remote { Frame::remote(id, length) } else { Frame::classic(id, &[]) };
+    frame.extended = extended;
+    if !remote {
+        for digits in rest.get(..2 * usize::from(length))?.chunks_exact(2) {
+            frame.push(value(digits[0])? << 4 | value(digits[1])?);
+        }
+    }
+    Some(frame)
+}
+
+fn digit(number: u32) -> u8 {
+    b"0123456789ABCDEF"[(number & 0xf) as usize]
+}
+
+fn value(digit: u8) -> Option<u8> {
+    char::from(digit).to_digit(16).map(|value| value as u8)
+}
+
+/// What a host said to an adapter in a line that is no frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Said {
+    Open,
+    Close,
+    /// Of no consequence for a simulated bus: its speed, filters, time stamps.
+    Setting,
+    Version,
+    Number,
+    Unknown,
+}
+
+fn command(line: &[u8]) -> Said {
+    match line {
+        [b'O' | b'L', ..] => Said::Open,
+        [b'C', ..] => Said::Close,
+        [b'V', ..] => Said::Version,
+        [b'N', ..] => Said::Number,
+        [] | [b'S' | b's' | b'Y' | b'F' | b'Z' | b'M' | b'm' | b'X', ..] => Said::Setting,
+        _ => Said::Unknown,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(frame: &Frame) -> Vec<u8> {
+        let mut room = [0; LONGEST];
+        let length = write(frame, &mut room).unwrap();
+        room[..length].to_vec()
+    }
+
+    #[test]
+    fn lines_are_those_of_the_adapters() {
+        let torque = Frame::classic(0x02e, &[0, 0, 0x80, 0x3f, 0, 0, 0, 0]);
+        assert_eq!(line(&torque), b"t02E80000803F00000000\r");
+        assert_eq!(line(&Frame::remote(0x029, 8)), b"r0298\r");
+        let mut long = Frame::classic(0x8001, &[0xaa, 0xbb]);
+        long.extended = true;
+        assert_eq!(line(&long), b"T000080012AABB\r");
+        assert_eq!(read(b"T000080012aabb"), Some(long));
+        // With the time at which the adapter had it, in ms.
+        assert_eq!(read(b"T000080012aabb03E7"), Some(long));
+    }
+
+    #[test]
+    fn a_line_that_is_cut_anywhere_is_no_other_frame() {
+        let whole = b"t02E80000803F00000000";
+        for length in 0..whole.len() {
+            assert_eq!(read(&whole[..length]), None, "{length}");
+        }
+        for line in [&b"t82E0"[..], b"t02E9", b"T200000010", b"t0 E0", b"q0290", b"z"] {
+            assert_eq!(read(line), None, "{line:?}");
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn what_is_written_is_read(id in 0_u32..1 << 29, extended: bool, remote: bool, length in 0_u8..9, data: [u8; 8]) {
+            let id = if extended { id } else { id & 0x7ff };
+            let mut frame = if remote { Frame::remote(id, length) } else { Frame::classic(id, &data[..length.into()]) };
+            frame.extended = extended;
+            let line = line(&frame);
+            proptest::prop_assert_eq!(read(&line[..line.len() - 1]), Some(frame));
+        }
+
+        #[test]
+        fn garbage_is_a_frame_or_not_but_no_panic(line: Vec<u8>) {
+            if let Some(frame) = read(&line) {
+                let mut room = [0; LONGEST];
+                proptest::prop_assert!(write(&frame, &mut room).is_some());
+            }
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! A simulated drive at work on a thread of its own, everything that can go wrong on its bus, and a loop on it.
+#![allow(dead_code)]
+
+use std::collections::VecDeque;
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::SeqCst};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hapt_core::{Guarding, Phase, Reason, Request};
+use hapt_drive::moteus::{self, Moteus};
+use hapt_drive::odrive::Odrive;
+use hapt_drive::simulate::{Firmware, Shaft, Simulator, Time};
+use hapt_drive::{Bus, Drive, Frame, Line, Make, Socket, Wheel, pty, slcan};
+use hapt_model::{Source, World};
+use hapt_rt::{Cycle, Failure, Moment, Plan, Record};
+
+/// A wheel on a spring to ground that this device certifies.
+const WORLD: &str = r#"
+    [loop]
+    period = "1 ms"
+    estimator = "difference"
+    [device]
+    inertia = "6.4e-4 kg m^2"
+    damping = "2e-3 N m s/rad"
+    limit = "100 N mm"
+    [safety]
+    stuck = 0
+    [[couplings]]
+    kind = "spring"
+    between = ["puck", "ground"]
+    stiffness = "0.2 N m/rad"
+    rest = "0.3 rad"
+"#;
+
+pub fn world(sets: &[&str]) -> World {
+    let sets: Vec<String> = sets.iter().map(|set| set.to_string()).collect();
+    World::read(&Source::from_text("w.toml", WORLD), &sets).unwrap()
+}
+
+pub fn lockstep(world: &World) -> Time {
+    Time::Lockstep(world.sampling.period)
+}
+
+pub fn soon() -> Instant {
+    Instant::now() + Duration::from_secs(10)
+}
+
+/// What is done to the frames between a drive and its host, and what is seen of the drive from outside.
+#[derive(Default)]
+pub struct Faults {
+    /// The drive is dead: it hears and says nothing more.
+    pub dead: AtomicBool,
+    /// So many frames of 1000 are lost, either way.
+    pub loss: AtomicU32,
+    /// What it says is so many ms under way.
+    pub late: AtomicU64,
+    /// The torque at its shaft, N·m, and its position in revolutions, as bits.
+    torque: AtomicU64,
+    position: AtomicU64,
+}
+
+impl Faults {
+    pub fn torque(&self) -> f64 {
+        f64::from_bits(self.torque.load(SeqCst))
+    }
+
+    pub fn position(&self) -> f64 {
+        f64::from_bits(self.position.load(SeqCst))
+    }
+}
+
+/// A firmware that is looked at from outside.
+struct Watched(Box<dyn Firmware>, Arc<Faults>);
+
+impl Firmware for Watched {
+    fn asks(&self, frame: &Frame) -> bool {
+        self.0.asks(frame)
+    }
+
+    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
+        self.0.hear(frame, shaft, say);
+    }
+
+    fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64 {
+        let torque = self.0.pass(seconds, shaft, say);
+        self.1.torque.store(torque.to_bits(), SeqCst);
+        self.1.position.store(shaft.position.to_bits(), SeqCst);
+        torque
+    }
+}
+
+/// A bus on which all of that happens.
+struct Faulty {
+    bus: Box<dyn Bus>,
+    faults: Arc<Faults>,
+    under_way: VecDeque<(Instant, Frame)>,
+    /// xorshift: the same losses in every run.
+    dice: u64,
+}
+
+impl Faulty {
+    fn is_lost(&mut self) -> bool {
+        for (left, by) in [(true, 13), (false, 7), (true, 17)] {
+            self.dice ^= if left { self.dice << by } else { self.dice >> by };
+        }
+        self.faults.dead.load(SeqCst) || self.dice % 1000 < self.faults.loss.load(SeqCst).into()
+    }
+
+    fn deliver(&mut self, until: Instant) -> io::Result<()> {
+        while let Some((at, frame)) = self.under_way.front().copied()
+            && at <= Instant::now()
+        {
+            self.under_way.pop_front();
+            self.bus.send(&frame, until)?;
+        }
+        Ok(())
+    }
+}
+
+impl Bus for Faulty {
+    fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()> {
+        if !self.is_lost() {
+            let late = Duration::from_millis(self.faults.late.load(SeqCst));
+            self.under_way.push_back((Instant::now() + late, *frame));
+        }
+        self.deliver(until)
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
+        self.deliver(until)?;
+        let frame = self.bus.receive(until)?;
+        Ok(frame.filter(|_| !self.is_lost()))
+    }
+}
+
+/// A host's bus that waits for so many ms longer than it is told: a busy machine answers in time. In lockstep it takes no longer.
+struct Patient(Box<dyn Bus>, Arc<AtomicU64>);
+
+impl Patient {
+    fn until(&self, until: Instant) -> Instant {
+        let now = Instant::now();
+        // Whoever looks for what is there already does not wait.
+        if until <= now { until } else { until.max(now + Duration::from_millis(self.1.load(SeqCst))) }
+    }
+}
+
+impl Bus for Patient {
+    fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()> {
+        let until = self.until(until);
+        self.0.send(frame, until)
+    }
+
+    fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
+        let until = self.until(until);
+        self.0.receive(until)
+    }
+}
+
+/// Where drive and host meet.
+#[derive(Clone, Debug)]
+pub enum Place {
+    Port(PathBuf),
+    Can(String),
+}
+
+pub struct Rig {
+    pub faults: Arc<Faults>,
+    pub place: Place,
+    make: Make,
+    /// How much longer than they want hosts wait, ms.
+    patience: Arc<AtomicU64>,
+    ends: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Rig {
+    /// `firmware` on a CAN interface, or behind a new serial port.
+    pub fn new(make: Make, can: Option<&str>, firmware: Box<dyn Firmware>, world: &World, time: Time) -> Self {
+        let (bus, place): (Box<dyn Bus>, Place) = match can {
+            Some(interface) => (Box::new(Socket::open(interface).unwrap()), Place::Can(interface.into())),
+            None => {
+                let (line, path) = pty().unwrap();
+                (make.adapter(line), Place::Port(path))
+            }
+        };
+        let faults = Arc::new(Faults::default());
+        let bus = Faulty { bus, faults: Arc::clone(&faults), under_way: VecDeque::new(), dice: 0x9e37_79b9_7f4a_7c15 };
+        let firmware = Watched(firmware, Arc::clone(&faults));
+        let mut simulator = Simulator::new(Box::new(bus), Box::new(firmware), world, time);
+        let ends = Arc::new(AtomicBool::new(false));
+        let thread = std::thread::spawn({
+            let ends = Arc::clone(&ends);
+            move || {
+                // A bus that is down is down for the drive too, which goes on.
+                while !ends.load(SeqCst) {
+                    let _ = simulator.run(|| ends.load(SeqCst));
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+            }
+        });
+        Rig { faults, place, make, patience: Arc::default(), ends, thread: Some(thread) }
+    }
+
+    /// The back end for the drive with this identifier.
+    pub fn drive(&self, id: u8) -> Box<dyn Drive> {
+        let (bus, name): (Box<dyn Bus>, String) = match (&self.place, self.make) {
+            (Place::Can(interface), _) => (Box::new(Socket::open(interface).unwrap()), interface.clone()),
+            (Place::Port(path), Make::Odrive) => {
+                (Box::new(slcan::Client::open(Line::open(path).unwrap()).unwrap()), path.display().to_string())
+            }
+            (Place::Port(path), Make::Moteus) => {
+                (Box::new(moteus::Client::new(Line::open(path).unwrap(), true)), path.display().to_string())
+            }
+        };
+        let bus = Box::new(Patient(bus, Arc::clone(&self.patience)));
+        match self.make {
+            Make::Odrive => Box::new(Odrive::new(bus, id, &name)),
+            Make::Moteus => Box::new(Moteus::new(bus, id, name)),
+        }
+    }
+
+    /// A loop on the drive with identifier 1, which waits for answers for so many ms, however short its period.
+    pub fn looped(&self, world: &World, patience: u64) -> Looped {
+        self.patience.store(0, SeqCst);
+        let wheel = Wheel::start(self.drive(1), world).unwrap();
+        self.patience.store(patience, SeqCst);
+        Looped::on(Box::new(wheel), world)
+    }
+
+    /// The other end is gone.
+    pub fn unplug(&mut self) {
+        self.ends.store(true, SeqCst);
+        if let Some(thread) = self.thread.take() {
+            thread.join().unwrap();
+        }
+    }
+
+    /// Real time goes by until the torque is off.
+    pub fn torque_goes_off(&self) {
+        let end = soon();
+        while self.faults.torque() != 0.0 {
+            assert!(Instant::now() < end, "there is a torque still");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+impl Drop for Rig {
+    fn drop(&mut self) {
+        self.unplug();
+    }
+}
+
+/// A loop on it, its time that of its own samples.
+pub struct Looped {
+    pub cycle: Cycle,
+    pub samples: u32,
+}
+
+impl Looped {
+    pub fn on(device: Box<dyn hapt_rt::Device>, world: &World) -> Self {
+        let plan = Plan::new(world, Guarding::Certified).unwrap();
+        Looped { cycle: Cycle::new(Box::new(plan), device), samples: 0 }
+    }
+
+    pub fn sample(&mut self, request: Option<Request>) -> Result<Record, Failure> {
+        let periods = u32::from(self.samples > 0);
+        self.cycle.pass(periods);
+        self.samples += 1;
+        self.cycle.sample(&Moment { periods, ..Moment::default() }, request)
+    }
+
+    /// Samples until it runs at full torque.
+    pub fn run(&mut self) -> Record {
+        let mut record = self.sample(Some(Request::Arm)).unwrap();
+        while record.phase != Phase::Running {
+            assert!(record.phase.is_active() && self.samples < 2000, "{record:?}");
+            record = self.sample(None).unwrap();
+        }
+        record
+    }
+
+    /// Until it fails or faults, in so many samples; `None`: it goes on. A fault has no torque, and goes on having none.
+    pub fn ends(&mut self, within: u32) -> Option<Result<Reason, Failure>> {
+        for _ in 0..within {
+            let record = match self.sample(None) {
+                Ok(record) => record,
+                Err(failure) => return Some(Err(failure)),
+            };
+            if record.phase == Phase::Faulted {
+                assert_eq!(record.output, 0.0);
+                return Some(Ok(record.reason.unwrap()));
+            }
+        }
+        None
+    }
+}

@@ -1,0 +1,223 @@
+//! Both drives on a CAN bus of the system's, and everything that can happen there: no torque, for the right reason, and no way back
+//! without a new start. Wants an interface for itself alone: `cargo xtask guest` runs it where there is one.
+//!
+//! Time is the loop's (1 ms a sample), whatever the machine takes for it.
+
+#![cfg(target_os = "linux")]
+
+mod rig;
+
+use std::process::Command;
+use std::sync::Mutex;
+use std::sync::atomic::Ordering::SeqCst;
+
+use hapt_core::{Phase, Reason, Request};
+use hapt_drive::odrive::codec;
+use hapt_drive::simulate::{Firmware, Time};
+use hapt_drive::{Bus, Error, Frame, Make, Socket, Terms, moteus, odrive};
+use hapt_model::World;
+use hapt_rt::Failure;
+use rig::{Looped, Rig, lockstep, soon, world};
+
+/// One test at a time has the bus.
+static BUS: Mutex<()> = Mutex::new(());
+/// Longer than it takes to answer, ms, and less than what ends lockstep.
+const PATIENCE: u64 = 40;
+/// As long as may be: an emulated machine stands still now and then, s.
+const WATCHDOG: f64 = 0.095;
+const TERMS: Terms = Terms { watchdog: 0.1, torque: 1.0 };
+
+/// What each test does for each drive, on the interface that the environment names.
+fn on_the_bus(test: impl Fn(Make, &str)) {
+    let Ok(interface) = std::env::var("HAPT_CAN") else {
+        println!("SKIPPED: wants a CAN interface in HAPT_CAN, such as vcan0; cargo xtask guest has one");
+        return;
+    };
+    let _alone = BUS.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    for make in Make::ALL {
+        println!("{}", make.name());
+        test(make, &interface);
+    }
+}
+
+fn firmware(make: Make, id: u8) -> Box<dyn Firmware> {
+    match make {
+        Make::Moteus => Box::new(moteus::Simulated::new(id)),
+        Make::Odrive => Box::new(odrive::Simulated::new(id).with_watchdog(Some(WATCHDOG))),
+    }
+}
+
+fn rig(make: Make, interface: &str, world: &World, time: Time) -> Rig {
+    Rig::new(make, Some(interface), firmware(make, 1), world, time)
+}
+
+/// It is over: without a torque, and it stays so though the bus is as it was.
+fn stays_over(looped: &mut Looped, rig: &Rig) {
+    rig.torque_goes_off();
+    for _ in 0..20 {
+        match looped.sample(Some(Request::Arm)) {
+            Ok(record) => assert_eq!((record.phase, record.output), (Phase::Faulted, 0.0)),
+            Err(Failure::Ended | Failure::NotFinite) => panic!("that is no reason"),
+            Err(_) => {}
+        }
+        assert_eq!(rig.faults.torque(), 0.0);
+    }
+}
+
+#[test]
+fn a_certified_world_comes_to_rest() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        assert!(hapt_analysis::check(&world).unwrap().certified);
+        let rig = rig(make, interface, &world, lockstep(&world));
+        let mut looped = rig.looped(&world, PATIENCE);
+        looped.run();
+        let (mut last, mut missed) = (Vec::new(), 0);
+        for _ in 0..3000 {
+            let record = looped.sample(None).unwrap();
+            assert_eq!(record.phase, Phase::Running, "{record:?}");
+            missed += record.missed;
+            last.push(record.position);
+        }
+        println!("{missed} samples of 3000 missed");
+        assert!(last[2900..].iter().all(|position| (position - 0.3).abs() < 0.01), "{:?}", &last[2900..]);
+        drop(looped);
+        rig.torque_goes_off();
+    });
+}
+
+#[test]
+fn a_drive_that_is_killed_is_gone() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let rig = rig(make, interface, &world, lockstep(&world));
+        let mut looped = rig.looped(&world, PATIENCE);
+        looped.run();
+        rig.faults.dead.store(true, SeqCst);
+        assert_eq!(looped.ends(8), Some(Err(Failure::Gone)));
+        rig.faults.dead.store(false, SeqCst);
+        stays_over(&mut looped, &rig);
+    });
+}
+
+fn link(interface: &str, how: &str) {
+    let said = Command::new("ip").args(["link", "set", interface, how]).status();
+    assert!(said.is_ok_and(|status| status.success()), "ip link set {interface} {how}");
+}
+
+#[test]
+fn a_bus_that_goes_down_and_up_again_brings_no_torque_back() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let rig = rig(make, interface, &world, lockstep(&world));
+        let mut looped = rig.looped(&world, PATIENCE);
+        looped.run();
+        link(interface, "down");
+        let ends = looped.ends(8);
+        link(interface, "up");
+        assert!(matches!(ends, Some(Err(Failure::Unplugged | Failure::Gone))), "{ends:?}");
+        stays_over(&mut looped, &rig);
+        // A new start is somebody's wish.
+        drop(looped);
+        rig.looped(&world, PATIENCE).sample(None).unwrap();
+    });
+}
+
+#[test]
+fn lost_frames_are_missed_samples_and_too_many_are_the_end() {
+    on_the_bus(|make, interface| {
+        for (loss, must_end) in [(10, false), (100, false), (500, true)] {
+            let world = world(&[]);
+            let rig = rig(make, interface, &world, lockstep(&world));
+            let mut looped = rig.looped(&world, PATIENCE);
+            looped.run();
+            rig.faults.loss.store(loss, SeqCst);
+            let before = looped.samples;
+            let ends = looped.ends(1000);
+            println!("{} % lost: {ends:?} after {} samples", f64::from(loss) / 10.0, looped.samples - before);
+            match ends {
+                None => assert!(!must_end, "{loss} of 1000"),
+                // Its own watchdog, or the loop's patience.
+                Some(Ok(reason)) => assert_eq!(reason, Reason::Late),
+                Some(Err(Failure::Gone)) => {}
+                Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Late)),
+                Some(Err(failure)) => panic!("{failure}"),
+            }
+            rig.faults.loss.store(0, SeqCst);
+            if ends.is_some() {
+                stays_over(&mut looped, &rig);
+            }
+        }
+    });
+}
+
+#[test]
+fn a_drive_that_answers_late_is_late() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let rig = rig(make, interface, &world, lockstep(&world));
+        let mut looped = rig.looped(&world, PATIENCE);
+        looped.run();
+        rig.faults.late.store(PATIENCE * 3 / 2, SeqCst);
+        let ends = looped.ends(100);
+        let by_drive = |fault: hapt_rt::DriveFault| fault.reason == Some(Reason::Late);
+        let is_right = match ends {
+            Some(Ok(reason)) => reason == Reason::Late,
+            Some(Err(Failure::Drive(fault))) => by_drive(fault),
+            other => other == Some(Err(Failure::Gone)),
+        };
+        assert!(is_right, "{ends:?}");
+        rig.faults.late.store(0, SeqCst);
+        stays_over(&mut looped, &rig);
+    });
+}
+
+#[test]
+fn a_drive_with_another_identifier_is_none_and_is_named() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let rig = Rig::new(make, Some(interface), firmware(make, 7), &world, Time::Real);
+        match rig.drive(1).start(&TERMS) {
+            Err(error @ Error::Silent { .. }) => assert!(error.to_string().contains('7'), "{error}"),
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(rig.faults.torque(), 0.0);
+    });
+}
+
+#[test]
+fn two_odrives_with_one_identifier_are_not_driven() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let (first, second) = (rig(make, interface, &world, Time::Real), rig(make, interface, &world, Time::Real));
+        if make == Make::Odrive {
+            match first.drive(1).start(&TERMS) {
+                Err(error @ Error::Refused { .. }) => assert!(error.to_string().contains("2 drives"), "{error}"),
+                other => panic!("{other:?}"),
+            }
+        }
+        assert_eq!((first.faults.torque(), second.faults.torque()), (0.0, 0.0));
+    });
+}
+
+#[test]
+fn another_speaker_on_the_bus_ends_the_loop() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let rig = rig(make, interface, &world, lockstep(&world));
+        let mut looped = rig.looped(&world, PATIENCE);
+        looped.run();
+        let mut other = Socket::open(interface).unwrap();
+        // A torque of its own; and for a moteus, which does not tell of that, its stop.
+        let (frame, reason) = match make {
+            Make::Odrive => (Frame::classic(0x2e, &codec::floats(0.5, 0.0)), Reason::Link),
+            Make::Moteus => (Frame::fd(0x0001, &[0x01, 0x00, 0x00]), Reason::Stop),
+        };
+        other.send(&frame, soon()).unwrap();
+        match looped.ends(20) {
+            Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(reason), "{fault}"),
+            other => panic!("{other:?}"),
+        }
+        stays_over(&mut looped, &rig);
+    });
+}

@@ -1,0 +1,130 @@
+//! Motor drives: which are plugged in, driving one, and simulating one.
+
+use std::process::ExitCode;
+
+use hapt_model::World;
+use hapt_rt::Device;
+
+use crate::args::SimulateDriveArgs;
+use crate::failure::Failure;
+
+#[cfg(target_os = "linux")]
+pub use linux::{Address, devices, open, simulate};
+#[cfg(not(target_os = "linux"))]
+pub use other::{Address, devices, open, simulate};
+
+/// What a certificate does not know of a real motor; printed wherever one is driven.
+pub const NOT_CERTIFIED: &str = "the certificate takes a motor that makes its torque at once, or a fixed loop.delay later: an amplifier's \
+                                 lag and jitter are not in it; put the lag that you measure into loop.delay";
+
+#[cfg(target_os = "linux")]
+mod linux {
+    use std::io::{Write, stdout};
+    use std::time::Instant;
+
+    use hapt_drive::simulate::{Simulator, Time};
+    use hapt_drive::{Bus, Make, Socket, Wheel};
+
+    pub use hapt_drive::Address;
+
+    use super::*;
+    use crate::latency::time;
+    use crate::output;
+    use crate::people::say;
+    use crate::world::source;
+
+    /// The drive at `address` as the loop's device, started.
+    pub fn open(address: &Address, world: &World) -> Result<Box<dyn Device>, Failure> {
+        let wheel = address.open().and_then(|drive| Wheel::start(drive, world));
+        Ok(Box::new(wheel.map_err(|error| Failure::System(format!("--device {address}: {error}")))?))
+    }
+
+    pub fn devices() -> Result<ExitCode, Failure> {
+        let mut text = String::new();
+        for port in hapt_drive::ports() {
+            let specs: Vec<String> = port.specs.iter().map(|spec| format!("--device {spec}")).collect();
+            text += format!("{:<16} {:<40} {}", port.name, port.says, specs.join(" or ")).trim_end();
+            text.push('\n');
+        }
+        if text.is_empty() {
+            text += "no serial port on USB and no CAN interface\n";
+        }
+        stdout().lock().write_all(text.as_bytes()).map_err(Failure::stdout)?;
+        Ok(ExitCode::SUCCESS)
+    }
+
+    pub fn simulate(args: &SimulateDriveArgs) -> Result<ExitCode, Failure> {
+        let make = Make::named(&args.make)
+            .ok_or_else(|| Failure::input(format!("no drive {:?} is simulated; moteus and odrive are", args.make)))?;
+        if !make.ids().contains(&args.id) {
+            let (from, to) = (make.ids().start().to_owned(), make.ids().end().to_owned());
+            return Err(Failure::input(format!("--id {}: a {}'s go from {from} to {to}", args.id, make.name())));
+        }
+        let source = source(args.world.as_deref().unwrap_or("@notes/wheel".as_ref()))?;
+        let world = World::read(&source, &args.sets)?;
+        let scenario = args.scenario.as_deref().map(|name| world.scenario(name)).transpose()?;
+        let ends_at = args.duration.as_deref().map(|text| time("--duration", text)).transpose()?;
+        let clock = if args.lockstep { Time::Lockstep(world.sampling.period) } else { Time::Real };
+        let firmware = make.simulated(args.id);
+        let (bus, name): (Box<dyn Bus>, String) = match &args.can {
+            Some(interface) => {
+                let wrong = |error| Failure::System(format!("--can {interface}: {error}"));
+                (Box::new(Socket::open(interface).map_err(wrong)?), interface.clone())
+            }
+            None => {
+                let (line, path) = hapt_drive::pty().map_err(|error| Failure::System(format!("no pty: {error}")))?;
+                (make.adapter(line), path.display().to_string())
+            }
+        };
+        let mut simulator = Simulator::new(bus, firmware, &world, clock);
+        output::end_in_order();
+        writeln!(stdout(), "{name}").and_then(|()| stdout().flush()).map_err(Failure::stdout)?;
+        say(format_args!("a simulated {} with id {} is at {name}; Ctrl-C takes it away", make.name(), args.id));
+        if let Some(scenario) = scenario {
+            simulator.play(&world, &scenario.name);
+        }
+        let begun = Instant::now();
+        let is_over = || ends_at.is_some_and(|ends_at| begun.elapsed().as_secs_f64() >= ends_at);
+        let ran = simulator.run(|| output::signalled().is_some() || is_over());
+        ran.map_err(|error| Failure::System(format!("{name} went away: {error}")))?;
+        Ok(output::signalled().map_or(ExitCode::SUCCESS, ExitCode::from))
+    }
+}
+
+/// Serial ports and CAN are Linux's so far.
+#[cfg(not(target_os = "linux"))]
+mod other {
+    use super::*;
+
+    /// No drive has one here.
+    #[derive(Clone, Debug, PartialEq, Eq)]
+    pub struct Address;
+
+    impl std::str::FromStr for Address {
+        type Err = String;
+
+        fn from_str(_: &str) -> Result<Self, String> {
+            Err(ONLY_LINUX.into())
+        }
+    }
+
+    impl std::fmt::Display for Address {
+        fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            f.write_str("a drive")
+        }
+    }
+
+    const ONLY_LINUX: &str = "motor drives are driven from Linux only";
+
+    pub fn open(_: &Address, _: &World) -> Result<Box<dyn Device>, Failure> {
+        Err(Failure::input(ONLY_LINUX))
+    }
+
+    pub fn devices() -> Result<ExitCode, Failure> {
+        Err(Failure::input(ONLY_LINUX))
+    }
+
+    pub fn simulate(_: &SimulateDriveArgs) -> Result<ExitCode, Failure> {
+        Err(Failure::input(ONLY_LINUX))
+    }
+}

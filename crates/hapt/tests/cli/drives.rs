@@ -1,0 +1,108 @@
+//! A drive at the end of a serial port: `hapt devices`, `hapt simulate-drive`, and `hapt run` on one.
+#![cfg(target_os = "linux")]
+
+use std::path::Path;
+
+use crate::common::{Running, folder, hapt, program};
+
+/// A spring that this device certifies, at a period that the busiest machine keeps.
+const SLOW: &str = r#"title = "slow wheel"
+[loop]
+period = "100 ms"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "1.2e-3 N m s/rad"
+limit = "100 N mm"
+[device.drive]
+gear = 3
+direction = "reverse"
+[safety]
+stuck = 0
+late = "10 s"
+[[couplings]]
+kind = "spring"
+between = ["puck", "ground"]
+stiffness = "0.01 N m/rad"
+rest = "0.3 rad"
+[scenarios.step]
+duration = "0.5 s"
+hand = { kind = "step", to = "45 deg" }
+"#;
+
+/// A simulated drive in this folder with these arguments, and what `--device` calls it.
+fn drive(at: &Path, more: &[&str]) -> (Running, String) {
+    let args = ["simulate-drive", "moteus", "--pty", "w.toml"].iter().chain(more);
+    let mut drive = Running::start(program(at, args));
+    let mut path = String::new();
+    drive.until("its port", |out, _| {
+        path = out.lines().next().unwrap_or_default().into();
+        out.ends_with('\n')
+    });
+    assert!(path.starts_with("/dev/"), "{path}");
+    (drive, format!("moteus:{path}"))
+}
+
+#[test]
+fn a_certified_world_runs_on_a_simulated_drive_and_its_log_replays_to_the_bit() {
+    let at = folder(&[("w.toml", SLOW)]);
+    let (drive, device) = drive(at.path(), &["--lockstep"]);
+    let ended = hapt(at.path(), ["run", "w.toml", "--device", &device, "--duration", "2s", "--log", "run.mcap"]).done();
+    assert!(ended.out.contains(&format!("slow wheel on the drive {device}#1")), "{ended:?}");
+    assert!(ended.out.contains("at full torque; ended in order"), "{ended:?}");
+    assert!(ended.err.contains("lag and jitter are not in it"), "{ended:?}");
+    // The velocity was differenced, as it is certified, and the log knows it.
+    hapt(at.path(), ["replay", "run.mcap"]).done();
+    drive.signal("TERM");
+    assert_eq!(drive.end().code, Some(143));
+}
+
+#[test]
+fn a_drive_that_is_taken_away_ends_the_run_with_code_three() {
+    let at = folder(&[("w.toml", SLOW)]);
+    let (drive, device) = drive(at.path(), &["--lockstep"]);
+    let mut run = Running::start(program(at.path(), ["run", "w.toml", "--device", &device]));
+    run.until("it runs", |_, err| err.contains("at full torque"));
+    drive.signal("KILL");
+    let ended = run.end();
+    assert_eq!(ended.code, Some(3), "{ended:?}");
+    assert!(ended.err.contains("the torque off: the device"), "{ended:?}");
+}
+
+#[test]
+fn an_interrupted_run_leaves_the_drive_ready_for_the_next() {
+    let at = folder(&[("w.toml", SLOW)]);
+    let (_drive, device) = drive(at.path(), &["--id", "5"]);
+    let device = format!("{device}#5");
+    for _ in 0..2 {
+        let mut run = Running::start(program(at.path(), ["run", "w.toml", "--device", &device]));
+        run.until("it runs", |_, err| err.contains("at full torque"));
+        run.signal("INT");
+        let ended = run.end();
+        assert_eq!(ended.code, Some(130), "{ended:?}");
+        assert!(ended.out.contains("interrupted, the torque off at once"), "{ended:?}");
+    }
+}
+
+#[test]
+fn a_drive_that_is_not_there_is_said_to_be_so() {
+    let at = folder(&[("w.toml", SLOW)]);
+    let run = |device: &str| hapt(at.path(), ["run", "w.toml", "--device", device]);
+    run("moteus:/dev/no-such-port").refused(3, &["cannot open /dev/no-such-port", "No such file"]);
+    run("moteus:/dev/null").refused(3, &["no serial port"]);
+    run("moteus:no-such-can").refused(3, &["cannot open no-such-can"]);
+    hapt(at.path(), ["simulate-drive", "moteus", "--can", "no-such-can"]).refused(3, &["no-such-can"]);
+    let (_drive, device) = drive(at.path(), &["--id", "9"]);
+    run(&device).refused(3, &["the moteus with id 1", "does not answer", "#9"]);
+}
+
+#[test]
+fn a_world_without_a_limit_gets_no_motor() {
+    let at = folder(&[("w.toml", &SLOW.replace("limit = \"100 N mm\"\n", ""))]);
+    hapt(at.path(), ["run", "w.toml", "--device", "moteus:/dev/null"]).refused(2, &["device.limit"]);
+}
+
+#[test]
+fn what_is_plugged_in_is_listed() {
+    let ended = hapt(Path::new("."), ["devices"]).done();
+    assert!(ended.out.ends_with('\n') && ended.err.is_empty(), "{ended:?}");
+}

@@ -1,0 +1,77 @@
+//! The guest: Debian's stock kernel in an emulated machine, for what the kernel here may lack: a virtual CAN bus.
+//!
+//! It has this machine's root below a layer in memory, so that whatever is built here runs there. It says nothing about speed.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, ensure};
+
+/// What it is booted with, and the packages of Debian's that they come in.
+const TOOLS: [(&str, &str); 5] = [
+    ("qemu-system-x86_64", "qemu-system-x86"),
+    ("busybox", "busybox-static"),
+    ("cpio", "cpio"),
+    ("modprobe", "kmod"),
+    ("ip", "iproute2"),
+];
+/// How long it may take, in s.
+const TIME: &str = "560";
+
+/// The drives on a CAN bus: `crates/hapt-drive/tests/vcan.rs`.
+pub fn drives() -> Result<()> {
+    if let Some(missing) = missing()? {
+        println!("SKIPPED: the drives on a CAN bus want {missing}, as root on Debian; with CI=1 they are installed");
+        return Ok(());
+    }
+    let test = built("hapt-drive", "vcan")?;
+    let line = format!(
+        "ip link add vcan0 type vcan && ip link set vcan0 mtu 72 && ip link set vcan0 up && \
+         HAPT_CAN=vcan0 {} --nocapture --test-threads=1",
+        test.display()
+    );
+    run(&line)
+}
+
+/// A line of shell in the guest; its output goes to ours.
+pub fn run(line: &str) -> Result<()> {
+    let status = Command::new("xtask/guest/boot").args(["target/guest", TIME, line]).status()?;
+    ensure!(status.success(), "the guest ends with {status}");
+    Ok(())
+}
+
+/// What is missing to boot it; with `CI` set it is installed.
+fn missing() -> Result<Option<String>> {
+    let is_there = |tool: &str| {
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        std::env::split_paths(&path)
+            .chain(["/usr/sbin".into(), "/sbin".into()])
+            .any(|folder| folder.join(tool).exists())
+    };
+    let packages = || TOOLS.iter().filter(|(tool, _)| !is_there(tool)).map(|(_, package)| *package).collect::<Vec<_>>();
+    if packages().is_empty() && Path::new("/usr/bin/apt-get").exists() {
+        return Ok(None);
+    }
+    if std::env::var_os("CI").is_none() {
+        return Ok(Some(packages().join(" ")));
+    }
+    for arguments in [vec!["update"], [vec!["install", "-y", "--no-install-recommends"], packages()].concat()] {
+        let said = Command::new("apt-get").args(arguments).output().context("no apt-get: this is no Debian")?;
+        ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    }
+    Ok(None)
+}
+
+/// The program of a test, built.
+fn built(package: &str, test: &str) -> Result<PathBuf> {
+    let said = Command::new(env!("CARGO"))
+        .args(["test", "--quiet", "--package", package, "--test", test, "--no-run", "--message-format", "json"])
+        .output()?;
+    ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    let program = String::from_utf8_lossy(&said.stdout)
+        .lines()
+        .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
+        .filter(|message| message["target"]["name"] == test)
+        .find_map(|message| message["executable"].as_str().map(PathBuf::from));
+    program.with_context(|| format!("{package} has no test {test}"))
+}
