@@ -4,6 +4,7 @@ mod bench;
 mod book;
 mod faults;
 mod figure;
+mod firmware;
 mod fuzz;
 mod guest;
 mod identify;
@@ -26,6 +27,7 @@ cargo xtask notes     the notes' numbers as a table; with --write, into docs/not
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md
 cargo xtask page      the page's core in WebAssembly, into web/core
+cargo xtask firmware  the firmware on emulated boards: the same bits, instructions a sample, sizes; --write: docs/firmware.md
 cargo xtask faults    the supervisor against faults of every kind, and against none: [--n N] [--clean SAMPLES] [--seed S]; with
                       --write, into docs/safety.md
 cargo xtask identify  the intervals of hapt identify on random devices: [--n N] [--seed S]; --write: docs/identify.md
@@ -54,6 +56,7 @@ fn main() -> Result<()> {
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["page"] => page::build(),
+        ["firmware", ref arguments @ ..] => firmware::command(arguments),
         ["faults", ref arguments @ ..] => faults::command(arguments),
         ["identify", ref arguments @ ..] => identify::command(arguments),
         ["book"] => book::check(),

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{book, faults, figure, fuzz, guest, identify, memory, notes, page, supply, truth};
+use crate::{book, faults, figure, firmware, fuzz, guest, identify, memory, notes, page, supply, truth};
 
 /// What has passed and failed so far.
 struct Tally {
@@ -36,6 +36,7 @@ pub fn run() -> Result<()> {
     tally.step("the page is what its sources build to", page::is_current());
     tally.step("the page works in a browser", page::works());
     tally.step("drives on a CAN bus", guest::drives());
+    tally.step("the firmware holds on emulated boards", firmware::holds());
     tally.step("fuzzing finds nothing in a few seconds", fuzz::is_quiet());
     tally.step("the certificate holds against brute force", truth::holds());
     tally.step("the supervisor catches faults, and nothing else", faults::are_caught());

@@ -1,0 +1,144 @@
+//! hapt's loop and supervisor for firmware in C. `hapt.h` says what the functions do; this is how.
+#![no_std]
+
+use core::ffi::{c_int, c_uint};
+use core::mem::{align_of, size_of};
+use core::slice;
+
+use hapt_core::{Loop, Phase, Reading, Reason, Request, State, Supervisor, Watch};
+use hapt_wire::unpack;
+
+const BODIES: usize = 4;
+const COUPLINGS: usize = 8;
+const COUNTS: usize = 17;
+
+/// `struct hapt`
+#[repr(C, align(8))]
+pub struct Room([u8; 4096]);
+
+/// What stands in it.
+#[repr(C)]
+struct Running {
+    /// `LOADED`, and nothing else that a program might have in its memory.
+    loaded: u32,
+    world: Loop<f32, BODIES, COUPLINGS, COUNTS>,
+    supervisor: Supervisor<f32, BODIES, COUPLINGS>,
+    state: State<f32, BODIES, COUPLINGS, COUNTS>,
+    watch: Watch<f32>,
+}
+
+const LOADED: u32 = 0x7470_6168;
+const _: () = assert!(size_of::<Running>() <= size_of::<Room>() && align_of::<Running>() <= align_of::<Room>());
+
+/// `struct hapt_reading`
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct CReading {
+    position: f32,
+    velocity: f32,
+    late: f32,
+    silent: f32,
+    missed: c_uint,
+    request: c_uint,
+}
+
+/// `struct hapt_guarded`
+#[repr(C)]
+#[derive(Clone, Copy, Default)]
+pub struct CGuarded {
+    output: f32,
+    torque: f32,
+    phase: c_int,
+    reason: c_int,
+}
+
+fn running<'a>(hapt: *mut Room) -> Option<&'a mut Running> {
+    // SAFETY: the caller gives its own `struct hapt` or null, to one call at a time; its bytes are zeros or what `hapt_load` wrote. Until
+    // the mark is there, only the mark is looked at, which any bytes make a number.
+    unsafe {
+        let running = hapt.cast::<Running>();
+        let is_loaded = !running.is_null() && (&raw const (*running).loaded).read() == LOADED;
+        if is_loaded { Some(&mut *running) } else { None }
+    }
+}
+
+/// See `hapt.h`.
+///
+/// # Safety
+/// `bytes` are `length` bytes, and `hapt` is a `struct hapt` of the caller's, which no other call is using.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hapt_load(hapt: *mut Room, bytes: *const u8, length: usize) -> c_int {
+    if hapt.is_null() || bytes.is_null() {
+        return -1;
+    }
+    // SAFETY: the caller says so.
+    let bytes = unsafe { slice::from_raw_parts(bytes, length) };
+    let Ok((limits, stored)) = unpack::<BODIES, COUPLINGS>(bytes) else { return -1 };
+    let spec = stored.spec();
+    let (Ok(world), Ok(supervisor)) = (Loop::new(&spec), Supervisor::new(&limits, &spec)) else { return -2 };
+    let state = world.start();
+    // SAFETY: the room is the caller's, large enough and aligned (asserted above), and nothing refers to it.
+    unsafe { hapt.cast::<Running>().write(Running { loaded: LOADED, world, supervisor, state, watch: Watch::START }) };
+    0
+}
+
+/// See `hapt.h`.
+///
+/// # Safety
+/// As for [`hapt_guard`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hapt_step(hapt: *mut Room, position: f32, velocity: f32) -> f32 {
+    let Some(Running { world, state, .. }) = running(hapt) else { return 0.0 };
+    world.step(state, position, velocity).command
+}
+
+/// See `hapt.h`.
+///
+/// # Safety
+/// `hapt` and `reading` are the caller's, and no other call is using them.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hapt_guard(hapt: *mut Room, reading: *const CReading) -> CGuarded {
+    if reading.is_null() {
+        return CGuarded::default();
+    }
+    // SAFETY: the caller says so.
+    let CReading { position, velocity, late, silent, missed, request } = unsafe { *reading };
+    let Some(Running { world, supervisor, state, watch, .. }) = running(hapt) else { return CGuarded::default() };
+    let reading = Reading { position, velocity, announced: false, late, missed, silent };
+    let request = match request {
+        1 => Some(Request::Arm),
+        2 => Some(Request::Disarm),
+        3 => Some(Request::Stop),
+        4 => Some(Request::Clear),
+        _ => None,
+    };
+    let guarded = supervisor.step(watch, world, state, &reading, request);
+    CGuarded {
+        output: guarded.output,
+        torque: guarded.sample.torque,
+        phase: Phase::ALL.iter().position(|phase| *phase == guarded.phase).map_or(0, |phase| phase as c_int),
+        reason: guarded.reason.map_or(0, Reason::code).into(),
+    }
+}
+
+/// See `hapt.h`.
+///
+/// # Safety
+/// As for [`hapt_guard`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hapt_body(hapt: *mut Room, body: c_uint, velocity: *mut f32) -> f32 {
+    let Some(Running { state, .. }) = running(hapt) else { return 0.0 };
+    let body = body as usize;
+    if let Some(v) = state.now.velocity.get(body) {
+        // SAFETY: null, or a float of the caller's.
+        if let Some(place) = unsafe { velocity.as_mut() } {
+            *place = *v;
+        }
+    }
+    state.now.position.get(body).copied().unwrap_or(0.0)
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    loop {}
+}

@@ -1,0 +1,39 @@
+//! The firmware of a board without encoder and motor: it takes a sample whenever the host shows it one. Hardware in the loop, the host
+//! being the hardware.
+#![no_std]
+#![no_main]
+
+use core::panic::PanicInfo;
+
+use cortex_m_rt::entry;
+use hapt_firmware::Here;
+use hapt_firmware::board::{Board, Line};
+use hapt_firmware::halt::halt;
+use hapt_station::{LONGEST, Slot, Station};
+
+const BOARD: hapt_station::Board =
+    hapt_station::Board { name: Here::NAME, firmware: env!("CARGO_PKG_VERSION"), fed: true, periods: [50e-6, 0.1] };
+
+#[entry]
+fn main() -> ! {
+    static mut SLOTS: [Slot; 2] = [Slot::EMPTY; 2];
+    let [one, other] = SLOTS;
+    let (mut line, _) = Here::start();
+    let mut station = Station::new(BOARD, one, other);
+    let mut room = [0; LONGEST];
+    loop {
+        if let Some(byte) = line.receive() {
+            station.push(byte);
+            while let Some(frame) = station.answer(&mut room) {
+                for byte in frame {
+                    while !line.send(*byte) {}
+                }
+            }
+        }
+    }
+}
+
+#[panic_handler]
+fn panic(_: &PanicInfo) -> ! {
+    halt()
+}

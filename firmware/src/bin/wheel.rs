@@ -1,0 +1,78 @@
+//! The firmware: the loop in the timer's interrupt, the wire in the main loop.
+#![no_std]
+#![no_main]
+
+use core::panic::PanicInfo;
+
+use cortex_m_rt::{entry, exception};
+use hapt_firmware::board::{Board, Device, Line};
+use hapt_firmware::halt::halt;
+use hapt_firmware::shared::Shared;
+use hapt_firmware::{Here, ticks};
+use hapt_station::{Desk, LONGEST, Mail, Sampler, Seen, Slot};
+
+const BOARD: hapt_station::Board =
+    hapt_station::Board { name: Here::NAME, firmware: env!("CARGO_PKG_VERSION"), fed: false, periods: [100e-6, 10e-3] };
+
+/// What the interrupt has.
+struct Loop {
+    sampler: Sampler<'static>,
+    mail: Mail<'static>,
+    device: <Here as Board>::Device,
+}
+
+static LOOP: Shared<Loop> = Shared::new();
+
+#[entry]
+fn main() -> ! {
+    static mut SLOTS: [Slot; 2] = [Slot::EMPTY; 2];
+    let [one, other] = SLOTS;
+    let (mut line, device) = Here::start();
+    let mut desk = Desk::new(BOARD, one);
+    let sampler = Sampler::new(&BOARD, other);
+    every(sampler.period());
+    LOOP.put(Loop { sampler, mail: Mail::new(), device });
+    let mut room = [0; LONGEST];
+    let (mut length, mut sent) = (0, 0);
+    loop {
+        if let Some(byte) = line.receive() {
+            desk.push(byte);
+        }
+        LOOP.with(|running| desk.exchange(&mut running.mail));
+        match room.get(sent..length).and_then(|rest| rest.first()) {
+            Some(byte) => sent += usize::from(line.send(*byte)),
+            None => (length, sent) = (desk.answer(&mut room).map_or(0, <[u8]>::len), 0),
+        }
+    }
+}
+
+/// A sample.
+#[exception]
+fn SysTick() {
+    let late = ticks::since_reload();
+    LOOP.with(|running| {
+        let Loop { sampler, mail, device } = running;
+        if cfg!(feature = "stall") && sampler.next() > 1000 {
+            halt();
+        }
+        let seen = Seen { position: device.position(), late: late as f32 / Here::CLOCK as f32, ..Seen::default() };
+        let motor = sampler.sample(&seen);
+        device.hold(motor.torque, motor.on);
+        device.feed();
+        let swapped = sampler.exchange(mail);
+        sampler.used(ticks::since_reload().saturating_sub(late));
+        if swapped {
+            every(sampler.period());
+        }
+    });
+}
+
+/// Interrupts so many seconds apart.
+fn every(period: f32) {
+    ticks::every((period * Here::CLOCK as f32 + 0.5) as u32);
+}
+
+#[panic_handler]
+fn panic(_: &PanicInfo) -> ! {
+    halt()
+}

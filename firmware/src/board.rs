@@ -1,0 +1,34 @@
+//! What a board is: a line to the host, an encoder, a motor, a watchdog. A board is one file in `boards/`, and its memory beside it.
+
+/// Bytes from and to the host. The main loop has it.
+pub trait Line {
+    /// A byte that has come in.
+    fn receive(&mut self) -> Option<u8>;
+    /// Takes a byte on its way, or says that it has to wait.
+    fn send(&mut self, byte: u8) -> bool;
+}
+
+/// What a sample needs. The timer's interrupt has it.
+pub trait Device {
+    /// The puck's position in rad (linear: m).
+    fn position(&mut self) -> f32;
+    /// Has the motor hold a torque in N·m (linear: N) until the next; off, its driver lets go.
+    fn hold(&mut self, torque: f32, on: bool);
+    /// Tells the watchdog that the loop runs. When nobody does for a few periods, it takes the motor's power away, whatever the
+    /// processor is doing by then.
+    fn feed(&mut self);
+}
+
+/// A board.
+pub trait Board {
+    /// What it is called.
+    const NAME: &'static str;
+    /// The processor's clock in Hz, once it has been started.
+    const CLOCK: u32;
+    /// Its line.
+    type Line: Line;
+    /// Its encoder, motor and watchdog.
+    type Device: Device + Send;
+    /// Starts clocks, pins, timers; with no torque.
+    fn start() -> (Self::Line, Self::Device);
+}

@@ -1,0 +1,20 @@
+//! hapt on a microcontroller.
+#![no_std]
+
+pub mod board;
+#[cfg(feature = "semihosting")]
+pub mod console;
+pub mod halt;
+#[cfg_attr(feature = "mps2", path = "boards/mps2.rs")]
+#[cfg_attr(feature = "netduinoplus2", path = "boards/netduinoplus2.rs")]
+#[cfg_attr(feature = "b-g431b-esc1", path = "boards/b-g431b-esc1.rs")]
+mod here;
+mod register;
+pub mod shared;
+#[cfg(feature = "semihosting")]
+pub mod stack;
+pub mod ticks;
+#[cfg(feature = "semihosting")]
+pub mod trace;
+
+pub use here::Here;

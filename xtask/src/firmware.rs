@@ -1,0 +1,193 @@
+//! The firmware on emulated boards: the same bits as here, hardware in the loop, the instructions a sample takes, and what it takes of a
+//! chip. docs/firmware.md shows what comes out.
+
+mod bits;
+mod c;
+mod chip;
+mod counts;
+mod line;
+mod lockstep;
+mod timer;
+#[path = "../../firmware/src/trace.rs"]
+mod trace;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, bail, ensure};
+
+use crate::marked;
+
+const FOLDER: &str = "firmware";
+const BUILT: &str = "target/firmware";
+const TARGET: &str = "thumbv7em-none-eabihf";
+const PAGE: &str = "docs/firmware.md";
+/// The same target for gcc.
+const ARM: [&str; 4] = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"];
+
+/// QEMU's machine, the feature that builds for it, and its processor.
+const BOARDS: [(&str, &str, &str); 3] = [
+    ("mps2-an386", "mps2", "Cortex-M4F"),
+    ("mps2-an500", "mps2", "Cortex-M7"),
+    ("netduinoplus2", "netduinoplus2", "STM32F405, Cortex-M4F"),
+];
+
+/// What the firmware fits into: the feature, flash and memory in KiB.
+const CHIPS: [(&str, u32, u32); 2] = [("netduinoplus2", 1024, 128), ("b-g431b-esc1", 128, 32)];
+
+/// `cargo xtask firmware`
+pub fn command(words: &[&str]) -> Result<()> {
+    match words {
+        [] => {
+            bits::same()?;
+            lockstep::holds()?;
+            timer::holds()?;
+            timer::watchdog_bites()?;
+            c::same_bits()?;
+            println!("{}\n{}", counts::table()?, sizes()?);
+            Ok(())
+        }
+        ["bits"] => bits::same(),
+        ["lockstep"] => lockstep::holds(),
+        ["timer"] => timer::holds().and_then(|()| timer::watchdog_bites()),
+        ["c"] => c::same_bits(),
+        ["counts"] => {
+            println!("{}", counts::table()?);
+            Ok(())
+        }
+        ["sizes"] => {
+            println!("{}", sizes()?);
+            Ok(())
+        }
+        ["world", file] => c::print(Path::new(file)),
+        ["--write"] => {
+            let page = fs::read_to_string(PAGE).context(PAGE)?;
+            let page = marked::replaced(&page, "cargo xtask firmware counts", &counts::table()?)?;
+            fs::write(PAGE, marked::replaced(&page, "cargo xtask firmware sizes", &sizes()?)?).context(PAGE)
+        }
+        _ => bail!(
+            "cargo xtask firmware [--write], or one of bits, lockstep, timer, c, counts, sizes; world FILE prints a world as C"
+        ),
+    }
+}
+
+/// All that must hold; the tables are made by [`command`].
+pub fn holds() -> Result<()> {
+    if !has_tools()? {
+        return Ok(());
+    }
+    bits::same()?;
+    lockstep::holds()?;
+    timer::holds()?;
+    timer::watchdog_bites()?;
+    c::same_bits()?;
+    sizes().map(drop)
+}
+
+/// The table of sizes: everything fits, and the interrupt cannot panic.
+fn sizes() -> Result<String> {
+    let mut table = String::from(
+        "| board | code and constants | data | zeros | main loop's stack | interrupt's | flash | memory |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for (board, flash, memory) in CHIPS {
+        let program = program(board, "wheel", None)?;
+        chip::interrupt_cannot_panic(&program)?;
+        table += &chip::row(board, &program, flash, memory)?;
+        table.push('\n');
+    }
+    Ok(table)
+}
+
+/// cargo for the target: with rustup's where it is installed, else with the distribution's compiler and sources.
+fn compiler() -> Command {
+    if has_target() {
+        return Command::new(env!("CARGO"));
+    }
+    // Debian: apt-get install rustc-web cargo-web rust-web-src lld. There is no standard library for the target, so it is built.
+    let mut command = Command::new("/usr/bin/cargo");
+    command.env("RUSTC", "/usr/bin/rustc").env("RUSTC_BOOTSTRAP", "1").env_remove("RUSTUP_TOOLCHAIN");
+    command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld");
+    command
+}
+
+fn target_arguments() -> Vec<&'static str> {
+    let mut arguments = vec!["--target", TARGET];
+    if !has_target() {
+        arguments.extend(["-Zbuild-std=core", "-Zbuild-std-features=compiler-builtins-mem"]);
+    }
+    arguments
+}
+
+/// Builds one of the firmware's programs for a board.
+fn program(board: &str, name: &str, c_step: Option<&Path>) -> Result<PathBuf> {
+    // The programs that test have a console.
+    let (binary, feature) = match name {
+        "bits" | "count" => (name, ",semihosting"),
+        "wheel-that-stops" => ("wheel", ",stall"),
+        _ => (name, ""),
+    };
+    let features = format!("{board}{feature}");
+    let mut command = compiler();
+    let folder = std::env::current_dir()?.join(BUILT);
+    fs::create_dir_all(&folder)?;
+    command.current_dir(FOLDER).env_remove("RUSTFLAGS");
+    let profile = if board == "b-g431b-esc1" { "small" } else { "release" };
+    command.args(["build", "--quiet", "--profile", profile, "--locked", "--bin", binary]).args(target_arguments());
+    command.args(["--features", &features]).arg("--target-dir").arg(&folder);
+    if let Some(object) = c_step {
+        command.env("HAPT_C_STEP", object);
+    }
+    let status = command.status().with_context(|| format!("no compiler: rustup target add {TARGET}"))?;
+    ensure!(status.success(), "the firmware's {name} does not build: rustup target add {TARGET}");
+    // The next board's program has the same name.
+    let kept = folder.join(format!("{board}-{name}"));
+    fs::copy(folder.join(TARGET).join(profile).join(binary), &kept)?;
+    Ok(kept)
+}
+
+/// What a program says on the emulated board, given a file of cases.
+fn qemu(machine: &str, program: &Path, cases: &[u8], more: &[&str]) -> Result<String> {
+    let folder = Path::new(BUILT);
+    fs::write(folder.join("cases"), cases)?;
+    let mut command = Command::new("qemu-system-arm");
+    command.args(["-machine", machine, "-display", "none", "-serial", "none", "-monitor", "none"]);
+    command.args(["-chardev", "stdio,id=console", "-semihosting-config", "enable=on,target=native,chardev=console"]);
+    command.args(more).arg("-kernel").arg(program).current_dir(folder).stdin(Stdio::null());
+    let said = command.output()?;
+    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    ensure!(said.status.success(), "{machine}: {}: {text}{}", said.status, String::from_utf8_lossy(&said.stderr));
+    Ok(text)
+}
+
+/// Whether this compiler has the target's standard library.
+fn has_target() -> bool {
+    let said = Command::new("rustc").args(["--print", "target-libdir", "--target", TARGET]).output();
+    said.is_ok_and(|said| Path::new(String::from_utf8_lossy(&said.stdout).trim()).exists())
+}
+
+/// Whether there is what builds and runs the firmware; with `CI` set what is missing is installed.
+fn has_tools() -> Result<bool> {
+    let there = |program| {
+        let said = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        said.is_ok_and(|status| status.success())
+    };
+    let all = || {
+        let compiler =
+            has_target() || (there("/usr/bin/rustc") && Path::new("/usr/lib/rustlib/src").exists() && there("ld.lld"));
+        compiler && there("qemu-system-arm") && there("arm-none-eabi-gcc")
+    };
+    const PACKAGES: [&str; 6] =
+        ["qemu-system-arm", "gcc-arm-none-eabi", "rustc-web", "cargo-web", "rust-web-src", "lld"];
+    let ci = std::env::var_os("CI").is_some();
+    if ci && !all() {
+        Command::new("apt-get").args(["install", "-y"]).args(PACKAGES).output()?;
+    }
+    if all() {
+        return Ok(true);
+    }
+    ensure!(!ci, "missing: apt-get install {}", PACKAGES.join(" "));
+    println!("SKIPPED: the firmware's tests, apt-get install {}", PACKAGES.join(" "));
+    Ok(false)
+}

@@ -1,0 +1,93 @@
+//! The same bits: worlds by every method on every board, and here.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, ensure};
+use fastrand::Rng;
+use hapt_core::Method;
+use hapt_model::{Coupling, End, EstimatorKind, Law, Output, World};
+
+use super::{BOARDS, has_tools, program, qemu, trace};
+use crate::notes::world;
+use crate::truth::worlds;
+
+const SAMPLES: u32 = 100_000;
+
+/// Every board makes this machine's bits: of the notes' worlds, and of bent ones, by every method.
+pub fn same() -> Result<()> {
+    if !has_tools()? {
+        return Ok(());
+    }
+    let cases = cases()?;
+    let mut file = SAMPLES.to_le_bytes().to_vec();
+    let mut wanted = Vec::new();
+    for (_, bytes) in &cases {
+        file.extend((bytes.len() as u32).to_le_bytes());
+        file.extend(bytes);
+        let (bare, guarded, _) = trace::sums(bytes, SAMPLES).context("a case that this machine refuses")?;
+        wanted.push(format!("{:016x} {:016x}", bare.0, guarded.0));
+    }
+    for (machine, board, processor) in BOARDS {
+        let said = qemu(machine, &program(board, "bits", None)?, &file, &[])?;
+        let mut lines = said.lines();
+        for ((name, _), wanted) in cases.iter().zip(&wanted) {
+            let got = lines.next().unwrap_or("nothing");
+            ensure!(got == wanted, "{machine}: {name}: {got}, where this machine has {wanted}");
+        }
+        let stack = lines.next().unwrap_or_default();
+        println!("        {machine} ({processor}): {} worlds of {SAMPLES} samples, {stack} bytes", cases.len());
+    }
+    Ok(())
+}
+
+/// Worlds in a microcontroller's room, none of which runs away.
+fn cases() -> Result<Vec<(String, Vec<u8>)>> {
+    let mut cases = Vec::new();
+    for path in crate::test::worlds(Path::new("worlds/notes"))? {
+        let name = path.file_stem().context("a name")?.to_string_lossy().into_owned();
+        cases.push((name.clone(), bytes(&world(&name)?)?));
+    }
+    let mut rng = Rng::with_seed(7);
+    for method in Method::ALL {
+        let mut wheel = world("default")?;
+        wheel.sampling.method = method;
+        if method.takes_new_sample_first() {
+            wheel.sampling.output = Output::Start;
+        }
+        cases.push((format!("default, {}", method.name()), bytes(&wheel)?));
+        let bent = loop {
+            let world = worlds::random(&mut rng, true);
+            if world.sampling.method != method || world.bodies.is_empty() {
+                continue;
+            }
+            let bytes = bytes(&world)?;
+            if trace::sums(&bytes, SAMPLES).is_some_and(|(_, _, finite)| finite) {
+                break bytes;
+            }
+        };
+        cases.push((format!("bent, {}", method.name()), bent));
+    }
+    for estimator in [EstimatorKind::Foaw, EstimatorKind::FoawBest] {
+        let mut rough = world("default")?;
+        (rough.sampling.estimator, rough.device.encoder, rough.device.levels) = (estimator, Some(4000.0), Some(2048));
+        let law = Law::Lugre {
+            coulomb: 0.05,
+            stribeck: 0.08,
+            stribeck_velocity: 0.1,
+            bristle_stiffness: 20.0,
+            bristle_damping: 0.01,
+            viscous: 1e-3,
+        };
+        rough.couplings.push(Coupling { first: End::Puck, second: End::Ground, law });
+        let law = Law::Detent { torque: 0.1, pitch: 0.2, phase: 0.0 };
+        rough.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law });
+        cases.push((format!("rough, {}", estimator.name()), bytes(&rough)?));
+    }
+    Ok(cases)
+}
+
+/// As hapt-wire writes them.
+pub fn bytes(world: &World) -> Result<Vec<u8>> {
+    let mut room = [0; 1024];
+    Ok(hapt_wire::write(&world.spec(), &mut room)?.to_vec())
+}

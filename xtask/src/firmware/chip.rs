@@ -1,0 +1,171 @@
+//! What the firmware takes of a chip, read from its disassembly: sizes, the deepest stack, and that its interrupt cannot panic.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, Result, bail, ensure};
+
+/// What the processor puts on the stack at an interrupt: 8 registers, 16 and the status of the FPU, and what aligns them.
+const EXCEPTION: u32 = 26 * 4 + 4;
+
+/// Sizes and stack of a program, as a row of the table.
+pub fn row(name: &str, program: &Path, flash: u32, memory: u32) -> Result<String> {
+    let said = output("arm-none-eabi-size", &[], program)?;
+    let numbers = said.lines().nth(1).context("no sizes")?.split_whitespace();
+    let numbers: Vec<u32> = numbers.take(3).map(str::parse).collect::<Result<_, _>>()?;
+    let [text, data, bss] = numbers[..] else { bail!("no sizes: {said}") };
+    let code = Code::read(program)?;
+    let main = code.reach("main")?.stack;
+    let interrupt = code.reach("SysTick").map_or(0, |reach| reach.stack + EXCEPTION);
+    let (used, all) = (text + data, data + bss + main + interrupt);
+    ensure!(used <= flash * 1024, "{name}: {used} bytes of {flash} KiB flash");
+    ensure!(all <= memory * 1024, "{name}: {all} bytes of {memory} KiB memory");
+    let mut row = String::new();
+    let kib = |bytes: u32| f64::from(bytes) / 1024.0;
+    write!(
+        row,
+        "| {name} | {text} | {data} | {bss} | {main} | {interrupt} | {:.1} of {flash} KiB | {:.1} of {memory} KiB |",
+        kib(used),
+        kib(all)
+    )?;
+    Ok(row)
+}
+
+/// Nothing that the timer's interrupt reaches leads to a panic, or anywhere that cannot be read from the program.
+pub fn interrupt_cannot_panic(program: &Path) -> Result<()> {
+    let code = Code::read(program)?;
+    let reach = code.reach("SysTick")?;
+    let named = |part: &str| reach.names.iter().any(|name| name.contains(part));
+    ensure!(named("hapt_core"), "the interrupt calls nothing of the core: the look is blind");
+    ensure!(
+        code.functions.values().any(|function| function.name.contains("panicking")),
+        "no panic to look for: the look is blind"
+    );
+    ensure!(!named("panicking"), "the interrupt can panic: {:?}", reach.names);
+    Ok(())
+}
+
+struct Function {
+    name: String,
+    stack: u32,
+    calls: Vec<u32>,
+    /// It calls what a register holds.
+    blind: bool,
+}
+
+/// A program's functions by their addresses.
+struct Code {
+    functions: BTreeMap<u32, Function>,
+}
+
+/// What is reached from a function, itself too.
+struct Reach {
+    stack: u32,
+    names: Vec<String>,
+}
+
+impl Code {
+    fn read(program: &Path) -> Result<Code> {
+        let text = output("arm-none-eabi-objdump", &["-d", "--no-show-raw-insn"], program)?;
+        let mut functions = BTreeMap::new();
+        let mut at = None;
+        for line in text.lines() {
+            if let Some((address, name)) = line.strip_suffix(">:").and_then(|head| head.split_once(" <")) {
+                let address = u32::from_str_radix(address, 16)?;
+                functions
+                    .insert(address, Function { name: name.to_string(), stack: 0, calls: Vec::new(), blind: false });
+                at = Some(address);
+            } else if let (Some((_, instruction)), Some(at)) = (line.split_once(":\t"), at) {
+                let function = functions.get_mut(&at).context("a function")?;
+                let (name, rest) = instruction.split_once('\t').unwrap_or((instruction, ""));
+                function.stack += pushed(name, rest).with_context(|| format!("{}: {instruction}", function.name))?;
+                let target = rest.split_whitespace().next().and_then(|target| u32::from_str_radix(target, 16).ok());
+                match target {
+                    Some(target) if name.starts_with('b') => function.calls.push(target),
+                    _ => function.blind |= name.starts_with("blx") || (name == "bx" && rest.trim() != "lr"),
+                }
+            }
+        }
+        // What is no function's beginning is a jump within one.
+        let all: Vec<u32> = functions.keys().copied().collect();
+        for (own, function) in &mut functions {
+            function.calls.retain(|call| call != own && all.binary_search(call).is_ok());
+            function.calls.sort_unstable();
+            function.calls.dedup();
+        }
+        Ok(Code { functions })
+    }
+
+    /// From the function of this name.
+    fn reach(&self, name: &str) -> Result<Reach> {
+        let from = self.functions.iter().find(|(_, function)| function.name == name);
+        let mut reach = Reach { stack: 0, names: Vec::new() };
+        let mut known = BTreeMap::new();
+        reach.stack = self.depth(*from.with_context(|| format!("no {name}"))?.0, &mut Vec::new(), &mut known)?;
+        reach.names = known.keys().map(|at| self.functions[at].name.clone()).collect();
+        Ok(reach)
+    }
+
+    fn depth(&self, at: u32, above: &mut Vec<u32>, known: &mut BTreeMap<u32, u32>) -> Result<u32> {
+        if let Some(depth) = known.get(&at) {
+            return Ok(*depth);
+        }
+        let function = &self.functions[&at];
+        ensure!(!above.contains(&at), "{} calls itself", function.name);
+        ensure!(!function.blind, "{} calls what cannot be read from the program", function.name);
+        above.push(at);
+        let mut deepest = 0;
+        for call in &function.calls {
+            deepest = deepest.max(self.depth(*call, above, known)?);
+        }
+        above.pop();
+        known.insert(at, function.stack + deepest);
+        Ok(function.stack + deepest)
+    }
+}
+
+/// Bytes that an instruction takes of the stack.
+fn pushed(name: &str, rest: &str) -> Result<u32> {
+    let is = |instruction: &str| name.split('.').next() == Some(instruction);
+    let list =
+        || rest.split_once('{').and_then(|(_, list)| list.split_once('}')).map(|(list, _)| list).context("no list");
+    let number = || {
+        let (_, number) = rest.rsplit_once('#').context("no number")?;
+        let number = number.split(|c: char| !c.is_ascii_digit() && c != '-').next().context("no number")?;
+        Ok::<i64, anyhow::Error>(number.parse()?)
+    };
+    if is("push") || (is("stmdb") && rest.starts_with("sp!")) {
+        return Ok(4 * registers(list()?)?);
+    }
+    if is("vpush") {
+        let list = list()?;
+        return Ok(if list.starts_with('d') { 8 } else { 4 } * registers(list)?);
+    }
+    if (is("sub") || is("subw")) && rest.starts_with("sp") {
+        return Ok(number()?.try_into()?);
+    }
+    if (is("str") || is("strd")) && rest.contains("[sp, #-") && rest.ends_with("]!") {
+        return Ok((-number()?).try_into()?);
+    }
+    Ok(0)
+}
+
+/// How many registers stand in a list such as "r4, r5, lr" or "d8-d15".
+fn registers(list: &str) -> Result<u32> {
+    let mut count = 0;
+    for part in list.split(", ") {
+        count += match part.split_once('-') {
+            None => 1,
+            Some((from, to)) => to[1..].parse::<u32>()? - from[1..].parse::<u32>()? + 1,
+        };
+    }
+    Ok(count)
+}
+
+fn output(tool: &str, options: &[&str], program: &Path) -> Result<String> {
+    let said = Command::new(tool).args(options).arg(program).output()?;
+    ensure!(said.status.success(), "{tool}: {}", String::from_utf8_lossy(&said.stderr));
+    Ok(String::from_utf8(said.stdout)?)
+}

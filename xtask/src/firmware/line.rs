@@ -1,0 +1,138 @@
+//! An emulated board, and what a host says to it over its UART.
+
+use std::fs;
+use std::io::{ErrorKind, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::path::Path;
+use std::process::{Child, Command as Process, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail, ensure};
+use fastrand::Rng;
+use hapt_core::Limits;
+use hapt_model::World;
+use hapt_wire::{Command, LONGEST, Order, PIECE, PROTOCOL, Reader, Says, frame, hash, pack};
+
+/// A board that does not answer for so long is dead.
+pub const PATIENCE: Duration = Duration::from_secs(20);
+
+/// An emulated board, and the line to it.
+pub struct Board {
+    emulator: Child,
+    line: UnixStream,
+    reader: Reader<LONGEST>,
+    sequence: u32,
+    /// The number of the next sample.
+    pub sample: u64,
+    /// Bytes that nobody meant, before each frame.
+    pub noise: Option<Rng>,
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        let _ = self.emulator.kill();
+        let _ = self.emulator.wait();
+    }
+}
+
+impl Board {
+    /// Starts a program on an emulated board with its UART on a socket, and greets it; `fed`: it has no encoder.
+    pub fn start(machine: &str, program: &Path, more: &[&str], fed: bool) -> Result<Board> {
+        let start = Instant::now();
+        let socket = std::env::temp_dir().join(format!("hapt-firmware-{}", std::process::id()));
+        let _ = fs::remove_file(&socket);
+        let mut command = Process::new("qemu-system-arm");
+        command.args([
+            "-machine",
+            machine,
+            "-display",
+            "none",
+            "-monitor",
+            "none",
+            "-serial",
+            "chardev:line",
+            "-chardev",
+        ]);
+        command.arg(format!("socket,id=line,server=on,wait=on,path={}", socket.display()));
+        command.args(more).arg("-kernel").arg(program).stdin(Stdio::null()).stderr(Stdio::null());
+        let emulator = command.spawn()?;
+        let line = loop {
+            match UnixStream::connect(&socket) {
+                Ok(line) => break line,
+                Err(_) if start.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(20)),
+                Err(error) => return Err(error).context("the emulator opens no line"),
+            }
+        };
+        line.set_read_timeout(Some(Duration::from_millis(200)))?;
+        let mut board = Board { emulator, line, reader: Reader::new(), sequence: 0, sample: 0, noise: None };
+        // What comes before its receiver is on is lost.
+        (board.sequence, board.sample) = loop {
+            board.ask(Order::Hello { protocol: PROTOCOL })?;
+            let heard = board.hear(Duration::from_millis(500), |says| match says {
+                Says::Hello(hello) => Some((hello.sequence, hello.sample, hello.fed)),
+                _ => None,
+            })?;
+            match heard {
+                Some((sequence, sample, its)) if its == fed => break (sequence, sample),
+                Some(_) => bail!("another firmware"),
+                None => ensure!(start.elapsed() < PATIENCE, "the board does not answer"),
+            }
+        };
+        Ok(board)
+    }
+
+    pub fn ask(&mut self, order: Order<'_>) -> Result<u32> {
+        if let Some(noise) = &mut self.noise {
+            let bytes: Vec<u8> = (0..noise.usize(..40)).map(|_| noise.u8(..)).chain([0]).collect();
+            self.line.write_all(&bytes)?;
+        }
+        self.sequence += 1;
+        let command = Command { sequence: self.sequence, not_after: self.sample + 30_000, order };
+        let mut room = [0; LONGEST];
+        self.line.write_all(frame(&command, &mut room)?)?;
+        Ok(self.sequence)
+    }
+
+    /// The first answer that `wanted` takes; `None` after `patience`.
+    pub fn hear<R>(&mut self, patience: Duration, mut wanted: impl FnMut(Says<'_>) -> Option<R>) -> Result<Option<R>> {
+        let start = Instant::now();
+        let mut byte = [0];
+        while start.elapsed() < patience {
+            match self.line.read(&mut byte) {
+                Ok(0) => bail!("the emulator has ended"),
+                Ok(_) => {}
+                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => continue,
+                Err(error) => return Err(error.into()),
+            }
+            if let Some(heard) = self.reader.push::<Says<'_>>(byte[0]).and_then(&mut wanted) {
+                return Ok(Some(heard));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Asks, and waits until it is done.
+    pub fn done(&mut self, order: Order<'_>) -> Result<()> {
+        let asked = self.ask(order)?;
+        let said = self.hear(PATIENCE, |says| match says {
+            Says::Done { sequence } | Says::Value { sequence, .. } if sequence == asked => Some(Ok(())),
+            Says::Refused { sequence, why } if sequence == asked => Some(Err(why)),
+            _ => None,
+        })?;
+        said.with_context(|| format!("no answer to {order:?}"))?
+            .map_err(|why| anyhow::anyhow!("{order:?}: refused, {}", why.sentence()))
+    }
+
+    /// Sends a world, and gives its hash.
+    pub fn load(&mut self, world: &World, limits: &Limits) -> Result<u32> {
+        let mut room = [0; 1024];
+        let bytes = pack(&world.spec(), limits, &mut room)?;
+        let hash = hash(bytes);
+        self.done(Order::Begin { length: bytes.len() as u16, hash })?;
+        for (i, piece) in bytes.chunks(PIECE).enumerate() {
+            self.done(Order::Piece { at: (i * PIECE) as u16, bytes: piece })?;
+        }
+        self.done(Order::Commit)?;
+        Ok(hash)
+    }
+}

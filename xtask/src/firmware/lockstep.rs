@@ -1,0 +1,163 @@
+//! Hardware in the loop, in lockstep: the emulated board is the loop, this is the hardware. Each sample is shown to it over its UART, and
+//! its torque turns the exact device. Time is what the samples say, so that every run is the same.
+
+use anyhow::{Context, Result, bail, ensure};
+use fastrand::Rng;
+use hapt_core::{Guarding, Limits, Phase, Reason};
+use hapt_sim::{Simulation, VirtualDevice, script};
+use hapt_wire::{Order, Says, Telemetry};
+
+use super::line::{Board, PATIENCE};
+use super::{BOARDS, has_tools, program};
+use crate::notes::world;
+
+/// The link's deadline where it is tried, in s.
+const LINK: f64 = 0.1;
+
+/// Every board is the loop of an exact device, sample by sample over its UART: the rows of `hapt sim`, faults too.
+pub fn holds() -> Result<()> {
+    if !has_tools()? {
+        return Ok(());
+    }
+    let mut same: Vec<Vec<u32>> = Vec::new();
+    for (machine, board, _) in BOARDS {
+        let program = program(board, "fed", None)?;
+        let mut board = Board::start(machine, &program, &[], true)?;
+        let mut all = Vec::new();
+        for (name, duration) in [("default", 1.0), ("damped", 0.5), ("released", 0.3), ("resonance", 0.5)] {
+            let (difference, bits) = board.runs(name, duration)?;
+            println!(
+                "        {machine}: {name}, {} samples: torques within {difference:.1e} of the largest",
+                bits.len()
+            );
+            ensure!(difference < 1e-5, "{machine}: {name}: torques differ by {difference:e} of the largest");
+            all.extend(bits);
+        }
+        board.faults_on_a_jump()?;
+        board.misses_a_silent_host()?;
+        board.disturb();
+        let (_, disturbed) = board.runs("default", 1.0)?;
+        ensure!(all.starts_with(&disturbed), "{machine}: garbage between the frames changed a torque");
+        same.push(all);
+    }
+    ensure!(same.windows(2).all(|pair| pair[0] == pair[1]), "the boards differ");
+    Ok(())
+}
+
+/// The board as a loop whose hardware is here.
+impl Board {
+    /// One sample.
+    fn feed(&mut self, (position, velocity): (f64, f64), announced: bool) -> Result<Telemetry> {
+        let sample = self.sample;
+        let (position, velocity) = (position as f32, velocity as f32);
+        self.ask(Order::Feed { sample, position, velocity, late: 0.0, announced })?;
+        self.sample += 1;
+        let said = self.hear(PATIENCE, |says| match says {
+            Says::Telemetry(telemetry) if telemetry.sample == sample => Some(telemetry),
+            _ => None,
+        })?;
+        said.context("no telemetry")
+    }
+
+    /// Armed, and faded in, the puck at rest at 0.
+    fn arm(&mut self, world: u32) -> Result<()> {
+        self.ask(Order::Arm { world })?;
+        for _ in 0..1000 {
+            if self.feed((0.0, 0.0), false)?.phase == Phase::Running as u8 {
+                return Ok(());
+            }
+        }
+        bail!("it does not fade in")
+    }
+
+    /// A world's first scenario for so long: the largest difference of torques from `hapt sim`'s rows, over the largest torque; and the
+    /// bits of all torques.
+    pub fn runs(&mut self, name: &str, duration: f64) -> Result<(f64, Vec<u32>)> {
+        let mut world = world(name)?;
+        world.scenarios[0].duration = duration;
+        let scenario = &world.scenarios[0];
+        let hash = self.load(&world, &world.limits(Guarding::Simulated))?;
+        self.arm(hash)?;
+        let mut device = VirtualDevice::new(&world.rig());
+        device.begin(&mut script(scenario, world.sampling.period));
+        let mut run = Simulation::new(&world, scenario)?;
+        let (mut difference, mut most, mut bits) = (0.0_f64, 0.0_f64, Vec::new());
+        let mut first = true;
+        while let Some(row) = run.next() {
+            let row = row?;
+            if !std::mem::take(&mut first) {
+                device.travel();
+            }
+            let telemetry = self.feed(device.puck(), device.announced())?;
+            ensure!(telemetry.phase == Phase::Running as u8, "{name}: phase {}", telemetry.phase);
+            device.command(f64::from(telemetry.output));
+            difference = difference.max((f64::from(telemetry.torque) - row.torque).abs());
+            most = most.max(row.torque.abs());
+            bits.push(telemetry.torque.to_bits());
+        }
+        self.ask(Order::Disarm)?;
+        for _ in 0..10_000 {
+            if self.feed(device.puck(), false)?.phase == Phase::Disarmed as u8 {
+                return Ok((difference / most, bits));
+            }
+        }
+        bail!("it does not fade out")
+    }
+
+    /// From here on, bytes that nobody meant come between the frames.
+    pub fn disturb(&mut self) {
+        self.noise = Some(Rng::with_seed(11));
+    }
+
+    /// Nobody says that the host is there: the torque is gone when the link's time is over, and not before.
+    pub fn misses_a_silent_host(&mut self) -> Result<()> {
+        let world = world("default")?;
+        let limits = Limits { link: LINK, link_faults: true, ..world.limits(Guarding::Simulated) };
+        let hash = self.load(&world, &limits)?;
+        self.ask(Order::Arm { world: hash })?;
+        let mut last = 0;
+        for sample in 1..=300 {
+            if sample <= 150 {
+                self.ask(Order::Alive)?;
+            }
+            let telemetry = self.feed((0.1, 0.0), false)?;
+            let over = f64::from(sample - 150) * world.sampling.period > LINK + 2e-3;
+            if telemetry.phase == Phase::Running as u8 {
+                last = sample;
+            }
+            if over {
+                let reason = Reason::Link.code();
+                ensure!(
+                    telemetry.phase == Phase::Faulted as u8 && telemetry.reason == reason,
+                    "sample {sample}: {telemetry:?}"
+                );
+                ensure!(telemetry.output == 0.0, "a torque of {} after the link's deadline", telemetry.output);
+            }
+        }
+        ensure!(last >= 150 + (LINK / world.sampling.period) as i32 - 2, "the torque went at sample {last}");
+        self.done_with_a_sample(Order::Clear)
+    }
+
+    /// A reading that jumps takes the torque away at that sample.
+    pub fn faults_on_a_jump(&mut self) -> Result<()> {
+        let world = world("default")?;
+        let hash = self.load(&world, &Limits { jump: 0.5, ..world.limits(Guarding::Simulated) })?;
+        self.arm(hash)?;
+        let telemetry = self.feed((3.0, 0.0), false)?;
+        ensure!(telemetry.phase == Phase::Faulted as u8 && telemetry.reason == Reason::Jump.code(), "{telemetry:?}");
+        ensure!(telemetry.output == 0.0, "a torque of {} after a jump", telemetry.output);
+        for _ in 0..20 {
+            self.feed((0.0, 0.0), false)?;
+        }
+        self.done_with_a_sample(Order::Clear)
+    }
+
+    /// The supervisor answers with the next sample; the host is there again.
+    fn done_with_a_sample(&mut self, order: Order<'_>) -> Result<()> {
+        self.ask(Order::Alive)?;
+        self.ask(order)?;
+        let telemetry = self.feed((0.0, 0.0), false)?;
+        ensure!(telemetry.phase == Phase::Disarmed as u8, "{order:?}: {telemetry:?}");
+        Ok(())
+    }
+}

@@ -1,0 +1,80 @@
+//! The loop in the timer's interrupt, in the emulator's time: every instruction takes 32 ns of it.
+
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, ensure};
+use hapt_core::{Guarding, Limits, Phase};
+use hapt_model::EstimatorKind;
+use hapt_wire::{Order, Parameter, Says};
+
+use super::line::{Board, PATIENCE};
+use super::{has_tools, program};
+use crate::notes::world;
+
+const ICOUNT: [&str; 2] = ["-icount", "shift=5,sleep=off"];
+/// Of the board's clock in a period of 0.1 ms.
+const PERIOD: u32 = 2500;
+const SAMPLES: u64 = 300_000;
+
+/// Half a minute at 10 kHz without a sample that takes longer than its period, or comes late.
+pub fn holds() -> Result<()> {
+    if !has_tools()? {
+        return Ok(());
+    }
+    let program = program("mps2", "wheel", None)?;
+    let mut board = Board::start("mps2-an386", &program, &ICOUNT, false)?;
+    let mut wheel = world("released")?;
+    wheel.sampling.estimator = EstimatorKind::Difference;
+    // A sample that comes half a period late is a fault.
+    let limits = Limits { late: 0.5e-4, ..wheel.limits(Guarding::Simulated) };
+    let hash = board.load(&wheel, &limits)?;
+    board.done(Order::Set { parameter: Parameter::Divider as u8, value: 10_000 })?;
+    board.done(Order::Set { parameter: Parameter::MostUsed as u8, value: 0 })?;
+    board.done(Order::Arm { world: hash })?;
+    let start = board.sample;
+    let mut shown = 0;
+    while board.sample < start + SAMPLES {
+        let said = board.hear(PATIENCE, |says| match says {
+            Says::Telemetry(telemetry) => Some(telemetry),
+            _ => None,
+        })?;
+        let telemetry = said.context("no telemetry")?;
+        ensure!(telemetry.phase == Phase::Running as u8 || shown == 0, "{telemetry:?}");
+        ensure!(telemetry.missed == 0, "{telemetry:?}");
+        board.sample = telemetry.sample;
+        shown += 1;
+    }
+    let asked = board.ask(Order::Get { parameter: Parameter::MostUsed as u8 })?;
+    let most = board.hear(PATIENCE, |says| match says {
+        Says::Value { sequence, value, .. } if sequence == asked => Some(value),
+        _ => None,
+    })?;
+    let most = most.context("no answer to what a sample has taken")?;
+    println!("        mps2-an386 at 10 kHz: {SAMPLES} samples, the longest interrupt {most} of {PERIOD} clocks");
+    ensure!(most > 0 && most < PERIOD, "an interrupt took {most} clocks of {PERIOD}");
+    Ok(())
+}
+
+/// A loop that stops: the watchdog takes the board down. One that runs is left alone, as [`holds`] shows.
+pub fn watchdog_bites() -> Result<()> {
+    if !has_tools()? {
+        return Ok(());
+    }
+    let program = program("mps2", "wheel-that-stops", None)?;
+    let mut command = Command::new("qemu-system-arm");
+    command.args(["-machine", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "none"]);
+    command.args(ICOUNT).args(["-action", "watchdog=poweroff", "-kernel"]).arg(program).stdin(Stdio::null());
+    let mut emulator = command.spawn()?;
+    let start = Instant::now();
+    let ended = loop {
+        match emulator.try_wait()? {
+            None if start.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(20)),
+            ended => break ended,
+        }
+    };
+    let _ = emulator.kill();
+    let _ = emulator.wait();
+    ensure!(ended.is_some(), "the loop stopped, and the watchdog did nothing");
+    Ok(())
+}
