@@ -3,6 +3,7 @@
 
 mod boundary;
 mod csv;
+mod guarded;
 mod loops;
 mod realtime;
 mod run;
@@ -19,6 +20,8 @@ fn main() -> Result<()> {
         ["run", scenario, columns, repeats] => run::time(scenario, columns == "everything", repeats.parse()?),
         ["parameters", scenario] => run::parameters(scenario),
         ["step", bodies, repeats] => step::time(bodies.parse()?, repeats.parse()?),
+        ["bare", numbers, repeats] => guarded::time(numbers, false, repeats.parse()?),
+        ["guarded", numbers, repeats] => guarded::time(numbers, true, repeats.parse()?),
         ["matrices", bodies, file] => step::matrices(bodies.parse()?, file),
         ["boundary", file, repeats] => boundary::time(file, repeats.parse()?),
         ["loops", repeats] => loops::time(repeats.parse()?),

@@ -418,6 +418,10 @@ impl Bench {
             ("step_1", "step 1", 4096.0),
             ("step_4", "step 4", 4096.0),
             ("step_32", "step 32", 4096.0),
+            ("bare_f32", "bare f32", 4096.0),
+            ("bare_f64", "bare f64", 4096.0),
+            ("guarded_f32", "guarded f32", 4096.0),
+            ("guarded_f64", "guarded f64", 4096.0),
         ];
         let count = |(name, words, samples): (&'static str, &str, f64)| {
             Ok((name, (collected(&format!("{words} 3"))? - collected(&format!("{words} 1"))?) / (2.0 * samples)))

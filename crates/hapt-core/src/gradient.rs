@@ -66,9 +66,15 @@ pub(crate) struct Step<'a, F, const B: usize> {
 
 /// The step's nonlinear torques at bodies, as found.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(serialize = "F: serde::Serialize", deserialize = "F: crate::Number + serde::Deserialize<'de>"))
+)]
 pub struct Contacts<F, const C: usize> {
     /// Each coupling's torque on its first end over the last step in N·m (linear: N); 0 where it is linear, has no body at an end,
     /// or the method is explicit.
+    #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub torques: [F; C],
     /// In how many steps the torques did not agree within the bounded number of passes; those steps lose energy, if anything.
     pub unsettled: u32,

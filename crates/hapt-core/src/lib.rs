@@ -40,6 +40,8 @@
 #![allow(clippy::needless_range_loop)]
 
 mod actuate;
+#[cfg(feature = "serde")]
+mod array;
 mod branches;
 mod compile;
 mod contact;

@@ -7,10 +7,17 @@ use crate::{Number, Real};
 
 /// Positions and velocities of the bodies, in rad and rad/s (linear: m and m/s), in the order of the spec.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(serialize = "F: serde::Serialize", deserialize = "F: crate::Number + serde::Deserialize<'de>"))
+)]
 pub struct Vector<F, const B: usize> {
     /// w
+    #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub position: [F; B],
     /// ẇ
+    #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub velocity: [F; B],
 }
 

@@ -66,13 +66,8 @@ macro_rules! real {
             }
             #[inline]
             fn within(self, limit: Self) -> Self {
-                if self > limit {
-                    limit
-                } else if self < -limit {
-                    -limit
-                } else {
-                    self
-                }
+                let x = if self > limit { limit } else { self };
+                if x < -limit { -limit } else { x }
             }
             #[inline]
             fn finite_or_zero(self) -> Self {

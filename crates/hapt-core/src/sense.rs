@@ -4,6 +4,7 @@ use crate::{Error, Estimator, Number, Real, Spec};
 
 /// The puck as the loop sees it at one sample: u_k.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Puck<F> {
     /// z_k in rad (linear: m): the count's position.
     pub position: F,
@@ -13,10 +14,16 @@ pub struct Puck<F> {
 
 /// What the sensor remembers.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(serialize = "F: serde::Serialize", deserialize = "F: crate::Number + serde::Deserialize<'de>"))
+)]
 pub struct Memory<F, const W: usize> {
     /// u_{k-1}; `None` before the first sample.
     pub last: Option<Puck<F>>,
     /// The last counts, a ring; the newest stands at `newest`. For FOAW alone.
+    #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub counts: [F; W],
     /// Where the newest count stands.
     pub newest: usize,

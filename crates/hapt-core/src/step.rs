@@ -50,12 +50,18 @@ pub(crate) struct Port<F, const B: usize> {
 
 /// Everything that changes from sample to sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(serialize = "F: serde::Serialize", deserialize = "F: crate::Number + serde::Deserialize<'de>"))
+)]
 pub struct State<F, const B: usize, const C: usize, const W: usize> {
     /// x_k of the last sample taken: what rows show.
     pub now: Vector<F, B>,
     /// x_{k+1} - x_k; 0 before the first sample, and with the methods that take the new sample first.
     pub change: Vector<F, B>,
     /// s of each coupling, in rad (linear: m); 0 where it is not LuGre friction.
+    #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub bristles: [F; C],
     /// The torques found over the step, with the methods that find them.
     pub contacts: Contacts<F, C>,

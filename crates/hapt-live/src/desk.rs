@@ -229,7 +229,7 @@ impl Desk {
                 self.worlds.pop_front();
             }
             if let Some(recording) = &mut self.recording {
-                recording.add(&record);
+                recording.follow(&mut self.engine, &record);
             }
             self.add(&record);
         }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use hapt_core::Guarding;
 use hapt_log::{Header, Recorder};
 use hapt_model::World;
-use hapt_rt::Record;
+use hapt_rt::{Engine, Record};
 
 use crate::protocol::RecordingSays;
 use crate::state::Workbench;
@@ -14,19 +14,18 @@ use crate::state::Workbench;
 pub struct Recording {
     recorder: Recorder,
     file: PathBuf,
-    /// The generation that it begins with; samples of one before it are not its own.
-    first: u32,
     /// Since its first sample, in ns.
     begun: Option<u64>,
     length: u64,
 }
 
 impl Recording {
-    /// Starts one in this folder, in a file that is not there yet.
+    /// Starts one in this folder, in a file that is not there yet. It begins with the loop's state at one of the next samples, so
+    /// that it can be replayed.
     ///
     /// # Errors
     /// In a sentence.
-    pub fn start(folder: &Path, bench: &Workbench, guarding: Guarding) -> Result<Self, String> {
+    pub fn start(folder: &Path, bench: &Workbench, guarding: Guarding, engine: &mut Engine) -> Result<Self, String> {
         let free = |n: &u32| !folder.join(format!("live-{n:04}.mcap")).exists();
         let number = (1..10_000)
             .find(free)
@@ -42,8 +41,11 @@ impl Recording {
             plan: bench.generation,
             ..Header::default()
         };
+        if !engine.snapshot() {
+            return Err("the loop is busy; say it again".into());
+        }
         let recorder = Recorder::start(&file, &bench.world, header).map_err(|error| error.to_string())?;
-        Ok(Recording { recorder, file, first: bench.generation, begun: None, length: 0 })
+        Ok(Recording { recorder, file, begun: None, length: 0 })
     }
 
     /// From generation `generation` on the samples are of this world.
@@ -51,11 +53,12 @@ impl Recording {
         self.recorder.plan(generation, world);
     }
 
-    /// One more sample; never waits.
-    pub fn add(&mut self, record: &Record) {
-        if record.plan >= self.first {
+    /// One more sample of the loop, once the first snapshot is there; never waits.
+    pub fn follow(&mut self, engine: &mut Engine, record: &Record) {
+        let begins = engine.snapshots.peek().is_ok_and(|snapshot| snapshot.sample <= record.sample);
+        if begins || self.begun.is_some() {
             self.length = record.due - *self.begun.get_or_insert(record.due);
-            self.recorder.send(record);
+            self.recorder.follow(engine, record);
         }
     }
 

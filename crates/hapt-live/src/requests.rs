@@ -186,7 +186,7 @@ impl Desk {
             recording.end();
         }
         if on {
-            match Recording::start(&self.folder, &self.bench, self.guarding) {
+            match Recording::start(&self.folder, &self.bench, self.guarding, &mut self.engine) {
                 Ok(recording) => self.recording = Some(recording),
                 Err(words) => self.refuse(client, "record", words),
             }

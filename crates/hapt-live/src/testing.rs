@@ -40,6 +40,7 @@ pub fn record(sample: u64, change: impl FnOnce(&mut Record)) -> Record {
         torque: 0.0,
         command: 0.0,
         output: 0.0,
+        applied: 0.0,
         phase: Phase::Running,
         reason: None,
         warning: None,

@@ -2,7 +2,8 @@
 //!
 //! A log is one channel, `/hapt/sample`, with one message a sample: a Protocol Buffers message whose fields are the columns of the
 //! CSV files ([`columns`]), doubles with all of their bits. The world goes with it, and for a loop in real time everything that the
-//! loop was told, so that [`replay`] can run the same inputs through today's core and compare the torques bit by bit.
+//! loop was told, so that [`replay`] can run the same inputs through today's core and compare the torques bit by bit. A log that begins
+//! in the middle of a loop's life has the loop's state there.
 //!
 //! * [`LogWriter`] writes runs of the simulation and records of the loop, in chunks that are whole or not there.
 //! * [`Recorder`] does that on a thread below the loop, which never waits for it.
@@ -49,6 +50,7 @@ mod log;
 mod recorder;
 mod replay;
 mod schema;
+mod state;
 mod wire;
 mod writer;
 

@@ -9,11 +9,13 @@ use std::sync::Arc;
 use hapt_core::Guarding;
 use hapt_core::{Reading, Request};
 use hapt_model::{Source, World};
+use hapt_rt::Snapshot;
 use hapt_sim::{Row, SIGNALS};
 
 use crate::Error;
 use crate::container::{Channel, Container, Ending, Item, MAGIC, Message};
 use crate::schema::{Column, LIVE_COLUMNS, columns, request};
+use crate::state;
 use crate::wire::{self, Value};
 use crate::writer::{Header, Origin, TOPIC};
 
@@ -30,6 +32,8 @@ pub struct Log<R> {
     /// Read with the header, not yet given.
     first: Option<Message>,
     values: Vec<f64>,
+    /// The last that stood before a sample.
+    snapshot: Option<Snapshot>,
     done: Option<Ending>,
 }
 
@@ -57,6 +61,8 @@ pub struct Sample<'a> {
     pub log_time: u64,
     /// Of all columns.
     pub values: &'a [f64],
+    /// How the loop stood before it, where the log says so.
+    pub snapshot: Option<&'a Snapshot>,
 }
 
 /// What the loop was told at a sample.
@@ -64,6 +70,8 @@ pub struct Sample<'a> {
 pub struct Inputs {
     /// k.
     pub sample: u64,
+    /// Which plan took it, as records count them.
+    pub plan: u32,
     /// What the device and the clock said.
     pub reading: Reading<f64>,
     /// What somebody asked for.
@@ -72,6 +80,8 @@ pub struct Inputs {
     pub phase: u64,
     /// The code of its reason, 0 for none.
     pub reason: u64,
+    /// What the motor was asked for, after the supervisor.
+    pub output: f64,
 }
 
 impl Log<BufReader<File>> {
@@ -92,10 +102,11 @@ impl<R: Read> Log<R> {
             return foreign("it is no log: it does not begin as an MCAP file does".into());
         };
         let (mut header, mut metadata) = (Header { version: String::new(), ..Header::default() }, None);
-        let (mut plans, mut topics) = (BTreeMap::new(), Vec::new());
+        let (mut plans, mut topics, mut snapshot) = (BTreeMap::new(), Vec::new(), None);
         while let Some(item) = container.next()? {
             match item {
                 Item::Metadata { name, values } if name == "hapt" => metadata = Some(values),
+                Item::Attachment { name, data } if name.starts_with(state::NAME) => snapshot = state::read(&data),
                 Item::Attachment { name, data } => {
                     let text = String::from_utf8_lossy(&data).into_owned();
                     match name.as_str() {
@@ -116,7 +127,7 @@ impl<R: Read> Log<R> {
                     header.fill(&metadata.unwrap_or_default(), plan.number);
                     let origin = if plan.live { Origin::Live(message.log_time) } else { Origin::Run };
                     let (first, values) = (Some(message), Vec::new());
-                    return Ok(Log { header, origin, container, plans, plan, first, values, done: None });
+                    return Ok(Log { header, origin, container, plans, plan, first, values, snapshot, done: None });
                 }
                 Item::Metadata { .. } => {}
             }
@@ -172,6 +183,9 @@ impl<R: Read> Log<R> {
                             self.plans.insert(channel.id, Arc::new(plan));
                         }
                     }
+                    Some(Item::Attachment { name, data }) if name.starts_with(state::NAME) => {
+                        self.snapshot = state::read(&data);
+                    }
                     Some(Item::Message(message)) if self.plans.contains_key(&message.channel) => break message,
                     Some(_) => {}
                 }
@@ -185,7 +199,9 @@ impl<R: Read> Log<R> {
             self.done = self.container.ending().cloned();
             return Ok(None);
         };
-        Ok(Some(Sample { plan: &self.plan, log_time: message.log_time, values: &self.values }))
+        let sample = Sample { plan: &self.plan, log_time: message.log_time, values: &self.values, snapshot: None };
+        let is_its = |snapshot: &&Snapshot| sample.inputs().is_some_and(|inputs| inputs.is_after(snapshot));
+        Ok(Some(Sample { snapshot: self.snapshot.as_ref().filter(is_its), ..sample }))
     }
 }
 
@@ -266,10 +282,23 @@ impl Sample<'_> {
     pub fn inputs(&self) -> Option<Inputs> {
         let live = self.values.last_chunk::<LIVE_COLUMNS>();
         let live = live.filter(|_| self.values.len() > SIGNALS.len() + 2 * self.plan.world.bodies.len())?;
-        let [sample, _plan, phase, reason, request_code, announced, late, missed, silent, _latency, _computation] =
-            *live;
+        let [
+            output,
+            sample,
+            plan,
+            phase,
+            reason,
+            request_code,
+            announced,
+            late,
+            missed,
+            silent,
+            _latency,
+            _computation,
+        ] = *live;
         Some(Inputs {
             sample: sample as u64,
+            plan: plan as u32,
             reading: Reading {
                 position: *self.values.get(1)?,
                 velocity: *self.values.get(2)?,
@@ -281,7 +310,15 @@ impl Sample<'_> {
             request: request(request_code),
             phase: phase as u64,
             reason: reason as u64,
+            output,
         })
+    }
+}
+
+impl Inputs {
+    /// Whether the snapshot was taken just before this sample.
+    fn is_after(&self, snapshot: &Snapshot) -> bool {
+        (self.sample, self.plan) == (snapshot.sample, snapshot.plan)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The recorder: a thread below the loop that writes down what the loop did.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -11,7 +12,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use hapt_model::World;
-use hapt_rt::Record;
+use hapt_rt::{Engine, Record, Snapshot};
 
 use crate::Error;
 use crate::writer::{Header, LogWriter, Origin};
@@ -20,13 +21,27 @@ use crate::writer::{Header, LogWriter, Origin};
 const WAITING: usize = 1 << 14;
 /// What is not written by then is, however little it is.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// So many samples in a row without a loss, and a gap is over.
+const CALM: u32 = 256;
 
 /// A log on its way. Whoever feeds it never waits: a record for which there is no room is lost, and counted.
 pub struct Recorder {
     path: PathBuf,
-    queue: Option<SyncSender<Record>>,
+    queue: Option<SyncSender<Entry>>,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
+    /// The sample after the last that was sent.
+    next: Cell<Option<u64>>,
+    /// Samples sent since the last gap, where no snapshot has come behind it; else `None`.
+    since_gap: Cell<Option<u32>>,
+}
+
+/// What waits to be written.
+#[allow(clippy::large_enum_variant)] // Nearly all are records: a box for each would be an allocation a sample.
+enum Entry {
+    Record(Record),
+    /// Before the record of its sample.
+    Snapshot(Box<Snapshot>),
 }
 
 /// How a recorder is doing.
@@ -97,12 +112,14 @@ impl Recorder {
             if let Err(error) = write(writer, &records, &to) {
                 *lock(&to.error) = Some(format!("cannot write {name}: {error}"));
                 // Nobody waits for room that nothing will make.
-                while records.recv().is_ok() {
-                    to.lost.fetch_add(1, Ordering::Relaxed);
+                while let Ok(entry) = records.recv() {
+                    to.lost.fetch_add(u64::from(matches!(entry, Entry::Record(_))), Ordering::Relaxed);
                 }
             }
         });
-        Ok(Recorder { queue: Some(queue), shared, thread: Some(thread.map_err(failed)?), path })
+        let thread = Some(thread.map_err(failed)?);
+        let (next, since_gap) = (Cell::new(None), Cell::new(None));
+        Ok(Recorder { queue: Some(queue), shared, thread, path, next, since_gap })
     }
 
     /// Says whose samples those of plan `number` are; before the first of them is sent.
@@ -112,11 +129,43 @@ impl Recorder {
 
     /// Takes a record; false where there is no room, or no file any more. Never waits for the disk.
     pub fn send(&self, record: &Record) -> bool {
-        let sent = self.queue.as_ref().is_some_and(|queue| queue.try_send(*record).is_ok());
+        let sent = self.push(Entry::Record(*record));
         if !sent {
             self.shared.lost.fetch_add(1, Ordering::Relaxed);
         }
+        let follows =
+            self.next.get().is_none_or(|next| (next..=next + u64::from(record.missed)).contains(&record.sample));
+        self.next.set(Some(record.sample + 1));
+        self.since_gap.set(match self.since_gap.get() {
+            since if sent && follows => since.map(|since| since.saturating_add(1)),
+            _ => Some(0),
+        });
         sent && lock(&self.shared.error).is_none()
+    }
+
+    /// Takes a snapshot, before the record of its sample is sent: a replay can begin there. Never waits for the disk.
+    pub fn send_snapshot(&self, snapshot: Box<Snapshot>) -> bool {
+        let sent = self.push(Entry::Snapshot(snapshot));
+        if sent {
+            self.since_gap.set(None);
+        }
+        sent
+    }
+
+    /// Takes a record that has just left `engine`, and the snapshots that have. Behind a gap it orders one, once samples come through
+    /// again: a replay goes on from there.
+    pub fn follow(&self, engine: &mut Engine, record: &Record) {
+        while let Ok(snapshot) = engine.snapshots.pop() {
+            self.send_snapshot(snapshot);
+        }
+        self.send(record);
+        if self.since_gap.get().is_some_and(|since| since >= CALM) && engine.snapshot() {
+            self.since_gap.set(Some(0));
+        }
+    }
+
+    fn push(&self, entry: Entry) -> bool {
+        self.queue.as_ref().is_some_and(|queue| queue.try_send(entry).is_ok())
     }
 
     /// How it is doing.
@@ -162,11 +211,20 @@ impl Drop for Recorder {
 }
 
 /// Writes what comes, until nobody sends any more.
-fn write<W: Write>(mut writer: LogWriter<W>, records: &Receiver<Record>, shared: &Shared) -> io::Result<()> {
+fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: &Shared) -> io::Result<()> {
     let mut waiting = 0;
+    // By their samples, whose records are still to come.
+    let mut snapshots = BTreeMap::new();
     let mut due = Instant::now() + PATIENCE;
     let end = loop {
-        let next = records.recv_timeout(due.saturating_duration_since(Instant::now()));
+        let next = match entries.recv_timeout(due.saturating_duration_since(Instant::now())) {
+            Ok(Entry::Snapshot(snapshot)) => {
+                snapshots.insert(snapshot.sample, snapshot);
+                continue;
+            }
+            Ok(Entry::Record(record)) => Ok(record),
+            Err(error) => Err(error),
+        };
         // Those of a plan before are still on their way when a log begins just after a change.
         if let Ok(record) = &next
             && record.plan >= writer.plan()
@@ -182,7 +240,10 @@ fn write<W: Write>(mut writer: LogWriter<W>, records: &Receiver<Record>, shared:
                 }
             }
             waiting += 1;
-            if let Err(error) = writer.write_record(record) {
+            // Those of samples before it were lost with them.
+            snapshots.retain(|sample, _| *sample >= record.sample);
+            let snapshot = snapshots.remove(&record.sample);
+            if let Err(error) = writer.write_record(record, snapshot.as_deref()) {
                 break Err(error);
             }
         }

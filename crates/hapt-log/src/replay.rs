@@ -4,18 +4,12 @@ use std::io::Read;
 use std::sync::Arc;
 
 use hapt_core::{Guarding, Watch};
-use hapt_rt::{Plan, PlanState};
+use hapt_rt::{Plan, PlanState, Snapshot};
 use hapt_sim::DesktopLoop;
 
 use crate::Error;
 use crate::log::{Inputs, Log, LoggedPlan, Sample};
-
-/// Places of the torques among a sample's values, the same in every log.
-const TORQUE: usize = 5;
-const COMMAND: usize = 6;
-const APPLIED: usize = 7;
-/// The code of the disarmed phase.
-const DISARMED: u64 = 0;
+use crate::schema::{COMMAND, LIVE_COLUMNS, TORQUE};
 
 /// What came of a replay.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -49,8 +43,8 @@ pub struct Difference {
 
 /// Runs a log's inputs through today's core, from its first sample to its last.
 ///
-/// A run begins in the world's state at the start. A loop in real time is in a known state at its sample 0, and while it is disarmed:
-/// samples before the first of these are skipped, and so are those behind a gap.
+/// A run begins in the world's state at the start. The state of a loop in real time is known at its sample 0, and where the log has a
+/// snapshot of it: samples before the first of these are skipped, and so are those behind a gap.
 ///
 /// # Errors
 /// Those of reading, [`Error::World`] for a world that today's core does not take, and [`Error::NoReplay`] where no sample could be
@@ -63,7 +57,8 @@ pub fn replay<R: Read>(log: &mut Log<R>) -> Result<Replay, Error> {
     }
     if result.compared == 0 {
         return Err(Error::NoReplay(format!(
-            "none of its {} samples can be replayed: it has neither the loop's first sample nor two disarmed ones in a row",
+            "none of its {} samples can be replayed: it has neither the loop's first sample nor its \
+             state at a later one",
             result.skipped
         )));
     }
@@ -113,7 +108,8 @@ fn run<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
 /// A plan at work.
 struct Running {
     logged: Arc<LoggedPlan>,
-    plan: Plan,
+    /// A plan is large for a stack.
+    plan: Box<Plan>,
     state: PlanState,
     watch: Watch<f64>,
 }
@@ -121,30 +117,31 @@ struct Running {
 /// The log of a loop in real time: the loop behind its supervisor.
 fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
     let guarding = log.header.guarding;
-    let mut running: Option<Running> = None;
+    let mut running: Option<Box<Running>> = None;
     let mut before: Option<Inputs> = None;
     while let Some(sample) = log.next()? {
         let Some(inputs) = sample.inputs() else { continue };
-        let next = |before: &Inputs| before.sample + 1 + u64::from(inputs.reading.missed);
-        let follows = before.as_ref().is_some_and(|before| next(before) == inputs.sample);
+        // A reading may count as missed where its sample was taken: the device had nothing new to say.
+        let next = |before: &Inputs| before.sample + 1..=before.sample + 1 + u64::from(inputs.reading.missed);
+        let follows = before.as_ref().is_some_and(|before| next(before).contains(&inputs.sample));
         if before.is_some() && !follows {
             result.gaps += 1;
             running = None;
         }
-        // A sample that begins and ends disarmed puts the world back to its start.
-        let waits = follows && inputs.phase == DISARMED && before.is_some_and(|before| before.phase == DISARMED);
-        if running.is_none() && (inputs.sample == 0 || waits) {
-            running = Some(Running::start(sample.plan, guarding)?);
+        if running.is_none() && (sample.snapshot.is_some() || inputs.sample == 0) {
+            running = Some(Box::new(Running::start(sample.plan, guarding, sample.snapshot)?));
         }
+        // The first column behind the run's.
+        let output = sample.values.len() - LIVE_COLUMNS;
         before = Some(inputs);
         match &mut running {
             None => result.skipped += 1,
             Some(running) => {
                 running.change(sample.plan)?;
-                let Running { plan, state, watch, .. } = running;
+                let Running { plan, state, watch, .. } = &mut **running;
                 let guarded = plan.step(watch, state, &inputs.reading, inputs.request);
                 let torques =
-                    [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (APPLIED, guarded.output)];
+                    [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];
                 result.compare(&sample, inputs.sample, &torques);
             }
         }
@@ -153,15 +150,17 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
 }
 
 impl Running {
-    fn start(logged: &Arc<LoggedPlan>, guarding: Guarding) -> Result<Self, Error> {
-        let plan = Plan::new(&logged.world, guarding).map_err(world_error)?;
-        Ok(Running { logged: Arc::clone(logged), state: plan.start(), plan, watch: Watch::START })
+    /// From a snapshot on, or else from the world's start, disarmed.
+    fn start(logged: &Arc<LoggedPlan>, guarding: Guarding, from: Option<&Snapshot>) -> Result<Self, Error> {
+        let plan = Plan::new(&logged.world, guarding).map(Box::new).map_err(world_error)?;
+        let (state, watch) = from.map_or_else(|| (plan.start(), Watch::START), |from| (from.state, from.watch));
+        Ok(Running { logged: Arc::clone(logged), plan, state, watch })
     }
 
     /// Goes on in the world of `logged`, as the loop did.
     fn change(&mut self, logged: &Arc<LoggedPlan>) -> Result<(), Error> {
         if !Arc::ptr_eq(&self.logged, logged) {
-            let plan = Plan::following(&logged.world, &self.plan).map_err(world_error)?;
+            let plan = Plan::following(&logged.world, &self.plan).map(Box::new).map_err(world_error)?;
             self.watch.swap();
             (self.state, self.plan, self.logged) = (plan.carry(&self.state), plan, Arc::clone(logged));
         }

@@ -82,7 +82,14 @@ struct Live {
 }
 
 /// They stand behind the bodies, in this order.
-static LIVE: [Live; 11] = [
+static LIVE: [Live; 12] = [
+    Live {
+        name: OUTPUT,
+        unit: "",
+        doc: "what the motor is asked for, after the supervisor",
+        kind: Kind::Number,
+        get: |record| record.output,
+    },
     Live {
         name: "sample",
         unit: "",
@@ -162,6 +169,14 @@ static LIVE: [Live; 11] = [
     },
 ];
 
+/// The one of them that is a torque: its unit is the world's.
+const OUTPUT: &str = "output";
+
+/// Places of the torques among a sample's values, the same in every log.
+pub(crate) const TORQUE: usize = 5;
+pub(crate) const COMMAND: usize = 6;
+const APPLIED: usize = 7;
+
 /// How many columns a loop in real time adds.
 pub(crate) const LIVE_COLUMNS: usize = LIVE.len();
 
@@ -169,13 +184,13 @@ pub(crate) const LIVE_COLUMNS: usize = LIVE.len();
 pub fn columns(world: &World, live: bool) -> Vec<Column> {
     let run = hapt_sim::columns(world).into_iter();
     let run = run.map(|column| Column { name: column.name, unit: column.unit, doc: column.doc, kind: Kind::Number });
-    let more = LIVE.iter().filter(|_| live).map(|column| Column {
-        name: column.name.into(),
-        unit: column.unit,
-        doc: column.doc,
-        kind: column.kind,
-    });
-    run.chain(more).collect()
+    let mut columns: Vec<Column> = run.collect();
+    let applied = columns[APPLIED].clone();
+    columns.extend(LIVE.iter().filter(|_| live).map(|&Live { name, unit, doc, kind, .. }| match name {
+        OUTPUT => Column { name: applied.name.replacen("applied", name, 1), doc, ..applied.clone() },
+        _ => Column { name: name.into(), unit, doc, kind },
+    }));
+    columns
 }
 
 /// The values of a row of a run, in the order of the columns.
@@ -185,13 +200,12 @@ pub(crate) fn row_values(row: &Row, values: &mut Vec<f64>) {
     values.extend(row.bodies.iter().flat_map(|&(position, velocity)| [position, velocity]));
 }
 
-/// The values of a record of the loop at `time`, in a world of so many bodies. What the motor holds is what it was asked for, after
-/// the supervisor.
+/// The values of a record of the loop at `time`, in a world of so many bodies.
 pub(crate) fn record_values(record: &Record, time: f64, bodies: usize, row: &mut Row, values: &mut Vec<f64>) {
     row.time = time;
     (row.puck, row.puck_velocity) = (record.position, record.velocity);
     (row.measured, row.measured_velocity) = (record.measured, record.measured_velocity);
-    (row.torque, row.command, row.applied) = (record.torque, record.command, record.output);
+    (row.torque, row.command, row.applied) = (record.torque, record.command, record.applied);
     row.bodies.clear();
     row.bodies.extend(record.bodies.iter().take(bodies));
     row_values(row, values);

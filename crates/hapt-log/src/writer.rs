@@ -5,15 +5,16 @@ use std::io::{self, Write};
 
 use hapt_core::Guarding;
 use hapt_model::World;
-use hapt_rt::Record;
+use hapt_rt::{Record, Snapshot};
 use hapt_sim::Row;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{Attachment, McapError, WriteOptions};
 
+use crate::Sample;
 use crate::descriptor::{MESSAGE, descriptor};
 use crate::schema::{Column, Kind, columns, record_values, row_values};
-use crate::wire;
+use crate::{state, wire};
 
 /// The one topic of a log.
 pub const TOPIC: &str = "/hapt/sample";
@@ -175,8 +176,8 @@ impl<W: Write> LogWriter<W> {
         written
     }
 
-    /// Writes a record of the loop, which is of the plan that was begun last.
-    pub fn write_record(&mut self, record: &Record) -> io::Result<()> {
+    /// Writes a record of the loop, which is of the plan that was begun last; before it `snapshot`, where one was taken just then.
+    pub fn write_record(&mut self, record: &Record, snapshot: Option<&Snapshot>) -> io::Result<()> {
         let Origin::Live(epoch) = self.origin else {
             return Err(io::Error::other("a record of the loop in the log of a run"));
         };
@@ -185,9 +186,21 @@ impl<W: Write> LogWriter<W> {
         let (mut row, mut values) = (std::mem::take(&mut self.row), std::mem::take(&mut self.values));
         record_values(record, time, self.bodies, &mut row, &mut values);
         let elapsed = time - *self.first.get_or_insert(time);
-        let written = self.write(epoch.saturating_add((elapsed * 1e9).round() as u64), &values);
+        let log_time = epoch.saturating_add((elapsed * 1e9).round() as u64);
+        let said = snapshot.map_or(Ok(()), |snapshot| self.write_snapshot(log_time, snapshot));
+        let written = said.and_then(|()| self.write(log_time, &values));
         (self.row, self.values) = (row, values);
         written
+    }
+
+    /// Writes how the loop stood before the sample that is written next, which is taken at `log_time`.
+    pub fn write_snapshot(&mut self, log_time: u64, snapshot: &Snapshot) -> io::Result<()> {
+        let data = state::write(snapshot).map_err(io::Error::other)?.into();
+        let (name, media_type) = (format!("{}{}", state::NAME, snapshot.sample), "application/octet-stream".into());
+        // What stands before it in the file is handed on with it.
+        self.flush()?;
+        let attachment = Attachment { log_time, create_time: log_time, name, media_type, data };
+        self.mcap.attach(&attachment).map_err(failed)
     }
 
     /// The plan whose samples are written.
@@ -200,6 +213,17 @@ impl<W: Write> LogWriter<W> {
         let (from, time) = self.since;
         self.since = (sample, time + sample.saturating_sub(from) as f64 * self.period);
         self.begin(plan, world)
+    }
+
+    /// Writes a sample of another log, with its world where that is another, and with the snapshot before it.
+    pub fn write_sample(&mut self, sample: &Sample) -> io::Result<()> {
+        if self.plan != sample.plan.number {
+            self.begin(sample.plan.number, &sample.plan.world)?;
+        }
+        if let Some(snapshot) = sample.snapshot {
+            self.write_snapshot(sample.log_time, snapshot)?;
+        }
+        self.write(sample.log_time, sample.values)
     }
 
     /// Writes the values of all columns.

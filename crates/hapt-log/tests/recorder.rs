@@ -27,6 +27,7 @@ fn record(sample: u64) -> Record {
         torque: -0.0,
         command: 0.0,
         output: 0.0,
+        applied: 0.0,
         phase: Phase::Running,
         reason: None,
         warning: None,
@@ -116,18 +117,41 @@ fn a_session_through_the_core_again_gives_the_same_bits_over_a_change_of_worlds(
     let again = replay(&mut Log::open(&path).unwrap()).unwrap();
     assert_eq!((again.compared, again.first, again.skipped, again.gaps), (900, None, 0, 0));
 
-    // From the middle it begins where the loop waits disarmed, and a gap is one.
-    let gone = |from: usize, to: usize| [&records[..from], &records[to..]].concat();
-    recorded(&path, &gone(0, 5), &other);
+    // Behind a gap nothing is known without a snapshot.
+    recorded(&path, &[&records[..300], &records[303..]].concat(), &other);
     let again = replay(&mut Log::open(&path).unwrap()).unwrap();
-    assert_eq!((again.first, again.skipped, again.gaps), (None, 1, 0));
-    recorded(&path, &gone(3, 6), &other);
-    let again = replay(&mut Log::open(&path).unwrap()).unwrap();
-    assert_eq!((again.first, again.skipped, again.gaps), (None, 1, 1));
-    let armed = records.iter().position(|record| record.phase == Phase::Running).unwrap();
-    recorded(&path, &records[armed..armed + 50], &other);
+    assert_eq!((again.compared, again.first, again.skipped, again.gaps), (300, None, 597, 1));
+    recorded(&path, &records[5..], &other);
     let refused = replay(&mut Log::open(&path).unwrap()).err().unwrap();
     assert!(matches!(refused, Error::NoReplay(_)), "{refused}");
+}
+
+#[test]
+fn behind_a_gap_the_recorder_orders_the_loops_state_and_the_replay_goes_on_from_there() {
+    let world = world(WHEEL);
+    let (device, mut hand) = Simulated::new(&world);
+    let mut engine = Engine::start(Plan::new(&world, Guarding::Simulated).unwrap(), Box::new(device)).unwrap();
+    engine.send(Order::Request(Request::Arm)).unwrap();
+    hand.push(Touch::Grab(Grip { inertia: 0.0, damping: 0.02, stiffness: 5.0 })).unwrap();
+    hand.push(Touch::Move(0.4)).unwrap();
+    let disk = Disk::new(1 << 30);
+    let recorder = Recorder::start_on(disk.clone(), "x", &world, header(WHEEL)).unwrap();
+    let mut records = 0;
+    while records < 1500 {
+        while let Ok(record) = engine.records.pop() {
+            records += 1;
+            // Here are some that nobody hands on.
+            if !(400..410).contains(&records) {
+                recorder.follow(&mut engine, &record);
+            }
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let written = recorder.finish().unwrap().written;
+    let bytes = disk.bytes();
+    let again = replay(&mut Log::read(&bytes[..]).unwrap()).unwrap();
+    assert_eq!((&again.first, again.gaps, again.compared + again.skipped), (&None, 1, written));
+    assert!(again.compared > 600 && again.skipped >= 256, "{again:?}");
 }
 
 /// Takes bytes while its gate is open, and up to a size.

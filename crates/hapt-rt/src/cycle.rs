@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use hapt_core::{Guarded, Reading, Request, Watch};
 
 use crate::plan::PlanState;
-use crate::{BODIES, Device, Failure, Plan, Record};
+use crate::{BODIES, Device, Failure, Plan, Record, Snapshot};
 
 /// When a sample is taken, for whoever keeps the time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,6 +45,7 @@ impl Drop for Safe {
 impl Cycle {
     /// `plan` on `device`, disarmed.
     pub fn new(mut plan: Box<Plan>, mut device: Box<dyn Device>) -> Self {
+        plan.reserve();
         device.adopt(&mut plan);
         let state = plan.start();
         Cycle { plan, device: Safe(device), state, watch: Watch::START, sample: 0, swaps: 0 }
@@ -60,13 +61,20 @@ impl Cycle {
         if periods > 0 {
             self.sample += u64::from(periods);
             self.device.0.passed(periods);
+            self.plan.hold(periods, self.watch.output);
         }
+    }
+
+    /// How the loop stands before its next sample. Allocates nothing.
+    pub fn snapshot(&self, into: &mut Snapshot) {
+        *into = Snapshot { sample: self.sample, plan: self.swaps, state: self.state, watch: self.watch };
     }
 
     /// From this sample on the world is another; gives the plan before. Bodies go on as [`Plan::following`] found them, and the torque
     /// fades over. Allocates nothing.
     pub fn swap(&mut self, mut plan: Box<Plan>) -> Box<Plan> {
         self.state = plan.carry(&self.state);
+        plan.motor.follow(&self.plan.motor);
         self.watch.swap();
         self.device.0.adopt(&mut plan);
         self.swaps += 1;
@@ -92,9 +100,11 @@ impl Cycle {
             missed: moment.periods.saturating_sub(1).saturating_add(self.device.0.missed()),
             silent: moment.silent,
         };
-        let Cycle { plan, state, watch, .. } = self;
+        let Cycle { plan, device, state, watch, .. } = self;
         let Guarded { sample, output, phase, reason, warning } = plan.step(watch, state, &reading, request);
-        self.device.0.write(output)?;
+        device.0.write(output)?;
+        plan.motor.command(output);
+        let applied = device.0.applied().unwrap_or(plan.motor.applied);
         let mut bodies = [(0.0, 0.0); BODIES];
         let now = &self.state.now;
         for (place, state) in bodies.iter_mut().zip(now.position.iter().zip(&now.velocity)).take(plan.world.bodies()) {
@@ -116,6 +126,7 @@ impl Cycle {
             torque: sample.torque,
             command: sample.command,
             output,
+            applied,
             phase,
             reason,
             warning,

@@ -12,7 +12,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use crate::clock::Clock;
 use crate::cycle::{Cycle, Moment};
 use crate::schedule::Schedule;
-use crate::{Device, Failure, Order, Plan, Realtime, Record, scheduling};
+use crate::{Device, Failure, Order, Plan, Realtime, Record, Snapshot, scheduling};
 
 /// The shortest period of a loop in real time, in s: a PC's clock wakes nobody more often.
 pub const SHORTEST_PERIOD: f64 = 1e-5;
@@ -20,7 +20,7 @@ pub const SHORTEST_PERIOD: f64 = 1e-5;
 const ORDERS: usize = 64;
 /// Records on their way: half a minute at 1 kHz.
 const RECORDS: usize = 1 << 15;
-/// Orders that are looked at in one sample.
+/// Words that whoever holds the link is there, of which one sample takes no more.
 const A_SAMPLE: usize = 4;
 
 /// Why the loop cannot start.
@@ -69,6 +69,8 @@ pub enum End {
 pub struct Engine {
     /// From the loop, sample by sample. It holds half a minute at 1 kHz; what finds no room is lost.
     pub records: Consumer<Record>,
+    /// From the loop, as they were ordered. The snapshot before a sample is there when that sample's record is.
+    pub snapshots: Consumer<Box<Snapshot>>,
     orders: Producer<Order>,
     /// Plans that are no longer used, to be freed here.
     spent: Consumer<Box<Plan>>,
@@ -97,9 +99,10 @@ impl Engine {
         let (orders, incoming) = RingBuffer::new(ORDERS);
         let (outgoing, records) = RingBuffer::new(RECORDS);
         let (back, spent) = RingBuffer::new(ORDERS);
+        let (taken, snapshots) = RingBuffer::new(ORDERS);
         let flags = Arc::new(Flags::default());
         let (say, hear) = mpsc::sync_channel(1);
-        let rings = Rings { orders: incoming, records: outgoing, back, flags: Arc::clone(&flags) };
+        let rings = Rings { orders: incoming, records: outgoing, snapshots: taken, back, flags: Arc::clone(&flags) };
         let cycle = Cycle::new(Box::new(plan), device);
         let thread = std::thread::Builder::new().name("loop".into()).spawn(move || {
             let _ = say.send(scheduling::prepare(&settings));
@@ -109,7 +112,7 @@ impl Engine {
         })?;
         // A thread that has ended before it said anything says so in `ended`.
         let realtime = hear.recv().unwrap_or_default();
-        Ok(Engine { records, orders, spent, realtime, flags, thread: Some(thread), end: End::Asked })
+        Ok(Engine { records, snapshots, orders, spent, realtime, flags, thread: Some(thread), end: End::Asked })
     }
 
     /// What the system has granted.
@@ -119,12 +122,19 @@ impl Engine {
 
     /// An order for the next sample; it comes back where 64 are on their way already, or where the plan's period is too short. A plan is
     /// made by [`Plan::following`] the one that was sent before it.
-    pub fn send(&mut self, order: Order) -> Result<(), Order> {
+    pub fn send(&mut self, mut order: Order) -> Result<(), Order> {
         while self.spent.pop().is_ok() {}
-        match &order {
-            Order::Swap(plan) if check(plan).is_err() => Err(order),
-            _ => self.orders.push(order).map_err(|rtrb::PushError::Full(order)| order),
+        match &mut order {
+            Order::Swap(plan) if check(plan).is_err() => return Err(order),
+            Order::Swap(plan) => plan.reserve(),
+            _ => {}
         }
+        self.orders.push(order).map_err(|rtrb::PushError::Full(order)| order)
+    }
+
+    /// Orders a snapshot before the next sample; it comes by [`Engine::snapshots`]. False where there is no room for the order.
+    pub fn snapshot(&mut self) -> bool {
+        self.send(Order::Snapshot(Box::new(Snapshot::EMPTY))).is_ok()
     }
 
     /// Stop, ahead of all orders: no torque from the next sample on.
@@ -169,6 +179,7 @@ fn check(plan: &Plan) -> Result<(), Error> {
 struct Rings {
     orders: Consumer<Order>,
     records: Producer<Record>,
+    snapshots: Producer<Box<Snapshot>>,
     back: Producer<Box<Plan>>,
     flags: Arc<Flags>,
 }
@@ -210,17 +221,18 @@ fn run(mut cycle: Cycle, mut rings: Rings, clock: Clock) -> End {
 }
 
 impl Rings {
-    /// What the orders come to at this sample: at most one request, and swaps of which the last counts.
+    /// What the orders come to at this sample: one request, one swap, or one snapshot. Two swaps at one sample would leave a world
+    /// that never ran, of which no record tells.
     fn orders(&mut self, cycle: &mut Cycle, schedule: &mut Schedule, mut alive: impl FnMut()) -> Option<Request> {
         if self.flags.stop.swap(false, Ordering::Relaxed) {
             return Some(Request::Stop);
         }
         for _ in 0..A_SAMPLE {
-            // An old plan is not freed here: without room on the way back the new one waits.
-            if let Ok(Order::Swap(_)) = self.orders.peek()
-                && self.back.is_full()
-            {
-                return None;
+            // Nothing is freed here: without room on the way back it waits.
+            match self.orders.peek() {
+                Ok(Order::Swap(_)) if self.back.is_full() => return None,
+                Ok(Order::Snapshot(_)) if self.snapshots.is_full() => return None,
+                _ => {}
             }
             match self.orders.pop() {
                 Ok(Order::Request(request)) => return Some(request),
@@ -231,6 +243,12 @@ impl Rings {
                         schedule.change_period(cycle.period());
                     }
                     let _ = self.back.push(old);
+                    return None;
+                }
+                Ok(Order::Snapshot(mut snapshot)) => {
+                    cycle.snapshot(&mut snapshot);
+                    let _ = self.snapshots.push(snapshot);
+                    return None;
                 }
                 Err(_) => return None,
             }

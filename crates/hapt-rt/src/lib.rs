@@ -33,6 +33,7 @@ mod replay;
 mod schedule;
 mod scheduling;
 mod simulated;
+mod snapshot;
 mod timing;
 
 use hapt_core::{Phase, Reason, Request};
@@ -43,6 +44,7 @@ pub use plan::{Plan, PlanState};
 pub use replay::Replay;
 pub use scheduling::Realtime;
 pub use simulated::{Hands, Simulated, Touch};
+pub use snapshot::Snapshot;
 pub use timing::{Bar, Quantiles, Timing};
 
 /// Bodies that a record has room for.
@@ -62,6 +64,11 @@ pub trait Device: Send {
     /// How many readings in a row up to the last one were not new: they count as missed samples. At a new one, those before it.
     fn missed(&self) -> u32 {
         0
+    }
+
+    /// What the motor holds now, in N·m (linear: N), where the device knows it; else it is what was written before the world's delay.
+    fn applied(&self) -> Option<f64> {
+        None
     }
 
     /// The loop begins with `plan`, or goes on with it from this sample on.
@@ -126,6 +133,8 @@ pub enum Order {
     Request(Request),
     /// Another world, compiled; whole, or not at all.
     Swap(Box<Plan>),
+    /// How the loop stands before its next sample, into what is given; it comes back by [`Engine::snapshots`].
+    Snapshot(Box<Snapshot>),
     /// Whoever holds the link is there.
     Alive,
 }
@@ -163,6 +172,8 @@ pub struct Record {
     pub command: f64,
     /// What the motor was asked for: after the supervisor.
     pub output: f64,
+    /// What the motor holds at this sample, just after any change: what it was asked for the world's delay ago.
+    pub applied: f64,
     /// The supervisor's.
     pub phase: Phase,
     /// Why it is faulted, or has faded out by itself.

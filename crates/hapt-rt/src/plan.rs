@@ -2,7 +2,7 @@
 
 use hapt_core::{Estimator, Guarded, Guarding, Law, Reading, Request, State, Watch};
 use hapt_model::{End, Method, World};
-use hapt_sim::{DesktopLoop, DesktopSupervisor, VirtualDevice};
+use hapt_sim::{DesktopLoop, DesktopSupervisor, Motor, VirtualDevice};
 
 /// Everything that changes in a plan's world from sample to sample.
 pub type PlanState = State<f64, 32, 64, 257>;
@@ -13,6 +13,8 @@ pub struct Plan {
     pub(crate) world: DesktopLoop,
     pub(crate) supervisor: DesktopSupervisor,
     pub(crate) device: VirtualDevice,
+    /// When its motor takes which torque.
+    pub(crate) motor: Motor<f64>,
     guarding: Guarding,
     /// What it is known by to the plan that follows it.
     names: Names,
@@ -42,18 +44,25 @@ impl Plan {
         let spec = world.spec();
         let compiled = DesktopLoop::new(&spec)?;
         let supervisor = DesktopSupervisor::new(&world.limits(guarding), &spec)?;
-        let mut device = VirtualDevice::new(&world.rig());
-        device.reserve();
-        Ok(Plan {
+        let mut plan = Plan {
             world: compiled,
             supervisor,
-            device,
+            device: VirtualDevice::new(&world.rig()),
+            motor: Motor::new(world.sampling.delay, world.sampling.period),
             guarding,
             names: Names::new(world),
             bodies: vec![None; world.bodies.len()],
             bristles: vec![None; world.couplings.len()],
             remembers: None,
-        })
+        };
+        plan.reserve();
+        Ok(plan)
+    }
+
+    /// Makes room for all torques on their way to the motor, which a copy of a plan has not.
+    pub(crate) fn reserve(&mut self) {
+        self.device.reserve();
+        self.motor.reserve();
     }
 
     /// The same, to follow `before`: bodies of the same name go on where they are, and so do the bristles of LuGre friction between the
@@ -91,6 +100,20 @@ impl Plan {
         request: Option<Request>,
     ) -> Guarded<f64> {
         self.supervisor.step(watch, &self.world, state, reading, request)
+    }
+
+    /// Periods pass, in which the motor is asked for `torque`, as it was at the last sample.
+    pub(crate) fn hold(&mut self, periods: u32, torque: f64) {
+        // After as many as are on their way it holds that and nothing else.
+        let longest = u32::try_from(self.motor.samples + 2).unwrap_or(u32::MAX);
+        for period in 0..periods.min(longest) {
+            if period > 0 {
+                self.motor.command(torque);
+            }
+            if self.motor.rest > 0.0 {
+                self.motor.change();
+            }
+        }
     }
 
     /// The state to go on with where `state` was, of the plan before. Allocates nothing.

@@ -94,6 +94,10 @@ impl Device for Simulated {
         Ok(())
     }
 
+    fn applied(&self) -> Option<f64> {
+        Some(self.device.applied())
+    }
+
     fn passed(&mut self, periods: u32) {
         for period in 0..periods.min(LONGEST_PAUSE) {
             if period > 0 {

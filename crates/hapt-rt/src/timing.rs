@@ -210,6 +210,7 @@ mod tests {
             torque: 0.0,
             command: 0.0,
             output: 0.0,
+            applied: 0.0,
             phase: Phase::Disarmed,
             reason: None,
             warning: None,

@@ -77,8 +77,34 @@ proptest! {
             let live = [record.position, record.velocity, record.measured, record.measured_velocity, record.torque, record.command];
             let simulated = [row.puck, row.puck_velocity, row.measured, row.measured_velocity, row.torque, row.command];
             prop_assert_eq!(live, simulated, "at {} s", row.time);
-            prop_assert_eq!(record.output, row.command);
+            prop_assert_eq!((record.output, record.applied), (row.command, row.applied));
             prop_assert_eq!(record.bodies[0], row.bodies[0]);
+        }
+    }
+
+    #[test]
+    fn a_motor_that_does_not_say_what_it_holds_holds_what_it_was_asked_for_the_delay_ago(
+        delay in 0.0_f64..5.0,
+        whole in any::<bool>(),
+        missed in prop::collection::vec(0_u32..4, 100),
+    ) {
+        let delay = if whole { delay.floor() } else { delay };
+        let mut world = wheel("1 ms", &spring("puck", "ground", 1.0));
+        world.sampling.delay = delay * 1e-3;
+        let mut cycle = on(&world, Held::new(|k| -> There { Ok(((0.1 * k as f64).sin(), 0.0)) }).0);
+        armed(&mut cycle);
+        let mut asked: Vec<(u64, f64)> = Vec::new();
+        for missed in missed {
+            let moment = hapt_rt::Moment { periods: 1 + missed, ..Default::default() };
+            cycle.pass(moment.periods);
+            let record = cycle.sample(&moment, None).unwrap();
+            prop_assert!(record.output != 0.0 || record.position == 0.0);
+            asked.push((record.sample, record.output));
+            let arrived = asked.iter().rev().find(|(sample, _)| *sample as f64 + delay <= record.sample as f64 + 1e-6);
+            // What was asked for before these is on its way at first.
+            if let Some((_, torque)) = arrived {
+                prop_assert_eq!(record.applied, *torque, "at {}", record.sample);
+            }
         }
     }
 

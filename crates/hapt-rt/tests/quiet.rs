@@ -114,7 +114,7 @@ fn waits() -> Option<u64> {
 }
 
 #[test]
-fn ten_thousand_samples_with_orders_swaps_and_hands_allocate_nothing_and_wait_once_each() {
+fn ten_thousand_samples_with_orders_swaps_snapshots_and_hands_allocate_nothing_and_wait_once_each() {
     let (device, mut hands) = Simulated::new(&world(0));
     let since = Arc::new(AtomicU64::new(0));
     let device = Watched { device, first: None, since: Arc::clone(&since) };
@@ -123,6 +123,7 @@ fn ten_thousand_samples_with_orders_swaps_and_hands_allocate_nothing_and_wait_on
     let mut engine = Engine::start_with(before.clone(), Box::new(device), settings).unwrap();
     let _ = engine.send(Order::Request(Request::Arm));
     let (mut samples, mut plans, mut round) = (0, 0, 0);
+    let (mut snapshots, mut last) = (0, 0);
     let (start, mut at_start) = (waits(), None);
     while samples < 10_000 {
         std::thread::sleep(Duration::from_millis(1));
@@ -134,15 +135,20 @@ fn ten_thousand_samples_with_orders_swaps_and_hands_allocate_nothing_and_wait_on
             before = plan.clone();
             let _ = engine.send(Order::Swap(Box::new(plan)));
         }
+        engine.snapshot();
         let _ = engine.send(Order::Request([Request::Arm, Request::Disarm][(round / 300) as usize % 2]));
         while let Ok(record) = engine.records.pop() {
             at_start.get_or_insert(record.sample);
             samples += 1;
             plans = record.plan;
+            while let Ok(snapshot) = engine.snapshots.pop() {
+                assert!(snapshot.sample >= last, "{} after {last}", snapshot.sample);
+                (last, snapshots) = (snapshot.sample, snapshots + 1);
+            }
         }
         assert_eq!(engine.ended(), None);
     }
-    assert!(plans > 20, "{plans} swaps");
+    assert!(plans > 20 && snapshots > 100, "{plans} swaps, {snapshots} snapshots");
     assert_eq!(since.load(Ordering::SeqCst), 0, "allocated or freed on the loop's thread");
     if let (Some(start), Some(end)) = (start, waits()) {
         // Those that are still in the ring have waited, too.

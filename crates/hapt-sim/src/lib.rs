@@ -49,7 +49,7 @@ mod summary;
 pub use control::{DesktopLoop, DesktopSupervisor};
 pub use csv::CsvWriter;
 pub use energy::{Lent, world_energy};
-pub use hapt_plant::{Grip, Ledger, Script, VirtualDevice};
+pub use hapt_plant::{Grip, Ledger, Motor, Script, VirtualDevice};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, Signal, columns};
 pub use run::{Error, Simulation, check, rows, script};
 pub use side::{Outcome, SIDE, side_by_side};

@@ -245,6 +245,7 @@ mod here {
                 torque: telemetry.torque.into(),
                 command: telemetry.command.into(),
                 output: telemetry.output.into(),
+                applied: telemetry.output.into(),
                 phase: self.phase.unwrap_or(Phase::Disarmed),
                 reason: self.reason,
                 warning: Reason::from_code(telemetry.warning),

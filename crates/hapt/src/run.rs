@@ -56,10 +56,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         people::say(format_args!("warning: {warning}"));
     }
     let mut run = Run { world, engine, hands, scenario, duration, stolen: Stolen::until_now(), seen: Seen::default() };
-    let how = run.until_it_ends(&mut |record| {
-        // What finds no room is counted by it.
-        recorder.as_ref().map(|recorder| recorder.send(record));
-    })?;
+    let how = run.until_it_ends(recorder.as_ref())?;
     let logged = recorder.map(finish).transpose();
     let mut out = stdout().lock();
     let logged_line = logged.as_ref().ok().and_then(Option::as_deref).unwrap_or_default();
@@ -146,7 +143,7 @@ struct Run<'w> {
 
 impl Run<'_> {
     /// Arms, plays the scenario, disarms; looks at every record, and gives it to `recorder`.
-    fn until_it_ends(&mut self, recorder: &mut impl FnMut(&Record)) -> Result<How, Failure> {
+    fn until_it_ends(&mut self, recorder: Option<&Recorder>) -> Result<How, Failure> {
         self.order(Request::Arm)?;
         // When the time began to count, in ns from the start.
         let mut begun = None;
@@ -177,10 +174,12 @@ impl Run<'_> {
         }
     }
 
-    fn take_records(&mut self, recorder: &mut impl FnMut(&Record)) {
+    fn take_records(&mut self, recorder: Option<&Recorder>) {
         while let Ok(record) = self.engine.records.pop() {
             self.seen.add(&record);
-            recorder(&record);
+            if let Some(recorder) = recorder {
+                recorder.follow(&mut self.engine, &record);
+            }
         }
     }
 

@@ -95,11 +95,7 @@ impl Table {
         let written = match &mut self.to {
             To::Csv(csv) => csv.write_numbers(sample.values),
             To::Parquet(parquet) => parquet.write(sample.values.iter().copied().map(Some)),
-            To::Mcap(log) => {
-                let plan = sample.plan;
-                let begun = if log.plan() == plan.number { Ok(()) } else { log.begin(plan.number, &plan.world) };
-                begun.and_then(|()| log.write(sample.log_time, sample.values))
-            }
+            To::Mcap(log) => log.write_sample(sample),
         };
         written.map_err(|error| Failure::write(self.target.display(), error))
     }

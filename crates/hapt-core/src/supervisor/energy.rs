@@ -3,7 +3,7 @@
 //! The loop's matrices know torques alone, so that this is derived from the spec a second time, and a check of them.
 
 use crate::compile::compensated;
-use crate::{Clampable, Coupling, Damping, End, Law, Method, Real, Side, Spec, State, Vector};
+use crate::{Clampable, Coupling, Damping, End, Law, Method, Real, Side, Spec, State};
 
 /// A potential V(q).
 #[derive(Clone, Copy, Debug)]
@@ -29,11 +29,29 @@ enum Potential<F> {
     },
 }
 
+/// q of a coupling: puck · z + (first · w of one body - second · w of another); the factors are 0, 1 or -1.
+#[derive(Clone, Copy, Debug)]
+struct Ends<F> {
+    puck: F,
+    first: (usize, F),
+    second: (usize, F),
+}
+
+/// A spring between its ends: all that most worlds have.
+#[derive(Clone, Copy, Debug)]
+struct Spring<F> {
+    ends: Ends<F>,
+    /// k/2
+    half: F,
+    rest: F,
+}
+
 /// One coupling: what it stores, what it drags along, what it gives.
 #[derive(Clone, Copy, Debug)]
 struct Part<F> {
-    first: End,
-    second: End,
+    ends: Ends<F>,
+    /// Which coupling it is.
+    place: usize,
     potential: Potential<F>,
     /// N·m·s/rad (N·s/m)
     damping: F,
@@ -48,11 +66,14 @@ struct Part<F> {
 /// A world's energies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Energy<F, const B: usize, const C: usize> {
+    /// J/2
     inertia: [F; B],
     bodies: usize,
-    parts: [Option<Part<F>>; C],
-    /// No part stands from here on.
-    count: usize,
+    springs: [Spring<F>; C],
+    spring_count: usize,
+    /// What is not just a spring.
+    parts: [Part<F>; C],
+    part_count: usize,
     rate: F,
     /// T/2 where the method keeps V - T/2 · V'(q) q̇ in place of V (semi-implicit Euler), else 0.
     lag: F,
@@ -60,6 +81,14 @@ pub(crate) struct Energy<F, const B: usize, const C: usize> {
     holds: bool,
     /// The torques of all constants on the puck.
     pub constant: F,
+}
+
+/// What couplings stored before and after a step, what constants gave to bodies in it, and what the puck's motion carried into it.
+struct Sums<F> {
+    before: F,
+    after: F,
+    given: F,
+    carried: F,
 }
 
 /// What one step did.
@@ -78,10 +107,9 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
     /// Of a world that the loop has compiled.
     pub fn new(spec: &Spec) -> Self {
         let f = F::from_f64;
-        let mut parts = [None; C];
+        let lag = if spec.method == Method::SemiImplicitEuler { f(0.5 * spec.period) } else { F::ZERO };
         let mut constant = 0.0;
-        for (place, coupling) in parts.iter_mut().zip(spec.couplings) {
-            *place = part(spec, coupling);
+        for coupling in spec.couplings {
             if let Law::Constant { torque } = coupling.law {
                 match (coupling.first, coupling.second) {
                     (End::Puck, _) => constant += torque,
@@ -92,63 +120,151 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
         }
         let mut inertia = [F::ZERO; B];
         for (place, body) in inertia.iter_mut().zip(spec.bodies) {
-            *place = f(body.inertia);
+            *place = F::HALF * f(body.inertia);
         }
-        Energy {
+        let mut energy = Energy {
             inertia,
             bodies: spec.bodies.len().min(B),
-            parts,
-            count: parts.iter().rposition(Option::is_some).map_or(0, |last| last + 1),
+            springs: [Spring::NONE; C],
+            spring_count: 0,
+            parts: [Part::NONE; C],
+            part_count: 0,
             rate: f(1.0 / spec.period),
-            lag: if spec.method == Method::SemiImplicitEuler { f(0.5 * spec.period) } else { F::ZERO },
+            lag,
             holds: !spec.method.takes_new_sample_first(),
             constant: f(constant),
+        };
+        for (place, coupling) in spec.couplings.iter().enumerate() {
+            energy.add(place, part(spec, coupling));
+        }
+        energy
+    }
+
+    fn add(&mut self, place: usize, part: Part<F>) {
+        // At the puck alone, or between bodies, a damper has no part in what is counted here.
+        let counts = part.carries || part.constant != F::ZERO || !matches!(part.potential, Potential::Nothing);
+        match part.spring().filter(|_| self.lag == F::ZERO) {
+            Some(spring) => {
+                if let Some(room) = self.springs.get_mut(self.spring_count) {
+                    *room = spring;
+                    self.spring_count += 1;
+                }
+            }
+            None if counts => {
+                if let Some(room) = self.parts.get_mut(self.part_count) {
+                    *room = Part { place, ..part };
+                    self.part_count += 1;
+                }
+            }
+            None => {}
         }
     }
 
     /// The step that `state` has just taken, at the puck's measured position and velocity.
+    #[inline]
     pub fn step<const W: usize>(&self, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
         let (from, change) = (&state.now, &state.change);
         let (mut before, mut after, mut given, mut carried) = (F::ZERO, F::ZERO, F::ZERO, F::ZERO);
         let bodies = from.velocity.iter().zip(&change.velocity).zip(&self.inertia).take(self.bodies);
         for ((v, dv), inertia) in bodies {
             let (v, end) = (*v, *v + *dv);
-            before += F::HALF * *inertia * (v * v);
-            after += F::HALF * *inertia * (end * end);
+            before += *inertia * (v * v);
+            after += *inertia * (end * end);
         }
-        for (part, bristle) in self.parts.iter().zip(&state.bristles).take(self.count) {
-            let Some(part) = part else { continue };
-            let (q, rate) = part.relative(puck.0, from);
-            let (moved, turned) = part.relative(F::ZERO, change);
-            before += part.potential.at(q, *bristle, self.lag * rate);
-            after += part.potential.at(q + moved, *bristle, self.lag * (rate + turned));
-            given += part.constant * moved;
-            if part.carries && puck.1 != F::ZERO {
-                let q_dot = if part.first == End::Puck { puck.1 } else { -puck.1 };
-                let work = -(part.damping * (q_dot + moved * self.rate) * moved);
-                carried += if work > F::ZERO { work } else { F::ZERO };
-                carried += part.friction * moved.abs();
-            }
+        for Spring { ends, half, rest } in self.springs.iter().take(self.spring_count) {
+            let (between, moved) = ends.bodies(&from.position, &change.position);
+            let x = ends.puck * puck.0 + between - *rest;
+            let end = x + moved;
+            before += *half * (x * x);
+            after += *half * (end * end);
+        }
+        if self.part_count > 0 {
+            let parts = self.parts(state, puck);
+            before += parts.before;
+            after += parts.after;
+            (given, carried) = (parts.given, parts.carried);
         }
         // Rounding is nobody's doing.
         let rounding = F::from_f64(16.0) * F::EPSILON * (before.abs() + after.abs());
         let made = if self.holds { after - before - given - carried - rounding } else { F::ZERO };
         Step { stored: after, made, given }
     }
+
+    /// What is not just a spring. Out of line: it needs a sine.
+    #[inline(never)]
+    fn parts<const W: usize>(&self, state: &State<F, B, C, W>, puck: (F, F)) -> Sums<F> {
+        let (from, change) = (&state.now, &state.change);
+        let mut sums = Sums { before: F::ZERO, after: F::ZERO, given: F::ZERO, carried: F::ZERO };
+        for part in self.parts.iter().take(self.part_count) {
+            let bristle = state.bristles.get(part.place).copied().unwrap_or(F::ZERO);
+            let (between, moved) = part.ends.bodies(&from.position, &change.position);
+            let (rate, turned) = part.ends.bodies(&from.velocity, &change.velocity);
+            let q = part.ends.puck * puck.0 + between;
+            sums.before += part.potential.at(q, bristle, self.lag * rate);
+            sums.after += part.potential.at(q + moved, bristle, self.lag * (rate + turned));
+            sums.given += part.constant * moved;
+            if part.carries && puck.1 != F::ZERO {
+                let work = -(part.damping * (part.ends.puck * puck.1 + moved * self.rate) * moved);
+                sums.carried += if work > F::ZERO { work } else { F::ZERO };
+                sums.carried += part.friction * moved.abs();
+            }
+        }
+        sums
+    }
+}
+
+impl<F: Real> Ends<F> {
+    const NONE: Self = Ends { puck: F::ZERO, first: (0, F::ZERO), second: (0, F::ZERO) };
+
+    fn new(first: End, second: End) -> Self {
+        let body = |end: End| match end {
+            End::Body(i) => (i, F::ONE),
+            End::Puck | End::Ground => (0, F::ZERO),
+        };
+        let puck = match (first, second) {
+            (End::Puck, End::Puck) => F::ZERO,
+            (End::Puck, _) => F::ONE,
+            (_, End::Puck) => -F::ONE,
+            _ => F::ZERO,
+        };
+        Ends { puck, first: body(first), second: body(second) }
+    }
+
+    /// The bodies' part of q, and of its change.
+    #[inline]
+    fn bodies<const B: usize>(&self, from: &[F; B], change: &[F; B]) -> (F, F) {
+        let of = |(i, factor): (usize, F)| match (from.get(i), change.get(i)) {
+            (Some(x), Some(dx)) => (factor * *x, factor * *dx),
+            _ => (F::ZERO, F::ZERO),
+        };
+        let (first, second) = (of(self.first), of(self.second));
+        (first.0 - second.0, first.1 - second.1)
+    }
+}
+
+impl<F: Real> Spring<F> {
+    const NONE: Self = Spring { ends: Ends::NONE, half: F::ZERO, rest: F::ZERO };
 }
 
 impl<F: Real> Part<F> {
-    /// q and the bodies' part of q̇, the puck at `puck` and at rest.
-    fn relative<const B: usize>(&self, puck: F, bodies: &Vector<F, B>) -> (F, F) {
-        let at = |end: End| match end {
-            End::Puck => (puck, F::ZERO),
-            End::Ground => (F::ZERO, F::ZERO),
-            End::Body(i) => {
-                (bodies.position.get(i).copied().unwrap_or(F::ZERO), bodies.velocity.get(i).copied().unwrap_or(F::ZERO))
+    const NONE: Self = Part {
+        ends: Ends::NONE,
+        place: 0,
+        potential: Potential::Nothing,
+        damping: F::ZERO,
+        friction: F::ZERO,
+        constant: F::ZERO,
+        carries: false,
+    };
+
+    /// Itself, where it is a spring on both sides and without an end.
+    fn spring(&self) -> Option<Spring<F>> {
+        match self.potential {
+            Potential::Spring { stiffness, rest, side, limit } if side == F::ZERO && !limit.is_finite() => {
+                Some(Spring { ends: self.ends, half: F::HALF * stiffness, rest })
             }
-        };
-        let (first, second) = (at(self.first), at(self.second));
-        (first.0 - second.0, first.1 - second.1)
+            _ => None,
+        }
     }
 }
 
@@ -183,7 +299,7 @@ impl<F: Real> Potential<F> {
     }
 }
 
-fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Option<Part<F>> {
+fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
     let f = F::from_f64;
     let spring = |stiffness, rest, side, limit| {
         if stiffness == 0.0 {
@@ -224,15 +340,13 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Option<Part<F>> {
     let carries = ends.contains(&End::Puck)
         && ends.iter().any(|end| matches!(end, End::Body(_)))
         && (damping > 0.0 || friction > 0.0);
-    // At the puck alone, or between bodies, a damper has no part in what is counted here.
-    let counts = carries || constant != 0.0 || !matches!(potential, Potential::Nothing);
-    counts.then(|| Part {
-        first: coupling.first,
-        second: coupling.second,
+    Part {
+        ends: Ends::new(coupling.first, coupling.second),
         potential,
         damping: f(damping),
         friction: f(friction),
         constant: f(constant),
         carries,
-    })
+        ..Part::NONE
+    }
 }

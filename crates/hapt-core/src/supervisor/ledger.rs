@@ -36,6 +36,7 @@ pub(crate) struct Ledger<F> {
 
 /// Where they stand.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Books<F> {
     pub account: F,
     pub made: F,
@@ -68,21 +69,26 @@ impl<F: Real> Books<F> {
 }
 
 impl<F: Real> Ledger<F> {
-    /// One sample, `periods` after the last: the world's torque without constants, the puck's measured position.
-    pub fn enter(&self, books: &mut Books<F>, step: &Step<F>, position: F, torque: F, periods: u32) {
+    /// One sample, so many `missed` before it: the world's torque without constants, the puck's measured position.
+    pub fn enter(&self, books: &mut Books<F>, step: &Step<F>, position: F, torque: F, missed: u32) {
         let most = step.stored + self.most;
         match books.position {
             None => (books.account, books.made) = (most, F::ZERO),
             Some(last) if self.delay + 2 < HELD => {
-                // What the motor held while no sample came it held on.
-                for _ in 1..periods.min(HELD as u32) {
-                    books.push(books.held(0));
-                }
                 let dz = position - last;
-                let held = books.held(self.delay);
-                let late = books.held(self.delay + 1);
-                let time = if periods > 1 { F::from_f64(f64::from(periods)) } else { F::ONE };
-                books.account += self.damping * (dz * dz) / time - (held + self.part * (late - held)) * dz + step.given;
+                let mut paid = self.damping * (dz * dz);
+                if missed > 0 {
+                    // What the motor held while no sample came it held on.
+                    for _ in 0..missed.min(HELD as u32 - 1) {
+                        books.push(books.held(0));
+                    }
+                    paid = paid / F::from_f64(f64::from(missed) + 1.0);
+                }
+                let mut held = books.held(self.delay);
+                if self.part > F::ZERO {
+                    held += self.part * (books.held(self.delay + 1) - held);
+                }
+                books.account += paid - held * dz + step.given;
             }
             Some(_) => books.account = most,
         }

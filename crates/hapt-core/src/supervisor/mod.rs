@@ -35,6 +35,11 @@ pub use watch::Watch;
 /// Samples without anything wrong after which a cause counts as gone.
 const CALM: u32 = 16;
 
+/// Whether all of them are finite: then 0 times all of them is 0, and else it is no number.
+fn are_finite<F: Real, const N: usize>(numbers: [F; N]) -> bool {
+    numbers.iter().fold(F::ZERO, |zero, x| zero * *x) == F::ZERO
+}
+
 /// The limits, compiled once, for a loop with room for B bodies and C couplings.
 #[derive(Clone, Copy, Debug)]
 pub struct Supervisor<F, const B: usize, const C: usize> {
@@ -43,8 +48,8 @@ pub struct Supervisor<F, const B: usize, const C: usize> {
     motion: Motion<F>,
     energy: Energy<F, B, C>,
     ledger: Ledger<F>,
-    /// Of the motor and of its driver.
-    thermal: [Thermal<F>; 2],
+    motor: Thermal<F>,
+    driver: Thermal<F>,
     pulse: Option<Pulse<F>>,
     torque: F,
     slew: F,
@@ -85,7 +90,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
                 delay: whole as usize,
                 part: f(part),
             },
-            thermal: [Thermal::new(&limits.motor, spec.period), Thermal::new(&limits.driver, spec.period)],
+            motor: Thermal::new(&limits.motor, spec.period),
+            driver: Thermal::new(&limits.driver, spec.period),
             pulse: Pulse::new(limits, spec),
             // A limit rounded to this number is no fault.
             torque: f(limits.torque * (1.0 + 8.0 * F::EPSILON.to_f64())),
@@ -110,7 +116,11 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     ) -> Guarded<F> {
         let announced = reading.announced && self.announcements;
         let wrong = self.motion.wrong(&mut watch.seen, reading, announced, watch.output);
-        watch.calm = if wrong.is_some() { 0 } else { watch.calm.saturating_add(1) };
+        if wrong.is_some() {
+            watch.calm = 0;
+        } else if watch.calm < CALM {
+            watch.calm += 1;
+        }
         self.ask(watch, request, wrong, self.motion.link_is_lost(reading));
 
         let waits = !watch.phase.is_active() || watch.testing.is_some();
@@ -121,27 +131,21 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
         // A reading that is no number is not shown to the world.
         let velocity = reading.velocity.finite_or_zero();
-        let sample = world.step(state, watch.seen.position - watch.offset, velocity);
+        let sample = world.sample(state, watch.seen.position - watch.offset, velocity);
         if !waits {
             self.book(watch, state, &sample, reading);
         }
         let testing = watch.testing.is_some();
         let wanted = self.wanted(watch, &sample);
-        let slewed = (wanted - watch.output).abs() > self.slew;
-        if slewed && !announced && !testing && watch.phase.is_active() {
-            watch.fault(Reason::Slew);
+        if (wanted - watch.output).abs() > self.slew && !announced && !testing {
+            watch.fault_where_active(Reason::Slew);
         }
-        let mut output = if watch.phase == Phase::Faulted { self.braked(watch, wrong) } else { wanted };
-        let mut hot = None;
-        for ((heat, thermal), reason) in
-            watch.heat.iter_mut().zip(&self.thermal).zip([Reason::Heat, Reason::DriverHeat])
-        {
-            if thermal.warm(heat, output) {
-                hot = hot.or(Some(reason));
-            }
+        let held = if watch.phase == Phase::Faulted { self.braked(watch, wrong) } else { wanted };
+        let mut output = held;
+        if self.motor.warm(&mut watch.heat[0], held) && watch.fault_where_active(Reason::Heat) {
+            output = F::ZERO;
         }
-        if let (Some(reason), true) = (hot, watch.phase.is_active()) {
-            watch.fault(reason);
+        if self.driver.warm(&mut watch.heat[1], held) && watch.fault_where_active(Reason::DriverHeat) {
             output = F::ZERO;
         }
         watch.output = output;
@@ -151,21 +155,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
 
     /// What somebody asks for, and what the reading says.
     fn ask(&self, watch: &mut Watch<F>, request: Option<Request>, wrong: Option<Reason>, lost: bool) {
-        match (request, watch.phase) {
-            (Some(Request::Stop), _) => {
-                watch.fault(Reason::Stop);
-                watch.calm = 0;
-            }
-            (Some(Request::Arm), Phase::Disarmed | Phase::FadingOut) => match wrong {
-                Some(reason) => watch.fault(reason),
-                None if lost => watch.reason = Some(Reason::Link),
-                None => self.arm(watch),
-            },
-            (Some(Request::Disarm), Phase::FadingIn | Phase::Running) => watch.phase = Phase::FadingOut,
-            (Some(Request::Clear), Phase::Faulted) if self.is_over(watch, lost) => {
-                (watch.phase, watch.reason) = (Phase::Disarmed, None);
-            }
-            _ => {}
+        if let Some(request) = request {
+            self.answer(watch, request, wrong, lost);
         }
         if !watch.phase.is_active() {
             return;
@@ -176,6 +167,26 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             watch.fault(Reason::Link);
         } else if lost && watch.phase != Phase::FadingOut {
             (watch.phase, watch.reason) = (Phase::FadingOut, Some(Reason::Link));
+        }
+    }
+
+    #[inline(never)]
+    fn answer(&self, watch: &mut Watch<F>, request: Request, wrong: Option<Reason>, lost: bool) {
+        match (request, watch.phase) {
+            (Request::Stop, _) => {
+                watch.fault(Reason::Stop);
+                watch.calm = 0;
+            }
+            (Request::Arm, Phase::Disarmed | Phase::FadingOut) => match wrong {
+                Some(reason) => watch.fault(reason),
+                None if lost => watch.reason = Some(Reason::Link),
+                None => self.arm(watch),
+            },
+            (Request::Disarm, Phase::FadingIn | Phase::Running) => watch.phase = Phase::FadingOut,
+            (Request::Clear, Phase::Faulted) if self.is_over(watch, lost) => {
+                (watch.phase, watch.reason) = (Phase::Disarmed, None);
+            }
+            _ => {}
         }
     }
 
@@ -197,7 +208,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
 
     /// Whether the cause of a fault is gone.
     fn is_over(&self, watch: &Watch<F>, lost: bool) -> bool {
-        let cool = watch.heat.iter().zip(&self.thermal).all(|(heat, thermal)| thermal.has_cooled(*heat));
+        let [motor, driver] = watch.heat;
+        let cool = self.motor.has_cooled(motor) && self.driver.has_cooled(driver);
         match watch.reason {
             Some(Reason::Heat | Reason::DriverHeat) => cool,
             Some(Reason::Link) => !lost,
@@ -215,12 +227,12 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     ) {
         let puck = (sample.puck.position, sample.puck.velocity);
         let step = self.energy.step(state, puck);
-        if !(sample.torque.is_finite() && step.stored.is_finite() && step.made.is_finite()) {
+        if !are_finite([sample.torque, step.stored, step.made]) {
             watch.fault(Reason::NotFinite);
             return;
         }
         let torque = sample.torque - self.energy.constant;
-        self.ledger.enter(&mut watch.books, &step, puck.0, torque, reading.missed.saturating_add(1));
+        self.ledger.enter(&mut watch.books, &step, puck.0, torque, reading.missed);
         // Written so that what is no number trips too.
         let (in_account, within) = (watch.books.account >= F::ZERO, watch.books.made <= self.ledger.most);
         for (right, trips, reason) in
@@ -239,34 +251,32 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
 
     /// What the phase makes of the world's command, and the phase after this sample.
     fn wanted(&self, watch: &mut Watch<F>, sample: &Sample<F>) -> F {
-        if !watch.phase.is_active() {
-            (watch.gain, watch.testing, watch.carry, watch.swapped) = (F::ZERO, None, [F::ZERO; 2], false);
-            return F::ZERO;
-        }
-        if let (Some(testing), Some(pulse), Phase::FadingIn) = (watch.testing.as_mut(), &self.pulse, watch.phase) {
-            match pulse.sample(testing, watch.seen.position) {
-                Answer::Torque(torque) => return torque,
-                Answer::Right => {
-                    (watch.testing, watch.fresh) = (None, true);
-                    self.home(watch);
-                }
-                Answer::Wrong(reason) => watch.fault(reason),
-            }
-            return F::ZERO;
-        }
         let before = watch.gain;
-        match watch.phase {
-            Phase::FadingIn => watch.gain += self.fade,
-            Phase::FadingOut => watch.gain -= self.fade,
-            _ => {}
-        }
-        // A sum of many parts is near a whole, not one.
-        let near = F::HALF * self.fade;
-        if watch.gain > F::ONE - near {
-            (watch.gain, watch.phase) = (F::ONE, Phase::Running);
-        } else if watch.gain < near {
-            (watch.gain, watch.phase, watch.testing) = (F::ZERO, Phase::Disarmed, None);
-            return F::ZERO;
+        if watch.phase != Phase::Running {
+            if !watch.phase.is_active() {
+                (watch.gain, watch.testing, watch.carry, watch.swapped) = (F::ZERO, None, [F::ZERO; 2], false);
+                return F::ZERO;
+            }
+            if let (Some(testing), Some(pulse), Phase::FadingIn) = (watch.testing.as_mut(), &self.pulse, watch.phase) {
+                match pulse.sample(testing, watch.seen.position) {
+                    Answer::Torque(torque) => return torque,
+                    Answer::Right => {
+                        (watch.testing, watch.fresh) = (None, true);
+                        self.home(watch);
+                    }
+                    Answer::Wrong(reason) => watch.fault(reason),
+                }
+                return F::ZERO;
+            }
+            watch.gain += if watch.phase == Phase::FadingIn { self.fade } else { -self.fade };
+            // A sum of many parts is near a whole, not one.
+            let near = F::HALF * self.fade;
+            if watch.gain > F::ONE - near {
+                (watch.gain, watch.phase) = (F::ONE, Phase::Running);
+            } else if watch.gain < near {
+                (watch.gain, watch.phase, watch.testing) = (F::ZERO, Phase::Disarmed, None);
+                return F::ZERO;
+            }
         }
         let wanted = watch.gain * sample.command;
         let [carry, part] = watch.carry;
@@ -279,6 +289,9 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             // It leaves with the torque that fades out.
             let left = if watch.phase == Phase::FadingOut { left * (watch.gain / before) } else { left };
             watch.carry[0] = left;
+        } else {
+            // The command is within it, or has faulted.
+            return wanted + carry;
         }
         (wanted + watch.carry[0]).within(self.torque)
     }

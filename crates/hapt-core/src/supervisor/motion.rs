@@ -1,6 +1,6 @@
 //! What a reading alone shows: numbers, times, and whether a puck can have moved so.
 
-use crate::supervisor::{Limits, Reading, Reason};
+use crate::supervisor::{Limits, Reading, Reason, are_finite};
 use crate::{Real, Spec};
 
 /// The limits of a reading, in the displacement of one sample.
@@ -23,6 +23,7 @@ pub(crate) struct Motion<F> {
 
 /// What is remembered of the last reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Seen<F> {
     /// The last position that was a number.
     pub position: F,
@@ -57,25 +58,33 @@ impl<F: Real> Motion<F> {
     }
 
     /// What is wrong with a reading under the torque `held` since the last; a lost link apart.
+    #[inline]
     pub fn wrong(&self, seen: &mut Seen<F>, reading: &Reading<F>, announced: bool, held: F) -> Option<Reason> {
-        let finite = [reading.position, reading.velocity, reading.late, reading.silent].iter().all(|x| x.is_finite());
-        if !finite {
+        if !are_finite([reading.position, reading.velocity, reading.late, reading.silent]) {
             return Some(Reason::NotFinite);
         }
-        let missed = F::from_f64(f64::from(reading.missed));
+        match reading.missed {
+            // Compiled for one period: it is nearly always one.
+            0 => self.moved(seen, reading, announced, held, F::ZERO),
+            missed => self.moved(seen, reading, announced, held, F::from_f64(f64::from(missed))),
+        }
+    }
+
+    /// The same of numbers, behind so many that were missed.
+    #[inline(always)]
+    fn moved(&self, seen: &mut Seen<F>, reading: &Reading<F>, announced: bool, held: F, missed: F) -> Option<Reason> {
         let periods = F::ONE + missed;
         let (distance, known) = (reading.position - seen.position, seen.known);
         (seen.position, seen.known) = (reading.position, true);
-        let is_pushed = held.abs() > self.stuck_torque;
-        let moves = distance != F::ZERO || !is_pushed;
-        seen.still = if moves || announced { F::ZERO } else { seen.still + periods };
+        let stands = distance == F::ZERO && !announced && held.abs() > self.stuck_torque;
+        seen.still = if stands { seen.still + periods } else { F::ZERO };
         let late = reading.late.abs() + missed * self.period > self.late;
         if !known || announced {
             // A jump has no velocity, before or after.
             seen.step = known.then_some(F::ZERO);
             return late.then_some(Reason::Late);
         }
-        let step = if reading.missed > 0 { distance / periods } else { distance };
+        let step = distance / periods;
         let before = seen.step.replace(step);
         let size = distance.abs();
         let jumped = reading.missed == 0 && before.is_some_and(|before| (step - before).abs() > self.jump);

@@ -5,6 +5,7 @@ use crate::supervisor::Reason;
 
 /// Where the supervisor stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Phase {
     /// No torque; the world waits at its start.
     Disarmed,

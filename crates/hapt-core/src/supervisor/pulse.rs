@@ -29,6 +29,7 @@ pub(crate) struct Pulse<F> {
 
 /// Where the test stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Testing<F> {
     sample: u32,
     /// Where the puck was when each stretch began.

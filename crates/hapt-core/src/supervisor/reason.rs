@@ -2,6 +2,7 @@
 
 /// Why the torque was taken away. The codes are for wires and logs, and never change their meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(u8)]
 #[non_exhaustive]
 pub enum Reason {

@@ -8,6 +8,7 @@ use crate::supervisor::{Phase, Reason};
 
 /// What the supervisor remembers from sample to sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Watch<F> {
     /// Where it stands.
     pub phase: Phase,
@@ -23,6 +24,7 @@ pub struct Watch<F> {
     pub output: F,
     pub(crate) seen: Seen<F>,
     pub(crate) books: Books<F>,
+    /// Of the motor and of its driver.
     pub(crate) heat: [F; 2],
     pub(crate) testing: Option<Testing<F>>,
     /// The world begins anew at the next sample.
@@ -75,7 +77,20 @@ impl<F: Real> Watch<F> {
         self.books.made
     }
 
+    /// Takes the torque away where there may be one; whether there might.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn fault_where_active(&mut self, reason: Reason) -> bool {
+        let active = self.phase.is_active();
+        if active {
+            self.fault(reason);
+        }
+        active
+    }
+
     /// Takes the torque away, unless it is away already.
+    #[cold]
+    #[inline(never)]
     pub(crate) fn fault(&mut self, reason: Reason) {
         if self.phase != Phase::Faulted || reason == Reason::Stop {
             self.braking = if reason.trusts_the_encoder() && self.phase.is_active() { F::ONE } else { F::ZERO };

@@ -4,19 +4,22 @@ use std::path::Path;
 use std::time::Duration;
 
 use hapt_live::{Live, Options};
-use hapt_log::{Ending, Log};
+use hapt_log::{Ending, Log, replay};
 use hapt_model::Source;
 use serde_json::json;
 
 use crate::common::{Page, WORLD};
 
 #[test]
-fn a_recording_is_a_log_of_the_worlds_that_ran_while_it_was_on() {
+fn a_recording_is_a_log_of_the_worlds_that_ran_while_it_was_on_and_gives_their_torques_again() {
     let folder = tempfile::tempdir().unwrap();
     let source = Source::from_text("wheel.toml", WORLD);
     let address = "127.0.0.1:0".parse().unwrap();
     let live = Live::start(Options { source, sets: Vec::new(), address, folder: folder.path().into() }).unwrap();
     let (mut page, _) = Page::new(&live);
+    // The loop has armed itself, and the hand makes it work: the recording begins in the middle of it.
+    page.say(json!({ "type": "hand", "grip": true, "position": 0.4 }));
+    page.frame_until(|frame| frame.columns[0][0].abs() > 0.1);
     page.say(json!({ "type": "record", "on": true }));
     let long = |least: f64| {
         move |status: &serde_json::Value| status["recording"]["seconds"].as_f64().is_some_and(|seconds| seconds > least)
@@ -36,14 +39,20 @@ fn a_recording_is_a_log_of_the_worlds_that_ran_while_it_was_on() {
         std::thread::sleep(Duration::from_millis(20));
     }
     let mut log = Log::open(&file).unwrap();
-    let mut plans = Vec::new();
+    let (mut plans, mut samples, mut torques) = (Vec::new(), 0, 0);
     while let Some(sample) = log.next().unwrap() {
+        let inputs = sample.inputs().unwrap();
+        assert!(samples > 0 || (inputs.sample > 0 && sample.snapshot.is_some()), "it begins with the loop's state");
+        (samples, torques) = (samples + 1, torques + u64::from(inputs.output != 0.0));
         let plan = sample.plan.number;
         if plans.last() != Some(&plan) {
             plans.push(plan);
         }
     }
     assert_eq!(plans, [0, 1]);
+    assert!(torques > 100, "{torques} of {samples} samples with a torque");
+    let again = replay(&mut Log::open(&file).unwrap()).unwrap();
+    assert_eq!((again.compared, again.skipped, again.gaps, again.first), (samples, 0, 0, None));
 }
 
 fn is_whole(file: &Path) -> bool {

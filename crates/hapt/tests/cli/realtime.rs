@@ -3,6 +3,9 @@
 use std::fs;
 use std::process::Command;
 
+use hapt_core::Watch;
+use hapt_log::{Log, LogWriter};
+use hapt_rt::{Plan, Snapshot};
 use serde_json::Value;
 
 use crate::common::{Running, WHEEL, folder, hapt, near, program};
@@ -83,6 +86,45 @@ fn a_replay_ends_with_its_recording() {
     fs::write(at.path().join("cut.csv"), cut + "0.003,0.7").unwrap();
     hapt(at.path(), ["run", "w.toml", "--device", "replay:cut.csv"])
         .refused(2, &["cut.csv, line 4", "no finite number"]);
+}
+
+/// Its log, and the same log written anew, from its first sample on and from the middle of the run.
+#[test]
+fn a_log_of_a_run_gives_the_torques_again() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    hapt(at.path(), ["run", "w.toml", "--scenario", "step", "--log", "a.mcap"]).done();
+    let told = hapt(at.path(), ["replay", "a.mcap"]).done();
+    assert!(told.out.contains("\nsame       all torques of ") && !told.out.contains("skipped"), "{told:?}");
+    hapt(at.path(), ["convert", "a.mcap", "-o", "b.mcap"]).done();
+    assert_eq!(hapt(at.path(), ["replay", "b.mcap"]).done().out, told.out.replace("a.mcap", "b.mcap"));
+
+    // From the middle on, with the loop's state there and without it.
+    let middle = |with_state: bool| {
+        let mut log = Log::open(at.path().join("a.mcap")).unwrap();
+        let world = log.plan().world.clone();
+        let mut writer = LogWriter::new(Vec::new(), &world, &log.header.clone(), log.origin).unwrap();
+        let (plan, mut sample) = (Plan::new(&world, log.header.guarding).unwrap(), 0);
+        let (mut state, mut watch) = (plan.start(), Watch::START);
+        while let Some(logged) = log.next().unwrap() {
+            let inputs = logged.inputs().unwrap();
+            if sample == 200 && with_state {
+                let now = Snapshot { sample: inputs.sample, plan: 0, state, watch };
+                writer.write_snapshot(logged.log_time, &now).unwrap();
+            }
+            if sample >= 200 {
+                writer.write(logged.log_time, logged.values).unwrap();
+            }
+            plan.step(&mut watch, &mut state, &inputs.reading, inputs.request);
+            sample += 1;
+        }
+        fs::write(at.path().join("middle.mcap"), writer.finish().unwrap()).unwrap();
+        sample - 200
+    };
+    let samples = middle(true);
+    let told = hapt(at.path(), ["replay", "middle.mcap"]).done();
+    assert!(told.out.contains(&format!("all torques of {samples} samples")), "{told:?}");
+    middle(false);
+    hapt(at.path(), ["replay", "middle.mcap"]).refused(2, &["middle.mcap", "nor its state at a later one"]);
 }
 
 #[test]

@@ -1,0 +1,57 @@
+//! One guarded sample of the notes' wheel, hot, in a microcontroller's room: the loop alone, and behind its supervisor.
+
+use anyhow::{Context, Result, bail};
+use hapt_core::{Guarding, Loop, Phase, Reading, Real, Request, Supervisor, Watch};
+
+use crate::{run, timed};
+
+const SAMPLES: usize = 4096;
+
+/// The wheel swings, and the hand turns the puck to and fro.
+pub fn time(numbers: &str, guarded: bool, repeats: usize) -> Result<()> {
+    match numbers {
+        "f32" => time_on::<f32>(guarded, repeats),
+        "f64" => time_on::<f64>(guarded, repeats),
+        _ => bail!("f32 or f64?"),
+    }
+}
+
+fn time_on<F: Real>(guarded: bool, repeats: usize) -> Result<()> {
+    let world = run::world("held")?;
+    let spec = world.spec();
+    let compiled = Loop::<F, 4, 8, 17>::new(&spec)?;
+    let supervisor = Supervisor::<F, 4, 8>::new(&world.limits(Guarding::Simulated), &spec)?;
+    let reading = |k: usize| {
+        let phase = 1e-2 * k as f64;
+        let (position, velocity) = (0.5 * phase.sin(), 5.0 * phase.cos());
+        let (position, velocity) = (F::from_f64(position), F::from_f64(velocity));
+        let nothing = F::from_f64(0.0);
+        Reading { position, velocity, announced: false, late: nothing, missed: 0, silent: nothing }
+    };
+    let readings: Vec<Reading<F>> = (0..SAMPLES).map(reading).collect();
+    // Armed, and all of the torque there.
+    let (mut watch, mut state) = (Watch::START, compiled.start());
+    let mut request = Some(Request::Arm);
+    while watch.phase != Phase::Running {
+        supervisor.step(&mut watch, &compiled, &mut state, &readings[0], request.take());
+    }
+    let begin = (watch, state);
+    let mut sum = 0.0;
+    timed(repeats, SAMPLES, || {
+        ((watch, state), sum) = (begin, 0.0);
+        for reading in &readings {
+            let torque = if guarded {
+                supervisor.step(&mut watch, &compiled, &mut state, reading, None).output
+            } else {
+                compiled.step(&mut state, reading.position, reading.velocity).command
+            };
+            sum += torque.to_f64();
+        }
+        Ok(())
+    })?;
+    if guarded && watch.phase != Phase::Running {
+        return Err(anyhow::anyhow!("it has faulted: {:?}", watch.reason)).context("the guarded loop");
+    }
+    println!("{sum:e}");
+    Ok(())
+}

@@ -1,0 +1,254 @@
+//! A log that begins anywhere in a loop's life, and goes on behind a gap: with the loop's state, its replay gives the same bits.
+
+mod common;
+
+use common::{WHEEL, header, world, worlds};
+use hapt_core::{Guarding, Reason, Request};
+use hapt_log::{Error, Header, Log, LogWriter, Origin, Replay, replay};
+use hapt_model::World;
+use hapt_rt::{Cycle, Device, Failure, Hands, Moment, Plan, Position, Record, Simulated, Snapshot, Touch};
+use hapt_sim::Grip;
+use proptest::prelude::*;
+
+/// Samples of a life.
+const LIFE: u64 = 700;
+
+/// A simulated device whose encoder says something else now and then.
+struct Glitching {
+    device: Simulated,
+    sample: u64,
+    glitches: Vec<(u64, f64)>,
+}
+
+impl Device for Glitching {
+    fn read(&mut self) -> Result<Position, Failure> {
+        let mut position = self.device.read()?;
+        let glitch = self.glitches.iter().find(|(sample, _)| *sample == self.sample);
+        position.position += glitch.map_or(0.0, |(_, by)| *by);
+        Ok(position)
+    }
+
+    fn write(&mut self, torque: f64) -> Result<(), Failure> {
+        self.device.write(torque)
+    }
+
+    fn passed(&mut self, periods: u32) {
+        self.sample += u64::from(periods);
+        self.device.passed(periods);
+    }
+
+    fn adopt(&mut self, plan: &mut Plan) {
+        self.device.adopt(plan);
+    }
+}
+
+/// What happens to a loop.
+#[derive(Clone, Copy, Debug)]
+enum Event {
+    Ask(Request),
+    Hand(Option<f64>),
+    /// To the world of this number.
+    Swap(usize),
+    Glitch(f64),
+    Miss(u32),
+    Late(f64),
+    Silence(f64),
+}
+
+fn events() -> impl Strategy<Value = Vec<(u64, Event)>> {
+    let request =
+        prop::sample::select(vec![Request::Arm, Request::Arm, Request::Disarm, Request::Clear, Request::Stop]);
+    let event = prop_oneof![
+        3 => request.prop_map(Event::Ask),
+        4 => prop::option::weighted(0.8, -1.0..1.0).prop_map(Event::Hand),
+        3 => (0usize..3).prop_map(Event::Swap),
+        1 => prop::sample::select(vec![f64::NAN, 50.0, 1e-3]).prop_map(Event::Glitch),
+        1 => (1u32..4).prop_map(Event::Miss),
+        1 => (0.0..0.05).prop_map(Event::Late),
+        1 => (0.0..1.0).prop_map(Event::Silence),
+    ];
+    prop::collection::vec((20..LIFE, event), 5..30)
+}
+
+/// A loop's records, and the snapshots before some of them.
+struct Life {
+    worlds: Vec<World>,
+    /// Of each plan, by its number: which of the worlds.
+    plans: Vec<usize>,
+    records: Vec<Record>,
+    snapshots: Vec<Snapshot>,
+}
+
+fn hand(hands: &mut Hands, to: Option<f64>, held: &mut bool) {
+    let touch = match to {
+        None => Touch::Release,
+        Some(_) if !*held => Touch::Grab(Grip { inertia: 1e-4, damping: 0.02, stiffness: 3.0 }),
+        Some(position) => Touch::Move(position),
+    };
+    *held = to.is_some();
+    hands.push(touch).unwrap();
+}
+
+/// Lives it, with a snapshot before each sample that `taken` names.
+fn live(texts: &[String], guarding: Guarding, events: &[(u64, Event)], taken: &[u64]) -> Life {
+    let worlds: Vec<World> = texts.iter().map(|text| world(text)).collect();
+    let (device, mut hands) = Simulated::new(&worlds[0]);
+    let glitches = events.iter().filter_map(|&(at, event)| match event {
+        Event::Glitch(by) => Some((at, by)),
+        _ => None,
+    });
+    let device = Glitching { device, sample: 0, glitches: glitches.collect() };
+    let mut plan = Plan::new(&worlds[0], guarding).unwrap();
+    let mut cycle = Cycle::new(Box::new(plan.clone()), Box::new(device));
+    let (mut records, mut snapshots, mut plans) = (Vec::<Record>::new(), Vec::new(), vec![0]);
+    let (mut held, mut k) = (false, 0);
+    while k < LIFE {
+        let mut moment = Moment { periods: u32::from(k > 0), ..Moment::default() };
+        let (mut request, mut swap) = ((k == 10).then_some(Request::Arm), None);
+        for (_, event) in events.iter().filter(|(at, _)| *at == k) {
+            match *event {
+                Event::Ask(what) => request = Some(what),
+                Event::Hand(to) => hand(&mut hands, to, &mut held),
+                Event::Swap(to) => swap = Some(to),
+                Event::Glitch(_) => {}
+                Event::Miss(missed) => moment.periods += missed,
+                Event::Late(late) => moment.late = late,
+                Event::Silence(silent) => moment.silent = silent,
+            }
+        }
+        cycle.pass(moment.periods);
+        if let Some(to) = swap {
+            plan = Plan::following(&worlds[to], &plan).unwrap();
+            cycle.swap(Box::new(plan.clone()));
+            plans.push(to);
+        }
+        if taken.contains(&k) {
+            let mut snapshot = Snapshot::EMPTY;
+            cycle.snapshot(&mut snapshot);
+            snapshots.push(snapshot);
+        }
+        // A world may run away with the puck: then the loop has ended.
+        let Ok(record) = cycle.sample(&moment, request) else { break };
+        records.push(record);
+        k += 1;
+    }
+    Life { worlds, plans, records, snapshots }
+}
+
+impl Life {
+    /// The log of some of the records, with the snapshots that stand before one of them.
+    fn log(&self, guarding: Guarding, records: impl Iterator<Item = usize>) -> Vec<u8> {
+        let mut writer: Option<LogWriter<Vec<u8>>> = None;
+        for record in records.filter_map(|at| self.records.get(at)) {
+            let world = &self.worlds[self.plans[record.plan as usize]];
+            let writer = writer.get_or_insert_with(|| {
+                let header = Header { guarding, plan: record.plan, ..header("") };
+                LogWriter::new(Vec::new(), world, &header, Origin::Live(0)).unwrap()
+            });
+            if writer.plan() != record.plan {
+                writer.begin_at(record.sample, record.plan, world).unwrap();
+            }
+            let snapshot = self.snapshots.iter().find(|snapshot| snapshot.sample == record.sample);
+            writer.write_record(record, snapshot).unwrap();
+        }
+        writer.unwrap().finish().unwrap()
+    }
+}
+
+fn replayed(bytes: &[u8]) -> Replay {
+    replay(&mut Log::read(bytes).unwrap()).unwrap()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_replay_begins_with_a_snapshot_wherever_it_was_taken_and_goes_on_behind_a_gap(
+        texts in prop::collection::vec(worlds(), 3),
+        guarding in prop::sample::select(Guarding::ALL.to_vec()),
+        events in events(),
+        begin in 0..LIFE - 200,
+        gap in 1usize..60,
+        late in 0usize..30,
+    ) {
+        let (from, lost) = (begin as usize, begin as usize + 50);
+        let again = lost + gap + late;
+        let life = live(&texts, guarding, &events, &[begin, again as u64]);
+        prop_assume!(life.records.len() > again + 20);
+        let all = life.records.len() - from;
+        let whole = replayed(&life.log(guarding, from..life.records.len()));
+        prop_assert_eq!((whole.compared, whole.skipped, whole.gaps), (all as u64, 0, 0), "{:?}", whole);
+        prop_assert_eq!(whole.first, None);
+
+        let gone = replayed(&life.log(guarding, (from..life.records.len()).filter(|at| !(lost..lost + gap).contains(at))));
+        prop_assert_eq!((gone.compared, gone.skipped, gone.gaps), ((all - gap - late) as u64, late as u64, 1), "{:?}", gone);
+        prop_assert_eq!(gone.first, None);
+    }
+
+    /// The state is looked at: one bit of it, and the torques are others.
+    #[test]
+    fn a_snapshot_changed_in_one_place_is_not_the_loops(bit in 30u32..52) {
+        let texts = vec![WHEEL.to_string()];
+        let mut life = live(&texts, Guarding::Simulated, &[(20, Event::Hand(Some(0.0))), (22, Event::Hand(Some(0.5)))], &[300]);
+        let place = &mut life.snapshots[0].state.now.position[0];
+        *place = f64::from_bits(place.to_bits() ^ (1 << bit));
+        let again = replayed(&life.log(Guarding::Simulated, 300..700));
+        prop_assert!(again.different > 100 && again.first.unwrap().sample == 300);
+    }
+}
+
+#[test]
+fn the_lives_have_faults_swaps_and_torques_in_them() {
+    // Of the strategy above: otherwise it would show nothing.
+    use proptest::strategy::ValueTree;
+    use proptest::test_runner::TestRunner;
+    let mut runner = TestRunner::deterministic();
+    let strategy = (prop::collection::vec(worlds(), 3), events());
+    let (mut torques, mut reasons, mut plans) = (0, std::collections::BTreeSet::new(), 0);
+    for _ in 0..60 {
+        let (texts, events) = strategy.new_tree(&mut runner).unwrap().current();
+        let life = live(&texts, Guarding::Certified, &events, &[]);
+        torques += life.records.iter().filter(|record| record.output != 0.0).count();
+        reasons.extend(life.records.iter().filter_map(|record| record.reason.map(Reason::code)));
+        plans += life.plans.len() - 1;
+    }
+    assert!(torques > 5_000 && reasons.len() >= 4 && plans > 60, "{torques} {reasons:?} {plans}");
+}
+
+#[test]
+fn a_log_copied_sample_by_sample_keeps_its_snapshots() {
+    let texts = vec![WHEEL.to_string()];
+    let life = live(&texts, Guarding::Simulated, &[(20, Event::Hand(Some(0.0)))], &[200, 400]);
+    let bytes = life.log(Guarding::Simulated, 200..500);
+    let mut log = Log::read(&bytes[..]).unwrap();
+    let mut copy = LogWriter::new(Vec::new(), &life.worlds[0], &log.header.clone(), log.origin).unwrap();
+    let mut found = Vec::new();
+    while let Some(sample) = log.next().unwrap() {
+        found.extend(sample.snapshot.cloned());
+        copy.write_sample(&sample).unwrap();
+    }
+    assert_eq!(found, life.snapshots);
+    assert!(copy.finish().unwrap() == bytes);
+}
+
+/// What was written by a version with another form of the state is as if it had none.
+#[test]
+fn a_state_of_another_version_is_left_alone() {
+    let texts = vec![WHEEL.to_string()];
+    let life = live(&texts, Guarding::Simulated, &[], &[200]);
+    let mut bytes = life.log(Guarding::Simulated, 200..300);
+    assert_eq!(replayed(&bytes).compared, 100);
+    let name = b"state-200";
+    let at = bytes.windows(name.len()).position(|window| window == name).unwrap();
+    // Behind its name: its media type, and the length of what it holds.
+    let data = at + name.len() + 4 + "application/octet-stream".len() + 8;
+    assert_eq!(bytes[data], 1);
+    let length = u64::from_le_bytes(bytes[data - 8..data].try_into().unwrap()) as usize;
+    bytes[data] = 2;
+    // 0: no checksum.
+    bytes[data + length..data + length + 4].fill(0);
+    let mut log = Log::read(&bytes[..]).unwrap();
+    assert!(log.next().unwrap().unwrap().snapshot.is_none());
+    let refused = replay(&mut Log::read(&bytes[..]).unwrap()).err().unwrap();
+    assert!(matches!(refused, Error::NoReplay(_)) && refused.to_string().contains("100 samples"), "{refused}");
+}
