@@ -109,6 +109,10 @@ impl Safety {
     }
 }
 
+/// The sign test wants to see this many counts, and without an encoder so much, in rad or m; its pulse should take no longer, in s.
+const SEEN_COUNTS: f64 = 12.0;
+const SEEN: f64 = 1e-3;
+const TEST: f64 = 0.25;
 /// A hand turns no knob faster, rad/s, and moves no handle faster, m/s.
 const FASTEST: [f64; 2] = [50.0, 2.5];
 /// And hits none so hard that its speed changes by more than this part of that within a sample.
@@ -157,6 +161,10 @@ impl World {
         let change =
             HIT * FASTEST[motion] + (limit * period / device.inertia).min(2.0 * safety.overspeed.unwrap_or(fastest));
         let nudge = 2.0 * device.friction + if limit.is_finite() { 0.05 * limit } else { 0.0 };
+        // On a device with much damping and coarse counts that would not show which way the puck went.
+        let seen = self.count().map_or(SEEN, |count| SEEN_COUNTS * count);
+        let moves = device.friction + (device.damping + 2.0 * device.inertia / TEST) * seen / TEST;
+        let pulse = nudge.max(moves.min(0.5 * limit));
         // An explicit method makes energy even in a certified world, and its dampers take it: the certificate has weighed both.
         let trips = match guarding {
             Guarding::Certified => !self.sampling.method.is_explicit(),
@@ -181,7 +189,7 @@ impl World {
             energy: if guarding == Guarding::Uncertified { 0.1 * work } else { work },
             world_trips: safety.world_trips.unwrap_or(trips),
             port_trips: real || safety.world_trips == Some(true),
-            pulse: safety.pulse.unwrap_or(if real { nudge } else { 0.0 }),
+            pulse: safety.pulse.unwrap_or(if real { pulse } else { 0.0 }),
             brake,
             zero_where_armed: real && device.drive.home.is_none(),
             announcements: !real,
