@@ -6,10 +6,10 @@ use std::str::FromStr;
 
 use crate::can::{Bus, Socket};
 use crate::drive::{Drive, Error};
-use crate::line::Line;
 use crate::ports::ports;
 use crate::simulate::Firmware;
 use crate::{moteus, odrive, slcan};
+use hapt_line::Line;
 
 /// Whose drive it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 use crate::can::Bus;
 use crate::frame::Frame;
-use crate::line::Line;
 use crate::text::Lines;
+use hapt_line::Line;
 
 /// Closes the adapter's bus, sets it to 1 Mbit/s, and opens it.
 const OPEN: &[u8] = b"C\rS8\rO\r";

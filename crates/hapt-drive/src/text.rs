@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Instant;
 
-use crate::line::Line;
+use hapt_line::Line;
 
 /// Longer lines are garbage.
 const LONGEST: usize = 512;
@@ -74,7 +74,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::line::pty;
+    use hapt_line::pty;
 
     #[test]
     fn lines_come_whole_however_they_were_cut_and_too_long_ones_not_at_all() {

@@ -26,12 +26,11 @@
 
 mod board;
 mod error;
-mod line;
 mod link;
 pub mod simulate;
 
 pub use board::Board;
 pub use error::Error;
+pub use hapt_line::{Line, pty};
 pub use hapt_wire::{Parameter, Telemetry, Why};
-pub use line::{Line, pty};
 pub use link::Link;

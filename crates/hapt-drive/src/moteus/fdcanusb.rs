@@ -14,8 +14,8 @@ use std::time::Instant;
 
 use crate::can::Bus;
 use crate::frame::Frame;
-use crate::line::Line;
 use crate::text::Lines;
+use hapt_line::Line;
 
 /// Longer than any line: 64 bytes are 128 digits.
 const ROOM: usize = 192;
@@ -201,7 +201,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::line::pty;
+    use hapt_line::pty;
 
     /// Some rows of the table of half bytes that the drive's makers give.
     #[test]

@@ -1,5 +1,7 @@
 //! A serial port: raw bytes, with an instant after which nobody waits any longer.
 
+#![cfg(unix)]
+
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
@@ -7,11 +9,11 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FlockOperation, Mode, OFlags, fcntl_setfl, flock, open};
-use rustix::io::Errno;
+use rustix::io::{Errno, FdFlags, fcntl_setfd};
 use rustix::pty::{OpenptFlags, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-/// What a UART between a computer and a drive is usually set to. USB ports take any.
+/// What a UART between a computer and a board or a drive is usually set to. USB ports take any.
 const SPEED: u32 = 921_600;
 
 /// An open serial port, or one end of a pseudoterminal. Neither reading nor writing allocates.
@@ -30,7 +32,7 @@ impl Line {
     pub fn open(path: &Path) -> io::Result<Self> {
         let fd = open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())?;
         if !rustix::termios::isatty(&fd) {
-            return Err(io::Error::other("it is no serial port"));
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no serial port"));
         }
         flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(|error| match error {
             Errno::WOULDBLOCK => io::Error::other("another program holds it"),
@@ -82,13 +84,14 @@ impl Line {
     }
 }
 
-/// A new pseudoterminal: the end that a simulated drive has, and the path that others open as a serial port.
+/// A new pseudoterminal: the end that a simulated board or drive has, and the path that others open as a serial port.
 ///
 /// # Errors
 /// The system has none to give.
 pub fn pty() -> io::Result<(Line, PathBuf)> {
-    let fd = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
-    fcntl_setfl(&fd, OFlags::NONBLOCK)?;
+    let fd = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+    fcntl_setfd(&fd, FdFlags::CLOEXEC)?;
+    fcntl_setfl(&fd, OFlags::RDWR | OFlags::NONBLOCK)?;
     unlockpt(&fd)?;
     let name = ptsname(&fd, Vec::new())?;
     let path = PathBuf::from(name.to_string_lossy().into_owned());
@@ -114,7 +117,10 @@ fn fast(path: &Path) {
 }
 
 /// Waits for `what` on `fd`; `false`: it has not come until that instant.
-pub(crate) fn wait(fd: impl AsFd, what: PollFlags, until: Instant) -> io::Result<bool> {
+///
+/// # Errors
+/// The system's.
+pub fn wait(fd: impl AsFd, what: PollFlags, until: Instant) -> io::Result<bool> {
     let fd = fd.as_fd();
     loop {
         let left = until.saturating_duration_since(Instant::now());
