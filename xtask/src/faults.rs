@@ -62,10 +62,15 @@ pub fn command(words: &[&str]) -> Result<()> {
     let started = Instant::now();
     let trials = campaign(n, seed)?;
     let runs = (clean / CLEAN as f64).ceil() as u64;
-    clean_runs(runs, seed)?;
+    let Clean { samples, overspeeds } = clean_runs(runs, seed)?;
+    let ended = match overspeeds {
+        0 => String::new(),
+        n => format!(
+            " In {n} of these the hand swung a body up until it threw the puck faster than `overspeed`: they ended there, as they should."
+        ),
+    };
     let text = format!(
-        "{n} faults (seed {seed}) in as many random certified worlds, and {} samples without any in {runs}: no false trip.\n\n{}",
-        runs * CLEAN,
+        "{n} faults (seed {seed}) in as many random certified worlds, and {samples} samples without any in {runs}: no false trip.{ended}\n\n{}",
         table(&trials)
     );
     if write {
@@ -81,7 +86,16 @@ pub fn command(words: &[&str]) -> Result<()> {
 /// A small campaign, for every test run.
 pub fn are_caught() -> Result<()> {
     campaign(210, 1)?;
-    clean_runs(10, 1)
+    clean_runs(10, 1)?;
+    Ok(())
+}
+
+/// What came of runs without a fault.
+#[derive(Default)]
+struct Clean {
+    samples: u64,
+    /// Runs that ended because the puck was truly as fast as it may not be.
+    overspeeds: u64,
 }
 
 fn campaign(n: u64, seed: u64) -> Result<Vec<Trial>> {
@@ -97,16 +111,22 @@ fn campaign(n: u64, seed: u64) -> Result<Vec<Trial>> {
     Ok(trials.into_iter().filter_map(|(_, trial)| trial.ok()).collect())
 }
 
-fn clean_runs(runs: u64, seed: u64) -> Result<()> {
-    let trips: Vec<String> = (0..runs)
-        .into_par_iter()
-        .filter_map(|i| clean_run(seed, i).err().map(|error| format!("clean run {i}: {error:#}")))
-        .collect();
+fn clean_runs(runs: u64, seed: u64) -> Result<Clean> {
+    let ran: Vec<(u64, Result<Clean>)> = (0..runs).into_par_iter().map(|i| (i, clean_run(seed, i))).collect();
+    let (mut all, mut trips) = (Clean::default(), Vec::new());
+    for (i, run) in ran {
+        match run {
+            Ok(Clean { samples, overspeeds }) => {
+                (all.samples, all.overspeeds) = (all.samples + samples, all.overspeeds + overspeeds);
+            }
+            Err(error) => trips.push(format!("clean run {i}: {error:#}")),
+        }
+    }
     for text in trips.iter().take(20) {
         eprintln!("{text}");
     }
     ensure!(trips.is_empty(), "{} of {runs} clean runs tripped", trips.len());
-    Ok(())
+    Ok(all)
 }
 
 /// A generator of its own for each run, so that any of them can be looked at alone.
@@ -114,7 +134,7 @@ fn generator(seed: u64, i: u64) -> Rng {
     Rng::with_seed(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ i)
 }
 
-fn clean_run(seed: u64, i: u64) -> Result<()> {
+fn clean_run(seed: u64, i: u64) -> Result<Clean> {
     let mut rng = generator(seed, i);
     let world = bench::world(&mut rng);
     let mut rig = Rig::new(&world, Guarding::Certified)?;
@@ -126,15 +146,19 @@ fn clean_run(seed: u64, i: u64) -> Result<()> {
         let guarded = rig.sample(None);
         if guarded.phase != Phase::Running {
             let (account, made, speed) = (rig.watch.account(), rig.watch.made(), rig.device.puck().1);
+            let limits = world.limits(Guarding::Certified);
+            if guarded.reason == Some(Reason::Overspeed) && speed.abs() > limits.overspeed {
+                return Ok(Clean { samples: k, overspeeds: 1 });
+            }
             bail!(
                 "sample {k}: {:?} at {speed:.1} rad/s, account {account:.2e} J, made {made:.2e} J\n{:?}\n{}",
                 guarded.reason,
-                world.limits(Guarding::Certified),
+                limits,
                 world.to_toml()
             );
         }
     }
-    Ok(())
+    Ok(Clean { samples: CLEAN, overspeeds: 0 })
 }
 
 fn trial(seed: u64, i: u64) -> Result<Trial> {

@@ -87,7 +87,7 @@ Examples:
       --vary device.damping=0..0.01:40 --measure peak_torque,settling_time \\
       --scenario step --out map.parquet --plot map.svg")]
     Sweep(SweepArgs),
-    /// Where in the plane of two keys a loop stops being stable or passive: the exact edges.
+    /// Where in the plane of two keys a loop stops being stable or passive, exactly.
     #[command(after_help = "\
 Examples:
   hapt boundary wheel.toml --vary loop.period=0.1ms..10ms:log \\
@@ -102,7 +102,7 @@ Examples:
   hapt impedance wheel.toml --from 1Hz --to 100Hz --out felt.csv --plot felt.svg
   hapt impedance wheel.toml --z-width --plot z.svg   the walls it can stand for")]
     Impedance(ImpedanceArgs),
-    /// The passive hand that draws most energy from the loop: what the certificate is about.
+    /// The passive hand that draws most energy from the loop, and whether it breaks it.
     #[command(after_help = "\
 Examples:
   hapt worst wheel.toml                              exit code 1 when broken
@@ -124,7 +124,7 @@ Examples:
   hapt flash wheel.toml --device hapt:/dev/ttyACM0
   hapt run wheel.toml --device hapt:/dev/ttyACM0     then it turns")]
     Flash(FlashArgs),
-    /// What a device is made of: inertia, damping, friction, delay, sign, counts, from a log or by an experiment.
+    /// What a device is made of, from a log or an experiment: inertia, friction, delay.
     #[command(after_help = "\
 Examples:
   hapt identify sim --world wheel.toml --duration 2s --log wheel.mcap
@@ -138,7 +138,7 @@ Examples:
 Examples:
   hapt devices                                       what --device may name")]
     Devices,
-    /// A motor drive and its wheel, simulated, at the end of a serial port or on a CAN bus.
+    /// A motor drive and its wheel, simulated, on a serial port or a CAN bus.
     #[command(after_help = "\
 Examples:
   hapt simulate-drive moteus --pty --duration 1s     its port is the first line
