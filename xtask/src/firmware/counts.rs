@@ -76,7 +76,9 @@ fn rows(said: &str) -> Result<Vec<Row>> {
 
 /// The same loop in C.
 fn c_step(level: &str) -> Result<PathBuf> {
-    let object = std::env::current_dir()?.join(BUILT).join(format!("step{level}.o"));
+    let folder = std::env::current_dir()?.join(BUILT);
+    std::fs::create_dir_all(&folder)?;
+    let object = folder.join(format!("step{level}.o"));
     let mut command = Command::new("arm-none-eabi-gcc");
     command.args(ARM).args(["-ffp-contract=off", "-Wall", level, "-c", "firmware/bench/step.c", "-o"]).arg(&object);
     ensure!(command.status()?.success(), "arm-none-eabi-gcc");
