@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::common::{Running, folder, hapt, program};
+use crate::common::{Running, folder, hapt, program, steady};
 
 /// A spring that this device certifies, at a period that the busiest machine keeps.
 const SLOW: &str = r#"title = "slow wheel"
@@ -46,7 +46,8 @@ fn drive(at: &Path, more: &[&str]) -> (Running, String) {
 fn a_certified_world_runs_on_a_simulated_drive_and_its_log_replays_to_the_bit() {
     let at = folder(&[("w.toml", SLOW)]);
     let (drive, device) = drive(at.path(), &["--lockstep"]);
-    let ended = hapt(at.path(), ["run", "w.toml", "--device", &device, "--duration", "2s", "--log", "run.mcap"]).done();
+    let args = ["run", "w.toml", "--device", &device, "--duration", "2s", "--log", "run.mcap"];
+    let ended = steady(|| hapt(at.path(), args)).done();
     assert!(ended.out.contains(&format!("slow wheel on the drive {device}#1")), "{ended:?}");
     assert!(ended.out.contains("at full torque; ended in order"), "{ended:?}");
     assert!(ended.err.contains("lag and jitter are not in it"), "{ended:?}");
