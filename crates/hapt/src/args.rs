@@ -489,7 +489,7 @@ pub struct IdentifyArgs {
     /// Write every sample of the experiment into this log.
     #[arg(long, value_name = "FILE.mcap")]
     pub log: Option<PathBuf>,
-    /// Write the [device] table here.
+    /// Write the device table here.
     #[arg(long, value_name = "FILE.toml")]
     pub write: Option<PathBuf>,
     /// Draw positions, fit and what it leaves.
