@@ -28,13 +28,14 @@ struct Glance {
     velocity: f64,
 }
 
-/// Pucks from which a fit may find the best one, the better of each window's.
+/// Pucks from which a fit may find the best one: of each window the best of all delays, and the one without. On a spring the torque goes
+/// with the position, a delay looks like damping and inertia together, and a fit that starts at a long one stays there.
 pub(crate) fn starts(record: &Record) -> Vec<Puck> {
     let glance = glance(record);
     let duration = record.period() * record.times().len() as f64;
     let mut windows: Vec<f64> = WINDOWS.iter().map(|window| window.min(0.2 * duration)).collect();
     windows.dedup();
-    windows.iter().filter_map(|window| of_window(record, &glance, *window)).collect()
+    windows.iter().flat_map(|window| of_window(record, &glance, *window)).collect()
 }
 
 /// The half of the samples that a window of this length has.
@@ -83,8 +84,8 @@ fn glance(record: &Record) -> Glance {
     Glance { sign, position: z - v * ago, velocity: v }
 }
 
-/// The best start by windows of one length.
-fn of_window(record: &Record, glance: &Glance, length: f64) -> Option<Puck> {
+/// The starts by windows of one length.
+fn of_window(record: &Record, glance: &Glance, length: f64) -> Vec<Puck> {
     let is_driven = record.is_driven();
     let free = [is_driven, true, true, false, false, false];
     let step = (0.5 * record.period()).max(1e-3);
@@ -107,7 +108,9 @@ fn of_window(record: &Record, glance: &Glance, length: f64) -> Option<Puck> {
             },
         ))
     };
-    (0..=delays).filter_map(of_delay).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, puck)| puck)
+    let at_once = of_delay(0).map(|(_, puck)| puck);
+    let best = (1..=delays).filter_map(of_delay).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, puck)| puck);
+    at_once.into_iter().chain(best).collect()
 }
 
 /// A line a window.

@@ -322,3 +322,27 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_wheel_that_rings_on_a_virtual_spring_shows_its_inertia() {
+    for seed in 0..30 {
+        let mut rng = Rng::with_seed(seed);
+        let mut within = |from: f64, to: f64| from * (to / from).powf(rng.f64());
+        let (inertia, stiffness) = (within(3e-4, 3e-3), within(0.3, 3.0));
+        let rig = Rig { delay: 0.0, inertia, damping: within(5e-4, 3e-3), friction: within(1e-3, 5e-3), ..WHEEL };
+        let (rest, count) = (within(0.3, 1.0), TAU / within(2e3, 2e4));
+        let mut device = VirtualDevice::new(&rig);
+        let mut sample = |_| {
+            let seen = (device.puck().0 / count).round() * count;
+            let torque = -stiffness * (seen - rest);
+            device.command(torque);
+            device.travel();
+            (seen, torque)
+        };
+        let (seen, torques) = (0..2000).map(&mut sample).unzip();
+        let found = identify(&Record::new(times(&rig, 2000), seen, torques).unwrap(), &Known::default()).unwrap();
+        let found = found.inertia.unwrap();
+        // Delay and damping look alike here; the period knows nothing of either.
+        assert!((found.value / inertia - 1.0).abs() < 0.01, "seed {seed}: {found:?} is {inertia}");
+    }
+}
