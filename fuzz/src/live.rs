@@ -17,7 +17,7 @@ const HEARD: usize = 64;
 pub fn run(bytes: &[u8]) -> u64 {
     let text = String::from_utf8_lossy(bytes);
     let source = Source::from_text("w.toml", EVERYTHING);
-    let Ok(mut bench) = Workbench::new(source, Vec::new(), "sim".into()) else { return 0 };
+    let Ok(mut bench) = Workbench::new(source, Vec::new()) else { return 0 };
     let mut outcome = 0_u64;
     for line in text.split('\n').take(HEARD) {
         let next = match Said::read(line) {
