@@ -48,7 +48,6 @@ pub use here::{open, send};
 
 #[cfg(unix)]
 mod here {
-    use std::io::ErrorKind::{InvalidInput, NotFound};
     use std::path::Path;
 
     use hapt_link::{Error, Link, Why};
@@ -77,9 +76,6 @@ mod here {
         fn from(error: Error) -> Self {
             match error {
                 Error::Refused { why: Why::Room | Why::World | Why::Period | Why::NoLimit | Why::Exact, .. } => {
-                    Failure::input(error)
-                }
-                Error::Open { ref source, .. } if matches!(source.kind(), NotFound | InvalidInput) => {
                     Failure::input(error)
                 }
                 _ => Failure::System(error.to_string()),

@@ -406,8 +406,6 @@ fn realtime(t: &mut Table) {
         ("a device that is none", &["--device", "wheel"][..]),
         ("a board at no port", &["--device", "hapt:"]),
         ("a world that no board should have", &["--device", "hapt:/dev/ttyACM0"]),
-        ("a board at a port that is not there", &["--device", "hapt:/dev/no-such-port", "--uncertified"]),
-        ("a board that is a file", &["--device", "hapt:w.toml", "--uncertified"]),
         ("a drive nowhere", &["--device", "moteus:"]),
         ("an identifier that no drive has", &["--device", "moteus:can0#127"]),
         ("an identifier that is no number", &["--device", "moteus:/dev/ttyACM0#one"]),

@@ -4,7 +4,7 @@ use hapt_link::simulate::Simulated;
 use hapt_model::{Source, World};
 use hapt_station::Board;
 
-use crate::common::{Running, Table, folder, hapt, program};
+use crate::common::{Running, Table, WHEEL, folder, hapt, program};
 
 const BOARD: Board = Board { name: "table", firmware: "1.2.3", fed: false, periods: [5e-5, 1e-2] };
 
@@ -133,4 +133,12 @@ fn a_board_refuses_what_does_not_fit_and_the_host_says_so_first_where_it_can() {
 
     let (_fed, spec) = plugged(Board { fed: true, ..BOARD });
     hapt(at.path(), ["run", "w.toml", "--device", &spec]).refused(2, &["has no encoder and no motor"]);
+}
+
+#[test]
+fn a_board_that_is_not_there_is_a_device_that_failed() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let run = |device: &str| hapt(at.path(), ["run", "w.toml", "--uncertified", "--device", device]);
+    run("hapt:/dev/no-such-port").refused(3, &["cannot open /dev/no-such-port", "No such file"]);
+    run("hapt:w.toml").refused(3, &["cannot open w.toml", "no serial port"]);
 }
