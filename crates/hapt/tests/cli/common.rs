@@ -45,8 +45,23 @@ pub struct Ended {
     pub err: String,
 }
 
+/// A simulated drive of this make in this folder, with these arguments, and what `--device` calls it.
+#[cfg(target_os = "linux")]
+pub fn drive(at: &Path, make: &str, more: &[&str]) -> (Running, String) {
+    let args = ["simulate-drive", make, "--pty", "w.toml"];
+    let mut drive = Running::start(program(at, args.iter().chain(more)));
+    let mut path = String::new();
+    drive.until("its port", |out, _| {
+        path = out.lines().next().unwrap_or_default().into();
+        out.ends_with('\n')
+    });
+    assert!(path.starts_with("/dev/"), "{path}");
+    (drive, format!("{make}:{path}"))
+}
+
 /// The first of ten runs that the machine has not broken off by standing still: a drive then goes silent, or takes its torque away,
 /// and both are right. A drive that never keeps up fails them all.
+#[cfg(target_os = "linux")]
 pub fn steady(mut run: impl FnMut() -> Ended) -> Ended {
     let mut ended = run();
     for _ in 1..10 {

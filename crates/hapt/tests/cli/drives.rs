@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::common::{Running, folder, hapt, program, steady};
+use crate::common::{Running, drive, folder, hapt, program, steady};
 
 /// A spring that this device certifies, at a period that the busiest machine keeps.
 const SLOW: &str = r#"title = "slow wheel"
@@ -29,23 +29,10 @@ duration = "0.5 s"
 hand = { kind = "step", to = "45 deg" }
 "#;
 
-/// A simulated drive in this folder with these arguments, and what `--device` calls it.
-fn drive(at: &Path, more: &[&str]) -> (Running, String) {
-    let args = ["simulate-drive", "moteus", "--pty", "w.toml"].iter().chain(more);
-    let mut drive = Running::start(program(at, args));
-    let mut path = String::new();
-    drive.until("its port", |out, _| {
-        path = out.lines().next().unwrap_or_default().into();
-        out.ends_with('\n')
-    });
-    assert!(path.starts_with("/dev/"), "{path}");
-    (drive, format!("moteus:{path}"))
-}
-
 #[test]
 fn a_certified_world_runs_on_a_simulated_drive_and_its_log_replays_to_the_bit() {
     let at = folder(&[("w.toml", SLOW)]);
-    let (drive, device) = drive(at.path(), &["--lockstep"]);
+    let (drive, device) = drive(at.path(), "moteus", &["--lockstep"]);
     let args = ["run", "w.toml", "--device", &device, "--duration", "2s", "--log", "run.mcap"];
     let ended = steady(|| hapt(at.path(), args)).done();
     assert!(ended.out.contains(&format!("slow wheel on the drive {device}#1")), "{ended:?}");
@@ -60,7 +47,7 @@ fn a_certified_world_runs_on_a_simulated_drive_and_its_log_replays_to_the_bit() 
 #[test]
 fn a_drive_that_is_taken_away_ends_the_run_with_code_three() {
     let at = folder(&[("w.toml", SLOW)]);
-    let (drive, device) = drive(at.path(), &["--lockstep"]);
+    let (drive, device) = drive(at.path(), "moteus", &["--lockstep"]);
     let mut run = Running::start(program(at.path(), ["run", "w.toml", "--device", &device]));
     run.until("it runs", |_, err| err.contains("at full torque"));
     drive.signal("KILL");
@@ -72,7 +59,7 @@ fn a_drive_that_is_taken_away_ends_the_run_with_code_three() {
 #[test]
 fn an_interrupted_run_leaves_the_drive_ready_for_the_next() {
     let at = folder(&[("w.toml", SLOW)]);
-    let (_drive, device) = drive(at.path(), &["--id", "5"]);
+    let (_drive, device) = drive(at.path(), "moteus", &["--id", "5"]);
     let device = format!("{device}#5");
     for _ in 0..2 {
         let mut run = Running::start(program(at.path(), ["run", "w.toml", "--device", &device]));
@@ -92,7 +79,7 @@ fn a_drive_that_is_not_there_is_said_to_be_so() {
     run("moteus:/dev/null").refused(3, &["no serial port"]);
     run("moteus:no-such-can").refused(3, &["cannot open no-such-can"]);
     hapt(at.path(), ["simulate-drive", "moteus", "--can", "no-such-can"]).refused(3, &["no-such-can"]);
-    let (_drive, device) = drive(at.path(), &["--id", "9"]);
+    let (_drive, device) = drive(at.path(), "moteus", &["--id", "9"]);
     run(&device).refused(3, &["the moteus with id 1", "does not answer", "#9"]);
 }
 

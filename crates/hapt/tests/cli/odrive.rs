@@ -1,9 +1,7 @@
 //! An ODrive at the end of a serial port, behind an slcan adapter: `hapt simulate-drive odrive`, and `hapt run` on one.
 #![cfg(target_os = "linux")]
 
-use std::path::Path;
-
-use crate::common::{Running, folder, hapt, program, steady};
+use crate::common::{Running, drive, folder, hapt, program, steady};
 
 /// A spring that this device certifies, at a period that a busy machine keeps and the drive's watchdog bears.
 const SLOW: &str = r#"title = "slow wheel"
@@ -26,23 +24,10 @@ duration = "0.5 s"
 hand = { kind = "step", to = "45 deg" }
 "#;
 
-/// A simulated drive in this folder, in lockstep, and what `--device` calls it.
-fn drive(at: &Path, more: &[&str]) -> (Running, String) {
-    let args = ["simulate-drive", "odrive", "--pty", "w.toml", "--lockstep"].iter().chain(more);
-    let mut drive = Running::start(program(at, args));
-    let mut path = String::new();
-    drive.until("its port", |out, _| {
-        path = out.lines().next().unwrap_or_default().into();
-        out.ends_with('\n')
-    });
-    assert!(path.starts_with("/dev/"), "{path}");
-    (drive, format!("odrive:{path}"))
-}
-
 #[test]
 fn a_certified_world_runs_on_a_simulated_odrive_also_after_one_that_was_killed() {
     let at = folder(&[("w.toml", SLOW)]);
-    let (_drive, device) = drive(at.path(), &[]);
+    let (_drive, device) = drive(at.path(), "odrive", &["--lockstep"]);
     let killed = {
         let mut run = Running::start(program(at.path(), ["run", "w.toml", "--device", &device]));
         run.until("it runs", |_, err| err.contains("at full torque"));
@@ -62,6 +47,6 @@ fn an_odrive_that_is_not_there_is_said_to_be_so() {
     let run = |device: &str| hapt(at.path(), ["run", "w.toml", "--device", device]);
     run("odrive:/dev/no-such-port").refused(3, &["cannot open /dev/no-such-port", "No such file"]);
     run("odrive:no-such-can").refused(3, &["cannot open no-such-can"]);
-    let (_drive, device) = drive(at.path(), &["--id", "9"]);
+    let (_drive, device) = drive(at.path(), "odrive", &["--lockstep", "--id", "9"]);
     run(&device).refused(3, &["the ODrive with node_id 1", "does not answer", "but from 9", "#ID"]);
 }
