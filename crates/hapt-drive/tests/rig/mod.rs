@@ -13,7 +13,7 @@ use hapt_core::{Guarding, Phase, Reason, Request};
 use hapt_drive::moteus::{self, Moteus};
 use hapt_drive::odrive::Odrive;
 use hapt_drive::simulate::{Firmware, Shaft, Simulator, Time};
-use hapt_drive::{Bus, Drive, Frame, Line, Make, Socket, Wheel, pty, slcan};
+use hapt_drive::{Answer, Bus, Drive, Error, Frame, Line, Make, Socket, Terms, Trouble, Wheel, pty, slcan};
 use hapt_model::{Source, World};
 use hapt_rt::{Cycle, Failure, Moment, Plan, Record};
 
@@ -136,26 +136,33 @@ impl Bus for Faulty {
     }
 }
 
-/// A host's bus that waits for so many ms longer than it is told: a busy machine answers in time. In lockstep it takes no longer.
-struct Patient(Box<dyn Bus>, Arc<AtomicU64>);
+/// A drive whose host waits for so many ms longer than it is told: a busy machine answers in time. In lockstep it takes no longer.
+struct Patient(Box<dyn Drive>, Arc<AtomicU64>);
 
 impl Patient {
+    /// Also where the machine has stood still until the time was over.
     fn until(&self, until: Instant) -> Instant {
-        let now = Instant::now();
-        // Whoever looks for what is there already does not wait.
-        if until <= now { until } else { until.max(now + Duration::from_millis(self.1.load(SeqCst))) }
+        until.max(Instant::now()) + Duration::from_millis(self.1.load(SeqCst))
     }
 }
 
-impl Bus for Patient {
-    fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()> {
-        let until = self.until(until);
-        self.0.send(frame, until)
+impl Drive for Patient {
+    fn start(&mut self, terms: &Terms) -> Result<Answer, Error> {
+        self.0.start(terms)
     }
 
-    fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
+    fn read(&mut self, until: Instant) -> Result<Answer, Trouble> {
         let until = self.until(until);
-        self.0.receive(until)
+        self.0.read(until)
+    }
+
+    fn command(&mut self, torque: f64, until: Instant) -> Result<(), Trouble> {
+        let until = self.until(until);
+        self.0.command(torque, until)
+    }
+
+    fn stop(&mut self) {
+        self.0.stop();
     }
 }
 
@@ -215,11 +222,11 @@ impl Rig {
                 (Box::new(moteus::Client::new(Line::open(path).unwrap(), true)), path.display().to_string())
             }
         };
-        let bus = Box::new(Patient(bus, Arc::clone(&self.patience)));
-        match self.make {
+        let drive: Box<dyn Drive> = match self.make {
             Make::Odrive => Box::new(Odrive::new(bus, id, &name)),
             Make::Moteus => Box::new(Moteus::new(bus, id, name)),
-        }
+        };
+        Box::new(Patient(drive, Arc::clone(&self.patience)))
     }
 
     /// A loop on the drive with identifier 1, which waits for answers for so many ms, however short its period.
