@@ -7,7 +7,7 @@ use hapt_model::did_you_mean;
 
 use crate::args::ExplainArgs;
 use crate::failure::Failure;
-use crate::topics::{TOPICS, Topic};
+use crate::topics::{Topic, topics};
 
 pub fn run(args: &ExplainArgs) -> Result<ExitCode, Failure> {
     let text = match &args.topic {
@@ -21,7 +21,7 @@ pub fn run(args: &ExplainArgs) -> Result<ExitCode, Failure> {
 
 fn list() -> String {
     let mut list = String::new();
-    for topic in TOPICS {
+    for topic in topics() {
         list += &format!("{:<20} {}\n", topic.name, topic.line);
     }
     list
@@ -31,8 +31,8 @@ fn find(name: &str) -> Result<&'static Topic, Failure> {
     // As people type what they have read: critical period, Forward Euler.
     let plain = name.trim().to_lowercase().replace([' ', '_'], "-");
     let called = |topic: &&Topic| topic.name == plain || topic.aliases.contains(&plain.as_str());
-    TOPICS.iter().find(called).ok_or_else(|| {
-        let names = TOPICS.iter().flat_map(|topic| [topic.name].into_iter().chain(topic.aliases.iter().copied()));
+    topics().find(called).ok_or_else(|| {
+        let names = topics().flat_map(|topic| [topic.name].into_iter().chain(topic.aliases.iter().copied()));
         let hint = did_you_mean(&plain, names);
         Failure::input(format!("no topic {name:?}{hint} (hapt explain lists them)"))
     })

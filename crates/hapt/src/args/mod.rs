@@ -1,0 +1,217 @@
+//! What can be typed.
+
+mod devices;
+mod runs;
+mod verdicts;
+mod words;
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+
+pub use devices::*;
+pub use runs::*;
+pub use verdicts::*;
+pub use words::*;
+
+/// Virtual worlds for wheels that push back: see how one moves, what it asks of the motor, and whether it holds, before the
+/// motor is on.
+///
+/// Without a command: the notes' virtual wheel, built in, under four methods.
+#[derive(Debug, Parser)]
+#[command(
+    name = "hapt",
+    version,
+    max_term_width = 100,
+    after_help = "\
+Examples:
+  hapt                                     the notes' wheel under four methods
+  hapt sim @notes/euler                    run a world's scenarios
+  hapt check @notes/euler                  whether its loop holds
+  hapt init my-world                       a world file to start from
+  hapt design --travel 45deg --torque 800Nmm --frequency 1Hz > wheel.toml"
+)]
+pub struct Args {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+}
+
+// A command's own arguments are made when it is the one.
+#[derive(Debug, Subcommand)]
+#[command(defer = true)]
+pub enum Command {
+    /// Run the scenarios of a world on an exact simulation of device and hand.
+    #[command(after_help = "\
+Examples:
+  hapt sim wheel.toml                                a summary of every scenario
+  hapt sim wheel.toml --scenario step --out runs     runs/step.csv
+  hapt sim wheel.toml --out runs --format mcap       runs/step.mcap, a log
+  hapt sim wheel.toml --set loop.period=2ms          the same at another period
+  hapt design --travel 45deg --torque 800Nmm --frequency 1Hz | hapt sim -")]
+    Sim(SimArgs),
+    /// The certificate: stable held and let go, passive; and what would make it so.
+    #[command(after_help = "\
+Examples:
+  hapt check wheel.toml                              exit code 1 when refused
+  hapt check wheel.toml --json                       in numbers
+  hapt check wheel.toml --set loop.method=trapezoidal")]
+    Check(CheckArgs),
+    /// Stiffness, inertia and compensating damping from a specification, as a world file.
+    #[command(after_help = "\
+Examples:
+  hapt design --travel 45deg --torque 800Nmm --frequency 1Hz > wheel.toml
+  hapt design --travel 30deg --torque 1Nm --frequency 2Hz --period 0.5ms --json")]
+    Design(DesignArgs),
+    /// A page a world: diagram, verdict, eigenvalues, motion, torque and energy over time.
+    #[command(after_help = "\
+Examples:
+  hapt report wheel.toml --out report                    a page, and figures
+  hapt report @notes/euler @notes/damped --out report    and an index
+  hapt report wheel.toml --set loop.period=5ms --out report")]
+    Report(ReportArgs),
+    /// Position, velocity and torque over time as an SVG, from a run's CSV or from a log.
+    #[command(after_help = "\
+Examples:
+  hapt plot runs/step.csv > step.svg                 as hapt sim wrote it
+  hapt plot runs/step.mcap --out step.svg            with its motor's limit
+  hapt plot runs/step.csv --limit 822.25Nmm --out step.svg")]
+    Plot(PlotArgs),
+    /// A log's inputs through today's core: are the torques the same bits?
+    #[command(after_help = "\
+Examples:
+  hapt replay runs/step.mcap                         exit code 1 if not
+  hapt replay runs/step.mcap --json                  with the first difference")]
+    Replay(ReplayArgs),
+    /// A log as CSV or Parquet; or as a log, whole again where it was cut.
+    #[command(after_help = "\
+Examples:
+  hapt convert runs/step.mcap -o step.csv            the bytes of hapt sim's own
+  hapt convert runs/step.mcap -o step.parquet        units as metadata")]
+    Convert(ConvertArgs),
+    /// Every combination of a few numbers of a world, measured: a table, a picture.
+    #[command(after_help = "\
+Examples:
+  hapt sweep wheel.toml --vary loop.period=0.1ms..10ms:50:log \\
+      --measure held_growth_per_s --out growth.csv
+  hapt sweep wheel.toml --vary loop.period=1ms..20ms:40 \\
+      --vary device.damping=0..0.01:40 --measure peak_torque,settling_time \\
+      --scenario step --out map.parquet --plot map.svg")]
+    Sweep(SweepArgs),
+    /// Where in the plane of two keys a loop stops being stable or passive, exactly.
+    #[command(after_help = "\
+Examples:
+  hapt boundary wheel.toml --vary loop.period=0.1ms..10ms:log \\
+      --vary device.damping=0..0.01 --out edges.csv --plot edges.svg
+  hapt boundary @devices/eth-wall --vary couplings.0.damping=0..0.02 \\
+      --vary couplings.0.stiffness=0..20 --of free,passive")]
+    Boundary(BoundaryArgs),
+    /// What the hand feels against frequency, and the Z-width of a device.
+    #[command(after_help = "\
+Examples:
+  hapt impedance @notes/default                      up to which frequency
+  hapt impedance wheel.toml --from 1Hz --to 100Hz --out felt.csv --plot felt.svg
+  hapt impedance wheel.toml --z-width --plot z.svg   the walls it can stand for")]
+    Impedance(ImpedanceArgs),
+    /// The passive hand that draws most energy from the loop, and whether it breaks it.
+    #[command(after_help = "\
+Examples:
+  hapt worst wheel.toml                              exit code 1 when broken
+  hapt worst wheel.toml --set loop.output=start --out broken.toml || \\
+      hapt sim broken.toml --scenario worst")]
+    Worst(WorstArgs),
+    /// A world in real time on a device, the torque off at the end.
+    #[command(after_help = "\
+Examples:
+  hapt run wheel.toml --duration 1s                  on the simulated device
+  hapt run wheel.toml --scenario step                with a hand that plays it
+  hapt sim wheel.toml --out runs && \\
+      hapt run wheel.toml --device replay:runs/step.csv
+  hapt run wheel.toml --device hapt:/dev/ttyACM0     the loop on a board")]
+    Run(RunArgs),
+    /// A world onto a board that runs hapt's firmware: checked, sent, verified.
+    #[command(after_help = "\
+Examples:
+  hapt flash wheel.toml --device hapt:/dev/ttyACM0
+  hapt run wheel.toml --device hapt:/dev/ttyACM0     then it turns")]
+    Flash(FlashArgs),
+    /// What a device is made of, from a log or an experiment: inertia, friction, delay.
+    #[command(after_help = "\
+Examples:
+  hapt identify sim --world wheel.toml --duration 2s --log wheel.mcap
+  hapt identify wheel.mcap --plot fit.svg            from a log, with a picture
+  hapt convert wheel.mcap -o log.csv && \\
+      hapt identify log.csv \\
+      --columns time=time_s,position=measured_rad,torque=applied_Nm")]
+    Identify(IdentifyArgs),
+    /// Serial ports and CAN interfaces, and the drives that may be behind them.
+    #[command(after_help = "\
+Examples:
+  hapt devices                                       what --device may name")]
+    Devices,
+    /// A motor drive and its wheel, simulated, on a serial port or a CAN bus.
+    #[command(after_help = "\
+Examples:
+  hapt simulate-drive moteus --pty --duration 1s     its port is the first line
+  hapt simulate-drive odrive --pty --duration 1s     behind an slcan adapter
+  hapt simulate-drive moteus --pty @notes/wheel --duration 1s --lockstep")]
+    SimulateDrive(SimulateDriveArgs),
+    /// How well this machine keeps a loop's time, and what would help.
+    #[command(after_help = "\
+Examples:
+  hapt latency --duration 1s                         the notes' wheel at 1 ms
+  hapt latency wheel.toml --duration 1s --spin 100us --json")]
+    Latency(LatencyArgs),
+    /// The loop in real time behind a page: grab the wheel and turn its numbers.
+    #[command(after_help = "\
+Examples:
+  hapt live                                          the notes' wheel
+  hapt live wheel.toml --port 0                      another world, any port
+  hapt live @notes/euler --set loop.period=5ms")]
+    Live(LiveArgs),
+    /// A world file to start from, with comments, and its schema for editors.
+    #[command(after_help = "\
+Examples:
+  hapt init                                          a spring and a mass, here
+  hapt init my-wall --template wall                  in a folder of its own")]
+    Init(InitArgs),
+    /// List the built-in worlds, which go wherever a world file does.
+    #[command(after_help = "\
+Examples:
+  hapt worlds
+  hapt sim @notes/euler                              one of them")]
+    Worlds,
+    /// What a word in a message or a verdict means.
+    #[command(after_help = "\
+Examples:
+  hapt explain                                       the topics
+  hapt explain critical-period")]
+    Explain(ExplainArgs),
+    /// The JSON schema of world files, by which editors complete keys and check units.
+    #[command(after_help = "\
+Examples:
+  hapt schema > hapt.schema.json                     as hapt init does")]
+    Schema,
+    /// A script by which a shell completes the command line.
+    #[command(after_help = "\
+Examples:
+  hapt completions bash > hapt.bash                  then: . ./hapt.bash
+  hapt completions fish > hapt.fish                  where fish looks")]
+    Completions(CompletionsArgs),
+    /// The manual page, or a page for each command.
+    #[command(after_help = "\
+Examples:
+  hapt man > hapt.1                                  then: man -l hapt.1
+  hapt man --out man                                 a page for each command")]
+    Man(ManArgs),
+}
+
+// The world, as every command takes it. Flattened arguments have no doc comment: it would become the command's own.
+#[derive(Debug, clap::Args)]
+pub struct WorldArgs {
+    /// The world file; - is standard input, @NAME a built-in world (hapt worlds lists them).
+    #[arg(value_name = "WORLD")]
+    pub path: PathBuf,
+    /// Override a key of the world file by its dotted path, such as loop.period=2ms; repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+}

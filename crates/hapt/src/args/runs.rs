@@ -1,0 +1,110 @@
+//! What the commands take that run a world on the exact simulation, and show what came of it.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+
+use super::WorldArgs;
+
+#[derive(Debug, clap::Args)]
+pub struct SimArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// Run this scenario only; repeatable.
+    #[arg(long = "scenario", value_name = "NAME")]
+    pub scenarios: Vec<String>,
+    /// Write NAME.csv (or .mcap, .parquet) for each scenario into this folder; without it, print a summary.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// The format of the files; repeatable.
+    #[arg(long = "format", value_name = "FORMAT", value_enum, default_value = "csv")]
+    pub formats: Vec<Format>,
+}
+
+/// A file format for runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// One line a sample, SI units in the header.
+    Csv,
+    /// A log, with the world and its certificate, as Foxglove and PlotJuggler read it.
+    Mcap,
+    /// A table, units in the columns' metadata.
+    Parquet,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ReportArgs {
+    /// The world files; - is standard input, @NAME a built-in world (hapt worlds lists them).
+    #[arg(value_name = "WORLD", required = true)]
+    pub worlds: Vec<PathBuf>,
+    /// Override a key of every world by its dotted path, such as loop.period=2ms; repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// Write NAME.html, NAME-FIGURE.svg and live/NAME.html, a page to grab it on, for each world into this folder, and index.html for
+    /// several.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct PlotArgs {
+    /// A run as hapt sim --out writes it, or a log; - is standard input.
+    #[arg(value_name = "CSV or LOG")]
+    pub csv: PathBuf,
+    /// The motor's limit, such as '822.25 N mm', to draw in and to mark what goes beyond; a log knows its own.
+    #[arg(long, value_name = "Q")]
+    pub limit: Option<String>,
+    /// Write the figure here; without it, to standard output.
+    #[arg(long, value_name = "FILE.svg")]
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ReplayArgs {
+    /// A log of hapt sim, hapt run or hapt live; - is standard input.
+    #[arg(value_name = "LOG")]
+    pub log: PathBuf,
+    /// Print the outcome as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ConvertArgs {
+    /// A log of hapt sim, hapt run or hapt live; - is standard input.
+    #[arg(value_name = "LOG")]
+    pub log: PathBuf,
+    /// Write it here: FILE.csv, FILE.parquet or FILE.mcap.
+    #[arg(short, long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Only the samples of this plan: worlds are numbered from 0, one more with each change while the loop ran.
+    #[arg(long, value_name = "N")]
+    pub plan: Option<u32>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct SweepArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// A key and its values, such as loop.period=1ms..10ms:50, or :50:log for equal ratios; repeatable, the last varies fastest.
+    #[arg(long = "vary", value_name = "KEY=FROM..TO:N[:log]", required = true)]
+    pub axes: Vec<String>,
+    /// What to measure: names with commas between; --measure help lists them.
+    #[arg(long = "measure", value_name = "NAME,...", value_delimiter = ',', required = true)]
+    pub measures: Vec<String>,
+    /// The scenario that is run, where the world has several.
+    #[arg(long, value_name = "NAME")]
+    pub scenario: Option<String>,
+    /// Write the table here: FILE.csv or FILE.parquet.
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Draw the first measure: a curve over one axis, a map over two.
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    /// Go on where the same sweep into the same file was interrupted.
+    #[arg(long)]
+    pub resume: bool,
+    /// Threads; all cores without it. The bytes are the same.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+}

@@ -1,0 +1,107 @@
+//! What the commands take that judge a loop, or make one.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+
+use super::WorldArgs;
+
+#[derive(Debug, clap::Args)]
+pub struct CheckArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// Do not look for what would certify it, or for its margins.
+    #[arg(long)]
+    pub no_remedies: bool,
+    /// Print the numbers as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct DesignArgs {
+    /// How far the wheel is turned, such as '45 deg'.
+    #[arg(long, value_name = "Q")]
+    pub travel: String,
+    /// The torque asked for there, such as '800 N mm'.
+    #[arg(long, value_name = "Q")]
+    pub torque: String,
+    /// The natural frequency of the virtual wheel, such as '1 Hz'.
+    #[arg(long, value_name = "Q")]
+    pub frequency: String,
+    /// The loop's period.
+    #[arg(long, value_name = "Q", default_value = "1 ms")]
+    pub period: String,
+    /// Print the numbers as JSON instead of a world file.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct WorstArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// Write the world with the scenario `worst` here; without it, the scenario is printed.
+    #[arg(long, value_name = "FILE.toml")]
+    pub out: Option<PathBuf>,
+    /// Print the numbers as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ImpedanceArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// The lowest frequency; without it, below the slowest swing of the world.
+    #[arg(long, value_name = "HZ")]
+    pub from: Option<String>,
+    /// The highest frequency; without it, half of the sampling rate.
+    #[arg(long, value_name = "HZ")]
+    pub to: Option<String>,
+    /// Rows, equal ratios apart: 200; dampers of a Z-width: 80.
+    #[arg(long, value_name = "N")]
+    pub points: Option<usize>,
+    /// On which slope nonlinear couplings are taken.
+    #[arg(long, value_name = "WHICH", value_enum, default_value = "steep")]
+    pub slopes: SlopesArg,
+    /// In place of the world, the springs and dampers to ground that the device can stand for, passive and stable let go.
+    #[arg(long, conflicts_with_all = ["from", "to", "slopes"])]
+    pub z_width: bool,
+    /// Write the rows here, and print no summary.
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+    /// Draw them.
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    /// Print the numbers as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The slope of a wall, a detent or a bristle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SlopesArg {
+    /// The steepest rise: a wall is touched.
+    Steep,
+    /// None: no wall is touched.
+    Flat,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct BoundaryArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// A key and its range, such as loop.period=1ms..10ms, or 1ms..10ms:log; twice: to the right, and up.
+    #[arg(long = "vary", value_name = "KEY=FROM..TO[:log]", required = true)]
+    pub axes: Vec<String>,
+    /// Whose edges: held, free, passive, with commas between.
+    #[arg(long = "of", value_name = "NAME,...", value_delimiter = ',', default_value = "held,free,passive")]
+    pub claims: Vec<String>,
+    /// Write the edges' points here; without it, to standard output.
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+    /// Draw the plane, each side of each edge in its colour.
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+}

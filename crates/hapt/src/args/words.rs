@@ -1,0 +1,34 @@
+//! What the commands take that say how hapt is used.
+
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub struct InitArgs {
+    /// The folder for world.toml and hapt.schema.json; made when it is not there.
+    #[arg(value_name = "DIR", default_value = ".")]
+    pub folder: PathBuf,
+    /// What to start from: spring-mass, wall, detents, damper, inertia, friction, end-stops or two-wheels.
+    #[arg(long, value_name = "NAME", default_value = "spring-mass")]
+    pub template: String,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ExplainArgs {
+    /// A word from a message or a verdict, such as growth; without it, the list of topics.
+    #[arg(value_name = "TOPIC")]
+    pub topic: Option<String>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct CompletionsArgs {
+    /// The shell.
+    #[arg(value_name = "SHELL", value_enum)]
+    pub shell: clap_complete::Shell,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct ManArgs {
+    /// Write hapt.1 and a page for each command into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
