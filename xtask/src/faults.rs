@@ -16,7 +16,7 @@ use fastrand::Rng;
 use hapt_core::{Guarding, Phase, Reason};
 use rayon::prelude::*;
 
-use crate::marked;
+use crate::{marked, words};
 use bench::Hand;
 use kinds::Kind;
 use rig::Rig;
@@ -44,21 +44,9 @@ struct Trial {
 
 /// `[--n N] [--clean SAMPLES] [--seed S] [--write]`
 pub fn command(words: &[&str]) -> Result<()> {
-    let (mut n, mut clean, mut seed, mut write) = (10_000, 1e8, 1, false);
-    let mut words = words.iter();
-    while let Some(word) = words.next() {
-        let mut number = || -> Result<f64> {
-            let text = words.next().with_context(|| format!("{word} takes a number"))?;
-            text.parse().with_context(|| format!("{text} is no number"))
-        };
-        match *word {
-            "--n" => n = number()? as u64,
-            "--clean" => clean = number()?,
-            "--seed" => seed = number()? as u64,
-            "--write" => write = true,
-            _ => bail!("faults takes --n N, --clean SAMPLES, --seed S and --write, not {word}"),
-        }
-    }
+    let (mut n, mut clean, mut seed) = (1e4, 1e8, 1.0);
+    let write = words::numbers(words, &mut [("--n", &mut n), ("--clean", &mut clean), ("--seed", &mut seed)])?;
+    let (n, seed) = (n as u64, seed as u64);
     let started = Instant::now();
     let trials = campaign(n, seed)?;
     let runs = (clean / CLEAN as f64).ceil() as u64;

@@ -24,7 +24,7 @@ pub fn drives() -> Result<()> {
         println!("SKIPPED: the drives on a CAN bus want {missing}, as root on Debian; with CI=1 they are installed");
         return Ok(());
     }
-    let test = built("hapt-drive", "vcan")?;
+    let test = built("vcan")?;
     let line = format!(
         "ip link add vcan0 type vcan && ip link set vcan0 mtu 72 && ip link set vcan0 up && \
          HAPT_CAN=vcan0 {} --nocapture --test-threads=1",
@@ -62,10 +62,10 @@ fn missing() -> Result<Option<String>> {
     Ok(None)
 }
 
-/// The program of a test, built.
-fn built(package: &str, test: &str) -> Result<PathBuf> {
+/// The program of a test, built. With the whole workspace chosen, it and all below it are those of its other tests: built already.
+fn built(test: &str) -> Result<PathBuf> {
     let said = Command::new(env!("CARGO"))
-        .args(["test", "--quiet", "--package", package, "--test", test, "--no-run", "--message-format", "json"])
+        .args(["test", "--quiet", "--workspace", "--test", test, "--no-run", "--message-format", "json"])
         .output()?;
     ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
     let program = String::from_utf8_lossy(&said.stdout)
@@ -73,5 +73,5 @@ fn built(package: &str, test: &str) -> Result<PathBuf> {
         .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
         .filter(|message| message["target"]["name"] == test)
         .find_map(|message| message["executable"].as_str().map(PathBuf::from));
-    program.with_context(|| format!("{package} has no test {test}"))
+    program.with_context(|| format!("there is no test {test}"))
 }

@@ -16,6 +16,7 @@ mod reference;
 mod supply;
 mod test;
 mod truth;
+mod words;
 
 use std::path::PathBuf;
 
@@ -56,6 +57,8 @@ fn main() -> Result<()> {
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["page"] => page::build(),
+        // The step of the tests, which runs beside others.
+        ["firmware", "holds"] => firmware::holds(),
         ["firmware", ref arguments @ ..] => firmware::command(arguments),
         ["faults", ref arguments @ ..] => faults::command(arguments),
         ["identify", ref arguments @ ..] => identify::command(arguments),

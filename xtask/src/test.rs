@@ -1,14 +1,24 @@
 //! `cargo xtask test`: everything that has to hold before a change lands.
+//!
+//! Every test runs in debug, where overflow and assertions are checked. What optimisation may break is looked at again:
+//! - The crates that the loop is made of ([`LOOP`]) run their tests in release too. What they claim is bits, allocations and waits.
+//! - The program that ships, optimised across its crates, runs all tests of the command line, every world (the bytes are those of
+//!   debug), the page in a browser, and the book.
+//!
+//! The other crates' own tests are not run a second time: they claim what one language means in both builds.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{book, faults, figure, firmware, fuzz, guest, identify, memory, notes, page, supply, truth};
+use crate::{book, faults, figure, fuzz, guest, identify, memory, notes, page, supply, truth};
+
+/// What runs between two samples: from the encoder's count to the motor's torque, on the exact device, and on a board.
+const LOOP: [&str; 6] = ["hapt-core", "hapt-plant", "hapt-rt", "hapt-sim", "hapt-station", "hapt-wire"];
 
 /// What has passed and failed so far.
 struct Tally {
@@ -23,11 +33,15 @@ pub fn run() -> Result<()> {
     let mut tally = Tally { passed: 0, failed: 0, since: started };
     tally.step("format", cargo("fmt --all --check", ""));
     tally.step("lints", cargo("clippy --workspace --all-targets -- -D warnings", ""));
-    tally.tests("tests in debug", "test --workspace")?;
-    tally.tests("tests in release", "test --workspace --profile tested")?;
+    tally.tests("tests in debug", &mut tests(&["--workspace"]))?;
+    let packages = LOOP.map(|package| ["--package", package]).concat();
+    tally.tests("tests of the loop in release", tests(&["--profile", "tested"]).args(packages))?;
     tally.step("documentation", cargo("doc --workspace --no-deps", "-D warnings"));
-    tally
-        .step("binaries", cargo("build --package hapt", "").and_then(|()| cargo("build --package hapt --release", "")));
+    // Debug's program is there: its tests wanted it.
+    tally.step("the program that ships", cargo("build --package hapt --release", ""));
+    let program = std::path::absolute(binary("release").get_program())?;
+    let mut with_it = tests(&["--workspace", "--test", "cli", "--test", "bad_inputs"]);
+    tally.tests("tests of the command line with it", with_it.env("HAPT_PROGRAM", program))?;
     for world in worlds(Path::new("worlds"))? {
         tally.step(&world.display().to_string(), same_bytes(&world));
     }
@@ -36,7 +50,8 @@ pub fn run() -> Result<()> {
     tally.step("the page is what its sources build to", page::is_current());
     tally.step("the page works in a browser", page::works());
     tally.step("drives on a CAN bus", guest::drives());
-    tally.step("the firmware holds on emulated boards", firmware::holds());
+    // Only here: the steps above may install packages, which one alone can do at a time.
+    let firmware = Beside::start("target/firmware.log", &["firmware", "holds"])?;
     tally.step("fuzzing finds nothing in a few seconds", fuzz::is_quiet());
     tally.step("the certificate holds against brute force", truth::holds());
     tally.step("the supervisor catches faults, and nothing else", faults::are_caught());
@@ -50,6 +65,7 @@ pub fn run() -> Result<()> {
     for page in book::pages()? {
         tally.step(&page.display().to_string(), book::is_current(&page));
     }
+    tally.step("the firmware holds on emulated boards", firmware.end());
     println!("\n{:.0} s", started.elapsed().as_secs_f64());
     println!("{} passed, {} failed", tally.passed, tally.failed);
     // The count is the last word: an error would print after it.
@@ -78,12 +94,8 @@ impl Tally {
     }
 
     /// The tests of cargo, each counted; a test program that fails without a count is one failure.
-    fn tests(&mut self, name: &str, arguments: &str) -> Result<()> {
-        let mut child = Command::new(env!("CARGO"))
-            .args(arguments.split_whitespace())
-            .args(["--no-fail-fast"])
-            .stdout(Stdio::piped())
-            .spawn()?;
+    fn tests(&mut self, name: &str, command: &mut Command) -> Result<()> {
+        let mut child = command.stdout(Stdio::piped()).spawn()?;
         let (passed, failed) = (self.passed, self.failed);
         for line in BufReader::new(child.stdout.take().context("no output")?).lines() {
             let line = line?;
@@ -102,6 +114,46 @@ impl Tally {
         println!("{verdict} {took:4.0} s  {name}: {} passed, {} failed", self.passed - passed, self.failed - failed);
         Ok(())
     }
+}
+
+/// A command of xtask beside the steps that follow, which leave a core to it as it leaves one to them. What it says is kept until
+/// its end.
+struct Beside {
+    child: Child,
+    log: &'static str,
+    since: Instant,
+}
+
+impl Beside {
+    fn start(log: &'static str, arguments: &[&str]) -> Result<Beside> {
+        fs::create_dir_all("target")?;
+        let said = fs::File::create(log)?;
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(arguments).stdin(Stdio::null()).stdout(said.try_clone()?).stderr(said);
+        Ok(Beside { child: command.spawn()?, log, since: Instant::now() })
+    }
+
+    fn end(mut self) -> Result<()> {
+        let status = self.child.wait()?;
+        print!("{}", fs::read_to_string(self.log)?);
+        println!("        (it took up to {:.0} s, beside the steps above)", self.since.elapsed().as_secs_f64());
+        ensure!(status.success(), "it ends with {status}");
+        Ok(())
+    }
+}
+
+impl Drop for Beside {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// cargo's tests, all of them even where one fails.
+fn tests(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO"));
+    command.args(["test", "--no-fail-fast"]).args(arguments);
+    command
 }
 
 /// The number before `word` in "ok. 5 passed; 0 failed; ...".
@@ -135,7 +187,7 @@ pub fn worlds(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Debug and release write the same bytes of every scenario, and release does so twice.
+/// Debug and release write the same bytes of every scenario and of the verdict, and release does so twice.
 fn same_bytes(world: &Path) -> Result<()> {
     let scratch = PathBuf::from("target/worlds");
     let mut runs = Vec::new();
@@ -153,13 +205,14 @@ fn same_bytes(world: &Path) -> Result<()> {
         }
         files.sort();
         ensure!(!files.is_empty(), "no scenario was run");
+        let check = binary(build).arg("check").arg(world).arg("--json").output()?;
+        let code = check.status.code().context("check was ended by a signal")?;
+        ensure!(code == 0 || code == 1, "check ends with {code}");
+        files.push(("the verdict".into(), check.stdout));
         runs.push(files);
     }
     ensure!(runs[0] == runs[1], "debug and release differ");
     ensure!(runs[1] == runs[2], "two runs differ");
-    let check = binary("release").arg("check").arg(world).output()?;
-    let code = check.status.code().context("check was ended by a signal")?;
-    ensure!(code == 0 || code == 1, "check ends with {code}");
     Ok(())
 }
 

@@ -12,7 +12,7 @@ use std::ops::AddAssign;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use brute::{At, Motion};
 use fastrand::Rng;
 use hapt_analysis::held::MARGINAL;
@@ -20,7 +20,7 @@ use hapt_analysis::{Error, breaking_damping, free_growth, held_growth, passivity
 use hapt_model::World;
 use rayon::prelude::*;
 
-use crate::marked;
+use crate::{marked, words};
 
 const PAGE: &str = "docs/truth.md";
 /// So many loops at a time; between them a campaign says how far it is, and looks at the clock.
@@ -116,23 +116,11 @@ impl AddAssign for Found {
 
 /// `[--n N] [--seed S] [--minutes M] [--write]`
 pub fn command(words: &[&str]) -> Result<()> {
-    let (mut n, mut seed, mut minutes, mut write) = (1000, 1, u64::MAX, false);
-    let mut words = words.iter();
-    while let Some(word) = words.next() {
-        let mut number = || -> Result<u64> {
-            let value = words.next().with_context(|| format!("{word} takes a number"))?;
-            value.parse().with_context(|| format!("{word} {value}"))
-        };
-        match *word {
-            "--n" => n = number()?,
-            "--seed" => seed = number()?,
-            "--minutes" => minutes = number()?,
-            "--write" => write = true,
-            _ => bail!("cargo xtask truth [--n N] [--seed S] [--minutes M] [--write]"),
-        }
-    }
+    let (mut n, mut seed, mut minutes) = (1000.0, 1.0, f64::INFINITY);
+    let write = words::numbers(words, &mut [("--n", &mut n), ("--seed", &mut seed), ("--minutes", &mut minutes)])?;
+    let (n, seed) = (n as u64, seed as u64);
     let started = Instant::now();
-    let text = table(&mut campaign(seed, n, Duration::from_secs(minutes.saturating_mul(60)))?, seed);
+    let text = table(&mut campaign(seed, n, Duration::from_secs((60.0 * minutes) as u64))?, seed);
     print!("{text}");
     eprintln!("{:.0} s", started.elapsed().as_secs_f64());
     if write {

@@ -73,6 +73,27 @@ pub fn steady(mut run: impl FnMut() -> Ended) -> Ended {
     ended
 }
 
+/// The first of ten runs that comes to full torque, under way.
+#[cfg(target_os = "linux")]
+pub fn at_full_torque<A: AsRef<OsStr>>(folder: &Path, args: &[A]) -> Running {
+    for _ in 0..10 {
+        let mut run = Running::start(program(folder, args));
+        if run.comes_to("full torque", |_, err| err.contains("at full torque")) {
+            return run;
+        }
+        let ended = run.end();
+        assert_eq!(ended.code, Some(3), "{ended:?}");
+    }
+    panic!("ten runs have ended before full torque");
+}
+
+/// The first of ten answers that has this word: a drive on a machine that stands still is silent for longer than anybody waits.
+#[cfg(target_os = "linux")]
+pub fn answer(word: &str, run: impl Fn() -> Ended) -> Ended {
+    let mut answers = std::iter::repeat_with(run).take(10);
+    answers.find(|ended| ended.err.contains(word)).unwrap_or_else(|| panic!("ten answers without {word:?}"))
+}
+
 impl Ended {
     /// It did what was asked for.
     #[track_caller]
@@ -101,9 +122,23 @@ impl Ended {
     }
 }
 
+/// The program that is tested: this build's, or the one that HAPT_PROGRAM names, as `cargo xtask test` does with the one that ships.
+pub fn binary() -> PathBuf {
+    std::env::var_os("HAPT_PROGRAM").map_or_else(|| env!("CARGO_BIN_EXE_hapt").into(), PathBuf::from)
+}
+
+/// A line of shell in this folder, for which the program is `hapt`.
+#[cfg(unix)]
+pub fn shell(folder: &Path, line: &str) -> Command {
+    let path = format!("{}:{}", binary().parent().unwrap().display(), std::env::var("PATH").unwrap_or_default());
+    let mut shell = Command::new("sh");
+    shell.args(["-c", line]).current_dir(folder).env("PATH", path);
+    shell
+}
+
 /// The program, in this folder, its standard input empty.
 pub fn program<A: AsRef<OsStr>>(folder: &Path, args: impl IntoIterator<Item = A>) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hapt"));
+    let mut command = Command::new(binary());
     command.current_dir(folder).args(args).stdin(Stdio::null());
     // Whoever runs the tests may like colours and narrow pages.
     command.env_remove("CLICOLOR_FORCE").env_remove("COLUMNS");
@@ -153,14 +188,23 @@ impl Running {
 
     /// Waits until `seen` of what it has said on standard output and on standard error.
     #[track_caller]
-    pub fn until(&mut self, what: &str, mut seen: impl FnMut(&str, &str) -> bool) {
+    pub fn until(&mut self, what: &str, seen: impl FnMut(&str, &str) -> bool) {
+        let comes = self.comes_to(what, seen);
+        assert!(comes, "ended with {:?} before {what}: {}", self.child.try_wait().unwrap(), self.err.text());
+    }
+
+    /// The same; whether it came to that, or ended before.
+    #[track_caller]
+    pub fn comes_to(&mut self, what: &str, mut seen: impl FnMut(&str, &str) -> bool) -> bool {
         let start = Instant::now();
         while !seen(&self.out.text(), &self.err.text()) {
-            let ended = self.child.try_wait().unwrap();
-            assert!(ended.is_none(), "ended with {ended:?} before {what}: {}", self.err.text());
+            if self.child.try_wait().unwrap().is_some() {
+                return false;
+            }
             assert!(start.elapsed() < PATIENCE, "waited too long for {what}");
             thread::sleep(Duration::from_millis(5));
         }
+        true
     }
 
     /// Sends a signal, such as "INT".

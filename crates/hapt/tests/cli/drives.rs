@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::common::{Running, drive, folder, hapt, program, steady};
+use crate::common::{answer, at_full_torque, drive, folder, hapt, steady};
 
 /// A spring that this device certifies, at a period that the busiest machine keeps.
 const SLOW: &str = r#"title = "slow wheel"
@@ -48,8 +48,7 @@ fn a_certified_world_runs_on_a_simulated_drive_and_its_log_replays_to_the_bit() 
 fn a_drive_that_is_taken_away_ends_the_run_with_code_three() {
     let at = folder(&[("w.toml", SLOW)]);
     let (drive, device) = drive(at.path(), "moteus", &["--lockstep"]);
-    let mut run = Running::start(program(at.path(), ["run", "w.toml", "--device", &device]));
-    run.until("it runs", |_, err| err.contains("at full torque"));
+    let run = at_full_torque(at.path(), &["run", "w.toml", "--device", &device]);
     drive.signal("KILL");
     let ended = run.end();
     assert_eq!(ended.code, Some(3), "{ended:?}");
@@ -62,8 +61,7 @@ fn an_interrupted_run_leaves_the_drive_ready_for_the_next() {
     let (_drive, device) = drive(at.path(), "moteus", &["--id", "5"]);
     let device = format!("{device}#5");
     for _ in 0..2 {
-        let mut run = Running::start(program(at.path(), ["run", "w.toml", "--device", &device]));
-        run.until("it runs", |_, err| err.contains("at full torque"));
+        let run = at_full_torque(at.path(), &["run", "w.toml", "--device", &device]);
         run.signal("INT");
         let ended = run.end();
         assert_eq!(ended.code, Some(130), "{ended:?}");
@@ -80,7 +78,7 @@ fn a_drive_that_is_not_there_is_said_to_be_so() {
     run("moteus:no-such-can").refused(3, &["cannot open no-such-can"]);
     hapt(at.path(), ["simulate-drive", "moteus", "--can", "no-such-can"]).refused(3, &["no-such-can"]);
     let (_drive, device) = drive(at.path(), "moteus", &["--id", "9"]);
-    run(&device).refused(3, &["the moteus with id 1", "does not answer", "#9"]);
+    answer("#9", || run(&device)).refused(3, &["the moteus with id 1", "does not answer", "#9"]);
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, pipe};
 use std::path::Path;
 use std::process::Stdio;
 
-use crate::common::{Running, Table, WHEEL, folder, hapt, names, program, shipped};
+use crate::common::{Running, Table, WHEEL, binary, folder, hapt, names, program, shipped};
 
 /// A run of ten thousand million samples: as long as nobody ends it.
 const ENDLESS: [&str; 4] = ["--set", "loop.period=1 us", "--set", "scenarios.step.duration=9999 s"];
@@ -208,7 +208,7 @@ mod signals {
         // What may be written to a file ends at a few KiB; the signal that comes with it is left aside.
         let limited = |folder: &Path| {
             let mut shell = Command::new("sh");
-            shell.args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_hapt")]);
+            shell.args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\""]).arg(binary());
             shell.args(["sim", "w.toml", "--out", "out"]).current_dir(folder).stdin(Stdio::null());
             Running::start(shell).end()
         };
@@ -273,7 +273,7 @@ mod linux {
         fs::create_dir(at.join("small")).unwrap();
         let script = format!("mount -t tmpfs -o size=64k small small || exit 77\n{script}");
         let mut unshare = Command::new("unshare");
-        unshare.args(["--map-root-user", "--mount", "sh", "-c", &script, env!("CARGO_BIN_EXE_hapt")]);
+        unshare.args(["--map-root-user", "--mount", "sh", "-c", &script]).arg(binary());
         unshare.current_dir(at).stdin(Stdio::null());
         let possible = Command::new("unshare").args(["--map-root-user", "--mount", "true"]).output();
         if possible.is_ok_and(|output| output.status.success()) {

@@ -227,20 +227,16 @@ fn the_words_of_verdicts_loops_and_methods_are_topics() {
 #[cfg(unix)]
 #[test]
 fn every_command_in_an_explanation_runs_and_prints_what_stands_beside_it() {
-    use std::process::Command;
+    use crate::common::shell;
 
     let at = folder(&[]);
-    let binary = Path::new(env!("CARGO_BIN_EXE_hapt")).parent().unwrap();
-    let path = format!("{}:{}", binary.display(), std::env::var("PATH").unwrap_or_default());
     for topic in topics() {
         let text = printed(&["explain", &topic]);
         let commands = text.lines().filter_map(|line| line.strip_prefix("  ").filter(|line| line.starts_with("hapt ")));
         let mut count = 0;
         for line in commands {
             let (line, shown) = line.split_once("   ").unwrap_or((line, ""));
-            let mut shell = Command::new("sh");
-            shell.args(["-c", line]).current_dir(at.path()).env("PATH", &path);
-            let ended = Running::start(shell).end();
+            let ended = Running::start(shell(at.path(), line)).end();
             // Behind a pipe the code is the reader's.
             let refused = !line.contains('|') && ended.out.contains("\nverdict   not certified");
             assert_eq!(ended.code, Some(i32::from(refused)), "{topic}: {line}: {ended:?}");

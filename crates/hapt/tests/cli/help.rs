@@ -103,14 +103,10 @@ fn the_version_is_the_packages() {
 #[cfg(unix)]
 #[test]
 fn every_example_runs_as_it_stands() {
-    use std::process::Command;
-
-    use crate::common::{WHEEL, folder, worlds};
+    use crate::common::{WHEEL, folder, shell, worlds};
 
     let at = folder(&[("wheel.toml", WHEEL)]);
     std::os::unix::fs::symlink(worlds(), at.path().join("worlds")).unwrap();
-    let binary = Path::new(env!("CARGO_BIN_EXE_hapt")).parent().unwrap();
-    let path = format!("{}:{}", binary.display(), std::env::var("PATH").unwrap_or_default());
 
     let mut lines = examples(&help(&["--help"]));
     lines.extend(COMMANDS.iter().flat_map(|command| examples(&help(&[command, "--help"]))));
@@ -120,9 +116,7 @@ fn every_example_runs_as_it_stands() {
     assert!(lines.len() > 12, "{lines:?}");
     // What runs until it is ended, and what wants a board, has tests of its own.
     for line in lines.into_iter().filter(|line| !line.starts_with("hapt live") && !line.contains(" hapt:")) {
-        let mut shell = Command::new("sh");
-        shell.args(["-c", &line]).current_dir(at.path()).env("PATH", &path);
-        let ended = Running::start(shell).end();
+        let ended = Running::start(shell(at.path(), &line)).end();
         let refused = line.contains("check")
             && (ended.out.contains("\nverdict   not certified") || ended.out.contains("\"certified\": false"));
         assert_eq!(ended.code, Some(i32::from(refused)), "{line}: {ended:?}");

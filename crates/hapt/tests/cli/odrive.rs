@@ -1,7 +1,7 @@
 //! An ODrive at the end of a serial port, behind an slcan adapter: `hapt simulate-drive odrive`, and `hapt run` on one.
 #![cfg(target_os = "linux")]
 
-use crate::common::{Running, drive, folder, hapt, program, steady};
+use crate::common::{answer, at_full_torque, drive, folder, hapt, steady};
 
 /// A spring that this device certifies, at a period that a busy machine keeps and the drive's watchdog bears.
 const SLOW: &str = r#"title = "slow wheel"
@@ -29,8 +29,7 @@ fn a_certified_world_runs_on_a_simulated_odrive_also_after_one_that_was_killed()
     let at = folder(&[("w.toml", SLOW)]);
     let (_drive, device) = drive(at.path(), "odrive", &["--lockstep"]);
     let killed = {
-        let mut run = Running::start(program(at.path(), ["run", "w.toml", "--device", &device]));
-        run.until("it runs", |_, err| err.contains("at full torque"));
+        let run = at_full_torque(at.path(), &["run", "w.toml", "--device", &device]);
         run.signal("KILL");
         run.end()
     };
@@ -48,5 +47,6 @@ fn an_odrive_that_is_not_there_is_said_to_be_so() {
     run("odrive:/dev/no-such-port").refused(3, &["cannot open /dev/no-such-port", "No such file"]);
     run("odrive:no-such-can").refused(3, &["cannot open no-such-can"]);
     let (_drive, device) = drive(at.path(), "odrive", &["--lockstep", "--id", "9"]);
-    run(&device).refused(3, &["the ODrive with node_id 1", "does not answer", "but from 9", "#ID"]);
+    answer("but from 9", || run(&device))
+        .refused(3, &["the ODrive with node_id 1", "does not answer", "but from 9", "#ID"]);
 }

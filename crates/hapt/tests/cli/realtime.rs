@@ -8,7 +8,7 @@ use hapt_log::{Log, LogWriter};
 use hapt_rt::{Plan, Snapshot};
 use serde_json::Value;
 
-use crate::common::{Running, WHEEL, folder, hapt, near, program};
+use crate::common::{Running, WHEEL, binary, folder, hapt, near, program};
 
 /// The wheel with a motor that is asked for more than there is, and a puck that nothing holds.
 const RUNAWAY: &str = r#"
@@ -157,16 +157,8 @@ fn the_latency_comes_as_a_table_and_as_numbers() {
 fn the_loops_thread_makes_one_system_call_a_sample_and_it_is_the_sleep() {
     let at = folder(&[("w.toml", WHEEL)]);
     let mut strace = Command::new("strace");
-    strace.current_dir(at.path()).args([
-        "-f",
-        "-o",
-        "calls",
-        env!("CARGO_BIN_EXE_hapt"),
-        "run",
-        "w.toml",
-        "--scenario",
-        "step",
-    ]);
+    strace.current_dir(at.path()).args(["-f", "-o", "calls"]).arg(binary());
+    strace.args(["run", "w.toml", "--scenario", "step"]);
     let Some(out) = strace.output().ok().filter(|out| out.status.success()) else {
         println!("SKIPPED: there is no strace here, or it may not look");
         return;

@@ -109,7 +109,8 @@ mod interrupted {
     use super::*;
     use crate::common::{Running, program};
 
-    const LONG: &str = "sweep w.toml --set scenarios.step.duration=20s --vary device.damping=0..1:300 --measure peak_torque --out t.csv";
+    /// Long enough that a machine that stands still for a moment does not miss it.
+    const LONG: &str = "sweep w.toml --set scenarios.step.duration=100s --vary device.damping=0..1:300 --measure peak_torque --out t.csv";
 
     fn partial(at: &Path) -> Option<String> {
         names(at).into_iter().find(|name| name.ends_with(".partial"))
@@ -149,7 +150,7 @@ mod interrupted {
         running.signal("TERM");
         assert_eq!(running.end().code, Some(143));
         let kept = partial(at.path()).unwrap();
-        let other = LONG.replace("20s", "1s");
+        let other = LONG.replace("100s", "1s");
         let ended = hapt(at.path(), other.split_whitespace().chain(["--resume"]));
         assert_eq!(ended.code, Some(0), "{ended:?}");
         assert!(ended.err.contains("nothing to go on from"), "{ended:?}");

@@ -1,8 +1,6 @@
 //! The physical puck between the samples, against closed forms and conservation laws.
 
-mod common;
-
-use common::{bare, rows, scenario, spring, step};
+use crate::common::{self, bare, rows, scenario, spring, step};
 use hapt_model::*;
 use hapt_sim::{Row, Simulation};
 use proptest::prelude::*;

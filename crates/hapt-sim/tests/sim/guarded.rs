@@ -1,8 +1,6 @@
 //! The supervisor on the exact device: the notes' runs pass, what runs away is caught, signs are told, energies agree.
 
-mod common;
-
-use common::{bare, spring, wheel};
+use crate::common::{bare, spring, wheel};
 use hapt_core::{Guarded, Guarding, Phase, Reading, Reason, Request, Watch};
 use hapt_model::{
     Body, Clampable, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Side, Source, World,

@@ -1,8 +1,6 @@
 //! A hand on the loop: the run grows as the eigenvalues say.
 
-mod common;
-
-use common::{scenario, spring, wheel};
+use crate::common::{scenario, spring, wheel};
 use hapt_analysis::{Grip, gripped_growth};
 use hapt_model::*;
 use hapt_sim::{Row, Simulation};

@@ -1,10 +1,8 @@
 //! Logs that were cut or damaged, and files that are none.
 
-mod common;
-
 use std::sync::LazyLock;
 
-use common::{WHEEL, bits, header, logged, rows, world};
+use crate::common::{self, WHEEL, bits, header, logged, rows, world};
 use hapt_log::{Ending, Error, Log, LogWriter, Origin};
 use hapt_sim::Row;
 use proptest::prelude::*;

@@ -1,5 +1,4 @@
 //! Random worlds, and their logs.
-#![allow(dead_code)]
 
 use hapt_log::{Header, Log, LogWriter, Origin};
 use hapt_model::{Source, World};

@@ -1,8 +1,6 @@
 //! A run in a lane is the run alone, to the bit.
 
-mod common;
-
-use common::*;
+use crate::common::*;
 use hapt_model::*;
 use hapt_sim::{Outcome, SIDE, Simulation, Summary, side_by_side};
 use proptest::prelude::*;

@@ -1,10 +1,8 @@
 //! The errata of the notes, proved on the loop, the exact device and the worlds of worlds/notes; docs/notes.md cites them.
 
-mod common;
-
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
-use common::{INERTIA, STIFFNESS, rows, scenario, spring, step};
+use crate::common::{self, INERTIA, STIFFNESS, rows, scenario, spring, step};
 use hapt_analysis::{Continuous, Discrete, Slopes, Verdict, closed_form, held};
 use hapt_core::Loop;
 use hapt_model::*;

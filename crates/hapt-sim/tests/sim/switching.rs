@@ -1,10 +1,8 @@
 //! A hand that opens and takes hold again: where it leaves the puck, and that it is passive.
 
-mod common;
-
 use std::f64::consts::FRAC_PI_2;
 
-use common::{bare, rows, scenario, spring};
+use crate::common::{bare, rows, scenario, spring};
 use hapt_model::*;
 use hapt_sim::{Ledger, Row};
 use proptest::prelude::*;

@@ -1,8 +1,6 @@
 //! What goes into a log comes out of it, to the bit, and goes through the core again.
 
-mod common;
-
-use common::{WHEEL, bits, header, logged, rows, world, worlds};
+use crate::common::{WHEEL, bits, header, logged, rows, world, worlds};
 use hapt_log::{Ending, Header, Log, LogWriter, Origin, columns, descriptor, replay};
 use hapt_sim::{CsvWriter, Row};
 use proptest::prelude::*;

@@ -1,5 +1,4 @@
 //! Worlds made by hand, and runs collected.
-#![allow(dead_code)]
 
 use hapt_model::*;
 use hapt_sim::{Row, Simulation};

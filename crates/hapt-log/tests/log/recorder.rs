@@ -1,14 +1,12 @@
 //! The recorder: what it has written stays, what it cannot write it counts, and it never holds anybody up.
 
-mod common;
-
 use std::io::{self, BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
-use common::{WHEEL, header, world};
+use crate::common::{self, WHEEL, header, world};
 use hapt_core::{Guarding, Phase, Request};
 use hapt_log::{Ending, Error, Log, Recorder, Summary, columns, phase_name, replay};
 use hapt_rt::{BODIES, Engine, Order, Plan, Record, Simulated, Touch};
@@ -305,7 +303,7 @@ fn a_killed_recorder_leaves_what_it_had_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("killed.mcap");
     let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--exact", "a_recorder_at_work", "--ignored", "--nocapture"]).env("HAPT_LOG_PATH", &path);
+    command.args(["--exact", "recorder::a_recorder_at_work", "--ignored", "--nocapture"]).env("HAPT_LOG_PATH", &path);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let lines = BufReader::new(child.stderr.take().unwrap()).lines();
     let mut said = lines.map_while(Result::ok).filter_map(|line| line.strip_prefix("written ").map(String::from));

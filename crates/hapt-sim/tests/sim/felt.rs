@@ -1,11 +1,9 @@
 //! What the laboratory says a hand feels, and what the shipped loop does to a hand that swings: the fundamental of the motor's
 //! torque over whole periods of the hand.
 
-mod common;
-
 use std::f64::consts::{PI, TAU};
 
-use common::*;
+use crate::common::*;
 use hapt_analysis::{Felt, Slopes, held_growth};
 use hapt_model::*;
 use nalgebra::Complex;

@@ -1,8 +1,6 @@
 //! What the world stores, and what its torques do, are one thing.
 
-mod common;
-
-use common::{bare, rows, scenario, step};
+use crate::common::{self, bare, rows, scenario, step};
 use hapt_model::*;
 use hapt_sim::{Simulation, Summary, world_energy};
 use proptest::prelude::*;

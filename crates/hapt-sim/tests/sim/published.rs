@@ -3,11 +3,9 @@
 //! Barbagli and Salisbury 2006, "Stability of haptic rendering: discretization, quantization, time delay, and Coulomb effects",
 //! ibid. 22(2). Both: K ≤ min(2b/T, 2 f_c/Δ) for a device with damping b, friction f_c and counts of Δ.
 
-mod common;
-
 use std::f64::consts::TAU;
 
-use common::*;
+use crate::common::*;
 use hapt_model::*;
 use proptest::prelude::*;
 

@@ -1,8 +1,6 @@
 //! The notes' closed forms, met by the whole machine (loop, device, hand) at parameters drawn at random.
 
-mod common;
-
-use common::{bare, rows, scenario, spring, step};
+use crate::common::{self, bare, rows, scenario, spring, step};
 use hapt_analysis::closed_form;
 use hapt_model::*;
 use hapt_sim::Simulation;

@@ -1,8 +1,6 @@
 //! A log that begins anywhere in a loop's life, and goes on behind a gap: with the loop's state, its replay gives the same bits.
 
-mod common;
-
-use common::{WHEEL, header, world, worlds};
+use crate::common::{WHEEL, header, world, worlds};
 use hapt_core::{Guarding, Reason, Request};
 use hapt_log::{Error, Header, Log, LogWriter, Origin, Replay, replay};
 use hapt_model::World;

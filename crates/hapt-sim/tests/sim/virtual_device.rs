@@ -1,8 +1,6 @@
 //! The device on its own, with a hand that is told what to do as it goes.
 
-mod common;
-
-use common::{bare, rows, scenario};
+use crate::common::{bare, rows, scenario};
 use hapt_model::{Drive, Shape, World};
 use hapt_sim::{Grip, VirtualDevice, script};
 use proptest::prelude::*;
