@@ -22,6 +22,7 @@ pub fn run(bytes: &[u8]) -> u64 {
     for line in text.split('\n').take(HEARD) {
         let next = match Said::read(line) {
             Ok(Said::Set { key, value }) => bench.with(&key, &value),
+            Ok(Said::Sets { sets }) => bench.with_all(&sets),
             Ok(Said::Reset) => bench.reset(),
             Ok(said) => {
                 outcome = outcome.wrapping_mul(31) ^ messages::outcome(&std::mem::discriminant(&said));

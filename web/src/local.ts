@@ -1,7 +1,7 @@
 // The page without a server: the same messages, answered by hapt's own core as WebAssembly.
 
 import type { Listener, Peer } from "./link.ts";
-import { COLUMN, VERSION, type Frame, type Key, type Phase, type Status, type ToServer, type Verdict, type World } from "./protocol.ts";
+import { COLUMN, VERSION, type Frame, type Key, type Phase, type Sets, type Status, type ToServer, type Verdict, type World } from "./protocol.ts";
 
 /** What `hapt report` writes beside the page, as `window.hapt`. */
 export interface Recorded {
@@ -54,6 +54,9 @@ const ASLEEP = 0.3;
 const STATUS = 200;
 
 const bytes = (text: string): Uint8Array<ArrayBuffer> => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+
+/** A number of the core's, of which coupling or body, and what it is to be. */
+type Told = [slot: number, index: number, value: number];
 
 /** As a shell takes it. */
 const quoted = (word: string) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`);
@@ -111,7 +114,10 @@ export class Local implements Peer {
         this.begin(message.name);
         break;
       case "set":
-        this.set(message.key, message.value.trim());
+        this.set([[message.key, message.value]]);
+        break;
+      case "sets":
+        this.set(message.sets);
         break;
       case "reset":
         this.reset();
@@ -155,25 +161,46 @@ export class Local implements Peer {
     this.scenario = index >= 0 && this.core.begin(index) ? name : null;
   }
 
-  private set(path: string, value: string): void {
-    const key = this.world.keys.find((key) => key.path === path);
-    const slot = this.recorded.slots[path];
-    if (!key || !slot) return this.refuse(path, "Only `hapt live` can change this one.");
-    const [number, index, word] = slot;
-    const choice = key.choices?.indexOf(value) ?? -1;
-    const [, digits, unit] = /^([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*)$/.exec(value) ?? [];
-    const si = Number(digits) * (key.factor ?? 1);
-    if (choice < 0 && !(key.kind === "quantity" && unit === key.unit && Number.isFinite(si))) {
-      return this.refuse(path, key.unit ? `Without a server this takes a number and ${key.unit}, and no other unit.` : `This takes ${key.choices?.join(", ")}.`);
+  /** All of them, or none. */
+  private set(sets: Sets): void {
+    const numbers = sets.map(([path, value]) => this.number(path, value.trim()));
+    const refused = numbers.findIndex((number) => typeof number === "string");
+    if (refused >= 0) return this.refuse(sets[refused]![0], numbers[refused] as string);
+    const failed = numbers.findIndex((number) => !this.core.set(...(number as Told)));
+    if (failed >= 0) {
+      // Those before it are as they were.
+      for (const [path] of sets.slice(0, failed)) this.core.set(...(this.number(path, this.key(path)!.written) as Told));
+      return this.refuse(sets[failed]![0], `This loop cannot take ${sets[failed]![1]}.`);
     }
-    const done = choice < 0 ? this.core.set(number, index, si) : key.kind === "choice" ? this.core.set(number, index, choice) : word !== null && this.core.set(word, index, 0);
-    if (!done) return this.refuse(path, `This loop cannot take ${value}.`);
     this.world = { ...this.world, generation: this.world.generation + 1, keys: this.world.keys.map((key) => ({ ...key })), couplings: this.world.couplings.map((coupling) => ({ ...coupling })) };
-    this.write(path, value, choice < 0 ? si : null);
+    for (const [i, [path, value]] of sets.entries()) {
+      const key = this.key(path)!;
+      const isNumber = !key.choices?.includes(value.trim());
+      this.write(path, value.trim(), isNumber ? (numbers[i] as Told)[2] : null);
+    }
     // A method may have brought its output along.
-    const output = this.world.keys.find((key) => key.path === "loop.output")?.choices?.[this.core.output()];
+    const output = this.key("loop.output")?.choices?.[this.core.output()];
     if (output) this.write("loop.output", output, null);
     this.tell();
+  }
+
+  private key(path: string): Key | undefined {
+    return this.world.keys.find((key) => key.path === path);
+  }
+
+  /** What the core is told, or why it is not. */
+  private number(path: string, value: string): Told | string {
+    const key = this.key(path);
+    const slot = this.recorded.slots[path];
+    if (!key || !slot) return "Only `hapt live` can change this one.";
+    const [number, index, word] = slot;
+    const choice = key.choices?.indexOf(value) ?? -1;
+    if (choice >= 0 && key.kind === "choice") return [number, index, choice];
+    if (choice >= 0 && word !== null) return [word, index, 0];
+    const [, digits, unit] = /^([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*)$/.exec(value) ?? [];
+    const si = Number(digits) * (key.factor ?? 1);
+    if (key.kind === "quantity" && unit === key.unit && Number.isFinite(si)) return [number, index, si];
+    return key.unit ? `Without a server this takes a number and ${key.unit}, and no other unit.` : `This takes ${key.choices?.join(", ")}.`;
   }
 
   /** What has been set, where the page looks for it. */

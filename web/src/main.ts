@@ -46,8 +46,14 @@ const listener = { message, frame: arrived, connection };
 const link: Peer = recorded ? new Local(listener, recorded) : new Link(listener);
 const hand = new Hand(stage, link);
 const set = (key: string, value: string) => void link.send({ type: "set", key, value });
-const verdict = new VerdictCard(byId("sentences"), byId("verdict"), set);
+const verdict = new VerdictCard(byId("sentences"), byId("verdict"), (sets) => void link.send({ type: "sets", sets }), named);
 const knobs = new Knobs(byId("knobs"), { set, focus: (key) => void (desk.mine && link.send({ type: "focus", key })) });
+
+/** A key's name for people, and what it belongs to. */
+function named(path: string): [string, string] {
+  const key = world?.keys.find((key) => key.path === path);
+  return [key?.label ?? path, key?.group ?? ""];
+}
 
 function message(message: FromServer): void {
   switch (message.type) {
@@ -70,6 +76,7 @@ function message(message: FromServer): void {
     case "status":
       desk.status = message;
       timing.show(message);
+      document.body.classList.toggle("unclocked", message.timing === null);
       return showBar(desk);
     case "refused":
       if (!message.key || !knobs.refused(message.key, message.message)) fail(message.message);
@@ -141,6 +148,7 @@ function show(next: World): void {
 
 function experiments({ device, scenarios }: World): void {
   const played = device === SIMULATED ? scenarios : [];
+  byId("experiments").hidden = byId("scenarios").hidden = played.length === 0;
   byId("scenarios").replaceChildren(
     ...played.map(({ name, hand: kind, duration_s }) =>
       button(name, () => link.send({ type: "scenario", name: desk.status?.scenario === name ? null : name }), {

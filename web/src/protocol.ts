@@ -4,12 +4,16 @@ export const VERSION = 1;
 
 export type Order = "arm" | "disarm" | "clear" | "stop";
 
+/** Keys with their values as written, to be set together. */
+export type Sets = [key: string, value: string][];
+
 export type ToServer =
   | { type: "hello"; v: number; token?: string }
   | { type: "take" | "give" | "reset" | "alive" }
   | { type: "order"; order: Order }
   | { type: "hand"; grip: boolean; position: number }
   | { type: "set"; key: string; value: string }
+  | { type: "sets"; sets: Sets }
   | { type: "scenario"; name: string | null }
   | { type: "record"; on: boolean }
   | { type: "focus"; key: string };
@@ -81,7 +85,8 @@ export interface Verdict {
   required_damping: number | null;
   device_damping: number;
   notes?: string[];
-  remedies: { key?: string | null; value?: string | null; text: string }[] | null;
+  /** Without sets it takes a new coupling. */
+  remedies: { sets: Sets; text: string }[] | null;
   ms: number | null;
 }
 
@@ -122,7 +127,7 @@ export interface Status {
   warnings: string[];
   scenario: string | null;
   recording: { file: string; seconds: number; lost: number; error: string | null } | null;
-  /** `null`: there is no clock to keep. */
+  /** `null`: there is no clock to keep here. */
   timing: Punctuality | null;
   realtime: { fifo: boolean; locked: boolean; warning: string | null } | null;
   clients: number;

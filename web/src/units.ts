@@ -38,9 +38,9 @@ export function units(world: World): Units {
   };
 }
 
-/** "N mm/deg" as "N·mm/°". */
+/** "N mm/deg" as "N·mm/°", with a number before it or without. */
 export function pretty(unit: string): string {
-  return unit.replace(/\bdeg\b/g, "°").replace(/\bum\b/g, "µm").replace(/\bus\b/g, "µs").replace(/\^2/g, "²").replace(/ /g, "·");
+  return unit.replace(/\bdeg\b/g, "°").replace(/\bum\b/g, "µm").replace(/\bus\b/g, "µs").replace(/\^2/g, "²").replace(/(?<!\d) /g, "·");
 }
 
 /** To so many significant digits, without an exponent where that is short, with a true minus. */

@@ -1,24 +1,27 @@
 // The certificate in sentences, and remedies that a press applies.
 
 import { button, html } from "./dom.ts";
-import type { Verdict } from "./protocol.ts";
-import { number } from "./units.ts";
+import type { Sets, Verdict } from "./protocol.ts";
+import { number, pretty } from "./units.ts";
 
 const NAMES = { held: "held", free: "let go", passive: "any hand", quantisation: "encoder" } as const;
 
 export class VerdictCard {
   private readonly root: HTMLElement;
   private readonly heading: HTMLElement;
-  private readonly apply: (key: string, value: string) => void;
+  private readonly apply: (sets: Sets) => void;
+  /** What a key is called, and what it belongs to. */
+  private readonly named: (key: string) => [string, string];
   /** Folded as the visitor left it. */
   private readonly notes = html("details", { class: "notes soft" });
   private said = "";
 
   /** `heading` is announced by screen readers when its words change; the details beside it are not. */
-  constructor(root: HTMLElement, heading: HTMLElement, apply: (key: string, value: string) => void) {
+  constructor(root: HTMLElement, heading: HTMLElement, apply: (sets: Sets) => void, named: (key: string) => [string, string]) {
     this.root = root;
     this.heading = heading;
     this.apply = apply;
+    this.named = named;
   }
 
   show(verdict: Verdict): void {
@@ -60,11 +63,17 @@ export class VerdictCard {
   private remedies({ remedies, certified }: Verdict): HTMLElement {
     if (remedies === null) return html("p", { class: "soft" }, "Looking for remedies …");
     if (remedies.length === 0) return html("p", { class: "soft" }, certified ? "" : "No single number makes this loop certified.");
-    const rows = remedies.map(({ key, value, text }) =>
-      key && value
-        ? html("li", {}, button(text, () => this.apply(key, value), { class: "remedy", "data-key": key, title: `sets ${key} to ${value}` }))
-        : html("li", {}, html("code", {}, text.replace(/ {2,}#/g, "  #"))),
-    );
+    const rows = remedies.map(({ sets, text }) => {
+      if (sets.length === 0) return html("li", {}, html("code", {}, text.replace(/ {2,}#/g, "  #")));
+      const title = sets.map(([key, value]) => `sets ${key} to ${value}`).join("\n");
+      const line = ([key, value]: Sets[number]) => {
+        const [name, group] = this.named(key);
+        return `${name} ${pretty(value)} (${group})`;
+      };
+      const label = sets.map(line).join("\n");
+      const press = button(label, () => this.apply(sets), { class: "remedy", "data-key": sets.map(([key]) => key).join(" "), title });
+      return html("li", {}, press);
+    });
     const title = certified ? "Certified as far as each of these, one at a time" : "Any one of these makes it certified";
     return html("div", { class: "remedies" }, html("p", {}, title), html("ul", {}, ...rows));
   }

@@ -88,6 +88,7 @@ pub fn proposal(
             let (key, value) = match coupling.law.unclamped() {
                 Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => ("stiffness", stiffness),
                 Law::Detent { torque, .. } => ("torque", torque),
+                Law::Lugre { bristle_stiffness, .. } => ("bristle_stiffness", bristle_stiffness),
                 _ => continue,
             };
             let all = if world.couplings.len() > 1 {

@@ -43,6 +43,7 @@ mod actuate;
 #[cfg(feature = "serde")]
 mod array;
 mod branches;
+mod carry;
 mod compile;
 mod contact;
 mod error;

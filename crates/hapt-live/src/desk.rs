@@ -1,4 +1,4 @@
-//! The desk: the thread that owns the loop's engine. It hears what pages say, tells the loop, and tells the pages what the loop does.
+//! The desk: the thread that owns what runs the loop. It hears what pages say, tells the loop, and tells the pages what the loop does.
 //!
 //! Nothing here waits on anything but its own door, and that a few milliseconds at most: pages that do not read are shown out,
 //! certificates are computed elsewhere, and the loop itself runs on without the desk.
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use hapt_core::{Guarding, Phase, Reason, Request};
 use hapt_model::World;
-use hapt_rt::{End, Engine, Order, Plan, Record, Timing};
+use hapt_rt::{Record, Timing};
 use tokio::sync::mpsc::Sender;
 use tokio_tungstenite::tungstenite::Message;
 
@@ -22,6 +22,7 @@ use crate::hand::VisitorsHand;
 use crate::judge::Judge;
 use crate::protocol::{Realtime, Said, Says, Status, TimingSays};
 use crate::recording::Recording;
+use crate::runner::Runner;
 use crate::state::Workbench;
 
 /// How long the desk listens at its door before it looks at the loop again.
@@ -89,9 +90,7 @@ impl Door {
 /// Who sits there.
 pub struct Desk {
     pub(crate) bench: Workbench,
-    pub(crate) engine: Engine,
-    /// The last plan that the loop was given.
-    pub(crate) plan: Box<Plan>,
+    pub(crate) runner: Box<dyn Runner>,
     pub(crate) guarding: Guarding,
     /// The worlds of the plans that the loop may still be at, by their generation.
     pub(crate) worlds: VecDeque<(u32, World)>,
@@ -117,14 +116,12 @@ pub struct Desk {
 }
 
 /// What the desk starts with.
-pub struct Start {
+pub(crate) struct Start {
     /// The world.
     pub bench: Workbench,
     /// The loop, running.
-    pub engine: Engine,
-    /// Its plan.
-    pub plan: Box<Plan>,
-    /// How the plan is guarded.
+    pub runner: Box<dyn Runner>,
+    /// How it is guarded.
     pub guarding: Guarding,
     /// The hand on its device.
     pub hand: VisitorsHand,
@@ -136,14 +133,13 @@ pub struct Start {
 
 impl Desk {
     /// A desk with nobody before it.
-    pub fn new(start: Start, door: &Door) -> Self {
-        let Start { bench, engine, plan, guarding, hand, judge, folder } = start;
+    pub(crate) fn new(start: Start, door: &Door) -> Self {
+        let Start { bench, runner, guarding, hand, judge, folder } = start;
         judge.ask(bench.clone());
         Desk {
             worlds: VecDeque::from([(bench.generation, bench.world.clone())]),
             bench,
-            engine,
-            plan,
+            runner,
             guarding,
             hand,
             scenario: None,
@@ -170,7 +166,7 @@ impl Desk {
     pub fn run(mut self, events: &Receiver<Event>) -> Result<(), String> {
         // A simulated device is there to be grabbed at once; a real one waits for somebody to arm it.
         if self.is_simulated() {
-            self.order(Request::Arm);
+            self.runner.ask(Request::Arm);
         }
         let (mut frame, mut status) = (Instant::now(), Instant::now());
         let mut alive = Instant::now();
@@ -189,17 +185,20 @@ impl Desk {
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
             }
             if self.stop.swap(false, Ordering::AcqRel) {
-                self.engine.stop();
+                self.runner.stop();
             }
             let before = self.state;
-            let ended = self.engine.ended();
+            let ended = self.runner.ended();
             self.look();
+            while let Some(news) = self.runner.news() {
+                self.hear(news);
+            }
             let now = Instant::now();
             self.lead(now);
             // The simulated hand lets go when whoever has control is silent, and that is all there is to it. A real motor hears of him
             // himself: without him the supervisor's link is lost, and the torque fades out.
             if now >= alive && (self.is_simulated() || self.control.is_awake(now)) {
-                let _ = self.engine.send(Order::Alive);
+                self.runner.alive();
                 alive = now + Duration::from_millis(50);
             }
             if now >= frame {
@@ -213,23 +212,20 @@ impl Desk {
                 let status = self.status();
                 self.tell_all(&message(&status));
             }
-            match ended {
-                Some(End::Device(failure)) => return Err(failure.to_string()),
-                Some(End::Panicked) => return Err("the loop has ended by a defect of hapt's own".into()),
-                Some(End::Asked) => return Ok(()),
-                None => {}
+            if let Some(outcome) = ended {
+                return outcome;
             }
         }
     }
 
     /// What the loop has done since.
     fn look(&mut self) {
-        while let Ok(record) = self.engine.records.pop() {
+        while let Some(record) = self.runner.record() {
             while self.worlds.len() > 1 && self.worlds.front().is_some_and(|(plan, _)| *plan < record.plan) {
                 self.worlds.pop_front();
             }
             if let Some(recording) = &mut self.recording {
-                recording.follow(&mut self.engine, &record);
+                recording.follow(self.runner.as_mut(), &record);
             }
             self.add(&record);
         }
@@ -240,7 +236,9 @@ impl Desk {
         self.time = record.due as f64 * 1e-9;
         self.state = (record.phase, record.reason);
         self.warning = record.warning;
-        self.frames.add(world, *generation, self.time, record);
+        // Where a real device is armed, there is the world's 0: only the loop knows the puck from there.
+        let position = if self.is_simulated() { record.position } else { record.measured };
+        self.frames.add(world, *generation, self.time, &Record { position, ..*record });
         self.timing.add(record);
     }
 
@@ -266,11 +264,6 @@ impl Desk {
         self.hand.want(None);
     }
 
-    /// Asks something of the supervisor; `false`: there is no room just now.
-    pub(crate) fn order(&mut self, request: Request) -> bool {
-        self.engine.send(Order::Request(request)).is_ok()
-    }
-
     /// Tells one page; who does not read is shown out.
     pub(crate) fn tell(&mut self, client: Client, message: Message) {
         let Some(to) = self.clients.get(&client) else { return };
@@ -286,6 +279,18 @@ impl Desk {
         gone.into_iter().for_each(|client| self.left(client));
     }
 
+    /// What is odd and no fault.
+    fn warnings(&self) -> Vec<String> {
+        let told = |reason: Reason| match self.is_simulated() {
+            true => format!("On a real device it would have faulted. {}", reason.sentence()),
+            false => reason.sentence().to_string(),
+        };
+        // Another clock's misses stand in no table of ours.
+        let missed = Some(self.timing.missed()).filter(|missed| *missed > 0 && self.runner.realtime().is_none());
+        let missed = missed.map(|missed| format!("The board has missed {missed} samples."));
+        self.warning.map(told).into_iter().chain(missed).collect()
+    }
+
     /// How the loop goes.
     pub(crate) fn status(&self) -> Says {
         let mut status = Status {
@@ -294,18 +299,11 @@ impl Desk {
             reason: None,
             sentence: None,
             clear: None,
-            warnings: self
-                .warning
-                .iter()
-                .map(|reason| match self.is_simulated() {
-                    true => format!("On a real device it would have faulted. {}", reason.sentence()),
-                    false => reason.sentence().to_string(),
-                })
-                .collect(),
+            warnings: self.warnings(),
             scenario: self.scenario.as_ref().map(|(name, _)| name.clone()),
             recording: self.recording.as_ref().and_then(Recording::says),
-            timing: TimingSays::of(&self.timing),
-            realtime: Realtime::of(self.engine.realtime()),
+            timing: self.runner.realtime().map(|_| TimingSays::of(&self.timing)),
+            realtime: self.runner.realtime().map(Realtime::of),
             clients: self.clients.len(),
         };
         let (phase, reason) = self.state;

@@ -5,7 +5,7 @@
 //! [`judge`] computes the certificate aside. Between them are bounded queues, and only the desk ever waits for something to do:
 //!
 //! ```text
-//! browser <-> server <-> desk <-> loop
+//! browser <-> server <-> desk <-> loop, or a board
 //!                         |  \
 //!                       judge recorder
 //! ```
@@ -16,6 +16,8 @@
 
 pub mod access;
 pub mod assets;
+#[cfg(unix)]
+mod board;
 pub mod control;
 pub mod desk;
 pub mod frames;
@@ -27,7 +29,9 @@ mod live;
 pub mod protocol;
 mod recording;
 mod requests;
+mod runner;
 pub mod server;
+mod shown;
 mod socket;
 pub mod standalone;
 pub mod state;
@@ -35,4 +39,5 @@ mod status;
 #[cfg(test)]
 mod testing;
 
-pub use live::{Error, Live, Machine, Options, PORT};
+pub use live::{Error, Live, Machine, Options, PORT, Runs};
+pub use shown::{Shown, packed};

@@ -9,12 +9,13 @@ use std::time::Duration;
 
 use hapt_core::Guarding;
 use hapt_model::{Source, World};
-use hapt_rt::{Device, Engine, Hands, Plan, Settings, Simulated};
+use hapt_rt::{Device, Hands, Settings, Simulated};
 
 use crate::access::Access;
 use crate::desk::{Desk, Door, Start};
 use crate::hand::VisitorsHand;
 use crate::judge::Judge;
+use crate::runner::{Here, Runner};
 use crate::server::{self, Server};
 use crate::state::Workbench;
 
@@ -38,14 +39,37 @@ pub struct Options {
 pub struct Machine {
     /// As it is named: `sim`, `moteus:/dev/ttyACM0`.
     pub name: String,
-    /// Started, and without a torque.
-    pub device: Box<dyn Device>,
+    /// What runs it.
+    pub runs: Runs,
     /// What moves its hand, where it is a simulated one; a real one is moved by a real one.
     pub hands: Option<Hands>,
     /// How its supervisor guards. With [`Guarding::Certified`] the page sets no key to a value that is not certified.
     pub guarding: Guarding,
-    /// What the loop's thread asks of the system.
-    pub settings: Settings,
+}
+
+/// Where the loop runs.
+pub enum Runs {
+    /// On a thread of this computer.
+    Here {
+        /// Started, and without a torque.
+        device: Box<dyn Device>,
+        /// What the thread asks of the system.
+        settings: Settings,
+    },
+    /// On a board, which is given the world.
+    #[cfg(unix)]
+    Board(Box<hapt_link::Link>),
+}
+
+impl Runs {
+    /// Starts it with the bench's world, disarmed.
+    fn start(self, bench: &Workbench, guarding: Guarding) -> Result<Box<dyn Runner>, Error> {
+        Ok(match self {
+            Runs::Here { device, settings } => Box::new(Here::start(bench, guarding, device, settings)?),
+            #[cfg(unix)]
+            Runs::Board(link) => Box::new(crate::board::Board::start(bench, guarding, *link)?),
+        })
+    }
 }
 
 impl Machine {
@@ -54,10 +78,9 @@ impl Machine {
         let (device, hands) = Simulated::new(world);
         Machine {
             name: "sim".into(),
-            device: Box::new(device),
+            runs: Runs::Here { device: Box::new(device), settings: Settings::default() },
             hands: Some(hands),
             guarding: Guarding::Simulated,
-            settings: Settings::default(),
         }
     }
 }
@@ -82,6 +105,10 @@ pub enum Error {
     /// The loop's thread does not start.
     #[error(transparent)]
     Engine(#[from] hapt_rt::Error),
+    /// The board does not answer, or does not take the world.
+    #[cfg(unix)]
+    #[error(transparent)]
+    Board(#[from] hapt_link::Error),
     /// The device has gone while it ran.
     #[error("{0}")]
     Device(String),
@@ -139,16 +166,15 @@ impl Live {
         let (door, events) = Door::new();
         let judging = door.clone();
         let judge = Judge::start(move |generation, says| judging.report(generation, says)).map_err(Error::System)?;
-        let Machine { name, device, hands, guarding, settings } = open(&bench.world)?;
-        let bench = bench.on(name);
-        let plan = Plan::new(&bench.world, guarding).map_err(|error| Error::World(error.to_string()))?;
+        let Machine { name, runs, hands, guarding } = open(&bench.world)?;
+        let bench = bench.on(name, guarding);
         let hand = VisitorsHand::new(&bench.world, hands);
-        let engine = Engine::start_with(plan.clone(), device, settings).map_err(Error::Engine)?;
-        let desk = Desk::new(Start { bench, engine, plan: Box::new(plan), guarding, hand, judge, folder }, &door);
+        let runner = runs.start(&bench, guarding)?;
+        let desk = Desk::new(Start { bench, runner, guarding, hand, judge, folder }, &door);
 
         let (says, outcome) = channel();
         let desk = std::thread::Builder::new().name("desk".into()).spawn(move || {
-            // With the desk goes the engine: no torque is on when the outcome is told.
+            // With the desk goes what runs the loop: no torque is on when the outcome is told.
             let _ = says.send(desk.run(&events));
         });
         let desk = desk.map_err(Error::System)?;

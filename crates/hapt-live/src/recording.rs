@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use hapt_core::Guarding;
 use hapt_log::{Header, Recorder};
 use hapt_model::World;
-use hapt_rt::{Engine, Record};
+use hapt_rt::Record;
 
 use crate::protocol::RecordingSays;
+use crate::runner::Runner;
 use crate::state::Workbench;
 
 /// A recording under way. Dropped, it is finished, and whoever drops it waits for the disk.
@@ -21,11 +22,16 @@ pub struct Recording {
 
 impl Recording {
     /// Starts one in this folder, in a file that is not there yet. It begins with the loop's state at one of the next samples, so
-    /// that it can be replayed.
+    /// that it can be replayed; a board's state is not known, and its log is to be looked at.
     ///
     /// # Errors
     /// In a sentence.
-    pub fn start(folder: &Path, bench: &Workbench, guarding: Guarding, engine: &mut Engine) -> Result<Self, String> {
+    pub(crate) fn start(
+        folder: &Path,
+        bench: &Workbench,
+        guarding: Guarding,
+        runner: &mut dyn Runner,
+    ) -> Result<Self, String> {
         let free = |n: &u32| !folder.join(format!("live-{n:04}.mcap")).exists();
         let number = (1..10_000)
             .find(free)
@@ -41,7 +47,7 @@ impl Recording {
             plan: bench.generation,
             ..Header::default()
         };
-        if !engine.snapshot() {
+        if !runner.begin_log() {
             return Err("the loop is busy; say it again".into());
         }
         let recorder = Recorder::start(&file, &bench.world, header).map_err(|error| error.to_string())?;
@@ -53,12 +59,11 @@ impl Recording {
         self.recorder.plan(generation, world);
     }
 
-    /// One more sample of the loop, once the first snapshot is there; never waits.
-    pub fn follow(&mut self, engine: &mut Engine, record: &Record) {
-        let begins = engine.snapshots.peek().is_ok_and(|snapshot| snapshot.sample <= record.sample);
-        if begins || self.begun.is_some() {
+    /// One more sample of the loop, once a log can begin; never waits.
+    pub(crate) fn follow(&mut self, runner: &mut dyn Runner, record: &Record) {
+        if self.begun.is_some() || runner.log_begins(record) {
             self.length = record.due - *self.begun.get_or_insert(record.due);
-            self.recorder.follow(engine, record);
+            runner.log(&self.recorder, record);
         }
     }
 

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use hapt_core::{Guarding, Request};
-use hapt_rt::{Order, Plan, Timing};
+use hapt_rt::Timing;
 use hapt_sim::script;
 use tokio::sync::mpsc::Sender;
 use tokio_tungstenite::tungstenite::Message;
@@ -12,6 +12,7 @@ use crate::control::Client;
 use crate::desk::{Desk, Event, message};
 use crate::protocol::{Said, Says, VERSION, Wish};
 use crate::recording::Recording;
+use crate::runner::News;
 use crate::state::Workbench;
 
 /// Why a key is not set on a real motor.
@@ -101,7 +102,7 @@ impl Desk {
                     Wish::Clear => Request::Clear,
                     Wish::Stop => Request::Stop,
                 };
-                if !self.order(request) {
+                if !self.runner.ask(request) {
                     self.answer_error(client, "the loop is busy; say it again");
                 }
             }
@@ -115,6 +116,10 @@ impl Desk {
             Said::Set { key, value } => {
                 let next = self.bench.with(&key, &value);
                 self.change(client, &key, next);
+            }
+            Said::Sets { sets } => {
+                let next = self.bench.with_all(&sets);
+                self.change(client, "", next);
             }
             Said::Reset => {
                 let next = self.bench.reset();
@@ -137,24 +142,39 @@ impl Desk {
 
     /// Runs another world in place of the present one, whole or not at all.
     fn change(&mut self, client: Client, key: &str, next: Result<Workbench, String>) {
-        let planned = next.and_then(|next| {
+        let changed = next.and_then(|next| {
             if self.guarding == Guarding::Certified && !hapt_analysis::is_certified(&next.world) {
                 return Err(UNCERTIFIED.into());
             }
-            let plan = Plan::following(&next.world, &self.plan).map_err(|error| error.to_string())?;
-            Ok((next, Box::new(plan)))
+            self.runner.change(&next).map(|()| next)
         });
-        let (next, plan) = match planned {
-            Ok(planned) => planned,
-            Err(words) => return self.refuse(client, key, words),
-        };
-        if self.engine.send(Order::Swap(plan.clone())).is_err() {
-            return self.refuse(client, key, "the loop is busy; set it again".into());
+        match changed {
+            Ok(next) => self.goes_on_with(next),
+            Err(words) => self.refuse(client, key, words),
         }
+    }
+
+    /// What the loop has to say by itself.
+    pub(crate) fn hear(&mut self, news: News) {
+        match news {
+            News::Refused(words) => self.tell_all(&message(&Says::Error { message: words })),
+            // What was wanted since then is still under way.
+            News::Kept(generation, ..) if generation != self.bench.generation => {}
+            News::Kept(_, runs, words) => {
+                self.tell_all(&message(&Says::Refused { key: String::new(), message: words }));
+                let mut back = *runs;
+                back.generation = self.bench.generation.wrapping_add(1);
+                if self.runner.change(&back).is_ok() {
+                    self.goes_on_with(back);
+                }
+            }
+        }
+    }
+
+    fn goes_on_with(&mut self, next: Workbench) {
         if next.world.sampling.period != self.bench.world.sampling.period {
             self.timing = Timing::new();
         }
-        self.plan = plan;
         self.bench = next;
         self.worlds.push_back((self.bench.generation, self.bench.world.clone()));
         if let Some(recording) = &mut self.recording {
@@ -186,7 +206,7 @@ impl Desk {
             recording.end();
         }
         if on {
-            match Recording::start(&self.folder, &self.bench, self.guarding, &mut self.engine) {
+            match Recording::start(&self.folder, &self.bench, self.guarding, self.runner.as_mut()) {
                 Ok(recording) => self.recording = Some(recording),
                 Err(words) => self.refuse(client, "record", words),
             }

@@ -1,6 +1,7 @@
 //! The world as it runs: its file, what has been set since, and what the page is told of it.
 
-use hapt_model::{Drive, Error, Hand, Law, Shape, Side, Source, World};
+use hapt_core::Guarding;
+use hapt_model::{Drive, Error, EstimatorKind, Hand, Law, Shape, Side, Source, World};
 use hapt_sim::Measures;
 use serde_json::{Value, json};
 
@@ -24,6 +25,8 @@ pub struct Workbench {
     /// Counted from 0 with each change.
     pub generation: u32,
     device: String,
+    /// A real device's encoder measures the puck.
+    is_real: bool,
 }
 
 impl Workbench {
@@ -34,12 +37,20 @@ impl Workbench {
     pub fn new(source: Source, given: Vec<String>) -> Result<Self, String> {
         let world = World::read(&source, &given).map_err(|error| error.to_string())?;
         slow_enough(&world)?;
-        Ok(Workbench { source, given, changes: Vec::new(), world, generation: 0, device: SIMULATED.into() })
+        Ok(Workbench {
+            source,
+            given,
+            changes: Vec::new(),
+            world,
+            generation: 0,
+            device: SIMULATED.into(),
+            is_real: false,
+        })
     }
 
-    /// The same on another device, as `--device` names it.
-    pub fn on(self, device: String) -> Self {
-        Workbench { device, ..self }
+    /// The same on another device, as `--device` names it, guarded so.
+    pub fn on(self, device: String, guarding: Guarding) -> Self {
+        Workbench { device, is_real: guarding != Guarding::Simulated, ..self }
     }
 
     /// The device that it runs on.
@@ -63,16 +74,21 @@ impl Workbench {
     /// # Errors
     /// In the reader's words, without the place, which nobody typed.
     pub fn with(&self, key: &str, value: &str) -> Result<Self, String> {
-        if !may_be_set(&self.world, key) {
+        self.with_all(&[(key.to_string(), value.to_string())])
+    }
+
+    /// The same with several keys set together, all of them or none.
+    ///
+    /// # Errors
+    /// As [`Workbench::with`].
+    pub fn with_all(&self, sets: &[(String, String)]) -> Result<Self, String> {
+        if let Some((key, _)) = sets.iter().find(|(key, _)| !may_be_set(&self.world, key)) {
             return Err(format!("{key:?} is no key that can be set while the loop runs"));
         }
-        let alone = self.changed(&[(key.to_string(), value.to_string())]).read();
-        match (alone, companion(&self.world, key, value)) {
-            (Err(refused), Some(other)) => {
-                let both = [other, (key.to_string(), value.to_string())];
-                self.changed(&both).read().map_err(|_| refused)
-            }
-            (alone, _) => alone,
+        let others: Vec<_> = sets.iter().filter_map(|(key, value)| companion(&self.world, key, value)).collect();
+        match self.changed(sets).read() {
+            Err(refused) if !others.is_empty() => self.changed(&others).changed(sets).read().map_err(|_| refused),
+            alone => alone,
         }
     }
 
@@ -100,6 +116,9 @@ impl Workbench {
     fn read(mut self) -> Result<Self, String> {
         self.world = World::read(&self.source, &self.sets()).map_err(|error| said(&error))?;
         slow_enough(&self.world)?;
+        if self.is_real && self.world.sampling.estimator == EstimatorKind::Exact {
+            return Err("loop.estimator: an encoder gives no true velocity; take \"difference\", or a filter".into());
+        }
         self.generation = self.generation.wrapping_add(1);
         Ok(self)
     }

@@ -162,7 +162,7 @@ impl Running {
         if !Arc::ptr_eq(&self.logged, logged) {
             let plan = Plan::following(&logged.world, &self.plan).map(Box::new).map_err(world_error)?;
             self.watch.swap();
-            (self.state, self.plan, self.logged) = (plan.carry(&self.state), plan, Arc::clone(logged));
+            (self.state, self.plan, self.logged) = (plan.carry(&self.plan, &self.state), plan, Arc::clone(logged));
         }
         Ok(())
     }

@@ -3,9 +3,7 @@
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
-use hapt_core::{
-    Error, Estimator, Limits, Loop, Output, Phase, Reading, Reason, Request, Spec, State, Supervisor, Watch,
-};
+use hapt_core::{Error, Limits, Loop, Output, Phase, Reading, Reason, Request, State, Supervisor, Watch};
 use hapt_plant::{Grip, Script, VirtualDevice, spec, stored_energy};
 use hapt_wire::Stored;
 use serde::{Deserialize, Serialize};
@@ -125,22 +123,7 @@ impl Page {
             return false;
         }
         let Ok((world, supervisor)) = compile(&written) else { return false };
-        let mut state = world.start();
-        // x_{k+1}, where the method knows it already: this is the sample after.
-        let steps = self.state.change.position.iter().zip(&self.state.change.velocity);
-        state.now = self.state.now;
-        for ((w, v), (dw, dv)) in state.now.position.iter_mut().zip(&mut state.now.velocity).zip(steps) {
-            *w += *dw;
-            *v += *dv;
-        }
-        state.bristles = self.state.bristles;
-        if let Some(shorter) = remembers(&self.written.spec(), &written.spec()) {
-            state.memory = self.state.memory;
-            if let Some(last) = &mut state.memory.last {
-                // Where the puck, at its velocity, was one new period ago.
-                last.position += shorter * last.velocity;
-            }
-        }
+        let state = world.carry(&self.world, &self.state, Some, Some);
         self.device.refit(&mut VirtualDevice::new(&written.setup.rig));
         self.watch.swap();
         (self.world, self.supervisor, self.state, self.written) = (world, supervisor, state, written);
@@ -202,13 +185,4 @@ impl Page {
 fn compile(written: &Written) -> Result<(World, Supervisor<f64, BODIES, COUPLINGS>), Error> {
     let spec = written.spec();
     Ok((World::new(&spec)?, Supervisor::new(&written.setup.limits, &spec)?))
-}
-
-/// Whether the sensor goes on with what it remembers, and by how much the periods are shorter then, in s.
-fn remembers(before: &Spec<'_>, now: &Spec<'_>) -> Option<f64> {
-    let shorter = before.period - now.period;
-    // A method that takes the new sample first would take the last one twice; counts of another period are no counts of this one.
-    let is_same = before.method.takes_new_sample_first() == now.method.takes_new_sample_first();
-    let counts = matches!(now.estimator, Estimator::Foaw { .. } | Estimator::FoawBest { .. });
-    (is_same && (shorter == 0.0 || !counts)).then_some(shorter)
 }

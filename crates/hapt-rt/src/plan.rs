@@ -1,7 +1,7 @@
 //! A world compiled for the loop's thread, with everything that it will need there.
 
-use hapt_core::{Estimator, Guarded, Guarding, Law, Reading, Request, State, Watch};
-use hapt_model::{End, Method, World};
+use hapt_core::{Guarded, Guarding, Law, Reading, Request, State, Watch};
+use hapt_model::{End, World};
 use hapt_sim::{DesktopLoop, DesktopSupervisor, Motor, VirtualDevice};
 
 /// Everything that changes in a plan's world from sample to sample.
@@ -22,8 +22,6 @@ pub struct Plan {
     bodies: Vec<Option<usize>>,
     /// The same for each bristle.
     bristles: Vec<Option<usize>>,
-    /// The sensor goes on with what it remembers, periods shorter by so much, in s.
-    remembers: Option<f64>,
 }
 
 /// Whatever can be found again in another world.
@@ -32,10 +30,6 @@ struct Names {
     bodies: Vec<String>,
     /// The ends of each LuGre friction, and which one it is between them; `None` where it is another coupling.
     bristles: Vec<Option<(String, String, usize)>>,
-    /// What the sensor's memory is a memory of.
-    sensor: (Option<f64>, Estimator),
-    new_sample_first: bool,
-    period: f64,
 }
 
 impl Plan {
@@ -53,7 +47,6 @@ impl Plan {
             names: Names::new(world),
             bodies: vec![None; world.bodies.len()],
             bristles: vec![None; world.couplings.len()],
-            remembers: None,
         };
         plan.reserve();
         Ok(plan)
@@ -73,11 +66,6 @@ impl Plan {
         plan.bodies = now.bodies.iter().map(|name| then.bodies.iter().position(|other| other == name)).collect();
         let same = |bristle: &Option<_>| then.bristles.iter().position(|other| bristle.is_some() && other == bristle);
         plan.bristles = now.bristles.iter().map(same).collect();
-        let shorter = then.period - now.period;
-        // A method that takes the new sample first would take the last one twice; counts of another period are no counts of this one.
-        let same = now.sensor == then.sensor && now.new_sample_first == then.new_sample_first;
-        let foaw = matches!(now.sensor.1, Estimator::Foaw { .. } | Estimator::FoawBest { .. });
-        plan.remembers = (same && (shorter == 0.0 || !foaw)).then_some(shorter);
         Ok(plan)
     }
 
@@ -116,28 +104,10 @@ impl Plan {
         }
     }
 
-    /// The state to go on with where `state` was, of the plan before. Allocates nothing.
-    pub fn carry(&self, state: &PlanState) -> PlanState {
-        let mut next = self.start();
-        for (to, from) in self.bodies.iter().enumerate() {
-            let Some(from) = *from else { continue };
-            // x_{k+1}, where the method knows it already: this is the sample after.
-            next.now.position[to] = state.now.position[from] + state.change.position[from];
-            next.now.velocity[to] = state.now.velocity[from] + state.change.velocity[from];
-        }
-        for (to, from) in self.bristles.iter().enumerate() {
-            if let Some(from) = *from {
-                next.bristles[to] = state.bristles[from];
-            }
-        }
-        if let Some(shorter) = self.remembers {
-            next.memory = state.memory;
-            if let Some(last) = &mut next.memory.last {
-                // Where the puck, at its velocity, was one new period ago.
-                last.position += shorter * last.velocity;
-            }
-        }
-        next
+    /// The state to go on with where `state` of `before` was, the plan that this one follows. Allocates nothing.
+    pub fn carry(&self, before: &Plan, state: &PlanState) -> PlanState {
+        let at = |list: &[Option<usize>], i: usize| list.get(i).copied().flatten();
+        self.world.carry(&before.world, state, |body| at(&self.bodies, body), |coupling| at(&self.bristles, coupling))
     }
 }
 
@@ -157,13 +127,6 @@ impl Names {
             let is_bristle = matches!(coupling.law, Law::Lugre { .. });
             bristles.push(is_bristle.then(|| (ends.0.into(), ends.1.into(), nth)));
         }
-        let sampling = &world.sampling;
-        Names {
-            bodies: world.names.clone(),
-            bristles,
-            sensor: (world.count(), sampling.velocity_estimator()),
-            period: sampling.period,
-            new_sample_first: matches!(sampling.method, Method::Tustin | Method::Foh),
-        }
+        Names { bodies: world.names.clone(), bristles }
     }
 }

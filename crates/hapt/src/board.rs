@@ -1,8 +1,6 @@
 //! A world for a board that runs hapt's firmware, and the board that takes it.
 
-use hapt_core::{Loop, Supervisor};
 use hapt_model::{EstimatorKind, Guarding};
-use hapt_wire::ROOM;
 
 use crate::failure::Failure;
 use crate::run::judged;
@@ -34,23 +32,36 @@ impl Fit {
             sets.push("loop.estimator=difference".into());
         }
         let guarding = judged(world, uncertified)?;
-        let (spec, limits) = (world.spec(), world.limits(guarding));
-        let refused = |error| Failure::input(format!("on a board: {error}"));
-        Loop::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec).map_err(refused)?;
-        Supervisor::<f32, { ROOM[0] }, { ROOM[1] }>::new(&limits, &spec).map_err(refused)?;
-        let packed = hapt_wire::pack(&spec, &limits, &mut [0; hapt_wire::LARGEST]).map_err(Failure::input)?.to_vec();
+        let packed = hapt_live::packed(world, guarding).map_err(Failure::input)?;
         Ok(Fit { loaded, sets, guarding, packed })
     }
 }
 
 #[cfg(unix)]
-pub use here::{open, send};
+pub use here::{open, open_with_motor, runs, send};
+#[cfg(not(unix))]
+pub use nowhere::runs;
+
+#[cfg(not(unix))]
+mod nowhere {
+    use std::path::Path;
+
+    use hapt_live::Runs;
+
+    use crate::board_run::unreachable;
+    use crate::failure::Failure;
+
+    pub fn runs(path: &Path) -> Result<Runs, Failure> {
+        Err(unreachable(path))
+    }
+}
 
 #[cfg(unix)]
 mod here {
     use std::path::Path;
 
     use hapt_link::{Error, Link, Why};
+    use hapt_live::Runs;
 
     use super::Fit;
     use crate::failure::Failure;
@@ -63,6 +74,21 @@ mod here {
             people::say(
                 "warning: the board's core was built from another source than this hapt's; its torques may differ from what hapt says of them",
             );
+        }
+        Ok(link)
+    }
+
+    /// The board at a port, to run the loop behind a page.
+    pub fn runs(path: &Path) -> Result<Runs, Failure> {
+        open_with_motor(path).map(|link| Runs::Board(Box::new(link)))
+    }
+
+    /// The board at a port, if it has an encoder and a motor.
+    pub fn open_with_motor(path: &Path) -> Result<Link, Failure> {
+        let link = open(path)?;
+        if link.board().fed {
+            let message = "has no encoder and no motor: it waits for samples, to be tried in lockstep";
+            return Err(Failure::input(format!("the board {} {message}", link.board().name)));
         }
         Ok(link)
     }

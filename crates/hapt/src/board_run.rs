@@ -33,8 +33,9 @@ mod here {
 
     use hapt_core::{Phase, Reason};
     use hapt_link::{Link, Parameter, Telemetry};
+    use hapt_live::Shown;
     use hapt_log::{Header, Recorder};
-    use hapt_rt::{BODIES, Record};
+    use hapt_rt::Record;
 
     use crate::args::RunArgs;
     use crate::board::{self, Fit};
@@ -54,11 +55,7 @@ mod here {
     /// `duration` in s at full torque.
     pub fn run(args: &RunArgs, loaded: Loaded, path: &Path, duration: f64) -> Result<ExitCode, Failure> {
         let fit = Fit::new(loaded, &args.world.sets, args.uncertified)?;
-        let mut link = board::open(path)?;
-        if link.board().fed {
-            let message = "has no encoder and no motor: it waits for samples, to be tried in lockstep";
-            return Err(Failure::input(format!("the board {} {message}", link.board().name)));
-        }
+        let mut link = board::open_with_motor(path)?;
         output::end_in_order();
         let hash = board::send(&mut link, &fit)?;
         if link.board().phase == Some(Phase::Faulted) {
@@ -141,6 +138,7 @@ mod here {
         fn until_it_ends(&mut self, world: u32, recorder: &mut impl FnMut(&Record)) -> Result<How, Failure> {
             self.link.arm(world)?;
             let (mut kept, mut heard) = (Instant::now(), Instant::now());
+            let mut shown = Shown::new(0, self.period);
             let (mut is_over, mut begun) = (false, false);
             loop {
                 if let Some(signal) = output::signalled() {
@@ -154,7 +152,7 @@ mod here {
                 if let Some(telemetry) = self.link.telemetry(Instant::now() + self.link_allows / 4)? {
                     heard = Instant::now();
                     self.seen.add(&telemetry);
-                    recorder(&self.seen.record(&telemetry, self.period));
+                    recorder(&shown.record(&telemetry));
                 }
                 if heard.elapsed() > SILENT {
                     let message =
@@ -219,39 +217,6 @@ mod here {
             self.reason = Reason::from_code(telemetry.reason);
             if self.phase == Some(Phase::Running) {
                 self.running.get_or_insert((telemetry.sample, telemetry.sample)).1 = telemetry.sample;
-            }
-        }
-
-        /// As a loop on this computer would have it; what telemetry does not say is 0.
-        fn record(&self, telemetry: &Telemetry, period: f64) -> Record {
-            let sample = telemetry.sample - self.first.map_or(telemetry.sample, |first| first.sample);
-            let mut bodies = [(0.0, 0.0); BODIES];
-            for (place, (position, velocity)) in bodies.iter_mut().zip(telemetry.bodies.as_slice()) {
-                *place = (f64::from(*position), f64::from(*velocity));
-            }
-            Record {
-                sample,
-                due: (sample as f64 * period * 1e9).round() as u64,
-                plan: 0,
-                position: telemetry.position.into(),
-                velocity: 0.0,
-                announced: false,
-                late: 0.0,
-                missed: 0,
-                silent: 0.0,
-                request: None,
-                measured: telemetry.measured.into(),
-                measured_velocity: telemetry.velocity.into(),
-                torque: telemetry.torque.into(),
-                command: telemetry.command.into(),
-                output: telemetry.output.into(),
-                applied: telemetry.output.into(),
-                phase: self.phase.unwrap_or(Phase::Disarmed),
-                reason: self.reason,
-                warning: Reason::from_code(telemetry.warning),
-                latency: 0,
-                computation: 0,
-                bodies,
             }
         }
     }

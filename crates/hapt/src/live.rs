@@ -6,10 +6,11 @@ use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
-use hapt_live::{Error, Live, Machine, Options};
+use hapt_live::{Error, Live, Machine, Options, Runs};
 use hapt_model::World;
 
 use crate::args::LiveArgs;
+use crate::board::{self, Fit};
 use crate::device::Spec;
 use crate::drives;
 use crate::failure::Failure;
@@ -17,27 +18,28 @@ use crate::latency::settings;
 use crate::output;
 use crate::people::say;
 use crate::run::guarding;
-use crate::world::source;
+use crate::world::{Loaded, source};
 
 /// What runs where no world is named.
 const WHEEL: &str = "@notes/wheel";
 /// From one look for a signal to the next.
 const MOMENT: Duration = Duration::from_millis(20);
+
 pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     let spec = Spec::named(&args.device)?;
     let address = SocketAddr::new(listen(args.listen.as_deref())?, args.port);
     let source = source(args.path.as_deref().unwrap_or(Path::new(WHEEL)))?;
     let mut sets = args.sets.clone();
-    sets.extend(spec.overrides(&World::read(&source, &sets)?)?);
+    let world = World::read(&source, &sets)?;
+    sets.extend(spec.overrides(&world)?);
+    if let Spec::Board(_) = spec {
+        let loaded = Loaded { name: source.name.clone(), world, source: source.clone() };
+        sets = Fit::new(loaded, &sets, args.uncertified)?.sets;
+    }
     let options = Options { source, sets, address, folder: args.log_dir.clone() };
     // Before anything can hold a torque: a signal takes it off first.
     output::end_in_order();
-    let live = Live::start_on(options, |world: &World| {
-        let guarding = guarding(args.uncertified, &spec, world)?;
-        let settings = settings(&args.realtime, world)?;
-        let (device, hands) = spec.open(world)?;
-        Ok::<_, Failure>(Machine { name: args.device.clone(), device, hands, guarding, settings })
-    })?;
+    let live = Live::start_on(options, |world| machine(args, &spec, world))?;
 
     if spec.has_a_motor() {
         say(drives::NOT_CERTIFIED);
@@ -61,6 +63,20 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
         }
         live.wait(MOMENT)?;
     }
+}
+
+/// What runs the world, and how it is guarded.
+fn machine(args: &LiveArgs, spec: &Spec, world: &World) -> Result<Machine, Failure> {
+    let guarding = guarding(args.uncertified, spec, world)?;
+    let (runs, hands) = match spec {
+        Spec::Board(path) => (board::runs(path)?, None),
+        _ => {
+            let settings = settings(&args.realtime, world)?;
+            let (device, hands) = spec.open(world)?;
+            (Runs::Here { device, settings }, hands)
+        }
+    };
+    Ok(Machine { name: args.device.clone(), runs, hands, guarding })
 }
 
 /// The address to listen on.
@@ -95,6 +111,8 @@ impl From<Error> for Failure {
         match error {
             Error::World(_) => Failure::input(error),
             Error::Engine(error) => error.into(),
+            #[cfg(unix)]
+            Error::Board(error) => error.into(),
             Error::Address { .. } | Error::System(_) | Error::Device(_) => Failure::System(error.to_string()),
         }
     }

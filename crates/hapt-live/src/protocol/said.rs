@@ -48,6 +48,11 @@ pub enum Said {
         /// As it would stand in the world file: `20 N mm/deg`.
         value: String,
     },
+    /// Several keys together, all of them or none.
+    Sets {
+        /// Each with its value, as in `Set`.
+        sets: Vec<(String, String)>,
+    },
     /// Every key as the file has it.
     Reset,
     /// Run a scenario's hand; `None`: end it.
@@ -90,15 +95,16 @@ impl Said {
             let why: String = error.to_string().chars().take(LONGEST_WORD).collect();
             format!("no message of version {VERSION}: {why}")
         })?;
-        let words: &[&str] = match &said {
-            Said::Hello { token: Some(token), .. } => &[token],
-            Said::Set { key, value } => &[key, value],
-            Said::Scenario { name: Some(name) } => &[name],
-            Said::Focus { key } => &[key],
+        let words: Vec<&str> = match &said {
+            Said::Hello { token: Some(token), .. } => vec![token],
+            Said::Set { key, value } => vec![key, value],
+            Said::Sets { sets } => sets.iter().flat_map(|(key, value)| [key.as_str(), value]).collect(),
+            Said::Scenario { name: Some(name) } => vec![name],
+            Said::Focus { key } => vec![key],
             Said::Hand { position, .. } if position.is_nan() || position.abs() > FARTHEST => {
                 return Err(format!("a hand's position is within {FARTHEST} either way"));
             }
-            _ => &[],
+            _ => Vec::new(),
         };
         match words.iter().any(|word| word.len() > LONGEST_WORD) {
             true => Err(format!("a key, a value, a name has at most {LONGEST_WORD} bytes")),
@@ -128,6 +134,10 @@ mod tests {
                 r#"{"type":"set","key":"loop.period","value":"2 ms"}"#,
                 Said::Set { key: "loop.period".into(), value: "2 ms".into() },
             ),
+            (
+                r#"{"type":"sets","sets":[["loop.period","2 ms"],["loop.delay","0 s"]]}"#,
+                Said::Sets { sets: vec![("loop.period".into(), "2 ms".into()), ("loop.delay".into(), "0 s".into())] },
+            ),
             (r#"{"type":"reset"}"#, Said::Reset),
             (r#"{"type":"scenario","name":"step"}"#, Said::Scenario { name: Some("step".into()) }),
             (r#"{"type":"scenario","name":null}"#, Said::Scenario { name: None }),
@@ -155,6 +165,7 @@ mod tests {
             "{\"type\":\"hand\",\"grip\":true,\"position\":1e999}",
             "{\"type\":\"hand\",\"grip\":true,\"position\":1e5}",
             "{\"type\":\"hello\",\"v\":-1}",
+            "{\"type\":\"sets\",\"sets\":[[\"loop.period\"]]}",
             &long,
             &unknown,
         ] {

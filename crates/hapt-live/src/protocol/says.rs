@@ -202,12 +202,8 @@ pub struct Sentence {
 /// What would make the loop certified.
 #[derive(Clone, Debug, Serialize)]
 pub struct RemedySays {
-    /// The key, where one is enough.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub key: Option<String>,
-    /// Its value as written.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub value: Option<String>,
+    /// Keys with their values as written, to be set together; none where it takes a new coupling.
+    pub sets: Vec<(String, String)>,
     /// Lines for the world file.
     pub text: String,
 }
@@ -231,10 +227,10 @@ pub struct Status {
     pub scenario: Option<String>,
     /// The recording under way, or how the last one failed.
     pub recording: Option<RecordingSays>,
-    /// How punctual the loop is.
-    pub timing: TimingSays,
+    /// How punctual the loop is; `None` where no clock of this computer's keeps it.
+    pub timing: Option<TimingSays>,
     /// What the system gives its thread.
-    pub realtime: Realtime,
+    pub realtime: Option<Realtime>,
     /// How many pages are connected.
     pub clients: usize,
 }

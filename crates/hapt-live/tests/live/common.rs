@@ -50,6 +50,20 @@ pub fn live_at(world: &str, address: &str) -> Live {
     Live::start(Options { source, sets: Vec::new(), address, folder: ".".into() }).unwrap()
 }
 
+/// Says that it is there and asks for the torque, until that is all there.
+pub fn arm(page: &mut Page) {
+    loop {
+        page.say(json!({ "type": "alive" }));
+        let status = page.hear("status");
+        assert_ne!(status["phase"], "faulted", "{status}");
+        match status["phase"].as_str() {
+            Some("running") => return,
+            Some("disarmed") => page.say(json!({ "type": "order", "order": "arm" })),
+            _ => {}
+        }
+    }
+}
+
 /// What the server answers to these bytes, up to the end of the connection.
 pub fn answer(address: SocketAddr, request: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
@@ -124,7 +138,20 @@ impl Page {
 
     /// The next message of this type of which `wanted` is true.
     pub fn hear_until(&mut self, kind: &str, wanted: impl Fn(&Value) -> bool) -> Value {
-        loop {
+        self.wait(kind, wanted, false)
+    }
+
+    /// The same, saying now and then that it is there.
+    pub fn stay_until(&mut self, kind: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+        self.wait(kind, wanted, true)
+    }
+
+    fn wait(&mut self, kind: &str, wanted: impl Fn(&Value) -> bool, stays: bool) -> Value {
+        // A page speaks ten times a second; the server takes two hundred.
+        for message in 0.. {
+            if stays && message % 4 == 0 {
+                self.say(json!({ "type": "alive" }));
+            }
             match self.socket.read().unwrap_or_else(|error| panic!("no {kind}: {error}")) {
                 Message::Text(text) => {
                     let value: Value = serde_json::from_str(&text).unwrap();
@@ -136,6 +163,7 @@ impl Page {
                 _ => {}
             }
         }
+        unreachable!("a page hears on")
     }
 
     /// The next frame of the telemetry.

@@ -1,5 +1,7 @@
 //! The server as a browser meets it: over the loopback, by HTTP and websocket.
 
+#[cfg(unix)]
+mod board;
 mod common;
 mod crowd;
 mod hand;

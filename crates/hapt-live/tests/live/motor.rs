@@ -6,7 +6,7 @@ use hapt_model::Source;
 use hapt_rt::Hands;
 use serde_json::json;
 
-use crate::common::{Page, WORLD};
+use crate::common::{Page, WORLD, arm};
 
 /// The world on a device that is guarded as a real one; its hand is the test's. A busy machine is late, and that is no matter here.
 fn on_a_motor(guarding: Guarding) -> (Live, Hands) {
@@ -25,20 +25,6 @@ fn on_a_motor(guarding: Guarding) -> (Live, Hands) {
         Ok::<_, Error>(Machine { name: "motor".into(), hands: None, guarding, ..machine })
     });
     (live.unwrap(), hands.unwrap())
-}
-
-/// Says that it is there and asks for the torque, until that is all there.
-fn arm(page: &mut Page) {
-    loop {
-        page.say(json!({ "type": "alive" }));
-        let status = page.hear("status");
-        assert_ne!(status["phase"], "faulted", "{status}");
-        match status["phase"].as_str() {
-            Some("running") => return,
-            Some("disarmed") => page.say(json!({ "type": "order", "order": "arm" })),
-            _ => {}
-        }
-    }
 }
 
 #[test]

@@ -39,8 +39,8 @@ fn a_page_hears_hello_world_verdict_and_a_stream_of_frames() {
     assert_eq!((&verdict["generation"], &verdict["certified"]), (&json!(0), &json!(true)), "{verdict}");
     assert_eq!(verdict["sentences"].as_array().unwrap().len(), 3);
     // Remedies come once they are found, and a range for every number.
-    page.hear_until("verdict", |verdict| verdict["remedies"].is_array());
-    let range = page.hear_until("range", |range| range["key"] == "couplings.0.stiffness");
+    page.stay_until("verdict", |verdict| verdict["remedies"].is_array());
+    let range = page.stay_until("range", |range| range["key"] == "couplings.0.stiffness");
     assert!(!range["certified"].as_array().unwrap().is_empty(), "{range}");
 
     let mut time = 0.0;

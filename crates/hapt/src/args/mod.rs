@@ -166,7 +166,8 @@ Examples:
 Examples:
   hapt live                                          the notes' wheel
   hapt live wheel.toml --port 0                      another world, any port
-  hapt live @notes/euler --set loop.period=5ms")]
+  hapt live @notes/euler --set loop.period=5ms
+  hapt live wheel.toml --device hapt:/dev/ttyACM0    a board, and its page")]
     Live(LiveArgs),
     /// A world file to start from, with comments, and its schema for editors.
     #[command(after_help = "\

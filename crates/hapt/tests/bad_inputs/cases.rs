@@ -458,6 +458,7 @@ fn live(t: &mut Table) {
         ("an address with its port", &["--port", "0", "--listen", "0.0.0.0:80"]),
         ("a device that is none", &["--port", "0", "--device", "simulation"]),
         ("a motor for a world that is not certified", &["--port", "0", "--device", "moteus:/dev/ttyACM0"]),
+        ("a board for a world that is not certified", &["--port", "0", "--device", "hapt:/dev/ttyACM0"]),
         ("a port that is none", &["--port", "65536"]),
     ] {
         let args: Vec<&str> = ["live", "w.toml"].into_iter().chain(args.iter().copied()).collect();

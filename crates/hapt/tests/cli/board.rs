@@ -142,3 +142,31 @@ fn a_board_that_is_not_there_is_a_device_that_failed() {
     run("hapt:/dev/no-such-port").refused(3, &["cannot open /dev/no-such-port", "No such file"]);
     run("hapt:w.toml").refused(3, &["cannot open w.toml", "no serial port"]);
 }
+
+#[test]
+fn a_page_is_the_face_of_a_board_and_goes_without_a_torque() {
+    let at = folder(&[("w.toml", KNOB)]);
+    let (board, spec) = plugged(BOARD);
+    let live = |more: &[&str]| {
+        let args = ["live", "w.toml", "--port", "0", "--device", &spec];
+        Running::start(program(at.path(), args.iter().chain(more)))
+    };
+    for (signal, code) in [("INT", 130), ("TERM", 143)] {
+        let mut running = live(&[]);
+        running.until("the page's address", |out, _| out.starts_with("http://127.0.0.1:") && out.ends_with("/\n"));
+        running.signal(signal);
+        assert_eq!(running.end().code, Some(code));
+    }
+    // The world is there, and nobody has armed it.
+    hapt(at.path(), ["flash", "w.toml", "--device", &spec]).done();
+    assert_eq!(board.most(), 0.0);
+
+    live(&["--set", "device.damping=0"]).end().refused(2, &["not certified", "--uncertified"]);
+    live(&["--set", "loop.period=20ms", "--set", "device.damping=1"])
+        .end()
+        .refused(2, &["the board will not take the world", "loop.period"]);
+    let gone = ["live", "w.toml", "--port", "0", "--device", "hapt:/dev/no-such-port"];
+    hapt(at.path(), gone).refused(3, &["cannot open /dev/no-such-port"]);
+    let (_fed, spec) = plugged(Board { fed: true, ..BOARD });
+    hapt(at.path(), ["live", "w.toml", "--port", "0", "--device", &spec]).refused(2, &["has no encoder and no motor"]);
+}

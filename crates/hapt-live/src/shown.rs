@@ -1,0 +1,122 @@
+//! A board's world as bytes, and its telemetry as samples.
+
+use hapt_core::{Guarding, Loop, Phase, Reason, Supervisor};
+use hapt_model::World;
+use hapt_rt::{BODIES, Record};
+use hapt_wire::{LARGEST, ROOM, Telemetry, pack};
+
+/// A world as one of hapt's boards takes it: in single precision, in the room that it has.
+///
+/// # Errors
+/// In a sentence: it has no room for that world, or the core does not take it.
+pub fn packed(world: &World, guarding: Guarding) -> Result<Vec<u8>, String> {
+    let (spec, limits) = (world.spec(), world.limits(guarding));
+    let refused = |error| format!("on a board: {error}");
+    Loop::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec).map_err(refused)?;
+    Supervisor::<f32, { ROOM[0] }, { ROOM[1] }>::new(&limits, &spec).map_err(refused)?;
+    pack(&spec, &limits, &mut [0; LARGEST]).map(<[u8]>::to_vec).map_err(|error| error.to_string())
+}
+
+/// Telemetry as a loop of this computer's would have it in its records; what it does not say is 0.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    plan: u32,
+    /// T in s.
+    period: f64,
+    /// The first sample, and the one of which an instant is known, in ns from the start.
+    first: Option<u64>,
+    known: (u64, u64),
+    /// The last one, and all that the board had missed by then.
+    last: (u64, u32),
+}
+
+impl Shown {
+    /// From the first sample that is shown on, of plan `plan` and with this period in s.
+    pub fn new(plan: u32, period: f64) -> Self {
+        Shown { plan, period, first: None, known: (0, 0), last: (0, 0) }
+    }
+
+    /// After the last sample the plan is another, and its period.
+    pub fn goes_on(&mut self, plan: u32, period: f64) {
+        let last = self.last.0;
+        self.known = (last, self.instant(last));
+        (self.plan, self.period) = (plan, period);
+    }
+
+    fn instant(&self, sample: u64) -> u64 {
+        let (known, instant) = self.known;
+        instant + (sample.saturating_sub(known) as f64 * self.period * 1e9).round() as u64
+    }
+
+    /// One more sample.
+    pub fn record(&mut self, telemetry: &Telemetry) -> Record {
+        let sample = telemetry.sample;
+        if self.first.is_none() {
+            (self.first, self.known, self.last) = (Some(sample), (sample, 0), (sample, telemetry.missed));
+        }
+        let missed = telemetry.missed.wrapping_sub(self.last.1);
+        self.last = (sample, telemetry.missed);
+        let mut bodies = [(0.0, 0.0); BODIES];
+        for (place, (position, velocity)) in bodies.iter_mut().zip(telemetry.bodies.as_slice()) {
+            *place = (f64::from(*position), f64::from(*velocity));
+        }
+        Record {
+            sample: sample.saturating_sub(self.first.unwrap_or(sample)),
+            due: self.instant(sample),
+            plan: self.plan,
+            position: telemetry.position.into(),
+            // The only velocity that a board knows.
+            velocity: telemetry.velocity.into(),
+            announced: false,
+            late: 0.0,
+            missed,
+            silent: 0.0,
+            request: None,
+            measured: telemetry.measured.into(),
+            measured_velocity: telemetry.velocity.into(),
+            torque: telemetry.torque.into(),
+            command: telemetry.command.into(),
+            output: telemetry.output.into(),
+            applied: telemetry.output.into(),
+            phase: Phase::ALL.get(usize::from(telemetry.phase)).copied().unwrap_or(Phase::Faulted),
+            reason: Reason::from_code(telemetry.reason),
+            warning: Reason::from_code(telemetry.warning),
+            latency: 0,
+            computation: 0,
+            bodies,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::world;
+
+    #[test]
+    fn instants_go_on_over_a_change_of_the_period() {
+        let mut shown = Shown::new(3, 1e-3);
+        let at = |sample, missed| Telemetry { sample, missed, ..Telemetry::default() };
+        let told = |record: Record| (record.sample, record.due, record.plan, record.missed);
+        // Samples are counted from the board's start, and its misses too.
+        assert_eq!(told(shown.record(&at(70_000, 5))), (0, 0, 3, 0));
+        assert_eq!(told(shown.record(&at(70_010, 5))), (10, 10_000_000, 3, 0));
+        shown.goes_on(4, 2e-3);
+        assert_eq!(told(shown.record(&at(70_020, 7))), (20, 30_000_000, 4, 2));
+        assert_eq!(told(shown.record(&at(70_021, 7))), (21, 32_000_000, 4, 0));
+    }
+
+    #[test]
+    fn what_a_board_has_no_room_for_is_said_before_it_is_sent() {
+        let mut world = world();
+        let bytes = packed(&world, Guarding::Certified).unwrap();
+        assert!(bytes.len() < LARGEST && bytes != packed(&world, Guarding::Uncertified).unwrap());
+        let body = world.bodies[0];
+        while world.bodies.len() <= ROOM[0] {
+            world.bodies.push(body);
+            world.names.push(format!("more{}", world.bodies.len()));
+        }
+        let error = packed(&world, Guarding::Certified).unwrap_err();
+        assert!(error.starts_with("on a board: ") && error.contains('4'), "{error}");
+    }
+}
