@@ -15,10 +15,12 @@ pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
     /// Every LuGre bristle over one period, with q̇ as it is at this sample held.
     fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>);
 
-    /// x_{k+1} - x_k of the method, from x_k, u_{k-1} and u_k, into its place. Given back and stored there it would go in parts, and the
+    /// x_{k+1} - x_k of the method for n bodies, from x_k, u_{k-1} and u_k, into its place. Given back and stored there it would go in parts, and the
     /// next sample, which reads positions and velocities as one vector, would wait for them.
+    #[allow(clippy::too_many_arguments)] // What a step is made from, and where it goes.
     fn change(
         &self,
+        n: usize,
         change: &mut Vector<F, B>,
         x: &Vector<F, B>,
         old: Puck<F>,
@@ -28,7 +30,17 @@ pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
     );
 
     /// The linear `torque` on the puck with the nonlinear couplings'.
-    fn bent(&self, torque: F, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C], contacts: &Contacts<F, C>) -> F;
+    fn bent<const L: usize>(
+        &self,
+        torque: F,
+        bodies: &Vector<F, L>,
+        puck: Puck<F>,
+        bristles: &[F; C],
+        contacts: &Contacts<F, C>,
+    ) -> F;
+
+    /// What the motor is asked for.
+    fn command(&self, torque: F) -> F;
 }
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, W> for Loop<F, B, C, W> {
@@ -47,6 +59,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
     #[inline(always)]
     fn change(
         &self,
+        n: usize,
         change: &mut Vector<F, B>,
         x: &Vector<F, B>,
         old: Puck<F>,
@@ -54,20 +67,34 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
         bristles: &[F; C],
         contacts: &mut Contacts<F, C>,
     ) {
-        *change = self.linear(x, old, new);
-        if let Some(force) = &self.force {
-            self.force_on(change, force, x, old, new, bristles, contacts);
+        self.linear(n, change, x, old, new);
+        if self.nonlinear_count > 0 {
+            if let Some(force) = &self.force {
+                self.force_on(change, force, x, old, new, bristles, contacts);
+            }
         }
     }
 
     #[inline(always)]
-    fn bent(&self, torque: F, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C], contacts: &Contacts<F, C>) -> F {
+    fn bent<const L: usize>(
+        &self,
+        torque: F,
+        bodies: &Vector<F, L>,
+        puck: Puck<F>,
+        bristles: &[F; C],
+        contacts: &Contacts<F, C>,
+    ) -> F {
         if self.nonlinear_count == 0 {
             return torque;
         }
         // A copy: what is lent away has no place in registers.
         let bodies = *bodies;
         torque + self.nonlinear_torque(&bodies, puck, bristles, contacts)
+    }
+
+    #[inline(always)]
+    fn command(&self, torque: F) -> F {
+        self.actuator.command_one(torque)
     }
 }
 
@@ -143,7 +170,8 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         for (reach, weight) in [(F::HALF, two), (F::HALF, two), (F::ONE, F::ONE)] {
             let mut at = *x;
             at.add(n, reach, &stage);
-            stage = self.pushed(self.linear(&at, old, new), force, &at, new, bristles);
+            self.linear(n, &mut stage, &at, old, new);
+            stage = self.pushed(stage, force, &at, new, bristles);
             sum.add(n, weight, &stage);
         }
         let sixth = F::ONE / F::from_f64(6.0);
@@ -171,9 +199,9 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 
     /// The nonlinear couplings' torque on the puck.
     #[cold]
-    fn nonlinear_torque(
+    fn nonlinear_torque<const L: usize>(
         &self,
-        bodies: &Vector<F, B>,
+        bodies: &Vector<F, L>,
         puck: Puck<F>,
         bristles: &[F; C],
         contacts: &Contacts<F, C>,

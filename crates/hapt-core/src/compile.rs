@@ -6,7 +6,7 @@ use crate::matrix::{Block, Half, Response, Vector};
 use crate::nonlinear::Nonlinear;
 use crate::rules::Dynamics;
 use crate::sense::Sensor;
-use crate::step::{Loop, Port};
+use crate::step::{Loop, Moment, Port};
 use crate::{Coupling, Damping, End, Error, Law, Method, Output, Real, Spec};
 
 impl Error {
@@ -279,8 +279,12 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             rate: F::from_f64(1.0 / spec.period),
             new_sample_first: spec.method.takes_new_sample_first(),
             staged,
-            output: spec.output,
-            advance: spec.advance,
+            moment: match spec.output {
+                Output::Start => Moment::Start,
+                Output::Middle => Moment::Middle,
+                Output::End if spec.advance == 0 => Moment::End,
+                Output::End => Moment::Ahead(spec.advance),
+            },
             start: start.map(F::from_f64),
             state: core::array::from_fn(|j| Response {
                 position: rule.state.from_position.column(j).map(F::from_f64),

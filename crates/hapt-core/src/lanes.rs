@@ -142,6 +142,7 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<La
     #[inline(always)]
     fn change(
         &self,
+        n: usize,
         change: &mut Vector<Lanes<N>, B>,
         x: &Vector<Lanes<N>, B>,
         old: Puck<Lanes<N>>,
@@ -149,19 +150,24 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<La
         _: &[Lanes<N>; C],
         _: &mut Contacts<Lanes<N>, C>,
     ) {
-        *change = self.linear(x, old, new);
+        self.linear(n, change, x, old, new);
     }
 
     #[inline(always)]
-    fn bent(
+    fn bent<const L: usize>(
         &self,
         torque: Lanes<N>,
-        _: &Vector<Lanes<N>, B>,
+        _: &Vector<Lanes<N>, L>,
         _: Puck<Lanes<N>>,
         _: &[Lanes<N>; C],
         _: &Contacts<Lanes<N>, C>,
     ) -> Lanes<N> {
         torque
+    }
+
+    #[inline(always)]
+    fn command(&self, torque: Lanes<N>) -> Lanes<N> {
+        self.actuator.command(torque)
     }
 }
 
@@ -173,7 +179,7 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Loop<Lanes<
         let alike = |world: &Loop<f64, B, C1, W1>| {
             world.nonlinear_count == 0
                 && (world.bodies, world.new_sample_first) == (first.bodies, first.new_sample_first)
-                && (world.output, world.advance) == (first.output, first.advance)
+                && world.moment == first.moment
         };
         if !worlds.iter().all(alike) {
             return None;
@@ -184,8 +190,7 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Loop<Lanes<
             rate: each(worlds, |w| w.rate),
             new_sample_first: first.new_sample_first,
             staged: false,
-            output: first.output,
-            advance: first.advance,
+            moment: first.moment,
             start: vector(worlds, |w| &w.start),
             state: from_fn(|j| response(worlds, |w| &w.state[j])),
             input_new: response(worlds, |w| &w.input_new),
@@ -209,6 +214,8 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Loop<Lanes<
                 // No limit is one that nothing reaches.
                 limit: Some(each(worlds, |w| w.actuator.limit.unwrap_or(f64::INFINITY))),
                 step: each_or_none(worlds, |w| w.actuator.step)?,
+                passes: Lanes::ZERO,
+                beyond: Lanes::ZERO,
             },
         })
     }

@@ -27,7 +27,7 @@ impl<F: Number, const B: usize> Vector<F, B> {
     /// self += factor · other
     #[inline(always)]
     pub(crate) fn add(&mut self, n: usize, factor: F, other: &Self) {
-        let places = if B < ROWS { B } else { n };
+        let places = if B < ROWS && n != 1 { B } else { n };
         for (x, y) in self.position.iter_mut().zip(&other.position).take(places) {
             *x += factor * *y;
         }

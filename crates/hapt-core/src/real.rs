@@ -36,6 +36,8 @@ pub trait Number:
 pub trait Real: Number + PartialOrd {
     /// From 1 to the next number.
     const EPSILON: Self;
+    /// The largest number.
+    const MAX: Self;
     /// Exact.
     fn to_f64(self) -> f64;
     /// |x|
@@ -77,6 +79,7 @@ macro_rules! real {
 
         impl Real for $float {
             const EPSILON: Self = <$float>::EPSILON;
+            const MAX: Self = <$float>::MAX;
             #[inline]
             fn to_f64(self) -> f64 {
                 f64::from(self)

@@ -6,7 +6,7 @@ use crate::gradient::{Contacts, Gradient};
 use crate::matrix::{ROWS, Response, Vector};
 use crate::nonlinear::Nonlinear;
 use crate::sense::{Memory, Puck, Sensor};
-use crate::{Number, Output, Real};
+use crate::{Number, Real};
 
 /// A world compiled for at most B bodies, C couplings and W remembered counts (a FOAW window of W - 1), on numbers F.
 ///
@@ -19,8 +19,7 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) rate: F,
     pub(crate) new_sample_first: bool,
     pub(crate) staged: bool,
-    pub(crate) output: Output,
-    pub(crate) advance: u32,
+    pub(crate) moment: Moment,
     pub(crate) start: Vector<F, B>,
     /// The method's matrix: what each body does to all.
     pub(crate) state: [Response<F, B>; B],
@@ -38,6 +37,15 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) nonlinear_count: usize,
     pub(crate) sensor: Sensor<F>,
     pub(crate) actuator: Actuator<F>,
+}
+
+/// Which state of the bodies makes the torque: [`crate::Output`], with `advance` further steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Moment {
+    Start,
+    Middle,
+    End,
+    Ahead(u32),
 }
 
 /// The linear torque on the puck: from its own position and velocity, from the bodies', and from nothing.
@@ -97,33 +105,34 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         self.period
     }
 
-    /// The method's matrices on one state.
+    /// The method's matrices on one state of n bodies: what is not theirs stays as it is, or becomes 0.
     #[inline(always)]
-    pub(crate) fn linear(&self, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>) -> Vector<F, B> {
-        if B < ROWS {
-            return self.rows(0, x, old, new);
-        }
-        let mut change = Vector::ZERO;
-        for i in 0..B.div_ceil(ROWS) {
-            if i * ROWS >= self.bodies {
-                break;
+    pub(crate) fn linear(&self, n: usize, change: &mut Vector<F, B>, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>) {
+        if n == 1 {
+            change.set_rows(0, &self.rows::<1>(n, 0, x, old, new));
+        } else if B < ROWS {
+            *change = self.rows(n, 0, x, old, new);
+        } else {
+            for i in 0..B.div_ceil(ROWS) {
+                if i * ROWS >= n {
+                    break;
+                }
+                // The last rows may be some of those before: made twice, they are the same.
+                let at = (i * ROWS).min(B - ROWS);
+                change.set_rows(at, &self.rows::<ROWS>(n, at, x, old, new));
             }
-            // The last rows may be some of those before: made twice, they are the same.
-            let at = (i * ROWS).min(B - ROWS);
-            change.set_rows(at, &self.rows::<ROWS>(at, x, old, new));
         }
-        change
     }
 
     /// L rows of the linear part. The bodies come after the puck: a sum should not wait where it can begin.
     #[inline(always)]
-    fn rows<const L: usize>(&self, at: usize, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>) -> Vector<F, L> {
+    fn rows<const L: usize>(&self, n: usize, at: usize, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>) -> Vector<F, L> {
         let mut sums = self.drift.rows(at);
         if self.new_sample_first {
             self.input_old.apply(at, old.position, old.velocity, &mut sums);
         }
         self.input_new.apply(at, new.position, new.velocity, &mut sums);
-        for ((response, w), v) in self.state.iter().zip(&x.position).zip(&x.velocity).take(self.bodies) {
+        for ((response, w), v) in self.state.iter().zip(&x.position).zip(&x.velocity).take(n) {
             response.apply(at, *w, *v, &mut sums);
         }
         sums
@@ -131,7 +140,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
 
     /// (w_{k+1} - w_k)/T
     #[inline(always)]
-    fn mean_velocities(&self, change: &Vector<F, B>) -> [F; B] {
+    fn mean_velocities<const L: usize>(&self, change: &Vector<F, L>) -> [F; L] {
         change.position.map(|distance| distance * self.rate)
     }
 }
@@ -151,68 +160,86 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
 where
     Self: Branches<F, B, C, W>,
 {
+    /// Most worlds have one body. Compiled for that number the sample asks for no other, and does the same to the bit.
     #[inline(always)]
     pub(crate) fn sample(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
+        match self.bodies {
+            1 => self.sample_of(1, state, position, velocity),
+            n => self.sample_of(n, state, position, velocity),
+        }
+    }
+
+    /// The sample of a world of n bodies.
+    #[inline(always)]
+    fn sample_of(&self, n: usize, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
         let estimate = |memory: &Memory<F, W>, position| self.estimate(memory, position);
         let puck = self.sensor.read(&mut state.memory, position, velocity, estimate);
-        if !self.new_sample_first {
-            state.now.add(self.bodies, F::ONE, &state.change);
-        }
-        self.bend(&mut state.bristles, puck, &state.now);
         let State { now, change, bristles, contacts, memory } = state;
         if !self.new_sample_first {
-            self.change(change, now, puck, puck, bristles, contacts);
-        } else if let Some(last) = memory.last {
-            let mut change = Vector::ZERO;
-            self.change(&mut change, now, last, puck, bristles, contacts);
-            state.now.add(self.bodies, F::ONE, &change);
-        }
-        state.memory.last = Some(puck);
-        let torque = self.torque(state, puck);
-        Sample { puck, torque, command: self.actuator.command(torque) }
-    }
-
-    /// The torque on the puck from the state that the output names.
-    #[inline(always)]
-    fn torque(&self, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
-        let (mut bodies, change, bristles) = (state.now, &state.change, &state.bristles);
-        match self.output {
-            Output::Start => {}
-            Output::Middle => bodies.add(self.bodies, F::HALF, change),
-            Output::End if self.advance > 0 => return self.torque_ahead(state, puck),
-            Output::End => {
-                bodies.add(self.bodies, F::ONE, change);
-                bodies.velocity = self.mean_velocities(change);
+            now.add(n, F::ONE, change);
+            self.bend(bristles, puck, now);
+            self.change(n, change, now, puck, puck, bristles, contacts);
+        } else {
+            self.bend(bristles, puck, now);
+            if let Some(last) = memory.last {
+                let mut change = Vector::ZERO;
+                self.change(n, &mut change, now, last, puck, bristles, contacts);
+                now.add(n, F::ONE, &change);
             }
         }
-        self.torque_at(&bodies, puck, bristles, &state.contacts)
+        state.memory.last = Some(puck);
+        let torque = if n == 1 { self.torque::<1>(n, state, puck) } else { self.torque::<B>(n, state, puck) };
+        Sample { puck, torque, command: self.command(torque) }
     }
 
-    /// The torque on the puck `advance` steps further on: the world goes on without the loop, the puck held where it was seen.
+    /// The torque on the puck from the state that the output names, of n bodies in the first L places.
+    #[inline(always)]
+    fn torque<const L: usize>(&self, n: usize, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
+        let (mut bodies, change) = (state.now.rows::<L>(0), state.change.rows::<L>(0));
+        // What is the default is asked for first.
+        if self.moment == Moment::End {
+            bodies.add(n, F::ONE, &change);
+            bodies.velocity = self.mean_velocities(&change);
+        } else if self.moment == Moment::Middle {
+            bodies.add(n, F::HALF, &change);
+        } else if let Moment::Ahead(advance) = self.moment {
+            return self.torque_ahead(advance, state, puck);
+        }
+        self.torque_at(n, &bodies, puck, &state.bristles, &state.contacts)
+    }
+
+    /// The torque on the puck so many steps further on: the world goes on without the loop, the puck held where it was seen.
     #[cold]
-    fn torque_ahead(&self, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
+    fn torque_ahead(&self, advance: u32, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
         let (mut bodies, mut bristles, mut contacts) = (state.now, state.bristles, state.contacts);
         bodies.add(self.bodies, F::ONE, &state.change);
         let held = Puck { position: puck.position, velocity: F::ZERO };
         let mut change = Vector::ZERO;
-        for _ in 0..self.advance {
+        for _ in 0..advance {
             self.bend(&mut bristles, held, &bodies);
-            self.change(&mut change, &bodies, held, held, &bristles, &mut contacts);
+            self.change(self.bodies, &mut change, &bodies, held, held, &bristles, &mut contacts);
             bodies.add(self.bodies, F::ONE, &change);
         }
         bodies.velocity = self.mean_velocities(&change);
-        self.torque_at(&bodies, puck, &bristles, &contacts)
+        self.torque_at(self.bodies, &bodies, puck, &bristles, &contacts)
     }
 
     /// The couplings' torque on the puck with the bodies as given.
     #[inline(always)]
-    fn torque_at(&self, bodies: &Vector<F, B>, puck: Puck<F>, bristles: &[F; C], contacts: &Contacts<F, C>) -> F {
+    fn torque_at<const L: usize>(
+        &self,
+        n: usize,
+        bodies: &Vector<F, L>,
+        puck: Puck<F>,
+        bristles: &[F; C],
+        contacts: &Contacts<F, C>,
+    ) -> F {
         let mut torque = self.port.offset + self.port.puck[0] * puck.position + self.port.puck[1] * puck.velocity;
         // All products before the first sum, which then has only itself to wait for.
-        let port = &self.port.bodies;
-        let products: [F; B] =
+        let port = self.port.bodies.rows::<L>(0);
+        let products: [F; L] =
             core::array::from_fn(|i| port.position[i] * bodies.position[i] + port.velocity[i] * bodies.velocity[i]);
-        for product in products.iter().take(self.bodies) {
+        for product in products.iter().take(n) {
             torque += *product;
         }
         self.bent(torque, bodies, puck, bristles, contacts)

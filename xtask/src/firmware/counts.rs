@@ -19,8 +19,8 @@ const RATIO: f64 = 1.2;
 /// What one world takes.
 struct Row {
     bodies: u32,
-    /// In room for 4 bodies, and in its own: bare and supervised.
-    hapt: [[f64; 2]; 2],
+    /// In room for 4 bodies, and in its own: bare, supervised, and supervised with a look at everything.
+    hapt: [[f64; 3]; 2],
     /// For as many bodies as the world says, and for as many as the compiler was told.
     c: [f64; 2],
 }
@@ -45,18 +45,18 @@ pub fn table() -> Result<String> {
     }
     let [two, three] = &levels[..] else { unreachable!("two levels") };
     let mut table = String::from(
-        "| bodies | hapt, bare | in its own room | C, any world: -O2 | -O3 | C, this number of bodies: -O2 | -O3 | hapt / C | hapt, supervised | in its own room |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+        "| bodies | hapt, bare | in its own room | C, any world: -O2 | -O3 | C, this number of bodies: -O2 | -O3 | hapt / C | hapt, supervised | in its own room | in full | in its own room |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
     for (o2, o3) in two.iter().zip(three) {
-        let [[bare, supervised], [own_bare, own_supervised]] = o3.hapt;
+        let [[bare, supervised, full], [own_bare, own_supervised, own_full]] = o3.hapt;
         let ratio = bare.min(own_bare) / o3.c[0].min(o2.c[0]);
         let missed = if ratio > RATIO { " **missed**" } else { "" };
         let over = if o3.bodies == 1 && supervised.min(own_supervised) > GOAL { " **missed**" } else { "" };
         let [any2, told2, any3, told3] = [o2.c[0], o2.c[1], o3.c[0], o3.c[1]];
         writeln!(
             table,
-            "| {} | {bare:.0} | {own_bare:.0} | {any2:.0} | {any3:.0} | {told2:.0} | {told3:.0} | {ratio:.2}{missed} | {supervised:.0} | {own_supervised:.0}{over} |",
+            "| {} | {bare:.0} | {own_bare:.0} | {any2:.0} | {any3:.0} | {told2:.0} | {told3:.0} | {ratio:.2}{missed} | {supervised:.0} | {own_supervised:.0}{over} | {full:.0} | {own_full:.0} |",
             o3.bodies
         )?;
     }
@@ -68,8 +68,8 @@ fn rows(said: &str) -> Result<Vec<Row>> {
     let lines = said.lines().filter(|line| !line.starts_with("stack"));
     let row = |line: &str| {
         let numbers: Vec<f64> = line.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
-        let [bodies, a, b, c, d, any, told] = numbers[..] else { anyhow::bail!("not a count: {line}") };
-        Ok(Row { bodies: bodies as u32, hapt: [[a, b], [c, d]], c: [any, told] })
+        let [bodies, a, b, c, d, e, f, any, told] = numbers[..] else { anyhow::bail!("not a count: {line}") };
+        Ok(Row { bodies: bodies as u32, hapt: [[a, b, c], [d, e, f]], c: [any, told] })
     };
     lines.map(row).collect::<Result<_>>().context("counts")
 }

@@ -3,6 +3,7 @@
 //! The loop's matrices know torques alone, so that this is derived from the spec a second time, and a check of them.
 
 use crate::compile::compensated;
+use crate::supervisor::springs::{Springs, Well};
 use crate::{Clampable, Coupling, Damping, End, Law, Method, Real, Side, Spec, State};
 
 /// A potential V(q).
@@ -37,15 +38,6 @@ struct Ends<F> {
     second: (usize, F),
 }
 
-/// A spring between its ends: all that most worlds have.
-#[derive(Clone, Copy, Debug)]
-struct Spring<F> {
-    ends: Ends<F>,
-    /// k/2
-    half: F,
-    rest: F,
-}
-
 /// One coupling: what it stores, what it drags along, what it gives.
 #[derive(Clone, Copy, Debug)]
 struct Part<F> {
@@ -66,11 +58,8 @@ struct Part<F> {
 /// A world's energies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Energy<F, const B: usize, const C: usize> {
-    /// J/2
-    inertia: [F; B],
     bodies: usize,
-    springs: [Spring<F>; C],
-    spring_count: usize,
+    springs: Springs<F, B, C>,
     /// What is not just a spring.
     parts: [Part<F>; C],
     part_count: usize,
@@ -79,16 +68,30 @@ pub(crate) struct Energy<F, const B: usize, const C: usize> {
     lag: F,
     /// Whether a step is made with the puck held: not by the methods that take the new sample first.
     holds: bool,
+    /// Whether the bodies' own energies are all that there is, and the step is made with the puck held.
+    is_all: bool,
     /// The torques of all constants on the puck.
     pub constant: F,
 }
 
 /// What couplings stored before and after a step, what constants gave to bodies in it, and what the puck's motion carried into it.
-struct Sums<F> {
-    before: F,
-    after: F,
+pub(crate) struct Sums<F> {
+    pub before: F,
+    pub after: F,
     given: F,
     carried: F,
+}
+
+impl<F: Real> Sums<F> {
+    pub const NONE: Self = Sums { before: F::ZERO, after: F::ZERO, given: F::ZERO, carried: F::ZERO };
+
+    #[inline(always)]
+    fn step(&self) -> Step<F> {
+        // Rounding is nobody's doing.
+        let rounding = F::from_f64(16.0) * F::EPSILON * (self.before.abs() + self.after.abs());
+        let made = self.after - self.before - self.given - self.carried - rounding;
+        Step { stored: self.after, made, given: self.given }
+    }
 }
 
 /// What one step did.
@@ -118,83 +121,68 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
                 }
             }
         }
-        let mut inertia = [F::ZERO; B];
-        for (place, body) in inertia.iter_mut().zip(spec.bodies) {
-            *place = F::HALF * f(body.inertia);
-        }
         let mut energy = Energy {
-            inertia,
             bodies: spec.bodies.len().min(B),
-            springs: [Spring::NONE; C],
-            spring_count: 0,
+            springs: Springs::new(spec),
             parts: [Part::NONE; C],
             part_count: 0,
             rate: f(1.0 / spec.period),
             lag,
             holds: !spec.method.takes_new_sample_first(),
+            is_all: false,
             constant: f(constant),
         };
         for (place, coupling) in spec.couplings.iter().enumerate() {
-            energy.add(place, part(spec, coupling));
+            let part = part(spec, coupling);
+            match part.well().filter(|_| lag == F::ZERO) {
+                Some(well) => energy.springs.add(coupling.first, coupling.second, well),
+                None => energy.add(place, part),
+            }
         }
+        energy.is_all = energy.springs.are_at_bodies() && energy.part_count == 0 && energy.holds;
         energy
     }
 
     fn add(&mut self, place: usize, part: Part<F>) {
         // At the puck alone, or between bodies, a damper has no part in what is counted here.
         let counts = part.carries || part.constant != F::ZERO || !matches!(part.potential, Potential::Nothing);
-        match part.spring().filter(|_| self.lag == F::ZERO) {
-            Some(spring) => {
-                if let Some(room) = self.springs.get_mut(self.spring_count) {
-                    *room = spring;
-                    self.spring_count += 1;
-                }
-            }
-            None if counts => {
-                if let Some(room) = self.parts.get_mut(self.part_count) {
-                    *room = Part { place, ..part };
-                    self.part_count += 1;
-                }
-            }
-            None => {}
+        if let (true, Some(room)) = (counts, self.parts.get_mut(self.part_count)) {
+            *room = Part { place, ..part };
+            self.part_count += 1;
         }
     }
 
     /// The step that `state` has just taken, at the puck's measured position and velocity.
     #[inline]
     pub fn step<const W: usize>(&self, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
-        let (from, change) = (&state.now, &state.change);
-        let (mut before, mut after, mut given, mut carried) = (F::ZERO, F::ZERO, F::ZERO, F::ZERO);
-        let bodies = from.velocity.iter().zip(&change.velocity).zip(&self.inertia).take(self.bodies);
-        for ((v, dv), inertia) in bodies {
-            let (v, end) = (*v, *v + *dv);
-            before += *inertia * (v * v);
-            after += *inertia * (end * end);
+        match self.bodies {
+            1 => self.step_of(1, state, puck),
+            n => self.step_of(n, state, puck),
         }
-        for Spring { ends, half, rest } in self.springs.iter().take(self.spring_count) {
-            let (between, moved) = ends.bodies(&from.position, &change.position);
-            let x = ends.puck * puck.0 + between - *rest;
-            let end = x + moved;
-            before += *half * (x * x);
-            after += *half * (end * end);
-        }
+    }
+
+    /// The step of a world of n bodies.
+    #[inline(always)]
+    fn step_of<const W: usize>(&self, n: usize, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
+        let sums = self.springs.of_bodies(n, state, puck.0);
+        if self.is_all { sums.step() } else { self.step_with(sums, state, puck) }
+    }
+
+    /// The step with all else that the world has.
+    #[inline(never)]
+    fn step_with<const W: usize>(&self, mut sums: Sums<F>, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
+        self.springs.of_others(&mut sums, state, puck.0);
         if self.part_count > 0 {
-            let parts = self.parts(state, puck);
-            before += parts.before;
-            after += parts.after;
-            (given, carried) = (parts.given, parts.carried);
+            self.parts(&mut sums, state, puck);
         }
-        // Rounding is nobody's doing.
-        let rounding = F::from_f64(16.0) * F::EPSILON * (before.abs() + after.abs());
-        let made = if self.holds { after - before - given - carried - rounding } else { F::ZERO };
-        Step { stored: after, made, given }
+        let step = sums.step();
+        if self.holds { step } else { Step { made: F::ZERO, ..step } }
     }
 
     /// What is not just a spring. Out of line: it needs a sine.
     #[inline(never)]
-    fn parts<const W: usize>(&self, state: &State<F, B, C, W>, puck: (F, F)) -> Sums<F> {
+    fn parts<const W: usize>(&self, sums: &mut Sums<F>, state: &State<F, B, C, W>, puck: (F, F)) {
         let (from, change) = (&state.now, &state.change);
-        let mut sums = Sums { before: F::ZERO, after: F::ZERO, given: F::ZERO, carried: F::ZERO };
         for part in self.parts.iter().take(self.part_count) {
             let bristle = state.bristles.get(part.place).copied().unwrap_or(F::ZERO);
             let (between, moved) = part.ends.bodies(&from.position, &change.position);
@@ -209,7 +197,6 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
                 sums.carried += part.friction * moved.abs();
             }
         }
-        sums
     }
 }
 
@@ -242,10 +229,6 @@ impl<F: Real> Ends<F> {
     }
 }
 
-impl<F: Real> Spring<F> {
-    const NONE: Self = Spring { ends: Ends::NONE, half: F::ZERO, rest: F::ZERO };
-}
-
 impl<F: Real> Part<F> {
     const NONE: Self = Part {
         ends: Ends::NONE,
@@ -257,11 +240,11 @@ impl<F: Real> Part<F> {
         carries: false,
     };
 
-    /// Itself, where it is a spring on both sides and without an end.
-    fn spring(&self) -> Option<Spring<F>> {
+    /// What it stores, where it is a spring on both sides and without an end.
+    fn well(&self) -> Option<Well<F>> {
         match self.potential {
             Potential::Spring { stiffness, rest, side, limit } if side == F::ZERO && !limit.is_finite() => {
-                Some(Spring { ends: self.ends, half: F::HALF * stiffness, rest })
+                Some(Well { half: F::HALF * stiffness, rest })
             }
             _ => None,
         }

@@ -18,6 +18,7 @@
 //! its own energy and is measured by that; forward Euler makes (ωT)² of what swings a sample.
 
 use crate::Real;
+use crate::supervisor::Limits;
 use crate::supervisor::energy::Step;
 
 /// Torques that a delay may hold back; the port's ledger rests with longer delays.
@@ -30,8 +31,10 @@ pub(crate) struct Ledger<F> {
     /// b/T
     pub damping: F,
     /// Whole samples of the delay, and the part of one beyond them.
-    pub delay: usize,
-    pub part: F,
+    delay: usize,
+    part: F,
+    /// Whether the delay is a whole number of samples, and few enough.
+    whole: bool,
 }
 
 /// Where they stand.
@@ -69,37 +72,64 @@ impl<F: Real> Books<F> {
 }
 
 impl<F: Real> Ledger<F> {
+    /// Of limits, at this many periods of delay.
+    pub fn new(limits: &Limits, period: f64, delay: f64) -> Self {
+        let whole = libm::floor(delay + 1e-6);
+        let part = F::from_f64(if delay > whole { delay - whole } else { 0.0 });
+        let delay = whole as usize;
+        Ledger {
+            most: F::from_f64(limits.energy),
+            damping: F::from_f64(limits.damping / period),
+            delay,
+            part,
+            whole: delay < HELD - 2 && part <= F::ZERO,
+        }
+    }
+
     /// One sample, so many `missed` before it: the world's torque without constants, the puck's measured position.
+    #[inline(always)]
     pub fn enter(&self, books: &mut Books<F>, step: &Step<F>, position: F, torque: F, missed: u32) {
         let most = step.stored + self.most;
-        match books.position {
-            None => (books.account, books.made) = (most, F::ZERO),
-            Some(last) if self.delay + 2 < HELD => {
+        let account = match books.position {
+            Some(last) if self.whole && missed == 0 => {
                 let dz = position - last;
-                let mut paid = self.damping * (dz * dz);
-                if missed > 0 {
-                    // What the motor held while no sample came it held on.
-                    for _ in 0..missed.min(HELD as u32 - 1) {
-                        books.push(books.held(0));
-                    }
-                    paid = paid / F::from_f64(f64::from(missed) + 1.0);
-                }
-                let mut held = books.held(self.delay);
-                if self.part > F::ZERO {
-                    held += self.part * (books.held(self.delay + 1) - held);
-                }
-                books.account += paid - held * dz + step.given;
+                let held = books.held(self.delay);
+                books.account + (self.damping * (dz * dz) - held * dz + step.given)
             }
-            Some(_) => books.account = most,
-        }
-        if books.account > most {
-            books.account = most;
-        }
-        books.made += step.made;
-        if books.made < F::ZERO {
-            books.made = F::ZERO;
-        }
+            last => self.otherwise(books, last, step, position, missed),
+        };
+        books.account = if account > most { most } else { account };
+        let made = books.made + step.made;
+        books.made = if made < F::ZERO { F::ZERO } else { made };
         books.push(torque);
         books.position = Some(position);
+    }
+
+    /// The account where the books are opened, samples were missed, or the delay is not whole.
+    #[cold]
+    #[inline(never)]
+    fn otherwise(&self, books: &mut Books<F>, last: Option<F>, step: &Step<F>, position: F, missed: u32) -> F {
+        let most = step.stored + self.most;
+        let Some(last) = last else {
+            books.made = F::ZERO;
+            return most;
+        };
+        if self.delay >= HELD - 2 {
+            return most;
+        }
+        let dz = position - last;
+        let mut paid = self.damping * (dz * dz);
+        if missed > 0 {
+            // What the motor held while no sample came it held on.
+            for _ in 0..missed.min(HELD as u32 - 1) {
+                books.push(books.held(0));
+            }
+            paid = paid / F::from_f64(f64::from(missed) + 1.0);
+        }
+        let mut held = books.held(self.delay);
+        if self.part > F::ZERO {
+            held += self.part * (books.held(self.delay + 1) - held);
+        }
+        books.account + (paid - held * dz + step.given)
     }
 }

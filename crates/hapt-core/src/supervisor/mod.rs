@@ -18,6 +18,7 @@ mod motion;
 mod phase;
 mod pulse;
 mod reason;
+mod springs;
 mod thermal;
 mod watch;
 
@@ -38,6 +39,20 @@ const CALM: u32 = 16;
 /// Whether all of them are finite: then 0 times all of them is 0, and else it is no number.
 fn are_finite<F: Real, const N: usize>(numbers: [F; N]) -> bool {
     numbers.iter().fold(F::ZERO, |zero, x| zero * *x) == F::ZERO
+}
+
+/// What a reading and a request come to.
+#[derive(Clone, Copy)]
+struct Look {
+    wrong: Option<Reason>,
+    /// The world waits at its start, and nothing is booked.
+    waits: bool,
+    /// The torque may leap.
+    leaps: bool,
+}
+
+impl Look {
+    const ORDINARY: Self = Look { wrong: None, waits: false, leaps: false };
 }
 
 /// The limits, compiled once, for a loop with room for B bodies and C couplings.
@@ -74,8 +89,6 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
         let f = F::from_f64;
         let periods = limits.delay / spec.period;
-        let whole = libm::floor(periods + 1e-6);
-        let part = if periods > whole { periods - whole } else { 0.0 };
         // A differenced damper that is a sample and the delay late is stable below J/(T(1 + 2 delays)); a quarter of that is calm.
         let most = 0.25 * limits.inertia / (spec.period * (1.0 + 2.0 * periods));
         let brake = if limits.brake < most { limits.brake } else { most };
@@ -84,12 +97,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             fade: f(1.0 / fade),
             motion: Motion::new(limits, spec),
             energy: Energy::new(spec),
-            ledger: Ledger {
-                most: f(limits.energy),
-                damping: f(limits.damping / spec.period),
-                delay: whole as usize,
-                part: f(part),
-            },
+            ledger: Ledger::new(limits, spec.period, periods),
             motor: Thermal::new(&limits.motor, spec.period),
             driver: Thermal::new(&limits.driver, spec.period),
             pulse: Pulse::new(limits, spec),
@@ -106,6 +114,9 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     }
 
     /// One sample of `world`, guarded.
+    ///
+    /// Written for the sample that is like the last: the torque is all there, nobody asks for anything, and nothing is wrong. Whatever
+    /// else there may be is looked at out of line, by all the same rules.
     pub fn step<const W: usize>(
         &self,
         watch: &mut Watch<F>,
@@ -114,33 +125,18 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         reading: &Reading<F>,
         request: Option<Request>,
     ) -> Guarded<F> {
-        let announced = reading.announced && self.announcements;
-        let wrong = self.motion.wrong(&mut watch.seen, reading, announced, watch.output);
-        if wrong.is_some() {
-            watch.calm = 0;
-        } else if watch.calm < CALM {
-            watch.calm += 1;
-        }
-        self.ask(watch, request, wrong, self.motion.link_is_lost(reading));
-
-        let waits = !watch.phase.is_active() || watch.testing.is_some();
-        if waits || watch.fresh {
-            *state = world.start();
-            watch.books.reopen();
-            watch.fresh = false;
-        }
+        let ordinary =
+            request.is_none() && watch.is_steady() && self.motion.is_ordinary(&mut watch.seen, reading, watch.output);
+        let look = if ordinary { Look::ORDINARY } else { self.look(watch, world, state, reading, request) };
         // A reading that is no number is not shown to the world.
         let velocity = reading.velocity.finite_or_zero();
         let sample = world.sample(state, watch.seen.position - watch.offset, velocity);
-        if !waits {
+        if !look.waits {
             self.book(watch, state, &sample, reading);
         }
-        let testing = watch.testing.is_some();
-        let wanted = self.wanted(watch, &sample);
-        if (wanted - watch.output).abs() > self.slew && !announced && !testing {
-            watch.fault_where_active(Reason::Slew);
-        }
-        let held = if watch.phase == Phase::Faulted { self.braked(watch, wrong) } else { wanted };
+        let whole = watch.whole(sample.command);
+        let goes_on = ordinary && watch.phase == Phase::Running && (whole - watch.output).abs() <= self.slew;
+        let held = if goes_on { whole } else { self.held(watch, &sample, look) };
         let mut output = held;
         if self.motor.warm(&mut watch.heat[0], held) && watch.fault_where_active(Reason::Heat) {
             output = F::ZERO;
@@ -151,6 +147,36 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         watch.output = output;
         let Watch { phase, reason, warning, .. } = *watch;
         Guarded { sample, output, phase, reason, warning }
+    }
+
+    /// A sample that is not like the last, before the world takes it.
+    #[cold]
+    #[inline(never)]
+    fn look<const W: usize>(
+        &self,
+        watch: &mut Watch<F>,
+        world: &Loop<F, B, C, W>,
+        state: &mut State<F, B, C, W>,
+        reading: &Reading<F>,
+        request: Option<Request>,
+    ) -> Look {
+        let announced = reading.announced && self.announcements;
+        let wrong = self.motion.wrong(&mut watch.seen, reading, announced, watch.output);
+        if wrong.is_some() {
+            watch.calm = 0;
+        } else if watch.calm < CALM {
+            watch.calm += 1;
+        }
+        self.ask(watch, request, wrong, self.motion.link_is_lost(reading));
+
+        let testing = watch.testing.is_some();
+        let waits = !watch.phase.is_active() || testing;
+        if waits || watch.fresh {
+            *state = world.start();
+            watch.books.reopen();
+            watch.fresh = false;
+        }
+        Look { wrong, waits, leaps: announced || testing }
     }
 
     /// What somebody asks for, and what the reading says.
@@ -218,6 +244,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     }
 
     /// The world's numbers and energies.
+    #[inline(always)]
     fn book<const W: usize>(
         &self,
         watch: &mut Watch<F>,
@@ -233,7 +260,20 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
         let torque = sample.torque - self.energy.constant;
         self.ledger.enter(&mut watch.books, &step, puck.0, torque, reading.missed);
-        // Written so that what is no number trips too.
+        // Written so that what is no number is within nothing.
+        let within = watch.books.account >= F::ZERO && watch.books.made <= self.ledger.most;
+        if !within {
+            self.overdraw(watch);
+        }
+        if sample.command.abs() > self.torque {
+            watch.fault(Reason::Torque);
+        }
+    }
+
+    /// One of the ledgers is beyond its bound.
+    #[cold]
+    #[inline(never)]
+    fn overdraw(&self, watch: &mut Watch<F>) {
         let (in_account, within) = (watch.books.account >= F::ZERO, watch.books.made <= self.ledger.most);
         for (right, trips, reason) in
             [(in_account, self.port_trips, Reason::PortEnergy), (within, self.world_trips, Reason::WorldEnergy)]
@@ -244,9 +284,17 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
                 watch.warning = Some(reason);
             }
         }
-        if sample.command.abs() > self.torque {
-            watch.fault(Reason::Torque);
+    }
+
+    /// The torque that the motor is to hold, where it is not just the world's command.
+    #[cold]
+    #[inline(never)]
+    fn held(&self, watch: &mut Watch<F>, sample: &Sample<F>, look: Look) -> F {
+        let wanted = self.wanted(watch, sample);
+        if (wanted - watch.output).abs() > self.slew && !look.leaps {
+            watch.fault_where_active(Reason::Slew);
         }
+        if watch.phase == Phase::Faulted { self.braked(watch, look.wrong) } else { wanted }
     }
 
     /// What the phase makes of the world's command, and the phase after this sample.
@@ -291,7 +339,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             watch.carry[0] = left;
         } else {
             // The command is within it, or has faulted.
-            return wanted + carry;
+            return watch.whole(sample.command);
         }
         (wanted + watch.carry[0]).within(self.torque)
     }

@@ -19,6 +19,16 @@ pub(crate) struct Motion<F> {
     stuck_torque: F,
     /// In samples.
     stuck: F,
+    ordinary: Ordinary<F>,
+}
+
+/// Bounds within which a reading needs no other look: each is as tight as the tightest of its limits, and none is infinite.
+#[derive(Clone, Copy, Debug)]
+struct Ordinary<F> {
+    distance: F,
+    jump: F,
+    late: F,
+    silent: F,
 }
 
 /// What is remembered of the last reading.
@@ -27,7 +37,7 @@ pub(crate) struct Motion<F> {
 pub(crate) struct Seen<F> {
     /// The last position that was a number.
     pub position: F,
-    /// The displacement a period, where two positions were seen.
+    /// The displacement a period, where two positions were seen; else nothing.
     pub step: Option<F>,
     /// Whether one was.
     known: bool,
@@ -43,22 +53,55 @@ impl<F: Real> Motion<F> {
     pub fn new(limits: &Limits, spec: &Spec) -> Self {
         let f = F::from_f64;
         let count = spec.count.unwrap_or(0.0);
+        let finite = |x: f64| f(x).within(F::MAX);
+        let slow = f(limits.velocity.min(limits.overspeed) * spec.period) + f(count);
+        let jump = limits.jump + 2.0 * count;
+        let ordinary = Ordinary {
+            distance: slow.within(F::MAX),
+            jump: finite(jump),
+            late: finite(limits.late),
+            silent: finite(limits.link),
+        };
         Motion {
             period: f(spec.period),
             velocity: f(limits.velocity * spec.period),
             overspeed: f(limits.overspeed * spec.period),
-            jump: f(limits.jump + 2.0 * count),
+            jump: f(jump),
             count: f(count),
             late: f(limits.late),
             link: f(limits.link),
             friction: f(limits.friction),
             stuck_torque: f(limits.stuck_torque),
             stuck: f(limits.stuck / spec.period),
+            ordinary,
         }
     }
 
+    /// Whether a reading is an ordinary one, which nothing is wrong with, the link too: then it has been seen. Else nothing has, and
+    /// [`Motion::wrong`] says what it is.
+    #[inline(always)]
+    pub fn is_ordinary(&self, seen: &mut Seen<F>, reading: &Reading<F>, held: F) -> bool {
+        let (step, within) = (reading.position - seen.position, &self.ordinary);
+        let Some(last) = &mut seen.step else { return false };
+        if reading.missed > 0 || reading.announced {
+            return false;
+        }
+        // Written so that what is no number is within nothing.
+        let moves =
+            step.abs() <= within.distance && (step - *last).abs() <= within.jump && reading.velocity.is_finite();
+        if !moves || (step == F::ZERO && held.abs() > self.stuck_torque) {
+            return false;
+        }
+        let arrives = reading.late.abs() <= within.late && reading.silent.abs() <= within.silent;
+        if !arrives {
+            return false;
+        }
+        (seen.position, *last, seen.still) = (reading.position, step, F::ZERO);
+        true
+    }
+
     /// What is wrong with a reading under the torque `held` since the last; a lost link apart.
-    #[inline]
+    #[inline(never)]
     pub fn wrong(&self, seen: &mut Seen<F>, reading: &Reading<F>, announced: bool, held: F) -> Option<Reason> {
         if !are_finite([reading.position, reading.velocity, reading.late, reading.silent]) {
             return Some(Reason::NotFinite);

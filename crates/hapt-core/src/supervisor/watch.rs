@@ -4,7 +4,7 @@ use crate::Real;
 use crate::supervisor::ledger::Books;
 use crate::supervisor::motion::Seen;
 use crate::supervisor::pulse::Testing;
-use crate::supervisor::{Phase, Reason};
+use crate::supervisor::{CALM, Phase, Reason};
 
 /// What the supervisor remembers from sample to sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,6 +75,23 @@ impl<F: Real> Watch<F> {
     /// What the world's integrator has made, in J.
     pub fn made(&self) -> F {
         self.books.made
+    }
+
+    /// Whether this sample goes on as the last did, where nobody asks for anything and nothing is wrong.
+    #[inline(always)]
+    pub(crate) fn is_steady(&self) -> bool {
+        self.phase == Phase::Running
+            && !self.fresh
+            && !self.swapped
+            && self.testing.is_none()
+            && self.carry[0] == F::ZERO
+            && self.calm >= CALM
+    }
+
+    /// The torque of this command where nothing of a swap is left.
+    #[inline(always)]
+    pub(crate) fn whole(&self, command: F) -> F {
+        self.gain * command + self.carry[0]
     }
 
     /// Takes the torque away where there may be one; whether there might.
