@@ -3,15 +3,18 @@
 use std::path::PathBuf;
 use std::{env, fs};
 
-const BOARDS: [&str; 3] = ["mps2", "netduinoplus2", "b-g431b-esc1"];
+/// The boards, and where each one's memory stands.
+const BOARDS: [(&str, &str); 4] =
+    [("mps2", "boards"), ("netduinoplus2", "boards"), ("b-g431b-esc1", "boards"), ("my-board", "template")];
 
 fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets it"));
-    let feature =
-        |board: &&&str| env::var_os(format!("CARGO_FEATURE_{}", board.to_uppercase().replace('-', "_"))).is_some();
-    let chosen: Vec<_> = BOARDS.iter().filter(feature).collect();
-    let [board] = chosen[..] else { panic!("choose one board by --features: {}", BOARDS.join(", ")) };
-    let memory = format!("boards/{board}.x");
+    let feature = |board: &str| format!("CARGO_FEATURE_{}", board.to_uppercase().replace('-', "_"));
+    let chosen: Vec<_> = BOARDS.iter().filter(|(board, _)| env::var_os(feature(board)).is_some()).collect();
+    let [(board, folder)] = chosen[..] else {
+        panic!("choose one board by --features: {}", BOARDS.map(|(board, _)| board).join(", "))
+    };
+    let memory = format!("{folder}/{board}.x");
     fs::copy(&memory, out.join("memory.x")).unwrap_or_else(|error| panic!("{memory}: {error}"));
     println!("cargo:rerun-if-changed={memory}");
     println!("cargo:rustc-link-search={}", out.display());

@@ -8,13 +8,17 @@ pub mod halt;
 #[cfg_attr(feature = "mps2", path = "boards/mps2.rs")]
 #[cfg_attr(feature = "netduinoplus2", path = "boards/netduinoplus2.rs")]
 #[cfg_attr(feature = "b-g431b-esc1", path = "boards/b-g431b-esc1.rs")]
+#[cfg_attr(feature = "my-board", path = "../template/my-board.rs")]
 mod here;
 mod register;
 pub mod shared;
 #[cfg(feature = "semihosting")]
 pub mod stack;
+#[cfg(any(feature = "mps2", feature = "netduinoplus2"))]
+mod swing;
 pub mod ticks;
 #[cfg(feature = "semihosting")]
 pub mod trace;
+pub mod uart;
 
 pub use here::Here;

@@ -9,7 +9,8 @@ pub struct Shared<T> {
     lent: Cell<bool>,
 }
 
-// SAFETY: there is one processor, and `with` lets nothing interrupt it while the value is lent.
+// SAFETY: there is one processor, and nothing that uses the value interrupts it while it is lent: `with` lets nothing, and of
+// interrupts one alone uses it.
 unsafe impl<T: Send> Sync for Shared<T> {}
 
 impl<T> Shared<T> {
@@ -28,21 +29,31 @@ impl<T> Shared<T> {
         self.change(|place| place.as_mut().map(use_it)).flatten()
     }
 
+    /// Lends the value to an interrupt, and what stands above that one goes on: the main loop, which may not be interrupted while it has the
+    /// value, never has it then.
+    pub fn with_in_interrupt<R>(&self, use_it: impl FnOnce(&mut T) -> R) -> Option<R> {
+        self.lend(|place| place.as_mut().map(use_it)).flatten()
+    }
+
     fn change<R>(&self, change: impl FnOnce(&mut Option<T>) -> R) -> Option<R> {
         let masked: u32;
         // SAFETY: PRIMASK is read, and interrupts are turned off; the compiler moves no access to memory across it.
         unsafe { asm!("mrs {}, PRIMASK", "cpsid i", out(reg) masked) };
-        let given = (!self.lent.replace(true)).then(|| {
-            // SAFETY: it was not lent, nothing can interrupt until it is given back, and the reference ends with the call.
-            let given = change(unsafe { &mut *self.value.get() });
-            self.lent.set(false);
-            given
-        });
+        let given = self.lend(change);
         if masked == 0 {
             // SAFETY: they were on before.
             unsafe { asm!("cpsie i") };
         }
         given
+    }
+
+    fn lend<R>(&self, use_it: impl FnOnce(&mut Option<T>) -> R) -> Option<R> {
+        (!self.lent.replace(true)).then(|| {
+            // SAFETY: it was not lent, nothing that uses it can interrupt until it is given back, and the reference ends with the call.
+            let given = use_it(unsafe { &mut *self.value.get() });
+            self.lent.set(false);
+            given
+        })
     }
 }
 

@@ -1,10 +1,24 @@
-//! SysTick, the processor's own timer: the loop's interrupt, and what instructions are counted by.
+//! SysTick, the processor's own timer: the loop's periods, and what instructions are counted by.
+//!
+//! Two interrupts make a sample: SysTick, above all, only counts that a period has begun, and asks for PendSV, below all, which takes the
+//! sample. However long a sample takes, every period that passes meanwhile is counted.
+
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use crate::register::Register;
 
 const CONTROL: Register = Register::at(0xe000_e010);
 const RELOAD: Register = Register::at(0xe000_e014);
 const CURRENT: Register = Register::at(0xe000_e018);
+
+/// Of the processor's interrupts: what is asked for, and which stands above which (ARM DDI 0403, B3.2).
+const ASKED: Register = Register::at(0xe000_ed04);
+const PRIORITIES: Register = Register::at(0xe000_ed20);
+const PENDSV: u32 = 1 << 28;
+const PENDSV_LAST: u32 = 0xff << 16;
+
+/// Periods begun, and not yet taken up by a sample.
+static DUE: AtomicU32 = AtomicU32::new(0);
 
 const ENABLE: u32 = 1;
 const INTERRUPT: u32 = 2;
@@ -20,11 +34,49 @@ pub fn count() {
     CONTROL.set(ENABLE | PROCESSOR);
 }
 
-/// Interrupts every so many clocks, from 2 to 2^24.
+/// Begins a period every so many clocks, from 2 to 2^24.
 pub fn every(clocks: u32) {
+    PRIORITIES.set(PENDSV_LAST);
     RELOAD.set(clocks.saturating_sub(1) & MASK);
     CURRENT.set(0);
     CONTROL.set(ENABLE | INTERRUPT | PROCESSOR);
+    DUE.store(0, Relaxed);
+}
+
+/// What SysTick's interrupt does: a period has begun, and PendSV is to take a sample.
+#[inline(always)]
+pub fn begin() {
+    DUE.fetch_add(1, Relaxed);
+    ASKED.set(PENDSV);
+}
+
+/// How many periods have begun that no sample has taken up.
+#[inline(always)]
+pub fn due() -> u32 {
+    DUE.load(Relaxed)
+}
+
+/// What PendSV's interrupt begins with: takes up the periods that have begun; how many there are, and clocks since the last one's beginning.
+#[inline(always)]
+pub fn take_up() -> (u32, u32) {
+    loop {
+        let (due, since) = (due(), since_reload());
+        // One that has begun between the two would not fit to the other.
+        if DUE.compare_exchange(due, 0, Relaxed, Relaxed).is_ok() {
+            return (due, since);
+        }
+    }
+}
+
+/// Clocks since the beginning of the period that was taken up last.
+#[inline(always)]
+pub fn since_taken_up() -> u32 {
+    loop {
+        let (before, since) = (due(), since_reload());
+        if due() == before {
+            return RELOAD.get().saturating_add(1).saturating_mul(before).saturating_add(since);
+        }
+    }
 }
 
 /// Where it stands.
@@ -38,6 +90,6 @@ pub fn between(earlier: u32, later: u32) -> u32 {
 }
 
 /// Clocks since it last began anew.
-pub fn since_reload() -> u32 {
+fn since_reload() -> u32 {
     RELOAD.get().wrapping_sub(CURRENT.get()) & MASK
 }

@@ -1,10 +1,14 @@
 //! Your board: what it is, its motor, its encoder, and which manuals the numbers are from.
 
-use crate::board::{Board, Device, Line};
+use crate::board::{Board, Device};
 use crate::register::Register;
+use crate::uart::Uart;
 
 // Registers by their addresses, under names that say what they do:
 const UART_STATE: Register = Register::at(0x4000_441c);
+const UART_RECEIVED: Register = Register::at(0x4000_4424);
+const UART_SENT: Register = Register::at(0x4000_4428);
+const ENCODER_COUNT: Register = Register::at(0x4000_0824);
 
 /// The encoder's counts a revolution, all four edges of its lines.
 const COUNTS: f32 = 4096.0;
@@ -21,23 +25,9 @@ impl Board for Here {
 
     fn start() -> (Uart, Motor) {
         // Clocks, pins, UART, encoder, PWM with its outputs off, current limit, watchdog: in this order.
-        (Uart, Motor { last: 0, counts: 0 })
-    }
-}
-
-/// Its line.
-pub struct Uart;
-
-impl Line for Uart {
-    fn receive(&mut self) -> Option<u8> {
-        // A byte, if one has come in. The main loop asks every few microseconds: an interrupt or DMA is for slower ones.
-        let _ = UART_STATE.get();
-        None
-    }
-
-    fn send(&mut self, _byte: u8) -> bool {
-        // True if it has been taken.
-        true
+        // The main loop asks the UART for bytes every few microseconds. One that needs more than that gets a `Line` of its own.
+        let (state, received, sent) = (UART_STATE, UART_RECEIVED, UART_SENT);
+        (Uart { state, received, sent, full: 1 << 5, free: (1 << 7, true) }, Motor { last: 0, counts: 0 })
     }
 }
 
@@ -50,7 +40,7 @@ pub struct Motor {
 impl Device for Motor {
     fn position(&mut self) -> f32 {
         // The timer's count, whose 16 bits run over.
-        let now = 0_u16;
+        let now = ENCODER_COUNT.get() as u16;
         self.counts = self.counts.wrapping_add(i32::from(now.wrapping_sub(self.last) as i16));
         self.last = now;
         self.counts as f32 * (core::f32::consts::TAU / COUNTS)

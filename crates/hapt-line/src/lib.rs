@@ -13,8 +13,8 @@ use rustix::io::{Errno, FdFlags, fcntl_setfd};
 use rustix::pty::{OpenptFlags, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
-/// What a UART between a computer and a board or a drive is usually set to. USB ports take any.
-const SPEED: u32 = 921_600;
+/// What a UART between a computer and a board or a drive is usually set to, in bits per second. USB ports take any.
+pub const SPEED: u32 = 921_600;
 
 /// An open serial port, or one end of a pseudoterminal. Neither reading nor writing allocates.
 #[derive(Debug)]
@@ -25,11 +25,19 @@ pub struct Line {
 }
 
 impl Line {
-    /// Opens the port at `path` raw, for this program alone.
+    /// Opens the port at `path` raw, for this program alone, at [`SPEED`].
     ///
     /// # Errors
     /// There is none, it is no terminal, or another program holds it.
     pub fn open(path: &Path) -> io::Result<Self> {
+        Line::open_at(path, SPEED)
+    }
+
+    /// The same at so many bits per second.
+    ///
+    /// # Errors
+    /// As above, or the port knows no such speed.
+    pub fn open_at(path: &Path, speed: u32) -> io::Result<Self> {
         let fd = open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())?;
         if !rustix::termios::isatty(&fd) {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no serial port"));
@@ -38,7 +46,7 @@ impl Line {
             Errno::WOULDBLOCK => io::Error::other("another program holds it"),
             error => error.into(),
         })?;
-        raw(&fd)?;
+        raw(&fd, speed)?;
         fast(path);
         Ok(Line { fd, _other: None })
     }
@@ -96,15 +104,15 @@ pub fn pty() -> io::Result<(Line, PathBuf)> {
     let name = ptsname(&fd, Vec::new())?;
     let path = PathBuf::from(name.to_string_lossy().into_owned());
     let other = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
-    raw(&other)?;
+    raw(&other, SPEED)?;
     Ok((Line { fd, _other: Some(other) }, path))
 }
 
 /// Bytes as they are: no echo, no lines, no signals.
-fn raw(fd: &OwnedFd) -> io::Result<()> {
+fn raw(fd: &OwnedFd, speed: u32) -> io::Result<()> {
     let mut termios = tcgetattr(fd)?;
     termios.make_raw();
-    termios.set_speed(SPEED)?;
+    termios.set_speed(speed)?;
     Ok(tcsetattr(fd, OptionalActions::Now, &termios)?)
 }
 
@@ -180,6 +188,15 @@ mod tests {
         assert!(Line::open(&path).unwrap_err().to_string().contains("another program"));
         assert!(Line::open(Path::new("/dev/null")).unwrap_err().to_string().contains("no serial port"));
         assert!(Line::open(Path::new("/dev/no-such-port")).is_err());
+    }
+
+    #[test]
+    fn a_port_has_the_speed_that_it_is_opened_at() {
+        let (_ours, path) = pty().unwrap();
+        for speed in [SPEED, 115_200, 2_000_000] {
+            let line = Line::open_at(&path, speed).unwrap();
+            assert_eq!(tcgetattr(&line.fd).unwrap().output_speed(), speed);
+        }
     }
 
     #[test]

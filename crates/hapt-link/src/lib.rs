@@ -31,6 +31,6 @@ pub mod simulate;
 
 pub use board::Board;
 pub use error::Error;
-pub use hapt_line::{Line, pty};
+pub use hapt_line::{Line, SPEED, pty};
 pub use hapt_wire::{Parameter, Telemetry, Why};
 pub use link::Link;

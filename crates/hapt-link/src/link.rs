@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use hapt_core::Phase;
 use hapt_wire::{Command, LONGEST, Order, PIECE, PROTOCOL, Parameter, Reader, Says, Telemetry, Why, frame, hash};
 
-use crate::{Board, Error, Line};
+use crate::{Board, Error, Line, SPEED};
 
 /// The longest frame of a board.
 const FRAME: usize = 512;
@@ -58,12 +58,20 @@ enum Answer {
 }
 
 impl Link {
-    /// Opens a port and greets the board there. Whatever torque it has goes on.
+    /// Opens a port at 921 600 baud and greets the board there. Whatever torque it has goes on.
     ///
     /// # Errors
     /// There is no such port, nothing answers, or it speaks another version.
     pub fn open(path: &Path) -> Result<Link, Error> {
-        let line = Line::open(path).map_err(|source| Error::Open { path: path.into(), source })?;
+        Link::open_at(path, SPEED)
+    }
+
+    /// The same at another speed, in bits per second.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn open_at(path: &Path, speed: u32) -> Result<Link, Error> {
+        let line = Line::open_at(path, speed).map_err(|source| Error::Open { path: path.into(), source })?;
         let mut link = Link {
             path: path.into(),
             line,
@@ -139,18 +147,19 @@ impl Link {
         self.ask(LOAD, Order::Commit).map(drop)
     }
 
-    /// Arms the world of this hash: its torque fades in.
+    /// Arms the world of this hash: its torque fades in. What telemetry has said last before that.
     ///
     /// # Errors
     /// It runs another one, or its supervisor does not arm.
-    pub fn arm(&mut self, world: u32) -> Result<(), Error> {
+    pub fn arm(&mut self, world: u32) -> Result<Option<Telemetry>, Error> {
         // Before it is sent: its answer may be lost.
         (self.armed, self.leaving) = (true, false);
         self.ask("arm", Order::Arm { world })?;
         // What was said before is of another time.
+        let last = self.waiting.pop_back();
         self.waiting.clear();
         self.armed = true;
-        Ok(())
+        Ok(last)
     }
 
     /// The torque fades out.

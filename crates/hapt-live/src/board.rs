@@ -17,7 +17,7 @@ use hapt_wire::Order;
 
 use crate::control::PATIENCE;
 use crate::runner::{News, Runner};
-use crate::shown::Shown;
+use crate::shown::{Shown, phase};
 use crate::state::Workbench;
 use crate::{live, packed};
 
@@ -227,7 +227,7 @@ impl Holder {
         let mut some = false;
         while let Some(telemetry) = self.link.telemetry(until)? {
             (some, until) = (true, Instant::now());
-            self.phase = Phase::ALL.get(usize::from(telemetry.phase)).copied().unwrap_or(Phase::Faulted);
+            self.phase = phase(&telemetry);
             // Whoever does not take the records loses them.
             let _ = self.records.try_send(self.shown.record(&telemetry));
         }
@@ -260,7 +260,8 @@ impl Holder {
     }
 
     fn arm(&mut self) -> Result<(), Error> {
-        self.link.arm(self.world)?;
+        let before = self.link.arm(self.world)?;
+        self.shown.follows(before);
         self.phase = Phase::FadingIn;
         Ok(())
     }

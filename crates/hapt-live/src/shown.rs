@@ -17,7 +17,7 @@ pub fn packed(world: &World, guarding: Guarding) -> Result<Vec<u8>, String> {
     pack(&spec, &limits, &mut [0; LARGEST]).map(<[u8]>::to_vec).map_err(|error| error.to_string())
 }
 
-/// Telemetry as a loop of this computer's would have it in its records; what it does not say is 0.
+/// Telemetry as a loop of this computer's would have it in its records; what it does not say is what its phases tell, or 0.
 #[derive(Clone, Debug)]
 pub struct Shown {
     plan: u32,
@@ -26,19 +26,24 @@ pub struct Shown {
     /// The first sample, and the one of which an instant is known, in ns from the start.
     first: Option<u64>,
     known: (u64, u64),
-    /// The last one, and all that the board had missed by then.
-    last: (u64, u32),
+    /// What was shown last.
+    before: Option<Telemetry>,
 }
 
 impl Shown {
     /// From the first sample that is shown on, of plan `plan` and with this period in s.
     pub fn new(plan: u32, period: f64) -> Self {
-        Shown { plan, period, first: None, known: (0, 0), last: (0, 0) }
+        Shown { plan, period, first: None, known: (0, 0), before: None }
+    }
+
+    /// What was shown last before the next sample, and is in no record.
+    pub fn follows(&mut self, before: Option<Telemetry>) {
+        self.before = before.or(self.before);
     }
 
     /// After the last sample the plan is another, and its period.
     pub fn goes_on(&mut self, plan: u32, period: f64) {
-        let last = self.last.0;
+        let last = self.before.map_or(0, |before| before.sample);
         self.known = (last, self.instant(last));
         (self.plan, self.period) = (plan, period);
     }
@@ -52,10 +57,16 @@ impl Shown {
     pub fn record(&mut self, telemetry: &Telemetry) -> Record {
         let sample = telemetry.sample;
         if self.first.is_none() {
-            (self.first, self.known, self.last) = (Some(sample), (sample, 0), (sample, telemetry.missed));
+            (self.first, self.known) = (Some(sample), (sample, 0));
         }
-        let missed = telemetry.missed.wrapping_sub(self.last.1);
-        self.last = (sample, telemetry.missed);
+        let (before, now) = (self.before.replace(*telemetry), phase(telemetry));
+        let missed = before.map_or(0, |before| telemetry.missed.wrapping_sub(before.missed));
+        let reason = Reason::from_code(telemetry.reason);
+        // Of samples that were not shown nobody knows what they were told.
+        let next = |before: &Telemetry| before.sample + 1 + u64::from(missed);
+        let behind = before.filter(|before| next(before) == sample);
+        let (request, late, silent) =
+            behind.map_or((None, 0.0, 0.0), |before| hapt_log::told(phase(&before), now, reason));
         let mut bodies = [(0.0, 0.0); BODIES];
         for (place, (position, velocity)) in bodies.iter_mut().zip(telemetry.bodies.as_slice()) {
             *place = (f64::from(*position), f64::from(*velocity));
@@ -68,24 +79,29 @@ impl Shown {
             // The only velocity that a board knows.
             velocity: telemetry.velocity.into(),
             announced: false,
-            late: 0.0,
+            late,
             missed,
-            silent: 0.0,
-            request: None,
+            silent,
+            request,
             measured: telemetry.measured.into(),
             measured_velocity: telemetry.velocity.into(),
             torque: telemetry.torque.into(),
             command: telemetry.command.into(),
             output: telemetry.output.into(),
             applied: telemetry.output.into(),
-            phase: Phase::ALL.get(usize::from(telemetry.phase)).copied().unwrap_or(Phase::Faulted),
-            reason: Reason::from_code(telemetry.reason),
+            phase: now,
+            reason,
             warning: Reason::from_code(telemetry.warning),
             latency: 0,
             computation: 0,
             bodies,
         }
     }
+}
+
+/// A phase that nobody knows is one without torque.
+pub(crate) fn phase(telemetry: &Telemetry) -> Phase {
+    Phase::ALL.get(usize::from(telemetry.phase)).copied().unwrap_or(Phase::Faulted)
 }
 
 #[cfg(test)]

@@ -43,6 +43,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod board;
 mod container;
 mod descriptor;
 mod error;
@@ -54,6 +55,7 @@ mod state;
 mod wire;
 mod writer;
 
+pub use board::told;
 pub use container::Ending;
 pub use descriptor::descriptor;
 pub use error::Error;

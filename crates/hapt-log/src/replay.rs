@@ -7,9 +7,9 @@ use hapt_core::{Guarding, Watch};
 use hapt_rt::{Plan, PlanState, Snapshot};
 use hapt_sim::DesktopLoop;
 
-use crate::Error;
 use crate::log::{Inputs, Log, LoggedPlan, Sample};
 use crate::schema::{COMMAND, LIVE_COLUMNS, TORQUE};
+use crate::{Error, board};
 
 /// What came of a replay.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -52,6 +52,7 @@ pub struct Difference {
 pub fn replay<R: Read>(log: &mut Log<R>) -> Result<Replay, Error> {
     let mut result = Replay::default();
     match log.is_live() {
+        true if board::is_boards(log) => board::replay(log, &mut result)?,
         true => live(log, &mut result)?,
         false => run(log, &mut result)?,
     }
@@ -66,7 +67,7 @@ pub fn replay<R: Read>(log: &mut Log<R>) -> Result<Replay, Error> {
 }
 
 impl Replay {
-    fn compare(&mut self, sample: &Sample, number: u64, torques: &[(usize, f64)]) {
+    pub(crate) fn compare(&mut self, sample: &Sample, number: u64, torques: &[(usize, f64)]) {
         self.compared += 1;
         let logged = |place: usize| sample.values.get(place).copied().unwrap_or(f64::NAN);
         let Some(&(place, replayed)) = torques.iter().find(|(place, x)| logged(*place).to_bits() != x.to_bits()) else {
@@ -83,7 +84,7 @@ impl Replay {
     }
 }
 
-fn world_error(error: hapt_core::Error) -> Error {
+pub(crate) fn world_error(error: hapt_core::Error) -> Error {
     Error::World(error.to_string())
 }
 

@@ -2,21 +2,19 @@
 //! COBS( message in postcard   CRC-16/IBM-3740 of it, little-endian )   0
 //! ```
 //!
-//! No byte of a frame is 0 but its last, so that a reader that has lost its place finds it again at the next 0 (Cheshire and
-//! Baker, IEEE/ACM Transactions on Networking 7(2), 1999).
+//! No byte of a frame is 0 but its last, so that a reader that has lost its place finds it again at the next 0.
 
 use postcard::de_flavors::crc as checked;
 use postcard::ser_flavors::crc::CrcModifier;
-use postcard::ser_flavors::{Cobs, Slice};
 use serde::{Deserialize, Serialize};
 
+use crate::cobs::{Stuffed, unstuff};
 use crate::{Error, SUM};
 
 /// Writes a message as one frame into `room`, and gives what it takes of it: the message, and 4 bytes and one in 254 more.
 pub fn frame<'a, T: Serialize>(message: &T, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
-    let stuffed = Cobs::try_new(Slice::new(room)).map_err(|_| Error::NoRoom)?;
-    let written = postcard::serialize_with_flavor(message, CrcModifier::new(stuffed, SUM.digest()));
-    written.map(|bytes| &*bytes).map_err(|_| Error::NoRoom)
+    postcard::serialize_with_flavor(message, CrcModifier::new(Stuffed::new(room), SUM.digest()))
+        .map_err(|_| Error::NoRoom)
 }
 
 /// Finds frames of at most N bytes in a stream of bytes. What is cut, flipped, too long or nothing of ours is passed over, and counted.
@@ -56,8 +54,7 @@ impl<const N: usize> Reader<N> {
             return None;
         }
         let message = self.bytes.get_mut(..length).and_then(|stuffed| {
-            let length = cobs::decode_in_place(stuffed).ok()?;
-            let (message, rest) = checked::take_from_bytes_u16(stuffed.get(..length)?, SUM.digest()).ok()?;
+            let (message, rest) = checked::take_from_bytes_u16(unstuff(stuffed)?, SUM.digest()).ok()?;
             rest.is_empty().then_some(message)
         });
         if message.is_none() {

@@ -35,6 +35,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod cobs;
 mod frame;
 mod load;
 mod message;

@@ -1,6 +1,8 @@
 //! After whatever noise the next frame is read, and noise is never taken for one.
 
 use hapt_wire::{Error, Reader, frame};
+use postcard::ser_flavors::crc::{CrcModifier, to_slice_u16};
+use postcard::ser_flavors::{Cobs, Slice};
 use proptest::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +36,26 @@ proptest! {
             prop_assert_eq!(framed.iter().position(|&byte| byte == 0), Some(framed.len() - 1));
             prop_assert_eq!(read(&framed), (vec![format!("{message:?}")], 0));
         }
+    }
+
+    #[test]
+    fn frames_are_stuffed_as_others_do(bytes in prop::collection::vec(prop_oneof![1 => Just(0), 200 => 1..=255u8], 0..520)) {
+        let message = Message::Bytes(&bytes);
+        let crc = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740);
+        // By postcard's own flavours, byte for byte; room for one byte less is none.
+        let ours = framed(&message);
+        let mut room = [0; 1024];
+        let stuffed = Cobs::try_new(Slice::new(&mut room)).unwrap();
+        let theirs = postcard::serialize_with_flavor(&message, CrcModifier::new(stuffed, crc.digest())).unwrap();
+        prop_assert_eq!(&ours[..], theirs);
+        let mut small = vec![0; ours.len() - 1];
+        prop_assert_eq!(frame(&message, &mut small), Err(Error::NoRoom));
+        // By the crate cobs, which leaves out an empty last block: read all the same.
+        let mut room = [0; 1024];
+        let checked = to_slice_u16(&message, &mut room, crc.digest()).unwrap();
+        let mut theirs = [0; 1024];
+        let length = cobs::encode(checked, &mut theirs);
+        prop_assert_eq!(read(&theirs[..=length]), (vec![format!("{message:?}")], 0));
     }
 
     #[test]

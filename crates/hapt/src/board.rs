@@ -44,32 +44,30 @@ pub use nowhere::runs;
 
 #[cfg(not(unix))]
 mod nowhere {
-    use std::path::Path;
-
     use hapt_live::Runs;
 
     use crate::board_run::unreachable;
+    use crate::device::Port;
     use crate::failure::Failure;
 
-    pub fn runs(path: &Path) -> Result<Runs, Failure> {
-        Err(unreachable(path))
+    pub fn runs(port: &Port) -> Result<Runs, Failure> {
+        Err(unreachable(&port.path))
     }
 }
 
 #[cfg(unix)]
 mod here {
-    use std::path::Path;
-
     use hapt_link::{Error, Link, Why};
     use hapt_live::Runs;
 
     use super::Fit;
+    use crate::device::Port;
     use crate::failure::Failure;
     use crate::people;
 
     /// The board at a port.
-    pub fn open(path: &Path) -> Result<Link, Failure> {
-        let link = Link::open(path)?;
+    pub fn open(port: &Port) -> Result<Link, Failure> {
+        let link = Link::open_at(&port.path, port.baud)?;
         if link.board().core != hapt_core::SOURCE {
             people::say(
                 "warning: the board's core was built from another source than this hapt's; its torques may differ from what hapt says of them",
@@ -79,13 +77,13 @@ mod here {
     }
 
     /// The board at a port, to run the loop behind a page.
-    pub fn runs(path: &Path) -> Result<Runs, Failure> {
-        open_with_motor(path).map(|link| Runs::Board(Box::new(link)))
+    pub fn runs(port: &Port) -> Result<Runs, Failure> {
+        open_with_motor(port).map(|link| Runs::Board(Box::new(link)))
     }
 
     /// The board at a port, if it has an encoder and a motor.
-    pub fn open_with_motor(path: &Path) -> Result<Link, Failure> {
-        let link = open(path)?;
+    pub fn open_with_motor(port: &Port) -> Result<Link, Failure> {
+        let link = open(port)?;
         if link.board().fed {
             let message = "has no encoder and no motor: it waits for samples, to be tried in lockstep";
             return Err(Failure::input(format!("the board {} {message}", link.board().name)));

@@ -11,11 +11,12 @@ mod nowhere {
     use std::process::ExitCode;
 
     use crate::args::RunArgs;
+    use crate::device::Port;
     use crate::failure::Failure;
     use crate::world::Loaded;
 
-    pub fn run(_: &RunArgs, _: Loaded, path: &Path, _: f64) -> Result<ExitCode, Failure> {
-        Err(unreachable(path))
+    pub fn run(_: &RunArgs, _: Loaded, port: &Port, _: f64) -> Result<ExitCode, Failure> {
+        Err(unreachable(&port.path))
     }
 
     /// Serial ports are Unix's here.
@@ -27,7 +28,6 @@ mod nowhere {
 #[cfg(unix)]
 mod here {
     use std::io::{Write, stdout};
-    use std::path::Path;
     use std::process::ExitCode;
     use std::time::{Duration, Instant};
 
@@ -39,23 +39,25 @@ mod here {
 
     use crate::args::RunArgs;
     use crate::board::{self, Fit};
+    use crate::device::Port;
     use crate::failure::Failure;
     use crate::run::finish;
     use crate::world::Loaded;
     use crate::{output, people, sim};
 
-    /// How often telemetry comes, in s, and with a log.
+    /// How often telemetry comes, in s; with a log, as often as the line carries it.
     const SHOWN: f64 = 0.02;
-    const LOGGED: f64 = 1e-3;
+    /// The bits of one of its frames on the line, of four bodies.
+    const FRAME: f64 = 920.0;
     /// The link is kept at least so often.
     const KEPT: Duration = Duration::from_millis(50);
     /// A board that shows no sample for so long has stopped.
     const SILENT: Duration = Duration::from_secs(1);
 
     /// `duration` in s at full torque.
-    pub fn run(args: &RunArgs, loaded: Loaded, path: &Path, duration: f64) -> Result<ExitCode, Failure> {
+    pub fn run(args: &RunArgs, loaded: Loaded, port: &Port, duration: f64) -> Result<ExitCode, Failure> {
         let fit = Fit::new(loaded, &args.world.sets, args.uncertified)?;
-        let mut link = board::open_with_motor(path)?;
+        let mut link = board::open_with_motor(port)?;
         output::end_in_order();
         let hash = board::send(&mut link, &fit)?;
         if link.board().phase == Some(Phase::Faulted) {
@@ -64,8 +66,8 @@ mod here {
             link.clear()?;
         }
         let period = fit.loaded.world.sampling.period;
-        let shown = if args.log.is_some() { LOGGED } else { SHOWN };
-        link.set(Parameter::Divider, (shown / period).round().clamp(1.0, 65_535.0) as u32)?;
+        let samples = if args.log.is_some() { FRAME / f64::from(port.baud) / period } else { SHOWN / period };
+        link.set(Parameter::Divider, samples.ceil().clamp(1.0, 65_535.0) as u32)?;
         let recorder = recorder(args, &fit)?;
         let mut run = Run { link, period, link_allows: link_allows(&fit), duration, seen: Seen::default() };
         let how = run.until_it_ends(hash, &mut |record| {
@@ -136,9 +138,10 @@ mod here {
     impl Run {
         /// Arms, keeps the link, disarms; looks at every telemetry, and gives it to `recorder`.
         fn until_it_ends(&mut self, world: u32, recorder: &mut impl FnMut(&Record)) -> Result<How, Failure> {
-            self.link.arm(world)?;
+            let before = self.link.arm(world)?;
             let (mut kept, mut heard) = (Instant::now(), Instant::now());
             let mut shown = Shown::new(0, self.period);
+            shown.follows(before);
             let (mut is_over, mut begun) = (false, false);
             loop {
                 if let Some(signal) = output::signalled() {
@@ -207,13 +210,17 @@ mod here {
         }
     }
 
+    fn phase(telemetry: &Telemetry) -> Option<Phase> {
+        Phase::ALL.get(usize::from(telemetry.phase)).copied()
+    }
+
     impl Seen {
         fn add(&mut self, telemetry: &Telemetry) {
             self.first.get_or_insert(*telemetry);
             self.last = Some(*telemetry);
             self.shown += 1;
             self.peak = self.peak.max(f64::from(telemetry.output).abs());
-            self.phase = Phase::ALL.get(usize::from(telemetry.phase)).copied();
+            self.phase = phase(telemetry);
             self.reason = Reason::from_code(telemetry.reason);
             if self.phase == Some(Phase::Running) {
                 self.running.get_or_insert((telemetry.sample, telemetry.sample)).1 = telemetry.sample;

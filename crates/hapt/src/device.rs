@@ -22,7 +22,33 @@ pub enum Spec {
     /// A motor drive.
     Drive(Address),
     /// A board with hapt's firmware at a serial port, which runs the loop itself.
-    Board(PathBuf),
+    Board(Port),
+}
+
+/// A board's serial port: `PATH`, or `PATH@BAUD`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Port {
+    pub path: PathBuf,
+    /// In bits per second.
+    pub baud: u32,
+}
+
+impl FromStr for Port {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        // docs/wire.md
+        const USUAL: u32 = 921_600;
+        let number = |baud: &str| !baud.is_empty() && baud.bytes().all(|byte| byte.is_ascii_digit());
+        let (path, baud) = match text.rsplit_once('@').filter(|(_, baud)| number(baud)) {
+            None => (text, USUAL),
+            Some((path, baud)) => match baud.parse() {
+                Ok(rate @ 300..=20_000_000) => (path, rate),
+                _ => return Err(format!("{baud} baud, where a serial port has 300 to 20000000")),
+            },
+        };
+        Ok(Port { path: path.into(), baud })
+    }
 }
 
 /// Words that mean a drive.
@@ -35,7 +61,7 @@ impl FromStr for Spec {
         match text.split_once(':') {
             None if text == "sim" => Ok(Spec::Sim),
             Some(("replay", file)) if !file.is_empty() => Ok(Spec::Replay(file.into())),
-            Some(("hapt", path)) if !path.is_empty() => Ok(Spec::Board(path.into())),
+            Some(("hapt", port)) if !port.is_empty() => port.parse().map(Spec::Board),
             Some((word, _)) if DRIVES.contains(&word) => text.parse().map(Spec::Drive),
             _ => Err("a device is sim, replay:FILE with a run's CSV or a log, a drive (moteus:..., odrive:...), or hapt:PATH with a board's \
                       serial port"
@@ -86,7 +112,7 @@ impl Spec {
             Spec::Replay(file) => Ok((Box::new(Replay::new(positions(file, world.motion)?)), None)),
             Spec::Drive(address) => Ok((drives::open(address, world)?, None)),
             // Its loop is not on this computer: hapt run takes another way.
-            Spec::Board(path) => {
+            Spec::Board(Port { path, .. }) => {
                 Err(Failure::input(format!("hapt:{}: no loop of this computer's drives a board", path.display())))
             }
         }

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use crate::args::FlashArgs;
 use crate::board::Fit;
-use crate::device::Spec;
+use crate::device::{Port, Spec};
 use crate::failure::Failure;
 use crate::world::load;
 
@@ -12,21 +12,21 @@ pub fn run(args: &FlashArgs) -> Result<ExitCode, Failure> {
     let loaded = load(&args.world)?;
     let spec: Spec =
         args.device.parse().map_err(|wrong| Failure::input(format!("--device {}: {wrong}", args.device)))?;
-    let Spec::Board(path) = spec else {
+    let Spec::Board(port) = spec else {
         let message = "only a board takes a world: hapt:PATH with its serial port, such as hapt:/dev/ttyACM0";
         return Err(Failure::input(format!("--device {}: {message}", args.device)));
     };
     let fit = Fit::new(loaded, &args.world.sets, args.uncertified)?;
-    flash(&fit, &path)
+    flash(&fit, &port)
 }
 
 #[cfg(unix)]
-fn flash(fit: &Fit, path: &std::path::Path) -> Result<ExitCode, Failure> {
+fn flash(fit: &Fit, port: &Port) -> Result<ExitCode, Failure> {
     use std::io::{Write, stdout};
 
     use crate::board;
 
-    let mut link = board::open(path)?;
+    let mut link = board::open(port)?;
     let before = link.board().world;
     let hash = board::send(&mut link, fit)?;
     let board = link.board();
@@ -44,6 +44,6 @@ fn flash(fit: &Fit, path: &std::path::Path) -> Result<ExitCode, Failure> {
 }
 
 #[cfg(not(unix))]
-fn flash(_: &Fit, path: &std::path::Path) -> Result<ExitCode, Failure> {
-    Err(crate::board_run::unreachable(path))
+fn flash(_: &Fit, port: &Port) -> Result<ExitCode, Failure> {
+    Err(crate::board_run::unreachable(&port.path))
 }

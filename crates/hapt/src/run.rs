@@ -38,8 +38,8 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         Some(text) => time("--duration", text)?,
         None => scenario.map_or(f64::INFINITY, |scenario| scenario.duration),
     };
-    if let Spec::Board(path) = &spec {
-        return board_run::run(args, loaded, path, duration);
+    if let Spec::Board(port) = &spec {
+        return board_run::run(args, loaded, port, duration);
     }
     let guarding = guarding(args.uncertified, &spec, world)?;
     let settings = settings(&args.realtime, world)?;
@@ -216,7 +216,7 @@ impl Run<'_> {
         let on = match spec {
             Spec::Sim => "the simulated device".to_string(),
             Spec::Replay(file) => format!("the positions of {}", file.display()),
-            Spec::Board(path) => path.display().to_string(),
+            Spec::Board(port) => port.path.display().to_string(),
             Spec::Drive(address) => format!("the drive {address}"),
         };
         let Seen { timing, running, peak, .. } = &self.seen;

@@ -1,4 +1,4 @@
-//! The firmware: the loop in the timer's interrupt, the wire in the main loop.
+//! The firmware: the loop in an interrupt, the wire in the main loop.
 #![no_std]
 #![no_main]
 
@@ -46,28 +46,45 @@ fn main() -> ! {
     }
 }
 
-/// A sample.
+/// A period begins.
 #[exception]
 fn SysTick() {
-    let late = ticks::since_reload();
-    LOOP.with(|running| {
+    ticks::begin();
+}
+
+/// A sample, below SysTick: the periods that begin while it is taken are counted as missed.
+#[exception]
+fn PendSV() {
+    let (begun, late) = ticks::take_up();
+    let Some(missed) = begun.checked_sub(1) else { return };
+    LOOP.with_in_interrupt(|running| {
         let Loop { sampler, mail, device } = running;
-        if cfg!(feature = "stall") && sampler.next() > 1000 {
-            halt();
+        if cfg!(feature = "stall") {
+            stall(sampler.next());
         }
-        let seen = Seen { position: device.position(), late: late as f32 / Here::CLOCK as f32, ..Seen::default() };
+        let late_by = late as f32 / Here::CLOCK as f32;
+        let seen = Seen { position: device.position(), late: late_by, missed, ..Seen::default() };
         let motor = sampler.sample(&seen);
         device.hold(motor.torque, motor.on);
         device.feed();
         let swapped = sampler.exchange(mail);
-        sampler.used(ticks::since_reload().saturating_sub(late));
+        sampler.used(ticks::since_taken_up().saturating_sub(late));
         if swapped {
             every(sampler.period());
         }
     });
 }
 
-/// Interrupts so many seconds apart.
+/// For the tests: sample 2000 takes until five more periods have begun, and from 4000 on there are no more.
+fn stall(sample: u64) {
+    match sample {
+        2000 => while ticks::due() < 5 {},
+        4000.. => halt(),
+        _ => {}
+    }
+}
+
+/// Periods of so many seconds.
 fn every(period: f32) {
     ticks::every((period * Here::CLOCK as f32 + 0.5) as u32);
 }

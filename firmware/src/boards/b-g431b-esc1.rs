@@ -8,6 +8,7 @@
 
 use crate::board::{Board, Device, Line};
 use crate::register::Register;
+use crate::uart::Uart;
 
 /// The encoder's counts a revolution, all four edges of its lines.
 const COUNTS: f32 = 4096.0;
@@ -36,29 +37,25 @@ impl Board for Here {
         current_limit();
         pwm();
         watchdog();
-        (Usart, Motor { last: 0, counts: 0 })
+        let (state, received, sent) = (USART_STATE, USART_RECEIVED, USART_SEND);
+        (Usart(Uart { state, received, sent, full: 1 << 5, free: (1 << 7, true) }), Motor { last: 0, counts: 0 })
     }
 }
 
-/// Its line.
-pub struct Usart;
+/// Its line, which stops at an overrun until it is told to go on.
+pub struct Usart(Uart);
 
 impl Line for Usart {
     fn receive(&mut self) -> Option<u8> {
         const OVERRUN: u32 = 1 << 3;
-        let state = USART_STATE.get();
-        if state & OVERRUN != 0 {
+        if self.0.state.get() & OVERRUN != 0 {
             USART_CLEAR.set(OVERRUN);
         }
-        (state & 1 << 5 != 0).then(|| USART_RECEIVED.get() as u8)
+        self.0.receive()
     }
 
     fn send(&mut self, byte: u8) -> bool {
-        let free = USART_STATE.get() & 1 << 7 != 0;
-        if free {
-            USART_SEND.set(byte.into());
-        }
-        free
+        self.0.send(byte)
     }
 }
 

@@ -7,7 +7,7 @@ use fastrand::Rng;
 use hapt_core::Method;
 use hapt_model::{Coupling, End, EstimatorKind, Law, Output, World};
 
-use super::{BOARDS, has_tools, program, qemu, trace};
+use super::{BOARDS, has_tools, on_all_boards, qemu, trace};
 use crate::notes::world;
 use crate::truth::worlds;
 
@@ -27,8 +27,8 @@ pub fn same() -> Result<()> {
         let (bare, guarded, _) = trace::sums(bytes, SAMPLES).context("a case that this machine refuses")?;
         wanted.push(format!("{:016x} {:016x}", bare.0, guarded.0));
     }
-    for (machine, board, processor) in BOARDS {
-        let said = qemu(machine, &program(board, "bits", None)?, &file, &[])?;
+    let all = on_all_boards("bits", |machine, program| qemu(machine, program, &file, &[]))?;
+    for ((machine, _, processor), said) in BOARDS.iter().zip(all) {
         let mut lines = said.lines();
         for ((name, _), wanted) in cases.iter().zip(&wanted) {
             let got = lines.next().unwrap_or("nothing");

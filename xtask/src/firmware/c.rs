@@ -9,12 +9,12 @@ use hapt_core::{Guarding, Loop, Reading, Request, Supervisor, Watch};
 use hapt_model::World;
 
 use super::trace::{BODIES, COUNTS, COUPLINGS, Trace};
-use super::{ARM, BUILT, TARGET, compiler, qemu};
+use super::{ARM, BUILT, TARGET, chip, compiler, control, qemu};
 use crate::notes::world;
 
 const HOST: [&str; 6] = ["-O2", "-Wall", "-Wextra", "-Werror", "-std=c11", "-ffp-contract=off"];
 
-/// The example gives this machine's bits, compiled for this machine and for a board.
+/// The example gives this machine's bits, compiled for this machine and for a board; there it cannot panic.
 pub fn same_bits() -> Result<()> {
     let folder = std::env::current_dir()?.join(BUILT).join("example");
     fs::create_dir_all(&folder)?;
@@ -36,12 +36,13 @@ pub fn same_bits() -> Result<()> {
     let mut gcc = Command::new("arm-none-eabi-gcc");
     gcc.args(ARM)
         .args(HOST)
-        .args(["-nostdlib", "-ffreestanding", "-T", "firmware/c/example/mps2.ld", "-I"])
+        .args(["-nostdlib", "-ffreestanding", "-Wl,--gc-sections", "-T", "firmware/c/example/mps2.ld", "-I"])
         .arg(&folder);
     gcc.args(&sources).arg("firmware/c/example/mps2.c").arg(library).arg("-lgcc").arg("-o").arg(&board);
     run(&mut gcc)?;
     let said = qemu("mps2-an386", &board, &[], &[])?;
     ensure!(said == wanted, "the example in C on the board: {said}, not {wanted}");
+    chip::cannot_panic(&board, &control()?)?;
     let cpp = ["-x", "c++", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "firmware/c/hapt.h"];
     run(Command::new("gcc").args(cpp))
 }

@@ -1,7 +1,7 @@
 //! An emulated board, and what a host says to it over its UART.
 
 use std::fs;
-use std::io::{ErrorKind, Read, Write};
+use std::io::{BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::{Child, Command as Process, Stdio};
@@ -19,7 +19,7 @@ pub const PATIENCE: Duration = Duration::from_secs(20);
 /// An emulated board, and the line to it.
 pub struct Board {
     emulator: Child,
-    line: UnixStream,
+    line: BufReader<UnixStream>,
     reader: Reader<LONGEST>,
     sequence: u32,
     /// The number of the next sample.
@@ -39,7 +39,7 @@ impl Board {
     /// Starts a program on an emulated board with its UART on a socket, and greets it; `fed`: it has no encoder.
     pub fn start(machine: &str, program: &Path, more: &[&str], fed: bool) -> Result<Board> {
         let start = Instant::now();
-        let socket = std::env::temp_dir().join(format!("hapt-firmware-{}", std::process::id()));
+        let socket = std::env::temp_dir().join(format!("hapt-{machine}-{}", std::process::id()));
         let _ = fs::remove_file(&socket);
         let mut command = Process::new("qemu-system-arm");
         command.args([
@@ -64,6 +64,7 @@ impl Board {
             }
         };
         line.set_read_timeout(Some(Duration::from_millis(200)))?;
+        let line = BufReader::new(line);
         let mut board = Board { emulator, line, reader: Reader::new(), sequence: 0, sample: 0, noise: None };
         // What comes before its receiver is on is lost.
         (board.sequence, board.sample) = loop {
@@ -81,15 +82,27 @@ impl Board {
         Ok(board)
     }
 
+    /// Whether the emulator ends by itself, as a watchdog makes it.
+    pub fn has_ended(&mut self) -> Result<bool> {
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
+            if self.emulator.try_wait()?.is_some() {
+                return Ok(true);
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        Ok(false)
+    }
+
     pub fn ask(&mut self, order: Order<'_>) -> Result<u32> {
         if let Some(noise) = &mut self.noise {
             let bytes: Vec<u8> = (0..noise.usize(..40)).map(|_| noise.u8(..)).chain([0]).collect();
-            self.line.write_all(&bytes)?;
+            self.line.get_mut().write_all(&bytes)?;
         }
         self.sequence += 1;
         let command = Command { sequence: self.sequence, not_after: self.sample + 30_000, order };
         let mut room = [0; LONGEST];
-        self.line.write_all(frame(&command, &mut room)?)?;
+        self.line.get_mut().write_all(frame(&command, &mut room)?)?;
         Ok(self.sequence)
     }
 

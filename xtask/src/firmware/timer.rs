@@ -1,8 +1,5 @@
 //! The loop in the timer's interrupt, in the emulator's time: every instruction takes 32 ns of it.
 
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
-
 use anyhow::{Context, Result, ensure};
 use hapt_core::{Guarding, Limits, Phase};
 use hapt_model::EstimatorKind;
@@ -16,6 +13,8 @@ const ICOUNT: [&str; 2] = ["-icount", "shift=5,sleep=off"];
 /// Of the board's clock in a period of 0.1 ms.
 const PERIOD: u32 = 2500;
 const SAMPLES: u64 = 300_000;
+/// The sample that takes too long, in the program that then stops.
+const SLOW: u64 = 2000;
 
 /// Half a minute at 10 kHz without a sample that takes longer than its period, or comes late.
 pub fn holds() -> Result<()> {
@@ -56,25 +55,26 @@ pub fn holds() -> Result<()> {
     Ok(())
 }
 
-/// A loop that stops: the watchdog takes the board down. One that runs is left alone, as [`holds`] shows.
-pub fn watchdog_bites() -> Result<()> {
+/// A sample that once takes more than five periods: the four that pass are counted as missed. Then a loop that stops: the watchdog takes
+/// the board down. One that runs is left alone, as [`holds`] shows.
+pub fn counts_and_watches() -> Result<()> {
     if !has_tools()? {
         return Ok(());
     }
     let program = program("mps2", "wheel-that-stops", None)?;
-    let mut command = Command::new("qemu-system-arm");
-    command.args(["-machine", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "none"]);
-    command.args(ICOUNT).args(["-action", "watchdog=poweroff", "-kernel"]).arg(program).stdin(Stdio::null());
-    let mut emulator = command.spawn()?;
-    let start = Instant::now();
-    let ended = loop {
-        match emulator.try_wait()? {
-            None if start.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(20)),
-            ended => break ended,
+    let off = [ICOUNT[0], ICOUNT[1], "-action", "watchdog=poweroff"];
+    let mut board = Board::start("mps2-an386", &program, &off, false)?;
+    board.done(Order::Set { parameter: Parameter::Divider as u8, value: 100 })?;
+    let mut missed = None;
+    let ended = board.hear(PATIENCE, |says| {
+        if let Says::Telemetry(telemetry) = says
+            && telemetry.sample > SLOW
+        {
+            missed = Some(telemetry.missed);
         }
-    };
-    let _ = emulator.kill();
-    let _ = emulator.wait();
-    ensure!(ended.is_some(), "the loop stopped, and the watchdog did nothing");
+        None::<()>
+    });
+    ensure!(missed == Some(4), "after a sample of more than five periods {missed:?} are missed, which should be 4");
+    ensure!(ended.is_err() && board.has_ended()?, "the loop stopped, and the watchdog did nothing");
     Ok(())
 }

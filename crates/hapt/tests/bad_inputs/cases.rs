@@ -405,6 +405,7 @@ fn realtime(t: &mut Table) {
     for (name, args) in [
         ("a device that is none", &["--device", "wheel"][..]),
         ("a board at no port", &["--device", "hapt:"]),
+        ("a board at a speed that no port has", &["--device", "hapt:/dev/ttyACM0@7"]),
         ("a world that no board should have", &["--device", "hapt:/dev/ttyACM0"]),
         ("a drive nowhere", &["--device", "moteus:"]),
         ("an identifier that no drive has", &["--device", "moteus:can0#127"]),

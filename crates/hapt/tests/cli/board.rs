@@ -3,6 +3,7 @@
 use hapt_link::simulate::Simulated;
 use hapt_model::{Source, World};
 use hapt_station::Board;
+use hapt_wire::{Command, Hello, Order, Says};
 
 use crate::common::{Running, Table, WHEEL, folder, hapt, program};
 
@@ -66,6 +67,90 @@ fn a_world_is_sent_to_the_board_once_and_runs_there() {
     let table = Table::read(&at.path().join("run.csv"));
     let largest = table.column("applied_Nm").iter().fold(0.0_f64, |most, torque| most.max(torque.abs()));
     assert!((largest - f64::from(board.most())).abs() < 2e-3, "{largest} and {}", board.most());
+    // The board's f32 on this machine: the same bits.
+    let ended = hapt(at.path(), ["replay", "run.mcap"]).done();
+    assert!(ended.out.contains("same       all torques of "), "{ended:?}");
+    assert!(table.column("request").contains(&1.0), "it was armed");
+}
+
+#[test]
+fn a_boards_log_with_samples_left_out_is_not_replayed_and_says_what_would_be_right() {
+    let at = folder(&[("w.toml", KNOB)]);
+    let (_board, spec) = plugged(BOARD);
+    // What a slow line carries.
+    let slow = format!("{spec}@9600");
+    hapt(at.path(), ["run", "w.toml", "--device", &slow, "--duration", "0.3 s", "--log", "run.mcap"]).done();
+    hapt(at.path(), ["replay", "run.mcap"]).refused(2, &["only where every sample is in it", "hapt:PATH@BAUD"]);
+}
+
+/// A port where somebody answers: each frame that comes is shown to `answer`, and what it gives goes back; with `None` the port goes away.
+fn peer(
+    mut answer: impl FnMut(&Command<'_>) -> Option<Says<'static>> + Send + 'static,
+) -> (std::thread::JoinHandle<()>, String) {
+    let (mut line, path) = hapt_link::pty().unwrap();
+    let thread = std::thread::spawn(move || {
+        let mut reader = hapt_wire::Reader::<512>::new();
+        let mut bytes = [0; 512];
+        let until = || std::time::Instant::now() + std::time::Duration::from_secs(60);
+        while let Ok(count @ 1..) = line.read(&mut bytes, until()) {
+            for byte in &bytes[..count] {
+                let Some(command) = reader.push::<Command<'_>>(*byte) else { continue };
+                let Some(says) = answer(&command) else { return };
+                line.write(hapt_wire::frame(&says, &mut [0; 512]).unwrap(), until()).unwrap();
+            }
+        }
+    });
+    (thread, format!("hapt:{}", path.display()))
+}
+
+fn hello(protocol: u16) -> Says<'static> {
+    Says::Hello(Hello {
+        protocol,
+        firmware: "9",
+        board: "other",
+        core: hapt_core::SOURCE,
+        world: None,
+        bodies: 4,
+        couplings: 8,
+        window: 16,
+        fed: false,
+        sequence: 0,
+        sample: 0,
+        period: 1_000_000,
+        phase: 0,
+        reason: 0,
+    })
+}
+
+#[test]
+fn firmware_of_another_version_is_named_and_gets_no_world() {
+    let at = folder(&[("w.toml", KNOB)]);
+    for command in ["flash", "run"] {
+        let (thread, spec) = peer(|command| {
+            assert!(matches!(command.order, Order::Hello { .. }), "{command:?}");
+            Some(hello(7))
+        });
+        hapt(at.path(), [command, "w.toml", "--device", &spec])
+            .refused(3, &["speaks version 7 of the protocol, this hapt version 1", "do not fit together"]);
+        drop(thread);
+    }
+}
+
+#[test]
+fn a_board_that_goes_away_with_half_a_world_is_an_error_and_no_log_is_begun() {
+    let at = folder(&[("w.toml", KNOB)]);
+    for args in [vec!["flash"], vec!["run", "--log", "run.mcap"]] {
+        let (thread, spec) = peer(|command| match command.order {
+            Order::Hello { .. } => Some(hello(1)),
+            Order::Begin { .. } => Some(Says::Done { sequence: command.sequence }),
+            _ => None,
+        });
+        let mut words = args.clone();
+        words.extend(["w.toml", "--device", &spec]);
+        hapt(at.path(), &words).refused(3, &["is gone: "]);
+        thread.join().unwrap();
+        assert!(!at.path().join("run.mcap").exists());
+    }
 }
 
 #[test]

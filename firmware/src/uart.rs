@@ -1,0 +1,33 @@
+//! A UART that is asked, byte by byte: every maker's has a state, a register to read and one to write.
+
+use crate::board::Line;
+use crate::register::Register;
+
+/// Its registers, and what its state says.
+pub struct Uart {
+    /// Its state.
+    pub state: Register,
+    /// What it has received.
+    pub received: Register,
+    /// What it is to send.
+    pub sent: Register,
+    /// The state's bit that is set while a byte has come in.
+    pub full: u32,
+    /// The state's bit that tells whether it takes a byte, and what that bit then is.
+    pub free: (u32, bool),
+}
+
+impl Line for Uart {
+    fn receive(&mut self) -> Option<u8> {
+        (self.state.get() & self.full != 0).then(|| self.received.get() as u8)
+    }
+
+    fn send(&mut self, byte: u8) -> bool {
+        let (bit, set) = self.free;
+        let free = (self.state.get() & bit != 0) == set;
+        if free {
+            self.sent.set(byte.into());
+        }
+        free
+    }
+}
