@@ -2,6 +2,7 @@
 
 mod bench;
 mod book;
+mod campaign;
 mod faults;
 mod figure;
 mod firmware;
@@ -31,7 +32,8 @@ cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask firmware  the firmware on emulated boards: the same bits, instructions a sample, sizes; --write: docs/firmware.md
 cargo xtask faults    the supervisor against faults of every kind, and against none: [--n N] [--clean SAMPLES] [--seed S]; with
                       --write, into docs/safety.md
-cargo xtask identify  the intervals of hapt identify on random devices: [--n N] [--seed S]; --write: docs/identify.md
+cargo xtask identify  the intervals of hapt identify on random devices: [mixed|guided|quiet] [--n N] [--seed S];
+                      --write: docs/identify.md
 cargo xtask book      whether the book's commands, worlds, outputs and links hold; with --write, makes its outputs and tables
 cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone;
                       drive [PYTHON]: an exchange with a motor drive, beside its makers' own library's

@@ -7,12 +7,11 @@
 mod brute;
 pub mod worlds;
 
-use std::fs;
 use std::ops::AddAssign;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use brute::{At, Motion};
 use fastrand::Rng;
 use hapt_analysis::held::MARGINAL;
@@ -20,7 +19,7 @@ use hapt_analysis::{Error, breaking_damping, free_growth, held_growth, passivity
 use hapt_model::World;
 use rayon::prelude::*;
 
-use crate::{marked, words};
+use crate::campaign::Campaign;
 
 const PAGE: &str = "docs/truth.md";
 /// So many loops at a time; between them a campaign says how far it is, and looks at the clock.
@@ -116,18 +115,10 @@ impl AddAssign for Found {
 
 /// `[--n N] [--seed S] [--minutes M] [--write]`
 pub fn command(words: &[&str]) -> Result<()> {
-    let (mut n, mut seed, mut minutes) = (1000.0, 1.0, f64::INFINITY);
-    let write = words::numbers(words, &mut [("--n", &mut n), ("--seed", &mut seed), ("--minutes", &mut minutes)])?;
-    let (n, seed) = (n as u64, seed as u64);
-    let started = Instant::now();
-    let text = table(&mut campaign(seed, n, Duration::from_secs((60.0 * minutes) as u64))?, seed);
-    print!("{text}");
-    eprintln!("{:.0} s", started.elapsed().as_secs_f64());
-    if write {
-        let page = marked::replaced(&fs::read_to_string(PAGE).context(PAGE)?, "cargo xtask truth", &text)?;
-        fs::write(PAGE, page).context(PAGE)?;
-    }
-    Ok(())
+    let told = Campaign::parse(words, true)?;
+    let time = Duration::from_secs((60.0 * told.minutes) as u64);
+    let text = table(&mut campaign(told.seed, told.n, time)?, told.seed);
+    told.publish("truth", PAGE, &text)
 }
 
 /// The part of it that every run of the tests makes.

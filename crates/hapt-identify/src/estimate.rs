@@ -1,25 +1,22 @@
-//! The whole answer: values with intervals, and what the record cannot tell.
-
-use nalgebra::SMatrix;
+//! The whole answer: values with intervals, and the fit that they come from.
 
 use crate::Error;
-use crate::counts::{Lattice, lattice};
+use crate::answer::Answer;
+use crate::counts::Lattice;
 use crate::fit::{Fit, Free, fit};
-use crate::puck::Puck;
-use crate::quantile::student;
+use crate::position::PositionTorque;
+use crate::puck::{DELAY, FRICTION, OFFSET, Puck};
 use crate::record::{LONGEST_DELAY, Record};
-use crate::start::starts;
+use crate::start::{Begin, begins, starts};
 
-/// Two estimates that go up and down together by more than this cannot be told apart,
-const TWINS: f64 = 0.99;
-/// where either is as uncertain as this part of itself.
-const VAGUE: f64 = 0.1;
-/// The residuals of a model that fits are independent up to this.
-const INDEPENDENT: f64 = 0.1;
-/// What half a count of noise leaves when it is counted, in counts: the root of 1/4 + 1/12, less a little.
-const LEAST_NOISE: f64 = 0.55;
+/// Two estimates that go up and down together by more than this cannot be told apart.
+pub(crate) const TWINS: f64 = 0.99;
 /// What the fit leaves of the positions' variance, where it explains nothing.
 const UNEXPLAINED: f64 = 0.25;
+/// So many standard errors longer the delay is not.
+const SURELY: f64 = 5.0;
+/// What a fit over more samples leaves is no more than this times as much, where it is the same motion.
+const ALIKE: f64 = 1.2;
 
 /// What is known beforehand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -72,6 +69,9 @@ pub struct Identified {
     pub delay: Option<Interval>,
     /// 1 where a positive torque makes the position grow, else -1.
     pub sign: Option<Interval>,
+    /// A constant torque on the puck that nobody asked for, in N·m (N): a motor's offset, a tilted table. `None` where the record does not
+    /// tell it from friction.
+    pub offset: Option<Interval>,
     /// The true torque per commanded torque, where the inertia is known beforehand.
     pub gain: Option<Interval>,
     /// The encoder's counts a revolution, a whole number; none for a linear device.
@@ -82,48 +82,80 @@ pub struct Identified {
     pub rates: [Option<Interval>; 2],
     /// The fit itself.
     pub puck: Puck,
+    /// The first sample that is fitted.
+    pub first: usize,
     /// What it leaves.
     pub residual: Residual,
+    /// A torque in what is left that goes with the position, which the equation has not.
+    pub unmodelled: Option<PositionTorque>,
     /// The positions' standard deviation, in rad (m).
     pub spread: f64,
+    /// Whether what is left is rounding: a simulation without noise.
+    pub is_exact: bool,
     /// Largest over smallest eigenvalue of the estimates' correlations.
     pub condition: f64,
     /// Those that cannot be told apart.
     pub twins: Vec<Twins>,
 }
 
-/// The names of the first four parameters.
-const NAMES: [&str; 4] = ["inertia", "damping", "friction", "delay"];
-
 /// Fits the puck to a record.
 ///
 /// # Errors
 /// [`Error::Unexplained`] where no puck explains the motion.
 pub fn identify(record: &Record, known: &Known) -> Result<Identified, Error> {
-    let is_driven = record.is_driven();
-    let free: Free = [is_driven, true, true, is_driven, true, true];
-    let best = starts(record)
-        .into_iter()
-        .filter_map(|start| fit(record, start, free))
-        .min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))
-        .ok_or(Error::Unexplained)?;
-    let fitted = fitted(record, &best.puck);
-    let residual = residual(record, &fitted);
-    let answer = Answer { best, free, known, factor: student(best.freedom(free)) * best.variance(free).sqrt() };
-    let spread = variance(&record.positions()[record.first()..]).sqrt();
+    let best = best(record).ok_or(Error::Unexplained)?;
+    let fitted = fitted(record, &best.puck, best.first);
+    let residual = residual(record, &fitted, best.first);
+    let spread = variance(&record.positions()[best.first..]).sqrt();
     let explains = residual.rms.powi(2) < UNEXPLAINED * spread * spread;
     let delay_is_inside = best.puck.delay < LONGEST_DELAY;
     if !(explains && delay_is_inside && best.puck.gain.is_finite()) {
         return Err(Error::Unexplained);
     }
-    let lattice = lattice(record.positions());
-    Ok(answer.identified(residual, spread, lattice))
+    Ok(Answer::new(best, known).identified(record, residual, spread))
 }
 
-/// The positions of a fit, from [`Record::first`] on.
-fn fitted(record: &Record, puck: &Puck) -> Vec<f64> {
+/// The fit over all of the record that can be used, with a constant torque where it shows.
+fn best(record: &Record) -> Option<Fit> {
+    let is_driven = record.is_driven();
+    let starts = starts(record);
+    let with = |offset: bool| {
+        let free: Free = [is_driven, true, true, is_driven, offset, true, true];
+        let fits = starts.iter().filter_map(|start| fit(record, *start, free, record.first()));
+        fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))
+    };
+    // Of a puck that goes one way friction is a constant torque.
+    let offset = if is_driven { with(true).filter(tells_offset) } else { None };
+    let late = offset.or_else(|| with(false))?;
+    Some(earlier(record, &late).unwrap_or(late))
+}
+
+/// Whether the record tells the constant torque from friction.
+fn tells_offset(fit: &Fit) -> bool {
+    let Some(covariance) = fit.inverse() else { return false };
+    let size = (covariance[(FRICTION, FRICTION)] * covariance[(OFFSET, OFFSET)]).sqrt();
+    covariance[(FRICTION, OFFSET)].abs() <= TWINS * size
+}
+
+/// The same fit from the first sample on by which every torque of this delay has been recorded: what a rest before the first step says of
+/// the first position counts as much as any motion. `None` where that is no earlier, or where those samples are of another motion.
+fn earlier(record: &Record, late: &Fit) -> Option<Fit> {
+    let error = (late.inverse()?[(DELAY, DELAY)] * late.variance()).sqrt();
+    let first = record.first_after(late.puck.delay + SURELY * error);
+    if first >= late.first {
+        return None;
+    }
+    let fits = begins(record, first).into_iter().filter_map(|Begin { position, velocity }| {
+        fit(record, Puck { position, velocity, ..late.puck }, late.free, first)
+    });
+    let best = fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))?;
+    (best.variance() < ALIKE * late.variance()).then_some(best)
+}
+
+/// The positions of a fit, from sample `first` on.
+fn fitted(record: &Record, puck: &Puck, first: usize) -> Vec<f64> {
     let mut fitted = Vec::new();
-    puck.follow(record.times(), record.torques(), record.first(), |_, z, _| fitted.push(z));
+    puck.follow(record.times(), record.torques(), first, |_, z, _| fitted.push(z));
     fitted
 }
 
@@ -132,8 +164,7 @@ fn variance(values: &[f64]) -> f64 {
     values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / values.len() as f64
 }
 
-fn residual(record: &Record, fitted: &[f64]) -> Residual {
-    let first = record.first();
+fn residual(record: &Record, fitted: &[f64], first: usize) -> Residual {
     let at = |(i, z): (usize, &f64)| record.is_news(first + i).then(|| record.positions()[first + i] - z);
     let left: Vec<f64> = fitted.iter().enumerate().filter_map(at).collect();
     let squares: f64 = left.iter().map(|r| r * r).sum();
@@ -142,164 +173,22 @@ fn residual(record: &Record, fitted: &[f64]) -> Residual {
     Residual { rms: (squares / left.len() as f64).sqrt(), correlation }
 }
 
-/// A fit on its way to what people ask for.
-struct Answer<'k> {
-    best: Fit,
-    free: Free,
-    known: &'k Known,
-    /// Standard errors, per unit of noise, to half intervals.
-    factor: f64,
-}
-
-impl Answer<'_> {
-    fn identified(&self, residual: Residual, spread: f64, lattice: Option<Lattice>) -> Identified {
-        let Puck { gain, damping, friction, delay, .. } = self.best.puck;
-        let sign = if gain < 0.0 { -1.0 } else { 1.0 };
-        let (seen, covariance) = (self.best.normal.seen(self.free), self.best.normal.inverse(self.free));
-        let interval = |value: f64, slopes: [f64; 4]| -> Option<Interval> {
-            let covariance = covariance.as_ref()?;
-            if (0..4).any(|i| slopes[i] != 0.0 && !seen[i]) {
-                return None;
-            }
-            let pairs = (0..4).flat_map(|i| (0..4).map(move |j| (i, j)));
-            let variance: f64 = pairs.map(|(i, j)| slopes[i] * covariance[(i, j)] * slopes[j]).sum();
-            let half = self.factor * variance.max(0.0).sqrt();
-            half.is_finite().then_some(Interval { value, low: value - half, high: value + half })
-        };
-        let positive = |interval: Interval| {
-            let Interval { value, low, high } = interval;
-            Interval { value: value.max(0.0), low: low.max(0.0), high: high.max(0.0) }
-        };
-        let rates = [interval(damping, [0.0, 1.0, 0.0, 0.0]), interval(friction, [0.0, 0.0, 1.0, 0.0])];
-        // An inertia as uncertain as itself is none; nor is the sign then.
-        let gained = interval(gain, [1.0, 0.0, 0.0, 0.0]).filter(|gain| gain.low * gain.high > 0.0);
-        let (inertia, b, f, motor) = match (self.known.inertia, gained) {
-            (Some(j), _) => {
-                let scaled = |rate: Option<Interval>| rate.map(|rate| rate.times(j));
-                let motor = interval(gain.abs() * j, [sign * j, 0.0, 0.0, 0.0]).filter(|_| gained.is_some());
-                (Some(Interval { value: j, low: j, high: j }), scaled(rates[0]), scaled(rates[1]), motor)
-            }
-            (None, Some(_)) => {
-                let j = gain.abs().recip();
-                let by_gain = -j / gain;
-                let inertia = interval(j, [by_gain, 0.0, 0.0, 0.0]);
-                let b = interval(j * damping, [by_gain * damping, j, 0.0, 0.0]);
-                (inertia, b, interval(j * friction, [by_gain * friction, 0.0, j, 0.0]), None)
-            }
-            (None, None) => (None, None, None, None),
-        };
-        let (condition, twins) = covariance.map_or((f64::INFINITY, Vec::new()), |c| self.together(&c));
-        Identified {
-            inertia: inertia.map(positive),
-            damping: b.map(positive),
-            friction: f.map(positive),
-            delay: gained.and_then(|_| interval(delay, [0.0, 0.0, 0.0, 1.0])).map(positive),
-            sign: gained.map(|_| Interval { value: sign, low: sign, high: sign }),
-            gain: motor.map(positive),
-            counts: lattice.filter(|_| !self.known.is_linear).and_then(counts),
-            lattice,
-            rates: rates.map(|rate| rate.map(positive)),
-            puck: self.best.puck,
-            residual,
-            spread,
-            condition,
-            twins,
-        }
-    }
-
-    /// How far the first four estimates go together: the condition of their correlations, and the pairs that cannot be told apart.
-    fn together(&self, covariance: &SMatrix<f64, 6, 6>) -> (f64, Vec<Twins>) {
-        let deviation = |i: usize| covariance[(i, i)].sqrt();
-        let correlation = SMatrix::<f64, 4, 4>::from_fn(|i, j| match (deviation(i), deviation(j)) {
-            _ if i == j => 1.0,
-            (a, b) if a > 0.0 && b > 0.0 => covariance[(i, j)] / (a * b),
-            _ => 0.0,
-        });
-        let eigenvalues = correlation.symmetric_eigenvalues();
-        let parameters = self.best.puck.parameters();
-        let vague = |i: usize| self.factor * deviation(i) > VAGUE * parameters[i].abs();
-        let mut twins = Vec::new();
-        for i in 0..4 {
-            for j in i + 1..4 {
-                if correlation[(i, j)].abs() > TWINS && (vague(i) || vague(j)) {
-                    twins.push(Twins { names: [NAMES[i], NAMES[j]], correlation: correlation[(i, j)] });
-                }
-            }
-        }
-        (eigenvalues.max() / eigenvalues.min().max(f64::MIN_POSITIVE), twins)
-    }
-}
-
-/// The whole number of counts a revolution that a lattice means; none where it means no whole number.
-fn counts(lattice: Lattice) -> Option<Interval> {
-    let counts = std::f64::consts::TAU / lattice.step;
-    let doubt = 2.0 * counts * lattice.error / lattice.step;
-    let whole = counts.round();
-    let off = (counts - whole).abs();
-    if doubt < 0.25 {
-        // Counts in print are off by what the print rounds; nothing else is.
-        return (off <= doubt + 1e-6 * counts).then_some(Interval { value: whole, low: whole, high: whole });
-    }
-    Some(Interval { value: whole, low: (counts - doubt).floor(), high: (counts + doubt).ceil() })
-}
-
-impl Interval {
-    fn times(self, factor: f64) -> Self {
-        Interval { value: factor * self.value, low: factor * self.low, high: factor * self.high }
-    }
-
-    /// Whether a value is in it.
-    pub fn covers(&self, value: f64) -> bool {
-        self.low <= value && value <= self.high
-    }
-}
-
 impl Identified {
     /// The position errors that are left, with their times, from the first sample that is fitted on.
     pub fn residuals(&self, record: &Record) -> Vec<(f64, f64)> {
-        let rows = self.fitted(record).into_iter().zip(&record.positions()[record.first()..]);
+        let rows = self.fitted(record).into_iter().zip(&record.positions()[self.first..]);
         rows.map(|((t, z), y)| (t, y - z)).collect()
     }
 
     /// The positions that the fit gives, with their times.
     pub fn fitted(&self, record: &Record) -> Vec<(f64, f64)> {
-        record.times()[record.first()..].iter().copied().zip(fitted(record, &self.puck)).collect()
+        record.times()[self.first..].iter().copied().zip(fitted(record, &self.puck, self.first)).collect()
     }
+}
 
-    /// Whether what is left is rounding: a simulation without noise.
-    fn is_exact(&self) -> bool {
-        self.lattice.is_none() && self.residual.rms < 1e-9 * self.spread
-    }
-
-    /// What has to be said about it before anybody relies on it, a sentence each.
-    pub fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
-        if self.is_exact() {
-            return warnings;
-        }
-        for Twins { names: [one, other], correlation } in &self.twins {
-            warnings.push(format!(
-                "this record hardly tells {one} and {other} apart (their estimates are correlated by {correlation:.4}); one that goes through other speeds and accelerations would"
-            ));
-        }
-        let step = self.lattice.map_or(0.0, |lattice| lattice.step);
-        if self.residual.correlation.abs() > INDEPENDENT {
-            warnings.push(format!(
-                "what the fit leaves is no independent noise (neighbours are correlated by {:.2}): something else moves the device too, and the intervals are narrower than they should be",
-                self.residual.correlation
-            ));
-        } else if self.residual.rms < LEAST_NOISE * step {
-            warnings.push(
-                "the positions carry less than half a count of noise: where the motion is slow, counts are no independent noise, and the intervals may be narrower than they should be"
-                    .into(),
-            );
-        }
-        let uncertain = |interval: Option<Interval>| interval.is_some_and(|x| x.low == 0.0 && x.high > 0.0);
-        for (name, interval) in [("damping", self.damping), ("friction", self.friction)] {
-            if uncertain(interval) {
-                warnings.push(format!("the {name} may be none: its interval begins at 0"));
-            }
-        }
-        warnings
+impl Interval {
+    /// Whether a value is in it.
+    pub fn covers(&self, value: f64) -> bool {
+        self.low <= value && value <= self.high
     }
 }

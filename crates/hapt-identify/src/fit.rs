@@ -2,11 +2,15 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::puck::Puck;
+use crate::puck::{DELAY, PARAMETERS, Puck};
 use crate::record::{LONGEST_DELAY, Record};
 
-/// Which of the six parameters are fitted.
-pub(crate) type Free = [bool; 6];
+/// Which of the parameters are fitted.
+pub(crate) type Free = [bool; PARAMETERS];
+
+/// Of all pairs of parameters.
+pub(crate) type Square = SMatrix<f64, PARAMETERS, PARAMETERS>;
+type Column = SVector<f64, PARAMETERS>;
 
 const MOST_STEPS: usize = 60;
 /// A step of this many standard errors is none.
@@ -15,8 +19,8 @@ const SMALL: f64 = 1e-3;
 /// Σ sᵀs and Σ sᵀr over rows s with right sides r.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Normal {
-    pub information: SMatrix<f64, 6, 6>,
-    right: SVector<f64, 6>,
+    pub information: Square,
+    right: Column,
     /// Σ r².
     pub squares: f64,
     pub rows: usize,
@@ -24,11 +28,11 @@ pub(crate) struct Normal {
 
 impl Normal {
     pub fn new() -> Self {
-        Normal { information: SMatrix::zeros(), right: SVector::zeros(), squares: 0.0, rows: 0 }
+        Normal { information: Square::zeros(), right: Column::zeros(), squares: 0.0, rows: 0 }
     }
 
-    pub fn add(&mut self, row: &[f64; 6], right: f64) {
-        for i in 0..6 {
+    pub fn add(&mut self, row: &[f64; PARAMETERS], right: f64) {
+        for i in 0..PARAMETERS {
             for j in 0..=i {
                 self.information[(i, j)] += row[i] * row[j];
             }
@@ -44,7 +48,7 @@ impl Normal {
     }
 
     /// The information with ones on its diagonal, ρ more there, and the scale of each parameter.
-    fn scaled(&self, free: Free, more: f64) -> (SMatrix<f64, 6, 6>, SVector<f64, 6>) {
+    fn scaled(&self, free: Free, more: f64) -> (Square, Column) {
         let scale = SVector::from_fn(|i, _| if free[i] { self.information[(i, i)].sqrt().recip() } else { 0.0 });
         let matrix = SMatrix::from_fn(|i, j| match i == j {
             true => 1.0 + more,
@@ -54,29 +58,32 @@ impl Normal {
     }
 
     /// The step that solves them, damped by Marquardt's `more`; `None` where they have no solution.
-    pub fn step(&self, free: Free, more: f64) -> Option<[f64; 6]> {
+    pub fn step(&self, free: Free, more: f64) -> Option<[f64; PARAMETERS]> {
         let (matrix, scale) = self.scaled(self.seen(free), more);
         let step = matrix.cholesky()?.solve(&self.right.component_mul(&scale)).component_mul(&scale);
         step.iter().all(|x| x.is_finite()).then(|| step.into())
     }
 
     /// Σ (r - s p)² at a solution p.
-    pub fn left(&self, p: &[f64; 6]) -> f64 {
+    pub fn left(&self, p: &[f64; PARAMETERS]) -> f64 {
         self.squares - p.iter().zip(&self.right).map(|(p, right)| p * right).sum::<f64>()
     }
 
     /// The inverse of the information, 0 in the rows of what is not free; `None` where two parameters cannot be told apart at all.
-    pub fn inverse(&self, free: Free) -> Option<SMatrix<f64, 6, 6>> {
+    pub fn inverse(&self, free: Free) -> Option<Square> {
         let (matrix, scale) = self.scaled(self.seen(free), 0.0);
         let inverse = matrix.cholesky()?.inverse();
-        let inverse = SMatrix::<f64, 6, 6>::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
+        let inverse = Square::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
         inverse.iter().all(|x| x.is_finite()).then_some(inverse)
     }
 
     /// stepᵀ information step.
-    fn size(&self, step: &[f64; 6]) -> f64 {
+    fn size(&self, step: &[f64; PARAMETERS]) -> f64 {
         let at = |i: usize, j: usize| self.information[(i.max(j), i.min(j))];
-        (0..6).flat_map(|i| (0..6).map(move |j| (i, j))).map(|(i, j)| step[i] * at(i, j) * step[j]).sum()
+        (0..PARAMETERS)
+            .flat_map(|i| (0..PARAMETERS).map(move |j| (i, j)))
+            .map(|(i, j)| step[i] * at(i, j) * step[j])
+            .sum()
     }
 }
 
@@ -85,24 +92,32 @@ impl Normal {
 pub(crate) struct Fit {
     pub puck: Puck,
     pub normal: Normal,
+    pub free: Free,
+    /// The first sample that is fitted.
+    pub first: usize,
 }
 
 impl Fit {
     /// The residuals' variance.
-    pub fn variance(&self, free: Free) -> f64 {
-        self.normal.squares / self.freedom(free)
+    pub fn variance(&self) -> f64 {
+        self.normal.squares / self.freedom()
     }
 
-    pub fn freedom(&self, free: Free) -> f64 {
-        let fitted = self.normal.seen(free).iter().filter(|seen| **seen).count();
+    pub fn freedom(&self) -> f64 {
+        let fitted = self.normal.seen(self.free).iter().filter(|seen| **seen).count();
         self.normal.rows.saturating_sub(fitted).max(1) as f64
+    }
+
+    /// The covariance of the estimates over the residuals' variance.
+    pub fn inverse(&self) -> Option<Square> {
+        self.normal.inverse(self.free)
     }
 }
 
-/// The normal equations of the position errors at `puck`; `None` where the motion leaves the numbers.
-pub(crate) fn normal(record: &Record, puck: &Puck) -> Option<Normal> {
+/// The normal equations of the position errors at `puck` from sample `first` on; `None` where the motion leaves the numbers.
+fn normal(record: &Record, puck: &Puck, first: usize) -> Option<Normal> {
     let mut normal = Normal::new();
-    puck.follow(record.times(), record.torques(), record.first(), |i, z, dz| {
+    puck.follow(record.times(), record.torques(), first, |i, z, dz| {
         if record.is_news(i) {
             normal.add(dz, record.positions()[i] - z);
         }
@@ -110,9 +125,10 @@ pub(crate) fn normal(record: &Record, puck: &Puck) -> Option<Normal> {
     normal.squares.is_finite().then_some(normal)
 }
 
-/// The puck nearest to `start` whose positions have the least squared error, delays between -10 ms and [`LONGEST_DELAY`].
-pub(crate) fn fit(record: &Record, start: Puck, free: Free) -> Option<Fit> {
-    let mut best = Fit { puck: start, normal: normal(record, &start)? };
+/// The puck nearest to `start` whose positions from sample `first` on have the least squared error, delays between -10 ms and
+/// [`LONGEST_DELAY`].
+pub(crate) fn fit(record: &Record, start: Puck, free: Free, first: usize) -> Option<Fit> {
+    let mut best = Fit { puck: start, normal: normal(record, &start, first)?, free, first };
     let mut damping = 1e-3;
     for _ in 0..MOST_STEPS {
         let Some(step) = best.normal.step(free, damping) else {
@@ -121,12 +137,12 @@ pub(crate) fn fit(record: &Record, start: Puck, free: Free) -> Option<Fit> {
         };
         let mut p = best.puck.parameters();
         p.iter_mut().zip(step).for_each(|(p, step)| *p += step);
-        p[3] = p[3].clamp(-0.2 * LONGEST_DELAY, LONGEST_DELAY);
+        p[DELAY] = p[DELAY].clamp(-0.2 * LONGEST_DELAY, LONGEST_DELAY);
         let puck = Puck::from_parameters(p);
-        let is_small = best.normal.size(&step) < SMALL * SMALL * best.variance(free);
-        match normal(record, &puck) {
+        let is_small = best.normal.size(&step) < SMALL * SMALL * best.variance();
+        match normal(record, &puck, first) {
             Some(normal) if normal.squares < best.normal.squares => {
-                best = Fit { puck, normal };
+                best = Fit { puck, normal, free, first };
                 damping *= 0.1;
                 if is_small && damping < 1e-4 {
                     break;

@@ -4,7 +4,7 @@
 //! A [`Record`] is positions and commanded torques over time. [`identify`] fits the puck's own differential equation to it,
 //!
 //! ```text
-//! J v̇ = τ(t - d) - b v - f sign v,    at rest while |τ| <= f,
+//! J v̇ = τ(t - d) + τ0 - b v - f sign v,    at rest while |τ + τ0| <= f,
 //! ```
 //!
 //! solved exactly from one change of torque to the next, every stop and start located ([`Puck`]). The fit is the one with the least sum
@@ -16,7 +16,7 @@
 //! // A square wave of torque on J = 1e-3 kg m², with a little friction; the positions are those of the solution, in counts.
 //! let period = 1e-3;
 //! let torque = |k: usize| if (k / 170) % 2 == 0 { 0.05 } else { -0.04 };
-//! let puck = hapt_identify::Puck { gain: 1e3, damping: 2.0, friction: 5.0, delay: 2.3e-3, position: 0.0, velocity: 0.0 };
+//! let puck = hapt_identify::Puck { gain: 1e3, damping: 2.0, friction: 5.0, delay: 2.3e-3, offset: 0.0, position: 0.0, velocity: 0.0 };
 //! let times: Vec<f64> = (0..3000).map(|k| k as f64 * period).collect();
 //! let torques: Vec<f64> = (0..3000).map(torque).collect();
 //! let truth = puck.positions(&times, &torques);
@@ -32,20 +32,26 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod answer;
 mod columns;
 mod counts;
 mod error;
 mod estimate;
+mod experiment;
 mod fit;
+mod position;
 mod puck;
 mod quantile;
 mod record;
 mod start;
 mod stretch;
+mod warnings;
 
 pub use columns::{Columns, Scale};
 pub use counts::{Lattice, lattice};
 pub use error::Error;
 pub use estimate::{Identified, Interval, Known, Residual, Twins, identify};
+pub use experiment::{Bounds, Push};
+pub use position::PositionTorque;
 pub use puck::{Puck, Sensitivity};
 pub use record::{LONGEST_DELAY, Record};

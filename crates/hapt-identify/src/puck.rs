@@ -17,19 +17,27 @@ pub struct Puck {
     pub friction: f64,
     /// From the sample to the change of the torque, in s.
     pub delay: f64,
+    /// δ in rad/s² (m/s²): a constant torque that nobody asked for, over J; a motor's offset, a tilted table.
+    pub offset: f64,
     /// At the start, in rad (m).
     pub position: f64,
     /// At the start, in rad/s (m/s).
     pub velocity: f64,
 }
 
-/// Of a position by gain, damping, friction, delay, first position, first velocity.
-pub type Sensitivity = [f64; 6];
+/// How many parameters there are.
+pub(crate) const PARAMETERS: usize = 7;
 
-const GAIN: usize = 0;
-const DAMPING: usize = 1;
-const FRICTION: usize = 2;
-const DELAY: usize = 3;
+/// Of a position by gain, damping, friction, delay, offset, first position, first velocity.
+pub type Sensitivity = [f64; PARAMETERS];
+
+pub(crate) const GAIN: usize = 0;
+pub(crate) const DAMPING: usize = 1;
+pub(crate) const FRICTION: usize = 2;
+pub(crate) const DELAY: usize = 3;
+pub(crate) const OFFSET: usize = 4;
+const POSITION: usize = 5;
+const VELOCITY: usize = 6;
 
 /// So often the puck may stop and start between two changes of torque; in truth it is twice at most.
 const MOST_EVENTS: usize = 8;
@@ -49,14 +57,14 @@ struct Motion {
 
 impl Puck {
     /// As an array, in the order of [`Sensitivity`].
-    pub fn parameters(&self) -> [f64; 6] {
-        [self.gain, self.damping, self.friction, self.delay, self.position, self.velocity]
+    pub fn parameters(&self) -> Sensitivity {
+        [self.gain, self.damping, self.friction, self.delay, self.offset, self.position, self.velocity]
     }
 
     /// From such an array.
-    pub fn from_parameters(p: [f64; 6]) -> Self {
-        let [gain, damping, friction, delay, position, velocity] = p;
-        Puck { gain, damping, friction, delay, position, velocity }
+    pub fn from_parameters(p: Sensitivity) -> Self {
+        let [gain, damping, friction, delay, offset, position, velocity] = p;
+        Puck { gain, damping, friction, delay, offset, position, velocity }
     }
 
     /// Positions at `times` under torques commanded at the same times and held; before the first command there is the first.
@@ -97,28 +105,29 @@ impl Puck {
 impl Motion {
     fn new(puck: Puck, torque: f64) -> Self {
         let (z, v) = (puck.position, puck.velocity);
-        let mut motion = Motion { puck, z, v, way: 0.0, torque, dz: [0.0; 6], dv: [0.0; 6] };
-        (motion.dz[4], motion.dv[5]) = (1.0, 1.0);
+        let mut motion = Motion { puck, z, v, way: 0.0, torque, dz: [0.0; PARAMETERS], dv: [0.0; PARAMETERS] };
+        (motion.dz[POSITION], motion.dv[VELOCITY]) = (1.0, 1.0);
         motion.set_out();
         motion
     }
 
     /// Which way it goes, or that it rests.
     fn set_out(&mut self) {
-        let drive = self.puck.gain * self.torque;
+        let drive = self.puck.gain * self.torque + self.puck.offset;
         self.way = match self.v {
             v if v != 0.0 => v.signum(),
             _ if drive.abs() <= self.puck.friction || drive == 0.0 => 0.0,
             _ => drive.signum(),
         };
         if self.way == 0.0 {
-            self.dv = [0.0; 6];
+            self.dv = [0.0; PARAMETERS];
         }
     }
 
-    /// The acceleration that torque and friction give together.
+    /// The acceleration that torque, offset and friction give together.
     fn drive(&self) -> f64 {
-        if self.way == 0.0 { 0.0 } else { self.puck.gain * self.torque - self.puck.friction * self.way }
+        let Puck { gain, friction, offset, .. } = self.puck;
+        if self.way == 0.0 { 0.0 } else { gain * self.torque + offset - friction * self.way }
     }
 
     /// The torque steps, at an instant that moves with the delay.
@@ -167,6 +176,8 @@ impl Motion {
         self.dv[GAIN] += self.torque * v_of_a;
         self.dz[FRICTION] -= self.way * z_of_a;
         self.dv[FRICTION] -= self.way * v_of_a;
+        self.dz[OFFSET] += z_of_a;
+        self.dv[OFFSET] += v_of_a;
         let (z_of_beta, v_of_beta) = stretch.of_beta(self.v, a, self.puck.damping);
         self.dz[DAMPING] += z_of_beta;
         self.dv[DAMPING] += v_of_beta;

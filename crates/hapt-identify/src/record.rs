@@ -2,8 +2,8 @@
 
 use crate::Error;
 
-/// Delays are looked for up to here, in s. So long after its beginning the part of a record begins that is fitted: by then every torque
-/// that can still arrive has been recorded.
+/// Delays are looked for up to here, in s. So long after its beginning the part of a record begins that is fitted first: by then every
+/// torque that can still arrive has been recorded.
 pub const LONGEST_DELAY: f64 = 0.05;
 
 /// The least that anything can be said of.
@@ -94,12 +94,14 @@ impl Record {
         self.torques.iter().any(|torque| *torque != 0.0)
     }
 
-    /// The first sample of the part that is fitted.
-    pub fn first(&self) -> usize {
-        if !self.is_driven() {
-            return 0;
-        }
-        let begin = self.times[0] + LONGEST_DELAY;
+    /// The first sample by which every torque that arrives after a delay of up to `delay` s has been recorded.
+    pub fn first_after(&self, delay: f64) -> usize {
+        let begin = self.times[0] + delay.clamp(0.0, LONGEST_DELAY);
         self.times.iter().position(|t| *t >= begin).unwrap_or(0)
+    }
+
+    /// The same for every delay that is looked for.
+    pub fn first(&self) -> usize {
+        if self.is_driven() { self.first_after(LONGEST_DELAY) } else { 0 }
     }
 }

@@ -10,7 +10,7 @@
 //! delay with the least squares counts.
 
 use crate::fit::Normal;
-use crate::puck::Puck;
+use crate::puck::{DAMPING, FRICTION, GAIN, PARAMETERS, Puck};
 use crate::record::{LONGEST_DELAY, Record};
 
 /// Lengths of the windows, s: each gives a start.
@@ -24,12 +24,19 @@ const DOUBT: f64 = 3.0;
 struct Glance {
     /// From -1 to 1: the sign of the velocity, 0 where the puck may rest.
     sign: Vec<f64>,
-    position: f64,
-    velocity: f64,
+    begins: Begin,
+}
+
+/// Where the puck is at a sample, and how fast.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Begin {
+    pub position: f64,
+    pub velocity: f64,
 }
 
 /// Pucks from which a fit may find the best one: of each window the best of all delays, and the one without. On a spring the torque goes
-/// with the position, a delay looks like damping and inertia together, and a fit that starts at a long one stays there.
+/// with the position, a delay looks like damping and inertia together, and a fit that starts at a long one stays there. A constant torque
+/// is left to the fit.
 pub(crate) fn starts(record: &Record) -> Vec<Puck> {
     let glance = glance(record);
     let duration = record.period() * record.times().len() as f64;
@@ -53,15 +60,19 @@ fn slope(record: &Record, low: usize, high: usize) -> (f64, f64, f64) {
     (tz / tt, tt.sqrt().recip(), z)
 }
 
-fn glance(record: &Record) -> Glance {
-    let positions = record.positions();
-    let (n, half) = (positions.len(), half(record, GLANCE));
+/// The noise of the positions, rms.
+fn noise(positions: &[f64]) -> f64 {
     // Third differences of a smooth motion are noise alone, 20 times its variance; their median does not see the jerks.
     let mut thirds: Vec<f64> = positions.windows(4).map(|z| (z[3] - 3.0 * z[2] + 3.0 * z[1] - z[0]).abs()).collect();
     thirds.sort_by(f64::total_cmp);
     let mean_square = thirds.iter().map(|x| x * x).sum::<f64>() / thirds.len() as f64;
     let median = thirds[thirds.len() / 2] / 0.6745;
-    let noise = (if median > 0.0 { median } else { mean_square.sqrt() }) / 20f64.sqrt();
+    (if median > 0.0 { median } else { mean_square.sqrt() }) / 20f64.sqrt()
+}
+
+fn glance(record: &Record) -> Glance {
+    let n = record.positions().len();
+    let (noise, half) = (noise(record.positions()), half(record, GLANCE));
     let sign = (0..n).map(|i| {
         let (v, error, _) = slope(record, i.saturating_sub(half), (i + half).min(n - 1));
         let doubt = DOUBT * noise * error;
@@ -73,40 +84,33 @@ fn glance(record: &Record) -> Glance {
             v.signum()
         }
     });
-    let first = record.first();
-    let last = (first + 2 * half).min(n - 1);
+    Glance { sign: sign.collect(), begins: begins(record, record.first())[0] }
+}
+
+/// Where the puck is at the sample `first`: at rest, where it may be, or else moving; and by the line alone.
+pub(crate) fn begins(record: &Record, first: usize) -> [Begin; 2] {
+    let noise = noise(record.positions());
+    let last = (first + 2 * half(record, GLANCE)).min(record.positions().len() - 1);
     let (v, error, z) = slope(record, first, last);
-    let sign = sign.collect();
-    if v.abs() < 2.0 * DOUBT * noise * error {
-        return Glance { sign, position: z, velocity: 0.0 };
-    }
     let ago = 0.5 * (record.times()[last] - record.times()[first]);
-    Glance { sign, position: z - v * ago, velocity: v }
+    let moving = Begin { position: z - v * ago, velocity: v };
+    let is_slow = v.abs() < 2.0 * DOUBT * noise * error;
+    [if is_slow { Begin { position: z, velocity: 0.0 } } else { moving }, moving]
 }
 
 /// The starts by windows of one length.
 fn of_window(record: &Record, glance: &Glance, length: f64) -> Vec<Puck> {
     let is_driven = record.is_driven();
-    let free = [is_driven, true, true, false, false, false];
     let step = (0.5 * record.period()).max(1e-3);
     let delays = if is_driven { (LONGEST_DELAY / step) as usize } else { 0 };
     let of_delay = |i: usize| {
         let delay = i as f64 * step;
         let normal = regression(record, glance, length, delay);
-        let p = normal.step(free, 0.0)?;
+        let p = normal.step([is_driven, true, true, false, false, false, false], 0.0)?;
+        let Begin { position, velocity } = glance.begins;
+        let (damping, friction) = (p[DAMPING].max(0.0), p[FRICTION].max(0.0));
         // Σ (r - p s)² at the solution.
-        let left = normal.left(&p);
-        Some((
-            left,
-            Puck {
-                gain: p[0],
-                damping: p[1].max(0.0),
-                friction: p[2].max(0.0),
-                delay,
-                position: glance.position,
-                velocity: glance.velocity,
-            },
-        ))
+        Some((normal.left(&p), Puck { gain: p[GAIN], damping, friction, delay, offset: 0.0, position, velocity }))
     };
     let at_once = of_delay(0).map(|(_, puck)| puck);
     let best = (1..=delays).filter_map(of_delay).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, puck)| puck);
@@ -124,7 +128,7 @@ fn regression(record: &Record, glance: &Glance, length: f64, delay: f64) -> Norm
         let (low, high) = (centre - half, centre + half);
         let c = 0.5 * (times[high] - times[low]);
         let middle = 0.5 * (times[high] + times[low]);
-        let (mut row, mut right) = ([0.0; 6], 0.0);
+        let (mut row, mut right) = ([0.0; PARAMETERS], 0.0);
         for i in low + 1..high {
             let dt = 0.5 * (times[i + 1] - times[i - 1]);
             let u = (times[i] - middle) / c;
@@ -134,9 +138,9 @@ fn regression(record: &Record, glance: &Glance, length: f64, delay: f64) -> Norm
             let (z, s) = (positions[i] - positions[centre], glance.sign[i]);
             right += w2 * z;
             // At rest friction holds whatever the torque.
-            row[0] += w * torques[i] * s.abs();
-            row[1] += w1 * z;
-            row[2] -= w * s;
+            row[GAIN] += w * torques[i] * s.abs();
+            row[DAMPING] += w1 * z;
+            row[FRICTION] -= w * s;
         }
         normal.add(&row, right);
         centre += (half / 2).max(1);

@@ -1,5 +1,7 @@
 //! The fit against hapt-plant's exact device, which shares no code with it.
 
+mod rig;
+
 use std::f64::consts::TAU;
 
 use fastrand::Rng;
@@ -7,46 +9,7 @@ use hapt_identify::{Columns, Error, Identified, Known, Puck, Record, identify};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::Rig;
 use proptest::prelude::*;
-
-const WHEEL: Rig = Rig { period: 1e-3, delay: 2.4e-3, inertia: 6.4e-4, damping: 1.2e-3, friction: 5e-3 };
-
-/// Torques that step up and down at random, in N·m.
-fn steps(rng: &mut Rng, samples: usize, size: f64) -> Vec<f64> {
-    let mut level = 0.0;
-    let mut left = 0;
-    let step = |_| {
-        if left == 0 {
-            left = rng.usize(5..150);
-            level = size * (2.0 * rng.f64() - 1.0);
-        }
-        left -= 1;
-        level
-    };
-    (0..samples).map(step).collect()
-}
-
-/// Where the device is at each sample.
-fn motion(rig: &Rig, torques: &[f64]) -> Vec<f64> {
-    let mut device = VirtualDevice::new(rig);
-    let step = |torque: &f64| {
-        let position = device.puck().0;
-        device.command(*torque);
-        device.travel();
-        position
-    };
-    torques.iter().map(step).collect()
-}
-
-fn times(rig: &Rig, samples: usize) -> Vec<f64> {
-    (0..samples).map(|k| k as f64 * rig.period).collect()
-}
-
-fn counted(positions: &[f64], counts: f64, noise: f64, rng: &mut Rng) -> Vec<f64> {
-    let count = TAU / counts;
-    // Twelve uniform numbers less six are about a normal one.
-    let mut normal = || (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
-    positions.iter().map(|z| (z / count + noise * normal()).round() * count).collect()
-}
+use rig::{WHEEL, counted, motion, steps, times};
 
 fn record(rig: &Rig, seed: u64, samples: usize, counts: f64, noise: f64) -> Record {
     let mut rng = Rng::with_seed(seed);
@@ -78,7 +41,7 @@ proptest! {
         torques[0] = 0.0; // What is held before the first command.
         let truth = motion(&rig, &torques);
         let puck =
-            Puck { gain: inertia.recip(), damping: rate, friction: friction / inertia, delay, position: 0.0, velocity: 0.0 };
+            Puck { gain: inertia.recip(), damping: rate, friction: friction / inertia, delay, offset: 0.0, position: 0.0, velocity: 0.0 };
         let size = truth.iter().fold(1e-3, |size: f64, z| size.max(z.abs()));
         for (k, (z, truth)) in puck.positions(&times(&rig, 1500), &torques).iter().zip(&truth).enumerate() {
             prop_assert!((z - truth).abs() < 1e-9 * size, "sample {k}: {z} and {truth}");
@@ -90,7 +53,7 @@ proptest! {
         let samples = 800;
         let torques = steps(&mut Rng::with_seed(seed), samples, 0.08);
         let times = times(&WHEEL, samples);
-        let puck = Puck { gain: 1500.0, damping: 2.0, friction, delay: 2.37e-3, position: 0.3, velocity: 0.7 };
+        let puck = Puck { gain: 1500.0, damping: 2.0, friction, delay: 2.37e-3, offset: 3.0, position: 0.3, velocity: 0.7 };
         let positions = |puck: &Puck| {
             let mut positions = Vec::new();
             puck.follow(&times, &torques, first, |_, z, _| positions.push(z));
@@ -98,8 +61,8 @@ proptest! {
         };
         let mut slopes = Vec::new();
         puck.follow(&times, &torques, first, |_, _, s| slopes.push(*s));
-        let steps = [1e-3, 1e-5, 1e-5, 1e-8, 1e-5, 1e-5];
-        for i in 0..6 {
+        let steps = [1e-3, 1e-5, 1e-5, 1e-8, 1e-5, 1e-5, 1e-5];
+        for i in 0..7 {
             let moved = |by: f64| {
                 let mut p = puck.parameters();
                 p[i] += by * steps[i];

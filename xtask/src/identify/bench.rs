@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use anyhow::{Context, Result};
 use fastrand::Rng;
+use hapt_identify::Bounds;
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::Rig;
 
@@ -11,15 +12,29 @@ use hapt_plant::spec::Rig;
 const DURATION: f64 = 4.0;
 /// Nothing is asked for at first, s.
 const REST: f64 = 0.1;
+/// What is asked of a device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// Random steps and then a chirp.
+    Mixed,
+    /// The same, with less than half a count of noise.
+    Quiet,
+    /// The experiment that `hapt identify DEVICE` makes, on a device with a constant torque of its own.
+    Guided,
+}
 
-/// A device, what is asked of its motor, and the noise on its positions.
+/// A device, what is asked of its motor, and the noise on its positions. Every second one is linear.
 #[derive(Clone, Debug)]
 pub struct Trial {
+    kind: Kind,
     rig: Rig,
+    pub is_linear: bool,
     /// 1 or -1.
     pub sign: f64,
-    /// A revolution.
-    pub counts: f64,
+    /// The size of a count, in rad (m).
+    pub count: f64,
+    /// A constant torque on the puck.
+    pub offset: f64,
     /// Before they are counted, rms, in counts.
     noise: f64,
     /// The largest command.
@@ -28,20 +43,24 @@ pub struct Trial {
 }
 
 impl Trial {
-    pub fn new(seed: u64, i: u64) -> Self {
+    pub fn new(kind: Kind, seed: u64, i: u64) -> Self {
         let seed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ i;
         let mut rng = Rng::with_seed(seed);
+        let is_linear = i % 2 == 1;
         let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
-        let inertia = 1e-4 * 10f64.powf(between(0.0, 2.0));
+        let inertia = if is_linear { 0.03 } else { 1e-4 } * 10f64.powf(between(0.0, 2.0));
         let period = 1e-3 * 2f64.powf(between(-1.0, 1.0));
         let delay = period * between(0.01, 5.0);
         let damping = inertia / (0.1 * 50f64.powf(between(0.0, 1.0)));
-        let amplitude = inertia * 100.0 * 10f64.powf(between(0.0, 1.0));
+        let amplitude = inertia * if is_linear { 2.0 } else { 100.0 } * 10f64.powf(between(0.0, 1.0));
         let friction = amplitude * between(0.02, 0.4);
-        let counts = (500.0 * 40f64.powf(between(0.0, 1.0))).round();
-        let noise = between(0.5, 2.0);
+        let fineness = 40f64.powf(between(0.0, 1.0));
+        let count = if is_linear { 100e-6 / fineness } else { TAU / (500.0 * fineness).round() };
+        let noise = if kind == Kind::Quiet { between(0.0, 0.5) } else { between(0.5, 2.0) };
+        let offset = if kind == Kind::Guided { friction * between(-0.8, 0.8) } else { 0.0 };
         let sign = if rng.bool() { 1.0 } else { -1.0 };
-        Trial { rig: Rig { period, delay, inertia, damping, friction }, sign, counts, noise, amplitude, seed }
+        let rig = Rig { period, delay, inertia, damping, friction };
+        Trial { kind, rig, is_linear, sign, count, offset, noise, amplitude, seed }
     }
 
     fn samples(&self) -> usize {
@@ -52,13 +71,17 @@ impl Trial {
         (0..self.samples()).map(|k| k as f64 * self.rig.period).collect()
     }
 
-    /// Inertia, damping, friction, delay.
-    pub fn truth(&self) -> [f64; 4] {
-        [self.rig.inertia, self.rig.damping, self.rig.friction, self.rig.delay]
+    /// Inertia, damping, friction, delay, constant torque.
+    pub fn truth(&self) -> [f64; 5] {
+        [self.rig.inertia, self.rig.damping, self.rig.friction, self.rig.delay, self.offset]
+    }
+
+    pub fn commands(&self) -> Vec<f64> {
+        if self.kind == Kind::Guided { self.guided() } else { self.mixed() }
     }
 
     /// Steps of random size and length in the first half, a chirp from 1 to 20 Hz in the second.
-    pub fn commands(&self) -> Vec<f64> {
+    fn mixed(&self) -> Vec<f64> {
         let mut rng = Rng::with_seed(!self.seed);
         let (mut level, mut until) = (0.0, REST);
         let half = 0.5 * DURATION;
@@ -76,50 +99,72 @@ impl Trial {
         self.times().into_iter().map(command).collect()
     }
 
+    /// Steps and a chirp as hapt makes them, each fading over to the next. The inertia in the world's file is half the true one, or up to
+    /// twice as much.
+    fn guided(&self) -> Vec<f64> {
+        let inertia = self.rig.inertia * 2f64.powf(2.0 * Rng::with_seed(!self.seed).f64() - 1.0);
+        let bounds = Bounds::new(self.amplitude, inertia, self.rig.period, self.is_linear);
+        let mut pushes = bounds.pushes(DURATION - REST).into_iter();
+        let (mut torque, mut output, mut part, mut until) = (0.0, 0.0, 0.0, REST);
+        let command = |t: f64| {
+            if t >= until {
+                let push = pushes.next();
+                torque = push.map_or(0.0, |push| push.torque);
+                until += push.map_or(DURATION, |push| push.length);
+                part = f64::abs(torque - output) / (bounds.fade / self.rig.period).ceil();
+            }
+            output += (torque - output).clamp(-part, part);
+            output
+        };
+        self.times().into_iter().map(command).collect()
+    }
+
     /// The true positions.
-    fn positions(&self, rig: &Rig) -> Vec<f64> {
+    pub fn positions(&self, commands: &[f64]) -> Vec<f64> {
+        self.of(&self.rig, self.offset, commands)
+    }
+
+    /// Those of a device that is another one by a little.
+    fn of(&self, rig: &Rig, offset: f64, commands: &[f64]) -> Vec<f64> {
         let mut device = VirtualDevice::new(rig);
-        let commands = self.commands().into_iter();
-        let step = |command: f64| {
+        let step = |command: &f64| {
             let position = device.puck().0;
-            device.command(self.sign * command);
+            device.command(self.sign * command + offset);
             device.travel();
             position
         };
-        commands.map(step).collect()
+        commands.iter().map(step).collect()
     }
 
     /// What the encoder says.
-    pub fn seen(&self) -> Vec<f64> {
+    pub fn seen(&self, positions: &[f64]) -> Vec<f64> {
         let mut rng = Rng::with_seed(self.seed.rotate_left(32));
-        let count = TAU / self.counts;
         // Box and Muller.
         let mut noise = || (-2.0 * (1.0 - rng.f64()).ln()).sqrt() * (TAU * rng.f64()).cos();
-        let seen = |z: f64| (z / count + self.noise * noise()).round() * count;
-        self.positions(&self.rig).into_iter().map(seen).collect()
+        let seen = |z: &f64| (z / self.count + self.noise * noise()).round() * self.count;
+        positions.iter().map(seen).collect()
     }
 
-    /// The Cramér-Rao bound on the standard errors of inertia, damping, friction and delay: for this noise before it is counted (counting
-    /// only takes from what can be known) and a first position that is not known. The slopes are differences of the device's motion.
-    pub fn bound(&self) -> Result<[f64; 4]> {
-        let sizes = [self.rig.inertia, self.rig.damping, self.rig.friction, self.rig.period].map(|size| 1e-5 * size);
+    /// The Cramér-Rao bound on the standard errors of inertia, damping, friction, delay and, where that is not known to be none, the
+    /// constant torque: for this noise before it is counted (counting only takes from what can be known) and a first position that is not
+    /// known. The slopes are differences of the device's motion.
+    pub fn bound(&self, commands: &[f64], positions: &[f64], with_offset: bool) -> Result<Vec<f64>> {
+        let mut sizes = [self.rig.inertia, self.rig.damping, self.rig.friction, self.rig.period, self.rig.friction];
+        sizes = sizes.map(|size| 1e-5 * size);
         let slope = |i: usize| -> Vec<f64> {
-            let changed = |by: f64| {
-                let mut rig = self.rig;
-                *[&mut rig.inertia, &mut rig.damping, &mut rig.friction, &mut rig.delay][i] += by * sizes[i];
-                self.positions(&rig)
-            };
-            changed(1.0).iter().zip(&changed(-1.0)).map(|(up, down)| (up - down) / (2.0 * sizes[i])).collect()
+            let (mut rig, mut offset) = (self.rig, self.offset);
+            let places = [&mut rig.inertia, &mut rig.damping, &mut rig.friction, &mut rig.delay, &mut offset];
+            *places.into_iter().nth(i).unwrap_or(&mut 0.0) += sizes[i];
+            self.of(&rig, offset, commands).iter().zip(positions).map(|(to, from)| (to - from) / sizes[i]).collect()
         };
-        let mut rows: Vec<Vec<f64>> = (0..4).map(slope).collect();
+        let mut rows: Vec<Vec<f64>> = (0..if with_offset { 5 } else { 4 }).map(slope).collect();
         rows.push(vec![1.0; self.samples()]);
-        let sigma = self.noise * TAU / self.counts;
+        let sigma = self.noise * self.count;
         // Gram and Schmidt: what of a row no other row explains is what is known of its parameter.
-        let mut bound = [0.0; 4];
-        for (i, bound) in bound.iter_mut().enumerate() {
+        let of = |i: usize| {
             let mut others: Vec<Vec<f64>> = Vec::new();
-            let order = (0..5).filter(|j| *j != i).chain([i]);
-            for j in order {
+            let mut left = 0.0;
+            for j in (0..rows.len()).filter(|j| *j != i).chain([i]) {
                 let mut row = rows[j].clone();
                 for _ in 0..2 {
                     for other in &others {
@@ -127,12 +172,13 @@ impl Trial {
                         row.iter_mut().zip(other).for_each(|(y, x)| *y -= along * x);
                     }
                 }
-                let size = row.iter().map(|x| x * x).sum::<f64>().sqrt();
-                *bound = sigma / size;
-                row.iter_mut().for_each(|x| *x /= size);
+                left = row.iter().map(|x| x * x).sum::<f64>().sqrt();
+                row.iter_mut().for_each(|x| *x /= left);
                 others.push(row);
             }
-        }
+            sigma / left
+        };
+        let bound: Vec<f64> = (0..rows.len() - 1).map(of).collect();
         bound.iter().all(|bound| bound.is_finite()).then_some(bound).context("a parameter without a trace")
     }
 }

@@ -1,16 +1,17 @@
-//! The experiment: steps of a small torque, asked of the device through the loop and its supervisor.
+//! The experiment: steps and a chirp of a small torque, asked of the device through the loop and its supervisor.
 //!
-//! Each step is a world of its own, with one constant torque on the puck and nothing else; a swap fades it over to the next. Nothing in
-//! it depends on the position, so that it stays what it is when the motor's sign or the encoder's counts are wrong.
+//! Each push is a world of its own, with one constant torque on the puck and nothing else; a swap fades it over to the next. The chirp is
+//! made of pushes too short to be held. Nothing in it depends on the position, so that it stays what it is when the motor's sign or the
+//! encoder's counts are wrong.
 
 use std::io::{BufRead, IsTerminal, Write, stderr, stdin};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use hapt_core::{Guarding, Phase, Request};
-use hapt_identify::Record;
+use hapt_identify::{Bounds, Record};
 use hapt_log::{Header, Recorder};
 use hapt_model::keys::Measure;
-use hapt_model::{Coupling, End, EstimatorKind, Law, World};
+use hapt_model::{Coupling, End, EstimatorKind, Law, Motion, World};
 use hapt_rt::{End as LoopEnd, Engine, Failure as DeviceFailure, Order, Plan};
 
 use super::{Given, positive};
@@ -22,15 +23,8 @@ use crate::{output, people};
 
 /// Of the motor's limit, where --torque says nothing.
 const PART: f64 = 0.1;
-/// A step fades over to the next in so many s, or samples where those are longer.
-const FADE: f64 = 5e-3;
-const FADE_SAMPLES: f64 = 4.0;
-/// Lengths of the steps, s: together they reach from 2 Hz to 20 Hz; they come again and again.
-const LENGTHS: [f64; 12] = [0.12, 0.24, 0.18, 0.09, 0.13, 0.05, 0.07, 0.03, 0.05, 0.04, 0.025, 0.06];
-/// And their sizes: none is the one before it with the other sign, so that friction and damping tell themselves apart.
-const SIZES: [f64; 12] = [1.0, -0.9, 0.7, -1.0, 0.0, 0.8, -1.0, 1.0, -0.7, 0.9, -0.8, 0.5];
-/// In the steps' mean speed it may turn so fast, rad/s (linear: m/s): longer steps are cut.
-const FASTEST: [f64; 2] = [25.0, 1.0];
+/// Of the speed at which the supervisor takes the torque away the experiment uses this part.
+const CALM: f64 = 0.5;
 
 /// What the loop said, sample by sample.
 #[derive(Default)]
@@ -92,13 +86,31 @@ fn torque(args: &IdentifyArgs, world: &World) -> Result<f64, Failure> {
     Ok(torque)
 }
 
+/// What the experiment may do: within the world's own safety limits, where those are narrower.
+fn bounds(world: &World, torque: f64) -> Bounds {
+    let is_linear = world.motion == Motion::Linear;
+    let safety = &world.safety;
+    let torque = torque.min(safety.torque.unwrap_or(f64::INFINITY));
+    let mut bounds = Bounds::new(torque, world.device.inertia, world.sampling.period, is_linear);
+    for limit in [safety.velocity, safety.overspeed].into_iter().flatten() {
+        bounds.speed = bounds.speed.min(CALM * limit);
+    }
+    bounds
+}
+
 /// Nothing moves before somebody has said yes.
 fn ask(what: &str, world: &World, torque: f64, duration: f64) -> Result<(), Failure> {
     if !stdin().is_terminal() {
         return Err(Failure::input(format!("{what} is going to move: --yes says that nobody is in its way")));
     }
-    let (torque, duration) = (people::effort(torque, world.motion), people::time(duration));
-    people::say(format_args!("{what} will be pushed to and fro by up to {torque} for {duration}, and may turn far."));
+    let bounds = bounds(world, torque);
+    let (torque, duration) = (people::effort(bounds.torque, world.motion), people::time(duration));
+    let chirp = bounds
+        .chirp()
+        .map_or(String::new(), |(low, high)| format!(", by steps and a chirp from {low:.1} to {high:.1} Hz,"));
+    people::say(format_args!(
+        "{what} will be pushed to and fro{chirp} by up to {torque} for {duration}, and may turn far."
+    ));
     let _ = write!(stderr(), "Hands off, nothing in its way? Go on? [y/N] ");
     let mut answer = String::new();
     let _ = stdin().lock().read_line(&mut answer);
@@ -116,7 +128,7 @@ struct Experiment {
     last: Plan,
     /// Worlds before the one that runs.
     plans: u32,
-    torque: f64,
+    bounds: Bounds,
     seen: Seen,
     is_running: bool,
 }
@@ -126,8 +138,8 @@ impl Experiment {
         let mut bare = world.clone();
         bare.title = None;
         (bare.names, bare.bodies, bare.couplings, bare.scenarios) = Default::default();
-        bare.safety.fade = FADE.max(FADE_SAMPLES * world.sampling.period);
-        bare.safety.torque = Some(torque.min(bare.safety.torque.unwrap_or(f64::INFINITY)));
+        let bounds = bounds(world, torque);
+        (bare.safety.fade, bare.safety.torque) = (bounds.fade, Some(bounds.torque));
         // A constant torque cannot run away by its sign, which is what is to be found; and it may well be smaller than the friction.
         (bare.safety.pulse, bare.safety.stuck) = (Some(0.0), Some(0.0));
         let guarding = if spec.has_a_motor() { Guarding::Certified } else { Guarding::Simulated };
@@ -154,19 +166,19 @@ impl Experiment {
             bare,
             last: first,
             plans: 0,
-            torque,
+            bounds,
             seen: Seen::default(),
             is_running: false,
         })
     }
 
-    /// Arms, steps for `duration` s, disarms.
+    /// Arms, pushes for `duration` s, disarms.
     fn run(mut self, duration: f64) -> Result<Seen, Failure> {
         self.order(Order::Request(Request::Arm))?;
         while !self.is_running {
             self.wait(LOOK.as_secs_f64())?;
         }
-        let done = self.steps(duration);
+        let done = self.pushes(duration);
         let _ = self.order(Order::Request(Request::Disarm));
         let faded = done.and_then(|()| self.wait(4.0 * self.bare.safety.fade + 0.05));
         self.engine.end();
@@ -179,28 +191,23 @@ impl Experiment {
         Ok(self.seen)
     }
 
-    fn steps(&mut self, duration: f64) -> Result<(), Failure> {
-        let fastest = FASTEST[usize::from(self.bare.motion == hapt_model::Motion::Linear)];
-        let longest = fastest * self.bare.device.inertia / self.torque;
-        let mut left = duration;
-        // Each round the other way round, so that it comes back.
-        for round in 0.. {
-            let way = if round % 2 == 0 { self.torque } else { -self.torque };
-            for (length, size) in LENGTHS.into_iter().zip(SIZES) {
-                if left <= 0.0 {
-                    return self.step(0.0);
-                }
-                let length = length.min(longest).max(2.0 * self.bare.safety.fade);
-                self.step(way * size)?;
-                self.wait(length)?;
-                left -= length;
+    fn pushes(&mut self, duration: f64) -> Result<(), Failure> {
+        let started = Instant::now();
+        let mut until = 0.0;
+        for push in self.bounds.pushes(duration) {
+            until += push.length;
+            // Pushes that a machine standing still has missed are left out, so that the experiment ends when it was to end.
+            let left = until - started.elapsed().as_secs_f64();
+            if left > 0.0 {
+                self.push(push.torque)?;
+                self.wait(left)?;
             }
         }
-        Ok(())
+        self.push(0.0)
     }
 
     /// From now on this torque.
-    fn step(&mut self, torque: f64) -> Result<(), Failure> {
+    fn push(&mut self, torque: f64) -> Result<(), Failure> {
         let mut world = self.bare.clone();
         world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque } }];
         self.last = Plan::following(&world, &self.last).map_err(Failure::input)?;

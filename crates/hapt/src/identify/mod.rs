@@ -45,7 +45,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     };
     let known = Known { inertia: inertia(args, given.motion)?, is_linear: given.motion == Motion::Linear };
     let found = identify(&given.record, &known).map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
-    for warning in found.warnings() {
+    for warning in found.warnings().into_iter().chain(print::unmodelled(&given, &found)) {
         people::say(format_args!("warning: {warning}"));
     }
     if found.sign.is_none() && known.inertia.is_none() {

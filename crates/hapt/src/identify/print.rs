@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use hapt_identify::{Identified, Interval};
+use hapt_identify::{Identified, Interval, PositionTorque};
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
 use serde_json::{Value, json};
@@ -12,7 +12,7 @@ use super::Given;
 use crate::failure::Failure;
 use crate::people;
 
-/// The contract's six, each with its interval or null.
+/// The contract's six and the constant torque, each with its interval or null.
 pub fn json(found: &Identified) -> Result<String, Failure> {
     let value = |interval: Option<Interval>| -> Value {
         interval.map_or(Value::Null, |x| json!({ "value": x.value, "low": x.low, "high": x.high }))
@@ -22,6 +22,7 @@ pub fn json(found: &Identified) -> Result<String, Failure> {
         "damping": value(found.damping),
         "friction": value(found.friction),
         "delay_s": value(found.delay),
+        "offset": value(found.offset),
         "sign": value(found.sign),
         "counts_per_rev": value(found.counts),
     });
@@ -62,6 +63,9 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
         line("friction", format!("over inertia {}", within(found.rates[1], 1.0, per_inertia)));
     }
     line("delay", within(found.delay, 1e3, "ms"));
+    if let Some(offset) = found.offset.filter(|offset| !offset.covers(0.0)) {
+        line("offset", format!("{}: a torque that nobody asked for", sized(offset, per_si, effort)));
+    }
     line(
         "sign",
         match found.sign {
@@ -85,6 +89,21 @@ fn encoder(motion: Motion, found: &Identified) -> String {
         (None, Some(lattice)) if motion == Motion::Linear => format!("{} um a count", digits(1e6 * lattice.step, 6)),
         _ => "no counts show in the positions".into(),
     }
+}
+
+/// What moves the puck with its position, in the file's units; nothing where nothing does.
+pub fn unmodelled(given: &Given, found: &Identified) -> Option<String> {
+    let PositionTorque { times_a_turn, size, explains } = found.unmodelled?;
+    let (effort, per_si) = effort(given.motion);
+    let what = match times_a_turn {
+        0 => format!("a spring of {} {}", digits(size, 2), Measure::Stiffness.dimension(given.motion).symbol()),
+        1 => format!("{} {effort} once a turn, a weight beside the axis", digits(size * per_si, 2)),
+        n => format!("{} {effort} {n} times a turn, a motor's cogging", digits(size * per_si, 2)),
+    };
+    Some(format!(
+        "a torque goes with the position, most like {what}: it explains {:.0} % of what the fit leaves, no number here has it, and the intervals are too narrow",
+        100.0 * explains
+    ))
 }
 
 /// What the certificate says of the world with this device; nothing where no world is known.
@@ -146,6 +165,10 @@ pub fn table(given: &Given, found: &Identified) -> String {
     }
     if let Some(delay) = found.delay {
         let _ = writeln!(text, "# for [loop]: delay = \"{} ms\", {} ms", delay_words(given, delay), ends(delay, 1e3));
+    }
+    if let Some(offset) = found.offset.filter(|offset| !offset.covers(0.0)) {
+        let (value, note) = quantity(offset, per_si, effort);
+        let _ = writeln!(text, "# beside it a constant torque of {}, {note}: no key", value.trim_matches('"'));
     }
     if found.sign.is_some_and(|sign| sign.value < 0.0) {
         text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";

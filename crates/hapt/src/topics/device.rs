@@ -152,6 +152,22 @@ other methods it is a damper like any other.
 "#,
     },
     Topic {
+        name: "identify",
+        aliases: &["identification", "inertia", "offset", "cogging"],
+        line: "what a device is made of, from a record of its motion",
+        text: r#"`hapt identify` fits J a = torque(t - delay) + offset - b v - f sign v to the positions of a record:
+inertia, damping, friction, delay and a constant torque, each with the interval that covers the
+truth 95 times in 100; the motor's sign and the encoder's counts. From a log, or by an experiment:
+steps and a chirp of a small torque, under the supervisor. A real device moves after a yes only.
+
+  hapt sim @notes/released --set device.encoder=4000 --out .
+  hapt identify release.csv --from 0.26s                   encoder   4000 counts a revolution
+
+Heed its warnings: two numbers that the record hardly tells apart, less than half a count of noise,
+a torque that goes with the position (gravity, cogging). `--write` gives the [device] table.
+"#,
+    },
+    Topic {
         name: "linear-estimate",
         aliases: &["steepest", "slopes", "estimate"],
         line: "the note on nonlinear worlds in `hapt check`",

@@ -499,4 +499,6 @@ fn identify(t: &mut Table) {
     t.typed("a device without a world", &["identify", "sim"]);
     t.typed("more torque than the motor has", &["identify", "sim", "--world", "w.toml", "--torque", "1 N m"]);
     t.typed("an experiment of no time", &["identify", "sim", "--world", "w.toml", "--duration", "1 ms"]);
+    t.typed("a coast-down by an experiment", &["identify", "sim", "--world", "w.toml", "--coast"]);
+    t.typed("a motor that nobody has agreed to move", &["identify", "moteus:/dev/ttyACM0", "--world", "w.toml"]);
 }

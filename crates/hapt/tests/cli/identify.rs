@@ -40,7 +40,7 @@ fn identify(at: &Path, args: &[&str]) -> Ended {
 fn holds(json: &str, delay: f64) {
     let json: serde_json::Value = serde_json::from_str(json).unwrap();
     let keys: Vec<&String> = json.as_object().unwrap().keys().collect();
-    assert_eq!(keys, ["inertia", "damping", "friction", "delay_s", "sign", "counts_per_rev"]);
+    assert_eq!(keys, ["inertia", "damping", "friction", "delay_s", "offset", "sign", "counts_per_rev"]);
     for (name, truth) in TRUTH.into_iter().chain([("delay_s", delay)]) {
         let number = |key: &str| json[name][key].as_f64().unwrap_or_else(|| panic!("no {name}: {json}"));
         let half = 0.5 * (number("high") - number("low"));
@@ -121,4 +121,79 @@ fn a_hand_on_the_puck_is_no_experiment_and_leaves_nothing_behind() {
     identify(at.path(), &["held.csv", "--write", "device.toml", "--plot", "fit.svg"])
         .refused(2, &["held.csv: the motion does not follow from the torque", "whether a hand was on the puck"]);
     assert_eq!(names(at.path()), ["held.csv", "let-go.csv", "w.toml"]);
+}
+
+/// The question before a real device moves, asked on a terminal.
+#[cfg(target_os = "linux")]
+mod asked {
+    use std::fs::File;
+    use std::process::Stdio;
+    use std::time::{Duration, Instant};
+
+    use super::{folder, hapt, names};
+    use crate::common::{Ended, Running, Table, drive, program};
+
+    /// A wheel on a drive, with a loop that any machine keeps.
+    const DRIVEN: &str = r#"[loop]
+period = "10 ms"
+estimator = "difference"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "3e-3 N m s/rad"
+friction = "2 N mm"
+limit = "100 N mm"
+[safety]
+stuck = 0
+late = "10 s"
+"#;
+
+    /// Answers the question with these bytes, or hangs up where there are none.
+    fn answered(at: &std::path::Path, device: &str, answer: &str) -> Ended {
+        let (mut terminal, path) = hapt_line::pty().unwrap();
+        let args =
+            ["identify", device, "--world", "w.toml", "--duration", "3 s", "--log", "run.mcap", "--write", "d.toml"];
+        let mut command = program(at, args);
+        command.stdin(Stdio::from(File::open(path).unwrap()));
+        let mut running = Running::start(command);
+        running.until("it asks", |_, err| err.contains("Go on? [y/N] "));
+        if answer.is_empty() {
+            drop(terminal);
+            return running.end();
+        }
+        terminal.write(answer.as_bytes(), Instant::now() + Duration::from_secs(10)).unwrap();
+        running.end()
+    }
+
+    #[test]
+    fn who_does_not_say_yes_moves_nothing_and_writes_nothing() {
+        let at = folder(&[("w.toml", DRIVEN)]);
+        let (mut port, path) = hapt_line::pty().unwrap();
+        let device = format!("moteus:{}", path.display());
+        for answer in ["n\n", "\n", "yesterday\n", ""] {
+            let ended = answered(at.path(), &device, answer);
+            assert_eq!((ended.code, ended.out.as_str()), (Some(2), ""), "{answer:?}: {}", ended.err);
+            for word in ["to and fro, by steps and a chirp", "up to 10 N mm for 3 s", "hapt: not moved"] {
+                assert!(ended.err.contains(word), "{answer:?}: {word:?} is not in {}", ended.err);
+            }
+        }
+        // Where nobody can be asked, nobody is.
+        let nobody = hapt(at.path(), ["identify", &device, "--world", "w.toml", "--write", "d.toml"]);
+        nobody.refused(2, &["is going to move: --yes says that nobody is in its way"]);
+        assert_eq!(names(at.path()), ["w.toml"]);
+        // Not one byte has reached the drive.
+        assert_eq!(port.read(&mut [0; 64], Instant::now()).unwrap(), 0);
+    }
+
+    #[test]
+    fn who_says_yes_moves_it() {
+        let at = folder(&[("w.toml", DRIVEN)]);
+        let (_drive, device) = drive(at.path(), "moteus", &["--lockstep"]);
+        // A machine that stands still may break off a run; the log is written all the same when it has not.
+        let has_moved = (0..10).any(|_| answered(at.path(), &device, "y\n").err.contains("wrote run.mcap"));
+        assert!(has_moved);
+        hapt(at.path(), ["convert", "run.mcap", "-o", "run.csv"]).done();
+        let torques = Table::read(&at.path().join("run.csv")).column("applied_Nm");
+        let largest = torques.iter().fold(0.0, |most: f64, torque| most.max(torque.abs()));
+        assert!(largest > 5e-3 && largest <= 10e-3 * (1.0 + 1e-9), "{largest} N m");
+    }
 }

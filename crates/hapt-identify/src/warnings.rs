@@ -1,0 +1,48 @@
+//! What has to be said about an answer before anybody relies on it.
+
+use crate::estimate::{Identified, Interval, Twins};
+
+/// The residuals of a model that fits are independent up to this.
+const INDEPENDENT: f64 = 0.1;
+/// What half a count of noise leaves when it is counted, in counts: the root of 1/4 + 1/12, less a little.
+const LEAST_NOISE: f64 = 0.55;
+
+impl Identified {
+    /// What has to be said about it before anybody relies on it, a sentence each.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if self.is_exact {
+            return warnings;
+        }
+        for Twins { names: [one, other], correlation } in &self.twins {
+            warnings.push(format!(
+                "this record hardly tells {one} and {other} apart (their estimates are correlated by {correlation:.4}); one that goes through other speeds and accelerations would"
+            ));
+        }
+        let step = self.lattice.map_or(0.0, |lattice| lattice.step);
+        if self.residual.correlation.abs() > INDEPENDENT {
+            warnings.push(format!(
+                "what the fit leaves is no independent noise (neighbours are correlated by {:.2}): something else moves the device too, and the intervals are narrower than they should be",
+                self.residual.correlation
+            ));
+        } else if self.residual.rms < LEAST_NOISE * step {
+            warnings.push(
+                "the positions carry less than half a count of noise: where the motion is slow, counts are no independent noise, and the intervals may miss the truth more often than once in 20; faster motion or a finer encoder would not"
+                    .into(),
+            );
+        }
+        if self.sign.is_some() && self.offset.is_none() {
+            warnings.push(
+                "this record does not tell a constant torque (a tilted table, a motor's offset) from friction: it is taken as none; motion both ways would tell"
+                    .into(),
+            );
+        }
+        let uncertain = |interval: Option<Interval>| interval.is_some_and(|x| x.low == 0.0 && x.high > 0.0);
+        for (name, interval) in [("damping", self.damping), ("friction", self.friction)] {
+            if uncertain(interval) {
+                warnings.push(format!("the {name} may be none: its interval begins at 0"));
+            }
+        }
+        warnings
+    }
+}

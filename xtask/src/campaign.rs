@@ -1,0 +1,43 @@
+//! What the campaigns on random devices and loops are told on the command line.
+
+use std::fs;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+
+use crate::{marked, words};
+
+/// How many, from which seed, for how long, and whether the page is written.
+pub struct Campaign {
+    pub n: u64,
+    pub seed: u64,
+    /// Infinitely many: for as long as it takes.
+    pub minutes: f64,
+    write: bool,
+    started: Instant,
+}
+
+impl Campaign {
+    /// `[--n N] [--seed S] [--minutes M] [--write]`, of which a campaign that ends by itself takes no minutes.
+    pub fn parse(words: &[&str], takes_minutes: bool) -> Result<Self> {
+        let started = Instant::now();
+        let (mut n, mut seed, mut minutes) = (1000.0, 1.0, f64::INFINITY);
+        let mut places = vec![("--n", &mut n), ("--seed", &mut seed)];
+        if takes_minutes {
+            places.push(("--minutes", &mut minutes));
+        }
+        let write = words::numbers(words, &mut places)?;
+        Ok(Campaign { n: n as u64, seed: seed as u64, minutes, write, started })
+    }
+
+    /// Prints what `cargo xtask` and this word have found, and writes it into the page where that is asked for.
+    pub fn publish(&self, word: &str, page: &str, text: &str) -> Result<()> {
+        println!("{text}");
+        eprintln!("{:.0} s", self.started.elapsed().as_secs_f64());
+        if self.write {
+            let old = fs::read_to_string(page).context(page.to_string())?;
+            fs::write(page, marked::replaced(&old, &format!("cargo xtask {word}"), text)?).context(page.to_string())?;
+        }
+        Ok(())
+    }
+}
