@@ -10,6 +10,8 @@ use hapt_wire::{Command, LONGEST, Order, PIECE, PROTOCOL, Parameter, Reader, Say
 
 use crate::{Board, Error, Line, SPEED};
 
+/// The bits of telemetry of four bodies on the line, as a frame.
+const TELEMETRY: f64 = 920.0;
 /// The longest frame of a board.
 const FRAME: usize = 512;
 /// How long a command counts, in s. A line that holds it back for longer has it refused.
@@ -28,6 +30,8 @@ const GAP: u32 = 2048;
 pub struct Link {
     path: PathBuf,
     line: Line,
+    /// In bits per second.
+    speed: u32,
     reader: Reader<FRAME>,
     /// Read, and not looked at.
     bytes: VecDeque<u8>,
@@ -75,6 +79,7 @@ impl Link {
         let mut link = Link {
             path: path.into(),
             line,
+            speed,
             reader: Reader::new(),
             bytes: VecDeque::new(),
             board: Board::default(),
@@ -89,6 +94,16 @@ impl Link {
             error => error,
         })?;
         Ok(link)
+    }
+
+    /// Telemetry every `every` s of a loop of this period in s, or as often as the line carries it; 0: of every sample that it carries.
+    ///
+    /// # Errors
+    /// The board does not answer.
+    pub fn show(&mut self, period: f64, every: f64) -> Result<(), Error> {
+        let carried = TELEMETRY / f64::from(self.speed);
+        let samples = (every.max(carried) / period - 1e-6).ceil().clamp(1.0, 65_535.0);
+        self.set(Parameter::Divider, samples as u32).map(drop)
     }
 
     /// What the board has said of itself last.

@@ -21,7 +21,7 @@ use crate::shown::{Shown, phase};
 use crate::state::Workbench;
 use crate::{live, packed};
 
-/// How often the board shows a sample, in s: no peak of a loop at 1 kHz is lost, and a line of 921 600 baud carries it.
+/// How often the board shows a sample, in s, where the line carries it: no peak of a loop at 1 kHz is lost.
 const SHOWN: f64 = 1e-3;
 /// A board that shows no sample for so long has stopped.
 const SILENT: Duration = Duration::from_secs(1);
@@ -64,7 +64,7 @@ impl Board {
     pub fn start(bench: &Workbench, guarding: Guarding, mut link: Link) -> Result<Self, live::Error> {
         let bytes = packed(&bench.world, guarding).map_err(live::Error::World)?;
         let world = link.load(&bytes)?;
-        link.set(Parameter::Divider, divider(bench))?;
+        link.show(bench.world.sampling.period, SHOWN)?;
         let (asks, incoming) = sync_channel(ASKS);
         let (outgoing, records) = sync_channel(RECORDS);
         let (says, news) = channel();
@@ -89,11 +89,6 @@ impl Board {
         let thread = std::thread::Builder::new().name("board".into()).spawn(|| holder.run())?;
         Ok(Board { asks, records, news, stop, end, guarding, thread: Some(thread) })
     }
-}
-
-/// Samples from one that is shown to the next.
-fn divider(bench: &Workbench) -> u32 {
-    (SHOWN / bench.world.sampling.period).round().clamp(1.0, 65_535.0) as u32
 }
 
 impl Runner for Board {
@@ -238,7 +233,7 @@ impl Holder {
 
     /// Has the board show its samples.
     fn show(&mut self) -> Result<(), Error> {
-        self.link.set(Parameter::Divider, divider(&self.runs)).map(drop)
+        self.link.show(self.runs.world.sampling.period, SHOWN)
     }
 
     fn ask(&mut self, request: Request) -> Result<(), Error> {

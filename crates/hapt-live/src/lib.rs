@@ -26,11 +26,13 @@ mod http;
 pub mod judge;
 pub mod keys;
 mod live;
+mod packed;
 pub mod protocol;
 mod recording;
 mod requests;
 mod runner;
 pub mod server;
+#[cfg(unix)]
 mod shown;
 mod socket;
 pub mod standalone;
@@ -40,4 +42,6 @@ mod status;
 mod testing;
 
 pub use live::{Error, Live, Machine, Options, PORT, Runs};
-pub use shown::{Shown, packed};
+pub use packed::packed;
+#[cfg(unix)]
+pub use shown::Shown;

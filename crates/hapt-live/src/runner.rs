@@ -46,7 +46,8 @@ pub(crate) trait Runner: Send {
     fn log(&mut self, recorder: &Recorder, record: &Record);
 }
 
-/// What a runner has to say by itself.
+/// What a runner has to say by itself; only a board has.
+#[cfg_attr(not(unix), allow(dead_code))]
 pub(crate) enum News {
     /// Something was asked for, and is not done; in a sentence.
     Refused(String),

@@ -1,21 +1,8 @@
-//! A board's world as bytes, and its telemetry as samples.
+//! A board's telemetry as samples.
 
-use hapt_core::{Guarding, Loop, Phase, Reason, Supervisor};
-use hapt_model::World;
+use hapt_core::{Phase, Reason};
 use hapt_rt::{BODIES, Record};
-use hapt_wire::{LARGEST, ROOM, Telemetry, pack};
-
-/// A world as one of hapt's boards takes it: in single precision, in the room that it has.
-///
-/// # Errors
-/// In a sentence: it has no room for that world, or the core does not take it.
-pub fn packed(world: &World, guarding: Guarding) -> Result<Vec<u8>, String> {
-    let (spec, limits) = (world.spec(), world.limits(guarding));
-    let refused = |error| format!("on a board: {error}");
-    Loop::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec).map_err(refused)?;
-    Supervisor::<f32, { ROOM[0] }, { ROOM[1] }>::new(&limits, &spec).map_err(refused)?;
-    pack(&spec, &limits, &mut [0; LARGEST]).map(<[u8]>::to_vec).map_err(|error| error.to_string())
-}
+use hapt_wire::Telemetry;
 
 /// Telemetry as a loop of this computer's would have it in its records; what it does not say is what its phases tell, or 0.
 #[derive(Clone, Debug)]
@@ -107,7 +94,6 @@ pub(crate) fn phase(telemetry: &Telemetry) -> Phase {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::world;
 
     #[test]
     fn instants_go_on_over_a_change_of_the_period() {
@@ -120,19 +106,5 @@ mod tests {
         shown.goes_on(4, 2e-3);
         assert_eq!(told(shown.record(&at(70_020, 7))), (20, 30_000_000, 4, 2));
         assert_eq!(told(shown.record(&at(70_021, 7))), (21, 32_000_000, 4, 0));
-    }
-
-    #[test]
-    fn what_a_board_has_no_room_for_is_said_before_it_is_sent() {
-        let mut world = world();
-        let bytes = packed(&world, Guarding::Certified).unwrap();
-        assert!(bytes.len() < LARGEST && bytes != packed(&world, Guarding::Uncertified).unwrap());
-        let body = world.bodies[0];
-        while world.bodies.len() <= ROOM[0] {
-            world.bodies.push(body);
-            world.names.push(format!("more{}", world.bodies.len()));
-        }
-        let error = packed(&world, Guarding::Certified).unwrap_err();
-        assert!(error.starts_with("on a board: ") && error.contains('4'), "{error}");
     }
 }

@@ -32,7 +32,7 @@ mod here {
     use std::time::{Duration, Instant};
 
     use hapt_core::{Phase, Reason};
-    use hapt_link::{Link, Parameter, Telemetry};
+    use hapt_link::{Link, Telemetry};
     use hapt_live::Shown;
     use hapt_log::{Header, Recorder};
     use hapt_rt::Record;
@@ -47,8 +47,6 @@ mod here {
 
     /// How often telemetry comes, in s; with a log, as often as the line carries it.
     const SHOWN: f64 = 0.02;
-    /// The bits of one of its frames on the line, of four bodies.
-    const FRAME: f64 = 920.0;
     /// The link is kept at least so often.
     const KEPT: Duration = Duration::from_millis(50);
     /// A board that shows no sample for so long has stopped.
@@ -66,8 +64,7 @@ mod here {
             link.clear()?;
         }
         let period = fit.loaded.world.sampling.period;
-        let samples = if args.log.is_some() { FRAME / f64::from(port.baud) / period } else { SHOWN / period };
-        link.set(Parameter::Divider, samples.ceil().clamp(1.0, 65_535.0) as u32)?;
+        link.show(period, if args.log.is_some() { 0.0 } else { SHOWN })?;
         let recorder = recorder(args, &fit)?;
         let mut run = Run { link, period, link_allows: link_allows(&fit), duration, seen: Seen::default() };
         let how = run.until_it_ends(hash, &mut |record| {

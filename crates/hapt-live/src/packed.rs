@@ -1,0 +1,37 @@
+//! A world as bytes for a board.
+
+use hapt_core::{Guarding, Loop, Supervisor};
+use hapt_model::World;
+use hapt_wire::{LARGEST, ROOM, pack};
+
+/// A world as one of hapt's boards takes it: in single precision, in the room that it has.
+///
+/// # Errors
+/// In a sentence: it has no room for that world, or the core does not take it.
+pub fn packed(world: &World, guarding: Guarding) -> Result<Vec<u8>, String> {
+    let (spec, limits) = (world.spec(), world.limits(guarding));
+    let refused = |error| format!("on a board: {error}");
+    Loop::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec).map_err(refused)?;
+    Supervisor::<f32, { ROOM[0] }, { ROOM[1] }>::new(&limits, &spec).map_err(refused)?;
+    pack(&spec, &limits, &mut [0; LARGEST]).map(<[u8]>::to_vec).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::world;
+
+    #[test]
+    fn what_a_board_has_no_room_for_is_said_before_it_is_sent() {
+        let mut world = world();
+        let bytes = packed(&world, Guarding::Certified).unwrap();
+        assert!(bytes.len() < LARGEST && bytes != packed(&world, Guarding::Uncertified).unwrap());
+        let body = world.bodies[0];
+        while world.bodies.len() <= ROOM[0] {
+            world.bodies.push(body);
+            world.names.push(format!("more{}", world.bodies.len()));
+        }
+        let error = packed(&world, Guarding::Certified).unwrap_err();
+        assert!(error.starts_with("on a board: ") && error.contains('4'), "{error}");
+    }
+}
