@@ -101,23 +101,26 @@ fn follows(law: &Law) -> bool {
     matches!(law, Law::Damper { damping: Damping::Compensating })
 }
 
-/// T times which stiffness a compensating damper is: the springs between its two ends, in either order; from a body to
-/// ground, all springs at the body.
+/// Whether a compensating damper follows this coupling: a spring between its two ends, in either order; from a body to ground, any
+/// spring at the body.
+pub(crate) fn compensated_by(damper: &Coupling, spring: &Coupling) -> bool {
+    let (ends, c) = ([damper.first, damper.second], spring);
+    let at = match ends {
+        [End::Body(body), End::Ground] | [End::Ground, End::Body(body)] => {
+            c.first == End::Body(body) || c.second == End::Body(body)
+        }
+        _ => [c.first, c.second] == ends || [c.second, c.first] == ends,
+    };
+    at && matches!(c.law.unclamped(), Law::Spring { .. })
+}
+
+/// T times which stiffness a compensating damper is.
 pub(crate) fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
-    let ends = [damper.first, damper.second];
-    let at_body = match ends {
-        [End::Body(body), End::Ground] | [End::Ground, End::Body(body)] => Some(End::Body(body)),
-        _ => None,
-    };
-    let counts = |c: &Coupling| match at_body {
-        Some(body) => c.first == body || c.second == body,
-        None => [c.first, c.second] == ends || [c.second, c.first] == ends,
-    };
     let stiffness = |c: &Coupling| match c.law.unclamped() {
         Law::Spring { stiffness, .. } => stiffness,
         _ => 0.0,
     };
-    couplings.iter().filter(|c| counts(c)).map(stiffness).sum()
+    couplings.iter().filter(|c| compensated_by(damper, c)).map(stiffness).sum()
 }
 
 /// The couplings made linear, one tie each, in their order. Affine parts of nonlinear couplings are left out, except a

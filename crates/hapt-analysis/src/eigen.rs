@@ -115,33 +115,44 @@ impl Multiplier {
 /// λ of a method at z = Ts. For semi-implicit Euler, z is that of the equation with T K added to the damping (see
 /// [`crate::critical`]), on which it acts as forward Euler.
 pub(crate) fn multiplier(method: Method, root: Root) -> Multiplier {
-    let Root { z, square, excess } = root;
-    // Each second one is |λ|² - 1.
-    let (less_one, excess) = match method {
-        Method::ForwardEuler | Method::SemiImplicitEuler => (z, excess.unwrap_or(2.0 * z.re + square)),
-        Method::BackwardEuler => (z / (1.0 - z), (2.0 * z.re - square) / (1.0 - z).norm_sqr()),
-        Method::Trapezoidal | Method::Tustin => {
-            let below = 1.0 - 0.5 * z;
-            (z / below, 2.0 * z.re / below.norm_sqr())
-        }
+    let z = root.z;
+    let less_one = match method {
+        Method::ForwardEuler | Method::SemiImplicitEuler => z,
+        Method::BackwardEuler => z / (1.0 - z),
+        Method::Trapezoidal | Method::Tustin => z / (1.0 - 0.5 * z),
         Method::Zoh | Method::Foh => {
             // e^z - 1 = (e^a - 1) cos b + (cos b - 1) + j e^a sin b
             let sin = (0.5 * z.im).sin();
             let re = z.re.exp_m1() * z.im.cos() - 2.0 * sin * sin;
             return Multiplier { less_one: Complex::new(re, z.re.exp() * z.im.sin()), ln_abs: z.re };
         }
-        Method::Rk4 => {
-            let less_one = z * (1.0 + 0.5 * z * (1.0 + z / 3.0 * (1.0 + 0.25 * z)));
-            (less_one, rk4_excess(root).iter().rev().fold(0.0, |sum, c| sum + c))
-        }
+        Method::Rk4 => z * (1.0 + 0.5 * z * (1.0 + z / 3.0 * (1.0 + 0.25 * z))),
     };
+    let excess = excess(method, root);
     // Far inside the circle |λ|² - 1 rounds to -1 and λ itself is the better source; far outside both are good.
-    let ln_abs = if excess > -0.5 { 0.5 * excess.ln_1p() } else { (less_one + 1.0).norm().ln() };
+    let ln_abs = if excess > INSIDE { 0.5 * excess.ln_1p() } else { (less_one + 1.0).norm().ln() };
     Multiplier { less_one, ln_abs }
+}
+
+/// Down to here |λ|² - 1 is as good a source of ln |λ| as λ.
+pub(crate) const INSIDE: f64 = -0.5;
+
+/// |λ|² - 1, without the exponential of zoh and foh: 2 ln |λ| for these.
+#[inline(always)]
+pub(crate) fn excess(method: Method, root: Root) -> f64 {
+    let Root { z, square, excess } = root;
+    match method {
+        Method::ForwardEuler | Method::SemiImplicitEuler => excess.unwrap_or(2.0 * z.re + square),
+        Method::BackwardEuler => (2.0 * z.re - square) / (1.0 - z).norm_sqr(),
+        Method::Trapezoidal | Method::Tustin => 2.0 * z.re / (1.0 - 0.5 * z).norm_sqr(),
+        Method::Zoh | Method::Foh => 2.0 * z.re,
+        Method::Rk4 => rk4_excess(root).iter().rev().fold(0.0, |sum, c| sum + c),
+    }
 }
 
 /// |R(z)|² - 1 of RK4 by its orders 1 to 8 in z. Up to order 4 they are those of |e^z|² = e^{2 Re z}; from there on some terms
 /// of the product are missing. For Re z = 0 there remains -x⁶/72 + x⁸/576.
+#[inline(always)]
 pub(crate) fn rk4_excess(Root { z, square, .. }: Root) -> [f64; 8] {
     let a = 2.0 * z.re;
     let (z2, z3) = (z * z, z * z * z);

@@ -248,12 +248,12 @@ pub(crate) fn multipliers(
 
 /// Those that count: all but as many as there are shifts that stand within `near`, in 1/s, of 1.
 pub(crate) fn counting(mut all: Vec<Multiplier>, shifts: usize, period: f64, near: f64) -> Vec<Multiplier> {
-    all.sort_by(|a, b| from_one(a).total_cmp(&from_one(b)));
+    all.sort_by_cached_key(|m| from_one(m).to_bits());
     let gone = all.iter().take(shifts).take_while(|m| from_one(m) / period < near).count();
     all.split_off(gone)
 }
 
-/// |ln λ|
+/// |ln λ|, whose bits are in its order: it is never below 0.
 fn from_one(m: &Multiplier) -> f64 {
     m.ln_abs.hypot(m.arg())
 }
@@ -301,7 +301,7 @@ fn search(
         };
         // Momentum that the scheme conserves: by structure whatever rounding makes of it, else what is no more than rounding.
         let bound = |i: usize, error: f64| if i == 0 && conserved { 1e3 * MARGINAL * period } else { 4.0 * error };
-        all.sort_by(|(a, _), (b, _)| from_one(a).total_cmp(&from_one(b)));
+        all.sort_by_cached_key(|(m, _)| from_one(m).to_bits());
         let near = |(i, (m, error)): &(usize, &(Multiplier, f64))| from_one(m) <= bound(*i, *error);
         let kept = all.iter().take(port.shifts).enumerate().take_while(near).count();
         let most = all[kept..].iter().map(|(m, error)| (m.ln_abs - error) / period).fold(f64::NEG_INFINITY, f64::max);

@@ -1,11 +1,12 @@
 //! The held world: the bodies alone, the puck standing still.
 
-use hapt_model::{Body, Coupling, Damping, End, Law, Method};
+use hapt_model::{Body, Coupling, Method};
 
-use crate::continuous::{Slopes, bent, compensated, ties};
+use crate::continuous::{Slopes, bent, ties};
 use crate::critical::{Critical, balance_of, of_part, roots};
 use crate::eigen::{Multiplier, Root, multiplier, pair};
 use crate::error::{Error, positive};
+use crate::lone::Lone;
 use crate::modal::Modal;
 use crate::stability::{assemble, combinations, growth};
 use crate::structure::{Part, parts};
@@ -38,44 +39,11 @@ pub fn held(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64
 /// # Errors
 /// As [`held`].
 pub fn held_growth(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64) -> Result<Option<f64>, Error> {
-    match of_one_body(bodies, couplings, method, period) {
-        Some(growth) => Ok(growth),
+    // What `analyse` comes to where one body hangs with nothing but springs and dampers.
+    match Lone::of_world(bodies, couplings).and_then(|lone| lone.spectrum(method, period)) {
+        Some(found) => Ok(growth(&found.multipliers, period)),
         None => Ok(analyse(bodies, couplings, method, period, Critical::Never)?.growth_per_s),
     }
-}
-
-/// The same of one body on springs, with no dampers or with those that follow all of them: what [`analyse`] comes to then, in the
-/// same operations, without its matrices. `None` for every other world, and where numbers leave double precision.
-fn of_one_body(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64) -> Option<Option<f64>> {
-    let &[Body { inertia, .. }] = bodies else { return None };
-    let (mut stiffness, mut following) = (0.0, 0.0);
-    for coupling in couplings {
-        let ends = [coupling.first, coupling.second];
-        match coupling.law {
-            // That there is no other body is for others to say.
-            _ if ends.iter().any(|end| matches!(end, End::Body(1..))) => return None,
-            _ if !ends.contains(&End::Body(0)) => {}
-            Law::Spring { stiffness: k, .. } => stiffness += k,
-            Law::Damper { damping: Damping::Compensating } => following += compensated(coupling, couplings),
-            Law::Constant { .. } => {}
-            _ => return None,
-        }
-    }
-    if !(inertia > 0.0 && period > 0.0) || !(following == 0.0 || following == stiffness) {
-        return None;
-    }
-    let rate = 1.0 / inertia.sqrt() * f64::sqrt(stiffness);
-    let omega = (rate * rate).sqrt();
-    if !(omega > 0.0 && (omega * omega).is_normal() && inertia.is_finite()) {
-        return None;
-    }
-    let x = omega * period;
-    let damping = f64::from(u8::from(following > 0.0)) + f64::from(u8::from(method == Method::SemiImplicitEuler));
-    let multipliers = pair(x, damping * x * x).map(|root| multiplier(method, root));
-    if !multipliers.iter().all(Multiplier::is_sound) {
-        return None;
-    }
-    Some(growth(&multipliers, period))
 }
 
 /// The eigenvalues of [`held`] alone.
@@ -111,7 +79,7 @@ fn analyse(
                 Some((_, found)) => found.clone(),
                 None => {
                     let modal = Modal::new(&part)?;
-                    let (multipliers, pairs) = spectrum(&modal, method, period)?;
+                    let (multipliers, pairs) = of_held(&part, &modal, method, period)?;
                     let found = Found { multipliers, pairs, critical: of_part(&modal, method, critical)? };
                     known.push((part, found.clone()));
                     found
@@ -148,13 +116,26 @@ pub fn multipliers(
     positive("the period", period)?;
     let mut all = Vec::new();
     for part in parts(&inertias(bodies)?, &ties(bodies, couplings, slopes)?) {
-        all.extend(spectrum(&Modal::new(&part)?, method, period)?.0);
+        all.extend(of_held(&part, &Modal::new(&part)?, method, period)?.0);
     }
     Ok(all)
 }
 
 pub(crate) fn inertias(bodies: &[Body]) -> Result<Vec<f64>, Error> {
     bodies.iter().map(|body| positive("a body's inertia", body.inertia)).collect()
+}
+
+/// As [`spectrum`], of a single body in closed form.
+fn of_held(part: &Part, modal: &Modal, method: Method, period: f64) -> Result<(Vec<Multiplier>, Vec<Root>), Error> {
+    match Lone::of_part(part).and_then(|lone| lone.spectrum(method, period)) {
+        Some(found) => Ok((found.multipliers, found.roots.into_iter().filter(swings).collect())),
+        None => spectrum(modal, method, period),
+    }
+}
+
+/// A double real root comes out of a solver as a pair √eps apart: that is no oscillation.
+fn swings(root: &Root) -> bool {
+    root.z.im > 4.0 * f64::EPSILON.sqrt() * root.z.norm()
 }
 
 /// λ of every mode, and z = Ts of the differential equation's complex pairs.
@@ -186,7 +167,5 @@ pub(crate) fn spectrum(part: &Modal, method: Method, period: f64) -> Result<(Vec
     if !multipliers.iter().all(Multiplier::is_sound) {
         return Err(Error::Eigenvalues { order: multipliers.len() });
     }
-    // A double real root comes out of the solver as a pair √eps apart: that is no oscillation.
-    let pairs = continuous.into_iter().filter(|r| r.z.im > 4.0 * f64::EPSILON.sqrt() * r.z.norm()).collect();
-    Ok((multipliers, pairs))
+    Ok((multipliers, continuous.into_iter().filter(swings).collect()))
 }

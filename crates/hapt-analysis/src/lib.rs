@@ -4,6 +4,7 @@
 //! * [`check()`] is the whole answer on one world: eigenvalues, growth, critical period, modes, passivity, notes.
 //! * [`Continuous`] holds the equations of motion, [`Discrete`] one sample of them under a method.
 //! * [`held()`] and [`free()`] are its two halves: the bodies while the puck stands, and the whole loop let go.
+//! * [`Loops`] are many held loops of one body, asked at once; [`Wheels`] those of one world with other numbers.
 //! * [`Design`] and [`closed_form`] are the notes' wheel on a spring: its specification, and what it does exactly.
 //!
 //! Everything is f64 and SI. Equation numbers such as (2.14) are those of J. S. Freudenberg, "Notes on the Virtual Spring
@@ -41,6 +42,7 @@ mod hessenberg;
 mod ideal;
 mod impedance;
 mod jacobi;
+mod lone;
 mod matrix;
 mod modal;
 pub mod passivity;
@@ -52,11 +54,13 @@ mod rayleigh;
 pub mod remedies;
 mod scan;
 mod series;
+pub mod side;
 pub mod simplex;
 pub mod stability;
 mod stack;
 mod structure;
 mod supremum;
+pub mod wheels;
 pub mod z_width;
 
 pub use certificate::is_certified;
@@ -75,5 +79,7 @@ pub use held::{held, held_eigenvalues, held_growth};
 pub use passivity::{Passivity, Quantisation, passivity, quantisation, required_damping};
 pub use proposal::{Proposal, Remedy, proposal};
 pub use remedies::{Remedies, remedies};
+pub use side::Loops;
 pub use stability::{Stability, Verdict};
+pub use wheels::Wheels;
 pub use z_width::{ZWidth, z_width};

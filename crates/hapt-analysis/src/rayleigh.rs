@@ -50,12 +50,12 @@ impl Quotients {
         };
         let (x, l) = (vector(&|x| factors.solve(x))?, vector(&|x| factors.solve_transposed(x))?);
         let (mut sum, mut size) = (C::new(0.0, 0.0), 0.0);
-        for (column, x) in self.a.column_iter().zip(x.iter()) {
-            for (entry, l) in column.iter().zip(l.iter()) {
+        let [sizes, l_sizes] = [&x, &l].map(|vector| vector.map(|c| c.norm()));
+        for ((column, x), size_of_x) in self.a.column_iter().zip(x.iter()).zip(sizes.iter()) {
+            for ((entry, l), size_of_l) in column.iter().zip(l.iter()).zip(l_sizes.iter()) {
                 if *entry != 0.0 {
-                    let term = l * x * *entry;
-                    sum += term;
-                    size += term.norm();
+                    sum += l * x * *entry;
+                    size += size_of_l * size_of_x * entry.abs();
                 }
             }
         }

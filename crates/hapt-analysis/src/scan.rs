@@ -62,20 +62,26 @@ fn summit(f: &mut impl FnMut(f64) -> Result<f64, Error>, mut a: f64, mut b: f64)
 }
 
 /// The last x before f rises above 0 between a, where it is not, and b, where it is: regula falsi with the Illinois
-/// correction (Dowell and Jarratt, BIT 11, 1971), halving when that is slow.
+/// correction (Dowell and Jarratt, BIT 11, 1971). Where one step after the other does not halve what is left, the second is followed by
+/// one that does, the third by two, and so on: f may be flat up to where it rises, another eigenvalue's rounding, and tell a secant
+/// nothing.
 pub(crate) fn crossing(
     f: &mut impl FnMut(f64) -> Result<f64, Error>,
     mut a: (f64, f64),
     mut b: (f64, f64),
 ) -> Result<f64, Error> {
     let (mut wa, mut wb) = (a.1, b.1);
-    for step in 0..120 {
+    // Halvings still to come, and how many the next idle step costs.
+    let (mut halvings, mut cost) = (0, 0);
+    for _ in 0..120 {
+        let width = b.0 - a.0;
         let middle = 0.5 * (a.0 + b.0);
-        if middle <= a.0 || middle >= b.0 || b.0 - a.0 < 2.0 * f64::EPSILON * b.0 {
+        if middle <= a.0 || middle >= b.0 || width < 2.0 * f64::EPSILON * b.0 {
             break;
         }
         let secant = (a.0 * wb - b.0 * wa) / (wb - wa);
-        let x = if step % 4 == 3 || !(secant > a.0 && secant < b.0) { middle } else { secant };
+        let halves = halvings > 0 || !(secant > a.0 && secant < b.0);
+        let x = if halves { middle } else { secant };
         let y = f(x)?;
         if y > 0.0 {
             (b, wb) = ((x, y), y);
@@ -83,6 +89,14 @@ pub(crate) fn crossing(
         } else {
             (a, wa) = ((x, y), y);
             wb *= 0.5;
+        }
+        if halves {
+            halvings = i32::max(halvings - 1, 0);
+        } else if b.0 - a.0 > 0.5 * width {
+            halvings = cost;
+            cost += 1;
+        } else {
+            cost = 0;
         }
     }
     Ok(a.0)
@@ -104,6 +118,23 @@ mod tests {
         let island = |x: f64| Ok(1e-4 - x.ln().powi(2));
         let found = first_rise(island, 0.0123, 98.7).unwrap().unwrap();
         assert!((found.ln() + 0.01).abs() < 1e-12, "{found}");
+    }
+
+    /// What an eigenvalue on the circle beside the one that leaves it makes of a growth.
+    #[test]
+    fn where_a_flat_function_rises_is_found_in_little_more_than_halvings() {
+        for power in [1, 2, 3] {
+            let mut asked = 0;
+            let mut kinked = |x: f64| {
+                asked += 1;
+                Ok((x - 2.4e-3).max(0.0).powi(power) - 1e-30)
+            };
+            let found = crossing(&mut kinked, (2.2e-3, -1e-30), (2.6e-3, 2e-4_f64.powi(power))).unwrap();
+            let reached = 2.4e-3 + 1e-30_f64.powf(1.0 / f64::from(power));
+            assert!((found / reached - 1.0).abs() < 1e-15, "{power}: {found}");
+            // A bracket of a sixth of x has 49 halvings to the last digit.
+            assert!(asked < 70, "{power}: {asked}");
+        }
     }
 
     #[test]

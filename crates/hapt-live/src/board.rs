@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hapt_core::{Guarding, Phase, Request};
-use hapt_link::{Error, Link, Parameter, Why};
+use hapt_link::{Error, Link, Why};
 use hapt_log::Recorder;
 use hapt_rt::{Realtime, Record};
 use hapt_wire::Order;

@@ -46,4 +46,4 @@ pub use axis::{Axis, Grid};
 pub use boundary::Boundary;
 pub use error::Error;
 pub use measure::Measure;
-pub use sweep::Sweep;
+pub use sweep::{Rows, Sweep};

@@ -1,6 +1,7 @@
 //! What a cell is asked.
 
-use hapt_analysis::{free_growth, held_growth, is_certified, required_damping};
+use hapt_analysis::side::sign;
+use hapt_analysis::{Verdict, free_growth, held_growth, is_certified, required_damping};
 use hapt_model::{Motion, Scenario, World};
 use hapt_sim::{Outcome, Simulation, Summary};
 
@@ -17,6 +18,10 @@ pub enum Measure {
     HeldGrowth,
     /// Growth of the whole loop, nobody at the puck.
     FreeGrowth,
+    /// The verdict on the world alone, the puck held: -1 stable, 0 marginal, 1 unstable.
+    HeldVerdict,
+    /// The same of the whole loop, nobody at the puck.
+    FreeVerdict,
     /// The least device damping that makes the loop passive.
     RequiredDamping,
     /// 1 for a certified loop, else 0.
@@ -25,12 +30,14 @@ pub enum Measure {
 
 impl Measure {
     /// All of them, in the order of the documentation.
-    pub const ALL: [Measure; 7] = [
+    pub const ALL: [Measure; 9] = [
         Measure::PeakTorque,
         Measure::FinalEnergy,
         Measure::SettlingTime,
         Measure::HeldGrowth,
         Measure::FreeGrowth,
+        Measure::HeldVerdict,
+        Measure::FreeVerdict,
         Measure::RequiredDamping,
         Measure::Certified,
     ];
@@ -43,6 +50,8 @@ impl Measure {
             Measure::SettlingTime => "settling_time",
             Measure::HeldGrowth => "held_growth_per_s",
             Measure::FreeGrowth => "free_growth_per_s",
+            Measure::HeldVerdict => "held_verdict",
+            Measure::FreeVerdict => "free_verdict",
             Measure::RequiredDamping => "required_damping",
             Measure::Certified => "certified",
         }
@@ -63,7 +72,7 @@ impl Measure {
             (Measure::HeldGrowth | Measure::FreeGrowth, _) => "1/s",
             (Measure::RequiredDamping, Motion::Rotary) => "N m s/rad",
             (Measure::RequiredDamping, Motion::Linear) => "N s/m",
-            (Measure::Certified, _) => "",
+            (Measure::HeldVerdict | Measure::FreeVerdict | Measure::Certified, _) => "",
         }
     }
 
@@ -74,12 +83,12 @@ impl Measure {
         let (table, last) = (names.next().unwrap_or_default(), names.next_back().unwrap_or_default());
         match self {
             Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => true,
-            Measure::HeldGrowth => match table {
+            Measure::HeldGrowth | Measure::HeldVerdict => match table {
                 "loop" => last == "period",
                 "bodies" => last == "inertia",
                 table => table == "couplings",
             },
-            Measure::FreeGrowth => {
+            Measure::FreeGrowth | Measure::FreeVerdict => {
                 matches!((table, last), ("device", "inertia" | "damping")) || self.is_in_loop(table, last)
             }
             // The device's damping pays for what is required, and has no part in it.
@@ -95,6 +104,11 @@ impl Measure {
     /// Whether it is of a run, and needs a scenario.
     pub const fn of_a_run(self) -> bool {
         matches!(self, Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime)
+    }
+
+    /// Whether it is of the loop while the puck is held.
+    pub(crate) const fn of_held_loop(self) -> bool {
+        matches!(self, Measure::HeldGrowth | Measure::HeldVerdict)
     }
 }
 
@@ -141,12 +155,13 @@ pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool) -> OfRu
 
 /// What the loop itself is asked; `None` where it has no such number, or none that can be computed.
 pub(crate) fn of_loop(world: &World, measure: Measure) -> Option<f64> {
-    let sampling = &world.sampling;
+    let held = || held_growth(&world.bodies, &world.couplings, world.sampling.method, world.sampling.period);
+    let verdict = |growth| sign(Verdict::of(growth));
     match measure {
-        Measure::HeldGrowth => {
-            held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period).ok().flatten()
-        }
+        Measure::HeldGrowth => held().ok().flatten(),
         Measure::FreeGrowth => free_growth(world).ok().flatten(),
+        Measure::HeldVerdict => held().ok().map(verdict),
+        Measure::FreeVerdict => free_growth(world).ok().map(verdict),
         Measure::RequiredDamping => required_damping(world).ok().flatten(),
         Measure::Certified => Some(f64::from(u8::from(is_certified(world)))),
         Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => None,

@@ -98,12 +98,56 @@ impl Sweep {
         self.grid.cells
     }
 
+    /// How many numbers a row has.
+    pub(crate) fn width(&self) -> usize {
+        self.grid.axes.len() + self.measures.len()
+    }
+
     /// The rows of these cells, in their order, on rayon's current pool: the axes' values, then the measures; `None` for a
     /// measure without a value. A cell knows neither which thread computes it nor which others are computed beside it, so its bits are
     /// the same on any number of threads.
-    pub fn rows(&self, cells: Range<u64>) -> Vec<Vec<Option<f64>>> {
-        let side = SIDE as u64;
-        let blocks = cells.clone().step_by(SIDE).map(|first| first..cells.end.min(first + side)).collect::<Vec<_>>();
-        blocks.into_par_iter().map_init(|| Worker::new(self), Worker::rows).flatten_iter().collect()
+    pub fn rows(&self, cells: Range<u64>) -> Rows {
+        let (width, count) = (self.width(), (cells.end - cells.start) as usize);
+        let mut values = vec![None; width * count];
+        values.par_chunks_mut(width * SIDE).enumerate().for_each_init(
+            || Worker::new(self),
+            |worker, (block, rows)| {
+                let first = cells.start + (block * SIDE) as u64;
+                worker.fill(first..first + (rows.len() / width) as u64, rows);
+            },
+        );
+        Rows { width, values }
+    }
+}
+
+/// Rows of a sweep's table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rows {
+    width: usize,
+    values: Vec<Option<f64>>,
+}
+
+impl Rows {
+    /// One row after the other.
+    pub fn iter(&self) -> std::slice::ChunksExact<'_, Option<f64>> {
+        self.values.chunks_exact(self.width)
+    }
+}
+
+impl<'a> IntoIterator for &'a Rows {
+    type Item = &'a [Option<f64>];
+    type IntoIter = std::slice::ChunksExact<'a, Option<f64>>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter()
+    }
+}
+
+impl std::ops::Index<usize> for Rows {
+    type Output = [Option<f64>];
+
+    /// The row of the so-manieth of the cells asked for, which has to be one of them.
+    fn index(&self, row: usize) -> &Self::Output {
+        &self.values[row * self.width..][..self.width]
     }
 }

@@ -1,9 +1,10 @@
-//! One thread's share of a sweep: blocks of neighbouring cells, their runs side by side where these fit, and what does not change
-//! from cell to cell kept.
+//! One thread's share of a sweep: blocks of neighbouring cells, their runs and the held loops of one body side by side where these fit,
+//! and what does not change from cell to cell kept.
 
 use std::array::from_fn;
 use std::ops::Range;
 
+use hapt_analysis::wheels::{Number, Wheels};
 use hapt_model::World;
 use hapt_sim::{SIDE, side_by_side};
 
@@ -13,83 +14,132 @@ use crate::sweep::Sweep;
 /// Worlds of the grid, as many as run side by side, and the last answers.
 pub(crate) struct Worker<'s> {
     sweep: &'s Sweep,
-    worlds: Box<[World; SIDE]>,
+    /// None where wheels are all that is asked for.
+    worlds: Option<Box<[World; SIDE]>>,
+    wheels: Option<Held>,
     /// The axes' values in each world.
     values: [Vec<f64>; SIDE],
     /// Of each measure of the loop: the values of the axes that it looks at, and what it then was.
     known: Vec<Option<(Vec<f64>, Option<f64>)>>,
 }
 
-impl<'s> Worker<'s> {
-    pub fn new(sweep: &'s Sweep) -> Self {
-        let worlds = Box::new(from_fn(|_| sweep.world.clone()));
-        // No value yet is like another one.
-        let values = from_fn(|_| vec![f64::NAN; sweep.grid.axes.len()]);
-        Worker { sweep, worlds, values, known: vec![None; sweep.measures.len()] }
+/// The held loops of the one body there is.
+struct Held {
+    wheels: Wheels<SIDE>,
+    /// Of each axis.
+    numbers: Vec<Option<Number>>,
+    growths: [f64; SIDE],
+    verdicts: [f64; SIDE],
+}
+
+impl Held {
+    fn new(sweep: &Sweep) -> Option<Self> {
+        let wheels = Wheels::new(&sweep.world)?;
+        let numbers = sweep.grid.axes.iter().map(|axis| Number::of(&sweep.world, &axis.key)).collect();
+        Some(Held { wheels, numbers, growths: [f64::NAN; SIDE], verdicts: [f64::NAN; SIDE] })
     }
 
-    /// The rows of a block of at most [`SIDE`] cells.
-    pub fn rows(&mut self, cells: Range<u64>) -> Vec<Vec<Option<f64>>> {
+    /// Answers what is asked.
+    fn ask(&mut self, sweep: &Sweep) {
+        let (loops, method) = (self.wheels.loops(), sweep.world.sampling.method);
+        if sweep.measures.contains(&Measure::HeldGrowth) {
+            loops.growths(method, &mut self.growths);
+        }
+        if sweep.measures.contains(&Measure::HeldVerdict) {
+            loops.verdicts(method, &mut self.verdicts);
+        }
+    }
+}
+
+impl<'s> Worker<'s> {
+    pub fn new(sweep: &'s Sweep) -> Self {
+        let wheels = sweep.measures.iter().any(|measure| measure.of_held_loop()).then(|| Held::new(sweep)).flatten();
+        let others = wheels.is_none() || !sweep.measures.iter().all(|measure| measure.of_held_loop());
+        // No value yet is like another one.
+        let values = from_fn(|_| vec![f64::NAN; sweep.grid.axes.len()]);
+        let worlds = others.then(|| Box::new(from_fn(|_| sweep.world.clone())));
+        Worker { sweep, worlds, wheels, values, known: vec![None; sweep.measures.len()] }
+    }
+
+    /// Fills the rows of a block of at most [`SIDE`] cells, one behind the other.
+    pub fn fill(&mut self, cells: Range<u64>, rows: &mut [Option<f64>]) {
         let count = (cells.end - cells.start) as usize;
         for i in 0..SIDE {
             // Lanes without a cell do what the last one does.
             self.set(i, (cells.start + i as u64).min(cells.end - 1));
         }
         let runs = self.runs(count);
-        (0..count).map(|i| self.row(i, &runs[i])).collect()
+        if let Some(held) = &mut self.wheels {
+            held.ask(self.sweep);
+        }
+        for (i, row) in rows.chunks_mut(self.sweep.width()).enumerate().take(count) {
+            self.row(i, &runs[i], row);
+        }
     }
 
     /// Makes the i-th world that of the cell.
     fn set(&mut self, i: usize, cell: u64) {
         let grid = &self.sweep.grid;
-        for ((axis, now), value) in grid.axes.iter().zip(&mut self.values[i]).zip(grid.values(cell)) {
-            if now.to_bits() != value.to_bits() {
-                self.worlds[i].set_number(&axis.key, value);
-                *now = value;
+        for (j, value) in grid.values(cell).enumerate() {
+            let now = &mut self.values[i][j];
+            if now.to_bits() == value.to_bits() {
+                continue;
+            }
+            *now = value;
+            if let Some(worlds) = &mut self.worlds {
+                worlds[i].set_number(&grid.axes[j].key, value);
+            }
+            if let Some(held) = &mut self.wheels
+                && let Some(number) = held.numbers[j]
+            {
+                held.wheels.set(i, number, value);
             }
         }
     }
 
     /// What the first `count` worlds' runs are asked.
     fn runs(&self, count: usize) -> [OfRun; SIDE] {
-        let Some(scenario) = self.sweep.scenario else { return [OfRun::default(); SIDE] };
+        let none = [OfRun::default(); SIDE];
+        let (Some(scenario), Some(worlds)) = (self.sweep.scenario, &self.worlds) else { return none };
         let settling = self.sweep.measures.contains(&Measure::SettlingTime);
         // A few are no fewer instructions side by side.
-        let outcomes = if settling || count < SIDE / 4 { None } else { side_by_side(&self.worlds, scenario) };
+        let outcomes = if settling || count < SIDE / 4 { None } else { side_by_side(worlds, scenario) };
         match outcomes {
             Some(outcomes) => outcomes.map(OfRun::of),
             None => from_fn(|i| {
-                let world = &self.worlds[i];
+                let world = &worlds[i];
                 let run = world.scenarios.get(scenario).filter(|_| i < count);
                 run.map(|scenario| measure::of_run(world, scenario, settling)).unwrap_or_default()
             }),
         }
     }
 
-    fn row(&mut self, i: usize, run: &OfRun) -> Vec<Option<f64>> {
+    fn row(&mut self, i: usize, run: &OfRun, row: &mut [Option<f64>]) {
         let sweep = self.sweep;
-        let mut row = Vec::with_capacity(sweep.grid.axes.len() + sweep.measures.len());
-        row.extend(self.values[i].iter().copied().map(Some));
-        for (measure, known) in sweep.measures.iter().zip(&mut self.known) {
-            let value = match measure {
-                Measure::PeakTorque => run.peak_torque,
-                Measure::FinalEnergy => run.final_energy,
-                Measure::SettlingTime => run.settling_time,
-                loops => {
+        let (values, measured) = row.split_at_mut(sweep.grid.axes.len());
+        values.iter_mut().zip(&self.values[i]).for_each(|(place, value)| *place = Some(*value));
+        for ((measure, known), place) in sweep.measures.iter().zip(&mut self.known).zip(measured) {
+            let value = match (measure, &self.wheels, &self.worlds) {
+                (Measure::PeakTorque, ..) => run.peak_torque,
+                (Measure::FinalEnergy, ..) => run.final_energy,
+                (Measure::SettlingTime, ..) => run.settling_time,
+                (Measure::HeldGrowth, Some(held), _) => Some(held.growths[i]),
+                (Measure::HeldVerdict, Some(held), _) => Some(held.verdicts[i]),
+                (_, _, None) => None,
+                (loops, _, Some(worlds)) => {
                     let axes = sweep.grid.axes.iter().zip(&self.values[i]);
                     let seen = axes.filter(|(axis, _)| loops.depends_on(&axis.key)).map(|(_, value)| *value);
                     match known {
                         Some((values, value)) if seen.clone().eq(values.iter().copied()) => *value,
                         _ => {
-                            let value = measure::of_loop(&self.worlds[i], *loops);
+                            let value = measure::of_loop(&worlds[i], *loops);
                             *known = Some((seen.collect(), value));
                             value
                         }
                     }
                 }
             };
-            row.push(value.filter(|value| value.is_finite()));
+            *place = value.filter(|value| value.is_finite());
         }
-        row
     }
 }

@@ -2,7 +2,7 @@
 
 use hapt_model::{Motion, Source, World};
 use hapt_sim::{Simulation, Summary};
-use hapt_sweep::{Error, Measure, Sweep, columnar, table};
+use hapt_sweep::{Error, Measure, Rows, Sweep, columnar, table};
 use proptest::prelude::*;
 
 const WHEEL: &str = r#"
@@ -72,7 +72,7 @@ proptest! {
         let axes: Vec<&str> = axes.iter().map(String::as_str).collect();
         let sweep = sweep(&axes, &[Measure::PeakTorque, Measure::HeldGrowth, Measure::FreeGrowth, Measure::RequiredDamping, Measure::Certified]).unwrap();
         let rows = sweep.rows(0..sweep.cells());
-        prop_assert_eq!(rows.len() as u64, counts * 6);
+        prop_assert_eq!(rows.iter().len() as u64, counts * 6);
         for (cell, row) in rows.iter().enumerate() {
             let values: Vec<f64> = row[..3].iter().map(|v| v.unwrap()).collect();
             // The last axis varies fastest.
@@ -85,7 +85,7 @@ proptest! {
             prop_assert_eq!(&row[3..], one_by_one(&sets));
         }
         prop_assert_eq!(rows[0][0], Some(period.0));
-        prop_assert_eq!(rows.last().unwrap()[0], Some(period.1));
+        prop_assert_eq!(rows.iter().last().unwrap()[0], Some(period.1));
     }
 }
 
@@ -114,9 +114,7 @@ fn the_bits_are_the_same_on_any_number_of_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| sweep.rows(0..37))
     };
-    let bits = |rows: Vec<Vec<Option<f64>>>| -> Vec<Vec<Option<u64>>> {
-        rows.into_iter().map(|row| row.into_iter().map(|x| x.map(f64::to_bits)).collect()).collect()
-    };
+    let bits = |rows: Rows| -> Vec<Option<u64>> { rows.iter().flatten().map(|x| x.map(f64::to_bits)).collect() };
     assert_eq!(bits(on(1)), bits(on(5)));
 }
 
@@ -171,7 +169,7 @@ fn a_table_reads_back_and_goes_to_parquet_with_units() {
     rows.iter().for_each(|row| table::line(row, &mut text));
     text.push_str("0.25,\n");
     for (line, row) in text.lines().zip(&rows) {
-        assert_eq!(table::read(line, 2).as_ref(), Some(row));
+        assert_eq!(table::read(line, 2).as_deref(), Some(row));
     }
     let bytes = columnar::write(&columns, text.as_bytes(), Vec::new()).unwrap();
     let file = std::env::temp_dir().join(format!("hapt-sweep-{}.parquet", std::process::id()));

@@ -47,7 +47,8 @@ fn measured(sweep: &Sweep) -> (String, &'static str) {
 fn edge(measure: Measure) -> Option<f64> {
     match measure {
         Measure::HeldGrowth | Measure::FreeGrowth => Some(hapt_analysis::held::MARGINAL),
-        Measure::Certified => Some(0.5),
+        // What is not unstable is on the one side.
+        Measure::HeldVerdict | Measure::FreeVerdict | Measure::Certified => Some(0.5),
         _ => None,
     }
 }

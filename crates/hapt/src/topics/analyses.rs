@@ -9,8 +9,9 @@ pub const TOPICS: &[Topic] = &[
         line: "many worlds at once: a table, and a map",
         text: r#"`hapt sweep` goes through every combination of a few keys and writes a row for each: KEY=FROM..TO:N,
 or :N:log for equal ratios. Measures of a run are peak_torque, final_energy and settling_time; of
-the loop held_growth_per_s, free_growth_per_s, required_damping and certified (0 or 1). A measure
-without a value is empty. --plot draws a curve or a map; --resume goes on after an interruption.
+the loop held_growth_per_s, free_growth_per_s, held_verdict, free_verdict (-1 stable, 0 marginal, 1
+unstable), required_damping and certified (0 or 1). A measure without a value is empty. --plot draws
+a curve or a map; --resume goes on after an interruption.
 
   hapt sweep @notes/default --vary loop.period=1ms..4ms:4 --measure certified --out map.csv
   cat map.csv
