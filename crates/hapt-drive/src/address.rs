@@ -1,4 +1,4 @@
-//! Where a drive is: `moteus:/dev/ttyACM0`, `odrive:can0#3`.
+//! Where a drive is: `moteus:/dev/ttyACM0`, `odrive:can0#3`, `odrive:/dev/ttyACM0@250k`.
 
 use std::fmt;
 use std::path::Path;
@@ -8,7 +8,8 @@ use crate::can::{Bus, Socket};
 use crate::drive::{Drive, Error};
 use crate::ports::ports;
 use crate::simulate::Firmware;
-use crate::{moteus, odrive, slcan};
+use crate::slcan::{self, Rate};
+use crate::{moteus, odrive};
 use hapt_line::Line;
 
 /// Whose drive it is.
@@ -27,6 +28,8 @@ pub struct Address {
     pub make: Make,
     /// The path of a serial port, or the name of a CAN interface.
     pub place: String,
+    /// What an slcan adapter's bus is to be set to; `None`: nothing is said about it.
+    pub rate: Option<Rate>,
     /// Its identifier there.
     pub id: u8,
 }
@@ -40,6 +43,14 @@ impl Make {
         match self {
             Make::Moteus => "moteus",
             Make::Odrive => "odrive",
+        }
+    }
+
+    /// Its name with its article.
+    pub const fn one(self) -> &'static str {
+        match self {
+            Make::Moteus => "a moteus",
+            Make::Odrive => "an ODrive",
         }
     }
 
@@ -84,29 +95,43 @@ impl FromStr for Address {
             Some((place, id)) => {
                 let ids = make.ids();
                 let id = id.parse().ok().filter(|id| ids.contains(id)).ok_or_else(|| {
-                    format!(
-                        "{id:?} is no identifier of a {}; they go from {} to {}",
-                        make.name(),
-                        ids.start(),
-                        ids.end()
-                    )
+                    format!("{id:?} is no identifier of {}; they go from {} to {}", make.one(), ids.start(), ids.end())
                 })?;
                 (place, id)
             }
         };
+        // A path may have an @ of its own: a rate begins with a digit.
+        let (place, rate) =
+            match place.rsplit_once('@').filter(|(_, rate)| rate.starts_with(|c: char| c.is_ascii_digit())) {
+                None => (place, None),
+                Some((place, rate)) => (place, Some(rate.parse::<Rate>()?)),
+            };
         if place.is_empty() {
             let name = make.name();
             return Err(format!(
                 "where? {name}:/dev/ttyACM0, or {name}:can0 on a CAN interface; hapt devices lists them"
             ));
         }
-        Ok(Address { make, place: place.into(), id })
+        let address = Address { make, place: place.into(), rate, id };
+        match rate {
+            Some(_) if !address.is_port() => Err(format!(
+                "{place} is an interface of the system's, which sets its rate: ip link set {place} up type can bitrate 250000"
+            )),
+            Some(_) if make == Make::Moteus => {
+                Err("a moteus's bus has one rate, 1 Mbit/s with 5 Mbit/s for the data: leave it out".into())
+            }
+            _ => Ok(address),
+        }
     }
 }
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}#{}", self.make.name(), self.place, self.id)
+        write!(f, "{}:{}", self.make.name(), self.place)?;
+        if let Some(rate) = self.rate {
+            write!(f, "@{rate}")?;
+        }
+        write!(f, "#{}", self.id)
     }
 }
 
@@ -136,7 +161,8 @@ impl Address {
             }
             Make::Odrive => {
                 let bus: Box<dyn Bus> = if self.is_port() {
-                    Box::new(slcan::Client::open(Line::open(Path::new(&self.place)).map_err(wrong)?).map_err(wrong)?)
+                    let line = Line::open(Path::new(&self.place)).map_err(wrong)?;
+                    Box::new(slcan::Client::open(line, self.rate.unwrap_or_default()).map_err(wrong)?)
                 } else {
                     Box::new(Socket::open(&self.place).map_err(wrong)?)
                 };
@@ -157,11 +183,19 @@ mod tests {
 
     #[test]
     fn an_address_reads_back() {
-        for text in ["moteus:/dev/ttyACM0#1", "odrive:can0#0", "moteus:vcan0#126"] {
+        for text in [
+            "moteus:/dev/ttyACM0#1",
+            "odrive:can0#0",
+            "moteus:vcan0#126",
+            "odrive:/dev/ttyACM0@250k#3",
+            "odrive:/dev/a@b#1",
+        ] {
             assert_eq!(text.parse::<Address>().unwrap().to_string(), text);
         }
         assert_eq!("moteus:can0".parse::<Address>().unwrap().id, 1);
-        for text in ["moteus", "moteus:", "moteus:can0#0", "moteus:can0#127", "odrive:can0#x", "vesc:can0"] {
+        let wrong = ["moteus", "moteus:", "moteus:can0#0", "moteus:can0#127", "odrive:can0#x", "vesc:can0"];
+        let rates = ["odrive:/dev/ttyACM0@300k", "odrive:can0@250k", "moteus:/dev/ttyACM0@1M", "odrive:@250k"];
+        for text in wrong.into_iter().chain(rates) {
             assert!(text.parse::<Address>().is_err(), "{text}");
         }
     }

@@ -5,6 +5,9 @@ use std::time::Instant;
 
 pub use hapt_rt::DriveFault;
 
+/// Frames that are looked at before a sample's question, and after it: a bus full of others' does not hold the loop.
+pub(crate) const OTHERS: usize = 256;
+
 /// A motor drive, whatever its protocol. Angles are revolutions and torques N·m, both at the drive's own shaft.
 ///
 /// [`Drive::read`] and [`Drive::command`] are called on the loop's thread, one after the other in every sample: they allocate nothing,

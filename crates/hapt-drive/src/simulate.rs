@@ -14,8 +14,9 @@ use crate::wheel::Mounting;
 
 /// The longest step of the simulation, in s: torques change and watchdogs run out on its instants.
 const STEP: f64 = 50e-6;
-/// After a longer pause, in s, the simulation does not catch up: the machine has stood still.
-const LONGEST_PAUSE: f64 = 1.0;
+/// After a longer pause the simulation does not catch up: the machine has stood still. In lockstep that is no silence of the loop's.
+const LONGEST_PAUSE: Duration = Duration::from_secs(1);
+const LONGEST_PAUSE_IN_LOCKSTEP: Duration = Duration::from_millis(20);
 /// From one look whether to end to the next.
 const LOOK: Duration = Duration::from_millis(1);
 /// Lockstep ends when nobody has spoken for so long.
@@ -99,18 +100,18 @@ impl Simulator {
     /// The bus is gone.
     pub fn run(&mut self, mut ends: impl FnMut() -> bool) -> io::Result<()> {
         self.now = Instant::now();
-        let mut heard = self.now;
+        let mut quiet = Duration::ZERO;
         while !ends() {
             let frame = self.bus.receive(Instant::now() + LOOK)?;
             let Simulator { bus, inside, time, now } = self;
             // An answer that finds no room is lost, as on a real bus.
             let mut say = |frame: Frame| drop(bus.send(&frame, Instant::now() + PATIENCE));
             let then = std::mem::replace(now, Instant::now());
-            if frame.is_some() {
-                heard = *now;
-            }
-            if *time == Time::Real || *now - heard > QUIET {
-                inside.travel((*now - then).as_secs_f64().min(LONGEST_PAUSE), &mut say);
+            let longest = if *time == Time::Real { LONGEST_PAUSE } else { LONGEST_PAUSE_IN_LOCKSTEP };
+            let passed = (*now - then).min(longest);
+            quiet = if frame.is_some() { Duration::ZERO } else { quiet + passed };
+            if *time == Time::Real || quiet > QUIET {
+                inside.travel(passed.as_secs_f64(), &mut say);
             }
             if let Some(frame) = frame {
                 if let (Time::Lockstep(period), true) = (*time, inside.firmware.asks(&frame)) {

@@ -10,16 +10,19 @@
 //! The adapter answers commands by `\r`, and what it cannot do by the bell; some answer each frame by `z\r`. A host passes over all of
 //! that: whether frames arrive is seen by their answers.
 
+use std::fmt;
 use std::io;
+use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 use crate::can::Bus;
+use crate::drive::OTHERS;
 use crate::frame::Frame;
 use crate::text::Lines;
 use hapt_line::Line;
 
-/// Closes the adapter's bus, sets it to 1 Mbit/s, and opens it.
-const OPEN: &[u8] = b"C\rS8\rO\r";
+/// The rates that an adapter can be set to, in kbit/s, by their numbers.
+const RATES: [u32; 9] = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
 /// How an adapter says yes and no.
 const YES: &[u8] = b"\r";
 const NO: &[u8] = b"\x07";
@@ -28,18 +31,51 @@ const A_WORD: Duration = Duration::from_millis(200);
 /// The longest line: the kind, 8 digits of identifier, the length, 16 digits of data, the end.
 const LONGEST: usize = 1 + 8 + 1 + 16 + 1;
 
+/// How fast the bus behind an adapter is: 1 Mbit/s unless somebody says otherwise, as at less an exchange with a drive takes long.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rate(u8);
+
+impl Default for Rate {
+    fn default() -> Self {
+        Rate(8)
+    }
+}
+
+/// `250k` or `1M`.
+impl FromStr for Rate {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = RATES.iter().position(|kilobits| text == format!("{kilobits}k"));
+        let number = number.or((text == "1M").then_some(8));
+        number.map(|number| Rate(number as u8)).ok_or_else(|| {
+            let all = RATES[..8].iter().map(|kilobits| format!("{kilobits}k, ")).collect::<String>();
+            format!("{text:?} is no rate of an adapter; {all}and 1M are, in bit/s")
+        })
+    }
+}
+
+impl fmt::Display for Rate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match RATES[usize::from(self.0.min(8))] {
+            1000 => f.write_str("1M"),
+            kilobits => write!(f, "{kilobits}k"),
+        }
+    }
+}
+
 /// A bus behind an adapter on a serial port. It stays open when this is dropped: to close it could lose the last frames, which stop a drive.
 #[derive(Debug)]
 pub struct Client(Lines);
 
 impl Client {
-    /// Opens the adapter's bus at 1 Mbit/s: at less, an exchange with a drive takes more than a millisecond.
+    /// Closes the adapter's bus, sets its rate, and opens it.
     ///
     /// # Errors
     /// The port is gone.
-    pub fn open(line: Line) -> io::Result<Self> {
+    pub fn open(line: Line, rate: Rate) -> io::Result<Self> {
         let mut lines = Lines::new(line);
-        lines.write(OPEN, Instant::now() + A_WORD)?;
+        lines.write(&[b'C', b'\r', b'S', b'0' + rate.0, b'\r', b'O', b'\r'], Instant::now() + A_WORD)?;
         Ok(Client(lines))
     }
 }
@@ -52,7 +88,8 @@ impl Bus for Client {
     }
 
     fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
-        while let Some((line, _)) = self.0.next(until)? {
+        for _ in 0..OTHERS {
+            let Some((line, _)) = self.0.next(until)? else { break };
             if let Some(frame) = read(line) {
                 return Ok(Some(frame));
             }
@@ -220,6 +257,29 @@ mod tests {
         assert_eq!(read(b"T000080012aabb"), Some(long));
         // With the time at which the adapter had it, in ms.
         assert_eq!(read(b"T000080012aabb03E7"), Some(long));
+    }
+
+    /// The numbers are the adapters' own.
+    #[test]
+    fn a_rate_goes_to_the_adapter_by_its_number() {
+        for (text, opens) in
+            [("10k", b"C\rS0\rO\r"), ("125k", b"C\rS4\rO\r"), ("250k", b"C\rS5\rO\r"), ("1M", b"C\rS8\rO\r")]
+        {
+            let (mut adapter, path) = hapt_line::pty().unwrap();
+            let rate: Rate = text.parse().unwrap();
+            let _client = Client::open(Line::open(&path).unwrap(), rate).unwrap();
+            let (mut said, mut some) = (Vec::new(), [0; 16]);
+            while said.len() < opens.len() {
+                let count = adapter.read(&mut some, Instant::now() + Duration::from_secs(10)).unwrap();
+                assert!(count > 0, "{said:?}");
+                said.extend(&some[..count]);
+            }
+            assert_eq!((said.as_slice(), rate.to_string().as_str()), (&opens[..], text));
+        }
+        assert_eq!("1000k".parse(), Ok(Rate::default()));
+        for text in ["", "250", "300k", "2M", "k", "1m", "250K"] {
+            assert!(text.parse::<Rate>().unwrap_err().contains("250k"), "{text}");
+        }
     }
 
     #[test]

@@ -7,6 +7,8 @@ use hapt_line::Line;
 
 /// Longer lines are garbage.
 const LONGEST: usize = 512;
+/// How often more is read when the time is over. Whoever talks without end does not hold the loop.
+const READS: usize = 64;
 /// They end a line: both newlines, and the bell by which slcan says no.
 const ENDS: [u8; 3] = [b'\r', b'\n', 0x07];
 
@@ -28,12 +30,13 @@ impl Lines {
         Lines { line, room: [0; LONGEST], filled: 0, given: 0, skips: false }
     }
 
-    /// The next line with the byte that ended it, none empty but by a bell; `None` when none has come until that instant. Half a line
-    /// waits for its other half.
+    /// The next line with the byte that ended it, none empty but by a bell; `None` when none has come until that instant, or only
+    /// garbage without end. Half a line waits for its other half.
     ///
     /// # Errors
     /// The port is gone.
     pub fn next(&mut self, until: Instant) -> io::Result<Option<(&[u8], u8)>> {
+        let mut reads = 0;
         loop {
             let fresh = &self.room[self.given..self.filled];
             if let Some(length) = fresh.iter().position(|byte| ENDS.contains(byte)) {
@@ -53,10 +56,11 @@ impl Lines {
                 (self.filled, self.skips) = (0, true);
             }
             let count = self.line.read(&mut self.room[self.filled..], until)?;
-            if count == 0 {
+            self.filled += count;
+            if count == 0 || reads == READS {
                 return Ok(None);
             }
-            self.filled += count;
+            reads += usize::from(Instant::now() >= until);
         }
     }
 

@@ -136,6 +136,15 @@ fn what_the_dbc_writes_for_a_drive_is_what_we_read() {
     let (id, data) = oracle.encode("0.6.10", "Get_Version", &signals);
     assert_eq!(id, Command::Version.id(NODE));
     assert_eq!(Version::read(&data), Some(Version { major: 0, minor: 6, revision: 9 }));
+    for (version, name, command) in [
+        ("0.6.10", "Get_Torques", Command::Torques),
+        ("0.6.10", "Get_Powers", Command::Powers),
+        ("0.5.6", "Get_Controller_Error", Command::Powers),
+        ("0.5.6", "Get_Sensorless_Estimates", Command::Warmth),
+        ("0.6.10", "Get_Temperature", Command::Warmth),
+    ] {
+        assert_eq!(oracle.encode(version, name, &[]).0, command.id(NODE), "{name}");
+    }
     let (id, data) = oracle.encode("0.6.10", "Get_Error", &[("Active_Errors", 64.0), ("Disarm_Reason", 32.0)]);
     assert_eq!((id, codec::numbers(codec::padded(&data))), (Command::Error.id(NODE), (64, 32)));
 }

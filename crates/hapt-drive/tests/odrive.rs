@@ -9,9 +9,10 @@ use std::sync::atomic::{AtomicU32, Ordering::SeqCst};
 use std::time::{Duration, Instant};
 
 use hapt_core::{Phase, Reason, Request};
-use hapt_drive::odrive::{Odrive, Simulated};
+use hapt_drive::odrive::Simulated;
+use hapt_drive::odrive::codec::{self, Version};
 use hapt_drive::simulate::{Firmware, Shaft, Time};
-use hapt_drive::{Bus, Drive, Error, Frame, Make, Terms, Trouble};
+use hapt_drive::{Bus, Drive, Error, Frame, Line, Make, Terms, Trouble, slcan};
 use hapt_model::World;
 use hapt_rt::{DriveFault, Failure, Record};
 use rig::{Looped, Rig, lockstep, soon, world};
@@ -23,11 +24,29 @@ const STILL: Duration = Duration::from_millis(30);
 const TERMS: Terms = Terms { watchdog: 0.01, torque: 1.0 };
 
 fn rig(world: &World, time: Time) -> Rig {
-    Rig::new(Make::Odrive, None, Box::new(Simulated::new(1)), world, time)
+    with(Simulated::new(1), world, time)
 }
 
-fn looped(rig: &Rig, world: &World) -> Looped {
-    rig.looped(world, PATIENCE)
+fn with(firmware: Simulated, world: &World, time: Time) -> Rig {
+    Rig::new(Make::Odrive, None, Box::new(firmware), world, time)
+}
+
+/// As most are shipped: it says its position every 10 ms.
+fn chatty() -> Simulated {
+    Simulated::new(1).with_estimates(Some(0.01))
+}
+
+/// With the last firmware of the old kind.
+fn old() -> Simulated {
+    Simulated::new(1).with_version(Version::SILENT)
+}
+
+/// The back end, ready; again where the machine stands still meanwhile, and the drive's watchdog runs out.
+fn started(rig: &Rig) -> Box<dyn Drive> {
+    let mut drive = rig.drive(1);
+    let started = (0..20).any(|_| drive.start(&TERMS).is_ok());
+    assert!(started, "{:?}", drive.start(&TERMS));
+    drive
 }
 
 /// A drive that is struck by an error from outside, and again as long as it stands.
@@ -57,20 +76,24 @@ fn struck(world: &World, time: Time) -> (Rig, Arc<AtomicU32>) {
     (Rig::new(Make::Odrive, None, firmware, world, time), error)
 }
 
-/// Through floats of 32 bits and a line of text the loop is what it is on the exact device, sample by sample.
+/// Through floats of 32 bits and a line of text the loop is what it is on the exact device, sample by sample; whether the drive says its
+/// position unasked or not, and how often, what the loop takes is new in every sample.
 #[test]
 fn in_lockstep_the_loop_on_the_drive_is_the_loop_on_the_exact_device() {
     let world = world(&[]);
     assert!(hapt_analysis::check(&world).unwrap().certified);
     // Where the machine stands still for longer than lockstep bears, the run says nothing.
-    let last = (0..20).find_map(|_| both(&world)).expect("a run in which the machine does not stand still");
-    assert_eq!(last.phase, Phase::Running);
-    assert!((last.position - 0.3).abs() < 0.01, "it swings still: {}", last.position);
+    for firmware in [Simulated::new(1), old(), chatty(), Simulated::new(1).with_estimates(Some(7e-4))] {
+        let run = |_| both(firmware.clone(), &world);
+        let last = (0..20).find_map(run).expect("a run in which the machine does not stand still");
+        assert_eq!(last.phase, Phase::Running);
+        assert!((last.position - 0.3).abs() < 0.01, "it swings still: {}", last.position);
+    }
 }
 
 /// The loop on both devices from rest, and its last sample; `None`: the machine has stood still.
-fn both(world: &World) -> Option<Record> {
-    let rig = rig(world, lockstep(world));
+fn both(firmware: Simulated, world: &World) -> Option<Record> {
+    let rig = with(firmware, world, lockstep(world));
     let mut drive = rig.looped(world, PATIENCE);
     let mut exact = Looped::on(Box::new(hapt_rt::Simulated::new(world).0), world);
     // The drive's first command arms it.
@@ -101,8 +124,7 @@ fn both(world: &World) -> Option<Record> {
 fn a_drive_that_dies_is_gone_within_five_samples() {
     let world = world(&[]);
     let rig = rig(&world, lockstep(&world));
-    let mut looped = looped(&rig, &world);
-    looped.run();
+    let mut looped = rig.running(&world, PATIENCE);
     rig.faults.dead.store(true, SeqCst);
     assert_eq!(looped.ends(5), Some(Err(Failure::Gone)));
     // Its own watchdog does what nobody else can.
@@ -112,12 +134,19 @@ fn a_drive_that_dies_is_gone_within_five_samples() {
 #[test]
 fn answers_that_come_late_are_never_taken_for_new_ones() {
     let world = world(&[]);
-    let rig = rig(&world, lockstep(&world));
-    let mut looped = rig.looped(&world, 20);
-    looped.run();
-    rig.faults.late.store(35, SeqCst);
-    let ends = looped.ends(200);
-    assert!(matches!(ends, Some(Ok(Reason::Late) | Err(Failure::Gone))), "{ends:?}");
+    // By less than two samples, by more than three, by more than four, at 20 ms a sample.
+    for (late, firmware) in [(35, Simulated::new(1)), (67, Simulated::new(1)), (67, chatty()), (88, old())] {
+        let rig = with(firmware, &world, lockstep(&world));
+        let mut looped = rig.running(&world, 20);
+        rig.faults.late.store(late, SeqCst);
+        let ends = looped.ends(200);
+        let is_right = match ends {
+            Some(Ok(reason)) => reason == Reason::Late,
+            Some(Err(Failure::Drive(fault))) => fault.reason == Some(Reason::Late),
+            ends => ends == Some(Err(Failure::Gone)),
+        };
+        assert!(is_right, "{late} ms: {ends:?}");
+    }
 }
 
 #[test]
@@ -125,8 +154,7 @@ fn a_few_lost_frames_are_missed_samples_and_half_of_them_are_the_end() {
     for (loss, survives) in [(0, true), (2, true), (500, false)] {
         let world = world(&[]);
         let rig = rig(&world, lockstep(&world));
-        let mut looped = rig.looped(&world, 30);
-        looped.run();
+        let mut looped = rig.running(&world, 30);
         rig.faults.loss.store(loss, SeqCst);
         match looped.ends(600) {
             None => assert!(survives, "{loss} of 1000"),
@@ -144,8 +172,7 @@ fn an_error_of_the_drive_ends_the_loop_by_name_and_only_a_new_start_clears_it() 
     let world = world(&["safety.pulse=0"]);
     let (rig, error) = struck(&world, lockstep(&world));
     for (bits, reason) in [(0x2000, Some(Reason::Heat)), (0x8000, Some(Reason::Overspeed)), (0x200, None)] {
-        let mut looped = looped(&rig, &world);
-        looped.run();
+        let mut looped = rig.running(&world, PATIENCE);
         error.store(bits, SeqCst);
         // A heartbeat tells of it, every 100 ms.
         match looped.ends(150) {
@@ -175,9 +202,10 @@ fn a_drive_whose_error_stays_is_not_started() {
 #[test]
 fn a_drive_that_is_not_set_up_is_not_started() {
     let world = world(&[]);
-    for watchdog in [None, Some(2.0)] {
-        let firmware = Simulated::new(1).with_watchdog(watchdog);
-        let rig = Rig::new(Make::Odrive, None, Box::new(firmware), &world, Time::Real);
+    for (firmware, watchdog) in
+        [(Simulated::new(1), None), (Simulated::new(1), Some(2.0)), (old(), None), (chatty(), None)]
+    {
+        let rig = with(firmware.with_watchdog(watchdog), &world, Time::Real);
         match rig.drive(1).start(&TERMS) {
             Err(error @ Error::Refused { .. }) => {
                 assert!(error.to_string().contains("enable_watchdog = True"), "{error}");
@@ -186,11 +214,61 @@ fn a_drive_that_is_not_set_up_is_not_started() {
         }
         assert_eq!(rig.faults.torque(), 0.0);
     }
-    let firmware = Simulated::new(1).with_estimates(Some(0.01));
-    let rig = Rig::new(Make::Odrive, None, Box::new(firmware), &world, Time::Real);
-    match rig.drive(1).start(&TERMS) {
-        Err(error @ Error::Refused { .. }) => assert!(error.to_string().contains("encoder_msg_rate_ms = 0"), "{error}"),
-        other => panic!("{other:?}"),
+}
+
+/// Before 0.6 a watchdog runs out while the drive is disarmed too, a heartbeat tells of errors that stand and of nothing else, and there
+/// is no position until the drive has been armed once.
+#[test]
+fn a_drive_of_the_old_firmware_starts_out_of_its_own_watchdogs_error_and_from_where_it_is() {
+    let world = world(&["couplings.0.stiffness=0"]);
+    let rig = with(old(), &world, Time::Real);
+    let bus = bus(&rig);
+    assert_eq!(heartbeat(bus, |heartbeat| heartbeat.error != 0).error, Version::SILENT.watchdog());
+    started(&rig).stop();
+    // A push, and the wheel turns.
+    let end = soon();
+    while rig.faults.position() < 0.25 {
+        assert!(Instant::now() < end, "it does not turn");
+        let mut drive = started(&rig);
+        while rig.faults.position() < 0.25 && drive.read(soon()).is_ok() && drive.command(0.02, soon()).is_ok() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        drive.stop();
+    }
+    rig.torque_goes_off();
+    let before = rig.faults.position();
+    let answer = started(&rig).read(soon()).unwrap();
+    assert!(answer.position > 0.99 * before, "{before} {answer:?}");
+}
+
+#[test]
+fn an_error_of_the_old_firmware_has_its_own_number() {
+    let world = world(&["safety.pulse=0"]);
+    let error = Arc::new(AtomicU32::new(0));
+    let rig = Rig::new(Make::Odrive, None, Box::new(Struck(old(), Arc::clone(&error))), &world, lockstep(&world));
+    for (bits, reason) in [(0x4_0000, Some(Reason::DriverHeat)), (0x40, None)] {
+        let mut looped = rig.running(&world, PATIENCE);
+        error.store(bits, SeqCst);
+        match looped.ends(150) {
+            Some(Err(Failure::Drive(fault))) => assert_eq!((fault.code, fault.reason), (bits, reason)),
+            other => panic!("{other:?}"),
+        }
+        error.store(0, SeqCst);
+        rig.torque_goes_off();
+    }
+}
+
+/// The first heartbeat of node 1 that is so.
+fn heartbeat(mut bus: impl Bus, is_so: impl Fn(&codec::Heartbeat) -> bool) -> codec::Heartbeat {
+    let end = soon();
+    loop {
+        assert!(Instant::now() < end, "no such heartbeat");
+        let Some(frame) = bus.receive(soon()).unwrap() else { continue };
+        let read =
+            codec::Heartbeat::read(frame.data()).filter(|_| frame.id == u32::from(codec::Command::Heartbeat.id(1)));
+        if let Some(heartbeat) = read.filter(|heartbeat| is_so(heartbeat)) {
+            return heartbeat;
+        }
     }
 }
 
@@ -198,8 +276,7 @@ fn a_drive_that_is_not_set_up_is_not_started() {
 fn the_watchdog_bites_whoever_is_killed_and_torques_alone_do_not_bring_the_drive_back() {
     let world = world(&["couplings.0.stiffness=0"]);
     let rig = rig(&world, Time::Real);
-    let mut drive = rig.drive(1);
-    drive.start(&TERMS).unwrap();
+    let mut drive = started(&rig);
     drive.command(0.01, soon()).unwrap();
     let end = soon();
     while rig.faults.torque() == 0.0 {
@@ -220,28 +297,25 @@ fn the_watchdog_bites_whoever_is_killed_and_torques_alone_do_not_bring_the_drive
     assert_eq!((fault.what, fault.reason), ("WATCHDOG_TIMER_EXPIRED", Some(Reason::Late)));
     assert_eq!(rig.faults.torque(), 0.0);
     assert_eq!(drive.command(0.01, soon()), Err(Trouble::Fault(fault)));
-    drive.start(&TERMS).unwrap();
-    drive.read(soon()).unwrap();
+    let started = |_| drive.start(&TERMS).is_ok() && drive.read(soon()).is_ok();
+    assert!((0..20).any(started), "a new start does not clear it");
 }
 
 #[test]
 fn a_loop_that_is_dropped_leaves_the_drive_disarmed_at_once() {
     let world = world(&[]);
     let rig = rig(&world, lockstep(&world));
-    let mut looped = looped(&rig, &world);
-    looped.run();
-    drop(looped);
+    drop(rig.running(&world, PATIENCE));
     rig.torque_goes_off();
     // Disarmed, and not bitten: no error is left.
-    let bus = hapt_drive::slcan::Client::open(hapt_drive::Line::open(path(&rig)).unwrap()).unwrap();
+    let bus = bus(&rig);
     assert_eq!(error(bus), 0);
 }
 
-fn path(rig: &Rig) -> &std::path::Path {
-    match &rig.place {
-        rig::Place::Port(path) => path,
-        rig::Place::Can(_) => unreachable!("it is behind a port"),
-    }
+/// Where it is, without a back end.
+fn bus(rig: &Rig) -> slcan::Client {
+    let rig::Place::Port(path) = &rig.place else { unreachable!("it is behind a port") };
+    slcan::Client::open(Line::open(path).unwrap(), slcan::Rate::default()).unwrap()
 }
 
 /// What the drive says that is wrong with it.
@@ -260,8 +334,7 @@ fn error(mut bus: impl Bus) -> u32 {
 fn a_cable_that_is_pulled_out_ends_the_loop() {
     let world = world(&[]);
     let mut rig = rig(&world, lockstep(&world));
-    let mut looped = looped(&rig, &world);
-    looped.run();
+    let mut looped = rig.running(&world, PATIENCE);
     rig.unplug();
     assert_eq!(looped.ends(2), Some(Err(Failure::Unplugged)));
 }
@@ -277,48 +350,4 @@ fn a_wrong_node_says_which_one_is_there() {
         }
         other => panic!("{other:?}"),
     }
-}
-
-/// A drive in a script: what is on the bus is a list.
-struct Listed(Vec<Frame>);
-
-impl Bus for Listed {
-    fn send(&mut self, _: &Frame, _: Instant) -> std::io::Result<()> {
-        Ok(())
-    }
-
-    fn receive(&mut self, _: Instant) -> std::io::Result<Option<Frame>> {
-        Ok(self.0.pop())
-    }
-}
-
-/// Whoever asks the drive for anything feeds its watchdog, and whoever tells it anything drives it.
-#[test]
-fn a_frame_of_another_host_is_a_fault() {
-    use hapt_drive::odrive::codec::{Command, floats};
-    for frame in [
-        Frame::classic(Command::Torque.id(1).into(), &floats(0.1, 0.0)),
-        Frame::classic(Command::State.id(1).into(), &[8, 0, 0, 0]),
-        Frame::classic(Command::Clear.id(1).into(), &[]),
-        Frame::remote(Command::Estimates.id(1).into(), 8),
-    ] {
-        let mut drive = Odrive::new(Box::new(Listed(vec![frame])), 1, "nowhere");
-        match drive.read(soon()) {
-            Err(Trouble::Fault(fault)) => assert_eq!(fault.reason, Some(Reason::Link)),
-            other => panic!("{frame:?}: {other:?}"),
-        }
-        assert!(drive.command(0.0, soon()).is_err(), "it goes on all the same");
-        // To another drive it may say what it likes.
-        let mut other = Odrive::new(Box::new(Listed(vec![frame])), 2, "nowhere");
-        assert_eq!(other.read(soon()), Err(Trouble::Silent));
-    }
-}
-
-#[test]
-fn an_answer_that_nobody_has_asked_for_is_another_drives() {
-    use hapt_drive::odrive::codec::{Command, floats};
-    let answer = Frame::classic(Command::Estimates.id(1).into(), &floats(0.1, 0.0));
-    // The list runs backward: one before the question, and one as its answer.
-    let mut drive = Odrive::new(Box::new(Listed(vec![answer; 2])), 1, "nowhere");
-    assert!(matches!(drive.read(soon()), Err(Trouble::Fault(fault)) if fault.what.contains("another drive")));
 }

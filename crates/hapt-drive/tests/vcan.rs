@@ -9,7 +9,7 @@ mod rig;
 
 use std::process::Command;
 use std::sync::Mutex;
-use std::sync::atomic::Ordering::SeqCst;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 
 use hapt_core::{Phase, Reason, Request};
 use hapt_drive::odrive::codec;
@@ -51,6 +51,13 @@ fn rig(make: Make, interface: &str, world: &World, time: Time) -> Rig {
     Rig::new(make, Some(interface), firmware(make, 1), world, time)
 }
 
+/// A loop that runs on such a drive.
+fn running(make: Make, interface: &str, world: &World, firmware: Box<dyn Firmware>) -> (Rig, Looped) {
+    let rig = Rig::new(make, Some(interface), firmware, world, lockstep(world));
+    let looped = rig.running(world, PATIENCE);
+    (rig, looped)
+}
+
 /// It is over: without a torque, and it stays so though the bus is as it was.
 fn stays_over(looped: &mut Looped, rig: &Rig) {
     rig.torque_goes_off();
@@ -64,25 +71,35 @@ fn stays_over(looped: &mut Looped, rig: &Rig) {
     }
 }
 
+/// Of each make, and of each way to ask it.
+fn kinds(make: Make) -> Vec<Box<dyn Firmware>> {
+    let shipped = odrive::Simulated::new(1).with_watchdog(Some(WATCHDOG)).with_estimates(Some(0.01));
+    let old = shipped.clone().with_version(codec::Version::SILENT);
+    match make {
+        Make::Moteus => vec![firmware(make, 1)],
+        Make::Odrive => vec![firmware(make, 1), Box::new(shipped), Box::new(old)],
+    }
+}
+
 #[test]
 fn a_certified_world_comes_to_rest() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
         assert!(hapt_analysis::check(&world).unwrap().certified);
-        let rig = rig(make, interface, &world, lockstep(&world));
-        let mut looped = rig.looped(&world, PATIENCE);
-        looped.run();
-        let (mut last, mut missed) = (Vec::new(), 0);
-        for _ in 0..3000 {
-            let record = looped.sample(None).unwrap();
-            assert_eq!(record.phase, Phase::Running, "{record:?}");
-            missed += record.missed;
-            last.push(record.position);
+        for firmware in kinds(make) {
+            let (rig, mut looped) = running(make, interface, &world, firmware);
+            let (mut last, mut missed) = (Vec::new(), 0);
+            for _ in 0..3000 {
+                let record = looped.sample(None).unwrap();
+                assert_eq!(record.phase, Phase::Running, "{record:?}");
+                missed += record.missed;
+                last.push(record.position);
+            }
+            println!("{missed} samples of 3000 missed");
+            assert!(last[2900..].iter().all(|position| (position - 0.3).abs() < 0.01), "{:?}", &last[2900..]);
+            drop(looped);
+            rig.torque_goes_off();
         }
-        println!("{missed} samples of 3000 missed");
-        assert!(last[2900..].iter().all(|position| (position - 0.3).abs() < 0.01), "{:?}", &last[2900..]);
-        drop(looped);
-        rig.torque_goes_off();
     });
 }
 
@@ -90,9 +107,7 @@ fn a_certified_world_comes_to_rest() {
 fn a_drive_that_is_killed_is_gone() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
-        let rig = rig(make, interface, &world, lockstep(&world));
-        let mut looped = rig.looped(&world, PATIENCE);
-        looped.run();
+        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
         rig.faults.dead.store(true, SeqCst);
         assert_eq!(looped.ends(8), Some(Err(Failure::Gone)));
         rig.faults.dead.store(false, SeqCst);
@@ -109,9 +124,7 @@ fn link(interface: &str, how: &str) {
 fn a_bus_that_goes_down_and_up_again_brings_no_torque_back() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
-        let rig = rig(make, interface, &world, lockstep(&world));
-        let mut looped = rig.looped(&world, PATIENCE);
-        looped.run();
+        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
         link(interface, "down");
         let ends = looped.ends(8);
         link(interface, "up");
@@ -128,17 +141,17 @@ fn lost_frames_are_missed_samples_and_too_many_are_the_end() {
     on_the_bus(|make, interface| {
         for (loss, must_end) in [(10, false), (100, false), (500, true)] {
             let world = world(&[]);
-            let rig = rig(make, interface, &world, lockstep(&world));
-            let mut looped = rig.looped(&world, PATIENCE);
-            looped.run();
+            let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+            // Two of them in a row do not end lockstep.
+            rig.wait_for(PATIENCE / 2);
             rig.faults.loss.store(loss, SeqCst);
             let before = looped.samples;
-            let ends = looped.ends(1000);
+            let (ends, stood_still) = looped.ends_or_stands_still(1000);
             println!("{} % lost: {ends:?} after {} samples", f64::from(loss) / 10.0, looped.samples - before);
             match ends {
                 None => assert!(!must_end, "{loss} of 1000"),
                 // Its own watchdog, or the loop's patience.
-                Some(Ok(reason)) => assert_eq!(reason, Reason::Late),
+                Some(Ok(reason)) => assert!(reason == Reason::Late || stood_still, "{reason:?}"),
                 Some(Err(Failure::Gone)) => {}
                 Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Late)),
                 Some(Err(failure)) => panic!("{failure}"),
@@ -155,9 +168,7 @@ fn lost_frames_are_missed_samples_and_too_many_are_the_end() {
 fn a_drive_that_answers_late_is_late() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
-        let rig = rig(make, interface, &world, lockstep(&world));
-        let mut looped = rig.looped(&world, PATIENCE);
-        looped.run();
+        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
         rig.faults.late.store(PATIENCE * 3 / 2, SeqCst);
         let ends = looped.ends(100);
         let by_drive = |fault: hapt_rt::DriveFault| fault.reason == Some(Reason::Late);
@@ -200,24 +211,59 @@ fn two_odrives_with_one_identifier_are_not_driven() {
     });
 }
 
+/// Whoever tells our drive anything drives it, and whoever asks it something may tell it something next.
 #[test]
 fn another_speaker_on_the_bus_ends_the_loop() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
-        let rig = rig(make, interface, &world, lockstep(&world));
-        let mut looped = rig.looped(&world, PATIENCE);
-        looped.run();
-        let mut other = Socket::open(interface).unwrap();
-        // A torque of its own; and for a moteus, which does not tell of that, its stop.
-        let (frame, reason) = match make {
-            Make::Odrive => (Frame::classic(0x2e, &codec::floats(0.5, 0.0)), Reason::Link),
-            Make::Moteus => (Frame::fd(0x0001, &[0x01, 0x00, 0x00]), Reason::Stop),
+        let frames = match make {
+            // A torque, and a question.
+            Make::Odrive => [Frame::classic(0x2e, &codec::floats(0.5, 0.0)), Frame::remote(0x29, 8)],
+            // A stop, which takes our torque away, and a question.
+            Make::Moteus => [Frame::fd(0x0001, &[0x01, 0x00, 0x00]), Frame::fd(0x8501, &[0x11, 0x00])],
         };
-        other.send(&frame, soon()).unwrap();
-        match looped.ends(20) {
-            Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(reason), "{fault}"),
-            other => panic!("{other:?}"),
+        for frame in frames {
+            let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+            Socket::open(interface).unwrap().send(&frame, soon()).unwrap();
+            match looped.ends(20) {
+                Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Link), "{fault}"),
+                other => panic!("{other:?}"),
+            }
+            stays_over(&mut looped, &rig);
         }
-        stays_over(&mut looped, &rig);
+    });
+}
+
+/// A bus that is full of what others say to others may make the loop late, and does not hold it.
+#[test]
+fn a_crowded_bus_does_not_hold_the_loop() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+        let is_over = AtomicBool::new(false);
+        let ends = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let mut others = Socket::open(interface).unwrap();
+                while !is_over.load(SeqCst) {
+                    for node in 40_u32..60 {
+                        let _ = others.send(&Frame::classic(node << 5 | 9, &[0; 8]), soon());
+                    }
+                    std::thread::yield_now();
+                }
+            });
+            let ends = looped.ends(300);
+            is_over.store(true, SeqCst);
+            ends
+        });
+        println!("{ends:?}");
+        match ends {
+            None => {}
+            Some(Ok(reason)) => assert_eq!(reason, Reason::Late),
+            Some(Err(Failure::Gone)) => {}
+            Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Late)),
+            Some(Err(failure)) => panic!("{failure}"),
+        }
+        drop(looped);
+        rig.torque_goes_off();
     });
 }

@@ -1,53 +1,18 @@
 //! The loop's thread allocates nothing, frees nothing, and waits on nothing but its clock.
-// An allocator is unsafe by its nature; this one counts, and hands on.
-#![allow(unsafe_code)]
 
 mod common;
+mod counting;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use common::{spring, wheel};
+use counting::counted;
 use hapt_core::{Guarding, Request};
 use hapt_model::World;
 use hapt_rt::{Device, Engine, Failure, Hands, Order, Plan, Position, Settings, Simulated, Touch};
 use hapt_sim::{Grip, script};
-
-thread_local! {
-    /// What this thread has allocated and freed.
-    static COUNT: Cell<u64> = const { Cell::new(0) };
-}
-
-struct Counting;
-
-fn count() {
-    // Gone where the thread is ending.
-    let _ = COUNT.try_with(|count| count.set(count.get() + 1));
-}
-
-// SAFETY: all of it is the system's allocator.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// A simulated device that notes how often its thread has allocated or freed, at the first sample and at the last.
 struct Watched {
@@ -58,7 +23,7 @@ struct Watched {
 
 impl Device for Watched {
     fn read(&mut self) -> Result<Position, Failure> {
-        let now = COUNT.with(Cell::get);
+        let now = counted();
         self.since.store(now - *self.first.get_or_insert(now), Ordering::SeqCst);
         self.device.read()
     }

@@ -58,7 +58,7 @@ mod linux {
             .ok_or_else(|| Failure::input(format!("no drive {:?} is simulated; moteus and odrive are", args.make)))?;
         if !make.ids().contains(&args.id) {
             let (from, to) = (make.ids().start().to_owned(), make.ids().end().to_owned());
-            return Err(Failure::input(format!("--id {}: a {}'s go from {from} to {to}", args.id, make.name())));
+            return Err(Failure::input(format!("--id {}: {}'s go from {from} to {to}", args.id, make.one())));
         }
         let source = source(args.world.as_deref().unwrap_or("@notes/wheel".as_ref()))?;
         let world = World::read(&source, &args.sets)?;
@@ -79,7 +79,7 @@ mod linux {
         let mut simulator = Simulator::new(bus, firmware, &world, clock);
         output::end_in_order();
         writeln!(stdout(), "{name}").and_then(|()| stdout().flush()).map_err(Failure::stdout)?;
-        say(format_args!("a simulated {} with id {} is at {name}; Ctrl-C takes it away", make.name(), args.id));
+        say(format_args!("{} with id {} is simulated at {name}; Ctrl-C takes it away", make.one(), args.id));
         if let Some(scenario) = scenario {
             simulator.play(&world, &scenario.name);
         }

@@ -1,13 +1,13 @@
 //! A moteus as a drive of the loop's.
 
 use std::io;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
-use super::fault::fault;
+use super::fault::{self, fault};
 use super::registers::{Parser, Resolution, Subframe, Value, Writer};
 use super::{EVERYBODY, REPLY, mode, register};
 use crate::can::Bus;
-use crate::drive::{Answer, Drive, Error, Terms, Trouble};
+use crate::drive::{Answer, Drive, DriveFault, Error, OTHERS, Terms, Trouble};
 use crate::frame::Frame;
 
 /// How long an answer may take before the loop runs, and how often it is asked for.
@@ -23,8 +23,8 @@ const MAP: i32 = 5;
 const FARTHEST: f32 = 256.0;
 /// Questions are numbered up to here, all exact in a float.
 const NUMBERS: u32 = 1 << 20;
-/// Frames of others that are looked at in a sample.
-const OTHERS: usize = 32;
+/// The last bits of a watchdog's time that a host marks as its own: less than 0.05 % of it.
+const MARK: u32 = 0xfff;
 
 /// A moteus on a bus.
 ///
@@ -32,6 +32,10 @@ const OTHERS: usize = 32;
 /// torque, its largest value and the watchdog's time; both gains are 0, so that nothing else makes torque. The question writes its own
 /// number into a register that the mode in use does not look at, and asks for it back: a late answer to an earlier question is known by
 /// that, and never taken for the one that is waited for.
+///
+/// Nobody else may command the drive. A frame of another host on the bus is a fault; and since an adapter need not pass those on, the
+/// answer also says for how long the command in force is good. The last bits of that time are this host's own: any other time was
+/// another host's command.
 pub struct Moteus {
     bus: Box<dyn Bus>,
     /// What people know it by.
@@ -39,8 +43,21 @@ pub struct Moteus {
     id: u8,
     terms: Terms,
     asked: u32,
+    /// What this host writes into the last bits of a watchdog's time.
+    mark: u32,
     /// It has been in position mode since it was started.
     ran: bool,
+    /// What it has been found in: nothing but a start gets it out of that.
+    fault: Option<DriveFault>,
+}
+
+/// What a frame on the bus is to this host.
+enum Said {
+    /// The drive's answer.
+    Answer(Status),
+    /// Another host's word to this drive, or this drive's to another host.
+    Foreign,
+    Nothing,
 }
 
 /// What a question brings back.
@@ -50,6 +67,7 @@ struct Status {
     mode: Option<i32>,
     position: Option<f32>,
     velocity: Option<f32>,
+    watchdog: Option<f32>,
     fault: i32,
     map: Option<i32>,
 }
@@ -58,7 +76,9 @@ impl Moteus {
     /// The drive with this identifier, from 1 to 126, on `bus`, which people know by `name`.
     pub fn new(bus: Box<dyn Bus>, id: u8, name: String) -> Self {
         let terms = Terms { watchdog: 0.0, torque: 0.0 };
-        Moteus { bus, name, id, terms, asked: 0, ran: false }
+        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        let mark = (since.subsec_nanos() >> 8 ^ std::process::id()) & MARK;
+        Moteus { bus, name, id, terms, asked: 0, mark, ran: false, fault: None }
     }
 
     fn called(&self) -> String {
@@ -73,7 +93,13 @@ impl Moteus {
             .read(register::VOLTAGE_PHASE_A, 1, Resolution::Float)
             .read(register::MODE, 1, Resolution::Int8)
             .read(register::POSITION, 2, Resolution::Float)
+            .read(register::COMMAND_TIMEOUT, 1, Resolution::Float)
             .read(register::FAULT, 1, Resolution::Int8)
+    }
+
+    /// A watchdog's time with this host's mark.
+    fn marked(&self, watchdog: f32) -> f32 {
+        f32::from_bits(watchdog.to_bits() & !MARK | self.mark)
     }
 
     /// A command of this torque in N·m, held to `terms`, that is good for `watchdog` s.
@@ -86,14 +112,24 @@ impl Moteus {
             .write(register::COMMAND_TORQUE, &[Value::Float(torque)])
             .write(register::COMMAND_KP_SCALE, &[Value::Int8(0), Value::Int8(0)])
             .write(register::COMMAND_MAX_TORQUE, &[Value::Float(most)])
-            .write(register::COMMAND_TIMEOUT, &[Value::Float(watchdog)])
+            .write(register::COMMAND_TIMEOUT, &[Value::Float(self.marked(watchdog))])
             .frame()
     }
 
-    /// What it says, where the frame is its answer.
-    fn status(&self, frame: &Frame) -> Option<Status> {
-        if frame.id >> 8 != u32::from(self.id) {
-            return None;
+    /// What a frame is to this host, which is number 0 on the bus.
+    fn said(&self, frame: &Frame) -> Said {
+        let (to, from) = (frame.id & 0x7f, frame.id >> 8 & 0x7f);
+        if frame.id >> 16 != 0 {
+            return Said::Nothing;
+        }
+        if to == u32::from(self.id) || to == EVERYBODY {
+            return Said::Foreign;
+        }
+        if frame.id & REPLY != 0 || from != u32::from(self.id) {
+            return Said::Nothing;
+        }
+        if to != 0 {
+            return Said::Foreign;
         }
         let mut status = Status::default();
         for part in Parser::new(frame.data()) {
@@ -104,25 +140,44 @@ impl Moteus {
                 register::MODE => status.mode = Some(value.whole()),
                 register::POSITION => status.position = Some(scaled),
                 register::VELOCITY => status.velocity = Some(scaled),
+                register::COMMAND_TIMEOUT => status.watchdog = Some(scaled),
                 register::FAULT => status.fault = value.whole(),
                 register::MAP => status.map = Some(value.whole()),
                 _ => {}
             }
         }
-        Some(status)
+        Said::Answer(status)
     }
 
-    /// Sends a question and waits for its answer; `Late` where other answers of this drive have come instead.
+    /// Takes note of another host.
+    fn hear(&mut self, frame: &Frame) -> Option<Status> {
+        match self.said(frame) {
+            Said::Answer(status) => Some(status),
+            Said::Foreign => {
+                self.fault.get_or_insert(fault::FOREIGN);
+                None
+            }
+            Said::Nothing => None,
+        }
+    }
+
+    fn is_well(&self) -> Result<(), Trouble> {
+        self.fault.map_or(Ok(()), |fault| Err(Trouble::Fault(fault)))
+    }
+
+    /// Sends a question and waits for its answer; `Late` where other answers of this drive have come instead. However full the bus is
+    /// of others' frames, it waits until that instant and looks at so many of those that are there then.
     fn ask(&mut self, question: &Frame, until: Instant) -> Result<Status, Trouble> {
         let mut heard = false;
         let over = Instant::now();
         for _ in 0..OTHERS {
             let Some(frame) = self.bus.receive(over)? else { break };
-            heard |= self.status(&frame).is_some();
+            heard |= self.hear(&frame).is_some();
         }
         self.bus.send(question, until)?;
-        while let Some(frame) = self.bus.receive(until)? {
-            if let Some(status) = self.status(&frame) {
+        for _ in 0..OTHERS {
+            let Some(frame) = self.bus.receive(until)? else { break };
+            if let Some(status) = self.hear(&frame) {
                 heard = true;
                 if status.number == Some(self.asked as f32) {
                     return Ok(status);
@@ -157,8 +212,11 @@ impl Moteus {
         if self.bus.send(&everybody, until).is_ok() {
             while let Ok(Some(frame)) = self.bus.receive(until) {
                 let id = frame.id >> 8 & 0x7f;
-                if !seen.contains(&id) {
+                if frame.id & (REPLY | 0x7f) == 0 && !seen.contains(&id) {
                     seen.push(id);
+                }
+                if Instant::now() >= until {
+                    break;
                 }
             }
         }
@@ -179,8 +237,13 @@ impl Moteus {
         }
         self.ran |= mode == mode::POSITION;
         if self.ran && mode != mode::POSITION {
-            return Err(Trouble::Fault(super::fault::taken(mode)));
+            return Err(Trouble::Fault(fault::taken(mode)));
         }
+        let ours = [self.terms.watchdog as f32, BEFORE].map(|watchdog| self.marked(watchdog));
+        if self.ran && !status.watchdog.is_some_and(|watchdog| ours.contains(&watchdog)) {
+            self.fault = Some(fault::FOREIGN);
+        }
+        self.is_well()?;
         match (status.position, status.velocity) {
             (Some(position), Some(velocity)) => Ok(Answer { position: position.into(), velocity: velocity.into() }),
             _ => Err(Trouble::Late),
@@ -190,7 +253,7 @@ impl Moteus {
 
 impl Drive for Moteus {
     fn start(&mut self, terms: &Terms) -> Result<Answer, Error> {
-        (self.terms, self.ran) = (*terms, false);
+        (self.terms, self.ran, self.fault) = (*terms, false, None);
         // Alone, because a bus that is down says so here.
         let stop = Writer::new(self.id.into()).write(register::MODE, &[Value::Int8(mode::STOPPED as i8)]).frame();
         let sent = self.bus.send(&stop, Instant::now() + PATIENCE);
@@ -218,6 +281,11 @@ impl Drive for Moteus {
                 self.stop();
                 return Err(Error::Fault { drive: self.called(), fault });
             }
+            if self.fault.is_some() {
+                self.stop();
+                let why = "is spoken to by another host, which has to end first".into();
+                return Err(Error::Refused { drive: self.called(), why });
+            }
             if mode == mode::POSITION {
                 let position = status.position.unwrap_or(f32::NAN);
                 if position.abs() < FARTHEST {
@@ -241,11 +309,13 @@ impl Drive for Moteus {
 
     fn read(&mut self, until: Instant) -> Result<Answer, Trouble> {
         let question = self.question().frame();
-        let status = self.ask(&question, until)?;
-        self.answer(&status)
+        let status = self.ask(&question, until);
+        self.is_well()?;
+        self.answer(&status?)
     }
 
     fn command(&mut self, torque: f64, until: Instant) -> Result<(), Trouble> {
+        self.is_well()?;
         let frame = self.torque(torque as f32, self.terms.watchdog as f32);
         Ok(self.bus.send(&frame, until)?)
     }

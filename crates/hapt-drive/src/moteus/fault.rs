@@ -5,6 +5,9 @@ use hapt_core::Reason;
 use super::mode;
 use crate::drive::DriveFault;
 
+/// Another host commands the drive, or asks it something: it may command it next.
+pub const FOREIGN: DriveFault = DriveFault { code: 0, what: "another host speaks to it", reason: Some(Reason::Link) };
+
 /// What a mode and a fault register say, where the drive gives no torque by its own decision.
 pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
     match mode {

@@ -13,6 +13,7 @@ use std::io;
 use std::time::Instant;
 
 use crate::can::Bus;
+use crate::drive::OTHERS;
 use crate::frame::Frame;
 use crate::text::Lines;
 use hapt_line::Line;
@@ -53,7 +54,8 @@ impl Bus for Client {
     }
 
     fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
-        while let Some((line, _)) = self.lines.next(until)? {
+        for _ in 0..OTHERS {
+            let Some((line, _)) = self.lines.next(until)? else { break };
             // OK is not waited for: what counts is whether the drive answers. A line that is wrong is as good as none.
             let Some((line, checked)) = unchecked(line) else { continue };
             let frame = line.strip_prefix(b"rcv ").and_then(frame);

@@ -1,7 +1,7 @@
 //! The inside of a simulated moteus: its registers, modes and watchdog.
 //!
-//! Simulated: stopped, position mode with its gains, limits of torque and watchdog, zero velocity, brake, faults, the setting of its
-//! zero. Not simulated: trajectories (stop position, limits of velocity and acceleration), currents and voltages, the diagnostic stream,
+//! Simulated: stopped, position mode with its gains, limits of torque and watchdog, what comes after the watchdog (`servo.timeout_mode`
+//! 0, 12 and 15), zero velocity, brake, faults, the setting of its zero. Not simulated: trajectories (stop position, limits of velocity and acceleration), currents and voltages, the diagnostic stream,
 //! which is always empty. Its motor makes 0.1 N·m per A.
 
 use super::registers::{Parser, Resolution, Subframe, Value, Writer};
@@ -56,6 +56,8 @@ pub struct Simulated {
     /// Its position is the shaft's and this.
     zero: f64,
     torque: f32,
+    /// What it does when its watchdog has run out: the mode's number, as in `servo.timeout_mode`.
+    after_timeout: i32,
 }
 
 impl Simulated {
@@ -74,7 +76,13 @@ impl Simulated {
             after_enabling: mode::STOPPED,
             zero: 0.0,
             torque: 0.0,
+            after_timeout: mode::ZERO_VELOCITY,
         }
+    }
+
+    /// The same, which does this mode's when its watchdog has run out: 0, it lets go; 12, zero velocity, as it is shipped; 15, it brakes.
+    pub fn with_timeout_mode(self, mode: i32) -> Self {
+        Simulated { after_timeout: mode, ..self }
     }
 
     /// The fault of this number strikes it.
@@ -122,7 +130,8 @@ impl Simulated {
     /// The torque in this mode at this shaft.
     fn torque(&mut self, seconds: f64, shaft: Shaft) -> f32 {
         let velocity = shaft.velocity as f32;
-        let damped = |most: f32| (-KD * velocity).clamp(-most, most);
+        // No more of its damping than the command in force asks for.
+        let kept = -KD * self.command(register::COMMAND_KD_SCALE) * velocity;
         match self.mode {
             mode::POSITION => {
                 let goes = self.command(register::COMMAND_VELOCITY);
@@ -136,8 +145,14 @@ impl Simulated {
                 let most = self.command(register::COMMAND_MAX_TORQUE);
                 if most.is_nan() { torque } else { torque.clamp(-most.abs(), most.abs()) }
             }
-            mode::TIMEOUT => damped(TIMEOUT_TORQUE),
-            mode::ZERO_VELOCITY | mode::BRAKE => damped(f32::INFINITY),
+            mode::TIMEOUT => match self.after_timeout {
+                mode::ZERO_VELOCITY => kept.clamp(-TIMEOUT_TORQUE, TIMEOUT_TORQUE),
+                mode::BRAKE => -KD * velocity,
+                _ => 0.0,
+            },
+            mode::ZERO_VELOCITY => kept.clamp(-TIMEOUT_TORQUE, TIMEOUT_TORQUE),
+            // Its windings are shorted.
+            mode::BRAKE => -KD * velocity,
             mode::CURRENT => MOTOR * self.other[0xc],
             _ => 0.0,
         }

@@ -71,11 +71,15 @@ pub enum Command {
     Clear = 0x18,
     /// What the position is from now on.
     Absolute = 0x19,
+    /// From 0.6 on: the torque, wanted and estimated.
+    Torques = 0x1c,
+    /// From 0.6 on: electrical and mechanical power. Before: what is wrong with the controller.
+    Powers = 0x1d,
 }
 
 impl Command {
     /// All of them.
-    pub const ALL: [Command; 17] = [
+    pub const ALL: [Command; 19] = [
         Command::Version,
         Command::Heartbeat,
         Command::Estop,
@@ -93,6 +97,8 @@ impl Command {
         Command::Bus,
         Command::Clear,
         Command::Absolute,
+        Command::Torques,
+        Command::Powers,
     ];
 
     /// The frame's identifier.
@@ -103,7 +109,8 @@ impl Command {
     /// Whether drives send it, with data. All others are a host's.
     pub fn is_a_drives(self) -> bool {
         let of_drives = [Command::Version, Command::Heartbeat, Command::Error, Command::Estimates];
-        of_drives.contains(&self) || matches!(self, Command::Current | Command::Warmth | Command::Bus)
+        let when_asked = [Command::Current, Command::Warmth, Command::Bus, Command::Torques, Command::Powers];
+        of_drives.contains(&self) || when_asked.contains(&self)
     }
 
     /// What an identifier stands for; `None`: a command that is not spoken of here.
@@ -187,6 +194,8 @@ pub struct Version {
 impl Version {
     /// Of the last firmware that does not answer when it is asked.
     pub const SILENT: Version = Version { major: 0, minor: 5, revision: 6 };
+    /// Of one that does.
+    pub const LATE: Version = Version { major: 0, minor: 6, revision: 10 };
 
     /// The data of an answer: protocol 2, a board of no kind.
     pub fn data(self) -> [u8; 8] {

@@ -1,11 +1,13 @@
-//! An ODrive, as its host sees it from the bus: firmware 0.6's messages, states, errors and watchdog, around whatever moves the wheel.
+//! An ODrive, as its host sees it from the bus: its messages, states, errors and watchdog, around whatever moves the wheel.
+//!
+//! Firmware 0.6, or 0.5 after its published source: that one is silent about its version, its watchdog runs out while it is disarmed too,
+//! its heartbeat tells of errors that stand and not of why it was disarmed, and it has no position until it has been armed once.
 
+use super::barrier::KINDS;
 use super::codec::{self, Command, Heartbeat, PASSTHROUGH, Version, control, state};
 use crate::frame::Frame;
 use crate::simulate::{Firmware, Shaft};
 
-/// What it speaks.
-const VERSION: Version = Version { major: 0, minor: 6, revision: 10 };
 /// How long it bears not to be fed, where nobody says otherwise, s.
 const WATCHDOG: f64 = 0.05;
 /// From one heartbeat to the next, as shipped, s.
@@ -18,6 +20,10 @@ const INTEGRATOR_GAIN: f64 = 1.0 / 3.0;
 const OVERSPEED: f64 = 1.2;
 const VELOCITY_LIMIT_VIOLATION: u32 = 0x8000;
 const MISSING_INPUT: u32 = 0x40;
+/// What 0.5 says for both.
+const CONTROLLER_FAILED: u32 = 0x200;
+/// In 0.5, where a heartbeat says that it is where it was sent.
+const DONE: u8 = 0x80;
 /// Volts and amperes of its supply.
 const BUS: (f32, f32) = (24.0, 0.0);
 
@@ -33,11 +39,13 @@ struct Input {
 #[derive(Clone, Debug)]
 pub struct Simulated {
     node: u8,
+    version: Version,
     /// How long it bears not to be fed, s; `None`: for ever.
     watchdog: Option<f64>,
     /// Since it was fed last, s.
     hungry: f64,
     is_armed: bool,
+    was_armed: bool,
     error: u32,
     disarm_reason: u32,
     control: u32,
@@ -52,6 +60,8 @@ pub struct Simulated {
     estimates: Option<f64>,
     since_heartbeat: f64,
     since_estimates: f64,
+    /// A question of another kind has been asked since the last one for the position.
+    was_asked: bool,
 }
 
 impl Simulated {
@@ -59,9 +69,11 @@ impl Simulated {
     pub fn new(node: u8) -> Self {
         Simulated {
             node,
+            version: Version::LATE,
             watchdog: Some(WATCHDOG),
             hungry: 0.0,
             is_armed: false,
+            was_armed: false,
             error: 0,
             disarm_reason: 0,
             control: control::POSITION,
@@ -72,12 +84,18 @@ impl Simulated {
             estimates: None,
             since_heartbeat: 0.0,
             since_estimates: 0.0,
+            was_asked: false,
         }
     }
 
     /// The same with a watchdog of so many seconds; `None`: as ODrives are shipped, without.
     pub fn with_watchdog(self, watchdog: Option<f64>) -> Self {
         Simulated { watchdog, ..self }
+    }
+
+    /// The same with another firmware.
+    pub fn with_version(self, version: Version) -> Self {
+        Simulated { version, ..self }
     }
 
     /// The same, saying its position every so many seconds; as ODrives are shipped, every 10 ms.
@@ -99,13 +117,20 @@ impl Simulated {
     /// The data of what it says when it is asked.
     fn answer(&self, command: Command, shaft: Shaft) -> Option<[u8; 8]> {
         Some(match command {
-            Command::Version => VERSION.data(),
+            Command::Version if self.version.is_old() => return None,
+            Command::Version => self.version.data(),
+            // In 0.5 the motor's.
+            Command::Error if self.version.is_old() => [0; 8],
             Command::Error => codec::pair(self.error, self.disarm_reason),
             Command::Estimates => self.estimates(shaft),
             // One newton metre an ampere, and a cool day.
             Command::Current => codec::floats(self.torque(shaft) as f32, self.torque(shaft) as f32),
             Command::Warmth => codec::floats(20.0, 20.0),
             Command::Bus => codec::floats(BUS.0, BUS.1),
+            Command::Torques if self.version.is_old() => return None,
+            Command::Torques => codec::floats(self.input.torque as f32, self.torque(shaft) as f32),
+            // At a standstill none; in 0.5 no error of the controller's.
+            Command::Powers => [0; 8],
             _ => return None,
         })
     }
@@ -114,9 +139,9 @@ impl Simulated {
         let (first, second) = codec::numbers(data);
         let floats = (f64::from(f32::from_bits(first)), f64::from(f32::from_bits(second)));
         match command {
-            Command::Estop => self.fail(VERSION.estop()),
+            Command::Estop => self.fail(self.version.estop()),
             Command::State if first == state::CLOSED_LOOP && self.error == 0 => {
-                self.is_armed = true;
+                (self.is_armed, self.was_armed) = (true, true);
                 self.disarm_reason = 0;
                 self.integral = 0.0;
                 if self.control == control::POSITION {
@@ -137,7 +162,10 @@ impl Simulated {
             Command::Clear => (self.error, self.disarm_reason) = (0, 0),
             Command::Absolute => self.offset += floats.0 - self.position(shaft),
             Command::Reboot => {
-                *self = Simulated::new(self.node).with_watchdog(self.watchdog).with_estimates(self.estimates)
+                *self = Simulated::new(self.node)
+                    .with_version(self.version)
+                    .with_watchdog(self.watchdog)
+                    .with_estimates(self.estimates);
             }
             Command::Version
             | Command::Heartbeat
@@ -146,7 +174,9 @@ impl Simulated {
             | Command::Limits
             | Command::Current
             | Command::Warmth
-            | Command::Bus => {}
+            | Command::Bus
+            | Command::Torques
+            | Command::Powers => {}
         }
     }
 
@@ -179,11 +209,24 @@ impl Simulated {
     }
 
     fn heartbeat(&self) -> [u8; 8] {
-        let state = if self.is_armed { state::CLOSED_LOOP } else { state::IDLE };
-        Heartbeat { error: self.error | self.disarm_reason, state: state as u8 }.data()
+        let state = if self.is_armed { state::CLOSED_LOOP } else { state::IDLE } as u8;
+        if self.version.is_old() {
+            let mut data = Heartbeat { error: self.error, state }.data();
+            data[7] = DONE;
+            return data;
+        }
+        Heartbeat { error: self.error | self.disarm_reason, state }.data()
+    }
+
+    /// An error by its bit in 0.6.
+    fn controller_fails(&mut self, error: u32) {
+        self.fail(if self.version.is_old() { CONTROLLER_FAILED } else { error });
     }
 
     fn estimates(&self, shaft: Shaft) -> [u8; 8] {
+        if self.version.is_old() && !self.was_armed {
+            return [0; 8];
+        }
         codec::floats(self.position(shaft) as f32, shaft.velocity as f32)
     }
 
@@ -206,8 +249,14 @@ impl Simulated {
 }
 
 impl Firmware for Simulated {
+    /// A question of another kind, where one stands before that for the position, is the sample's first.
     fn asks(&self, frame: &Frame) -> bool {
-        frame.data().is_empty() && self.command(frame) == Some(Command::Estimates)
+        frame.data().is_empty()
+            && match self.command(frame) {
+                Some(Command::Estimates) => !self.was_asked,
+                Some(command) => KINDS.contains(&command),
+                None => false,
+            }
     }
 
     fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
@@ -216,6 +265,9 @@ impl Firmware for Simulated {
             self.hungry = 0.0;
         }
         let Some(command) = self.command(frame) else { return };
+        if frame.data().is_empty() {
+            self.was_asked = KINDS.contains(&command);
+        }
         match self.answer(command, shaft).filter(|_| frame.data().is_empty()) {
             Some(data) => say(self.frame(command, data)),
             None if frame.remote => {}
@@ -225,13 +277,14 @@ impl Firmware for Simulated {
 
     fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64 {
         self.hungry += seconds;
+        if self.watchdog.is_some_and(|watchdog| self.hungry > watchdog) && (self.is_armed || self.version.is_old()) {
+            self.fail(self.version.watchdog());
+        }
         if self.is_armed {
             if !shaft.velocity.is_finite() || !self.torque(shaft).is_finite() {
-                self.fail(MISSING_INPUT);
+                self.controller_fails(MISSING_INPUT);
             } else if shaft.velocity.abs() > OVERSPEED * self.fastest {
-                self.fail(VELOCITY_LIMIT_VIOLATION);
-            } else if self.watchdog.is_some_and(|watchdog| self.hungry > watchdog) {
-                self.fail(VERSION.watchdog());
+                self.controller_fails(VELOCITY_LIMIT_VIOLATION);
             } else if self.control != control::TORQUE {
                 let error = self.velocity_wanted(shaft) - shaft.velocity;
                 self.integral += seconds * INTEGRATOR_GAIN * error;

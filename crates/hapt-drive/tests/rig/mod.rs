@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::SeqCst};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering::SeqCst};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -16,6 +16,11 @@ use hapt_drive::simulate::{Firmware, Shaft, Simulator, Time};
 use hapt_drive::{Answer, Bus, Drive, Error, Frame, Line, Make, Socket, Terms, Trouble, Wheel, pty, slcan};
 use hapt_model::{Source, World};
 use hapt_rt::{Cycle, Failure, Moment, Plan, Record};
+
+/// How often something is begun that a machine may break off by standing still.
+const TRIES: u32 = 20;
+/// Less than what ends lockstep.
+pub const STILL: Duration = Duration::from_millis(40);
 
 /// A wheel on a spring to ground that this device certifies.
 const WORLD: &str = r#"
@@ -36,8 +41,12 @@ const WORLD: &str = r#"
 "#;
 
 pub fn world(sets: &[&str]) -> World {
+    read(WORLD, sets)
+}
+
+pub fn read(text: &str, sets: &[&str]) -> World {
     let sets: Vec<String> = sets.iter().map(|set| set.to_string()).collect();
-    World::read(&Source::from_text("w.toml", WORLD), &sets).unwrap()
+    World::read(&Source::from_text("w.toml", text), &sets).unwrap()
 }
 
 pub fn lockstep(world: &World) -> Time {
@@ -57,6 +66,10 @@ pub struct Faults {
     pub loss: AtomicU32,
     /// What it says is so many ms under way.
     pub late: AtomicU64,
+    /// What it says waits until it has said so much more.
+    pub held: AtomicUsize,
+    /// What it says is garbage.
+    pub garbage: AtomicBool,
     /// The torque at its shaft, N·m, and its position in revolutions, as bits.
     torque: AtomicU64,
     position: AtomicU64,
@@ -112,6 +125,7 @@ impl Faulty {
     fn deliver(&mut self, until: Instant) -> io::Result<()> {
         while let Some((at, frame)) = self.under_way.front().copied()
             && at <= Instant::now()
+            && self.under_way.len() > self.faults.held.load(SeqCst)
         {
             self.under_way.pop_front();
             self.bus.send(&frame, until)?;
@@ -124,7 +138,9 @@ impl Bus for Faulty {
     fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()> {
         if !self.is_lost() {
             let late = Duration::from_millis(self.faults.late.load(SeqCst));
-            self.under_way.push_back((Instant::now() + late, *frame));
+            let inverted: Vec<u8> = frame.data().iter().map(|byte| !byte).collect();
+            let frame = if self.faults.garbage.load(SeqCst) { Frame::fd(frame.id, &inverted) } else { *frame };
+            self.under_way.push_back((Instant::now() + late, frame));
         }
         self.deliver(until)
     }
@@ -216,7 +232,8 @@ impl Rig {
         let (bus, name): (Box<dyn Bus>, String) = match (&self.place, self.make) {
             (Place::Can(interface), _) => (Box::new(Socket::open(interface).unwrap()), interface.clone()),
             (Place::Port(path), Make::Odrive) => {
-                (Box::new(slcan::Client::open(Line::open(path).unwrap()).unwrap()), path.display().to_string())
+                let line = Line::open(path).unwrap();
+                (Box::new(slcan::Client::open(line, slcan::Rate::default()).unwrap()), path.display().to_string())
             }
             (Place::Port(path), Make::Moteus) => {
                 (Box::new(moteus::Client::new(Line::open(path).unwrap(), true)), path.display().to_string())
@@ -231,10 +248,41 @@ impl Rig {
 
     /// A loop on the drive with identifier 1, which waits for answers for so many ms, however short its period.
     pub fn looped(&self, world: &World, patience: u64) -> Looped {
-        self.patience.store(0, SeqCst);
-        let wheel = Wheel::start(self.drive(1), world).unwrap();
-        self.patience.store(patience, SeqCst);
+        self.wait_for(0);
+        let wheel = self.wheel(world);
+        self.wait_for(patience);
         Looped::on(Box::new(wheel), world)
+    }
+
+    /// The drive with identifier 1, started. Where the machine stands still meanwhile, the drive's watchdog runs out, and it is started
+    /// anew; one that is not well fails every time.
+    pub fn wheel(&self, world: &World) -> Wheel {
+        let mut last = None;
+        for _ in 0..TRIES {
+            match Wheel::start(self.drive(1), world) {
+                Ok(wheel) => return wheel,
+                Err(error) => last = Some(error),
+            }
+        }
+        panic!("{last:?}");
+    }
+
+    /// The same loop, at full torque; again where the machine stands still, and the drive's watchdog takes the torque away.
+    pub fn running(&self, world: &World, patience: u64) -> Looped {
+        let mut last = None;
+        for _ in 0..TRIES {
+            let mut looped = self.looped(world, patience);
+            match looped.runs() {
+                Ok(_) => return looped,
+                ended => last = Some(ended),
+            }
+        }
+        panic!("{last:?}");
+    }
+
+    /// From now on hosts wait for answers for so many ms.
+    pub fn wait_for(&self, patience: u64) {
+        self.patience.store(patience, SeqCst);
     }
 
     /// The other end is gone.
@@ -282,12 +330,34 @@ impl Looped {
 
     /// Samples until it runs at full torque.
     pub fn run(&mut self) -> Record {
-        let mut record = self.sample(Some(Request::Arm)).unwrap();
+        self.runs().unwrap()
+    }
+
+    /// The same, or what ends it before.
+    fn runs(&mut self) -> Result<Record, String> {
+        let mut record = self.sample(Some(Request::Arm)).map_err(|failure| failure.to_string())?;
         while record.phase != Phase::Running {
-            assert!(record.phase.is_active() && self.samples < 2000, "{record:?}");
-            record = self.sample(None).unwrap();
+            if !record.phase.is_active() || self.samples >= 2000 {
+                return Err(format!("{record:?}"));
+            }
+            record = self.sample(None).map_err(|failure| failure.to_string())?;
         }
-        record
+        Ok(record)
+    }
+
+    /// The same as [`Looped::ends`], and whether the machine has stood still meanwhile: time then passes for the drive and not for the
+    /// loop, and it ends for any reason.
+    pub fn ends_or_stands_still(&mut self, within: u32) -> (Option<Result<Reason, Failure>>, bool) {
+        let mut stood_still = false;
+        for _ in 0..within {
+            let begun = Instant::now();
+            let ends = self.ends(1);
+            stood_still |= begun.elapsed() > STILL;
+            if ends.is_some() {
+                return (ends, stood_still);
+            }
+        }
+        (None, stood_still)
     }
 
     /// Until it fails or faults, in so many samples; `None`: it goes on. A fault has no torque, and goes on having none.

@@ -8,8 +8,8 @@ use super::WorldArgs;
 pub struct RunArgs {
     #[command(flatten)]
     pub world: WorldArgs,
-    /// The device: sim, replay:FILE with the CSV of a run or a log, a drive (moteus:PATH, moteus:canX#ID, odrive:...), or hapt:PATH[@BAUD]
-    /// with the serial port of a board that runs the loop.
+    /// The device: sim, replay:FILE with the CSV of a run or a log, a drive (moteus:PATH, moteus:canX#ID, odrive:PATH@250k, ...), or
+    /// hapt:PATH[@BAUD] with the serial port of a board that runs the loop.
     #[arg(long, value_name = "SPEC", default_value = "sim")]
     pub device: String,
     /// The scenario that the simulated device's hand plays once the torque is all there.
@@ -98,6 +98,8 @@ pub struct IdentifyArgs {
 }
 
 #[derive(Debug, clap::Args)]
+#[group(skip)]
+#[command(group = clap::ArgGroup::new("place").required(true).args(["pty", "can"]))]
 pub struct SimulateDriveArgs {
     /// moteus or odrive.
     #[arg(value_name = "DRIVE")]
@@ -109,10 +111,10 @@ pub struct SimulateDriveArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
     /// At the end of a new serial port, whose path is the first line on standard output.
-    #[arg(long, required_unless_present = "can")]
+    #[arg(long)]
     pub pty: bool,
     /// On this CAN interface, such as vcan0.
-    #[arg(long, value_name = "IF", conflicts_with = "pty")]
+    #[arg(long, value_name = "IF")]
     pub can: Option<String>,
     /// Its identifier on the bus.
     #[arg(long, value_name = "N", default_value_t = 1)]

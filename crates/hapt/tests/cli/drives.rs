@@ -5,17 +5,18 @@ use std::path::Path;
 
 use crate::common::{answer, at_full_torque, drive, folder, hapt, steady};
 
-/// A spring that this device certifies, at a period that the busiest machine keeps.
-const SLOW: &str = r#"title = "slow wheel"
+/// A spring that this device certifies, at a period that a busy machine keeps, on a drive that turns as `mounting` says.
+pub fn slow(period: &str, mounting: &str) -> String {
+    format!(
+        r#"title = "slow wheel"
 [loop]
-period = "100 ms"
+period = "{period}"
 [device]
 inertia = "6.4e-4 kg m^2"
 damping = "1.2e-3 N m s/rad"
 limit = "100 N mm"
 [device.drive]
-gear = 3
-direction = "reverse"
+{mounting}
 [safety]
 stuck = 0
 late = "10 s"
@@ -26,12 +27,18 @@ stiffness = "0.01 N m/rad"
 rest = "0.3 rad"
 [scenarios.step]
 duration = "0.5 s"
-hand = { kind = "step", to = "45 deg" }
-"#;
+hand = {{ kind = "step", to = "45 deg" }}
+"#
+    )
+}
+
+fn geared() -> String {
+    slow("100 ms", "gear = 3\ndirection = \"reverse\"")
+}
 
 #[test]
 fn a_certified_world_runs_on_a_simulated_drive_and_its_log_replays_to_the_bit() {
-    let at = folder(&[("w.toml", SLOW)]);
+    let at = folder(&[("w.toml", &geared())]);
     let (drive, device) = drive(at.path(), "moteus", &["--lockstep"]);
     let args = ["run", "w.toml", "--device", &device, "--duration", "2s", "--log", "run.mcap"];
     let ended = steady(|| hapt(at.path(), args)).done();
@@ -46,7 +53,7 @@ fn a_certified_world_runs_on_a_simulated_drive_and_its_log_replays_to_the_bit() 
 
 #[test]
 fn a_drive_that_is_taken_away_ends_the_run_with_code_three() {
-    let at = folder(&[("w.toml", SLOW)]);
+    let at = folder(&[("w.toml", &geared())]);
     let (drive, device) = drive(at.path(), "moteus", &["--lockstep"]);
     let run = at_full_torque(at.path(), &["run", "w.toml", "--device", &device]);
     drive.signal("KILL");
@@ -57,7 +64,7 @@ fn a_drive_that_is_taken_away_ends_the_run_with_code_three() {
 
 #[test]
 fn an_interrupted_run_leaves_the_drive_ready_for_the_next() {
-    let at = folder(&[("w.toml", SLOW)]);
+    let at = folder(&[("w.toml", &geared())]);
     let (_drive, device) = drive(at.path(), "moteus", &["--id", "5"]);
     let device = format!("{device}#5");
     for _ in 0..2 {
@@ -71,7 +78,7 @@ fn an_interrupted_run_leaves_the_drive_ready_for_the_next() {
 
 #[test]
 fn a_drive_that_is_not_there_is_said_to_be_so() {
-    let at = folder(&[("w.toml", SLOW)]);
+    let at = folder(&[("w.toml", &geared())]);
     let run = |device: &str| hapt(at.path(), ["run", "w.toml", "--device", device]);
     run("moteus:/dev/no-such-port").refused(3, &["cannot open /dev/no-such-port", "No such file"]);
     run("moteus:/dev/null").refused(3, &["no serial port"]);
@@ -83,7 +90,7 @@ fn a_drive_that_is_not_there_is_said_to_be_so() {
 
 #[test]
 fn a_world_without_a_limit_gets_no_motor() {
-    let at = folder(&[("w.toml", &SLOW.replace("limit = \"100 N mm\"\n", ""))]);
+    let at = folder(&[("w.toml", &geared().replace("limit = \"100 N mm\"\n", ""))]);
     hapt(at.path(), ["run", "w.toml", "--device", "moteus:/dev/null"]).refused(2, &["device.limit"]);
 }
 

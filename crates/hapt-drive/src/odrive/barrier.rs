@@ -1,0 +1,107 @@
+//! Telling an answer from an answer to an earlier question, where answers carry no number.
+
+use super::codec::Command;
+
+/// Questions of other kinds than the position's. They yield to a position on the bus, so that none overtakes one.
+pub(super) const KINDS: [Command; 5] =
+    [Command::Current, Command::Warmth, Command::Bus, Command::Torques, Command::Powers];
+/// After so many samples without an answer a question counts as lost, and its kind may be asked again. A drive that has been silent for
+/// half as many is gone.
+const LOST: u32 = 10;
+
+/// A question of another kind, right before the one for the position: a drive answers in order, so that every position that comes before
+/// its answer is one of the past, and every one after it is new. A kind that waits for an answer is not asked again, so that no answer
+/// can be taken for another one of its kind.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Barrier {
+    /// Of each of [`KINDS`]: whether it is answered, and said at no other time.
+    serves: [bool; KINDS.len()],
+    /// Of each: the sample at which it was asked, where the answer is still to come.
+    asked: [Option<u32>; KINDS.len()],
+    /// The one that was asked last.
+    last: usize,
+    sample: u32,
+}
+
+impl Barrier {
+    /// Of those kinds that serve.
+    pub fn new(serves: [bool; KINDS.len()]) -> Self {
+        Barrier { serves, ..Barrier::default() }
+    }
+
+    /// The next sample.
+    pub fn pass(&mut self) {
+        self.sample = self.sample.wrapping_add(1);
+    }
+
+    /// What to ask in this sample; `None`: every kind waits for an answer.
+    pub fn ask(&mut self) -> Option<Command> {
+        let kind = (1..=KINDS.len()).map(|next| (self.last + next) % KINDS.len()).find(|kind| {
+            let waits = self.asked[*kind].is_some_and(|asked| self.sample.wrapping_sub(asked) < LOST);
+            self.serves[*kind] && !waits
+        })?;
+        (self.last, self.asked[kind]) = (kind, Some(self.sample));
+        Some(KINDS[kind])
+    }
+
+    /// An answer has come; `true`: it is that to this sample's question.
+    pub fn is_passed_by(&mut self, answer: Command) -> bool {
+        let Some(kind) = KINDS.iter().position(|kind| *kind == answer) else { return false };
+        let asked = self.asked[kind].take();
+        // What comes unasked once comes so again.
+        self.serves[kind] &= asked.is_some();
+        asked == Some(self.sample)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::VecDeque;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const ALL: [bool; KINDS.len()] = [true; KINDS.len()];
+
+    proptest! {
+        /// However late the answers are and whichever of them are lost: only this sample's own answer passes.
+        #[test]
+        fn no_answer_passes_but_that_to_this_samples_question(late in 0_usize..8, lost in proptest::collection::vec(0_u8..4, 200)) {
+            let mut barrier = Barrier::new(ALL);
+            let mut under_way: VecDeque<Option<(usize, Command)>> = VecDeque::from(vec![None; late]);
+            for (sample, lost) in lost.iter().enumerate() {
+                barrier.pass();
+                let asked = barrier.ask();
+                under_way.push_back(asked.filter(|_| *lost > 0).map(|kind| (sample, kind)));
+                if let Some(Some((of, kind))) = under_way.pop_front() {
+                    prop_assert_eq!(barrier.is_passed_by(kind), of == sample);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_said_unasked_is_no_barrier_any_more() {
+        let mut barrier = Barrier::new(ALL);
+        barrier.pass();
+        assert!(!barrier.is_passed_by(Command::Bus));
+        for _ in 0..20 {
+            barrier.pass();
+            let asked = barrier.ask().unwrap();
+            assert_ne!(asked, Command::Bus);
+            assert!(barrier.is_passed_by(asked));
+        }
+    }
+
+    #[test]
+    fn whoever_never_answers_is_asked_again_after_a_while() {
+        let mut barrier = Barrier::new(ALL);
+        let asked = (0..LOST + 1).filter(|_| {
+            barrier.pass();
+            barrier.ask().is_some()
+        });
+        assert_eq!(asked.count(), KINDS.len() + 1);
+        assert_eq!(Barrier::new([false; KINDS.len()]).ask(), None);
+    }
+}
