@@ -15,7 +15,8 @@ use crate::stretch::Stretch;
 
 /// Of torques that come again so many times a turn and fewer; more average out while the puck turns.
 const MOST_TIMES: u32 = 48;
-/// χ² of two degrees of freedom is above this once in 10^8 times; of the 48 shapes one is once in 10^6 records.
+/// χ² of two degrees of freedom is above this once in 10^8 times. Counted noise is not quite what that supposes: of a thousand random
+/// devices without such a torque two were taken to have one (docs/identify.md).
 const SURELY: f64 = 40.0;
 /// What explains less than this part of the residuals' squares matters to nobody.
 const LEAST: f64 = 0.02;

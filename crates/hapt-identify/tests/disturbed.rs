@@ -9,6 +9,9 @@ use hapt_plant::spec::Rig;
 use proptest::prelude::*;
 use rig::{WHEEL, counted, motion, steps, times};
 
+/// How often a torque comes again in a turn, its size, and the torque at a position.
+type Besides<'a> = (u32, f64, &'a dyn Fn(f64) -> f64);
+
 /// Where a device goes on which a torque acts besides, given by its position.
 fn moved(rig: &Rig, torques: &[f64], besides: impl Fn(f64) -> f64) -> Vec<f64> {
     let mut device = VirtualDevice::new(rig);
@@ -88,7 +91,7 @@ fn what_moves_the_puck_with_its_position_is_seen_for_what_it_is() {
     for seed in 0..6 {
         let mut rng = Rng::with_seed(seed);
         let torques = steps(&mut rng, 4000, 0.1);
-        let besides: [(u32, f64, &dyn Fn(f64) -> f64); 4] = [
+        let besides: [Besides; 4] = [
             (0, 0.4e-3, &|z| -0.4e-3 * z),
             (1, 1.5e-3, &|z| 1.5e-3 * (z - 0.7).sin()),
             (7, 1.5e-3, &|z| 1.5e-3 * (7.0 * z + 0.3).sin()),

@@ -66,7 +66,8 @@ mod here {
         let period = fit.loaded.world.sampling.period;
         link.show(period, if args.log.is_some() { 0.0 } else { SHOWN })?;
         let recorder = recorder(args, &fit)?;
-        let mut run = Run { link, period, link_allows: link_allows(&fit), duration, seen: Seen::default() };
+        let before = if recorder.is_some() { latest(&mut link)? } else { None };
+        let mut run = Run { link, before, period, link_allows: link_allows(&fit), duration, seen: Seen::default() };
         let how = run.until_it_ends(hash, &mut |record| {
             // What finds no room is counted by it.
             recorder.as_ref().map(|recorder| recorder.send(record));
@@ -84,6 +85,15 @@ mod here {
                 Err(Failure::System(format!("the torque was taken away. {} {}", reason.sentence(), reason.remedy())))
             }
         }
+    }
+
+    /// The latest telemetry; waits for one where none is there.
+    fn latest(link: &mut Link) -> Result<Option<Telemetry>, Failure> {
+        let mut latest = link.telemetry(Instant::now() + SILENT)?;
+        while let Some(telemetry) = link.telemetry(Instant::now())? {
+            latest = Some(telemetry);
+        }
+        Ok(latest)
     }
 
     /// How often the board is to hear of us.
@@ -124,6 +134,8 @@ mod here {
 
     struct Run {
         link: Link,
+        /// What was shown last before it is armed: a replay wants to see that.
+        before: Option<Telemetry>,
         /// T in s.
         period: f64,
         link_allows: Duration,
@@ -135,7 +147,7 @@ mod here {
     impl Run {
         /// Arms, keeps the link, disarms; looks at every telemetry, and gives it to `recorder`.
         fn until_it_ends(&mut self, world: u32, recorder: &mut impl FnMut(&Record)) -> Result<How, Failure> {
-            let before = self.link.arm(world)?;
+            let before = self.link.arm(world)?.or(self.before);
             let (mut kept, mut heard) = (Instant::now(), Instant::now());
             let mut shown = Shown::new(0, self.period);
             shown.follows(before);
