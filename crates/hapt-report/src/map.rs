@@ -24,6 +24,8 @@ pub enum Scale {
     Sequential(Vec<f64>),
     /// Blue below 0 and orange above, each darker beyond these sizes, upwards; at most 3.
     Signed(Vec<f64>),
+    /// A few values, the worst first, each with a name and a colour of its own: viridis from the first to the last.
+    Named(&'static [(f64, &'static str)]),
 }
 
 impl Scale {
@@ -60,6 +62,15 @@ impl Scale {
                 let level = sizes.iter().filter(|size| value.abs() >= **size).count();
                 format!("{}{level}", if value > 0.0 { "p" } else { "n" })
             }
+            Scale::Named(names) => format!("m{}", place(names, value) * 8 / (names.len().max(2) - 1)),
+        }
+    }
+
+    /// How much a value is what has to be seen where one cell shows several.
+    fn weight(&self, value: f64) -> f64 {
+        match self {
+            Scale::Named(names) => -(place(names, value) as f64),
+            _ => value.abs(),
         }
     }
 
@@ -83,8 +94,14 @@ impl Scale {
                     .map(|size| (self.class(size.max(f64::MIN_POSITIVE)), format!("above {}", said(*size))));
                 below.chain(above).collect()
             }
+            Scale::Named(names) => names.iter().map(|(value, name)| (self.class(*value), name.to_string())).collect(),
         }
     }
+}
+
+/// Where a value stands among those with names; with the worst where it has none.
+fn place(names: &[(f64, &str)], value: f64) -> usize {
+    names.iter().position(|(named, _)| *named == value).unwrap_or(0)
 }
 
 impl Map {
@@ -107,7 +124,8 @@ impl Map {
         legend
     }
 
-    /// Fewer cells, for a drawing of at most so many columns and rows: of each block the value that is largest in size.
+    /// Fewer cells, for a drawing of at most so many columns and rows: of each block the value that is largest in size, or the worst of those with
+    /// names.
     pub fn reduced(&self, columns: usize, rows: usize) -> Map {
         let step = |have: usize, room: usize| have.div_ceil(room.max(1)).max(1);
         let (dx, dy) = (step(self.columns, columns), step(self.rows(), rows));
@@ -116,7 +134,9 @@ impl Map {
             let (column, row) = (i % columns * dx, i / columns * dy);
             let cells = (row..(row + dy).min(self.rows()))
                 .flat_map(|y| (column..(column + dx).min(self.columns)).map(move |x| (x, y)));
-            cells.filter_map(|(x, y)| self.at(x, y)).max_by(|a, b| a.abs().total_cmp(&b.abs()))
+            cells
+                .filter_map(|(x, y)| self.at(x, y))
+                .max_by(|a, b| self.scale.weight(*a).total_cmp(&self.scale.weight(*b)))
         };
         Map { columns, values: (0..columns * rows).map(block).collect(), ..self.clone() }
     }
@@ -201,6 +221,18 @@ mod tests {
         let small = map.reduced(2, 2);
         assert_eq!((small.columns, small.values.len()), (2, 4));
         assert_eq!(small.values.iter().filter(|v| **v == Some(-9.0)).count(), 1);
+    }
+
+    #[test]
+    fn names_have_a_colour_each_and_of_a_block_the_worst_is_seen() {
+        let scale = Scale::Named(&[(1.0, "unstable"), (0.0, "marginal"), (-1.0, "stable")]);
+        let values = (0..64).map(|i| Some(if i == 27 { 1.0 } else { -1.0 })).collect();
+        let map = Map { columns: 8, values, scale, edge: Some(0.5) }.reduced(2, 2);
+        assert_eq!(map.values.iter().filter(|v| **v == Some(1.0)).count(), 1);
+        let legend = map.legend();
+        // Of the names those that the map has.
+        assert_eq!(legend.iter().map(|(_, name)| name.as_str()).collect::<Vec<_>>(), ["unstable", "stable"]);
+        assert_ne!(legend[0].0, legend[1].0);
     }
 
     #[test]

@@ -113,8 +113,11 @@ fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, mut values: Vec<Option<f64>>) ->
         .fold(None, |range: Option<(f64, f64)>, x| Some(range.map_or((x, x), |(low, high)| (low.min(x), high.max(x)))));
     let edge = edge(sweep.measures[0]);
     let scale = match sweep.measures[0] {
-        // 0 or 1, whichever of them the map has.
-        Measure::Certified => Scale::Sequential(vec![1.0]),
+        // Whichever of them the map has.
+        Measure::Certified => Scale::Named(&[(0.0, "not certified"), (1.0, "certified")]),
+        Measure::HeldVerdict | Measure::FreeVerdict => {
+            Scale::Named(&[(1.0, "unstable"), (0.0, "marginal"), (-1.0, "stable")])
+        }
         _ => Scale::of(numbers),
     };
     let map = Map { columns: fast.count as usize, scale, values, edge };
