@@ -298,7 +298,8 @@ proptest! {
     #[test]
     fn dampers_at_the_puck_cost_their_damping_more_at_most(bench in worlds(Dampers::Fixed, true), x in 0.01..1.9f64, at in 0..3usize) {
         let method = [Method::Zoh, Method::Trapezoidal, Method::BackwardEuler][at];
-        let period = x / fastest(&bench);
+        // Over hours a stiff damper's λ is within 1e-9/s of -1, and counts as on the circle.
+        let period = (x / fastest(&bench)).min(1.0);
         let at_puck = |of: fn(&Law) -> f64| -> f64 {
             bench.couplings.iter().filter(|c| c.first == End::Puck || c.second == End::Puck).map(|c| of(&c.law)).sum()
         };
