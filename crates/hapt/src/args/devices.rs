@@ -9,7 +9,7 @@ pub struct RunArgs {
     #[command(flatten)]
     pub world: WorldArgs,
     /// The device: sim, replay:FILE with the CSV of a run or a log, a drive (moteus:PATH, moteus:canX#ID, odrive:PATH@250k, ...), or
-    /// hapt:PATH[@BAUD] with the serial port of a board that runs the loop.
+    /// hapt:PATH or hapt:PATH@BAUD with the serial port of a board that runs the loop.
     #[arg(long, value_name = "SPEC", default_value = "sim")]
     pub device: String,
     /// The scenario that the simulated device's hand plays once the torque is all there.
@@ -32,7 +32,7 @@ pub struct RunArgs {
 pub struct FlashArgs {
     #[command(flatten)]
     pub world: WorldArgs,
-    /// The board: hapt:PATH[@BAUD] with its serial port.
+    /// The board: hapt:PATH or hapt:PATH@BAUD with its serial port.
     #[arg(long, value_name = "SPEC")]
     pub device: String,
     /// Send a world that is not certified.
