@@ -121,13 +121,34 @@ fn best(record: &Record) -> Option<Fit> {
     let starts = starts(record);
     let with = |offset: bool| {
         let free: Free = [is_driven, true, true, is_driven, offset, true, true];
-        let fits = starts.iter().filter_map(|start| fit(record, *start, free, record.first()));
-        fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))
+        let fits = starts.iter().filter_map(|start| {
+            let start = Puck { offset: if offset { start.offset } else { 0.0 }, ..*start };
+            fit(record, start, free, record.first())
+        });
+        let best = fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))?;
+        // What no puck can have, the one loss below 0 and the other far too large, is where fits get stuck.
+        let shared = shared(record, &best.puck).and_then(|start| fit(record, start, free, record.first()));
+        Some(shared.filter(|fit| fit.normal.squares < best.normal.squares).unwrap_or(best))
     };
     // Of a puck that goes one way friction is a constant torque.
     let offset = if is_driven { with(true).filter(tells_offset) } else { None };
     let late = offset.or_else(|| with(false))?;
     Some(earlier(record, &late).unwrap_or(late))
+}
+
+/// The puck whose one loss is below 0, half of the other's work given to that one; `None` where neither is.
+fn shared(record: &Record, puck: &Puck) -> Option<Puck> {
+    let positions = fitted(record, puck, record.first());
+    let speeds = positions.windows(2).map(|pair| ((pair[1] - pair[0]) / record.period()).powi(2));
+    let speed = (speeds.sum::<f64>() / positions.len() as f64).sqrt();
+    let (damping, friction) = (0.5 * puck.damping, 0.5 * puck.friction);
+    if puck.friction < 0.0 {
+        Some(Puck { damping, friction: damping * speed, ..*puck })
+    } else if puck.damping < 0.0 && speed > 0.0 {
+        Some(Puck { damping: friction / speed, friction, ..*puck })
+    } else {
+        None
+    }
 }
 
 /// Whether the record tells the constant torque from friction.

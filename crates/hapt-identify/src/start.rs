@@ -9,8 +9,10 @@
 //! in which no measured position is differentiated but for the sign s of the velocity. One line a window, for each delay on a grid; the
 //! delay with the least squares counts.
 
+use std::ops::RangeInclusive;
+
 use crate::fit::Normal;
-use crate::puck::{DAMPING, FRICTION, GAIN, PARAMETERS, Puck};
+use crate::puck::{DAMPING, FRICTION, GAIN, OFFSET, PARAMETERS, Puck};
 use crate::record::{LONGEST_DELAY, Record};
 
 /// Lengths of the windows, s: each gives a start.
@@ -35,8 +37,8 @@ pub(crate) struct Begin {
 }
 
 /// Pucks from which a fit may find the best one: of each window the best of all delays, and the one without. On a spring the torque goes
-/// with the position, a delay looks like damping and inertia together, and a fit that starts at a long one stays there. A constant torque
-/// is left to the fit.
+/// with the position, a delay looks like damping and inertia together, and a fit that starts at a long one stays there. And the best with a
+/// constant torque: without it, one that nearly overcomes friction looks like other friction, and a fit may stay there too.
 pub(crate) fn starts(record: &Record) -> Vec<Puck> {
     let glance = glance(record);
     let duration = record.period() * record.times().len() as f64;
@@ -103,18 +105,22 @@ fn of_window(record: &Record, glance: &Glance, length: f64) -> Vec<Puck> {
     let is_driven = record.is_driven();
     let step = (0.5 * record.period()).max(1e-3);
     let delays = if is_driven { (LONGEST_DELAY / step) as usize } else { 0 };
-    let of_delay = |i: usize| {
+    let of_delay = |i: usize, offset: bool| {
         let delay = i as f64 * step;
         let normal = regression(record, glance, length, delay);
-        let p = normal.step([is_driven, true, true, false, false, false, false], 0.0)?;
+        let p = normal.step([is_driven, true, true, false, offset, false, false], 0.0)?;
         let Begin { position, velocity } = glance.begins;
         let (damping, friction) = (p[DAMPING].max(0.0), p[FRICTION].max(0.0));
+        let puck = Puck { gain: p[GAIN], damping, friction, delay, offset: p[OFFSET], position, velocity };
         // Σ (r - p s)² at the solution.
-        Some((normal.left(&p), Puck { gain: p[GAIN], damping, friction, delay, offset: 0.0, position, velocity }))
+        Some((normal.left(&p), puck))
     };
-    let at_once = of_delay(0).map(|(_, puck)| puck);
-    let best = (1..=delays).filter_map(of_delay).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, puck)| puck);
-    at_once.into_iter().chain(best).collect()
+    let best = |delays: RangeInclusive<usize>, offset: bool| {
+        let pucks = delays.filter_map(|i| of_delay(i, offset));
+        pucks.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, puck)| puck)
+    };
+    let with_offset = if is_driven { best(0..=delays, true) } else { None };
+    [best(0..=0, false), best(1..=delays, false), with_offset].into_iter().flatten().collect()
 }
 
 /// A line a window.
@@ -141,6 +147,7 @@ fn regression(record: &Record, glance: &Glance, length: f64, delay: f64) -> Norm
             row[GAIN] += w * torques[i] * s.abs();
             row[DAMPING] += w1 * z;
             row[FRICTION] -= w * s;
+            row[OFFSET] += w * s.abs();
         }
         normal.add(&row, right);
         centre += (half / 2).max(1);
