@@ -24,7 +24,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 
 const USAGE: &str = "\
-cargo xtask test      format, lints, tests in debug and release, docs, every world file, proofs, documents
+cargo xtask test      format, lints, tests, docs, every world file, proofs, documents
 cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md

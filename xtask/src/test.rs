@@ -1,12 +1,10 @@
 //! `cargo xtask test`: everything that has to hold before a change lands.
 //!
-//! Every test runs in debug, where overflow and assertions are checked. What optimisation may break is looked at again:
-//! - The crates that the loop is made of ([`LOOP`]) run their tests in release too. What they claim is bits, allocations and waits.
-//! - The program that ships, optimised across its crates, runs all tests of the command line, every world (the bytes are those of
-//!   debug), the page in a browser, and the book.
-//!
-//! The other crates' own tests are not run a second time: they claim what one language means in both builds.
+//! Every test runs once, in the profile `tested`: optimised as what ships, with assertions and overflow checks. The program that
+//! ships, optimised across its crates and without these checks, is built once: it runs every world (its bytes are those of `tested`),
+//! the page in a browser, the tests of the command line's first steps and bad inputs, and the book.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -17,8 +15,8 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{book, faults, figure, fuzz, guest, identify, memory, notes, page, supply, truth};
 
-/// What runs between two samples: from the encoder's count to the motor's torque, on the exact device, and on a board.
-const LOOP: [&str; 6] = ["hapt-core", "hapt-plant", "hapt-rt", "hapt-sim", "hapt-station", "hapt-wire"];
+/// The one in which every test is built, xtask too (`.cargo/config.toml`).
+pub const PROFILE: &str = "tested";
 
 /// What has passed and failed so far.
 struct Tally {
@@ -33,15 +31,14 @@ pub fn run() -> Result<()> {
     let mut tally = Tally { passed: 0, failed: 0, since: started };
     tally.step("format", cargo("fmt --all --check", ""));
     tally.step("lints", cargo("clippy --workspace --all-targets -- -D warnings", ""));
-    tally.tests("tests in debug", &mut tests(&["--workspace"]))?;
-    let packages = LOOP.map(|package| ["--package", package]).concat();
-    tally.tests("tests of the loop in release", tests(&["--profile", "tested"]).args(packages))?;
+    // Its last link is one long thread of work: it runs beside the tests, in a folder of its own.
+    let shipped = Beside::start("target/shipped.log", env!("CARGO"), &["build", "--package", "hapt", "--release"])?;
+    tally.tests("tests", &mut tests(&["--workspace", "--profile", PROFILE]))?;
     tally.step("documentation", cargo("doc --workspace --no-deps", "-D warnings"));
-    // Debug's program is there: its tests wanted it.
-    tally.step("the program that ships", cargo("build --package hapt --release", ""));
+    tally.step("the program that ships", shipped.end());
     let program = std::path::absolute(binary("release").get_program())?;
-    let mut with_it = tests(&["--workspace", "--test", "cli", "--test", "bad_inputs"]);
-    tally.tests("tests of the command line with it", with_it.env("HAPT_PROGRAM", program))?;
+    let mut with_it = tests(&["--package", "hapt", "--profile", PROFILE, "--test", "bad_inputs"]);
+    tally.tests("bad inputs with it", with_it.env("HAPT_PROGRAM", program))?;
     for world in worlds(Path::new("worlds"))? {
         tally.step(&world.display().to_string(), same_bytes(&world));
     }
@@ -51,7 +48,7 @@ pub fn run() -> Result<()> {
     tally.step("the page works in a browser", page::works());
     tally.step("drives on a CAN bus", guest::drives());
     // Only here: the steps above may install packages, which one alone can do at a time.
-    let firmware = Beside::start("target/firmware.log", &["firmware", "holds"])?;
+    let firmware = Beside::start("target/firmware.log", std::env::current_exe()?, &["firmware", "holds"])?;
     tally.step("fuzzing finds nothing in a few seconds", fuzz::is_quiet());
     tally.step("the certificate holds against brute force", truth::holds());
     tally.step("the supervisor catches faults, and nothing else", faults::are_caught());
@@ -116,8 +113,7 @@ impl Tally {
     }
 }
 
-/// A command of xtask beside the steps that follow, which leave a core to it as it leaves one to them. What it says is kept until
-/// its end.
+/// A command beside the steps that follow, which leave a core to it as it leaves one to them. Its output is kept until its end.
 struct Beside {
     child: Child,
     log: &'static str,
@@ -125,10 +121,10 @@ struct Beside {
 }
 
 impl Beside {
-    fn start(log: &'static str, arguments: &[&str]) -> Result<Beside> {
+    fn start(log: &'static str, program: impl AsRef<OsStr>, arguments: &[&str]) -> Result<Beside> {
         fs::create_dir_all("target")?;
         let said = fs::File::create(log)?;
-        let mut command = Command::new(std::env::current_exe()?);
+        let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::null()).stdout(said.try_clone()?).stderr(said);
         Ok(Beside { child: command.spawn()?, log, since: Instant::now() })
     }
@@ -187,11 +183,11 @@ pub fn worlds(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Debug and release write the same bytes of every scenario and of the verdict, and release does so twice.
+/// The tested and the shipped program write the same bytes of every scenario and of the verdict, and the latter does so twice.
 fn same_bytes(world: &Path) -> Result<()> {
     let scratch = PathBuf::from("target/worlds");
     let mut runs = Vec::new();
-    for (i, build) in ["debug", "release", "release"].into_iter().enumerate() {
+    for (i, build) in [PROFILE, "release", "release"].into_iter().enumerate() {
         let out = scratch.join(i.to_string()).join(world.file_stem().context("a name")?);
         if out.exists() {
             fs::remove_dir_all(&out)?;
@@ -211,7 +207,7 @@ fn same_bytes(world: &Path) -> Result<()> {
         files.push(("the verdict".into(), check.stdout));
         runs.push(files);
     }
-    ensure!(runs[0] == runs[1], "debug and release differ");
+    ensure!(runs[0] == runs[1], "the tested program and the one that ships differ");
     ensure!(runs[1] == runs[2], "two runs differ");
     Ok(())
 }

@@ -168,7 +168,7 @@ impl Ended {
 }
 
 fn hapt_program() -> Result<PathBuf> {
-    let program = PathBuf::from(binary("debug").get_program());
+    let program = PathBuf::from(binary(crate::test::PROFILE).get_program());
     program.canonicalize().with_context(|| program.display().to_string())
 }
 
