@@ -46,7 +46,10 @@ impl<F: Real> Sensor<F> {
         let Some(mut last) = memory.last.filter(|_| self.count == before.count) else { return Memory::EMPTY };
         // Where the puck, at its velocity, was one new period ago.
         last.position += shorter * last.velocity;
-        let foaw = |sensor: &Self| matches!(sensor.velocity, Some(Velocity::Foaw { .. }));
+        let foaw = |sensor: &Self| match sensor.velocity {
+            Some(Velocity::Foaw { .. }) => true,
+            None | Some(Velocity::Difference | Velocity::LowPass { .. }) => false,
+        };
         if foaw(self) && foaw(before) && shorter == F::ZERO {
             return Memory { last: Some(last), ..*memory };
         }

@@ -124,7 +124,7 @@ impl<const B: usize> Network<B> {
 pub(crate) fn compensated(couplings: &[Coupling], damper: &Coupling) -> Option<f64> {
     let grounded = match (damper.first, damper.second) {
         (body @ End::Body(_), End::Ground) | (End::Ground, body @ End::Body(_)) => Some(body),
-        _ => None,
+        (End::Puck, _) | (End::Ground, End::Puck | End::Ground) | (End::Body(_), End::Puck | End::Body(_)) => None,
     };
     couplings
         .iter()
@@ -135,10 +135,7 @@ pub(crate) fn compensated(couplings: &[Coupling], damper: &Coupling) -> Option<f
                     || (spring.second, spring.first) == (damper.first, damper.second)
             }
         })
-        .filter_map(|spring| match spring.law.unclamped() {
-            Law::Spring { stiffness, .. } => Some(stiffness),
-            _ => None,
-        })
+        .filter_map(|spring| spring.law.spring())
         .fold(None, |sum, stiffness| Some(sum.unwrap_or(0.0) + stiffness))
 }
 
@@ -163,7 +160,7 @@ fn check(spec: &Spec) -> Result<(), Error> {
     }
     for (index, coupling) in spec.couplings.iter().enumerate() {
         for end in [coupling.first, coupling.second] {
-            if matches!(end, End::Body(i) if i >= spec.bodies.len()) {
+            if end.body().is_some_and(|i| i >= spec.bodies.len()) {
                 return Err(Error::NoSuchBody { coupling: index });
             }
         }
@@ -215,13 +212,14 @@ fn check_law(law: &Law) -> Result<(), Error> {
 /// their torques, where LuGre's bristle has no such step. The methods that take the new sample first would have it from the
 /// start of the step, where it makes energy, and refuse it, a constant too.
 fn check_method(method: Method, index: usize, coupling: &Coupling) -> Result<(), Error> {
-    let at_body = matches!(coupling.first, End::Body(_)) || matches!(coupling.second, End::Body(_));
     let refused = match coupling.law {
         Law::Spring { .. } | Law::Damper { .. } => false,
         Law::Lugre { .. } => !method.is_explicit(),
-        _ => method.takes_new_sample_first(),
+        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Constant { .. } | Law::Clamped { .. } => {
+            method.takes_new_sample_first()
+        }
     };
-    if at_body && refused { Err(Error::Unsupported { coupling: index, method }) } else { Ok(()) }
+    if coupling.is_at_body() && refused { Err(Error::Unsupported { coupling: index, method }) } else { Ok(()) }
 }
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
@@ -248,8 +246,8 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 
         let mut nonlinear = [None; C];
         for (index, (place, coupling)) in nonlinear.iter_mut().zip(spec.couplings).enumerate() {
-            let follows = matches!(coupling.law.unclamped(), Law::Damper { damping: Damping::Compensating });
-            let springs = if follows { compensated(spec.couplings, coupling) } else { Some(0.0) };
+            let springs =
+                if coupling.law.is_compensating() { compensated(spec.couplings, coupling) } else { Some(0.0) };
             let compensating = spec.period * springs.ok_or(Error::NoSpring { coupling: index })?;
             *place = Nonlinear::<F>::new(coupling, compensating);
         }

@@ -64,7 +64,11 @@ impl<F: Real> Nonlinear<F> {
                 let depth = direction * (start - at);
                 depth <= F::ZERO && depth + direction * distance <= F::ZERO
             }
-            _ => false,
+            Curve::Spring { .. }
+            | Curve::Damper { .. }
+            | Curve::Detent { .. }
+            | Curve::Coulomb { .. }
+            | Curve::Lugre(_) => false,
         }
     }
 

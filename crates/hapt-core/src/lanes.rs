@@ -279,7 +279,7 @@ fn velocity<const N: usize, const B: usize, const C: usize, const W: usize>(
     } else {
         let low_pass = |world: &Loop<f64, B, C, W>| match of(world) {
             Some(Velocity::LowPass { keep, gain }) => Some([keep, gain]),
-            _ => None,
+            None | Some(Velocity::Difference | Velocity::Foaw { .. }) => None,
         };
         let part = |i: usize| each_or_none(worlds, |world| low_pass(world).map(|parts| parts[i])).flatten();
         Some(Some(Velocity::LowPass { keep: part(0)?, gain: part(1)? }))

@@ -38,6 +38,8 @@
 #![forbid(unsafe_code)]
 // Matrices are read by their indices, as on paper.
 #![allow(clippy::needless_range_loop)]
+// A law, method, reason or end that is new has to be answered for everywhere: no arm takes it by default.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 mod actuate;
 #[cfg(feature = "serde")]

@@ -2,6 +2,7 @@
 
 use crate::contact::within;
 use crate::friction::Lugre;
+use crate::spec::sign_at_puck;
 use crate::{Clampable, Coupling, Damping, End, Law, Real, Side, Vector};
 
 /// The torque on the first end as a function of q and q̇.
@@ -103,21 +104,25 @@ impl<F: Real> Nonlinear<F> {
 
     /// Whether a body stands at either end.
     pub fn at_body(&self) -> bool {
-        matches!(self.first, End::Body(_)) || matches!(self.second, End::Body(_))
+        self.first.body().is_some() || self.second.body().is_some()
     }
 
     /// Whether the law alone does not say its torque: Coulomb friction at a body, whose torque a discrete-gradient step finds.
     pub fn is_found(&self) -> bool {
-        matches!(self.curve, Curve::Coulomb { .. }) && self.at_body()
+        let is_found = match self.curve {
+            Curve::Coulomb { .. } => true,
+            Curve::Wall { .. }
+            | Curve::Spring { .. }
+            | Curve::Damper { .. }
+            | Curve::Detent { .. }
+            | Curve::Lugre(_) => false,
+        };
+        is_found && self.at_body()
     }
 
     /// The sign of this coupling's torque on the puck; 0 when it is not tied to it.
     pub fn sign_at_puck(&self) -> F {
-        match (self.first, self.second) {
-            (End::Puck, _) => F::ONE,
-            (_, End::Puck) => -F::ONE,
-            _ => F::ZERO,
-        }
+        F::from_f64(sign_at_puck(self.first, self.second))
     }
 
     /// q and q̇ with the puck and the bodies as given.
@@ -140,7 +145,11 @@ impl<F: Real> Nonlinear<F> {
     pub fn bend(&self, bristle: F, q: Relative<F>, t: F) -> F {
         match self.curve {
             Curve::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
-            _ => bristle,
+            Curve::Wall { .. }
+            | Curve::Spring { .. }
+            | Curve::Damper { .. }
+            | Curve::Detent { .. }
+            | Curve::Coulomb { .. } => bristle,
         }
     }
 

@@ -15,6 +15,24 @@ pub enum End {
     Body(usize),
 }
 
+impl End {
+    /// The index of the body that it is; `None` for the puck and ground.
+    pub const fn body(self) -> Option<usize> {
+        match self {
+            End::Body(index) => Some(index),
+            End::Puck | End::Ground => None,
+        }
+    }
+
+    /// Whether it is the puck.
+    pub const fn is_puck(self) -> bool {
+        match self {
+            End::Puck => true,
+            End::Ground | End::Body(_) => false,
+        }
+    }
+}
+
 /// A virtual inertia.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -38,6 +56,22 @@ pub struct Coupling {
     pub second: End,
     /// The torque as a function of q and q̇.
     pub law: Law,
+}
+
+impl Coupling {
+    /// Whether a body stands at either end.
+    pub const fn is_at_body(&self) -> bool {
+        self.first.body().is_some() || self.second.body().is_some()
+    }
+}
+
+/// The sign with which the torque of a coupling between these ends stands on the puck; 0 where it is not tied to it.
+pub(crate) const fn sign_at_puck(first: End, second: End) -> f64 {
+    match (first.is_puck(), second.is_puck()) {
+        (true, false) => 1.0,
+        (false, true) => -1.0,
+        (true, true) | (false, false) => 0.0,
+    }
 }
 
 /// The torque of a coupling on its first end, in N·m (linear: N), for q in rad (linear: m).
@@ -149,7 +183,42 @@ impl Law {
             Law::Clamped { law: Clampable::Wall { side, at, stiffness, damping }, .. } => {
                 Law::Wall { side, at, stiffness, damping }
             }
-            law => law,
+            Law::Spring { .. }
+            | Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. } => self,
+        }
+    }
+
+    /// The stiffness of a spring, clamped or not, in N·m/rad (linear: N/m); `None` for every other law.
+    pub const fn spring(self) -> Option<f64> {
+        match self.unclamped() {
+            Law::Spring { stiffness, .. } => Some(stiffness),
+            Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => None,
+        }
+    }
+
+    /// Whether it is a damper, clamped or not, whose damping follows the springs beside it.
+    pub const fn is_compensating(self) -> bool {
+        match self.unclamped() {
+            Law::Damper { damping: Damping::Compensating } => true,
+            Law::Spring { .. }
+            | Law::Damper { damping: Damping::Fixed(_) }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => false,
         }
     }
 
@@ -159,7 +228,11 @@ impl Law {
             Law::Spring { stiffness, rest } => Clampable::Spring { stiffness, rest },
             Law::Damper { damping } => Clampable::Damper { damping },
             Law::Wall { side, at, stiffness, damping } => Clampable::Wall { side, at, stiffness, damping },
-            _ => return None,
+            Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => return None,
         };
         Some(Law::Clamped { law, limit })
     }
@@ -238,17 +311,31 @@ impl Method {
     /// Whether the method takes the new sample first and the torque from x_k afterwards (`tustin`, `foh`); the others hold
     /// u_k over the coming step.
     pub const fn takes_new_sample_first(self) -> bool {
-        matches!(self, Method::Tustin | Method::Foh)
+        match self {
+            Method::Tustin | Method::Foh => true,
+            Method::ForwardEuler
+            | Method::BackwardEuler
+            | Method::SemiImplicitEuler
+            | Method::Trapezoidal
+            | Method::Zoh
+            | Method::Rk4 => false,
+        }
     }
 
     /// Whether a body's nonlinear torque is found so that the step gains no energy (the discrete-gradient step).
     pub const fn finds_torques(self) -> bool {
-        matches!(self, Method::Zoh | Method::Trapezoidal | Method::BackwardEuler)
+        match self {
+            Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => true,
+            Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
+        }
     }
 
     /// Whether the rule evaluates a body's nonlinear torque where it stands (the explicit ones).
     pub const fn is_explicit(self) -> bool {
-        matches!(self, Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4)
+        match self {
+            Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 => true,
+            Method::BackwardEuler | Method::Trapezoidal | Method::Zoh | Method::Tustin | Method::Foh => false,
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use hapt_analysis::proposal::unit;
 use hapt_model::keys::{KEYS, Key, Measure, Range, Takes};
 use hapt_model::{
-    Coupling, End, Error, EstimatorKind, Law, Method, Motion, Output, Parameter, Source, World, parameters,
+    Coupling, CouplingKind, End, Error, EstimatorKind, Method, Motion, Output, Parameter, Source, World, parameters,
     parse_quantity,
 };
 
@@ -49,7 +49,10 @@ fn is_shown(path: &str) -> bool {
 fn counts(world: &World, path: &str) -> bool {
     let sampling = &world.sampling;
     match path {
-        "loop.window" => matches!(sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest),
+        "loop.window" => match sampling.estimator {
+            EstimatorKind::Foaw | EstimatorKind::FoawBest => true,
+            EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::LowPass => false,
+        },
         "loop.cutoff" => sampling.estimator == EstimatorKind::LowPass,
         "loop.advance" => sampling.output == Output::End,
         _ => true,
@@ -149,14 +152,7 @@ fn row(world: &World, path: &str) -> Option<&'static Key> {
 
 /// A coupling's kind in world files.
 pub fn kind(coupling: &Coupling) -> &'static str {
-    match coupling.law.unclamped() {
-        Law::Spring { .. } => "spring",
-        Law::Damper { .. } => "damper",
-        Law::Wall { .. } => "wall",
-        Law::Detent { .. } => "detent",
-        Law::Coulomb { .. } | Law::Lugre { .. } => "friction",
-        Law::Constant { .. } | Law::Clamped { .. } => "constant",
-    }
+    CouplingKind::of(&coupling.law).name()
 }
 
 /// An end's name in world files.
@@ -221,7 +217,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
             let size = size.max(2.0 * about.abs());
             (-size, size, false)
         }
-        _ => (0.0, size, false),
+        Range::ZeroOrMore | Range::Positive => (0.0, size, false),
     }
 }
 

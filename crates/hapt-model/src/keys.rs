@@ -5,6 +5,7 @@
 use hapt_core::{Method, Output, Side};
 
 use crate::dimension::Dimension;
+use crate::kinds::{CouplingKind, HandKind, ShapeKind};
 use crate::words;
 use crate::world::{EstimatorKind, Motion};
 
@@ -155,7 +156,16 @@ impl Measure {
         match self {
             // N m is both, and a dimension has one name.
             Measure::Energy => "an energy (J)".to_string(),
-            _ => self.dimension(motion).to_string(),
+            Measure::Time
+            | Measure::Frequency
+            | Measure::Angle
+            | Measure::Position
+            | Measure::Velocity
+            | Measure::Torque
+            | Measure::Stiffness
+            | Measure::Damping
+            | Measure::Inertia
+            | Measure::Ratio => self.dimension(motion).to_string(),
         }
     }
 
@@ -280,9 +290,6 @@ const ESTIMATORS: &[&str] = &[
     EstimatorKind::FoawBest.name(),
 ];
 const MOTIONS: &[&str] = &[Motion::Rotary.name(), Motion::Linear.name()];
-const COUPLINGS: &[&str] = &["spring", "damper", "wall", "detent", "friction", "constant"];
-const SHAPES: &[&str] = &["step", "ramp", "sine", "path"];
-const HANDS: &[&str] = &["step", "ramp", "sine", "path", "torque", "grip"];
 
 /// The name of a wall's side in world files.
 pub(crate) const fn side_name(side: Side) -> &'static str {
@@ -359,7 +366,7 @@ pub const KEYS: &[Key] = &[
     key("bodies.*.velocity", Quantity(Velocity, Any), Number(0.0), "How fast it is at first."),
 
     key("couplings", List { most: 64, what: "coupling" }, Optional, "The massless elements between puck, bodies and ground."),
-    key("couplings.*.kind", Takes::Name(COUPLINGS), Required, "Its law."),
+    key("couplings.*.kind", Takes::Name(CouplingKind::NAMES), Required, "Its law."),
     key("couplings.*.between", Ends, Required,
         "Its two ends: \"puck\", \"ground\" or bodies. It acts on q, the first as seen from the second; its torque stands on the first."),
     key("couplings.*.stiffness", Quantity(Stiffness, ZeroOrMore), Required, "Torque per q; of a wall, inside.").of(&["spring", "wall"]),
@@ -423,7 +430,7 @@ pub const KEYS: &[Key] = &[
     key("scenarios", SCENARIOS, Optional, "What is simulated, by name."),
     key("scenarios.*.duration", Quantity(Time, Positive), Required, "How long; at most 10^10 samples."),
     key("scenarios.*.hand", Table, Required, "The human: what drives the puck."),
-    key("scenarios.*.hand.kind", Takes::Name(HANDS), Required,
+    key("scenarios.*.hand.kind", Takes::Name(HandKind::NAMES), Required,
         "A shape (step, ramp, sine, path) prescribes the puck's position; torque pushes it, grip holds it through a spring and a damper."),
     key("scenarios.*.hand.release", Quantity(Time, ZeroOrMore), Optional, "From this instant on the hand is gone; absent: it stays."),
     key("scenarios.*.hand.to", Quantity(Position, Any), Required, "Where the puck goes.").of(&["step", "ramp"]),
@@ -443,7 +450,7 @@ pub const KEYS: &[Key] = &[
         "How long it is open: spring and damper are gone, the inertia stays with the puck.").of(&["grip"]),
     key("scenarios.*.hand.moves", Table, Required, "The torque as a shape.").of(&["torque"]),
     key("scenarios.*.hand.moves", Table, Required, "The intended motion as a shape.").of(&["grip"]),
-    key("scenarios.*.hand.moves.kind", Takes::Name(SHAPES), Required, "The shape."),
+    key("scenarios.*.hand.moves.kind", Takes::Name(ShapeKind::NAMES), Required, "The shape."),
     key("scenarios.*.hand.moves.to", Quantity(Torque, Any), Required, "Where the torque goes.").of(&["step", "ramp"]).under(&["torque"]),
     key("scenarios.*.hand.moves.to", Quantity(Position, Any), Required, "Where the intended motion goes.").of(&["step", "ramp"]).under(&["grip"]),
     key("scenarios.*.hand.moves.at", Quantity(Time, ZeroOrMore), Number(0.0), "When the step comes or the ramp starts.").of(&["step", "ramp"]),
@@ -464,7 +471,7 @@ mod tests {
 
     #[test]
     fn one_row_at_most_speaks_for_a_key_of_a_kind() {
-        let kinds = || [None].into_iter().chain(COUPLINGS.iter().chain(HANDS).map(Some));
+        let kinds = || [None].into_iter().chain(CouplingKind::NAMES.iter().chain(HandKind::NAMES).map(Some));
         for row in KEYS {
             for kind in kinds() {
                 for hand in [None, Some("torque"), Some("grip")] {
@@ -475,6 +482,19 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    /// A row of a kind that nothing reads would be a key without a meaning.
+    #[test]
+    fn every_kind_that_a_row_names_is_one_that_its_table_takes() {
+        for row in KEYS {
+            let of = |table: &str| rows(table).find(|row| row.name() == "kind").map(|row| row.takes);
+            if !row.kinds.is_empty() {
+                let Some(Takes::Name(names)) = of(row.table()) else { panic!("{} has no kind beside it", row.path) };
+                assert!(row.kinds.iter().all(|kind| names.contains(kind)), "{} of {:?}", row.path, row.kinds);
+            }
+            assert!(row.hands.iter().all(|hand| HandKind::NAMES.contains(hand)), "{} under {:?}", row.path, row.hands);
         }
     }
 

@@ -1,9 +1,12 @@
 //! Every number of a world under its key's name: what the writer writes, and what a sweep changes.
 
+#![warn(clippy::wildcard_enum_match_arm)]
+
 use hapt_core::{Body, Clampable, Damping, Law};
 use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
 use crate::keys::{self, Key};
+use crate::kinds::{CouplingKind, HandKind, ShapeKind};
 use crate::safety::Safety;
 use crate::world::{Device, Mounting, Sampling, World};
 
@@ -100,63 +103,61 @@ pub(crate) fn body(body: &mut Body) -> Slots<'_> {
 
 /// A law's kind and its numbers; a compensating damper's damping is none.
 pub(crate) fn law(law: &mut Law) -> (&'static str, Slots<'_>) {
-    match law {
+    let kind = CouplingKind::of(law).name();
+    let slots = match law {
         Law::Clamped { law, limit } => {
-            let (kind, mut slots) = clampable(law);
+            let mut slots = clampable(law);
             slots.push(("limit", Number(limit)));
-            (kind, slots)
+            slots
         }
-        Law::Spring { stiffness, rest } => ("spring", vec![("stiffness", Number(stiffness)), ("rest", Number(rest))]),
-        Law::Damper { damping: Damping::Fixed(damping) } => ("damper", vec![("damping", Number(damping))]),
-        Law::Damper { damping: Damping::Compensating } => ("damper", Vec::new()),
+        Law::Spring { stiffness, rest } => vec![("stiffness", Number(stiffness)), ("rest", Number(rest))],
+        Law::Damper { damping: Damping::Fixed(damping) } => vec![("damping", Number(damping))],
+        Law::Damper { damping: Damping::Compensating } => Vec::new(),
         Law::Wall { side: _, at, stiffness, damping } => {
-            ("wall", vec![("at", Number(at)), ("stiffness", Number(stiffness)), ("damping", Number(damping))])
+            vec![("at", Number(at)), ("stiffness", Number(stiffness)), ("damping", Number(damping))]
         }
         Law::Detent { torque, pitch, phase } => {
-            ("detent", vec![("torque", Number(torque)), ("pitch", Number(pitch)), ("phase", Number(phase))])
+            vec![("torque", Number(torque)), ("pitch", Number(pitch)), ("phase", Number(phase))]
         }
-        Law::Coulomb { torque } => ("friction", vec![("torque", Number(torque))]),
-        Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => (
-            "friction",
-            vec![
-                ("coulomb", Number(coulomb)),
-                ("stribeck", Number(stribeck)),
-                ("stribeck_velocity", Number(stribeck_velocity)),
-                ("bristle_stiffness", Number(bristle_stiffness)),
-                ("bristle_damping", Number(bristle_damping)),
-                ("viscous", Number(viscous)),
-            ],
-        ),
-        Law::Constant { torque } => ("constant", vec![("torque", Number(torque))]),
-    }
+        Law::Coulomb { torque } => vec![("torque", Number(torque))],
+        Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => vec![
+            ("coulomb", Number(coulomb)),
+            ("stribeck", Number(stribeck)),
+            ("stribeck_velocity", Number(stribeck_velocity)),
+            ("bristle_stiffness", Number(bristle_stiffness)),
+            ("bristle_damping", Number(bristle_damping)),
+            ("viscous", Number(viscous)),
+        ],
+        Law::Constant { torque } => vec![("torque", Number(torque))],
+    };
+    (kind, slots)
 }
 
-fn clampable(law: &mut Clampable) -> (&'static str, Slots<'_>) {
+fn clampable(law: &mut Clampable) -> Slots<'_> {
     match law {
-        Clampable::Spring { stiffness, rest } => {
-            ("spring", vec![("stiffness", Number(stiffness)), ("rest", Number(rest))])
-        }
-        Clampable::Damper { damping: Damping::Fixed(damping) } => ("damper", vec![("damping", Number(damping))]),
-        Clampable::Damper { damping: Damping::Compensating } => ("damper", Vec::new()),
+        Clampable::Spring { stiffness, rest } => vec![("stiffness", Number(stiffness)), ("rest", Number(rest))],
+        Clampable::Damper { damping: Damping::Fixed(damping) } => vec![("damping", Number(damping))],
+        Clampable::Damper { damping: Damping::Compensating } => Vec::new(),
         Clampable::Wall { side: _, at, stiffness, damping } => {
-            ("wall", vec![("at", Number(at)), ("stiffness", Number(stiffness)), ("damping", Number(damping))])
+            vec![("at", Number(at)), ("stiffness", Number(stiffness)), ("damping", Number(damping))]
         }
     }
 }
 
 /// A hand's kind and its numbers, those of `moves` apart.
 pub(crate) fn hand(hand: &mut Hand) -> (&'static str, Slots<'_>) {
+    let kind = HandKind::of(&hand.drive).name();
     let release = ("release", Optional(&mut hand.release));
-    let (kind, mut slots) = match &mut hand.drive {
-        Drive::Position(moves) => shape(moves),
-        Drive::Torque(_) => ("torque", Vec::new()),
+    let mut slots = match &mut hand.drive {
+        Drive::Position(moves) => shape(moves).1,
+        Drive::Torque(_) => Vec::new(),
         Drive::Grip { inertia, damping, stiffness, moves: _, switching } => {
             let mut slots =
                 vec![("inertia", Number(inertia)), ("damping", Number(damping)), ("stiffness", Number(stiffness))];
             if let Some(Switching { hold, open }) = switching {
                 slots.extend([("hold", Number(hold)), ("open", Number(open))]);
             }
-            ("grip", slots)
+            slots
         }
     };
     slots.push(release);
@@ -173,14 +174,16 @@ pub(crate) fn moves(hand: &mut Hand) -> Option<&mut Shape> {
 
 /// A shape's kind and its numbers.
 pub(crate) fn shape(shape: &mut Shape) -> (&'static str, Slots<'_>) {
-    match shape {
-        Shape::Step { to, at } => ("step", vec![("to", Number(to)), ("at", Number(at))]),
-        Shape::Ramp { to, at, over } => ("ramp", vec![("to", Number(to)), ("at", Number(at)), ("over", Number(over))]),
+    let kind = ShapeKind::of(shape).name();
+    let slots = match shape {
+        Shape::Step { to, at } => vec![("to", Number(to)), ("at", Number(at))],
+        Shape::Ramp { to, at, over } => vec![("to", Number(to)), ("at", Number(at)), ("over", Number(over))],
         Shape::Sine { amplitude, frequency, phase } => {
-            ("sine", vec![("amplitude", Number(amplitude)), ("frequency", Number(frequency)), ("phase", Number(phase))])
+            vec![("amplitude", Number(amplitude)), ("frequency", Number(frequency)), ("phase", Number(phase))]
         }
-        Shape::Path { .. } => ("path", Vec::new()),
-    }
+        Shape::Path { .. } => Vec::new(),
+    };
+    (kind, slots)
 }
 
 /// The slots of a table, its place in the table of keys, its kind, and the kind of the hand around it.
@@ -343,10 +346,7 @@ mod tests {
                 assert!(parameter.si.is_none(), "{} is a number", parameter.path);
                 continue;
             };
-            let value = match key.takes {
-                Takes::Whole { step, .. } => 4.0 * step as f64,
-                _ => 0.75,
-            };
+            let value = if let Takes::Whole { step, .. } = key.takes { 4.0 * step as f64 } else { 0.75 };
             let mut changed = world.clone();
             assert!(changed.set_number(&parameter.path, value), "{}", parameter.path);
             let read = World::read(&source, &[format!("{}={value}", parameter.path)]);

@@ -1,5 +1,7 @@
 //! From the tree to the [`World`]: what the table of keys cannot say alone.
 
+#![warn(clippy::wildcard_enum_match_arm)]
+
 use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side};
 use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
@@ -7,6 +9,7 @@ use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
 use crate::keys;
+use crate::kinds::{CouplingKind, HandKind, ShapeKind};
 use crate::path::{self, Carries};
 use crate::safety::Safety;
 use crate::source::Source;
@@ -30,7 +33,7 @@ impl World {
         let root =
             Context { document: &document, motion: Motion::Rotary, pattern: "", path: String::new(), hand: None };
         let top = Fields::new(root, Some(&document.root))?;
-        let motion = if top.name("motion") == Some(Motion::Linear.name()) { Motion::Linear } else { Motion::Rotary };
+        let motion = one_of(&top, "motion", &Motion::ALL, Motion::name)?.ok_or_else(|| top.missing("motion"))?;
         let table = |name: &'static str| Context { motion, ..top.inner(name, name) };
 
         let sampling = sampling(&Fields::new(table("loop"), top.node("loop"))?)?;
@@ -91,13 +94,30 @@ impl World {
     }
 }
 
+/// The one of `all` whose name the key has; `None` where the file has no such key, nor the table a default for it. A name that the table
+/// of keys takes and none of these has is an error, and not another's.
+fn one_of<T: Copy>(fields: &Fields<'_>, key: &str, all: &[T], name: fn(T) -> &'static str) -> Result<Option<T>, Error> {
+    let Some(given) = fields.name(key) else { return Ok(None) };
+    let found = all.iter().copied().find(|one| name(*one) == given);
+    found.map(Some).ok_or_else(|| fields.error(ErrorKind::Unsupported, key, nothing_reads(given)))
+}
+
+/// The table's kind. As [`one_of`].
+fn kind<K>(fields: &Fields<'_>, from_name: fn(&str) -> Option<K>) -> Result<K, Error> {
+    let given = fields.kind.ok_or_else(|| fields.missing("kind"))?;
+    from_name(given).ok_or_else(|| fields.error(ErrorKind::Unsupported, "kind", nothing_reads(given)))
+}
+
+fn nothing_reads(name: &str) -> String {
+    format!("this version of hapt does not know what {} means", words::quoted(name))
+}
+
 fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
-    let name = fields.name("method").unwrap_or_default();
-    let method = Method::ALL.into_iter().find(|method| method.name() == name).unwrap_or(Method::Zoh);
-    let name = fields.name("estimator").unwrap_or_default();
-    let estimator = EstimatorKind::ALL.into_iter().find(|kind| kind.name() == name).unwrap_or_default();
+    let method = one_of(fields, "method", &Method::ALL, Method::name)?.ok_or_else(|| fields.missing("method"))?;
+    let estimator = one_of(fields, "estimator", &EstimatorKind::ALL, EstimatorKind::name)?;
+    let estimator = estimator.ok_or_else(|| fields.missing("estimator"))?;
     let usual = if method.takes_new_sample_first() { Output::Start } else { Output::End };
-    let output = Output::ALL.into_iter().find(|output| Some(output.name()) == fields.name("output")).unwrap_or(usual);
+    let output = one_of(fields, "output", &Output::ALL, Output::name)?.unwrap_or(usual);
     let sampling = Sampling {
         period: fields.number("period")?,
         method,
@@ -167,28 +187,35 @@ fn coupling(fields: &Fields<'_>, names: &[String]) -> Result<Coupling, Error> {
         let message = format!("both ends are {}; a coupling is between two different ones", words::quoted(first_name));
         return Err(fields.error(ErrorKind::Value, "between", message));
     }
-    let law = match fields.kind.unwrap_or_default() {
-        "spring" => Law::Spring { stiffness: fields.number("stiffness")?, rest: fields.number("rest")? },
-        "damper" if fields.name("damping") == Some(keys::COMPENSATING) => {
+    let law = match kind(fields, CouplingKind::from_name)? {
+        CouplingKind::Spring => Law::Spring { stiffness: fields.number("stiffness")?, rest: fields.number("rest")? },
+        CouplingKind::Damper if fields.name("damping") == Some(keys::COMPENSATING) => {
             Law::Damper { damping: Damping::Compensating }
         }
-        "damper" => Law::Damper { damping: Damping::Fixed(fields.number("damping")?) },
-        "wall" => Law::Wall {
-            side: if fields.name("side") == Some(keys::side_name(Side::Below)) { Side::Below } else { Side::Above },
+        CouplingKind::Damper => Law::Damper { damping: Damping::Fixed(fields.number("damping")?) },
+        CouplingKind::Wall => Law::Wall {
+            side: one_of(fields, "side", &[Side::Above, Side::Below], keys::side_name)?
+                .ok_or_else(|| fields.missing("side"))?,
             at: fields.number("at")?,
             stiffness: fields.number("stiffness")?,
             damping: fields.number("damping")?,
         },
-        "detent" => Law::Detent {
+        CouplingKind::Detent => Law::Detent {
             torque: fields.number("torque")?,
             pitch: fields.number("pitch")?,
             phase: fields.number("phase")?,
         },
-        "friction" => friction(fields)?,
-        _ => Law::Constant { torque: fields.number("torque")? },
+        CouplingKind::Friction => friction(fields)?,
+        CouplingKind::Constant => Law::Constant { torque: fields.number("torque")? },
     };
     // The key belongs to the laws that can be clamped, and to no others.
-    let law = fields.optional_number("limit")?.and_then(|limit| law.clamped(limit)).unwrap_or(law);
+    let law = match fields.optional_number("limit")? {
+        None => law,
+        Some(limit) => law.clamped(limit).ok_or_else(|| {
+            let message = "this kind of coupling takes no limit";
+            fields.error(ErrorKind::Unsupported, "limit", message)
+        })?,
+    };
     Ok(Coupling { first, second, law })
 }
 
@@ -246,8 +273,7 @@ fn check_coupling(
     names: &[String],
     method: Method,
 ) -> Result<(), Error> {
-    if matches!(coupling.law.unclamped(), Law::Damper { damping: Damping::Compensating }) && !has_spring(coupling, all)
-    {
+    if coupling.law.is_compensating() && !has_spring(coupling, all) {
         let name = |end| match end {
             End::Puck => "the puck",
             End::Ground => "ground",
@@ -257,21 +283,22 @@ fn check_coupling(
         let message = match (coupling.first, coupling.second) {
             (End::Body(_), End::Ground) => format!("there is no spring at {first} to compensate"),
             (End::Ground, End::Body(_)) => format!("there is no spring at {second} to compensate"),
-            _ => format!("there is no spring between {first} and {second} to compensate"),
+            (End::Puck, _) | (End::Ground, End::Puck | End::Ground) | (End::Body(_), End::Puck | End::Body(_)) => {
+                format!("there is no spring between {first} and {second} to compensate")
+            }
         };
         return Err(fields.error(ErrorKind::Combination, "damping", message));
     }
-    let at_body = [coupling.first, coupling.second].iter().any(|end| matches!(end, End::Body(_)));
     match support::refusal(method, &coupling.law) {
-        Some(message) if at_body => Err(fields.error(ErrorKind::Unsupported, "kind", message)),
-        _ => Ok(()),
+        Some(message) if coupling.is_at_body() => Err(fields.error(ErrorKind::Unsupported, "kind", message)),
+        Some(_) | None => Ok(()),
     }
 }
 
 /// Whether any spring is there that a compensating damper takes its damping from.
 fn has_spring(damper: &Coupling, all: &[Coupling]) -> bool {
     let ends = |coupling: &Coupling| [coupling.first, coupling.second];
-    all.iter().filter(|other| matches!(other.law.unclamped(), Law::Spring { .. })).any(|spring| match ends(damper) {
+    all.iter().filter(|other| other.law.spring().is_some()).any(|spring| match ends(damper) {
         [body @ End::Body(_), End::Ground] | [End::Ground, body @ End::Body(_)] => ends(spring).contains(&body),
         pair => pair.iter().all(|end| ends(spring).contains(end)),
     })
@@ -291,16 +318,18 @@ fn scenario(name: String, fields: &Fields<'_>, period: f64, paths: &mut path::Re
         let moves = Fields::new(hand.inner("moves", "scenarios.*.hand.moves"), hand.node("moves"))?;
         shape(&moves, carries, paths)
     };
-    let drive = match hand.kind {
-        Some("torque") => Drive::Torque(moves(Carries::Torque)?),
-        Some("grip") => Drive::Grip {
+    let drive = match kind(&hand, HandKind::from_name)? {
+        HandKind::Torque => Drive::Torque(moves(Carries::Torque)?),
+        HandKind::Grip => Drive::Grip {
             inertia: hand.optional_number("inertia")?.unwrap_or(0.0),
             damping: hand.number("damping")?,
             stiffness: hand.number("stiffness")?,
             moves: moves(Carries::Position)?,
             switching: switching(&hand, duration)?,
         },
-        _ => Drive::Position(shape(&hand, Carries::Position, paths)?),
+        HandKind::Step | HandKind::Ramp | HandKind::Sine | HandKind::Path => {
+            Drive::Position(shape(&hand, Carries::Position, paths)?)
+        }
     };
     Ok(Scenario { name, duration, hand: Hand { drive, release: hand.optional_number("release")? } })
 }
@@ -330,17 +359,17 @@ fn switching(hand: &Fields<'_>, duration: f64) -> Result<Option<Switching>, Erro
 }
 
 fn shape(fields: &Fields<'_>, carries: Carries, paths: &mut path::Reader<'_>) -> Result<Shape, Error> {
-    Ok(match fields.kind {
-        Some("step") => Shape::Step { to: fields.number("to")?, at: fields.number("at")? },
-        Some("ramp") => {
+    Ok(match kind(fields, ShapeKind::from_name)? {
+        ShapeKind::Step => Shape::Step { to: fields.number("to")?, at: fields.number("at")? },
+        ShapeKind::Ramp => {
             Shape::Ramp { to: fields.number("to")?, at: fields.number("at")?, over: fields.number("over")? }
         }
-        Some("sine") => Shape::Sine {
+        ShapeKind::Sine => Shape::Sine {
             amplitude: fields.number("amplitude")?,
             frequency: fields.number("frequency")?,
             phase: fields.number("phase")?,
         },
-        _ => {
+        ShapeKind::Path => {
             let file = fields.text("file").ok_or_else(|| fields.missing("file"))?;
             let points = paths.read(&file, carries).map_err(|failure| match failure.location {
                 // A mistake in the path file is shown there, one in its name here.

@@ -3,6 +3,8 @@
 //! The defaults come from the device and the world. They are meant never to trip on a certified world in a hand, however
 //! rough, and to be no wider than that asks for.
 
+#![warn(clippy::wildcard_enum_match_arm)]
+
 use hapt_core::{Guarding, Heat, Limits};
 
 use crate::error::Error;
@@ -242,10 +244,7 @@ impl World {
             Law::Spring { stiffness, .. } => (stiffness, 0.0, 0.0),
             Law::Damper { damping: Damping::Fixed(damping) } => (0.0, damping, 0.0),
             Law::Damper { damping: Damping::Compensating } => {
-                let springs = self.couplings.iter().map(|other| match other.law.unclamped() {
-                    Law::Spring { stiffness, .. } => stiffness,
-                    _ => 0.0,
-                });
+                let springs = self.couplings.iter().filter_map(|other| other.law.spring());
                 (0.0, self.sampling.period * springs.sum::<f64>(), 0.0)
             }
             Law::Wall { stiffness, damping, .. } => (stiffness, damping, 0.0),

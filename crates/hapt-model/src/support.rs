@@ -1,5 +1,7 @@
 //! Which couplings a method takes at a body.
 
+#![warn(clippy::wildcard_enum_match_arm)]
+
 use hapt_core::{Clampable, Law, Method};
 
 use crate::words;
@@ -17,12 +19,18 @@ pub(crate) fn refusal(method: Method, law: &Law) -> Option<String> {
     };
     let refused = format!("{what} at a body does not go with method {method_name:?}");
     match law {
-        _ if method.is_explicit() => None,
-        Law::Lugre { .. } => Some(format!("{refused}; {}", use_instead(Method::is_explicit))),
-        _ if method.takes_new_sample_first() => {
-            Some(format!("{refused}; {}", use_instead(|method| !method.takes_new_sample_first())))
+        Law::Lugre { .. } => {
+            (!method.is_explicit()).then(|| format!("{refused}; {}", use_instead(Method::is_explicit)))
         }
-        _ => None,
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::Coulomb { .. }
+        | Law::Constant { .. }
+        | Law::Clamped { .. } => method
+            .takes_new_sample_first()
+            .then(|| format!("{refused}; {}", use_instead(|method| !method.takes_new_sample_first()))),
     }
 }
 

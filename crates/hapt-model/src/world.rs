@@ -117,6 +117,9 @@ pub struct Scenario {
 }
 
 impl Motion {
+    /// Both of them, in the order of the documentation.
+    pub const ALL: [Motion; 2] = [Motion::Rotary, Motion::Linear];
+
     /// The motion's name in world files.
     pub const fn name(self) -> &'static str {
         match self {

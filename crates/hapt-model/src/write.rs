@@ -1,5 +1,7 @@
 //! A world back as a file.
 
+#![warn(clippy::wildcard_enum_match_arm)]
+
 use std::fmt::{self, Write};
 
 use hapt_core::{Coupling, Damping, End, Law};
@@ -70,7 +72,13 @@ impl World {
         let word = match coupling.law.unclamped() {
             Law::Wall { side, .. } => Some(("side", side_name(side))),
             Law::Damper { damping: Damping::Compensating } => Some(("damping", COMPENSATING)),
-            _ => None,
+            Law::Spring { .. }
+            | Law::Damper { damping: Damping::Fixed(_) }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => None,
         };
         let (kind, slots) = numbers::law(&mut coupling.law);
         writeln!(f, "\n[[couplings]]\nkind = {kind:?}\nbetween = [{first:?}, {second:?}]")?;
@@ -85,18 +93,15 @@ impl World {
         let mut rows = vec![("kind", text(kind))];
         rows.extend(self.rows("scenarios.*.hand", Some(kind), None, slots));
         rows.extend(match &hand.drive {
-            Drive::Position(Shape::Path { file, .. }) => Some(("file", text(file))),
-            _ => None,
+            Drive::Position(shape) => file(shape),
+            Drive::Torque(_) | Drive::Grip { .. } => None,
         });
         rows.extend(numbers::moves(hand).map(|moves| ("moves", self.moves(moves, kind))));
         inline(&rows)
     }
 
     fn moves(&self, shape: &mut Shape, hand: &str) -> String {
-        let file = match shape {
-            Shape::Path { file, .. } => Some(("file", text(file))),
-            _ => None,
-        };
+        let file = file(shape);
         let (kind, slots) = numbers::shape(shape);
         let mut rows = vec![("kind", text(kind))];
         rows.extend(self.rows("scenarios.*.hand.moves", Some(kind), Some(hand), slots));
@@ -119,11 +124,25 @@ impl World {
                 // A number out of its key's range stands for a key that is not there: a grip without inertia.
                 Takes::Quantity(_, range) | Takes::QuantityOr(_, range, _) if !range.contains(value) => return None,
                 Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => quantity(measure, self.motion, value),
-                _ => format!("{value}"),
+                Takes::Text
+                | Takes::Name(_)
+                | Takes::Whole { .. }
+                | Takes::Ends
+                | Takes::Table
+                | Takes::Named { .. }
+                | Takes::List { .. } => format!("{value}"),
             };
             Some((name, written))
         };
         slots.into_iter().filter_map(row).collect()
+    }
+}
+
+/// The key of a path's file.
+fn file(shape: &Shape) -> Option<(&'static str, String)> {
+    match shape {
+        Shape::Path { file, .. } => Some(("file", text(file))),
+        Shape::Step { .. } | Shape::Ramp { .. } | Shape::Sine { .. } => None,
     }
 }
 

@@ -87,7 +87,13 @@ impl Written {
             Slot::Period => PERIODS.contains(&value),
             Slot::PuckInertia => is_size && value > 0.0,
             Slot::Delay | Slot::PuckDamping | Slot::PuckFriction => is_size,
-            _ => value.is_finite(),
+            Slot::Method
+            | Slot::Output
+            | Slot::Stiffness
+            | Slot::Damping
+            | Slot::Compensating
+            | Slot::Torque
+            | Slot::Inertia => value.is_finite(),
         };
         if !right {
             return false;
@@ -140,7 +146,17 @@ fn set(law: &mut Law, slot: Slot, value: f64) -> bool {
         (Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. }, Slot::Stiffness) => stiffness,
         (Law::Wall { damping, .. }, Slot::Damping) => damping,
         (Law::Detent { torque, .. } | Law::Coulomb { torque } | Law::Constant { torque }, Slot::Torque) => torque,
-        _ => return false,
+        (
+            Law::Spring { .. }
+            | Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. },
+            _,
+        ) => return false,
     };
     *number = value;
     true

@@ -19,6 +19,7 @@
 //! assert!((device.puck().0 - 3.0 * 0.5 / (3.0 + 1.0)).abs() < 1e-3);
 //! ```
 #![no_std]
+#![warn(clippy::wildcard_enum_match_arm)]
 #![forbid(unsafe_code)]
 
 extern crate alloc;

@@ -139,7 +139,16 @@ impl<'w> Clerk<'w> {
                 }
                 return None;
             }
-            _ => {}
+            Order::Alive
+            | Order::Arm { .. }
+            | Order::Disarm
+            | Order::Clear
+            | Order::Begin { .. }
+            | Order::Piece { .. }
+            | Order::Commit
+            | Order::Get { .. }
+            | Order::Set { .. }
+            | Order::Feed { .. } => {}
         }
         match self.admit(sequence, not_after).and_then(|()| self.act(command, unread)) {
             Ok(Outcome::Seen(seen)) => return Some(seen),
@@ -188,7 +197,7 @@ impl<'w> Clerk<'w> {
             Order::Set { parameter, value } => match Parameter::from_code(parameter) {
                 Some(Parameter::Divider) => What::Divide(u16::try_from(value).map_err(|_| Why::Parameter)?),
                 Some(Parameter::MostUsed) => What::CountUseFrom(value),
-                _ => return Err(Why::Parameter),
+                Some(Parameter::Refused | Parameter::Missed) | None => return Err(Why::Parameter),
             },
             Order::Feed { sample, position, velocity, late, announced } => {
                 if !self.board.fed {

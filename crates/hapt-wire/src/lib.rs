@@ -33,6 +33,7 @@
 //! # Ok::<(), hapt_wire::Error>(())
 //! ```
 #![no_std]
+#![warn(clippy::wildcard_enum_match_arm)]
 #![forbid(unsafe_code)]
 
 mod cobs;

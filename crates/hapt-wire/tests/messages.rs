@@ -1,5 +1,7 @@
 //! What a host and a board say to each other: as docs/wire.md shows it, and after whatever noise.
 
+mod codes;
+
 use hapt_core::{
     Body, Coupling, End, Estimator, Guarding, Heat, Law, Limits, Loop, Method, Output, Phase, Spec, Supervisor,
 };

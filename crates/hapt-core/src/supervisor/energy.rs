@@ -3,6 +3,7 @@
 //! The loop's matrices know torques alone, so that this is derived from the spec a second time, and a check of them.
 
 use crate::compile::compensated;
+use crate::spec::sign_at_puck;
 use crate::supervisor::springs::{Springs, Well};
 use crate::{Clampable, Coupling, Damping, End, Law, Method, Real, Side, Spec, State};
 
@@ -114,11 +115,7 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
         let mut constant = 0.0;
         for coupling in spec.couplings {
             if let Law::Constant { torque } = coupling.law {
-                match (coupling.first, coupling.second) {
-                    (End::Puck, _) => constant += torque,
-                    (_, End::Puck) => constant -= torque,
-                    _ => {}
-                }
+                constant += torque * sign_at_puck(coupling.first, coupling.second);
             }
         }
         let mut energy = Energy {
@@ -204,16 +201,8 @@ impl<F: Real> Ends<F> {
     const NONE: Self = Ends { puck: F::ZERO, first: (0, F::ZERO), second: (0, F::ZERO) };
 
     fn new(first: End, second: End) -> Self {
-        let body = |end: End| match end {
-            End::Body(i) => (i, F::ONE),
-            End::Puck | End::Ground => (0, F::ZERO),
-        };
-        let puck = match (first, second) {
-            (End::Puck, End::Puck) => F::ZERO,
-            (End::Puck, _) => F::ONE,
-            (_, End::Puck) => -F::ONE,
-            _ => F::ZERO,
-        };
+        let body = |end: End| end.body().map_or((0, F::ZERO), |i| (i, F::ONE));
+        let puck = F::from_f64(sign_at_puck(first, second));
         Ends { puck, first: body(first), second: body(second) }
     }
 
@@ -246,7 +235,9 @@ impl<F: Real> Part<F> {
             Potential::Spring { stiffness, rest, side, limit } if side == F::ZERO && !limit.is_finite() => {
                 Some(Well { half: F::HALF * stiffness, rest })
             }
-            _ => None,
+            Potential::Nothing | Potential::Spring { .. } | Potential::Detent { .. } | Potential::Bristle { .. } => {
+                None
+            }
         }
     }
 }
@@ -290,7 +281,10 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
         }
         Potential::Spring { stiffness: f(stiffness), rest: f(rest), side: f(side), limit: f(limit) }
     };
-    let facing = |side| if side == Side::Above { 1.0 } else { -1.0 };
+    let facing = |side| match side {
+        Side::Above => 1.0,
+        Side::Below => -1.0,
+    };
     let damper = |damping| match damping {
         Damping::Fixed(damping) => damping,
         Damping::Compensating => spec.period * compensated(spec.couplings, coupling).unwrap_or(0.0),
@@ -320,9 +314,7 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
         Law::Constant { torque } => (Potential::Nothing, 0.0, 0.0, torque),
     };
     let ends = [coupling.first, coupling.second];
-    let carries = ends.contains(&End::Puck)
-        && ends.iter().any(|end| matches!(end, End::Body(_)))
-        && (damping > 0.0 || friction > 0.0);
+    let carries = ends.iter().any(|end| end.is_puck()) && coupling.is_at_body() && (damping > 0.0 || friction > 0.0);
     Part {
         ends: Ends::new(coupling.first, coupling.second),
         potential,

@@ -212,7 +212,12 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             (Request::Clear, Phase::Faulted) if self.is_over(watch, lost) => {
                 (watch.phase, watch.reason) = (Phase::Disarmed, None);
             }
-            _ => {}
+            (Request::Arm, Phase::FadingIn | Phase::Running | Phase::Faulted)
+            | (Request::Disarm, Phase::Disarmed | Phase::FadingOut | Phase::Faulted)
+            | (
+                Request::Clear,
+                Phase::Disarmed | Phase::FadingIn | Phase::Running | Phase::FadingOut | Phase::Faulted,
+            ) => {}
         }
     }
 
@@ -239,7 +244,21 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         match watch.reason {
             Some(Reason::Heat | Reason::DriverHeat) => cool,
             Some(Reason::Link) => !lost,
-            _ => watch.calm >= CALM,
+            None
+            | Some(
+                Reason::Stop
+                | Reason::NotFinite
+                | Reason::Jump
+                | Reason::Velocity
+                | Reason::Stuck
+                | Reason::Torque
+                | Reason::Slew
+                | Reason::Overspeed
+                | Reason::Late
+                | Reason::PortEnergy
+                | Reason::WorldEnergy
+                | Reason::Reversed,
+            ) => watch.calm >= CALM,
         }
     }
 

@@ -36,7 +36,10 @@ impl Phase {
 
     /// Whether there may be a torque.
     pub const fn is_active(self) -> bool {
-        matches!(self, Phase::FadingIn | Phase::Running | Phase::FadingOut)
+        match self {
+            Phase::FadingIn | Phase::Running | Phase::FadingOut => true,
+            Phase::Disarmed | Phase::Faulted => false,
+        }
     }
 }
 

@@ -4,7 +4,6 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(u8)]
-#[non_exhaustive]
 pub enum Reason {
     /// Somebody pressed stop.
     Stop = 1,
@@ -151,6 +150,18 @@ impl Reason {
 
     /// Whether the puck's velocity can be believed after it, so that damping may bring it to rest.
     pub(crate) const fn trusts_the_encoder(self) -> bool {
-        matches!(self, Reason::Stop | Reason::Overspeed | Reason::Link | Reason::PortEnergy | Reason::WorldEnergy)
+        match self {
+            Reason::Stop | Reason::Overspeed | Reason::Link | Reason::PortEnergy | Reason::WorldEnergy => true,
+            Reason::NotFinite
+            | Reason::Jump
+            | Reason::Velocity
+            | Reason::Stuck
+            | Reason::Torque
+            | Reason::Slew
+            | Reason::Heat
+            | Reason::DriverHeat
+            | Reason::Late
+            | Reason::Reversed => false,
+        }
     }
 }

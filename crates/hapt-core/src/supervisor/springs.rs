@@ -72,7 +72,7 @@ impl<F: Real, const B: usize, const C: usize> Springs<F, B, C> {
             (End::Body(i), End::Ground) => self.members.get_mut(i).map(|body| &mut body.ground),
             (End::Puck, End::Ground) => Some(&mut self.own),
             // An end and itself: refused when the loop was compiled.
-            _ => None,
+            (End::Puck, End::Puck) | (End::Ground, _) | (End::Body(_), End::Puck) => None,
         };
         if let Some(together) = together {
             self.least += together.add(well);

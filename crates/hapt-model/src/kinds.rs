@@ -1,0 +1,166 @@
+//! The kinds of couplings, hands and shapes, each with its name in world files.
+//!
+//! The table of keys takes its names from here, and the reader, the writer and whoever names a kind match on these: a kind that is new
+//! does not compile before each of them has an arm for it.
+
+#![warn(clippy::wildcard_enum_match_arm)]
+
+use hapt_core::{Clampable, Law};
+use hapt_plant::spec::{Drive, Shape};
+
+/// An enum whose variants have names: one list gives the variants, their names, and the way from one to the other.
+macro_rules! named {
+    ($(#[$about:meta])* $Kind:ident { $($(#[$doc:meta])* $Variant:ident = $name:literal,)* }) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $Kind {
+            $($(#[$doc])* $Variant,)*
+        }
+
+        impl $Kind {
+            /// All of them, in the order of the documentation.
+            pub const ALL: &'static [$Kind] = &[$($Kind::$Variant),*];
+            /// Their names, in the same order.
+            pub const NAMES: &'static [&'static str] = &[$($name),*];
+
+            /// Its name in world files.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $($Kind::$Variant => $name,)*
+                }
+            }
+
+            /// The kind of this name.
+            pub fn from_name(name: &str) -> Option<Self> {
+                Self::ALL.iter().copied().find(|kind| kind.name() == name)
+            }
+        }
+    };
+}
+
+named! {
+    /// The kinds of couplings.
+    CouplingKind {
+        /// [`Law::Spring`]
+        Spring = "spring",
+        /// [`Law::Damper`]
+        Damper = "damper",
+        /// [`Law::Wall`]
+        Wall = "wall",
+        /// [`Law::Detent`]
+        Detent = "detent",
+        /// [`Law::Coulomb`] and [`Law::Lugre`]
+        Friction = "friction",
+        /// [`Law::Constant`]
+        Constant = "constant",
+    }
+}
+
+named! {
+    /// The kinds of hands: the shapes that prescribe the puck's position, and those that have their shape in `moves`.
+    HandKind {
+        /// [`Shape::Step`] of the puck.
+        Step = "step",
+        /// [`Shape::Ramp`] of the puck.
+        Ramp = "ramp",
+        /// [`Shape::Sine`] of the puck.
+        Sine = "sine",
+        /// [`Shape::Path`] of the puck.
+        Path = "path",
+        /// [`Drive::Torque`]
+        Torque = "torque",
+        /// [`Drive::Grip`]
+        Grip = "grip",
+    }
+}
+
+named! {
+    /// The kinds of shapes.
+    ShapeKind {
+        /// [`Shape::Step`]
+        Step = "step",
+        /// [`Shape::Ramp`]
+        Ramp = "ramp",
+        /// [`Shape::Sine`]
+        Sine = "sine",
+        /// [`Shape::Path`]
+        Path = "path",
+    }
+}
+
+impl CouplingKind {
+    /// The kind of a law; a clamped one has the kind of what is clamped.
+    pub const fn of(law: &Law) -> Self {
+        match law {
+            Law::Spring { .. } | Law::Clamped { law: Clampable::Spring { .. }, .. } => CouplingKind::Spring,
+            Law::Damper { .. } | Law::Clamped { law: Clampable::Damper { .. }, .. } => CouplingKind::Damper,
+            Law::Wall { .. } | Law::Clamped { law: Clampable::Wall { .. }, .. } => CouplingKind::Wall,
+            Law::Detent { .. } => CouplingKind::Detent,
+            Law::Coulomb { .. } | Law::Lugre { .. } => CouplingKind::Friction,
+            Law::Constant { .. } => CouplingKind::Constant,
+        }
+    }
+}
+
+impl HandKind {
+    /// The kind of a hand.
+    pub const fn of(drive: &Drive) -> Self {
+        match drive {
+            Drive::Position(shape) => match ShapeKind::of(shape) {
+                ShapeKind::Step => HandKind::Step,
+                ShapeKind::Ramp => HandKind::Ramp,
+                ShapeKind::Sine => HandKind::Sine,
+                ShapeKind::Path => HandKind::Path,
+            },
+            Drive::Torque(_) => HandKind::Torque,
+            Drive::Grip { .. } => HandKind::Grip,
+        }
+    }
+}
+
+impl ShapeKind {
+    /// The kind of a shape.
+    pub const fn of(shape: &Shape) -> Self {
+        match shape {
+            Shape::Step { .. } => ShapeKind::Step,
+            Shape::Ramp { .. } => ShapeKind::Ramp,
+            Shape::Sine { .. } => ShapeKind::Sine,
+            Shape::Path { .. } => ShapeKind::Path,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::keys::{self, Presence, Takes};
+    use crate::{Motion, Source, World};
+
+    /// A world with a coupling of this kind, which has all that the table of keys asks of it.
+    fn with(kind: CouplingKind) -> String {
+        let rows = keys::rows("couplings.*").filter(|row| row.belongs(Some(kind.name()), None, Motion::Rotary));
+        let mut text =
+            format!("[loop]\nperiod = 0.001\n[device]\ninertia = 1e-3\n[[couplings]]\nkind = {:?}\n", kind.name());
+        for row in rows.filter(|row| row.presence == Presence::Required && row.name() != "kind") {
+            let value = match row.takes {
+                Takes::Ends => "[\"puck\", \"ground\"]".into(),
+                Takes::Name(names) => format!("{:?}", names[0]),
+                _ => "1".into(),
+            };
+            text += &format!("{} = {value}\n", row.name());
+        }
+        if kind == CouplingKind::Friction {
+            text += "torque = 1\n";
+        }
+        text
+    }
+
+    #[test]
+    fn a_coupling_of_each_kind_is_read_as_a_law_of_that_kind() {
+        for &kind in CouplingKind::ALL {
+            let world = World::read(&Source::from_text("w.toml", with(kind)), &[]).unwrap();
+            assert_eq!(CouplingKind::of(&world.couplings[0].law), kind);
+        }
+        assert_eq!(CouplingKind::from_name("magnet"), None);
+    }
+}

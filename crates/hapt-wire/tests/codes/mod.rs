@@ -1,0 +1,210 @@
+//! Every code on the wire by its name. Boards in the field and logs on disks were written with these: none of them changes, and what is
+//! new comes after them. A variant without a row here does not compile.
+
+use hapt_core::{Clampable, Damping, End, Estimator, Law, Method, Output, Phase, Reason, Side};
+use hapt_plant::spec::{Drive, Shape};
+use hapt_wire::{Hello, Order, Parameter, Says, Telemetry, Why};
+use serde::Serialize;
+
+/// The variants of a type, each with its code. A unit variant is written with empty braces, a tuple's field with its number.
+macro_rules! codes {
+    ($Type:ident { $($code:literal => $Variant:ident { $($fields:tt)* },)+ }) => {{
+        #[allow(unused_variables)]
+        fn has_a_row(value: &$Type) -> u8 {
+            match value {
+                $($Type::$Variant { $($fields)* } => $code,)+
+            }
+        }
+        let rows = vec![$(($code as u8, $Type::$Variant { $($fields)* })),+];
+        for (code, value) in &rows {
+            assert_eq!(has_a_row(value), *code);
+        }
+        rows
+    }};
+}
+
+/// The first byte of what a value is on the wire.
+fn are_on_the_wire<T: Serialize + std::fmt::Debug>(rows: Vec<(u8, T)>) {
+    for (code, value) in rows {
+        let mut room = [0; 256];
+        assert_eq!(postcard::to_slice(&value, &mut room).unwrap()[0], code, "{value:?}");
+    }
+}
+
+fn are_all<T: PartialEq + Copy + std::fmt::Debug>(rows: &[(u8, T)], all: &[T]) {
+    assert_eq!(rows.iter().map(|row| row.1).collect::<Vec<_>>(), all);
+}
+
+#[test]
+fn the_code_of_each_law_is_what_it_always_was() {
+    let [stiffness, rest, at, torque, pitch, phase, limit] = [1.0; 7];
+    let [coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous] = [1.0; 6];
+    let (damping, side) = (Damping::Fixed(1.0), Side::Above);
+    let law = Clampable::Spring { stiffness, rest };
+    are_on_the_wire(codes!(Law {
+        0 => Spring { stiffness, rest },
+        1 => Damper { damping },
+        2 => Wall { side, at, stiffness, damping: viscous },
+        3 => Detent { torque, pitch, phase },
+        4 => Coulomb { torque },
+        5 => Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous },
+        6 => Constant { torque },
+        7 => Clamped { law, limit },
+    }));
+}
+
+#[test]
+fn the_code_of_each_part_of_a_coupling_is_what_it_always_was() {
+    let [stiffness, rest, at, damping] = [1.0; 4];
+    let (side, index, fixed, damper) = (Side::Above, 7, 1.0, Damping::Compensating);
+    are_on_the_wire(codes!(Clampable {
+        0 => Spring { stiffness, rest },
+        1 => Damper { damping: damper },
+        2 => Wall { side, at, stiffness, damping },
+    }));
+    are_on_the_wire(codes!(Damping { 0 => Fixed { 0: fixed }, 1 => Compensating {}, }));
+    are_on_the_wire(codes!(Side { 0 => Above {}, 1 => Below {}, }));
+    are_on_the_wire(codes!(End { 0 => Puck {}, 1 => Ground {}, 2 => Body { 0: index }, }));
+}
+
+#[test]
+fn the_code_of_each_method_output_and_estimator_is_what_it_always_was() {
+    let methods = codes!(Method {
+        0 => ForwardEuler {},
+        1 => BackwardEuler {},
+        2 => SemiImplicitEuler {},
+        3 => Trapezoidal {},
+        4 => Zoh {},
+        5 => Rk4 {},
+        6 => Tustin {},
+        7 => Foh {},
+    });
+    // The page knows a method and an output by its place among all of them.
+    are_all(&methods, &Method::ALL);
+    are_on_the_wire(methods);
+    let outputs = codes!(Output { 0 => Start {}, 1 => Middle {}, 2 => End {}, });
+    are_all(&outputs, &Output::ALL);
+    are_on_the_wire(outputs);
+    let (cutoff, window) = (1.0, 16);
+    are_on_the_wire(codes!(Estimator {
+        0 => Exact {},
+        1 => Difference {},
+        2 => LowPass { cutoff },
+        3 => Foaw { window },
+        4 => FoawBest { window },
+    }));
+}
+
+#[test]
+fn the_code_of_each_hand_and_shape_is_what_it_always_was() {
+    let [inertia, damping, stiffness, to, at, over, amplitude, frequency, phase] = [1.0; 9];
+    let step = || Shape::Step { to, at };
+    let (position, torque, moves, switching) = (step(), step(), step(), None);
+    are_on_the_wire(codes!(Drive {
+        0 => Position { 0: position },
+        1 => Torque { 0: torque },
+        2 => Grip { inertia, damping, stiffness, moves, switching },
+    }));
+    let (file, points) = (String::new(), Vec::new());
+    are_on_the_wire(codes!(Shape {
+        0 => Step { to, at },
+        1 => Ramp { to, at, over },
+        2 => Sine { amplitude, frequency, phase },
+        3 => Path { file, points },
+    }));
+}
+
+#[test]
+fn the_code_of_each_phase_and_reason_is_what_it_always_was() {
+    let phases =
+        codes!(Phase { 0 => Disarmed {}, 1 => FadingIn {}, 2 => Running {}, 3 => FadingOut {}, 4 => Faulted {}, });
+    are_all(&phases, &Phase::ALL);
+    assert!(phases.iter().all(|(code, phase)| *phase as u8 == *code));
+    let reasons = codes!(Reason {
+        1 => Stop {},
+        2 => NotFinite {},
+        3 => Jump {},
+        4 => Velocity {},
+        5 => Stuck {},
+        6 => Torque {},
+        7 => Slew {},
+        8 => Heat {},
+        9 => DriverHeat {},
+        10 => Overspeed {},
+        11 => Late {},
+        12 => Link {},
+        13 => PortEnergy {},
+        14 => WorldEnergy {},
+        15 => Reversed {},
+    });
+    are_all(&reasons, &Reason::ALL);
+    assert!(reasons.iter().all(|(code, reason)| reason.code() == *code && Reason::from_code(*code) == Some(*reason)));
+}
+
+#[test]
+fn the_code_of_each_message_is_what_it_always_was() {
+    let (protocol, world, length, hash, at, bytes) = (1, 2, 3, 4, 5, &[6][..]);
+    let (parameter, value, sample, position, velocity, late, announced) = (7, 8, 9, 10.0, 11.0, 12.0, true);
+    are_on_the_wire(codes!(Order {
+        0 => Hello { protocol },
+        1 => Stop {},
+        2 => Alive {},
+        3 => Arm { world },
+        4 => Disarm {},
+        5 => Clear {},
+        6 => Begin { length, hash },
+        7 => Piece { at, bytes },
+        8 => Commit {},
+        9 => Get { parameter },
+        10 => Set { parameter, value },
+        11 => Feed { sample, position, velocity, late, announced },
+    }));
+    let parameters = codes!(Parameter { 0 => Divider {}, 1 => Refused {}, 2 => Missed {}, 3 => MostUsed {}, });
+    are_all(&parameters, &Parameter::ALL);
+    assert!(parameters.iter().all(|(code, parameter)| *parameter as u8 == *code));
+    let (sequence, why, telemetry) = (13, Why::Late, Telemetry::default());
+    let hello = Hello {
+        protocol,
+        firmware: "",
+        board: "",
+        core: 0,
+        world: None,
+        bodies: 0,
+        couplings: 0,
+        window: 0,
+        fed: false,
+        sequence,
+        sample: 0,
+        period: 0,
+        phase: 0,
+        reason: 0,
+    };
+    are_on_the_wire(codes!(Says {
+        0 => Hello { 0: hello },
+        1 => Done { sequence },
+        2 => Refused { sequence, why },
+        3 => Value { sequence, parameter, value },
+        4 => Telemetry { 0: telemetry },
+    }));
+    are_on_the_wire(codes!(Why {
+        0 => Hello {},
+        1 => Sequence {},
+        2 => Late {},
+        3 => Busy {},
+        4 => Piece {},
+        5 => Hash {},
+        6 => Version {},
+        7 => Bytes {},
+        8 => Room {},
+        9 => World {},
+        10 => Period {},
+        11 => NoLimit {},
+        12 => Exact {},
+        13 => Armed {},
+        14 => NoWorld {},
+        15 => Phase {},
+        16 => NotFed {},
+        17 => Sample {},
+        18 => Parameter {},
+    }));
+}
