@@ -2,11 +2,14 @@
 
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)]
 
+mod stuck;
+
 use hapt_core::{
     Body, Coupling, Damping, End, Estimator, Guarded, Heat, Law, Limits, Loop, Method, Output, Phase, Reading, Real,
-    Reason, Request, Spec, State, Supervisor, Watch,
+    Reason, Request, Side, Spec, State, Supervisor, Watch,
 };
 use proptest::prelude::*;
+use stuck::{a_dead_encoder_can_be_cleared_and_is_found_again, five_short_pushes_find_a_dead_encoder};
 
 const T: f64 = 1e-3;
 const K: f64 = 1.0;
@@ -113,6 +116,8 @@ for_both! {
     a_cause_that_stands_cannot_be_cleared
     heat_trips_when_the_first_order_model_says
     a_puck_that_stands_still_under_torque_is_stuck
+    five_short_pushes_find_a_dead_encoder
+    a_dead_encoder_can_be_cleared_and_is_found_again
     a_lost_link_fades_out_or_faults
     a_swap_does_not_step_the_torque
     the_position_where_a_real_device_is_armed_is_zero

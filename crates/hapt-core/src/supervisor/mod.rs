@@ -19,6 +19,7 @@ mod phase;
 mod pulse;
 mod reason;
 mod springs;
+mod standing;
 mod thermal;
 mod watch;
 
@@ -30,6 +31,7 @@ use motion::Motion;
 pub use phase::{Guarded, Phase, Reading, Request};
 use pulse::{Answer, Pulse, Testing};
 pub use reason::Reason;
+use standing::Stand;
 use thermal::Thermal;
 pub use watch::Watch;
 
@@ -225,6 +227,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         (watch.reason, watch.warning) = (None, None);
         if watch.phase == Phase::Disarmed {
             watch.fresh = true;
+            watch.seen.stand = Stand::NONE;
             watch.testing = self.pulse.map(|_| Testing::BEGIN);
             self.home(watch);
         }

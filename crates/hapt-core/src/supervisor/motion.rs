@@ -1,5 +1,6 @@
 //! What a reading alone shows: numbers, times, and whether a puck can have moved so.
 
+use crate::supervisor::standing::{Stand, Standing};
 use crate::supervisor::{Limits, Reading, Reason, are_finite};
 use crate::{Real, Spec};
 
@@ -16,9 +17,7 @@ pub(crate) struct Motion<F> {
     late: F,
     link: F,
     friction: F,
-    stuck_torque: F,
-    /// In samples.
-    stuck: F,
+    standing: Standing<F>,
     ordinary: Ordinary<F>,
 }
 
@@ -41,12 +40,12 @@ pub(crate) struct Seen<F> {
     pub step: Option<F>,
     /// Whether one was.
     known: bool,
-    /// For how many samples it has stood still under torque.
-    still: F,
+    /// What the torque has asked of it since it last moved.
+    pub stand: Stand<F>,
 }
 
 impl<F: Real> Seen<F> {
-    pub const NOTHING: Self = Seen { position: F::ZERO, step: None, known: false, still: F::ZERO };
+    pub const NOTHING: Self = Seen { position: F::ZERO, step: None, known: false, stand: Stand::NONE };
 }
 
 impl<F: Real> Motion<F> {
@@ -71,8 +70,7 @@ impl<F: Real> Motion<F> {
             late: f(limits.late),
             link: f(limits.link),
             friction: f(limits.friction),
-            stuck_torque: f(limits.stuck_torque),
-            stuck: f(limits.stuck / spec.period),
+            standing: Standing::new(limits, spec),
             ordinary,
         }
     }
@@ -89,14 +87,22 @@ impl<F: Real> Motion<F> {
         // Written so that what is no number is within nothing.
         let moves =
             step.abs() <= within.distance && (step - *last).abs() <= within.jump && reading.velocity.is_finite();
-        if !moves || (step == F::ZERO && held.abs() > self.stuck_torque) {
+        if !moves {
             return false;
         }
         let arrives = reading.late.abs() <= within.late && reading.silent.abs() <= within.silent;
         if !arrives {
             return false;
         }
-        (seen.position, *last, seen.still) = (reading.position, step, F::ZERO);
+        let mut stand = Stand::NONE;
+        if step == F::ZERO && self.standing.counts(&seen.stand, held) {
+            let (next, is_stuck) = self.standing.after(&seen.stand, held, 1, F::ONE);
+            if is_stuck {
+                return false;
+            }
+            stand = next;
+        }
+        (seen.position, *last, seen.stand) = (reading.position, step, stand);
         true
     }
 
@@ -119,8 +125,11 @@ impl<F: Real> Motion<F> {
         let periods = F::ONE + missed;
         let (distance, known) = (reading.position - seen.position, seen.known);
         (seen.position, seen.known) = (reading.position, true);
-        let stands = distance == F::ZERO && !announced && held.abs() > self.stuck_torque;
-        seen.still = if stands { seen.still + periods } else { F::ZERO };
+        let stands = distance == F::ZERO && !announced;
+        let samples = reading.missed.saturating_add(1);
+        let is_stuck;
+        (seen.stand, is_stuck) =
+            if stands { self.standing.after(&seen.stand, held, samples, periods) } else { (Stand::NONE, false) };
         let late = reading.late.abs() + missed * self.period > self.late;
         if !known || announced {
             // A jump has no velocity, before or after.
@@ -139,7 +148,7 @@ impl<F: Real> Motion<F> {
             Some(Reason::Overspeed)
         } else if late {
             Some(Reason::Late)
-        } else if seen.still > self.stuck {
+        } else if is_stuck {
             Some(Reason::Stuck)
         } else {
             None

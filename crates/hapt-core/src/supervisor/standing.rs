@@ -1,0 +1,104 @@
+//! Whether a position that does not change is an encoder's that is dead: what the torque has asked of the puck meanwhile.
+//!
+//! While the position stands still, a free puck is computed beside it, from rest, under the torque that the motor holds:
+//!
+//! ```text
+//! J dv/dt = τ - b v - r sign(v)      τ = 0 where |τ| is within `stuck_torque`;  r = (stuck_torque + friction)/2
+//! ```
+//!
+//! It has more friction than the puck, and moves less. Each time that it has gone three counts, more than rounding can feign, the puck was
+//! asked to move and did not: the time since it was asked before, at most a quarter of `stuck`, is added up, and it begins anew from rest.
+//! Beyond `stuck` in all the encoder counts as dead. A torque that swings adds up as one that stays, and one that alternates too fast
+//! to move a puck by counts adds nothing. Only motion sets the sum back.
+
+use crate::supervisor::Limits;
+use crate::{Real, Spec};
+
+/// In counts; and in rad or m where there are none.
+const COUNTS: f64 = 3.0;
+const FAR: f64 = 0.25e-3;
+
+/// How a free puck moves in a sample, in displacements.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Standing<F> {
+    /// A torque within it counts as none.
+    torque: F,
+    /// What a unit of torque adds to the displacement of a sample: T²/J.
+    push: F,
+    /// The friction's, r T²/J.
+    friction: F,
+    /// The damping's part of it, b T/J.
+    drag: F,
+    far: F,
+    /// In samples.
+    stuck: u32,
+    /// The most that counts at once, in samples.
+    most: u32,
+}
+
+/// Since the position last changed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Stand<F> {
+    /// How far the free puck has gone since it last began.
+    way: F,
+    /// Its displacement in a sample.
+    speed: F,
+    /// Samples since it last began, at most as many as count at once.
+    since: u32,
+    /// Samples for which the puck was asked to move and did not.
+    asked: u32,
+}
+
+impl<F: Real> Stand<F> {
+    pub const NONE: Self = Stand { way: F::ZERO, speed: F::ZERO, since: 0, asked: 0 };
+}
+
+impl<F: Real> Standing<F> {
+    pub fn new(limits: &Limits, spec: &Spec) -> Self {
+        let f = F::from_f64;
+        let push = spec.period * spec.period / limits.inertia;
+        let samples = |time: f64| libm::ceil(time / spec.period) as u32;
+        Standing {
+            torque: f(if limits.stuck.is_finite() { limits.stuck_torque } else { f64::INFINITY }),
+            push: f(push),
+            friction: f(push * 0.5 * (limits.stuck_torque + limits.friction)),
+            drag: f(limits.damping * spec.period / limits.inertia),
+            far: f(spec.count.map_or(FAR, |count| COUNTS * count)),
+            stuck: samples(limits.stuck),
+            most: samples(0.25 * limits.stuck),
+        }
+    }
+
+    /// Whether there is anything to be remembered of a sample of standing still under the torque `held`.
+    #[inline(always)]
+    pub fn counts(&self, stand: &Stand<F>, held: F) -> bool {
+        (stand.since | stand.asked) > 0 || held.abs() > self.torque
+    }
+
+    /// So many samples more, their number given twice, under the torque `held`; `true`: it has stood still for too long.
+    #[inline(never)]
+    pub fn after(&self, stand: &Stand<F>, held: F, samples: u32, periods: F) -> (Stand<F>, bool) {
+        if !self.counts(stand, held) {
+            return (Stand::NONE, false);
+        }
+        let torque = if held.abs() > self.torque { held } else { F::ZERO };
+        let pushed = stand.speed + periods * (self.push * torque);
+        let friction = periods * self.friction;
+        let slid = if pushed > friction {
+            pushed - friction
+        } else if pushed < -friction {
+            pushed + friction
+        } else {
+            F::ZERO
+        };
+        let speed = slid / (F::ONE + periods * self.drag);
+        let way = stand.way + periods * speed;
+        let since = stand.since.saturating_add(samples).min(self.most);
+        if way.abs() <= self.far {
+            return (Stand { way, speed, since, asked: stand.asked }, false);
+        }
+        let asked = stand.asked.saturating_add(since);
+        (Stand { way: F::ZERO, speed: F::ZERO, since: 0, asked }, asked > self.stuck)
+    }
+}

@@ -1,0 +1,139 @@
+//! A position that does not change, under torques that stay, swing and alternate.
+
+use super::*;
+
+/// Beyond this the torque asks the puck to move.
+const ASKS: f64 = LIMITS.stuck_torque;
+const COUNT: f64 = std::f64::consts::TAU / 4000.0;
+
+/// A body on a spring to ground, which swings at `frequency` and pulls at the puck by up to `torque`, through so soft a spring that the
+/// puck's own motion hardly changes it.
+fn swing(torque: f64, frequency: f64) -> ([Body; 1], [Coupling; 2]) {
+    let (soft, rate) = (1e-3, std::f64::consts::TAU * frequency);
+    let law = Law::Spring { stiffness: rate * rate, rest: 0.0 };
+    (
+        [Body { inertia: 1.0, position: 0.0, velocity: torque / soft * rate }],
+        [
+            Coupling { first: End::Body(0), second: End::Ground, law },
+            Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness: soft, rest: 0.0 } },
+        ],
+    )
+}
+
+/// How long a free puck of [`LIMITS`] takes from rest to three counts, under the least torque that counts, in s.
+fn three_counts() -> f64 {
+    let net = ASKS - 0.5 * (ASKS + LIMITS.friction);
+    let (mut way, mut speed, mut samples) = (0.0, 0.0, 0.0);
+    while way <= 3.0 * COUNT {
+        speed = (speed + T * net / LIMITS.inertia) / (1.0 + T * LIMITS.damping / LIMITS.inertia);
+        way += T * speed;
+        samples += 1.0;
+    }
+    samples * T
+}
+
+/// The time under a torque that asks for motion, from the puck's standing still on to the fault; `None`: none in `samples`.
+fn asked_until_stuck<F: Real>(limits: &Limits, torque: f64, frequency: f64, samples: u32) -> Option<f64> {
+    let (bodies, couplings) = swing(torque, frequency);
+    let spec = Spec { count: Some(COUNT), bodies: &bodies, couplings: &couplings, ..WORLD };
+    let mut guard = Guard::<F>::running(limits, &spec, 0.0);
+    let mut asked = 0.0;
+    for _ in 0..samples {
+        let guarded = guard.at(0.0);
+        if guarded.phase == Phase::Faulted {
+            assert_eq!((guarded.reason, guarded.output.to_f64()), (Some(Reason::Stuck), 0.0));
+            return Some(asked);
+        }
+        asked += if guarded.output.to_f64().abs() > ASKS { T } else { 0.0 };
+    }
+    None
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// It crossed the threshold again and again, and each crossing once set the watch back.
+    #[test]
+    fn a_torque_that_swings_finds_a_dead_encoder_as_one_that_stays(
+        torque in 1.5..7.5f64, frequency in -2.0..0.7f64, stuck in 0.2..1.5f64,
+    ) {
+        let limits = Limits { stuck, energy: 1e9, ..LIMITS };
+        let asked = asked_until_stuck::<f64>(&limits, torque * ASKS, 10f64.powf(frequency), 200_000);
+        let least = three_counts();
+        prop_assert!(asked.is_some_and(|asked| asked <= stuck.max(4.0 * least) + 2.0 * least + 0.05), "{asked:?} s");
+        let single = asked_until_stuck::<f32>(&limits, torque * ASKS, 10f64.powf(frequency), 200_000);
+        prop_assert!(single.is_some(), "not in f32");
+    }
+
+    /// With half as much friction again as the file says, at every frequency, moving by many counts and by none.
+    #[test]
+    fn a_free_puck_is_never_stuck(
+        torque in 0.2..7.5f64, frequency in -1.5..2.4f64, sticks in 0.0..3.0f64, start in 0.0..1.0f64,
+    ) {
+        let limits = Limits { stuck: 0.2, energy: 1e9, jump: 1.0, ..LIMITS };
+        let (bodies, couplings) = swing(torque * ASKS, 10f64.powf(frequency));
+        let spec = Spec { count: Some(COUNT), bodies: &bodies, couplings: &couplings, ..WORLD };
+        let mut guard = Guard::<f64>::running(&limits, &spec, 0.0);
+        let (mut position, mut velocity) = (start * COUNT, 0.0_f64);
+        let friction = T * sticks * LIMITS.friction / LIMITS.inertia;
+        for k in 0..5000 {
+            let guarded = guard.at((position / COUNT).floor() * COUNT);
+            prop_assert_ne!(guarded.reason, Some(Reason::Stuck), "after {} samples", k);
+            let pushed = velocity + T * guarded.output.to_f64() / LIMITS.inertia;
+            let slid = pushed.signum() * (pushed.abs() - friction).max(0.0);
+            velocity = slid / (1.0 + T * LIMITS.damping / LIMITS.inertia);
+            position += T * velocity;
+        }
+    }
+}
+
+/// A body that swings by 1 rad once in a second touches the puck's wall for a fourteenth of it.
+pub fn five_short_pushes_find_a_dead_encoder<F: Real>() {
+    let rate = std::f64::consts::TAU;
+    let spring = Law::Spring { stiffness: rate * rate, rest: 0.0 };
+    let wall = Law::Wall { side: Side::Above, at: 0.97, stiffness: 20.0, damping: 0.0 };
+    let bodies = [Body { inertia: 1.0, position: 0.0, velocity: rate }];
+    let couplings = [
+        Coupling { first: End::Body(0), second: End::Ground, law: spring },
+        Coupling { first: End::Body(0), second: End::Puck, law: wall },
+    ];
+    let spec = Spec { count: Some(COUNT), bodies: &bodies, couplings: &couplings, ..WORLD };
+    let mut guard = Guard::<F>::running(&Limits { stuck: 1.0, energy: 1e3, ..LIMITS }, &spec, 0.0);
+    let (mut pushes, mut asked, mut last) = (0, 0, 0.0);
+    for _ in 0..20_000 {
+        let guarded = guard.at(0.0);
+        let torque = guarded.output.to_f64().abs();
+        pushes += i32::from(torque > ASKS && last <= ASKS);
+        asked += i32::from(torque > ASKS);
+        last = torque;
+        if guarded.phase == Phase::Faulted {
+            assert_eq!(guarded.reason, Some(Reason::Stuck));
+            assert!((4..=5).contains(&pushes) && asked < 500, "{pushes} pushes, {asked} ms");
+            return;
+        }
+    }
+    panic!("{pushes} pushes, and no fault");
+}
+
+/// What it was asked before it was armed is not held against it.
+pub fn a_dead_encoder_can_be_cleared_and_is_found_again<F: Real>() {
+    let limits = Limits { stuck: 0.2, ..LIMITS };
+    let mut guard = Guard::<F>::running(&limits, &WORLD, 0.5);
+    for _ in 0..2 {
+        let mut samples = 20;
+        while guard.at(0.5).phase == Phase::Running {
+            samples += 1;
+        }
+        assert_eq!(guard.watch.reason, Some(Reason::Stuck));
+        assert!((199..=205).contains(&samples), "{samples}");
+        for _ in 0..20 {
+            guard.at(0.5);
+        }
+        assert_eq!(guard.step(&reading(0.5), Some(Request::Clear)).phase, Phase::Disarmed);
+        guard.step(&reading(0.5), Some(Request::Arm));
+        for _ in 0..20 {
+            guard.at(0.5);
+        }
+        assert_eq!(guard.watch.phase, Phase::Running);
+    }
+}
