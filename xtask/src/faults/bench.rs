@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use fastrand::Rng;
 use hapt_analysis::{is_certified, required_damping};
-use hapt_model::{EstimatorKind, World};
+use hapt_model::{Body, Coupling, End, EstimatorKind, Law, Method, Output, World};
 use hapt_sim::{Grip, VirtualDevice};
 
 use crate::truth::worlds;
@@ -33,6 +33,41 @@ pub fn world(rng: &mut Rng) -> World {
         let Ok(Some(damping)) = required_damping(&world) else { continue };
         world.device.damping = (damping * (1.0 + rng.f64())).max(1e-5);
         if world.couplings.len() <= 8 && world.device.damping < DAMPED && is_certified(&world) {
+            return world;
+        }
+    }
+}
+
+/// A world that is certified, whose body swings on without end and pulls at the puck beyond what asks it to move.
+pub fn swinging(rng: &mut Rng) -> World {
+    loop {
+        let mut world = world(rng);
+        let device = &world.device;
+        let (limit, count) = (device.limit.unwrap_or(1.0), world.count().unwrap_or(1e-4));
+        let asks = 2.0 * device.friction + 0.05 * limit;
+        let torque = asks * log(rng, 1.5, 8.0);
+        let (rate, way) = (log(rng, 0.5, 100.0), log(rng, 0.1, 3.0));
+        let inertia = device.inertia * log(rng, 5.0, 100.0);
+        let (grounded, stiffness) = (inertia * rate * rate, torque / way);
+        // A free puck under the least torque that asks it to move goes three counts in a tenth of a second, and the swing throws it
+        // no faster than a hand does.
+        let net = 0.5 * (asks - device.friction);
+        let quick = 3.0 * count < net * 0.1 * (0.05 / device.inertia).min(0.5 / device.damping);
+        if torque > limit || !quick || torque > 10.0 * device.inertia * rate {
+            continue;
+        }
+        (world.sampling.method, world.sampling.output, world.sampling.advance) = (Method::Zoh, Output::End, 0);
+        world.sampling.delay = 0.0;
+        world.names = vec!["b0".into()];
+        world.bodies = vec![Body { inertia, position: 0.0, velocity: way * rate }];
+        world.couplings = [(End::Ground, grounded), (End::Puck, stiffness)]
+            .map(|(first, stiffness)| Coupling {
+                first,
+                second: End::Body(0),
+                law: Law::Spring { stiffness, rest: 0.0 },
+            })
+            .to_vec();
+        if is_certified(&world) {
             return world;
         }
     }

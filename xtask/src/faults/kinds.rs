@@ -17,6 +17,7 @@ pub enum Kind {
     Doubled,
     Swapped,
     Frozen,
+    FrozenSwinging,
     Flipped,
     Jump,
     EncoderReversed,
@@ -38,12 +39,13 @@ pub enum Kind {
 use Reason::{Jump, Late, Link, NotFinite, Overspeed, PortEnergy, Reversed, Slew, Stop, Stuck, Velocity, WorldEnergy};
 
 impl Kind {
-    pub const ALL: [Kind; 21] = [
+    pub const ALL: [Kind; 22] = [
         Kind::None,
         Kind::Dropped,
         Kind::Doubled,
         Kind::Swapped,
         Kind::Frozen,
+        Kind::FrozenSwinging,
         Kind::Flipped,
         Kind::Jump,
         Kind::EncoderReversed,
@@ -70,6 +72,7 @@ impl Kind {
             Kind::Doubled => "one sample twice",
             Kind::Swapped => "two samples in the wrong order",
             Kind::Frozen => "encoder frozen",
+            Kind::FrozenSwinging => "encoder frozen beside a body that swings on",
             Kind::Flipped => "one bit of the position flipped, once",
             Kind::Jump => "position jumps and stays there (up to a turn)",
             Kind::EncoderReversed => "encoder runs the other way",
@@ -94,6 +97,7 @@ impl Kind {
         matches!(
             self,
             Kind::NotANumber
+                | Kind::FrozenSwinging
                 | Kind::Link
                 | Kind::Stalled
                 | Kind::Clock
@@ -117,6 +121,7 @@ impl Kind {
             }
             // The puck runs away unseen, or stands where nobody believes it.
             Kind::Frozen => &[Stuck, Jump],
+            Kind::FrozenSwinging => &[Stuck],
             Kind::EncoderReversed | Kind::MotorReversed | Kind::MotorGain => {
                 &[Overspeed, Velocity, Jump, Slew, PortEnergy]
             }
@@ -144,7 +149,7 @@ impl Kind {
             Kind::Dropped if first => wires.missed = 1,
             Kind::Doubled => wires.frozen = first,
             Kind::Swapped => wires.age = if age == 1 { 2 } else { 0 },
-            Kind::Frozen | Kind::ArmedDead => wires.frozen = true,
+            Kind::Frozen | Kind::FrozenSwinging | Kind::ArmedDead => wires.frozen = true,
             Kind::Flipped if first => wires.flipped = Some(rng.u32(0..20)),
             Kind::Jump if first => wires.offset = log(rng, 1e-4, 6.0) * if rng.bool() { 1.0 } else { -1.0 },
             Kind::EncoderReversed if first => (wires.scale, wires.offset) = (-1.0, 2.0 * rig.device.puck().0),
