@@ -7,10 +7,12 @@ use hapt_model::{Damping, End, EstimatorKind, Law, Method, Motion, World};
 use serde::Serialize;
 
 use crate::continuous::{bent, bent_anywhere};
+use crate::counts::{Quantisation, power, quantisation};
 use crate::error::Error;
 use crate::free::{free, free_at_this_period, shortest_period};
 use crate::held::held;
-use crate::passivity::{Cause, Passivity, Quantisation, passivity, quantisation};
+use crate::laws::{self, is_nonlinear};
+use crate::passivity::{Cause, Passivity, passivity};
 use crate::remedies::Remedies;
 use crate::stability::{COMBINED, Mode, NOT_SEARCHED, Stability, Verdict};
 
@@ -39,6 +41,8 @@ pub struct Check {
     pub notes: Vec<String>,
     #[serde(skip)]
     motion: Motion,
+    #[serde(skip)]
+    has_counts: bool,
 }
 
 /// Analyses a world: its loop's period and method, its bodies and couplings.
@@ -75,25 +79,24 @@ fn with_free(world: &World, free: Stability) -> Result<Check, Error> {
         passivity,
         quantisation: quantisation(world)?,
         remedies: None,
-        notes: notes(world),
+        notes: notes(world)?,
         motion: world.motion,
+        has_counts: world.device.encoder.is_some(),
     })
 }
 
 /// How the note begins that says so.
 const ESTIMATE: &str = "held is a linear estimate of a nonlinear world";
 
-fn notes(world: &World) -> Vec<String> {
+fn notes(world: &World) -> Result<Vec<String>, Error> {
     let mut notes = Vec::new();
     let bent = bent(&world.couplings);
-    let nonlinear = |law: &Law| !matches!(law, Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. });
-    let at_body = |end: End| matches!(end, End::Body(_));
     let looked = |bent: usize, flat: &str| match bent {
         0 => flat.to_string(),
         n if n <= COMBINED => format!("the worst of {} combinations of flat and steep slopes counts", 1u32 << n),
         n => format!("the worst counts of all flat, all steep and each of {n} nonlinear couplings alone steep"),
     };
-    if world.couplings.iter().any(|c| nonlinear(&c.law) && (at_body(c.first) || at_body(c.second))) {
+    if world.couplings.iter().any(|c| is_nonlinear(c) && laws::at_body(c)) {
         let looked = looked(bent.len(), "its nonlinear couplings at bodies have slope 0 and count as absent");
         notes.push(format!("{ESTIMATE}: {looked}"));
     }
@@ -113,7 +116,7 @@ fn notes(world: &World) -> Vec<String> {
             Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => stiffness > 0.0,
             Law::Detent { torque, .. } => torque > 0.0,
             Law::Lugre { bristle_stiffness, .. } => bristle_stiffness > 0.0,
-            _ => false,
+            Law::Damper { .. } | Law::Coulomb { .. } | Law::Constant { .. } | Law::Clamped { .. } => false,
         };
         let body = End::Body(index);
         if !world.couplings.iter().any(|c| holds(&c.law) && (c.first == body || c.second == body)) {
@@ -121,13 +124,16 @@ fn notes(world: &World) -> Vec<String> {
             notes.push(format!("body {name}: no spring is tied to it, so it stays where it is shifted to"));
         }
     }
-    if world.couplings.iter().any(|c| nonlinear(&c.law)) {
+    if world.couplings.iter().any(is_nonlinear) {
         let bent = bent_anywhere(&world.couplings);
         let looked = looked(bent.len(), "its nonlinear couplings have slope 0 and count as absent");
         notes.push(format!("free is a linear estimate of a nonlinear world: {looked}"));
     }
     let sampling = &world.sampling;
-    let is_foaw = matches!(sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
+    let is_foaw = match sampling.estimator {
+        EstimatorKind::Foaw | EstimatorKind::FoawBest => true,
+        EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::LowPass => false,
+    };
     if is_foaw && sampling.window > 1 {
         notes.push(format!(
             "free takes {} at its longest window, {} samples, and at its shortest, 1: the worse of the two counts",
@@ -135,18 +141,24 @@ fn notes(world: &World) -> Vec<String> {
             sampling.window
         ));
     }
-    if world.couplings.iter().any(|c| c.first == End::Puck || c.second == End::Puck) {
+    if world.couplings.iter().any(laws::at_puck) {
         notes.push(format!("free: its critical period is searched from {} up", time(shortest_period(sampling))));
     }
+    if let Some(power) = power(world)? {
+        notes.push(format!(
+            "the encoder's counts can feed the bodies, and a hand by them, with a power of at most {} W: for one body K²Δ²/(16 B), K its \
+             stiffness to the puck, Δ the count, B its damping to ground",
+            short(power)
+        ));
+    }
     notes.extend(at_puck(world));
-    notes
+    Ok(notes)
 }
 
 /// What passivity leaves out, or cannot be had with, at the puck.
 fn at_puck(world: &World) -> impl Iterator<Item = String> {
     let damping = world.device.damping;
-    let touching = |c: &hapt_model::Coupling| c.first == End::Puck || c.second == End::Puck;
-    world.couplings.iter().enumerate().filter(move |(_, c)| touching(c)).filter_map(move |(index, c)| match c.law {
+    world.couplings.iter().enumerate().filter(|(_, c)| laws::at_puck(c)).filter_map(move |(index, c)| match c.law {
         Law::Coulomb { torque } if torque > 0.0 => Some(format!(
             "couplings.{index}: Coulomb friction at the puck jumps with the sign of the velocity, so no finite damping makes \
              it passive; LuGre friction with its bristles has a finite slope"
@@ -162,7 +174,14 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
                  off it {speed}"
             ))
         }
-        _ => None,
+        Law::Coulomb { .. }
+        | Law::Constant { .. }
+        | Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::Lugre { .. }
+        | Law::Clamped { .. } => None,
     })
 }
 
@@ -344,6 +363,12 @@ impl Check {
                 Some(Cause::Grows { hz }) => {
                     format!("the hand feels a motion at {} Hz that grows by itself", short(hz))
                 }
+                Some(Cause::Unseen { hz }) => {
+                    format!(
+                        "the world has a motion at {} Hz that grows by itself, little as the hand feels of it",
+                        short(hz)
+                    )
+                }
                 Some(Cause::OutOfStep { hz }) => {
                     format!(
                         "nothing damps the swing at {} Hz, and its torque comes out of step with the hand",
@@ -377,17 +402,24 @@ impl Check {
         }
     }
 
-    /// What the encoder's counts allow, in one sentence; `None` for an ideal encoder.
+    /// What the encoder's counts and the motor's levels allow, in one sentence; `None` where both are ideal.
     pub fn quantisation_sentence(&self) -> Option<String> {
-        let unit = Measure::Stiffness.dimension(self.motion).symbol();
-        let most = format!("{} {unit}", short(self.quantisation.max_stiffness?));
-        Some(if self.quantisation.ok {
+        let found = &self.quantisation;
+        let unit = |measure: Measure| measure.dimension(self.motion).symbol();
+        let most = format!("{} {}", short(found.max_stiffness?), unit(Measure::Stiffness));
+        let what = if self.has_counts { "the encoder's counts" } else { "the motor's levels" };
+        Some(if found.lacks_friction() {
+            let torque = unit(Measure::Torque);
             format!(
-                "friction and damping of the device swallow the encoder's counts up to {most} at the puck, and there is less"
+                "dampers and levels ask for a friction of {} {torque}, and the device has {} {torque}: it may buzz",
+                short(found.least_friction),
+                short(found.friction)
             )
+        } else if found.ok {
+            format!("friction and damping of the device swallow {what} up to {most} at the puck, and there is less")
         } else {
             format!(
-                "friction and damping of the device swallow the encoder's counts only up to {most} at the puck, and there is more: it may buzz"
+                "friction and damping of the device swallow {what} only up to {most} at the puck, and there is more: it may buzz"
             )
         })
     }

@@ -1,9 +1,9 @@
-//! How much damping the device needs so that the loop is passive against every passive hand, and how stiff the puck may feel
-//! to an encoder.
+//! How much damping the device needs so that the loop is passive against every passive hand.
 //!
 //! The linear loop is passive exactly when G(z) = b/T + H/(z - 1) is positive real (Colgate and Schenkel 1997), H from the
 //! sampled position to the torque that resists the hand: poles outside the circle never pass, one on it must be simple with a
-//! residue ρ = R/p that is real and not negative, and all around the circle b is no less than the curve of `curve`. A pole on
+//! residue ρ = R/p that is real and not negative, and all around the circle b is no less than the curve of `curve`. That nothing grows
+//! is read from the held world, before anything is left out for a small residue. A pole on
 //! the circle is what a lossless world has; it is taken out by its residue before the largest value is looked for, because no
 //! grid of frequencies sees it.
 //!
@@ -17,7 +17,7 @@
 //!
 //! which is nowhere above K T (1/2 + d).
 
-use hapt_model::{Coupling, End, Law, Sampling, World};
+use hapt_model::{Coupling, End, Sampling, World};
 use serde::Serialize;
 
 use crate::continuous::{Slopes, ties};
@@ -25,9 +25,11 @@ use crate::curve::Curve;
 use crate::delay::Delay;
 use crate::error::Error;
 use crate::estimator::Filter;
+use crate::held::{held_eigenvalues, held_growth};
 use crate::impedance::{Impedance, Pole, Rule};
+use crate::laws::{self, Kind, most};
 use crate::proof;
-use crate::stability::MARGINAL;
+use crate::stability::{MARGINAL, Verdict};
 use crate::supremum::supremum;
 
 /// A residue counts as real when its imaginary part is below this, relatively.
@@ -39,6 +41,11 @@ pub enum Cause {
     /// The puck's torque has a mode that grows by itself.
     Grows {
         /// Of the mode.
+        hz: f64,
+    },
+    /// The world grows by itself while the puck is held, in a motion that the puck's torque hardly shows.
+    Unseen {
+        /// Of the motion.
         hz: f64,
     },
     /// A mode that nothing damps answers the hand out of step.
@@ -60,7 +67,7 @@ impl Cause {
     fn at_hz(self) -> Option<f64> {
         match self {
             Cause::OutOfStep { hz } | Cause::Fraction { hz } => Some(hz),
-            Cause::Grows { .. } | Cause::Coulomb => None,
+            Cause::Grows { .. } | Cause::Unseen { .. } | Cause::Coulomb => None,
         }
     }
 }
@@ -83,15 +90,6 @@ pub struct Passivity {
     /// Why `required_damping` is `None`.
     #[serde(skip)]
     pub cause: Option<Cause>,
-}
-
-/// What an encoder's counts allow.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Quantisation {
-    /// min(2b/T, 2 friction/Δ), N·m/rad (linear: N/m); `None` for an ideal encoder.
-    pub max_stiffness: Option<f64>,
-    /// Whether the stiffness at the puck is no larger.
-    pub ok: bool,
 }
 
 /// What a loop asks for.
@@ -139,18 +137,6 @@ pub(crate) fn need(world: &World, couplings: &[Coupling]) -> Result<Need, Error>
     Ok(worst.unwrap_or(Need { damping: Ok(0.0), at_hz: None }))
 }
 
-/// Whether the puck sees a mode that neither grows nor decays, with all nonlinear couplings flat or all steep.
-pub(crate) fn is_lossless(world: &World) -> Result<bool, Error> {
-    let period = world.sampling.period;
-    for slopes in [Slopes::Flat, Slopes::Steep] {
-        let port = port(world, &world.couplings, &slopes)?;
-        if port.poles.iter().any(|p| is_neutral(p, period) && is_seen(&port, p, period)) {
-            return Ok(true);
-        }
-    }
-    Ok(false)
-}
-
 /// Whether a pole is at the circle. Real ones just below 1 belong to a body that only a very weak damper holds: it stands still.
 fn is_neutral(pole: &Pole, period: f64) -> bool {
     pole.ln_abs.abs() < MARGINAL * period && pole.arg != 0.0
@@ -194,16 +180,26 @@ fn of_filter(port: &Impedance, filter: &Filter, lag: Delay, period: f64) -> Resu
 
 /// Whether a coupling is Coulomb friction at the puck.
 fn is_coulomb_at_puck(coupling: &Coupling) -> bool {
-    matches!(coupling.law, Law::Coulomb { torque } if torque > 0.0)
-        && (coupling.first == End::Puck || coupling.second == End::Puck)
+    Kind::of(&coupling.law) == Kind::Coulomb && most(&coupling.law) > 0.0 && laws::at_puck(coupling)
 }
 
 /// What [`passivity`] finds first: the verdict on the linear loop.
 fn found(world: &World) -> Result<Need, Error> {
+    let never = |cause| Ok(Need { damping: Err(cause), at_hz: None });
     if world.couplings.iter().any(is_coulomb_at_puck) {
-        return Ok(Need { damping: Err(Cause::Coulomb), at_hz: None });
+        return never(Cause::Coulomb);
     }
-    need(world, &world.couplings)
+    let need = need(world, &world.couplings)?;
+    // A pole outside the circle never passes, however little of it the puck's torque shows.
+    let Sampling { method, period, .. } = world.sampling;
+    let grows = Verdict::of(held_growth(&world.bodies, &world.couplings, method, period)?) == Verdict::Unstable;
+    if grows && !matches!(need.damping, Err(Cause::Grows { .. })) {
+        // The first listed is the largest.
+        let listed = held_eigenvalues(&world.bodies, &world.couplings, method, period)?;
+        let turn = listed.first().map_or(0.0, |most| most.im.atan2(most.re).abs());
+        return never(Cause::Unseen { hz: turn / std::f64::consts::TAU / period });
+    }
+    Ok(need)
 }
 
 /// [`Passivity::required_damping`] alone.
@@ -233,16 +229,4 @@ pub fn passivity(world: &World) -> Result<Passivity, Error> {
         not_proved,
         cause: found.damping.err(),
     })
-}
-
-/// What the encoder's counts allow (Abbott and Okamura, IEEE Trans. Robotics 21(5), 2005).
-///
-/// # Errors
-/// [`Error::NoSuchBody`].
-pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
-    let [stiffness, _] = at_puck(world, &world.couplings)?;
-    let device = &world.device;
-    let max_stiffness =
-        world.count().map(|count| (2.0 * device.damping / world.sampling.period).min(2.0 * device.friction / count));
-    Ok(Quantisation { max_stiffness, ok: max_stiffness.is_none_or(|most| stiffness <= most) })
 }

@@ -1,7 +1,7 @@
 //! What a certificate of the linear loop leaves open.
 //!
-//! Two arguments reach beyond it. τ_k is the torque held while the puck goes from z_k to z_{k+1}, δ = z_{k+1} - z_k; the device
-//! pays for b δ²/T.
+//! Arguments reach beyond it. τ_k is the torque held while the puck goes from z_k to z_{k+1}, δ = z_{k+1} - z_k; the device
+//! pays for b δ²/T. What none of them names is not proved.
 //!
 //! **Beside a linear loop.** A coupling between puck and ground with a law f(z) that nowhere rises by more than K has the energy
 //! S, S' = f, and f(z_k) δ ≥ S(z_{k+1}) - S(z_k) - K δ²/2, whatever falls. With a wall's damping B the torque is never more than
@@ -10,96 +10,173 @@
 //! what the linear rest of the loop asks for by itself. The motor holds 0, and not f(z_0), until the first command arrives: that lends
 //! the hand |f(z_0)| times the way of the first d samples at most, once, beyond the energy S(z_0).
 //!
+//! **A motor at its limit** with no body is such a law too: the sum of springs, cut, rises by no more than K, and dampers are never more
+//! than B |v_k| away, |v_k| being no more than a mean of steps before over T. A fraction a of a sample of delay makes the
+//! bound that of (T32) with m = T K (1/2 + d + a) + B.
+//!
 //! **At bodies** the energy theorem: where the step, puck held, does not raise the energy S(z, x), and the torque is -∂S/∂z at
 //! its end, the hand's work is the change of S less K δ²/2 at most. `zoh`, `trapezoidal` and `backward-euler` with their
 //! discrete-gradient step are such; the torque has to be that of `end`, not of a later step, and not late. A damper at the puck
 //! costs its B, taken with the mean velocity. A wall with damping between puck and body is not covered: its body's damping goes
 //! by the middle of the step and the puck's by its end, and they need not be inside together.
+//!
+//! **Counts and levels** with no body are paid for by the device's friction (`counts.rs`). With a body nothing pays for them.
 
-use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, World};
+use hapt_model::{Coupling, EstimatorKind, Law, Method, Output, World};
 
 use crate::check::short;
+use crate::counts::{Quantisation, quantisation};
+use crate::delay::Delay;
 use crate::error::Error;
-use crate::passivity::{Need, at_puck, is_lossless, lag, need, quantisation};
-
-fn is_nonlinear(law: &Law) -> bool {
-    !matches!(law, Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. })
-}
-
-fn at_body(coupling: &Coupling) -> bool {
-    [coupling.first, coupling.second].iter().any(|end| matches!(end, End::Body(_)))
-}
-
-fn is_at_puck(coupling: &Coupling) -> bool {
-    coupling.first == End::Puck || coupling.second == End::Puck
-}
-
-/// Whether the couplings at the puck can never ask the motor for more than `limit`.
-fn is_within(world: &World, limit: f64) -> bool {
-    let most = |law: &Law| match *law {
-        Law::Clamped { limit, .. } => limit,
-        Law::Detent { torque, .. } | Law::Coulomb { torque } => torque,
-        Law::Constant { torque } => torque.abs(),
-        _ => f64::INFINITY,
-    };
-    world.couplings.iter().filter(|c| is_at_puck(c)).map(|c| most(&c.law)).sum::<f64>() <= limit
-}
+use crate::laws::{self, Kind, is_nonlinear};
+use crate::passivity::{Need, at_puck, lag, need};
 
 /// The reasons why the answer on the linear loop is not one on the whole.
 pub(crate) fn missing(world: &World, found: &Need) -> Result<Vec<String>, Error> {
-    let (sampling, device) = (&world.sampling, &world.device);
+    let claimed = claimed(world, found);
     let mut reasons = Vec::new();
-    if matches!(sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest) {
-        reasons.push(format!(
-            "the {} estimator changes its window as the puck moves, and only the longest and the shortest were looked at",
-            sampling.estimator.name()
-        ));
-    }
-    let rounds = match (device.encoder, device.levels) {
-        (Some(_), Some(_)) => Some("the encoder's counts and the motor's levels push"),
-        (Some(_), None) => Some("the encoder's counts push"),
-        (None, Some(_)) => Some("the motor's levels push"),
-        (None, None) => None,
-    };
-    if let Some(push) = rounds
-        && is_lossless(world)?
-    {
-        reasons.push(format!("{push} at a body whose swing nothing damps, and may push it up without bound"));
-    }
-    if device.limit.is_some_and(|limit| !is_within(world, limit)) && !world.bodies.is_empty() {
-        reasons.push(
-            "the motor's limit cuts the torque on the puck but not its opposite on the bodies: a limit on every coupling at the \
-             puck, together no more than the motor's, would cut both"
-                .to_string(),
-        );
-    }
-    let nonlinear: Vec<&Coupling> = world.couplings.iter().filter(|c| is_nonlinear(&c.law)).collect();
+    reasons.extend(estimator(world));
+    reasons.extend(bodies_and_counts(world));
+    reasons.extend(limit(world, claimed)?);
+    reasons.extend(constants(world));
+    let nonlinear: Vec<&Coupling> = world.couplings.iter().filter(|c| is_nonlinear(c)).collect();
     if !nonlinear.is_empty() {
-        if sampling.estimator == EstimatorKind::LowPass {
+        if world.sampling.estimator == EstimatorKind::LowPass {
             reasons.push("a low-pass delays the velocity, and nonlinear couplings have no proof with that".to_string());
         }
-        let bodies: Vec<&Coupling> = nonlinear.iter().copied().filter(|c| at_body(c)).collect();
-        let claimed = claimed(world, found);
+        let bodies: Vec<&Coupling> = nonlinear.iter().copied().filter(|c| laws::at_body(c)).collect();
         let outside = if bodies.is_empty() { beside(world, claimed)? } else { theorem(world, &bodies, claimed)? };
         reasons.extend(outside);
     }
-    for (index, coupling) in world.couplings.iter().enumerate() {
-        if let Law::Lugre { coulomb, stribeck, bristle_damping, viscous, .. } = coupling.law {
-            // viscous < bristle_damping (stribeck - coulomb)/coulomb, without the quotient
-            if viscous * coulomb < bristle_damping * (stribeck - coulomb) {
-                reasons.push(format!(
-                    "couplings.{index}: its bristles give energy back when it slips: viscous would have to be at least \
-                     bristle_damping (stribeck - coulomb)/coulomb"
-                ));
-            }
+    reasons.extend(bristles(world));
+    reasons.extend(friction(world, &quantisation(world)?));
+    Ok(reasons)
+}
+
+/// A velocity that no argument speaks of.
+fn estimator(world: &World) -> Option<String> {
+    let sampling = &world.sampling;
+    match sampling.estimator {
+        EstimatorKind::Foaw | EstimatorKind::FoawBest => Some(format!(
+            "the {} estimator changes its window as the puck moves, and only the longest and the shortest were looked at",
+            sampling.estimator.name()
+        )),
+        EstimatorKind::Exact => {
+            let takes = |c: &Coupling| laws::at_puck(c) && laws::takes_velocity(&c.law);
+            world.couplings.iter().any(takes).then(|| {
+                "the exact estimator tells a damper at the puck the velocity of one instant, and the puck may turn round before the \
+                 next: the proof is of the difference that counts here, estimator = \"difference\""
+                    .to_string()
+            })
+        }
+        EstimatorKind::Difference | EstimatorKind::LowPass => None,
+    }
+}
+
+/// Counts and levels beside bodies: the friction of the puck does not see what moves there.
+fn bodies_and_counts(world: &World) -> Option<String> {
+    if world.bodies.is_empty() {
+        return None;
+    }
+    match (world.device.encoder.is_some(), world.device.levels.is_some()) {
+        (false, false) => None,
+        (true, levels) => Some(format!(
+            "the encoder's counts{} push at a body, whose motion the puck's friction does not see: a hand that dithers across a count \
+             may pump it",
+            if levels { " and the motor's levels" } else { "" }
+        )),
+        (false, true) => {
+            Some("the motor's levels round the torque on the puck but not its opposite on the bodies".to_string())
         }
     }
-    if !quantisation(world)?.ok {
+}
+
+/// The motor's limit, where it can be reached.
+fn limit(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> {
+    let asked: f64 = world.couplings.iter().filter(|c| laws::at_puck(c)).map(|c| laws::most(&c.law)).sum();
+    if world.device.limit.is_none_or(|limit| asked <= limit) {
+        return Ok(None);
+    }
+    if !world.bodies.is_empty() {
+        return Ok(Some(
+            "the motor's limit cuts the torque on the puck but not its opposite on the bodies: a limit on every coupling at the \
+             puck, together no more than the motor's, would cut both"
+                .to_string(),
+        ));
+    }
+    let bound = price(at_puck(world, &world.couplings)?, world.sampling.period, lag(&world.sampling)?);
+    Ok(falls_short(claimed, bound)
+        .then(|| format!("a motor at its limit is proved passive from a device damping of {} on", short(bound))))
+}
+
+/// What laws of the position that rise and fall by no more than K, with dampings of B, ask for, cut or not.
+fn price([stiffness, damping]: [f64; 2], period: f64, lag: Delay) -> f64 {
+    let late = lag.samples as f64 + lag.part;
+    let even = period * stiffness * (0.5 + late) + damping;
+    0.5 * (even + even.hypot((lag.part * (1.0 - lag.part)).sqrt() * period * stiffness))
+}
+
+/// Constant torques at bodies.
+fn constants(world: &World) -> Option<String> {
+    let is_source = |c: &Coupling| match c.law {
+        Law::Constant { torque } => torque != 0.0 && laws::at_body(c),
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Clamped { .. } => false,
+    };
+    world.couplings.iter().position(is_source).map(|index| {
+        format!("couplings.{index}: a constant torque at a body is a source of energy: a hand that goes along with the body draws it")
+    })
+}
+
+/// Bristles that give back more than they took.
+fn bristles(world: &World) -> Vec<String> {
+    let gives = |(index, coupling): (usize, &Coupling)| match coupling.law {
+        // viscous < bristle_damping (stribeck - coulomb)/coulomb, without the quotient
+        Law::Lugre { coulomb, stribeck, bristle_damping, viscous, .. } => {
+            (viscous * coulomb < bristle_damping * (stribeck - coulomb)).then(|| {
+                format!(
+                    "couplings.{index}: its bristles give energy back when it slips: viscous would have to be at least \
+                     bristle_damping (stribeck - coulomb)/coulomb"
+                )
+            })
+        }
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::Coulomb { .. }
+        | Law::Constant { .. }
+        | Law::Clamped { .. } => None,
+    };
+    world.couplings.iter().enumerate().filter_map(gives).collect()
+}
+
+/// Friction that counts and levels ask for.
+fn friction(world: &World, found: &Quantisation) -> Vec<String> {
+    let mut reasons = Vec::new();
+    if found.lacks_friction() {
+        let what = match (world.device.encoder.is_some(), world.device.levels.is_some()) {
+            (true, true) => "the encoder's counts at the dampers of the puck, and the motor's levels, make",
+            (true, false) => "the encoder's counts at the dampers of the puck make",
+            (false, _) => "the motor's levels make",
+        };
+        reasons.push(format!(
+            "{what} a torque of up to {}, and the device's friction of {} does not take as much",
+            short(found.least_friction),
+            short(found.friction)
+        ));
+    }
+    if found.is_too_stiff() {
         reasons.push(
             "the stiffness at the puck is above quantisation.max_stiffness: counts may keep it humming".to_string(),
         );
     }
-    Ok(reasons)
+    reasons
 }
 
 /// The damping for which the verdict speaks: what the device has, or what it would need.
@@ -119,11 +196,17 @@ fn beside(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> 
     if lag.part > 0.0 {
         return Ok(Some("nonlinear couplings have no proof under a delay with a fraction of a sample".to_string()));
     }
-    let (bent, straight): (Vec<Coupling>, Vec<Coupling>) = world.couplings.iter().partition(|c| is_nonlinear(&c.law));
-    if bent.iter().any(|c| is_at_puck(c) && matches!(c.law, Law::Lugre { .. })) {
-        return Ok(Some(
-            "the sampled bristle of LuGre friction at the puck has no proof beyond its steepest slope".into(),
-        ));
+    let (bent, straight): (Vec<Coupling>, Vec<Coupling>) = world.couplings.iter().partition(|c| is_nonlinear(c));
+    for coupling in &bent {
+        match Kind::of(&coupling.law) {
+            // Coulomb friction at the puck has been refused: no damping is claimed.
+            Kind::Potential | Kind::Linear | Kind::Constant | Kind::Coulomb => {}
+            Kind::Lugre => {
+                return Ok(Some(
+                    "the sampled bristle of LuGre friction at the puck has no proof beyond its steepest slope".into(),
+                ));
+            }
+        }
     }
     let [stiffness, damping] = at_puck(world, &bent)?;
     let Ok(rest) = need(world, &straight)?.damping else { return Ok(None) };
@@ -138,8 +221,11 @@ fn theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<
     let sampling = &world.sampling;
     let lag = lag(sampling)?;
     let outside = |why: &str| Ok(Some(format!("the energy theorem does not cover this nonlinear world: {why}")));
-    if !matches!(sampling.method, Method::Zoh | Method::Trapezoidal | Method::BackwardEuler) {
-        return outside(&format!("{} has no discrete-gradient step", sampling.method.name()));
+    match sampling.method {
+        Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => {}
+        Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => {
+            return outside(&format!("{} has no discrete-gradient step", sampling.method.name()));
+        }
     }
     if sampling.output != Output::End {
         return outside("the torque is not that at the end of the step");
@@ -150,10 +236,12 @@ fn theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<
     if lag.samples > 0 || lag.part > 0.0 {
         return outside("the torque comes late");
     }
-    let damped_wall =
-        |c: &&&Coupling| is_at_puck(c) && matches!(c.law.unclamped(), Law::Wall { damping, .. } if damping > 0.0);
-    if bodies.iter().any(|c| damped_wall(&c)) {
+    if bodies.iter().any(|c| laws::at_puck(c) && laws::is_damped_wall(&c.law)) {
         return outside("a wall with damping stands between the puck and a body");
+    }
+    // At a body or at the puck: neither has a step that is known to take no more than it gives.
+    if world.couplings.iter().any(|c| Kind::of(&c.law) == Kind::Lugre) {
+        return outside("the sampled bristle of LuGre friction has no proof beyond its steepest slope");
     }
     let [stiffness, damping] = at_puck(world, &world.couplings)?;
     let bound = 0.5 * sampling.period * stiffness + damping;

@@ -16,9 +16,10 @@
 use hapt_model::{Coupling, Damping, End, Law, World};
 use serde::Serialize;
 
+use crate::counts::quantisation;
 use crate::error::Error;
 use crate::free::free_growth;
-use crate::passivity::{need, quantisation};
+use crate::passivity::need;
 use crate::scan::{crossing, first_rise};
 use crate::stability::MARGINAL;
 

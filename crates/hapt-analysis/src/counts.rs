@@ -1,0 +1,139 @@
+//! What the encoder's counts and the motor's levels ask of the device, and what they can feed a world.
+//!
+//! The loop sees z + e, |e| ≤ Δ/2, and the motor makes the torque to within half a step. Where nothing but the puck moves, all of that
+//! is a torque on the puck of no more than D = KΔ/2 + BΔ/T + step/2, whose work is no more than D times the way: Coulomb friction of
+//! the device takes as much where it is no less than D.
+//!
+//! At a body it is a torque D_i = K_iΔ/2 + B_iΔ/T that the puck's friction does not see. Over a step that keeps the energy it does a
+//! work of D·|way| at most, and dampers C that the puck does not move take at least wayᵀ C way/T: what is left is no more than
+//! Dᵀ C⁻¹ D/4 times T. For one body with a damper B to ground that is a power of K²Δ²/(16 B).
+
+use hapt_model::{Coupling, End, Method, Output, World};
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use crate::continuous::{Slopes, Tie, ties};
+use crate::error::Error;
+use crate::laws::{self, Kind};
+use crate::passivity::{at_puck, lag};
+
+/// What the encoder's counts and the motor's levels allow.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Quantisation {
+    /// min(2b/T, 2 (friction - ΣB Δ/T - step/2)/Δ), never below 0, N·m/rad (linear: N/m); `None` for ideal counts and levels.
+    pub max_stiffness: Option<f64>,
+    /// Whether the stiffness at the puck is no larger, and the friction no less than what dampers and levels ask for.
+    pub ok: bool,
+    /// ΣB Δ/T + step/2, N·m (linear: N).
+    #[serde(skip)]
+    pub least_friction: f64,
+    /// What the device has.
+    #[serde(skip)]
+    pub friction: f64,
+    /// The stiffness at the puck, on the steepest rises.
+    #[serde(skip)]
+    pub stiffness: f64,
+}
+
+impl Quantisation {
+    /// Whether the device's friction is less than what dampers and levels ask for, whatever the stiffness.
+    pub fn lacks_friction(&self) -> bool {
+        self.max_stiffness.is_some() && self.friction < self.least_friction
+    }
+
+    /// Whether the stiffness at the puck is above `max_stiffness`.
+    pub fn is_too_stiff(&self) -> bool {
+        self.max_stiffness.is_some_and(|most| self.stiffness > most)
+    }
+}
+
+/// The step between two levels of the motor, N·m (linear: N); 0 for an ideal one.
+pub(crate) fn step(world: &World) -> f64 {
+    match (world.device.levels, world.device.limit) {
+        (Some(levels), Some(limit)) => 2.0 * limit / f64::from(levels),
+        // Levels divide the range of a limit: without one there are none.
+        (Some(_), None) | (None, Some(_)) | (None, None) => 0.0,
+    }
+}
+
+/// What the encoder's counts and the motor's levels allow (Abbott and Okamura, IEEE Trans. Robotics 21(5), 2005, with dampers and
+/// levels).
+///
+/// # Errors
+/// [`Error::NoSuchBody`].
+pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
+    let [stiffness, damping] = at_puck(world, &world.couplings)?;
+    let (device, period) = (&world.device, world.sampling.period);
+    let (friction, step, count) = (device.friction, step(world), world.count());
+    let least_friction = count.map_or(0.0, |count| damping * count / period) + 0.5 * step;
+    let max_stiffness = (count.is_some() || step > 0.0).then(|| {
+        let left = friction - least_friction;
+        let swallowed = match count {
+            Some(count) => 2.0 * left / count,
+            None if left >= 0.0 => f64::INFINITY,
+            None => 0.0,
+        };
+        (2.0 * device.damping / period).min(swallowed).max(0.0)
+    });
+    let found = Quantisation { max_stiffness, ok: true, least_friction, friction, stiffness };
+    Ok(Quantisation { ok: !found.is_too_stiff() && !found.lacks_friction(), ..found })
+}
+
+/// Whether the step keeps or loses energy while the puck is held, with the torque of its end and at once: what the bound on the power
+/// rests on.
+fn keeps_energy(world: &World) -> Result<bool, Error> {
+    let sampling = &world.sampling;
+    let method = match sampling.method {
+        Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => true,
+        Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
+    };
+    let lag = lag(sampling)?;
+    Ok(method && sampling.output == Output::End && sampling.advance == 0 && lag.samples == 0 && lag.part == 0.0)
+}
+
+/// The largest power in W that counts can feed damped bodies with; `None` where there are no counts or no bodies that they push, and
+/// where nothing bounds it.
+///
+/// # Errors
+/// [`Error::NoSuchBody`], [`Error::InFlight`].
+pub(crate) fn power(world: &World) -> Result<Option<f64>, Error> {
+    let (Some(count), n) = (world.count(), world.bodies.len()) else { return Ok(None) };
+    let outside = |c: &Coupling| {
+        matches!(Kind::of(&c.law), Kind::Constant | Kind::Lugre)
+            || (laws::at_body(c) && laws::at_puck(c) && laws::is_damped_wall(&c.law))
+    };
+    if !keeps_energy(world)? || world.couplings.iter().any(outside) {
+        return Ok(None);
+    }
+    let period = world.sampling.period;
+    let damping = |tie: &Tie| tie.fixed + period * tie.per_period;
+    let (mut push, mut taken) = (DVector::zeros(n), DMatrix::zeros(n, n));
+    for tie in ties(&world.bodies, &world.couplings, &Slopes::Steep)? {
+        if let (End::Puck, End::Body(i)) | (End::Body(i), End::Puck) = (tie.first, tie.second) {
+            push[i] += 0.5 * tie.stiffness * count + damping(&tie) * count / period;
+        }
+    }
+    // Only what is there at every motion takes.
+    for tie in ties(&world.bodies, &world.couplings, &Slopes::Flat)? {
+        match (tie.first, tie.second) {
+            (End::Ground, End::Body(i)) | (End::Body(i), End::Ground) => taken[(i, i)] += damping(&tie),
+            (End::Body(i), End::Body(j)) => {
+                let damping = damping(&tie);
+                taken[(i, i)] += damping;
+                taken[(j, j)] += damping;
+                taken[(i, j)] -= damping;
+                taken[(j, i)] -= damping;
+            }
+            (End::Puck, End::Puck | End::Ground | End::Body(_))
+            | (End::Ground, End::Puck | End::Ground)
+            | (End::Body(_), End::Puck) => {}
+        }
+    }
+    let size: f64 = taken.amax();
+    if push.amax() == 0.0 || size == 0.0 {
+        return Ok(None);
+    }
+    let Ok(speed) = taken.clone().svd(true, true).solve(&push, 1e-12 * size) else { return Ok(None) };
+    let bounded = (&taken * &speed - &push).amax() <= 1e-9 * push.amax();
+    Ok(bounded.then(|| 0.25 * push.dot(&speed)))
+}
