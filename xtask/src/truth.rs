@@ -16,7 +16,7 @@ use brute::{At, Motion};
 use fastrand::Rng;
 use hapt_analysis::held::MARGINAL;
 use hapt_analysis::{Error, breaking_damping, free_growth, held_growth, passivity, required_damping, worst_grip};
-use hapt_model::World;
+use hapt_model::{Coupling, EstimatorKind, Law, World};
 use rayon::prelude::*;
 
 use crate::campaign::Campaign;
@@ -30,6 +30,9 @@ const SAMPLES: u64 = 100_000;
 /// Samples of a hand's run, and hands a loop.
 const HAND_SAMPLES: u64 = 3_000;
 const HANDS: u32 = 4;
+/// Samples of a motion against counts, levels and samples: where it must draw nothing, and where it may.
+const MOTION_SAMPLES: usize = 1_000;
+const OPEN_SAMPLES: usize = 10_000;
 /// An amplitude that changes by less than this part is not seen to change.
 const SEEN: f64 = 1e-3;
 /// By e to this power a swing grows above any other.
@@ -67,6 +70,8 @@ struct Found {
     passive: Claim,
     /// The same beyond the linear loop, where it is called proved.
     proved: Claim,
+    /// Passive as far as the linear loop goes, and not proved: broken by a motion, or (slow) not by any that was tried.
+    open: Claim,
     /// Not passive: broken by a passive hand, or (slow) not by any that was tried.
     refused: Claim,
     /// Up to which part of the damping asked for a hand breaks the loop, for some of the refused.
@@ -88,7 +93,7 @@ impl Found {
         rng.u8(..MEASURED) == 0
     }
 
-    fn claims(&mut self) -> [(&'static str, &mut Claim); 7] {
+    fn claims(&mut self) -> [(&'static str, &mut Claim); 8] {
         [
             ("stable or marginal, held", &mut self.held_stable),
             ("unstable, held", &mut self.held_unstable),
@@ -97,6 +102,7 @@ impl Found {
             ("passive, linear", &mut self.passive),
             ("passive, nonlinear, proved", &mut self.proved),
             ("not passive", &mut self.refused),
+            ("not proved", &mut self.open),
         ]
     }
 }
@@ -180,16 +186,22 @@ fn judge(
     tell: &mut dyn FnMut(String),
 ) -> Result<(), Error> {
     let sampling = &world.sampling;
+    let held = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
+    let answer = passivity(world)?;
+    if held.is_some_and(|growth| growth > MARGINAL) && (answer.passive || answer.required_damping.is_some()) {
+        tell(format!("held it grows by {held:?} per second, and a finite damping is called enough"));
+        let claim = if bent { &mut found.proved } else { &mut found.passive };
+        claim.contradicted += 1;
+    }
     if !bent {
-        let held = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
         let free = free_growth(world)?;
         if !world.bodies.is_empty() {
             run(rng, world, At::Held, held, found, tell);
         }
         run(rng, world, At::Free, free, found, tell);
     }
-    let answer = passivity(world)?;
-    let device = brute::as_certified(world);
+    // What is called proved is proved of the loop as it is.
+    let device = if bent { world.clone() } else { brute::as_certified(world) };
     let worst = worst_grip(&device)?;
     let grows = worst.as_ref().map_or(f64::NEG_INFINITY, |worst| worst.growth_per_s);
     if !answer.passive {
@@ -206,6 +218,10 @@ fn judge(
         return Ok(());
     }
     if bent && !answer.proved {
+        if rounds(world) && rng.u8(..MEASURED) == 0 {
+            let broken = hapt_worst::best_motion(world, OPEN_SAMPLES).is_ok_and(|found| found.0.is_some());
+            found.open += Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };
+        }
         return Ok(());
     }
     let mut drawn = f64::NEG_INFINITY;
@@ -218,6 +234,11 @@ fn judge(
         }
         drawn = drawn.max(work);
     }
+    // The hands that break what is not proved.
+    if bent && let Ok((Some(moved), _)) = hapt_worst::best_motion(world, MOTION_SAMPLES) {
+        tell(format!("called proved, and a motion draws {:e} J: {:?}", moved.drawn.gain, moved.motion.trick));
+        drawn = f64::INFINITY;
+    }
     // What is passive stays stable in every passive hand.
     let stays = bent || grows <= MARGINAL;
     if !stays {
@@ -227,6 +248,16 @@ fn judge(
     let claim = if bent { &mut found.proved } else { &mut found.passive };
     *claim += Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
     Ok(())
+}
+
+/// Whether counts, levels, an exact velocity or a constant torque may be why a loop is not proved: what motions are tried against.
+fn rounds(world: &World) -> bool {
+    let device = &world.device;
+    let pushes = |c: &Coupling| matches!(c.law, Law::Constant { .. });
+    device.encoder.is_some()
+        || device.levels.is_some()
+        || world.sampling.estimator == EstimatorKind::Exact
+        || world.couplings.iter().any(pushes)
 }
 
 /// One claim on growth against a run.
@@ -286,6 +317,14 @@ fn table(found: &mut Found, seed: u64) -> String {
         refused.confirmed,
         100.0 * refused.confirmed as f64 / refused.loops.max(1) as f64,
         refused.slow
+    );
+    let open = found.open;
+    text += &format!(
+        "Of {} nonlinear loops called passive and not proved, with counts, levels, an exact velocity or a constant torque, a motion of \
+         {OPEN_SAMPLES} samples draws energy from {} ({:.1} %).\n",
+        open.loops,
+        open.confirmed,
+        100.0 * open.confirmed as f64 / open.loops.max(1) as f64
     );
     let at = |part: f64| found.reach.get((part * found.reach.len().saturating_sub(1) as f64).round() as usize);
     if let (Some(low), Some(middle), Some(high)) = (at(0.1), at(0.5), at(0.9)) {

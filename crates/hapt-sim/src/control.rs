@@ -7,6 +7,9 @@ use hapt_core::{Coupling, Error, Law, Loop, Sample, Spec, State, Supervisor};
 /// The loop with a PC's room: 32 bodies, 64 couplings, a FOAW window of 256.
 pub type DesktopLoop = Loop<f64, 32, COUPLINGS, COUNTS>;
 
+/// What it remembers.
+pub type DesktopState = State<f64, 32, COUPLINGS, COUNTS>;
+
 /// Its supervisor.
 pub type DesktopSupervisor = Supervisor<f64, 32, COUPLINGS>;
 

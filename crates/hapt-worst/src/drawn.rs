@@ -2,6 +2,7 @@
 
 use hapt_model::{Coupling, End, Law, Scenario, World};
 use hapt_sim::{Error, Lent, Row, Simulation, world_energy};
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 /// Beyond so many times what a run began with, it has run away, and no more of it is needed.
@@ -40,7 +41,10 @@ impl Drawn {
 struct Supply {
     /// The world without its constant torques.
     stored: World,
+    /// Those whose work counts as given.
     constants: Vec<(End, End, f64)>,
+    /// What the others have to give beyond what is stored, J.
+    reserve: f64,
     first: f64,
     /// Σ torque · q at the start.
     height: f64,
@@ -49,17 +53,19 @@ struct Supply {
 
 impl Supply {
     fn new(world: &World) -> Supply {
-        let constant = |c: &Coupling| match c.law {
-            Law::Constant { torque } => Some((c.first, c.second, torque)),
-            _ => None,
-        };
+        let reserve = reserve(world);
         let mut stored = world.clone();
+        let mut constants = Vec::new();
         // What the ledger of bristles counts by stays in its place.
-        for coupling in stored.couplings.iter_mut().filter(|c| constant(c).is_some()) {
-            coupling.law = Law::Constant { torque: 0.0 };
+        for c in &mut stored.couplings {
+            if let Some(torque) = constant(&c.law) {
+                c.law = Law::Constant { torque: 0.0 };
+                if reserve.is_none() || !at_body(c) {
+                    constants.push((c.first, c.second, torque));
+                }
+            }
         }
-        let constants = world.couplings.iter().filter_map(constant).collect();
-        Supply { stored, constants, first: 0.0, height: 0.0, lent: Lent::new(world) }
+        Supply { stored, constants, reserve: reserve.unwrap_or(0.0), first: 0.0, height: 0.0, lent: Lent::new(world) }
     }
 
     fn work(&self, row: &Row) -> f64 {
@@ -72,7 +78,7 @@ impl Supply {
     }
 
     fn begin(&mut self, row: &Row) {
-        self.first = world_energy(&self.stored, row.puck, &row.bodies, &row.bristles);
+        self.first = world_energy(&self.stored, row.puck, &row.bodies, &row.bristles) + self.reserve;
         self.height = self.work(row);
     }
 
@@ -80,6 +86,85 @@ impl Supply {
         self.lent.add(row);
         self.first + self.lent.work + self.work(row) - self.height
     }
+}
+
+fn constant(law: &Law) -> Option<f64> {
+    match *law {
+        Law::Constant { torque } => Some(torque),
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Clamped { .. } => None,
+    }
+}
+
+fn at_body(c: &Coupling) -> bool {
+    let is_body = |end: End| match end {
+        End::Body(_) => true,
+        End::Puck | End::Ground => false,
+    };
+    is_body(c.first) || is_body(c.second)
+}
+
+/// What constant torques at bodies give in all, in a world of springs and dampers beside: they move it to where it rests with them, and
+/// no further, unless springs leave a way along which they push for ever. That is a source, and nothing of what it does is given: 0.
+/// `None` where the world is not of that kind, or has no such torque.
+fn reserve(world: &World) -> Option<f64> {
+    let straight = |c: &Coupling| match c.law {
+        Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => true,
+        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Clamped { .. } => false,
+    };
+    let pushes = |c: &Coupling| at_body(c) && constant(&c.law).is_some_and(|torque| torque != 0.0);
+    if !world.couplings.iter().all(straight) || !world.couplings.iter().any(pushes) {
+        return None;
+    }
+    // The puck is the last coordinate.
+    let n = world.bodies.len();
+    let mut matrix = DMatrix::<f64>::zeros(n + 1, n + 1);
+    let (mut push, mut rest) = (DVector::<f64>::zeros(n + 1), DVector::<f64>::zeros(n + 1));
+    let place = |end: End| match end {
+        End::Puck => Some(n),
+        End::Body(i) => Some(i),
+        End::Ground => None,
+    };
+    for c in &world.couplings {
+        let (stiffness, torque, own) = match c.law {
+            Law::Spring { stiffness, rest } => (stiffness, stiffness * rest, false),
+            Law::Constant { torque } => (0.0, torque, at_body(c)),
+            Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Clamped { .. } => continue,
+        };
+        let ends = [(place(c.first), 1.0), (place(c.second), -1.0)];
+        for (i, sign) in ends {
+            let Some(i) = i else { continue };
+            if own {
+                push[i] += sign * torque
+            } else {
+                rest[i] += sign * torque
+            }
+            for (j, other) in ends {
+                if let Some(j) = j {
+                    matrix[(i, j)] += sign * other * stiffness;
+                }
+            }
+        }
+    }
+    let Ok(way) = matrix.clone().svd(true, true).solve(&push, 1e-12 * matrix.amax().max(f64::MIN_POSITIVE)) else {
+        return Some(0.0);
+    };
+    if (&matrix * &way - &push).amax() > 1e-9 * push.amax() {
+        return Some(0.0);
+    }
+    // From the start to where springs alone would rest, and on to where they rest with the push.
+    let start: f64 = world.bodies.iter().enumerate().map(|(i, body)| push[i] * body.position).sum();
+    Some((0.5 * push.dot(&way) + way.dot(&rest) - start).max(0.0))
 }
 
 /// Runs a scenario and looks at each sample how much its hand has drawn. `had` in J is what the hand's spring holds at first: a

@@ -58,7 +58,12 @@ fn torque(world: &World, q: f64) -> f64 {
             Law::Spring { stiffness, rest } => -stiffness * (q - rest),
             Law::Wall { side: Side::Above, at, stiffness, .. } => -stiffness * (q - at).max(0.0),
             Law::Wall { side: Side::Below, at, stiffness, .. } => stiffness * (at - q).max(0.0),
-            _ => 0.0,
+            Law::Damper { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => 0.0,
         };
         sign * torque
     };
@@ -92,7 +97,12 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
                 all.extend([sign * at, sign * (at + inward)]);
             }
             Law::Detent { pitch, phase, .. } => all.push(sign * (phase + 0.2 * pitch)),
-            _ => {}
+            Law::Spring { .. }
+            | Law::Damper { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => {}
         }
     }
     all.retain(|q| *q != 0.0 && q.is_finite());

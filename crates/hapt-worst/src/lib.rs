@@ -6,6 +6,7 @@
 //!
 //! * [`search`] is the whole answer on one world: a [`Worst`].
 //! * [`Hand`] is a hand with the kick that it begins with, and the scenario that shows it.
+//! * [`Motion`] is what a hand does against counts, levels and samples, where no grip draws anything: a path that it prescribes.
 //! * [`Drawn`] is what a run's ledger says of the energy that the hand has had from the loop.
 //!
 //! A certified world has to survive. A refused one should fall; where it does not, what is between the certificate and the worst
@@ -14,8 +15,10 @@
 
 mod drawn;
 mod hand;
+mod motion;
 mod search;
 
 pub use drawn::{Drawn, drawn};
 pub use hand::Hand;
-pub use search::{Error, Gap, Worst, search};
+pub use motion::{Motion, Trick};
+pub use search::{Error, FILE, Gap, Moved, Worst, best_motion, search};

@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use crate::drawn::{Drawn, drawn};
 use crate::hand::{Hand, targets};
+use crate::motion::{Motion, motions};
 
 /// The most rows of a run; the fewest; and how long it shall be otherwise, s.
 const ROWS: f64 = 4_000.0;
@@ -64,8 +65,10 @@ pub struct Worst {
     /// The linear loop's worst hand, or one nearly as bad whose spring gives a better kick, and its growth in 1/s; `None` where none that
     /// was tried makes it grow.
     pub linear: Option<hapt_analysis::Worst>,
-    /// The hand that drew most from the whole loop.
+    /// The grip that drew most from the whole loop.
     pub hand: Hand,
+    /// Where no grip drew anything: the prescribed motion that did.
+    pub motion: Option<Motion>,
     /// What it drew.
     pub drawn: Drawn,
     /// Whether that is more than rounding and a count of the encoder.
@@ -79,6 +82,11 @@ pub struct Worst {
     /// How many hands were tried by simulation.
     pub runs: usize,
 }
+
+/// Samples of a prescribed motion: the fewest, the most, and half swings of the slowest body that hangs on the puck.
+const MOVED: [f64; 3] = [2e4, 2e5, 80.0];
+/// The file of a motion, in the scenario that shows it.
+pub const FILE: &str = "worst.csv";
 
 /// A hand tried.
 #[derive(Clone, Copy, Debug)]
@@ -100,6 +108,56 @@ impl Tried {
             (end / moved.max(1e-6 * self.hand.energy())).clamp(-1.0, 0.0)
         }
     }
+}
+
+/// How many samples a prescribed motion has.
+fn moved(world: &World, stiffness: f64) -> usize {
+    let heaviest = world.bodies.iter().map(|body| body.inertia).fold(0.0, f64::max);
+    let swing = std::f64::consts::PI * (heaviest / stiffness.max(f64::MIN_POSITIVE)).sqrt() / world.sampling.period;
+    let [fewest, most, swings] = MOVED;
+    (swings * swing).clamp(fewest, most) as usize
+}
+
+/// A prescribed motion that draws energy.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moved {
+    /// The motion.
+    pub motion: Motion,
+    /// The run that shows it, under the name `worst`, its path the file [`FILE`].
+    pub scenario: Scenario,
+    /// What it drew.
+    pub drawn: Drawn,
+}
+
+/// The prescribed motion of at most `samples` samples that draws most, if any draws something; and how many were tried.
+///
+/// # Errors
+/// [`Error`].
+pub fn best_motion(world: &World, samples: usize) -> Result<(Option<Moved>, usize), Error> {
+    let stiffness = stiffness(world)?;
+    let period = world.sampling.period;
+    let length = samples as f64 * period;
+    let all = motions(world, &targets(world, stiffness), samples)?;
+    let tried = all.len();
+    let mut best: Option<Moved> = None;
+    for motion in all {
+        let scenario = motion.scenario("worst", FILE, length);
+        // What its way is worth: a million times that is enough.
+        let had = (stiffness + world.device.damping / period) * motion.reach().powi(2);
+        let drawn = drawn(world, &scenario, had)?;
+        let gains = drawn.is_gain(4.0 * grain(world, stiffness));
+        if gains && best.as_ref().is_none_or(|best| drawn.gain > best.drawn.gain) {
+            let length = if drawn.until_s < length - period { drawn.until_s } else { length };
+            let scenario = motion.scenario("worst", FILE, length);
+            best = Some(Moved { motion, scenario, drawn });
+        }
+    }
+    Ok((best, tried))
+}
+
+/// What a count is worth, J.
+fn grain(world: &World, stiffness: f64) -> f64 {
+    world.count().map_or(0.0, |count| 0.5 * stiffness * count * count)
 }
 
 /// The runs of one world.
@@ -178,7 +236,10 @@ fn stiffness(world: &World) -> Result<f64, Error> {
 /// not reached.
 fn is_linear(world: &World) -> bool {
     let device = &world.device;
-    let straight = |law: &Law| matches!(law, Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. });
+    let straight = |law: &Law| match law {
+        Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => true,
+        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Clamped { .. } => false,
+    };
     world.couplings.iter().all(|c| straight(&c.law))
         && device.friction == 0.0
         && device.encoder.is_none()
@@ -204,7 +265,8 @@ fn with_a_kick(
 /// Looks for the passive hand that draws most energy from a world's loop.
 ///
 /// The linear loop's worst hand comes first; then hands of three masses on four springs, holding on and switching, each kicked toward
-/// a few places, run on the exact simulation with all that the device has; then a climb from the best of either kind. Deterministic.
+/// a few places, run on the exact simulation with all that the device has; then a climb from the best of either kind. Where none of
+/// them draws anything, motions against counts, levels, samples and constant torques ([`Motion`]). Deterministic.
 ///
 /// Work: some 250 runs of up to 12 000 samples, and the eigenvalues of [`breaking_damping`].
 ///
@@ -217,7 +279,7 @@ pub fn search(world: &World) -> Result<Worst, Error> {
     let stiffness = stiffness(world)?;
     let targets = targets(world, stiffness);
     let duration = LONG.clamp(FEWEST * period, ROWS * period);
-    let grain = world.count().map_or(0.0, |count| 0.5 * stiffness * count * count);
+    let grain = grain(world, stiffness);
     let mut trials = Trials { world, duration, grain, runs: 0, best: None };
 
     let mut held = Vec::new();
@@ -254,7 +316,7 @@ pub fn search(world: &World) -> Result<Worst, Error> {
         }
     }
 
-    let Trials { runs, best, .. } = trials;
+    let Trials { mut runs, best, .. } = trials;
     let gains = |tried: &Tried| tried.drawn.is_gain(grain);
     let mut shown = Vec::new();
     let longest = period * SHOWN[usize::from(!is_linear(world))];
@@ -271,13 +333,23 @@ pub fn search(world: &World) -> Result<Worst, Error> {
     let Some(Shown { hand, scenario, drawn }) = shown.into_iter().max_by(more) else {
         return Err(Error::Linear(hapt_analysis::Error::Eigenvalues { order: 0 }));
     };
-    let broken = drawn.is_gain(grain) || (linear.is_some() && is_linear(world));
+    let (mut scenario, mut drawn, mut motion) = (scenario, drawn, None);
+    let mut drew = drawn.is_gain(grain);
+    if !drew {
+        let (found, tried) = best_motion(world, moved(world, stiffness))?;
+        runs += tried;
+        if let Some(found) = found {
+            (scenario, drawn, motion, drew) = (found.scenario, found.drawn, Some(found.motion), true);
+        }
+    }
+    let broken = drew || (linear.is_some() && is_linear(world));
     Ok(Worst {
         certified: is_certified(world),
         linear,
         hand,
+        motion,
         drawn,
-        drew: drawn.is_gain(grain),
+        drew,
         scenario,
         broken,
         gap: Gap {

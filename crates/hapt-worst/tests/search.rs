@@ -6,7 +6,7 @@ use hapt_analysis::{is_certified, passivity, required_damping};
 use hapt_model::{
     Body, Coupling, Damping, Drive, End, Hand, Law, Method, Output, Scenario, Shape, Side, Source, World,
 };
-use hapt_worst::{drawn, search};
+use hapt_worst::{Trick, best_motion, drawn, search};
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::RngSeed;
@@ -191,4 +191,114 @@ fn a_delay_lends_the_torque_of_its_first_samples() {
     let (world, scenario) = pressed(28.0, 0.14, 0, 2.4);
     let at_once = drawn(&world, &scenario, 0.0).unwrap();
     assert!(at_once.gain <= 0.0 && (at_once.supplied - stored(28.0, 0.14)).abs() < 1e-12, "{at_once:?}");
+}
+
+fn fixed(damping: f64) -> Law {
+    Law::Damper { damping: Damping::Fixed(damping) }
+}
+
+/// What a motion of `samples` samples draws, and that the scenario shows it again.
+fn moved(world: &World, samples: usize) -> Option<Trick> {
+    let found = best_motion(world, samples).unwrap().0?;
+    let had = 1e6 * found.drawn.gain;
+    let again = drawn(world, &found.scenario, had).unwrap();
+    assert!((again.gain - found.drawn.gain).abs() <= 1e-9 * found.drawn.turnover, "{again:?} {:?}", found.drawn);
+    Some(found.motion.trick)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 6, failure_persistence: None, rng_seed: RngSeed::Fixed(12), ..ProptestConfig::default()
+    })]
+
+    /// At the puck alone friction decides, on both sides of what counts, dampers and levels ask for.
+    #[test]
+    fn a_dither_draws_energy_where_friction_does_not_pay_for_counts_and_levels(
+        k in 0.5..20.0f64, damping in 0.0..5e-3f64, counts in 500.0..2e4f64, step in 0.0..1.0f64, spare in 1.05..2.0f64, late in 0..3u32, which in 0..3usize,
+    ) {
+        let mut world = spring(k);
+        world.couplings.push(to_ground(fixed(damping)));
+        world.sampling.estimator = hapt_model::EstimatorKind::Difference;
+        world.sampling.delay = f64::from(late) * world.sampling.period;
+        world.device.damping = required_damping(&world).unwrap().unwrap() * spare;
+        if which != 1 { world.device.encoder = Some(counts.round()); }
+        let count = std::f64::consts::TAU / counts.round();
+        if which != 0 {
+            let levels = 2.0 * (20.0 / (k * count * (0.1 + step))).round().max(1.0);
+            (world.device.limit, world.device.levels) = (Some(10.0), Some(levels as u32));
+        }
+        let least = |world: &World| {
+            let count = world.count().unwrap_or(0.0);
+            let step = world.device.levels.map_or(0.0, |levels| 20.0 / f64::from(levels));
+            0.5 * k * count + damping * count / world.sampling.period + 0.5 * step
+        };
+        // Errors of counts, dampers and levels do not all come at once where the torque is late.
+        world.device.friction = if late > 0 || which == 2 { 0.3 } else { 0.6 } * least(&world);
+        prop_assert!(!passivity(&world).unwrap().proved);
+        prop_assert_eq!(moved(&world, 6000), Some(Trick::Dither));
+        world.device.friction = 1.000001 * least(&world);
+        let cut = late == 0 || damping == 0.0 || world.device.limit.is_none();
+        prop_assert!(passivity(&world).unwrap().proved || !cut, "{:?}", passivity(&world).unwrap().not_proved);
+        prop_assert_eq!(moved(&world, 6000), None);
+    }
+
+    /// A body that counts pump, damped or not, whatever friction the puck has beyond what its own counts ask for.
+    #[test]
+    fn counts_pump_a_damped_body_and_the_hand_draws_it(
+        k in 0.5..5.0f64, swing in 50.0..300.0f64, ratio in 0.0..0.02f64, counts in 1000.0..1e4f64, friction in 1.0..2.0f64, behind: bool,
+    ) {
+        let mut world = bare();
+        world.sampling.estimator = hapt_model::EstimatorKind::Difference;
+        let inertia = k * (swing * world.sampling.period / std::f64::consts::TAU).powi(2);
+        world.names = vec!["wheel".into()];
+        world.bodies = vec![Body { inertia, position: 0.0, velocity: 0.0 }];
+        let tie = |first, second, law| Coupling { first, second, law };
+        let ends = if behind { (End::Body(0), End::Puck) } else { (End::Puck, End::Body(0)) };
+        world.couplings = vec![
+            tie(ends.0, ends.1, Law::Spring { stiffness: k, rest: 0.0 }),
+            tie(End::Body(0), End::Ground, fixed(2.0 * ratio * (k * inertia).sqrt())),
+        ];
+        world.device.damping = required_damping(&world).unwrap().unwrap() * 1.1;
+        world.device.encoder = Some(counts.round());
+        world.device.friction = 0.5 * k * world.count().unwrap() * friction;
+        let answer = passivity(&world).unwrap();
+        prop_assert!(answer.passive && !answer.proved);
+        prop_assert_eq!(moved(&world, 20_000), Some(Trick::Pump));
+    }
+
+    /// The true velocity of an instant says nothing of the way until the next.
+    #[test]
+    fn an_exact_velocity_is_fooled_by_turning_round_within_a_sample(damping in 1e-4..1e-2f64, k in 0.0..2.0f64, spare in 1.0..3.0f64, friction in 0.0..1e-3f64) {
+        let mut world = spring(k);
+        world.couplings.push(to_ground(fixed(damping)));
+        world.device.damping = required_damping(&world).unwrap().unwrap() * spare;
+        prop_assume!(world.device.damping < 6.0 * damping);
+        world.device.friction = friction;
+        prop_assert!(!passivity(&world).unwrap().proved);
+        prop_assert_eq!(moved(&world, 4000), Some(Trick::Reverse));
+        world.sampling.estimator = hapt_model::EstimatorKind::Difference;
+        prop_assert!(passivity(&world).unwrap().proved);
+        prop_assert_eq!(moved(&world, 4000), None);
+    }
+
+    /// A constant torque at a body that no spring holds is drawn for ever; held by a spring, it has so much to give and no more.
+    #[test]
+    fn a_constant_at_a_body_is_a_source_where_nothing_holds_it(k in 0.5..5.0f64, torque in 0.02..0.2f64, held: bool, toward: bool) {
+        let mut world = bare();
+        world.sampling.estimator = hapt_model::EstimatorKind::Difference;
+        world.names = vec!["wheel".into()];
+        world.bodies = vec![Body { inertia: 0.01, position: 0.0, velocity: 0.0 }];
+        let tie = |second, law| Coupling { first: End::Body(0), second, law };
+        world.couplings = vec![
+            tie(End::Puck, Law::Spring { stiffness: k, rest: 0.0 }),
+            tie(End::Ground, Law::Constant { torque: if toward { torque } else { -torque } }),
+        ];
+        if held {
+            world.couplings.push(tie(End::Ground, Law::Spring { stiffness: k, rest: 0.0 }));
+            world.couplings.push(tie(End::Ground, fixed(0.01)));
+        }
+        world.device.damping = required_damping(&world).unwrap().unwrap() * 1.1;
+        prop_assert!(!passivity(&world).unwrap().proved);
+        prop_assert_eq!(moved(&world, 20_000), (!held).then_some(Trick::Follow));
+    }
 }

@@ -3,13 +3,13 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::io::{Write, stdout};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use hapt_analysis::Grip;
 use hapt_model::keys::Measure;
-use hapt_model::{Law, World};
-use hapt_worst::{Gap, Hand, Worst};
+use hapt_model::{Drive, Law, Shape, World};
+use hapt_worst::{Gap, Hand, Motion, Trick, Worst};
 use serde_json::json;
 
 use crate::args::WorstArgs;
@@ -26,9 +26,14 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     // A file that cannot be is said before the search.
     let draft = args.out.as_deref().map(begin).transpose()?;
     let worst = hapt_worst::search(&loaded.world)?;
-    let shown = with_scenario(&loaded.world, &worst);
+    let shown = with_scenario(&loaded.world, &worst, args.out.as_deref());
     if let Some((path, draft)) = args.out.as_deref().zip(draft) {
-        write(path, draft, &shown)?;
+        if let Some(motion) = &worst.motion {
+            let beside = beside(path);
+            refuse_the_world_itself(&beside, &args.world.path)?;
+            write(&beside, begin(&beside)?, &motion.csv(loaded.world.motion))?;
+        }
+        write(path, draft, &shown.to_toml())?;
     }
     let text = if args.json {
         let json = serde_json::to_string_pretty(&json(&worst)).map_err(|error| Failure::System(error.to_string()))?;
@@ -41,9 +46,21 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     Ok(if worst.broken { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
-/// The world as it was looked at, with this scenario alone: the others may lean on files beside the world.
-fn with_scenario(world: &World, worst: &Worst) -> World {
-    World { scenarios: vec![worst.scenario.clone()], ..world.clone() }
+/// The world as it was looked at, with this scenario alone: the others may lean on files beside the world. A motion's own file stands
+/// beside `out`.
+fn with_scenario(world: &World, worst: &Worst, out: Option<&Path>) -> World {
+    let mut scenario = worst.scenario.clone();
+    if let (Drive::Position(Shape::Path { file, .. }), Some(out)) = (&mut scenario.hand.drive, out) {
+        *file = beside(out).file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
+    }
+    World { scenarios: vec![scenario], ..world.clone() }
+}
+
+/// Where the motion of a world at `out` is.
+fn beside(out: &Path) -> PathBuf {
+    let mut name = out.file_stem().unwrap_or_default().to_os_string();
+    name.push("-motion.csv");
+    out.with_file_name(name)
 }
 
 fn refuse_the_world_itself(out: &Path, world: &Path) -> Result<(), Failure> {
@@ -65,9 +82,9 @@ fn begin(path: &Path) -> Result<Draft, Failure> {
     Draft::new(path.to_path_buf()).map_err(|error| Failure::write(path.display(), error))
 }
 
-fn write(path: &Path, mut draft: Draft, world: &World) -> Result<(), Failure> {
+fn write(path: &Path, mut draft: Draft, text: &str) -> Result<(), Failure> {
     let failed = |error| Failure::write(path.display(), error);
-    draft.write_all(world.to_toml().as_bytes()).map_err(failed)?;
+    draft.write_all(text.as_bytes()).map_err(failed)?;
     draft.finish().map_err(failed)?;
     people::say(format_args!("wrote {}", path.display()));
     Ok(())
@@ -80,6 +97,7 @@ fn json(worst: &Worst) -> serde_json::Value {
         "certified": worst.certified,
         "linear": worst.linear,
         "hand": worst.hand,
+        "motion": worst.motion.as_ref().map(|motion| json!({ "trick": motion.trick, "points": motion.points.len() })),
         "drew": worst.drew,
         "drawn": worst.drawn,
         "duration_s": worst.scenario.duration,
@@ -97,7 +115,7 @@ fn text(loaded: &Loaded, worst: &Worst, out: Option<&Path>, shown: &World) -> St
     line("verdict", verdict(worst));
     line("linear", linear(world, worst));
     line("gap", gap(world, &worst.gap));
-    line("hand", hand(world, &worst.hand));
+    line("hand", worst.motion.as_ref().map_or_else(|| hand(world, &worst.hand), |found| motion(world, found)));
     line("run", shown_run(worst));
     for note in notes(world, worst) {
         line("note", note);
@@ -105,6 +123,12 @@ fn text(loaded: &Loaded, worst: &Worst, out: Option<&Path>, shown: &World) -> St
     match out {
         Some(path) => {
             let _ = writeln!(text, "\nhapt sim {} shows it", path.display());
+        }
+        None if worst.motion.is_some() => {
+            let _ = writeln!(
+                text,
+                "\n--out FILE.toml writes the world with this motion, and its points beside it, for `hapt sim`"
+            );
         }
         None => {
             let _ = write!(text, "\n{}", pasted(shown));
@@ -189,6 +213,24 @@ fn hand(world: &World, hand: &Hand) -> String {
     }
 }
 
+fn motion(world: &World, motion: &Motion) -> String {
+    let does = match motion.trick {
+        Trick::Dither => "it dithers along with the error that counts and levels make in the torque",
+        Trick::Pump => {
+            "it dithers across a count in step with a body's swing, and gives way when the swing is at its end"
+        }
+        Trick::Reverse => {
+            "it turns round within each sample, so that the exact velocity of the instant is not that of the way"
+        }
+        Trick::Follow => "it goes along with the constant torque at a steady pace",
+    };
+    let reach = match world.motion {
+        hapt_model::Motion::Rotary => format!("{} deg", people::number(motion.reach().to_degrees())),
+        hapt_model::Motion::Linear => format!("{} mm", people::number(1e3 * motion.reach())),
+    };
+    format!("a motion of up to {reach}, of {} points: {does}", people::count(motion.points.len() as u64))
+}
+
 fn shown_run(worst: &Worst) -> String {
     let drawn = &worst.drawn;
     let within = people::time(worst.scenario.duration);
@@ -210,9 +252,19 @@ fn shown_run(worst: &Worst) -> String {
 /// What the numbers leave out.
 fn notes(world: &World, worst: &Worst) -> Vec<String> {
     let mut notes = Vec::new();
-    if world.couplings.iter().any(|c| matches!(c.law, Law::Constant { torque } if torque != 0.0)) {
-        notes
-            .push("a constant torque gives energy without bound; its work counts as what the world had to give".into());
+    if worst.motion.as_ref().is_none_or(|motion| motion.trick != Trick::Follow)
+        && world.couplings.iter().any(|c| matches!(c.law, Law::Constant { torque } if torque != 0.0))
+    {
+        notes.push(
+            "a constant torque at the puck gives energy without bound; its work counts as what the world had to give"
+                .into(),
+        );
+    }
+    if worst.motion.is_some() {
+        notes.push(
+            "a motion is as good as a grip here: a loop that gives energy to a motion without end is not passive"
+                .into(),
+        );
     }
     if worst.linear.is_some() && !worst.broken {
         notes.push(

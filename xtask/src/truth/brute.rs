@@ -1,7 +1,7 @@
 //! What the real core does on the exact device: whether a motion grows, and whether a hand gets work out of it.
 
 use fastrand::Rng;
-use hapt_model::{Drive, EstimatorKind, Hand, Law, Scenario, Shape, Switching, World};
+use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand, Law, Scenario, Shape, Switching, World};
 use hapt_sim::{Lent, Simulation, world_energy};
 
 /// Below this part of the largest energy there is only rounding.
@@ -90,6 +90,16 @@ pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
         _ => 0.0,
     };
     let mut lent = Lent::new(world);
+    // What constant torques at the puck give is left out of the claim.
+    let pushed = |puck: f64| -> f64 {
+        let of = |c: &Coupling| match (c.law, c.first, c.second) {
+            (Law::Constant { torque }, End::Puck, End::Ground) => torque * puck,
+            (Law::Constant { torque }, End::Ground, End::Puck) => -torque * puck,
+            _ => 0.0,
+        };
+        world.couplings.iter().map(of).sum()
+    };
+    let mut start = 0.0;
     while let Some(row) = run.next() {
         let Ok(row) = row else { break };
         let ledger = row.ledger;
@@ -97,12 +107,15 @@ pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
         if taken == 0 {
             // All hands start at 0, where nothing is stored but in a detent, and in a puck that has its speed from the start.
             stored = world_energy(world, row.puck, &row.bodies, &row.bristles)
-                + 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity;
+                + 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity
+                + pushed(row.puck);
+            start = pushed(row.puck);
             round = stored;
         }
         round += (ledger.hand - last).abs() + 1e-5 * grip * row.puck * row.puck;
         last = ledger.hand;
-        most = most.max((-ledger.hand - stored - lent.work) / (round + ledger.damping + f64::MIN_POSITIVE));
+        let given = stored + lent.work + pushed(row.puck) - start;
+        most = most.max((-ledger.hand - given) / (round + ledger.damping + f64::MIN_POSITIVE));
         taken += 1;
     }
     (most, taken)

@@ -19,8 +19,8 @@ fn between(rng: &mut Rng, from: f64, to: f64) -> f64 {
 }
 
 /// A loop of up to three bodies: every method, output and estimator; delays with and without a fraction; periods from 0.1 to
-/// 10 ms; ωT up to about 3; a device whose damping is near what its stiffness asks for. `bent` puts walls, detents and friction
-/// in, and an encoder, friction and limit into the device.
+/// 10 ms; ωT up to about 3; a device whose damping is near what its stiffness asks for. `bent` puts walls, detents and clamped springs
+/// in, constant torques, and encoder, levels, limit and Coulomb friction into the device, in all combinations.
 pub fn random(rng: &mut Rng, bent: bool) -> World {
     let period = log_uniform(rng, -4.0, -2.0);
     let (method, output, advance) = rule(rng);
@@ -53,7 +53,12 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
             Law::Spring { stiffness, .. } => stiffness * period * (0.5 + delay / period),
             Law::Wall { stiffness, damping, .. } => stiffness * period * (0.5 + delay / period) + damping,
             Law::Damper { damping: Damping::Fixed(damping) } => damping,
-            _ => 0.0,
+            Law::Damper { damping: Damping::Compensating }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => 0.0,
         })
         .sum();
     let damping = match rng.u8(..6) {
@@ -61,25 +66,49 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         1 => log_uniform(rng, -6.0, -1.0),
         _ => wanted * between(rng, 0.5, 3.0),
     };
-    let (encoder, friction, limit) = if bent && rng.bool() {
-        (
-            rng.bool().then(|| log_uniform(rng, 3.0, 6.0).round()),
-            if rng.bool() { log_uniform(rng, -5.0, -2.0) } else { 0.0 },
-            rng.bool().then(|| log_uniform(rng, -2.0, 1.0)),
-        )
-    } else {
-        (None, 0.0, None)
-    };
+    let mut device =
+        Device { inertia, damping, friction: 0.0, limit: None, encoder: None, levels: None, drive: Default::default() };
+    if bent && rng.u8(..4) > 0 {
+        device.encoder = rng.bool().then(|| log_uniform(rng, 3.0, 6.0).round());
+        device.limit = rng.bool().then(|| log_uniform(rng, -2.0, 1.0));
+        device.levels = device.limit.filter(|_| rng.bool()).map(|_| 2 * log_uniform(rng, 1.0, 4.0).round() as u32);
+        device.friction = friction(rng, &device, &couplings, period);
+    }
     World {
         title: None,
         motion: Motion::Rotary,
         sampling,
-        device: Device { inertia, damping, friction, limit, encoder, levels: None, drive: Default::default() },
+        device,
         safety: Default::default(),
         names: (0..bodies.len()).map(|i| format!("b{i}")).collect(),
         bodies,
         couplings,
         scenarios: Vec::new(),
+    }
+}
+
+/// None, any, or about what counts and levels ask for: half a count of all stiffness, a count a sample of all damping, half a level.
+fn friction(rng: &mut Rng, device: &Device, couplings: &[Coupling], period: f64) -> f64 {
+    let [stiffness, damping] = couplings.iter().filter(|c| c.first == End::Puck || c.second == End::Puck).fold(
+        [0.0, 0.0],
+        |[k, b], c| match c.law.unclamped() {
+            Law::Spring { stiffness, .. } => [k + stiffness, b],
+            Law::Wall { stiffness, damping, .. } => [k + stiffness, b + damping],
+            Law::Detent { torque, pitch, .. } => [k + std::f64::consts::TAU * torque / pitch, b],
+            Law::Damper { damping: Damping::Fixed(damping) } => [k, b + damping],
+            Law::Damper { damping: Damping::Compensating }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => [k, b],
+        },
+    );
+    let count = device.encoder.map_or(0.0, |counts| std::f64::consts::TAU / counts);
+    let step = device.levels.zip(device.limit).map_or(0.0, |(levels, limit)| 2.0 * limit / f64::from(levels));
+    match rng.u8(..6) {
+        0 => 0.0,
+        1 => log_uniform(rng, -5.0, -2.0),
+        _ => (0.5 * stiffness * count + damping * count / period + 0.5 * step) * between(rng, 0.5, 2.0),
     }
 }
 
@@ -99,7 +128,9 @@ fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bo
     let mut tie = |rng: &mut Rng, first: End, second: End, inertia: f64| {
         // Stiffness by the angle that the inertia on it would go a sample.
         let x = log_uniform(rng, -2.0, 0.4);
-        let stiffness = inertia * (x / period).powi(2);
+        // Now and then so soft that what is behind it is hardly felt.
+        let soft = if rng.u8(..12) == 0 { log_uniform(rng, -14.0, -4.0) } else { 1.0 };
+        let stiffness = soft * inertia * (x / period).powi(2);
         all.push(Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 } });
         match rng.u8(..6) {
             // The notes' own.
@@ -123,7 +154,7 @@ fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bo
         tie(rng, End::Puck, End::Ground, inertia);
     }
     if bent {
-        for _ in 0..rng.usize(1..3) {
+        for _ in 0..rng.usize(..3) {
             // A body's contact under the new-sample-first methods is refused by the loop.
             let at_body = !bodies.is_empty() && rng.bool() && !method.takes_new_sample_first();
             let ends = match at_body {
@@ -132,6 +163,21 @@ fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bo
             };
             let law = nonlinear(rng, inertia, period);
             all.push(Coupling { first: ends.0, second: ends.1, law });
+        }
+        // Damped at the puck, and pushed, at a body too.
+        if rng.u8(..3) == 0 {
+            let damping = inertia / period * log_uniform(rng, -3.0, -1.0);
+            all.push(Coupling {
+                first: End::Puck,
+                second: End::Ground,
+                law: Law::Damper { damping: Damping::Fixed(damping) },
+            });
+        }
+        if rng.u8(..6) == 0 {
+            let law = Law::Constant { torque: log_uniform(rng, -4.0, -1.0) * if rng.bool() { 1.0 } else { -1.0 } };
+            let at_body = !bodies.is_empty() && rng.bool() && !method.takes_new_sample_first();
+            let first = if at_body { End::Body(rng.usize(..bodies.len())) } else { End::Puck };
+            all.push(Coupling { first, second: End::Ground, law });
         }
     }
     all

@@ -1,0 +1,354 @@
+//! Hands that prescribe the puck's motion, against what rounds and what samples: dithering across a count or a level, pumping a body
+//! by its counts, turning round within a sample, going along with a constant torque.
+//!
+//! A loop is passive when no motion of the puck draws energy from it without end, whoever makes the motion; so that such a hand's gain
+//! is as good a counterexample as a grip's. Each motion is found by running the loop beside it, and is then a path like any other.
+
+use std::collections::VecDeque;
+
+use hapt_analysis::Slopes;
+use hapt_analysis::continuous::ties;
+use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand as Model, Law, Scenario, Shape, World};
+use hapt_sim::DesktopLoop;
+use serde::Serialize;
+
+use crate::search::Error;
+
+/// What a motion does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Trick {
+    /// It goes along with the error that counts and levels make in the held torque, sample by sample.
+    Dither,
+    /// It crosses a count to and fro in step with a body's swing, and gives way when the swing is at its end.
+    Pump,
+    /// At each sample it moves one way, and between the samples it goes the other.
+    Reverse,
+    /// It goes along with a constant torque at a steady pace.
+    Follow,
+}
+
+/// A motion that the hand prescribes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// What it does.
+    pub trick: Trick,
+    /// Times in s and positions in rad (linear: m), straight in between.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl Motion {
+    /// The scenario that shows it; its path is the file `file`.
+    pub fn scenario(&self, name: &str, file: &str, duration: f64) -> Scenario {
+        let shape = Shape::Path { file: file.into(), points: self.points.clone() };
+        Scenario { name: name.into(), duration, hand: Model { drive: Drive::Position(shape), release: None } }
+    }
+
+    /// How far it goes from where it begins.
+    pub fn reach(&self) -> f64 {
+        let first = self.points.first().map_or(0.0, |point| point.1);
+        self.points.iter().map(|point| (point.1 - first).abs()).fold(0.0, f64::max)
+    }
+
+    /// The lines of its file.
+    pub fn csv(&self, motion: hapt_model::Motion) -> String {
+        let unit = match motion {
+            hapt_model::Motion::Rotary => "rad",
+            hapt_model::Motion::Linear => "m",
+        };
+        let lines: String = self.points.iter().map(|(time, position)| format!("{time},{position}\n")).collect();
+        format!("time_s,puck_{unit}\n{lines}")
+    }
+}
+
+/// What a world is to these hands.
+struct Bench<'w> {
+    world: &'w World,
+    period: f64,
+    samples: usize,
+    /// Of all couplings at the puck, on their steepest rises.
+    stiffness: f64,
+    damping: f64,
+    /// A body and what ties it to the puck.
+    pulls: Vec<(usize, f64)>,
+    /// The first command arrives so many samples late, and so large a part of one more.
+    late: (usize, f64),
+}
+
+/// A loop at work.
+struct Running {
+    compiled: Box<DesktopLoop>,
+    state: Box<hapt_sim::DesktopState>,
+}
+
+impl Running {
+    fn new(world: &World) -> Result<Running, Error> {
+        let compiled = Box::new(DesktopLoop::new(&world.spec()).map_err(hapt_sim::Error::from)?);
+        let state = Box::new(compiled.start());
+        Ok(Running { compiled, state })
+    }
+
+    fn step(&mut self, position: f64, velocity: f64) -> f64 {
+        self.compiled.step(&mut self.state, position, velocity).command
+    }
+}
+
+/// All motions that are worth a run, for as many samples.
+pub(crate) fn motions(world: &World, targets: &[f64], samples: usize) -> Result<Vec<Motion>, Error> {
+    let (mut stiffness, mut damping, mut pulls) = (0.0, 0.0, Vec::new());
+    let period = world.sampling.period;
+    for tie in ties(&world.bodies, &world.couplings, &Slopes::Steep).map_err(Error::Linear)? {
+        let own = match (tie.first, tie.second) {
+            (End::Puck, other) | (other, End::Puck) => other,
+            (End::Ground | End::Body(_), End::Ground | End::Body(_)) => continue,
+        };
+        stiffness += tie.stiffness;
+        damping += tie.fixed + period * tie.per_period;
+        if let End::Body(body) = own {
+            pulls.push((body, tie.stiffness));
+        }
+    }
+    let lag = world.sampling.delay / period;
+    let whole = (lag + 1e-6).floor();
+    let late = (whole as usize, (lag - whole).max(0.0));
+    let bench = Bench { world, period, samples, stiffness, damping, pulls, late };
+    let mut all = Vec::new();
+    let places = places(world, targets);
+    if world.device.encoder.is_some() || world.device.levels.is_some() {
+        for &place in &places {
+            for part in DITHERS {
+                all.extend(bench.dither(place, part)?);
+            }
+        }
+    }
+    if world.device.encoder.is_some() && !bench.pulls.is_empty() {
+        for &place in places.iter().take(2) {
+            for swings in SWINGS {
+                for yielding in YIELDING {
+                    all.extend(bench.pump(place, swings, yielding)?);
+                }
+            }
+        }
+    }
+    if world.sampling.estimator == EstimatorKind::Exact && bench.damping > 0.0 {
+        for &place in &places {
+            for back in BACKS {
+                all.extend(bench.reverse(place, back));
+            }
+        }
+    }
+    all.extend(bench.follow());
+    Ok(all)
+}
+
+/// Where to begin: where springs are slack, so that little is stored, then the targets of grips.
+fn places(world: &World, targets: &[f64]) -> Vec<f64> {
+    let rest = |c: &Coupling| {
+        let sign = match (c.first, c.second) {
+            (End::Puck, _) => 1.0,
+            (_, End::Puck) => -1.0,
+            (End::Ground | End::Body(_), End::Ground | End::Body(_)) => return None,
+        };
+        match c.law.unclamped() {
+            Law::Spring { rest, .. } => Some(sign * rest),
+            Law::Detent { phase, .. } => Some(sign * phase),
+            Law::Wall { at, .. } => Some(sign * at),
+            Law::Damper { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => None,
+        }
+    };
+    let mut all = vec![0.0];
+    for place in world.couplings.iter().filter_map(rest).chain(targets.iter().copied()) {
+        if !all.contains(&place) {
+            all.push(place);
+        }
+    }
+    all.truncate(PLACES);
+    all
+}
+
+/// The most places.
+const PLACES: usize = 6;
+/// How far a dither goes a sample, in counts, or in steps of the levels over the stiffness.
+const DITHERS: [f64; 6] = [0.5, 0.15, 0.04, 0.01, 0.002, 4e-4];
+/// How many half swings a body is pumped, and which part of a swing's end a hand takes a sample.
+const SWINGS: [u32; 5] = [3, 6, 12, 30, 80];
+const YIELDING: [f64; 2] = [0.1, 0.3];
+/// How far a reversal goes back in a sample, over what the velocity at the sample would have gone.
+const BACKS: [f64; 5] = [0.4, 0.2, 0.1, 0.04, 0.015];
+/// For how much of a sample it moves that way.
+const FORTH: f64 = 1e-3;
+/// A reversal goes this many samples one way and then as many the other.
+const BLOCK: usize = 32;
+
+impl Bench<'_> {
+    /// What one step of a dither is measured by; `None` where nothing rounds a position.
+    fn grain(&self) -> Option<f64> {
+        let device = &self.world.device;
+        self.world.count().or_else(|| {
+            let step = 2.0 * device.limit? / f64::from(device.levels?);
+            let slope = self.stiffness.max(self.damping / self.period);
+            (slope > 0.0).then(|| step / slope)
+        })
+    }
+
+    /// Positions at the samples as a path that stands still until the command arrives, and moves then.
+    fn path(&self, trick: Trick, positions: &[f64]) -> Motion {
+        let mut points = Vec::with_capacity(2 * positions.len());
+        let mut last = None;
+        for (k, &position) in positions.iter().enumerate() {
+            if let Some(last) = last.filter(|last| *last != position && self.late.1 > 0.0) {
+                points.push(((k as f64 - 1.0 + self.late.1) * self.period, last));
+            }
+            points.push((k as f64 * self.period, position));
+            last = Some(position);
+        }
+        Motion { trick, points }
+    }
+
+    /// With the error of the held torque, which a loop without counts and levels beside this one shows. Bodies' errors are not of that
+    /// kind: theirs is [`Bench::pump`].
+    fn dither(&self, place: f64, part: f64) -> Result<Option<Motion>, Error> {
+        let Some(step) = self.grain().map(|grain| part * grain) else { return Ok(None) };
+        let mut ideal = self.world.clone();
+        (ideal.device.encoder, ideal.device.levels) = (None, None);
+        // Through its bodies the ideal loop would drift away from the other: without them only what the puck itself makes is compared.
+        let mut world = self.world.clone();
+        if world.device.encoder.is_some() && !world.bodies.is_empty() {
+            let held = |world: &mut World| {
+                for body in &mut world.bodies {
+                    body.inertia *= 1e12;
+                }
+            };
+            held(&mut ideal);
+            held(&mut world);
+        }
+        let (mut real, mut ideal) = (Running::new(&world)?, Running::new(&ideal)?);
+        let mut errors: VecDeque<f64> = VecDeque::from(vec![0.0; self.late.0]);
+        let mut positions = Vec::with_capacity(self.samples + 1);
+        // At the edge of a count, where there are any.
+        let mut z =
+            self.world.count().map_or(place, |count| ((place / count - 0.5).round() + 0.5) * count - 0.5 * step);
+        let mut before = z;
+        for _ in 0..=self.samples {
+            positions.push(z);
+            let velocity = (z - before) / self.period;
+            errors.push_back(real.step(z, velocity) - ideal.step(z, velocity));
+            before = z;
+            // Where there is none yet, on to where there is.
+            z += if errors.pop_front().unwrap_or(0.0) < 0.0 { -step } else { step };
+        }
+        Ok(Some(self.path(Trick::Dither, &positions)))
+    }
+
+    /// Crosses a count so that the bodies swing up, and when they have swung `swings` times to a side gives way at the end of the swing,
+    /// by `yielding` of what the torque asks for a sample.
+    fn pump(&self, place: f64, swings: u32, yielding: f64) -> Result<Option<Motion>, Error> {
+        let (Some(count), true) = (self.world.count(), self.stiffness > 0.0) else { return Ok(None) };
+        let friction = self.world.device.friction;
+        let mut running = Running::new(self.world)?;
+        let step = 0.01 * count;
+        let edge = |z: f64| ((z / count - 0.5).round() + 0.5) * count;
+        let mut center = edge(place);
+        let mut z = center - step;
+        let mut before = z;
+        let (mut rising, mut turned, mut giving) = (true, 0, false);
+        let mut held: VecDeque<f64> = VecDeque::from(vec![0.0; self.late.0]);
+        let mut positions = Vec::with_capacity(self.samples + 1);
+        for _ in 0..=self.samples {
+            positions.push(z);
+            held.push_back(running.step(z, (z - before) / self.period));
+            before = z;
+            let torque = held.pop_front().unwrap_or(0.0);
+            if !torque.is_finite() {
+                return Ok(None);
+            }
+            let velocity = |body: usize| running.state.now.velocity.get(body).copied().unwrap_or(0.0);
+            let pace: f64 = self.pulls.iter().map(|&(body, stiffness)| stiffness * velocity(body)).sum();
+            if giving {
+                let left = torque.abs() - 1.02 * friction;
+                if left > 0.0 {
+                    z += yielding * left / self.stiffness * torque.signum();
+                    continue;
+                }
+                (giving, turned) = (false, 0);
+                center = edge(z);
+            }
+            if (pace > 0.0) != rising && pace != 0.0 {
+                rising = pace > 0.0;
+                turned += 1;
+                // Only where there is something to be had.
+                giving = turned >= swings && torque.abs() > 1.1 * friction;
+            }
+            if !giving {
+                z = center + if rising { step } else { -step };
+            }
+        }
+        Ok(Some(self.path(Trick::Pump, &positions)))
+    }
+
+    /// The velocity at each sample is the other way than that in between.
+    fn reverse(&self, place: f64, back: f64) -> Option<Motion> {
+        let device = &self.world.device;
+        // The damper's torque is well above friction, and within the motor's limit.
+        let torque = device
+            .limit
+            .map_or(f64::INFINITY, |limit| 0.2 * limit)
+            .min((50.0 * device.friction).max(0.1 * self.damping));
+        let velocity = torque / self.damping;
+        if !velocity.is_finite() || velocity <= 0.0 {
+            return None;
+        }
+        let forth = FORTH * self.period;
+        let mut points = Vec::with_capacity(2 * self.samples + 2);
+        let mut z = place;
+        for k in 0..=self.samples {
+            let start = k as f64 * self.period;
+            let way = |k: usize| if (k / BLOCK) % 2 == 0 { velocity } else { -velocity };
+            points.extend([(start, z), (start + forth, z + way(k) * forth)]);
+            // Against the torque that is held: that of the sample that many before.
+            z -= back * way(k.saturating_sub(self.late.0)) * self.period;
+        }
+        Some(Motion { trick: Trick::Reverse, points })
+    }
+
+    /// Along with the constant torques at bodies, at the pace that leaves the puck's damping least to take.
+    fn follow(&self) -> Option<Motion> {
+        let torque: f64 = self.world.couplings.iter().filter_map(constant).sum();
+        let device = &self.world.device;
+        if torque == 0.0 {
+            return None;
+        }
+        let left = torque.abs() - device.friction;
+        let pace = left.max(0.1 * torque.abs()) / (2.0 * (device.damping + self.damping).max(1e-9 * torque.abs()));
+        let time = self.samples as f64 * self.period;
+        let slow = pace.min(1e3 / time.max(1.0));
+        Some(Motion { trick: Trick::Follow, points: vec![(0.0, 0.0), (time, slow * time * torque.signum())] })
+    }
+}
+
+/// The torque toward larger positions of a constant with a body at an end, on what the hand can go along with.
+pub(crate) fn constant(coupling: &Coupling) -> Option<f64> {
+    let torque = match coupling.law {
+        Law::Constant { torque } => torque,
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Clamped { .. } => return None,
+    };
+    match (coupling.first, coupling.second) {
+        (End::Body(_), End::Ground) => Some(torque),
+        (End::Ground, End::Body(_)) => Some(-torque),
+        (End::Puck, End::Body(_)) => Some(torque),
+        (End::Body(_), End::Puck) => Some(-torque),
+        // Between two bodies there is no motion along: they part.
+        (End::Body(_), End::Body(_)) => None,
+        (End::Puck | End::Ground, End::Puck | End::Ground) => None,
+    }
+}
