@@ -1,14 +1,21 @@
-//! `cargo xtask fuzz`: bytes that nobody meant, on stable for seconds, and by libFuzzer for as long as one likes.
+//! `cargo xtask fuzz`: bytes that nobody meant, on stable for seconds, and by libFuzzer for as long as one likes; and whole commands
+//! on random worlds, for as long ([`crate::commands`]).
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
+
+use crate::commands;
 
 const MANIFEST: &str = "fuzz/Cargo.toml";
 /// Where builds, corpora and logs are, beside those of the workspace.
 const SCRATCH: &str = "target/fuzz";
+
+/// Of the worlds of whole commands.
+const SEED: u64 = 1;
 
 /// `[--seconds N] [TARGET]...` drives the targets on stable, `--minutes N [TARGET]...` by libFuzzer, two at a time.
 pub fn run(arguments: &[&str]) -> Result<()> {
@@ -25,7 +32,19 @@ pub fn is_quiet() -> Result<()> {
     bounded("3", &[])
 }
 
+/// The targets for so long each, then whole commands as long as one of them.
 fn bounded(seconds: &str, names: &[&str]) -> Result<()> {
+    let (commands, names): (Vec<&str>, Vec<&str>) = names.iter().partition(|name| **name == commands::NAME);
+    if commands.is_empty() || !names.is_empty() {
+        drive(seconds, &names)?;
+    }
+    if !commands.is_empty() || names.is_empty() {
+        commands::campaign(Duration::from_secs_f64(seconds.parse().context("--seconds N")?), SEED)?;
+    }
+    Ok(())
+}
+
+fn drive(seconds: &str, names: &[&str]) -> Result<()> {
     let status = driver().args(["--seconds", seconds]).args(names).status()?;
     ensure!(status.success(), "fuzzing found something: fuzz/findings");
     Ok(())
@@ -51,13 +70,21 @@ fn targets(corpus: &Path) -> Result<Vec<String>> {
 
 /// libFuzzer with coverage and an address sanitiser: `cargo-fuzz` and a nightly toolchain are wanted.
 fn long(minutes: u64, names: &[&str]) -> Result<()> {
+    let (commands, names): (Vec<&str>, Vec<&str>) = names.iter().partition(|name| **name == commands::NAME);
+    if !commands.is_empty() || names.is_empty() {
+        // Other worlds than those of every test.
+        commands::campaign(Duration::from_secs(60 * minutes), SEED + minutes)?;
+    }
+    if !commands.is_empty() && names.is_empty() {
+        return Ok(());
+    }
     let corpus = PathBuf::from(SCRATCH).join("corpus");
     ensure!(driver().arg("--corpus").arg(&corpus).status()?.success(), "no seeds");
     let words = driver().arg("--dictionary").stderr(Stdio::inherit()).output()?;
     let dictionary = PathBuf::from(SCRATCH).join("words.dict");
     fs::write(&dictionary, words.stdout)?;
     let all = targets(&corpus)?;
-    let chosen: Vec<&str> = if names.is_empty() { all.iter().map(String::as_str).collect() } else { names.to_vec() };
+    let chosen: Vec<&str> = if names.is_empty() { all.iter().map(String::as_str).collect() } else { names };
 
     ensure!(nightly("build").status()?.success(), "cargo +nightly fuzz build");
     println!("| target | executions | edges | features | inputs kept |\n| --- | --- | --- | --- | --- |");

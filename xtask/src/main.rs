@@ -6,6 +6,7 @@ mod campaign;
 mod faults;
 mod figure;
 mod firmware;
+mod commands;
 mod fuzz;
 mod guest;
 mod identify;
@@ -38,7 +39,8 @@ cargo xtask book      whether the book's commands, worlds, outputs and links hol
 cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone;
                       drive [PYTHON]: an exchange with a motor drive, beside its makers' own library's
 cargo xtask guest     the drives on a CAN bus, in an emulated machine; with a line of shell, that
-cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names
+cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names, `commands` among them:
+                      whole commands on random worlds
 cargo xtask memory N  what streaming N samples to CSV takes, such as 1e8";
 
 fn main() -> Result<()> {

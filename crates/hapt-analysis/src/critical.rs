@@ -43,10 +43,10 @@ use nalgebra::{Complex, DMatrix, DVector, linalg::SymmetricEigen};
 use crate::continuous::{Slopes, ties};
 use crate::eigen::{Root, eigenvalues, multiplier, rk4_excess};
 use crate::error::Error;
+use crate::follow::{Along, Heights, first_rise, floor};
 use crate::jacobi::orthogonalise;
 use crate::modal::{Coupled, Modal, SAME};
 use crate::polynomial::{sign_changes, value};
-use crate::scan::first_rise;
 use crate::structure::parts;
 
 /// Where RK4's stability ends on the negative real axis: 1 + z/2 + z²/6 + z³/24 = 0.
@@ -337,20 +337,20 @@ fn followed(modes: &Coupled, method: Method, known: f64) -> Result<Critical, Err
             let euler = (method == Method::ForwardEuler).then(|| balance_of(modes, period, &modes.uncovered));
             refine(modes, period, false, euler.as_ref(), &a, &mut roots, |root| log(root) > most - short);
         }
-        let most = roots.into_iter().map(log).fold(f64::NEG_INFINITY, f64::max);
-        Ok((most / period).clamp(-f64::MAX, f64::MAX))
+        let counting = roots.into_iter().filter(|root| root.z.im >= 0.0);
+        Ok(Heights::new(counting.map(|root| log(root) / period), floor(period, 0.0), 0.0))
     };
     if !(low.is_normal() && high.is_normal() && low <= high) {
         return Err(Error::Eigenvalues { order: 2 * modes.order() });
     }
     // What grows already there would have to stop growing below it.
     for _ in 0..4 {
-        if growth(low)? <= 0.0 {
+        if growth(low)?.top() <= 0.0 {
             break;
         }
         low *= 0.1;
     }
-    Ok(match first_rise(growth, low, high)? {
+    Ok(match first_rise(growth, Along::Ratio, low, high, 0.0)? {
         Some(period) if period <= low => Critical::Never,
         Some(period) => Critical::Period(period),
         // Beyond `high` nothing is stable, or nobody asks.

@@ -59,6 +59,12 @@ pub enum Error {
         /// How many it looked at.
         looks: usize,
     },
+    /// The edge of a Z-width that no search has reached.
+    #[error("no edge: no {what} makes the loop grow, up to 1e9 times what the inertia and damping of the device and the period set")]
+    Far {
+        /// "spring" or "damper".
+        what: &'static str,
+    },
     /// An output that the method does not have.
     #[error(
         "{method} takes the new sample first and the torque from x_k: its output is \"start\", without advance, not \"{output}\"",

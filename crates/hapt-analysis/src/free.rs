@@ -16,12 +16,12 @@ use crate::critical::{Critical, of_part};
 use crate::eigen::{Multiplier, Root, multiplier, solve};
 use crate::error::{Error, positive};
 use crate::estimator::Filter;
+use crate::follow::{Along, Heights, first_rise, floor};
 use crate::grip::Grip;
 use crate::held::{inertias, spectrum};
 use crate::modal::Modal;
 use crate::port::Port;
 use crate::rayleigh::Quotients;
-use crate::scan::first_rise;
 use crate::stability::{Eigenvalue, MARGINAL, NOT_SEARCHED, Stability, assemble, combinations};
 use crate::stack::stack;
 use crate::structure::{Link, Part, parts};
@@ -88,6 +88,21 @@ pub fn free_growth(world: &World) -> Result<Option<f64>, Error> {
 /// As [`free`].
 pub fn gripped_growth(world: &World, grip: &Grip) -> Result<Option<f64>, Error> {
     Ok(analyse(world, grip, Critical::Never)?.growth_per_s)
+}
+
+/// The growths of all that counts, 1/s, less what a verdict lets pass.
+///
+/// # Errors
+/// As [`free`].
+pub(crate) fn free_heights(world: &World) -> Result<Heights, Error> {
+    let period = world.sampling.period;
+    let found = analyse(world, &Grip::default(), Critical::Never)?;
+    // The shifts are among the eigenvalues, and not among what counts.
+    let most = found.growth_per_s.unwrap_or(f64::NEG_INFINITY);
+    let growths = found.eigenvalues.iter().filter(|v| v.im >= 0.0).map(|v| v.abs.ln() / period);
+    let others = growths.filter(|growth| *growth < most - MARGINAL);
+    let heights = others.chain([most]).map(|growth| growth - MARGINAL);
+    Ok(Heights::new(heights, floor(period, world.sampling.delay), 0.0))
 }
 
 /// The eigenvalues of [`free`] alone.
@@ -290,13 +305,15 @@ fn search(
     if port.is_slack() || known == Critical::Never || high <= low {
         return Ok(Critical::Unbounded);
     }
-    let above_one = |period: f64| {
+    let heights = |period: f64| {
         let filters = Filter::of(sampling, period);
         let filter = filters.get(filter).or(filters.first()).ok_or(Error::Eigenvalues { order: 0 })?;
         let mut all = match multipliers(port, sampling, damping, filter, period) {
             Ok(found) => found,
             // A step that leaves double precision has left the circle before.
-            Err(Error::Step { .. } | Error::Eigenvalues { .. }) if period > sampling.period => return Ok(f64::MAX),
+            Err(Error::Step { .. } | Error::Eigenvalues { .. }) if period > sampling.period => {
+                return Ok(Heights::one(f64::MAX));
+            }
             Err(error) => return Err(error),
         };
         // Momentum that the scheme conserves: by structure whatever rounding makes of it, else what is no more than rounding.
@@ -304,10 +321,12 @@ fn search(
         all.sort_by_cached_key(|(m, _)| from_one(m).to_bits());
         let near = |(i, (m, error)): &(usize, &(Multiplier, f64))| from_one(m) <= bound(*i, *error);
         let kept = all.iter().take(port.shifts).enumerate().take_while(near).count();
-        let most = all[kept..].iter().map(|(m, error)| (m.ln_abs - error) / period).fold(f64::NEG_INFINITY, f64::max);
-        Ok(most.clamp(-f64::MAX, f64::MAX))
+        // Of a pair one.
+        let counting = all[kept..].iter().filter(|(m, _)| m.less_one.im >= 0.0);
+        let noise = counting.clone().map(|(_, error)| error / period).fold(0.0, f64::max);
+        Ok(Heights::new(counting.map(|(m, error)| (m.ln_abs - error) / period), floor(period, sampling.delay), noise))
     };
-    Ok(match first_rise(above_one, low, high)? {
+    Ok(match first_rise(heights, Along::Period(sampling.delay), low, high, 0.0)? {
         Some(period) if period <= low => Critical::Never,
         Some(period) => Critical::Period(period),
         None => Critical::Unbounded,

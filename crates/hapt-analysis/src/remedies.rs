@@ -1,14 +1,19 @@
 //! What would make a loop certified, one number at a time; of a certified loop, how far each may go.
 //!
-//! Each is a search over the certificate itself: outwards from the present value by a constant ratio until the answer turns,
-//! then halved to a relative 1e-7, and the value on the certified side is what is given. Beyond it, at 1.01 times the value,
-//! the certificate has to fail; where it does not, the search has met an island and goes on from there.
+//! Each is a search over the certificate itself, and the value on the certified side is what is given. A remedy is looked for outwards from
+//! the present value, until the answer turns, and then halved to a relative 1e-7: it certifies, whatever lies between. A margin
+//! is the end of the interval that begins at the present value and is certified all through: the search follows what the world asks
+//! of its device and passes no gap, and where the interval has no end within its reach, it says so.
+
+use std::collections::BTreeMap;
 
 use hapt_model::{Clampable, Coupling, Damping, End, Law, Output, World};
 use serde::Serialize;
 
-use crate::certificate::is_certified;
+use crate::certificate::{excess, is_certified};
+use crate::delay::IN_FLIGHT;
 use crate::error::Error;
+use crate::follow::{Along, Heights, first_rise};
 use crate::passivity::required_damping;
 
 /// Each makes the world certified by itself; `None` where none was found. Of a certified world these are margins, and `advance`
@@ -29,6 +34,9 @@ pub struct Remedies {
     pub output: Option<&'static str>,
     /// The largest factor on every spring, wall, detent and bristle.
     pub stiffness_scale: Option<f64>,
+    /// Of a certified world: the margins that have no end, and how far was looked.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub reasons: BTreeMap<&'static str, String>,
 }
 
 /// From one try outwards to the next.
@@ -41,11 +49,11 @@ const SHORTEST: f64 = 1e-3;
 const SOFTEST: f64 = 1e-6;
 /// The relative width at which a search ends.
 const WIDTH: f64 = 1e-7;
-/// How far beyond a value the certificate has to fail.
-const BEYOND: f64 = 1.01;
-/// So often an island is left behind.
-const ISLANDS: usize = 4;
-/// The most steps ahead, and whole samples of delay, that are tried.
+/// Damping to spare, in parts of the device's, with which a passive loop is taken for stable when it is let go.
+const SPARE: f64 = 1e-6;
+/// How far a margin is followed, as a ratio.
+const REACH: f64 = 1e6;
+/// The most steps ahead, and whole samples of delay one after the other, that are tried.
 const STEPS: u32 = 32;
 
 /// All remedies of a world.
@@ -57,15 +65,84 @@ const STEPS: u32 = 32;
 pub fn remedies(world: &World) -> Result<Remedies, Error> {
     let certified = is_certified(world);
     let others = |found: bool| !certified && found;
+    let mut reasons = BTreeMap::new();
+    let mut margin = |name: &'static str, end: Result<f64, String>| match end {
+        Ok(end) => Some(end),
+        Err(reason) => {
+            reasons.insert(name, reason);
+            None
+        }
+    };
+    let (period_s, delay_s, stiffness_scale) = if certified {
+        let scale = has_stiffness(world).then(|| stiffness_margin(world)).transpose()?;
+        (
+            margin("period_s", period_margin(world)?),
+            margin("delay_s", delay_margin(world)?),
+            scale.and_then(|scale| margin("stiffness_scale", scale)),
+        )
+    } else {
+        (period(world), delay(world), stiffness_scale(world))
+    };
     Ok(Remedies {
         device_damping: device_damping(world)?,
         ground_damping: ground_damping(world, certified),
-        period_s: period(world, certified),
-        delay_s: delay(world, certified),
+        period_s,
+        delay_s,
         advance: (1..=STEPS)
             .find(|&advance| others(world.sampling.output == Output::End && with_advance(world, advance))),
         output: Output::ALL.into_iter().find(|&output| others(with_output(world, output))).map(Output::name),
-        stiffness_scale: stiffness_scale(world, certified),
+        stiffness_scale,
+        reasons,
+    })
+}
+
+/// The end of the interval from `low` on in which `change` leaves the world certified, or why there is none up to `high`.
+fn margin(
+    world: &World,
+    along: Along,
+    [low, high]: [f64; 2],
+    change: impl Fn(&mut World, f64),
+) -> Result<Result<f64, String>, Error> {
+    let mut scratch = world.clone();
+    let mut follow = |spare: f64| {
+        let height = |x: f64| {
+            change(&mut scratch, x);
+            Ok(Heights::one(excess(&scratch, spare)))
+        };
+        first_rise(height, along, low, high, WIDTH)
+    };
+    let mut end = follow(SPARE)?;
+    // At the end too the free loop does not grow, but for rounding.
+    if end.is_some() && !end.is_some_and(|end| changed(world, |w| change(w, end))) {
+        end = follow(0.0)?;
+    }
+    Ok(end.ok_or_else(|| format!("no end up to {REACH:e} times the present value")))
+}
+
+fn period_margin(world: &World) -> Result<Result<f64, String>, Error> {
+    let (now, delay) = (world.sampling.period, world.sampling.delay);
+    let along = if delay > 0.0 { Along::Period(delay) } else { Along::Ratio };
+    margin(world, along, [now, REACH * now], |w, period| w.sampling.period = period)
+}
+
+fn delay_margin(world: &World) -> Result<Result<f64, String>, Error> {
+    let (period, most) = (world.sampling.period, IN_FLIGHT as f64);
+    let now = world.sampling.delay / period;
+    if now >= most {
+        return Ok(Ok(world.sampling.delay));
+    }
+    let end = margin(world, Along::Samples, [now, most], |w, samples| w.sampling.delay = samples * period)?;
+    let reason = |_| format!("no end up to {IN_FLIGHT} samples, the most that the analysis carries");
+    Ok(end.map(|samples| (samples * period).max(world.sampling.delay)).map_err(reason))
+}
+
+fn stiffness_margin(world: &World) -> Result<Result<f64, String>, Error> {
+    let own: Vec<Law> = world.couplings.iter().map(|c| c.law).collect();
+    margin(world, Along::Ratio, [1.0, REACH], |w, factor| {
+        for (c, law) in w.couplings.iter_mut().zip(&own) {
+            c.law = *law;
+            stiffness(&mut c.law).into_iter().for_each(|stiffness| *stiffness *= factor);
+        }
     })
 }
 
@@ -103,32 +180,8 @@ fn edge(mut good: f64, mut bad: f64, certified: &impl Fn(f64) -> bool) -> f64 {
     good
 }
 
-/// The largest value that is certified, from a certified one on; `None` where there is no largest within [`FAR`].
-fn largest_from(mut good: f64, certified: &impl Fn(f64) -> bool) -> Option<f64> {
-    let far = FAR * good;
-    for _ in 0..ISLANDS {
-        let mut bad = STRIDE * good;
-        while certified(bad) {
-            good = bad;
-            bad *= STRIDE;
-            if bad > far {
-                return None;
-            }
-        }
-        good = edge(good, bad, certified);
-        if !certified(BEYOND * good) {
-            break;
-        }
-        good *= BEYOND;
-    }
-    Some(good)
-}
-
-/// The largest certified value: on from `now`, or the first below it, down to `down` times it.
-fn largest(now: f64, down: f64, is_good: bool, certified: &impl Fn(f64) -> bool) -> Option<f64> {
-    if is_good {
-        return largest_from(now, certified);
-    }
+/// The first certified value below `now` in steps of [`STRIDE`], down to `down` times it, and up again from there.
+fn largest(now: f64, down: f64, certified: &impl Fn(f64) -> bool) -> Option<f64> {
     let mut bad = now;
     while bad > now * down {
         let good = (bad / STRIDE).max(now * down);
@@ -140,18 +193,16 @@ fn largest(now: f64, down: f64, is_good: bool, certified: &impl Fn(f64) -> bool)
     None
 }
 
-/// The least certified value of 0 and above, outwards from `small`.
-fn least(small: f64, certified: &impl Fn(f64) -> bool) -> Option<f64> {
-    if certified(0.0) {
-        return Some(0.0);
-    }
-    let (mut bad, mut good) = (0.0, small);
+/// The first certified value from `good` on outwards in steps of [`STRIDE`], and back again from there to `bad`.
+fn least(mut bad: f64, mut good: f64, certified: &impl Fn(f64) -> bool) -> Option<f64> {
+    let far = FAR * good;
     while !certified(good) {
-        bad = good;
-        good *= STRIDE;
-        if good > FAR * small {
+        // What is 0, or beyond all numbers, gets no larger.
+        if !(STRIDE * good > good && good <= far) {
             return None;
         }
+        bad = good;
+        good *= STRIDE;
     }
     Some(edge(good, bad, certified))
 }
@@ -168,14 +219,7 @@ fn device_damping(world: &World) -> Result<Option<f64>, Error> {
     if certified(least * (1.0 + WIDTH)) {
         return Ok(Some(least * (1.0 + WIDTH)));
     }
-    let mut good = STRIDE * least;
-    while !certified(good) {
-        good *= STRIDE;
-        if good > FAR * least {
-            return Ok(None);
-        }
-    }
-    Ok(Some(edge(good, good / STRIDE, &certified)))
+    Ok(self::least(least, STRIDE * least, &certified))
 }
 
 fn ground_damping(world: &World, is_certified: bool) -> Option<f64> {
@@ -195,47 +239,54 @@ fn ground_damping(world: &World, is_certified: bool) -> Option<f64> {
     };
     // A damper that takes a millionth of a body's motion in a sample.
     let lightest = world.bodies.iter().map(|body| body.inertia).fold(f64::INFINITY, f64::min);
-    least(1e-6 * lightest / world.sampling.period, &certified)
+    if certified(0.0) {
+        return Some(0.0);
+    }
+    least(0.0, 1e-6 * lightest / world.sampling.period, &certified)
 }
 
-fn period(world: &World, is_certified: bool) -> Option<f64> {
+fn period(world: &World) -> Option<f64> {
     let certified = |period: f64| changed(world, |w| w.sampling.period = period);
     let delay = world.sampling.delay;
-    let found = largest(world.sampling.period, SHORTEST, is_certified, &certified);
     // A lossless world takes a delay of whole samples only.
     let whole = || (1..=STEPS).map(|n| delay / f64::from(n)).find(|&period| certified(period));
-    found.or_else(|| if delay > 0.0 { whole() } else { None })
+    largest(world.sampling.period, SHORTEST, &certified).or_else(|| if delay > 0.0 { whole() } else { None })
 }
 
-fn delay(world: &World, is_certified: bool) -> Option<f64> {
-    let period = world.sampling.period;
+fn delay(world: &World) -> Option<f64> {
+    let (period, now) = (world.sampling.period, world.sampling.delay);
     let certified = |delay: f64| changed(world, |w| w.sampling.delay = delay);
-    let now = world.sampling.delay;
-    let samples = (now / period).floor();
     // Whole samples first: a lossless world takes no others.
     let whole = |n: f64| n * period;
-    let best = if is_certified {
-        let mut best = samples;
-        while best < samples + f64::from(STEPS) && certified(whole(best + 1.0)) {
-            best += 1.0;
+    let samples = (now / period).floor();
+    let near = (0..=STEPS).map(|n| whole(samples - f64::from(n))).take_while(|delay| *delay >= 0.0);
+    let best = match near.into_iter().find(|&delay| delay < now && certified(delay)) {
+        Some(best) => best,
+        // Further down by halves.
+        None => {
+            let (mut good, mut bad) = (0.0, samples - f64::from(STEPS));
+            if bad <= 0.0 || !certified(0.0) {
+                return None;
+            }
+            while bad - good > 1.0 {
+                let middle = (0.5 * (good + bad)).floor();
+                if certified(whole(middle)) { good = middle } else { bad = middle }
+            }
+            whole(good)
         }
-        if best == samples + f64::from(STEPS) && certified(whole(FAR.sqrt().min(400.0))) {
-            return None;
-        }
-        if best == samples { now } else { whole(best) }
-    } else {
-        let below = (0..=STEPS).map(|n| whole(samples - f64::from(n))).take_while(|delay| *delay >= 0.0);
-        below.into_iter().find(|&delay| delay < now && certified(delay))?
     };
     // And on within the sample.
-    let next = whole((best / period + 1e-9).floor() + 1.0).min(if is_certified { f64::INFINITY } else { now });
+    let next = whole((best / period + 1e-9).floor() + 1.0).min(now);
     let step = best + 1e-4 * (next - best);
     Some(if certified(step) { edge(step, next, &certified) } else { best })
 }
 
-fn stiffness_scale(world: &World, is_certified: bool) -> Option<f64> {
-    let stiff = |c: &Coupling| stiffness(&mut c.law.clone()).is_some_and(|stiffness| *stiffness > 0.0);
-    if !world.couplings.iter().any(stiff) {
+fn has_stiffness(world: &World) -> bool {
+    world.couplings.iter().any(|c| stiffness(&mut c.law.clone()).is_some_and(|stiffness| *stiffness > 0.0))
+}
+
+fn stiffness_scale(world: &World) -> Option<f64> {
+    if !has_stiffness(world) {
         return None;
     }
     let certified = |factor: f64| {
@@ -243,7 +294,7 @@ fn stiffness_scale(world: &World, is_certified: bool) -> Option<f64> {
             w.couplings.iter_mut().filter_map(|c| stiffness(&mut c.law)).for_each(|stiffness| *stiffness *= factor);
         })
     };
-    largest(1.0, SOFTEST, is_certified, &certified)
+    largest(1.0, SOFTEST, &certified)
 }
 
 /// The number in which a law's stiffness is.

@@ -18,10 +18,14 @@ use serde::Serialize;
 
 use crate::counts::quantisation;
 use crate::error::Error;
-use crate::free::free_growth;
+use crate::follow::{Along, Heights, crossing, first_rise};
+use crate::free::free_heights;
 use crate::passivity::need;
-use crate::scan::{crossing, first_rise};
-use crate::stability::MARGINAL;
+
+/// How far beyond what a device's inertia and damping make of a sample an edge is searched. A sampled loop has one.
+const FAR: f64 = 1e9;
+/// How often the stiffness is doubled that a damper may be passive with.
+const DOUBLINGS: usize = 64;
 
 /// The Z-width of a device under its loop.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -85,8 +89,10 @@ impl<'a> Walls<'a> {
         let mut walls = Walls { world, damping, inertia, period, passive_damping: 0.0, stable_damping: 0.0 };
         let unit = inertia / period;
         walls.passive_damping = damping / walls.asks(0.0, 1.0)?;
+        let far = FAR * (unit + damping);
+        let grows = |damping: f64| walls.grows(0.0, damping);
         walls.stable_damping =
-            first_rise(|damping| walls.grows(0.0, damping), 1e-6 * unit, 100.0 * unit)?.unwrap_or(100.0 * unit);
+            first_rise(grows, Along::Ratio, 1e-6 * unit, far, 0.0)?.ok_or(Error::Far { what: "damper" })?;
         Ok(walls)
     }
 
@@ -127,9 +133,8 @@ impl<'a> Walls<'a> {
     }
 
     /// How fast a wall grows let go, less what a verdict lets pass, 1/s.
-    fn grows(&self, stiffness: f64, damping: f64) -> Result<f64, Error> {
-        let growth = free_growth(&with_wall(self.world, stiffness, damping))?.unwrap_or(-f64::MAX);
-        Ok((growth - MARGINAL).clamp(-f64::MAX, f64::MAX))
+    fn grows(&self, stiffness: f64, damping: f64) -> Result<Heights, Error> {
+        free_heights(&with_wall(self.world, stiffness, damping))
     }
 
     /// The largest passive K beside B, where there is one.
@@ -145,36 +150,46 @@ impl<'a> Walls<'a> {
         // By the degree one of b(K, 0).
         let alone = self.damping / self.asks(1.0, 0.0)?;
         let (mut low, mut high) = ((0.0, at), (alone, over(alone)?));
-        while high.1 <= 0.0 {
+        for _ in 0..DOUBLINGS {
+            if high.1 > 0.0 {
+                break;
+            }
             low = high;
             high = (2.0 * low.0, over(2.0 * low.0)?);
         }
-        if low.1 >= 0.0 { Ok(Some(low.0)) } else { crossing(&mut { over }, low, high).map(Some) }
+        if high.1 <= 0.0 {
+            return Err(Error::Far { what: "spring" });
+        }
+        if low.1 >= 0.0 { Ok(Some(low.0)) } else { crossing(&mut { over }, low, high, 0.0).map(Some) }
     }
 
     /// The largest K beside B up to which nothing grows.
     fn stable(&self, damping: f64) -> Result<Option<f64>, Error> {
-        if self.grows(0.0, damping)? > 0.0 {
+        if self.grows(0.0, damping)?.top() > 0.0 {
             return Ok(None);
         }
-        let high = 100.0 * self.inertia / (self.period * self.period);
+        let unit = self.inertia / (self.period * self.period);
         // Where the first spring begins to grow, by the law for light ones.
         let light = (damping + self.damping) / (0.5 * self.period + self.world.sampling.delay);
-        let low = 1e-2 * light.min(0.01 * high);
+        let low = 1e-2 * light.min(unit);
         if low == 0.0 {
             return Ok(Some(0.0));
         }
-        let mut grows = |stiffness| self.grows(stiffness, damping);
-        let first = grows(low)?;
+        let grows = |stiffness| self.grows(stiffness, damping);
+        let first = grows(low)?.top();
         if first > 0.0 {
             // Beside the largest damper the least of springs is too much.
             let least = 1e-6 * low;
-            return match grows(least)? {
+            return match grows(least)?.top() {
                 more if more > 0.0 => Ok(Some(0.0)),
-                less => crossing(&mut grows, (least, less), (low, first)).map(Some),
+                less => {
+                    let mut top = |stiffness| Ok(grows(stiffness)?.top());
+                    crossing(&mut top, (least, less), (low, first), 0.0).map(Some)
+                }
             };
         }
-        Ok(Some(first_rise(grows, low, high)?.unwrap_or(high)))
+        let far = FAR * (unit + (damping + self.damping) / self.period);
+        first_rise(grows, Along::Ratio, low, far, 0.0)?.ok_or(Error::Far { what: "spring" }).map(Some)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::document::{Document, Entry, Node, Place, Value, shortened};
 use crate::error::{Error, ErrorKind};
-use crate::keys::{self, Key, Measure, Presence, Range, Takes};
+use crate::keys::{self, Key, Measure, PHYSICAL, Presence, Range, Takes};
 use crate::quantity::{parse_in_unit, parse_with_unit};
 use crate::unit::Unit;
 use crate::words;
@@ -246,8 +246,14 @@ impl<'a> Fields<'a> {
                 Value::Text(_) | Value::Number(_),
             ) => match quantity(measure, motion, &node.value) {
                 Ok(value) if range.contains(value) => Ok(Found::Number(value)),
-                Ok(_) => {
-                    let fault = if range == Range::Positive { "is not above 0" } else { "is negative" };
+                Ok(value) => {
+                    let (least, most) = (PHYSICAL.start(), PHYSICAL.end());
+                    let fault = match range {
+                        _ if value > *most => format!("is beyond anything physical, {most:e} in SI"),
+                        _ if value > 0.0 => format!("is below anything physical, {least:e} in SI"),
+                        Range::Positive => "is not above 0".to_string(),
+                        Range::ZeroOrMore | Range::Any => "is negative".to_string(),
+                    };
                     given(format!("{} {fault}", written(&node.value)))
                 }
                 Err(message) => fail(ErrorKind::Value, message),

@@ -175,13 +175,17 @@ impl Measure {
     }
 }
 
+/// Between these, in SI, is every number above 0 that is a property of something physical. Far beyond them products of a few such numbers
+/// leave double precision.
+pub const PHYSICAL: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
+
 impl Range {
     /// Whether `value` is in it.
     pub fn contains(self, value: f64) -> bool {
         match self {
             Range::Any => value.is_finite(),
-            Range::ZeroOrMore => value.is_finite() && value >= 0.0,
-            Range::Positive => value.is_finite() && value > 0.0,
+            Range::ZeroOrMore => value == 0.0 || PHYSICAL.contains(&value),
+            Range::Positive => PHYSICAL.contains(&value),
         }
     }
 }

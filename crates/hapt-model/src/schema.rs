@@ -10,7 +10,7 @@
 use serde_json::{Map, Value, json};
 
 use crate::dimension::Dimension;
-use crate::keys::{self, KEYS, Key, Measure, Presence, Range, Takes};
+use crate::keys::{self, KEYS, Key, Measure, PHYSICAL, Presence, Range, Takes};
 use crate::spelling;
 use crate::world::Motion;
 
@@ -156,8 +156,8 @@ fn quantity(
     let wanted = measure.dimension(motion);
     let number = match range {
         Range::Any => json!({ "type": "number" }),
-        Range::ZeroOrMore => json!({ "type": "number", "minimum": 0 }),
-        Range::Positive => json!({ "type": "number", "exclusiveMinimum": 0 }),
+        Range::ZeroOrMore => json!({ "type": "number", "minimum": 0, "maximum": PHYSICAL.end() }),
+        Range::Positive => json!({ "type": "number", "minimum": PHYSICAL.start(), "maximum": PHYSICAL.end() }),
     };
     let plain = || json!({ "type": "string", "pattern": spelling::plain(wanted) });
     // "a torsional stiffness (N m/rad)" is defined as torsional-stiffness.

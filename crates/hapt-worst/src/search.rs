@@ -1,5 +1,8 @@
 //! The search: by eigenvalues first, then by simulation.
 
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
+
 use hapt_analysis::continuous::ties;
 use hapt_analysis::simplex::climb;
 use hapt_analysis::{
@@ -167,6 +170,8 @@ struct Trials<'w> {
     grain: f64,
     runs: usize,
     best: Option<Tried>,
+    /// How many have been run, for whoever watches.
+    seen: &'w AtomicUsize,
 }
 
 impl Trials<'_> {
@@ -174,6 +179,7 @@ impl Trials<'_> {
         let hand = Hand::toward(self.world, grip, target, hold_and_open);
         let drawn = drawn(self.world, &hand.scenario("worst", self.duration), hand.energy())?;
         self.runs += 1;
+        self.seen.store(self.runs, Relaxed);
         let tried = Tried { hand, target, drawn };
         if self.best.is_none_or(|best| self.height(&tried) > self.height(&best)) {
             self.best = Some(tried);
@@ -262,6 +268,16 @@ fn with_a_kick(
     Ok(worst)
 }
 
+/// How many hands [`search`] tries by simulation, at most: two of the linear loop's and those of the grid at each target, one that
+/// switches for each of the grid, and both climbs.
+///
+/// # Errors
+/// As [`search`].
+pub fn most_runs(world: &World) -> Result<usize, Error> {
+    let (targets, grid) = (targets(world, stiffness(world)?).len(), MASSES.len() * ANGLES.len());
+    Ok((2 + grid) * targets + grid + 3 * RUNS)
+}
+
 /// Looks for the passive hand that draws most energy from a world's loop.
 ///
 /// The linear loop's worst hand comes first; then hands of three masses on four springs, holding on and switching, each kicked toward
@@ -273,6 +289,14 @@ fn with_a_kick(
 /// # Errors
 /// [`Error`].
 pub fn search(world: &World) -> Result<Worst, Error> {
+    search_seen(world, &AtomicUsize::new(0))
+}
+
+/// As [`search`]; `seen` is how many hands have been tried by simulation, [`most_runs`] at the end at most.
+///
+/// # Errors
+/// As [`search`].
+pub fn search_seen(world: &World, seen: &AtomicUsize) -> Result<Worst, Error> {
     hapt_sim::check(world)?;
     let (linear, breaking) = (worst_grip(world)?, breaking_damping(world)?);
     let period = world.sampling.period;
@@ -280,7 +304,7 @@ pub fn search(world: &World) -> Result<Worst, Error> {
     let targets = targets(world, stiffness);
     let duration = LONG.clamp(FEWEST * period, ROWS * period);
     let grain = grain(world, stiffness);
-    let mut trials = Trials { world, duration, grain, runs: 0, best: None };
+    let mut trials = Trials { world, duration, grain, runs: 0, best: None, seen };
 
     let mut held = Vec::new();
     let mut switched = Vec::new();

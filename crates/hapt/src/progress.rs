@@ -40,6 +40,14 @@ impl Progress {
         }
     }
 
+    /// Before the first is done: what comes before it.
+    pub fn begins(&mut self, what: &str) {
+        if self.started.elapsed() >= PATIENCE && self.last_line.is_none_or(|last| last.elapsed() > LINES) {
+            self.last_line = Some(Instant::now());
+            people::say(format_args!("{}: {what}, {:.0} s so far", self.name, self.started.elapsed().as_secs_f64()));
+        }
+    }
+
     /// With so many done.
     pub fn reached(&mut self, done: u64) {
         let elapsed = self.started.elapsed();

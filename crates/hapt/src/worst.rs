@@ -3,8 +3,14 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::io::{Write, stdout};
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread;
+use std::time::Duration;
 
 use hapt_analysis::Grip;
 use hapt_model::keys::Measure;
@@ -16,7 +22,11 @@ use crate::args::WorstArgs;
 use crate::failure::Failure;
 use crate::output::Draft;
 use crate::people;
+use crate::progress::Progress;
 use crate::world::{Loaded, load};
+
+/// From one look at the search to the next.
+const LOOK: Duration = Duration::from_millis(200);
 
 pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     let loaded = load(&args.world)?;
@@ -25,7 +35,7 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     }
     // A file that cannot be is said before the search.
     let draft = args.out.as_deref().map(begin).transpose()?;
-    let worst = hapt_worst::search(&loaded.world)?;
+    let worst = watched(&loaded.world)?;
     let shown = with_scenario(&loaded.world, &worst, args.out.as_deref());
     if let Some((path, draft)) = args.out.as_deref().zip(draft) {
         if let Some(motion) = &worst.motion {
@@ -44,6 +54,28 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(if worst.broken { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+/// The search, and how far it is on standard error.
+fn watched(world: &World) -> Result<Worst, Failure> {
+    let seen = AtomicUsize::new(0);
+    let mut progress = Progress::new("worst", "hands", hapt_worst::most_runs(world)? as u64, 0);
+    let (done, is_done) = channel::<()>();
+    thread::scope(|scope| {
+        let seen = &seen;
+        let search = scope.spawn(move || {
+            // Dropped at the end, and on a panic too: what waits below ends at once.
+            let _done = done;
+            hapt_worst::search_seen(world, seen)
+        });
+        while is_done.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+            match seen.load(Relaxed) {
+                0 => progress.begins("the linear loop's worst hand comes first"),
+                runs => progress.reached(runs as u64),
+            }
+        }
+        search.join().unwrap_or_else(|panic| resume_unwind(panic)).map_err(Failure::from)
+    })
 }
 
 /// The world as it was looked at, with this scenario alone: the others may lean on files beside the world. A motion's own file stands
