@@ -93,7 +93,7 @@ impl<F: Real> Guard<F> {
             guard.at(position);
         }
         guard.step(&reading(position), Some(Request::Arm));
-        for _ in 0..20 {
+        for _ in 0..(2.0 * limits.fade / T) as u32 {
             guard.at(position);
         }
         assert_eq!(guard.watch.phase, Phase::Running, "{:?}", guard.watch.reason);
@@ -118,6 +118,7 @@ for_both! {
     a_puck_that_stands_still_under_torque_is_stuck
     five_short_pushes_find_a_dead_encoder
     a_dead_encoder_can_be_cleared_and_is_found_again
+    the_torque_is_off_within_the_links_time_of_the_last_heartbeat_the_fade_included
     a_lost_link_fades_out_or_faults
     a_swap_does_not_step_the_torque
     the_position_where_a_real_device_is_armed_is_zero
@@ -189,7 +190,7 @@ fn a_reading_within_the_limits_is_no_fault<F: Real>() {
         reading(0.125),
         Reading { missed: 4, ..reading(0.125) },
         Reading { late: F::from_f64(4.9e-3), ..reading(0.125) },
-        Reading { silent: F::from_f64(0.29), ..reading(0.125) },
+        Reading { silent: F::from_f64(0.28), ..reading(0.125) },
     ] {
         assert_eq!(guard.step(&good, None).phase, Phase::Running, "{good:?}");
     }
@@ -291,6 +292,31 @@ fn a_lost_link_fades_out_or_faults<F: Real>() {
     assert_eq!((guarded.phase, guarded.reason, guarded.output), (Phase::Faulted, Some(Reason::Link), F::ZERO));
     assert_eq!(guard.step(&silent, Some(Request::Clear)).phase, Phase::Faulted);
     assert_eq!(guard.step(&reading(0.5), Some(Request::Clear)).phase, Phase::Disarmed);
+}
+
+fn the_torque_is_off_within_the_links_time_of_the_last_heartbeat_the_fade_included<F: Real>() {
+    for (link, fade, delay, faults) in [
+        (0.3, 0.1, 0.0, false),
+        (0.15, 0.1, 0.004, false),
+        (0.3, 0.0123, 0.0025, false),
+        (0.05, 0.04, 0.0, false),
+        (0.05, 0.1, 0.001, true),
+    ] {
+        let limits = Limits { link, fade, delay, link_faults: faults, ..LIMITS };
+        let mut guard = Guard::<F>::running(&limits, &WORLD, 0.5);
+        let off = (1..1000).find(|k| {
+            let silent = F::from_f64(T * f64::from(*k));
+            guard.step(&Reading { silent, ..reading(0.5) }, None).output == F::ZERO
+        });
+        let off = T * f64::from(off.unwrap()) + delay;
+        assert!(off <= link + 1e-6, "off after {off} s of {link} s");
+        // And no sooner than it has to be.
+        assert!(off > link - 3.5 * T, "off after {off} s of {link} s");
+    }
+    // No fade fits in there.
+    let spec = Limits { link: 0.1, fade: 0.1, ..LIMITS };
+    let error = Supervisor::<F, 1, 1>::new(&spec, &WORLD).unwrap_err().to_string();
+    assert!(error.contains("link") && error.contains("fade"), "{error}");
 }
 
 fn a_swap_does_not_step_the_torque<F: Real>() {

@@ -27,18 +27,18 @@ pub enum Denied {
 }
 
 impl Access {
-    /// For a server bound to `address`. Reachable from other machines, it asks for a token.
+    /// For a server bound to `address`. With a motor, and where other machines can reach it, it asks for a token.
     ///
     /// # Errors
     /// The system has no random numbers.
-    pub fn new(address: SocketAddr) -> std::io::Result<Self> {
-        let token = if address.ip().is_loopback() { None } else { Some(random()?) };
+    pub fn new(address: SocketAddr, has_a_motor: bool) -> std::io::Result<Self> {
+        let token = if address.ip().is_loopback() && !has_a_motor { None } else { Some(random()?) };
         Ok(Access { address, token })
     }
 
     /// Where the page is, as it is typed into a browser: with the token in the fragment, which no browser sends.
     pub fn link(&self) -> String {
-        let fragment = self.token.as_ref().map_or(String::new(), |token| format!("#token={token}"));
+        let fragment = self.token.as_ref().map_or(String::new(), |token| format!("#{token}"));
         // Nobody goes to "any address": here it is this machine's own.
         let ip = match self.address.ip() {
             IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     fn access(address: &str) -> Access {
-        Access::new(address.parse().unwrap()).unwrap()
+        Access::new(address.parse().unwrap(), false).unwrap()
     }
 
     #[test]
@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(every.admits(Some("0.0.0.0:4278"), None, false), Err(Denied::Host));
         for access in [one, every] {
             let link = access.link();
-            let token = link.split_once("/#token=").unwrap().1;
+            let token = link.split_once("/#").unwrap().1;
             assert_eq!(token.len(), 32);
             assert!(access.asks_for_token() && access.knows(Some(token)));
             for wrong in [None, Some(""), Some(&token[1..]), Some(&format!("{token}0")), Some(&"0".repeat(32))] {
@@ -203,7 +203,15 @@ mod tests {
     }
 
     #[test]
-    fn on_loopback_no_token_is_asked_for_and_at_the_usual_port_browsers_name_none() {
+    fn with_a_motor_a_token_is_asked_for_on_loopback_too() {
+        let access = Access::new("127.0.0.1:4278".parse().unwrap(), true).unwrap();
+        let link = access.link();
+        let token = link.strip_prefix("http://127.0.0.1:4278/#").unwrap();
+        assert!(token.len() == 32 && access.asks_for_token() && access.knows(Some(token)) && !access.knows(None));
+    }
+
+    #[test]
+    fn on_loopback_no_token_is_asked_for_without_a_motor_and_at_the_usual_port_browsers_name_none() {
         let access = access("[::1]:80");
         assert_eq!(access.link(), "http://[::1]:80/");
         assert!(!access.asks_for_token() && access.knows(None));

@@ -12,10 +12,9 @@ use std::time::{Duration, Instant};
 use hapt_core::{Guarding, Phase, Request};
 use hapt_link::{Error, Link, Why};
 use hapt_log::Recorder;
-use hapt_rt::{Realtime, Record};
+use hapt_rt::{Epoch, LoopHandle, Realtime, Record};
 use hapt_wire::Order;
 
-use crate::control::PATIENCE;
 use crate::runner::{News, Runner};
 use crate::shown::{Shown, phase};
 use crate::state::Workbench;
@@ -27,6 +26,8 @@ const SHOWN: f64 = 1e-3;
 const SILENT: Duration = Duration::from_secs(1);
 /// How long the thread listens to the line before it hears the desk again.
 const TICK: Duration = Duration::from_millis(4);
+/// A page that was heard so lately, in s, is there.
+const THERE: f64 = 0.2;
 /// What may wait for the line.
 const ASKS: usize = 64;
 /// Samples that may wait for the desk: 16 s at 1 kHz.
@@ -37,7 +38,7 @@ pub(crate) struct Board {
     asks: SyncSender<Ask>,
     records: Receiver<Record>,
     news: Receiver<News>,
-    stop: Arc<AtomicBool>,
+    handle: LoopHandle,
     end: Arc<AtomicBool>,
     guarding: Guarding,
     thread: Option<JoinHandle<Result<(), String>>>,
@@ -45,8 +46,7 @@ pub(crate) struct Board {
 
 /// What reaches the thread.
 enum Ask {
-    Request(Request),
-    Alive,
+    Request(Request, Epoch),
     Change(Box<Wanted>),
 }
 
@@ -68,7 +68,7 @@ impl Board {
         let (asks, incoming) = sync_channel(ASKS);
         let (outgoing, records) = sync_channel(RECORDS);
         let (says, news) = channel();
-        let (stop, end) = (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
+        let (handle, end) = (LoopHandle::default(), Arc::<AtomicBool>::default());
         let phase = link.board().phase.unwrap_or(Phase::Disarmed);
         let holder = Holder {
             link,
@@ -78,30 +78,27 @@ impl Board {
             runs: Box::new(bench.clone()),
             wanted: None,
             changing: false,
-            wants: false,
-            alive: Instant::now(),
+            wants: None,
+            seen: handle.epoch(),
+            heard: handle.heard(),
             asks: incoming,
             records: outgoing,
             news: says,
-            stop: Arc::clone(&stop),
+            handle: handle.clone(),
             end: Arc::clone(&end),
         };
         let thread = std::thread::Builder::new().name("board".into()).spawn(|| holder.run())?;
-        Ok(Board { asks, records, news, stop, end, guarding, thread: Some(thread) })
+        Ok(Board { asks, records, news, handle, end, guarding, thread: Some(thread) })
     }
 }
 
 impl Runner for Board {
-    fn ask(&mut self, request: Request) -> bool {
-        self.asks.try_send(Ask::Request(request)).is_ok()
+    fn handle(&self) -> LoopHandle {
+        self.handle.clone()
     }
 
-    fn stop(&mut self) {
-        self.stop.store(true, Ordering::Release);
-    }
-
-    fn alive(&mut self) {
-        let _ = self.asks.try_send(Ask::Alive);
+    fn ask(&mut self, request: Request, epoch: Epoch) -> bool {
+        self.asks.try_send(Ask::Request(request, epoch)).is_ok()
     }
 
     fn change(&mut self, next: &Workbench) -> Result<(), String> {
@@ -166,14 +163,15 @@ struct Holder {
     wanted: Option<Box<Wanted>>,
     /// It fades out for that one, or takes it.
     changing: bool,
-    /// Somebody wants the torque on.
-    wants: bool,
-    /// When somebody was last there.
-    alive: Instant,
+    /// Somebody wants the torque on, since this epoch.
+    wants: Option<Epoch>,
+    /// The epoch that the board has been told of, and the last heartbeat.
+    seen: Epoch,
+    heard: u64,
     asks: Receiver<Ask>,
     records: SyncSender<Record>,
     news: Sender<News>,
-    stop: Arc<AtomicBool>,
+    handle: LoopHandle,
     end: Arc<AtomicBool>,
 }
 
@@ -200,19 +198,35 @@ impl Holder {
 
     /// What the desk asks.
     fn hear(&mut self) -> Result<(), Error> {
-        if self.stop.swap(false, Ordering::AcqRel) {
-            self.wants = false;
-            self.link.stop()?;
-        }
+        self.hear_at_once()?;
         while let Ok(ask) = self.asks.try_recv() {
             match ask {
-                Ask::Alive => {
-                    self.alive = Instant::now();
-                    self.link.keep()?;
-                }
-                Ask::Request(request) => self.ask(request)?,
+                Ask::Request(request, epoch) => self.ask(request, epoch)?,
                 Ask::Change(wanted) => self.wanted = Some(wanted),
             }
+            self.hear_at_once()?;
+        }
+        Ok(())
+    }
+
+    /// What waits for nothing that was asked.
+    fn hear_at_once(&mut self) -> Result<(), Error> {
+        let (now, before) = (self.handle.epoch(), self.seen);
+        if now != before {
+            (self.seen, self.wants) = (now, None);
+            match now.stopped_since(before) {
+                true => self.link.stop()?,
+                // Where it is disarmed already it refuses, and that is right.
+                false => match self.link.disarm() {
+                    Err(Error::Refused { .. }) => {}
+                    disarmed => disarmed?,
+                },
+            }
+        }
+        let heard = self.handle.heard();
+        if heard != self.heard {
+            self.heard = heard;
+            self.link.keep()?;
         }
         Ok(())
     }
@@ -227,7 +241,7 @@ impl Holder {
             let _ = self.records.try_send(self.shown.record(&telemetry));
         }
         // A fault, or a link that was lost, is nothing to arm again after.
-        self.wants &= self.phase.is_active() || self.changing;
+        self.wants = self.wants.filter(|_| self.phase.is_active() || self.changing);
         Ok(some)
     }
 
@@ -236,10 +250,14 @@ impl Holder {
         self.link.show(self.runs.world.sampling.period, SHOWN)
     }
 
-    fn ask(&mut self, request: Request) -> Result<(), Error> {
+    fn ask(&mut self, request: Request, epoch: Epoch) -> Result<(), Error> {
+        // Of before a stop, or of who has control no longer.
+        if matches!(request, Request::Arm | Request::Clear) && epoch != self.handle.epoch() {
+            return Ok(());
+        }
         self.wants = match request {
-            Request::Arm => true,
-            Request::Disarm | Request::Stop => false,
+            Request::Arm => Some(epoch),
+            Request::Disarm | Request::Stop => None,
             Request::Clear => self.wants,
         };
         let asked = match request {
@@ -306,8 +324,8 @@ impl Holder {
         }
         self.changing = false;
         // Nobody is armed behind his back.
-        let again = self.wants && self.phase == Phase::Disarmed && self.alive.elapsed() < PATIENCE;
-        if again && !self.stop.load(Ordering::Acquire) {
+        let again = self.wants == Some(self.handle.epoch()) && self.phase == Phase::Disarmed;
+        if again && self.handle.silent() < THERE {
             let armed = self.arm();
             return self.unless_refused(armed);
         }

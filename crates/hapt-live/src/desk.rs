@@ -6,13 +6,13 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
 use hapt_core::{Guarding, Phase, Reason, Request};
 use hapt_model::World;
-use hapt_rt::{Record, Timing};
+use hapt_rt::{Epoch, LoopHandle, Record, Timing};
 use tokio::sync::mpsc::Sender;
 use tokio_tungstenite::tungstenite::Message;
 
@@ -20,10 +20,11 @@ use crate::control::{Client, Control};
 use crate::frames::Frames;
 use crate::hand::VisitorsHand;
 use crate::judge::Judge;
-use crate::protocol::{Realtime, Said, Says, Status, TimingSays};
+use crate::protocol::{Realtime, Said, Says, Status, TimingSays, Wish};
 use crate::recording::Recording;
 use crate::runner::Runner;
 use crate::state::Workbench;
+use crate::worker::{Done, Task, Worker};
 
 /// How long the desk listens at its door before it looks at the loop again.
 const TICK: Duration = Duration::from_millis(4);
@@ -31,8 +32,15 @@ const TICK: Duration = Duration::from_millis(4);
 const FRAME: Duration = Duration::from_micros(16_667);
 /// From one status to the next, when nothing happens.
 const STATUS: Duration = Duration::from_millis(200);
-/// How much may wait at the door.
-const WAITING: usize = 1024;
+/// How much of one client may wait at the door, and of all of them.
+const OF_ONE: usize = 64;
+const WAITING: usize = 8192;
+/// How much is taken in before the loop is looked at again.
+const AT_ONCE: usize = 1024;
+/// From one step of a start from the beginning to the next try of it.
+const AGAIN: Duration = Duration::from_millis(50);
+/// Nobody's number.
+const NOBODY: Client = 0;
 
 /// What comes to the desk.
 pub enum Event {
@@ -40,41 +48,86 @@ pub enum Event {
     Joined(Client, Sender<Message>),
     /// A page has gone.
     Left(Client),
-    /// A page has said something.
-    Said(Client, Said),
+    /// A page has said something, in this epoch of the loop.
+    Said(Client, Said, Epoch, Ticket),
     /// The judge has an answer on this generation.
     Judged(u32, Says),
+    /// The worker has done a task.
+    Done(Box<Done>),
     /// The program ends.
     End,
+}
+
+/// A client's messages that wait at the door.
+#[derive(Clone, Debug, Default)]
+pub struct Waiting(Arc<AtomicUsize>);
+
+/// One of them. Dropped, it waits no longer.
+pub struct Ticket(Waiting);
+
+impl Waiting {
+    /// A place for one more, if there is one.
+    fn ticket(&self) -> Option<Ticket> {
+        let taken = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, |n| (n < OF_ONE).then_some(n + 1));
+        taken.ok().map(|_| Ticket(self.clone()))
+    }
+}
+
+impl Drop for Ticket {
+    fn drop(&mut self) {
+        self.0.0.fetch_sub(1, Ordering::AcqRel);
+    }
 }
 
 /// The desk's door, for the server.
 #[derive(Clone)]
 pub struct Door {
     events: SyncSender<Event>,
-    stop: Arc<AtomicBool>,
+    handle: LoopHandle,
+    /// Who has control of a motor: his messages are the supervisor's heartbeats.
+    holder: Arc<AtomicU64>,
+}
+
+/// The way in, and the desk's side of it.
+pub fn events() -> (SyncSender<Event>, Receiver<Event>) {
+    sync_channel(WAITING)
 }
 
 impl Door {
-    /// A door, and the desk's side of it.
-    pub fn new() -> (Self, Receiver<Event>) {
-        let (events, inside) = sync_channel(WAITING);
-        (Door { events, stop: Arc::default() }, inside)
+    /// A door to the desk at the other end of `events`, and to the loop of this handle.
+    pub fn new(events: SyncSender<Event>, handle: LoopHandle) -> Self {
+        Door { events, handle, holder: Arc::default() }
     }
 
-    /// Hands something in, without waiting; `false`: the desk is gone, or overrun.
-    pub fn hand_in(&self, event: Event) -> bool {
-        // Stop stands in no queue.
-        if let Event::Said(_, Said::Order { order: crate::protocol::Wish::Stop }) = event {
-            self.stop.store(true, Ordering::Release);
+    /// Hands in what a client says, without waiting; `false`: the desk is gone, or overrun by this client.
+    ///
+    /// A stop goes from here to the loop, and stands in no queue; and so does the word that whoever has control is there.
+    pub fn hand_in(&self, client: Client, said: Said, waiting: &Waiting) -> bool {
+        if let Said::Order { order: Wish::Stop } = said {
+            self.handle.stop();
+        }
+        if self.holder.load(Ordering::Acquire) == client {
+            self.handle.heartbeat();
+        }
+        if let Said::Order { order: Wish::Stop } | Said::Alive = said {
+            // The hand on a simulated puck wants to hear of it too, and does where there is room.
+            if let Some(ticket) = waiting.ticket() {
+                let _ = self.events.try_send(Event::Said(client, Said::Alive, self.handle.epoch(), ticket));
+            }
             return true;
         }
+        let Some(ticket) = waiting.ticket() else { return false };
+        self.events.try_send(Event::Said(client, said, self.handle.epoch(), ticket)).is_ok()
+    }
+
+    /// A page has come, or gone; `false`: the desk is gone, or overrun.
+    pub fn tell(&self, event: Event) -> bool {
         self.events.try_send(event).is_ok()
     }
 
-    /// Hands an answer of the judge in, who may wait for it; `false`: the desk is gone.
-    pub fn report(&self, generation: u32, says: Says) -> bool {
-        self.events.send(Event::Judged(generation, says)).is_ok()
+    /// Whether this client has control of a motor.
+    pub fn is_held_by(&self, client: Client) -> bool {
+        self.holder.load(Ordering::Acquire) == client
     }
 
     /// The program ends.
@@ -104,6 +157,16 @@ pub struct Desk {
     pub(crate) verdict: Option<Message>,
     pub(crate) ranges: BTreeMap<String, Message>,
     pub(crate) recording: Option<Recording>,
+    /// What takes long, who does it, for whom it waits, and whether one is under way.
+    pub(crate) worker: Worker,
+    pub(crate) tasks: VecDeque<(Client, Task)>,
+    pub(crate) at_work: bool,
+    /// A recording is wanted.
+    pub(crate) records: bool,
+    /// What the pages are told of the world.
+    pub(crate) world_says: Message,
+    /// A start from the beginning that was asked for in this epoch, and when it is tried again.
+    pub(crate) restart: Option<(Epoch, Instant)>,
     pub(crate) folder: PathBuf,
     pub(crate) timing: Timing,
     /// The loop's time in s, and where it stands.
@@ -112,7 +175,10 @@ pub struct Desk {
     /// What would have tripped on a real device.
     warning: Option<Reason>,
     frames: Frames,
-    stop: Arc<AtomicBool>,
+    pub(crate) handle: LoopHandle,
+    holder: Arc<AtomicU64>,
+    /// Who has control, as the pages have been told.
+    told: Option<Client>,
 }
 
 /// What the desk starts with.
@@ -127,6 +193,8 @@ pub(crate) struct Start {
     pub hand: VisitorsHand,
     /// Who judges.
     pub judge: Judge,
+    /// Who does what takes long.
+    pub worker: Worker,
     /// Where recordings go.
     pub folder: PathBuf,
 }
@@ -134,10 +202,11 @@ pub(crate) struct Start {
 impl Desk {
     /// A desk with nobody before it.
     pub(crate) fn new(start: Start, door: &Door) -> Self {
-        let Start { bench, runner, guarding, hand, judge, folder } = start;
+        let Start { bench, runner, guarding, hand, judge, worker, folder } = start;
         judge.ask(bench.clone());
         Desk {
             worlds: VecDeque::from([(bench.generation, bench.world.clone())]),
+            world_says: message(&Says::World(Box::new(bench.says()))),
             bench,
             runner,
             guarding,
@@ -149,13 +218,20 @@ impl Desk {
             verdict: None,
             ranges: BTreeMap::new(),
             recording: None,
+            worker,
+            tasks: VecDeque::new(),
+            at_work: false,
+            records: false,
+            restart: None,
             folder,
             timing: Timing::new(),
             time: 0.0,
             state: (Phase::Disarmed, None),
             warning: None,
             frames: Frames::default(),
-            stop: Arc::clone(&door.stop),
+            handle: door.handle.clone(),
+            holder: Arc::clone(&door.holder),
+            told: None,
         }
     }
 
@@ -166,15 +242,15 @@ impl Desk {
     pub fn run(mut self, events: &Receiver<Event>) -> Result<(), String> {
         // A simulated device is there to be grabbed at once; a real one waits for somebody to arm it.
         if self.is_simulated() {
-            self.runner.ask(Request::Arm);
+            let epoch = self.handle.epoch();
+            self.runner.ask(Request::Arm, epoch);
         }
         let (mut frame, mut status) = (Instant::now(), Instant::now());
-        let mut alive = Instant::now();
         loop {
             match events.recv_timeout(TICK) {
                 Ok(first) => {
                     // Not for ever: the loop wants to be looked at.
-                    for event in std::iter::once(first).chain(events.try_iter().take(WAITING)) {
+                    for event in std::iter::once(first).chain(events.try_iter().take(AT_ONCE)) {
                         if matches!(event, Event::End) {
                             return Ok(());
                         }
@@ -184,9 +260,6 @@ impl Desk {
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
             }
-            if self.stop.swap(false, Ordering::AcqRel) {
-                self.runner.stop();
-            }
             let before = self.state;
             let ended = self.runner.ended();
             self.look();
@@ -195,11 +268,10 @@ impl Desk {
             }
             let now = Instant::now();
             self.lead(now);
-            // The simulated hand lets go when whoever has control is silent, and that is all there is to it. A real motor hears of him
-            // himself: without him the supervisor's link is lost, and the torque fades out.
-            if now >= alive && (self.is_simulated() || self.control.is_awake(now)) {
-                self.runner.alive();
-                alive = now + Duration::from_millis(50);
+            self.work();
+            if self.control.holder() != self.told {
+                self.told = self.control.holder();
+                self.tell_all(&message(&Says::Control { control: self.told }));
             }
             if now >= frame {
                 frame = (frame + FRAME).max(now);
@@ -236,8 +308,8 @@ impl Desk {
         self.time = record.due as f64 * 1e-9;
         self.state = (record.phase, record.reason);
         self.warning = record.warning;
-        // Where a real device is armed, there is the world's 0: only the loop knows the puck from there.
-        let position = if self.is_simulated() { record.position } else { record.measured };
+        // Where it is armed, there is the world's 0. Of a real puck only the loop knows it from there.
+        let position = if self.is_simulated() { record.position - record.zero } else { record.measured };
         self.frames.add(world, *generation, self.time, &Record { position, ..*record });
         self.timing.add(record);
     }
@@ -251,10 +323,49 @@ impl Desk {
             self.let_go();
         }
         self.hand.tell();
+        self.start_over(now);
+    }
+
+    /// One more step of a start from the beginning: no torque, the puck at 0, and armed.
+    fn start_over(&mut self, now: Instant) {
+        let Some((epoch, again)) = self.restart else { return };
+        if epoch != self.handle.epoch() {
+            // Somebody has pressed stop.
+            self.restart = None;
+        } else if now >= again {
+            let next = match self.state.0 {
+                Phase::Disarmed if !self.hand.restart() => None,
+                Phase::Disarmed => Some(Request::Arm),
+                Phase::Faulted => Some(Request::Clear),
+                Phase::FadingIn | Phase::Running => Some(Request::Disarm),
+                Phase::FadingOut => None,
+            };
+            let done = next.is_some_and(|request| self.runner.ask(request, epoch) && request == Request::Arm);
+            self.restart = (!done).then_some((epoch, now + AGAIN));
+        }
+    }
+
+    /// Control is another's, or nobody's: the hand lets go, and a motor's torque with it. Whoever has control next arms it himself.
+    pub(crate) fn control_changed(&mut self, from: Option<Client>) {
+        self.let_go();
+        self.tasks.clear();
+        if self.is_simulated() {
+            return;
+        }
+        let next = self.control.holder();
+        self.holder.store(NOBODY, Ordering::Release);
+        if from.is_some() {
+            self.handle.withdraw();
+        }
+        if let Some(next) = next {
+            // He has just been heard.
+            self.handle.heartbeat();
+            self.holder.store(next, Ordering::Release);
+        }
     }
 
     /// Whether nobody can be hurt.
-    fn is_simulated(&self) -> bool {
+    pub(crate) fn is_simulated(&self) -> bool {
         self.guarding == Guarding::Simulated
     }
 

@@ -55,6 +55,15 @@ impl VisitorsHand {
         self.wanted = Wanted::Play(Box::new(script));
     }
 
+    /// The puck is at rest at 0 again, in nobody's hand; `false`: there is no room just now, or the puck is a real one.
+    pub fn restart(&mut self) -> bool {
+        let done = self.hands.as_mut().is_some_and(|hands| hands.push(Touch::Restart).is_ok());
+        if done {
+            (self.wanted, self.told) = (Wanted::Nothing, Told::LetGo);
+        }
+        done
+    }
+
     /// Whether there is a hand that a page can move.
     pub fn is_there(&self) -> bool {
         self.hands.is_some()

@@ -3,6 +3,7 @@
 //! Of several questions the last counts. One thread gives the verdict, so that it is there at once; another looks how far the period may
 //! grow, for remedies and for the certified ranges, which take hundreds of certificates, and gives up on a world that is no longer asked about.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -14,6 +15,8 @@ use crate::state::Workbench;
 
 /// Looks at so many places of a slider, then closer at where the answer turns.
 const PLACES: usize = 33;
+/// Where the analysis panics the server goes on.
+const BROKEN: &str = "the analysis broke off by a defect of its own";
 /// To this part of the slider.
 const WIDTH: f64 = 1e-3;
 
@@ -131,8 +134,9 @@ fn verdict(
     judged: fn(&World) -> Result<Check, hapt_analysis::Error>,
 ) -> (Box<Verdict>, Option<Check>) {
     let begin = Instant::now();
-    let checked = judged(&bench.world);
+    let checked = catch_unwind(|| judged(&bench.judged()));
     let ms = Some(begin.elapsed().as_secs_f64() * 1e3);
+    let checked = checked.map_or_else(|_| Err(BROKEN.to_string()), |checked| checked.map_err(|error| error.to_string()));
     match checked {
         Ok(check) => (Box::new(Verdict { ms, ..told(bench, &check) }), Some(check)),
         Err(error) => {
@@ -153,7 +157,7 @@ fn nothing(bench: &Workbench) -> Verdict {
         held: Vec::new(),
         free: Vec::new(),
         required_damping: None,
-        device_damping: bench.world.device.damping,
+        device_damping: bench.judged().device.damping,
         notes: Vec::new(),
         remedies: None,
         ms: None,
@@ -196,14 +200,16 @@ pub(crate) fn told(bench: &Workbench, check: &Check) -> Verdict {
 /// Remedies and ranges, as long as nothing newer is asked; `None`: nobody listens any more.
 fn advise(bench: &Workbench, next: &Latest<Workbench>, focus: &Mutex<Option<String>>, answer: &Answer) -> Option<()> {
     let (mut verdict, check) = verdict(bench, check);
-    verdict.remedies = Some(check.map_or(Vec::new(), |check| remedies(bench, &check)));
+    let found = || check.map_or(Vec::new(), |check| remedies(bench, &check));
+    verdict.remedies = Some(catch_unwind(AssertUnwindSafe(found)).unwrap_or_default());
     let heard = next.has_news() || answer(bench.generation, Says::Verdict(verdict));
-    let mut keys: Vec<KeySays> = bench.keys().into_iter().filter(|key| key.kind == "quantity").collect();
+    let mut keys: Vec<KeySays> = bench.keys().into_iter().filter(|key| key.kind == "quantity" && !key.fixed).collect();
     while heard && !keys.is_empty() {
         let wanted = focus.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let first = keys.iter().position(|key| Some(&key.path) == wanted.as_ref()).unwrap_or(0);
         let key = keys.remove(first);
-        let Some(certified) = range(bench, &key, &|| next.has_news()) else { continue };
+        let found = catch_unwind(AssertUnwindSafe(|| range(bench, &key, &|| next.has_news())));
+        let Ok(Some(certified)) = found else { continue };
         if next.has_news() {
             break;
         }
@@ -216,11 +222,15 @@ fn advise(bench: &Workbench, next: &Latest<Workbench>, focus: &Mutex<Option<Stri
 }
 
 fn remedies(bench: &Workbench, check: &Check) -> Vec<RemedySays> {
-    let found = hapt_analysis::remedies(&bench.world).ok();
+    let world = bench.judged();
+    let found = hapt_analysis::remedies(&world).ok();
     let proposal = found.and_then(|found| {
-        hapt_analysis::proposal(&bench.world, bench.source(), &bench.sets(), check, &found).ok().flatten()
+        hapt_analysis::proposal(&world, bench.source(), &bench.sets(), check, &found).ok().flatten()
     });
-    proposal.as_ref().map_or(Vec::new(), proposed)
+    let mut remedies = proposal.as_ref().map_or(Vec::new(), proposed);
+    // What only the file or the hardware can change is said, and no button applies it.
+    remedies.iter_mut().filter(|remedy| !bench.leaves(&remedy.sets)).for_each(|remedy| remedy.sets.clear());
+    remedies
 }
 
 /// What the page is told of a proposal.
@@ -235,7 +245,7 @@ pub(crate) fn range(bench: &Workbench, key: &KeySays, is_over: &dyn Fn() -> bool
         true => key.min * (key.max / key.min).powf(part),
         false => key.min + part * (key.max - key.min),
     };
-    let mut world = bench.world.clone();
+    let mut world = bench.judged();
     let mut good = |part: f64| -> Option<bool> {
         if is_over() || !world.set_number(&key.path, at(part)) {
             return None;

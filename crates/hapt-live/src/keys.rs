@@ -94,6 +94,7 @@ fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<
         log: false,
         choices: Vec::new(),
         changed: now.written != own.written,
+        fixed: false,
     };
     match row.takes {
         Takes::Name(names) => {
@@ -137,7 +138,7 @@ fn spoken(measure: Measure, motion: Motion) -> Option<&'static str> {
 }
 
 /// The row of the table of keys for a path of this world.
-fn row(world: &World, path: &str) -> Option<&'static Key> {
+pub(crate) fn row(world: &World, path: &str) -> Option<&'static Key> {
     let names: Vec<&str> = path.split('.').collect();
     let (pattern, kind) = match names[..] {
         ["loop" | "device", _] => (path.to_string(), None),

@@ -12,12 +12,13 @@ use hapt_model::{Source, World};
 use hapt_rt::{Device, Hands, Settings, Simulated};
 
 use crate::access::Access;
-use crate::desk::{Desk, Door, Start};
+use crate::desk::{self, Desk, Door, Event, Start};
 use crate::hand::VisitorsHand;
 use crate::judge::Judge;
 use crate::runner::{Here, Runner};
 use crate::server::{self, Server};
 use crate::state::Workbench;
+use crate::worker::Worker;
 
 /// The port where nobody asks for another.
 pub const PORT: u16 = 4278;
@@ -160,17 +161,19 @@ impl Live {
         let listener = TcpListener::bind(address).map_err(refused)?;
         listener.set_nonblocking(true).map_err(Error::System)?;
         let address = listener.local_addr().map_err(Error::System)?;
-        let access = Access::new(address).map_err(Error::System)?;
-        let (link, asks_for_token) = (access.link(), access.asks_for_token());
-
-        let (door, events) = Door::new();
-        let judging = door.clone();
-        let judge = Judge::start(move |generation, says| judging.report(generation, says)).map_err(Error::System)?;
+        let (to_desk, events) = desk::events();
+        let judging = to_desk.clone();
+        let judge = Judge::start(move |generation, says| judging.send(Event::Judged(generation, says)).is_ok());
+        let judge = judge.map_err(Error::System)?;
+        let worker = Worker::start(to_desk.clone()).map_err(Error::System)?;
         let Machine { name, runs, hands, guarding } = open(&bench.world)?;
-        let bench = bench.on(name, guarding);
+        let access = Access::new(address, guarding != Guarding::Simulated).map_err(Error::System)?;
+        let (link, asks_for_token) = (access.link(), access.asks_for_token());
+        let bench = bench.on(name, guarding).map_err(Error::World)?;
         let hand = VisitorsHand::new(&bench.world, hands);
         let runner = runs.start(&bench, guarding)?;
-        let desk = Desk::new(Start { bench, runner, guarding, hand, judge, folder }, &door);
+        let door = Door::new(to_desk, runner.handle());
+        let desk = Desk::new(Start { bench, runner, guarding, hand, judge, worker, folder }, &door);
 
         let (says, outcome) = channel();
         let desk = std::thread::Builder::new().name("desk".into()).spawn(move || {
@@ -192,7 +195,7 @@ impl Live {
         self.address
     }
 
-    /// Whether pages must have the link's token: the server can be reached from other machines.
+    /// Whether pages must have the link's token: there is a motor, or other machines can reach the server.
     pub fn asks_for_token(&self) -> bool {
         self.asks_for_token
     }

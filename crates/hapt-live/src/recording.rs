@@ -21,23 +21,19 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Starts one in this folder, in a file that is not there yet. It begins with the loop's state at one of the next samples, so
-    /// that it can be replayed; a board's state is not known, and its log is to be looked at.
+    /// Starts one in this folder, in a file that is not there yet: certificate and file take their time. It begins with the loop's state at
+    /// one of the next samples after [`Runner::begin_log`], so that it can be replayed; a board's state is not known, and its log is to be
+    /// looked at.
     ///
     /// # Errors
     /// In a sentence.
-    pub(crate) fn start(
-        folder: &Path,
-        bench: &Workbench,
-        guarding: Guarding,
-        runner: &mut dyn Runner,
-    ) -> Result<Self, String> {
+    pub(crate) fn start(folder: &Path, bench: &Workbench, guarding: Guarding) -> Result<Self, String> {
         let free = |n: &u32| !folder.join(format!("live-{n:04}.mcap")).exists();
         let number = (1..10_000)
             .find(free)
             .ok_or("there are ten thousand recordings here already; --log-dir names another folder")?;
         let file = folder.join(format!("live-{number:04}.mcap"));
-        let check = hapt_analysis::check(&bench.world).ok();
+        let check = hapt_analysis::check(&bench.judged()).ok();
         let header = Header {
             world_text: bench.source().text.clone(),
             overrides: bench.sets(),
@@ -47,9 +43,6 @@ impl Recording {
             plan: bench.generation,
             ..Header::default()
         };
-        if !runner.begin_log() {
-            return Err("the loop is busy; say it again".into());
-        }
         let recorder = Recorder::start(&file, &bench.world, header).map_err(|error| error.to_string())?;
         Ok(Recording { recorder, file, begun: None, length: 0 })
     }

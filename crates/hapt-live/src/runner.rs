@@ -2,21 +2,18 @@
 
 use hapt_core::{Guarding, Request};
 use hapt_log::Recorder;
-use hapt_rt::{Device, End, Engine, Order, Plan, Realtime, Record, Settings};
+use hapt_rt::{Device, End, Engine, Epoch, LoopHandle, Order, Plan, Realtime, Record, Settings};
 
 use crate::live::Error;
 use crate::state::Workbench;
 
 /// What runs the loop. Nothing here waits for it. Dropped, it leaves no torque on.
 pub(crate) trait Runner: Send {
-    /// Asks something of the supervisor, in the order of the asking; `false`: there is no room just now.
-    fn ask(&mut self, request: Request) -> bool;
+    /// What reaches it from any thread, past all that was asked: stop, heartbeats, the withdrawal of control.
+    fn handle(&self) -> LoopHandle;
 
-    /// Stop, ahead of all that was asked.
-    fn stop(&mut self);
-
-    /// Whoever holds the link is there.
-    fn alive(&mut self);
+    /// Asks something of the supervisor that was made in this epoch, in the order of the asking; `false`: there is no room just now.
+    fn ask(&mut self, request: Request, epoch: Epoch) -> bool;
 
     /// From one of the next samples on the world is another, whole or not at all; its samples are those of plan `next.generation`.
     ///
@@ -77,16 +74,12 @@ impl Here {
 }
 
 impl Runner for Here {
-    fn ask(&mut self, request: Request) -> bool {
-        self.engine.send(Order::Request(request)).is_ok()
+    fn handle(&self) -> LoopHandle {
+        self.engine.handle().clone()
     }
 
-    fn stop(&mut self) {
-        self.engine.stop();
-    }
-
-    fn alive(&mut self) {
-        let _ = self.engine.send(Order::Alive);
+    fn ask(&mut self, request: Request, epoch: Epoch) -> bool {
+        self.engine.send_of(Order::Request(request), epoch).is_ok()
     }
 
     fn change(&mut self, next: &Workbench) -> Result<(), String> {

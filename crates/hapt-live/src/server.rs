@@ -1,14 +1,15 @@
 //! The server: connections in, the page and the websockets out, on a thread of its own.
 //!
 //! A connection costs a place in a short list. When the list is full the oldest gives way to the newest, so that a thousand connections
-//! that say nothing never keep the page from anybody. Nothing here reaches the loop but through the desk's door.
+//! that say nothing never keep the page from anybody. Websockets that have not said hello have such a list of their own, and of those that
+//! have, one that is silent gives way. Nothing here reaches the loop but through the desk's door.
 
 use std::collections::VecDeque;
 use std::net::TcpListener;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -24,8 +25,11 @@ use crate::socket;
 
 /// Connections that are no websockets.
 const CONNECTIONS: usize = 256;
-/// Websockets.
-const SOCKETS: usize = 64;
+/// Websockets of pages that have said hello, and of those that have not yet.
+const PAGES: usize = 64;
+const STRANGERS: usize = 64;
+/// A page that has said nothing for so long gives way to another, where there is no room.
+const SILENT: Duration = Duration::from_secs(10);
 /// A request's head comes within this, or never.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// And is no longer than this in bytes, with so many headers.
@@ -53,15 +57,72 @@ pub struct House {
     pub(crate) door: Door,
     /// The next client's number.
     clients: AtomicU64,
-    sockets: AtomicUsize,
+    /// Websockets, the oldest first.
+    seats: Mutex<VecDeque<Seat>>,
     /// Connections that are no websockets, the oldest first.
     guests: Mutex<VecDeque<(u64, AbortHandle)>>,
 }
 
+/// A websocket's place.
+struct Seat {
+    client: u64,
+    /// It has said hello, with the token where one is asked for.
+    is_page: bool,
+    heard: Instant,
+    task: Option<AbortHandle>,
+}
+
 impl House {
-    /// A number that no client has had.
-    pub(crate) fn number(&self) -> u64 {
-        self.clients.fetch_add(1, Ordering::Relaxed)
+    /// A place for a websocket that has said nothing; the oldest such gives way.
+    fn seat(self: &Arc<Self>) -> Place {
+        let client = self.clients.fetch_add(1, Ordering::Relaxed);
+        let mut seats = self.seats();
+        let strangers = seats.iter().filter(|seat| !seat.is_page).count();
+        if strangers >= STRANGERS
+            && let Some(oldest) = seats.iter().position(|seat| !seat.is_page)
+            && let Some(Seat { task: Some(task), .. }) = seats.remove(oldest)
+        {
+            task.abort();
+        }
+        seats.push_back(Seat { client, is_page: false, heard: Instant::now(), task: None });
+        Place { client, house: Arc::clone(self) }
+    }
+
+    /// Whether there is a place for one more page; a silent one that has no control gives way.
+    fn has_room(&self, now: Instant) -> bool {
+        let seats = self.seats();
+        let is_silent = |seat: &Seat| self.gives_way(seat, now);
+        seats.iter().filter(|seat| seat.is_page).count() < PAGES || seats.iter().any(is_silent)
+    }
+
+    fn gives_way(&self, seat: &Seat, now: Instant) -> bool {
+        seat.is_page && !self.door.is_held_by(seat.client) && now.saturating_duration_since(seat.heard) > SILENT
+    }
+
+    /// A client has said hello; `false`: there is no place.
+    pub(crate) fn is_page(&self, client: u64) -> bool {
+        let now = Instant::now();
+        let mut seats = self.seats();
+        if seats.iter().filter(|seat| seat.is_page).count() >= PAGES {
+            let silent = seats.iter().enumerate().filter(|(_, seat)| self.gives_way(seat, now));
+            let Some((longest, _)) = silent.min_by_key(|(_, seat)| seat.heard) else { return false };
+            if let Some(Seat { task: Some(task), .. }) = seats.remove(longest) {
+                task.abort();
+            }
+        }
+        let own = seats.iter_mut().find(|seat| seat.client == client);
+        own.map(|seat| (seat.is_page, seat.heard) = (true, now)).is_some()
+    }
+
+    /// A client has said something.
+    pub(crate) fn heard(&self, client: u64) {
+        if let Some(seat) = self.seats().iter_mut().find(|seat| seat.client == client) {
+            seat.heard = Instant::now();
+        }
+    }
+
+    fn seats(&self) -> MutexGuard<'_, VecDeque<Seat>> {
+        self.seats.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn guests(&self) -> MutexGuard<'_, VecDeque<(u64, AbortHandle)>> {
@@ -85,7 +146,7 @@ pub fn start(listener: TcpListener, access: Access, door: Door) -> std::io::Resu
             access,
             door,
             clients: AtomicU64::new(1),
-            sockets: AtomicUsize::new(0),
+            seats: Mutex::default(),
             guests: Mutex::default(),
         });
         runtime.block_on(async {
@@ -146,18 +207,23 @@ async fn receive(stream: TcpStream, house: Arc<House>) {
     let service = service_fn(|mut request| {
         let house = Arc::clone(&house);
         async move {
-            let is_full = house.sockets.load(Ordering::Relaxed) >= SOCKETS;
+            let is_full = !house.has_room(Instant::now());
             let response = match answer(&request, &house.access, is_full) {
                 Answer::Plain(response) => response,
                 Answer::Socket(response) => {
-                    let place = Place::new(&house);
+                    let place = house.seat();
+                    let client = place.client;
                     let upgrade = hyper::upgrade::on(&mut request);
-                    tokio::spawn(async move {
-                        let _place = place;
+                    let own = Arc::clone(&house);
+                    let task = tokio::spawn(async move {
+                        let place = place;
                         if let Ok(Ok(upgraded)) = tokio::time::timeout(PATIENCE, upgrade).await {
-                            socket::talk(TokioIo::new(upgraded), house).await;
+                            socket::talk(TokioIo::new(upgraded), own, place.client).await;
                         }
                     });
+                    if let Some(seat) = house.seats().iter_mut().find(|seat| seat.client == client) {
+                        seat.task = Some(task.abort_handle());
+                    }
                     response
                 }
             };
@@ -171,17 +237,13 @@ async fn receive(stream: TcpStream, house: Arc<House>) {
 }
 
 /// A websocket's place, given back when it ends.
-struct Place(Arc<House>);
-
-impl Place {
-    fn new(house: &Arc<House>) -> Self {
-        house.sockets.fetch_add(1, Ordering::Relaxed);
-        Place(Arc::clone(house))
-    }
+struct Place {
+    client: u64,
+    house: Arc<House>,
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.0.sockets.fetch_sub(1, Ordering::Relaxed);
+        self.house.seats().retain(|seat| seat.client != self.client);
     }
 }

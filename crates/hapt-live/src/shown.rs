@@ -65,6 +65,8 @@ impl Shown {
             position: telemetry.position.into(),
             // The only velocity that a board knows.
             velocity: telemetry.velocity.into(),
+            // Only the board knows.
+            zero: 0.0,
             announced: false,
             late,
             missed,

@@ -1,6 +1,7 @@
 //! One websocket: a page's messages to the desk, the desk's to the page.
 
-use std::sync::Arc;
+use std::io::ErrorKind;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use futures_util::{SinkExt, StreamExt};
@@ -13,8 +14,9 @@ use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
 use tokio_tungstenite::tungstenite::{Error, Message};
 
-use crate::desk::{Event, message};
-use crate::protocol::{LONGEST, Said, Says, VERSION};
+use crate::counted::Counted;
+use crate::desk::{Door, Event, Waiting, message};
+use crate::protocol::{LONGEST, Said, Says, VERSION, Wish};
 use crate::server::House;
 
 /// Messages that may wait for a page to read them: two seconds of telemetry.
@@ -33,19 +35,24 @@ const STRIKES: u32 = 20;
 /// Why a websocket is closed, in the protocol's own codes.
 type Close = (CloseCode, &'static str);
 
+/// Messages and frames that are no whole message.
+const TOO_MANY: Close = (CloseCode::Policy, "more than 200 messages a second");
+
 /// Speaks with a page until either side ends it.
-pub async fn talk(io: TokioIo<Upgraded>, house: Arc<House>) {
+pub async fn talk(io: TokioIo<Upgraded>, house: Arc<House>, client: u64) {
     let config = WebSocketConfig::default()
         .max_message_size(Some(LONGEST))
         .max_frame_size(Some(LONGEST))
         .read_buffer_size(LONGEST)
         .write_buffer_size(0)
         .max_write_buffer_size(1 << 20);
+    let allowance = Arc::new(Mutex::new(Allowance::new(Instant::now())));
+    let io = Counted::new(io, Arc::clone(&allowance));
     let socket = WebSocketStream::from_raw_socket(io, Role::Server, Some(config)).await;
+    let leaving = Leaving(house.door.clone(), client);
     let (mut sink, mut stream) = socket.split();
     let (outbox, mut waiting) = mpsc::channel(WAITING);
-    let client = house.number();
-    let hearing = hear(&mut stream, &house, client, outbox);
+    let hearing = hear(&mut stream, &house, client, outbox, &allowance);
     let telling = async {
         while let Some(message) = waiting.recv().await {
             if !matches!(timeout(DEAF, sink.send(message)).await, Ok(Ok(()))) {
@@ -58,7 +65,7 @@ pub async fn talk(io: TokioIo<Upgraded>, house: Arc<House>) {
         close = hearing => close,
         close = telling => close,
     };
-    house.door.hand_in(Event::Left(client));
+    drop(leaving);
     // What is still on its way, the reason among it, while the page takes it.
     let last = async {
         while let Ok(message) = waiting.try_recv() {
@@ -75,8 +82,9 @@ async fn hear(
     house: &House,
     client: u64,
     outbox: mpsc::Sender<Message>,
+    allowance: &Mutex<Allowance>,
 ) -> Close {
-    let mut allowance = Allowance::new(Instant::now());
+    let waiting = Waiting::default();
     let mut strikes = 0;
     // Until it is the desk's: what the desk lets go of is closed.
     let (weak, mut own) = (outbox.downgrade(), Some(outbox));
@@ -90,29 +98,41 @@ async fn hear(
             Err(_) => return (CloseCode::Policy, "the page says nothing"),
             Ok(None | Some(Ok(Message::Close(_)))) => return (CloseCode::Normal, ""),
             Ok(Some(Err(Error::Capacity(_)))) => return (CloseCode::Size, "a message has at most 4 KiB"),
+            Ok(Some(Err(Error::Io(error)))) if error.kind() == ErrorKind::QuotaExceeded => return TOO_MANY,
             Ok(Some(Err(_))) => return (CloseCode::Protocol, ""),
             Ok(Some(Ok(Message::Text(text)))) => Some(text),
             Ok(Some(Ok(_))) => None,
         };
-        if !allowance.spend(Instant::now()) {
-            return (CloseCode::Policy, "more than 200 messages a second");
-        }
         let said = match &text {
             Some(text) => Said::read(text.as_str()),
             None => Err("messages are text".into()),
         };
+        // A stop counts, however much came before it.
+        let is_stop = matches!(said, Ok(Said::Order { order: Wish::Stop }));
+        if is_stop && own.is_none() {
+            house.door.hand_in(client, Said::Order { order: Wish::Stop }, &waiting);
+        }
+        if !allowance.lock().unwrap_or_else(PoisonError::into_inner).spend(Instant::now()) {
+            return TOO_MANY;
+        }
         let trouble = match said {
             Ok(Said::Hello { v, .. }) if v != VERSION => {
                 Err(format!("this server speaks version {VERSION}, the page {v}: load it anew"))
             }
             Ok(said) => match (own.take(), said) {
-                (None, said) => Ok(house.door.hand_in(Event::Said(client, said))),
+                (None, said) => {
+                    house.heard(client);
+                    Ok(is_stop || house.door.hand_in(client, said, &waiting))
+                }
                 (Some(outbox), Said::Hello { token, .. }) => {
                     if !house.access.knows(token.as_deref()) {
                         answer("the token is wrong or missing: open the link that hapt live printed".into());
                         return (CloseCode::Policy, "token");
                     }
-                    Ok(house.door.hand_in(Event::Joined(client, outbox)))
+                    if !house.is_page(client) {
+                        return (CloseCode::Again, "too many pages are open");
+                    }
+                    Ok(house.door.tell(Event::Joined(client, outbox)))
                 }
                 (early, _) => {
                     own = early;
@@ -134,8 +154,17 @@ async fn hear(
     }
 }
 
+/// Says that a page is gone, however its task ends.
+struct Leaving(Door, u64);
+
+impl Drop for Leaving {
+    fn drop(&mut self) {
+        self.0.tell(Event::Left(self.1));
+    }
+}
+
 /// So many messages a second, and as many saved up.
-struct Allowance {
+pub struct Allowance {
     left: f64,
     at: Instant,
 }
@@ -146,7 +175,7 @@ impl Allowance {
     }
 
     /// Whether there is one left.
-    fn spend(&mut self, now: Instant) -> bool {
+    pub fn spend(&mut self, now: Instant) -> bool {
         self.left = (self.left + RATE * now.saturating_duration_since(self.at).as_secs_f64()).min(RATE);
         self.at = now;
         self.left -= 1.0;

@@ -1,13 +1,15 @@
 //! The world as it runs: its file, what has been set since, and what the page is told of it.
 
 use hapt_core::Guarding;
-use hapt_model::{Drive, Error, EstimatorKind, Hand, Law, Shape, Side, Source, World};
+use hapt_model::{Drive, Error, Hand, Law, Shape, Side, Source, World};
 use hapt_sim::Measures;
 use serde_json::{Value, json};
 
+use crate::attached::Attached;
 use crate::frames::columns_of;
 use crate::keys::{PERIODS, companion, end, keys, kind, may_be_set};
 use crate::protocol::{BodySays, KeySays, ScenarioSays, Units, WorldSays};
+use crate::sensible;
 
 /// The device that needs no name.
 const SIMULATED: &str = "sim";
@@ -25,8 +27,8 @@ pub struct Workbench {
     /// Counted from 0 with each change.
     pub generation: u32,
     device: String,
-    /// A real device's encoder measures the puck.
-    is_real: bool,
+    /// With a motor: what its file says of it.
+    attached: Option<Attached>,
 }
 
 impl Workbench {
@@ -37,6 +39,7 @@ impl Workbench {
     pub fn new(source: Source, given: Vec<String>) -> Result<Self, String> {
         let world = World::read(&source, &given).map_err(|error| error.to_string())?;
         slow_enough(&world)?;
+        sensible::check(&world, &source, &given)?;
         Ok(Workbench {
             source,
             given,
@@ -44,13 +47,32 @@ impl Workbench {
             world,
             generation: 0,
             device: SIMULATED.into(),
-            is_real: false,
+            attached: None,
         })
     }
 
-    /// The same on another device, as `--device` names it, guarded so.
-    pub fn on(self, device: String, guarding: Guarding) -> Self {
-        Workbench { device, is_real: guarding != Guarding::Simulated, ..self }
+    /// The same on another device, as `--device` names it, guarded so. From here on the file's device and limits are ceilings, where a
+    /// motor is there.
+    ///
+    /// # Errors
+    /// In a sentence: the core does not take it.
+    pub fn on(mut self, device: String, guarding: Guarding) -> Result<Self, String> {
+        if guarding != Guarding::Simulated {
+            let attached = Attached::new(&self.world, guarding)?;
+            attached.hold(&mut self.world)?;
+            self.attached = Some(attached);
+        }
+        Ok(Workbench { device, ..self })
+    }
+
+    /// The world of which the certificate is: with a motor on the file's device, whatever has been set.
+    pub fn judged(&self) -> World {
+        self.attached.as_ref().map_or_else(|| self.world.clone(), |attached| attached.judged(&self.world))
+    }
+
+    /// Whether these keys can be set here.
+    pub fn leaves(&self, sets: &[(String, String)]) -> bool {
+        self.attached.as_ref().is_none_or(|attached| sets.iter().all(|(key, _)| attached.leaves(key)))
     }
 
     /// The device that it runs on.
@@ -85,6 +107,11 @@ impl Workbench {
         if let Some((key, _)) = sets.iter().find(|(key, _)| !may_be_set(&self.world, key)) {
             return Err(format!("{key:?} is no key that can be set while the loop runs"));
         }
+        if let Some(attached) = &self.attached
+            && let Some((key, _)) = sets.iter().find(|(key, _)| !attached.leaves(key))
+        {
+            return Err(attached.refusal(key));
+        }
         let others: Vec<_> = sets.iter().filter_map(|(key, value)| companion(&self.world, key, value)).collect();
         match self.changed(sets).read() {
             Err(refused) if !others.is_empty() => self.changed(&others).changed(sets).read().map_err(|_| refused),
@@ -116,8 +143,9 @@ impl Workbench {
     fn read(mut self) -> Result<Self, String> {
         self.world = World::read(&self.source, &self.sets()).map_err(|error| said(&error))?;
         slow_enough(&self.world)?;
-        if self.is_real && self.world.sampling.estimator == EstimatorKind::Exact {
-            return Err("loop.estimator: an encoder gives no true velocity; take \"difference\", or a filter".into());
+        sensible::check(&self.world, &self.source, &self.sets())?;
+        if let Some(attached) = &self.attached {
+            attached.hold(&mut self.world)?;
         }
         self.generation = self.generation.wrapping_add(1);
         Ok(self)
@@ -126,7 +154,11 @@ impl Workbench {
     /// The keys that can be set.
     pub fn keys(&self) -> Vec<KeySays> {
         // It has been read before, with the same overrides.
-        keys(&self.source, &self.given, &self.sets()).unwrap_or_default()
+        let mut keys = keys(&self.source, &self.given, &self.sets()).unwrap_or_default();
+        if let Some(attached) = &self.attached {
+            keys.iter_mut().for_each(|key| attached.bound(key));
+        }
+        keys
     }
 
     /// What the page is told.

@@ -35,6 +35,7 @@ pub fn record(sample: u64, change: impl FnOnce(&mut Record)) -> Record {
         plan: 0,
         position: 0.0,
         velocity: 0.0,
+        zero: 0.0,
         measured: 0.0,
         measured_velocity: 0.0,
         torque: 0.0,

@@ -40,7 +40,7 @@ pub struct Safety {
     pub driver_heating: f64,
     /// How late a sample may come, in s; 0: any.
     pub late: Option<f64>,
-    /// The link's deadline in s; 0: none.
+    /// From the last heartbeat to torque 0, the fade included, in s; 0: any.
     pub link: Option<f64>,
     /// Whether a lost link is a fault; else the torque fades out.
     pub link_faults: bool,
@@ -193,7 +193,7 @@ impl World {
             port_trips: real || safety.world_trips == Some(true),
             pulse: safety.pulse.unwrap_or(if real { pulse } else { 0.0 }),
             brake,
-            zero_where_armed: real && device.drive.home.is_none(),
+            zero_where_armed: device.drive.home.is_none(),
             announcements: !real,
             inertia: device.inertia,
             damping: device.damping,

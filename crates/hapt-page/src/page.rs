@@ -44,6 +44,8 @@ pub struct Page {
     state: Stand,
     watch: Watch<f64>,
     device: VirtualDevice,
+    /// The device's coordinate of the world's 0, in rad (linear: m).
+    zero: f64,
     request: Option<Request>,
     samples: u64,
     frame: [[f64; COLUMNS]; 3],
@@ -59,6 +61,7 @@ impl Page {
             state: world.start(),
             watch: Watch::START,
             device: VirtualDevice::new(&written.setup.rig),
+            zero: 0.0,
             request: None,
             samples: 0,
             frame: [[0.0; COLUMNS]; 3],
@@ -142,12 +145,20 @@ impl Page {
             self.device.travel();
         }
         self.samples += 1;
-        let (position, velocity) = self.device.puck();
+        let (place, velocity) = self.device.puck();
+        let position = if self.zero == 0.0 { place } else { self.zero + place };
         let announced = self.device.announced();
         let reading = Reading { position, velocity, announced, late: 0.0, missed: 0, silent: 0.0 };
         let request = self.request.take();
         let guarded = self.supervisor.step(&mut self.watch, &self.world, &mut self.state, &reading, request);
         self.device.command(guarded.output);
+        // Where it is armed is 0, for the hand too.
+        let by = self.watch.offset - self.zero;
+        if by != 0.0 {
+            self.device.shift(by);
+            self.zero = self.watch.offset;
+        }
+        let position = self.device.puck().0;
 
         let Page { state, written, frame: [last, least, greatest], .. } = self;
         let bodies = self.world.bodies();

@@ -184,6 +184,26 @@ impl VirtualDevice {
         self.next_event = self.origin + (self.sample + samples) as f64 * self.period;
     }
 
+    /// The puck's coordinate, and that of the grip's intention, counts from `by` rad (linear: m) further on: nothing moves. A scenario's
+    /// positions are from the new 0. Allocates nothing.
+    pub fn shift(&mut self, by: f64) {
+        self.puck.position -= by;
+        if let Holder::Grip(hand) = &mut self.holder {
+            let (intended, slope) = hand.intended.at(self.now);
+            hand.intended = Piece::straight(self.now, intended - by, slope);
+            hand.target -= by;
+        }
+    }
+
+    /// The puck at rest at 0, nobody's hand on it, and no torque on its way. Allocates nothing.
+    pub fn restart(&mut self) {
+        (self.puck.position, self.puck.velocity) = (0.0, 0.0);
+        self.let_go();
+        self.motor.clear();
+        (self.announced, self.ledger) = (false, Ledger::default());
+        self.restart_clock();
+    }
+
     /// The loop's command, in N·m (linear: N).
     #[inline]
     pub fn command(&mut self, torque: f64) {

@@ -48,6 +48,12 @@ impl<F: Number> Motor<F> {
         self.flying.extend(before.flying.iter().skip(old).copied());
     }
 
+    /// It holds 0, and nothing is on its way.
+    pub fn clear(&mut self) {
+        self.flying.clear();
+        self.applied = F::ZERO;
+    }
+
     /// The instant at which a command arrives.
     pub fn change(&mut self) {
         if self.flying.len() > self.samples {

@@ -18,6 +18,11 @@ impl Clock {
         Clock { origin: Origin::new(), spin: u64::try_from(spin.as_nanos()).unwrap_or(u64::MAX) }
     }
 
+    /// The same clock, watched for so long before each instant.
+    pub fn spinning(self, spin: Duration) -> Self {
+        Clock { spin: u64::try_from(spin.as_nanos()).unwrap_or(u64::MAX), ..self }
+    }
+
     /// ns since the clock was made.
     #[inline]
     pub fn now(&self) -> u64 {

@@ -101,7 +101,11 @@ impl Cycle {
             silent: moment.silent,
         };
         let Cycle { plan, device, state, watch, .. } = self;
+        let zero = watch.offset;
         let Guarded { sample, output, phase, reason, warning } = plan.step(watch, state, &reading, request);
+        if watch.offset != zero {
+            device.0.homed(watch.offset);
+        }
         device.0.write(output)?;
         plan.motor.command(output);
         let applied = device.0.applied().unwrap_or(plan.motor.applied);
@@ -116,6 +120,7 @@ impl Cycle {
             plan: self.swaps,
             position: reading.position,
             velocity: reading.velocity,
+            zero: watch.offset,
             announced: reading.announced,
             late: reading.late,
             missed: reading.missed,

@@ -11,6 +11,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::clock::Clock;
 use crate::cycle::{Cycle, Moment};
+use crate::handle::{Epoch, LoopHandle};
 use crate::schedule::Schedule;
 use crate::{Device, Failure, Order, Plan, Realtime, Record, Snapshot, scheduling};
 
@@ -20,7 +21,7 @@ pub const SHORTEST_PERIOD: f64 = 1e-5;
 const ORDERS: usize = 64;
 /// Records on their way: half a minute at 1 kHz.
 const RECORDS: usize = 1 << 15;
-/// Words that whoever holds the link is there, of which one sample takes no more.
+/// Requests of an epoch that is over, of which one sample drops no more.
 const A_SAMPLE: usize = 4;
 
 /// Why the loop cannot start.
@@ -71,20 +72,14 @@ pub struct Engine {
     pub records: Consumer<Record>,
     /// From the loop, as they were ordered. The snapshot before a sample is there when that sample's record is.
     pub snapshots: Consumer<Box<Snapshot>>,
-    orders: Producer<Order>,
+    orders: Producer<(Epoch, Order)>,
     /// Plans that are no longer used, to be freed here.
     spent: Consumer<Box<Plan>>,
     realtime: Realtime,
-    flags: Arc<Flags>,
+    handle: LoopHandle,
+    end: Arc<AtomicBool>,
     thread: Option<JoinHandle<End>>,
-    end: End,
-}
-
-/// What must not wait in a ring.
-#[derive(Default)]
-struct Flags {
-    end: AtomicBool,
-    stop: AtomicBool,
+    ended: End,
 }
 
 impl Engine {
@@ -100,19 +95,29 @@ impl Engine {
         let (outgoing, records) = RingBuffer::new(RECORDS);
         let (back, spent) = RingBuffer::new(ORDERS);
         let (taken, snapshots) = RingBuffer::new(ORDERS);
-        let flags = Arc::new(Flags::default());
+        let (handle, end) = (LoopHandle::default(), Arc::<AtomicBool>::default());
         let (say, hear) = mpsc::sync_channel(1);
-        let rings = Rings { orders: incoming, records: outgoing, snapshots: taken, back, flags: Arc::clone(&flags) };
+        let rings = Rings {
+            orders: incoming,
+            records: outgoing,
+            snapshots: taken,
+            back,
+            seen: handle.epoch(),
+            handle: handle.clone(),
+            end: Arc::clone(&end),
+        };
+        let clock = handle.clock().spinning(settings.spin);
         let cycle = Cycle::new(Box::new(plan), device);
         let thread = std::thread::Builder::new().name("loop".into()).spawn(move || {
             let _ = say.send(scheduling::prepare(&settings));
             // Freed here and not at the end, so that nothing is freed while the loop runs.
             drop(say);
-            run(cycle, rings, Clock::new(settings.spin))
+            run(cycle, rings, clock)
         })?;
         // A thread that has ended before it said anything says so in `ended`.
         let realtime = hear.recv().unwrap_or_default();
-        Ok(Engine { records, snapshots, orders, spent, realtime, flags, thread: Some(thread), end: End::Asked })
+        let ended = End::Asked;
+        Ok(Engine { records, snapshots, orders, spent, realtime, handle, end, thread: Some(thread), ended })
     }
 
     /// What the system has granted.
@@ -120,16 +125,28 @@ impl Engine {
         &self.realtime
     }
 
+    /// A handle for any thread, past all orders.
+    pub fn handle(&self) -> &LoopHandle {
+        &self.handle
+    }
+
     /// An order for the next sample; it comes back where 64 are on their way already, or where the plan's period is too short. A plan is
     /// made by [`Plan::following`] the one that was sent before it.
-    pub fn send(&mut self, mut order: Order) -> Result<(), Order> {
+    pub fn send(&mut self, order: Order) -> Result<(), Order> {
+        let epoch = self.handle.epoch();
+        self.send_of(order, epoch)
+    }
+
+    /// The same of an order that was made in `epoch`: where the loop has been stopped since, or control withdrawn, arming and clearing
+    /// count no more.
+    pub fn send_of(&mut self, mut order: Order, epoch: Epoch) -> Result<(), Order> {
         while self.spent.pop().is_ok() {}
         match &mut order {
             Order::Swap(plan) if check(plan).is_err() => return Err(order),
             Order::Swap(plan) => plan.reserve(),
             _ => {}
         }
-        self.orders.push(order).map_err(|rtrb::PushError::Full(order)| order)
+        self.orders.push((epoch, order)).map_err(|rtrb::PushError::Full((_, order))| order)
     }
 
     /// Orders a snapshot before the next sample; it comes by [`Engine::snapshots`]. False where there is no room for the order.
@@ -139,7 +156,7 @@ impl Engine {
 
     /// Stop, ahead of all orders: no torque from the next sample on.
     pub fn stop(&self) {
-        self.flags.stop.store(true, Ordering::Relaxed);
+        self.handle.stop();
     }
 
     /// How the loop has ended, if it has.
@@ -147,19 +164,19 @@ impl Engine {
         if self.thread.as_ref().is_some_and(|thread| thread.is_finished()) {
             self.join();
         }
-        self.thread.is_none().then_some(self.end)
+        self.thread.is_none().then_some(self.ended)
     }
 
     /// Ends the loop, and waits until the torque is off.
     pub fn end(&mut self) -> End {
-        self.flags.end.store(true, Ordering::Relaxed);
+        self.end.store(true, Ordering::Relaxed);
         self.join();
-        self.end
+        self.ended
     }
 
     fn join(&mut self) {
         if let Some(thread) = self.thread.take() {
-            self.end = thread.join().unwrap_or(End::Panicked);
+            self.ended = thread.join().unwrap_or(End::Panicked);
         }
     }
 }
@@ -177,22 +194,23 @@ fn check(plan: &Plan) -> Result<(), Error> {
 
 /// The loop's ends of the rings.
 struct Rings {
-    orders: Consumer<Order>,
+    orders: Consumer<(Epoch, Order)>,
     records: Producer<Record>,
     snapshots: Producer<Box<Snapshot>>,
     back: Producer<Box<Plan>>,
-    flags: Arc<Flags>,
+    handle: LoopHandle,
+    /// The epoch of the last sample.
+    seen: Epoch,
+    end: Arc<AtomicBool>,
 }
 
 /// The loop. From its first sample to its last it calls nothing of the system's but the clock and the device.
 fn run(mut cycle: Cycle, mut rings: Rings, clock: Clock) -> End {
-    let flags = Arc::clone(&rings.flags);
-    let ends = || flags.end.load(Ordering::Relaxed);
+    let end = Arc::clone(&rings.end);
+    let ends = || end.load(Ordering::Relaxed);
     let mut schedule = Schedule::new(clock.now(), cycle.period());
     // The instant of sample 0.
     let mut start = None;
-    // When the link was last heard; `None`: there is none.
-    let mut heard = None;
     loop {
         clock.wait(schedule.due(), ends);
         if ends() {
@@ -201,12 +219,12 @@ fn run(mut cycle: Cycle, mut rings: Rings, clock: Clock) -> End {
         let woken = clock.now();
         let taken = schedule.take(woken);
         cycle.pass(taken.periods);
-        let request = rings.orders(&mut cycle, &mut schedule, || heard = Some(woken));
+        let request = rings.orders(&mut cycle, &mut schedule);
         let moment = Moment {
             due: taken.due - *start.get_or_insert(taken.due),
             late: taken.late as f64 * 1e-9,
             periods: taken.periods,
-            silent: heard.map_or(0.0, |heard: u64| (woken - heard) as f64 * 1e-9),
+            silent: rings.handle.silent_at(woken),
         };
         let mut record = match cycle.sample(&moment, request) {
             Ok(record) => record,
@@ -223,21 +241,27 @@ fn run(mut cycle: Cycle, mut rings: Rings, clock: Clock) -> End {
 impl Rings {
     /// What the orders come to at this sample: one request, one swap, or one snapshot. Two swaps at one sample would leave a world
     /// that never ran, of which no record tells.
-    fn orders(&mut self, cycle: &mut Cycle, schedule: &mut Schedule, mut alive: impl FnMut()) -> Option<Request> {
-        if self.flags.stop.swap(false, Ordering::Relaxed) {
+    fn orders(&mut self, cycle: &mut Cycle, schedule: &mut Schedule) -> Option<Request> {
+        let (now, before) = (self.handle.epoch(), self.seen);
+        self.seen = now;
+        if now.stopped_since(before) {
             return Some(Request::Stop);
+        }
+        if now != before {
+            return Some(Request::Disarm);
         }
         for _ in 0..A_SAMPLE {
             // Nothing is freed here: without room on the way back it waits.
             match self.orders.peek() {
-                Ok(Order::Swap(_)) if self.back.is_full() => return None,
-                Ok(Order::Snapshot(_)) if self.snapshots.is_full() => return None,
+                Ok((_, Order::Swap(_))) if self.back.is_full() => return None,
+                Ok((_, Order::Snapshot(_))) if self.snapshots.is_full() => return None,
                 _ => {}
             }
             match self.orders.pop() {
-                Ok(Order::Request(request)) => return Some(request),
-                Ok(Order::Alive) => alive(),
-                Ok(Order::Swap(plan)) => {
+                // Of before a stop: whoever made it did not know.
+                Ok((made, Order::Request(Request::Arm | Request::Clear))) if made != now => {}
+                Ok((_, Order::Request(request))) => return Some(request),
+                Ok((_, Order::Swap(plan))) => {
                     let old = cycle.swap(plan);
                     if old.period() != cycle.period() {
                         schedule.change_period(cycle.period());
@@ -245,7 +269,7 @@ impl Rings {
                     let _ = self.back.push(old);
                     return None;
                 }
-                Ok(Order::Snapshot(mut snapshot)) => {
+                Ok((_, Order::Snapshot(mut snapshot))) => {
                     cycle.snapshot(&mut snapshot);
                     let _ = self.snapshots.push(snapshot);
                     return None;

@@ -28,6 +28,7 @@
 mod clock;
 mod cycle;
 mod engine;
+mod handle;
 mod plan;
 mod replay;
 mod schedule;
@@ -40,6 +41,7 @@ use hapt_core::{Phase, Reason, Request};
 
 pub use cycle::{Cycle, Moment};
 pub use engine::{End, Engine, Error, SHORTEST_PERIOD, Settings};
+pub use handle::{Epoch, LoopHandle};
 pub use plan::{Plan, PlanState};
 pub use replay::Replay;
 pub use scheduling::Realtime;
@@ -71,6 +73,9 @@ pub trait Device: Send {
         None
     }
 
+    /// The supervisor has set the world's 0 to this position, as [`Device::read`] gives it.
+    fn homed(&mut self, _zero: f64) {}
+
     /// The loop begins with `plan`, or goes on with it from this sample on.
     fn adopt(&mut self, _plan: &mut Plan) {}
 }
@@ -101,9 +106,6 @@ pub enum Failure {
     /// Its drive has stopped by itself.
     #[error("{0}")]
     Drive(DriveFault),
-    /// A simulated puck's position or velocity is no longer a number.
-    #[error("the simulated puck has run away: its position is no longer a finite number")]
-    NotFinite,
 }
 
 /// Why a motor drive has stopped by itself, in its maker's terms and, where there is one, the supervisor's.
@@ -135,8 +137,6 @@ pub enum Order {
     Swap(Box<Plan>),
     /// How the loop stands before its next sample, into what is given; it comes back by [`Engine::snapshots`].
     Snapshot(Box<Snapshot>),
-    /// Whoever holds the link is there.
-    Alive,
 }
 
 /// One sample, as it leaves the loop.
@@ -152,6 +152,8 @@ pub struct Record {
     pub position: f64,
     /// And velocity.
     pub velocity: f64,
+    /// The position at which the world's is 0; the supervisor sets it when it arms.
+    pub zero: f64,
     /// A prescribed jump of a simulated hand fell on this sample.
     pub announced: bool,
     /// How long after its instant the sample was taken, in s, as the supervisor was told.

@@ -20,6 +20,8 @@ pub enum Touch {
     Move(f64),
     /// Lets go, whoever holds it.
     Release,
+    /// The puck is at rest at 0 again, in nobody's hand.
+    Restart,
     /// A scenario's hand takes hold, at its t = 0.
     Scenario(Box<Script>),
 }
@@ -46,6 +48,8 @@ pub struct Simulated {
     touches: Consumer<Touch>,
     back: Producer<Box<Script>>,
     announced: bool,
+    /// The world's 0 in what is read, rad (linear: m); hands count from there.
+    zero: f64,
     /// What the motor was last asked for, in N·m (linear: N).
     asked: f64,
 }
@@ -57,7 +61,7 @@ impl Simulated {
         let (back, spent) = RingBuffer::new(TOUCHES);
         let mut device = VirtualDevice::new(&world.rig());
         device.reserve();
-        (Simulated { device, touches, back, announced: false, asked: 0.0 }, Hands { touches: producer, spent })
+        (Simulated { device, touches, back, announced: false, zero: 0.0, asked: 0.0 }, Hands { touches: producer, spent })
     }
 
     fn is_touched(&mut self) {
@@ -67,6 +71,10 @@ impl Simulated {
                 Ok(Touch::Grab(grip)) => self.device.hold(Some(grip)),
                 Ok(Touch::Move(position)) => self.device.intend(position),
                 Ok(Touch::Release) => self.device.hold(None),
+                Ok(Touch::Restart) => {
+                    self.device.restart();
+                    self.announced = true;
+                }
                 Ok(Touch::Scenario(mut script)) => {
                     self.device.begin(&mut script);
                     let _ = self.back.push(script);
@@ -82,9 +90,13 @@ impl Device for Simulated {
         self.is_touched();
         let (position, velocity) = self.device.puck();
         if !(position.is_finite() && velocity.is_finite()) {
-            return Err(Failure::NotFinite);
+            // It has run away. That is shown once, for the supervisor to fault; the simulation itself begins anew.
+            self.device.restart();
+            return Ok(Position { position: f64::NAN, velocity: 0.0, announced: false });
         }
         let announced = std::mem::take(&mut self.announced) || self.device.announced();
+        // A zero that was never moved takes no digit.
+        let position = if self.zero == 0.0 { position } else { self.zero + position };
         Ok(Position { position, velocity, announced })
     }
 
@@ -107,6 +119,11 @@ impl Device for Simulated {
             self.device.travel();
             self.announced |= self.device.announced();
         }
+    }
+
+    fn homed(&mut self, zero: f64) {
+        self.device.shift(zero - self.zero);
+        self.zero = zero;
     }
 
     fn adopt(&mut self, plan: &mut Plan) {

@@ -200,6 +200,7 @@ mod tests {
             plan: 0,
             position: 0.0,
             velocity: 0.0,
+            zero: 0.0,
             announced: false,
             late: f64::from(latency) * 1e-9,
             missed,

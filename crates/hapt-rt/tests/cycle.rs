@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Held, armed, constant, sample, spring, wheel};
-use hapt_core::{Guarding, Phase};
+use hapt_core::{Guarding, Phase, Reason, Request};
 use hapt_model::World;
 use hapt_rt::{Cycle, Failure, Plan, Position, Replay, Simulated, Touch};
 use hapt_sim::{Simulation, script};
@@ -246,22 +246,71 @@ fn another_period_is_another_period_of_the_device_too() {
 }
 
 #[test]
-fn a_simulation_that_runs_away_is_a_device_that_fails() {
+fn a_simulation_that_runs_away_is_a_fault_to_clear() {
     let world = wheel("1 ms", &constant(1e305));
     let (device, _hands) = Simulated::new(&world);
     let mut cycle = on(&world, Box::new(device));
     let mut moment = hapt_rt::Moment::default();
-    let mut request = Some(hapt_core::Request::Arm);
-    for _ in 0..10_000 {
-        match cycle.sample(&moment, request.take()) {
-            Ok(record) if record.phase == Phase::Faulted => return,
-            Ok(_) => moment.periods = 1,
-            Err(failure) => return assert_eq!(failure, Failure::NotFinite),
+    let mut request = Some(Request::Arm);
+    let mut phases = Vec::new();
+    for k in 0..10_000 {
+        if phases.last() == Some(&Phase::Faulted) && k % 50 == 0 {
+            request = Some(Request::Clear);
+        }
+        let record = cycle.sample(&moment, request.take()).unwrap();
+        moment.periods = 1;
+        if phases.last() != Some(&record.phase) {
+            phases.push(record.phase);
+        }
+        match record.phase {
+            Phase::Faulted => assert_eq!((record.reason, record.output), (Some(Reason::NotFinite), 0.0)),
+            Phase::Disarmed if phases.len() > 2 => return,
+            _ => {}
         }
         // Long enough for a torque of 10³⁰⁵ to leave the range of numbers.
         cycle.pass(1_000);
     }
-    panic!("nothing has run away");
+    panic!("never cleared: {phases:?}");
+}
+
+#[test]
+fn where_a_simulated_puck_is_armed_is_the_worlds_zero_and_nothing_throws_it() {
+    let world = wheel("1 ms", &spring("puck", "ground", 1.0));
+    let (device, mut hands) = Simulated::new(&world);
+    let mut cycle = on(&world, Box::new(device));
+    armed(&mut cycle);
+    for turns in [4.35, -3.0, 0.7] {
+        // Disarmed, a hand turns it and holds it there.
+        let mut record = sample(&mut cycle, false, Some(Request::Disarm));
+        while record.phase != Phase::Disarmed {
+            record = sample(&mut cycle, false, None);
+        }
+        hands.push(Touch::Grab(hapt_sim::Grip { inertia: 1e-3, damping: 0.2, stiffness: 8.0 })).unwrap();
+        hands.push(Touch::Move(turns)).unwrap();
+        for _ in 0..2000 {
+            record = sample(&mut cycle, false, None);
+        }
+        assert!((record.position - record.zero - turns).abs() < 1e-6, "{record:?}");
+        // Armed there, the spring is slack there, and the hand holds on where it is.
+        sample(&mut cycle, false, Some(Request::Arm));
+        for _ in 0..2000 {
+            record = sample(&mut cycle, false, None);
+            assert!(record.output.abs() < 1e-6, "thrown by {} N m", record.output);
+        }
+        assert_eq!(record.phase, Phase::Running);
+        assert!((record.position - record.zero).abs() < 1e-6);
+        // From there it means to be where the world counts.
+        hands.push(Touch::Move(0.1)).unwrap();
+        for _ in 0..2000 {
+            record = sample(&mut cycle, false, None);
+        }
+        assert!((record.position - record.zero - 0.1 * 8.0 / 9.0).abs() < 1e-3, "{record:?}");
+        hands.push(Touch::Release).unwrap();
+    }
+    // Started over, it is at rest at 0.
+    hands.push(Touch::Restart).unwrap();
+    let record = sample(&mut cycle, false, None);
+    assert_eq!(record.position - record.zero, 0.0);
 }
 
 #[test]

@@ -104,6 +104,46 @@ fn stop_is_heard_where_no_other_order_gets_through() {
 }
 
 #[test]
+fn what_was_asked_before_a_stop_brings_no_torque_back() {
+    let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+    let mut engine = start(0.2, device);
+    ask(&mut engine, Request::Arm);
+    until(&mut engine, |record| record.phase == Phase::Running);
+    let handle = engine.handle().clone();
+    // Some thread holds requests of before the stop back, until the cause is long gone.
+    let before = handle.epoch();
+    handle.stop();
+    let stopped = until(&mut engine, |record| record.phase == Phase::Faulted);
+    until(&mut engine, |record| record.sample > stopped.sample + 50);
+    for _ in 0..10 {
+        engine.send_of(Order::Request(Request::Clear), before).unwrap();
+        engine.send_of(Order::Request(Request::Arm), before).unwrap();
+    }
+    let late = until(&mut engine, |record| record.sample > stopped.sample + 500);
+    assert_eq!((late.phase, torque.get()), (Phase::Faulted, 0.0));
+    // Who knows of the stop clears it.
+    ask(&mut engine, Request::Clear);
+    until(&mut engine, |record| record.phase == Phase::Disarmed);
+}
+
+#[test]
+fn control_that_is_withdrawn_fades_the_torque_out_and_takes_its_requests_along() {
+    let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+    let mut engine = start(0.2, device);
+    ask(&mut engine, Request::Arm);
+    until(&mut engine, |record| record.phase == Phase::Running);
+    let handle = engine.handle().clone();
+    let before = handle.epoch();
+    handle.withdraw();
+    // The next one speaks at once, and has asked for nothing.
+    handle.heartbeat();
+    engine.send_of(Order::Request(Request::Arm), before).unwrap();
+    let out = until(&mut engine, |record| record.phase == Phase::Disarmed);
+    let late = until(&mut engine, |record| record.sample > out.sample + 100);
+    assert_eq!((late.phase, torque.get()), (Phase::Disarmed, 0.0));
+}
+
+#[test]
 fn every_plan_that_is_sent_arrives_whole_and_in_order() {
     let (device, _torque) = Held::new(|_| -> There { Ok((0.1, 0.0)) });
     let world = |k: u32| wheel(["0.5 ms", "0.25 ms"][k as usize % 2], &spring("puck", "ground", f64::from(k + 1)));
@@ -155,7 +195,7 @@ fn the_records_tell_what_was_missed_and_what_was_asked_and_how_long_nobody_spoke
     }
     assert!(timing.missed() >= 19 && timing.overruns() >= 1 && timing.lost() == 0, "{timing}");
     assert!(timing.computation().max >= 10_000_000 && timing.samples() == 201);
-    engine.send(Order::Alive).unwrap();
+    engine.handle().heartbeat();
     let near = until(&mut engine, |record| record.silent > 0.0);
     let far = until(&mut engine, |record| record.due >= near.due + 20_000_000);
     assert!(far.silent - near.silent > 0.019, "{} {}", near.silent, far.silent);

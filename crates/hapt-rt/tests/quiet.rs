@@ -94,7 +94,7 @@ fn ten_thousand_samples_with_orders_swaps_snapshots_and_hands_allocate_nothing_a
         std::thread::sleep(Duration::from_millis(1));
         round += 1;
         touch(&mut hands, round);
-        let _ = engine.send(Order::Alive);
+        engine.handle().heartbeat();
         if round % 5 == 0 {
             let plan = Plan::following(&world(round / 5), &before).unwrap();
             before = plan.clone();

@@ -47,11 +47,13 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     writeln!(out, "{}", live.link()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     drop(out);
-    if live.asks_for_token() {
+    if !live.address().ip().is_loopback() {
         say(format_args!(
             "hapt: listening on {}, which other machines can reach; a page needs the token in the link",
             live.address()
         ));
+    } else if live.asks_for_token() {
+        say("hapt: with a motor attached a page needs the token in the link, behind the #");
     }
     if args.open {
         open(live.link());

@@ -86,6 +86,11 @@ impl<F: Real> Ledger<F> {
         }
     }
 
+    /// Whether it keeps the account at the port: not with a delay of more samples than it remembers.
+    pub fn keeps_account(&self) -> bool {
+        self.delay < HELD - 2
+    }
+
     /// One sample, so many `missed` before it: the world's torque without constants, the puck's measured position.
     #[inline(always)]
     pub fn enter(&self, books: &mut Books<F>, step: &Step<F>, position: F, torque: F, missed: u32) {

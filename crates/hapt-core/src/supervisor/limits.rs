@@ -53,7 +53,7 @@ pub struct Limits {
     pub driver: Heat,
     /// The longest that the motor may hold a torque beyond its period, in s.
     pub late: f64,
-    /// The link's deadline in s.
+    /// From the last heartbeat of whoever holds the link to torque 0, in s, the fade included.
     pub link: f64,
     /// Whether a lost link is a fault; else the torque fades out.
     pub link_faults: bool,
@@ -92,6 +92,13 @@ pub struct Heat {
 }
 
 impl Limits {
+    /// How long the heartbeat may be absent, in s, before the torque goes: what [`Limits::link`] leaves for the fade, for the sample that
+    /// sees it, and for the delay. A lost link that is a fault takes no fade.
+    pub fn silence(&self, period: f64) -> f64 {
+        let fade = if self.link_faults { 0.0 } else { self.fade };
+        self.link - (fade + period + self.delay)
+    }
+
     /// Errors on what no limit can be, naming it.
     pub(crate) fn check(&self, spec: &Spec) -> Result<(), Error> {
         Error::check_positive("period", spec.period)?;
@@ -116,6 +123,10 @@ impl Limits {
             if !right {
                 return Err(Error::Value { what, given, wanted: "positive, or infinite for none" });
             }
+        }
+        if self.silence(spec.period) <= 0.0 {
+            let wanted = "longer than the fade, a period and the delay together: the torque is 0 by then";
+            return Err(Error::Value { what: "link", given: self.link, wanted });
         }
         for (what, given) in [
             ("stuck_torque", self.stuck_torque),

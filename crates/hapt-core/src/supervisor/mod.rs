@@ -169,7 +169,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         } else if watch.calm < CALM {
             watch.calm += 1;
         }
-        self.ask(watch, request, wrong, self.motion.link_is_lost(reading));
+        self.ask(watch, request, wrong, self.motion.link_is_lost(reading), announced);
 
         let testing = watch.testing.is_some();
         let waits = !watch.phase.is_active() || testing;
@@ -182,9 +182,16 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     }
 
     /// What somebody asks for, and what the reading says.
-    fn ask(&self, watch: &mut Watch<F>, request: Option<Request>, wrong: Option<Reason>, lost: bool) {
+    fn ask(
+        &self,
+        watch: &mut Watch<F>,
+        request: Option<Request>,
+        wrong: Option<Reason>,
+        lost: bool,
+        announced: bool,
+    ) {
         if let Some(request) = request {
-            self.answer(watch, request, wrong, lost);
+            self.answer(watch, request, wrong, lost, announced);
         }
         if !watch.phase.is_active() {
             return;
@@ -199,7 +206,14 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     }
 
     #[inline(never)]
-    fn answer(&self, watch: &mut Watch<F>, request: Request, wrong: Option<Reason>, lost: bool) {
+    fn answer(
+        &self,
+        watch: &mut Watch<F>,
+        request: Request,
+        wrong: Option<Reason>,
+        lost: bool,
+        announced: bool,
+    ) {
         match (request, watch.phase) {
             (Request::Stop, _) => {
                 watch.fault(Reason::Stop);
@@ -208,7 +222,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             (Request::Arm, Phase::Disarmed | Phase::FadingOut) => match wrong {
                 Some(reason) => watch.fault(reason),
                 None if lost => watch.reason = Some(Reason::Link),
-                None => self.arm(watch),
+                None => self.arm(watch, announced),
             },
             (Request::Disarm, Phase::FadingIn | Phase::Running) => watch.phase = Phase::FadingOut,
             (Request::Clear, Phase::Faulted) if self.is_over(watch, lost) => {
@@ -223,13 +237,16 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
     }
 
-    fn arm(&self, watch: &mut Watch<F>) {
+    /// `announced`: a scenario says where the puck is, from the world's own 0.
+    fn arm(&self, watch: &mut Watch<F>, announced: bool) {
         (watch.reason, watch.warning) = (None, None);
         if watch.phase == Phase::Disarmed {
             watch.fresh = true;
             watch.seen.stand = Stand::NONE;
             watch.testing = self.pulse.map(|_| Testing::BEGIN);
-            self.home(watch);
+            if !announced {
+                self.home(watch);
+            }
         }
         watch.phase = Phase::FadingIn;
     }
@@ -238,6 +255,11 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         if self.zero_where_armed {
             watch.offset = watch.seen.position;
         }
+    }
+
+    /// What it can do beyond its limits: test the sign when armed, and keep the account at the port.
+    pub fn watches(&self) -> [bool; 2] {
+        [self.pulse.is_some(), self.ledger.keeps_account()]
     }
 
     /// Whether the cause of a fault is gone.

@@ -59,7 +59,7 @@ impl<F: Real> Motion<F> {
             distance: slow.within(F::MAX),
             jump: finite(jump),
             late: finite(limits.late),
-            silent: finite(limits.link),
+            silent: finite(limits.silence(spec.period)),
         };
         Motion {
             period: f(spec.period),
@@ -68,7 +68,7 @@ impl<F: Real> Motion<F> {
             jump: f(jump),
             count: f(count),
             late: f(limits.late),
-            link: f(limits.link),
+            link: f(limits.silence(spec.period)),
             friction: f(limits.friction),
             standing: Standing::new(limits, spec),
             ordinary,

@@ -55,6 +55,8 @@ pub enum Said {
     },
     /// Every key as the file has it.
     Reset,
+    /// The simulated puck at rest at 0 again, the world at its start, and armed.
+    Restart,
     /// Run a scenario's hand; `None`: end it.
     Scenario {
         /// Its name.
@@ -139,6 +141,7 @@ mod tests {
                 Said::Sets { sets: vec![("loop.period".into(), "2 ms".into()), ("loop.delay".into(), "0 s".into())] },
             ),
             (r#"{"type":"reset"}"#, Said::Reset),
+            (r#"{"type":"restart"}"#, Said::Restart),
             (r#"{"type":"scenario","name":"step"}"#, Said::Scenario { name: Some("step".into()) }),
             (r#"{"type":"scenario","name":null}"#, Said::Scenario { name: None }),
             (r#"{"type":"record","on":true}"#, Said::Record { on: true }),

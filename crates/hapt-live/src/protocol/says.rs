@@ -157,6 +157,8 @@ pub struct KeySays {
     pub choices: Vec<&'static str>,
     /// Whether it is no longer as in the file.
     pub changed: bool,
+    /// Whether it cannot be set here.
+    pub fixed: bool,
 }
 
 /// The certificate of one generation.

@@ -136,7 +136,7 @@ fn a_world_that_the_board_does_not_take_leaves_the_one_that_runs() {
     let (_board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
     // Its timer goes up to 10 ms, and only the board knows.
-    page.say(json!({ "type": "sets", "sets": [["loop.period", "20 ms"], ["device.damping", "1 N m s/rad"]] }));
+    page.say(json!({ "type": "sets", "sets": [["loop.period", "20 ms"]] }));
     let refused = page.hear("refused");
     assert!(refused["message"].as_str().unwrap().contains("the board will not take the world"), "{refused}");
     // What is shown is again what runs.

@@ -39,6 +39,20 @@ duration = "1 s"
 hand = { kind = "torque", moves = { kind = "step", to = "5 N mm" } }
 "#;
 
+/// A chain of so many bodies on springs between the puck and ground.
+pub fn many_bodies(bodies: usize) -> String {
+    let mut world = String::from("[loop]\nperiod = \"1 ms\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\nlimit = 0.8\n");
+    let mut before = "puck".to_string();
+    for body in 0..bodies {
+        world += &format!("[bodies.b{body}]\ninertia = 0.01\n");
+    }
+    for body in 0..bodies {
+        world += &format!("[[couplings]]\nkind = \"spring\"\nbetween = [\"{before}\", \"b{body}\"]\nstiffness = 0.5\n");
+        before = format!("b{body}");
+    }
+    world
+}
+
 /// A server on a free port of the loopback.
 pub fn live(world: &str) -> Live {
     live_at(world, "127.0.0.1:0")
@@ -117,7 +131,9 @@ impl Page {
     /// The websocket with its hello said and answered.
     pub fn new(live: &Live) -> (Page, Value) {
         let mut page = Page::open(live);
-        page.say(json!({ "type": "hello", "v": 1 }));
+        // With a motor the link has a token.
+        let token = live.link().split_once('#').map(|(_, token)| token);
+        page.say(json!({ "type": "hello", "v": 1, "token": token }));
         let hello = page.hear("hello");
         (page, hello)
     }
@@ -134,6 +150,22 @@ impl Page {
     /// The next message of this type; what comes before it goes by.
     pub fn hear(&mut self, kind: &str) -> Value {
         self.hear_until(kind, |_| true)
+    }
+
+    /// The next message of one of these types.
+    pub fn hear_any(&mut self, kinds: &[&str]) -> Value {
+        loop {
+            match self.socket.read().unwrap_or_else(|error| panic!("none of {kinds:?}: {error}")) {
+                Message::Text(text) => {
+                    let value: Value = serde_json::from_str(&text).unwrap();
+                    if kinds.iter().any(|kind| value["type"] == *kind) {
+                        return value;
+                    }
+                }
+                Message::Close(why) => panic!("none of {kinds:?}, but closed: {why:?}"),
+                _ => {}
+            }
+        }
     }
 
     /// The next message of this type of which `wanted` is true.

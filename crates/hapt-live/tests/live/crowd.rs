@@ -8,6 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use serde_json::json;
 use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::tungstenite::protocol::frame::Frame;
+use tokio_tungstenite::tungstenite::protocol::frame::coding::{Data, OpCode};
 
 use crate::common::{Page, WORLD, answer, live, status};
 
@@ -38,9 +40,22 @@ fn hundreds_of_connections_with_garbage_keep_neither_page_nor_frames_from_anybod
 }
 
 #[test]
+fn websockets_that_say_nothing_shut_nobody_out() {
+    let live = live(WORLD);
+    let (mut page, _) = Page::new(&live);
+    // Twice as many as there are places: the oldest give way.
+    let silent: Vec<Page> = (0..160).map(|_| Page::open(&live)).collect();
+    let (mut other, _) = Page::new(&live);
+    for page in [&mut page, &mut other] {
+        page.hear_until("status", |status| status["clients"] == 2);
+    }
+    drop(silent);
+}
+
+#[test]
 fn pages_beyond_the_sixty_fourth_find_no_room_until_one_leaves() {
     let live = live(WORLD);
-    let mut pages: Vec<Page> = (0..64).map(|_| Page::open(&live)).collect();
+    let mut pages: Vec<Page> = (0..64).map(|_| Page::new(&live).0).collect();
     let refused = Page::connect(live.address()).err().unwrap();
     assert!(refused.contains("503"), "{refused}");
     // The page itself is served all the same.
@@ -51,6 +66,17 @@ fn pages_beyond_the_sixty_fourth_find_no_room_until_one_leaves() {
     last.send(Message::Close(None));
     last.closed();
     while Page::connect(live.address()).is_err() {}
+}
+
+#[test]
+fn a_message_in_endless_pieces_costs_what_messages_do() {
+    let live = live(WORLD);
+    let (mut page, _) = Page::new(&live);
+    let piece = |opcode| Message::Frame(Frame::message(Vec::new(), OpCode::Data(opcode), false));
+    page.send(piece(Data::Text));
+    let sent = (0..100_000).take_while(|_| page.send(piece(Data::Continue))).count();
+    assert!([1008, 0].contains(&page.closed()), "{sent} pieces");
+    Page::new(&live);
 }
 
 #[test]

@@ -95,3 +95,71 @@ fn a_scenario_leads_the_hand_and_ends_when_it_is_told() {
     page.hear_until("status", |status| status["scenario"].is_null());
     page.frame_until(|frame| puck(frame) < 0.0);
 }
+
+/// Holds the puck there, and says so until it is.
+fn hold(page: &mut Page, there: f64) {
+    loop {
+        page.say(json!({ "type": "hand", "grip": true, "position": there }));
+        if (f64::from(puck(&page.frame())) - there).abs() < 0.01 {
+            return;
+        }
+    }
+}
+
+#[test]
+fn armed_again_the_simulated_wheel_has_its_zero_there_and_is_not_thrown() {
+    let live = live(WORLD);
+    let (mut page, _) = Page::new(&live);
+    for there in [4.35, -2.0] {
+        page.stay_until("status", |status| status["phase"] == "running");
+        page.say(json!({ "type": "order", "order": "disarm" }));
+        page.stay_until("status", |status| status["phase"] == "disarmed");
+        hold(&mut page, there);
+        page.say(json!({ "type": "order", "order": "arm" }));
+        let mut most = 0.0_f32;
+        loop {
+            page.say(json!({ "type": "alive" }));
+            if page.hear("status")["phase"] == "running" {
+                break;
+            }
+        }
+        for _ in 0..30 {
+            let frame = page.frame();
+            most = frame.columns[6].iter().fold(most, |most, output| most.max(output.abs()));
+            assert!(puck(&frame).abs() < 0.1, "{}", puck(&frame));
+        }
+        // The motor's limit is 0.82 N m, and the spring to ground at 4.35 rad beyond it.
+        assert!(most < 0.05, "thrown with {most} N m");
+    }
+}
+
+#[test]
+fn start_over_puts_puck_and_world_at_their_start_from_wherever_they_are() {
+    let live = live(WORLD);
+    let (mut page, _) = Page::new(&live);
+    for phase in ["running", "disarmed", "faulted"] {
+        page.stay_until("status", |status| status["phase"] == "running");
+        hold(&mut page, 0.4);
+        match phase {
+            "disarmed" => page.say(json!({ "type": "order", "order": "disarm" })),
+            "faulted" => page.say(json!({ "type": "order", "order": "stop" })),
+            _ => {}
+        }
+        page.stay_until("status", |status| status["phase"] == phase);
+        page.say(json!({ "type": "restart" }));
+        if phase == "running" {
+            page.stay_until("status", |status| status["phase"] == "disarmed");
+        }
+        page.stay_until("status", |status| status["phase"] == "running");
+        let frame = page.frame();
+        assert_eq!((puck(&frame), frame.columns[8][0]), (0.0, 0.0), "{phase}");
+    }
+    // Who presses stop meanwhile has the last word.
+    hold(&mut page, 0.4);
+    page.say(json!({ "type": "restart" }));
+    page.say(json!({ "type": "order", "order": "stop" }));
+    page.stay_until("status", |status| status["phase"] == "faulted");
+    for _ in 0..5 {
+        assert_eq!(page.hear("status")["phase"], "faulted");
+    }
+}

@@ -6,15 +6,20 @@ use hapt_model::Source;
 use hapt_rt::Hands;
 use serde_json::json;
 
-use crate::common::{Page, WORLD, arm};
+use crate::common::{Page, WORLD, arm, many_bodies};
 
 /// The world on a device that is guarded as a real one; its hand is the test's. A busy machine is late, and that is no matter here.
 fn on_a_motor(guarding: Guarding) -> (Live, Hands) {
-    let source = Source::from_text("wheel.toml", WORLD);
+    on_a_motor_with(guarding, WORLD, &[])
+}
+
+fn on_a_motor_with(guarding: Guarding, world: &str, more: &[&str]) -> (Live, Hands) {
+    let source = Source::from_text("wheel.toml", world);
     let sets = ["loop.period=2 ms", "loop.estimator=difference", "safety.late=0 s", "device.damping=5e-3 N m s/rad"];
+    let sets: Vec<&str> = sets.iter().chain(more).copied().collect();
     let options = Options {
         source,
-        sets: sets.map(String::from).into(),
+        sets: sets.into_iter().map(String::from).collect(),
         address: "127.0.0.1:0".parse().unwrap(),
         folder: ".".into(),
     };
@@ -59,3 +64,212 @@ fn a_motor_has_no_hand_for_the_page_and_no_key_goes_beyond_the_certificate() {
     page.say(json!({ "type": "set", "key": "loop.method", "value": "forward-euler" }));
     assert_eq!(page.hear_until("world", |world| world["generation"] != 0)["generation"], 1);
 }
+
+/// Sets a key; `Err`: the refusal.
+fn set(page: &mut Page, key: &str, value: &str) -> Result<(), String> {
+    page.say(json!({ "type": "set", "key": key, "value": value }));
+    let answer = page.hear_any(&["refused", "world"]);
+    match answer["type"].as_str() {
+        Some("world") => Ok(()),
+        _ => Err(answer["message"].as_str().unwrap().to_string()),
+    }
+}
+
+#[test]
+fn what_the_file_says_of_device_and_safety_is_a_ceiling_whatever_a_page_says() {
+    for guarding in [Guarding::Certified, Guarding::Uncertified] {
+        let (live, _hands) = on_a_motor(guarding);
+        let (mut page, _) = Page::new(&live);
+        page.hear("world");
+        for (key, value) in [
+            ("device.limit", "50 N m"),
+            ("device.limit", "822.3 N mm"),
+            ("device.limit", "1e9"),
+            ("device.limit", "1 N mm"),
+            ("device.damping", "100"),
+            ("device.damping", "0"),
+            ("device.inertia", "1 kg m^2"),
+            ("device.friction", "1 N m"),
+            ("device.encoder", "100000"),
+            ("device.levels", "2"),
+            ("device.drive.gear", "2"),
+            ("device.drive.direction", "reverse"),
+            ("device.drive.home", "0"),
+            ("loop.delay", "1 us"),
+            ("loop.estimator", "exact"),
+            ("safety.torque", "50 N m"),
+            ("safety.late", "100 s"),
+            ("safety.link", "0"),
+            ("safety.pulse", "0"),
+            ("safety.overspeed", "1e6"),
+            ("safety.energy", "1e6"),
+            ("safety.world_ledger", "warn"),
+            ("motion", "linear"),
+            ("title", "x"),
+        ] {
+            let refused = set(&mut page, key, value);
+            assert!(refused.is_err(), "{key} = {value}");
+            // And not in the company of what may be set.
+            page.say(json!({ "type": "sets", "sets": [["couplings.0.stiffness", "1 N m/rad"], [key, value]] }));
+            let answer = page.hear_any(&["refused", "world"]);
+            assert_eq!(answer["type"], "refused", "{key} = {value}");
+        }
+        // Lower it may be, and back up to the file's.
+        for (limit, right) in [("400 N mm", true), ("822.25 N mm", true), ("200 N mm", true), ("823 N mm", false)] {
+            assert_eq!(set(&mut page, "device.limit", limit).is_ok(), right, "{limit}");
+        }
+        page.say(json!({ "type": "reset" }));
+        let world = page.hear("world");
+        assert_eq!(world["limit"], 0.82225);
+        for key in world["keys"].as_array().unwrap() {
+            let path = key["path"].as_str().unwrap();
+            let free = !path.starts_with("device.") && path != "loop.delay" || path == "device.limit";
+            assert_eq!(key["fixed"], !free, "{path}");
+            if path == "device.limit" {
+                assert_eq!(key["max"], 0.82225);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_certificate_is_about_the_files_device() {
+    let (live, _hands) = on_a_motor(Guarding::Certified);
+    let (mut page, _) = Page::new(&live);
+    // b = 5 mN m s/rad pays for K T/2 up to 5 N m/rad in all, by whatever road.
+    assert!(set(&mut page, "couplings.0.stiffness", "500 N m/rad").unwrap_err().contains("would not be certified"));
+    page.say(json!({ "type": "sets", "sets": [["device.damping", "100"], ["couplings.0.stiffness", "500 N m/rad"]] }));
+    page.hear("refused");
+    set(&mut page, "device.limit", "100 N mm").unwrap();
+    set(&mut page, "loop.period", "1 ms").unwrap();
+    assert!(set(&mut page, "couplings.0.stiffness", "20 N m/rad").is_err());
+    // No button proposes another device.
+    let verdict = page.stay_until("verdict", |verdict| verdict["remedies"].is_array());
+    for remedy in verdict["remedies"].as_array().unwrap() {
+        for set in remedy["sets"].as_array().unwrap() {
+            let key = set[0].as_str().unwrap();
+            assert!(!key.starts_with("device.") && key != "loop.delay", "{remedy}");
+        }
+    }
+}
+
+#[test]
+fn without_the_links_token_nobody_gets_control_of_a_motor() {
+    let (live, _hands) = on_a_motor(Guarding::Certified);
+    let token = live.link().split_once("/#").unwrap().1.to_string();
+    assert!(live.asks_for_token() && token.len() == 32);
+    for hello in [json!({ "type": "hello", "v": 1 }), json!({ "type": "hello", "v": 1, "token": "0".repeat(32) })] {
+        let mut stranger = Page::open(&live);
+        stranger.say(hello);
+        stranger.hear("error");
+        assert_eq!(stranger.closed(), 1008);
+    }
+    let mut stranger = Page::open(&live);
+    stranger.say(json!({ "type": "take" }));
+    stranger.hear("error");
+    stranger.say(json!({ "type": "order", "order": "arm" }));
+    stranger.hear("error");
+    let (mut page, hello) = Page::new(&live);
+    assert_eq!(hello["control"], hello["client"]);
+    assert_eq!(page.hear("status")["phase"], "disarmed");
+}
+
+/// Of a machine that stands still now and then, the best of some tries.
+#[test]
+fn the_torque_is_off_within_the_links_time_of_the_pages_last_message() {
+    let (live, _hands) = on_a_motor_with(Guarding::Certified, PUSHED, &[]);
+    let (mut page, _) = Page::new(&live);
+    let off = |page: &mut Page| {
+        arm(page);
+        page.say(json!({ "type": "alive" }));
+        let last = page.frame().time;
+        page.say(json!({ "type": "alive" }));
+        let off = page.frame_until(|frame| frame.columns[6][0] == 0.0);
+        off.time - last
+    };
+    let best = (0..10).map(|_| off(&mut page)).fold(f64::INFINITY, f64::min);
+    // And the time of two frames.
+    assert!(best < 0.3 + 0.04, "off after {best} s");
+    assert!(best > 0.15, "off after {best} s");
+}
+
+#[test]
+fn a_page_that_comes_after_another_inherits_no_torque() {
+    let (live, _hands) = on_a_motor_with(Guarding::Certified, PUSHED, &["safety.link=20 s"]);
+    for way in ["reload", "give", "take"] {
+        let (mut page, _) = Page::new(&live);
+        page.say(json!({ "type": "take" }));
+        arm(&mut page);
+        let mut next = match way {
+            "reload" => {
+                drop(page);
+                Page::new(&live).0
+            }
+            "give" => {
+                page.say(json!({ "type": "give" }));
+                Page::new(&live).0
+            }
+            _ => Page::new(&live).0,
+        };
+        next.say(json!({ "type": "take" }));
+        // It says that it is there all along, and asks for nothing.
+        next.stay_until("status", |status| status["phase"] == "disarmed");
+        for _ in 0..5 {
+            let status = next.stay_until("status", |_| true);
+            assert_eq!(status["phase"], "disarmed", "{way}: {status}");
+        }
+        arm(&mut next);
+        next.say(json!({ "type": "order", "order": "disarm" }));
+        next.stay_until("status", |status| status["phase"] == "disarmed");
+    }
+}
+
+#[test]
+fn stop_waits_for_no_certificate_and_for_no_flood() {
+    let world = many_bodies(24);
+    let (live, _hands) = on_a_motor_with(Guarding::Uncertified, &world, &["safety.stuck=0"]);
+    let (mut watcher, _) = Page::new(&live);
+    let (mut page, _) = Page::new(&live);
+    page.say(json!({ "type": "take" }));
+    arm(&mut page);
+    // More than is allowed at once, each of them the work of a long while; then the stop.
+    for k in 0..260 {
+        let message = match k % 10 {
+            0 => json!({ "type": "record", "on": true }),
+            1 => json!({ "type": "reset" }),
+            _ => json!({ "type": "set", "key": format!("couplings.{}.stiffness", k % 20), "value": format!("{k} N mm/deg") }),
+        };
+        if !page.send(message.to_string().into()) {
+            break;
+        }
+    }
+    page.send(json!({ "type": "order", "order": "stop" }).to_string().into());
+    let mut worlds = 0;
+    loop {
+        let message = watcher.hear_any(&["world", "status"]);
+        worlds += u32::from(message["type"] == "world");
+        // Stopped, or faded out where the flood's page was shown out: either way before its wishes were.
+        if ["faulted", "disarmed", "fading-out"].contains(&message["phase"].as_str().unwrap_or_default()) {
+            break;
+        }
+    }
+    assert!(worlds < 20, "{worlds} changed worlds came first");
+}
+
+/// A motor that pushes whenever it is armed, against a damper's drag.
+const PUSHED: &str = r#"title = "push"
+[loop]
+period = "1 ms"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "1.2e-2 N m s/rad"
+limit = "822.25 N mm"
+[safety]
+pulse = 0
+stuck = 0
+energy = 1e9
+[[couplings]]
+kind = "constant"
+between = ["puck", "ground"]
+torque = "50 N mm"
+"#;

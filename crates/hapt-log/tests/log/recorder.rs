@@ -20,6 +20,7 @@ fn record(sample: u64) -> Record {
         plan: 0,
         position: sample as f64,
         velocity: 0.0,
+        zero: 0.0,
         measured: sample as f64,
         measured_velocity: 0.0,
         torque: -0.0,

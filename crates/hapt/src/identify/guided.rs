@@ -245,7 +245,7 @@ impl Experiment {
         }
         match ended {
             None => Ok(()),
-            Some(LoopEnd::Device(failure @ (DeviceFailure::Gone | DeviceFailure::NotFinite))) => {
+            Some(LoopEnd::Device(failure @ DeviceFailure::Gone)) => {
                 Err(Failure::System(format!("the experiment ended by itself, the torque off: {failure}")))
             }
             Some(_) => Err(Failure::System("the experiment ended by itself, the torque off".into())),

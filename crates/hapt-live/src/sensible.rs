@@ -1,0 +1,51 @@
+//! The numbers that a loop behind a page takes. What stands beyond them is no device and no world, and sums, squares and exponentials of
+//! it leave the range of numbers.
+
+use hapt_model::keys::{Measure, Range, Takes};
+use hapt_model::{Parameter, Source, World, parameters};
+
+use crate::keys::row;
+
+/// The largest size of a number in SI, and the smallest that is not 0.
+const LARGEST: f64 = 1e9;
+const SMALLEST: f64 = 1e-15;
+/// The longest delay in periods.
+const LONGEST_DELAY: f64 = 1000.0;
+/// How fast the puck may lose its speed, in 1/s.
+const FASTEST: f64 = 1e7;
+
+/// Whether a number of this measure is in the range of a loop behind a page.
+fn is_sensible(value: f64, measure: Measure, range: Range) -> bool {
+    let size = value.abs();
+    // Positions and sizes of counts may be as small as they like.
+    let least = match (measure, range) {
+        (Measure::Position | Measure::Angle, Range::Any) => 0.0,
+        _ => SMALLEST,
+    };
+    size == 0.0 || (least..=LARGEST).contains(&size)
+}
+
+/// Whether all numbers of a world, read from `source` and `sets`, are sensible.
+///
+/// # Errors
+/// In a sentence: the first that is not.
+pub(crate) fn check(world: &World, source: &Source, sets: &[String]) -> Result<(), String> {
+    for Parameter { path, si, .. } in parameters(source, sets).map_err(|error| error.message)? {
+        let (Some(value), Some(row)) = (si, row(world, &path)) else { continue };
+        let (Takes::Quantity(measure, range) | Takes::QuantityOr(measure, range, _)) = row.takes else { continue };
+        if !is_sensible(value, measure, range) {
+            return Err(format!(
+                "{path}: {value:e} is out of the range of a loop behind a page: sizes from {SMALLEST:e} to {LARGEST:e} (SI), or 0"
+            ));
+        }
+    }
+    if world.sampling.delay > LONGEST_DELAY * world.sampling.period {
+        let delay = world.sampling.delay;
+        return Err(format!("loop.delay: {delay} s is more than {LONGEST_DELAY} periods, the longest behind a page"));
+    }
+    let rate = world.device.damping / world.device.inertia;
+    if rate > FASTEST {
+        return Err(format!("device.damping: over the inertia it is {rate:e} per s; at most {FASTEST:e} behind a page"));
+    }
+    Ok(())
+}
