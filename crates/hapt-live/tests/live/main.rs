@@ -4,6 +4,7 @@
 mod board;
 mod common;
 mod crowd;
+mod extremes;
 mod hand;
 mod motor;
 mod page;

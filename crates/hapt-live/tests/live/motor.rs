@@ -136,6 +136,7 @@ fn what_the_file_says_of_device_and_safety_is_a_ceiling_whatever_a_page_says() {
 fn the_certificate_is_about_the_files_device() {
     let (live, _hands) = on_a_motor(Guarding::Certified);
     let (mut page, _) = Page::new(&live);
+    page.hear("world");
     // b = 5 mN m s/rad pays for K T/2 up to 5 N m/rad in all, by whatever road.
     assert!(set(&mut page, "couplings.0.stiffness", "500 N m/rad").unwrap_err().contains("would not be certified"));
     page.say(json!({ "type": "sets", "sets": [["device.damping", "100"], ["couplings.0.stiffness", "500 N m/rad"]] }));
