@@ -25,6 +25,7 @@ export function showBar({ up, mine, control, status }: Desk): void {
   for (const [id, on] of [
     ["arm", phase === "disarmed"],
     ["disarm", phase === "running" || phase === "fading-in"],
+    ["restart", phase !== undefined],
     ["record", phase !== undefined],
     ["clear", phase === "faulted"],
     ["reset", true],

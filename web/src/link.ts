@@ -2,7 +2,8 @@
 
 import { decode, VERSION, type Frame, type FromServer, type ToServer } from "./protocol.ts";
 
-const ALIVE_MS = 100;
+/** A motor is let go 0.3 s after the last message, its fade of 0.1 s included: three of these may be late. */
+const ALIVE_MS = 50;
 const FIRST_PAUSE_MS = 250;
 const LONGEST_PAUSE_MS = 4000;
 
@@ -56,8 +57,8 @@ export class Link implements Peer {
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     socket.onopen = () => {
-      const token = new URLSearchParams(location.hash.slice(1)).get("token");
-      this.send({ type: "hello", v: VERSION, ...(token === null ? {} : { token }) });
+      const token = location.hash.slice(1);
+      this.send({ type: "hello", v: VERSION, ...(token === "" ? {} : { token }) });
     };
     socket.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
       if (this.socket !== socket) return;

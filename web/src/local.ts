@@ -39,6 +39,7 @@ interface Core extends WebAssembly.Exports {
   hold(inertia: number, damping: number, stiffness: number): void;
   intend(position: number): void;
   release(): void;
+  restart(): void;
   begin(scenario: number): number;
   held(): number;
   set(slot: number, index: number, value: number): number;
@@ -118,6 +119,11 @@ export class Local implements Peer {
         break;
       case "sets":
         this.set(message.sets);
+        break;
+      case "restart":
+        this.core.restart();
+        [this.holding, this.scenario] = [false, null];
+        this.core.order(ORDERS.indexOf("arm"));
         break;
       case "reset":
         this.reset();

@@ -140,6 +140,7 @@ function show(next: World): void {
   const way = next.motion === "rotary" ? "Clockwise" : "To the right";
   const grab = next.device === SIMULATED ? "Drag it and let go; on the keyboard hold an arrow key (with Shift, slowly), and H holds on." : `It moves as ${next.device} does.`;
   say(byId("hint"), `${grab} ${way} is positive. Couplings have the colour of their ${shown.what} on this scale.`);
+  byId("restart").hidden = next.device !== SIMULATED;
   mayGrab();
   const names = (of: World | null) => of?.scenarios.map(({ name }) => name).join(" ");
   if (names(before) !== names(next)) experiments(next);
@@ -204,7 +205,16 @@ function press(id: string, act: () => void): void {
   byId(id).addEventListener("click", act);
 }
 
-for (const order of ["arm", "disarm", "clear"] as const) press(order, () => link.send({ type: "order", order }));
+for (const order of ["disarm", "clear"] as const) press(order, () => link.send({ type: "order", order }));
+// Where the puck is armed is 0 from then on: a hand that meant to be elsewhere would throw it.
+press("arm", () => {
+  hand.release();
+  link.send({ type: "order", order: "arm" });
+});
+press("restart", () => {
+  hand.release();
+  link.send({ type: "restart" });
+});
 stopOn(byId("stop"), () => {
   hand.release();
   link.send({ type: "order", order: "stop" });

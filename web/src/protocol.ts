@@ -9,7 +9,7 @@ export type Sets = [key: string, value: string][];
 
 export type ToServer =
   | { type: "hello"; v: number; token?: string }
-  | { type: "take" | "give" | "reset" | "alive" }
+  | { type: "take" | "give" | "reset" | "restart" | "alive" }
   | { type: "order"; order: Order }
   | { type: "hand"; grip: boolean; position: number }
   | { type: "set"; key: string; value: string }

@@ -58,6 +58,9 @@ pub enum Error {
         /// Why not.
         why: Why,
     },
+    /// Something urgent came while an answer was waited for ([`crate::Link::yield_to`]); whether the board has done what was asked is not known.
+    #[error("interrupted while the board was asked")]
+    Interrupted,
     /// The world came, and another one is there.
     #[error("the board has taken the world, and says that it runs another one")]
     NotVerified,

@@ -18,6 +18,8 @@ const FRAME: usize = 512;
 const PATIENCE: f64 = 0.25;
 /// How long an answer may take; compiling a world is the longest.
 const ANSWER: Duration = Duration::from_millis(500);
+/// How often it is asked meanwhile whether there is something urgent.
+const LOOK: Duration = Duration::from_millis(4);
 /// How often what may have been lost on the line is said again.
 const TRIES: usize = 4;
 /// Telemetry that waits to be taken; older ones are lost.
@@ -44,6 +46,16 @@ pub struct Link {
     armed: bool,
     /// It has been asked to disarm.
     leaving: bool,
+    urgent: Urgent,
+}
+
+/// Whether something has come for which no answer is waited.
+struct Urgent(Box<dyn Fn() -> bool + Send>);
+
+impl std::fmt::Debug for Urgent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Urgent")
+    }
 }
 
 /// What comes from a board.
@@ -88,6 +100,7 @@ impl Link {
             waiting: VecDeque::new(),
             armed: false,
             leaving: false,
+            urgent: Urgent(Box::new(|| false)),
         };
         link.greet().map_err(|error| match error {
             Error::Silent { path } => Error::Nobody { path },
@@ -104,6 +117,12 @@ impl Link {
         let carried = TELEMETRY / f64::from(self.speed);
         let samples = (every.max(carried) / period - 1e-6).ceil().clamp(1.0, 65_535.0);
         self.set(Parameter::Divider, samples as u32).map(drop)
+    }
+
+    /// From now on no answer is waited for once `urgent` is true: what waits for one ends with [`Error::Interrupted`]. It is asked every few
+    /// milliseconds.
+    pub fn yield_to(&mut self, urgent: impl Fn() -> bool + Send + 'static) {
+        self.urgent = Urgent(Box::new(urgent));
     }
 
     /// What the board has said of itself last.
@@ -331,10 +350,13 @@ impl Link {
     fn answer(&mut self, sequence: Option<u32>) -> Result<Option<Answer>, Error> {
         let until = Instant::now() + ANSWER;
         loop {
-            match self.next(until)? {
-                None => return Ok(None),
+            if (self.urgent.0)() {
+                return Err(Error::Interrupted);
+            }
+            match self.next(until.min(Instant::now() + LOOK))? {
+                None if Instant::now() >= until => return Ok(None),
                 Some(Heard::Answer(said, answer)) if said == sequence => return Ok(Some(answer)),
-                Some(_) => {}
+                None | Some(_) => {}
             }
         }
     }

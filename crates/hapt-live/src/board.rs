@@ -3,7 +3,7 @@
 //! A thread holds the line, so that nothing else waits for it. A board changes its world only while no torque can flow
 //! (docs/wire.md): where it is armed, a change fades out, is loaded whole, and arms again, unless somebody has meant otherwise meanwhile.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
@@ -79,7 +79,7 @@ impl Board {
             wanted: None,
             changing: false,
             wants: None,
-            seen: handle.epoch(),
+            told: Arc::new(Mutex::new(handle.epoch())),
             heard: handle.heard(),
             asks: incoming,
             records: outgoing,
@@ -166,7 +166,7 @@ struct Holder {
     /// Somebody wants the torque on, since this epoch.
     wants: Option<Epoch>,
     /// The epoch that the board has been told of, and the last heartbeat.
-    seen: Epoch,
+    told: Arc<Mutex<Epoch>>,
     heard: u64,
     asks: Receiver<Ask>,
     records: SyncSender<Record>,
@@ -178,18 +178,30 @@ struct Holder {
 impl Holder {
     /// Until it is to end, or the line does.
     fn run(mut self) -> Result<(), String> {
+        // A stop waits for no answer of the board's.
+        let (handle, told) = (self.handle.clone(), Arc::clone(&self.told));
+        self.link.yield_to(move || handle.epoch() != *told.lock().unwrap_or_else(PoisonError::into_inner));
         let mut heard = Instant::now();
         while !self.end.load(Ordering::Acquire) {
-            self.hear().and_then(|()| self.change()).map_err(|error| error.to_string())?;
+            match self.hear().and_then(|()| self.change()) {
+                Ok(()) | Err(Error::Interrupted) => {}
+                Err(error) => return Err(error.to_string()),
+            }
             if self.look(Instant::now() + TICK).map_err(|error| error.to_string())? {
                 heard = Instant::now();
             } else if heard.elapsed() > SILENT {
                 // A line that is cut says so by itself; one that says nothing is asked.
-                self.link.greet().map_err(|error| error.to_string())?;
+                match self.link.greet() {
+                    Err(Error::Interrupted) => continue,
+                    greeted => greeted.map_err(|error| error.to_string())?,
+                };
                 if self.link.board().world != Some(self.world) {
                     return Err("the board has begun anew, without its world and without a torque".into());
                 }
-                self.show().map_err(|error| error.to_string())?;
+                match self.show() {
+                    Err(Error::Interrupted) => continue,
+                    shown => shown.map_err(|error| error.to_string())?,
+                }
                 heard = Instant::now();
             }
         }
@@ -211,9 +223,10 @@ impl Holder {
 
     /// What waits for nothing that was asked.
     fn hear_at_once(&mut self) -> Result<(), Error> {
-        let (now, before) = (self.handle.epoch(), self.seen);
+        let now = self.handle.epoch();
+        let before = std::mem::replace(&mut *self.told.lock().unwrap_or_else(PoisonError::into_inner), now);
         if now != before {
-            (self.seen, self.wants) = (now, None);
+            self.wants = None;
             match now.stopped_since(before) {
                 true => self.link.stop()?,
                 // Where it is disarmed already it refuses, and that is right.
@@ -307,8 +320,14 @@ impl Holder {
                 // What was shown before is of the world before.
                 self.look(Instant::now())?;
                 (self.world, self.runs) = (world, Box::new(wanted.bench));
-                self.show()?;
                 self.shown.goes_on(generation, self.runs.world.sampling.period);
+                self.changing = false;
+                self.show()?;
+            }
+            // Once the stop has been told, from the beginning.
+            Err(Error::Interrupted) => {
+                (self.wanted, self.changing) = (Some(wanted), false);
+                return Ok(());
             }
             // It was armed by another word than was seen here: its fade has to be waited for.
             Err(Error::Refused { why: Why::Armed, .. }) => {

@@ -96,6 +96,12 @@ impl Page {
         self.request = Some(request);
     }
 
+    /// The puck at rest at 0, the world at its start, and no torque.
+    pub fn restart(&mut self) {
+        self.device.restart();
+        (self.state, self.watch, self.zero, self.request) = (self.world.start(), Watch::START, 0.0, None);
+    }
+
     /// The visitor's hand takes hold, or, with `None`, whoever holds lets go.
     pub fn hold(&mut self, grip: Option<Grip>) {
         self.device.hold(grip);
@@ -146,7 +152,15 @@ impl Page {
         }
         self.samples += 1;
         let (place, velocity) = self.device.puck();
-        let position = if self.zero == 0.0 { place } else { self.zero + place };
+        let (position, velocity) = match place.is_finite() && velocity.is_finite() {
+            true if self.zero == 0.0 => (place, velocity),
+            true => (self.zero + place, velocity),
+            // It has run away: that is shown once, as a fault, and the device begins anew.
+            false => {
+                self.device.restart();
+                (f64::NAN, 0.0)
+            }
+        };
         let announced = self.device.announced();
         let reading = Reading { position, velocity, announced, late: 0.0, missed: 0, silent: 0.0 };
         let request = self.request.take();

@@ -98,8 +98,8 @@ mod here {
 
     /// How often the board is to hear of us.
     fn link_allows(fit: &Fit) -> Duration {
-        let link = fit.loaded.world.limits(fit.guarding).link;
-        if link.is_finite() { Duration::from_secs_f64(link / 6.0).min(KEPT) } else { KEPT }
+        let silence = fit.loaded.world.limits(fit.guarding).silence(fit.loaded.world.sampling.period);
+        if silence.is_finite() { Duration::from_secs_f64(silence.max(0.0) / 4.0).min(KEPT) } else { KEPT }
     }
 
     /// The log, where one is asked for.

@@ -132,6 +132,14 @@ pub extern "C" fn release() {
     }
 }
 
+/// The puck at rest at 0, the world at its start, and no torque.
+#[unsafe(no_mangle)]
+pub extern "C" fn restart() {
+    if let Some(page) = page() {
+        page.restart();
+    }
+}
+
 /// A scenario's hand takes hold: 1, or 0 where there is none.
 #[unsafe(no_mangle)]
 pub extern "C" fn begin(scenario: usize) -> u32 {
