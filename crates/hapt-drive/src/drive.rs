@@ -26,14 +26,27 @@ pub trait Drive: Send {
     /// See [`Trouble`].
     fn read(&mut self, until: Instant) -> Result<Answer, Trouble>;
 
-    /// The torque to hold from now on. This, and nothing else that the loop does, feeds the drive's watchdog.
+    /// The torque to hold from now on. It feeds the drive's watchdog; where questions do so too, the drive is asked which torque it uses.
+    /// A drive that was stopped is not switched on by it, or is stopped again at once.
     ///
     /// # Errors
     /// See [`Trouble`].
     fn command(&mut self, torque: f64, until: Instant) -> Result<(), Trouble>;
 
+    /// No torque, and stopped: said once, and no answer is waited for. Whatever has failed says so in every sample, and is switched on
+    /// again by nothing but a start.
+    fn halt(&mut self, until: Instant);
+
     /// No torque, and stopped, as far as anybody is there to hear it. Called on every way out, more than once too.
     fn stop(&mut self);
+
+    /// From one sample of the loop to the next, in s, from now on.
+    fn paced(&mut self, _period: f64) {}
+
+    /// What whoever starts it has to know: what it cannot be told, and who has to set it.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// What a drive is held to from the start.

@@ -2,7 +2,8 @@
 //!
 //! The drive's watchdog is off as shipped, and CANSimple has no word to set it. So [`Odrive`] does not believe that it is on: each start
 //! gives the drive a torque of zero, falls silent, and wants to see it disarm. Any frame to the node feeds the watchdog, whoever sends
-//! it; another host's frame to our drive is a fault therefore.
+//! it; another host's frame to our drive is a fault therefore. Our own questions feed it too: so the drive is asked which torque it uses,
+//! and its heartbeat has to come.
 //!
 //! A position is asked for by a remote frame. Answers carry no number. They are counted: one that nobody has asked for is a second
 //! drive's. After a question without an answer the next one comes behind a question of another kind: what arrives before that one's
@@ -10,6 +11,7 @@
 
 mod barrier;
 pub mod codec;
+mod proof;
 mod simulated;
 mod start;
 
@@ -20,6 +22,7 @@ use hapt_rt::DriveFault;
 
 use barrier::Barrier;
 use codec::{Command, Heartbeat, PASSTHROUGH, Version, control, state};
+use proof::Proof;
 
 use crate::can::Bus;
 use crate::drive::{Answer, Drive, Error, OTHERS, Terms, Trouble};
@@ -32,6 +35,8 @@ pub use start::LONGEST_WATCHDOG;
 const AN_ANSWER: Duration = Duration::from_millis(50);
 /// How long a drive may take for a state, with the heartbeat that shows it.
 const A_STATE: Duration = Duration::from_secs(1);
+/// How long its heartbeat may stay away, in s of the loop's time: three of those that it is shipped with.
+const HEARTBEATS: f64 = 0.3;
 /// How long a frame may take to find room when nothing is urgent.
 const A_FRAME: Duration = Duration::from_millis(20);
 /// Frames that only a host sends have come from somewhere else.
@@ -41,6 +46,12 @@ const FOREIGN: DriveFault =
 const DOUBLED: DriveFault = DriveFault {
     code: 0,
     what: "another drive answers in its place, or it says its position unasked less than five times a second",
+    reason: Some(Reason::Link),
+};
+/// No state and no error can be seen.
+const HEARTLESS: DriveFault = DriveFault {
+    code: Command::Heartbeat as u32,
+    what: "its heartbeat has stayed away for 0.3 s",
     reason: Some(Reason::Link),
 };
 
@@ -57,6 +68,15 @@ pub struct Odrive {
     asked: Option<Instant>,
     chats: bool,
     barrier: Barrier,
+    proof: Proof,
+    /// Of the loop, s.
+    period: f64,
+    /// In s of the loop's time.
+    since_heartbeat: f64,
+    /// The time within which its watchdog was seen to take the torque away.
+    bitten: Duration,
+    /// The largest torque that the loop asks for, N·m.
+    most: f64,
     /// Since when it is to be armed, and whether it has been seen so.
     begun: Option<Instant>,
     is_armed: bool,
@@ -65,65 +85,72 @@ pub struct Odrive {
 }
 
 impl Drive for Odrive {
-    fn start(&mut self, _terms: &Terms) -> Result<Answer, Error> {
+    fn start(&mut self, terms: &Terms) -> Result<Answer, Error> {
+        self.most = terms.torque;
         self.get_ready()
     }
 
+    fn paced(&mut self, period: f64) {
+        self.period = period;
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let (name, bitten, most) = (&self.name, self.bitten.as_millis(), self.most);
+        let mut notes = vec![format!(
+            "{name}: its watchdog took the torque away within {bitten} ms of silence when it was tried; CANSimple cannot set that time"
+        )];
+        notes.push(if most.is_finite() {
+            format!(
+                "{name}: CANSimple cannot set its largest torque; hapt asks for {most:.3} N m at most, and the drive allows what is stored in \
+                 it: set axis0.config.torque_soft_max, before 0.6 axis0.motor.config.torque_lim, to that in odrivetool"
+            )
+        } else {
+            format!("{name}: CANSimple cannot set its largest torque, and this world has no device.limit")
+        });
+        notes
+    }
+
     fn read(&mut self, until: Instant) -> Result<Answer, Trouble> {
-        // What has come since the last sample.
-        let over = Instant::now();
-        for _ in 0..OTHERS {
-            let Some(frame) = self.bus.receive(over)? else { break };
-            self.hear(&frame);
+        let answer = self.reading(until);
+        if let Err(Trouble::Fault(_)) = answer {
+            self.halt(until);
         }
-        self.is_well()?;
-        self.barrier.pass();
-        let mut past = self.owed > 0 || self.chats;
-        if past {
-            let kind = self.barrier.ask().ok_or(Trouble::Late)?;
-            self.bus.send(&Frame::remote(kind.id(self.node).into(), 8), until)?;
-        }
-        self.bus.send(&Frame::remote(Command::Estimates.id(self.node).into(), 8), until)?;
-        self.owed = self.owed.saturating_add(1);
-        let mut trouble = Trouble::Silent;
-        for _ in 0..OTHERS {
-            let Some(frame) = self.bus.receive(until)? else { break };
-            match self.hear(&frame) {
-                Said::Estimates(answer) if !past => {
-                    self.is_well()?;
-                    return Ok(answer);
-                }
-                // What is owed from before is lost.
-                Said::Passed if past => (past, self.owed) = (false, 1),
-                Said::Nothing => {}
-                _ => trouble = Trouble::Late,
-            }
-        }
-        self.is_well()?;
-        Err(trouble)
+        answer
     }
 
     fn command(&mut self, torque: f64, until: Instant) -> Result<(), Trouble> {
-        self.is_well()?;
+        if let Err(fault) = self.is_well() {
+            self.halt(until);
+            return Err(fault);
+        }
         let node = self.node;
         let mut tell =
             |command: Command, data: [u8; 8]| self.bus.send(&Frame::classic(command.id(node).into(), &data), until);
         if self.begun.is_none() {
-            // Before 0.6 a watchdog runs out on a disarmed drive too.
-            tell(Command::Clear, [0; 8])?;
+            // A watchdog that runs out on a disarmed drive too leaves an error. No other error is cleared unseen.
+            if self.version.is_old() {
+                tell(Command::Clear, [0; 8])?;
+            }
             tell(Command::Mode, codec::pair(control::TORQUE, PASSTHROUGH))?;
             tell(Command::Torque, [0; 8])?;
             tell(Command::State, codec::pair(state::CLOSED_LOOP, 0))?;
             self.begun = Some(Instant::now());
         }
-        tell(Command::Torque, codec::floats(torque as f32, 0.0))?;
+        let torque = torque as f32;
+        tell(Command::Torque, codec::floats(torque, 0.0))?;
+        self.proof.tell(torque.into());
         Ok(())
     }
 
-    fn stop(&mut self) {
+    fn halt(&mut self, until: Instant) {
         // Each by itself: the one may find room where the other has not.
-        let _ = self.tell(Command::Torque, [0; 8]);
-        let _ = self.tell(Command::State, codec::pair(state::IDLE, 0));
+        for (command, data) in [(Command::Torque, [0; 8]), (Command::State, codec::pair(state::IDLE, 0))] {
+            let _ = self.bus.send(&Frame::classic(command.id(self.node).into(), &data), until);
+        }
+    }
+
+    fn stop(&mut self) {
+        self.halt(Instant::now() + A_FRAME);
     }
 }
 
@@ -134,8 +161,8 @@ enum Said {
     Version(Version),
     /// What is wrong with it now.
     Error(u32),
-    /// Something that it says when it is asked.
-    Other(Command),
+    /// Something that it says when it is asked, and its two numbers.
+    Other(Command, [f32; 2]),
     /// The answer that parts the past from this sample.
     Passed,
     /// Somebody else speaks to it.
@@ -156,26 +183,77 @@ impl Odrive {
             asked: None,
             chats: false,
             barrier: Barrier::default(),
+            proof: Proof::new(Command::Torques, 0.0),
+            period: 1e-3,
+            since_heartbeat: 0.0,
+            bitten: Duration::ZERO,
+            most: 0.0,
             begun: None,
             is_armed: false,
             fault: None,
         }
     }
 
-    /// Takes note of what a frame says.
-    fn hear(&mut self, frame: &Frame) -> Said {
+    /// One sample's question and its answer.
+    fn reading(&mut self, until: Instant) -> Result<Answer, Trouble> {
+        self.since_heartbeat += self.period;
+        // What has come since the last sample.
+        let over = Instant::now();
+        for _ in 0..OTHERS {
+            let Some(frame) = self.bus.receive(over)? else { break };
+            self.hear(&frame, false);
+        }
+        self.barrier.pass();
+        let is_proven = self.proof.pass();
+        if !self.is_armed {
+            self.proof.rest();
+        }
+        let missing = (self.since_heartbeat > HEARTBEATS).then_some(HEARTLESS).or(self.proof.fault());
+        self.fault = self.fault.or(missing);
+        self.is_well()?;
+        let mut past = self.owed > 0 || self.chats;
+        let kind = Some(self.proof.kind).filter(|_| is_proven).filter(|kind| self.barrier.ask_for(*kind));
+        let kind = match kind {
+            None if past => Some(self.barrier.ask().ok_or(Trouble::Late)?),
+            kind => kind,
+        };
+        if let Some(kind) = kind {
+            self.bus.send(&Frame::remote(kind.id(self.node).into(), 8), until)?;
+        }
+        self.bus.send(&Frame::remote(Command::Estimates.id(self.node).into(), 8), until)?;
+        self.owed = self.owed.saturating_add(1);
+        let mut trouble = Trouble::Silent;
+        for _ in 0..OTHERS {
+            let Some(frame) = self.bus.receive(until)? else { break };
+            match self.hear(&frame, true) {
+                Said::Estimates(answer) if !past => {
+                    self.is_well()?;
+                    return Ok(answer);
+                }
+                // What is owed from before is lost.
+                Said::Passed if past => (past, self.owed) = (false, 1),
+                Said::Nothing => {}
+                _ => trouble = Trouble::Late,
+            }
+        }
+        self.is_well()?;
+        Err(trouble)
+    }
+
+    /// Takes note of what a frame says, heard after this sample's questions or before.
+    fn hear(&mut self, frame: &Frame, is_asked: bool) -> Said {
         let said = self.said(frame);
         match said {
-            Said::Other(command) if self.barrier.is_passed_by(command) => return Said::Passed,
-            Said::Heartbeat(heartbeat) => {
-                let is_armed = u32::from(heartbeat.state) == state::CLOSED_LOOP;
-                // Until it has been seen armed, a heartbeat may tell of the time before.
-                let had_time = self.is_armed || self.begun.is_some_and(|begun| begun.elapsed() > A_STATE);
-                if had_time && !is_armed {
-                    self.fault.get_or_insert(self.version.fault(heartbeat.error));
+            Said::Other(command, [uses, makes]) => {
+                let is_passed = self.barrier.is_passed_by(command);
+                if command == self.proof.kind && self.is_armed {
+                    self.proof.hear(uses.into(), makes.into(), is_passed && is_asked);
                 }
-                self.is_armed |= is_armed && self.begun.is_some();
+                if is_passed {
+                    return Said::Passed;
+                }
             }
+            Said::Heartbeat(heartbeat) => self.look_at(heartbeat),
             Said::Foreign => {
                 self.fault.get_or_insert(FOREIGN);
             }
@@ -186,6 +264,23 @@ impl Odrive {
             _ => {}
         }
         said
+    }
+
+    fn look_at(&mut self, heartbeat: Heartbeat) {
+        self.since_heartbeat = 0.0;
+        let is_armed = u32::from(heartbeat.state) == state::CLOSED_LOOP;
+        self.is_armed |= is_armed && self.begun.is_some();
+        // An error of before is cleared by nobody but a start; the old watchdog's runs out on a drive that waits.
+        let waits = if self.version.is_old() { self.version.watchdog() } else { 0 };
+        let is_wrong = match self.begun {
+            None => heartbeat.error & !waits != 0,
+            // Until it has been seen armed, a heartbeat may tell of the time before.
+            Some(begun) if !self.is_armed => begun.elapsed() > A_STATE,
+            Some(_) => !is_armed || heartbeat.error != 0,
+        };
+        if is_wrong {
+            self.fault.get_or_insert(self.version.fault(heartbeat.error));
+        }
     }
 
     fn is_well(&self) -> Result<(), Trouble> {
@@ -210,7 +305,10 @@ impl Odrive {
             Command::Estimates => codec::two_floats(data).map(|(position, velocity)| {
                 Said::Estimates(Answer { position: position.into(), velocity: velocity.into() })
             }),
-            _ if barrier::KINDS.contains(&command) => Some(Said::Other(command)),
+            _ if barrier::KINDS.contains(&command) => {
+                let (first, second) = codec::two_floats(data).unwrap_or((f32::NAN, f32::NAN));
+                Some(Said::Other(command, [first, second]))
+            }
             _ => None,
         };
         said.unwrap_or(Said::Nothing)

@@ -78,6 +78,7 @@ impl Wheel {
         let watchdog = (WATCHDOG.0 * period).max(WATCHDOG.1);
         let terms = Terms { watchdog, torque: mounting.torque(mounting.limit).abs() };
         let answer = drive.start(&terms)?;
+        drive.paced(period);
         let position = answer.position * mounting.travel;
         let offset = match mounting.home {
             None => 0.0,
@@ -90,6 +91,11 @@ impl Wheel {
         };
         let last = Position { position: position + offset, velocity: 0.0, announced: false };
         Ok(Wheel { drive, mounting, offset, period, last, stale: 0, silent: 0, missed: 0, failed: None })
+    }
+
+    /// What whoever starts it has to know of its drive.
+    pub fn notes(&self) -> Vec<String> {
+        self.drive.notes()
     }
 
     fn until(&self, part: f64) -> Instant {
@@ -140,8 +146,12 @@ impl Device for Wheel {
     }
 
     fn write(&mut self, torque: f64) -> Result<(), Failure> {
+        if let Some(failure) = self.failed {
+            self.drive.halt(self.until(COMMANDING));
+            return Err(failure);
+        }
         // A torque that is no number is none.
-        let torque = if torque.is_finite() && self.failed.is_none() { self.mounting.torque(torque) } else { 0.0 };
+        let torque = if torque.is_finite() { self.mounting.torque(torque) } else { 0.0 };
         let failure = match self.drive.command(torque, self.until(COMMANDING)) {
             Ok(()) => None,
             Err(Trouble::Fault(fault)) => Some(Failure::Drive(fault)),
@@ -149,8 +159,8 @@ impl Device for Wheel {
             // A line that takes nothing for so long has nobody at its other end.
             Err(Trouble::Silent | Trouble::Late) => Some(Failure::Gone),
         };
-        self.failed = self.failed.or(failure);
-        self.failed.map_or(Ok(()), Err)
+        self.failed = failure;
+        failure.map_or(Ok(()), Err)
     }
 
     fn missed(&self) -> u32 {
@@ -159,6 +169,7 @@ impl Device for Wheel {
 
     fn adopt(&mut self, plan: &mut Plan) {
         self.period = plan.period();
+        self.drive.paced(self.period);
     }
 }
 

@@ -251,8 +251,9 @@ fn the_drives_watchdog_latches_and_only_a_stop_clears_it() {
     assert_eq!((silent.code, silent.reason), (11, Some(Reason::Late)));
     // Commands do not bring it back.
     for _ in 0..5 {
-        drive.command(0.02, soon()).unwrap();
-        assert!(matches!(drive.read(soon()), Err(Trouble::Fault(_))));
+        assert_eq!(drive.command(0.02, soon()), Err(Trouble::Fault(silent)));
+        assert_eq!(drive.read(soon()), Err(Trouble::Fault(silent)));
+        assert_eq!(rig.faults.torque(), 0.0);
     }
     drive.start(&Terms { watchdog: 10.0, torque: 1.0 }).unwrap();
     drive.command(0.02, soon()).unwrap();

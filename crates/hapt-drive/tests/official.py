@@ -34,7 +34,7 @@ async def it_is_found_and_stands_still(transport, drive):
 async def a_constant_torque_moves_the_wheel_by_its_inertia_and_damping(drive):
     """theta = tau/b (-J/b ln(1 - b v/tau) - J v/tau), from rest: no clock in it."""
     torque = 0.02
-    await drive.set_position(position=math.nan, kp_scale=0, kd_scale=0, feedforward_torque=torque, watchdog_timeout=math.nan)
+    await drive.set_position(position=math.nan, kp_scale=0, kd_scale=0, ilimit_scale=0, feedforward_torque=torque, watchdog_timeout=math.nan)
     seen = 0
     while seen < 20:
         values = (await drive.query()).values
@@ -53,7 +53,7 @@ async def a_constant_torque_moves_the_wheel_by_its_inertia_and_damping(drive):
 
 
 async def a_watchdog_that_runs_out_latches_until_a_stop(drive):
-    await drive.set_position(position=math.nan, kp_scale=0, kd_scale=0, feedforward_torque=0.01, watchdog_timeout=0.03)
+    await drive.set_position(position=math.nan, kp_scale=0, kd_scale=0, ilimit_scale=0, feedforward_torque=0.01, watchdog_timeout=0.03)
     await asyncio.sleep(0.3)
     assert (await drive.query()).values[R.MODE] == Mode.TIMEOUT
     for _ in range(3):
@@ -88,7 +88,7 @@ async def how_long(drive, count):
     times = []
     for _ in range(count):
         begun = time.perf_counter()
-        await drive.set_position(position=math.nan, kp_scale=0, kd_scale=0, feedforward_torque=0, watchdog_timeout=1, query=True)
+        await drive.set_position(position=math.nan, kp_scale=0, kd_scale=0, ilimit_scale=0, feedforward_torque=0, watchdog_timeout=1, query=True)
         times.append(time.perf_counter() - begun)
     await drive.set_stop()
     print(1e6 * statistics.median(times))

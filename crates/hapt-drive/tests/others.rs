@@ -149,6 +149,7 @@ impl Bus for Busy {
         if let Some(number) = number {
             let answer = Writer::new(0x100)
                 .reply(0x014, &[number])
+                .reply(0x014, &[number])
                 .reply(0x000, &[Value::Int8(0)])
                 .reply(0x001, &[Value::Float(0.25), Value::Float(0.0)])
                 .reply(0x00f, &[Value::Int8(0)]);
@@ -182,6 +183,7 @@ fn after_its_watchdog_a_moteus_takes_energy_and_gives_none() {
             .write(0x020, &[Value::Int8(i8::MIN), Value::Int8(0)])
             .write(0x022, &[Value::Float(0.2)])
             .write(0x023, &[Value::Int8(0), Value::Int8(0)])
+            .write(0x02b, &[Value::Int8(0)])
             .write(0x027, &[Value::Float(0.01)])
             .frame();
         firmware.hear(&sent, shaft(0.0), &mut |_| {});

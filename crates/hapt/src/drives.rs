@@ -36,7 +36,11 @@ mod linux {
     /// The drive at `address` as the loop's device, started.
     pub fn open(address: &Address, world: &World) -> Result<Box<dyn Device>, Failure> {
         let wheel = address.open().and_then(|drive| Wheel::start(drive, world));
-        Ok(Box::new(wheel.map_err(|error| Failure::System(format!("--device {address}: {error}")))?))
+        let wheel = wheel.map_err(|error| Failure::System(format!("--device {address}: {error}")))?;
+        for note in wheel.notes() {
+            say(format_args!("note: {note}"));
+        }
+        Ok(Box::new(wheel))
     }
 
     pub fn devices() -> Result<ExitCode, Failure> {

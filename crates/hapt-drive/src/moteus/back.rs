@@ -1,9 +1,10 @@
 //! A moteus as a drive of the loop's.
 
 use std::io;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use super::fault::{self, fault};
+use super::numbers::Numbers;
 use super::registers::{Parser, Resolution, Subframe, Value, Writer};
 use super::{EVERYBODY, REPLY, mode, register};
 use crate::can::Bus;
@@ -21,34 +22,50 @@ const BEFORE: f32 = 1.0;
 const MAP: i32 = 5;
 /// Farther from its zero, in revolutions, a float's last digit is more than 1/65 536 of a revolution.
 const FARTHEST: f32 = 256.0;
-/// Questions are numbered up to here, all exact in a float.
-const NUMBERS: u32 = 1 << 20;
-/// The last bits of a watchdog's time that a host marks as its own: less than 0.05 % of it.
-const MARK: u32 = 0xfff;
+/// Commands in a row that the drive has not taken, and commands in a row without an answer, that are too many.
+const LOST: u32 = 8;
+const UNANSWERED: u32 = 10;
+/// What stops it.
+const STOP: Value = Value::Int8(mode::STOPPED as i8);
 
 /// A moteus on a bus.
 ///
-/// The loop's sample is two frames: a question, which the drive answers, and a command, which it does not. A command carries the
-/// torque, its largest value and the watchdog's time; both gains are 0, so that nothing else makes torque. The question writes its own
-/// number into a register that the mode in use does not look at, and asks for it back: a late answer to an earlier question is known by
-/// that, and never taken for the one that is waited for.
+/// The loop's sample is two frames, both answered: a question and a command. A command carries the torque, its largest value and the
+/// watchdog's time. Both gains and the limit of the integrator are 0, and no trajectory has a limit of its own, so that nothing else makes
+/// torque, however the drive is tuned.
 ///
-/// Nobody else may command the drive. A frame of another host on the bus is a fault; and since an adapter need not pass those on, the
-/// answer also says for how long the command in force is good. The last bits of that time are this host's own: any other time was
-/// another host's command.
+/// Each frame writes its number into a register that the mode in use does not look at, and reads what stood there before and what stands
+/// there now. The second tells to which frame an answer belongs: a late one is never taken for the one that is waited for. The first tells
+/// which frame the drive took last: any command of another host sets it to 0, and a command of this host that is lost or comes again
+/// leaves another number. A drive that is found stopped when a command reaches it is stopped again at once.
+///
+/// Nobody else may command the drive: a frame of another host on the bus is a fault too.
 pub struct Moteus {
     bus: Box<dyn Bus>,
     /// What people know it by.
     name: String,
     id: u8,
     terms: Terms,
-    asked: u32,
-    /// What this host writes into the last bits of a watchdog's time.
-    mark: u32,
+    numbers: Numbers,
+    /// The last command.
+    command: Option<Sent>,
+    /// Commands in a row that it has not taken, and that it has not answered.
+    lost: u32,
+    unanswered: u32,
     /// It has been in position mode since it was started.
     ran: bool,
     /// What it has been found in: nothing but a start gets it out of that.
     fault: Option<DriveFault>,
+}
+
+/// A command, and what is known of it.
+#[derive(Clone, Copy, Debug)]
+struct Sent {
+    number: u32,
+    /// The drive goes by it.
+    is_taken: bool,
+    /// It has said in which mode the command found it.
+    is_answered: bool,
 }
 
 /// What a frame on the bus is to this host.
@@ -60,14 +77,15 @@ enum Said {
     Nothing,
 }
 
-/// What a question brings back.
+/// What a question or a command brings back.
 #[derive(Clone, Copy, Debug, Default)]
 struct Status {
+    /// The number of the frame before this one, and of this one.
+    before: Option<f32>,
     number: Option<f32>,
     mode: Option<i32>,
     position: Option<f32>,
     velocity: Option<f32>,
-    watchdog: Option<f32>,
     fault: i32,
     map: Option<i32>,
 }
@@ -75,44 +93,67 @@ struct Status {
 impl Moteus {
     /// The drive with this identifier, from 1 to 126, on `bus`, which people know by `name`.
     pub fn new(bus: Box<dyn Bus>, id: u8, name: String) -> Self {
-        let terms = Terms { watchdog: 0.0, torque: 0.0 };
-        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-        let mark = (since.subsec_nanos() >> 8 ^ std::process::id()) & MARK;
-        Moteus { bus, name, id, terms, asked: 0, mark, ran: false, fault: None }
+        Moteus {
+            bus,
+            name,
+            id,
+            terms: Terms { watchdog: 0.0, torque: 0.0 },
+            numbers: Numbers::default(),
+            command: None,
+            lost: 0,
+            unanswered: 0,
+            ran: false,
+            fault: None,
+        }
     }
 
     fn called(&self) -> String {
         format!("the moteus with id {} at {}", self.id, self.name)
     }
 
-    /// The question; the drive's answer gives its number back.
+    /// The question; the drive's answer gives its number back, and the number before it.
     fn question(&mut self) -> Writer {
-        self.asked = (self.asked + 1) % NUMBERS;
         Writer::new(REPLY | u32::from(self.id))
-            .write(register::VOLTAGE_PHASE_A, &[Value::Float(self.asked as f32)])
+            .read(register::VOLTAGE_PHASE_A, 1, Resolution::Float)
+            .write(register::VOLTAGE_PHASE_A, &[Value::Float(self.numbers.next() as f32)])
             .read(register::VOLTAGE_PHASE_A, 1, Resolution::Float)
             .read(register::MODE, 1, Resolution::Int8)
             .read(register::POSITION, 2, Resolution::Float)
-            .read(register::COMMAND_TIMEOUT, 1, Resolution::Float)
             .read(register::FAULT, 1, Resolution::Int8)
     }
 
-    /// A watchdog's time with this host's mark.
-    fn marked(&self, watchdog: f32) -> f32 {
-        f32::from_bits(watchdog.to_bits() & !MARK | self.mark)
+    /// A stop alone, which wants no answer. It leaves no number behind.
+    fn stopping(&mut self) -> Frame {
+        self.numbers.forget();
+        Writer::new(self.id.into()).write(register::MODE, &[STOP]).frame()
     }
 
-    /// A command of this torque in N·m, held to `terms`, that is good for `watchdog` s.
-    fn torque(&self, torque: f32, watchdog: f32) -> Frame {
+    /// A question that stops it. The number that it writes is gone with the mode.
+    fn asking_and_stopping(&mut self) -> Writer {
+        self.numbers.forget();
+        self.question().write(register::MODE, &[STOP])
+    }
+
+    /// A command of this torque in N·m, held to `terms`, that is good for `watchdog` s. Its answer tells the mode in which the drive was
+    /// when it came.
+    fn torque(&mut self, torque: f32, watchdog: f32) -> Frame {
         let most = if self.terms.torque.is_finite() { self.terms.torque as f32 } else { f32::NAN };
-        Writer::new(u32::from(self.id))
+        let number = self.numbers.next();
+        self.command = Some(Sent { number, is_taken: false, is_answered: false });
+        Writer::new(REPLY | u32::from(self.id))
+            .read(register::VOLTAGE_PHASE_A, 1, Resolution::Float)
+            .read(register::MODE, 1, Resolution::Int8)
             .write(register::MODE, &[Value::Int8(mode::POSITION as i8)])
-            // From where it is, at no velocity, with no gains.
+            // From where it is, at no velocity, with no gains, no integrator and no limits of a trajectory.
             .write(register::COMMAND_POSITION, &[Value::Int8(i8::MIN), Value::Int8(0)])
             .write(register::COMMAND_TORQUE, &[Value::Float(torque)])
             .write(register::COMMAND_KP_SCALE, &[Value::Int8(0), Value::Int8(0)])
             .write(register::COMMAND_MAX_TORQUE, &[Value::Float(most)])
-            .write(register::COMMAND_TIMEOUT, &[Value::Float(self.marked(watchdog))])
+            .write(register::COMMAND_TIMEOUT, &[Value::Float(watchdog)])
+            .write(register::COMMAND_VELOCITY_LIMIT, &[Value::Int8(-1), Value::Int8(-1)])
+            .write(register::COMMAND_ILIMIT_SCALE, &[Value::Int8(0)])
+            .write(register::VOLTAGE_PHASE_A, &[Value::Float(number as f32)])
+            .read(register::VOLTAGE_PHASE_A, 1, Resolution::Float)
             .frame()
     }
 
@@ -136,11 +177,11 @@ impl Moteus {
             let Subframe::Reply(register, value) = part else { continue };
             let scaled = value.scaled([f32::NAN; 3]);
             match register {
+                register::VOLTAGE_PHASE_A if status.before.is_none() => status.before = Some(scaled),
                 register::VOLTAGE_PHASE_A => status.number = Some(scaled),
                 register::MODE => status.mode = Some(value.whole()),
                 register::POSITION => status.position = Some(scaled),
                 register::VELOCITY => status.velocity = Some(scaled),
-                register::COMMAND_TIMEOUT => status.watchdog = Some(scaled),
                 register::FAULT => status.fault = value.whole(),
                 register::MAP => status.map = Some(value.whole()),
                 _ => {}
@@ -149,16 +190,63 @@ impl Moteus {
         Said::Answer(status)
     }
 
-    /// Takes note of another host.
+    /// Takes note of what a frame says.
     fn hear(&mut self, frame: &Frame) -> Option<Status> {
         match self.said(frame) {
-            Said::Answer(status) => Some(status),
+            Said::Answer(status) => {
+                self.follow(&status);
+                Some(status)
+            }
             Said::Foreign => {
                 self.fault.get_or_insert(fault::FOREIGN);
                 None
             }
             Said::Nothing => None,
         }
+    }
+
+    /// Which frames it has taken, and whether somebody else's were among them.
+    fn follow(&mut self, status: &Status) {
+        let (Some(before), Some(number)) = (status.before, status.number) else { return };
+        let taken = self.numbers.take(before, number);
+        if !taken.is_new {
+            return;
+        }
+        // Found stopped, by a command maybe, which switches it on again. A fault and the watchdog's end are left by no command.
+        let ended = [mode::POSITION, mode::FAULT, mode::TIMEOUT];
+        if let Some(mode) = status.mode.filter(|mode| self.ran && !ended.contains(mode)) {
+            self.fault.get_or_insert(fault::taken(mode));
+        }
+        if taken.is_foreign {
+            self.fault.get_or_insert(fault::FOREIGN);
+        }
+        if let Some(sent) = &mut self.command {
+            let number_of = |number: f32| number == sent.number as f32;
+            (sent.is_answered, sent.is_taken) =
+                (sent.is_answered || number_of(number), sent.is_taken || number_of(number) || number_of(before));
+        }
+    }
+
+    /// The command before this one: whether it has arrived, and its answer.
+    fn count_lost(&mut self) {
+        let Some(sent) = self.command else { return };
+        self.lost = if sent.is_taken { 0 } else { self.lost + 1 };
+        self.unanswered = if sent.is_answered { 0 } else { self.unanswered + 1 };
+        if self.lost >= LOST || self.unanswered >= UNANSWERED {
+            self.fault.get_or_insert(fault::UNHEARD);
+        }
+    }
+
+    /// Waits for the last command's answer. One that does not come in time is read in the next sample.
+    fn is_taken(&mut self, until: Instant) -> Result<(), Trouble> {
+        for _ in 0..OTHERS {
+            let Some(frame) = self.bus.receive(until)? else { break };
+            self.hear(&frame);
+            if self.fault.is_some() || self.command.is_some_and(|sent| sent.is_answered) {
+                break;
+            }
+        }
+        self.is_well()
     }
 
     fn is_well(&self) -> Result<(), Trouble> {
@@ -179,7 +267,7 @@ impl Moteus {
             let Some(frame) = self.bus.receive(until)? else { break };
             if let Some(status) = self.hear(&frame) {
                 heard = true;
-                if status.number == Some(self.asked as f32) {
+                if status.number == Some(self.numbers.last() as f32) {
                     return Ok(status);
                 }
             }
@@ -188,9 +276,9 @@ impl Moteus {
     }
 
     /// The same with patience, before the loop runs.
-    fn ask_again(&mut self, question: fn(Writer) -> Writer) -> Result<Status, Error> {
+    fn ask_again(&mut self, question: fn(&mut Moteus) -> Writer) -> Result<Status, Error> {
         for _ in 0..TRIES {
-            let frame = question(self.question()).frame();
+            let frame = question(self).frame();
             match self.ask(&frame, Instant::now() + PATIENCE) {
                 Ok(status) => return Ok(status),
                 Err(Trouble::Gone) => return Err(self.gone()),
@@ -230,6 +318,15 @@ impl Moteus {
         }
     }
 
+    /// What has failed stays so, and the drive is stopped before anything else happens.
+    fn halted<T>(&mut self, what: Result<T, Trouble>, until: Instant) -> Result<T, Trouble> {
+        if let Err(Trouble::Fault(fault)) = what {
+            self.fault.get_or_insert(fault);
+            self.halt(until);
+        }
+        what
+    }
+
     fn answer(&mut self, status: &Status) -> Result<Answer, Trouble> {
         let mode = status.mode.ok_or(Trouble::Late)?;
         if let Some(fault) = fault(mode, status.fault) {
@@ -239,11 +336,6 @@ impl Moteus {
         if self.ran && mode != mode::POSITION {
             return Err(Trouble::Fault(fault::taken(mode)));
         }
-        let ours = [self.terms.watchdog as f32, BEFORE].map(|watchdog| self.marked(watchdog));
-        if self.ran && !status.watchdog.is_some_and(|watchdog| ours.contains(&watchdog)) {
-            self.fault = Some(fault::FOREIGN);
-        }
-        self.is_well()?;
         match (status.position, status.velocity) {
             (Some(position), Some(velocity)) => Ok(Answer { position: position.into(), velocity: velocity.into() }),
             _ => Err(Trouble::Late),
@@ -254,17 +346,13 @@ impl Moteus {
 impl Drive for Moteus {
     fn start(&mut self, terms: &Terms) -> Result<Answer, Error> {
         (self.terms, self.ran, self.fault) = (*terms, false, None);
+        (self.command, self.lost, self.unanswered) = (None, 0, 0);
         // Alone, because a bus that is down says so here.
-        let stop = Writer::new(self.id.into()).write(register::MODE, &[Value::Int8(mode::STOPPED as i8)]).frame();
+        let stop = self.stopping();
         let sent = self.bus.send(&stop, Instant::now() + PATIENCE);
         sent.map_err(|error| Error::Gone { name: self.name.clone(), error })?;
-        let status = self.ask_again(|question| {
-            question.write(register::MODE, &[Value::Int8(mode::STOPPED as i8)]).read(
-                register::MAP,
-                1,
-                Resolution::Int32,
-            )
-        })?;
+        let status = self.ask_again(|drive| drive.asking_and_stopping().read(register::MAP, 1, Resolution::Int32))?;
+        self.numbers.forget();
         let map = status.map.unwrap_or(0);
         if map != MAP {
             let why = format!("speaks register map {map}, and this is written for {MAP}: update its firmware");
@@ -275,7 +363,7 @@ impl Drive for Moteus {
         loop {
             let ready = self.torque(0.0, BEFORE);
             self.bus.send(&ready, Instant::now() + PATIENCE).map_err(|_| self.gone())?;
-            let status = self.ask_again(|question| question)?;
+            let status = self.ask_again(Moteus::question)?;
             let mode = status.mode.unwrap_or(mode::STOPPED);
             if let Some(fault) = fault(mode, status.fault) {
                 self.stop();
@@ -289,6 +377,8 @@ impl Drive for Moteus {
             if mode == mode::POSITION {
                 let position = status.position.unwrap_or(f32::NAN);
                 if position.abs() < FARTHEST {
+                    // From now on whoever stops it has stopped it.
+                    self.ran = true;
                     return Ok(Answer { position: position.into(), velocity: status.velocity.unwrap_or(0.0).into() });
                 }
                 self.stop();
@@ -310,19 +400,29 @@ impl Drive for Moteus {
     fn read(&mut self, until: Instant) -> Result<Answer, Trouble> {
         let question = self.question().frame();
         let status = self.ask(&question, until);
-        self.is_well()?;
-        self.answer(&status?)
+        let answer = self.is_well().and(status).and_then(|status| self.answer(&status));
+        self.halted(answer, until)
     }
 
     fn command(&mut self, torque: f64, until: Instant) -> Result<(), Trouble> {
-        self.is_well()?;
-        let frame = self.torque(torque as f32, self.terms.watchdog as f32);
-        Ok(self.bus.send(&frame, until)?)
+        self.count_lost();
+        let sent = self.is_well().and_then(|()| {
+            let frame = self.torque(torque as f32, self.terms.watchdog as f32);
+            self.bus.send(&frame, until)?;
+            self.is_taken(until)
+        });
+        self.halted(sent, until)
+    }
+
+    fn halt(&mut self, until: Instant) {
+        let stop = self.stopping();
+        // Whether or not it finds room: the drive's watchdog is the last to act.
+        let _ = self.bus.send(&stop, until);
     }
 
     fn stop(&mut self) {
         for _ in 0..TRIES {
-            let frame = self.question().write(register::MODE, &[Value::Int8(mode::STOPPED as i8)]).frame();
+            let frame = self.asking_and_stopping().frame();
             match self.ask(&frame, Instant::now() + PATIENCE) {
                 Err(Trouble::Silent | Trouble::Late) => {}
                 // It has heard it, or there is nobody to hear it.

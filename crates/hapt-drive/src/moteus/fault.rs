@@ -8,7 +8,11 @@ use crate::drive::DriveFault;
 /// Another host commands the drive, or asks it something: it may command it next.
 pub const FOREIGN: DriveFault = DriveFault { code: 0, what: "another host speaks to it", reason: Some(Reason::Link) };
 
-/// What a mode and a fault register say, where the drive gives no torque by its own decision.
+/// Commands go to it, and it goes by others, or does not say that it has heard them.
+pub const UNHEARD: DriveFault =
+    DriveFault { code: 0, what: "commands do not reach it, or their answers do not come back", reason: Some(Reason::Late) };
+
+/// What a mode and a fault register say, where the drive gives no torque by its own decision, or another one than it was asked for.
 pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
     match mode {
         mode::FAULT => Some(named(code)),
@@ -17,8 +21,27 @@ pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
             what: "its watchdog has run out, no command came in time",
             reason: Some(Reason::Late),
         }),
-        _ => None,
+        _ => limit(code),
     }
+}
+
+/// Something of the drive's own configuration holds its torque back: the motor is not the one that the world is certified on.
+///
+/// Flux braking (104) and field weakening (105) put current where it makes no torque.
+fn limit(code: i32) -> Option<DriveFault> {
+    let (what, reason) = match code {
+        i32::MIN..=95 | 104 | 105 => return None,
+        96 => ("it holds its torque back above servo.max_velocity: set it above the fastest that the wheel turns", None),
+        97 => ("it holds its torque back at servo.max_power_W: raise it, or lower device.limit", None),
+        98 => ("its supply's voltage is too low for this torque at this speed: raise it, or lower device.limit", None),
+        99 => ("it holds its torque back at servo.max_current_A: raise it, or lower device.limit", None),
+        100 => ("it holds its torque back because its board is near servo.fault_temperature", Some(Reason::DriverHeat)),
+        101 => ("it holds its torque back because its motor is near servo.motor_fault_temperature", Some(Reason::Heat)),
+        102 => ("it was asked for more torque than its command allows", Some(Reason::Torque)),
+        103 => ("it cuts its torque at its position limits: set servopos.position_min and servopos.position_max to nan", None),
+        _ => ("it limits its output, for a reason that is not known here", None),
+    };
+    Some(DriveFault { code: u32::try_from(code).unwrap_or(0), what, reason })
 }
 
 /// By the number in register 0x00f.
@@ -31,7 +54,7 @@ fn named(code: i32) -> DriveFault {
         36 => ("the motor is not configured: calibrate it with moteus_tool", None),
         37 => ("its control cycle took too long", Some(Reason::Late)),
         38 => ("over temperature", Some(Reason::DriverHeat)),
-        39 => ("started outside of its position limits, servopos.position_min and position_max", None),
+        39 => ("started outside of its position limits: set servopos.position_min and servopos.position_max to nan", None),
         40 => ("under voltage", None),
         41 => ("its configuration was changed under way", None),
         42 => ("its commutation angle is not valid: calibrate it with moteus_tool", Some(Reason::Jump)),
@@ -39,6 +62,10 @@ fn named(code: i32) -> DriveFault {
         44 => ("its driver does not switch on", None),
         45 => ("a stop position went with a velocity", None),
         46 => ("its timing was violated", Some(Reason::Late)),
+        47 => ("servo.bemf_feedforward without a limit of acceleration: set it to 0", None),
+        48 => ("servopos.position_min or servopos.position_max lies beyond what it can count: set both to nan", None),
+        49 => ("its position control error was larger than servo.fault_position_error: set that to nan", None),
+        50 => ("its velocity control error was larger than servo.fault_velocity_error: set that to nan", None),
         _ => ("an unknown fault", None),
     };
     DriveFault { code: u32::try_from(code).unwrap_or(0), what, reason }

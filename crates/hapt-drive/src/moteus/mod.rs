@@ -5,13 +5,16 @@
 mod back;
 mod fault;
 mod fdcanusb;
+mod numbers;
 mod registers;
 mod simulated;
+mod tuning;
 
 pub use back::Moteus;
 pub use fdcanusb::{Adapter, Client};
 pub use registers::{Parser, Resolution, Subframe, Value, Writer};
 pub use simulated::Simulated;
+pub use tuning::Tuning;
 
 /// What fills a frame up to a length that the bus can carry.
 pub const NOP: u8 = 0x50;
@@ -46,6 +49,10 @@ mod register {
     pub const COMMAND_MAX_TORQUE: u32 = 0x025;
     pub const COMMAND_STOP_POSITION: u32 = 0x026;
     pub const COMMAND_TIMEOUT: u32 = 0x027;
+    /// With the one after it: of internally made trajectories. A negative number is no limit.
+    pub const COMMAND_VELOCITY_LIMIT: u32 = 0x028;
+    pub const COMMAND_ILIMIT_SCALE: u32 = 0x02b;
+    pub const COMMAND_IGNORE_BOUNDS: u32 = 0x02d;
     pub const LAST_COMMAND: u32 = 0x02d;
     pub const MODEL: u32 = 0x100;
     pub const FIRMWARE: u32 = 0x101;

@@ -1,10 +1,12 @@
 //! The inside of a simulated moteus: its registers, modes and watchdog.
 //!
-//! Simulated: stopped, position mode with its gains, limits of torque and watchdog, what comes after the watchdog (`servo.timeout_mode`
-//! 0, 12 and 15), zero velocity, brake, faults, the setting of its zero. Not simulated: trajectories (stop position, limits of velocity and acceleration), currents and voltages, the diagnostic stream,
-//! which is always empty. Its motor makes 0.1 N·m per A.
+//! Simulated: stopped, position mode with its gains, its integrator, limits of torque and watchdog, what comes after the watchdog
+//! (`servo.timeout_mode` 0, 12 and 15), zero velocity, brake, faults, what holds its torque back with its code, the setting of its zero.
+//! Not simulated: trajectories (stop position, limits of velocity and acceleration), the diagnostic stream, which is always empty. Its
+//! motor makes 0.1 N·m per A.
 
 use super::registers::{Parser, Resolution, Subframe, Value, Writer};
+use super::tuning::{MOTOR, Tuning};
 use super::{EVERYBODY, REPLY, mode, register};
 use crate::frame::Frame;
 use crate::simulate::{Firmware, Shaft};
@@ -18,8 +20,6 @@ const TIMEOUT_TORQUE: f32 = 5.0;
 /// How long it takes to switch its motor on, in s.
 const ENABLING: f64 = 3e-3;
 const ENABLING_MODE: i32 = 2;
-/// N·m per A.
-const MOTOR: f32 = 0.1;
 /// Its serial number, and what its UUID is made of.
 const SERIAL: i32 = 0x6861_7074;
 const COMMANDS: usize = (register::LAST_COMMAND - register::COMMAND_POSITION + 1) as usize;
@@ -56,12 +56,15 @@ pub struct Simulated {
     /// Its position is the shaft's and this.
     zero: f64,
     torque: f32,
+    /// What its integrator makes, in N·m.
+    integral: f32,
+    tuning: Tuning,
     /// What it does when its watchdog has run out: the mode's number, as in `servo.timeout_mode`.
     after_timeout: i32,
 }
 
 impl Simulated {
-    /// A drive with this identifier, stopped.
+    /// A drive with this identifier, stopped, and tuned as [`Tuning::TUNED`] says.
     pub fn new(id: u8) -> Self {
         Simulated {
             id,
@@ -76,6 +79,8 @@ impl Simulated {
             after_enabling: mode::STOPPED,
             zero: 0.0,
             torque: 0.0,
+            integral: 0.0,
+            tuning: Tuning::TUNED,
             after_timeout: mode::ZERO_VELOCITY,
         }
     }
@@ -83,6 +88,11 @@ impl Simulated {
     /// The same, which does this mode's when its watchdog has run out: 0, it lets go; 12, zero velocity, as it is shipped; 15, it brakes.
     pub fn with_timeout_mode(self, mode: i32) -> Self {
         Simulated { after_timeout: mode, ..self }
+    }
+
+    /// The same with another configuration.
+    pub fn with_tuning(self, tuning: Tuning) -> Self {
+        Simulated { tuning, ..self }
     }
 
     /// The fault of this number strikes it.
@@ -98,7 +108,7 @@ impl Simulated {
     fn commit(&mut self, wanted: i32, shaft: Shaft) {
         match (wanted, self.mode) {
             (mode::STOPPED, _) => {
-                (self.mode, self.fault, self.wanted) = (mode::STOPPED, 0, None);
+                (self.mode, self.fault, self.wanted, self.integral) = (mode::STOPPED, 0, None, 0.0);
             }
             // Latched until it is stopped.
             (_, mode::FAULT | mode::TIMEOUT) => {}
@@ -106,8 +116,8 @@ impl Simulated {
                 self.active = self.written;
                 if before == mode::STOPPED {
                     (self.mode, self.enabling) = (ENABLING_MODE, ENABLING);
-                } else if before != ENABLING_MODE {
-                    self.mode = wanted;
+                } else if before != ENABLING_MODE && before != wanted {
+                    self.enter(wanted, shaft);
                 }
                 self.after_enabling = wanted;
                 let timeout = self.command(register::COMMAND_TIMEOUT);
@@ -127,6 +137,16 @@ impl Simulated {
         }
     }
 
+    /// Position mode is not begun beyond the limits of the position.
+    fn enter(&mut self, wanted: i32, shaft: Shaft) {
+        let position = (shaft.position + self.zero) as f32;
+        let (least, most) = self.tuning.position;
+        self.mode = wanted;
+        if wanted == mode::POSITION && (position < least || position > most) {
+            self.fail(39);
+        }
+    }
+
     /// The torque in this mode at this shaft.
     fn torque(&mut self, seconds: f64, shaft: Shaft) -> f32 {
         let velocity = shaft.velocity as f32;
@@ -139,11 +159,21 @@ impl Simulated {
                 let wanted = self.wanted.get_or_insert(shaft.position + self.zero);
                 *wanted += f64::from(goes) * seconds;
                 let away = (*wanted - shaft.position - self.zero) as f32;
-                let torque = KP * self.command(register::COMMAND_KP_SCALE) * away
+                let (rate, most) = self.tuning.integrator;
+                // Only its limit is scaled, by whatever the command says.
+                let most = most * self.command(register::COMMAND_ILIMIT_SCALE);
+                self.integral = (self.integral + rate * away * seconds as f32).max(-most).min(most);
+                let asked = KP * self.command(register::COMMAND_KP_SCALE) * away
                     + KD * self.command(register::COMMAND_KD_SCALE) * (goes - velocity)
-                    + self.command(register::COMMAND_TORQUE);
-                let most = self.command(register::COMMAND_MAX_TORQUE);
-                if most.is_nan() { torque } else { torque.clamp(-most.abs(), most.abs()) }
+                    + self.command(register::COMMAND_TORQUE)
+                    + self.integral;
+                let most = self.command(register::COMMAND_MAX_TORQUE).abs();
+                let allowed = if most.is_nan() { asked } else { asked.clamp(-most, most) };
+                let ignored = self.command(register::COMMAND_IGNORE_BOUNDS);
+                let position = (ignored.is_nan() || ignored == 0.0).then(|| (shaft.position + self.zero) as f32);
+                let (torque, code) = self.tuning.limited(allowed, position, velocity);
+                self.fault = if code == 0 && allowed != asked { 102 } else { code };
+                torque
             }
             mode::TIMEOUT => match self.after_timeout {
                 mode::ZERO_VELOCITY => kept.clamp(-TIMEOUT_TORQUE, TIMEOUT_TORQUE),
@@ -204,7 +234,7 @@ impl Simulated {
             register::MOTOR_TEMPERATURE | register::TEMPERATURE => scaled(25.0),
             register::TRAJECTORY_COMPLETE => whole(1),
             register::HOME_STATE => whole(1),
-            register::VOLTAGE => scaled(24.0),
+            register::VOLTAGE => scaled(self.tuning.voltage),
             register::FAULT => whole(self.fault),
             0x010..0x020 => scaled(self.other[(register - 0x010) as usize]),
             register::COMMAND_POSITION..=register::LAST_COMMAND => {
@@ -286,10 +316,13 @@ impl Firmware for Simulated {
     }
 
     fn pass(&mut self, seconds: f64, shaft: Shaft, _say: &mut dyn FnMut(Frame)) -> f64 {
+        if self.mode != mode::FAULT {
+            self.fault = 0;
+        }
         if self.mode == ENABLING_MODE {
             self.enabling -= seconds;
             if self.enabling <= 0.0 {
-                self.mode = self.after_enabling;
+                self.enter(self.after_enabling, shaft);
             }
         }
         self.left -= seconds;
@@ -334,6 +367,7 @@ fn fresh() -> [f32; COMMANDS] {
         (register::COMMAND_TORQUE, 0.0),
         (register::COMMAND_KP_SCALE, 1.0),
         (register::COMMAND_KD_SCALE, 1.0),
+        (register::COMMAND_ILIMIT_SCALE, 1.0),
         (register::COMMAND_TIMEOUT, 0.0),
     ];
     for (register, value) in says {
@@ -351,13 +385,14 @@ fn scales(register: u32) -> Scales {
         | register::COMMAND_STOP_POSITION
         | register::SET_OUTPUT_NEAREST
         | register::SET_OUTPUT_EXACT => ANGLE,
-        register::VELOCITY | register::COMMAND_VELOCITY | 0x028 | 0x01e => VELOCITY,
+        register::VELOCITY | register::COMMAND_VELOCITY | register::COMMAND_VELOCITY_LIMIT | 0x01e => VELOCITY,
         0x029 => ACCELERATION,
         register::TORQUE | register::COMMAND_TORQUE | register::COMMAND_MAX_TORQUE => TORQUE,
         register::VOLTAGE | 0x014..=0x016 | 0x019..=0x01b | 0x02a => VOLTAGE,
         register::POWER => POWER,
         register::COMMAND_TIMEOUT => TIME,
-        0x010..=0x013 | 0x018 | register::COMMAND_KP_SCALE | register::COMMAND_KD_SCALE | 0x02b | 0x02d => PART,
+        register::COMMAND_IGNORE_BOUNDS => [1.0; 3],
+        0x010..=0x013 | 0x018 | register::COMMAND_KP_SCALE | register::COMMAND_KD_SCALE | register::COMMAND_ILIMIT_SCALE => PART,
         _ => AMPERE,
     }
 }

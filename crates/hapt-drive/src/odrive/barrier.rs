@@ -36,12 +36,21 @@ impl Barrier {
 
     /// What to ask in this sample; `None`: every kind waits for an answer.
     pub fn ask(&mut self) -> Option<Command> {
-        let kind = (1..=KINDS.len()).map(|next| (self.last + next) % KINDS.len()).find(|kind| {
-            let waits = self.asked[*kind].is_some_and(|asked| self.sample.wrapping_sub(asked) < LOST);
-            self.serves[*kind] && !waits
-        })?;
+        let kind = (1..=KINDS.len()).map(|next| (self.last + next) % KINDS.len()).find(|kind| self.may(*kind))?;
         (self.last, self.asked[kind]) = (kind, Some(self.sample));
         Some(KINDS[kind])
+    }
+
+    /// Asks this kind in this sample; `false`: it does not serve, or waits for an answer.
+    pub fn ask_for(&mut self, kind: Command) -> bool {
+        let Some(kind) = KINDS.iter().position(|one| *one == kind).filter(|kind| self.may(*kind)) else { return false };
+        self.asked[kind] = Some(self.sample);
+        true
+    }
+
+    fn may(&self, kind: usize) -> bool {
+        let waits = self.asked[kind].is_some_and(|asked| self.sample.wrapping_sub(asked) < LOST);
+        self.serves[kind] && !waits
     }
 
     /// An answer has come; `true`: it is that to this sample's question.

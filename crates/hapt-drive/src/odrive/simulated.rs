@@ -24,6 +24,8 @@ const MISSING_INPUT: u32 = 0x40;
 const CONTROLLER_FAILED: u32 = 0x200;
 /// In 0.5, where a heartbeat says that it is where it was sent.
 const DONE: u8 = 0x80;
+/// N·m per A.
+const MOTOR: f64 = 0.05;
 /// Volts and amperes of its supply.
 const BUS: (f32, f32) = (24.0, 0.0);
 
@@ -123,8 +125,11 @@ impl Simulated {
             Command::Error if self.version.is_old() => [0; 8],
             Command::Error => codec::pair(self.error, self.disarm_reason),
             Command::Estimates => self.estimates(shaft),
-            // One newton metre an ampere, and a cool day.
-            Command::Current => codec::floats(self.torque(shaft) as f32, self.torque(shaft) as f32),
+            // A cool day.
+            Command::Current => {
+                let current = (self.torque(shaft) / MOTOR) as f32;
+                codec::floats(current, current)
+            }
             Command::Warmth => codec::floats(20.0, 20.0),
             Command::Bus => codec::floats(BUS.0, BUS.1),
             Command::Torques if self.version.is_old() => return None,

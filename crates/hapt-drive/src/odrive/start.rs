@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::barrier::{Barrier, KINDS};
 use super::codec::{self, Command, Heartbeat, PASSTHROUGH, Version, control, state};
+use super::proof::Proof;
 use super::{A_STATE, AN_ANSWER, Odrive, Said};
 use crate::drive::{Answer, Drive, Error, OTHERS};
 use crate::frame::Frame;
@@ -26,6 +27,7 @@ impl Odrive {
     /// Everything that comes before the loop.
     pub(super) fn get_ready(&mut self) -> Result<Answer, Error> {
         (self.owed, self.chats, self.begun, self.is_armed, self.fault) = (0, false, None, false, None);
+        self.since_heartbeat = 0.0;
         // Somebody may have asked before us.
         self.asked = Some(Instant::now());
         self.is_there()?;
@@ -36,7 +38,7 @@ impl Odrive {
         if let Some(kind) = self.barrier.ask() {
             self.ask(kind)?;
             self.until(AN_ANSWER, false, |_, said| {
-                matches!(said, Said::Other(answer) if answer == kind).then_some(())
+                matches!(said, Said::Other(answer, _) if answer == kind).then_some(())
             })?;
             self.barrier.is_passed_by(kind);
         }
@@ -101,8 +103,8 @@ impl Odrive {
             }
             self.until::<()>(AN_ANSWER, false, |_, said| {
                 match said {
-                    Said::Other(answer) if answer == kind => answers[now] += 1,
-                    Said::Other(answer) => {
+                    Said::Other(answer, _) if answer == kind => answers[now] += 1,
+                    Said::Other(answer, _) => {
                         let kind = KINDS.iter().position(|kind| *kind == answer);
                         unasked[kind.unwrap_or(now)] = true;
                     }
@@ -118,8 +120,14 @@ impl Odrive {
         let once = |kind: usize| !unasked[kind] && answers[kind] == 1;
         let twice = (0..KINDS.len()).filter(|kind| !unasked[*kind]).map(|kind| answers[kind]).max().unwrap_or(0);
         self.barrier = Barrier::new(std::array::from_fn(once));
+        let says = |kind: Command| KINDS.iter().position(|one| *one == kind).is_some_and(|kind| answers[kind] > 0 || unasked[kind]);
+        let proof = [Command::Torques, Command::Current].into_iter().find(|kind| says(*kind));
+        self.proof = Proof::new(proof.unwrap_or(Command::Torques), self.most);
         match twice {
             2.. => Err(self.refused(format!("is {twice} drives: give each its own node_id"))),
+            1 if proof.is_none() => Err(self.refused(
+                "says neither which torque it uses (0x01c) nor its current (0x014): nothing would tell whether torques reach it".into(),
+            )),
             1 => Ok(()),
             _ if answers != [0; KINDS.len()] => Err(self.refused(
                 "says everything unasked, so that no answer is known for one: leave iq_msg_rate_ms or another one at 0"
@@ -192,7 +200,10 @@ impl Odrive {
             // Heard too late to prove anything.
             Some(_) if silence.elapsed() > longest => Err(self
                 .refused("was not watched while its watchdog was tried: this machine stood still. Try again".into())),
-            Some(error) if error & self.version.watchdog() != 0 => Ok(()),
+            Some(error) if error & self.version.watchdog() != 0 => {
+                self.bitten = silence.elapsed();
+                Ok(())
+            }
             Some(error) => Err(Error::Fault { drive: self.name.clone(), fault: self.version.fault(error) }),
             None => {
                 self.stop();

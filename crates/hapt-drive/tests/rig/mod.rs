@@ -177,8 +177,20 @@ impl Drive for Patient {
         self.0.command(torque, until)
     }
 
+    fn halt(&mut self, until: Instant) {
+        self.0.halt(until);
+    }
+
     fn stop(&mut self) {
         self.0.stop();
+    }
+
+    fn paced(&mut self, period: f64) {
+        self.0.paced(period);
+    }
+
+    fn notes(&self) -> Vec<String> {
+        self.0.notes()
     }
 }
 
