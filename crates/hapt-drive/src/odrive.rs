@@ -35,7 +35,7 @@ pub use start::LONGEST_WATCHDOG;
 const AN_ANSWER: Duration = Duration::from_millis(50);
 /// How long a drive may take for a state, with the heartbeat that shows it.
 const A_STATE: Duration = Duration::from_secs(1);
-/// How long its heartbeat may stay away, in s of the loop's time: three of those that it is shipped with.
+/// How long its heartbeat may stay away, in s of the loop's time and by the clock: three of those that it is shipped with.
 const HEARTBEATS: f64 = 0.3;
 /// How long a frame may take to find room when nothing is urgent.
 const A_FRAME: Duration = Duration::from_millis(20);
@@ -71,8 +71,9 @@ pub struct Odrive {
     proof: Proof,
     /// Of the loop, s.
     period: f64,
-    /// In s of the loop's time.
+    /// In s of the loop's time, and by the clock.
     since_heartbeat: f64,
+    heartbeat: Instant,
     /// The time within which its watchdog was seen to take the torque away.
     bitten: Duration,
     /// The largest torque that the loop asks for, N·m.
@@ -186,6 +187,7 @@ impl Odrive {
             proof: Proof::new(Command::Torques, 0.0),
             period: 1e-3,
             since_heartbeat: 0.0,
+            heartbeat: Instant::now(),
             bitten: Duration::ZERO,
             most: 0.0,
             begun: None,
@@ -204,11 +206,12 @@ impl Odrive {
             self.hear(&frame, false);
         }
         self.barrier.pass();
-        let is_proven = self.proof.pass();
+        let is_proven = self.proof.pass(self.period);
         if !self.is_armed {
             self.proof.rest();
         }
-        let missing = (self.since_heartbeat > HEARTBEATS).then_some(HEARTLESS).or(self.proof.fault());
+        let is_missing = self.since_heartbeat > HEARTBEATS && self.heartbeat.elapsed().as_secs_f64() > HEARTBEATS;
+        let missing = is_missing.then_some(HEARTLESS).or(self.proof.fault());
         self.fault = self.fault.or(missing);
         self.is_well()?;
         let mut past = self.owed > 0 || self.chats;
@@ -267,7 +270,7 @@ impl Odrive {
     }
 
     fn look_at(&mut self, heartbeat: Heartbeat) {
-        self.since_heartbeat = 0.0;
+        (self.since_heartbeat, self.heartbeat) = (0.0, Instant::now());
         let is_armed = u32::from(heartbeat.state) == state::CLOSED_LOOP;
         self.is_armed |= is_armed && self.begun.is_some();
         // An error of before is cleared by nobody but a start; the old watchdog's runs out on a drive that waits.

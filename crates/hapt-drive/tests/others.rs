@@ -2,6 +2,7 @@
 
 #![cfg(target_os = "linux")]
 
+mod middle;
 mod rig;
 
 use std::collections::VecDeque;

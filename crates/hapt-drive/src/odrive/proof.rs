@@ -10,9 +10,10 @@ use super::codec::Command;
 const EVERY: u32 = 2;
 /// Answers in a row that disagree: ten samples.
 const WRONG: u32 = 5;
-/// Answers in a row by which the motor makes another torque: fifty samples, many times what a current takes to follow.
-const IDLE: u32 = 25;
-/// Samples without an answer that agrees, however many were lost.
+/// Answers in a row by which the motor makes another torque or none, and for how long, in s: many times what a current takes to follow, and
+/// longer than a heartbeat that says why.
+const IDLE: (u32, f64) = (10, 0.15);
+/// Samples without an answer, however many were lost.
 const UNPROVEN: u32 = 30;
 /// What agrees, in parts of the torque and of the largest one: what it uses, and what its motor makes.
 const USED: [f64; 2] = [0.01, 1e-3];
@@ -28,7 +29,7 @@ const DISAGREES: DriveFault = DriveFault {
 };
 const NOT_MADE: DriveFault = DriveFault {
     code: Command::Torques as u32,
-    what: "its motor does not make the torque that it is told: it is idle, or its current is limited",
+    what: "its motor does not make the torque that it is told: it is idle, torque frames are lost, or its current is limited",
     reason: None,
 };
 const SILENT: DriveFault = DriveFault {
@@ -48,9 +49,11 @@ pub(super) struct Proof {
     constant: Option<f64>,
     /// The last torque and the one before it, N·m.
     told: [f64; 2],
+    /// Answers in a row that disagree.
     wrong: u32,
-    idle: u32,
-    /// Samples since an answer agreed.
+    /// With the time since it was none, s.
+    idle: (u32, f64),
+    /// Samples since it answered.
     unproven: u32,
     sample: u32,
 }
@@ -60,7 +63,7 @@ impl Proof {
     pub fn new(kind: Command, most: f64) -> Self {
         let most = if most.is_finite() { most.abs() } else { 0.0 };
         let constant = (kind == Command::Torques).then_some(1.0);
-        Proof { kind, most, constant, told: [0.0; 2], wrong: 0, idle: 0, unproven: 0, sample: 0 }
+        Proof { kind, most, constant, told: [0.0; 2], wrong: 0, idle: (0, 0.0), unproven: 0, sample: 0 }
     }
 
     /// It has been told this torque.
@@ -68,9 +71,10 @@ impl Proof {
         self.told = [torque, self.told[0]];
     }
 
-    /// The next sample; whether to ask in it.
-    pub fn pass(&mut self) -> bool {
+    /// The next sample, so many s after the last one; whether to ask in it.
+    pub fn pass(&mut self, period: f64) -> bool {
         (self.sample, self.unproven) = (self.sample.wrapping_add(1), self.unproven + 1);
+        self.idle.1 += period;
         self.sample.is_multiple_of(EVERY)
     }
 
@@ -81,34 +85,31 @@ impl Proof {
         if self.constant.is_none() && is_fresh && last.abs() > TELLS * self.most && uses != 0.0 {
             self.constant = Some(last / uses);
         }
-        // Currents say nothing of a small torque as long as the motor is not known.
-        let Some(constant) = self.constant else {
-            let agrees = last.abs() <= TELLS * self.most;
-            self.count(agrees, agrees);
-            return;
+        let agrees = |said: f64, [part, floor]: [f64; 2]| match self.constant {
+            Some(constant) => {
+                let near = |told: f64| (constant * said - told).abs() <= part * told.abs() + floor * self.most;
+                near(last) || !is_fresh && near(before)
+            }
+            // Currents say nothing of a small torque as long as the motor is not known.
+            None => last.abs() <= TELLS * self.most,
         };
-        let agrees = |said: f64, [part, floor]: [f64; 2]| {
-            let near = |told: f64| (constant * said - told).abs() <= part * told.abs() + floor * self.most;
-            near(last) || !is_fresh && near(before)
-        };
-        self.count(agrees(uses, USED), agrees(makes, MADE));
-    }
-
-    fn count(&mut self, uses: bool, makes: bool) {
-        self.wrong = if uses { 0 } else { self.wrong + 1 };
-        self.idle = if makes { 0 } else { self.idle + 1 };
-        self.unproven = if uses { 0 } else { self.unproven };
+        let lets_go = (self.constant.unwrap_or(1.0) * uses).abs() <= USED[1] * self.most;
+        let (uses, makes) = (agrees(uses, USED), agrees(makes, MADE));
+        // One that uses none is idle, and its heartbeat says why.
+        self.wrong = if uses || lets_go { 0 } else { self.wrong + 1 };
+        self.idle = if makes && (uses || !lets_go) { (0, 0.0) } else { (self.idle.0 + 1, self.idle.1) };
+        self.unproven = 0;
     }
 
     /// It is not armed yet.
     pub fn rest(&mut self) {
-        (self.wrong, self.idle, self.unproven) = (0, 0, 0);
+        (self.wrong, self.idle, self.unproven) = (0, (0, 0.0), 0);
     }
 
     pub fn fault(&self) -> Option<DriveFault> {
         match () {
             () if self.wrong >= WRONG => Some(DISAGREES),
-            () if self.idle >= IDLE => Some(NOT_MADE),
+            () if self.idle.0 >= IDLE.0 && self.idle.1 > IDLE.1 => Some(NOT_MADE),
             () if self.unproven >= UNPROVEN => Some(SILENT),
             () => None,
         }
@@ -126,7 +127,7 @@ mod tests {
         let mut proof = Proof::new(kind, 1.0);
         let mut told = vec![0.0, 0.0, 0.0];
         for k in 0..samples {
-            if proof.pass()
+            if proof.pass(1e-3)
                 && let Some((uses, makes)) = drive(&told)
             {
                 proof.hear(uses, makes, true);
@@ -156,7 +157,7 @@ mod tests {
         }
 
         #[test]
-        fn a_drive_that_does_not_is_found_out_within_fifty_samples(constant in 0.01_f64..5.0, held in 0.0_f64..1.0, age in 1_usize..3) {
+        fn a_drive_that_does_not_is_found_out(constant in 0.01_f64..5.0, held in 0.01_f64..1.0, age in 1_usize..3) {
             for (kind, one) in [(Command::Torques, 1.0), (Command::Current, constant)] {
                 let lost = |told: &[f64]| Some((if told.len() < 60 { newest(told, 0) } else { held } / one, newest(told, 0) / one));
                 prop_assert_eq!(fault(kind, 60 + 40, lost), Some(DISAGREES));
@@ -166,7 +167,9 @@ mod tests {
                     prop_assert_eq!(fault(kind, 60 + 60, late), Some(DISAGREES));
                 }
                 let idle = |told: &[f64]| Some((newest(told, 0) / one, if told.len() < 60 { newest(told, 0) / one } else { 0.0 }));
-                prop_assert_eq!(fault(kind, 60 + 52, idle), Some(NOT_MADE));
+                prop_assert_eq!(fault(kind, 60 + 160, idle), Some(NOT_MADE));
+                let none = |told: &[f64]| (told.len() < 60).then_some(newest(told, 0) / one).or(Some(0.0)).map(|one| (one, one));
+                prop_assert_eq!(fault(kind, 60 + 160, none), Some(NOT_MADE));
                 let silent = |told: &[f64]| (told.len() < 60).then(|| (newest(told, 0) / one, newest(told, 0) / one));
                 prop_assert_eq!(fault(kind, 60 + 32, silent), Some(SILENT));
             }

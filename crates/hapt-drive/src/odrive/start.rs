@@ -27,7 +27,7 @@ impl Odrive {
     /// Everything that comes before the loop.
     pub(super) fn get_ready(&mut self) -> Result<Answer, Error> {
         (self.owed, self.chats, self.begun, self.is_armed, self.fault) = (0, false, None, false, None);
-        self.since_heartbeat = 0.0;
+        (self.since_heartbeat, self.heartbeat) = (0.0, Instant::now());
         // Somebody may have asked before us.
         self.asked = Some(Instant::now());
         self.is_there()?;

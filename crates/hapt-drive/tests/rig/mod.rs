@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::io;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering::SeqCst};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -57,6 +57,18 @@ pub fn soon() -> Instant {
     Instant::now() + Duration::from_secs(10)
 }
 
+/// Which way a frame goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// The drive says it.
+    Said,
+    /// The drive hears it.
+    Heard,
+}
+
+/// Who stands in the middle: what becomes of each frame.
+pub type Middle = Box<dyn FnMut(Way, Frame) -> Vec<Frame> + Send>;
+
 /// What is done to the frames between a drive and its host, and what is seen of the drive from outside.
 #[derive(Default)]
 pub struct Faults {
@@ -70,6 +82,8 @@ pub struct Faults {
     pub held: AtomicUsize,
     /// What it says is garbage.
     pub garbage: AtomicBool,
+    /// Somebody stands in the middle.
+    pub middle: Mutex<Option<Middle>>,
     /// The torque at its shaft, N·m, and its position in revolutions, as bits.
     torque: AtomicU64,
     position: AtomicU64,
@@ -78,6 +92,11 @@ pub struct Faults {
 impl Faults {
     pub fn torque(&self) -> f64 {
         f64::from_bits(self.torque.load(SeqCst))
+    }
+
+    /// From now on somebody stands in the middle.
+    pub fn between(&self, middle: impl FnMut(Way, Frame) -> Vec<Frame> + Send + 'static) {
+        *self.middle.lock().unwrap() = Some(Box::new(middle));
     }
 
     pub fn position(&self) -> f64 {
@@ -110,6 +129,7 @@ struct Faulty {
     bus: Box<dyn Bus>,
     faults: Arc<Faults>,
     under_way: VecDeque<(Instant, Frame)>,
+    heard: VecDeque<Frame>,
     /// xorshift: the same losses in every run.
     dice: u64,
 }
@@ -120,6 +140,13 @@ impl Faulty {
             self.dice ^= if left { self.dice << by } else { self.dice >> by };
         }
         self.faults.dead.load(SeqCst) || self.dice % 1000 < self.faults.loss.load(SeqCst).into()
+    }
+
+    fn pass(&mut self, way: Way, frame: Frame) -> Vec<Frame> {
+        match &mut *self.faults.middle.lock().unwrap() {
+            Some(middle) => middle(way, frame),
+            None => vec![frame],
+        }
     }
 
     fn deliver(&mut self, until: Instant) -> io::Result<()> {
@@ -140,15 +167,23 @@ impl Bus for Faulty {
             let late = Duration::from_millis(self.faults.late.load(SeqCst));
             let inverted: Vec<u8> = frame.data().iter().map(|byte| !byte).collect();
             let frame = if self.faults.garbage.load(SeqCst) { Frame::fd(frame.id, &inverted) } else { *frame };
-            self.under_way.push_back((Instant::now() + late, frame));
+            for frame in self.pass(Way::Said, frame) {
+                self.under_way.push_back((Instant::now() + late, frame));
+            }
         }
         self.deliver(until)
     }
 
     fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
         self.deliver(until)?;
-        let frame = self.bus.receive(until)?;
-        Ok(frame.filter(|_| !self.is_lost()))
+        if self.heard.is_empty()
+            && let Some(frame) = self.bus.receive(until)?
+            && !self.is_lost()
+        {
+            let frames = self.pass(Way::Heard, frame);
+            self.heard.extend(frames);
+        }
+        Ok(self.heard.pop_front())
     }
 }
 
@@ -222,7 +257,7 @@ impl Rig {
             }
         };
         let faults = Arc::new(Faults::default());
-        let bus = Faulty { bus, faults: Arc::clone(&faults), under_way: VecDeque::new(), dice: 0x9e37_79b9_7f4a_7c15 };
+        let bus = Faulty { bus, faults: Arc::clone(&faults), under_way: VecDeque::new(), heard: VecDeque::new(), dice: 0x9e37_79b9_7f4a_7c15 };
         let firmware = Watched(firmware, Arc::clone(&faults));
         let mut simulator = Simulator::new(Box::new(bus), Box::new(firmware), world, time);
         let ends = Arc::new(AtomicBool::new(false));
