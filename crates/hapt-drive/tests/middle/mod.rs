@@ -82,7 +82,7 @@ fn torque_frames_that_are_lost_alone_end_the_loop_though_questions_feed_the_driv
 
 #[test]
 fn torque_frames_that_are_late_or_changed_end_the_loop() {
-    for late in [1, 2, 5] {
+    for late in [1, 4] {
         let ended = fault(ends(Make::Odrive, &odrives()[0], 200, || {
             let mut held = VecDeque::new();
             move |way: Way, frame: Frame| {
@@ -95,17 +95,15 @@ fn torque_frames_that_are_late_or_changed_end_the_loop() {
         }));
         assert!(ended.what.contains("late"), "{ended}");
     }
-    for part in [-1.0, 0.5, 1.1, 20.0] {
-        for firmware in [&odrives()[0], &odrives()[2]] {
-            let _ = ends(Make::Odrive, firmware, 400, || {
-                move |way: Way, frame: Frame| {
-                    let Some((torque, _)) = codec::two_floats(frame.data()).filter(|_| torque(way, &frame)) else {
-                        return vec![frame];
-                    };
-                    vec![Frame::classic(frame.id, &codec::floats(part * torque, 0.0))]
-                }
-            });
-        }
+    for (part, firmware) in [-1.0, 0.5, 20.0].into_iter().zip(odrives()) {
+        let _ = ends(Make::Odrive, &firmware, 400, || {
+            move |way: Way, frame: Frame| {
+                let Some((torque, _)) = codec::two_floats(frame.data()).filter(|_| torque(way, &frame)) else {
+                    return vec![frame];
+                };
+                vec![Frame::classic(frame.id, &codec::floats(part * torque, 0.0))]
+            }
+        });
     }
 }
 
@@ -335,10 +333,14 @@ enum Act {
 fn whatever_is_done_to_frames_of_one_kind_no_torque_stays_that_nobody_asks_for() {
     let acts = [Act::Lost, Act::Late(1), Act::Late(3), Act::Again, Act::Frozen];
     let kinds = [(Way::Heard, 0x0e), (Way::Heard, 0x1c), (Way::Heard, 0x09), (Way::Said, 0x1c), (Way::Said, 0x01)];
+    // Most of the time goes into waiting for heartbeats.
     for (way, kind) in kinds {
-        for act in acts {
-            is_safe(Make::Odrive, Box::new(odrives()[0].clone()), act, move |to, frame| to == way && frame.id & 0x1f == kind);
-        }
+        std::thread::scope(|scope| {
+            for act in acts {
+                let is_kind = move |to, frame: &Frame| to == way && frame.id & 0x1f == kind;
+                scope.spawn(move || is_safe(Make::Odrive, Box::new(odrives()[0].clone()), act, is_kind));
+            }
+        });
     }
     for act in acts {
         is_safe(Make::Moteus, Box::new(moteus()), act, commands);
