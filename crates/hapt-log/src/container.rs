@@ -19,10 +19,11 @@ const MESSAGE: u8 = 0x05;
 const CHUNK: u8 = 0x06;
 const ATTACHMENT: u8 = 0x09;
 const METADATA: u8 = 0x0c;
-const DATA_END: u8 = 0x0f;
+pub(crate) const FOOTER: u8 = 0x02;
+pub(crate) const DATA_END: u8 = 0x0f;
 
-/// No record of a log is longer, by far.
-const LONGEST: u64 = 1 << 30;
+/// No record of a log is longer, by far: its chunks have a quarter of a MiB.
+const LONGEST: u64 = 1 << 26;
 
 /// Where a log ends.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -143,7 +144,7 @@ impl<R: Read> Container<R> {
             };
             match opcode {
                 CHUNK if range.start == 0 => self.open_chunk(),
-                DATA_END if range.start == 0 => self.end(),
+                DATA_END if range.start == 0 => self.end()?,
                 CHANNEL | MESSAGE | ATTACHMENT | METADATA => match self.item(opcode, range) {
                     Some(item) => return Ok(Some(item)),
                     None => self.damaged("a record is not what it says it is"),
@@ -228,14 +229,17 @@ impl<R: Read> Container<R> {
         }
     }
 
-    /// The end of the data: what stands behind it is an index.
-    fn end(&mut self) {
+    /// The end of the data: what stands behind it is an index. A recorder whose process was killed has left an end without one.
+    fn end(&mut self) -> io::Result<()> {
         let wanted = Bytes(&self.body).u32().unwrap_or(0);
         if wanted != 0 && wanted != self.checksum.clone().finalize() {
             self.damaged("the checksum of the whole is wrong");
+        } else if wanted == 0 && self.fill(17)? && self.body[0] == FOOTER && self.body[9..] == [0; 8] {
+            self.ending = Some(Ending::Cut(self.good));
         } else {
             self.ending = Some(Ending::Whole);
         }
+        Ok(())
     }
 
     fn item(&self, opcode: u8, range: Range<usize>) -> Option<Item> {

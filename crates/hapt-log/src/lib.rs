@@ -44,6 +44,7 @@
 #![forbid(unsafe_code)]
 
 mod board;
+mod complete;
 mod container;
 mod descriptor;
 mod error;

@@ -116,7 +116,9 @@ impl<R: Read> Log<R> {
                     }
                 }
                 Item::Channel(channel) => {
-                    topics.push(channel.topic.clone());
+                    if topics.len() <= 5 {
+                        topics.push(channel.topic.clone());
+                    }
                     if let Some(plan) = LoggedPlan::new(&channel)? {
                         plans.insert(channel.id, Arc::new(plan));
                     }

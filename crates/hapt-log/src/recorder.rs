@@ -15,6 +15,7 @@ use hapt_model::World;
 use hapt_rt::{Engine, Record, Snapshot};
 
 use crate::Error;
+use crate::complete::Complete;
 use crate::writer::{Header, LogWriter, Origin};
 
 /// Records that may wait for the disk: 16 s of a loop at 1 kHz, some 12 MB.
@@ -87,8 +88,21 @@ impl Recorder {
     pub fn start(path: impl AsRef<Path>, world: &World, header: Header) -> Result<Self, Error> {
         let path = path.as_ref();
         let failed = |error: io::Error| Error::Write { path: path.display().to_string(), error: error.to_string() };
-        let file = File::create(path).map_err(failed)?;
-        Recorder::start_on(BufWriter::with_capacity(1 << 16, file), path, world, header)
+        Recorder::start_in(File::create(path).map_err(failed)?, path, world, header)
+    }
+
+    /// The same in a file that is open, and empty; `path` is what it is called. At every moment between two writes it ends as an MCAP file
+    /// does, so that any reader reads it, whatever becomes of this process.
+    ///
+    /// # Errors
+    /// [`Error::Write`] for a file that takes nothing.
+    pub fn start_in(file: File, path: impl AsRef<Path>, world: &World, header: Header) -> Result<Self, Error> {
+        // Only what is on a disk can be gone back in.
+        if file.metadata().is_ok_and(|there| there.is_file()) {
+            Recorder::start_on(Complete::new(file), path, world, header)
+        } else {
+            Recorder::start_on(BufWriter::with_capacity(1 << 16, file), path, world, header)
+        }
     }
 
     /// The same on anything that takes bytes; `path` is what it is called.

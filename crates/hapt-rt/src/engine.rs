@@ -1,7 +1,5 @@
 //! The thread and its rings.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -77,7 +75,6 @@ pub struct Engine {
     spent: Consumer<Box<Plan>>,
     realtime: Realtime,
     handle: LoopHandle,
-    end: Arc<AtomicBool>,
     thread: Option<JoinHandle<End>>,
     ended: End,
 }
@@ -95,7 +92,7 @@ impl Engine {
         let (outgoing, records) = RingBuffer::new(RECORDS);
         let (back, spent) = RingBuffer::new(ORDERS);
         let (taken, snapshots) = RingBuffer::new(ORDERS);
-        let (handle, end) = (LoopHandle::default(), Arc::<AtomicBool>::default());
+        let handle = LoopHandle::default();
         let (say, hear) = mpsc::sync_channel(1);
         let rings = Rings {
             orders: incoming,
@@ -104,7 +101,6 @@ impl Engine {
             back,
             seen: handle.epoch(),
             handle: handle.clone(),
-            end: Arc::clone(&end),
         };
         let clock = handle.clock().spinning(settings.spin);
         let cycle = Cycle::new(Box::new(plan), device);
@@ -117,7 +113,7 @@ impl Engine {
         // A thread that has ended before it said anything says so in `ended`.
         let realtime = hear.recv().unwrap_or_default();
         let ended = End::Asked;
-        Ok(Engine { records, snapshots, orders, spent, realtime, handle, end, thread: Some(thread), ended })
+        Ok(Engine { records, snapshots, orders, spent, realtime, handle, thread: Some(thread), ended })
     }
 
     /// What the system has granted.
@@ -169,7 +165,7 @@ impl Engine {
 
     /// Ends the loop, and waits until the torque is off.
     pub fn end(&mut self) -> End {
-        self.end.store(true, Ordering::Relaxed);
+        self.handle.end();
         self.join();
         self.ended
     }
@@ -201,13 +197,12 @@ struct Rings {
     handle: LoopHandle,
     /// The epoch of the last sample.
     seen: Epoch,
-    end: Arc<AtomicBool>,
 }
 
 /// The loop. From its first sample to its last it calls nothing of the system's but the clock and the device.
 fn run(mut cycle: Cycle, mut rings: Rings, clock: Clock) -> End {
-    let end = Arc::clone(&rings.end);
-    let ends = || end.load(Ordering::Relaxed);
+    let handle = rings.handle.clone();
+    let ends = || handle.is_ended();
     let mut schedule = Schedule::new(clock.now(), cycle.period());
     // The instant of sample 0.
     let mut start = None;

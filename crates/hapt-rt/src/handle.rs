@@ -1,7 +1,7 @@
 //! What reaches a loop from any thread, past every queue: stop, heartbeats, and the withdrawal of whoever has control.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use crate::clock::Clock;
@@ -31,12 +31,13 @@ struct Shared {
     epoch: AtomicU64,
     /// When the last heartbeat came, in ns of the clock and 1 at least; 0: there is no link.
     heard: AtomicU64,
+    end: AtomicBool,
 }
 
 impl Default for LoopHandle {
     fn default() -> Self {
         let clock = Clock::new(Duration::ZERO);
-        LoopHandle(Arc::new(Shared { clock, epoch: AtomicU64::new(0), heard: AtomicU64::new(0) }))
+        LoopHandle(Arc::new(Shared { clock, epoch: AtomicU64::new(0), heard: AtomicU64::new(0), end: AtomicBool::new(false) }))
     }
 }
 
@@ -44,6 +45,16 @@ impl LoopHandle {
     /// Stop: no torque from the next sample on.
     pub fn stop(&self) {
         self.0.epoch.fetch_add(STOP, Ordering::AcqRel);
+    }
+
+    /// The loop ends with the torque off, at its next instant; nobody waits for that here.
+    pub fn end(&self) {
+        self.0.end.store(true, Ordering::Release);
+    }
+
+    /// Whether the loop is to end.
+    pub(crate) fn is_ended(&self) -> bool {
+        self.0.end.load(Ordering::Acquire)
     }
 
     /// Whoever had control has it no longer: the torque fades out from the next sample on, and what he asked for counts no more.

@@ -9,17 +9,26 @@ use crate::Record;
 /// The times of a loop, from its records, on whatever thread takes them. All in ns.
 #[derive(Clone, Debug)]
 pub struct Timing {
-    /// From a sample's instant to when it was taken.
+    /// From the instant at which a sample was due to when one was taken: behind missed ones, from the first of them.
     latency: Histogram<u64>,
-    /// From one sample to the next, where none was missed.
+    /// From one sample to the next, over those that were missed between them.
     period: Histogram<u64>,
     /// From there to when the device had its command.
     computation: Histogram<u64>,
     overruns: u64,
     missed: u64,
     lost: u64,
-    /// The last sample, and when it was taken.
-    last: Option<(u64, u64)>,
+    /// The longest time between two samples, and when it ended.
+    gap: (u64, u64),
+    last: Option<Last>,
+}
+
+/// A sample that was taken.
+#[derive(Clone, Copy, Debug)]
+struct Last {
+    sample: u64,
+    due: u64,
+    taken: u64,
 }
 
 /// Quantiles of a time, in ns; 0 without samples.
@@ -60,26 +69,37 @@ impl Timing {
             overruns: 0,
             missed: 0,
             lost: 0,
+            gap: (0, 0),
             last: None,
         }
     }
 
     /// One more record, in the order of the loop.
     pub fn add(&mut self, record: &Record) {
-        self.latency.saturating_record(record.latency.into());
         self.computation.saturating_record(record.computation.into());
         self.overruns += u64::from(record.missed > 0);
         self.missed += u64::from(record.missed);
-        let taken = record.due + u64::from(record.latency);
-        if let Some((sample, before)) = self.last {
+        let Record { sample, due, .. } = *record;
+        // The schedule's sample is the last whose instant has passed: it is late by less than a period.
+        let late = u64::from(record.latency);
+        let taken = due + late;
+        let mut latency = late;
+        if let Some(last) = self.last {
+            let steps = sample.saturating_sub(last.sample).max(1);
             // What the loop did not miss and is not here has found no room.
-            let lost = (record.sample - sample).saturating_sub(1 + u64::from(record.missed));
+            let lost = steps.saturating_sub(1 + u64::from(record.missed));
             self.lost += lost;
-            if lost == 0 && record.missed == 0 {
-                self.period.saturating_record(taken.saturating_sub(before));
+            // The next sample was due one period after the last. A device's old readings count as missed, too, but at their own instants.
+            let skipped = u64::from(record.missed).min(steps - 1);
+            latency += due.saturating_sub(last.due) / steps * skipped;
+            if lost == 0 {
+                let between = taken.saturating_sub(last.taken);
+                self.period.saturating_record(between);
+                self.gap = self.gap.max((between, taken));
             }
         }
-        self.last = Some((record.sample, taken));
+        self.latency.saturating_record(latency);
+        self.last = Some(Last { sample, due, taken });
     }
 
     /// Samples that were taken and seen here.
@@ -102,12 +122,26 @@ impl Timing {
         self.lost
     }
 
-    /// From a sample's instant to when it was taken.
+    /// The longest time between two samples, in ns; 0 before there are two.
+    pub fn longest_gap(&self) -> u64 {
+        self.gap.0
+    }
+
+    /// That samples were missed, and for how long at worst; `None` where none was.
+    pub fn warning(&self) -> Option<String> {
+        (self.missed > 0).then(|| {
+            let samples = if self.missed == 1 { "sample was" } else { "samples were" };
+            let gap = self.gap.0 as f64 * 1e-6;
+            format!("{} {samples} missed; the longest gap between two samples was {gap:.3} ms", self.missed)
+        })
+    }
+
+    /// From the instant at which a sample was due to when one was taken: behind missed ones, from the first of them.
     pub fn latency(&self) -> Quantiles {
         Quantiles::of(&self.latency)
     }
 
-    /// From one sample to the next, where none was missed.
+    /// From one sample to the next, over those that were missed between them.
     pub fn period(&self) -> Quantiles {
         Quantiles::of(&self.period)
     }
@@ -179,9 +213,11 @@ impl fmt::Display for Timing {
             n => write!(f, "{} samples, {} missed, too late {}", self.samples(), self.missed, times(n))?,
         }
         match self.lost {
-            0 => Ok(()),
-            n => write!(f, "; {n} of the samples not seen here"),
+            0 => {}
+            n => write!(f, "; {n} of the samples not seen here")?,
         }
+        let (gap, at) = (self.gap.0 as f64 * 1e-6, self.gap.1 as f64 * 1e-9);
+        if self.gap.0 > 0 { write!(f, "\nlongest gap  {gap:.3} ms between two samples, {at:.3} s after the start") } else { Ok(()) }
     }
 }
 
@@ -246,8 +282,37 @@ mod tests {
         }
     }
 
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
+
+        /// A loop that stands still at some sample for any while, asleep or at work: the schedule's own sample after it is less than a
+        /// period late, and the table has all of the while.
+        #[test]
+        fn a_stall_of_any_length_is_the_largest_latency_and_the_longest_gap(
+            before in 1_u64..200, after in 1_u64..200, missed in 1_u32..50_000, late in 0_u32..1_000_000, device in 0_u32..4,
+        ) {
+            let mut timing = Timing::new();
+            for k in 0..before {
+                timing.add(&record(k, 0, 1000, 1));
+            }
+            let resumed = before + u64::from(missed);
+            timing.add(&record(resumed, missed, late, 1));
+            for k in 1..=after {
+                // Readings that are old are missed samples of the device's, and no stall.
+                timing.add(&record(resumed + k, device, 1000, 1));
+            }
+            let stall = u64::from(missed) * 1_000_000 + u64::from(late);
+            prop_assert!(timing.latency().max.abs_diff(stall) <= stall / 900 + 1, "{} {stall}", timing.latency().max);
+            prop_assert_eq!(timing.longest_gap(), stall + 1_000_000 - 1000);
+            prop_assert!(timing.period().max >= timing.longest_gap());
+            let (text, warning) = (timing.to_string(), timing.warning().unwrap());
+            let gap = format!("{:.3} ms", timing.longest_gap() as f64 * 1e-6);
+            prop_assert!(text.contains(&gap) && warning.contains(&gap), "{text} {warning}");
+        }
+    }
+
     #[test]
-    fn what_is_missed_and_what_is_lost_are_two_things_and_neither_is_a_period() {
+    fn what_is_missed_and_what_is_lost_are_two_things_and_what_is_lost_is_no_gap() {
         let mut timing = Timing::new();
         // On time, late by 100 us, three missed by the loop, two that found no room.
         for given in [record(0, 0, 0, 1), record(1, 0, 100_000, 1), record(5, 3, 100_000, 1), record(8, 0, 100_000, 1)]
@@ -255,9 +320,15 @@ mod tests {
             timing.add(&given);
         }
         assert_eq!((timing.samples(), timing.overruns(), timing.missed(), timing.lost()), (4, 1, 3, 2));
-        let period = timing.period();
-        assert!(period.p50 == period.max && period.max.abs_diff(1_100_000) < 1_100, "{period:?}");
+        // 1.1 ms and, over three that were missed, 4 ms; over the lost ones nobody knows.
+        assert_eq!(timing.longest_gap(), 4_000_000);
+        assert!(timing.period().p50.abs_diff(1_100_000) < 1_100, "{:?}", timing.period());
         let text = timing.to_string();
-        assert!(text.ends_with("4 samples, 3 missed, too late once; 2 of the samples not seen here"), "{text}");
+        assert!(
+            text.ends_with(
+                "4 samples, 3 missed, too late once; 2 of the samples not seen here\nlongest gap  4.000 ms between two samples, 0.005 s after the start"
+            ),
+            "{text}"
+        );
     }
 }

@@ -34,13 +34,14 @@ mod here {
     use hapt_core::{Phase, Reason};
     use hapt_link::{Link, Telemetry};
     use hapt_live::Shown;
-    use hapt_log::{Header, Recorder};
+    use hapt_log::Header;
     use hapt_rt::Record;
 
     use crate::args::RunArgs;
     use crate::board::{self, Fit};
     use crate::device::Port;
     use crate::failure::Failure;
+    use crate::log::Recording;
     use crate::run::finish;
     use crate::world::Loaded;
     use crate::{output, people, sim};
@@ -55,8 +56,9 @@ mod here {
     /// `duration` in s at full torque.
     pub fn run(args: &RunArgs, loaded: Loaded, port: &Port, duration: f64) -> Result<ExitCode, Failure> {
         let fit = Fit::new(loaded, &args.world.sets, args.uncertified)?;
-        let mut link = board::open_with_motor(port)?;
+        let recording = Recording::start(args.log.as_deref(), &fit.loaded.world, || header(args, &fit))?;
         output::end_in_order();
+        let mut link = board::open_with_motor(port)?;
         let hash = board::send(&mut link, &fit)?;
         if link.board().phase == Some(Phase::Faulted) {
             let why = link.board().reason.map_or("It does not say why.", Reason::sentence);
@@ -65,19 +67,31 @@ mod here {
         }
         let period = fit.loaded.world.sampling.period;
         link.show(period, if args.log.is_some() { 0.0 } else { SHOWN })?;
-        let recorder = recorder(args, &fit)?;
-        let before = if recorder.is_some() { latest(&mut link)? } else { None };
+        let before = if recording.is_some() { latest(&mut link)? } else { None };
+        let recorder = recording.map(Recording::begin).transpose()?;
         let mut run = Run { link, before, period, link_allows: link_allows(&fit), duration, seen: Seen::default() };
         let how = run.until_it_ends(hash, &mut |record| {
             // What finds no room is counted by it.
             recorder.as_ref().map(|recorder| recorder.send(record));
         });
+        if how.is_err() {
+            // Before anything waits for a disk or for a reader.
+            let _ = run.link.stop();
+        }
         let logged = recorder.map(finish).transpose();
         let mut out = stdout().lock();
         let logged_line = logged.as_ref().ok().and_then(Option::as_deref).unwrap_or_default();
         let text = run.summary(&fit, &how) + logged_line;
-        out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+        let printed = out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
+        if let Ok(How::Signal(code)) = how {
+            // The terminal may be gone, and with it whoever reads.
+            return Ok(ExitCode::from(code));
+        }
+        printed?;
         logged?;
+        if let Some(missed) = run.missed() {
+            people::say(format_args!("warning: {missed}"));
+        }
         match how? {
             How::Done => Ok(ExitCode::SUCCESS),
             How::Signal(code) => Ok(ExitCode::from(code)),
@@ -102,13 +116,10 @@ mod here {
         if silence.is_finite() { Duration::from_secs_f64(silence.max(0.0) / 4.0).min(KEPT) } else { KEPT }
     }
 
-    /// The log, where one is asked for.
-    fn recorder(args: &RunArgs, fit: &Fit) -> Result<Option<Recorder>, Failure> {
-        let Some(file) = &args.log else { return Ok(None) };
+    /// What goes into the log beside the samples.
+    fn header(args: &RunArgs, fit: &Fit) -> Header {
         let header = sim::header(&fit.loaded, &fit.sets, true);
-        let header = Header { device: args.device.clone(), guarding: fit.guarding, ..header };
-        let recorder = Recorder::start(file, &fit.loaded.world, header);
-        recorder.map(Some).map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))
+        Header { device: args.device.clone(), guarding: fit.guarding, ..header }
     }
 
     /// How a run has ended.
@@ -189,6 +200,12 @@ mod here {
             }
         }
 
+        /// That samples were missed, where some were.
+        fn missed(&self) -> Option<String> {
+            let missed = self.seen.missed();
+            (missed > 0).then(|| format!("the board missed {} samples; see the summary", people::count(missed.into())))
+        }
+
         fn summary(&self, fit: &Fit, how: &Result<How, Failure>) -> String {
             let Seen { first, last, shown, running, peak, .. } = &self.seen;
             let ran = match running {
@@ -201,11 +218,14 @@ mod here {
                 Ok(How::Fault(reason)) => format!("faulted. {}", reason.sentence()),
                 Err(_) => "broken off".into(),
             };
-            let (samples, missed) = match (first, last) {
-                (Some(first), Some(last)) => (last.sample - first.sample + 1, last.missed.wrapping_sub(first.missed)),
-                _ => (0, 0),
+            let samples = match (first, last) {
+                (Some(first), Some(last)) => last.sample - first.sample + 1,
+                _ => 0,
             };
-            let missed = if missed == 0 { "none".into() } else { people::count(missed.into()) };
+            let missed = match self.seen.missed() {
+                0 => "none".into(),
+                missed => people::count(missed.into()),
+            };
             let board = self.link.board();
             format!(
                 "{} on the board {}, {} a sample\nran          {ran}; {end}\nmotor        asked for {} at most, of what was shown\nsamples      {}, {missed} missed; {} shown\n",
@@ -224,6 +244,11 @@ mod here {
     }
 
     impl Seen {
+        /// Samples that the board has missed while it was watched.
+        fn missed(&self) -> u32 {
+            self.first.zip(self.last).map_or(0, |(first, last)| last.missed.wrapping_sub(first.missed))
+        }
+
         fn add(&mut self, telemetry: &Telemetry) {
             self.first.get_or_insert(*telemetry);
             self.last = Some(*telemetry);

@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 use std::io::{Write, stdout};
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use hapt_analysis::proposal::unit;
@@ -14,7 +13,7 @@ use hapt_sweep::table;
 use crate::args::BoundaryArgs;
 use crate::boundary_plot;
 use crate::failure::Failure;
-use crate::output::Draft;
+use crate::output;
 use crate::people;
 use crate::world::source;
 
@@ -49,11 +48,10 @@ impl Shown {
 
 pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     let claims = claims(&args.claims)?;
-    for (name, path, ending) in [("--out", &args.out, "csv"), ("--plot", &args.plot, "svg")] {
-        if let Some(path) = path.as_ref().filter(|path| path.extension().is_none_or(|have| have != ending)) {
-            return Err(Failure::input(format!("{name} {}: FILE.{ending} is wanted", path.display())));
-        }
+    if let Some(out) = &args.out {
+        output::format("--out", out, &["csv"])?;
     }
+    output::figure_format("--plot", args.plot.as_deref())?;
     let boundary = Boundary::new(&source(&args.world.path)?, &args.world.sets, &args.axes, &claims)?;
     let axes = shown(&boundary.plane, &args.axes);
     let title = boundary.plane.world.title.clone().unwrap_or_else(|| "edges".into());
@@ -62,10 +60,11 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     let csv = csv(&boundary);
     let mut files = Vec::new();
     if let Some(target) = &args.out {
-        files.push(draft(target, &csv)?);
+        files.push((output::draft(target, csv.as_bytes())?, target));
     }
     if let Some(target) = &args.plot {
-        files.push(draft(target, &boundary_plot::svg(&boundary, &axes, &title, &summary))?);
+        let svg = boundary_plot::svg(&boundary, &axes, &title, &summary);
+        files.push((output::figure("--plot", target, &svg)?, target));
     }
     // Both are there before one is in its place.
     let mut wrote = Vec::new();
@@ -97,13 +96,6 @@ fn claims(names: &[String]) -> Result<Vec<Edge>, Failure> {
         }
     }
     Ok(claims)
-}
-
-fn draft(target: &Path, text: &str) -> Result<(Draft, PathBuf), Failure> {
-    let failed = |error| Failure::write(target.display(), error);
-    let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
-    draft.write_all(text.as_bytes()).map_err(failed)?;
-    Ok((draft, target.to_path_buf()))
 }
 
 /// The axes in the units of their ends as typed, or else in SI.

@@ -1,7 +1,7 @@
 //! What `--device SPEC` stands for.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -11,6 +11,7 @@ use hapt_rt::{Device, Hands, Position, Replay, Simulated};
 use crate::drives::{self, Address};
 use crate::failure::Failure;
 use crate::log;
+use crate::people;
 
 /// A device, as it is named on the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -119,11 +120,26 @@ impl Spec {
     }
 }
 
+/// The most positions of a recording: three hours and a half at 1 kHz, some 300 MB.
+const MOST: usize = 1 << 23 | 1 << 22;
+/// A longer line is no run's: 64 bodies in full digits take a tenth of it.
+const LONGEST: u64 = 1 << 20;
+
+/// Refuses a recording that does not end.
+fn within(name: &str, positions: &[Position]) -> Result<(), Failure> {
+    if positions.len() < MOST {
+        return Ok(());
+    }
+    let message = format!("it has more than {} samples; a shorter recording is wanted", people::count(MOST as u64));
+    Err(Failure::input(format!("{name}: {message}")))
+}
+
 /// The puck's positions and velocities in a log.
 fn logged(path: &Path) -> Result<Vec<Position>, Failure> {
     let mut opened = log::open(path)?;
     let mut positions = Vec::new();
     while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
+        within(&opened.name, &positions)?;
         // Time, then the puck: the first columns of every log.
         if let [_, position, velocity, ..] = *sample.values {
             positions.push(Position { position, velocity, announced: true });
@@ -148,8 +164,17 @@ fn positions(path: &Path, motion: Motion) -> Result<Vec<Position>, Failure> {
     };
     let mut places = None;
     let mut positions = Vec::new();
-    for (i, line) in file.lines().enumerate() {
-        let line = line.map_err(|error| wrong(i + 1, error.to_string()))?;
+    let mut text = Vec::new();
+    for i in 0.. {
+        within(&name.to_string(), &positions)?;
+        text.clear();
+        let read = (&mut file).take(LONGEST).read_until(b'\n', &mut text);
+        match read.map_err(|error| wrong(i + 1, error.to_string()))? as u64 {
+            0 => break,
+            LONGEST => return Err(wrong(i + 1, "the line does not end within 1 MiB".into())),
+            _ => {}
+        }
+        let line = std::str::from_utf8(&text).map_err(|_| wrong(i + 1, "it is no text in UTF-8".into()))?;
         let fields: Vec<&str> = line.split(',').map(str::trim).collect();
         let Some(places) = places else {
             let place = |column: &str| {

@@ -81,8 +81,8 @@ mod linux {
             }
         };
         let mut simulator = Simulator::new(bus, firmware, &world, clock);
-        output::end_in_order();
         writeln!(stdout(), "{name}").and_then(|()| stdout().flush()).map_err(Failure::stdout)?;
+        output::end_in_order();
         say(format_args!("{} with id {} is simulated at {name}; Ctrl-C takes it away", make.one(), args.id));
         if let Some(scenario) = scenario {
             simulator.play(&world, &scenario.name);

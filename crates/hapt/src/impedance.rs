@@ -2,7 +2,6 @@
 
 use std::fmt::{Display, Write as _};
 use std::io::{Write, stdout};
-use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_analysis::felt::{Asked, Element, Elements, Felt, Resonance, Row};
@@ -17,7 +16,7 @@ use serde_json::json;
 
 use crate::args::{ImpedanceArgs, SlopesArg};
 use crate::failure::Failure;
-use crate::output::Draft;
+use crate::output;
 use crate::people;
 use crate::progress::Progress;
 use crate::world::{Loaded, load};
@@ -38,11 +37,15 @@ pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
     if args.out.is_some() && args.out == args.plot {
         return Err(Failure::input("--out and --plot are the same file"));
     }
+    if let Some(out) = &args.out {
+        output::format("--out", out, &["csv"])?;
+    }
+    output::figure_format("--plot", args.plot.as_deref())?;
     let loaded = load(&args.world)?;
     let [csv, figure, json, text] = if args.z_width { width(args, &loaded)? } else { frequencies(args, &loaded)? };
     // Both are written before either is put in its place.
-    let csv = args.out.as_deref().map(|target| draft(target, &csv)).transpose()?;
-    let figure = args.plot.as_deref().map(|target| draft(target, &figure)).transpose()?;
+    let csv = args.out.as_deref().map(|target| output::draft(target, csv.as_bytes())).transpose()?;
+    let figure = args.plot.as_deref().map(|target| output::figure("--plot", target, &figure)).transpose()?;
     for (target, draft) in [(&args.out, csv), (&args.plot, figure)] {
         if let (Some(target), Some(draft)) = (target, draft) {
             let path = draft.finish().map_err(|error| Failure::write(target.display(), error))?;
@@ -57,13 +60,6 @@ pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     out.write_all(printed.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(ExitCode::SUCCESS)
-}
-
-fn draft(target: &Path, text: &str) -> Result<Draft, Failure> {
-    let failed = |error| Failure::write(target.display(), error);
-    let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
-    draft.write_all(text.as_bytes()).and_then(|()| draft.flush()).map_err(failed)?;
-    Ok(draft)
 }
 
 fn svg(figure: &Figure) -> String {

@@ -1,7 +1,7 @@
 //! `hapt init`: a world file to start from, and the schema that its editor reads.
 
 use std::fs;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -38,7 +38,7 @@ pub fn run(args: &InitArgs) -> Result<ExitCode, Failure> {
     let (world_path, schema_path) = (folder.join("world.toml"), folder.join("hapt.schema.json"));
     refuse_existing(&world_path)?;
     // The one of this hapt may stay: a second world in the folder goes by it too.
-    let schema_is_there = fs::read(&schema_path).is_ok_and(|bytes| bytes == schema.as_bytes());
+    let schema_is_there = is_there(&schema_path, schema.as_bytes());
     if !schema_is_there {
         refuse_existing(&schema_path)?;
     }
@@ -52,6 +52,13 @@ pub fn run(args: &InitArgs) -> Result<ExitCode, Failure> {
     let shown = world_path.display();
     people::say(format_args!("next: hapt sim {shown}, hapt check {shown}, and what its comments say"));
     Ok(ExitCode::SUCCESS)
+}
+
+/// Whether a file has these bytes and no more; no more of it is read.
+fn is_there(path: &Path, bytes: &[u8]) -> bool {
+    let mut there = Vec::new();
+    let open = fs::metadata(path).is_ok_and(|there| there.is_file()).then(|| fs::File::open(path).ok()).flatten();
+    open.is_some_and(|file| file.take(bytes.len() as u64 + 1).read_to_end(&mut there).is_ok() && there == bytes)
 }
 
 /// Nothing of the user's is written over, a link that leads nowhere among it.

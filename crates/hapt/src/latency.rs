@@ -29,6 +29,8 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     let mut engine =
         Engine::start_with(plan(&world, Guarding::Simulated)?, Box::new(device), settings(&args.realtime, &world)?)?;
     output::end_in_order();
+    let stop = engine.handle().clone();
+    output::stop_with(move || stop.end());
     let _ = engine.send(Order::Request(Request::Arm));
     let stolen = Stolen::until_now();
     let mut timing = Timing::new();
@@ -45,8 +47,12 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     let text =
         if args.json { json(&world, &timing, realtime, stolen) } else { text(&world, &timing, realtime, stolen) };
     let mut out = stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
-    Ok(output::signalled().map_or(ExitCode::SUCCESS, ExitCode::from))
+    let printed = out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
+    match output::signalled() {
+        // The terminal may be gone, and with it whoever reads.
+        Some(code) => Ok(ExitCode::from(code)),
+        None => printed.map(|()| ExitCode::SUCCESS),
+    }
 }
 
 /// A positive time.
@@ -137,6 +143,7 @@ fn json(world: &World, timing: &Timing, realtime: &Realtime, stolen: Option<Dura
         "latency_us": quantiles(timing.latency()),
         "period_us": quantiles(timing.period()),
         "computation_us": quantiles(timing.computation()),
+        "longest_gap_us": us(timing.longest_gap()),
         "histogram": bars,
         "stolen_s": stolen.unwrap_or_default().as_secs_f64(),
         "realtime": { "priority": realtime.priority, "locked": realtime.locked, "warnings": realtime.warnings },

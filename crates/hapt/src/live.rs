@@ -1,6 +1,5 @@
 //! `hapt live`: the loop in real time behind a web page.
 
-use std::io::{Write, stdout};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
@@ -16,7 +15,7 @@ use crate::drives;
 use crate::failure::Failure;
 use crate::latency::settings;
 use crate::output;
-use crate::people::say;
+use crate::people::{print, say};
 use crate::run::guarding;
 use crate::world::{Loaded, source};
 
@@ -37,6 +36,7 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
         sets = Fit::new(loaded, &sets, args.uncertified)?.sets;
     }
     let options = Options { source, sets, address, folder: args.log_dir.clone() };
+    output::folder("--log-dir", &args.log_dir)?;
     // Before anything can hold a torque: a signal takes it off first.
     output::end_in_order();
     let live = Live::start_on(options, |world| machine(args, &spec, world))?;
@@ -44,9 +44,8 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     if spec.has_a_motor() {
         say(drives::NOT_CERTIFIED);
     }
-    let mut out = stdout().lock();
-    writeln!(out, "{}", live.link()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
-    drop(out);
+    // A page may arm it before anybody has read the line.
+    let printed = print(format!("{}\n", live.link()));
     if !live.address().ip().is_loopback() {
         say(format_args!(
             "hapt: listening on {}, which other machines can reach; a page needs the token in the link",
@@ -62,6 +61,10 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
         if let Some(code) = output::signalled() {
             drop(live);
             return Ok(ExitCode::from(code));
+        }
+        if let Ok(Err(error)) = printed.try_recv() {
+            drop(live);
+            return Err(Failure::stdout(error));
         }
         live.wait(MOMENT)?;
     }

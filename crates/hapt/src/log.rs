@@ -4,15 +4,43 @@ use std::fs::File;
 use std::io::{BufReader, Read, stdin};
 use std::path::Path;
 
-use hapt_log::{Ending, Error, Log};
+use hapt_log::{Ending, Error, Header, Log, Recorder};
+use hapt_model::World;
 
 use crate::failure::Failure;
+use crate::output::{self, Draft};
 use crate::people;
 
 /// A log and what people call it.
 pub struct Opened {
     pub name: String,
     pub log: Log<Box<dyn Read>>,
+}
+
+/// The log of a loop in real time that is about to begin: until then it stands beside its place, so that a run that is refused leaves an
+/// older log as it was.
+pub struct Recording {
+    recorder: Recorder,
+    draft: Draft,
+}
+
+impl Recording {
+    /// Starts what `--log` names, where it names something.
+    pub fn start(file: Option<&Path>, world: &World, header: impl FnOnce() -> Header) -> Result<Option<Self>, Failure> {
+        let Some(file) = file else { return Ok(None) };
+        output::format("--log", file, &["mcap"])?;
+        let failed = |error: std::io::Error| Failure::System(format!("--log {}: cannot write it: {error}", file.display()));
+        let draft = Draft::new(file.to_path_buf()).map_err(failed)?;
+        let recorder = Recorder::start_in(draft.handle().map_err(failed)?, file, world, header());
+        let recorder = recorder.map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))?;
+        Ok(Some(Recording { recorder, draft }))
+    }
+
+    /// The loop has begun: the log goes into its place, and grows there.
+    pub fn begin(self) -> Result<Recorder, Failure> {
+        self.draft.finish().map_err(|error| Failure::System(format!("--log: cannot write the log: {error}")))?;
+        Ok(self.recorder)
+    }
 }
 
 /// Opens a log; `-` is standard input.

@@ -30,6 +30,7 @@ mod replay;
 mod report;
 mod run;
 mod schema;
+mod signals;
 mod shell;
 mod sim;
 mod sweep;
@@ -47,7 +48,7 @@ use clap::Parser;
 use args::{Args, Command};
 
 fn main() -> ExitCode {
-    output::watch_for_signals();
+    signals::watch();
     let args = match Args::try_parse() {
         Ok(args) => args,
         Err(usage) => return failure::usage(&usage),
@@ -79,8 +80,10 @@ fn main() -> ExitCode {
         Some(Command::Completions(args)) => shell::completions(args),
         Some(Command::Man(args)) => shell::man(args),
     };
-    match done {
+    let code = match done {
         Ok(code) => code,
         Err(failure) => failure.report(),
-    }
+    };
+    people::settle();
+    code
 }

@@ -1,34 +1,64 @@
-//! Files that are there whole or not at all, and signals that leave nothing behind.
+//! Where results go: files that are there whole or not at all, devices that are written through, and what a file's ending asks for.
 
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::Duration;
 
 use tempfile::{Builder, TempPath};
 
 use crate::failure::Failure;
-use crate::people;
+pub use crate::signals::{end_in_order, signalled, stop_with, when_interrupted};
 
 /// The unfinished files, to be removed when a signal ends the program.
 static DRAFTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-fn drafts() -> std::sync::MutexGuard<'static, Vec<PathBuf>> {
+fn drafts() -> MutexGuard<'static, Vec<PathBuf>> {
     DRAFTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A file under another name until [`Draft::finish`] puts it in its place; dropped before, it is gone.
+/// Removes the unfinished files. No new one appears: the list is never let go of again.
+pub fn remove_drafts() {
+    // Whoever holds the list is in a call to the file system, which may itself be stuck.
+    for _ in 0..100 {
+        let list = match DRAFTS.try_lock() {
+            Ok(list) => list,
+            Err(TryLockError::Poisoned(list)) => list.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                std::thread::sleep(Duration::from_millis(10));
+                continue;
+            }
+        };
+        for draft in list.iter() {
+            let _ = fs::remove_file(draft);
+        }
+        std::mem::forget(list);
+        return;
+    }
+}
+
+/// What is written to a target: a file under another name until [`Draft::finish`] puts it in its place, so that dropped before it is gone
+/// and an older file is as it was; or a device, a pipe or a FIFO, which takes the bytes as they come.
 #[derive(Debug)]
 pub struct Draft {
     file: BufWriter<File>,
-    path: TempPath,
-    target: PathBuf,
+    place: Place,
+}
+
+#[derive(Debug)]
+enum Place {
+    Beside { path: TempPath, target: PathBuf, named: PathBuf },
+    Through(PathBuf),
 }
 
 impl Draft {
-    /// Starts `target`, whose folder is there.
-    pub fn new(target: PathBuf) -> io::Result<Self> {
+    /// Starts `target`, whose folder is there. A link is followed to the file that it names.
+    pub fn new(named: PathBuf) -> io::Result<Self> {
+        if let Some(file) = through(&named)? {
+            return Ok(Draft { file: BufWriter::with_capacity(1 << 16, file), place: Place::Through(named) });
+        }
+        let target = followed(&named)?;
         let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let name = target.file_name().unwrap_or_default().to_string_lossy();
         let prefix = format!(".{name}.");
@@ -45,17 +75,27 @@ impl Draft {
         let (file, path) = builder.tempfile_in(folder)?.into_parts();
         list.push(path.to_path_buf());
         drop(list);
-        Ok(Draft { file: BufWriter::with_capacity(1 << 16, file), path, target })
+        Ok(Draft { file: BufWriter::with_capacity(1 << 16, file), place: Place::Beside { path, target, named } })
     }
 
-    /// Puts the file in its place.
+    /// The file behind it, for whoever goes on writing when it is in its place.
+    pub fn handle(&self) -> io::Result<File> {
+        self.file.get_ref().try_clone()
+    }
+
+    /// Puts the file in its place; what it is called.
     pub fn finish(self) -> io::Result<PathBuf> {
-        let Draft { file, path, target } = self;
+        let Draft { file, place } = self;
         file.into_inner().map_err(io::IntoInnerError::into_error)?;
-        let mut list = drafts();
-        list.retain(|draft| *draft != *path);
-        path.persist(&target).map_err(|error| error.error)?;
-        Ok(target)
+        match place {
+            Place::Through(named) => Ok(named),
+            Place::Beside { path, target, named } => {
+                let mut list = drafts();
+                list.retain(|draft| *draft != *path);
+                path.persist(&target).map_err(|error| error.error)?;
+                Ok(named)
+            }
+        }
     }
 }
 
@@ -69,71 +109,157 @@ impl Write for Draft {
     }
 }
 
-/// A file that an interruption leaves where it is, so that the work can be taken up again, and what is said of it then.
-static KEPT: Mutex<Option<String>> = Mutex::new(None);
+/// The file that a path names behind its links, which need not be there yet.
+fn followed(path: &Path) -> io::Result<PathBuf> {
+    let mut path = path.to_path_buf();
+    // As many as Linux follows.
+    for _ in 0..40 {
+        if !fs::symlink_metadata(&path).is_ok_and(|there| there.is_symlink()) {
+            return Ok(path);
+        }
+        let to = fs::read_link(&path)?;
+        path = path.parent().unwrap_or(Path::new("")).join(to);
+    }
+    Err(io::Error::other("too many links"))
+}
 
-/// From now on an interruption says `words`; with `None` it has nothing to say.
-pub fn when_interrupted(words: Option<String>) {
-    *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = words;
+/// What is there at `path`, opened, where it is no file but takes bytes; `None` where a file is or may be.
+#[cfg(unix)]
+fn through(path: &Path) -> io::Result<Option<File>> {
+    use std::os::fd::AsFd;
+    use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+    use std::time::Instant;
+
+    use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+    use rustix::io::Errno;
+
+    /// So long a FIFO waits for whoever reads it.
+    const PATIENCE: Duration = Duration::from_secs(2);
+
+    if [Path::new("/dev/stdout"), Path::new("/dev/fd/1")].contains(&path) {
+        // The same open file, so that it goes on where it stands.
+        return Ok(Some(io::stdout().as_fd().try_clone_to_owned()?.into()));
+    }
+    let Ok(there) = fs::metadata(path) else { return Ok(None) };
+    let kind = there.file_type();
+    if kind.is_file() {
+        return Ok(None);
+    }
+    if kind.is_dir() {
+        return Err(io::Error::other("it is a folder; a file is wanted"));
+    }
+    if kind.is_block_device() || kind.is_socket() {
+        let what = if kind.is_socket() { "a socket" } else { "a disk" };
+        return Err(io::Error::other(format!("it is {what}, and no place for a file")));
+    }
+    // Opened so that nothing waits: neither a FIFO for its reader nor a serial port for its line.
+    let flags = (OFlags::NONBLOCK | OFlags::NOCTTY).bits() as i32;
+    let start = Instant::now();
+    let file = loop {
+        match OpenOptions::new().write(true).custom_flags(flags).open(path) {
+            Err(error) if error.raw_os_error() == Some(Errno::NXIO.raw_os_error()) && kind.is_fifo() => {
+                if start.elapsed() > PATIENCE {
+                    return Err(io::Error::other("it is a FIFO, and nobody reads from it"));
+                }
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            opened => break opened?,
+        }
+    };
+    fcntl_setfl(&file, fcntl_getfl(&file)? - OFlags::NONBLOCK)?;
+    Ok(Some(file))
+}
+
+#[cfg(not(unix))]
+fn through(path: &Path) -> io::Result<Option<File>> {
+    match fs::metadata(path) {
+        Ok(there) if there.is_dir() => Err(io::Error::other("it is a folder; a file is wanted")),
+        Ok(there) if !there.is_file() => OpenOptions::new().write(true).open(path).map(Some),
+        _ => Ok(None),
+    }
+}
+
+/// Refuses a target that takes no file that grows beside it and is taken up again: a device, a FIFO, a folder.
+pub fn regular(flag: &str, path: &Path) -> Result<(), Failure> {
+    match fs::metadata(path) {
+        Ok(there) if !there.is_file() => {
+            let what = if there.is_dir() { "a folder" } else { "a device or a FIFO" };
+            Err(Failure::input(format!("{flag} {}: it is {what}; a file is wanted", path.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What files hold, by their names' endings.
+const ENDINGS: [&str; 9] = ["csv", "parquet", "mcap", "svg", "png", "toml", "json", "html", "md"];
+
+/// The format that a file's ending asks for, of those that `flag` writes; the first of them where the name has no ending.
+pub fn format<'a>(flag: &str, path: &Path, formats: &[&'a str]) -> Result<&'a str, Failure> {
+    let Some(ending) = path.extension() else { return Ok(formats[0]) };
+    let ending = ending.to_string_lossy().to_lowercase();
+    formats.iter().find(|format| **format == ending).copied().ok_or_else(|| {
+        let wanted: Vec<String> = formats.iter().map(|format| format!("FILE.{format}")).collect();
+        let wanted = match &wanted[..] {
+            [all @ .., last] if !all.is_empty() => format!("{} or {last}", all.join(", ")),
+            _ => wanted.concat(),
+        };
+        Failure::input(format!("{flag} {}: {wanted} is wanted", path.display()))
+    })
+}
+
+/// Refuses a figure's name whose ending is of no figure; before the work.
+pub fn figure_format(flag: &str, path: Option<&Path>) -> Result<(), Failure> {
+    path.map_or(Ok(()), |path| format(flag, path, &FIGURES).map(drop))
+}
+
+/// What a figure can be written as.
+const FIGURES: [&str; 2] = ["svg", "png"];
+
+/// A figure's draft, given as SVG, as SVG or as PNG by its name's ending.
+pub fn figure(flag: &str, target: &Path, svg: &str) -> Result<Draft, Failure> {
+    match format(flag, target, &FIGURES)? {
+        "png" => draft(target, &hapt_report::png(svg).map_err(|error| Failure::write(target.display(), error))?),
+        _ => draft(target, svg.as_bytes()),
+    }
+}
+
+/// These bytes on their way to `target`.
+pub fn draft(target: &Path, bytes: &[u8]) -> Result<Draft, Failure> {
+    let failed = |error| Failure::write(target.display(), error);
+    let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
+    draft.write_all(bytes).and_then(|()| draft.flush()).map_err(failed)?;
+    Ok(draft)
 }
 
 /// The folder for a command's files, made when it is not there.
-pub fn folder(path: &Path) -> Result<(), Failure> {
+pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
     if let Some(file) = path.ancestors().find(|at| at.exists() && !at.is_dir()) {
-        let message = format!("--out {}: {} is a file; a folder is wanted", path.display(), file.display());
+        let message = format!("{flag} {}: {} is a file; a folder is wanted", path.display(), file.display());
+        return Err(Failure::input(message));
+    }
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    if ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str())) && !path.exists() {
+        let message = format!("{flag} {}: a folder is wanted, and this is the name of a file", path.display());
         return Err(Failure::input(message));
     }
     fs::create_dir_all(path).map_err(|error| Failure::System(format!("cannot make {}: {error}", path.display())))
 }
 
-/// Whether a command ends in order by itself when a signal comes, and the exit code that the signal asks for.
-static IN_ORDER: AtomicBool = AtomicBool::new(false);
-static SIGNALLED: AtomicU8 = AtomicU8::new(0);
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// From now on the first signal shows in [`signalled`] and does nothing else: the command takes the torque off, finishes its files, and
-/// ends. A second one ends the program at once.
-pub fn end_in_order() {
-    IN_ORDER.store(true, Ordering::SeqCst);
-}
-
-/// The exit code that a signal has asked for.
-pub fn signalled() -> Option<u8> {
-    Some(SIGNALLED.load(Ordering::SeqCst)).filter(|code| *code != 0)
-}
-
-/// SIGINT ends the program with 130, SIGTERM with 143; unfinished files are removed.
-pub fn watch_for_signals() {
-    fn end(code: u8) {
-        if IN_ORDER.load(Ordering::SeqCst) && SIGNALLED.swap(code, Ordering::SeqCst) == 0 {
-            return;
+    #[test]
+    fn an_ending_is_honoured_or_refused_and_none_is_the_first_format() {
+        let asked = |name: &str| format("--plot", Path::new(name), &FIGURES).map_err(|failure| format!("{failure:?}"));
+        assert_eq!(asked("a/e.png"), Ok("png"));
+        assert_eq!(asked("E.SVG"), Ok("svg"));
+        assert_eq!(asked("figure"), Ok("svg"));
+        assert_eq!(asked("/dev/null"), Ok("svg"));
+        for name in ["e.csv", "e.png.gif", "e.", "e.svg.gz", "a.b/e.svgz"] {
+            let refused = asked(name).unwrap_err();
+            assert!(refused.contains("FILE.svg or FILE.png is wanted"), "{refused}");
         }
-        exit(code.into())
-    }
-    fn exit(code: i32) -> ! {
-        // Never let go of again: no new draft appears while the program ends.
-        let list = drafts();
-        for draft in list.iter() {
-            let _ = fs::remove_file(draft);
-        }
-        if let Some(words) = &*KEPT.lock().unwrap_or_else(PoisonError::into_inner) {
-            people::say(format_args!("hapt: {words}"));
-        }
-        std::process::exit(code)
-    }
-    #[cfg(unix)]
-    {
-        use signal_hook::consts::{SIGINT, SIGTERM};
-        // Where signals cannot be watched they end the program all the same, with their own code.
-        if let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGINT, SIGTERM]) {
-            std::thread::spawn(move || {
-                for signal in signals.forever() {
-                    end(128 + signal as u8);
-                }
-            });
-        }
-    }
-    #[cfg(windows)]
-    {
-        let _ = ctrlc::set_handler(|| end(130));
+        assert!(format("--log", Path::new("x.csv"), &["mcap"]).is_err());
     }
 }

@@ -12,10 +12,11 @@ use hapt_sim::Row;
 use crate::args::PlotArgs;
 use crate::failure::Failure;
 use crate::log::{self, Opened};
-use crate::output::Draft;
+use crate::output;
 use crate::people;
 
 pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
+    output::figure_format("--out", args.out.as_deref())?;
     let piped = args.csv.as_os_str() == "-";
     let (name, from) = log::reader(&args.csv)?;
     let mut from = BufReader::with_capacity(1 << 16, from);
@@ -50,8 +51,7 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
         }
         Some(target) => {
             let failed = |error| Failure::write(target.display(), error);
-            let mut draft = Draft::new(target.clone()).map_err(failed)?;
-            draft.write_all(svg.as_bytes()).map_err(failed)?;
+            let draft = output::figure("--out", target, &svg)?;
             people::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
         }
     }

@@ -40,7 +40,7 @@ const LIVE: &str = "live";
 pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
     // Whatever is wrong with a world is said before the first file is begun.
     let worlds = read(args)?;
-    output::folder(&args.out)?;
+    output::folder("--out", &args.out)?;
     let mut reports = Vec::new();
     let mut first_failure = None;
     for ready in &worlds {
@@ -151,7 +151,7 @@ fn live(folder: &Path, ready: &Ready) -> Result<(), Failure> {
     let report = format!("../{stem}.html");
     let known = Known { bench, check, proposal: proposal.as_ref(), command, report: &report };
     let folder = folder.join(LIVE);
-    output::folder(&folder.join("assets"))?;
+    output::folder("--out", &folder.join("assets"))?;
     for (name, bytes) in standalone::shared().into_iter().chain(standalone::world(stem, &known)) {
         write(&folder.join(name), &bytes)?;
     }

@@ -16,6 +16,7 @@ use crate::drives;
 use crate::failure::Failure;
 use crate::host::Stolen;
 use crate::latency::{LOOK, granted, plan, settings, time};
+use crate::log::Recording;
 use crate::output;
 use crate::people;
 use crate::sim;
@@ -44,11 +45,17 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let guarding = guarding(args.uncertified, &spec, world)?;
     let settings = settings(&args.realtime, world)?;
     let plan = plan(world, guarding)?;
-    // Before anything can hold a torque: a signal takes it off first.
-    output::end_in_order();
+    let recording = Recording::start(args.log.as_deref(), world, || header(args, &loaded, &sets, guarding))?;
+    if spec.has_a_motor() {
+        // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
+        output::end_in_order();
+    }
     let (device, hands) = spec.open(world)?;
-    let recorder = recorder(args, &loaded, &sets, guarding)?;
+    output::end_in_order();
     let engine = Engine::start_with(plan, device, settings)?;
+    let stop = engine.handle().clone();
+    output::stop_with(move || stop.end());
+    let recorder = recording.map(Recording::begin).transpose()?;
     if spec.has_a_motor() {
         people::say(drives::NOT_CERTIFIED);
     }
@@ -61,8 +68,18 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     let logged_line = logged.as_ref().ok().and_then(Option::as_deref).unwrap_or_default();
     let text = run.summary(&loaded, &spec, &how) + logged_line;
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    let printed = out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
+    if let How::Signal(code) = how {
+        // The terminal may be gone, and with it whoever reads.
+        return Ok(ExitCode::from(code));
+    }
+    printed?;
     logged?;
+    if spec.has_a_motor()
+        && let Some(missed) = run.seen.timing.warning()
+    {
+        people::say(format_args!("warning: {missed}"));
+    }
     match how {
         How::Done => Ok(ExitCode::SUCCESS),
         How::Signal(code) => Ok(ExitCode::from(code)),
@@ -74,13 +91,10 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     }
 }
 
-/// The log, where one is asked for.
-fn recorder(args: &RunArgs, loaded: &Loaded, sets: &[String], guarding: Guarding) -> Result<Option<Recorder>, Failure> {
-    let Some(file) = &args.log else { return Ok(None) };
+/// What goes into the log beside the samples.
+fn header(args: &RunArgs, loaded: &Loaded, sets: &[String], guarding: Guarding) -> Header {
     let (device, scenario) = (args.device.clone(), args.scenario.clone());
-    let header = Header { device, scenario, guarding, ..sim::header(loaded, sets, true) };
-    let recorder = Recorder::start(file, &loaded.world, header);
-    recorder.map(Some).map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))
+    Header { device, scenario, guarding, ..sim::header(loaded, sets, true) }
 }
 
 /// Its last second, and what has become of it.
@@ -144,7 +158,9 @@ struct Run<'w> {
 impl Run<'_> {
     /// Arms, plays the scenario, disarms; looks at every record, and gives it to `recorder`.
     fn until_it_ends(&mut self, recorder: Option<&Recorder>) -> Result<How, Failure> {
-        self.order(Request::Arm)?;
+        if output::signalled().is_none() {
+            self.order(Request::Arm)?;
+        }
         // When the time began to count, in ns from the start.
         let mut begun = None;
         let mut is_over = false;

@@ -24,7 +24,7 @@ pub fn man(args: &ManArgs) -> Result<ExitCode, Failure> {
     command.build();
     match &args.out {
         Some(folder) => {
-            output::folder(folder)?;
+            output::folder("--out", folder)?;
             write_pages(&command, "hapt", folder)?;
             Ok(ExitCode::SUCCESS)
         }

@@ -62,7 +62,7 @@ pub fn rows<E>(
 
 /// A file a scenario and format. A run that stops being finite keeps its rows up to there, and the others still run.
 fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &SimArgs) -> Result<(), Failure> {
-    output::folder(folder)?;
+    output::folder("--out", folder)?;
     let world = &loaded.world;
     let formats: Vec<Format> = [Format::Csv, Format::Mcap, Format::Parquet]
         .into_iter()

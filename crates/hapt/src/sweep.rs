@@ -45,6 +45,8 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
         Some("parquet") => Format::Parquet,
         _ => return Err(Failure::input(format!("--out {}: FILE.csv or FILE.parquet is wanted", args.out.display()))),
     };
+    output::regular("--out", &args.out)?;
+    output::figure_format("--plot", args.plot.as_deref())?;
     let measures = args.measures.iter().map(|name| measure(name)).collect::<Result<Vec<_>, _>>()?;
     let sweep =
         Sweep::new(&source(&args.world.path)?, &args.world.sets, &args.axes, &measures, args.scenario.as_deref())?;

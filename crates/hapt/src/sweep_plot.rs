@@ -1,6 +1,6 @@
 //! The picture of a sweep: its first measure as a curve over one axis, or as a map over two.
 
-use std::io::{BufRead, Write};
+use std::io::BufRead;
 use std::path::Path;
 
 use hapt_report::figure::{self, Figure, Panel, Style};
@@ -8,7 +8,7 @@ use hapt_report::{Extremes, Map, Scale, Width};
 use hapt_sweep::{Axis, Measure, Sweep, table};
 
 use crate::failure::Failure;
-use crate::output::Draft;
+use crate::output;
 use crate::people;
 
 /// The most columns and rows that a map shows.
@@ -30,8 +30,7 @@ pub fn draw(sweep: &Sweep, rows: impl BufRead, target: &Path) -> Result<(), Fail
         [slow, fast] => map(sweep, slow, fast, values.collect::<Result<_, _>>()?),
         _ => return Ok(()),
     };
-    let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
-    draft.write_all((figure.svg(Width::Wide, true) + "\n").as_bytes()).map_err(failed)?;
+    let draft = output::figure("--plot", target, &(figure.svg(Width::Wide, true) + "\n"))?;
     people::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
     Ok(())
 }

@@ -38,7 +38,7 @@ impl Format {
 
     /// The format that a file's name asks for.
     pub fn of(path: &Path) -> Option<Format> {
-        let ending = path.extension().and_then(|ending| ending.to_str())?;
+        let ending = path.extension().and_then(|ending| ending.to_str())?.to_lowercase();
         [Format::Csv, Format::Mcap, Format::Parquet].into_iter().find(|format| format.ending() == ending)
     }
 }

@@ -20,7 +20,7 @@ use serde_json::json;
 
 use crate::args::WorstArgs;
 use crate::failure::Failure;
-use crate::output::Draft;
+use crate::output::{self, Draft};
 use crate::people;
 use crate::progress::Progress;
 use crate::world::{Loaded, load};
@@ -29,6 +29,9 @@ use crate::world::{Loaded, load};
 const LOOK: Duration = Duration::from_millis(200);
 
 pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
+    if let Some(path) = &args.out {
+        output::format("--out", path, &["toml"])?;
+    }
     let loaded = load(&args.world)?;
     if let Some(path) = &args.out {
         refuse_the_world_itself(path, &args.world.path)?;

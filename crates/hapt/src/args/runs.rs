@@ -17,7 +17,7 @@ pub struct SimArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// The format of the files; repeatable.
-    #[arg(long = "format", value_name = "FORMAT", value_enum, default_value = "csv")]
+    #[arg(long = "format", value_name = "FORMAT", value_enum, default_value = "csv", requires = "out")]
     pub formats: Vec<Format>,
 }
 

@@ -19,8 +19,11 @@ use crate::args::IdentifyArgs;
 use crate::device::Spec;
 use crate::failure::Failure;
 use crate::latency::{LOOK, plan, settings, time};
+use crate::log::Recording;
 use crate::{output, people};
 
+/// The longest time between two looks at what comes.
+const MOMENT: Duration = Duration::from_millis(20);
 /// Of the motor's limit, where --torque says nothing.
 const PART: f64 = 0.1;
 /// Of the speed at which the supervisor takes the torque away the experiment uses this part.
@@ -145,18 +148,16 @@ impl Experiment {
         let guarding = if spec.has_a_motor() { Guarding::Certified } else { Guarding::Simulated };
         let settings = settings(&args.realtime, world)?;
         let first = plan(&bare, guarding)?;
-        let recorder = match &args.log {
-            None => None,
-            Some(file) => {
-                let header =
-                    Header { world_text: bare.to_toml(), device: args.what.clone(), guarding, ..Header::default() };
-                let started = Recorder::start(file, &bare, header);
-                Some(started.map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))?)
-            }
-        };
+        let header =
+            || Header { world_text: bare.to_toml(), device: args.what.clone(), guarding, ..Header::default() };
+        let recording = Recording::start(args.log.as_deref(), &bare, header)?;
+        // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
+        output::end_in_order();
         let (device, _hands) = spec.open(world)?;
         let engine = Engine::start_with(first.clone(), device, settings)?;
-        output::end_in_order();
+        let stop = engine.handle().clone();
+        output::stop_with(move || stop.end());
+        let recorder = recording.map(Recording::begin).transpose()?;
         for warning in &engine.realtime().warnings {
             people::say(format_args!("warning: {warning}"));
         }
@@ -224,7 +225,19 @@ impl Experiment {
 
     /// Goes on for so many s, and looks at what comes.
     fn wait(&mut self, seconds: f64) -> Result<(), Failure> {
-        std::thread::sleep(Duration::from_secs_f64(seconds));
+        let until = Instant::now() + Duration::from_secs_f64(seconds);
+        loop {
+            let left = until.saturating_duration_since(Instant::now());
+            std::thread::sleep(left.min(MOMENT));
+            self.look()?;
+            if left.is_zero() {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Takes what has come.
+    fn look(&mut self) -> Result<(), Failure> {
         let ended = self.engine.ended();
         while let Ok(record) = self.engine.records.pop() {
             if let Some(recorder) = &self.recorder {

@@ -13,9 +13,12 @@ use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::latency::time;
 use crate::log::{self, Opened};
+use crate::people;
 
 /// A larger table is refused: 256 MiB.
 const LARGEST: u64 = 256 << 20;
+/// A log of more samples is refused: as many as a table of that size may have.
+const MOST: usize = 1 << 23;
 /// The places of the values in every log.
 const TIME: usize = 0;
 const PUCK: usize = 1;
@@ -88,6 +91,10 @@ fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lis
     let torque = if opened.log.origin == Origin::Run { COMMAND } else { APPLIED };
     let mut lists = Lists::default();
     while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
+        if lists[0].len() == MOST {
+            let most = people::count(MOST as u64);
+            return Err(Failure::input(format!("{} has more than {most} samples; a shorter log is wanted", opened.name)));
+        }
         let at = |place: usize| sample.values.get(place).copied().unwrap_or(f64::NAN);
         lists[0].push(at(TIME));
         lists[1].push(at(place));

@@ -17,7 +17,7 @@ use hapt_report::Width;
 use crate::args::IdentifyArgs;
 use crate::device::Spec;
 use crate::failure::Failure;
-use crate::output::{self, Draft};
+use crate::output;
 use crate::people;
 use crate::world::source;
 
@@ -32,6 +32,10 @@ pub struct Given {
 }
 
 pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
+    for (flag, file, format) in [("--write", &args.write, "toml"), ("--log", &args.log, "mcap")] {
+        file.as_deref().map_or(Ok(""), |file| output::format(flag, file, &[format]))?;
+    }
+    output::figure_format("--plot", args.plot.as_deref())?;
     let world = named_world(args)?;
     if world.is_none() && !args.sets.is_empty() {
         return Err(Failure::input("--set changes the world that --world names, and none is named"));
@@ -53,8 +57,8 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     }
     let table = print::table(&given, &found);
     let drafts = [
-        args.write.as_deref().map(|target| draft(target, &table)).transpose()?,
-        args.plot.as_deref().map(|target| draft(target, &svg(&given, &found))).transpose()?,
+        args.write.as_deref().map(|target| output::draft(target, table.as_bytes())).transpose()?,
+        args.plot.as_deref().map(|target| output::figure("--plot", target, &svg(&given, &found))).transpose()?,
     ];
     for draft in drafts.into_iter().flatten() {
         let path = draft.finish().map_err(|error| Failure::write("the file", error))?;
@@ -96,11 +100,4 @@ fn positive(flag: &str, text: &str, measure: Measure, motion: Motion) -> Result<
 
 fn svg(given: &Given, found: &Identified) -> String {
     figure::figure(given, found).svg(Width::Wide, true) + "\n"
-}
-
-fn draft(target: &Path, text: &str) -> Result<Draft, Failure> {
-    let failed = |error| Failure::write(target.display(), error);
-    let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;
-    draft.write_all(text.as_bytes()).and_then(|()| draft.flush()).map_err(failed)?;
-    Ok(draft)
 }

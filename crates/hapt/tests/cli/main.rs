@@ -2,6 +2,8 @@
 
 #[cfg(unix)]
 mod board;
+#[cfg(unix)]
+mod blocked;
 mod boundary;
 mod commands;
 mod common;

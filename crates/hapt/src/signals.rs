@@ -1,0 +1,150 @@
+//! Signals end every command with no torque on and no unfinished file left, whatever the rest of the program waits for.
+//!
+//! SIGINT (Ctrl-C), SIGTERM, SIGHUP (the terminal was closed) and SIGQUIT are handled on a thread of their own, which prints nothing
+//! itself and waits for nobody: another thread may be blocked in a write to a terminal that was stopped (Ctrl-S), or to a full pipe.
+
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use crate::people;
+
+/// A file that an interruption leaves where it is, so that the work can be taken up again, and what is said of it then.
+static KEPT: Mutex<Option<String>> = Mutex::new(None);
+
+/// From now on an interruption says `words`; with `None` it has nothing to say.
+pub fn when_interrupted(words: Option<String>) {
+    *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = words;
+}
+
+/// Whether a command ends in order by itself when a signal comes, and the exit code that the signal asks for.
+static IN_ORDER: AtomicBool = AtomicBool::new(false);
+static SIGNALLED: AtomicU8 = AtomicU8::new(0);
+
+/// What takes the torque off at a signal.
+type Stop = Box<dyn Fn() + Send>;
+static STOP: Mutex<Option<Stop>> = Mutex::new(None);
+
+/// From now on the first signal shows in [`signalled`], and the program has three seconds: the command takes the torque off, finishes its
+/// files, and ends. A second signal ends the program at once. Messages no longer wait for whoever reads them.
+pub fn end_in_order() {
+    people::wait_for_nobody();
+    IN_ORDER.store(true, Ordering::SeqCst);
+}
+
+/// The first signal calls `stop`, from the signals' own thread: it sets flags, and waits for nobody.
+pub fn stop_with(stop: impl Fn() + Send + 'static) {
+    let mut slot = STOP.lock().unwrap_or_else(PoisonError::into_inner);
+    if signalled().is_some() {
+        stop();
+    }
+    *slot = Some(Box::new(stop));
+}
+
+/// The exit code that a signal has asked for.
+pub fn signalled() -> Option<u8> {
+    Some(SIGNALLED.load(Ordering::SeqCst)).filter(|code| *code != 0)
+}
+
+#[cfg(unix)]
+pub use unix::watch;
+
+#[cfg(unix)]
+mod unix {
+    use std::sync::Arc;
+    use std::sync::mpsc::channel;
+    use std::thread::{sleep, spawn};
+    use std::time::Duration;
+
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
+    use signal_hook::iterator::Signals;
+
+    use super::*;
+    use crate::output;
+
+    /// So long a command may take to end in order.
+    const GRACE: Duration = Duration::from_secs(3);
+    /// So long at a second signal: enough for the loop's last sample, whose torque is 0.
+    const AT_ONCE: Duration = Duration::from_millis(200);
+    /// So long somebody may take to read the last words.
+    const WORDS: Duration = Duration::from_millis(200);
+
+    /// Ends the program with 128 and the signal's number (SIGINT 130, SIGTERM 143, SIGHUP 129, SIGQUIT 131); unfinished files are removed.
+    pub fn watch() {
+        let mut ends = vec![SIGINT, SIGTERM, SIGQUIT];
+        // Under nohup the program is meant to outlive its terminal.
+        if !is_ignored(SIGHUP) {
+            ends.push(SIGHUP);
+        }
+        // Where signals cannot be watched they end the program all the same, with their own code.
+        if let Ok(mut signals) = Signals::new(ends) {
+            spawn(move || signals.forever().for_each(end));
+        }
+        // A file that may not grow is a failed write, not the end of the program.
+        let _ = signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
+    }
+
+    fn end(signal: i32) {
+        let code = 128 + signal as u8;
+        if !IN_ORDER.load(Ordering::SeqCst) {
+            exit(code);
+        }
+        match SIGNALLED.compare_exchange(0, code, Ordering::SeqCst, Ordering::SeqCst) {
+            Ok(_) => {
+                if let Some(stop) = &*STOP.lock().unwrap_or_else(PoisonError::into_inner) {
+                    stop();
+                }
+                spawn(move || {
+                    sleep(GRACE);
+                    exit(code)
+                });
+            }
+            // The kernel and the shell each say that the terminal is gone.
+            Err(_) if signal == SIGHUP => {}
+            Err(first) => {
+                sleep(AT_ONCE);
+                exit(first)
+            }
+        }
+    }
+
+    fn exit(code: u8) -> ! {
+        output::remove_drafts();
+        let words = KEPT.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(words) = words {
+            let (said, heard) = channel();
+            spawn(move || {
+                people::say(format_args!("hapt: {words}"));
+                people::settle();
+                let _ = said.send(());
+            });
+            let _ = heard.recv_timeout(WORDS);
+        }
+        // Without flushing: standard output may be blocked.
+        signal_hook::low_level::exit(code.into())
+    }
+
+    /// Whether the program was started with this signal ignored; only Linux says so without a call that is unsafe.
+    fn is_ignored(signal: i32) -> bool {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+        let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+        mask & (1 << (signal - 1)) != 0
+    }
+}
+
+#[cfg(windows)]
+pub fn watch() {
+    let _ = ctrlc::set_handler(|| {
+        if IN_ORDER.load(Ordering::SeqCst) && SIGNALLED.swap(130, Ordering::SeqCst) == 0 {
+            if let Some(stop) = &*STOP.lock().unwrap_or_else(PoisonError::into_inner) {
+                stop();
+            }
+            return;
+        }
+        crate::output::remove_drafts();
+        if let Some(words) = &*KEPT.lock().unwrap_or_else(PoisonError::into_inner) {
+            people::say(format_args!("hapt: {words}"));
+        }
+        std::process::exit(130)
+    });
+}
