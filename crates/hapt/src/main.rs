@@ -82,7 +82,11 @@ fn main() -> ExitCode {
     };
     let code = match done {
         Ok(code) => code,
-        Err(failure) => failure.report(),
+        // What a signal has broken off fails in many ways.
+        Err(failure) => {
+            let code = failure.report();
+            signals::signalled().map_or(code, ExitCode::from)
+        }
     };
     people::settle();
     code

@@ -190,8 +190,8 @@ pub fn regular(flag: &str, path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// What files hold, by their names' endings.
-const ENDINGS: [&str; 9] = ["csv", "parquet", "mcap", "svg", "png", "toml", "json", "html", "md"];
+/// The endings of the files that commands write into folders.
+const ENDINGS: [&str; 6] = ["csv", "parquet", "mcap", "svg", "png", "html"];
 
 /// The format that a file's ending asks for, of those that `flag` writes; the first of them where the name has no ending.
 pub fn format<'a>(flag: &str, path: &Path, formats: &[&'a str]) -> Result<&'a str, Failure> {

@@ -323,3 +323,45 @@ fn a_killed_recorder_leaves_what_it_had_written() {
     assert!(matches!(log.ending(), Ending::Cut(_)), "{}", log.ending());
     assert!(written > 0 && count >= written, "{count} of {written}");
 }
+
+/// Between two flushes the file ends as an MCAP file does: the mcap crate's reader, which wants that end, takes every sample of it, and our
+/// own says that its writer has not ended it.
+#[test]
+fn a_recording_is_a_complete_file_at_every_moment_and_unfinished_until_it_is_finished() {
+    let messages = |path: &Path| -> Option<usize> {
+        let bytes = std::fs::read(path).unwrap();
+        mcap::MessageStream::new(&bytes).ok()?.map(|message| message.ok()).collect::<Option<Vec<_>>>().map(|all| all.len())
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("r.mcap");
+    let recorder = Recorder::start(&path, &world(WHEEL), header(WHEEL)).unwrap();
+    assert_eq!(messages(&path), Some(0));
+    // More than a chunk, then a little more.
+    let mut sent = 0;
+    for more in [5000, 7, 3] {
+        for sample in sent..sent + more {
+            assert!(recorder.send(&record(sample)));
+        }
+        sent += more;
+        while recorder.state().written < sent {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        assert_eq!(messages(&path), Some(sent as usize));
+        let mut log = Log::open(&path).unwrap();
+        let mut count = 0;
+        while log.next().unwrap().is_some() {
+            count += 1;
+        }
+        assert_eq!(count, sent);
+        assert!(matches!(log.ending(), Ending::Cut(_)), "{}", log.ending());
+    }
+    recorder.finish().unwrap();
+    assert_eq!(messages(&path), Some(sent as usize));
+    let mut log = Log::open(&path).unwrap();
+    while log.next().unwrap().is_some() {}
+    assert_eq!(*log.ending(), Ending::Whole);
+    // The index is the writer's own, and nothing is left of what it covers.
+    let bytes = std::fs::read(&path).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    assert_eq!(summary.stats.unwrap().message_count, sent);
+}

@@ -88,7 +88,7 @@ pub struct IdentifyArgs {
     #[arg(long, value_name = "FILE.toml")]
     pub write: Option<PathBuf>,
     /// Draw positions, fit and what it leaves.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|png")]
     pub plot: Option<PathBuf>,
     /// Print the numbers as JSON.
     #[arg(long)]

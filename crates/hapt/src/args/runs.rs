@@ -55,7 +55,7 @@ pub struct PlotArgs {
     #[arg(long, value_name = "Q")]
     pub limit: Option<String>,
     /// Write the figure here; without it, to standard output.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|png")]
     pub out: Option<PathBuf>,
 }
 
@@ -99,7 +99,7 @@ pub struct SweepArgs {
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Draw the first measure: a curve over one axis, a map over two.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|png")]
     pub plot: Option<PathBuf>,
     /// Go on where the same sweep into the same file was interrupted.
     #[arg(long)]

@@ -72,7 +72,7 @@ pub struct ImpedanceArgs {
     #[arg(long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// Draw them.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|png")]
     pub plot: Option<PathBuf>,
     /// Print the numbers as JSON.
     #[arg(long)]
@@ -102,6 +102,6 @@ pub struct BoundaryArgs {
     #[arg(long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// Draw the plane, each side of each edge in its colour.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|png")]
     pub plot: Option<PathBuf>,
 }

@@ -108,7 +108,7 @@ fn every_command_under_way_ends_at_a_closed_terminal_and_leaves_no_unfinished_fi
     let endless = ["--set", "loop.period=1 us", "--set", "scenarios.step.duration=9999 s"];
     let sim: Vec<&str> = ["sim", "w.toml", "--out", "out"].into_iter().chain(endless).collect();
     let report: Vec<&str> = ["report", "w.toml", "--out", "out"].into_iter().chain(endless).collect();
-    for args in [
+    for (i, args) in [
         &sim[..],
         &report,
         &["run", "w.toml"],
@@ -117,22 +117,24 @@ fn every_command_under_way_ends_at_a_closed_terminal_and_leaves_no_unfinished_fi
         &["live", "w.toml", "--port", "0"],
         &["simulate-drive", "moteus", "--pty"],
         &["sweep", "w.toml", "--vary", "device.damping=0..1:900000000", "--measure", "held_growth_per_s", "--out", "s.csv"],
-    ] {
-        for (signal, code) in [("HUP", 129), ("QUIT", 131)] {
-            let at = folder(&[("w.toml", WHEEL)]);
-            let running = Running::start(program(at.path(), args));
-            thread::sleep(Duration::from_millis(700));
-            running.signal(signal);
-            let ended = running.end();
-            assert_eq!(ended.code, Some(code), "{args:?} {signal}: {ended:?}");
-            let mut found = names(at.path());
-            if at.path().join("out").is_dir() {
-                found.extend(names(&at.path().join("out")));
-            }
-            // A sweep's rows are kept on purpose: --resume goes on behind them.
-            let partial = |name: &String| name.ends_with(".partial") && !name.starts_with("s.csv.");
-            assert!(!found.iter().any(partial), "{args:?}: {found:?}");
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let (signal, code) = SIGNALS[2 + i % 2];
+        let at = folder(&[("w.toml", WHEEL)]);
+        let running = Running::start(program(at.path(), args));
+        thread::sleep(Duration::from_millis(500));
+        running.signal(signal);
+        let ended = running.end();
+        assert_eq!(ended.code, Some(code.into()), "{args:?} {signal}: {ended:?}");
+        let mut found = names(at.path());
+        if at.path().join("out").is_dir() {
+            found.extend(names(&at.path().join("out")));
         }
+        // A sweep's rows are kept on purpose: --resume goes on behind them.
+        let partial = |name: &String| name.ends_with(".partial") && !name.starts_with("s.csv.");
+        assert!(!found.iter().any(partial), "{args:?}: {found:?}");
     }
 }
 

@@ -1,7 +1,8 @@
 //! Logs: `hapt sim --format`, `hapt replay`, `hapt convert`, and `hapt plot` of one.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use hapt_log::{Header, Log, LogWriter, Origin};
 use hapt_model::{Source, World};
@@ -208,4 +209,63 @@ fn an_interrupted_run_leaves_no_file_of_any_format() {
     running.signal("INT");
     assert_eq!(running.end().code, Some(130));
     assert_eq!(names(&out), [""; 0]);
+}
+
+/// A Python that has the makers' own library of MCAP, or `None`, loudly. With `CI` set it is installed, below the target folder.
+fn python() -> Option<PathBuf> {
+    const LIBRARIES: [&str; 2] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0"];
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mcap");
+    let own = folder.join("bin/python");
+    let has = |python: &Path| {
+        let said = Command::new(python).args(["-c", "import mcap.reader, mcap_protobuf.decoder"]).output();
+        said.is_ok_and(|said| said.status.success())
+    };
+    if let Some(python) = [own.as_path(), Path::new("python3")].into_iter().find(|python| has(python)) {
+        return Some(python.to_path_buf());
+    }
+    if std::env::var_os("CI").is_none() {
+        println!("SKIPPED: wants Python with {} (pip install), or CI=1 to have it installed", LIBRARIES.join(" "));
+        return None;
+    }
+    let run = |command: &mut Command| assert!(command.status().unwrap().success(), "{command:?}");
+    run(Command::new("python3").args(["-m", "venv"]).arg(&folder));
+    run(Command::new(&own).args(["-m", "pip", "install", "--quiet"]).args(LIBRARIES));
+    assert!(has(&own));
+    Some(own)
+}
+
+/// The lines of docs/logs.md, unchanged, on a recording whose process was killed, and on one that was finished.
+#[cfg(unix)]
+#[test]
+fn pythons_own_reader_reads_every_sample_of_a_killed_recording() {
+    let Some(python) = python() else { return };
+    let book = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/logs.md")).unwrap();
+    let lines = book.split_once("```python\n").unwrap().1.split_once("```").unwrap().0;
+    let at = folder(&[("w.toml", WHEEL), ("read.py", &format!("{lines}print(len(torques))\n"))]);
+    fs::create_dir(at.path().join("runs")).unwrap();
+    let log = at.path().join("runs/step.mcap");
+    let count = |log: &Path| {
+        let mut log = Log::open(log).ok()?;
+        let mut count = 0;
+        while log.next().ok()?.is_some() {
+            count += 1;
+        }
+        Some(count)
+    };
+    let by_python = || {
+        let said = Command::new(&python).arg("read.py").current_dir(at.path()).output().unwrap();
+        let out = String::from_utf8(said.stdout).unwrap();
+        out.trim().parse::<u64>().unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&said.stderr)))
+    };
+    let mut running = Running::start(program(at.path(), ["run", "w.toml", "--log", "runs/step.mcap"]));
+    running.until("two seconds of samples", |_, _| count(&log).is_some_and(|count| count > 1000));
+    running.signal("KILL");
+    running.end();
+    let killed = count(&log).unwrap();
+    assert!(killed > 1000 && by_python() == killed, "{killed} {}", by_python());
+    let ended = hapt(at.path(), ["convert", "runs/step.mcap", "-o", "step.csv"]).done();
+    assert!(ended.err.contains("before its writer ended it"), "{ended:?}");
+
+    hapt(at.path(), ["run", "w.toml", "--scenario", "step", "--log", "runs/step.mcap"]).done();
+    assert_eq!(by_python(), count(&log).unwrap());
 }

@@ -17,6 +17,7 @@ mod impedance;
 mod live;
 mod logs;
 mod odrive;
+mod outputs;
 mod realtime;
 mod refusals;
 mod report;
