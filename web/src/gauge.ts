@@ -1,6 +1,6 @@
 // What the motor does now, on the scale of colours that the couplings are drawn in.
 
-import { attribute, say, svg } from "./dom.ts";
+import { attribute, html, say, svg } from "./dom.ts";
 import { tint } from "./laws.ts";
 import type { Units } from "./units.ts";
 import { number, steady } from "./units.ts";
@@ -9,9 +9,9 @@ const HALF = 150;
 
 export class Gauge {
   private readonly needle = svg("path", { class: "needle", d: "M0 4l-5 -9h10z" });
-  private readonly low = svg("text", { class: "end", x: -HALF, y: 29, "text-anchor": "start" });
-  private readonly high = svg("text", { class: "end", x: HALF, y: 29, "text-anchor": "end" });
-  private readonly value = svg("text", { class: "value", x: 0, y: 30, "text-anchor": "middle" });
+  private readonly low = html("span");
+  private readonly high = html("span");
+  private readonly value = html("strong");
   private scale = 1;
   private per = 1;
 
@@ -25,15 +25,13 @@ export class Gauge {
     root.append(
       svg(
         "svg",
-        { viewBox: "-160 -12 320 48", "aria-hidden": "true" },
+        { viewBox: "-160 -7 320 23", "aria-hidden": "true" },
         svg("defs", {}, gradient),
         svg("rect", { class: "bar", x: -HALF, y: 4, width: 2 * HALF, height: 8, rx: 2, fill: "url(#pushes)" }),
         svg("path", { class: "ticks", d: `M${-HALF} 1v14M0 1v14M${HALF} 1v14` }),
         this.needle,
-        this.low,
-        this.high,
-        this.value,
       ),
+      html("p", { class: "ends" }, this.low, this.value, this.high),
     );
   }
 

@@ -38,6 +38,8 @@ export interface Geometry {
   body(lane: Lane, puck: boolean): { outline: string; mark: string; detail: string };
   /** The positions that dents within one view about `position` have: from, to. */
   view(position: number): [number, number];
+  /** Half of what is seen about a position: further away a face stands on another turn. `null`: all is seen. */
+  readonly half: number | null;
   /** The frame with its scale, as a path, and its labels. */
   scale(): { ticks: string; labels: { x: number; y: number; text: string }[] };
   /** Where a pointer at these coordinates of the viewBox means to be, up to whole turns. */

@@ -65,6 +65,7 @@ export function linear(bodies: number, reach: number): Geometry {
         detail: puck ? grooves.join("") : "",
       };
     },
+    half: null,
     view: (position) => [position - 2 * reach, position + 2 * reach],
     scale() {
       let ticks = polyline([[-250, FRAME], [250, FRAME]]);

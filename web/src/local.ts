@@ -184,10 +184,22 @@ export class Local implements Peer {
       const isNumber = !key.choices?.includes(value.trim());
       this.write(path, value.trim(), isNumber ? (numbers[i] as Told)[2] : null);
     }
+    this.follow();
     // A method may have brought its output along.
     const output = this.key("loop.output")?.choices?.[this.core.output()];
     if (output) this.write("loop.output", output, null);
     this.tell();
+  }
+
+  /** A delay in samples is as long as the period makes it. */
+  private follow(): void {
+    const delay = this.key("loop.delay");
+    if (!delay || !/^samples?$/.test(delay.unit ?? "") || delay.factor === this.world.period_s) return;
+    delay.factor = this.world.period_s;
+    const told = this.number(delay.path, delay.written);
+    if (typeof told === "string") return;
+    delay.value = told[2];
+    this.core.set(...told);
   }
 
   private key(path: string): Key | undefined {

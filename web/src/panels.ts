@@ -23,7 +23,7 @@ export function panels(world: World, units: Units): Panel[] {
       lines: limit,
       least: 0.02 * (limit[0] ?? 1),
     },
-    { title: "energy", unit: units.energy, traces: [{ name: "world", column: COLUMN.energy, colour: "c2" }], lines: [], least: 0.5 },
+    { title: "energy", unit: units.energy, traces: [{ name: "world", column: COLUMN.energy, colour: "c2" }], lines: [], least: 0.5, scales: true },
   ];
 }
 

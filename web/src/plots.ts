@@ -4,7 +4,7 @@ import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { html, say } from "./dom.ts";
 import type { History } from "./history.ts";
-import { steady, type Unit } from "./units.ts";
+import { joules, steady, tick, type Unit } from "./units.ts";
 
 export interface Trace {
   name: string;
@@ -22,6 +22,8 @@ export interface Panel {
   lines: number[];
   /** No narrower than this, in the unit that is shown. */
   least: number;
+  /** An energy, whose axis takes the unit that its size asks for. */
+  scales?: boolean;
 }
 
 const theme = (name: string) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
@@ -33,17 +35,20 @@ class Plot {
   readonly uplot: uPlot;
   private readonly panel: Panel;
   private readonly values: HTMLElement[];
+  private readonly title = html("span", { class: "name" });
   private range: [number, number];
+  private unit: Unit;
   private seen = true;
 
   constructor(panel: Panel, root: HTMLElement, last: boolean) {
     this.panel = panel;
     this.range = [-panel.least, panel.least];
+    this.unit = { name: panel.unit.name, per: 1 };
     this.values = panel.traces.map(() => html("b"));
     const names = panel.traces.map((trace, i) =>
       html("span", { class: `trace ${trace.colour}${trace.dash ? " dashed" : ""}` }, trace.name, " ", this.values[i]!),
     );
-    const head = html("figcaption", {}, html("span", { class: "name" }, `${panel.title} (${panel.unit.name})`), ...names);
+    const head = html("figcaption", {}, this.title, ...names);
     const box = html("div", { class: "canvas" });
     root.append(html("figure", { class: last ? "plot last" : "plot" }, head, box));
     this.uplot = new uPlot(this.options(box, last), [[]], box);
@@ -63,9 +68,12 @@ class Plot {
       for (const value of data[3 * i + 3]!) if (value > high) high = value;
     });
     this.fit(low, high);
+    const most = Math.max(...this.range.map(Math.abs));
+    if (this.panel.scales) this.unit = joules(most);
+    say(this.title, `${this.panel.title} (${this.unit.name})`);
     this.panel.traces.forEach((_, i) => {
       const value = data[3 * i + 1]![index];
-      if (value !== undefined) say(this.values[i]!, steady(value, Math.max(...this.range.map(Math.abs))));
+      if (value !== undefined) say(this.values[i]!, steady(value * this.unit.per, most * this.unit.per));
     });
     this.uplot.batch(() => {
       this.uplot.setData(data as unknown as uPlot.AlignedData, false);
@@ -91,9 +99,8 @@ class Plot {
 
   private options(box: HTMLElement, last: boolean): uPlot.Options {
     const [soft, grid] = [theme("soft"), theme("grid")];
-    const font = "11px system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
+    const font = "12px system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
     const axis = { stroke: soft, font, ticks: { show: false }, grid: { stroke: grid, width: 1 } };
-    const minus = (values: number[]) => values.map((value) => String(value).replace("-", "−"));
     return {
       width: Math.max(box.clientWidth, 50),
       height: Math.max(box.clientHeight, 50),
@@ -103,7 +110,7 @@ class Plot {
       scales: { x: { time: false, auto: false }, y: { auto: false } },
       axes: [
         { ...axis, size: last ? 24 : 4, gap: 2, values: (_, values) => (last ? values.map((t) => (t < 0 ? "" : `${t} s`)) : values.map(() => "")) },
-        { ...axis, size: 52, gap: 4, space: 24, values: (_, values) => minus(values.map((value) => Number(value.toPrecision(6)))) },
+        { ...axis, size: 58, gap: 4, space: 24, values: (_, values) => values.map((value) => tick(value * this.unit.per)) },
       ],
       series: [
         {},

@@ -9,6 +9,19 @@ type Pole = readonly [number, number];
 const SIZE = 100;
 const CROSS = "M-4.5-4.5L4.5 4.5M-4.5 4.5L4.5-4.5";
 
+/** What the judge says of these poles. `growth` leaves out the shifts: motions that change no torque, at 1; `null`: nothing else is there. */
+export function told(poles: Pole[], growth: number | null, period: number): string {
+  if (poles.length === 0) return "none";
+  // Near 1 the growth says more than digits of the radius.
+  const radius = growth === null ? 0 : Math.exp(growth * period);
+  const largest = Math.max(...poles.map(([re, im]) => Math.hypot(re, im)));
+  const shifts = largest > radius && (growth === null || Math.log(largest) / period > growth + 1e-9);
+  const size = shifts ? (growth === null ? "" : `; beside the free shift at 1, largest |λ| ${radius.toFixed(6)}`) : `, largest |λ| ${radius.toFixed(6)}`;
+  if (growth === null) return shifts ? `${poles.length}, a free shift at 1 and nothing that lasts` : `${poles.length}`;
+  const way = Math.abs(growth) < 1e-9 ? "keeps its size" : `${growth > 0 ? "grows" : "decays"} by ${number(Math.abs(growth))} per s`;
+  return `${poles.length}${size}, ${way}`;
+}
+
 export class Poles {
   private readonly root: HTMLElement;
 
@@ -17,20 +30,13 @@ export class Poles {
   }
 
   /** `period` in s. */
-  show({ held, free, command }: Verdict, period: number): void {
+  show({ held, free, held_growth_per_s, free_growth_per_s, command }: Verdict, period: number): void {
     if (command !== undefined) return this.root.replaceChildren(html("p", { class: "soft" }, "Not computed for what has been changed here."));
-    const largest = (poles: Pole[]) => Math.max(0, ...poles.map(([re, im]) => Math.hypot(re, im)));
-    const row = (name: string, kind: string, poles: Pole[]) => {
-      const radius = largest(poles);
-      // Near 1 the growth says more than digits of the radius.
-      const growth = radius > 0 ? Math.log(radius) / period : Number.NaN;
-      const text = poles.length === 0 ? "none" : `${poles.length}, largest |λ| ${radius.toFixed(6)}`;
-      const more = Number.isFinite(growth) ? (Math.abs(growth) < 1e-9 ? ", keeps its size" : `, ${growth > 0 ? "grows" : "decays"} by ${number(Math.abs(growth))} per s`) : "";
-      return html("li", { class: kind }, html("span", {}, name), ` ${text}${more}`);
-    };
+    const row = (name: string, kind: string, poles: Pole[], growth: number | null) =>
+      html("li", { class: kind }, html("span", {}, name), ` ${told(poles, growth, period)}`);
     this.root.replaceChildren(
       html("div", { class: "maps" }, this.circle(held, free), this.lens(held, free, period)),
-      html("ul", { class: "key" }, row("○ held", "held", held), row("× let go", "free", free)),
+      html("ul", { class: "key" }, row("○ held", "held", held, held_growth_per_s), row("× let go", "free", free, free_growth_per_s)),
     );
   }
 
@@ -64,11 +70,9 @@ export class Poles {
       svg("path", { class: "axis", d: `M${-SIZE} 0H${SIZE}` }),
       svg("path", { class: "unit", d: `M0 ${-SIZE}V${SIZE}` }),
       ...this.points(h, f, ([growth, hz]) => [(growth / side) * SIZE, (-hz / top) * SIZE]),
-      svg("text", { x: SIZE - 3, y: SIZE - 5, "text-anchor": "end" }, `${number(side, 2)} /s`),
-      svg("text", { x: -SIZE + 3, y: SIZE - 5 }, `−${number(side, 2)}`),
-      svg("text", { x: -SIZE + 3, y: -SIZE + 12 }, `${number(top, 2)} Hz`),
     );
-    return html("figure", {}, html("figcaption", {}, "lens near 1: ln λ / T"), map);
+    const ends = html("p", { class: "ends" }, html("span", {}, `−${number(side, 2)}`), html("span", {}, `${number(side, 2)} /s`));
+    return html("figure", {}, html("figcaption", {}, `near 1: ln λ/T, to ${number(top, 2)} Hz`), map, ends);
   }
 
   private map(kind: string, label: string): SVGSVGElement {

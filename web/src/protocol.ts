@@ -80,6 +80,9 @@ export interface Verdict {
   sentence?: string;
   sentences: { what: "held" | "free" | "passive" | "quantisation"; ok: boolean | null; text: string }[];
   growth_per_s: number | null;
+  /** Without the shifts, which change no torque; `null`: nothing else is there. */
+  held_growth_per_s: number | null;
+  free_growth_per_s: number | null;
   held: [number, number][];
   free: [number, number][];
   required_damping: number | null;

@@ -85,6 +85,7 @@ export function rotary(bodies: number): Geometry {
         detail: puck ? grooves.join("") : thick > 10 ? holes.join("") : "",
       };
     },
+    half: Math.PI,
     view: (position) => [position - Math.PI, position + Math.PI],
     scale() {
       let ticks = "";

@@ -23,8 +23,16 @@ export class Stage {
   private grip: SVGPathElement | null = null;
   private intended: SVGElement | null = null;
 
-  constructor(root: SVGSVGElement) {
+  private readonly labels: HTMLElement;
+  private readonly far: HTMLElement;
+  /** Of each wall: where it is, where it stands on another turn than what may touch it. */
+  private away: (string | null)[] = [];
+
+  /** `labels` lies over the drawing; `far` tells of walls on other turns. */
+  constructor(root: SVGSVGElement, labels: HTMLElement, far: HTMLElement) {
     this.svg = root;
+    this.labels = labels;
+    this.far = far;
   }
 
   /** The largest torque that colours show. */
@@ -60,6 +68,7 @@ export class Stage {
     const furthest = Math.max(...q.map(Math.abs));
     if (world.motion === "linear" && furthest > this.reach) this.rescale(furthest);
     for (const part of this.parts) part(q, v);
+    say(this.far, this.away.filter((text) => text !== null).join("; "));
     this.hand(q[0]!, intended);
   }
 
@@ -89,8 +98,18 @@ export class Stage {
     attribute(this.svg, "data-motion", world.motion);
     const { ticks, labels } = geometry.scale();
     const scale = svg("g", { class: "scale" }, svg("path", { d: ticks }));
-    for (const { x, y, text } of labels) scale.append(svg("text", { x, y }, text));
+    const [left, top, width, height] = geometry.viewBox.split(" ").map(Number) as [number, number, number, number];
+    // Beside the drawing and not in it: a text in it would shrink with it.
+    this.labels.replaceChildren(
+      ...labels.map(({ x, y, text }) => {
+        const label = html("span", {}, text);
+        label.style.setProperty("left", `${(100 * (x - left)) / width}%`);
+        label.style.setProperty("top", `${(100 * (y - top)) / height}%`);
+        return label;
+      }),
+    );
     this.svg.replaceChildren(scale);
+    this.away = [];
     const drawn = geometry.lanes.map((lane, i) => {
       const { outline, mark, detail } = geometry.body(lane, i === 0);
       const group = svg("g", { class: i === 0 ? "puck" : `body c${((i - 1) % 6) + 1}`, "data-name": names[i - 1] ?? "puck" });
@@ -160,10 +179,16 @@ export class Stage {
       case "damper":
         return (q) => attribute(element, "d", geometry.damper(gap, q[outer]!, q[inner]!));
       case "wall": {
-        attribute(element, "d", geometry.wall(gap, coupling.at ?? 0, coupling.side === "below" ? -1 : 1));
+        const face = coupling.at ?? 0;
+        attribute(element, "d", geometry.wall(gap, face, coupling.side === "below" ? -1 : 1));
         const nub = svg("path", { class: "nub", d: geometry.nub(gap, edge) });
         group.after(nub);
+        const mine = this.away.push(null) - 1;
         return (q) => {
+          const way = face - (q[first]! - q[second]!);
+          const seen = geometry.half === null || Math.abs(way) <= geometry.half;
+          attribute(group, "visibility", seen ? "visible" : "hidden");
+          this.away[mine] = seen ? null : `wall ${(Math.abs(way) / (2 * geometry.half!)).toFixed(1)} turns ${way > 0 ? "clockwise" : "counterclockwise"}`;
           attribute(group, "transform", geometry.place(q[second]!));
           attribute(nub, "transform", geometry.place(q[first]!));
         };

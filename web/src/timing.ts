@@ -13,9 +13,16 @@ const ROWS = [
   ["computation", "computation_us"],
 ] as const;
 
+/** Under its place on the axis: the first to its right, the last to its left. */
+function place(label: HTMLElement, part: number): HTMLElement {
+  label.style.setProperty("left", `${100 * part}%`);
+  label.style.setProperty("transform", `translateX(${part < 0.02 ? 0 : part > 0.94 ? -100 : -50}%)`);
+  return label;
+}
+
 export class Timing {
   private readonly bars = svg("path", { class: "bars" });
-  private readonly labels = svg("g");
+  private readonly labels = html("p", { class: "edges" });
   private readonly counts = html("p", { class: "soft" });
   private readonly warning = html("p", { class: "warning" });
   private readonly cells: HTMLElement[][];
@@ -31,12 +38,11 @@ export class Timing {
     );
     const drawing = svg(
       "svg",
-      { viewBox: `0 0 ${WIDTH} ${HEIGHT + 16}`, class: "histogram", role: "img", "aria-label": "Histogram of the loop's latency; its quantiles are in the table" },
+      { viewBox: `0 0 ${WIDTH} ${HEIGHT + 1}`, class: "histogram", role: "img", "aria-label": "Histogram of the loop's latency; its quantiles are in the table" },
       svg("path", { class: "axis", d: `M0 ${HEIGHT}H${WIDTH}` }),
       this.bars,
-      this.labels,
     );
-    root.append(html("p", { class: "soft" }, "How late samples are taken (counts on a logarithmic scale)"), drawing, table, this.counts, this.warning);
+    root.append(html("p", { class: "soft" }, "How late samples are taken (counts on a logarithmic scale)"), drawing, this.labels, table, this.counts, this.warning);
   }
 
   show({ timing, realtime }: Status): void {
@@ -58,9 +64,7 @@ export class Timing {
       const every = Math.max(1, Math.ceil(edges.length / 6));
       this.labels.replaceChildren(
         ...edges.flatMap((edge, i) =>
-          i % every === 0
-            ? [svg("text", { x: i * step, y: HEIGHT + 12, "text-anchor": i === 0 ? "start" : i * step > WIDTH - 20 ? "end" : "middle" }, micros(edge))]
-            : [],
+          i % every === 0 ? [place(html("span", {}, micros(edge)), (i * step) / WIDTH)] : [],
         ),
       );
     }

@@ -38,6 +38,23 @@ export function units(world: World): Units {
   };
 }
 
+const PREFIXES = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
+/** An axis label of this many characters fits. */
+const WIDEST = 7;
+
+/** An energy's unit in which `largest`, in mJ, has one to three digits before its point; `per` is how many of it 1 mJ is. */
+export function joules(largest: number): Unit {
+  const steps = largest > 0 && Number.isFinite(largest) ? Math.floor(Math.log10(largest) / 3 + 1e-9) : 0;
+  const place = Math.min(PREFIXES.length - 1, Math.max(0, PREFIXES.indexOf("m") + steps));
+  return { name: `${PREFIXES[place]}J`, per: 1000 ** (PREFIXES.indexOf("m") - place) };
+}
+
+/** A number that an axis has room for. */
+export function tick(value: number): string {
+  const text = String(Number(value.toPrecision(6)));
+  return (text.length <= WIDEST ? text : value.toExponential(2).replace(/\.?0+e/, "e").replace("e+", "e")).replace(/-/g, "−");
+}
+
 /** "N mm/deg" as "N·mm/°", with a number before it or without. */
 export function pretty(unit: string): string {
   return unit.replace(/\bdeg\b/g, "°").replace(/\bum\b/g, "µm").replace(/\bus\b/g, "µs").replace(/\^2/g, "²").replace(/(?<!\d) /g, "·");

@@ -136,6 +136,9 @@ fn takes(key: &Key) -> String {
         Takes::Name(names) => names.iter().map(|name| format!("`\"{name}\"`")).collect::<Vec<_>>().join(", "),
         Takes::Quantity(measure, range) => quantity(measure, range),
         Takes::QuantityOr(measure, range, word) => format!("{}, or `\"{word}\"`", quantity(measure, range)),
+        Takes::TimeOrSamples => {
+            format!("{}, or a number of samples, `\"1.5 samples\"`", quantity(Measure::Time, Range::ZeroOrMore))
+        }
         Takes::Whole { least, most, step } => {
             format!("{} whole number from {least} to {most}", if step == 2 { "an even" } else { "a" })
         }

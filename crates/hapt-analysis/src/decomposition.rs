@@ -299,14 +299,14 @@ fn push(all: &mut Vec<Decomposition>, looked: &Looked<'_>, [stiffness, damping]:
 
 impl Puck {
     fn new(world: &World, couplings: &[Coupling], slopes: &Slopes, filter: &Filter) -> Result<Puck, Error> {
-        let Sampling { method, output, advance, period, delay, .. } = world.sampling;
+        let Sampling { method, output, advance, period, .. } = world.sampling;
         let port = Impedance::new(&world.bodies, couplings, slopes, Rule { method, output, advance, period })?;
         if !port.is_finite() {
             return Err(Error::Eigenvalues { order: port.poles.len() });
         }
         let inertia = positive("the device's inertia", world.device.inertia)?;
         let rate = world.device.damping / inertia;
-        let delay = Delay::of(delay, period)?;
+        let delay = Delay::of(world.sampling.delay_s(), period)?;
         let (h1, h2) = (delay.part * period, period - delay.part * period);
         let push = h1 / inertia * phi1(rate * h1);
         let mut sum = 0.0;

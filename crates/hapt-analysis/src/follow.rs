@@ -10,6 +10,8 @@
 //! A delay of whole samples is another loop than one with a fraction of a sample: there the heights have kinks. Ends of intervals
 //! are laid on whole samples, and middles between two of them, so that both are seen, however many samples the interval spans.
 
+use hapt_model::Delay;
+
 use crate::error::Error;
 
 /// Intervals a decade at first, each seen at its end and in its middle.
@@ -79,6 +81,14 @@ pub(crate) enum Along {
 }
 
 impl Along {
+    /// The period, beside this delay; one in samples follows it.
+    pub fn period(delay: Delay) -> Along {
+        match delay {
+            Delay::Seconds(delay) if delay > 0.0 => Along::Period(delay),
+            Delay::Seconds(_) | Delay::Samples(_) => Along::Ratio,
+        }
+    }
+
     /// The delay in samples.
     fn samples(self, x: f64) -> f64 {
         match self {

@@ -102,7 +102,7 @@ pub(crate) fn free_heights(world: &World) -> Result<Heights, Error> {
     let growths = found.eigenvalues.iter().filter(|v| v.im >= 0.0).map(|v| v.abs.ln() / period);
     let others = growths.filter(|growth| *growth < most - MARGINAL);
     let heights = others.chain([most]).map(|growth| growth - MARGINAL);
-    Ok(Heights::new(heights, floor(period, world.sampling.delay), 0.0))
+    Ok(Heights::new(heights, floor(period, world.sampling.delay_s()), 0.0))
 }
 
 /// The eigenvalues of [`free`] alone.
@@ -164,7 +164,11 @@ fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stabili
 
 /// From which period up the critical period is searched, in s.
 pub fn shortest_period(sampling: &Sampling) -> f64 {
-    (SHORTEST.0 * sampling.period).max(SHORTEST.1 * sampling.delay)
+    match sampling.delay {
+        hapt_model::Delay::Seconds(delay) => (SHORTEST.0 * sampling.period).max(SHORTEST.1 * delay),
+        // It shrinks with the period.
+        hapt_model::Delay::Samples(_) => SHORTEST.0 * sampling.period,
+    }
 }
 
 /// The ties of the world with the puck as body 0.
@@ -300,7 +304,7 @@ fn search(
     known: Critical,
 ) -> Result<Critical, Error> {
     let low = shortest_period(sampling);
-    let slowest = port.slowest(damping).max(sampling.period).max(sampling.delay);
+    let slowest = port.slowest(damping).max(sampling.period).max(sampling.delay_s());
     let high = (LONGEST * slowest).min(known.period().unwrap_or(f64::INFINITY));
     if port.is_slack() || known == Critical::Never || high <= low {
         return Ok(Critical::Unbounded);
@@ -324,9 +328,9 @@ fn search(
         // Of a pair one.
         let counting = all[kept..].iter().filter(|(m, _)| m.less_one.im >= 0.0);
         let noise = counting.clone().map(|(_, error)| error / period).fold(0.0, f64::max);
-        Ok(Heights::new(counting.map(|(m, error)| (m.ln_abs - error) / period), floor(period, sampling.delay), noise))
+        Ok(Heights::new(counting.map(|(m, error)| (m.ln_abs - error) / period), floor(period, sampling.delay.seconds(period)), noise))
     };
-    Ok(match first_rise(heights, Along::Period(sampling.delay), low, high, 0.0)? {
+    Ok(match first_rise(heights, Along::period(sampling.delay), low, high, 0.0)? {
         Some(period) if period <= low => Critical::Never,
         Some(period) => Critical::Period(period),
         None => Critical::Unbounded,

@@ -101,7 +101,7 @@ pub(crate) struct Need {
 
 /// The loop's delay in samples.
 pub(crate) fn lag(sampling: &Sampling) -> Result<Delay, Error> {
-    Delay::of(sampling.delay, sampling.period)
+    Delay::of(sampling.delay_s(), sampling.period)
 }
 
 /// The stiffness and damping of the couplings at the puck, each on its steepest rise.

@@ -1,7 +1,7 @@
 //! Remedies as lines to paste into the world file, in the file's own units.
 
-use hapt_model::keys::{Measure, Takes};
-use hapt_model::{Error, Law, Parameter, Source, World, parameters, parse_quantity};
+use hapt_model::keys::{Measure, in_samples};
+use hapt_model::{Dimension, Error, Law, Parameter, Source, World, parameters, parse_quantity};
 
 use crate::check::Check;
 use crate::remedies::Remedies;
@@ -130,19 +130,26 @@ struct File<'a> {
 impl File<'_> {
     /// `value unit`, in the unit that stands there already; a bare number where there is none.
     fn value(&self, path: &str, si: f64, side: Side) -> String {
-        let measure = self.world.key(path).and_then(|key| match key.takes {
-            Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => Some(measure),
-            _ => None,
-        });
-        let Some(dimension) = measure.map(|measure| measure.dimension(self.world.motion)) else {
+        let measure = self.world.key(path).and_then(|key| key.takes.quantity());
+        let Some(dimension) = measure.map(|(measure, _)| measure.dimension(self.world.motion)) else {
             return rounded(si, side);
         };
         let written = self.parameters.iter().find(|parameter| parameter.path == path).map(|p| unit(&p.written));
         let own = written
             .filter(|unit| !unit.is_empty())
-            .and_then(|unit| parse_quantity(&format!("1 {unit}"), dimension).ok().map(|size| (unit, size)));
+            .and_then(|unit| Some((size(&unit, dimension, self.world)?, unit)))
+            .map(|(size, unit)| (unit, size));
         let (unit, size) = own.unwrap_or_else(|| (dimension.symbol(), 1.0));
         format!("{} {unit}", rounded(si / size, side))
+    }
+}
+
+/// What 1 `unit` is in SI; `None` where it has another dimension. A sample is as long as the world's period.
+pub fn size(unit: &str, dimension: Dimension, world: &World) -> Option<f64> {
+    let one = format!("1 {unit}");
+    match in_samples(&one) {
+        Some(samples) => (dimension == Dimension::TIME).then_some(samples * world.sampling.period),
+        None => parse_quantity(&one, dimension).ok(),
     }
 }
 

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use hapt_model::{Clampable, Coupling, Damping, End, Law, Output, World};
+use hapt_model::{Clampable, Coupling, Damping, Delay, End, Law, Output, World};
 use serde::Serialize;
 
 use crate::certificate::{excess, is_certified};
@@ -24,7 +24,7 @@ pub struct Remedies {
     pub device_damping: Option<f64>,
     /// The least damper from every body to ground, the same for all, in the same unit.
     pub ground_damping: Option<f64>,
-    /// The longest period in s, the delay staying in seconds and compensating dampers following.
+    /// The longest period in s; a delay in samples and compensating dampers follow it, a delay in seconds stays.
     pub period_s: Option<f64>,
     /// The longest delay in s.
     pub delay_s: Option<f64>,
@@ -120,20 +120,19 @@ fn margin(
 }
 
 fn period_margin(world: &World) -> Result<Result<f64, String>, Error> {
-    let (now, delay) = (world.sampling.period, world.sampling.delay);
-    let along = if delay > 0.0 { Along::Period(delay) } else { Along::Ratio };
-    margin(world, along, [now, REACH * now], |w, period| w.sampling.period = period)
+    let now = world.sampling.period;
+    margin(world, Along::period(world.sampling.delay), [now, REACH * now], |w, period| w.sampling.period = period)
 }
 
 fn delay_margin(world: &World) -> Result<Result<f64, String>, Error> {
     let (period, most) = (world.sampling.period, IN_FLIGHT as f64);
-    let now = world.sampling.delay / period;
+    let now = world.sampling.delay_s() / period;
     if now >= most {
-        return Ok(Ok(world.sampling.delay));
+        return Ok(Ok(world.sampling.delay_s()));
     }
-    let end = margin(world, Along::Samples, [now, most], |w, samples| w.sampling.delay = samples * period)?;
+    let end = margin(world, Along::Samples, [now, most], |w, samples| w.sampling.delay = Delay::Samples(samples))?;
     let reason = |_| format!("no end up to {IN_FLIGHT} samples, the most that the analysis carries");
-    Ok(end.map(|samples| (samples * period).max(world.sampling.delay)).map_err(reason))
+    Ok(end.map(|samples| (samples * period).max(world.sampling.delay_s())).map_err(reason))
 }
 
 fn stiffness_margin(world: &World) -> Result<Result<f64, String>, Error> {
@@ -247,15 +246,16 @@ fn ground_damping(world: &World, is_certified: bool) -> Option<f64> {
 
 fn period(world: &World) -> Option<f64> {
     let certified = |period: f64| changed(world, |w| w.sampling.period = period);
-    let delay = world.sampling.delay;
+    let delay = world.sampling.delay_s();
     // A lossless world takes a delay of whole samples only.
     let whole = || (1..=STEPS).map(|n| delay / f64::from(n)).find(|&period| certified(period));
-    largest(world.sampling.period, SHORTEST, &certified).or_else(|| if delay > 0.0 { whole() } else { None })
+    let stays = matches!(world.sampling.delay, Delay::Seconds(delay) if delay > 0.0);
+    largest(world.sampling.period, SHORTEST, &certified).or_else(|| if stays { whole() } else { None })
 }
 
 fn delay(world: &World) -> Option<f64> {
-    let (period, now) = (world.sampling.period, world.sampling.delay);
-    let certified = |delay: f64| changed(world, |w| w.sampling.delay = delay);
+    let (period, now) = (world.sampling.period, world.sampling.delay_s());
+    let certified = |delay: f64| changed(world, |w| w.sampling.delay = Delay::Seconds(delay));
     // Whole samples first: a lossless world takes no others.
     let whole = |n: f64| n * period;
     let samples = (now / period).floor();

@@ -86,7 +86,7 @@ pub(crate) fn stack(
     filter: &Filter,
     period: f64,
 ) -> Result<DMatrix<f64>, Error> {
-    let delay = Delay::of(sampling.delay, period)?;
+    let delay = Delay::of(sampling.delay.seconds(period), period)?;
     if filter.taps.len() > IN_FLIGHT + 1 {
         let value = (filter.taps.len() - 1) as f64;
         return Err(Error::Value { what: "the estimator's window", value, wanted: "500 samples at most" });

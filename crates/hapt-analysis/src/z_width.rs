@@ -170,7 +170,7 @@ impl<'a> Walls<'a> {
         }
         let unit = self.inertia / (self.period * self.period);
         // Where the first spring begins to grow, by the law for light ones.
-        let light = (damping + self.damping) / (0.5 * self.period + self.world.sampling.delay);
+        let light = (damping + self.damping) / (0.5 * self.period + self.world.sampling.delay_s());
         let low = 1e-2 * light.min(unit);
         if low == 0.0 {
             return Ok(Some(0.0));

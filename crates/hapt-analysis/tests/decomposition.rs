@@ -87,7 +87,7 @@ proptest! {
         let mut world = world(&bench, method, period, inertia, damping * inertia / period);
         world.sampling.estimator = estimator;
         world.sampling.cutoff = Some(0.05 / period);
-        world.sampling.delay = delay * period;
+        world.sampling.delay = hapt_model::Delay::Seconds(delay * period);
         if middle && !method.takes_new_sample_first() {
             world.sampling.output = Output::Middle;
         }
@@ -164,7 +164,7 @@ fn a_loop_with_eigenvalues_in_two_clusters_has_a_growth() {
     };
     let mut world = world(&bench, Method::ForwardEuler, 0.0018382282299633105, 6.4e-4, 2e-3);
     world.sampling.output = Output::Middle;
-    world.sampling.delay = 2e-3;
+    world.sampling.delay = hapt_model::Delay::Seconds(2e-3);
     assert!(world.set_number(PATHS[0], 0.2) && world.set_number(PATHS[1], 1e-4));
     let eigenvalues = free_eigenvalues(&world).unwrap();
     let near = |at: f64| eigenvalues.iter().filter(|e| (e.re - at).hypot(e.im) < 0.1).count();

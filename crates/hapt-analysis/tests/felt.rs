@@ -55,7 +55,7 @@ proptest! {
     fn a_spring_is_felt_through_the_hold_and_late(k in 0.1..100.0f64, part in 1e-6..1.0f64, delay in 0.0..3.0f64) {
         let period = 1e-3;
         let mut world = plain(vec![spring(End::Puck, End::Ground, k)], period);
-        world.sampling.delay = delay * period;
+        world.sampling.delay = hapt_model::Delay::Seconds(delay * period);
         let phi = PI * part;
         near(rendered(&world, part * 500.0), k * hold(phi) * C::from_polar(1.0, -delay * phi), 1e-12);
     }
@@ -136,7 +136,7 @@ proptest! {
         let mut world = world(bench, Method::ALL[method], 10f64.powf(log));
         if world.sampling.output == Output::End {
             world.sampling.advance = ahead;
-            world.sampling.delay = f64::from(ahead) * world.sampling.period;
+            world.sampling.delay = hapt_model::Delay::Seconds(f64::from(ahead) * world.sampling.period);
         }
         let Ok(Some(required)) = required_damping(&world) else { return Ok(()) };
         world.device.damping = required;
@@ -226,7 +226,7 @@ fn a_spring_to_ground_is_felt_until_the_hold_has_turned_it() {
 fn a_hold_takes_half_a_sample_of_stiffness_from_the_damping() {
     // Im K/ω → -KT/2 - K delay.
     let mut world = plain(vec![spring(End::Puck, End::Ground, 3.0)], 1e-3);
-    world.sampling.delay = 0.4e-3;
+    world.sampling.delay = hapt_model::Delay::Seconds(0.4e-3);
     let row = felt(&world).row(1e-3);
     assert!((row.rendered.unwrap().damping / (-3.0 * 0.9e-3) - 1.0).abs() < 1e-9);
     let whole = row.whole.unwrap();

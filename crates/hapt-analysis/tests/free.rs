@@ -59,7 +59,7 @@ impl Brute {
         let period = sampling.period;
         let (j, b, k) = (world.device.inertia + grip.inertia, world.device.damping + grip.damping, grip.stiffness);
         let spec = Spec { estimator: Estimator::Exact, count: None, limit: None, levels: None, ..world.spec() };
-        let ratio = sampling.delay / period;
+        let ratio = sampling.delay_s() / period;
         let near = (ratio - ratio.round()).abs() <= 1e-6;
         let samples = if near { ratio.round() } else { ratio.floor() };
         let equations = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, -k / j, -b / j, 1.0 / j, 0.0, 0.0, 0.0]);
@@ -232,9 +232,9 @@ fn loops() -> impl Strategy<Value = World> {
             sampling.window = window;
             sampling.advance = if sampling.output == Output::End { advance } else { 0 };
             sampling.delay = match delay {
-                0 => 0.0,
-                1 => periods.floor() * period,
-                _ => periods * period,
+                0 => hapt_model::Delay::Seconds(0.0),
+                1 => hapt_model::Delay::Samples(periods.floor()),
+                _ => hapt_model::Delay::Seconds(periods * period),
             };
             world
         },
@@ -370,7 +370,7 @@ proptest! {
         for (factor, stable) in [(0.99, true), (1.06, false)] {
             let mut world = world(&to_ground(factor * limit), Method::Zoh, Output::End, period);
             world.device.damping = damping;
-            world.sampling.delay = delay * period;
+            world.sampling.delay = hapt_model::Delay::Seconds(delay * period);
             prop_assert_eq!(grows(&free(&world).unwrap()) < 0.0, stable);
         }
     }
@@ -379,7 +379,7 @@ proptest! {
     fn growth_is_continuous_in_the_delay(world in loops(), samples in 0..4u32) {
         let with = |periods: f64| {
             let mut world = world.clone();
-            world.sampling.delay = periods * world.sampling.period;
+            world.sampling.delay = hapt_model::Delay::Seconds(periods * world.sampling.period);
             free(&world).unwrap().spectral_radius
         };
         let d = f64::from(samples);
@@ -458,7 +458,7 @@ fn free_spin_of_the_notes_wheel_is_decided_by_half_a_sample_of_stiffness() {
 fn without_couplings_nothing_is_left_and_with_friction_the_puck_slows_down() {
     let nothing = Bench { bodies: vec![], couplings: vec![] };
     let mut world = world(&nothing, Method::Zoh, Output::End, 1e-3);
-    world.sampling.delay = 3.3e-3;
+    world.sampling.delay = hapt_model::Delay::Seconds(3.3e-3);
     let found = free(&world).unwrap();
     assert_eq!(found.eigenvalues.len(), 2);
     assert!((grows(&found) + 1.2e-3 / 6.4e-4).abs() < 1e-12);
@@ -503,7 +503,7 @@ fn what_the_puck_never_feels_keeps_its_closed_form() {
     };
     let mut world_ = world(&bench, Method::Zoh, Output::End, 1e-3);
     world_.device.damping = 0.05;
-    world_.sampling.delay = 0.4e-3;
+    world_.sampling.delay = hapt_model::Delay::Seconds(0.4e-3);
     let found = free(&world_).unwrap();
     assert_eq!((found.growth_per_s, found.verdict), (Some(0.0), Verdict::Marginal), "{found:?}");
     assert!(found.critical_period_s.is_some_and(|t| t > 1e-3), "{:?}", found.critical_period_s);
@@ -541,7 +541,7 @@ fn a_wall_between_puck_and_ground_counts_in_and_out() {
 #[test]
 fn too_many_commands_in_flight_are_refused_with_the_limit() {
     let mut world = world(&notes(), Method::Zoh, Output::End, 1e-3);
-    world.sampling.delay = 0.6;
+    world.sampling.delay = hapt_model::Delay::Seconds(0.6);
     let message = free(&world).unwrap_err().to_string();
     assert!(message.contains("600 periods") && message.contains("500"), "{message}");
 }
@@ -568,7 +568,7 @@ fn one_body_and_thirty_two_take_so_long() {
                 }
                 let mut world = world(&bench, method, Output::End, 1e-4);
                 world.device.damping = 0.01;
-                world.sampling.delay = delay * 1e-4;
+                world.sampling.delay = hapt_model::Delay::Seconds(delay * 1e-4);
                 world.sampling.estimator = estimator;
                 world.sampling.cutoff = Some(200.0);
                 let start = std::time::Instant::now();

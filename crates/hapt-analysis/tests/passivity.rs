@@ -74,7 +74,7 @@ fn at_angle(world: &World, phi: f64) -> f64 {
     let period = world.sampling.period;
     let h = torque(world, phi);
     let z = C::from_polar(1.0, phi);
-    let delay = world.sampling.delay / period;
+    let delay = world.sampling.delay_s() / period;
     let whole = if (delay - delay.round()).abs() < 1e-6 { delay.round() } else { delay.floor() };
     let a = if (delay - whole).abs() < 1e-6 { 0.0 } else { delay - whole };
     let lagged = h * C::from_polar(1.0, -whole * phi) * (1.0 - a + a / z);
@@ -128,9 +128,9 @@ proptest! {
     #[test]
     fn a_spring_under_a_delay(k in 0.1..1e4f64, d in 0..40u32, a in 0.001..0.999f64, period in 1e-4..1e-2f64) {
         let mut world = plain(to_ground(k, 0.0), period);
-        world.sampling.delay = f64::from(d) * period;
+        world.sampling.delay = hapt_model::Delay::Seconds(f64::from(d) * period);
         near(required(&world), k * period * (0.5 + f64::from(d)), 1e-11);
-        world.sampling.delay = (f64::from(d) + a) * period;
+        world.sampling.delay = hapt_model::Delay::Seconds((f64::from(d) + a) * period);
         let q = 1.0 + 2.0 * (f64::from(d) + a);
         near(required(&world), 0.25 * k * period * (q + (q * q + 4.0 * a * (1.0 - a)).sqrt()), 1e-9);
     }
@@ -167,7 +167,7 @@ proptest! {
         let output = if method.takes_new_sample_first() { Output::Start } else { Output::ALL[output] };
         let mut world = world(bench, method, output, period);
         world.sampling.advance = if output == Output::End { advance } else { 0 };
-        world.sampling.delay = delay * period;
+        world.sampling.delay = hapt_model::Delay::Seconds(delay * period);
         world.sampling.estimator = [EstimatorKind::Exact, EstimatorKind::LowPass, EstimatorKind::FoawBest][estimator];
         if estimator == 2 { world.sampling.window = 1; }
         world.sampling.cutoff = Some(cutoff / period);
@@ -319,13 +319,13 @@ proptest! {
         prop_assume!(k > 0.0);
         let method = if trapezoidal { Method::Trapezoidal } else { Method::Zoh };
         let mut world = world(bench, method, Output::End, period);
-        world.sampling.delay = f64::from(d) * period;
+        world.sampling.delay = hapt_model::Delay::Seconds(f64::from(d) * period);
         world.sampling.advance = d;
         prop_assert!(required(&world) <= k * period * (0.5 + f64::from(d)) * (1.0 + 1e-9));
         world.sampling.advance = 0;
         let found = cause(&world);
         prop_assert!(matches!(found, Some(Cause::OutOfStep { .. })), "{found:?}");
-        world.sampling.delay += 0.3 * period;
+        world.sampling.delay = hapt_model::Delay::Seconds((f64::from(d) + 0.3) * period);
         let found = cause(&world);
         prop_assert!(matches!(found, Some(Cause::Fraction { .. })), "{found:?}");
     }
@@ -371,12 +371,12 @@ fn the_steepest_rise_of_each_law_counts() {
         near(required(&world), wanted, 1e-12);
         let proved = reasons(&world).is_empty();
         assert_eq!(proved, !matches!(law, Law::Lugre { .. }), "{law:?} {:?}", reasons(&world));
-        world.sampling.delay = 2e-3;
+        world.sampling.delay = hapt_model::Delay::Seconds(2e-3);
         if let Law::Detent { .. } = law {
             near(required(&world), 5.0 * wanted, 1e-12);
             assert_eq!(reasons(&world), Vec::<String>::new());
         }
-        world.sampling.delay = 2.5e-3;
+        world.sampling.delay = hapt_model::Delay::Seconds(2.5e-3);
         assert_eq!(matches!(law, Law::Spring { .. } | Law::Constant { .. }), reasons(&world).is_empty());
     }
     let world = plain(vec![Coupling { first: ground, second: puck, law: Law::Coulomb { torque: 0.1 } }], 1e-3);
@@ -453,7 +453,7 @@ fn what_is_not_proved_says_why() {
     one(
         &|w| {
             damped(w);
-            w.sampling.delay = 1e-3;
+            w.sampling.delay = hapt_model::Delay::Seconds(1e-3);
         },
         "late",
     );
@@ -510,9 +510,9 @@ fn counts_allow_what_damping_and_friction_swallow() {
 #[test]
 fn a_delay_beyond_the_longest_is_named() {
     let mut world = plain(to_ground(10.0, 0.0), 1e-3);
-    world.sampling.delay = 1e-3 * IN_FLIGHT as f64;
+    world.sampling.delay = hapt_model::Delay::Seconds(1e-3 * IN_FLIGHT as f64);
     near(required(&world), 0.01 * (IN_FLIGHT as f64 + 0.5), 1e-9);
-    world.sampling.delay += 1e-3;
+    world.sampling.delay = hapt_model::Delay::Seconds(1e-3 * IN_FLIGHT as f64 + 1e-3);
     let error = passivity(&world).unwrap_err();
     assert!(matches!(error, Error::InFlight { limit: IN_FLIGHT, .. }));
     assert!(error.to_string().contains("501 periods") && error.to_string().contains("500"));

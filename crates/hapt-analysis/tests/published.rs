@@ -18,7 +18,7 @@ const INERTIA: f64 = 6.4e-4;
 fn wall(stiffness: f64, damping: f64, device_damping: f64, delay: f64) -> World {
     let couplings = vec![spring(End::Puck, End::Ground, stiffness), damper(End::Puck, End::Ground, damping)];
     let mut world = Bench::of(couplings).world(Method::Zoh, Output::End, PERIOD);
-    world.sampling.delay = delay;
+    world.sampling.delay = hapt_model::Delay::Seconds(delay);
     (world.device.inertia, world.device.damping) = (INERTIA, device_damping);
     world
 }

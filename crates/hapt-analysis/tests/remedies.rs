@@ -86,8 +86,8 @@ proptest! {
             prop_assert!(!with(&world, |w| w.sampling.period = 1.01 * period), "{period}");
         }
         if let Some(delay) = found.delay_s {
-            prop_assert!(with(&world, |w| w.sampling.delay = delay), "{delay}");
-            prop_assert!(!with(&world, |w| w.sampling.delay = 1.01 * delay + 1e-6 * w.sampling.period * 2.0), "{delay}");
+            prop_assert!(with(&world, |w| w.sampling.delay = hapt_model::Delay::Seconds(delay)), "{delay}");
+            prop_assert!(!with(&world, |w| w.sampling.delay = hapt_model::Delay::Seconds(1.01 * delay + 1e-6 * w.sampling.period * 2.0)), "{delay}");
         }
         if let Some(factor) = found.stiffness_scale {
             prop_assert!(with(&world, |w| scaled(w, factor)), "{factor}");
@@ -124,4 +124,29 @@ fn a_whole_sample_of_delay_is_mended_by_a_step_ahead() {
     let world = wheel(&["loop.delay=0.001".into(), "couplings.0.stiffness=0.5".into()]);
     assert!(!is_certified(&world));
     assert_eq!(remedies(&world).unwrap().advance, Some(1));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// What is certified of a loop whose delay is in samples is what is certified of the same delay in seconds at each period.
+    #[test]
+    fn the_longest_period_carries_a_delay_in_samples_along(samples in 0.0..3.0f64, stiffness in 0.1..4.0f64) {
+        let sets = [
+            format!("loop.delay={samples:?} samples"), "loop.estimator=difference".into(), "couplings.0.stiffness=0".into(),
+            format!("couplings.2.stiffness={stiffness:?}"),
+        ];
+        let world = wheel(&sets);
+        let at = |period: f64| {
+            with(&world, |w| {
+                w.sampling.period = period;
+                w.sampling.delay = hapt_model::Delay::Seconds(samples * period);
+            })
+        };
+        let longest = remedies(&world).unwrap().period_s.unwrap();
+        prop_assert!(at(longest) && !at(1.01 * longest), "{longest}");
+        // b > K (T/2 + delay) of a bare wall: the delay in seconds would have let the period go further, or not so far.
+        let most = 1.2e-3 / stiffness / (0.5 + samples);
+        prop_assert!((longest / most - 1.0).abs() < 0.05, "{longest} {most}");
+    }
 }

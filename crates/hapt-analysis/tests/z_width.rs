@@ -14,7 +14,7 @@ const INERTIA: f64 = 6.4e-4;
 
 fn device(damping: f64, delay: f64, estimator: EstimatorKind) -> World {
     let mut world = Bench::of(vec![]).world(Method::Zoh, Output::End, 1e-3);
-    world.sampling.delay = delay * 1e-3;
+    world.sampling.delay = hapt_model::Delay::Seconds(delay * 1e-3);
     (world.sampling.estimator, world.sampling.cutoff, world.sampling.window) = (estimator, Some(60.0), 6);
     (world.device.inertia, world.device.damping) = (INERTIA, damping);
     world

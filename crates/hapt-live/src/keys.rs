@@ -1,9 +1,9 @@
 //! The keys that the page shows: their values as written, and a sensible slider for each.
 
-use hapt_analysis::proposal::unit;
+use hapt_analysis::proposal::{size, unit};
 use hapt_model::keys::{KEYS, Key, Measure, Range, Takes};
 use hapt_model::{
-    Coupling, CouplingKind, End, Error, EstimatorKind, Method, Motion, Output, Parameter, Source, World, parameters,
+    Coupling, CouplingKind, End, Error, EstimatorKind, Law, Method, Motion, Output, Parameter, Source, World, parameters,
     parse_quantity,
 };
 
@@ -106,7 +106,8 @@ fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<
             let farthest = (4.0 * about).max(8.0).min(most as f64);
             (says.kind, says.value, says.min, says.max) = ("whole", value, least as f64, farthest);
         }
-        Takes::Quantity(measure, range) | Takes::QuantityOr(measure, range, _) => {
+        Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples => {
+            let (measure, range) = row.takes.quantity()?;
             if let Takes::QuantityOr(.., word) = row.takes {
                 says.choices.push(word);
             }
@@ -116,8 +117,8 @@ fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<
                 says.written = format!("0 {}", spoken(measure, world.motion).unwrap_or(&now.unit));
             }
             let named = Some(unit(&says.written)).filter(|unit| !unit.is_empty());
-            let sized =
-                named.and_then(|unit| parse_quantity(&format!("1 {unit}"), dimension).ok().map(|size| (unit, size)));
+            let sized = named.and_then(|unit| Some((size(&unit, dimension, world)?, unit)));
+            let sized = sized.map(|(size, unit)| (unit, size));
             (says.unit, says.factor) = sized.unwrap_or_else(|| (dimension.symbol(), 1.0));
             (says.min, says.max, says.log) = slider(&now.path, measure, range, own.si.unwrap_or(0.0), file);
         }

@@ -6,7 +6,7 @@ use crate::keys::{self, Key, Measure, PHYSICAL, Presence, Range, Takes};
 use crate::quantity::{parse_in_unit, parse_with_unit};
 use crate::unit::Unit;
 use crate::words;
-use crate::world::Motion;
+use crate::world::{Delay, Motion};
 
 /// Where a table stands, and what decides the meaning of its keys.
 #[derive(Clone)]
@@ -36,6 +36,7 @@ enum Found<'a> {
     Name(&'static str),
     Number(f64),
     Whole(u64),
+    Samples(f64),
     Ends([(&'a str, &'a Place); 2]),
     Node(&'a Node),
 }
@@ -99,6 +100,14 @@ impl<'a> Fields<'a> {
                 Some(Presence::Number(default)) => Some(default),
                 _ => None,
             }),
+        }
+    }
+
+    /// A time in s, or a number of samples; the row's default when absent.
+    pub fn delay(&self, name: &str) -> Result<Delay, Error> {
+        match self.found(name) {
+            Some(Found::Samples(samples)) => Ok(Delay::Samples(*samples)),
+            _ => Ok(Delay::Seconds(self.number(name)?)),
         }
     }
 
@@ -226,6 +235,16 @@ impl<'a> Fields<'a> {
             Err(self.context.document.error(kind, self.path(row.name()), message, &node.place))
         };
         let given = |what: String| fail(ErrorKind::Value, format!("{what}; {}", row.wanted(motion)));
+        let samples = match (row.takes, &node.value) {
+            (Takes::TimeOrSamples, Value::Text(text)) => keys::in_samples(text),
+            _ => None,
+        };
+        if let Some(samples) = samples {
+            return match Range::ZeroOrMore.contains(samples) {
+                true => Ok(Found::Samples(samples)),
+                false => given(format!("{} {}", written(&node.value), fault(Range::ZeroOrMore, samples))),
+            };
+        }
         match (row.takes, &node.value) {
             (Takes::Text, Value::Text(text)) => Ok(Found::Text(text.clone())),
             // Nobody puts quotes inside a shell's quotes to call a world 1984.
@@ -242,22 +261,16 @@ impl<'a> Fields<'a> {
             },
             (Takes::QuantityOr(_, _, word), Value::Text(text)) if text == word => Ok(Found::Name(word)),
             (
-                Takes::Quantity(measure, range) | Takes::QuantityOr(measure, range, _),
+                Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples,
                 Value::Text(_) | Value::Number(_),
-            ) => match quantity(measure, motion, &node.value) {
-                Ok(value) if range.contains(value) => Ok(Found::Number(value)),
-                Ok(value) => {
-                    let (least, most) = (PHYSICAL.start(), PHYSICAL.end());
-                    let fault = match range {
-                        _ if value > *most => format!("is beyond anything physical, {most:e} in SI"),
-                        _ if value > 0.0 => format!("is below anything physical, {least:e} in SI"),
-                        Range::Positive => "is not above 0".to_string(),
-                        Range::ZeroOrMore | Range::Any => "is negative".to_string(),
-                    };
-                    given(format!("{} {fault}", written(&node.value)))
+            ) => {
+                let (measure, range) = row.takes.quantity().unwrap_or((Measure::Ratio, Range::Any));
+                match quantity(measure, motion, &node.value) {
+                    Ok(value) if range.contains(value) => Ok(Found::Number(value)),
+                    Ok(value) => given(format!("{} {}", written(&node.value), fault(range, value))),
+                    Err(message) => fail(ErrorKind::Value, message),
                 }
-                Err(message) => fail(ErrorKind::Value, message),
-            },
+            }
             (Takes::Whole { least, most, step }, Value::Number(text)) => match whole(text) {
                 None => given(format!("{} is no whole number", shortened(text))),
                 Some(whole) if whole < i128::from(least) || whole > i128::from(most) => {
@@ -358,4 +371,15 @@ fn whole(text: &str) -> Option<i128> {
     // Saturates, so that 1e300 is out of every range.
     let float = text.parse::<f64>().ok()?;
     (float.is_finite() && float.fract() == 0.0).then_some(float as i128)
+}
+
+/// What is wrong with a number outside of its range.
+fn fault(range: Range, value: f64) -> String {
+    let (least, most) = (PHYSICAL.start(), PHYSICAL.end());
+    match range {
+        _ if value > *most => format!("is beyond anything physical, {most:e} in SI"),
+        _ if value > 0.0 => format!("is below anything physical, {least:e} in SI"),
+        Range::Positive => "is not above 0".to_string(),
+        Range::ZeroOrMore | Range::Any => "is negative".to_string(),
+    }
 }

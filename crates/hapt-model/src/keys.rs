@@ -41,6 +41,8 @@ pub enum Takes {
     Quantity(Measure, Range),
     /// The same, or this one word.
     QuantityOr(Measure, Range, &'static str),
+    /// A time of 0 or more, or a number of periods: `"1.5 samples"`.
+    TimeOrSamples,
     /// A whole number.
     Whole {
         /// The smallest.
@@ -190,6 +192,30 @@ impl Range {
     }
 }
 
+impl Takes {
+    /// The quantity's meaning and range; `None` for what is no quantity.
+    pub const fn quantity(self) -> Option<(Measure, Range)> {
+        match self {
+            Takes::Quantity(measure, range) | Takes::QuantityOr(measure, range, _) => Some((measure, range)),
+            Takes::TimeOrSamples => Some((Measure::Time, Range::ZeroOrMore)),
+            Takes::Text
+            | Takes::Name(_)
+            | Takes::Whole { .. }
+            | Takes::Ends
+            | Takes::Table
+            | Takes::Named { .. }
+            | Takes::List { .. } => None,
+        }
+    }
+}
+
+/// How many samples a text says: `"1.5 samples"`, `"1 sample"`; `None` where it has another unit, or none.
+pub fn in_samples(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let number = text.strip_suffix(SAMPLES).or_else(|| text.strip_suffix(SAMPLES.trim_end_matches('s')))?;
+    crate::quantity::parse_in_unit(number, crate::unit::Unit::ONE)
+}
+
 impl Key {
     /// The table that it is in: `couplings.*` of `couplings.*.stiffness`; empty at the top.
     pub fn table(&self) -> &'static str {
@@ -223,6 +249,9 @@ impl Key {
             Takes::Name(names) => format!("{} is wanted", words::alternatives(names.iter().copied())),
             Takes::Quantity(measure, range) => quantity(measure, range),
             Takes::QuantityOr(measure, range, word) => format!("{}, or {word:?}", quantity(measure, range)),
+            Takes::TimeOrSamples => {
+                format!("{}, or a number of samples, such as {:?}", quantity(Time, ZeroOrMore), format!("1.5 {SAMPLES}"))
+            }
             Takes::Whole { least, most, step } => {
                 let even = if step == 2 { "an even" } else { "a" };
                 format!("{even} whole number from {least} to {most} is wanted")
@@ -306,6 +335,9 @@ pub(crate) const fn side_name(side: Side) -> &'static str {
 /// The word that makes a damper follow the springs beside it.
 pub(crate) const COMPENSATING: &str = "compensating";
 
+/// The unit of what is counted in periods.
+pub const SAMPLES: &str = "samples";
+
 /// A body's name is an end of couplings and a column of tables, where these three are taken.
 const BODIES: Takes =
     Takes::Named { most: 32, what: "body", letter_first: true, reserved: &["puck", "ground", "measured"] };
@@ -338,8 +370,8 @@ pub const KEYS: &[Key] = &[
         "Which state makes the torque: that at the start, in the middle or at the end of the step."),
     key("loop.advance", Whole { least: 0, most: 1000, step: 1 }, Number(0.0),
         "With output \"end\" only: how many further samples ahead the world is taken for the torque, the puck held still."),
-    key("loop.delay", Quantity(Time, ZeroOrMore), Number(0.0),
-        "From the sample to the moment the motor torque changes; at most a million periods."),
+    key("loop.delay", Takes::TimeOrSamples, Number(0.0),
+        "From the sample to the moment the motor torque changes, in a unit of time or in samples (\"1.5 samples\" follows the period); at most a million periods."),
     key("loop.estimator", Takes::Name(ESTIMATORS), Name("exact"), "Where the loop has the puck's velocity from."),
     key("loop.cutoff", Quantity(Frequency, Positive), Depends("required with the estimator low-pass"),
         "The cutoff of the low-pass estimator, in Hz."),
@@ -510,6 +542,7 @@ mod tests {
             assert!(row.doc.ends_with('.'), "{}", row.path);
             match (row.takes, row.presence) {
                 (Quantity(_, range), Number(default)) => assert!(range.contains(default), "{}", row.path),
+                (Takes::TimeOrSamples, Number(default)) => assert!(default == 0.0, "{}", row.path),
                 (Whole { least, most, .. }, Number(default)) => {
                     assert!((least as f64..=most as f64).contains(&default))
                 }

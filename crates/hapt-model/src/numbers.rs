@@ -8,7 +8,7 @@ use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 use crate::keys::{self, Key};
 use crate::kinds::{CouplingKind, HandKind, ShapeKind};
 use crate::safety::Safety;
-use crate::world::{Device, Mounting, Sampling, World};
+use crate::world::{Delay, Device, Mounting, Sampling, World};
 
 /// Where a number stands.
 pub(crate) enum Slot<'a> {
@@ -16,6 +16,8 @@ pub(crate) enum Slot<'a> {
     Optional(&'a mut Option<f64>),
     Whole(&'a mut u32),
     OptionalWhole(&'a mut Option<u32>),
+    /// In s, or in samples. What is put there is in s.
+    Delay(&'a mut Delay),
 }
 
 /// A key's name and its number.
@@ -31,6 +33,7 @@ impl Slot<'_> {
             Optional(x) => **x,
             Whole(n) => Some(f64::from(**n)),
             OptionalWhole(n) => n.map(f64::from),
+            Slot::Delay(Delay::Seconds(x) | Delay::Samples(x)) => Some(*x),
         }
     }
 
@@ -42,6 +45,7 @@ impl Slot<'_> {
             Optional(x) => *x = Some(value),
             Whole(n) => return whole().map(|whole| *n = whole).is_some(),
             OptionalWhole(n) => return whole().map(|whole| *n = Some(whole)).is_some(),
+            Slot::Delay(delay) => *delay = Delay::Seconds(value),
         }
         true
     }
@@ -51,7 +55,7 @@ pub(crate) fn sampling(sampling: &mut Sampling) -> Slots<'_> {
     vec![
         ("period", Number(&mut sampling.period)),
         ("advance", Whole(&mut sampling.advance)),
-        ("delay", Number(&mut sampling.delay)),
+        ("delay", Slot::Delay(&mut sampling.delay)),
         ("cutoff", Optional(&mut sampling.cutoff)),
         ("window", Whole(&mut sampling.window)),
     ]

@@ -1,5 +1,6 @@
 //! What a world file says, key by key: as it is written, and in SI.
 
+use crate::dimension::Dimension;
 use crate::document::{Document, Entry, Node, Value};
 use crate::error::Error;
 use crate::keys::{self, Key, Presence, Takes};
@@ -29,11 +30,15 @@ pub struct Parameter {
 /// # Errors
 /// As [`World::read`].
 pub fn parameters(source: &Source, sets: &[String]) -> Result<Vec<Parameter>, Error> {
-    let motion = World::read(source, sets)?.motion;
+    let World { motion, sampling, .. } = World::read(source, sets)?;
     let document = Document::new(source, sets)?;
     let mut list = Vec::new();
     if let Value::Table(entries) = &document.root.value {
         table(&mut list, motion, entries, "", "", None);
+    }
+    // A delay in samples is as many seconds as the period makes it.
+    if let Some(delay) = list.iter_mut().find(|parameter| keys::in_samples(&parameter.written).is_some()) {
+        (delay.si, delay.unit) = (Some(sampling.delay_s()), Dimension::TIME.symbol());
     }
     Ok(list)
 }
@@ -98,21 +103,14 @@ fn given(row: &Key, motion: Motion, path: String, node: &Node) -> Parameter {
         }
         Value::Table(_) => String::new(),
     };
-    let si = match row.takes {
-        Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => {
-            parse_quantity(&written, measure.dimension(motion)).ok()
-        }
-        _ => None,
-    };
+    let si =
+        row.takes.quantity().and_then(|(measure, _)| parse_quantity(&written, measure.dimension(motion)).ok());
     let unit = if si.is_some() { unit(row, motion) } else { String::new() };
     Parameter { path, written, si, unit, doc: row.doc, given: true }
 }
 
 fn unit(row: &Key, motion: Motion) -> String {
-    match row.takes {
-        Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => measure.dimension(motion).symbol(),
-        _ => String::new(),
-    }
+    row.takes.quantity().map(|(measure, _)| measure.dimension(motion).symbol()).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use crate::safety::Safety;
 use crate::source::Source;
 use crate::support;
 use crate::words;
-use crate::world::{Device, EstimatorKind, Motion, Mounting, Sampling, Scenario, World};
+use crate::world::{Delay, Device, EstimatorKind, Motion, Mounting, Sampling, Scenario, World};
 
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;
@@ -123,7 +123,7 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
         method,
         output,
         advance: fields.whole("advance")?,
-        delay: fields.number("delay")?,
+        delay: fields.delay("delay")?,
         estimator,
         cutoff: fields.optional_number("cutoff")?,
         window: fields.whole("window")?,
@@ -144,9 +144,16 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
             format!("an advance goes with output \"end\" only, and the output is {given:?}"),
         );
     }
-    if sampling.delay / sampling.period > LONGEST_DELAY {
-        let (delay, period) = (sampling.delay, sampling.period);
-        return combination("delay", format!("{delay:?} s is more than a million periods of {period:?} s"));
+    let longest = LONGEST_DELAY * sampling.period;
+    match sampling.delay {
+        Delay::Seconds(delay) if delay > longest => {
+            let period = sampling.period;
+            return combination("delay", format!("{delay:?} s is more than a million periods of {period:?} s"));
+        }
+        Delay::Samples(samples) if samples > LONGEST_DELAY => {
+            return combination("delay", format!("{samples:?} samples are more than a million"));
+        }
+        Delay::Seconds(_) | Delay::Samples(_) => {}
     }
     if estimator == EstimatorKind::LowPass && sampling.cutoff.is_none() {
         return Err(fields.missing("cutoff"));

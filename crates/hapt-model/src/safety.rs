@@ -198,7 +198,7 @@ impl World {
             inertia: device.inertia,
             damping: device.damping,
             friction: device.friction,
-            delay: self.sampling.delay,
+            delay: self.sampling.delay_s(),
         }
     }
 

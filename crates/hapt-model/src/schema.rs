@@ -119,7 +119,13 @@ fn property(row: &'static Key, kinds: Kinds, definitions: &mut Definitions) -> V
         Takes::Text => json!({ "type": "string" }),
         Takes::Name(names) => json!({ "enum": names }),
         Takes::Quantity(measure, range) => quantity(measure, range, None, kinds.motion, definitions),
-        Takes::QuantityOr(measure, range, word) => quantity(measure, range, Some(word), kinds.motion, definitions),
+        Takes::QuantityOr(measure, range, word) => {
+            quantity(measure, range, Some(json!({ "enum": [word] })), kinds.motion, definitions)
+        }
+        Takes::TimeOrSamples => {
+            let samples = json!({ "type": "string", "pattern": spelling::samples() });
+            quantity(Measure::Time, Range::ZeroOrMore, Some(samples), kinds.motion, definitions)
+        }
         Takes::Whole { least, most, step } => {
             json!({ "type": "integer", "minimum": least, "maximum": most, "multipleOf": step })
         }
@@ -145,11 +151,11 @@ fn property(row: &'static Key, kinds: Kinds, definitions: &mut Definitions) -> V
     takes
 }
 
-/// A number in SI, a text with a unit of the right dimension, or the one word.
+/// A number in SI, a text with a unit of the right dimension, or what else the key takes.
 fn quantity(
     measure: Measure,
     range: Range,
-    word: Option<&str>,
+    other: Option<Value>,
     motion: Motion,
     definitions: &mut Definitions,
 ) -> Value {
@@ -173,7 +179,7 @@ fn quantity(
         None => unit,
     };
     let mut any = vec![text, number];
-    any.extend(word.map(|word| json!({ "enum": [word] })));
+    any.extend(other);
     json!({ "anyOf": any, "examples": examples(wanted) })
 }
 
@@ -186,7 +192,7 @@ fn examples(wanted: Dimension) -> Vec<String> {
 /// The doc, what is taken, and what holds without the key.
 fn description(row: &Key, motion: Motion) -> String {
     let takes = match row.takes {
-        Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::Whole { .. } => {
+        Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples | Takes::Whole { .. } => {
             let wanted = row.wanted(motion).replace(" is wanted", "");
             format!(" Takes {wanted}.")
         }
@@ -203,10 +209,10 @@ fn description(row: &Key, motion: Motion) -> String {
 fn default(row: &Key, motion: Motion) -> Option<Value> {
     match (row.presence, row.takes) {
         (Presence::Name(name), _) => Some(json!(name)),
-        (Presence::Number(number), Takes::Quantity(measure, _)) => {
-            Some(json!(format!("{number} {}", measure.dimension(motion).symbol())))
-        }
-        (Presence::Number(number), _) => Some(json!(number as u64)),
+        (Presence::Number(number), takes) => Some(match takes.quantity() {
+            Some((measure, _)) => json!(format!("{number} {}", measure.dimension(motion).symbol())),
+            None => json!(number as u64),
+        }),
         _ => None,
     }
 }

@@ -71,6 +71,12 @@ pub(crate) fn unusual() -> String {
     format!(r"{NUMBER}(?:{}) *$", features.join("|"))
 }
 
+/// What takes a number of samples, 0 or more.
+pub(crate) fn samples() -> String {
+    let number = NUMBER.replace("[+-]?(?:[0-9]+\\.", "\\+?(?:[0-9]+\\.");
+    format!(r"{number}\s*samples?\s*$")
+}
+
 /// What takes texts whose number, at their beginning, is in this range; `None`: all are.
 pub(crate) fn number_in(range: Range) -> Option<&'static str> {
     match range {

@@ -49,14 +49,23 @@ pub struct Sampling {
     pub output: Output,
     /// Further steps ahead for the torque, with `output = "end"`.
     pub advance: u32,
-    /// From the sample to the moment the motor torque changes, in s, zero or more.
-    pub delay: f64,
+    /// From the sample to the moment the motor torque changes.
+    pub delay: Delay,
     /// The velocity estimator's name.
     pub estimator: EstimatorKind,
     /// The low-pass estimator's cutoff in Hz; always there with `low-pass`, kept when given with another.
     pub cutoff: Option<f64>,
     /// The largest FOAW window in samples.
     pub window: u32,
+}
+
+/// From the sample to the moment the motor torque changes, as the file has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Delay {
+    /// In s, zero or more.
+    Seconds(f64),
+    /// In periods, zero or more: it follows the period.
+    Samples(f64),
 }
 
 /// The estimators by name; their parameters stand beside them, as in the file.
@@ -129,6 +138,16 @@ impl Motion {
     }
 }
 
+impl Delay {
+    /// The delay in s at this period.
+    pub fn seconds(self, period: f64) -> f64 {
+        match self {
+            Delay::Seconds(seconds) => seconds,
+            Delay::Samples(samples) => samples * period,
+        }
+    }
+}
+
 impl EstimatorKind {
     /// All of them, in the order of the documentation.
     pub const ALL: [EstimatorKind; 5] = [
@@ -152,6 +171,11 @@ impl EstimatorKind {
 }
 
 impl Sampling {
+    /// The delay in s, at this loop's period.
+    pub fn delay_s(&self) -> f64 {
+        self.delay.seconds(self.period)
+    }
+
     /// The estimator with its parameters.
     pub fn velocity_estimator(&self) -> Estimator {
         match self.estimator {
@@ -169,7 +193,7 @@ impl World {
     /// What a device in simulation is made from.
     pub fn rig(&self) -> Rig {
         let Device { inertia, damping, friction, .. } = self.device;
-        Rig { period: self.sampling.period, delay: self.sampling.delay, inertia, damping, friction }
+        Rig { period: self.sampling.period, delay: self.sampling.delay_s(), inertia, damping, friction }
     }
 
     /// What the loop is compiled from.

@@ -7,10 +7,10 @@ use std::fmt::{self, Write};
 use hapt_core::{Coupling, Damping, End, Law};
 use hapt_plant::spec::{Drive, Hand, Shape};
 
-use crate::keys::{self, COMPENSATING, DIRECTION, Measure, Takes, side_name};
+use crate::keys::{self, COMPENSATING, DIRECTION, Measure, SAMPLES, Takes, side_name};
 use crate::numbers::{self, Slot, Slots};
 use crate::safety::Safety;
-use crate::world::{Motion, Mounting, World};
+use crate::world::{Delay, Motion, Mounting, World};
 
 impl World {
     /// The world as a TOML file, quantities with their SI units: `"0.001 s"`. Reading it gives an equal world, as long as
@@ -124,6 +124,8 @@ impl World {
                 // A number out of its key's range stands for a key that is not there: a grip without inertia.
                 Takes::Quantity(_, range) | Takes::QuantityOr(_, range, _) if !range.contains(value) => return None,
                 Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => quantity(measure, self.motion, value),
+                Takes::TimeOrSamples if matches!(slot, Slot::Delay(Delay::Samples(_))) => format!("\"{value:?} {SAMPLES}\""),
+                Takes::TimeOrSamples => quantity(Measure::Time, self.motion, value),
                 Takes::Text
                 | Takes::Name(_)
                 | Takes::Whole { .. }

@@ -75,7 +75,7 @@ fn the_documented_example_reads_to_its_numbers() {
         method: Method::Zoh,
         output: Output::End,
         advance: 0,
-        delay: 0.0,
+        delay: hapt_model::Delay::Seconds(0.0),
         estimator: EstimatorKind::Exact,
         cutoff: Some(50.0),
         window: 16,
@@ -122,7 +122,7 @@ fn what_is_absent_has_its_default() {
         method: Method::Zoh,
         output: Output::End,
         advance: 0,
-        delay: 0.0,
+        delay: hapt_model::Delay::Seconds(0.0),
         estimator: EstimatorKind::Exact,
         cutoff: None,
         window: 16,
@@ -322,7 +322,7 @@ fn limits_are_inclusive() {
     let world = least_with("[scenarios.long]\nduration = 9999999.999\nhand = { kind = \"step\", to = 1 }");
     assert_eq!(world.scenarios[0].duration, 9_999_999.999);
     assert_eq!(
-        read("loop = { period = 1, delay = 1e6, advance = 1000, window = 256 }\ndevice.inertia = 1").sampling.delay,
+        read("loop = { period = 1, delay = 1e6, advance = 1000, window = 256 }\ndevice.inertia = 1").sampling.delay_s(),
         1e6
     );
 }
@@ -356,4 +356,31 @@ fn path_files_are_read_beside_the_world_file() {
     let path = |file: &str, points: &[(f64, f64)]| Shape::Path { file: file.to_string(), points: points.to_vec() };
     assert_eq!(world.scenarios[0].hand.drive, Drive::Position(path("p.csv", &[(0.0, 0.0), (1.0, PI)])));
     assert_eq!(world.scenarios[1].hand.drive, Drive::Torque(path("t.csv", &[(0.0, 0.007)])));
+}
+
+#[test]
+fn a_delay_in_samples_follows_the_period_and_one_in_seconds_stays() {
+    let delayed = |delay: &str, sets: &[&str]| {
+        let text = format!("loop = {{ period = \"2 ms\", delay = {delay} }}\ndevice.inertia = 1");
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        World::read(&Source::from_text("w", text), &sets).map(|world| world.sampling)
+    };
+    let seconds = |delay: &str, sets: &[&str]| delayed(delay, sets).unwrap().delay_s();
+    assert_eq!(seconds("\"1.5 samples\"", &[]), 3e-3);
+    assert_eq!(seconds("\"1.5 samples\"", &["loop.period=4 ms"]), 6e-3);
+    assert_eq!(seconds("\"3 ms\"", &["loop.period=4 ms"]), 3e-3);
+    assert_eq!(seconds("0", &["loop.delay=2.5samples"]), 5e-3);
+    assert_eq!(delayed("\"1 sample\"", &[]).unwrap().delay, hapt_model::Delay::Samples(1.0));
+    for (key, value) in [("period", "2 samples"), ("cutoff", "2 samples"), ("delay", "-1 samples"), ("delay", "1e7 samples"), ("delay", "samples")] {
+        let refused = delayed("0", &[&format!("loop.{key}={value}")]);
+        assert!(refused.is_err(), "{key} = {value}");
+    }
+}
+
+#[test]
+fn a_delay_in_samples_is_listed_as_written_and_in_seconds() {
+    let source = Source::from_text("w", "loop = { period = 0.004, delay = \"2.5 samples\" }\ndevice.inertia = 1");
+    let list = hapt_model::parameters(&source, &[]).unwrap();
+    let delay = list.iter().find(|parameter| parameter.path == "loop.delay").unwrap();
+    assert_eq!((delay.written.as_str(), delay.si, delay.unit.as_str()), ("2.5 samples", Some(0.01), "s"));
 }

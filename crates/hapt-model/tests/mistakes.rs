@@ -118,7 +118,7 @@ fn the_loop() {
         ("period = 0.001\ndelay = \"1001 s\"", "loop.delay: 1001.0 s is more than a million periods of 0.001 s"),
         (
             "period = 1\ndelay = \"-1 ms\"",
-            "loop.delay: \"-1 ms\" is negative; a time (s) of 0 or more is wanted, such as \"1 ms\"",
+            "loop.delay: \"-1 ms\" is negative; a time (s) of 0 or more is wanted, such as \"1 ms\", or a number of samples, such as \"1.5 samples\"",
         ),
         (
             "period = 1\nestimator = \"low-pass\"",

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use hapt_model::{
+    Delay,
     Body, Coupling, Damping, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Mounting, Output, Safety,
     Sampling, Scenario, Shape, Side, Source, Switching, World,
 };
@@ -108,12 +109,13 @@ fn hand() -> impl Strategy<Value = Hand> {
 
 fn sampling() -> impl Strategy<Value = Sampling> {
     let choices = (select(Method::ALL.to_vec()), select(Output::ALL.to_vec()), select(EstimatorKind::ALL.to_vec()));
-    (1e-6..1.0, choices, 0u32..=1000, 0.0..1e5, option::of(positive()), 1u32..=256).prop_map(
-        |(period, (method, output, estimator), advance, delays, cutoff, window)| {
+    (1e-6..1.0, choices, 0u32..=1000, (0.0..1e5, any::<bool>()), option::of(positive()), 1u32..=256).prop_map(
+        |(period, (method, output, estimator), advance, (delays, follows), cutoff, window)| {
             let output = if method.takes_new_sample_first() { Output::Start } else { output };
             let advance = if output == Output::End { advance } else { 0 };
             let cutoff = if estimator == EstimatorKind::LowPass { cutoff.or(Some(50.0)) } else { cutoff };
-            Sampling { period, method, output, advance, delay: delays * period, estimator, cutoff, window }
+            let delay = if follows { Delay::Samples(delays) } else { Delay::Seconds(delays * period) };
+            Sampling { period, method, output, advance, delay, estimator, cutoff, window }
         },
     )
 }

@@ -42,7 +42,7 @@ impl Plan {
             world: compiled,
             supervisor,
             device: VirtualDevice::new(&world.rig()),
-            motor: Motor::new(world.sampling.delay, world.sampling.period),
+            motor: Motor::new(world.sampling.delay_s(), world.sampling.period),
             guarding,
             names: Names::new(world),
             bodies: vec![None; world.bodies.len()],

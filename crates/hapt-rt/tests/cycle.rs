@@ -90,7 +90,7 @@ proptest! {
     ) {
         let delay = if whole { delay.floor() } else { delay };
         let mut world = wheel("1 ms", &spring("puck", "ground", 1.0));
-        world.sampling.delay = delay * 1e-3;
+        world.sampling.delay = hapt_model::Delay::Seconds(delay * 1e-3);
         let mut cycle = on(&world, Held::new(|k| -> There { Ok(((0.1 * k as f64).sin(), 0.0)) }).0);
         armed(&mut cycle);
         let mut asked: Vec<(u64, f64)> = Vec::new();

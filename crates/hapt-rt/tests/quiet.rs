@@ -47,7 +47,7 @@ fn world(k: u64) -> World {
     let mut world =
         wheel("0.1 ms", &format!("friction = 0.002\nencoder = 4000\n[bodies.wheel]\ninertia = 0.0258\n{spring}"));
     world.sampling.period *= [1.0, 2.0][(k / 3) as usize % 2];
-    world.sampling.delay = [0.0, 0.35e-3, 2e-3][k as usize % 3];
+    world.sampling.delay = hapt_model::Delay::Seconds([0.0, 0.35e-3, 2e-3][k as usize % 3]);
     world.device.inertia *= 1.0 + 0.1 * (k % 5) as f64;
     world
 }

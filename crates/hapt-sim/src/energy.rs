@@ -28,7 +28,7 @@ impl Lent {
     /// Nothing yet.
     pub fn new(world: &World) -> Self {
         // A delay within 1e-6 of a whole number of samples is that number.
-        let samples = (world.sampling.delay / world.sampling.period - 1e-6).ceil();
+        let samples = (world.sampling.delay_s() / world.sampling.period - 1e-6).ceil();
         Lent { left: samples.max(0.0) as u64, from: None, work: 0.0 }
     }
 

@@ -130,7 +130,7 @@ impl<'w, const B: usize> Run<'w, B> {
             lanes.push(Lane::new(world, world.scenarios.get(scenario)?)?);
         }
         let motors: Vec<Motor<Side>> =
-            lanes.iter().map(|lane| Motor::new(lane.world.sampling.delay, lane.period)).collect();
+            lanes.iter().map(|lane| Motor::new(lane.world.sampling.delay_s(), lane.period)).collect();
         let motor = motors.first()?.clone();
         if motor.samples > LONGEST_DELAY || motors.iter().any(|m| m.rest != 0.0 || m.samples != motor.samples) {
             return None;

@@ -1,6 +1,6 @@
 //! The axes of a grid: keys of the world file and their values.
 
-use hapt_model::keys::{Key, Takes};
+use hapt_model::keys::{Key, Takes, in_samples};
 use hapt_model::{Source, World, parse_quantity};
 
 use crate::error::Error;
@@ -202,16 +202,17 @@ fn varied(mut error: hapt_model::Error) -> hapt_model::Error {
 }
 
 fn axis(parts: &Written<'_>, key: &Key, world: &World) -> Result<Axis, String> {
-    let number = |text: &str| match key.takes {
-        Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => {
+    let number = |text: &str| match key.takes.quantity() {
+        // Seconds while another axis moves the period, or periods: a column has one unit.
+        Some(_) if key.takes == Takes::TimeOrSamples && in_samples(text).is_some() => {
+            Err(format!("{text:?} is in samples; an axis takes {} as a time, such as \"1.5 ms\"", parts.key))
+        }
+        Some((measure, _)) => {
             parse_quantity(text, measure.dimension(world.motion)).map_err(|error| format!("{error}"))
         }
-        _ => text.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| format!("{text:?} is no number")),
+        None => text.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| format!("{text:?} is no number")),
     };
-    let unit = match key.takes {
-        Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => measure.dimension(world.motion).symbol(),
-        _ => String::new(),
-    };
+    let unit = key.takes.quantity().map(|(measure, _)| measure.dimension(world.motion).symbol()).unwrap_or_default();
     let count = parts.count.parse::<u64>().ok().filter(|count| *count > 0);
     let count = count.ok_or_else(|| format!("{:?} is no number of values, such as 50", parts.count))?;
     let (from, to) = (number(parts.from)?, number(parts.to)?);

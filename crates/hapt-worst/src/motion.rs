@@ -108,7 +108,7 @@ pub(crate) fn motions(world: &World, targets: &[f64], samples: usize) -> Result<
             pulls.push((body, tie.stiffness));
         }
     }
-    let lag = world.sampling.delay / period;
+    let lag = world.sampling.delay_s() / period;
     let whole = (lag + 1e-6).floor();
     let late = (whole as usize, (lag - whole).max(0.0));
     let bench = Bench { world, period, samples, stiffness, damping, pulls, late };

@@ -5,7 +5,6 @@ use std::io::{Write, stdout};
 use std::process::ExitCode;
 
 use hapt_analysis::proposal::unit;
-use hapt_model::keys::Takes;
 use hapt_model::parse_quantity;
 use hapt_sweep::boundary::{Boundary, Edge, Piece, Plane, Point, Way};
 use hapt_sweep::table;
@@ -104,10 +103,8 @@ fn shown(plane: &Plane, typed: &[String]) -> [Shown; 2] {
         let axis = &plane.axes[i];
         let range = typed.get(i).and_then(|text| text.split_once('=')).map_or("", |(_, range)| range);
         let ends = range.strip_suffix(":log").unwrap_or(range).split("..");
-        let dimension = plane.world.key(&axis.key).and_then(|key| match key.takes {
-            Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => Some(measure.dimension(plane.world.motion)),
-            _ => None,
-        });
+        let measure = plane.world.key(&axis.key).and_then(|key| key.takes.quantity());
+        let dimension = measure.map(|(measure, _)| measure.dimension(plane.world.motion));
         let own = ends.map(unit).filter(|unit| !unit.is_empty()).find_map(|unit| {
             let size = parse_quantity(&format!("1 {unit}"), dimension?).ok()?;
             Some((unit, size))

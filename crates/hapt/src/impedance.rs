@@ -154,8 +154,8 @@ fn loop_line(loaded: &Loaded) -> String {
         "loop      {method} at {} a sample, torque from the {output} of the step, ",
         people::time(sampling.period)
     );
-    if sampling.delay > 0.0 {
-        line += &format!("{} late, ", people::time(sampling.delay));
+    if sampling.delay_s() > 0.0 {
+        line += &format!("{} late, ", people::time(sampling.delay_s()));
     }
     line + &format!("velocity {estimator}\n")
 }

@@ -29,7 +29,7 @@ impl Bench {
                 method,
                 output: if method.takes_new_sample_first() { Output::Start } else { output },
                 advance: 0,
-                delay: 0.0,
+                delay: hapt_model::Delay::Seconds(0.0),
                 estimator: EstimatorKind::Difference,
                 cutoff: None,
                 window: 16,

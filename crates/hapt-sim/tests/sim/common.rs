@@ -13,7 +13,7 @@ pub fn bare() -> World {
             method: Method::Zoh,
             output: Output::End,
             advance: 0,
-            delay: 0.0,
+            delay: hapt_model::Delay::Seconds(0.0),
             estimator: EstimatorKind::Exact,
             cutoff: None,
             window: 16,

@@ -211,7 +211,7 @@ fn random_run() -> impl Strategy<Value = (World, Scenario)> {
     (drive, device, delay, release, 0.1_f64..3.0).prop_map(|(drive, device, delay, release, stiffness)| {
         let mut world = common::wheel(Method::Zoh, Output::End);
         world.sampling.period = 4e-3;
-        world.sampling.delay = delay;
+        world.sampling.delay = hapt_model::Delay::Seconds(delay);
         world.device.limit = Some(0.5);
         (world.device.inertia, world.device.damping, world.device.friction) = device;
         world.couplings.push(spring(End::Puck, End::Ground, stiffness));
@@ -282,7 +282,7 @@ fn the_motor_holds_a_command_from_its_sample_and_delay_on() {
     let mut world = common::wheel(Method::Zoh, Output::End);
     let hand = || Drive::Position(Shape::Sine { amplitude: 0.5, frequency: 2.0, phase: 0.7 });
     for (delay, behind) in [(0.0, 0), (1e-3, 1), (3e-3, 3), (0.4e-3, 1), (2.5e-3, 3), (2.9999999999e-3, 3)] {
-        world.sampling.delay = delay;
+        world.sampling.delay = hapt_model::Delay::Seconds(delay);
         let run = rows(&world, &scenario(0.1, hand(), None));
         for (k, row) in run.iter().enumerate() {
             let expected = if k >= behind { run[k - behind].command } else { 0.0 };
@@ -298,7 +298,7 @@ fn a_delayed_constant_acts_on_the_free_puck_from_the_fraction_on() {
     let law = Law::Constant { torque: 0.1 };
     world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law }];
     for delay in [0.0, 0.3e-3, 2.7e-3, 5e-3] {
-        world.sampling.delay = delay;
+        world.sampling.delay = hapt_model::Delay::Seconds(delay);
         for row in rows(&world, &scenario(0.05, torque(Shape::Step { to: 0.0, at: 0.0 }), None)) {
             let t = (row.time - delay).max(0.0);
             assert!(close(row.puck, 0.1 / 6.4e-4 * t * t / 2.0, 1.0), "{delay} {}", row.time);

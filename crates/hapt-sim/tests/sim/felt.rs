@@ -22,7 +22,7 @@ fn fundamental(world: &World, swings: u64, settle: u64) -> C {
     let omega = TAU * frequency;
     let sine = Drive::Position(Shape::Sine { amplitude: 1.0, frequency, phase: 0.0 });
     let rows = rows(world, &scenario((settle + SAMPLES) as f64 * period, sine, None));
-    let ratio = world.sampling.delay / period;
+    let ratio = world.sampling.delay_s() / period;
     let part = ratio - (ratio + 1e-6).floor();
     let part = if part < 1e-6 { 0.0 } else { part };
     // ∫ e^{-jωt} dt from a to b, in samples.
@@ -78,9 +78,9 @@ fn damped() -> impl Strategy<Value = World> {
                 if sampling.method.takes_new_sample_first() { Output::Start } else { Output::ALL[output] };
             sampling.estimator = EstimatorKind::ALL[estimator];
             sampling.cutoff = Some(80.0);
-            sampling.delay = 0.35 * f64::from(delay) * period;
+            sampling.delay = hapt_model::Delay::Seconds(0.35 * f64::from(delay) * period);
             if delay == 5 {
-                sampling.delay = 2.0 * period;
+                sampling.delay = hapt_model::Delay::Seconds(2.0 * period);
                 sampling.advance = if sampling.output == Output::End { 2 } else { 0 };
             }
             world

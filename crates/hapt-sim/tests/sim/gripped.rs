@@ -20,7 +20,7 @@ proptest! {
     ) {
         let output = if method.takes_new_sample_first() { Output::Start } else { output };
         let mut world = wheel(method, output);
-        (world.sampling.estimator, world.sampling.cutoff, world.sampling.delay) = (estimator, Some(80.0), delay);
+        (world.sampling.estimator, world.sampling.cutoff, world.sampling.delay) = (estimator, Some(80.0), hapt_model::Delay::Seconds(delay));
         let law = Law::Damper { damping: Damping::Fixed(at_puck) };
         world.couplings.push(Coupling { first: End::Puck, second: End::Body(0), law });
         // Of weak damping, so that what is left over after a second is still there.

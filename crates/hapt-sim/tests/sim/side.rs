@@ -43,7 +43,7 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
     sampling.cutoff = Some(number.between(20.0, 200.0));
     // Periods differ, and with them the rows; delays are the same number of samples.
     sampling.period = if shape.chance(0.5) { 1e-3 } else { number.between(0.5e-3, 2e-3) };
-    sampling.delay = if shape.chance(0.5) { 0.0 } else { shape.below(4) as f64 * sampling.period };
+    sampling.delay = hapt_model::Delay::Seconds(if shape.chance(0.5) { 0.0 } else { shape.below(4) as f64 * sampling.period });
     let device = &mut world.device;
     device.inertia *= number.between(0.5, 2.0);
     device.damping *= number.between(0.0, 2.0);
@@ -186,8 +186,8 @@ fn what_looks_at_its_numbers_runs_alone() {
         &|world, lane| world.sampling.estimator = [EstimatorKind::Exact, EstimatorKind::Difference][lane as usize % 2]
     ));
     assert!(!fit(&|world, _| (world.sampling.estimator, world.device.encoder) = (EstimatorKind::Foaw, Some(4000.0))));
-    assert!(!fit(&|world, _| world.sampling.delay = 0.4e-3));
-    assert!(!fit(&|world, lane| world.sampling.delay = if lane == 7 { 1e-3 } else { 0.0 }));
+    assert!(!fit(&|world, _| world.sampling.delay = hapt_model::Delay::Seconds(0.4e-3)));
+    assert!(!fit(&|world, lane| world.sampling.delay = hapt_model::Delay::Seconds(if lane == 7 { 1e-3 } else { 0.0 })));
     assert!(!fit(&|world, _| world.device.friction = 1e-3));
     assert!(fit(&|world, _| (world.device.friction, world.scenarios[0].hand.release) = (1e-3, None)));
     assert!(!fit(&|world, _| world.scenarios[0].hand.release = Some(0.0503)));

@@ -70,7 +70,7 @@ proptest! {
         (hold, open) in (5e-4_f64..0.05, 5e-4_f64..0.05),
     ) {
         let mut world = bare();
-        (world.device.damping, world.device.friction, world.sampling.delay) = (damping, friction, delay);
+        (world.device.damping, world.device.friction, world.sampling.delay) = (damping, friction, hapt_model::Delay::Seconds(delay));
         world.device.limit = Some(1.0);
         world.couplings = vec![spring(End::Puck, End::Ground, wall)];
         let hand = grip(inertia, hand_damping, stiffness, to, Some(Switching { hold, open }));

@@ -26,7 +26,7 @@ fn devices() -> impl Strategy<Value = World> {
     (1e-4_f64..1e-2, 0.0_f64..0.01, friction, delay).prop_map(|(inertia, damping, friction, delay)| {
         let mut world = bare();
         (world.device.inertia, world.device.damping, world.device.friction) = (inertia, damping, friction);
-        world.sampling.delay = delay;
+        world.sampling.delay = hapt_model::Delay::Seconds(delay);
         world
     })
 }
@@ -135,7 +135,7 @@ proptest! {
     #[test]
     fn in_other_periods_the_same_hand_moves_the_same_device(world in devices(), grip in grips(), to in -0.5_f64..0.5, split in 2_usize..6) {
         let mut world = world;
-        world.sampling.delay = 0.0;
+        world.sampling.delay = hapt_model::Delay::Seconds(0.0);
         let mut fine = world.clone();
         fine.sampling.period /= split as f64;
         let (mut one, mut other) = (VirtualDevice::new(&world.rig()), VirtualDevice::new(&world.rig()));
@@ -176,7 +176,7 @@ fn a_prescribed_jump_is_announced_and_nothing_else_is() {
 fn commands_on_their_way_arrive_under_another_delay_too() {
     let delayed = |samples: f64| {
         let mut world = bare();
-        world.sampling.delay = samples * 1e-3;
+        world.sampling.delay = hapt_model::Delay::Seconds(samples * 1e-3);
         world
     };
     let mut device = VirtualDevice::new(&delayed(3.0).rig());

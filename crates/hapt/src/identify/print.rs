@@ -5,7 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use hapt_identify::{Identified, Interval, PositionTorque};
 use hapt_model::keys::Measure;
-use hapt_model::{Motion, World};
+use hapt_model::{Delay, Motion, World};
 use serde_json::{Value, json};
 
 use super::Given;
@@ -116,11 +116,13 @@ pub fn certificate(given: &Given, found: &Identified) -> Result<String, Failure>
     world.device.damping = damping.value;
     world.device.friction = friction;
     world.device.encoder = encoder_key(given.motion, found).or(world.device.encoder);
-    world.sampling.delay = found.delay.map_or(world.sampling.delay, |delay| whole(delay, world.sampling.period));
+    if let Some(delay) = found.delay {
+        world.sampling.delay = Delay::Seconds(whole(delay, world.sampling.period));
+    }
     let mut least = world.clone();
     least.device.damping = damping.low;
-    if let Some(delay) = found.delay.filter(|_| world.sampling.delay % world.sampling.period != 0.0) {
-        least.sampling.delay = delay.high;
+    if let Some(delay) = found.delay.filter(|_| world.sampling.delay_s() % world.sampling.period != 0.0) {
+        least.sampling.delay = Delay::Seconds(delay.high);
     }
     let verdict = |world: &World| -> Result<String, Failure> { Ok(hapt_analysis::check(world)?.verdict_sentence()) };
     let (was, is, at_least) = (verdict(before)?, verdict(&world)?, verdict(&least)?);
