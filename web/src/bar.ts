@@ -61,17 +61,20 @@ export function showBar({ up, mine, control, status }: Desk): void {
   }
 }
 
+/** The recording under way, or the last one. */
+let kept: NonNullable<Status["recording"]> | null = null;
+
 function showRecording(recording: Status["recording"]): void {
   const button = byId<HTMLButtonElement>("record");
   button.setAttribute("aria-pressed", String(recording !== null && recording.error === null));
   say(button, recording && !recording.error ? "Stop recording" : "Record");
-  const parts = recording
-    ? [
-        recording.error ?? `${number(recording.seconds, 3)} s in ${recording.file}`,
-        recording.lost > 0 ? `${recording.lost} samples lost` : "",
-      ]
-    : [];
+  kept = recording ?? kept;
   const line = byId("recording");
-  line.classList.toggle("refusal", Boolean(recording?.error || recording?.lost));
-  say(line, parts.filter(Boolean).join("; "));
+  line.hidden = kept === null;
+  if (!kept) return;
+  const lost = kept.lost > 0 ? `, ${kept.lost} samples lost` : "";
+  line.classList.toggle("refusal", Boolean(kept.error || kept.lost));
+  say(byId("recording-text"), kept.error ?? `${recording ? "Recording" : "Recorded"} ${number(kept.seconds, 3)} s${lost}:`);
+  say(byId("recording-file"), kept.error ? "" : kept.file);
+  byId("copy").hidden = recording !== null || kept.error !== null || !("clipboard" in navigator);
 }

@@ -2,7 +2,7 @@
 
 import { attribute, button, html, say, svg } from "./dom.ts";
 import type { Key } from "./protocol.ts";
-import { plain, pretty } from "./units.ts";
+import { brief, plain, pretty } from "./units.ts";
 
 /** Steps of a slider. */
 const STEPS = 1000;
@@ -49,7 +49,10 @@ export class Knob {
     // A word in place of a number: a damper may be "compensating".
     else if (words.length > 0) this.root.append(html("div", { class: "words" }, ...words.map((word) => button(word, () => this.send(word)))));
     this.select.addEventListener("change", () => this.send(this.select.value));
-    this.text.addEventListener("change", () => this.text.value.trim() !== this.key.written && this.send(this.text.value.trim()));
+    this.text.addEventListener("change", () => ![this.key.written, brief(this.key.written)].includes(this.text.value.trim()) && this.send(this.text.value.trim()));
+    // All digits of the file where they are edited, and a few where they are read.
+    this.text.addEventListener("focus", () => (this.text.value = this.key.written));
+    this.text.addEventListener("blur", () => !this.dragged && this.text.value === this.key.written && (this.text.value = brief(this.key.written)));
     this.slider.addEventListener("input", () => this.slide());
     this.slider.addEventListener("change", () => this.flush());
     this.root.addEventListener("focusin", () => sink.focus(key.path));
@@ -70,16 +73,16 @@ export class Knob {
     this.refuse("");
     say(this.name, key.label);
     this.root.classList.toggle("changed", key.changed);
-    this.root.title = `${key.doc ? `${key.doc}\n` : ""}${key.path}${key.changed ? ", changed here" : ""}`;
+    this.root.title = `${key.doc ? `${key.doc}\n` : ""}${key.path} = ${key.written}${key.changed ? ", changed here" : ""}`;
     if (key.kind === "choice") {
       this.select.value = key.written;
       return;
     }
-    if (document.activeElement !== this.text || !this.typed) this.text.value = key.written;
+    if (document.activeElement !== this.text || !this.typed) this.text.value = document.activeElement === this.text ? key.written : brief(key.written);
     if (this.dragged) return;
     const place = this.place(key.value ?? 0);
     this.slider.value = String(place);
-    attribute(this.slider, "aria-valuetext", pretty(key.written));
+    attribute(this.slider, "aria-valuetext", pretty(brief(key.written)));
   }
 
   /** Empty: nothing was refused. */

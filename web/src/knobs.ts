@@ -1,6 +1,6 @@
 // All keys of the file in groups: the loop, each coupling, each body, the device.
 
-import { button, html } from "./dom.ts";
+import { html } from "./dom.ts";
 import { Knob, type Sink } from "./knob.ts";
 import type { Key, Range, World } from "./protocol.ts";
 
@@ -11,14 +11,10 @@ export class Knobs {
   private shape = "";
   private readonly root: HTMLElement;
   private readonly sink: Sink;
-  private readonly euler: HTMLButtonElement;
-  private method = "";
-  private before = "zoh";
 
   constructor(root: HTMLElement, sink: Sink) {
     this.root = root;
     this.sink = sink;
-    this.euler = button("Try forward Euler", () => this.toggle(), { class: "euler", id: "euler" });
   }
 
   show(all: World): void {
@@ -28,9 +24,6 @@ export class Knobs {
     this.shape = shape;
     this.forget(world.keys);
     for (const key of world.keys) this.knobs.get(key.path)?.show(key);
-    this.method = world.keys.find((key) => key.path === "loop.method")?.written ?? "";
-    if (this.method !== "forward-euler" && this.method) this.before = this.method;
-    this.euler.textContent = this.method === "forward-euler" ? `Back to ${this.before}` : "Try forward Euler";
   }
 
   range({ key, certified }: Range): void {
@@ -56,10 +49,6 @@ export class Knobs {
     }
   }
 
-  private toggle(): void {
-    this.sink.set("loop.method", this.method === "forward-euler" ? this.before : "forward-euler");
-  }
-
   private build(world: World): void {
     this.knobs = new Map(world.keys.map((key) => [key.path, new Knob(key, this.sink)]));
     const groups = new Map<string, Knob[]>();
@@ -74,7 +63,6 @@ export class Knobs {
     this.root.replaceChildren(
       ...ordered.map(([group, knobs], i) => {
         const inner = html("div", { class: "knobs" }, ...knobs.map((knob) => knob.root));
-        if (group === "loop") inner.querySelector('[data-key="loop.method"]')?.append(this.euler);
         return html("details", { open: i < 3 && group !== "device" }, html("summary", {}, world.keys.find((key) => key.path.startsWith(`${group}.`))?.group ?? group), inner);
       }),
     );

@@ -2,6 +2,7 @@
 
 import { showBar, type Desk } from "./bar.ts";
 import { attribute, button, byId, html, say } from "./dom.ts";
+import { Euler } from "./euler.ts";
 import { Gauge } from "./gauge.ts";
 import { Hand } from "./hand.ts";
 import { History } from "./history.ts";
@@ -14,6 +15,7 @@ import { Poles } from "./poles.ts";
 import { COLUMN, VERSION, type Frame, type FromServer, type World } from "./protocol.ts";
 import { Legend, Stage } from "./stage.ts";
 import { stopOn } from "./stop.ts";
+import { tabs } from "./tabs.ts";
 import { Timing } from "./timing.ts";
 import { steady, units, type Units } from "./units.ts";
 import { VerdictCard } from "./verdict.ts";
@@ -35,7 +37,7 @@ let fresh = false;
 let drawn = 0;
 let retry: number | null = null;
 
-const stage = new Stage(byId("stage") as unknown as SVGSVGElement);
+const stage = new Stage(byId("stage") as unknown as SVGSVGElement, byId("labels"), byId("far"));
 const legend = new Legend(byId("legend"));
 const gauge = new Gauge(byId("gauge"));
 const plots = new Plots(byId("plots"));
@@ -46,7 +48,8 @@ const listener = { message, frame: arrived, connection };
 const link: Peer = recorded ? new Local(listener, recorded) : new Link(listener);
 const hand = new Hand(stage, link);
 const set = (key: string, value: string) => void link.send({ type: "set", key, value });
-const verdict = new VerdictCard(byId("sentences"), byId("verdict"), (sets) => void link.send({ type: "sets", sets }), named);
+const verdict = new VerdictCard(byId("sentences"), byId("verdict"), byId("strip"), (sets) => void link.send({ type: "sets", sets }), named);
+const euler = new Euler(set);
 const knobs = new Knobs(byId("knobs"), { set, focus: (key) => void (desk.mine && link.send({ type: "focus", key })) });
 
 /** A key's name for people, and what it belongs to. */
@@ -68,6 +71,7 @@ function message(message: FromServer): void {
     case "verdict":
       if (!world || message.generation < world.generation) return;
       verdict.show(message);
+      euler.verdict(message);
       poles.show(message, world.period_s);
       return showBar(desk);
     case "range":
@@ -137,28 +141,28 @@ function show(next: World): void {
   legend.show(next);
   gauge.show(stage.strongest, next.limit !== null, shown);
   knobs.show(next);
+  euler.world(next);
   const way = next.motion === "rotary" ? "Clockwise" : "To the right";
   const grab = next.device === SIMULATED ? "Drag it and let go; on the keyboard hold an arrow key (with Shift, slowly), and H holds on." : `It moves as ${next.device} does.`;
   say(byId("hint"), `${grab} ${way} is positive. Couplings have the colour of their ${shown.what} on this scale.`);
   byId("restart").hidden = next.device !== SIMULATED;
   mayGrab();
   const names = (of: World | null) => of?.scenarios.map(({ name }) => name).join(" ");
-  if (names(before) !== names(next)) experiments(next);
+  if (!before || before.device !== next.device || names(before) !== names(next)) experiments(next);
   showBar(desk);
 }
 
+/** With a simulated hand alone: what breaks a loop, or pushes its puck, is nothing for a motor. */
 function experiments({ device, scenarios }: World): void {
-  const played = device === SIMULATED ? scenarios : [];
-  byId("experiments").hidden = byId("scenarios").hidden = played.length === 0;
-  byId("scenarios").replaceChildren(
-    ...played.map(({ name, hand: kind, duration_s }) =>
-      button(name, () => link.send({ type: "scenario", name: desk.status?.scenario === name ? null : name }), {
-        "data-name": name,
-        "aria-pressed": "false",
-        title: `a hand (${kind}) for ${duration_s} s; again: stop it`,
-      }),
-    ),
+  byId("experiments").hidden = byId("scenarios").hidden = device !== SIMULATED;
+  const played = scenarios.map(({ name, hand: kind, duration_s }) =>
+    button(name, () => link.send({ type: "scenario", name: desk.status?.scenario === name ? null : name }), {
+      "data-name": name,
+      "aria-pressed": "false",
+      title: `a hand (${kind}) for ${duration_s} s; again: stop it`,
+    }),
   );
+  byId("scenarios").replaceChildren(...played, euler.button);
 }
 
 function arrived(next: Frame): void {
@@ -222,6 +226,7 @@ stopOn(byId("stop"), () => {
 press("take", () => link.send({ type: "take" }));
 press("reset", () => link.send({ type: "reset" }));
 press("record", () => link.send({ type: "record", on: byId("record").getAttribute("aria-pressed") !== "true" }));
+press("copy", () => void navigator.clipboard.writeText(byId("recording-file").textContent ?? ""));
 press("retry", () => link.now());
 press("dismiss", () => (byId("error").hidden = true));
 press("pause", () => {
@@ -241,5 +246,7 @@ for (const seconds of WINDOWS) {
   choice.setAttribute("aria-pressed", String(seconds === plots.seconds));
   byId("windows").append(choice);
 }
+const turnTo = tabs(byId("tabs"));
+press("strip", () => turnTo("verdict"));
 if (recorded) alone(recorded);
 requestAnimationFrame(draw);

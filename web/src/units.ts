@@ -76,6 +76,11 @@ export function plain(value: number, digits: number): string {
   return places > 0 ? fixed.replace(/\.?0+$/, "") : fixed;
 }
 
+/** "0.45031637174372346 N m" as "0.450316 N m": six digits of a number that has more. */
+export function brief(written: string): string {
+  return written.replace(/^[-+]?[\d.]+(?:[eE][-+]?\d+)?/, (text) => (text.replace(/[eE].*|\D|^0+/g, "").length > 6 && Number.isFinite(Number(text)) ? plain(Number(text), 6) : text));
+}
+
 /** With as many decimals as the size of what it stands beside asks for, so that it does not jitter. */
 export function steady(value: number, scale: number): string {
   const places = Math.min(6, Math.max(0, 2 - Math.floor(Math.log10(Math.max(scale, 1e-9)))));

@@ -1,6 +1,6 @@
 // The certificate in sentences, and remedies that a press applies.
 
-import { button, html } from "./dom.ts";
+import { button, html, say } from "./dom.ts";
 import type { Sets, Verdict } from "./protocol.ts";
 import { number, pretty } from "./units.ts";
 
@@ -9,17 +9,21 @@ const NAMES = { held: "held", free: "let go", passive: "any hand", quantisation:
 export class VerdictCard {
   private readonly root: HTMLElement;
   private readonly heading: HTMLElement;
+  /** The heading again, where a phone always shows it. */
+  private readonly strip: HTMLElement;
   private readonly apply: (sets: Sets) => void;
   /** What a key is called, and what it belongs to. */
   private readonly named: (key: string) => [string, string];
-  /** Folded as the visitor left it. */
-  private readonly notes = html("details", { class: "notes soft" });
+  /** Folded as the visitor left them. */
+  private readonly reasons = html("details", { class: "reasons", open: matchMedia("(min-height: 1000px) and (min-width: 761px)").matches });
+  private readonly margins = html("details", { class: "margins" });
   private said = "";
 
   /** `heading` is announced by screen readers when its words change; the details beside it are not. */
-  constructor(root: HTMLElement, heading: HTMLElement, apply: (sets: Sets) => void, named: (key: string) => [string, string]) {
+  constructor(root: HTMLElement, heading: HTMLElement, strip: HTMLElement, apply: (sets: Sets) => void, named: (key: string) => [string, string]) {
     this.root = root;
     this.heading = heading;
+    this.strip = strip;
     this.apply = apply;
     this.named = named;
   }
@@ -27,35 +31,32 @@ export class VerdictCard {
   show(verdict: Verdict): void {
     if (verdict.command !== undefined) return this.unjudged(verdict.certified, verdict.command);
     const unstable = verdict.sentences.some(({ what, ok }) => ok === false && (what === "held" || what === "free"));
-    const state = verdict.certified ? "stable" : unstable ? "unstable" : "marginal";
-    this.head(verdict.certified ? "Certified" : unstable ? "Not certified: unstable" : "Not certified", state);
+    this.head(verdict.certified ? "Certified" : unstable ? "Not certified: unstable" : "Not certified", verdict.certified ? "good" : "bad");
     const summary = html("p", {}, upper((verdict.sentence ?? "").replace(/^(not )?certified[:,] /, "")));
+    const marks = html("p", { class: "marks" });
     const sentences = html("dl");
     for (const { what, ok, text } of verdict.sentences) {
-      const [mark, meaning] = ok === null ? ["~", "in between"] : ok ? ["✓", "good"] : ["✗", "bad"];
-      sentences.append(
-        html("dt", { class: ok === null ? "even" : ok ? "good" : "bad" }, html("span", { "aria-label": meaning, role: "img" }, mark), ` ${NAMES[what] ?? what}`),
-        html("dd", {}, text),
-      );
+      const [mark, meaning, kind] = ok === null ? ["~", "in between", "even"] : ok ? ["✓", "good", "good"] : ["✗", "bad", "bad"];
+      const named = () => [html("span", { "aria-label": meaning, role: "img" }, mark), ` ${NAMES[what] ?? what}`];
+      marks.append(html("span", { class: kind }, ...named()));
+      sentences.append(html("dt", { class: kind }, ...named()), html("dd", {}, text));
     }
-    const growth = verdict.growth_per_s;
-    const facts = [
-      growth === null ? "" : Math.abs(growth) < 1e-9 ? "neither grows nor decays" : `${growth > 0 ? "grows" : "decays"} by ${number(Math.abs(growth))} per second`,
-      verdict.ms === null ? "" : `computed in ${number(verdict.ms, 2)} ms`,
-    ];
-    this.notes.replaceChildren(html("summary", {}, "Notes"), ...(verdict.notes ?? []).map((note) => html("p", {}, upper(note))));
-    this.notes.hidden = !verdict.notes?.length;
-    this.root.replaceChildren(summary, sentences, this.notes, html("p", { class: "soft" }, upper(facts.filter(Boolean).join(", "))), this.remedies(verdict));
+    const notes = (verdict.notes ?? []).map((note) => html("p", {}, upper(note)));
+    const time = verdict.ms === null ? [] : [html("p", { class: "soft" }, `Computed in ${number(verdict.ms, 2)} ms`)];
+    this.reasons.replaceChildren(html("summary", {}, notes.length > 0 ? "Why, and notes" : "Why"), sentences, ...notes, ...time);
+    this.root.replaceChildren(summary, marks, this.reasons, this.remedies(verdict));
   }
 
   private head(words: string, state: string): void {
     this.heading.parentElement!.className = `verdict ${state}`;
+    this.strip.className = `strip ${state}`;
+    say(this.strip, `${state === "good" ? "✓ " : state === "bad" ? "✗ " : ""}${words}`);
     if (this.said !== words) this.heading.textContent = this.said = words;
   }
 
   /** No certificate was made of it; whether it is in a certified range may be known. */
   private unjudged(inside: boolean | null, command: string): void {
-    this.head(inside === null ? "Not judged" : inside ? "In the certified range" : "Outside of the certified range", inside ? "stable" : "marginal");
+    this.head(inside === null ? "Not judged" : inside ? "In the certified range" : "Outside of the certified range", inside === null ? "even" : inside ? "good" : "bad");
     const known = inside === null ? "The certificate is of the file’s own values, and there is no server here to make another." : "That is what the painted slider says of this one change; the certificate itself is of the file’s own values.";
     this.root.replaceChildren(html("p", {}, `${known} This command makes one:`), html("p", { class: "command" }, html("code", {}, command)));
   }
@@ -74,8 +75,10 @@ export class VerdictCard {
       const press = button(label, () => this.apply(sets), { class: "remedy", "data-key": sets.map(([key]) => key).join(" "), title });
       return html("li", {}, press);
     });
-    const title = certified ? "Certified as far as each of these, one at a time" : "Any one of these makes it certified";
-    return html("div", { class: "remedies" }, html("p", {}, title), html("ul", {}, ...rows));
+    if (!certified) return html("div", { class: "remedies" }, html("p", {}, "Any one of these makes it certified"), html("ul", {}, ...rows));
+    // Not a remedy: a press goes as far as the certificate does.
+    this.margins.replaceChildren(html("summary", {}, "Go to the edge"), html("p", { class: "soft" }, "The loop stays certified as far as each of these, one at a time."), html("ul", {}, ...rows));
+    return this.margins;
   }
 }
 

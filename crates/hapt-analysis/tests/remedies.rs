@@ -145,8 +145,8 @@ proptest! {
         };
         let longest = remedies(&world).unwrap().period_s.unwrap();
         prop_assert!(at(longest) && !at(1.01 * longest), "{longest}");
-        // b > K (T/2 + delay) of a bare wall: the delay in seconds would have let the period go further, or not so far.
+        // b > K (T/2 + delay) of a bare wall, and a part of a sample costs a little more.
         let most = 1.2e-3 / stiffness / (0.5 + samples);
-        prop_assert!((longest / most - 1.0).abs() < 0.05, "{longest} {most}");
+        prop_assert!((0.8..1.001).contains(&(longest / most)), "{longest} {most}");
     }
 }

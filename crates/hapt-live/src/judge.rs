@@ -154,6 +154,8 @@ fn nothing(bench: &Workbench) -> Verdict {
         sentence: String::new(),
         sentences: Vec::new(),
         growth_per_s: None,
+        held_growth_per_s: None,
+        free_growth_per_s: None,
         held: Vec::new(),
         free: Vec::new(),
         required_damping: None,
@@ -188,6 +190,8 @@ pub(crate) fn told(bench: &Workbench, check: &Check) -> Verdict {
     if let Some(text) = check.quantisation_sentence() {
         says.sentences.push(sentence("quantisation", Some(check.quantisation.ok), text));
     }
+    says.held_growth_per_s = check.held.growth_per_s;
+    says.free_growth_per_s = check.free.growth_per_s;
     says.growth_per_s = [check.held.growth_per_s, check.free.growth_per_s].into_iter().flatten().reduce(f64::max);
     says.held = check.held.eigenvalues.iter().map(|value| [value.re, value.im]).collect();
     says.free = check.free.eigenvalues.iter().map(|value| [value.re, value.im]).collect();

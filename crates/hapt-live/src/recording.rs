@@ -70,7 +70,7 @@ impl Recording {
     pub fn says(&self) -> Option<RecordingSays> {
         let state = self.recorder.state();
         Some(RecordingSays {
-            file: self.file.display().to_string(),
+            file: std::path::absolute(&self.file).unwrap_or_else(|_| self.file.clone()).display().to_string(),
             seconds: self.length as f64 * 1e-9,
             lost: state.lost,
             error: state.error,

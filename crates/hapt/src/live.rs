@@ -19,8 +19,8 @@ use crate::people::{print, say};
 use crate::run::guarding;
 use crate::world::{Loaded, source};
 
-/// What runs where no world is named.
-const WHEEL: &str = "@notes/wheel";
+/// What runs where no world is named: the notes' wheel under the default method, which is certified.
+const WHEEL: &str = "@notes/default";
 /// From one look for a signal to the next.
 const MOMENT: Duration = Duration::from_millis(20);
 

@@ -174,6 +174,10 @@ pub struct Verdict {
     pub sentences: Vec<Sentence>,
     /// Of the held world and the free loop, the larger.
     pub growth_per_s: Option<f64>,
+    /// Of the held world; `None`: nothing in it moves, or only shifts that change no torque.
+    pub held_growth_per_s: Option<f64>,
+    /// Of the free loop; `None`: the same.
+    pub free_growth_per_s: Option<f64>,
     /// Eigenvalues, puck held.
     pub held: Vec<[f64; 2]>,
     /// Eigenvalues, puck let go.
