@@ -51,7 +51,11 @@ export class Knob {
     this.select.addEventListener("change", () => this.send(this.select.value));
     this.text.addEventListener("change", () => ![this.key.written, brief(this.key.written)].includes(this.text.value.trim()) && this.send(this.text.value.trim()));
     // All digits of the file where they are edited, and a few where they are read.
-    this.text.addEventListener("focus", () => (this.text.value = this.key.written));
+    this.text.addEventListener("focus", () => {
+      if (this.text.value !== brief(this.key.written) || this.text.value === this.key.written) return;
+      this.text.value = this.key.written;
+      this.text.select();
+    });
     this.text.addEventListener("blur", () => !this.dragged && this.text.value === this.key.written && (this.text.value = brief(this.key.written)));
     this.slider.addEventListener("input", () => this.slide());
     this.slider.addEventListener("change", () => this.flush());

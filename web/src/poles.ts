@@ -36,7 +36,7 @@ export class Poles {
       html("li", { class: kind }, html("span", {}, name), ` ${told(poles, growth, period)}`);
     this.root.replaceChildren(
       html("div", { class: "maps" }, this.circle(held, free), this.lens(held, free, period)),
-      html("ul", { class: "key" }, row("○ held", "held", held, held_growth_per_s), row("× let go", "free", free, free_growth_per_s)),
+      html("ul", { class: "key" }, row("○ held", "held", held, held_growth_per_s), row("× free", "free", free, free_growth_per_s)),
     );
   }
 

@@ -4,7 +4,8 @@ import { button, html, say } from "./dom.ts";
 import type { Sets, Verdict } from "./protocol.ts";
 import { number, pretty } from "./units.ts";
 
-const NAMES = { held: "held", free: "let go", passive: "any hand", quantisation: "encoder" } as const;
+/** As `hapt check` has them. */
+const NAMES = { held: "held", free: "free", passive: "passive", quantisation: "counts" } as const;
 
 export class VerdictCard {
   private readonly root: HTMLElement;

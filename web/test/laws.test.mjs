@@ -11,7 +11,8 @@ const { decode } = await load("protocol");
 const { History } = await load("history");
 const { rotary } = await load("rotary");
 const { roundUp } = await load("linear");
-const { number, plain } = await load("units");
+const { brief, joules, number, plain, tick } = await load("units");
+const { told } = await load("poles");
 
 const between = ["puck", "ground"];
 const couplings = [
@@ -109,4 +110,38 @@ test("numbers read back to the digits that they show", () => {
     assert.ok(up >= Math.abs(value) * (1 - 1e-8) && up <= 2.5 * Math.abs(value) * (1 + 1e-8), `${value} up to ${up}`);
   }
   assert.deepEqual([number(0), number(-1.5), number(1000), number(NaN)], ["0", "−1.5", "1000", "no number"]);
+});
+
+test("an axis of energy takes the prefix that leaves it one to three digits", () => {
+  for (let power = -9; power < 12; power++) {
+    for (const digits of [1, 2.5, 9.99]) {
+      const largest = digits * 10 ** power;
+      const { name, per } = joules(largest);
+      assert.match(name, /^[pnµmkMGT]?J$/);
+      assert.ok(largest * per >= 0.999 && largest * per < 1000, `${largest} mJ is ${largest * per} ${name}`);
+    }
+  }
+  assert.deepEqual([joules(0).name, joules(5e6).name, joules(5e3).name], ["mJ", "kJ", "J"]);
+  for (const value of [0, -1234567890, 1e300, -0.000012345, 123.456]) assert.ok(tick(value).length <= 9, tick(value));
+});
+
+test("a written value keeps its unit and six digits", () => {
+  for (const [written, short] of [
+    ["0.45031637174372346 N mm/(deg/s^2)", "0.450316 N mm/(deg/s^2)"],
+    ["17.77777777777778 N mm/deg", "17.7778 N mm/deg"],
+    ["1 ms", "1 ms"],
+    ["1.5 samples", "1.5 samples"],
+    ["compensating", "compensating"],
+    ["-1.23456789e-5 N", "-1.23457e-5 N"],
+    ["4000", "4000"],
+  ]) assert.equal(brief(written), short);
+});
+
+test("a shift is told apart from what the verdict is about", () => {
+  const [shift, swing] = [[1, 0], [0.9999, 0.01]];
+  const growth = Math.log(Math.hypot(...swing)) / 1e-3;
+  assert.match(told([shift, swing], growth, 1e-3), /free shift at 1.*(decays|grows)/);
+  assert.doesNotMatch(told([swing], growth, 1e-3), /shift/);
+  assert.match(told([shift], null, 1e-3), /free shift at 1 and nothing that lasts/);
+  assert.match(told([shift], 0, 1e-3), /keeps its size/);
 });

@@ -1,5 +1,7 @@
 // The page in a real browser, against the real server.
 import assert from "node:assert/strict";
+import { existsSync, rmSync } from "node:fs";
+import { isAbsolute } from "node:path";
 import { after, test } from "node:test";
 import { extremes, number, open, place, quit, serve, turn, until, world } from "./desk.mjs";
 
@@ -73,7 +75,7 @@ visit("a slider moved out of what is certified turns the verdict, and back again
   await until(verdict(page), (text) => text === "Certified");
 });
 
-visit("a remedy is one press away", undefined, async (page) => {
+visit("a remedy is one press away", "@notes/wheel", async (page) => {
   await until(verdict(page), (text) => text.startsWith("Not certified"));
   await page.locator("button.remedy").first().click();
   await until(verdict(page), (text) => text === "Certified");
@@ -246,6 +248,112 @@ visit(
   },
   { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true },
 );
+
+visit(
+  "on a phone the verdict stays in view while the page is scrolled, and tabs show one part at a time",
+  world("two-bodies"),
+  async (page) => {
+    const seen = (selector) => page.locator(selector).isVisible();
+    for (const [tab, part, other] of [["Signals", ".signals", ".stage"], ["Verdict", "#card", ".signals"], ["Settings", ".settings", "#card"], ["Wheel", ".stage", ".settings"]]) {
+      await page.click(`#tabs button:text-is("${tab}")`);
+      assert.deepEqual([await seen(part), await seen(other)], [true, false], tab);
+    }
+    await page.click('#tabs button:text-is("Settings")');
+    await page.evaluate(() => scrollTo(0, document.documentElement.scrollHeight));
+    const strip = await page.locator("#strip").boundingBox();
+    assert.ok(strip.y >= 0 && strip.y + strip.height < 844, `the strip is at ${strip.y}`);
+    assert.equal((await page.textContent("#strip")).replace(/^. /, ""), await page.textContent("#verdict"));
+    await page.click("#strip");
+    assert.ok(await seen("#card"));
+  },
+  { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true },
+);
+
+for (const [width, height] of [[1280, 900], [1920, 1080], [390, 844]]) {
+  visit(
+    `at ${width} by ${height} text has four sizes at most, none below 12 pixels`,
+    "@devices/smartknob-detents",
+    async (page) => {
+      await page.evaluate(() => document.querySelectorAll("details").forEach((details) => (details.open = true)));
+      const sizes = new Set();
+      for (let tab = 0; tab < (width < 760 ? 4 : 1); tab++) {
+        if (width < 760) await page.locator("#tabs button").nth(tab).click();
+        const found = await page.evaluate(() => {
+          const texts = (e) => [...e.childNodes].some((node) => node.nodeType === Node.TEXT_NODE && node.textContent.trim()) || e.matches("input[type=text], select");
+          return [...document.querySelectorAll("body *")].filter((e) => e.checkVisibility() && texts(e)).map((e) => [e instanceof SVGElement ? "inside of a drawing" : "", parseFloat(getComputedStyle(e).fontSize)]);
+        });
+        for (const [inside, size] of found) sizes.add(inside || size);
+      }
+      assert.ok(sizes.size <= 4 && [...sizes].every((size) => size >= 12), [...sizes].join(", "));
+    },
+    { viewport: { width, height } },
+  );
+}
+
+visit("the world that opens by itself is certified, its method is in view, and one press breaks it", undefined, async (page) => {
+  await until(verdict(page), (text) => text === "Certified");
+  const method = await page.locator('[data-key="loop.method"] select').boundingBox();
+  assert.ok(method.y + method.height < 900, `the method is at ${method.y}`);
+  assert.equal(await page.textContent("#euler"), "Break it: forward Euler");
+  await page.click("#euler");
+  await until(verdict(page), (text) => text === "Not certified: unstable");
+  // What is not certified has the colour of what is bad, as in the report.
+  const colours = await page.evaluate(() => ["#verdict", "#strip"].map((id) => getComputedStyle(document.querySelector(id)).color));
+  await page.click("#euler");
+  await until(verdict(page), (text) => text === "Certified");
+  assert.equal(colours[0], colours[1]);
+  const bad = await page.evaluate(() => getComputedStyle(document.documentElement).getPropertyValue("--bad").trim());
+  assert.equal(colours[0], `rgb(${[1, 3, 5].map((i) => parseInt(bad.slice(i, i + 2), 16)).join(", ")})`);
+});
+
+visit("the poles say what the verdict says: a free loop that decays does not keep its size", undefined, async (page) => {
+  await until(verdict(page), (text) => text === "Certified");
+  assert.match(await page.locator("#poles .key .free").textContent(), /free shift.*decays by 0\.0261 per s/);
+  assert.match(await page.locator("#poles .key .held").textContent(), /keeps its size/);
+});
+
+visit("a fault stays in view wherever the page is scrolled", undefined, async (page) => {
+  await page.click("#stop");
+  await until(phase(page), (now) => now === "faulted");
+  await page.evaluate(() => scrollTo(0, document.documentElement.scrollHeight));
+  const banner = await page.locator("#fault").boundingBox();
+  assert.ok(banner.y >= 0 && banner.y + banner.height < 300, `the banner is at ${banner.y}`);
+});
+
+visit("a value with many digits is shown with six, and whole where it is edited", undefined, async (page) => {
+  const field = page.locator('[data-key="bodies.wheel.inertia"] input[type=text]');
+  await page.evaluate(() => document.querySelectorAll("details").forEach((details) => (details.open = true)));
+  assert.equal(await field.inputValue(), "0.450316 N mm/(deg/s^2)");
+  await field.focus();
+  assert.equal(await field.inputValue(), "0.45031637174372346 N mm/(deg/s^2)");
+  await page.locator("#stage").focus();
+  assert.equal(await field.inputValue(), "0.450316 N mm/(deg/s^2)");
+  assert.equal(await page.locator(".knob.changed").count(), 0);
+});
+
+visit("a wall two turns on is told of, and not drawn where it is not", world("two-turns"), async (page) => {
+  await until(() => page.textContent("#far"), (text) => text === "wall 2.0 turns clockwise");
+  const drawn = await page.evaluate(() => [...document.querySelectorAll(".coupling.wall")].map((wall) => getComputedStyle(wall).visibility));
+  assert.deepEqual(drawn.sort(), ["hidden", "visible"]);
+});
+
+visit("margins go to the edge, and are no remedies", "@notes/default", async (page) => {
+  await until(() => page.locator(".margins summary").count(), (count) => count === 1);
+  assert.equal(await page.locator(".margins summary").textContent(), "Go to the edge");
+  assert.equal(await page.locator(".remedies").count(), 0);
+});
+
+visit("a recording says where its file is, also when it has ended", undefined, async (page) => {
+  await page.click("#record");
+  await until(() => page.textContent("#recording"), (text) => /^Recording/.test(text));
+  await page.waitForTimeout(300);
+  await page.click("#record");
+  await until(() => page.textContent("#recording-text"), (text) => /^Recorded/.test(text));
+  const file = await page.textContent("#recording-file");
+  assert.ok(isAbsolute(file) && /live-\d+\.mcap$/.test(file), file);
+  await until(async () => existsSync(file), Boolean);
+  rmSync(file);
+});
 
 visit("a window that becomes narrow takes the page with it, and a wide one gives it room again", world("two-bodies"), async (page) => {
   const width = () => page.evaluate(() => document.documentElement.scrollWidth);

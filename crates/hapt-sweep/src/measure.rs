@@ -57,6 +57,21 @@ impl Measure {
         }
     }
 
+    /// What it is, in a line.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Measure::PeakTorque => "the largest torque of the run, before the motor's limit",
+            Measure::FinalEnergy => "the energy stored in the world at the run's end",
+            Measure::SettlingTime => "from the hand's last event until the motion stays within 2 % of its end",
+            Measure::HeldGrowth => "the growth of a disturbance of the world, the puck held",
+            Measure::FreeGrowth => "the growth of a disturbance of the whole loop, no hand on the puck",
+            Measure::HeldVerdict => "the world, the puck held: -1 stable, 0 marginal, 1 unstable",
+            Measure::FreeVerdict => "the whole loop, no hand on the puck: -1 stable, 0 marginal, 1 unstable",
+            Measure::RequiredDamping => "the least device damping that makes the loop passive",
+            Measure::Certified => "1 for a certified loop, else 0",
+        }
+    }
+
     /// The measure of this name.
     pub fn named(name: &str) -> Option<Measure> {
         Measure::ALL.into_iter().find(|measure| measure.name() == name)

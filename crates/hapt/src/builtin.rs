@@ -36,9 +36,24 @@ pub fn source(name: &str) -> Result<Source, Failure> {
     match WORLDS.iter().find(|(known, _)| name.strip_prefix('@') == Some(known)) {
         Some((_, text)) => Ok(Source::from_text(name, *text)),
         None => {
-            let known: Vec<String> = names().collect();
-            let hint = did_you_mean(name, known.iter().map(String::as_str));
+            let hint = meant(name);
             Err(Failure::input(format!("no world {name:?} is built in{hint} (hapt worlds lists them)")))
         }
+    }
+}
+
+/// `; did you mean "@notes/euler"?` of `@euler`, `notes/euler`, `euler.toml` or `@notes/eulr`; else nothing.
+pub fn meant(name: &str) -> String {
+    let plain = name.trim_start_matches('@').trim_end_matches(".toml");
+    let short = |name: &str| name.rsplit('/').next().unwrap_or_default().to_string();
+    let same = |known: &str| known == plain || short(known) == short(plain);
+    let known: Vec<&str> = WORLDS.iter().map(|(name, _)| *name).collect();
+    let near = |names: &[&str], name: &str| names.iter().position(|known| !did_you_mean(name, [*known]).is_empty());
+    let shorts: Vec<String> = known.iter().map(|name| short(name)).collect();
+    let shorts: Vec<&str> = shorts.iter().map(String::as_str).collect();
+    let found = known.iter().position(|known| same(known)).or_else(|| near(&known, plain));
+    match found.or_else(|| near(&shorts, &short(plain))) {
+        Some(index) => format!("; did you mean \"@{}\"?", known[index]),
+        None => String::new(),
     }
 }

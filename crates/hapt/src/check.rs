@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use hapt_analysis::{Check, Proposal, Stability};
 
 use crate::args::CheckArgs;
+use crate::colour;
 use crate::failure::Failure;
 use crate::people;
 use crate::world::load;
@@ -31,7 +32,7 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
         format!("{}\n\n{}{proposed}", loaded.title(), text(&check))
     };
     let mut out = stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    out.write_all(colour::for_stdout(&text).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(if check.certified { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 

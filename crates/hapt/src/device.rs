@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use hapt_model::{EstimatorKind, Motion, World};
+use hapt_model::{EstimatorKind, Motion, World, did_you_mean};
 use hapt_rt::{Device, Hands, Position, Replay, Simulated};
 
 use crate::drives::{self, Address};
@@ -64,9 +64,18 @@ impl FromStr for Spec {
             Some(("replay", file)) if !file.is_empty() => Ok(Spec::Replay(file.into())),
             Some(("hapt", port)) if !port.is_empty() => port.parse().map(Spec::Board),
             Some((word, _)) if DRIVES.contains(&word) => text.parse().map(Spec::Drive),
-            _ => Err("a device is sim, replay:FILE with a run's CSV or a log, a drive (moteus:..., odrive:...), or hapt:PATH with a board's \
-                      serial port"
-                .into()),
+            _ => {
+                let word = text.split_once(':').map_or(text, |(word, _)| word);
+                let hint = match text.trim_start().starts_with('/') {
+                    // A serial port, and nobody can see from outside what is on it.
+                    true => format!("; did you mean \"hapt:{text}\", \"moteus:{text}\" or \"odrive:{text}\"?"),
+                    false => did_you_mean(word, ["sim", "replay", "hapt"].into_iter().chain(DRIVES)),
+                };
+                Err(format!(
+                    "a device is sim, replay:FILE with a run's CSV or a log, a drive (moteus:..., odrive:...), or hapt:PATH with a board's \
+                     serial port{hint}"
+                ))
+            }
         }
     }
 }
@@ -153,7 +162,7 @@ fn positions(path: &Path, motion: Motion) -> Result<Vec<Position>, Failure> {
     let name = path.display();
     let wrong = |line: usize, message: String| Failure::input(format!("{name}, line {line}: {message}"));
     let mut file =
-        BufReader::new(File::open(path).map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?);
+        BufReader::new(File::open(path).map_err(|error| log::missing(path, &error))?);
     let first = file.fill_buf().map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
     if hapt_log::is_log(first) {
         return logged(path);

@@ -33,7 +33,20 @@ fn find(name: &str) -> Result<&'static Topic, Failure> {
     let called = |topic: &&Topic| topic.name == plain || topic.aliases.contains(&plain.as_str());
     topics().find(called).ok_or_else(|| {
         let names = topics().flat_map(|topic| [topic.name].into_iter().chain(topic.aliases.iter().copied()));
-        let hint = did_you_mean(&plain, names);
+        let hint = match did_you_mean(&plain, names) {
+            hint if hint.is_empty() => mentioned(&plain),
+            hint => hint,
+        };
         Failure::input(format!("no topic {name:?}{hint} (hapt explain lists them)"))
     })
+}
+
+/// The topics in whose texts the word stands, three at most.
+fn mentioned(word: &str) -> String {
+    let word = word.replace('-', " ");
+    let names = topics().filter(|topic| word.len() > 2 && topic.text.to_lowercase().contains(&word)).map(|topic| topic.name);
+    match names.take(3).collect::<Vec<_>>().join(", ") {
+        none if none.is_empty() => none,
+        names => format!("; it stands in: {names}"),
+    }
 }

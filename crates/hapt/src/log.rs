@@ -10,6 +10,7 @@ use hapt_model::World;
 use crate::failure::Failure;
 use crate::output::{self, Draft};
 use crate::people;
+use crate::suggest;
 
 /// A log and what people call it.
 pub struct Opened {
@@ -56,8 +57,13 @@ pub fn reader(path: &Path) -> Result<(String, Box<dyn Read>), Failure> {
         return Ok(("<stdin>".into(), Box::new(stdin().lock())));
     }
     let name = path.display().to_string();
-    let file = File::open(path).map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
+    let file = File::open(path).map_err(|error| missing(path, &error))?;
     Ok((name, Box::new(BufReader::with_capacity(1 << 16, file))))
+}
+
+/// A file that cannot be opened, and the one that was probably meant.
+pub fn missing(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::input(format!("cannot read {}: {error}{}", path.display(), suggest::file(path)))
 }
 
 /// What is wrong with the log of this name.

@@ -7,6 +7,7 @@ mod boundary;
 mod boundary_plot;
 mod builtin;
 mod check;
+mod colour;
 mod convert;
 mod design;
 mod device;
@@ -33,6 +34,7 @@ mod schema;
 mod signals;
 mod shell;
 mod sim;
+mod suggest;
 mod sweep;
 mod sweep_plot;
 mod table;
@@ -46,9 +48,13 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use args::{Args, Command};
+use failure::Failure;
 
 fn main() -> ExitCode {
     signals::watch();
+    if sweep::asks_for_measures(std::env::args_os()) {
+        return sweep::list_measures().unwrap_or_else(Failure::report);
+    }
     let args = match Args::try_parse() {
         Ok(args) => args,
         Err(usage) => return failure::usage(&usage),

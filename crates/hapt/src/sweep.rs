@@ -7,11 +7,12 @@
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::hash::Hasher;
-use std::io::{self, BufRead, BufReader, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, Seek, SeekFrom, Write, stdout};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use hapt_model::{Motion, did_you_mean};
 use hapt_sweep::table::{self, Column};
 use hapt_sweep::{Measure, Sweep, columnar};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -90,9 +91,37 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
 
 fn measure(name: &str) -> Result<Measure, Failure> {
     Measure::named(name.trim()).ok_or_else(|| {
-        let names = Measure::ALL.map(Measure::name).join(", ");
-        Failure::input(format!("--measure: there is no {name:?}; there are {names}"))
+        let hint = match did_you_mean(name.trim(), Measure::ALL.map(Measure::name)) {
+            hint if hint.is_empty() => format!("; there are {}", Measure::ALL.map(Measure::name).join(", ")),
+            hint => hint,
+        };
+        Failure::input(format!("--measure: there is no {name:?}{hint} (--measure help lists them)"))
     })
+}
+
+/// `hapt sweep --measure help`: asked before what a sweep needs is asked for.
+pub fn asks_for_measures(arguments: impl Iterator<Item = std::ffi::OsString>) -> bool {
+    let arguments: Vec<_> = arguments.skip(1).collect();
+    let is_help = |pair: &[std::ffi::OsString]| pair[0] == "--measure" && pair[1] == "help";
+    arguments.first().is_some_and(|command| command == "sweep")
+        && (arguments.windows(2).any(is_help) || arguments.iter().any(|argument| argument == "--measure=help"))
+}
+
+/// Each measure with its unit and meaning.
+pub fn list_measures() -> Result<ExitCode, Failure> {
+    let mut text = String::new();
+    for measure in Measure::ALL {
+        let units = [Motion::Rotary, Motion::Linear].map(|motion| measure.unit(motion));
+        let unit = match units {
+            ["", _] => String::new(),
+            [rotary, linear] if rotary == linear => format!(" ({rotary})"),
+            [rotary, linear] => format!(" ({rotary}; linear: {linear})"),
+        };
+        text += &format!("{:<18} {}{unit}\n", measure.name(), measure.meaning());
+    }
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Computes the cells that are not there yet; how often each measure has no value, in all of the table.

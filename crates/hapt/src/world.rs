@@ -7,6 +7,7 @@ use hapt_model::{Source, World};
 use crate::args::WorldArgs;
 use crate::builtin;
 use crate::failure::Failure;
+use crate::suggest;
 
 /// A world and what people call it.
 pub struct Loaded {
@@ -27,7 +28,7 @@ pub fn source(path: &Path) -> Result<Source, Failure> {
     match path.to_str() {
         Some("-") => Ok(Source::stdin()?),
         Some(name) if name.starts_with('@') => builtin::source(name),
-        _ => Ok(Source::open(path)?),
+        _ => Source::open(path).map_err(|error| Failure::input(format!("{error}{}", suggest::file(path)))),
     }
 }
 
