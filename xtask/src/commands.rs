@@ -81,7 +81,18 @@ fn commands(rng: &mut Rng, number: u64, world: &Path) -> Vec<Line> {
         2 => line(SHORT, &["impedance", "--z-width", "--points", "6", "--json", &world]),
         3 => line(
             SHORT,
-            &["sweep", &world, "--vary", &one, "--vary", &other, "--measure", "certified,required_damping", "--out", &out("t.csv")],
+            &[
+                "sweep",
+                &world,
+                "--vary",
+                &one,
+                "--vary",
+                &other,
+                "--measure",
+                "certified,required_damping",
+                "--out",
+                &out("t.csv"),
+            ],
         ),
         4 => line(SHORT, &["boundary", &world, "--vary", &one, "--vary", &other, "--points", "3"]),
         _ => line(LONG, &["report", &world, "--out", &out("pages")]),
@@ -119,14 +130,26 @@ fn file(rng: &mut Rng) -> String {
     let period = number_of(rng, 1e-3);
     let method = one_of(
         rng,
-        &["forward-euler", "semi-implicit-euler", "backward-euler", "trapezoidal", "zoh", "zoh", "rk4", "tustin", "foh"],
+        &[
+            "forward-euler",
+            "semi-implicit-euler",
+            "backward-euler",
+            "trapezoidal",
+            "zoh",
+            "zoh",
+            "rk4",
+            "tustin",
+            "foh",
+        ],
     );
     let output = match method {
         "tustin" | "foh" => "start",
         _ => one_of(rng, &["start", "middle", "end", "end"]),
     };
     let estimator = one_of(rng, &["exact", "difference", "low-pass", "foaw", "foaw-best"]);
-    let mut text = format!("[loop]\nperiod = {period:e}\nmethod = \"{method}\"\noutput = \"{output}\"\nestimator = \"{estimator}\"\n");
+    let mut text = format!(
+        "[loop]\nperiod = {period:e}\nmethod = \"{method}\"\noutput = \"{output}\"\nestimator = \"{estimator}\"\n"
+    );
     if estimator == "low-pass" {
         text += &format!("cutoff = {:e}\n", number_of(rng, 0.1 / period));
     }
@@ -142,7 +165,11 @@ fn file(rng: &mut Rng) -> String {
         _ => {}
     }
     let inertia = number_of(rng, 1e-3);
-    text += &format!("[device]\ninertia = {inertia:e}\ndamping = {:e}\nfriction = {:e}\n", maybe(rng, 1e-3), maybe(rng, 1e-3));
+    text += &format!(
+        "[device]\ninertia = {inertia:e}\ndamping = {:e}\nfriction = {:e}\n",
+        maybe(rng, 1e-3),
+        maybe(rng, 1e-3)
+    );
     let limited = rng.bool();
     if limited {
         text += &format!("limit = {:e}\n", number_of(rng, 1.0));
@@ -164,7 +191,11 @@ fn file(rng: &mut Rng) -> String {
     }
     let hand = match rng.u8(..5) {
         0 => format!("{{ kind = \"step\", to = {:e} }}", number_of(rng, 0.5)),
-        1 => format!("{{ kind = \"sine\", amplitude = {:e}, frequency = {:e} }}", number_of(rng, 0.5), number_of(rng, 1.0)),
+        1 => format!(
+            "{{ kind = \"sine\", amplitude = {:e}, frequency = {:e} }}",
+            number_of(rng, 0.5),
+            number_of(rng, 1.0)
+        ),
         2 => format!(
             "{{ kind = \"torque\", moves = {{ kind = \"ramp\", to = {:e}, over = {:e} }} }}",
             number_of(rng, 0.1),
@@ -197,7 +228,12 @@ fn coupling(rng: &mut Rng, bodies: usize) -> String {
     let law = match rng.u8(..9) {
         0..4 => format!("kind = \"spring\"\nstiffness = {:e}\nrest = {:e}", maybe(rng, 1.0), maybe(rng, 0.1)),
         4 => format!("kind = \"damper\"\ndamping = {:e}", maybe(rng, 1e-3)),
-        5 => format!("kind = \"wall\"\nside = \"above\"\nat = {:e}\nstiffness = {:e}\ndamping = {:e}", maybe(rng, 0.2), maybe(rng, 1.0), maybe(rng, 1e-4)),
+        5 => format!(
+            "kind = \"wall\"\nside = \"above\"\nat = {:e}\nstiffness = {:e}\ndamping = {:e}",
+            maybe(rng, 0.2),
+            maybe(rng, 1.0),
+            maybe(rng, 1e-4)
+        ),
         6 => format!("kind = \"detent\"\npitch = {:e}\ntorque = {:e}", number_of(rng, 0.2), maybe(rng, 0.02)),
         7 => format!("kind = \"constant\"\ntorque = {:e}", maybe(rng, 0.01)),
         _ if rng.bool() => format!("kind = \"friction\"\ntorque = {:e}", maybe(rng, 0.01)),
@@ -223,7 +259,9 @@ fn judged(line: &Line) -> Result<()> {
     let code = output.status.code().with_context(|| format!("{}: {message}", output.status))?;
     ensure!((0..=2).contains(&code), "it ends with {code}: {message}");
     ensure!(code != 2 || !message.is_empty(), "it refuses and says nothing");
-    let wrong = |text: &str| text.split(|c: char| !c.is_ascii_alphanumeric()).any(|word| matches!(word, "NaN" | "inf" | "panicked"));
+    let wrong = |text: &str| {
+        text.split(|c: char| !c.is_ascii_alphanumeric()).any(|word| matches!(word, "NaN" | "inf" | "panicked"))
+    };
     if let Some(text) = texts.iter().find(|text| wrong(text)) {
         let line = text.lines().find(|line| wrong(line)).unwrap_or_default();
         anyhow::bail!("it prints {line:?}");

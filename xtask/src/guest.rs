@@ -65,7 +65,18 @@ fn missing() -> Result<Option<String>> {
 /// The program of a test, built. With the whole workspace chosen, it and all below it are those of its other tests: built already.
 fn built(test: &str) -> Result<PathBuf> {
     let said = Command::new(env!("CARGO"))
-        .args(["test", "--quiet", "--workspace", "--profile", crate::test::PROFILE, "--test", test, "--no-run", "--message-format", "json"])
+        .args([
+            "test",
+            "--quiet",
+            "--workspace",
+            "--profile",
+            crate::test::PROFILE,
+            "--test",
+            test,
+            "--no-run",
+            "--message-format",
+            "json",
+        ])
         .output()?;
     ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
     let program = String::from_utf8_lossy(&said.stdout)

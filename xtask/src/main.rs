@@ -3,10 +3,10 @@
 mod bench;
 mod book;
 mod campaign;
+mod commands;
 mod faults;
 mod figure;
 mod firmware;
-mod commands;
 mod fuzz;
 mod guest;
 mod identify;

@@ -60,7 +60,9 @@ pub enum Error {
         looks: usize,
     },
     /// The edge of a Z-width that no search has reached.
-    #[error("no edge: no {what} makes the loop grow, up to 1e9 times what the inertia and damping of the device and the period set")]
+    #[error(
+        "no edge: no {what} makes the loop grow, up to 1e9 times what the inertia and damping of the device and the period set"
+    )]
     Far {
         /// "spring" or "damper".
         what: &'static str,

@@ -328,7 +328,11 @@ fn search(
         // Of a pair one.
         let counting = all[kept..].iter().filter(|(m, _)| m.less_one.im >= 0.0);
         let noise = counting.clone().map(|(_, error)| error / period).fold(0.0, f64::max);
-        Ok(Heights::new(counting.map(|(m, error)| (m.ln_abs - error) / period), floor(period, sampling.delay.seconds(period)), noise))
+        Ok(Heights::new(
+            counting.map(|(m, error)| (m.ln_abs - error) / period),
+            floor(period, sampling.delay.seconds(period)),
+            noise,
+        ))
     };
     Ok(match first_rise(heights, Along::period(sampling.delay), low, high, 0.0)? {
         Some(period) if period <= low => Critical::Never,

@@ -84,17 +84,22 @@ impl Attached {
         // Written so that what is no number is refused.
         let lower = asked <= limit;
         if !lower {
-            return Err(format!("device.limit: {asked} is above the file's {limit} (SI); with a motor attached it can only be lowered"));
+            return Err(format!(
+                "device.limit: {asked} is above the file's {limit} (SI); with a motor attached it can only be lowered"
+            ));
         }
         if asked < self.pulse {
             let pulse = self.pulse;
-            return Err(format!("device.limit: {asked} is below {pulse} (SI), the torque of the sign test when the motor is armed"));
+            return Err(format!(
+                "device.limit: {asked} is below {pulse} (SI), the torque of the sign test when the motor is armed"
+            ));
         }
         let [tests, accounts] = watches(world, self.guarding)?;
         match self.watches {
             [true, _] if !tests => Err("loop.period: with it the sign test at arming would be left out".into()),
             [_, true] if !accounts => {
-                Err("loop.period: the delay would be more periods than the energy account at the puck can follow".into())
+                Err("loop.period: the delay would be more periods than the energy account at the puck can follow"
+                    .into())
             }
             _ => Ok(()),
         }

@@ -3,9 +3,9 @@
 //! A thread holds the line, so that nothing else waits for it. A board changes its world only while no torque can flow
 //! (docs/wire.md): where it is armed, a change fades out, is loaded whole, and arms again, unless somebody has meant otherwise meanwhile.
 
-use std::sync::{Arc, Mutex, PoisonError};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 

@@ -136,7 +136,8 @@ fn verdict(
     let begin = Instant::now();
     let checked = catch_unwind(|| judged(&bench.judged()));
     let ms = Some(begin.elapsed().as_secs_f64() * 1e3);
-    let checked = checked.map_or_else(|_| Err(BROKEN.to_string()), |checked| checked.map_err(|error| error.to_string()));
+    let checked =
+        checked.map_or_else(|_| Err(BROKEN.to_string()), |checked| checked.map_err(|error| error.to_string()));
     match checked {
         Ok(check) => (Box::new(Verdict { ms, ..told(bench, &check) }), Some(check)),
         Err(error) => {
@@ -228,9 +229,8 @@ fn advise(bench: &Workbench, next: &Latest<Workbench>, focus: &Mutex<Option<Stri
 fn remedies(bench: &Workbench, check: &Check) -> Vec<RemedySays> {
     let world = bench.judged();
     let found = hapt_analysis::remedies(&world).ok();
-    let proposal = found.and_then(|found| {
-        hapt_analysis::proposal(&world, bench.source(), &bench.sets(), check, &found).ok().flatten()
-    });
+    let proposal = found
+        .and_then(|found| hapt_analysis::proposal(&world, bench.source(), &bench.sets(), check, &found).ok().flatten());
     let mut remedies = proposal.as_ref().map_or(Vec::new(), proposed);
     // What only the file or the hardware can change is said, and no button applies it.
     remedies.iter_mut().filter(|remedy| !bench.leaves(&remedy.sets)).for_each(|remedy| remedy.sets.clear());

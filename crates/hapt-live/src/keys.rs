@@ -3,8 +3,7 @@
 use hapt_analysis::proposal::{size, unit};
 use hapt_model::keys::{KEYS, Key, Measure, Range, Takes};
 use hapt_model::{
-    Coupling, CouplingKind, End, Error, EstimatorKind, Law, Method, Motion, Output, Parameter, Source, World, parameters,
-    parse_quantity,
+    Coupling, CouplingKind, End, Error, EstimatorKind, Method, Motion, Output, Parameter, Source, World, parameters,
 };
 
 use crate::protocol::KeySays;

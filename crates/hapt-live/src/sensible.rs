@@ -39,13 +39,15 @@ pub(crate) fn check(world: &World, source: &Source, sets: &[String]) -> Result<(
             ));
         }
     }
-    if world.sampling.delay > LONGEST_DELAY * world.sampling.period {
-        let delay = world.sampling.delay;
+    if world.sampling.delay_s() > LONGEST_DELAY * world.sampling.period {
+        let delay = world.sampling.delay_s();
         return Err(format!("loop.delay: {delay} s is more than {LONGEST_DELAY} periods, the longest behind a page"));
     }
     let rate = world.device.damping / world.device.inertia;
     if rate > FASTEST {
-        return Err(format!("device.damping: over the inertia it is {rate:e} per s; at most {FASTEST:e} behind a page"));
+        return Err(format!(
+            "device.damping: over the inertia it is {rate:e} per s; at most {FASTEST:e} behind a page"
+        ));
     }
     Ok(())
 }

@@ -260,10 +260,7 @@ impl<'a> Fields<'a> {
                 },
             },
             (Takes::QuantityOr(_, _, word), Value::Text(text)) if text == word => Ok(Found::Name(word)),
-            (
-                Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples,
-                Value::Text(_) | Value::Number(_),
-            ) => {
+            (Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples, Value::Text(_) | Value::Number(_)) => {
                 let (measure, range) = row.takes.quantity().unwrap_or((Measure::Ratio, Range::Any));
                 match quantity(measure, motion, &node.value) {
                     Ok(value) if range.contains(value) => Ok(Found::Number(value)),

@@ -250,7 +250,11 @@ impl Key {
             Takes::Quantity(measure, range) => quantity(measure, range),
             Takes::QuantityOr(measure, range, word) => format!("{}, or {word:?}", quantity(measure, range)),
             Takes::TimeOrSamples => {
-                format!("{}, or a number of samples, such as {:?}", quantity(Time, ZeroOrMore), format!("1.5 {SAMPLES}"))
+                format!(
+                    "{}, or a number of samples, such as {:?}",
+                    quantity(Time, ZeroOrMore),
+                    format!("1.5 {SAMPLES}")
+                )
             }
             Takes::Whole { least, most, step } => {
                 let even = if step == 2 { "an even" } else { "a" };

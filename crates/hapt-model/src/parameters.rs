@@ -103,8 +103,7 @@ fn given(row: &Key, motion: Motion, path: String, node: &Node) -> Parameter {
         }
         Value::Table(_) => String::new(),
     };
-    let si =
-        row.takes.quantity().and_then(|(measure, _)| parse_quantity(&written, measure.dimension(motion)).ok());
+    let si = row.takes.quantity().and_then(|(measure, _)| parse_quantity(&written, measure.dimension(motion)).ok());
     let unit = if si.is_some() { unit(row, motion) } else { String::new() };
     Parameter { path, written, si, unit, doc: row.doc, given: true }
 }

@@ -124,7 +124,9 @@ impl World {
                 // A number out of its key's range stands for a key that is not there: a grip without inertia.
                 Takes::Quantity(_, range) | Takes::QuantityOr(_, range, _) if !range.contains(value) => return None,
                 Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => quantity(measure, self.motion, value),
-                Takes::TimeOrSamples if matches!(slot, Slot::Delay(Delay::Samples(_))) => format!("\"{value:?} {SAMPLES}\""),
+                Takes::TimeOrSamples if matches!(slot, Slot::Delay(Delay::Samples(_))) => {
+                    format!("\"{value:?} {SAMPLES}\"")
+                }
                 Takes::TimeOrSamples => quantity(Measure::Time, self.motion, value),
                 Takes::Text
                 | Takes::Name(_)

@@ -371,7 +371,13 @@ fn a_delay_in_samples_follows_the_period_and_one_in_seconds_stays() {
     assert_eq!(seconds("\"3 ms\"", &["loop.period=4 ms"]), 3e-3);
     assert_eq!(seconds("0", &["loop.delay=2.5samples"]), 5e-3);
     assert_eq!(delayed("\"1 sample\"", &[]).unwrap().delay, hapt_model::Delay::Samples(1.0));
-    for (key, value) in [("period", "2 samples"), ("cutoff", "2 samples"), ("delay", "-1 samples"), ("delay", "1e7 samples"), ("delay", "samples")] {
+    for (key, value) in [
+        ("period", "2 samples"),
+        ("cutoff", "2 samples"),
+        ("delay", "-1 samples"),
+        ("delay", "1e7 samples"),
+        ("delay", "samples"),
+    ] {
         let refused = delayed("0", &[&format!("loop.{key}={value}")]);
         assert!(refused.is_err(), "{key} = {value}");
     }

@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use hapt_model::{
-    Delay,
-    Body, Coupling, Damping, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Mounting, Output, Safety,
-    Sampling, Scenario, Shape, Side, Source, Switching, World,
+    Body, Coupling, Damping, Delay, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Mounting, Output,
+    Safety, Sampling, Scenario, Shape, Side, Source, Switching, World,
 };
 use proptest::collection::vec;
 use proptest::option;

@@ -37,7 +37,12 @@ struct Shared {
 impl Default for LoopHandle {
     fn default() -> Self {
         let clock = Clock::new(Duration::ZERO);
-        LoopHandle(Arc::new(Shared { clock, epoch: AtomicU64::new(0), heard: AtomicU64::new(0), end: AtomicBool::new(false) }))
+        LoopHandle(Arc::new(Shared {
+            clock,
+            epoch: AtomicU64::new(0),
+            heard: AtomicU64::new(0),
+            end: AtomicBool::new(false),
+        }))
     }
 }
 

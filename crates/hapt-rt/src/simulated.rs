@@ -61,7 +61,10 @@ impl Simulated {
         let (back, spent) = RingBuffer::new(TOUCHES);
         let mut device = VirtualDevice::new(&world.rig());
         device.reserve();
-        (Simulated { device, touches, back, announced: false, zero: 0.0, asked: 0.0 }, Hands { touches: producer, spent })
+        (
+            Simulated { device, touches, back, announced: false, zero: 0.0, asked: 0.0 },
+            Hands { touches: producer, spent },
+        )
     }
 
     fn is_touched(&mut self) {

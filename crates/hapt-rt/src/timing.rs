@@ -217,7 +217,11 @@ impl fmt::Display for Timing {
             n => write!(f, "; {n} of the samples not seen here")?,
         }
         let (gap, at) = (self.gap.0 as f64 * 1e-6, self.gap.1 as f64 * 1e-9);
-        if self.gap.0 > 0 { write!(f, "\nlongest gap  {gap:.3} ms between two samples, {at:.3} s after the start") } else { Ok(()) }
+        if self.gap.0 > 0 {
+            write!(f, "\nlongest gap  {gap:.3} ms between two samples, {at:.3} s after the start")
+        } else {
+            Ok(())
+        }
     }
 }
 

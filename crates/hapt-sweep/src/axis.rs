@@ -207,9 +207,7 @@ fn axis(parts: &Written<'_>, key: &Key, world: &World) -> Result<Axis, String> {
         Some(_) if key.takes == Takes::TimeOrSamples && in_samples(text).is_some() => {
             Err(format!("{text:?} is in samples; an axis takes {} as a time, such as \"1.5 ms\"", parts.key))
         }
-        Some((measure, _)) => {
-            parse_quantity(text, measure.dimension(world.motion)).map_err(|error| format!("{error}"))
-        }
+        Some((measure, _)) => parse_quantity(text, measure.dimension(world.motion)).map_err(|error| format!("{error}")),
         None => text.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| format!("{text:?} is no number")),
     };
     let unit = key.takes.quantity().map(|(measure, _)| measure.dimension(world.motion).symbol()).unwrap_or_default();

@@ -82,7 +82,8 @@ mod tests {
 
     #[test]
     fn an_answer_is_coloured_and_nothing_else_changes() {
-        let text = "verdict   not certified: it is unstable\nheld      marginal: it swings\nnote      stable\nper second\n";
+        let text =
+            "verdict   not certified: it is unstable\nheld      marginal: it swings\nnote      stable\nper second\n";
         let shown = coloured(text);
         assert_eq!(
             shown,

@@ -161,8 +161,7 @@ fn logged(path: &Path) -> Result<Vec<Position>, Failure> {
 fn positions(path: &Path, motion: Motion) -> Result<Vec<Position>, Failure> {
     let name = path.display();
     let wrong = |line: usize, message: String| Failure::input(format!("{name}, line {line}: {message}"));
-    let mut file =
-        BufReader::new(File::open(path).map_err(|error| log::missing(path, &error))?);
+    let mut file = BufReader::new(File::open(path).map_err(|error| log::missing(path, &error))?);
     let first = file.fill_buf().map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
     if hapt_log::is_log(first) {
         return logged(path);

@@ -44,7 +44,8 @@ fn find(name: &str) -> Result<&'static Topic, Failure> {
 /// The topics in whose texts the word stands, three at most.
 fn mentioned(word: &str) -> String {
     let word = word.replace('-', " ");
-    let names = topics().filter(|topic| word.len() > 2 && topic.text.to_lowercase().contains(&word)).map(|topic| topic.name);
+    let names =
+        topics().filter(|topic| word.len() > 2 && topic.text.to_lowercase().contains(&word)).map(|topic| topic.name);
     match names.take(3).collect::<Vec<_>>().join(", ") {
         none if none.is_empty() => none,
         names => format!("; it stands in: {names}"),

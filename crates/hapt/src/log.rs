@@ -30,7 +30,8 @@ impl Recording {
     pub fn start(file: Option<&Path>, world: &World, header: impl FnOnce() -> Header) -> Result<Option<Self>, Failure> {
         let Some(file) = file else { return Ok(None) };
         output::format("--log", file, &["mcap"])?;
-        let failed = |error: std::io::Error| Failure::System(format!("--log {}: cannot write it: {error}", file.display()));
+        let failed =
+            |error: std::io::Error| Failure::System(format!("--log {}: cannot write it: {error}", file.display()));
         let draft = Draft::new(file.to_path_buf()).map_err(failed)?;
         let recorder = Recorder::start_in(draft.handle().map_err(failed)?, file, world, header());
         let recorder = recorder.map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))?;

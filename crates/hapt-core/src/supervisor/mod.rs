@@ -182,14 +182,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     }
 
     /// What somebody asks for, and what the reading says.
-    fn ask(
-        &self,
-        watch: &mut Watch<F>,
-        request: Option<Request>,
-        wrong: Option<Reason>,
-        lost: bool,
-        announced: bool,
-    ) {
+    fn ask(&self, watch: &mut Watch<F>, request: Option<Request>, wrong: Option<Reason>, lost: bool, announced: bool) {
         if let Some(request) = request {
             self.answer(watch, request, wrong, lost, announced);
         }
@@ -206,14 +199,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     }
 
     #[inline(never)]
-    fn answer(
-        &self,
-        watch: &mut Watch<F>,
-        request: Request,
-        wrong: Option<Reason>,
-        lost: bool,
-        announced: bool,
-    ) {
+    fn answer(&self, watch: &mut Watch<F>, request: Request, wrong: Option<Reason>, lost: bool, announced: bool) {
         match (request, watch.phase) {
             (Request::Stop, _) => {
                 watch.fault(Reason::Stop);

@@ -9,8 +9,11 @@ use crate::drive::DriveFault;
 pub const FOREIGN: DriveFault = DriveFault { code: 0, what: "another host speaks to it", reason: Some(Reason::Link) };
 
 /// Commands go to it, and it goes by others, or does not say that it has heard them.
-pub const UNHEARD: DriveFault =
-    DriveFault { code: 0, what: "commands do not reach it, or their answers do not come back", reason: Some(Reason::Late) };
+pub const UNHEARD: DriveFault = DriveFault {
+    code: 0,
+    what: "commands do not reach it, or their answers do not come back",
+    reason: Some(Reason::Late),
+};
 
 /// What a mode and a fault register say, where the drive gives no torque by its own decision, or another one than it was asked for.
 pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
@@ -31,14 +34,19 @@ pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
 fn limit(code: i32) -> Option<DriveFault> {
     let (what, reason) = match code {
         i32::MIN..=95 | 104 | 105 => return None,
-        96 => ("it holds its torque back above servo.max_velocity: set it above the fastest that the wheel turns", None),
+        96 => {
+            ("it holds its torque back above servo.max_velocity: set it above the fastest that the wheel turns", None)
+        }
         97 => ("it holds its torque back at servo.max_power_W: raise it, or lower device.limit", None),
         98 => ("its supply's voltage is too low for this torque at this speed: raise it, or lower device.limit", None),
         99 => ("it holds its torque back at servo.max_current_A: raise it, or lower device.limit", None),
         100 => ("it holds its torque back because its board is near servo.fault_temperature", Some(Reason::DriverHeat)),
         101 => ("it holds its torque back because its motor is near servo.motor_fault_temperature", Some(Reason::Heat)),
         102 => ("it was asked for more torque than its command allows", Some(Reason::Torque)),
-        103 => ("it cuts its torque at its position limits: set servopos.position_min and servopos.position_max to nan", None),
+        103 => (
+            "it cuts its torque at its position limits: set servopos.position_min and servopos.position_max to nan",
+            None,
+        ),
         _ => ("it limits its output, for a reason that is not known here", None),
     };
     Some(DriveFault { code: u32::try_from(code).unwrap_or(0), what, reason })
@@ -54,7 +62,9 @@ fn named(code: i32) -> DriveFault {
         36 => ("the motor is not configured: calibrate it with moteus_tool", None),
         37 => ("its control cycle took too long", Some(Reason::Late)),
         38 => ("over temperature", Some(Reason::DriverHeat)),
-        39 => ("started outside of its position limits: set servopos.position_min and servopos.position_max to nan", None),
+        39 => {
+            ("started outside of its position limits: set servopos.position_min and servopos.position_max to nan", None)
+        }
         40 => ("under voltage", None),
         41 => ("its configuration was changed under way", None),
         42 => ("its commutation angle is not valid: calibrate it with moteus_tool", Some(Reason::Jump)),

@@ -392,7 +392,11 @@ fn scales(register: u32) -> Scales {
         register::POWER => POWER,
         register::COMMAND_TIMEOUT => TIME,
         register::COMMAND_IGNORE_BOUNDS => [1.0; 3],
-        0x010..=0x013 | 0x018 | register::COMMAND_KP_SCALE | register::COMMAND_KD_SCALE | register::COMMAND_ILIMIT_SCALE => PART,
+        0x010..=0x013
+        | 0x018
+        | register::COMMAND_KP_SCALE
+        | register::COMMAND_KD_SCALE
+        | register::COMMAND_ILIMIT_SCALE => PART,
         _ => AMPERE,
     }
 }

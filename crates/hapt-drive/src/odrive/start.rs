@@ -120,7 +120,9 @@ impl Odrive {
         let once = |kind: usize| !unasked[kind] && answers[kind] == 1;
         let twice = (0..KINDS.len()).filter(|kind| !unasked[*kind]).map(|kind| answers[kind]).max().unwrap_or(0);
         self.barrier = Barrier::new(std::array::from_fn(once));
-        let says = |kind: Command| KINDS.iter().position(|one| *one == kind).is_some_and(|kind| answers[kind] > 0 || unasked[kind]);
+        let says = |kind: Command| {
+            KINDS.iter().position(|one| *one == kind).is_some_and(|kind| answers[kind] > 0 || unasked[kind])
+        };
         let proof = [Command::Torques, Command::Current].into_iter().find(|kind| says(*kind));
         self.proof = Proof::new(proof.unwrap_or(Command::Torques), self.most);
         match twice {

@@ -362,7 +362,9 @@ fn is_safe(make: Make, firmware: Box<dyn Firmware>, act: Act, is_kind: impl Fn(W
         match act {
             Act::Lost => vec![],
             Act::Again => vec![frame, frame],
-            Act::Frozen => vec![*past.front().unwrap_or(&frame)].into_iter().inspect(|frame| past.push_back(*frame)).collect(),
+            Act::Frozen => {
+                vec![*past.front().unwrap_or(&frame)].into_iter().inspect(|frame| past.push_back(*frame)).collect()
+            }
             Act::Late(by) => {
                 past.push_back(frame);
                 if past.len() > by { past.pop_front().into_iter().collect() } else { vec![] }

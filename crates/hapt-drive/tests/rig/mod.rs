@@ -4,8 +4,8 @@
 use std::collections::VecDeque;
 use std::io;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering::SeqCst};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -257,7 +257,13 @@ impl Rig {
             }
         };
         let faults = Arc::new(Faults::default());
-        let bus = Faulty { bus, faults: Arc::clone(&faults), under_way: VecDeque::new(), heard: VecDeque::new(), dice: 0x9e37_79b9_7f4a_7c15 };
+        let bus = Faulty {
+            bus,
+            faults: Arc::clone(&faults),
+            under_way: VecDeque::new(),
+            heard: VecDeque::new(),
+            dice: 0x9e37_79b9_7f4a_7c15,
+        };
         let firmware = Watched(firmware, Arc::clone(&faults));
         let mut simulator = Simulator::new(Box::new(bus), Box::new(firmware), world, time);
         let ends = Arc::new(AtomicBool::new(false));

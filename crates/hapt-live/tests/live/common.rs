@@ -41,7 +41,8 @@ hand = { kind = "torque", moves = { kind = "step", to = "5 N mm" } }
 
 /// A chain of so many bodies on springs between the puck and ground.
 pub fn many_bodies(bodies: usize) -> String {
-    let mut world = String::from("[loop]\nperiod = \"1 ms\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\nlimit = 0.8\n");
+    let mut world =
+        String::from("[loop]\nperiod = \"1 ms\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\nlimit = 0.8\n");
     let mut before = "puck".to_string();
     for body in 0..bodies {
         world += &format!("[bodies.b{body}]\ninertia = 0.01\n");

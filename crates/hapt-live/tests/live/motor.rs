@@ -238,7 +238,9 @@ fn stop_waits_for_no_certificate_and_for_no_flood() {
         let message = match k % 10 {
             0 => json!({ "type": "record", "on": true }),
             1 => json!({ "type": "reset" }),
-            _ => json!({ "type": "set", "key": format!("couplings.{}.stiffness", k % 20), "value": format!("{k} N mm/deg") }),
+            _ => {
+                json!({ "type": "set", "key": format!("couplings.{}.stiffness", k % 20), "value": format!("{k} N mm/deg") })
+            }
         };
         if !page.send(message.to_string().into()) {
             break;

@@ -330,7 +330,11 @@ fn a_killed_recorder_leaves_what_it_had_written() {
 fn a_recording_is_a_complete_file_at_every_moment_and_unfinished_until_it_is_finished() {
     let messages = |path: &Path| -> Option<usize> {
         let bytes = std::fs::read(path).unwrap();
-        mcap::MessageStream::new(&bytes).ok()?.map(|message| message.ok()).collect::<Option<Vec<_>>>().map(|all| all.len())
+        mcap::MessageStream::new(&bytes)
+            .ok()?
+            .map(|message| message.ok())
+            .collect::<Option<Vec<_>>>()
+            .map(|all| all.len())
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("r.mcap");

@@ -43,7 +43,8 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
     sampling.cutoff = Some(number.between(20.0, 200.0));
     // Periods differ, and with them the rows; delays are the same number of samples.
     sampling.period = if shape.chance(0.5) { 1e-3 } else { number.between(0.5e-3, 2e-3) };
-    sampling.delay = hapt_model::Delay::Seconds(if shape.chance(0.5) { 0.0 } else { shape.below(4) as f64 * sampling.period });
+    sampling.delay =
+        hapt_model::Delay::Seconds(if shape.chance(0.5) { 0.0 } else { shape.below(4) as f64 * sampling.period });
     let device = &mut world.device;
     device.inertia *= number.between(0.5, 2.0);
     device.damping *= number.between(0.0, 2.0);

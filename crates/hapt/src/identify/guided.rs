@@ -148,8 +148,7 @@ impl Experiment {
         let guarding = if spec.has_a_motor() { Guarding::Certified } else { Guarding::Simulated };
         let settings = settings(&args.realtime, world)?;
         let first = plan(&bare, guarding)?;
-        let header =
-            || Header { world_text: bare.to_toml(), device: args.what.clone(), guarding, ..Header::default() };
+        let header = || Header { world_text: bare.to_toml(), device: args.what.clone(), guarding, ..Header::default() };
         let recording = Recording::start(args.log.as_deref(), &bare, header)?;
         // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
         output::end_in_order();

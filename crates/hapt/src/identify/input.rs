@@ -93,7 +93,10 @@ fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lis
     while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
         if lists[0].len() == MOST {
             let most = people::count(MOST as u64);
-            return Err(Failure::input(format!("{} has more than {most} samples; a shorter log is wanted", opened.name)));
+            return Err(Failure::input(format!(
+                "{} has more than {most} samples; a shorter log is wanted",
+                opened.name
+            )));
         }
         let at = |place: usize| sample.values.get(place).copied().unwrap_or(f64::NAN);
         lists[0].push(at(TIME));

@@ -116,7 +116,16 @@ fn every_command_under_way_ends_at_a_closed_terminal_and_leaves_no_unfinished_fi
         &["identify", "sim", "--world", "w.toml", "--duration", "50s", "--log", "i.mcap"],
         &["live", "w.toml", "--port", "0"],
         &["simulate-drive", "moteus", "--pty"],
-        &["sweep", "w.toml", "--vary", "device.damping=0..1:900000000", "--measure", "held_growth_per_s", "--out", "s.csv"],
+        &[
+            "sweep",
+            "w.toml",
+            "--vary",
+            "device.damping=0..1:900000000",
+            "--measure",
+            "held_growth_per_s",
+            "--out",
+            "s.csv",
+        ],
     ]
     .into_iter()
     .enumerate()

@@ -1,9 +1,9 @@
 //! The command line as its users meet it: what is typed, what comes out, and how it ends.
 
 #[cfg(unix)]
-mod board;
-#[cfg(unix)]
 mod blocked;
+#[cfg(unix)]
+mod board;
 mod boundary;
 mod commands;
 mod common;
