@@ -10,6 +10,7 @@ mod firmware;
 mod fuzz;
 mod guest;
 mod identify;
+mod licences;
 mod marked;
 mod memory;
 mod notes;
@@ -30,6 +31,7 @@ cargo xtask notes     the notes' numbers as a table; with --write, into docs/not
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md
 cargo xtask page      the page's core in WebAssembly, into web/core
+cargo xtask licences  the licences of what is in the program, into crates/hapt/src/licences.txt
 cargo xtask firmware  the firmware on emulated boards: the same bits, instructions a sample, sizes; --write: docs/firmware.md
 cargo xtask faults    the supervisor against faults of every kind, and against none: [--n N] [--clean SAMPLES] [--seed S]; with
                       --write, into docs/safety.md
@@ -61,6 +63,7 @@ fn main() -> Result<()> {
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["page"] => page::build(),
+        ["licences"] => licences::write(),
         // The step of the tests, which runs beside others.
         ["firmware", "holds"] => firmware::holds(),
         ["firmware", ref arguments @ ..] => firmware::command(arguments),

@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{book, faults, figure, fuzz, guest, identify, memory, notes, page, supply, truth};
+use crate::{book, faults, figure, fuzz, guest, identify, licences, memory, notes, page, supply, truth};
 
 /// The one in which every test is built, xtask too (`.cargo/config.toml`).
 pub const PROFILE: &str = "tested";
@@ -55,6 +55,7 @@ pub fn run() -> Result<()> {
     tally.step("intervals of identified devices cover the truth", identify::holds());
     tally.step("memory stays bounded", memory::is_bounded());
     tally.step("licences and sources", supply::licences());
+    tally.step("licences of the program", licences::is_current());
     tally.step("the oldest Rust", supply::oldest_rust());
     tally.step("docs/notes.md is current", notes::is_current());
     tally.step("docs/notes.md names tests that exist", notes::names_real_tests());

@@ -265,6 +265,9 @@ impl<'a> Fields<'a> {
                 match quantity(measure, motion, &node.value) {
                     Ok(value) if range.contains(value) => Ok(Found::Number(value)),
                     Ok(value) => given(format!("{} {}", written(&node.value), fault(range, value))),
+                    Err(_) if matches!(&node.value, Value::Text(text) if keys::in_samples(text).is_some()) => {
+                        given(format!("{} is in samples, which a delay alone can be", written(&node.value)))
+                    }
                     Err(message) => fail(ErrorKind::Value, message),
                 }
             }

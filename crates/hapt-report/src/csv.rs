@@ -46,7 +46,7 @@ struct Columns {
 const LONGEST: u64 = 1 << 20;
 
 /// Reads what `hapt sim --out` writes, a line at a time; `limit` is the motor's in SI, which no CSV says, asked for when the
-/// motion is known.
+/// motion is known. Rows outside of `window`, in s, are read and left out.
 ///
 /// # Errors
 /// The first line that is not as it should be: the header, a missing or surplus field, what is no finite number, time that runs
@@ -54,6 +54,7 @@ const LONGEST: u64 = 1 << 20;
 pub fn read_csv(
     mut from: impl BufRead,
     limit: impl Fn(Motion) -> Result<Option<f64>, String>,
+    window: (f64, f64),
 ) -> Result<Traces, CsvError> {
     let mut text = Vec::new();
     let mut line = 0u64;
@@ -77,7 +78,7 @@ pub fn read_csv(
         let Some((columns, traces)) = &mut run else {
             let columns = Columns::new(row).map_err(wrong)?;
             let limit = limit(columns.motion).map_err(CsvError::Limit)?;
-            let traces = Traces::new(columns.motion, columns.names.get(1..).unwrap_or_default(), limit);
+            let traces = Traces::new(columns.motion, columns.names.get(1..).unwrap_or_default(), limit).within(window);
             run = Some((columns, traces));
             continue;
         };

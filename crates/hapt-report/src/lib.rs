@@ -33,4 +33,4 @@ pub use page::{Drawing, Report};
 pub use png::png;
 pub use run::Run;
 pub use svg::{STYLE, Width};
-pub use traces::{Envelope, Traces};
+pub use traces::{Envelope, Signal, Traces};

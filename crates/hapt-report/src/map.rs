@@ -24,7 +24,7 @@ pub enum Scale {
     Sequential(Vec<f64>),
     /// Blue below 0 and orange above, each darker beyond these sizes, upwards; at most 3.
     Signed(Vec<f64>),
-    /// A few values, the worst first, each with a name and a colour of its own: viridis from the first to the last.
+    /// A few values, the worst first, three at most, each with a name and the colour that such a region of a boundary has.
     Named(&'static [(f64, &'static str)]),
 }
 
@@ -62,7 +62,12 @@ impl Scale {
                 let level = sizes.iter().filter(|size| value.abs() >= **size).count();
                 format!("{}{level}", if value > 0.0 { "p" } else { "n" })
             }
-            Scale::Named(names) => format!("m{}", place(names, value) * 8 / (names.len().max(2) - 1)),
+            // The colours of a boundary's regions: the worst, what lies between, the best.
+            Scale::Named(names) => match place(names, value) {
+                0 => "p2".into(),
+                i if i + 1 == names.len() => "n1".into(),
+                _ => "p0".into(),
+            },
         }
     }
 

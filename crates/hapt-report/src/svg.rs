@@ -280,6 +280,9 @@ impl<'a> Layout<'a> {
                     shape => write!(d, "{}", symbol(shape, a, b)),
                 };
             }
+            if matches!(mark.style, Style::Edge(_)) {
+                let _ = write!(svg, "<path class=\"halo\" d=\"{d}\"/>");
+            }
             let _ = write!(svg, "<path class=\"mark {}\" d=\"{d}\"/>", class(mark.style));
         }
         *svg += "</svg>";

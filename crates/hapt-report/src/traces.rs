@@ -23,6 +23,33 @@ pub struct Traces {
     applied: Extremes,
     clipped: Stretches,
     span: Option<(f64, f64)>,
+    /// Rows outside of it are left out, in s.
+    window: (f64, f64),
+}
+
+/// A quantity that [`Traces::overlay`] draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Signal {
+    /// Of puck and bodies.
+    Position,
+    /// Of puck and bodies.
+    Velocity,
+    /// Asked of the motor, and applied by it; linear: the force.
+    Torque,
+}
+
+impl Signal {
+    /// All of them, from the top down.
+    pub const ALL: [Signal; 3] = [Signal::Position, Signal::Velocity, Signal::Torque];
+
+    /// Its name on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Signal::Position => "position",
+            Signal::Velocity => "velocity",
+            Signal::Torque => "torque",
+        }
+    }
 }
 
 /// The predicted bounds of a swing about `centre`: ± `size` e^{growth (t - from)}.
@@ -36,6 +63,43 @@ pub struct Envelope {
     pub from: f64,
     /// In 1/s.
     pub growth: f64,
+}
+
+/// One signal of every run on common axes, in units that suit them all. Of torques those that the motor applied.
+fn overlaid(signal: Signal, runs: &[(String, Traces)], room: usize) -> Panel {
+    let motion = runs.first().map_or(Motion::Rotary, |(_, traces)| traces.motion);
+    let mut curves: Vec<(String, &Extremes)> = Vec::new();
+    for (run, traces) in runs {
+        let states = match signal {
+            Signal::Position => &traces.positions,
+            Signal::Velocity => &traces.velocities,
+            Signal::Torque => {
+                curves.push((run.clone(), &traces.applied));
+                continue;
+            }
+        };
+        curves.extend(traces.names.iter().zip(states).map(|(name, state)| (format!("{run}: {name}"), state)));
+    }
+    let size = largest(curves.iter().map(|(_, curve)| *curve));
+    let (name, unit) = match signal {
+        Signal::Position => ("position", units::position(motion, size)),
+        Signal::Velocity => ("velocity", units::velocity(motion, size)),
+        Signal::Torque => (units::effort_name(motion), units::effort(motion, size)),
+    };
+    let spans = || runs.iter().filter_map(|(_, traces)| traces.span);
+    let (from, to) = spans().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (a, b)| (low.min(a), high.max(b)));
+    let (from, to) = if from <= to { (from, to) } else { (0.0, 1.0) };
+    let time = units::time(to);
+    let ranges = curves.iter().filter_map(|(_, curve)| curve.range()).flat_map(|(low, high)| [low, high]);
+    let mut panel = Panel::new(
+        "",
+        Axis::from_to("time", time.name, from * time.per_si, to * time.per_si),
+        Axis::around(name, unit.name, ranges.map(|x| x * unit.per_si)),
+    );
+    for (i, (name, curve)) in curves.iter().enumerate() {
+        panel.curve(name, Style::Signal(i), scaled(curve.points(room), time.per_si, unit.per_si));
+    }
+    panel
 }
 
 impl Traces {
@@ -54,11 +118,51 @@ impl Traces {
             applied: Extremes::new(room),
             clipped: Stretches::new(CLIPPED),
             span: None,
+            window: (f64::NEG_INFINITY, f64::INFINITY),
         }
+    }
+
+    /// Of the rows from the first of these times to the second, both inclusive, in s.
+    pub fn within(self, window: (f64, f64)) -> Self {
+        Traces { window, ..self }
+    }
+
+    /// Whether no row was added.
+    pub fn is_empty(&self) -> bool {
+        self.span.is_none()
+    }
+
+    /// Turning or sliding.
+    pub fn motion(&self) -> Motion {
+        self.motion
+    }
+
+    /// The figure of several runs of one motion, each under its name, a panel for each of these signals. One run alone is drawn as
+    /// [`Traces::figure`] draws it.
+    pub fn overlay(title: &str, runs: &[(String, Traces)], signals: &[Signal], width: Width) -> Figure {
+        let room = width.stretches();
+        let of = |traces: &Traces, signal: Signal| match signal {
+            Signal::Position => traces.states("position", &traces.positions, units::position, room),
+            Signal::Velocity => traces.states("velocity", &traces.velocities, units::velocity, room),
+            Signal::Torque => traces.efforts(None, room),
+        };
+        let alt = |(name, traces): &(String, Traces)| match runs.len() {
+            1 => traces.alt(None),
+            _ => format!("{name}: {}", traces.alt(None)),
+        };
+        let alt = runs.iter().map(alt).collect::<Vec<_>>().join(" ");
+        let panels = match runs {
+            [(_, traces)] => signals.iter().map(|signal| of(traces, *signal)).collect(),
+            _ => signals.iter().map(|signal| overlaid(*signal, runs, room)).collect(),
+        };
+        Figure { title: title.into(), alt, panels, columns: 1 }
     }
 
     /// The next row in SI: position and velocity of the puck and each body, the torque asked for and the one that is applied.
     pub fn add(&mut self, time: f64, states: impl IntoIterator<Item = Point>, asked: f64, applied: f64) {
+        if !(self.window.0..=self.window.1).contains(&time) {
+            return;
+        }
         for ((position, velocity), (x, v)) in self.positions.iter_mut().zip(&mut self.velocities).zip(states) {
             position.add(time, x);
             velocity.add(time, v);

@@ -122,7 +122,7 @@ fn a_csv_draws_the_same_curves_as_the_run() {
         csv.write(row.unwrap()).unwrap();
     }
     let csv = csv.finish().unwrap();
-    let again = read_csv(csv.as_slice(), |_| Ok(world.device.limit)).unwrap();
+    let again = read_csv(csv.as_slice(), |_| Ok(world.device.limit), (0.0, f64::INFINITY)).unwrap();
     let again = again.figure("swing: motion and torque", None, Width::Wide, 400).svg(Width::Wide, true);
     let made = pages(&[("every".into(), source)]);
     let drawn = made[0].drawings.iter().find(|drawing| drawing.name == "swing-motion").unwrap();
@@ -143,7 +143,7 @@ fn a_csv_that_is_none_is_refused_with_its_line() {
         (format!("{head}\n0,0,0,0\n"), "line 2", "4 fields; the header has 5"),
         (format!("{head}\n1,0,0,0,0\n1,0,0,0,0\n"), "line 3", "must increase"),
     ] {
-        let message = read_csv(text.as_bytes(), |_| Ok(None)).unwrap_err().to_string();
+        let message = read_csv(text.as_bytes(), |_| Ok(None), (0.0, f64::INFINITY)).unwrap_err().to_string();
         assert!(message.starts_with(line) && message.contains(words), "{text:?}: {message}");
     }
 }

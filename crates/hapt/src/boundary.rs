@@ -7,14 +7,14 @@ use std::process::ExitCode;
 use hapt_analysis::proposal::unit;
 use hapt_model::parse_quantity;
 use hapt_sweep::boundary::{Boundary, Edge, Piece, Plane, Point, Way};
-use hapt_sweep::table;
+use hapt_sweep::{Axis, table};
 
 use crate::args::BoundaryArgs;
 use crate::boundary_plot;
 use crate::failure::Failure;
 use crate::output;
 use crate::people;
-use crate::world::source;
+use crate::world::{own, source};
 
 /// An axis in the unit in which it was typed.
 pub struct Shown {
@@ -51,7 +51,11 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
         output::format("--out", out, &["csv"])?;
     }
     output::figure_format("--plot", args.plot.as_deref())?;
-    let boundary = Boundary::new(&source(&args.world.path)?, &args.world.sets, &args.axes, &claims)?;
+    let source = source(&args.world.path)?;
+    let boundary = Boundary::new(&source, &args.world.sets, &args.axes, &claims)?;
+    let [x, y] =
+        [0, 1].map(|i| within(&boundary.plane.axes[i], own(&source, &args.world.sets, &boundary.plane.axes[i].key)));
+    let own = x.zip(y).map(|(x, y)| [x, y]);
     let axes = shown(&boundary.plane, &args.axes);
     let title = boundary.plane.world.title.clone().unwrap_or_else(|| "edges".into());
     let summary = summary(&boundary, &axes);
@@ -62,7 +66,7 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
         files.push((output::draft(target, csv.as_bytes())?, target));
     }
     if let Some(target) = &args.plot {
-        let svg = boundary_plot::svg(&boundary, &axes, &title, &summary);
+        let svg = boundary_plot::svg(&boundary, &axes, own, &title, &summary);
         files.push((output::figure("--plot", target, &svg)?, target));
     }
     // Both are there before one is in its place.
@@ -81,6 +85,12 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
         people::say(format_args!("wrote {}", path.display()));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A value that lies on its axis.
+pub fn within(axis: &Axis, value: Option<f64>) -> Option<f64> {
+    let (low, high) = (axis.from.min(axis.to), axis.from.max(axis.to));
+    value.filter(|value| (low..=high).contains(value))
 }
 
 fn claims(names: &[String]) -> Result<Vec<Edge>, Failure> {

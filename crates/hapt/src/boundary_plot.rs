@@ -1,13 +1,17 @@
 //! The picture of a boundary: the plane of two keys, each side of each edge in its colour.
 
-use hapt_report::figure::{Axis, Figure, Fill, Panel, Style};
+use hapt_report::figure::{Axis, Figure, Fill, Panel, Shape, Style};
 use hapt_report::{Point, Width};
 use hapt_sweep::boundary::{Boundary, Edge, Place};
 
 use crate::boundary::Shown;
 
+/// What the mark of the file's own values is called.
+pub const OWN: &str = "the file's own world";
+
 /// The whole figure as SVG.
-pub fn svg(boundary: &Boundary, axes: &[Shown; 2], title: &str, summary: &str) -> String {
+/// `own` is where the file's own world is, in SI; `None` where it is elsewhere.
+pub fn svg(boundary: &Boundary, axes: &[Shown; 2], own: Option<[f64; 2]>, title: &str, summary: &str) -> String {
     let point = |place: Place| -> Point {
         let [x, y] = boundary.plane.values(place);
         (x / axes[0].size, y / axes[1].size)
@@ -24,7 +28,7 @@ pub fn svg(boundary: &Boundary, axes: &[Shown; 2], title: &str, summary: &str) -
     let stability = match (asked(Edge::Held), asked(Edge::Free)) {
         (true, true) => ["stable", "unstable"],
         (true, false) => ["stable held", "unstable held"],
-        (false, true) => ["stable let go", "unstable let go"],
+        (false, true) => ["stable free", "unstable free"],
         (false, false) => ["", ""],
     };
     let passivity = asked(Edge::Passive);
@@ -52,7 +56,7 @@ pub fn svg(boundary: &Boundary, axes: &[Shown; 2], title: &str, summary: &str) -
     for claim in &boundary.claims {
         let (name, style) = match claim.edge {
             Edge::Held => ("edge of stability, held", Style::Edge(2)),
-            Edge::Free => ("edge of stability, let go", Style::Edge(0)),
+            Edge::Free => ("edge of stability, free", Style::Edge(0)),
             Edge::Passive => ("edge of passivity", Style::Edge(1)),
         };
         for piece in &claim.pieces {
@@ -60,6 +64,9 @@ pub fn svg(boundary: &Boundary, axes: &[Shown; 2], title: &str, summary: &str) -
             let places = piece.points.iter().chain(closing).map(|p| point(p.place));
             panel.curve(name, style, places.collect());
         }
+    }
+    if let Some([x, y]) = own {
+        panel.mark(OWN, Shape::Ring, Style::Edge(0), vec![(x / axes[0].size, y / axes[1].size)]);
     }
     let alt = summary.lines().map(str::trim).collect::<Vec<_>>().join("; ");
     let figure = Figure { title: title.into(), alt, panels: vec![panel], columns: 1 };

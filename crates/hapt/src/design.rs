@@ -4,11 +4,11 @@ use std::io::{Write, stdout};
 use std::process::ExitCode;
 
 use hapt_analysis::Design;
-use hapt_model::{Dimension, parse_quantity};
+use hapt_model::Dimension;
 
 use crate::args::DesignArgs;
 use crate::failure::Failure;
-use crate::people::{self, number};
+use crate::people::{self, number, positive};
 
 pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
     let travel = positive("--travel", &args.travel, Dimension::ANGLE)?;
@@ -28,11 +28,6 @@ pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(ExitCode::SUCCESS)
-}
-
-fn positive(flag: &str, text: &str, dimension: Dimension) -> Result<f64, Failure> {
-    let value = parse_quantity(text, dimension).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
-    if value > 0.0 { Ok(value) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
 }
 
 /// The quantity as it was given; a bare number gets its SI unit.

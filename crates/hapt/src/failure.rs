@@ -35,6 +35,14 @@ impl Failure {
         }
     }
 
+    /// What it says.
+    pub fn message(self) -> String {
+        match self {
+            Failure::Input(message) | Failure::System(message) => message,
+            Failure::Closed => String::new(),
+        }
+    }
+
     pub fn report(self) -> ExitCode {
         match self {
             Failure::Input(message) => {

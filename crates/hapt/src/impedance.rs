@@ -8,7 +8,7 @@ use hapt_analysis::felt::{Asked, Element, Elements, Felt, Resonance, Row};
 use hapt_analysis::z_width::Walls;
 use hapt_analysis::{Slopes, ZWidth};
 use hapt_model::keys::Measure;
-use hapt_model::{Dimension, EstimatorKind, Motion, parse_quantity};
+use hapt_model::{Dimension, EstimatorKind, Motion};
 use hapt_report::Width;
 use hapt_report::figure::Figure;
 use rayon::prelude::*;
@@ -123,9 +123,7 @@ fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Fai
 }
 
 fn frequency(flag: &str, text: Option<&str>) -> Result<Option<f64>, Failure> {
-    let Some(text) = text else { return Ok(None) };
-    let hz = parse_quantity(text, Dimension::FREQUENCY).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
-    if hz > 0.0 { Ok(Some(hz)) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
+    text.map(|text| people::positive(flag, text, Dimension::FREQUENCY)).transpose()
 }
 
 fn csv(rows: &[Row], motion: Motion) -> String {

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use hapt_core::{Guarding, Request};
-use hapt_model::{Dimension, World, parse_quantity};
+use hapt_model::{Dimension, World};
 use hapt_rt::{Engine, Order, Plan, Quantiles, Realtime, Settings, Simulated, Timing};
 use serde_json::{Value, json};
 
@@ -57,8 +57,7 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
 
 /// A positive time.
 pub fn time(flag: &str, text: &str) -> Result<f64, Failure> {
-    let value = parse_quantity(text, Dimension::TIME).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
-    if value > 0.0 { Ok(value) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
+    people::positive(flag, text, Dimension::TIME)
 }
 
 /// A world compiled, to be guarded so.

@@ -20,6 +20,7 @@ mod identify;
 mod impedance;
 mod init;
 mod latency;
+mod licences;
 mod live;
 mod log;
 mod notes;
@@ -82,6 +83,7 @@ fn main() -> ExitCode {
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Worlds) => worlds::run(),
         Some(Command::Explain(args)) => explain::run(args),
+        Some(Command::Licences) => licences::run(),
         Some(Command::Schema) => schema::run(),
         Some(Command::Completions(args)) => shell::completions(args),
         Some(Command::Man(args)) => shell::man(args),

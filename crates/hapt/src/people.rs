@@ -8,7 +8,10 @@ use std::thread::spawn;
 use std::time::Duration;
 
 pub use hapt_analysis::proposal::number;
-use hapt_model::Motion;
+use hapt_analysis::proposal::unit;
+use hapt_model::{Dimension, Motion, Parameter, Quantity, parse_quantity};
+
+use crate::failure::Failure;
 
 /// Messages on their way to a thread that prints them: a terminal that was stopped, or a full pipe, blocks that thread and no other.
 static QUEUE: OnceLock<SyncSender<Message>> = OnceLock::new();
@@ -77,7 +80,75 @@ pub fn print(text: String) -> Receiver<io::Result<()>> {
     outcome
 }
 
-/// A torque in N mm up to 10 N m, as such devices are spoken of; or a force in N.
+/// The value of `flag` in SI. One without a unit is taken as SI, and a line on standard error says so.
+pub fn quantity(flag: &str, text: &str, wanted: Dimension) -> Result<f64, Failure> {
+    let value = parse_quantity(text, wanted).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
+    if let Some(line) = assumed(flag, text, wanted) {
+        say(line);
+    }
+    Ok(value)
+}
+
+/// The same, above 0.
+pub fn positive(flag: &str, text: &str, wanted: Dimension) -> Result<f64, Failure> {
+    let value = quantity(flag, text, wanted)?;
+    if value > 0.0 { Ok(value) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
+}
+
+/// What a number without a unit was taken as, and how the unit that was perhaps meant is written.
+fn assumed(flag: &str, text: &str, wanted: Dimension) -> Option<String> {
+    let bare = Quantity::parse(text).ok().filter(|quantity| quantity.dimension.is_none() && quantity.value != 0.0)?;
+    let unit = wanted.symbol();
+    if unit.is_empty() {
+        return None;
+    }
+    let usual = match wanted {
+        Dimension::ANGLE => "deg",
+        Dimension::TIME => "ms",
+        Dimension::LENGTH => "mm",
+        Dimension::TORQUE => "N mm",
+        _ => &unit,
+    };
+    let number = number(bare.value);
+    let taken = format!("hapt: {flag} {} has no unit and is taken as {number} {unit}", text.trim());
+    Some(if usual == unit { taken } else { format!("{taken}; write '{number} {usual}' where that is meant") })
+}
+
+/// The unit in which a world's file speaks of torques (linear: forces), and how many of it one SI unit is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Effort {
+    unit: String,
+    per_si: f64,
+}
+
+impl Effort {
+    /// That of the motor's limit, else of the first torque in the file, else of the first stiffness; else by size.
+    pub fn of(parameters: &[Parameter], motion: Motion) -> Option<Effort> {
+        let wanted = match motion {
+            Motion::Rotary => Dimension::TORQUE,
+            Motion::Linear => Dimension::FORCE,
+        };
+        let direct = |parameter: &&Parameter| parameter.given && parameter.unit == wanted.symbol();
+        let limit = parameters.iter().find(|parameter| parameter.path == "device.limit").filter(direct);
+        let first = limit.or_else(|| parameters.iter().find(direct)).map(|parameter| unit(&parameter.written));
+        // Of "17.8 N mm/deg" what stands before the angle.
+        let stiffness = |parameter: &&Parameter| parameter.given && parameter.path.ends_with(".stiffness");
+        let through = || {
+            let written = unit(&parameters.iter().find(stiffness)?.written);
+            Some(written.rsplit_once('/')?.0.trim().to_string())
+        };
+        let unit = first.filter(|unit| !unit.is_empty()).or_else(through)?;
+        let size = parse_quantity(&format!("1 {unit}"), wanted).ok()?;
+        Some(Effort { unit, per_si: 1.0 / size })
+    }
+
+    /// A torque as the file would write it.
+    pub fn say(&self, x: f64) -> String {
+        format!("{} {}", number(x * self.per_si), self.unit)
+    }
+}
+
+/// A torque in N mm up to 10 N m, as such devices are spoken of; or a force in N. For where no file says its own unit.
 pub fn effort(x: f64, motion: Motion) -> String {
     match motion {
         Motion::Rotary if x.abs() < 10.0 => format!("{} N mm", number(1e3 * x)),
@@ -117,6 +188,40 @@ pub fn count(n: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_without_a_unit_is_answered_with_the_unit_that_was_assumed() {
+        assert_eq!(
+            assumed("--travel", "45", Dimension::ANGLE).as_deref(),
+            Some("hapt: --travel 45 has no unit and is taken as 45 rad; write '45 deg' where that is meant")
+        );
+        assert!(
+            assumed("--period", "2", Dimension::TIME)
+                .is_some_and(|line| line.contains("taken as 2 s") && line.contains("'2 ms'"))
+        );
+        for (text, wanted) in
+            [("45 deg", Dimension::ANGLE), ("0", Dimension::TIME), ("3", Dimension::NONE), ("x", Dimension::TIME)]
+        {
+            assert_eq!(assumed("--flag", text, wanted), None);
+        }
+    }
+
+    #[test]
+    fn torques_are_said_in_the_units_of_their_file() {
+        let said = |limit: &str, stiffness: &str| {
+            let text = format!(
+                "loop.period = \"1 ms\"\ndevice = {{ inertia = 1{limit} }}\n[[couplings]]\nkind = \"spring\"\n\
+                 between = [\"puck\", \"ground\"]\nstiffness = {stiffness}"
+            );
+            let list = hapt_model::parameters(&hapt_model::Source::from_text("w", text), &[]).unwrap();
+            Effort::of(&list, Motion::Rotary).map(|effort| effort.say(0.75))
+        };
+        assert_eq!(said(", limit = \"2 N m\"", "\"1 N mm/deg\"").as_deref(), Some("0.75 N m"));
+        assert_eq!(said(", limit = \"2000 mNm\"", "1").as_deref(), Some("750 mNm"));
+        assert_eq!(said("", "\"20 N mm/deg\"").as_deref(), Some("750 N mm"));
+        assert_eq!(said("", "\"20 N m/rad\"").as_deref(), Some("0.75 N m"));
+        assert_eq!(said(", limit = 2", "1"), None);
+    }
 
     #[test]
     fn numbers_keep_six_digits_and_no_more() {

@@ -1,12 +1,13 @@
-//! `hapt plot`: a run's figure, from its CSV or from a log.
+//! `hapt plot`: the figure of a run, or of several over each other, from CSVs or logs.
 
 use std::io::{BufRead, BufReader, Write, stdout};
+use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_log::Log;
 use hapt_model::keys::Measure;
-use hapt_model::{Motion, parse_quantity};
-use hapt_report::{Traces, Width, read_csv};
+use hapt_model::{Motion, did_you_mean};
+use hapt_report::{Signal, Traces, Width, read_csv};
 use hapt_sim::Row;
 
 use crate::args::PlotArgs;
@@ -15,35 +16,40 @@ use crate::log::{self, Opened};
 use crate::output;
 use crate::people;
 
+/// Runs drawn over each other: more could not be told apart.
+const MOST_RUNS: usize = 12;
+
 pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
     output::figure_format("--out", args.out.as_deref())?;
-    let piped = args.csv.as_os_str() == "-";
-    let (name, from) = log::reader(&args.csv)?;
-    let mut from = BufReader::with_capacity(1 << 16, from);
-    let limit = |motion: Motion| match &args.limit {
-        None => Ok(None),
-        Some(text) => match parse_quantity(text, Measure::Torque.dimension(motion)) {
-            Ok(limit) if limit > 0.0 => Ok(Some(limit)),
-            Ok(_) => Err(format!("--limit: \"{text}\" must be positive")),
-            Err(error) => Err(format!("--limit: {error}")),
-        },
-    };
-    let mut title = match piped {
-        true => "run".into(),
-        false => args.csv.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-    };
-    let first = from.fill_buf().map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
-    let traces = if hapt_log::is_log(first) {
-        let log = Log::read(Box::new(from) as Box<dyn std::io::Read>).map_err(|error| log::failure(&name, error))?;
-        title = log.header.scenario.clone().unwrap_or(title);
-        logged(Opened { name, log }, limit)?
-    } else {
-        read_csv(from, limit).map_err(|error| match error {
-            hapt_report::CsvError::Limit(message) => Failure::input(message),
-            error => Failure::input(format!("{name}, {error}")),
-        })?
-    };
-    let svg = traces.figure(&title, None, Width::Wide, Width::Wide.stretches()).svg(Width::Wide, true) + "\n";
+    if args.runs.len() > MOST_RUNS {
+        return Err(Failure::input(format!(
+            "{} runs in one figure: at most {MOST_RUNS} can be told apart",
+            args.runs.len()
+        )));
+    }
+    let window = window(args)?;
+    let signals = signals(&args.signals)?;
+    let mut runs: Vec<(String, Traces)> = Vec::new();
+    for path in &args.runs {
+        let (name, traces) = read(path, args.limit.as_deref(), window)?;
+        if traces.is_empty() {
+            let until = if window.1.is_finite() { format!(" to {}", people::time(window.1)) } else { " on".into() };
+            return Err(Failure::input(format!("{}: no rows from {}{until}", path.display(), people::time(window.0))));
+        }
+        if runs.first().is_some_and(|(_, first)| first.motion() != traces.motion()) {
+            return Err(Failure::input(format!("{}: a rotary and a linear run have no common axes", path.display())));
+        }
+        runs.push((name, traces));
+    }
+    // Two of one name are told apart by their paths.
+    let names: Vec<String> = runs.iter().map(|(name, _)| name.clone()).collect();
+    for ((name, _), path) in runs.iter_mut().zip(&args.runs) {
+        if names.iter().filter(|other| *other == name).count() > 1 {
+            *name = path.display().to_string();
+        }
+    }
+    let title = runs.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+    let svg = Traces::overlay(&title, &runs, &signals, Width::Wide).svg(Width::Wide, true) + "\n";
     match &args.out {
         None => {
             let mut out = stdout().lock();
@@ -58,12 +64,72 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// From when to when, in s.
+fn window(args: &PlotArgs) -> Result<(f64, f64), Failure> {
+    let time = |flag, text: &Option<String>, without| match text {
+        Some(text) => people::quantity(flag, text, Measure::Time.dimension(Motion::Rotary)),
+        None => Ok(without),
+    };
+    let (from, to) = (time("--from", &args.from, 0.0)?, time("--to", &args.to, f64::INFINITY)?);
+    if to <= from {
+        return Err(Failure::input(format!("--to: {} is not after --from, {}", people::time(to), people::time(from))));
+    }
+    Ok((from, to))
+}
+
+/// What is drawn, in the order asked for; all of it where nothing is.
+fn signals(names: &[String]) -> Result<Vec<Signal>, Failure> {
+    if names.is_empty() {
+        return Ok(Signal::ALL.to_vec());
+    }
+    let named = |name: &String| {
+        let name = if name.trim() == "force" { "torque" } else { name.trim() };
+        Signal::ALL.into_iter().find(|signal| signal.name() == name).ok_or_else(|| {
+            let known = Signal::ALL.map(Signal::name);
+            let hint = did_you_mean(name, known);
+            Failure::input(format!("--signals: there is no {name:?}{hint} (there are {})", known.join(", ")))
+        })
+    };
+    names.iter().map(named).collect()
+}
+
+/// A run and what it is called.
+fn read(path: &Path, limit: Option<&str>, window: (f64, f64)) -> Result<(String, Traces), Failure> {
+    let piped = path.as_os_str() == "-";
+    let (name, from) = log::reader(path)?;
+    let mut from = BufReader::with_capacity(1 << 16, from);
+    let limit = |motion: Motion| match limit {
+        None => Ok(None),
+        Some(text) => people::positive("--limit", text, Measure::Torque.dimension(motion)).map(Some),
+    };
+    let title = match piped {
+        true => "run".into(),
+        false => path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+    };
+    let first = from.fill_buf().map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
+    if hapt_log::is_log(first) {
+        let log = Log::read(Box::new(from) as Box<dyn std::io::Read>).map_err(|error| log::failure(&name, error))?;
+        let title = log.header.scenario.clone().unwrap_or(title);
+        return Ok((title, logged(Opened { name, log }, limit, window)?));
+    }
+    let said = |motion| limit(motion).map_err(Failure::message);
+    let traces = read_csv(from, said, window).map_err(|error| match error {
+        hapt_report::CsvError::Limit(message) => Failure::input(message),
+        error => Failure::input(format!("{name}, {error}")),
+    })?;
+    Ok((title, traces))
+}
+
 /// The traces of a log.
-fn logged(mut opened: Opened, limit: impl Fn(Motion) -> Result<Option<f64>, String>) -> Result<Traces, Failure> {
+fn logged(
+    mut opened: Opened,
+    limit: impl Fn(Motion) -> Result<Option<f64>, Failure>,
+    window: (f64, f64),
+) -> Result<Traces, Failure> {
     let plan = std::sync::Arc::clone(opened.log.plan());
     let world = &plan.world;
-    let limit = limit(world.motion).map_err(Failure::input)?.or(world.device.limit);
-    let mut traces = Traces::new(world.motion, &world.names, limit);
+    let limit = limit(world.motion)?.or(world.device.limit);
+    let mut traces = Traces::new(world.motion, &world.names, limit).within(window);
     let (mut row, mut samples, mut last) = (Row::default(), 0, f64::NEG_INFINITY);
     while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
         if sample.plan.columns != plan.columns {

@@ -11,7 +11,7 @@ use hapt_sim::{Error, Row, Simulation, Summary};
 use crate::args::{Format, SimArgs};
 use crate::failure::Failure;
 use crate::output;
-use crate::people;
+use crate::people::{self, Effort};
 use crate::progress::Progress;
 use crate::table::Table;
 use crate::world::{Loaded, load};
@@ -23,7 +23,7 @@ pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
     hapt_sim::check(&loaded.world)?;
     match &args.out {
         Some(folder) => write_all(&loaded, &scenarios, folder, args)?,
-        None => print_all(&loaded, &scenarios)?,
+        None => print_all(&loaded, &args.world.sets, &scenarios)?,
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -105,8 +105,10 @@ pub fn header(loaded: &Loaded, sets: &[String], certified: bool) -> Header {
     }
 }
 
-fn print_all(loaded: &Loaded, scenarios: &[&Scenario]) -> Result<(), Failure> {
+fn print_all(loaded: &Loaded, sets: &[String], scenarios: &[&Scenario]) -> Result<(), Failure> {
     let world = &loaded.world;
+    // Torques in the unit that the file has them in.
+    let own = Effort::of(&hapt_model::parameters(&loaded.source, sets)?, world.motion);
     let mut out = stdout().lock();
     let mut first_failure = None;
     writeln!(out, "{}", loaded.title()).map_err(Failure::stdout)?;
@@ -122,7 +124,7 @@ fn print_all(loaded: &Loaded, scenarios: &[&Scenario]) -> Result<(), Failure> {
             Some(_) => hapt_analysis::check(world).ok().and_then(|check| check.held.growth_per_s),
             None => None,
         };
-        out.write_all(text(world, scenario, &summary, predicted).as_bytes()).map_err(Failure::stdout)?;
+        out.write_all(text(world, own.as_ref(), scenario, &summary, predicted).as_bytes()).map_err(Failure::stdout)?;
         if let Err(error) = end {
             let message = format!("scenario {}: {error}", scenario.name);
             first_failure = first_failure.or(Some(Failure::System(message)));
@@ -132,9 +134,9 @@ fn print_all(loaded: &Loaded, scenarios: &[&Scenario]) -> Result<(), Failure> {
     first_failure.map_or(Ok(()), Err)
 }
 
-fn text(world: &World, scenario: &Scenario, summary: &Summary, predicted: Option<f64>) -> String {
+fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summary, predicted: Option<f64>) -> String {
     let sampling = &world.sampling;
-    let effort = |x| people::effort(x, world.motion);
+    let effort = |x| own.map_or_else(|| people::effort(x, world.motion), |own| own.say(x));
     let mut lines = vec![format!(
         "\nscenario {}: {} at {} a sample, {}, torque from the {} of the step",
         scenario.name,

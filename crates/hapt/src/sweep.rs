@@ -22,7 +22,7 @@ use crate::failure::Failure;
 use crate::output::{self, Draft};
 use crate::people;
 use crate::progress::Progress;
-use crate::world::source;
+use crate::world::{own, source};
 
 /// The most threads that can be asked for.
 const MOST_THREADS: usize = 1024;
@@ -49,8 +49,8 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     output::regular("--out", &args.out)?;
     output::figure_format("--plot", args.plot.as_deref())?;
     let measures = args.measures.iter().map(|name| measure(name)).collect::<Result<Vec<_>, _>>()?;
-    let sweep =
-        Sweep::new(&source(&args.world.path)?, &args.world.sets, &args.axes, &measures, args.scenario.as_deref())?;
+    let source = source(&args.world.path)?;
+    let sweep = Sweep::new(&source, &args.world.sets, &args.axes, &measures, args.scenario.as_deref())?;
     if args.plot.is_some() && sweep.grid.axes.len() > 2 {
         let given = sweep.grid.axes.len();
         return Err(Failure::input(format!(
@@ -78,7 +78,8 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     let mut partial = Partial::open(&args.out, &sweep, &columns, args.resume)?;
     let missing = compute(&sweep, &pool, &mut partial)?;
     if let Some(plot) = &args.plot {
-        crate::sweep_plot::draw(&sweep, partial.rows()?, plot)?;
+        let own: Vec<_> = sweep.grid.axes.iter().map(|axis| own(&source, &args.world.sets, &axis.key)).collect();
+        crate::sweep_plot::draw(&sweep, &own, partial.rows()?, plot)?;
     }
     partial.finish(format, &columns)?;
 

@@ -3,10 +3,12 @@
 use std::io::BufRead;
 use std::path::Path;
 
-use hapt_report::figure::{self, Figure, Panel, Style};
+use hapt_report::figure::{self, Figure, Panel, Shape, Style};
 use hapt_report::{Extremes, Map, Scale, Width};
 use hapt_sweep::{Axis, Measure, Sweep, table};
 
+use crate::boundary::within;
+use crate::boundary_plot::OWN;
 use crate::failure::Failure;
 use crate::output;
 use crate::people;
@@ -15,7 +17,8 @@ use crate::people;
 const ROOM: (usize, usize) = (360, 240);
 
 /// Draws the rows into `target`.
-pub fn draw(sweep: &Sweep, rows: impl BufRead, target: &Path) -> Result<(), Failure> {
+/// `own` are the file's own values of the axes, where they have some.
+pub fn draw(sweep: &Sweep, own: &[Option<f64>], rows: impl BufRead, target: &Path) -> Result<(), Failure> {
     let failed = |error| Failure::write(target.display(), error);
     let columns = table::columns(sweep).len();
     let axes = sweep.grid.axes.len();
@@ -26,8 +29,8 @@ pub fn draw(sweep: &Sweep, rows: impl BufRead, target: &Path) -> Result<(), Fail
     });
     let values = rows.map(|row| row.map(|row| row.get(axes).copied().flatten()));
     let figure = match &sweep.grid.axes[..] {
-        [axis] => curve(sweep, axis, values)?,
-        [slow, fast] => map(sweep, slow, fast, values.collect::<Result<_, _>>()?),
+        [axis] => curve(sweep, axis, own.first().copied().flatten(), values)?,
+        [slow, fast] => map(sweep, slow, fast, own, values.collect::<Result<_, _>>()?),
         _ => return Ok(()),
     };
     let draft = output::figure("--plot", target, &(figure.svg(Width::Wide, true) + "\n"))?;
@@ -63,6 +66,7 @@ fn title(sweep: &Sweep) -> String {
 fn curve(
     sweep: &Sweep,
     axis: &Axis,
+    own: Option<f64>,
     values: impl Iterator<Item = Result<Option<f64>, Failure>>,
 ) -> Result<Figure, Failure> {
     let (name, unit) = measured(sweep);
@@ -85,6 +89,9 @@ fn curve(
     let y = figure::Axis::around(&name, unit, range.into_iter().flat_map(|(low, high)| [low, high]).chain(edge));
     let mut panel = Panel::new("", x, y);
     panel.curve("", Style::Signal(0), extremes.points(Width::Wide.stretches()));
+    if let Some(own) = within(axis, own) {
+        panel.mark(OWN, Shape::Line, Style::Limit, vec![(own, 0.0)]);
+    }
     let seen = range.map_or("no value".to_string(), |(low, high)| {
         format!("from {} to {} {unit}", people::number(low), people::number(high))
     });
@@ -95,8 +102,8 @@ fn curve(
     Ok(Figure { title: title(sweep), alt, panels: vec![panel], columns: 1 })
 }
 
-/// The fast axis runs to the right, the slow one up.
-fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, mut values: Vec<Option<f64>>) -> Figure {
+/// The first axis runs to the right and the second up, as in the picture of a boundary.
+fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, own: &[Option<f64>], mut values: Vec<Option<f64>>) -> Figure {
     let (name, unit) = measured(sweep);
     // An axis that falls is drawn rising.
     if fast.to < fast.from {
@@ -106,6 +113,8 @@ fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, mut values: Vec<Option<f64>>) ->
         let rows: Vec<_> = values.chunks(fast.count as usize).rev().flatten().copied().collect();
         values = rows;
     }
+    let (columns, rows) = (slow.count as usize, fast.count as usize);
+    let values: Vec<_> = (0..values.len()).map(|i| values[i % columns * rows + i / columns]).collect();
     let numbers = values.iter().flatten().copied();
     let range = numbers
         .clone()
@@ -119,13 +128,18 @@ fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, mut values: Vec<Option<f64>>) ->
         }
         _ => Scale::of(numbers),
     };
-    let map = Map { columns: fast.count as usize, scale, values, edge };
-    let mut panel = Panel::new("", spread(fast), spread(slow));
+    let map = Map { columns, scale, values, edge };
+    let mut panel = Panel::new("", spread(slow), spread(fast));
     panel.map = Some(map.reduced(ROOM.0, ROOM.1));
+    if let [x, y] = own
+        && let (Some(x), Some(y)) = (within(slow, *x), within(fast, *y))
+    {
+        panel.mark(OWN, Shape::Ring, Style::Edge(0), vec![(x, y)]);
+    }
     let seen = range.map_or("no value".to_string(), |(low, high)| {
         format!("from {} to {} {unit}", people::number(low), people::number(high))
     });
-    let alt = format!("A map of {name} over {} to the right and {} upwards: {seen}.", fast.key, slow.key);
+    let alt = format!("A map of {name} over {} to the right and {} upwards: {seen}.", slow.key, fast.key);
     let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
     Figure { title: title(sweep) + &unit, alt, panels: vec![panel], columns: 1 }
 }

@@ -38,3 +38,10 @@ impl Loaded {
         self.world.title.as_deref().unwrap_or(&self.name)
     }
 }
+
+/// The number that the file and its overrides have under this key, in SI; `None` where they have none.
+pub fn own(source: &Source, sets: &[String], key: &str) -> Option<f64> {
+    let list = hapt_model::parameters(source, sets).ok()?;
+    let parameter = list.into_iter().find(|parameter| parameter.path == key)?;
+    parameter.si.or_else(|| parameter.written.parse().ok())
+}

@@ -22,7 +22,8 @@ pub fn world(rng: &mut Rng) -> World {
         let bent = rng.bool();
         let mut world = worlds::random(rng, bent);
         let sampling = &mut world.sampling;
-        sampling.delay = (sampling.delay / sampling.period).round().min(3.0) * sampling.period;
+        let whole = (sampling.delay_s() / sampling.period).round().min(3.0);
+        sampling.delay = hapt_model::Delay::Seconds(whole * sampling.period);
         if sampling.estimator == EstimatorKind::Exact {
             sampling.estimator = EstimatorKind::Difference;
         }

@@ -40,7 +40,16 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         _ => between(rng, 0.0, 3.0) * period,
     };
     let cutoff = (estimator == EstimatorKind::LowPass).then(|| log_uniform(rng, -2.0, 0.0) / period);
-    let sampling = Sampling { period, method, output, advance, delay, estimator, cutoff, window: 16 };
+    let sampling = Sampling {
+        period,
+        method,
+        output,
+        advance,
+        delay: hapt_model::Delay::Seconds(delay),
+        estimator,
+        cutoff,
+        window: 16,
+    };
     let inertia = log_uniform(rng, -5.0, -2.0);
     let bodies: Vec<Body> = (0..rng.usize(..4))
         .map(|_| Body { inertia: inertia * log_uniform(rng, -1.0, 2.0), position: 0.0, velocity: 0.0 })

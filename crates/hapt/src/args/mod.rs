@@ -74,7 +74,8 @@ Examples:
 Examples:
   hapt plot runs/step.csv > step.svg                 as hapt sim wrote it
   hapt plot runs/step.mcap --out step.svg            with its motor's limit
-  hapt plot runs/step.csv --limit 822.25Nmm --out step.svg")]
+  hapt plot runs/step.csv --limit 822.25Nmm --out step.svg
+  hapt plot runs/step.csv more/step.csv --from 1s --to 2s --signals position,torque --out both.svg")]
     Plot(PlotArgs),
     /// A log's inputs through today's core: are the torques the same bits?
     #[command(after_help = "\
@@ -164,7 +165,7 @@ Examples:
     /// The loop in real time behind a page: grab the wheel and turn its numbers.
     #[command(after_help = "\
 Examples:
-  hapt live                                          the notes' wheel
+  hapt live                                          the notes' wheel, certified
   hapt live wheel.toml --port 0                      another world, any port
   hapt live @notes/euler --set loop.period=5ms
   hapt live wheel.toml --device hapt:/dev/ttyACM0    a board, and its page")]
@@ -187,6 +188,15 @@ Examples:
   hapt explain                                       the topics
   hapt explain critical-period")]
     Explain(ExplainArgs),
+    /// The licences of all that is in this program, with their texts.
+    #[command(
+        alias = "licenses",
+        after_help = "\
+Examples:
+  hapt licences | less
+  hapt licences > THIRD-PARTY.txt                    to go along with the program"
+    )]
+    Licences,
     /// The JSON schema of world files, by which editors complete keys and check units.
     #[command(after_help = "\
 Examples:

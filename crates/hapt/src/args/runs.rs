@@ -48,9 +48,18 @@ pub struct ReportArgs {
 
 #[derive(Debug, clap::Args)]
 pub struct PlotArgs {
-    /// A run as hapt sim --out writes it, or a log; - is standard input.
-    #[arg(value_name = "CSV or LOG")]
-    pub csv: PathBuf,
+    /// Runs as hapt sim --out writes them, or logs; - is standard input. Several are drawn over each other.
+    #[arg(value_name = "CSV or LOG", required = true)]
+    pub runs: Vec<PathBuf>,
+    /// Only from this time on, such as '0.5 s'.
+    #[arg(long, value_name = "TIME")]
+    pub from: Option<String>,
+    /// Only up to this time.
+    #[arg(long, value_name = "TIME")]
+    pub to: Option<String>,
+    /// Only these, with commas between: position, velocity, torque.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub signals: Vec<String>,
     /// The motor's limit, such as '822.25 N mm', to draw in and to mark what goes beyond; a log knows its own.
     #[arg(long, value_name = "Q")]
     pub limit: Option<String>,

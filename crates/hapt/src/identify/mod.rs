@@ -11,7 +11,7 @@ use std::process::ExitCode;
 
 use hapt_identify::{Identified, Known, Record, identify};
 use hapt_model::keys::Measure;
-use hapt_model::{Motion, World, parse_quantity};
+use hapt_model::{Motion, World};
 use hapt_report::Width;
 
 use crate::args::IdentifyArgs;
@@ -93,9 +93,7 @@ fn inertia(args: &IdentifyArgs, motion: Motion) -> Result<Option<f64>, Failure> 
 
 /// A positive quantity in SI.
 fn positive(flag: &str, text: &str, measure: Measure, motion: Motion) -> Result<f64, Failure> {
-    let value =
-        parse_quantity(text, measure.dimension(motion)).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
-    if value > 0.0 { Ok(value) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
+    people::positive(flag, text, measure.dimension(motion))
 }
 
 fn svg(given: &Given, found: &Identified) -> String {

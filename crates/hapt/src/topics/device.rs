@@ -95,7 +95,7 @@ but a line `not proved` says so. Without `encoder` there is no such line.
     },
     Topic {
         name: "limit",
-        aliases: &["clipping", "clipped", "saturation", "motor-limit"],
+        aliases: &["clipping", "clipped", "saturation", "motor-limit", "torque", "force"],
         line: "the largest torque that the motor may be asked for",
         text: r#"`device.limit` cuts the command to ±limit. `hapt sim` says when the world asks for more, how often,
 and first at which sample: from there on the wheel does not feel like the world. The virtual bodies

@@ -8,6 +8,7 @@ mod device;
 mod messages;
 mod methods;
 mod verdict;
+mod words;
 
 /// One topic.
 pub struct Topic {
@@ -21,7 +22,9 @@ pub struct Topic {
     pub text: &'static str,
 }
 
-/// Every topic: the verdict first, then the methods, the loop, the device, and what messages say.
+/// Every topic: the verdict first, then the basic words, the methods, the loop, the device, and what messages say.
 pub fn topics() -> impl Iterator<Item = &'static Topic> {
-    [verdict::TOPICS, analyses::TOPICS, methods::TOPICS, device::TOPICS, messages::TOPICS].into_iter().flatten()
+    [verdict::TOPICS, words::TOPICS, analyses::TOPICS, methods::TOPICS, device::TOPICS, messages::TOPICS]
+        .into_iter()
+        .flatten()
 }

@@ -95,7 +95,7 @@ A shorter period alone does not cure forward Euler on an undamped swing: it only
     },
     Topic {
         name: "critical-period",
-        aliases: &["critical", "period"],
+        aliases: &["critical"],
         line: "the longest period up to which the loop is not unstable",
         text: r#"No eigenvalue is outside the unit circle for any period up to this one. Dampers called
 "compensating" follow the period, delays stay in seconds. It is printed for the held world and for

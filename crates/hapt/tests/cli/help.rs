@@ -26,6 +26,7 @@ const COMMANDS: &[&str] = &[
     "init",
     "worlds",
     "explain",
+    "licences",
     "schema",
     "completions",
     "man",

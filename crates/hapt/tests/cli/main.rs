@@ -16,6 +16,7 @@ mod identify;
 mod impedance;
 mod live;
 mod logs;
+mod lookups;
 mod odrive;
 mod outputs;
 mod realtime;

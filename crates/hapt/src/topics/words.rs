@@ -1,0 +1,182 @@
+//! The basic words: what a world is made of, and what it hangs on.
+
+use super::Topic;
+
+pub const TOPICS: &[Topic] = &[
+    Topic {
+        name: "puck",
+        aliases: &["handle", "haptic-wheel", "knob"],
+        line: "the part of the device that the hand holds",
+        text: r#"The handle of the device: the haptic wheel (rotary) or a sliding handle (linear). Its position is
+z. It is a real body with the inertia, damping and friction of [device]; what is virtual pulls on
+it through couplings, and the motor makes their torque. A positive torque pushes z upwards.
+
+  hapt check @notes/default --set device.inertia='1e-3 kg m^2'      verdict   certified
+
+In a world file an end is called "puck", "ground" or by the name of a body: see body and coupling.
+"#,
+    },
+    Topic {
+        name: "body",
+        aliases: &["bodies", "virtual-mass", "virtual-wheel", "mass"],
+        line: "a virtual inertia with a position and a velocity",
+        text: r#"A virtual mass or wheel: [bodies.NAME] with an inertia (linear: a mass), and where it is at first.
+Couplings tie it to the puck, to ground or to other bodies. The method advances it, sample by
+sample; a world without bodies has nothing to integrate.
+
+  hapt sim @notes/default --set bodies.wheel.inertia='0.02 kg m^2'      peak torque
+"#,
+    },
+    Topic {
+        name: "ground",
+        aliases: &["frame", "fixed"],
+        line: "the fixed frame, at position 0, at rest",
+        text: r#"What does not move. A coupling between the puck and ground is a wall, a detent or a spring that the
+hand feels directly; one between a body and ground holds, damps or brakes the body.
+
+  hapt check @notes/damped-to-ground      held      marginal
+
+See coupling for the ends, and signs for which way a torque acts.
+"#,
+    },
+    Topic {
+        name: "coupling",
+        aliases: &["couplings", "ends", "kind"],
+        line: "a massless element between two ends",
+        text: r#"spring, damper, wall, detent, friction or constant, between two of puck, ground and bodies. It acts
+on q, the position of the first end as seen from the second; its torque stands on the first end and
+its opposite on the second. Overrides count couplings from 0, in file order:
+
+  hapt check @notes/default --set couplings.0.stiffness='10 N mm/deg'      verdict   certified
+
+Each kind is a topic of its own: spring, damper, wall, detent, friction.
+"#,
+    },
+    Topic {
+        name: "spring",
+        aliases: &["rest", "torsional-spring", "stiffness", "k"],
+        line: "torque = -stiffness · (q - rest)",
+        text: r#"The stiffness is the torque per angle, in N m/rad or N mm/deg (linear: N/m): how hard it feels. The
+spring is slack at q = `rest`. With the torque from the end of the step, a spring to a body asks
+the device for a damping of stiffness · T/2; a stiffer spring wants a shorter period or more
+damping.
+
+  hapt check @notes/default                                                 0.0005093
+  hapt check @notes/default --set couplings.0.stiffness='35.56 N mm/deg'   0.001019
+
+See passivity, period and z-width.
+"#,
+    },
+    Topic {
+        name: "damper",
+        aliases: &["damping", "viscous", "b", "viscosity"],
+        line: "torque = -damping · the rate of q",
+        text: r#"The damping is the torque per speed, in N m s/rad (linear: N s/m). Three places have one: the
+device (device.damping, which is physical and pays for what sampling costs), a damper in the world,
+and a wall. A virtual damper at the puck takes its velocity from the encoder and is only as good as
+that.
+
+  hapt check @notes/default --set device.damping=0 | grep ^verdict      not certified
+  hapt check @notes/damped                                              held
+
+See estimator, required-damping and compensating.
+"#,
+    },
+    Topic {
+        name: "wall",
+        aliases: &["end-stop", "end-stops", "contact", "side", "at"],
+        line: "a spring and a damper that only push, from a face on",
+        text: r#"side = "above" pushes back while q is above `at`, "below" while it is below; it never pulls. Inside
+it is a spring of `stiffness` and a damper of `damping`. A stiff wall is the hardest thing to
+render: at the puck, with differenced positions, it asks the device for about stiffness · T/2 +
+damping.
+
+  hapt check @devices/eth-wall                         ETH haptic wheel
+  hapt impedance @devices/eth-wall --z-width           passive
+
+See z-width for the stiffest wall of a device.
+"#,
+    },
+    Topic {
+        name: "detent",
+        aliases: &["detents", "pitch", "phase", "click", "notch"],
+        line: "rests at equal distances, as of a click wheel",
+        text: r#"torque = -torque · sin(2π (q - phase)/pitch): it rests at phase and at every pitch from there, and
+is steepest there, with 2π · torque/pitch. That slope counts as its stiffness.
+
+  hapt sim @devices/smartknob-detents --scenario settle      scenario settle
+  hapt check @devices/smartknob-detents                      verdict
+
+Between two rests it pushes away from the middle: a falling slope, which costs nothing.
+"#,
+    },
+    Topic {
+        name: "friction",
+        aliases: &["coulomb", "lugre", "stribeck", "bristle", "stick"],
+        line: "a torque against the motion: Coulomb or LuGre",
+        text: r#"In a world `kind = "friction"` is Coulomb's with one `torque`, or LuGre's with six keys, whose
+bristles make it stick. The device's own friction, device.friction, is physical: it stops the puck,
+keeps counts of the encoder from buzzing, and is never counted as damping.
+
+  hapt sim @notes/released --set device.friction='5 N mm'      friction took
+  hapt check @notes/default --set device.friction='5 N mm'     verdict   certified
+
+See counts.
+"#,
+    },
+    Topic {
+        name: "hand",
+        aliases: &["human", "grip", "scenario", "step", "ramp", "sine"],
+        line: "who drives the puck: a motion, a torque or a grip",
+        text: r#"A scenario is a hand, a duration and a name. step, ramp, sine and path prescribe the puck's
+position, torque pushes it, and grip holds it as a hand does, through a spring and a damper.
+`release` lets go.
+
+  hapt sim @notes/default --scenario step                                    scenario step
+  hapt sim @notes/default --set scenarios.step.hand.release='0.25 s'   hand gave
+
+The certificate takes every passive hand: one that stores and wastes energy and brings none.
+"#,
+    },
+    Topic {
+        name: "period",
+        aliases: &["sampling-period", "sample-period", "t", "rate", "sampling-rate"],
+        line: "T, from one sample to the next",
+        text: r#"Once in a period the loop reads the puck, advances the world and sends a torque, which is then
+held. The torque is late by T/2 on average: halving T halves the damping that a spring asks the
+device for.
+
+  hapt check @notes/default | grep ^passive                             0.0005093
+  hapt check @notes/default --set loop.period=0.5ms | grep ^passive     0.0002546
+
+A delay in samples (loop.delay = "1.5 samples") follows the period. See critical-period.
+"#,
+    },
+    Topic {
+        name: "device",
+        aliases: &["motor", "hardware", "spec", "haptic-device"],
+        line: "everything physical: puck, encoder, motor, limits",
+        text: r#"[device] has the puck's inertia, damping and friction, the encoder's counts, the motor's limit and
+levels. On the command line --device says what the loop runs on: sim (the exact simulation),
+replay:FILE, moteus:..., odrive:... or hapt:PATH.
+
+  hapt check @notes/default --set device.encoder=4000 | grep ^counts      counts
+
+With a real motor the file's [device] and [safety] are ceilings: nothing widens them while it runs.
+"#,
+    },
+    Topic {
+        name: "world",
+        aliases: &["virtual-world", "world-file", "loop", "method"],
+        line: "the bodies and couplings: everything virtual",
+        text: r#"A world file is TOML: [loop] says how often and by which method, [device] what is physical,
+[bodies] and [[couplings]] the world, [scenarios] what hands do. The method advances the bodies:
+zoh, exact for a held puck, is the default, and forward-euler is the classroom's warning.
+
+  hapt check @notes/default      verdict   certified
+  hapt check @notes/euler        verdict   not certified
+
+`hapt init` makes a file to start from; `hapt worlds` lists those that are built in.
+"#,
+    },
+];

@@ -1,0 +1,171 @@
+//! What is answered to a name that is nearly right, to a number without a unit, and where colours are not wanted.
+
+use std::fs;
+use std::path::Path;
+
+use crate::common::{WHEEL, folder, hapt};
+
+#[test]
+fn what_is_misspelt_is_answered_with_what_was_meant() {
+    let at = folder(&[("wheel.toml", WHEEL), ("step.csv", "time_s\n")]);
+    let refused = |args: &[&str], wanted: &str| hapt(at.path(), args).refused(2, &[wanted]);
+    refused(&["check", "whele.toml"], "did you mean \"wheel.toml\"?");
+    refused(&["sim", "wheel"], "did you mean \"wheel.toml\"?");
+    refused(&["sim", "notes/eulr"], "did you mean \"@notes/euler\"?");
+    refused(&["check", "@euler"], "did you mean \"@notes/euler\"?");
+    refused(&["plot", "stpe.csv"], "did you mean \"step.csv\"?");
+    refused(&["replay", "stpe.csv"], "did you mean \"step.csv\"?");
+    refused(&["explain", "stifness"], "did you mean \"stiffness\"?");
+    refused(&["explain", "eigenvalues"], "it stands in: held");
+    refused(&["run", "wheel.toml", "--device", "moteous:/dev/x"], "did you mean \"moteus\"?");
+    refused(&["run", "wheel.toml", "--device", "/dev/x"], "\"hapt:/dev/x\"");
+    let vary = ["sweep", "wheel.toml", "--vary", "loop.period=1ms..2ms:2", "--out", "t.csv", "--measure"];
+    let sweep = |measure| [&vary[..], &[measure]].concat();
+    refused(&sweep("certifed"), "did you mean \"certified\"?");
+}
+
+#[test]
+fn measure_help_lists_the_measures_and_asks_for_nothing_else() {
+    for args in [["sweep", "--measure", "help"].as_slice(), &["sweep", "w.toml", "--measure=help"]] {
+        let out = hapt(Path::new("."), args).done().out;
+        for measure in hapt_sweep_measures() {
+            assert!(out.lines().any(|line| line.starts_with(&format!("{measure} "))), "{measure}: {out}");
+        }
+    }
+}
+
+/// As the contract names them.
+fn hapt_sweep_measures() -> [&'static str; 7] {
+    [
+        "peak_torque",
+        "final_energy",
+        "settling_time",
+        "held_growth_per_s",
+        "free_growth_per_s",
+        "required_damping",
+        "certified",
+    ]
+}
+
+#[test]
+fn the_basic_words_are_explained() {
+    for word in [
+        "puck",
+        "wall",
+        "detent",
+        "stiffness",
+        "damping",
+        "spring",
+        "damper",
+        "friction",
+        "body",
+        "ground",
+        "hand",
+        "coupling",
+        "period",
+        "handle",
+        "device",
+        "inertia",
+        "world",
+        "scenario",
+        "motor",
+        "encoder",
+        "torque",
+    ] {
+        let text = hapt(Path::new("."), ["explain", word]).done().out;
+        assert!(text.lines().count() >= 5, "{word}: {text}");
+    }
+}
+
+#[test]
+fn a_number_without_a_unit_is_answered_with_the_unit_that_was_assumed() {
+    let design = |travel| {
+        hapt(Path::new("."), ["design", "--travel", travel, "--torque", "800 N mm", "--frequency", "1 Hz"]).done()
+    };
+    let bare = design("45");
+    assert!(bare.err.contains("--travel 45 has no unit and is taken as 45 rad; write '45 deg'"), "{}", bare.err);
+    assert_eq!(design("45 deg").err, "");
+}
+
+#[test]
+fn torques_are_printed_in_the_unit_that_the_file_has_them_in() {
+    let at = folder(&[("mm.toml", WHEEL), ("m.toml", &WHEEL.replace("822.25 N mm", "0.82225 N m"))]);
+    let peak = |file| {
+        let out = hapt(at.path(), ["sim", file]).done().out;
+        out.lines().find(|line| line.contains("limit")).unwrap().to_string()
+    };
+    assert!(peak("mm.toml").ends_with("822.25 N mm"), "{}", peak("mm.toml"));
+    assert!(peak("m.toml").ends_with("0.82225 N m"), "{}", peak("m.toml"));
+}
+
+#[test]
+fn nothing_is_coloured_in_a_pipe() {
+    for world in ["@notes/default", "@notes/euler"] {
+        let ended = hapt(Path::new("."), ["check", world]);
+        assert!(!ended.out.contains('\x1b') && !ended.err.contains('\x1b'), "{ended:?}");
+    }
+}
+
+#[test]
+fn several_runs_are_drawn_over_each_other_and_a_part_of_them_alone() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    for (folder, period) in [("a", "1 ms"), ("b", "2 ms")] {
+        hapt(at.path(), ["sim", "w.toml", "--out", folder, "--set", &format!("loop.period={period}")]).done();
+    }
+    let plot = |args: &[&str]| hapt(at.path(), ["plot"].iter().chain(args));
+    let both = plot(&["a/step.csv", "b/step.csv", "--signals", "torque"]).done().out;
+    assert!(both.contains("a/step.csv") && both.contains("b/step.csv") && both.contains("torque ("), "{both}");
+    assert!(!both.contains("velocity ("), "{both}");
+    let part = plot(&["a/step.csv", "--from", "0.2s", "--to", "0.3s"]).done().out;
+    assert!(part.contains("200 ms to 300 ms"), "{part}");
+    plot(&["a/step.csv", "--from", "20s"]).refused(2, &["no rows from 20 s on"]);
+    plot(&["a/step.csv", "--from", "2s", "--to", "1s"]).refused(2, &["--to: 1 s is not after --from, 2 s"]);
+    plot(&["a/step.csv", "--signals", "velocty"]).refused(2, &["did you mean \"velocity\"?"]);
+}
+
+/// One key is on one axis in both pictures, and the file's own values are marked where they are.
+#[test]
+fn a_sweep_and_a_boundary_are_drawn_alike() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let world = ["w.toml", "--vary"];
+    let (period, damping) = ("loop.period=0.5ms..3ms", "device.damping=0..0.004");
+    let boundary =
+        [&["boundary"], &world[..], &[period, "--vary", damping, "--out", "e.csv", "--plot", "e.svg"]].concat();
+    hapt(at.path(), boundary).done();
+    let sweep = [format!("{period}:9"), format!("{damping}:7")];
+    let more = ["--measure", "certified", "--out", "m.csv", "--plot", "m.svg"];
+    hapt(at.path(), [&["sweep"], &world[..], &[&sweep[0], "--vary", &sweep[1]], &more].concat()).done();
+    for file in ["e.svg", "m.svg"] {
+        let svg = fs::read_to_string(at.path().join(file)).unwrap();
+        let place = |text: &str| svg.find(text).unwrap_or_else(|| panic!("{file} has no {text}"));
+        // The vertical axis's name stands first, the horizontal one's last.
+        assert!(place("device.damping (") < place("loop.period ("), "{file}");
+        assert!(svg.contains("the file's own world") && svg.contains("certified"), "{file}");
+        // The colour of what is certified.
+        assert!(svg.contains("cell n1"), "{file}");
+    }
+    // Elsewhere there is no mark.
+    let far = ["sweep", "w.toml", "--vary", "loop.period=2ms..3ms:3", "--vary", &sweep[1]];
+    hapt(at.path(), [&far[..], &more].concat()).done();
+    assert!(!fs::read_to_string(at.path().join("m.svg")).unwrap().contains("own world"));
+}
+
+#[test]
+fn a_delay_in_samples_is_swept_along_with_the_period() {
+    let at = folder(&[("w.toml", &WHEEL.replace("period = \"1 ms\"", "period = \"1 ms\"\ndelay = \"1.5 samples\""))]);
+    let measured = |set: &[&str], vary: &str| {
+        let args = ["sweep", "w.toml", "--vary", vary, "--measure", "free_growth_per_s", "--out", "t.csv"];
+        hapt(at.path(), args.iter().chain(set)).done();
+        let text = fs::read_to_string(at.path().join("t.csv")).unwrap();
+        text.lines().skip(1).map(|line| line.split(',').nth(1).unwrap().to_string()).collect::<Vec<_>>()
+    };
+    let swept = measured(&[], "loop.period=1ms..3ms:3");
+    let alone = |period: &str, delay: &str| {
+        measured(&["--set", &format!("loop.delay={delay}")], &format!("loop.period={period}..{period}:1")).remove(0)
+    };
+    let growth = |text: &String| text.parse::<f64>().unwrap();
+    for (i, (period, delay)) in [("1ms", "1.5 ms"), ("2ms", "3 ms"), ("3ms", "4.5 ms")].into_iter().enumerate() {
+        let (swept, alone) = (growth(&swept[i]), growth(&alone(period, delay)));
+        assert!((swept - alone).abs() <= 1e-9 * alone.abs().max(1.0), "{period}: {swept} {alone}");
+    }
+}
