@@ -91,15 +91,17 @@ pub fn quantity(flag: &str, text: &str, wanted: Dimension) -> Result<f64, Failur
 
 /// The same, above 0.
 pub fn positive(flag: &str, text: &str, wanted: Dimension) -> Result<f64, Failure> {
-    let value = quantity(flag, text, wanted)?;
-    if value > 0.0 { Ok(value) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
+    match parse_quantity(text, wanted) {
+        Ok(value) if value <= 0.0 => Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))),
+        _ => quantity(flag, text, wanted),
+    }
 }
 
 /// What a number without a unit was taken as, and how the unit that was perhaps meant is written.
 fn assumed(flag: &str, text: &str, wanted: Dimension) -> Option<String> {
     let bare = Quantity::parse(text).ok().filter(|quantity| quantity.dimension.is_none() && quantity.value != 0.0)?;
     let unit = wanted.symbol();
-    if unit.is_empty() {
+    if wanted == Dimension::NONE {
         return None;
     }
     let usual = match wanted {

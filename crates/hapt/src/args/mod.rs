@@ -75,7 +75,7 @@ Examples:
   hapt plot runs/step.csv > step.svg                 as hapt sim wrote it
   hapt plot runs/step.mcap --out step.svg            with its motor's limit
   hapt plot runs/step.csv --limit 822.25Nmm --out step.svg
-  hapt plot runs/step.csv more/step.csv --from 1s --to 2s --signals position,torque --out both.svg")]
+  hapt plot runs/step.csv runs/step.mcap --to 0.2s --signals torque > both.svg")]
     Plot(PlotArgs),
     /// A log's inputs through today's core: are the torques the same bits?
     #[command(after_help = "\
@@ -194,7 +194,7 @@ Examples:
         after_help = "\
 Examples:
   hapt licences | less
-  hapt licences > THIRD-PARTY.txt                    to go along with the program"
+  hapt licences > THIRD-PARTY.txt                    to go along with it"
     )]
     Licences,
     /// The JSON schema of world files, by which editors complete keys and check units.

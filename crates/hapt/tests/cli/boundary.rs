@@ -74,7 +74,7 @@ fn the_picture_names_its_colours_and_its_edges() {
         "stable, not passive",
         ">unstable<",
         "edge of passivity",
-        "edge of stability, let go",
+        "edge of stability, free",
         "(N mm/deg)",
         "evenodd",
     ] {

@@ -169,3 +169,27 @@ fn a_delay_in_samples_is_swept_along_with_the_period() {
         assert!((swept - alone).abs() <= 1e-9 * alone.abs().max(1.0), "{period}: {swept} {alone}");
     }
 }
+
+/// What is listed is what is built in: every crate is in the lock in that version, and brings a text.
+#[test]
+fn the_licences_name_the_crates_that_the_program_is_built_of_and_bring_their_texts() {
+    let text = hapt(Path::new("."), ["licences"]).done().out;
+    let lock = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../Cargo.lock")).unwrap();
+    let list: Vec<&str> = text.lines().skip(3).take_while(|line| !line.is_empty()).collect();
+    for name in ["clap", "serde", "toml", "tungstenite", "mcap", "parquet", "uPlot"] {
+        assert!(list.iter().any(|line| line.starts_with(name)), "{name}");
+    }
+    for line in list.iter().filter(|line| !line.starts_with("uPlot") && !line.starts_with("Rust's")) {
+        let (name, version) = line.split_once(' ').unwrap();
+        let version = version.split_whitespace().next().unwrap();
+        assert!(
+            lock.contains(&format!("name = \"{name}\"\nversion = \"{version}\"")),
+            "{name} {version}: cargo xtask licences"
+        );
+    }
+    for line in &list {
+        let number = line.rsplit_once('[').unwrap().1;
+        assert!(text.contains(&format!("\n[{number} ---")), "{line}");
+    }
+    assert!(text.contains("Permission is hereby granted") && text.contains("Apache License"));
+}
