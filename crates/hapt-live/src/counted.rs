@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
-use crate::socket::Allowance;
+use crate::socket::{Allowance, Left};
 
 /// A connection whose frames are counted as they come in.
 pub struct Counted<S> {
@@ -19,7 +19,7 @@ pub struct Counted<S> {
 }
 
 impl<S> Counted<S> {
-    /// Frames that end no message are paid from `allowance`; without any left, reading fails with [`ErrorKind::QuotaExceeded`].
+    /// Frames that end no message are paid from `allowance`; far beyond it, reading fails with [`ErrorKind::QuotaExceeded`].
     pub fn new(io: S, allowance: Arc<Mutex<Allowance>>) -> Self {
         Counted { io, frames: Frames::default(), allowance }
     }
@@ -38,7 +38,7 @@ impl<S: AsyncRead + Unpin> AsyncRead for Counted<S> {
         if parts > 0 {
             let now = Instant::now();
             let mut allowance = allowance.lock().unwrap_or_else(PoisonError::into_inner);
-            if !(0..parts).all(|_| allowance.spend(now)) {
+            if (0..parts).any(|_| allowance.spend(now) == Left::Gone) {
                 return Poll::Ready(Err(ErrorKind::QuotaExceeded.into()));
             }
         }

@@ -33,8 +33,8 @@ const FRAME: Duration = Duration::from_micros(16_667);
 /// From one status to the next, when nothing happens.
 const STATUS: Duration = Duration::from_millis(200);
 /// How much of one client may wait at the door, and of all of them.
-const OF_ONE: usize = 64;
-const WAITING: usize = 8192;
+const OF_ONE: usize = 256;
+const WAITING: usize = 16384;
 /// How much is taken in before the loop is looked at again.
 const AT_ONCE: usize = 1024;
 /// From one step of a start from the beginning to the next try of it.

@@ -144,7 +144,9 @@ pub(crate) fn row(world: &World, path: &str) -> Option<&'static Key> {
         ["loop" | "device", _] => (path.to_string(), None),
         ["bodies", _, name] => (format!("bodies.*.{name}"), None),
         ["couplings", index, name] => {
-            (format!("couplings.*.{name}"), Some(kind(world.couplings.get(index.parse::<usize>().ok()?)?)))
+            // One spelling of a number is enough: 00 would be another key.
+            let place = index.parse::<usize>().ok().filter(|place| place.to_string() == index)?;
+            (format!("couplings.*.{name}"), Some(kind(world.couplings.get(place)?)))
         }
         _ => return None,
     };

@@ -29,6 +29,8 @@ const SILENCE: Duration = Duration::from_secs(90);
 const DEAF: Duration = Duration::from_secs(5);
 /// Messages a second.
 const RATE: f64 = 200.0;
+/// So long what came too much is looked through for a stop.
+const LAST: Duration = Duration::from_secs(2);
 /// What is no message of ours, so often in a row.
 const STRIKES: u32 = 20;
 
@@ -85,7 +87,7 @@ async fn hear(
     allowance: &Mutex<Allowance>,
 ) -> Close {
     let waiting = Waiting::default();
-    let mut strikes = 0;
+    let (mut strikes, mut is_over) = (0, false);
     // Until it is the desk's: what the desk lets go of is closed.
     let (weak, mut own) = (outbox.downgrade(), Some(outbox));
     let answer = |words: String| {
@@ -112,8 +114,21 @@ async fn hear(
         if is_stop && own.is_none() {
             house.door.hand_in(client, Said::Order { order: Wish::Stop }, &waiting);
         }
-        if !allowance.lock().unwrap_or_else(PoisonError::into_inner).spend(Instant::now()) {
-            return TOO_MANY;
+        let left = allowance.lock().unwrap_or_else(PoisonError::into_inner).spend(Instant::now());
+        match left {
+            Left::Some => is_over = false,
+            Left::None => {
+                if !std::mem::replace(&mut is_over, true) && !answer(TOO_MANY.1.into()) {
+                    return TOO_MANY;
+                }
+                continue;
+            }
+            Left::Gone => {
+                if own.is_none() {
+                    let _ = timeout(LAST, stop_among(stream, house, client)).await;
+                }
+                return TOO_MANY;
+            }
         }
         let trouble = match said {
             Ok(Said::Hello { v, .. }) if v != VERSION => {
@@ -122,7 +137,11 @@ async fn hear(
             Ok(said) => match (own.take(), said) {
                 (None, said) => {
                     house.heard(client);
-                    Ok(is_stop || house.door.hand_in(client, said, &waiting))
+                    match is_stop || house.door.hand_in(client, said, &waiting) {
+                        true => Ok(true),
+                        // Not closed: a stop may come behind it.
+                        false => Ok(answer("the server is overrun: this was dropped".into())),
+                    }
                 }
                 (Some(outbox), Said::Hello { token, .. }) => {
                     if !house.access.knows(token.as_deref()) {
@@ -143,13 +162,28 @@ async fn hear(
         };
         match trouble {
             Ok(true) => strikes = 0,
-            Ok(false) => return (CloseCode::Again, "the server is overrun"),
+            Ok(false) => return (CloseCode::Again, "the page does not read, or the server is overrun"),
             Err(words) => {
                 strikes += 1;
                 if strikes >= STRIKES || !answer(words) {
                     return (CloseCode::Policy, "no messages of ours");
                 }
             }
+        }
+    }
+}
+
+/// Looks for a stop in what a page has sent beyond everything that it may.
+async fn stop_among(
+    stream: &mut (impl StreamExt<Item = Result<Message, Error>> + Unpin),
+    house: &House,
+    client: u64,
+) {
+    while let Some(Ok(message)) = stream.next().await {
+        let said = message.to_text().map_or(Err(String::new()), Said::read);
+        if let Ok(said @ Said::Order { order: Wish::Stop }) = said {
+            house.door.hand_in(client, said, &Waiting::default());
+            return;
         }
     }
 }
@@ -163,6 +197,17 @@ impl Drop for Leaving {
     }
 }
 
+/// What is left of an [`Allowance`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Left {
+    /// There was one left.
+    Some,
+    /// There was none: the message is dropped.
+    None,
+    /// As many as are allowed in a second have been dropped.
+    Gone,
+}
+
 /// So many messages a second, and as many saved up.
 pub struct Allowance {
     left: f64,
@@ -174,12 +219,16 @@ impl Allowance {
         Allowance { left: RATE, at: now }
     }
 
-    /// Whether there is one left.
-    pub fn spend(&mut self, now: Instant) -> bool {
+    /// Spends one.
+    pub fn spend(&mut self, now: Instant) -> Left {
         self.left = (self.left + RATE * now.saturating_duration_since(self.at).as_secs_f64()).min(RATE);
         self.at = now;
-        self.left -= 1.0;
-        self.left >= 0.0
+        self.left = (self.left - 1.0).max(-RATE - 1.0);
+        match self.left {
+            left if left >= 0.0 => Left::Some,
+            left if left >= -RATE => Left::None,
+            _ => Left::Gone,
+        }
     }
 }
 
@@ -192,13 +241,13 @@ mod tests {
         let start = Instant::now();
         let at = |ms: u64| start + Duration::from_millis(ms);
         let mut steady = Allowance::new(start);
-        assert!((1..=10_000).all(|n| steady.spend(at(5 * n))));
+        assert!((1..=10_000).all(|n| steady.spend(at(5 * n)) == Left::Some));
         let mut burst = Allowance::new(start);
-        assert_eq!((0..1000).filter(|_| burst.spend(start)).count(), 200);
-        assert!(!burst.spend(start));
+        let burst: Vec<Left> = (0..1000).map(|_| burst.spend(start)).collect();
+        assert_eq!([Left::Some, Left::None, Left::Gone].map(|left| burst.iter().filter(|l| **l == left).count()), [200, 200, 600]);
         let mut fast = Allowance::new(start);
         // At 1000 a second 0.8 of each are more than is earned, and 200 are saved up.
-        let lasted = (1..).take_while(|n| fast.spend(at(*n))).count();
+        let lasted = (1..).take_while(|n| fast.spend(at(*n)) == Left::Some).count();
         assert!((249..=251).contains(&lasted), "{lasted}");
     }
 }
