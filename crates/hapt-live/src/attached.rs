@@ -5,7 +5,7 @@
 
 use hapt_core::{Guarding, Limits};
 use hapt_model::{EstimatorKind, Safety, World};
-use hapt_sim::DesktopSupervisor;
+use hapt_sim::{DesktopSupervisor, Measures};
 
 use crate::protocol::KeySays;
 
@@ -81,17 +81,17 @@ impl Attached {
         let (Some(asked), Some(limit)) = (asked, file.device.limit) else {
             return if asked == file.device.limit { Ok(()) } else { Err(self.refusal("device.limit")) };
         };
+        let (unit, pulse) = (Measures::Effort.unit(world.motion), self.pulse);
         // Written so that what is no number is refused.
         let lower = asked <= limit;
         if !lower {
             return Err(format!(
-                "device.limit: {asked} is above the file's {limit} (SI); with a motor attached it can only be lowered"
+                "device.limit: {asked} {unit} is above the file's {limit} {unit}; with a motor attached it can only be lowered"
             ));
         }
-        if asked < self.pulse {
-            let pulse = self.pulse;
+        if asked < limit && asked < pulse {
             return Err(format!(
-                "device.limit: {asked} is below {pulse} (SI), the torque of the sign test when the motor is armed"
+                "device.limit: {asked} {unit} is below {pulse} {unit}, the torque of the sign test when the motor is armed"
             ));
         }
         let [tests, accounts] = watches(world, self.guarding)?;

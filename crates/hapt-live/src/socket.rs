@@ -174,11 +174,7 @@ async fn hear(
 }
 
 /// Looks for a stop in what a page has sent beyond everything that it may.
-async fn stop_among(
-    stream: &mut (impl StreamExt<Item = Result<Message, Error>> + Unpin),
-    house: &House,
-    client: u64,
-) {
+async fn stop_among(stream: &mut (impl StreamExt<Item = Result<Message, Error>> + Unpin), house: &House, client: u64) {
     while let Some(Ok(message)) = stream.next().await {
         let said = message.to_text().map_or(Err(String::new()), Said::read);
         if let Ok(said @ Said::Order { order: Wish::Stop }) = said {
@@ -244,7 +240,10 @@ mod tests {
         assert!((1..=10_000).all(|n| steady.spend(at(5 * n)) == Left::Some));
         let mut burst = Allowance::new(start);
         let burst: Vec<Left> = (0..1000).map(|_| burst.spend(start)).collect();
-        assert_eq!([Left::Some, Left::None, Left::Gone].map(|left| burst.iter().filter(|l| **l == left).count()), [200, 200, 600]);
+        assert_eq!(
+            [Left::Some, Left::None, Left::Gone].map(|left| burst.iter().filter(|l| **l == left).count()),
+            [200, 200, 600]
+        );
         let mut fast = Allowance::new(start);
         // At 1000 a second 0.8 of each are more than is earned, and 200 are saved up.
         let lasted = (1..).take_while(|n| fast.spend(at(*n)) == Left::Some).count();

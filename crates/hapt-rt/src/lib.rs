@@ -1,7 +1,8 @@
 //! The loop in real time: a thread that knows clock, device and core, and nothing else.
 //!
 //! [`Engine::start`] takes a [`Plan`] (a world compiled) and a [`Device`], and takes one sample a period on a thread of its own.
-//! [`Order`]s reach that thread and [`Record`]s leave it through bounded rings without locks; the thread itself never allocates,
+//! [`Order`]s reach that thread and [`Record`]s leave it through bounded rings without locks; a [`LoopHandle`] stops it from any other
+//! thread, past all orders. The thread itself never allocates,
 //! locks, prints, opens or waits on anything but the clock and the device. [`Cycle`] is the same loop without clock and thread, for
 //! whoever has a time of their own; [`Timing`] is what the records say about the clock.
 //!

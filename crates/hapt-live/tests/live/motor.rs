@@ -243,7 +243,9 @@ fn stop_waits_for_no_certificate_and_for_no_flood() {
                 0 => json!({ "type": "reset" }),
                 1 => json!({ "type": "order", "order": "clear" }),
                 2 => json!({ "type": "order", "order": "arm" }),
-                k => json!({ "type": "set", "key": format!("couplings.{k}.stiffness"), "value": format!("{k} N mm/deg") }),
+                k => {
+                    json!({ "type": "set", "key": format!("couplings.{k}.stiffness"), "value": format!("{k} N mm/deg") })
+                }
             };
             page.send(message.to_string().into());
         }

@@ -238,7 +238,9 @@ fn a_page_is_the_face_of_a_board_and_goes_without_a_torque() {
     };
     for (signal, code) in [("INT", 130), ("TERM", 143)] {
         let mut running = live(&[]);
-        running.until("the page's address", |out, _| out.starts_with("http://127.0.0.1:") && out.ends_with("/\n"));
+        running.until("the page's address", |out, _| {
+            out.starts_with("http://127.0.0.1:") && out.contains("/#") && out.ends_with('\n')
+        });
         running.signal(signal);
         assert_eq!(running.end().code, Some(code));
     }
