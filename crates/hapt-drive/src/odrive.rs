@@ -71,7 +71,7 @@ pub struct Odrive {
     proof: Proof,
     /// Of the loop, s.
     period: f64,
-    /// In s of the loop's time, and by the clock.
+    /// In s of the loop's time, and at the first sample since then.
     since_heartbeat: f64,
     heartbeat: Instant,
     /// The time within which its watchdog was seen to take the torque away.
@@ -198,6 +198,9 @@ impl Odrive {
 
     /// One sample's question and its answer.
     fn reading(&mut self, until: Instant) -> Result<Answer, Trouble> {
+        if self.since_heartbeat == 0.0 {
+            self.heartbeat = Instant::now();
+        }
         self.since_heartbeat += self.period;
         // What has come since the last sample.
         let over = Instant::now();
@@ -215,7 +218,11 @@ impl Odrive {
         self.fault = self.fault.or(missing);
         self.is_well()?;
         let mut past = self.owed > 0 || self.chats;
-        let kind = Some(self.proof.kind).filter(|_| is_proven).filter(|kind| self.barrier.ask_for(*kind));
+        let proof = self.proof.kind;
+        let kind = (is_proven && self.barrier.ask_for(proof)).then_some(proof);
+        if is_proven && !self.barrier.serves(proof) {
+            self.bus.send(&Frame::remote(proof.id(self.node).into(), 8), until)?;
+        }
         let kind = match kind {
             None if past => Some(self.barrier.ask().ok_or(Trouble::Late)?),
             kind => kind,
@@ -270,7 +277,7 @@ impl Odrive {
     }
 
     fn look_at(&mut self, heartbeat: Heartbeat) {
-        (self.since_heartbeat, self.heartbeat) = (0.0, Instant::now());
+        self.since_heartbeat = 0.0;
         let is_armed = u32::from(heartbeat.state) == state::CLOSED_LOOP;
         self.is_armed |= is_armed && self.begun.is_some();
         // An error of before is cleared by nobody but a start; the old watchdog's runs out on a drive that waits.

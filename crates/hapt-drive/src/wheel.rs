@@ -141,7 +141,10 @@ impl Device for Wheel {
             return Err(failure);
         }
         let reading = self.reading();
-        self.failed = reading.err();
+        if reading.is_err() {
+            self.failed = reading.err();
+            self.drive.halt(self.until(COMMANDING));
+        }
         reading
     }
 

@@ -202,6 +202,39 @@ fn a_drive_whose_error_stays_is_not_started() {
     }
 }
 
+/// Somebody has pressed the drive's own stop after it was started: no command of the loop's clears that, or switches it on.
+#[test]
+fn an_error_between_start_and_first_command_is_not_cleared() {
+    let world = world(&[]);
+    let (rig, error) = struck(&world, Time::Real);
+    let mut drive = started(&rig);
+    error.store(0x0200_0000, SeqCst);
+    let end = soon();
+    let fault = loop {
+        assert!(Instant::now() < end, "it goes on");
+        assert_eq!(rig.faults.torque(), 0.0);
+        match drive.read(soon()).and_then(|_| drive.command(0.01, soon())) {
+            Err(Trouble::Fault(fault)) => break fault,
+            _ => std::thread::sleep(Duration::from_millis(1)),
+        }
+        // It strikes once: from now on nothing but a clear would take it away.
+        error.store(0, SeqCst);
+    };
+    assert_eq!((fault.what, fault.reason), ("ESTOP_REQUESTED", Some(Reason::Stop)));
+    assert_eq!(rig.faults.torque(), 0.0);
+}
+
+/// CANSimple cannot set them, so that whoever starts the drive is told.
+#[test]
+fn a_started_drive_says_what_it_cannot_be_told() {
+    let world = world(&[]);
+    let rig = rig(&world, Time::Real);
+    let notes = rig.wheel(&world).notes().join("\n");
+    for word in ["watchdog took the torque away within", "cannot set that time", "0.100 N m", "torque_soft_max"] {
+        assert!(notes.contains(word), "{word}: {notes}");
+    }
+}
+
 /// As an ODrive is shipped its torque stays for ever. No program may drive it so, and no drive is believed to be otherwise.
 #[test]
 fn a_drive_that_is_not_set_up_is_not_started() {

@@ -170,7 +170,7 @@ impl Simulated {
                 let most = self.command(register::COMMAND_MAX_TORQUE).abs();
                 let allowed = if most.is_nan() { asked } else { asked.clamp(-most, most) };
                 let ignored = self.command(register::COMMAND_IGNORE_BOUNDS);
-                let position = (ignored.is_nan() || ignored == 0.0).then(|| (shaft.position + self.zero) as f32);
+                let position = (ignored.is_nan() || ignored == 0.0).then_some((shaft.position + self.zero) as f32);
                 let (torque, code) = self.tuning.limited(allowed, position, velocity);
                 self.fault = if code == 0 && allowed != asked { 102 } else { code };
                 torque

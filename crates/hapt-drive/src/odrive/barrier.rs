@@ -48,6 +48,11 @@ impl Barrier {
         true
     }
 
+    /// Whether this kind is answered, and said at no other time.
+    pub fn serves(&self, kind: Command) -> bool {
+        KINDS.iter().position(|one| *one == kind).is_some_and(|kind| self.serves[kind])
+    }
+
     fn may(&self, kind: usize) -> bool {
         let waits = self.asked[kind].is_some_and(|asked| self.sample.wrapping_sub(asked) < LOST);
         self.serves[kind] && !waits

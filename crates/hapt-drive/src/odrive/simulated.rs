@@ -133,7 +133,11 @@ impl Simulated {
             Command::Warmth => codec::floats(20.0, 20.0),
             Command::Bus => codec::floats(BUS.0, BUS.1),
             Command::Torques if self.version.is_old() => return None,
-            Command::Torques => codec::floats(self.input.torque as f32, self.torque(shaft) as f32),
+            // What its controller wants, and what its motor makes.
+            Command::Torques => {
+                let made = self.torque(shaft);
+                codec::floats(if self.is_armed { made } else { self.input.torque } as f32, made as f32)
+            }
             // At a standstill none; in 0.5 no error of the controller's.
             Command::Powers => [0; 8],
             _ => return None,
@@ -254,12 +258,12 @@ impl Simulated {
 }
 
 impl Firmware for Simulated {
-    /// A question of another kind, where one stands before that for the position, is the sample's first.
+    /// Questions of other kinds, where some stand before that for the position, are the sample's first.
     fn asks(&self, frame: &Frame) -> bool {
         frame.data().is_empty()
             && match self.command(frame) {
                 Some(Command::Estimates) => !self.was_asked,
-                Some(command) => KINDS.contains(&command),
+                Some(command) => KINDS.contains(&command) && !self.was_asked,
                 None => false,
             }
     }

@@ -27,7 +27,7 @@ impl Odrive {
     /// Everything that comes before the loop.
     pub(super) fn get_ready(&mut self) -> Result<Answer, Error> {
         (self.owed, self.chats, self.begun, self.is_armed, self.fault) = (0, false, None, false, None);
-        (self.since_heartbeat, self.heartbeat) = (0.0, Instant::now());
+        self.since_heartbeat = 0.0;
         // Somebody may have asked before us.
         self.asked = Some(Instant::now());
         self.is_there()?;
@@ -120,10 +120,10 @@ impl Odrive {
         let once = |kind: usize| !unasked[kind] && answers[kind] == 1;
         let twice = (0..KINDS.len()).filter(|kind| !unasked[*kind]).map(|kind| answers[kind]).max().unwrap_or(0);
         self.barrier = Barrier::new(std::array::from_fn(once));
-        let says = |kind: Command| {
-            KINDS.iter().position(|one| *one == kind).is_some_and(|kind| answers[kind] > 0 || unasked[kind])
+        let says = |kind: &Command| {
+            KINDS.iter().position(|one| one == kind).is_some_and(|kind| answers[kind] > 0 || unasked[kind])
         };
-        let proof = [Command::Torques, Command::Current].into_iter().find(|kind| says(*kind));
+        let proof = [Command::Torques, Command::Current].into_iter().find(says);
         self.proof = Proof::new(proof.unwrap_or(Command::Torques), self.most);
         match twice {
             2.. => Err(self.refused(format!("is {twice} drives: give each its own node_id"))),
