@@ -6,7 +6,7 @@
 mod bench;
 
 use anyhow::{Context, Result, ensure};
-use hapt_identify::{Known, Record, identify};
+use hapt_identify::{Error, Known, Record, identify};
 use rayon::prelude::*;
 
 use crate::campaign::Campaign;
@@ -19,7 +19,7 @@ const NAMES: [&str; 5] = ["inertia", "damping", "friction", "delay", "constant t
 const PROMISED: usize = 4;
 const WIDEST: f64 = 1.5;
 /// Each experiment with its word on the command line and on the page, and what it is.
-const CAMPAIGNS: [(Kind, &str, &str); 3] = [
+const CAMPAIGNS: [(Kind, &str, &str); 5] = [
     (Kind::Mixed, "mixed", "Random steps and a chirp"),
     (
         Kind::Guided,
@@ -27,6 +27,12 @@ const CAMPAIGNS: [(Kind, &str, &str); 3] = [
         "The experiment of `hapt identify DEVICE`, on devices with a constant torque of up to 80 % of the friction",
     ),
     (Kind::Quiet, "quiet", "Random steps and a chirp, with less than half a count of noise"),
+    (Kind::Offset, "offset", "Random steps and a chirp, beside a constant torque of up to 60 % of the largest command"),
+    (
+        Kind::Cogged,
+        "cogged",
+        "Random steps and a chirp, beside a torque of 2 to 50 % of the friction that comes 1 to 40 times a turn, on rotary devices",
+    ),
 ];
 
 /// What became of one device.
@@ -36,8 +42,12 @@ struct Outcome {
     found: [Option<(bool, f64)>; 5],
     sign: bool,
     counts: bool,
-    /// A torque that goes with the position was seen, where there is none.
+    /// A torque that goes with the position was seen, where there is none, or as often as another.
     mistaken: bool,
+    /// It was seen as what it is.
+    blamed: bool,
+    /// No interval was given: the fit left more than counts and noise.
+    refused: bool,
 }
 
 /// `[mixed|guided|quiet] [--n N] [--seed S] [--write]`; all of them where none is named.
@@ -81,21 +91,32 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
     let positions = trial.positions(&commands);
     let record = Record::new(trial.times(), trial.seen(&positions), commands.clone())?;
     let known = Known { is_linear: trial.is_linear, ..Known::default() };
-    let answer = identify(&record, &known).with_context(|| format!("{trial:?}"))?;
     let truth = trial.truth();
+    let answer = match identify(&record, &known) {
+        Ok(answer) => answer,
+        Err(Error::Left(left)) => {
+            return Ok(Outcome::refused(&trial, left.position.map(|position| position.times_a_turn)));
+        }
+        Err(Error::Unexplained) => return Ok(Outcome::refused(&trial, None)),
+        Err(error) => return Err(error).with_context(|| format!("{trial:?}")),
+    };
     // A constant torque that the record does not tell is assumed, and none of the bound's unknowns. Counts alone are a part of half a count
     // of noise, and all of none: there the bound is no measure.
     let bound = match kind {
-        Kind::Quiet => vec![f64::INFINITY; 5],
-        _ => trial.bound(&commands, &positions, answer.offset.is_some())?,
+        Kind::Quiet | Kind::Offset | Kind::Cogged => vec![f64::INFINITY; 5],
+        Kind::Mixed | Kind::Guided => trial.bound(&commands, &positions, answer.offset.is_some())?,
     };
     let mut found = [None; 5];
     let intervals = [answer.inertia, answer.damping, answer.friction, answer.delay, answer.offset];
     for (i, interval) in intervals.into_iter().enumerate() {
         let Some(interval) = interval else {
-            ensure!(i >= PROMISED, "no {}: {trial:?}", NAMES[i]);
+            ensure!(i >= PROMISED || i == 2, "no {}: {trial:?}", NAMES[i]);
             continue;
         };
+        // A constant torque that is taken as none is in the friction, and the answer says so.
+        if kind == Kind::Offset && i == 2 && answer.offset.is_none() {
+            continue;
+        }
         // Half a width is the quantile times the standard error; where 0 cuts the lower half off, twice the upper is meant.
         let half = interval.high - interval.value;
         found[i] = Some((interval.covers(truth[i]), half / (1.959_964 * bound[i])));
@@ -105,7 +126,26 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
         false => answer.counts.is_some_and(|counts| counts.value == (std::f64::consts::TAU / trial.count).round()),
     };
     let sign = answer.sign.is_some_and(|sign| sign.value == trial.sign);
-    Ok(Outcome { is_linear: trial.is_linear, found, sign, counts, mistaken: answer.unmodelled.is_some() })
+    let times = answer.unmodelled.map(|position| position.times_a_turn);
+    let (mistaken, blamed) =
+        (times.is_some_and(|n| Some(n) != trial.comes()), times.is_some() && times == trial.comes());
+    Ok(Outcome { is_linear: trial.is_linear, found, sign, counts, mistaken, blamed, refused: false })
+}
+
+impl Outcome {
+    fn refused(trial: &Trial, times_a_turn: Option<u32>) -> Self {
+        let blamed = times_a_turn.is_some() && times_a_turn == trial.comes();
+        let mistaken = times_a_turn.is_some() && !blamed;
+        Outcome {
+            is_linear: trial.is_linear,
+            found: [None; 5],
+            sign: false,
+            counts: false,
+            mistaken,
+            blamed,
+            refused: true,
+        }
+    }
 }
 
 fn table(kind: Kind, outcomes: &[Outcome]) -> String {
@@ -123,20 +163,25 @@ fn table(kind: Kind, outcomes: &[Outcome]) -> String {
         let at = |place: Option<usize>| place.and_then(|place| widths.get(place)).copied().unwrap_or(0.0);
         let (all, rotary, linear) = (of(&|_| true), of(&|x| !x.is_linear), of(&|x| x.is_linear));
         let widths = match kind {
-            Kind::Quiet => "| |".to_string(),
-            _ => format!("{:.2} | {:.2} |", at(Some(widths.len() / 2)), at(widths.len().checked_sub(1))),
+            Kind::Quiet | Kind::Offset | Kind::Cogged => "| |".to_string(),
+            Kind::Mixed | Kind::Guided => {
+                format!("{:.2} | {:.2} |", at(Some(widths.len() / 2)), at(widths.len().checked_sub(1)))
+            }
         };
         text += &format!("| {name} | {all} | {rotary} | {linear} | {widths}\n");
     }
     let n = outcomes.len();
-    let part = |of: fn(&Outcome) -> bool| share(outcomes.iter().filter(|outcome| of(outcome)).count(), n);
+    let how_many = |of: fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| of(outcome)).count();
+    let part = |of: fn(&Outcome) -> bool| share(how_many(of), n - how_many(|outcome| outcome.refused));
     text += &format!(
         "\nThe motor's sign is right in {}, the counts are exact in {}. A constant torque is told from friction in {}; a torque that goes \
-         with the position is mistaken to be there in {} of {n}.\n",
+         with the position is mistaken to be there, or for another, in {} of {n}, and seen for what it is in {}. Refused were {} of {n}.\n",
         part(|outcome| outcome.sign),
         part(|outcome| outcome.counts),
         part(|outcome| outcome.found[4].is_some()),
-        outcomes.iter().filter(|outcome| outcome.mistaken).count(),
+        how_many(|outcome| outcome.mistaken),
+        how_many(|outcome| outcome.blamed),
+        how_many(|outcome| outcome.refused),
     );
     text
 }

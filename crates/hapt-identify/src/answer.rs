@@ -3,7 +3,7 @@
 use nalgebra::SMatrix;
 
 use crate::counts::{Lattice, lattice};
-use crate::estimate::{Identified, Interval, Known, Residual, TWINS, Twins};
+use crate::estimate::{Identified, Interval, Known, Residual, TWINS, Twins, tells_offset};
 use crate::fit::{Fit, Square};
 use crate::position::of_position;
 use crate::puck::{DAMPING, DELAY, FRICTION, GAIN, OFFSET, Puck};
@@ -57,6 +57,8 @@ impl<'k> Answer<'k> {
             let Interval { value, low, high } = interval;
             Interval { value: value.max(0.0), low: low.max(0.0), high: high.max(0.0) }
         };
+        // Where a constant torque is surely there, and the record hardly tells it from friction, it says nothing of either.
+        let tells = !self.best.free[OFFSET] || tells_offset(&self.best);
         let rates = [of(damping, &[(DAMPING, 1.0)]), of(friction, &[(FRICTION, 1.0)])];
         // An inertia as uncertain as itself is none; nor is the sign then.
         let gained = of(gain, &[(GAIN, 1.0)]).filter(|gain| gain.low * gain.high > 0.0);
@@ -80,9 +82,10 @@ impl<'k> Answer<'k> {
         Identified {
             inertia: inertia.map(positive),
             damping: scaled(DAMPING, damping).map(positive),
-            friction: scaled(FRICTION, friction).map(positive),
+            // Surely below 0 it is no friction: a constant torque pushes the way the puck goes.
+            friction: scaled(FRICTION, friction).filter(|x| x.high >= 0.0 && tells).map(positive),
             delay: gained.and_then(|_| of(delay, &[(DELAY, 1.0)])).map(positive),
-            offset: scaled(OFFSET, offset),
+            offset: scaled(OFFSET, offset).filter(|_| tells),
             sign: gained.map(|_| Interval { value: sign, low: sign, high: sign }),
             gain: motor.map(positive),
             counts: lattice.filter(|_| !self.known.is_linear).and_then(counts),

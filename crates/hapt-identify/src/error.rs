@@ -1,5 +1,42 @@
 //! What is wrong with a record.
 
+use std::fmt;
+
+use crate::position::PositionTorque;
+
+/// What the best fit leaves, where counts and noise do not explain it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Left {
+    /// Root mean square, in rad (linear: m).
+    pub rms: f64,
+    /// The same in counts, where the positions have them.
+    pub counts: Option<f64>,
+    /// A torque that goes with the position, where it explains most of it.
+    pub position: Option<PositionTorque>,
+}
+
+impl fmt::Display for Left {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the motion does not follow from the torque to within counts and noise: the best fit leaves ")?;
+        match self.counts {
+            Some(counts) => write!(f, "{counts:.2} counts rms")?,
+            None => write!(f, "{:.3e} rms", self.rms)?,
+        }
+        write!(f, ", which no independent noise is, and no interval would hold; ")?;
+        match self.position.map(|position| position.times_a_turn) {
+            None => write!(
+                f,
+                "look at whether a hand, a belt or a spring was on the puck, at the columns and their units, and at the torque's limit"
+            ),
+            Some(0) => write!(f, "a torque that grows with the position, as a spring's, explains most of it"),
+            Some(1) => {
+                write!(f, "a torque that comes once a turn, as of a weight beside the axis, explains most of it")
+            }
+            Some(n) => write!(f, "a torque that comes {n} times a turn, as a motor's cogging, explains most of it"),
+        }
+    }
+}
+
 /// Why nothing can be said.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
@@ -64,6 +101,9 @@ pub enum Error {
         "the motion does not follow from the torque: no inertia, damping, friction and delay up to 50 ms were found that explain it; look at the columns, their units, and at whether a hand was on the puck"
     )]
     Unexplained,
+    /// The fit leaves more than counts and noise.
+    #[error("{0}")]
+    Left(Left),
     /// The columns of a table.
     #[error("{0}")]
     Columns(String),

@@ -1,22 +1,32 @@
 //! The whole answer: values with intervals, and the fit that they come from.
 
-use crate::Error;
+use std::cmp::Ordering;
+
 use crate::answer::Answer;
-use crate::counts::Lattice;
+use crate::counts::{Lattice, lattice};
+use crate::explained::explained;
 use crate::fit::{Fit, Free, fit};
-use crate::position::PositionTorque;
+use crate::position::{PositionTorque, of_position};
 use crate::puck::{DELAY, FRICTION, OFFSET, Puck};
 use crate::record::{LONGEST_DELAY, Record};
-use crate::start::{Begin, begins, starts};
+use crate::start::{Begin, begins, direction, starts};
+use crate::{Error, Left};
 
 /// Two estimates that go up and down together by more than this cannot be told apart.
 pub(crate) const TWINS: f64 = 0.99;
 /// What the fit leaves of the positions' variance, where it explains nothing.
 const UNEXPLAINED: f64 = 0.25;
-/// So many standard errors longer the delay is not.
+/// So many standard errors longer the delay is not, and so many of the constant torque are surely one.
 const SURELY: f64 = 5.0;
 /// What a fit over more samples leaves is no more than this times as much, where it is the same motion.
 const ALIKE: f64 = 1.2;
+/// A torque that goes with the position is to blame where it explains more than this part of what is left.
+const MOST: f64 = 0.9;
+/// Parts of the record that are fitted before all of it, where a fit of all of it goes wrong.
+const BEGINNINGS: [f64; 3] = [0.125, 0.25, 0.5];
+/// Where those go wrong too: so many starts around the best, each number off by up to this part of itself.
+const HOPS: usize = 12;
+const AROUND: [f64; 3] = [0.3, 0.1, 0.03];
 
 /// What is known beforehand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -101,28 +111,103 @@ pub struct Identified {
 /// Fits the puck to a record.
 ///
 /// # Errors
-/// [`Error::Unexplained`] where no puck explains the motion.
+/// [`Error::Unexplained`] where no puck explains the motion, [`Error::Left`] where one does, but not to within counts and noise.
 pub fn identify(record: &Record, known: &Known) -> Result<Identified, Error> {
-    let best = best(record).ok_or(Error::Unexplained)?;
-    let fitted = fitted(record, &best.puck, best.first);
-    let residual = residual(record, &fitted, best.first);
-    let spread = variance(&record.positions()[best.first..]).sqrt();
+    let starts = starts(record);
+    let first = best(record, &starts);
+    let is_right = |fit: &Fit| explained(record, &left(record, fit), lattice(record.positions()), spread(record, fit));
+    let better = |fit: Option<Fit>, starts: &dyn Fn() -> Vec<Puck>| match fit.filter(is_right) {
+        None => fit.into_iter().chain(best(record, &starts())).min_by(by_variance),
+        right => right,
+    };
+    // A long record holds a fit far from its best: what its beginning leads to, and then what lies around the best so far.
+    let mut best = better(first, &|| again(record, &starts)).ok_or(Error::Unexplained)?;
+    let blamed = |fit: &Fit| of_position(record, fit, known).filter(|x| (MOST..=1.0).contains(&x.explains));
+    for part in AROUND {
+        if is_right(&best) || blamed(&best).is_some() {
+            break;
+        }
+        best = around(record, &best, part);
+    }
+    let residual = residual(&left(record, &best));
+    let spread = spread(record, &best);
     let explains = residual.rms.powi(2) < UNEXPLAINED * spread * spread;
     let delay_is_inside = best.puck.delay < LONGEST_DELAY;
     if !(explains && delay_is_inside && best.puck.gain.is_finite()) {
         return Err(Error::Unexplained);
     }
+    if !is_right(&best) {
+        let counts = lattice(record.positions()).map(|lattice| residual.rms / lattice.step);
+        return Err(Error::Left(Left { rms: residual.rms, counts, position: blamed(&best) }));
+    }
     Ok(Answer::new(best, known).identified(record, residual, spread))
 }
 
-/// The fit over all of the record that can be used, with a constant torque where it shows.
-fn best(record: &Record) -> Option<Fit> {
+fn by_variance(a: &Fit, b: &Fit) -> Ordering {
+    a.variance().total_cmp(&b.variance())
+}
+
+/// The standard deviation of the positions that are fitted.
+fn spread(record: &Record, fit: &Fit) -> f64 {
+    variance(&record.positions()[fit.first..]).sqrt()
+}
+
+/// Which parameters are fitted.
+fn free(record: &Record, offset: bool) -> Free {
     let is_driven = record.is_driven();
-    let starts = starts(record);
+    [is_driven, true, true, is_driven, offset, true, true]
+}
+
+/// What fits of longer and longer beginnings of the record lead to, from each start and from the same without friction.
+fn again(record: &Record, starts: &[Puck]) -> Vec<Puck> {
+    let beginnings: Vec<Record> = BEGINNINGS.iter().filter_map(|part| record.beginning(*part)).collect();
+    let lead = |start: Puck| {
+        beginnings.iter().fold(start, |puck, part| {
+            let found = fit(part, puck, free(record, record.is_driven()), part.first()).map_or(puck, |fit| fit.puck);
+            Puck { damping: found.damping.max(0.0), friction: found.friction.max(0.0), ..found }
+        })
+    };
+    starts.iter().flat_map(|start| [lead(*start), lead(Puck { friction: 0.0, ..*start })]).collect()
+}
+
+/// The best of the fits that start around one, each of its numbers off by up to this part of itself.
+fn around(record: &Record, best: &Fit, part: f64) -> Fit {
+    // xorshift64 (Marsaglia 2003): the same places each time.
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut off = || {
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        part * (2.0 * (seed >> 11) as f64 / (1u64 << 53) as f64 - 1.0)
+    };
+    let mut found = *best;
+    for _ in 0..HOPS {
+        let Puck { gain, damping, friction, delay, offset, position, velocity } = found.puck;
+        let start = Puck {
+            gain: gain * (1.0 + 0.1 * off()),
+            damping: damping * (1.0 + off()),
+            friction: friction * (1.0 + off()),
+            delay: delay + 0.1 * LONGEST_DELAY * off(),
+            offset: if found.free[OFFSET] { offset + friction.abs().max(offset.abs()) * off() } else { 0.0 },
+            position,
+            velocity: velocity * (1.0 + off()),
+        };
+        found = fit(record, start, found.free, found.first)
+            .into_iter()
+            .fold(found, |a, b| if b.variance() < a.variance() { b } else { a });
+    }
+    found
+}
+
+/// The fit over all of the record that can be used, with a constant torque where it shows.
+fn best(record: &Record, starts: &[Puck]) -> Option<Fit> {
+    let is_driven = record.is_driven();
     let with = |offset: bool| {
-        let free: Free = [is_driven, true, true, is_driven, offset, true, true];
+        let free = free(record, offset);
         let fits = starts.iter().filter_map(|start| {
-            let start = Puck { offset: if offset { start.offset } else { 0.0 }, ..*start };
+            // Of a puck that goes one way a constant torque is friction, which may then be below 0.
+            let friction = start.friction - direction(record) * start.offset;
+            let start = if offset { *start } else { Puck { offset: 0.0, friction, ..*start } };
             fit(record, start, free, record.first())
         });
         let best = fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))?;
@@ -131,8 +216,15 @@ fn best(record: &Record) -> Option<Fit> {
         Some(shared.filter(|fit| fit.normal.squares < best.normal.squares).unwrap_or(best))
     };
     // Of a puck that goes one way friction is a constant torque.
-    let offset = if is_driven { with(true).filter(tells_offset) } else { None };
-    let late = offset.or_else(|| with(false))?;
+    let offset = if is_driven { with(true) } else { None };
+    let late = match offset {
+        Some(fit) if tells_offset(&fit) => fit,
+        // Hardly told from friction, and yet there: without it the fit leaves surely more.
+        Some(fit) => with(false)
+            .filter(|none| none.normal.squares - fit.normal.squares < SURELY.powi(2) * fit.variance())
+            .unwrap_or(fit),
+        None => with(false)?,
+    };
     Some(earlier(record, &late).unwrap_or(late))
 }
 
@@ -152,7 +244,7 @@ fn shared(record: &Record, puck: &Puck) -> Option<Puck> {
 }
 
 /// Whether the record tells the constant torque from friction.
-fn tells_offset(fit: &Fit) -> bool {
+pub(crate) fn tells_offset(fit: &Fit) -> bool {
     let Some(covariance) = fit.inverse() else { return false };
     let size = (covariance[(FRICTION, FRICTION)] * covariance[(OFFSET, OFFSET)]).sqrt();
     covariance[(FRICTION, OFFSET)].abs() <= TWINS * size
@@ -185,9 +277,13 @@ fn variance(values: &[f64]) -> f64 {
     values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / values.len() as f64
 }
 
-fn residual(record: &Record, fitted: &[f64], first: usize) -> Residual {
-    let at = |(i, z): (usize, &f64)| record.is_news(first + i).then(|| record.positions()[first + i] - z);
-    let left: Vec<f64> = fitted.iter().enumerate().filter_map(at).collect();
+/// What a fit leaves of the positions that are news.
+fn left(record: &Record, fit: &Fit) -> Vec<f64> {
+    let at = |(i, z): (usize, f64)| record.is_news(fit.first + i).then(|| record.positions()[fit.first + i] - z);
+    fitted(record, &fit.puck, fit.first).into_iter().enumerate().filter_map(at).collect()
+}
+
+fn residual(left: &[f64]) -> Residual {
     let squares: f64 = left.iter().map(|r| r * r).sum();
     let neighbours: f64 = left.windows(2).map(|pair| pair[0] * pair[1]).sum();
     let correlation = if squares > 0.0 { neighbours / squares } else { 0.0 };

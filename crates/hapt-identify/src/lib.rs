@@ -38,6 +38,7 @@ mod counts;
 mod error;
 mod estimate;
 mod experiment;
+mod explained;
 mod fit;
 mod position;
 mod puck;
@@ -49,7 +50,7 @@ mod warnings;
 
 pub use columns::{Columns, Scale};
 pub use counts::{Lattice, lattice};
-pub use error::Error;
+pub use error::{Error, Left};
 pub use estimate::{Identified, Interval, Known, Residual, Twins, identify};
 pub use experiment::{Bounds, Push};
 pub use position::PositionTorque;

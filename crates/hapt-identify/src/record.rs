@@ -63,6 +63,14 @@ impl Record {
         Ok(Record { news: news.collect(), times, positions, torques })
     }
 
+    /// The first part of it, 1: all; `None` where that is too short or too still for a fit.
+    pub(crate) fn beginning(&self, part: f64) -> Option<Record> {
+        let n = (part * self.times.len() as f64) as usize;
+        let [times, positions, torques] =
+            [&self.times, &self.positions, &self.torques].map(|x| x.get(..n).map(<[f64]>::to_vec));
+        Record::new(times?, positions?, torques?).ok()
+    }
+
     /// In s.
     pub fn times(&self) -> &[f64] {
         &self.times

@@ -63,7 +63,7 @@ fn slope(record: &Record, low: usize, high: usize) -> (f64, f64, f64) {
 }
 
 /// The noise of the positions, rms.
-fn noise(positions: &[f64]) -> f64 {
+pub(crate) fn noise(positions: &[f64]) -> f64 {
     // Third differences of a smooth motion are noise alone, 20 times its variance; their median does not see the jerks.
     let mut thirds: Vec<f64> = positions.windows(4).map(|z| (z[3] - 3.0 * z[2] + 3.0 * z[1] - z[0]).abs()).collect();
     thirds.sort_by(f64::total_cmp);
@@ -89,6 +89,16 @@ fn glance(record: &Record) -> Glance {
     Glance { sign: sign.collect(), begins: begins(record, record.first())[0] }
 }
 
+/// Which way it goes, from -1 to 1: its way from beginning to end over all of its ways, each over a fiftieth of the record.
+pub(crate) fn direction(record: &Record) -> f64 {
+    let places: Vec<f64> = record.positions().iter().step_by(record.positions().len().div_ceil(50)).copied().collect();
+    let all: f64 = places.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
+    match places.first().zip(places.last()) {
+        Some((first, last)) if all > 0.0 => (last - first) / all,
+        Some(_) | None => 0.0,
+    }
+}
+
 /// Where the puck is at the sample `first`: at rest, where it may be, or else moving; and by the line alone.
 pub(crate) fn begins(record: &Record, first: usize) -> [Begin; 2] {
     let noise = noise(record.positions());
@@ -111,7 +121,9 @@ fn of_window(record: &Record, glance: &Glance, length: f64) -> Vec<Puck> {
         let p = normal.step([is_driven, true, true, false, offset, false, false], 0.0)?;
         let Begin { position, velocity } = glance.begins;
         let (damping, friction) = (p[DAMPING].max(0.0), p[FRICTION].max(0.0));
-        let puck = Puck { gain: p[GAIN], damping, friction, delay, offset: p[OFFSET], position, velocity };
+        // Friction below 0 is a constant torque that pushes the way it goes.
+        let offset = p[OFFSET] - p[FRICTION].min(0.0) * direction(record);
+        let puck = Puck { gain: p[GAIN], damping, friction, delay, offset, position, velocity };
         // Σ (r - p s)² at the solution.
         Some((normal.left(&p), puck))
     };

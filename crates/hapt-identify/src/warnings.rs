@@ -31,7 +31,12 @@ impl Identified {
                     .into(),
             );
         }
-        if self.sign.is_some() && self.offset.is_none() {
+        if self.sign.is_some() && self.offset.is_none() && self.friction.is_none() {
+            warnings.push(
+                "a constant torque (a tilted table, a motor's offset) moves the puck, and this record does not tell it from friction: neither is given; motion both ways would tell"
+                    .into(),
+            );
+        } else if self.sign.is_some() && self.offset.is_none() {
             warnings.push(
                 "this record does not tell a constant torque (a tilted table, a motor's offset) from friction: it is taken as none; motion both ways would tell"
                     .into(),

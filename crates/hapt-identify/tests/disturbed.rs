@@ -3,7 +3,7 @@
 mod rig;
 
 use fastrand::Rng;
-use hapt_identify::{Identified, Interval, Known, Record, identify};
+use hapt_identify::{Error, Identified, Interval, Known, Record, identify};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::Rig;
 use proptest::prelude::*;
@@ -24,9 +24,13 @@ fn moved(rig: &Rig, torques: &[f64], besides: impl Fn(f64) -> f64) -> Vec<f64> {
     torques.iter().map(step).collect()
 }
 
-fn found(rig: &Rig, positions: &[f64], torques: Vec<f64>, rng: &mut Rng) -> Identified {
+fn told(rig: &Rig, positions: &[f64], torques: Vec<f64>, rng: &mut Rng) -> Result<Identified, Error> {
     let seen = counted(positions, 4000.0, 0.7, rng);
-    identify(&Record::new(times(rig, torques.len()), seen, torques).unwrap(), &Known::default()).unwrap()
+    identify(&Record::new(times(rig, torques.len()), seen, torques).unwrap(), &Known::default())
+}
+
+fn found(rig: &Rig, positions: &[f64], torques: Vec<f64>, rng: &mut Rng) -> Identified {
+    told(rig, positions, torques, rng).unwrap()
 }
 
 /// Within five standard errors.
@@ -88,7 +92,7 @@ proptest! {
 #[test]
 fn what_moves_the_puck_with_its_position_is_seen_for_what_it_is() {
     let rig = Rig { damping: 4e-3, ..WHEEL };
-    for seed in 0..6 {
+    for seed in 0..4 {
         let mut rng = Rng::with_seed(seed);
         let torques = steps(&mut rng, 4000, 0.1);
         let besides: [Besides; 4] = [
@@ -98,16 +102,48 @@ fn what_moves_the_puck_with_its_position_is_seen_for_what_it_is() {
             (3, 2e-3, &|z| 2e-3 * (3.0 * z + 1.3).sin()),
         ];
         for (times_a_turn, size, besides) in besides {
-            let found = found(&rig, &moved(&rig, &torques, besides), torques.clone(), &mut rng);
-            let seen = found
-                .unmodelled
-                .unwrap_or_else(|| panic!("seed {seed}: {times_a_turn} times a turn is not seen: {found:?}"));
+            // So little that the intervals still hold, or refused.
+            let seen = match told(&rig, &moved(&rig, &torques, besides), torques.clone(), &mut rng) {
+                Ok(found) => found.unmodelled,
+                Err(Error::Left(left)) => left.position,
+                Err(error) => panic!("{error}"),
+            };
+            let seen = seen.unwrap_or_else(|| panic!("seed {seed}: {times_a_turn} times a turn is not seen"));
             assert_eq!(seen.times_a_turn, times_a_turn, "seed {seed}: {seen:?} of {size}");
             assert!((seen.size / size - 1.0).abs() < 0.5, "seed {seed}: {seen:?} of {size}");
         }
         let nothing = found(&rig, &motion(&rig, &torques), torques, &mut rng);
         assert_eq!(nothing.unmodelled, None, "seed {seed}");
     }
+}
+
+/// The puck drifts by thousands of counts, and many fits are the best among their neighbours.
+#[test]
+fn a_large_constant_torque_is_found_or_nothing_is() {
+    let (mut trials, mut refused, mut missed) = (0, 0, 0);
+    for seed in 0..24 {
+        let mut rng = Rng::with_seed(seed);
+        let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
+        let rig = Rig {
+            damping: WHEEL.inertia / between(0.1, 3.0),
+            friction: between(2e-3, 0.04),
+            delay: between(0.0, 5e-3),
+            ..WHEEL
+        };
+        let offset = between(-0.06, 0.06);
+        let torques = steps(&mut rng, 3000, 0.1);
+        trials += 1;
+        match told(&rig, &moved(&rig, &torques, |_| offset), torques, &mut rng) {
+            Err(_) => refused += 1,
+            Ok(found) => {
+                // Of a puck that goes one way the record does not tell them apart: then neither is given, or no constant torque shows.
+                let friction = found.friction.is_none() || near(found.friction, rig.friction);
+                missed +=
+                    i32::from(!(near(found.inertia, rig.inertia) && near(found.damping, rig.damping) && friction));
+            }
+        }
+    }
+    assert!(missed == 0 && refused <= 2, "of {trials}: {refused} refused, {missed} wrong");
 }
 
 #[test]

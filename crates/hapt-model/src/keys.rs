@@ -443,7 +443,7 @@ pub const KEYS: &[Key] = &[
         Depends("50 rad/s (linear: 2.5 m/s), or where the limit throws the puck over half a turn (0.1 m), the larger; any on the simulated device"),
         "The largest speed with the motor on: beyond it the puck runs away."),
     key("safety.stuck", Quantity(Time, ZeroOrMore), Depends("1 s; never on the simulated device"),
-        "How long the position may stand still under a torque of more than twice the friction and a twentieth of the limit; 0: for ever."),
+        "How long the position may stand still, added up, while a torque of more than twice the friction and a twentieth of the limit asks the puck to move; 0: for ever."),
     key("safety.torque", Quantity(Torque, Positive), Depends("device.limit"), "The largest command; more faults."),
     key("safety.slew", Quantity(Torque, Positive), Depends("what this world can do at these speeds; any on the simulated device"),
         "The largest change of the torque from one sample to the next."),

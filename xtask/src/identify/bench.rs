@@ -19,6 +19,10 @@ pub enum Kind {
     Mixed,
     /// The same, with less than half a count of noise.
     Quiet,
+    /// As `Mixed`, beside a large constant torque.
+    Offset,
+    /// As `Mixed`, beside a torque that goes with the position.
+    Cogged,
     /// The experiment that `hapt identify DEVICE` makes, on a device with a constant torque of its own.
     Guided,
 }
@@ -35,6 +39,8 @@ pub struct Trial {
     pub count: f64,
     /// A constant torque on the puck.
     pub offset: f64,
+    /// A torque that comes so often in a turn, and its size; 0: none.
+    cogging: (u32, f64),
     /// Before they are counted, rms, in counts.
     noise: f64,
     /// The largest command.
@@ -46,7 +52,7 @@ impl Trial {
     pub fn new(kind: Kind, seed: u64, i: u64) -> Self {
         let seed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ i;
         let mut rng = Rng::with_seed(seed);
-        let is_linear = i % 2 == 1;
+        let is_linear = i % 2 == 1 && kind != Kind::Cogged;
         let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
         let inertia = if is_linear { 0.03 } else { 1e-4 } * 10f64.powf(between(0.0, 2.0));
         let period = 1e-3 * 2f64.powf(between(-1.0, 1.0));
@@ -57,10 +63,20 @@ impl Trial {
         let fineness = 40f64.powf(between(0.0, 1.0));
         let count = if is_linear { 100e-6 / fineness } else { TAU / (500.0 * fineness).round() };
         let noise = if kind == Kind::Quiet { between(0.0, 0.5) } else { between(0.5, 2.0) };
-        let offset = if kind == Kind::Guided { friction * between(-0.8, 0.8) } else { 0.0 };
+        let offset = match kind {
+            Kind::Guided => friction * between(-0.8, 0.8),
+            Kind::Offset => amplitude * between(-0.6, 0.6),
+            Kind::Mixed | Kind::Quiet | Kind::Cogged => 0.0,
+        };
+        let cogging = match kind {
+            Kind::Cogged => {
+                (40f64.powf(between(0.0, 1.0)).round() as u32, friction * 0.02 * 25f64.powf(between(0.0, 1.0)))
+            }
+            Kind::Mixed | Kind::Quiet | Kind::Guided | Kind::Offset => (0, 0.0),
+        };
         let sign = if rng.bool() { 1.0 } else { -1.0 };
         let rig = Rig { period, delay, inertia, damping, friction };
-        Trial { kind, rig, is_linear, sign, count, offset, noise, amplitude, seed }
+        Trial { kind, rig, is_linear, sign, count, offset, cogging, noise, amplitude, seed }
     }
 
     fn samples(&self) -> usize {
@@ -74,6 +90,11 @@ impl Trial {
     /// Inertia, damping, friction, delay, constant torque.
     pub fn truth(&self) -> [f64; 5] {
         [self.rig.inertia, self.rig.damping, self.rig.friction, self.rig.delay, self.offset]
+    }
+
+    /// How often the torque comes in a turn that goes with the position, where there is one.
+    pub fn comes(&self) -> Option<u32> {
+        (self.kind == Kind::Cogged).then_some(self.cogging.0)
     }
 
     pub fn commands(&self) -> Vec<f64> {
@@ -129,7 +150,8 @@ impl Trial {
         let mut device = VirtualDevice::new(rig);
         let step = |command: &f64| {
             let position = device.puck().0;
-            device.command(self.sign * command + offset);
+            let cogging = self.cogging.1 * (f64::from(self.cogging.0) * position).sin();
+            device.command(self.sign * command + offset + cogging);
             device.travel();
             position
         };

@@ -39,7 +39,7 @@ pub struct Limits {
     pub jump: f64,
     /// The largest speed with the motor on, in rad/s (m/s).
     pub overspeed: f64,
-    /// How long the position may stand still under more than `stuck_torque`, in s.
+    /// How long the position may stand still, added up, while more than `stuck_torque` asks the puck to move, in s.
     pub stuck: f64,
     /// In N·m (N).
     pub stuck_torque: f64,
