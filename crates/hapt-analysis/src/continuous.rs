@@ -118,7 +118,13 @@ pub(crate) fn compensated_by(damper: &Coupling, spring: &Coupling) -> bool {
 pub(crate) fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
     let stiffness = |c: &Coupling| match c.law.unclamped() {
         Law::Spring { stiffness, .. } => stiffness,
-        _ => 0.0,
+        Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Constant { .. }
+        | Law::Clamped { .. } => 0.0,
     };
     couplings.iter().filter(|c| compensated_by(damper, c)).map(stiffness).sum()
 }
@@ -135,7 +141,7 @@ pub fn ties(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<
                 End::Body(body) if body >= bodies.len() => {
                     return Err(Error::NoSuchBody { coupling: index, body, bodies: bodies.len() });
                 }
-                _ => {}
+                End::Body(_) | End::Puck | End::Ground => {}
             }
         }
         let (mut stiffness, mut fixed, mut per_period, mut force) = (0.0, 0.0, 0.0, 0.0);
@@ -147,7 +153,9 @@ pub fn ties(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<
             law @ Law::Clamped { .. } if follows(&law.unclamped()) => {
                 per_period = if slopes.steep(index) { compensated(c, couplings) } else { 0.0 };
             }
-            _ => (stiffness, fixed) = slope(&c.law, slopes.steep(index)).unwrap_or_default(),
+            Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Clamped { .. } => {
+                (stiffness, fixed) = slope(&c.law, slopes.steep(index)).unwrap_or_default();
+            }
         }
         Ok(Tie { first: c.first, second: c.second, stiffness, fixed, per_period, force })
     };

@@ -127,7 +127,9 @@ pub(crate) fn of_part(part: &Modal, method: Method, known: Critical) -> Result<C
         Method::SemiImplicitEuler => (2.0, 2.0 / 3f64.sqrt()),
         // Complex roots, Tω < 2, stay inside; the real one then meets the end of the axis, where z² + x² z + x² = 0.
         Method::Rk4 => (8f64.sqrt(), -RK4_REAL / (-RK4_REAL - 1.0).sqrt()),
-        _ => return Ok(Critical::Unbounded),
+        Method::BackwardEuler | Method::Trapezoidal | Method::Zoh | Method::Tustin | Method::Foh => {
+            return Ok(Critical::Unbounded);
+        }
     };
     let limit = |x: f64, modes: &[f64]| modes.iter().fold(Critical::Unbounded, |c, w| c.min(Critical::at(x / w)));
     let alone = limit(undamped, &part.undamped).min(limit(compensated, &part.compensated));
@@ -154,7 +156,13 @@ fn of_coupled(modes: &Coupled, method: Method, known: f64) -> Result<Critical, E
             let roots = roots(modes, 1.0, false, None)?;
             Ok(roots.iter().fold(Critical::Unbounded, |c, s| c.min(runge_kutta(*s))))
         }
-        _ => followed(modes, method, known),
+        Method::ForwardEuler
+        | Method::BackwardEuler
+        | Method::Trapezoidal
+        | Method::Zoh
+        | Method::Rk4
+        | Method::Tustin
+        | Method::Foh => followed(modes, method, known),
     }
 }
 

@@ -206,7 +206,9 @@ impl Decomposition {
         let implicit = match world.sampling.method {
             Method::ForwardEuler => false,
             Method::SemiImplicitEuler => true,
-            _ => return Ok(None),
+            Method::BackwardEuler | Method::Trapezoidal | Method::Zoh | Method::Rk4 | Method::Tustin | Method::Foh => {
+                return Ok(None);
+            }
         };
         let Some(looked) = Looked::new(world, keys) else { return Ok(None) };
         let world = looked.middle();

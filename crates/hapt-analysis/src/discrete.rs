@@ -69,7 +69,12 @@ impl Discrete {
                 let current = slope * &rates.b;
                 (&all - &current, current)
             }
-            _ => (DMatrix::zeros(2 * n, 2), all),
+            Method::ForwardEuler
+            | Method::BackwardEuler
+            | Method::SemiImplicitEuler
+            | Method::Trapezoidal
+            | Method::Zoh
+            | Method::Rk4 => (DMatrix::zeros(2 * n, 2), all),
         };
         let mut discrete = Discrete {
             d: &f * &rates.a,

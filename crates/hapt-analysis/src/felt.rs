@@ -357,7 +357,7 @@ fn notes(world: &World, slopes: &Slopes, port: &Impedance) -> Vec<String> {
                     world.sampling.window
                 ));
             }
-            _ => {}
+            EstimatorKind::Difference | EstimatorKind::LowPass | EstimatorKind::Foaw | EstimatorKind::FoawBest => {}
         }
     }
     notes

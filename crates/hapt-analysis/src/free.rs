@@ -290,7 +290,13 @@ fn conserves_momentum(sampling: &Sampling, port: &Port) -> bool {
         (Method::Trapezoidal, Output::Middle) => true,
         (Method::Zoh, Output::Middle) => !port.has_damper(),
         (Method::BackwardEuler, Output::End) => sampling.advance == 0,
-        _ => false,
+        (
+            Method::ForwardEuler | Method::SemiImplicitEuler | Method::Tustin | Method::Foh,
+            Output::Middle | Output::End,
+        )
+        | (Method::Trapezoidal | Method::Zoh, Output::Start | Output::End)
+        | (Method::BackwardEuler, Output::Start | Output::Middle)
+        | (Method::Rk4, Output::Start | Output::Middle | Output::End) => false,
     }
 }
 

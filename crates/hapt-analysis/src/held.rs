@@ -158,7 +158,13 @@ pub(crate) fn spectrum(part: &Modal, method: Method, period: f64) -> Result<(Vec
             Method::SemiImplicitEuler => {
                 discrete.extend(roots(modes, period, true, Some(&balance_of(modes, period, &modes.per_period)))?);
             }
-            _ => discrete.extend(own.iter().copied()),
+            Method::ForwardEuler
+            | Method::BackwardEuler
+            | Method::Trapezoidal
+            | Method::Zoh
+            | Method::Rk4
+            | Method::Tustin
+            | Method::Foh => discrete.extend(own.iter().copied()),
         }
         continuous.extend(own);
     }

@@ -53,7 +53,13 @@ impl Ideal {
         for tie in &mut ties {
             tie.fixed += match world.sampling.method {
                 Method::ForwardEuler => 0.0,
-                _ => world.sampling.period * tie.per_period,
+                Method::BackwardEuler
+                | Method::SemiImplicitEuler
+                | Method::Trapezoidal
+                | Method::Zoh
+                | Method::Rk4
+                | Method::Tustin
+                | Method::Foh => world.sampling.period * tie.per_period,
             };
             tie.per_period = 0.0;
         }

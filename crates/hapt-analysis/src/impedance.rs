@@ -242,7 +242,7 @@ fn eigen(coupled: &Coupled, gains: &Gains, rule: Rule) -> Result<Vec<Eigen>, Err
     let euler = match rule.method {
         Method::ForwardEuler => Some(balance_of(&modes, rule.period, &modes.uncovered)),
         Method::SemiImplicitEuler => Some(balance_of(&modes, rule.period, &modes.per_period)),
-        _ => None,
+        Method::BackwardEuler | Method::Trapezoidal | Method::Zoh | Method::Rk4 | Method::Tustin | Method::Foh => None,
     };
     let mut better = roots(&modes, rule.period, implicit(rule.method), euler.as_ref())?;
     let size = values.iter().map(|z| z.norm()).fold(0.0, f64::max);
@@ -333,8 +333,9 @@ fn discrete(e: &Eigen, Rule { method, output, advance, period }: Rule) -> (Pole,
     let (z, less) = (e.root.z, multiplier.less_one);
     let f = match method {
         Method::ForwardEuler | Method::SemiImplicitEuler => C::from(1.0),
-        _ if z == ZERO => C::from(1.0),
-        _ => less / z,
+        Method::BackwardEuler | Method::Trapezoidal | Method::Zoh | Method::Rk4 | Method::Tustin | Method::Foh => {
+            if z == ZERO { C::from(1.0) } else { less / z }
+        }
     };
     let g = match method {
         Method::ForwardEuler | Method::SemiImplicitEuler => ZERO,
@@ -349,7 +350,9 @@ fn discrete(e: &Eigen, Rule { method, output, advance, period }: Rule) -> (Pole,
         Method::SemiImplicitEuler => (hold_spring - e.shape, hold_damper, ZERO),
         Method::Tustin => (hold_spring * 0.5 - e.shape, hold_damper * 0.5, hold_damper * 0.5),
         Method::Foh => (e.spring * g * period - e.shape, e.damper * g * period, e.damper * (f - g) * period),
-        _ => (-e.shape, ZERO, hold_damper),
+        Method::ForwardEuler | Method::BackwardEuler | Method::Trapezoidal | Method::Zoh | Method::Rk4 => {
+            (-e.shape, ZERO, hold_damper)
+        }
     };
     let end = e.position * (1.0 + less) + e.velocity * f;
     let (t0, t1, direct) = match output {

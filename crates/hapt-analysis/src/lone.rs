@@ -53,7 +53,13 @@ impl Lone {
                 Law::Damper { damping: Damping::Fixed(damping) } => lone.fixed += damping,
                 Law::Damper { damping: Damping::Compensating } => lone.following += compensated(coupling, couplings),
                 Law::Constant { .. } => {}
-                _ => return None,
+                Law::Wall { .. }
+                | Law::Detent { .. }
+                | Law::Coulomb { .. }
+                | Law::Lugre { .. }
+                | Law::Clamped { .. } => {
+                    return None;
+                }
             }
         }
         Some(lone)

@@ -23,9 +23,21 @@ pub struct Proposal {
 }
 
 impl Proposal {
-    /// All lines, one remedy after the other.
+    /// All lines, a block a remedy: where one of them takes several lines, an empty one parts it from the next, and where it takes several
+    /// keys its head says that they belong together.
     pub fn lines(&self) -> Vec<String> {
-        self.remedies.iter().flat_map(|remedy| remedy.lines.iter().cloned()).collect()
+        let parted = self.remedies.iter().any(|remedy| remedy.lines.len() > 1);
+        let mut lines = Vec::new();
+        for remedy in &self.remedies {
+            if parted && !lines.is_empty() {
+                lines.push(String::new());
+            }
+            if remedy.is_joint {
+                lines.push("# all of these together:".into());
+            }
+            lines.extend(remedy.lines.iter().cloned());
+        }
+        lines
     }
 }
 
@@ -36,6 +48,8 @@ pub struct Remedy {
     pub sets: Vec<(String, String)>,
     /// Lines for the world file, with where they belong.
     pub lines: Vec<String>,
+    /// Whether it takes several keys, or several couplings, all of them together.
+    pub is_joint: bool,
 }
 
 impl Remedy {
@@ -68,7 +82,8 @@ pub fn proposal(
     let file = File { world, parameters: parameters(source, sets)? };
     let mut list = Vec::new();
     if let Some(damping) = remedies.device_damping {
-        list.push(Remedy::key("device.damping", file.value("device.damping", damping, Side::Up), "in [device]"));
+        let place = "in [device]: a property of the hardware, which a number in the file does not change";
+        list.push(Remedy::key("device.damping", file.value("device.damping", damping, Side::Up), place));
     }
     if let Some(period) = remedies.period_s {
         list.push(Remedy::key("loop.period", file.value("loop.period", period, Side::Down), "in [loop]"));
@@ -89,7 +104,7 @@ pub fn proposal(
                 Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => ("stiffness", stiffness),
                 Law::Detent { torque, .. } => ("torque", torque),
                 Law::Lugre { bristle_stiffness, .. } => ("bristle_stiffness", bristle_stiffness),
-                _ => continue,
+                Law::Damper { .. } | Law::Coulomb { .. } | Law::Constant { .. } | Law::Clamped { .. } => continue,
             };
             let all = if world.couplings.len() > 1 {
                 format!(", all of them times {}", number(scale))
@@ -99,6 +114,7 @@ pub fn proposal(
             let path = format!("couplings.{i}.{key}");
             softer.and(&path, file.value(&path, scale * value, Side::Down), &format!("in couplings.{i}{all}"));
         }
+        softer.is_joint = softer.sets.len() > 1;
         list.extend(Some(softer).filter(|softer| !softer.lines.is_empty()));
     }
     if let Some(damping) = remedies.ground_damping.filter(|damping| *damping > 0.0) {
@@ -110,6 +126,7 @@ pub fn proposal(
             dampers.lines.push(format!("between = [{name:?}, \"ground\"]"));
             dampers.lines.push(format!("damping = \"{} {unit}\"", rounded(damping, Side::Up)));
         }
+        dampers.is_joint = world.names.len() > 1;
         list.push(dampers);
     }
     let heading = match (check.certified, list.is_empty()) {

@@ -306,6 +306,9 @@ fn stiffness(law: &mut Law) -> Option<&mut f64> {
         }
         Law::Detent { torque, .. } => Some(torque),
         Law::Lugre { bristle_stiffness, .. } => Some(bristle_stiffness),
-        _ => None,
+        Law::Damper { .. }
+        | Law::Coulomb { .. }
+        | Law::Constant { .. }
+        | Law::Clamped { law: Clampable::Damper { .. }, .. } => None,
     }
 }

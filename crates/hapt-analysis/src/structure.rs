@@ -61,7 +61,7 @@ fn links(ties: &[Tie]) -> Vec<Link> {
         let (body, other) = match (tie.first, tie.second) {
             (End::Body(a), End::Body(b)) if a != b => (a.min(b), Some(a.max(b))),
             (End::Body(a), End::Puck | End::Ground) | (End::Puck | End::Ground, End::Body(a)) => (a, None),
-            _ => continue,
+            (End::Body(_), End::Body(_)) | (End::Puck | End::Ground, End::Puck | End::Ground) => continue,
         };
         // Zero stiffness and damping tie nothing.
         if tie.stiffness == 0.0 && tie.fixed == 0.0 && tie.per_period == 0.0 {

@@ -76,7 +76,12 @@ impl<const N: usize> Wheels<N> {
                     let counts = |i: &usize| compensated_by(of, &world.couplings[*i]);
                     (Kind::Following((0..world.couplings.len()).filter(counts).collect()), 0.0)
                 }
-                _ => return None,
+                Law::Wall { .. }
+                | Law::Detent { .. }
+                | Law::Coulomb { .. }
+                | Law::Lugre { .. }
+                | Law::Constant { .. }
+                | Law::Clamped { .. } => return None,
             };
             Some(Tie { coupling, kind, value: [value; N] })
         };

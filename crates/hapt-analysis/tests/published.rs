@@ -172,3 +172,19 @@ fn without_virtual_damping_passive_and_stable_end_together_on_a_lab_wheel() {
     let beyond = verdict(stiffest * 1.02);
     assert!(!beyond.passivity.passive && beyond.free.growth_per_s.unwrap() > 0.0);
 }
+
+/// (T25) up to β = 3.7208, and (T25b) beyond: the exact limit of a spring to ground, hand off.
+#[test]
+fn the_exact_limit_of_a_spring_hand_off() {
+    proptest!(|(beta in 0.05..12.0f64)| {
+        let e = (-beta).exp();
+        let by_determinant = beta * beta * (1.0 - e) / (1.0 - e - beta * e);
+        let by_minus_one = 2.0 * beta * beta * (1.0 + e) / (beta * (1.0 + e) - 2.0 * (1.0 - e));
+        prop_assert_eq!(by_determinant < by_minus_one, beta < 3.720_753_996, "{}", beta);
+        let limit = by_determinant.min(by_minus_one);
+        let inertia = wall(0.0, 0.0, 0.0, 0.0).device.inertia;
+        let at = |x: f64| wall(x * inertia / (PERIOD * PERIOD), 0.0, beta * inertia / PERIOD, 0.0);
+        prop_assert!(is_stable(&at(limit * (1.0 - 1e-6))));
+        prop_assert!(!is_stable(&at(limit * (1.0 + 1e-6))));
+    });
+}

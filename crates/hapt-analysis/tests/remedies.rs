@@ -149,4 +149,30 @@ proptest! {
         let most = 1.2e-3 / stiffness / (0.5 + samples);
         prop_assert!((0.8..1.001).contains(&(longest / most)), "{longest} {most}");
     }
+
+/// What `hapt check` prints of a world's remedies.
+fn printed(text: &str) -> Vec<String> {
+    let source = Source::from_text("world.toml", text);
+    let world = World::read(&source, &[]).unwrap();
+    let (check, found) = (hapt_analysis::check(&world).unwrap(), remedies(&world).unwrap());
+    hapt_analysis::proposal(&world, &source, &[], &check, &found).unwrap().unwrap().lines()
+}
+
+#[test]
+fn a_remedy_of_several_keys_is_one_block_and_says_so() {
+    let head = "[loop]\nperiod = 1e-3\nestimator = \"difference\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\n";
+    let spring = |stiffness: f64| {
+        format!("[[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = {stiffness}\n")
+    };
+    let one = printed(&format!("{head}{}", spring(4.0)));
+    assert!(one.iter().all(|line| !line.is_empty() && !line.starts_with('#')), "{one:?}");
+    assert!(one[0].starts_with("damping = ") && one[0].contains("a property of the hardware"), "{one:?}");
+    let two = printed(&format!("{head}{}{}", spring(4.0), spring(2.0)));
+    let blocks: Vec<&[String]> = two.split(|line| line.is_empty()).collect();
+    let joint: Vec<&&[String]> = blocks.iter().filter(|block| block.len() > 1).collect();
+    assert_eq!(joint.len(), 1, "{two:?}");
+    assert_eq!((joint[0].len(), joint[0][0].as_str()), (3, "# all of these together:"));
+    assert!(joint[0][1..].iter().all(|line| line.starts_with("stiffness = ")), "{two:?}");
+    // Every other block is one line, a remedy by itself.
+    assert!(blocks.iter().filter(|block| block.len() == 1).all(|block| block[0].contains(" = ")), "{two:?}");
 }

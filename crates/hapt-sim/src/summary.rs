@@ -164,7 +164,13 @@ fn step_energy(world: &World, step: &[(f64, f64)]) -> f64 {
                 let q = at(coupling.first) - at(coupling.second);
                 0.5 * stiffness * q * q
             }
-            _ => 0.0,
+            Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => 0.0,
         })
         .sum();
     moving + stored

@@ -84,7 +84,10 @@ impl Supply {
 
     fn until(&mut self, row: &Row) -> f64 {
         self.lent.add(row);
-        self.first + self.lent.work + self.work(row) - self.height
+        // Against a constant that the motor's limit cuts the hand has less to give.
+        let work = self.work(row) - self.height;
+        let cut = self.stored.device.limit.is_some();
+        self.first + self.lent.work + if cut { work.max(0.0) } else { work }
     }
 }
 

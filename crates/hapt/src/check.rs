@@ -40,7 +40,8 @@ fn proposal(proposal: &Proposal, certified: bool) -> String {
     let name = if certified { "margins" } else { "remedies" };
     let lines = proposal.lines();
     let end = if lines.is_empty() { "" } else { ":" };
-    let lines: String = lines.iter().map(|line| format!("  {line}\n")).collect();
+    let indented = |line: &String| if line.is_empty() { "\n".to_string() } else { format!("  {line}\n") };
+    let lines: String = lines.iter().map(indented).collect();
     format!("{name:<9} {}{end}\n{lines}", proposal.heading)
 }
 

@@ -175,6 +175,7 @@ fn text(loaded: &Loaded, worst: &Worst, out: Option<&Path>, shown: &World) -> St
 fn verdict(worst: &Worst) -> String {
     let tried = people::count(worst.runs as u64);
     match (worst.broken, worst.drew, worst.certified) {
+        (true, true, false) if worst.motion.is_some() => "broken: a motion of the hand draws energy from it".into(),
         (true, true, false) => "broken: a passive hand draws energy from it".into(),
         (true, false, _) => {
             "broken: a passive hand makes it grow, too slowly for its energy to be seen in this run".into()

@@ -114,7 +114,10 @@ pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
         }
         round += (ledger.hand - last).abs() + 1e-5 * grip * row.puck * row.puck;
         last = ledger.hand;
-        let given = stored + lent.work + pushed(row.puck) - start;
+        // Against a constant that the motor's limit cuts the hand has less to give.
+        let push = pushed(row.puck) - start;
+        let push = if world.device.limit.is_some() { push.max(0.0) } else { push };
+        let given = stored + lent.work + push;
         most = most.max((-ledger.hand - given) / (round + ledger.damping + f64::MIN_POSITIVE));
         taken += 1;
     }

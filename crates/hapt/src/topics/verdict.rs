@@ -162,8 +162,9 @@ Passive and stable are different claims: see verdict, proved and remedies.
         line: "what a verdict on the linear loop leaves open",
         text: r#"Eigenvalues and passivity are of the linear loop: no counts, no clipping, walls as their slopes.
 Where a theorem carries passivity over to the whole loop it is proved; where not, lines `not proved`
-give the reasons: a motor that clips beside a body, counts at a body that nothing damps, FOAW, a
-wall behind a low-pass. The verdict then stands for the linear loop alone. The energy theorem covers
+give the reasons: a motor that clips beside a body, counts beside a body, counts or levels with too
+little friction at the puck, a constant torque at a body, the exact velocity in a damper at the puck,
+FOAW, a wall behind a low-pass. The verdict then stands for the linear loop alone. The energy theorem covers
 zoh, trapezoidal and backward-euler with output "end", undamped walls at bodies too.
 
   hapt check @notes/default                                not proved: the motor's limit cuts
@@ -178,7 +179,8 @@ zoh, trapezoidal and backward-euler with output "end", undamped walls at bodies 
         line: "what would make a loop certified, and how far one may go",
         text: r#"Not certified, `hapt check` looks for numbers that would change that, each one by itself: device
 damping, period, delay, advance, output, stiffness, a damper from every body to ground. They are
-lines to paste, in the units of the file, rounded to the safe side. "none found": none of them does.
+lines to paste, a block a remedy, in the units of the file, rounded to the safe side. Device damping
+is a property of the hardware. "none found": none of them does.
 Certified, the same list is the margins: how far each may go alone. Two at once need a new check.
 
   hapt check @notes/wheel | grep -A1 remedies              output = "end"
