@@ -178,9 +178,9 @@ const DITHERS: [f64; 6] = [0.5, 0.15, 0.04, 0.01, 0.002, 4e-4];
 const SWINGS: [u32; 5] = [3, 6, 12, 30, 80];
 const YIELDING: [f64; 2] = [0.1, 0.3];
 /// How far a reversal goes back in a sample, over what the velocity at the sample would have gone.
-const BACKS: [f64; 5] = [0.4, 0.2, 0.1, 0.04, 0.015];
+const BACKS: [f64; 6] = [0.4, 0.2, 0.1, 0.04, 0.015, 0.005];
 /// For how much of a sample it moves that way.
-const FORTH: f64 = 1e-3;
+const FORTH: f64 = 2e-5;
 /// A reversal goes this many samples one way and then as many the other.
 const BLOCK: usize = 32;
 
@@ -296,7 +296,7 @@ impl Bench<'_> {
         // The damper's torque is well above friction, and within the motor's limit.
         let torque = device
             .limit
-            .map_or(f64::INFINITY, |limit| 0.2 * limit)
+            .map_or(f64::INFINITY, |limit| 0.45 * limit)
             .min((50.0 * device.friction).max(0.1 * self.damping));
         let velocity = torque / self.damping;
         if !velocity.is_finite() || velocity <= 0.0 {

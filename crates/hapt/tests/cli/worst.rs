@@ -72,3 +72,21 @@ fn a_file_that_cannot_be_is_said_and_nothing_is_left() {
     hapt(at.path(), ["worst", "w.toml", "--out", "none/b.toml"]).refused(3, &["cannot write", "none"]);
     assert_eq!(names(at.path()), ["w.toml"]);
 }
+
+/// What no grip breaks, a motion does: its points stand beside the file, and `hapt sim` shows that the hand has more than it gave.
+#[test]
+fn a_motion_that_breaks_a_world_is_written_beside_it() {
+    let world = "[loop]\nperiod = 1e-3\nestimator = \"exact\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\n\
+        [[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"ground\"]\ndamping = 5e-4\n";
+    let at = folder(&[("w.toml", world)]);
+    let ended = hapt(at.path(), ["worst", "w.toml", "--out", "b.toml"]);
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    assert!(ended.out.contains("broken, though the linear loop is certified"), "{ended:?}");
+    assert!(ended.out.contains("turns round within each sample"), "{ended:?}");
+    assert_eq!(names(at.path()), ["b-motion.csv", "b.toml", "w.toml"]);
+    let shown = hapt(at.path(), ["sim", "b.toml"]).done();
+    assert!(shown.out.contains("hand gave -"), "{shown:?}");
+    // Proved of the difference, and no motion breaks that.
+    let proved = hapt(at.path(), ["worst", "w.toml", "--set", "loop.estimator=difference"]).done();
+    assert!(proved.out.contains("survived, as certified"), "{proved:?}");
+}
