@@ -63,6 +63,24 @@ fn armed_the_torque_rises_and_disarmed_it_falls_and_dropped_it_is_off() {
     assert_eq!(torque.get(), 0.0);
 }
 
+/// Its owner may be blocked in a print: nobody but the handle's thread does anything.
+#[test]
+fn a_handle_ends_the_loop_with_no_torque_on_while_its_owner_looks_at_nothing() {
+    let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+    let mut engine = start(0.2, device);
+    ask(&mut engine, Request::Arm);
+    until(&mut engine, |record| record.output == 0.2);
+    let handle = engine.end_handle();
+    std::thread::spawn(move || handle.end()).join().unwrap();
+    let mut looks = 0;
+    while torque.get() != 0.0 {
+        std::thread::sleep(Duration::from_millis(1));
+        looks += 1;
+        assert!(looks < 60_000, "the torque stays on");
+    }
+    assert_eq!(ended(&mut engine), End::Asked);
+}
+
 #[test]
 fn a_device_that_fails_ends_the_loop_with_no_torque_on() {
     let (device, torque) = Held::new(|k| -> There {

@@ -158,6 +158,9 @@ mod here {
     impl Run {
         /// Arms, keeps the link, disarms; looks at every telemetry, and gives it to `recorder`.
         fn until_it_ends(&mut self, world: u32, recorder: &mut impl FnMut(&Record)) -> Result<How, Failure> {
+            if let Some(signal) = output::signalled() {
+                return Ok(How::Signal(signal));
+            }
             let before = self.link.arm(world)?.or(self.before);
             let (mut kept, mut heard) = (Instant::now(), Instant::now());
             let mut shown = Shown::new(0, self.period);

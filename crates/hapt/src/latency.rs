@@ -29,8 +29,8 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     let mut engine =
         Engine::start_with(plan(&world, Guarding::Simulated)?, Box::new(device), settings(&args.realtime, &world)?)?;
     output::end_in_order();
-    let stop = engine.handle().clone();
-    output::stop_with(move || stop.end());
+    let handle = engine.handle().clone();
+    output::stop_with(move || handle.end());
     let _ = engine.send(Order::Request(Request::Arm));
     let stolen = Stolen::until_now();
     let mut timing = Timing::new();

@@ -53,8 +53,8 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let (device, hands) = spec.open(world)?;
     output::end_in_order();
     let engine = Engine::start_with(plan, device, settings)?;
-    let stop = engine.handle().clone();
-    output::stop_with(move || stop.end());
+    let handle = engine.handle().clone();
+    output::stop_with(move || handle.end());
     let recorder = recording.map(Recording::begin).transpose()?;
     if spec.has_a_motor() {
         people::say(drives::NOT_CERTIFIED);

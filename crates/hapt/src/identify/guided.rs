@@ -154,8 +154,8 @@ impl Experiment {
         output::end_in_order();
         let (device, _hands) = spec.open(world)?;
         let engine = Engine::start_with(first.clone(), device, settings)?;
-        let stop = engine.handle().clone();
-        output::stop_with(move || stop.end());
+        let handle = engine.handle().clone();
+        output::stop_with(move || handle.end());
         let recorder = recording.map(Recording::begin).transpose()?;
         for warning in &engine.realtime().warnings {
             people::say(format_args!("warning: {warning}"));

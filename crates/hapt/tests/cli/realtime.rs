@@ -131,7 +131,7 @@ fn a_log_of_a_run_gives_the_torques_again() {
 fn the_latency_comes_as_a_table_and_as_numbers() {
     let at = folder(&[("w.toml", WHEEL)]);
     let ended = hapt(at.path(), ["latency", "w.toml", "--duration", "0.2s"]).done();
-    for word in ["latency", "period", "computation", "p99.9", "samples", "priority", "memory", "below"] {
+    for word in ["latency", "period", "computation", "p99.9", "samples", "longest gap", "priority", "memory", "below"] {
         assert!(ended.out.contains(word), "{word}: {ended:?}");
     }
     let ended =
@@ -148,6 +148,27 @@ fn the_latency_comes_as_a_table_and_as_numbers() {
     // Every sample stands in one bar.
     let counts = json["histogram"].as_array().unwrap().iter().map(|bar| bar["count"].as_u64().unwrap());
     assert_eq!(counts.sum::<u64>(), samples);
+}
+
+/// However long a process stands still, the table has all of it: of five that are stopped, some is stopped while its loop runs.
+#[cfg(unix)]
+#[test]
+fn a_stall_shows_in_the_latency_and_as_the_longest_gap() {
+    const STALL: std::time::Duration = std::time::Duration::from_millis(700);
+    let at = folder(&[("w.toml", WHEEL)]);
+    let told = (0..5).any(|_| {
+        let running = Running::start(program(at.path(), ["latency", "w.toml", "--duration", "1.5s", "--json"]));
+        std::thread::sleep(STALL / 2);
+        running.signal("STOP");
+        std::thread::sleep(STALL);
+        running.signal("CONT");
+        let json: Value = serde_json::from_str(&running.end().done().out).unwrap();
+        let latency = json["latency_us"]["max"].as_f64().unwrap();
+        let (gap, period) = (json["longest_gap_us"].as_f64().unwrap(), json["period_us"]["max"].as_f64().unwrap());
+        near(gap, period, 2e-3);
+        latency > 0.6e6 && gap > 0.6e6 && json["missed"].as_u64().unwrap() > 500
+    });
+    assert!(told, "no stall showed");
 }
 
 /// Where strace is there and may look: between its first sleep and its last, the loop's thread calls nothing of the system's but to
