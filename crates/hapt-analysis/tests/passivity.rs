@@ -606,7 +606,7 @@ proptest! {
     ) {
         let mut world = plain(to_ground(k, damping), 1e-3);
         world.sampling.estimator = EstimatorKind::Difference;
-        world.sampling.delay = late * 1e-3;
+        world.sampling.delay = hapt_model::Delay::Seconds(late * 1e-3);
         world.device.limit = Some(1.0);
         let part = late.fract();
         let even = 1e-3 * k * (0.5 + late) + damping;

@@ -149,6 +149,7 @@ proptest! {
         let most = 1.2e-3 / stiffness / (0.5 + samples);
         prop_assert!((0.8..1.001).contains(&(longest / most)), "{longest} {most}");
     }
+}
 
 /// What `hapt check` prints of a world's remedies.
 fn printed(text: &str) -> Vec<String> {

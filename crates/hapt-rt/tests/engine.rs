@@ -70,7 +70,7 @@ fn a_handle_ends_the_loop_with_no_torque_on_while_its_owner_looks_at_nothing() {
     let mut engine = start(0.2, device);
     ask(&mut engine, Request::Arm);
     until(&mut engine, |record| record.output == 0.2);
-    let handle = engine.end_handle();
+    let handle = engine.handle().clone();
     std::thread::spawn(move || handle.end()).join().unwrap();
     let mut looks = 0;
     while torque.get() != 0.0 {

@@ -219,7 +219,7 @@ proptest! {
         let mut world = spring(k);
         world.couplings.push(to_ground(fixed(damping)));
         world.sampling.estimator = hapt_model::EstimatorKind::Difference;
-        world.sampling.delay = f64::from(late) * world.sampling.period;
+        world.sampling.delay = hapt_model::Delay::Samples(f64::from(late));
         world.device.damping = required_damping(&world).unwrap().unwrap() * spare;
         if which != 1 { world.device.encoder = Some(counts.round()); }
         let count = std::f64::consts::TAU / counts.round();

@@ -59,7 +59,7 @@ pub fn swinging(rng: &mut Rng) -> World {
             continue;
         }
         (world.sampling.method, world.sampling.output, world.sampling.advance) = (Method::Zoh, Output::End, 0);
-        world.sampling.delay = 0.0;
+        world.sampling.delay = hapt_model::Delay::Seconds(0.0);
         world.names = vec!["b0".into()];
         world.bodies = vec![Body { inertia, position: 0.0, velocity: way * rate }];
         world.couplings = [(End::Ground, grounded), (End::Puck, stiffness)]
