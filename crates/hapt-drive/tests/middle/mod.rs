@@ -198,21 +198,27 @@ fn stop() -> Frame {
     Frame::fd(1, &[0x01, 0x00, 0x00])
 }
 
+/// In a period that is long enough to switch the motor on again unseen.
 #[test]
 fn a_moteus_that_is_stopped_once_between_question_and_command_stays_stopped() {
-    let ended = fault(ends(Make::Moteus, &moteus(), 10, || {
-        let (mut is_stopped, mut since) = (false, 0);
-        move |way: Way, frame: Frame| {
-            since += u32::from(is_stopped && commands(way, &frame) && frame.id & 0x8000 != 0);
-            if is_stopped || !commands(way, &frame) {
-                assert!(since <= 1, "it is commanded again");
-                return vec![frame];
-            }
-            is_stopped = true;
-            vec![stop(), frame]
-        }
-    }));
+    let world = world(&["loop.period=20 ms", "couplings.0.stiffness=0.02", "safety.pulse=0", "safety.late=1"]);
+    let rig = Rig::new(Make::Moteus, None, Box::new(moteus()), &world, lockstep(&world));
+    let mut looped = rig.running(&world, PATIENCE);
+    let mut is_stopped = false;
+    rig.faults.between(move |way, frame| {
+        let is_first = commands(way, &frame) && !is_stopped;
+        is_stopped |= is_first;
+        if is_first { vec![stop(), frame] } else { vec![frame] }
+    });
+    // The command that comes after the stop finds it.
+    let ended = fault(looped.sample(None).map(|record| record.reason.unwrap_or(Reason::Late)));
     assert_eq!(ended.reason, Some(Reason::Stop), "{ended}");
+    rig.torque_goes_off();
+    for _ in 0..20 {
+        assert_eq!(looped.sample(None).unwrap_err(), Failure::Drive(ended), "it is switched on again");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+        assert_eq!(rig.faults.torque(), 0.0);
+    }
 }
 
 #[test]
