@@ -5,8 +5,8 @@ mod common;
 use common::*;
 use hapt_analysis::critical::{Critical, RK4_REAL, critical};
 use hapt_analysis::held::multipliers;
-use hapt_analysis::{Slopes, held};
-use hapt_model::{End, Method};
+use hapt_analysis::{Slopes, free, free_growth, held};
+use hapt_model::{End, Method, Source, World};
 use proptest::prelude::*;
 
 fn limit(world: &Bench, method: Method) -> Critical {
@@ -200,4 +200,74 @@ fn a_chains_far_end_keeps_its_digits_behind_a_stiff_one() {
     // The slow mode: c/ω² = 1e-9/1e-2, but for 1e-2/1e10 of the neighbour.
     let t = limit(&world, Method::ForwardEuler).period().unwrap();
     assert!((t / 1e-7 - 1.0).abs() < 1e-9, "{t}");
+}
+
+/// Two bodies on the puck, damped, and a delay of many samples.
+fn delayed(method: &str, [period, delay, puck, damping]: [f64; 4], bodies: [[f64; 3]; 2], ground: [f64; 2]) -> World {
+    let mut file = format!(
+        "[loop]\nmethod = \"{method}\"\noutput = \"start\"\nestimator = \"difference\"\nperiod = {period}\ndelay = {delay}\n\
+         [device]\ninertia = {puck}\ndamping = {damping}\n"
+    );
+    let tie = |first: &str, second: &str, stiffness: f64, damping: f64| {
+        let ends = format!("between = [\"{first}\", \"{second}\"]");
+        format!(
+            "[[couplings]]\nkind = \"spring\"\n{ends}\nstiffness = {stiffness}\n[[couplings]]\nkind = \"damper\"\n{ends}\ndamping = {damping}\n"
+        )
+    };
+    let ties = [tie("b0", "puck", bodies[0][1], bodies[0][2]), tie("b1", "puck", bodies[1][1], bodies[1][2])];
+    let to_ground = tie("puck", "ground", ground[0], ground[1]);
+    for (i, [inertia, ..]) in bodies.iter().enumerate() {
+        file += &format!("[bodies.b{i}]\ninertia = {inertia}\n");
+    }
+    World::read(&Source::from_text("w", file + &ties.concat() + &to_ground), &[]).unwrap()
+}
+
+#[test]
+fn a_window_of_instability_ends_the_critical_period_of_a_delayed_loop() {
+    // Found among random loops: each is unstable in a window of periods, and stable again beyond it, up to the last number.
+    let loops = [
+        (
+            delayed(
+                "tustin",
+                [3.741221216969887e-4, 1.4759038491039366e-2, 8.933138894469159e-3, 76.58331030144569],
+                [
+                    [1.2406518455666089e-3, 0.8000835832773125, 0.0],
+                    [3.937661185782494e-2, 6556.180776992292, 74.00132253966065],
+                ],
+                [0.0, 0.0],
+            ),
+            2.46973883200949e-3,
+            7.29e-3,
+        ),
+        (
+            delayed(
+                "tustin",
+                [1.769239793051922e-3, 6.473228380183889e-2, 1.725394005887226e-5, 4.882967297124297e-3],
+                [
+                    [3.3476939111281012e-6, 1.359985112091497e-2, 6.057964835357552e-5],
+                    [6.713114238541137e-6, 1.240132139150423e-2, 2.06882908324919e-5],
+                ],
+                [2.9431763752081423e-6, 2.143021629008457e-6],
+            ),
+            3.2912650980367185e-2,
+            5.68e-2,
+        ),
+    ];
+    for (world, window, beyond) in loops {
+        let at = |period: f64| {
+            let mut world = world.clone();
+            world.sampling.period = period;
+            free_growth(&world).unwrap().unwrap()
+        };
+        let found = free(&world).unwrap().critical_period_s.unwrap();
+        assert!((found / window - 1.0).abs() < 1e-9, "{found}");
+        let lowest = (world.sampling.period / 1e3).max(world.sampling.delay / 64.0);
+        for i in 0..400 {
+            let period = lowest * (found / lowest).powf(f64::from(i) / 400.0);
+            assert!(at(period) < 1e-9, "{period} of {found}");
+        }
+        assert!(at(found * (1.0 + 1e-6)) > 0.0);
+        // The window has another end.
+        assert!((1..100).any(|i| at(found + (beyond - found) * f64::from(i) / 100.0) < 0.0));
+    }
 }

@@ -1,7 +1,8 @@
-//! Remedies are what they say: each certifies the world by itself, and a hundredth beyond it does not.
+//! Remedies are what they say: each certifies the world by itself, and a hundredth beyond it does not. Margins are the ends of
+//! intervals without gaps.
 
 use hapt_analysis::{is_certified, remedies};
-use hapt_model::{Coupling, Damping, End, Law, Source, World};
+use hapt_model::{Coupling, Damping, Delay, End, Law, Source, World};
 use proptest::prelude::*;
 
 fn wheel(sets: &[String]) -> World {
@@ -86,8 +87,8 @@ proptest! {
             prop_assert!(!with(&world, |w| w.sampling.period = 1.01 * period), "{period}");
         }
         if let Some(delay) = found.delay_s {
-            prop_assert!(with(&world, |w| w.sampling.delay = hapt_model::Delay::Seconds(delay)), "{delay}");
-            prop_assert!(!with(&world, |w| w.sampling.delay = hapt_model::Delay::Seconds(1.01 * delay + 1e-6 * w.sampling.period * 2.0)), "{delay}");
+            prop_assert!(with(&world, |w| w.sampling.delay = Delay::Seconds(delay)), "{delay}");
+            prop_assert!(!with(&world, |w| w.sampling.delay = Delay::Seconds(1.01 * delay + 1e-6 * w.sampling.period * 2.0)), "{delay}");
         }
         if let Some(factor) = found.stiffness_scale {
             prop_assert!(with(&world, |w| scaled(w, factor)), "{factor}");
@@ -140,7 +141,7 @@ proptest! {
         let at = |period: f64| {
             with(&world, |w| {
                 w.sampling.period = period;
-                w.sampling.delay = hapt_model::Delay::Seconds(samples * period);
+                w.sampling.delay = Delay::Seconds(samples * period);
             })
         };
         let longest = remedies(&world).unwrap().period_s.unwrap();
@@ -176,4 +177,140 @@ fn a_remedy_of_several_keys_is_one_block_and_says_so() {
     assert!(joint[0][1..].iter().all(|line| line.starts_with("stiffness = ")), "{two:?}");
     // Every other block is one line, a remedy by itself.
     assert!(blocks.iter().filter(|block| block.len() == 1).all(|block| block[0].contains(" = ")), "{two:?}");
+}
+
+/// A loop on the notes' device, its springs and dampers from the puck to ground or to a body.
+fn random(rng: &mut Rng) -> World {
+    let period = rng.log(-3.5, -2.5);
+    let method = rng.of(["zoh", "trapezoidal", "backward-euler", "semi-implicit-euler", "forward-euler", "rk4"]);
+    let output = rng.of(["start", "middle", "end", "end"]);
+    let estimator = rng.of(["exact", "difference", "low-pass\"\ncutoff = \"50 Hz"]);
+    let delay = match rng.below(3) {
+        0 => 0.0,
+        1 => (1 + rng.below(4)) as f64 * period,
+        _ => 6.0 * rng.unit() * period,
+    };
+    let advance = if output == "end" { rng.below(3) } else { 0 };
+    let inertia = rng.log(-5.0, -2.0);
+    let mut file = format!(
+        "[loop]\nperiod = {period}\nmethod = \"{method}\"\noutput = \"{output}\"\nestimator = \"{estimator}\"\ndelay = {delay}\n\
+         advance = {advance}\n[device]\ninertia = {inertia}\ndamping = 1\n"
+    );
+    let bodies = rng.below(3);
+    (0..bodies).for_each(|i| file += &format!("[bodies.b{i}]\ninertia = {}\n", inertia * rng.log(-1.0, 2.0)));
+    let mut asked = 0.0;
+    for i in 0..=bodies {
+        let (first, second) = match i {
+            0 => ("puck".to_string(), "ground"),
+            _ => (format!("b{}", i - 1), rng.of(["puck", "puck", "ground"])),
+        };
+        let stiffness = inertia * (rng.log(-2.0, 0.0) / period).powi(2);
+        let kind = rng.of(["kind = \"spring\"", "kind = \"spring\"", "kind = \"wall\"\nside = \"above\"\nat = 0.1"]);
+        file += &format!("[[couplings]]\n{kind}\nbetween = [\"{first}\", \"{second}\"]\nstiffness = {stiffness}\n");
+        let damping = stiffness * period * rng.log(-2.0, 0.5);
+        if rng.below(2) == 0 {
+            file += &format!("[[couplings]]\nkind = \"damper\"\nbetween = [\"{first}\", \"{second}\"]\ndamping = {damping}\n");
+        }
+        asked += stiffness * (0.5 * period + delay) + damping;
+    }
+    let mut world = World::read(&Source::from_text("w", file), &[]).unwrap();
+    world.device.damping = asked * rng.log(-0.3, 0.7);
+    world
+}
+
+/// The same numbers in every run.
+struct Rng(u64);
+
+impl Rng {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn log(&mut self, from: f64, to: f64) -> f64 {
+        10f64.powf(from + (to - from) * self.unit())
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        (self.unit() * n as f64) as usize
+    }
+
+    fn of<T: Copy, const N: usize>(&mut self, all: [T; N]) -> T {
+        all[self.below(N)]
+    }
+}
+
+#[test]
+fn a_margin_is_the_end_of_an_interval_that_is_certified_all_through() {
+    let (mut judged, mut seed) = (0, 0);
+    while judged < 25 {
+        seed += 1;
+        let world = random(&mut Rng(seed));
+        if !is_certified(&world) {
+            continue;
+        }
+        judged += 1;
+        let found = remedies(&world).unwrap();
+        let (period, delay) = (world.sampling.period, world.sampling.delay_s());
+        type Change = fn(&mut World, f64);
+        let margins: [(&str, f64, Option<f64>, f64, Change); 3] = [
+            ("period_s", period, found.period_s, 30.0 * period, |w, period| w.sampling.period = period),
+            ("delay_s", delay, found.delay_s, delay + 40.0 * period, |w, delay| w.sampling.delay = Delay::Seconds(delay)),
+            ("stiffness_scale", 1.0, found.stiffness_scale, 30.0, scaled),
+        ];
+        for (name, now, end, far, change) in margins {
+            let certified = |x: f64| with(&world, |w| change(w, x));
+            assert!(end.is_some() || found.reasons.contains_key(name), "{seed}: {name}: {found:?}");
+            let last = end.unwrap_or(far);
+            assert!(last >= now, "{seed}: {name} {last} below {now}");
+            for i in 0..=60 {
+                let x = now + (last - now) * f64::from(i) / 60.0;
+                assert!(certified(x), "{seed}: {name} from {now} to {end:?}, but not at {x}");
+            }
+            if let Some(end) = end {
+                // A delay within 1e-6 of a whole sample is that sample.
+                let beyond = if name == "delay_s" { 2e-6 * period } else { 0.0 };
+                assert!(!certified(end * (1.0 + 2e-6) + beyond), "{seed}: {name} {end} goes on");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_margin_passes_no_gap_between_whole_samples_of_delay() {
+    // Nothing damps the wheel: at two samples it is certified, at one and a half nothing is.
+    let world = wheel(&["loop.delay=0.002".into(), "loop.advance=2".into(), "couplings.0.stiffness=0.2".into()]);
+    assert!(is_certified(&world) && !with(&world, |w| w.sampling.delay = Delay::Seconds(1.5e-3)));
+    let found = remedies(&world).unwrap();
+    let near = |found: Option<f64>, wanted: f64| (found.unwrap() / wanted - 1.0).abs() < 2e-6;
+    assert!(near(found.period_s, 1e-3) && near(found.delay_s, 2e-3), "{found:?}");
+}
+
+#[test]
+fn a_margin_of_the_delay_goes_on_as_long_as_the_certificate_does_or_says_how_far_it_was_looked() {
+    // b = (KT/4)(q + √(q² + 4a(1 - a))), q = 1 + 2(d + a), for a spring to ground.
+    let spring = |stiffness: f64| {
+        let file = format!(
+            "[loop]\nperiod = 1e-3\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\n\
+             [[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = {stiffness}\n"
+        );
+        World::read(&Source::from_text("w", file), &[]).unwrap()
+    };
+    for stiffness in [0.4, 0.031, 0.02, 0.007] {
+        let delay = remedies(&spring(stiffness)).unwrap().delay_s.unwrap() / 1e-3;
+        let (a, q) = (delay.fract(), 1.0 + 2.0 * delay);
+        let asked = 0.25 * stiffness * 1e-3 * (q + (q * q + 4.0 * a * (1.0 - a)).sqrt());
+        assert!((asked / 1.2e-3 - 1.0).abs() < 1e-5, "{stiffness}: {delay} samples, {asked}");
+    }
+    let found = remedies(&spring(0.002)).unwrap();
+    assert!(found.delay_s.is_none() && found.reasons["delay_s"].contains("500 samples"), "{found:?}");
+}
+
+#[test]
+fn a_margin_without_an_end_is_not_the_delay() {
+    // A damper alone asks for the same at every period.
+    let file = "[loop]\nperiod = 2e-3\ndelay = 1e-3\nestimator = \"difference\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\n";
+    let world = World::read(&Source::from_text("w", file), &[]).unwrap();
+    let found = remedies(&world).unwrap();
+    assert!(found.period_s.is_none() && found.reasons["period_s"].contains("no end"), "{found:?}");
 }

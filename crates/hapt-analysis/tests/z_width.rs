@@ -87,6 +87,22 @@ fn light_springs_obey_the_law_of_delays() {
 }
 
 #[test]
+fn a_heavily_damped_device_is_stable_as_far_as_it_is_passive_and_beyond() {
+    // Beyond 100 J/T², and 100 J/T.
+    for damping in [10.0, 1e3, 1e5] {
+        let world = device(damping, 0.0, EstimatorKind::Difference);
+        let found = of(&world);
+        assert!(found.stable_damping > damping && !is_stable(&world, 0.0, 1.001 * found.stable_damping));
+        for edge in found.edges.iter().filter(|edge| edge.passive.is_some()) {
+            let (passive, stable) = (edge.passive.unwrap(), edge.stable.unwrap());
+            assert!((passive / ((damping - edge.damping) * 2e3) - 1.0).abs() < 1e-6 || edge.damping > 0.99 * damping);
+            assert!(stable >= passive * (1.0 - 1e-6), "{edge:?}");
+            assert!(!is_stable(&world, stable * (1.0 + 1e-5), edge.damping), "{edge:?}");
+        }
+    }
+}
+
+#[test]
 fn an_encoder_adds_its_line() {
     let mut world = device(1.2e-3, 0.0, EstimatorKind::Difference);
     assert_eq!(of(&world).counts, None);

@@ -70,18 +70,22 @@ fn torque(world: &World, q: f64) -> f64 {
     world.couplings.iter().map(of).sum::<f64>().clamp(-limit, limit)
 }
 
+/// A tenth of a radian (linear: 1 cm).
+fn plain(world: &World) -> f64 {
+    match world.motion {
+        Motion::Rotary => 0.1,
+        Motion::Linear => 0.01,
+    }
+}
+
 /// How far a kick may move the puck, rad (linear: m): to a quarter of the motor's limit, or a tenth of a radian (linear: 1 cm), but
 /// by ten counts at least.
 fn reach(world: &World, stiffness: f64) -> f64 {
-    let plain: f64 = match world.motion {
-        Motion::Rotary => 0.1,
-        Motion::Linear => 0.01,
-    };
     let within = world.device.limit.map_or(f64::INFINITY, |limit| 0.25 * limit / stiffness);
-    plain.min(within).max(world.count().map_or(0.0, |count| 10.0 * count))
+    plain(world).min(within).max(world.count().map_or(0.0, |count| 10.0 * count))
 }
 
-/// Where hands try to rest: a little beside the start, at each wall's face, and some way inside. `stiffness` is that at the puck.
+/// Where hands try to rest, one place at least: a little beside the start, at each wall's face, and some way inside. `stiffness` is that at the puck.
 pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
     let reach = reach(world, stiffness);
     let mut all = vec![reach];
@@ -107,6 +111,9 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
     }
     all.retain(|q| *q != 0.0 && q.is_finite());
     all.dedup();
+    if all.is_empty() {
+        all.push(plain(world));
+    }
     // A world of many walls is not looked at behind every one.
     all.truncate(5);
     all

@@ -235,7 +235,8 @@ fn whole(t: f64, period: f64) -> f64 {
 /// The stiffness at the puck, nonlinear couplings on their steepest rise.
 fn stiffness(world: &World) -> Result<f64, Error> {
     let ties = ties(&world.bodies, &world.couplings, &Slopes::Steep)?;
-    Ok(ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).map(|t| t.stiffness).sum())
+    // An empty sum is -0, and nothing can be divided by that.
+    Ok(ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).fold(0.0, |sum, t| sum + t.stiffness))
 }
 
 /// Whether nothing bends at small motions, so that the growth of the linear loop is that of the whole as long as the motor's limit is

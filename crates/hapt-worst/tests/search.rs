@@ -73,6 +73,19 @@ fn a_wall_falls_to_a_hand_that_leans_on_it() {
 }
 
 #[test]
+fn a_body_that_nothing_ties_to_the_puck_gives_a_hand_nothing() {
+    // With a motor's limit, a reach in parts of it over a stiffness of nothing.
+    for couplings in [vec![], vec![Coupling { first: End::Body(0), ..to_ground(Law::Spring { stiffness: 1.0, rest: 0.0 }) }]] {
+        let mut world = World { couplings, ..bare() };
+        world.bodies.push(Body { inertia: 1e-3, position: 0.0, velocity: 0.0 });
+        world.names.push("b".into());
+        world.device.limit = Some(0.8);
+        let worst = search(&world).unwrap();
+        assert!(!worst.broken && !worst.drew && worst.runs > 0, "{worst:?}");
+    }
+}
+
+#[test]
 fn what_a_constant_torque_does_is_not_drawn() {
     let mut world = World { couplings: vec![to_ground(Law::Constant { torque: 0.1 })], ..bare() };
     assert!(is_certified(&world));
