@@ -209,7 +209,9 @@ fn random(rng: &mut Rng) -> World {
         file += &format!("[[couplings]]\n{kind}\nbetween = [\"{first}\", \"{second}\"]\nstiffness = {stiffness}\n");
         let damping = stiffness * period * rng.log(-2.0, 0.5);
         if rng.below(2) == 0 {
-            file += &format!("[[couplings]]\nkind = \"damper\"\nbetween = [\"{first}\", \"{second}\"]\ndamping = {damping}\n");
+            file += &format!(
+                "[[couplings]]\nkind = \"damper\"\nbetween = [\"{first}\", \"{second}\"]\ndamping = {damping}\n"
+            );
         }
         asked += stiffness * (0.5 * period + delay) + damping;
     }

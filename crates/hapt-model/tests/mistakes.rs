@@ -75,6 +75,18 @@ fn text_that_is_not_toml_is_shown_in_the_same_way() {
 fn the_loop() {
     let table = [
         ("period = \"0 s\"", "loop.period: \"0 s\" is not above 0; a time (s) above 0 is wanted, such as \"1 ms\""),
+        (
+            "period = 1e-320",
+            "loop.period: 1e-320 is below anything physical, 1e-30 in SI; a time (s) above 0 is wanted, such as \"1 ms\"",
+        ),
+        (
+            "period = \"1e31 s\"",
+            "loop.period: \"1e31 s\" is beyond anything physical, 1e30 in SI; a time (s) above 0 is wanted, such as \"1 ms\"",
+        ),
+        (
+            "period = 1\ndelay = 1e-320",
+            "loop.delay: 1e-320 is below anything physical, 1e-30 in SI; a time (s) of 0 or more is wanted, such as \"1 ms\"",
+        ),
         ("period = -1", "loop.period: -1 is not above 0; a time (s) above 0 is wanted, such as \"1 ms\""),
         ("period = \"5\"", "loop.period: \"5\" has no unit; a time (s) is wanted, such as \"1 ms\""),
         ("period = true", "loop.period: true is a boolean; a time (s) above 0 is wanted, such as \"1 ms\""),

@@ -75,7 +75,9 @@ fn a_wall_falls_to_a_hand_that_leans_on_it() {
 #[test]
 fn a_body_that_nothing_ties_to_the_puck_gives_a_hand_nothing() {
     // With a motor's limit, a reach in parts of it over a stiffness of nothing.
-    for couplings in [vec![], vec![Coupling { first: End::Body(0), ..to_ground(Law::Spring { stiffness: 1.0, rest: 0.0 }) }]] {
+    for couplings in
+        [vec![], vec![Coupling { first: End::Body(0), ..to_ground(Law::Spring { stiffness: 1.0, rest: 0.0 }) }]]
+    {
         let mut world = World { couplings, ..bare() };
         world.bodies.push(Body { inertia: 1e-3, position: 0.0, velocity: 0.0 });
         world.names.push("b".into());
