@@ -244,3 +244,22 @@ pub fn companion(world: &World, key: &str, value: &str) -> Option<(String, Strin
 pub fn may_be_set(world: &World, path: &str) -> bool {
     is_shown(path) && row(world, path).is_some_and(|row| !matches!(row.takes, Takes::Table | Takes::Ends))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_delay_in_samples_has_samples_for_its_unit_as_long_as_the_period() {
+        let source = Source::from_text(
+            "w.toml",
+            "loop = { period = \"2 ms\", delay = \"1.5 samples\" }\ndevice.inertia = 1e-3\n",
+        );
+        for (sets, period) in [(vec![], 2e-3), (vec!["loop.period=4 ms".to_string()], 4e-3)] {
+            let keys = keys(&source, &[], &sets).unwrap();
+            let delay = keys.iter().find(|key| key.path == "loop.delay").unwrap();
+            assert_eq!((delay.written.as_str(), delay.unit.as_str(), delay.factor), ("1.5 samples", "samples", period));
+            assert_eq!(delay.value, Some(1.5 * period));
+        }
+    }
+}

@@ -19,6 +19,7 @@ use hapt_worst::{Gap, Hand, Motion, Trick, Worst};
 use serde_json::json;
 
 use crate::args::WorstArgs;
+use crate::colour;
 use crate::failure::Failure;
 use crate::output::{self, Draft};
 use crate::people;
@@ -55,7 +56,7 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
         text(&loaded, &worst, args.out.as_deref(), &shown)
     };
     let mut out = stdout().lock();
-    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    out.write_all(colour::for_stdout(&text).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(if worst.broken { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
