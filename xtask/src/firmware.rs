@@ -18,7 +18,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::marked;
+use crate::{marked, supply};
 
 const FOLDER: &str = "firmware";
 const BUILT: &str = "target/firmware";
@@ -190,10 +190,8 @@ fn qemu(machine: &str, program: &Path, cases: &[u8], more: &[&str]) -> Result<St
     Ok(text)
 }
 
-/// Whether this compiler has the target's standard library.
 fn has_target() -> bool {
-    let said = Command::new("rustc").args(["--print", "target-libdir", "--target", TARGET]).output();
-    said.is_ok_and(|said| Path::new(String::from_utf8_lossy(&said.stdout).trim()).exists())
+    supply::has_target(TARGET)
 }
 
 /// Whether there is what builds and runs the firmware; with `CI` set what is missing is installed.

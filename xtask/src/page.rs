@@ -99,8 +99,7 @@ fn list(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
 
 /// Whether this compiler has the target's standard library.
 fn has_target() -> bool {
-    let said = Command::new("rustc").args(["--print", "target-libdir", "--target", TARGET]).output();
-    said.is_ok_and(|said| Path::new(String::from_utf8_lossy(&said.stdout).trim()).exists())
+    crate::supply::has_target(TARGET)
 }
 
 /// The built page gives the bits of this machine's, for every method over 10^5 samples of a random world: loop, supervisor, device, the

@@ -43,6 +43,16 @@ pub fn oldest_rust() -> Result<()> {
     core()
 }
 
+/// Whether rustup's compiler has a target's standard library. If not, or with `HAPT_CROSS=distribution`, the distribution's compiler builds
+/// one: whoever has both can try both.
+pub fn has_target(target: &str) -> bool {
+    if std::env::var_os("HAPT_CROSS").is_some_and(|which| which == "distribution") {
+        return false;
+    }
+    let said = Command::new("rustc").args(["--print", "target-libdir", "--target", target]).output();
+    said.is_ok_and(|said| Path::new(String::from_utf8_lossy(&said.stdout).trim()).exists())
+}
+
 /// The first two numbers of a version.
 fn version(text: &str) -> Option<(u32, u32)> {
     let mut numbers = text.split('.').map(|number| number.parse().ok());

@@ -238,10 +238,11 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         let network = Network::<B>::new(spec)?;
         let mut inertia = [1.0; B];
         let mut start = Vector::<f64, B>::ZERO;
-        for (i, body) in spec.bodies.iter().enumerate().take(n.min(B)) {
-            inertia[i] = body.inertia;
-            start.position[i] = body.position;
-            start.velocity[i] = body.velocity;
+        for (place, body) in inertia.iter_mut().zip(spec.bodies) {
+            *place = body.inertia;
+        }
+        for ((position, velocity), body) in start.position.iter_mut().zip(&mut start.velocity).zip(spec.bodies) {
+            (*position, *velocity) = (body.position, body.velocity);
         }
 
         let mut nonlinear = [None; C];

@@ -92,6 +92,19 @@ impl<F: Real, const B: usize> Response<F, B> {
     }
 }
 
+/// The first n places of a block of B. The range itself ends at B, so that every compiler sees each index within the block: `0..n.min(B)` is
+/// as safe, but compilers that lose the minimum on their way leave a bounds check there, and a panic behind it.
+#[inline(always)]
+pub(crate) fn places<const B: usize>(n: usize) -> impl Iterator<Item = usize> {
+    places_from::<B>(0, n)
+}
+
+/// Those from `first` on.
+#[inline(always)]
+pub(crate) fn places_from<const B: usize>(first: usize, n: usize) -> impl Iterator<Item = usize> {
+    (first..B).take_while(move |i| *i < n)
+}
+
 /// One block of B rows and columns.
 pub(crate) type Block<F, const B: usize> = [[F; B]; B];
 
@@ -108,8 +121,7 @@ impl<F: Real, const B: usize> Half<F, B> {
     /// out += self · x
     #[inline]
     pub fn apply(&self, n: usize, x: &[F; B], out: &mut Vector<F, B>) {
-        let n = n.min(B);
-        for i in 0..n {
+        for i in places::<B>(n) {
             let (mut position, mut velocity) = (F::ZERO, F::ZERO);
             for (j, &x) in x.iter().enumerate().take(n) {
                 position += self.position[i][j] * x;
@@ -163,10 +175,9 @@ impl<F: Real, const B: usize> Matrix<F, B> {
 
 /// Factors a symmetric positive definite matrix in place, L Lᵀ in the lower triangle. `None` when it is not (or not finite).
 pub(crate) fn cholesky<const B: usize>(n: usize, a: &mut Block<f64, B>) -> Option<()> {
-    let n = n.min(B);
-    for j in 0..n {
+    for j in places::<B>(n) {
         let mut pivot = a[j][j];
-        for k in 0..j {
+        for k in places::<B>(j) {
             pivot -= a[j][k] * a[j][k];
         }
         // A NaN must fail too.
@@ -175,9 +186,9 @@ pub(crate) fn cholesky<const B: usize>(n: usize, a: &mut Block<f64, B>) -> Optio
         }
         let pivot = libm::sqrt(pivot);
         a[j][j] = pivot;
-        for i in j + 1..n {
+        for i in places_from::<B>(j + 1, n) {
             let mut x = a[i][j];
-            for k in 0..j {
+            for k in places::<B>(j) {
                 x -= a[i][k] * a[j][k];
             }
             a[i][j] = x / pivot;
@@ -188,25 +199,31 @@ pub(crate) fn cholesky<const B: usize>(n: usize, a: &mut Block<f64, B>) -> Optio
 
 /// Solves L Lᵀ x = b for every column of b, in place.
 pub(crate) fn cholesky_solve<const B: usize>(n: usize, l: &Block<f64, B>, b: &mut Block<f64, B>) {
-    let n = n.min(B);
-    for i in 0..n {
-        for k in 0..i {
-            for j in 0..n {
-                b[i][j] -= l[i][k] * b[k][j];
-            }
-        }
-        for j in 0..n {
-            b[i][j] /= l[i][i];
+    let entry = |i: usize, k: usize| l.get(i).and_then(|row| row.get(k)).copied().unwrap_or(0.0);
+    for i in places::<B>(n) {
+        solve_row(n, i, places::<B>(i).map(|k| (k, entry(i, k))), entry(i, i), b);
+    }
+    for i in (0..B).rev().filter(|i| *i < n) {
+        solve_row(n, i, places_from::<B>(i + 1, n).map(|k| (k, entry(k, i))), entry(i, i), b);
+    }
+}
+
+/// b_i = (b_i - Σ factor_k b_k)/pivot, for rows of b.
+fn solve_row<const B: usize>(
+    n: usize,
+    i: usize,
+    factors: impl Iterator<Item = (usize, f64)>,
+    pivot: f64,
+    b: &mut Block<f64, B>,
+) {
+    let mut row = b.get(i).copied().unwrap_or([0.0; B]);
+    for (k, factor) in factors {
+        for (x, known) in row.iter_mut().zip(b.get(k).unwrap_or(&[0.0; B])).take(n) {
+            *x -= factor * *known;
         }
     }
-    for i in (0..n).rev() {
-        for k in i + 1..n {
-            for j in 0..n {
-                b[i][j] -= l[k][i] * b[k][j];
-            }
-        }
-        for j in 0..n {
-            b[i][j] /= l[i][i];
-        }
+    row.iter_mut().take(n).for_each(|x| *x /= pivot);
+    if let Some(place) = b.get_mut(i) {
+        *place = row;
     }
 }

@@ -11,7 +11,7 @@
 //! classical Runge-Kutta. Increments rather than x_{k+1} itself: the eigenvalues crowd near 1, and 1 + 2e-5 in `f32` has lost
 //! what the growth is made of.
 
-use crate::matrix::{Block, Half, Matrix, Vector, cholesky, cholesky_solve};
+use crate::matrix::{Block, Half, Matrix, Vector, cholesky, cholesky_solve, places};
 use crate::{Error, Method};
 
 /// J ẅ = -K w - C ẇ + F.
@@ -56,11 +56,11 @@ impl<const B: usize> Dynamics<B> {
     /// (J + hC + hgK) Δv = T (F - K w_k - (C + hK) v_k),    Δw = T v_k + g Δv
     /// ```
     fn one_stage(&self, t: f64, h: f64, g: f64) -> Result<Rule<B>, Error> {
-        let n = self.n.min(B);
+        let n = self.n;
         let mut lhs = [[0.0; B]; B];
         let mut rule = Rule { state: Matrix::ZERO, old: Half::ZERO, new: Half::ZERO };
-        for i in 0..n {
-            for j in 0..n {
+        for i in places::<B>(n) {
+            for j in places::<B>(n) {
                 lhs[i][j] = h * self.damping[i][j] + h * g * self.stiffness[i][j];
                 rule.state.from_position.velocity[i][j] = -t * self.stiffness[i][j];
                 rule.state.from_velocity.velocity[i][j] = -t * (self.damping[i][j] + h * self.stiffness[i][j]);
@@ -71,13 +71,13 @@ impl<const B: usize> Dynamics<B> {
         cholesky(n, &mut lhs).ok_or(Error::NotFinite)?;
         for half in [&mut rule.state.from_position, &mut rule.state.from_velocity, &mut rule.new] {
             cholesky_solve(n, &lhs, &mut half.velocity);
-            for i in 0..n {
-                for j in 0..n {
+            for i in places::<B>(n) {
+                for j in places::<B>(n) {
                     half.position[i][j] = g * half.velocity[i][j];
                 }
             }
         }
-        for i in 0..n {
+        for i in places::<B>(n) {
             rule.state.from_velocity.position[i][i] += t;
         }
         Ok(rule)
@@ -85,11 +85,11 @@ impl<const B: usize> Dynamics<B> {
 
     /// How often the step is halved before the series: until the fastest motion turns by half a radian at most.
     fn halvings(&self, t: f64) -> u32 {
-        let n = self.n.min(B);
+        let n = self.n;
         let (mut stiffest, mut most_damped) = (0.0_f64, 0.0_f64);
-        for i in 0..n {
+        for i in places::<B>(n) {
             let (mut k, mut c) = (0.0, 0.0);
-            for j in 0..n {
+            for j in places::<B>(n) {
                 k += libm::fabs(self.stiffness[i][j]) / self.inertia[i];
                 c += libm::fabs(self.damping[i][j]) / self.inertia[i];
             }
@@ -117,7 +117,7 @@ impl<const B: usize> Dynamics<B> {
     /// where Φ2(h) = ∫₀ʰ e^{A(h-s)} s ds is the response to a ramp. With `ramp` the torque runs straight from the old to the
     /// new sample: new = Φ2/T, old = Φ1 - Φ2/T; without, it is held: new = Φ1.
     fn series(&self, t: f64, terms: u32, halvings: u32, ramp: bool) -> Rule<B> {
-        let n = self.n.min(B);
+        let n = self.n;
         let mut h = t;
         for _ in 0..halvings {
             h *= 0.5;
@@ -143,8 +143,8 @@ impl<const B: usize> Dynamics<B> {
         let state = e;
         let mut new = hold.from_velocity;
         let mut old = Half::ZERO;
-        for i in 0..n {
-            for j in 0..n {
+        for i in places::<B>(n) {
+            for j in places::<B>(n) {
                 // A torque F on body j accelerates it by F/J_j.
                 for (new, old, slope) in [
                     (&mut new.position[i][j], &mut old.position[i][j], slope.from_velocity.position[i][j]),
@@ -161,12 +161,12 @@ impl<const B: usize> Dynamics<B> {
 
     /// φ_p(hA) = Σ (hA)^j/(j+p)!, p = 1 or 2, by Horner's rule over `terms` terms.
     fn phi(&self, h: f64, terms: u32, p: u32) -> Matrix<f64, B> {
-        let n = self.n.min(B);
+        let n = self.n;
         let mut sum = Matrix::ZERO;
         for j in (0..terms).rev() {
             // sum = I + hA/(j+1+p) · sum, from the last term inward; the common 1/p! comes at the end.
             sum = self.rate_of(h / f64::from(j + 1 + p), &sum);
-            for i in 0..n {
+            for i in places::<B>(n) {
                 sum.from_position.position[i][i] += 1.0;
                 sum.from_velocity.velocity[i][i] += 1.0;
             }
@@ -176,14 +176,14 @@ impl<const B: usize> Dynamics<B> {
 
     /// h A · m
     fn rate_of(&self, h: f64, m: &Matrix<f64, B>) -> Matrix<f64, B> {
-        let n = self.n.min(B);
+        let n = self.n;
         let mut out = Matrix::ZERO;
         for (out, m) in [(&mut out.from_position, &m.from_position), (&mut out.from_velocity, &m.from_velocity)] {
-            for i in 0..n {
-                for k in 0..n {
+            for i in places::<B>(n) {
+                for k in places::<B>(n) {
                     out.position[i][k] = h * m.velocity[i][k];
                     let mut torque = 0.0;
-                    for j in 0..n {
+                    for j in places::<B>(n) {
                         torque += self.stiffness[i][j] * m.position[j][k] + self.damping[i][j] * m.velocity[j][k];
                     }
                     out.velocity[i][k] = -h * torque / self.inertia[i];
@@ -208,10 +208,9 @@ impl<const B: usize> Rule<B> {
 
 /// out += factor · m
 fn add<const B: usize>(n: usize, factor: f64, m: &Matrix<f64, B>, out: &mut Matrix<f64, B>) {
-    let n = n.min(B);
     for (m, out) in [(&m.from_position, &mut out.from_position), (&m.from_velocity, &mut out.from_velocity)] {
-        for i in 0..n {
-            for j in 0..n {
+        for i in places::<B>(n) {
+            for j in places::<B>(n) {
                 out.position[i][j] += factor * m.position[i][j];
                 out.velocity[i][j] += factor * m.velocity[i][j];
             }
@@ -221,18 +220,17 @@ fn add<const B: usize>(n: usize, factor: f64, m: &Matrix<f64, B>, out: &mut Matr
 
 /// a · b
 fn product<const B: usize>(n: usize, a: &Matrix<f64, B>, b: &Matrix<f64, B>) -> Matrix<f64, B> {
-    let n = n.min(B);
     let mut out = Matrix::ZERO;
     for (b, out) in [(&b.from_position, &mut out.from_position), (&b.from_velocity, &mut out.from_velocity)] {
-        for k in 0..n {
+        for k in places::<B>(n) {
             let mut x = Vector::ZERO;
-            for j in 0..n {
+            for j in places::<B>(n) {
                 x.position[j] = b.position[j][k];
                 x.velocity[j] = b.velocity[j][k];
             }
             let mut y = Vector::ZERO;
             a.apply(n, &x, &mut y);
-            for i in 0..n {
+            for i in places::<B>(n) {
                 out.position[i][k] = y.position[i];
                 out.velocity[i][k] = y.velocity[i];
             }

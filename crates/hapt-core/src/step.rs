@@ -237,8 +237,10 @@ where
         let mut torque = self.port.offset + self.port.puck[0] * puck.position + self.port.puck[1] * puck.velocity;
         // All products before the first sum, which then has only itself to wait for.
         let port = self.port.bodies.rows::<L>(0);
-        let products: [F; L] =
-            core::array::from_fn(|i| port.position[i] * bodies.position[i] + port.velocity[i] * bodies.velocity[i]);
+        let mut products = [F::ZERO; L];
+        for i in 0..L {
+            products[i] = port.position[i] * bodies.position[i] + port.velocity[i] * bodies.velocity[i];
+        }
         for product in products.iter().take(n) {
             torque += *product;
         }

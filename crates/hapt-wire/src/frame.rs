@@ -4,10 +4,10 @@
 //!
 //! No byte of a frame is 0 but its last, so that a reader that has lost its place finds it again at the next 0.
 
-use postcard::de_flavors::crc as checked;
 use postcard::ser_flavors::crc::CrcModifier;
 use serde::{Deserialize, Serialize};
 
+use crate::bytes::read;
 use crate::cobs::{Stuffed, unstuff};
 use crate::{Error, SUM};
 
@@ -54,7 +54,11 @@ impl<const N: usize> Reader<N> {
             return None;
         }
         let message = self.bytes.get_mut(..length).and_then(|stuffed| {
-            let (message, rest) = checked::take_from_bytes_u16(unstuff(stuffed)?, SUM.digest()).ok()?;
+            let (message, sum) = unstuff(stuffed)?.split_last_chunk()?;
+            if SUM.checksum(message) != u16::from_le_bytes(*sum) {
+                return None;
+            }
+            let (message, rest) = read(message).ok()?;
             rest.is_empty().then_some(message)
         });
         if message.is_none() {

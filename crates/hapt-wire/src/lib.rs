@@ -36,6 +36,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 #![forbid(unsafe_code)]
 
+mod bytes;
 mod cobs;
 mod frame;
 mod load;

@@ -173,7 +173,7 @@ impl<const B: usize, const C: usize> Stored<B, C> {
 }
 
 pub(crate) fn take<T: for<'a> Deserialize<'a>>(rest: &mut &[u8]) -> Result<T, Error> {
-    let (value, after) = postcard::take_from_bytes(rest).map_err(|_| Error::NotAWorld)?;
+    let (value, after) = crate::bytes::read(rest).map_err(|_| Error::NotAWorld)?;
     *rest = after;
     Ok(value)
 }
