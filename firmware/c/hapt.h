@@ -17,8 +17,9 @@ struct hapt {
     uint64_t room[512];
 };
 
-/* What the supervisor may be asked for with a reading. A stop counts whatever else is going on. */
-enum { HAPT_NOTHING, HAPT_ARM, HAPT_DISARM, HAPT_STOP, HAPT_CLEAR };
+/* What the supervisor may be asked for with a reading. A stop counts whatever else is going on. HAPT_FAULT tells it that the motor's driver
+   has switched itself off, as for too much current: at each sample for as long as that lasts. It takes a clear to go on. */
+enum { HAPT_NOTHING, HAPT_ARM, HAPT_DISARM, HAPT_STOP, HAPT_CLEAR, HAPT_FAULT };
 
 /* Where it stands. */
 enum { HAPT_DISARMED, HAPT_FADING_IN, HAPT_RUNNING, HAPT_FADING_OUT, HAPT_FAULTED };

@@ -12,7 +12,11 @@ pub trait Line {
 pub trait Device {
     /// The puck's position in rad (linear: m).
     fn position(&mut self) -> f32;
-    /// Has the motor hold a torque in N·m (linear: N) until the next; off, its driver lets go.
+    /// Whether the motor's driver has reported a fault since it was last asked: too much current, heat, supply. Asked once before each
+    /// sample. The supervisor latches it; a board with no such report says that there is none.
+    fn fault(&mut self) -> bool;
+    /// Has the motor hold a torque in N·m (linear: N) until the next; off, its driver lets go. A driver that has switched itself off stays
+    /// off for as long as `on` is true: only `on` after off turns it on.
     fn hold(&mut self, torque: f32, on: bool);
     /// Tells the watchdog that the loop runs. When nobody does for a few periods, it takes the motor's power away, whatever the
     /// processor is doing by then.

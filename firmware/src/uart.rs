@@ -1,7 +1,7 @@
 //! A UART that is asked, byte by byte: every maker's has a state, a register to read and one to write.
 
-use crate::board::Line;
-use crate::register::Register;
+use super::board::Line;
+use super::register::Register;
 
 /// Its registers, and what its state says.
 pub struct Uart {

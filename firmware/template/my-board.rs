@@ -1,8 +1,8 @@
 //! Your board: what it is, its motor, its encoder, and which manuals the numbers are from.
 
-use crate::board::{Board, Device};
-use crate::register::Register;
-use crate::uart::Uart;
+use super::board::{Board, Device};
+use super::register::Register;
+use super::uart::Uart;
 
 // Registers by their addresses, under names that say what they do:
 const UART_STATE: Register = Register::at(0x4000_441c);
@@ -46,8 +46,14 @@ impl Device for Motor {
         self.counts as f32 * (core::f32::consts::TAU / COUNTS)
     }
 
+    fn fault(&mut self) -> bool {
+        // The driver's report of too much current, heat and the like, which it must have acted on by itself: read it, and acknowledge it.
+        false
+    }
+
     fn hold(&mut self, _torque: f32, _on: bool) {
-        // Torque to current or duty; positive pushes the puck to larger positions. Off: the driver lets go.
+        // Torque to current or duty; positive pushes the puck to larger positions. Off: the driver lets go. Turn it on only where it was
+        // off at the sample before: after a fault of its own it must not come back by itself.
     }
 
     fn feed(&mut self) {

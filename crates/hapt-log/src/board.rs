@@ -30,6 +30,8 @@ pub fn told(before: Phase, after: Phase, reason: Option<Reason>) -> (Option<Requ
     let lost = reason == Some(Reason::Link);
     let request = match (before, after) {
         (_, Faulted) if reason == Some(Reason::Stop) && before != Faulted => Some(Request::Stop),
+        // It was not armed: its motor's driver has a fault.
+        (Disarmed, Faulted) if reason == Some(Reason::Driver) => None,
         (Disarmed, FadingIn | Running | Faulted) | (FadingOut, FadingIn | Running) => Some(Request::Arm),
         (FadingIn | Running, FadingOut | Disarmed) if !lost => Some(Request::Disarm),
         (Faulted, Disarmed) => Some(Request::Clear),
@@ -98,6 +100,10 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
             silent: silent as f32,
         };
         let Running { world, supervisor, state, watch, .. } = &mut **running;
+        // What the board's own driver has reported is in no reading.
+        if watch.phase != Phase::Faulted && inputs.reason == u64::from(Reason::Driver.code()) {
+            watch.trip(Reason::Driver);
+        }
         let guarded = supervisor.step(watch, world, state, &reading, inputs.request);
         let output = sample.values.len() - LIVE_COLUMNS;
         let torques = [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];
@@ -124,6 +130,8 @@ mod tests {
         let asked = |before, after, reason| told(before, after, reason).0;
         assert_eq!(asked(Disarmed, FadingIn, None), Some(Request::Arm));
         assert_eq!(asked(Disarmed, Faulted, Some(Reason::Jump)), Some(Request::Arm));
+        assert_eq!(asked(Disarmed, Faulted, Some(Reason::Driver)), None);
+        assert_eq!(asked(Running, Faulted, Some(Reason::Driver)), None);
         assert_eq!(asked(FadingOut, FadingIn, None), Some(Request::Arm));
         assert_eq!(asked(Running, FadingOut, None), Some(Request::Disarm));
         assert_eq!(asked(Running, Faulted, Some(Reason::Stop)), Some(Request::Stop));

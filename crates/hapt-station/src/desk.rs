@@ -205,7 +205,7 @@ impl<'w> Clerk<'w> {
                 }
                 let missed = sample.checked_sub(progress.next).filter(|missed| *missed <= HORIZON);
                 let missed = missed.and_then(|missed| u32::try_from(missed).ok()).ok_or(Why::Sample)?;
-                return Ok(Outcome::Seen(Seen { position, velocity, late, missed, announced }));
+                return Ok(Outcome::Seen(Seen { position, velocity, late, missed, announced, fault: false }));
             }
         };
         let errand = Errand { sequence: command.sequence, not_after: command.not_after, what: errand };

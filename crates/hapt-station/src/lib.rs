@@ -14,6 +14,7 @@
 //! # fn byte() -> Option<u8> { None }
 //! # fn send(_: &[u8]) {}
 //! # fn encoder() -> f32 { 0.0 }
+//! # fn driver_has_switched_itself_off() -> bool { false }
 //! # fn motor(_: Motor) {}
 //! # fn timer(_: f32) {}
 //! # fn cycles() -> u32 { 0 }
@@ -32,7 +33,8 @@
 //! }
 //!
 //! // The timer's interrupt.
-//! motor(sampler.sample(&Seen { position: encoder(), ..Seen::default() }));
+//! let fault = driver_has_switched_itself_off();
+//! motor(sampler.sample(&Seen { position: encoder(), fault, ..Seen::default() }));
 //! sampler.used(cycles());
 //! if sampler.exchange(&mut mail) {
 //!     timer(sampler.period());

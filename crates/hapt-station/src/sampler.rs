@@ -19,6 +19,8 @@ pub struct Seen {
     pub missed: u32,
     /// A prescribed jump of a simulated hand falls on this sample.
     pub announced: bool,
+    /// The motor's driver has reported a fault since the last sample, and switched itself off.
+    pub fault: bool,
 }
 
 /// What the motor is to do until the next sample.
@@ -92,6 +94,9 @@ impl<'w> Sampler<'w> {
         self.next = sample.saturating_add(1);
         self.missed = self.missed.saturating_add(seen.missed);
         let asked = self.request.take();
+        if seen.fault {
+            self.watch.trip(Reason::Driver);
+        }
         let reading = Reading {
             position: seen.position,
             velocity: seen.velocity,
@@ -104,7 +109,8 @@ impl<'w> Sampler<'w> {
             if let Some((sequence, _)) = asked {
                 self.answer(sequence, Said::Refused(Why::NoWorld));
             }
-            self.tell(Telemetry { sample, position: seen.position, ..Telemetry::default() });
+            let (phase, reason) = (self.watch.phase as u8, code(self.watch.reason));
+            self.tell(Telemetry { sample, phase, reason, position: seen.position, ..Telemetry::default() });
             return Motor::default();
         };
         let request = asked.map(|(_, request)| request);

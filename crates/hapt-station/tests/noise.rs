@@ -133,6 +133,45 @@ proptest! {
         prop_assert!(rises <= 1, "armed {} times by one word of sequence {}", rises, first + 1);
     }
 
+    /// A session that arms, stops and clears over a bad line, and a driver that switches itself off: from then on there is no torque before
+    /// a clear and then an arm have come whole.
+    #[test]
+    fn a_drivers_fault_ends_the_torque_until_a_clear_and_an_arm(
+        delivered in vec((0..6_u8, fates(), 1..40_u8, prop::bool::weighted(0.1)), 1..80),
+    ) {
+        let mut slots = slots();
+        let mut table = Table::new(BOARD, &mut slots);
+        let world = table.load(&packed(&world(WHEEL, &[]))).unwrap();
+        let (mut cleared, mut armed) = (true, false);
+        for (which, fate, samples, fault) in delivered {
+            let order = match which {
+                0 | 1 => Order::Arm { world },
+                2 => Order::Clear,
+                3 => Order::Disarm,
+                4 => Order::Hello { protocol: PROTOCOL },
+                _ => Order::Alive,
+            };
+            let frame = table.framed(order);
+            table.put(&[0]);
+            table.put(&fate.of(&frame));
+            let whole = matches!(fate, Fate::Whole | Fate::Late(_));
+            table.seen.fault = fault;
+            if fault {
+                (cleared, armed) = (false, false);
+            } else {
+                cleared |= whole && which == 2;
+                armed |= whole && which < 2 && cleared;
+            }
+            for _ in 0..samples {
+                table.seen.position += 1e-4;
+                let motor = table.sample();
+                prop_assert!(!motor.on && motor.torque == 0.0 || armed, "{which} {fate:?}");
+                prop_assert!(!(motor.on && table.seen.fault), "in the sample of the fault");
+                table.seen.fault = false;
+            }
+        }
+    }
+
     #[test]
     fn after_any_noise_and_a_zero_the_next_command_is_done(noise in vec(any::<u8>(), 0..600)) {
         let mut slots = slots();

@@ -1,12 +1,13 @@
 //! What a board does with what a host says.
 
+mod boards;
 mod common;
 
 use common::{BOARD, FED, Heard, Table, WHEEL, packed, slots, world};
 use hapt_core::{Guarding, Loop, Phase, Reading, Reason, Request, Supervisor, Watch};
 use hapt_plant::{Grip, VirtualDevice};
 use hapt_station::{ROOM, Seen, Slot};
-use hapt_wire::{Order, PROTOCOL, Parameter, Why, hash};
+use hapt_wire::{Order, PROTOCOL, Parameter, Telemetry, Why, hash};
 
 #[test]
 fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
@@ -233,6 +234,53 @@ fn a_host_that_falls_silent_loses_the_torque_within_the_links_deadline_the_fade_
     // And it does not come back by itself when the host does.
     table.keep();
     assert!(!table.sample().on);
+}
+
+#[test]
+fn after_a_lost_link_a_clear_counts_only_behind_a_heartbeat() {
+    let mut slots = slots();
+    let mut table = Table::new(BOARD, &mut slots);
+    table.run(&WHEEL.replace("[safety]", "[safety]\nlink_lost = \"fault\""));
+    table.keep();
+    for _ in 0..400 {
+        table.sample();
+    }
+    assert_eq!(table.state().0, Phase::Faulted);
+    // However often it is said, without a word that somebody is there it is not done.
+    for _ in 0..100 {
+        assert_eq!(table.ask(Order::Clear), Err(Why::Phase));
+    }
+    table.keep();
+    for _ in 0..301 {
+        table.sample();
+    }
+    assert_eq!(table.ask(Order::Clear), Err(Why::Phase), "that was too long ago");
+    table.keep();
+    assert_eq!(table.ask(Order::Clear), Ok(()));
+    assert_eq!(table.state().0, Phase::Disarmed);
+}
+
+#[test]
+fn a_driver_that_has_switched_itself_off_is_told_with_no_world_and_through_a_new_one() {
+    let mut slots = slots();
+    let mut table = Table::new(BOARD, &mut slots);
+    table.ask(Order::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
+    table.heard.clear();
+    table.seen.fault = true;
+    assert_eq!(table.sample(), Default::default());
+    let driver = Reason::Driver.code();
+    let faulted = |telemetry: &Telemetry| (telemetry.phase, telemetry.reason) == (Phase::Faulted as u8, driver);
+    assert!(matches!(&table.heard[..], [Heard::Telemetry(telemetry)] if faulted(telemetry)), "{:?}", table.heard);
+    table.seen.fault = false;
+    let hash = table.load(&packed(&world(WHEEL, &[]))).unwrap();
+    assert_eq!(table.state().0, Phase::Faulted);
+    assert_eq!(table.ask(Order::Arm { world: hash }), Err(Why::Phase));
+    for _ in 0..20 {
+        assert_eq!(table.sample(), Default::default());
+    }
+    table.ask(Order::Clear).unwrap();
+    table.keep();
+    table.ask(Order::Arm { world: hash }).unwrap();
 }
 
 #[test]

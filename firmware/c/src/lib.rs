@@ -27,6 +27,9 @@ struct Running {
     watch: Watch<f32>,
 }
 
+/// `HAPT_FAULT`
+const FAULT: c_uint = 5;
+
 const LOADED: u32 = 0x7470_6168;
 const _: () = assert!(size_of::<Running>() <= size_of::<Room>() && align_of::<Running>() <= align_of::<Room>());
 
@@ -105,6 +108,9 @@ pub unsafe extern "C" fn hapt_guard(hapt: *mut Room, reading: *const CReading) -
     let CReading { position, velocity, late, silent, missed, request } = unsafe { *reading };
     let Some(Running { world, supervisor, state, watch, .. }) = running(hapt) else { return CGuarded::default() };
     let reading = Reading { position, velocity, announced: false, late, missed, silent };
+    if request == FAULT {
+        watch.trip(Reason::Driver);
+    }
     let request = match request {
         1 => Some(Request::Arm),
         2 => Some(Request::Disarm),

@@ -63,7 +63,8 @@ fn PendSV() {
             stall(sampler.next());
         }
         let late_by = late as f32 / Here::CLOCK as f32;
-        let seen = Seen { position: device.position(), late: late_by, missed, ..Seen::default() };
+        let fault = device.fault();
+        let seen = Seen { position: device.position(), late: late_by, missed, fault, ..Seen::default() };
         let motor = sampler.sample(&seen);
         device.hold(motor.torque, motor.on);
         device.feed();

@@ -1,14 +1,21 @@
-//! ST's B-G431B-ESC1 (STM32G431CB), for a brushed motor between its phases U and V. **Not tried on hardware.**
+//! ST's B-G431B-ESC1 (STM32G431CB), for one brushed motor between its phases U and V. **Not tried on hardware.** It runs no brushless
+//! motor (BLDC, PMSM), and phase W is not used.
 //!
-//! Before a motor is on it: check the pins and the shunts against your board's schematic (UM2516), set the four constants of your wheel,
-//! and see on an oscilloscope that both bridges stand at half the supply when disarmed, with dead time between their halves.
+//! The motor gets an open-loop voltage in proportion to the torque asked for: nothing measures or controls its current. `TORQUE` holds at
+//! standstill, at one supply voltage and one temperature of the winding. A turning motor's own voltage takes some of it away, which acts as
+//! a damper of kt²/R; a falling supply takes some away too.
+//!
+//! Before a motor is on it: check the pins and the shunts against your board's schematic (MB1419), and set the constants of your wheel. With
+//! an oscilloscope see that no gate of U and V switches while it is disarmed (all four transistors are off, and the motor's terminals
+//! float); armed at no torque, both switch at 20 kHz with a duty of one half, in opposite phase, with dead time between their halves.
 //!
 //! Locked antiphase, as in the notes' lab: at a duty of 1/2 there is no torque, U gets the duty and V the rest. Encoder on PB6 and PB7, the
-//! host on USART 2, which the board's own debugger makes a serial port of. Manuals: ST RM0440 (registers), UM2516 (board).
+//! host on USART 2, which the board's own debugger makes a serial port of. Manuals: ST RM0440 (registers), UM2516 (board), MB1419
+//! (schematic).
 
-use crate::board::{Board, Device, Line};
-use crate::register::Register;
-use crate::uart::Uart;
+use super::board::{Board, Device, Line};
+use super::register::Register;
+use super::uart::Uart;
 
 /// The encoder's counts a revolution, all four edges of its lines.
 const COUNTS: f32 = 4096.0;
@@ -16,8 +23,23 @@ const COUNTS: f32 = 4096.0;
 const TORQUE: f32 = 3.1625;
 /// The duty stays so near to 1/2: the lab's 24 to 76 %.
 const MOST: f32 = 0.26;
-/// The comparators let go of the motor beyond so many mV at a shunt's input, its bias included: 3.3 V · 2.2/24.2, and 3 mΩ · 10 A · 22/24.2.
-const LIMIT: u32 = 300 + 27;
+/// Beyond this current, in A, the comparators turn the bridges off.
+const MOST_CURRENT: f32 = 10.0;
+/// The lower transistors' shunts, in Ω.
+const SHUNT: f32 = 3e-3;
+/// The comparators' threshold, in steps of the 12-bit DAC from 0 to 3.3 V.
+///
+/// Three resistors meet at a comparator's input: 1.5 kΩ from the shunt, 22 kΩ from 3.3 V, 2.2 kΩ from ground. No current flows into the
+/// input, so that its voltage V is
+///
+/// ```text
+/// (V_shunt - V)/1.5 kΩ + (3.3 V - V)/22 kΩ = V/2.2 kΩ,    V = (0.9 V + 4 V_shunt)/7
+/// ```
+///
+/// 128.6 mV without a current, and 1.714 mV more for each A at 3 mΩ. (The board's amplifiers, 16 times this, give its well known gain of
+/// 64/7.) DAC and bias share their 3.3 V, which cancels. A step of the DAC is 0.47 A, and a millivolt of the comparator's own offset
+/// 0.58 A: with some millivolts of that and resistors of 1 %, 10 A may be 4 to 16 A until somebody measures it.
+const LIMIT: u32 = ((0.9 + 4.0 * SHUNT * MOST_CURRENT) / 7.0 * (4096.0 / 3.3) + 0.5) as u32;
 
 /// The board.
 pub struct Here;
@@ -32,13 +54,17 @@ impl Board for Here {
         clock();
         pins();
         USART_RATE.set(Self::CLOCK / 921_600);
-        USART_CONTROL.set(1 << 29 | 1 << 3 | 1 << 2 | 1); // queues of 8, both ways
+        USART_CONTROL.set(1 << 29 | 1 << 3 | 1 << 2); // queues of 8, both ways
+        USART_CONTROL.change(|x| x | 1);
         encoder();
         current_limit();
         pwm();
         watchdog();
         let (state, received, sent) = (USART_STATE, USART_RECEIVED, USART_SEND);
-        (Usart(Uart { state, received, sent, full: 1 << 5, free: (1 << 7, true) }), Motor { last: 0, counts: 0 })
+        (
+            Usart(Uart { state, received, sent, full: 1 << 5, free: (1 << 7, true) }),
+            Motor { last: 0, counts: 0, on: false },
+        )
     }
 }
 
@@ -63,6 +89,8 @@ impl Line for Usart {
 pub struct Motor {
     last: u16,
     counts: i32,
+    /// Whether the bridges have been turned on. They may have been turned off since, by a comparator.
+    on: bool,
 }
 
 impl Device for Motor {
@@ -74,12 +102,29 @@ impl Device for Motor {
         self.counts as f32 * (core::f32::consts::TAU / COUNTS)
     }
 
+    /// A break turns the outputs off and leaves its flag; both stay so until they are written.
+    fn fault(&mut self) -> bool {
+        let broken = PWM_STATE.get() & BREAK != 0 || (self.on && PWM_BREAK.get() & OUTPUTS == 0);
+        if broken {
+            // Of these bits 0 is cleared, and 1 leaves the flag as it is.
+            PWM_STATE.set(!BREAK);
+        }
+        broken
+    }
+
     fn hold(&mut self, torque: f32, on: bool) {
-        let part = (torque / TORQUE).clamp(-MOST, MOST);
+        let on = on && torque.is_finite();
+        let part = if on { (torque / TORQUE).clamp(-MOST, MOST) } else { 0.0 };
         let duty = ((0.5 + part) * HALF_PERIOD as f32) as u32;
         PWM_U.set(duty);
         PWM_V.set(duty);
-        PWM_BREAK.change(|x| if on { x | OUTPUTS } else { x & !OUTPUTS });
+        // While they are on nothing here enables the outputs: what a comparator has turned off stays off.
+        if !on {
+            PWM_BREAK.change(|x| x & !OUTPUTS);
+        } else if !self.on {
+            PWM_BREAK.change(|x| x | OUTPUTS);
+        }
+        self.on = on;
     }
 
     fn feed(&mut self) {
@@ -92,20 +137,22 @@ fn clock() {
     const BOOST: u32 = 1 << 8;
     APB1_ON.change(|x| x | 1 << 28); // power control
     POWER_5.change(|x| x & !BOOST);
-    FLASH_ACCESS.set(1 << 10 | 1 << 9 | 1 << 8 | 4); // caches, prefetch, 4 waits
+    // Caches, prefetch, 4 waits; the debugger's access, which is on at reset, stays.
+    FLASH_ACCESS.change(|x| x & !0xf | 1 << 10 | 1 << 9 | 1 << 8 | 4);
     while FLASH_ACCESS.get() & 0xf != 4 {}
     RCC_CONTROL.change(|x| x | 1 << 16);
     while RCC_CONTROL.get() & 1 << 17 == 0 {}
-    RCC_PLL.set(1 << 24 | 85 << 8 | 1 << 4 | 3);
+    RCC_PLL.change(|x| x & !(3 << 25 | 0x7f << 8 | 0xf << 4 | 3) | 1 << 24 | 85 << 8 | 1 << 4 | 3);
     RCC_CONTROL.change(|x| x | 1 << 24);
     while RCC_CONTROL.get() & 1 << 25 == 0 {}
     // Half the speed first, for a microsecond, as the manual asks.
-    RCC_CONFIGURATION.set(8 << 4 | 3);
+    const PRESCALERS: u32 = 7 << 11 | 7 << 8 | 0xf << 4;
+    RCC_CONFIGURATION.change(|x| x & !(PRESCALERS | 3) | 8 << 4 | 3);
     while RCC_CONFIGURATION.get() >> 2 & 3 != 3 {}
     for _ in 0..100 {
         let _ = RCC_CONFIGURATION.get();
     }
-    RCC_CONFIGURATION.set(3);
+    RCC_CONFIGURATION.change(|x| x & !(PRESCALERS | 3) | 3);
     AHB2_ON.change(|x| x | 1 << 18 | 7); // DAC 3; ports A, B, C
     APB1_ON.change(|x| x | 1 << 17 | 1 << 2); // USART 2, timer 4
     APB2_ON.change(|x| x | 1 << 11 | 1); // timer 1; comparators
@@ -134,28 +181,37 @@ fn encoder() {
     ENCODER_CONTROL.set(1);
 }
 
-/// Comparators 1 and 2 look at the shunts of U and V, at PA1 and PA7, against DAC 3.
+/// Comparators 1 and 2 look at the shunts of U and V, at PA1 and PA7, against DAC 3. A lower transistor's shunt shows the motor's current
+/// while that transistor is on, as one of them is half of the time either way: not a short circuit from a phase to ground.
 fn current_limit() {
     DAC_MODE.set(2 << 14 | 3 << 16 | 3);
-    DAC_VALUE_1.set(LIMIT * 4096 / 3300);
-    DAC_VALUE_2.set(LIMIT * 4096 / 3300);
+    DAC_VALUE_1.set(LIMIT);
+    DAC_VALUE_2.set(LIMIT);
     DAC_CONTROL.set(1 << 16 | 1);
     COMPARATOR_1.set(4 << 4 | 1);
     COMPARATOR_2.set(4 << 4 | 1);
+    // Both settle within some microseconds.
+    for _ in 0..1000 {
+        let _ = COMPARATOR_2.get();
+    }
 }
 
-/// Timer 1 up and down at 20 kHz, V the opposite of U, 0.8 µs of dead time, off whenever a comparator says so until the loop turns it on
-/// again.
+/// Timer 1 up and down at 20 kHz, V the opposite of U, 0.8 µs of dead time, its outputs off and held low; off whenever a comparator says
+/// so, until [`Motor::hold`] is told off and on again.
 fn pwm() {
     PWM_TOP.set(HALF_PERIOD);
     PWM_MODES.set(7 << 12 | 1 << 11 | 6 << 4 | 1 << 3);
     PWM_U.set(HALF_PERIOD / 2);
     PWM_V.set(HALF_PERIOD / 2);
     PWM_ENABLE.set(1 << 6 | 1 << 4 | 1 << 2 | 1);
-    PWM_BREAK_SOURCES.set(1 << 2 | 1 << 1);
-    PWM_BREAK.set(1 << 13 | 1 << 12 | 1 << 11 | 1 << 10 | 0x84);
+    // The comparators, and no pin.
+    PWM_BREAK_SOURCES.change(|x| x & !1 | 1 << 2 | 1 << 1);
+    // A break counts when it lasts for 1.5 µs: the spikes of switching are shorter.
+    PWM_BREAK.set(0xf << 16 | 1 << 13 | 1 << 12 | 1 << 11 | 1 << 10 | 0x84);
     PWM_EVENT.set(1);
     PWM_CONTROL.set(1 << 7 | 1 << 5 | 1);
+    // What the comparators said before they had settled.
+    PWM_STATE.set(!BREAK);
 }
 
 /// The independent watchdog, by its own oscillator: reset after 20 ms, and with it the bridges off.
@@ -172,6 +228,8 @@ fn watchdog() {
 const HALF_PERIOD: u32 = Here::CLOCK / 40_000;
 /// The main output enable.
 const OUTPUTS: u32 = 1 << 15;
+/// The flags of both break inputs and of the system's.
+const BREAK: u32 = 1 << 13 | 1 << 8 | 1 << 7;
 
 const A: usize = 0x4800_0000;
 const B: usize = 0x4800_0400;
@@ -200,6 +258,7 @@ const ENCODER_COUNT: Register = Register::at(0x4000_0824);
 const ENCODER_TOP: Register = Register::at(0x4000_082c);
 
 const PWM_CONTROL: Register = Register::at(0x4001_2c00);
+const PWM_STATE: Register = Register::at(0x4001_2c10);
 const PWM_EVENT: Register = Register::at(0x4001_2c14);
 const PWM_MODES: Register = Register::at(0x4001_2c18);
 const PWM_ENABLE: Register = Register::at(0x4001_2c20);

@@ -1,10 +1,10 @@
 //! ARM's MPS2 with the FPGA images AN386 (Cortex-M4F) and AN500 (Cortex-M7), as QEMU has them: UART 0 of the CMSDK, its watchdog, and a
 //! puck that swings by itself. Manuals: ARM DAI 0386, DDI 0479.
 
-use crate::board::{Board, Device};
-use crate::register::Register;
-use crate::swing::Swing;
-use crate::uart::Uart;
+use super::board::{Board, Device};
+use super::register::Register;
+use super::swing::Swing;
+use super::uart::Uart;
 
 const DATA: Register = Register::at(0x4000_4000);
 const STATE: Register = Register::at(0x4000_4004);
@@ -39,6 +39,10 @@ pub struct Puck(Swing);
 impl Device for Puck {
     fn position(&mut self) -> f32 {
         self.0.next()
+    }
+
+    fn fault(&mut self) -> bool {
+        false
     }
 
     fn hold(&mut self, _torque: f32, _on: bool) {}

@@ -1,10 +1,10 @@
 //! Netduino Plus 2 (STM32F405), as QEMU has it: USART 1, and a puck that swings by itself. QEMU's has no clocks to start; its independent
 //! watchdog (IWDG) is a stretch of registers that take everything and do nothing. Manual: ST RM0090.
 
-use crate::board::{Board, Device};
-use crate::register::Register;
-use crate::swing::Swing;
-use crate::uart::Uart;
+use super::board::{Board, Device};
+use super::register::Register;
+use super::swing::Swing;
+use super::uart::Uart;
 
 const STATUS: Register = Register::at(0x4001_1000);
 const DATA: Register = Register::at(0x4001_1004);
@@ -33,6 +33,10 @@ pub struct Puck(Swing);
 impl Device for Puck {
     fn position(&mut self) -> f32 {
         self.0.next()
+    }
+
+    fn fault(&mut self) -> bool {
+        false
     }
 
     fn hold(&mut self, _torque: f32, _on: bool) {}

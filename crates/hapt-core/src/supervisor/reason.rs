@@ -35,11 +35,13 @@ pub enum Reason {
     WorldEnergy = 14,
     /// At the start a small pulse moved the puck the wrong way.
     Reversed = 15,
+    /// The motor's driver switched itself off.
+    Driver = 16,
 }
 
 impl Reason {
     /// All of them, by their codes.
-    pub const ALL: [Reason; 15] = [
+    pub const ALL: [Reason; 16] = [
         Reason::Stop,
         Reason::NotFinite,
         Reason::Jump,
@@ -55,6 +57,7 @@ impl Reason {
         Reason::PortEnergy,
         Reason::WorldEnergy,
         Reason::Reversed,
+        Reason::Driver,
     ];
 
     /// Its number on wires and in logs, 1 and up; 0 is for no reason.
@@ -85,6 +88,7 @@ impl Reason {
             Reason::PortEnergy => "port-energy",
             Reason::WorldEnergy => "world-energy",
             Reason::Reversed => "reversed",
+            Reason::Driver => "driver",
         }
     }
 
@@ -106,6 +110,7 @@ impl Reason {
             Reason::PortEnergy => "The loop gave the hand energy that nobody had put in.",
             Reason::WorldEnergy => "The integration method made energy inside of the world.",
             Reason::Reversed => "A small pulse of torque moved the puck the wrong way.",
+            Reason::Driver => "The motor's driver reported a fault, such as too much current, and switched itself off.",
         }
     }
 
@@ -144,6 +149,9 @@ impl Reason {
             }
             Reason::Reversed => {
                 "Swap the motor's sign or the encoder's direction, then clear. If a hand was on the puck: let go, clear and arm again."
+            }
+            Reason::Driver => {
+                "Look for a short circuit in the motor and its cable, and at the driver's supply and current limit, then clear."
             }
         }
     }

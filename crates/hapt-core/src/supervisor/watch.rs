@@ -94,6 +94,13 @@ impl<F: Real> Watch<F> {
         self.gain * command + self.carry[0]
     }
 
+    /// The device itself reports a fault: before the sample that shows it, and again before each sample while it lasts. The supervisor is
+    /// faulted whatever its phase was, nothing brakes the puck, and a clear counts only when the fault has been gone for some samples.
+    pub fn trip(&mut self, reason: Reason) {
+        self.fault(reason);
+        (self.braking, self.calm) = (F::ZERO, 0);
+    }
+
     /// Takes the torque away where there may be one; whether there might.
     #[cold]
     #[inline(never)]

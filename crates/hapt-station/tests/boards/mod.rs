@@ -1,0 +1,213 @@
+//! The firmware's own file of the B-G431B-ESC1, its registers in this test's memory, under the sampler that runs on it.
+
+#[allow(dead_code, clippy::precedence)]
+#[path = "../../../../firmware/src/board.rs"]
+mod board;
+#[allow(dead_code, clippy::precedence)]
+#[path = "../../../../firmware/src/boards/b-g431b-esc1.rs"]
+mod esc1;
+mod register;
+#[allow(dead_code)]
+#[path = "../../../../firmware/src/uart.rs"]
+mod uart;
+
+use board::{Board, Device};
+use esc1::{Here, Motor};
+use hapt_core::{Phase, Reason};
+use hapt_station::Seen;
+use hapt_wire::{Order, Parameter, Why};
+use proptest::prelude::*;
+use register::{
+    CHIP, DAC3_VALUE_1, DAC3_VALUE_2, FLASH_ACCESS, RCC_CONFIGURATION, RCC_CONTROL, RCC_PLL, TIM1_BREAK_SOURCES,
+    TIM4_COUNT,
+};
+
+use crate::common::{BOARD, Heard, Table, WHEEL, slots};
+
+fn current(too_much: bool) {
+    CHIP.with_borrow_mut(|chip| chip.current(too_much));
+}
+
+fn is_on() -> bool {
+    CHIP.with_borrow(register::Chip::is_on)
+}
+
+fn register(at: usize) -> u32 {
+    CHIP.with_borrow(|chip| chip.registers[&at])
+}
+
+/// A sample as the firmware's interrupt takes it.
+fn sample(table: &mut Table, motor: &mut Motor) {
+    table.keep();
+    table.seen = Seen { fault: motor.fault(), position: motor.position(), ..Seen::default() };
+    let told = table.sample();
+    motor.hold(told.torque, told.on);
+    motor.feed();
+}
+
+/// The board, running WHEEL.
+fn running(table: &mut Table) -> (Motor, u32) {
+    running_world(table, WHEEL)
+}
+
+fn running_world(table: &mut Table, text: &str) -> (Motor, u32) {
+    let (_, mut motor) = Here::start();
+    let world = table.run(text);
+    sample(table, &mut motor);
+    assert!(is_on());
+    (motor, world)
+}
+
+#[test]
+fn too_much_current_is_a_fault_that_nothing_but_a_clear_ends() {
+    let mut slots = slots();
+    let mut table = Table::new(BOARD, &mut slots);
+    let (mut motor, world) = running(&mut table);
+    table.ask(Order::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
+
+    // For less than a sample, and then it is over.
+    current(true);
+    assert!(!is_on(), "the chip's own break");
+    current(false);
+    table.heard.clear();
+    sample(&mut table, &mut motor);
+    let told = table.heard.iter().find_map(|heard| match heard {
+        Heard::Telemetry(telemetry) => Some((telemetry.phase, telemetry.reason, telemetry.output)),
+        _ => None,
+    });
+    assert_eq!(told, Some((Phase::Faulted as u8, Reason::Driver.code(), 0.0)));
+    for k in 0..100 {
+        sample(&mut table, &mut motor);
+        assert!(!is_on(), "{k} samples later");
+        // Asked to arm again, it does not.
+        assert_eq!(table.ask(Order::Arm { world }), Err(Why::Phase), "{k}");
+    }
+    assert_eq!(table.state(), (Phase::Faulted, Some(world)));
+    table.ask(Order::Clear).unwrap();
+    for _ in 0..10 {
+        sample(&mut table, &mut motor);
+        assert!(!is_on(), "a clear arms nothing");
+    }
+    table.ask(Order::Arm { world }).unwrap();
+    sample(&mut table, &mut motor);
+    assert!(is_on());
+}
+
+#[test]
+fn a_current_that_stays_too_large_cannot_be_cleared_and_disarmed_it_cannot_be_armed() {
+    let mut slots = slots();
+    let mut table = Table::new(BOARD, &mut slots);
+    let (mut motor, world) = running(&mut table);
+    current(true);
+    for _ in 0..50 {
+        sample(&mut table, &mut motor);
+        table.send(Order::Clear);
+        sample(&mut table, &mut motor);
+        assert!(!is_on());
+    }
+    assert_eq!(table.state().0, Phase::Faulted);
+    current(false);
+    for _ in 0..20 {
+        sample(&mut table, &mut motor);
+    }
+    table.ask(Order::Clear).unwrap();
+    // Disarmed, and at the very sample that is to arm it.
+    current(true);
+    table.send(Order::Arm { world });
+    sample(&mut table, &mut motor);
+    assert!(!is_on());
+    assert_eq!(table.state().0, Phase::Faulted);
+}
+
+#[test]
+fn a_fault_while_the_puck_is_braked_ends_the_braking() {
+    let mut slots = slots();
+    let mut table = Table::new(BOARD, &mut slots);
+    let (mut motor, _) = running_world(&mut table, &WHEEL.replace("[safety]", "[safety]\nbrake = 5e-3"));
+    // Its puck turns, three counts a sample.
+    let mut turn = |table: &mut Table| {
+        CHIP.with_borrow_mut(|chip| *chip.registers.entry(TIM4_COUNT).or_default() += 3);
+        sample(table, &mut motor);
+    };
+    for _ in 0..20 {
+        turn(&mut table);
+    }
+    table.send(Order::Stop);
+    for _ in 0..5 {
+        turn(&mut table);
+    }
+    assert!(is_on() && table.motor.torque < 0.0, "{:?}", table.motor);
+    current(true);
+    current(false);
+    for _ in 0..200 {
+        turn(&mut table);
+        assert!(!is_on());
+        assert_eq!(table.motor.torque, 0.0);
+    }
+}
+
+#[test]
+fn a_torque_that_is_no_number_turns_the_bridges_off() {
+    let (_, mut motor) = Here::start();
+    motor.hold(0.1, true);
+    assert!(is_on());
+    for torque in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        motor.hold(torque, true);
+        assert!(!is_on(), "{torque}");
+    }
+}
+
+/// The node's voltage, in V, by Kirchhoff's law and the schematic's resistors: 1.5 kΩ to the 3 mΩ shunt, 22 kΩ to 3.3 V, 2.2 kΩ to ground.
+fn node(current: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 3.3);
+    for _ in 0..60 {
+        let v = 0.5 * (low + high);
+        let into = (3e-3 * current - v) / 1.5e3 + (3.3 - v) / 22e3 - v / 2.2e3;
+        (low, high) = if into > 0.0 { (v, high) } else { (low, v) };
+    }
+    low
+}
+
+#[test]
+fn the_comparators_trip_at_ten_amperes() {
+    assert!((node(0.0) - 0.1286).abs() < 1e-4 && (node(1.0) - node(0.0) - 1.714e-3).abs() < 1e-6);
+    let _ = Here::start();
+    for value in [DAC3_VALUE_1, DAC3_VALUE_2] {
+        let threshold = f64::from(register(value)) * 3.3 / 4096.0;
+        let trips = (0..2000).map(|tenth| f64::from(tenth) / 10.0).find(|current| node(*current) > threshold);
+        let trips = trips.unwrap();
+        assert!((trips - 10.0).abs() <= 0.5, "{trips} A");
+    }
+}
+
+proptest! {
+    /// Bits that a register holds at reset and that are none of the board's are there afterwards: the debugger's access to the flash, other
+    /// ports' clocks, other pins.
+    #[test]
+    fn registers_that_others_use_too_are_changed_in_their_own_bits_alone(held in any::<u32>(), pins in any::<u32>()) {
+        // Register, and the bits that are the board's to write.
+        let shared = [
+            (FLASH_ACCESS, 0x70f),
+            (RCC_CONTROL, 3 << 24 | 3 << 16), // and of these
+            (RCC_CONFIGURATION, 0x3fff), // two of them the chip writes
+            (RCC_PLL, 3 << 25 | 1 << 24 | 0x7f << 8 | 0xf << 4 | 3),
+            (0x4002_104c, 1 << 18 | 7), // AHB2ENR
+            (0x4002_1058, 1 << 28 | 1 << 17 | 1 << 2), // APB1ENR1
+            (0x4002_1060, 1 << 11 | 1), // APB2ENR
+            (0x4000_7080, 1 << 8), // PWR_CR5
+            (TIM1_BREAK_SOURCES, 7),
+            (0x4800_0000, 3 << 16 | 3 << 18 | 3 << 24), // port A: 8, 9, 12
+            (0x4800_0400, 3 << 6 | 3 << 8 | 3 << 12 | 3 << 14), // port B: 3, 4, 6, 7
+            (0x4800_0800, 3 << 26), // port C: 13
+            (0x4800_040c, 0xf << 12), // pull-ups of 6 and 7
+        ];
+        let before = |at: usize| held.rotate_left(at as u32 >> 2) ^ pins;
+        CHIP.with_borrow_mut(|chip| chip.registers.extend(shared.map(|(at, _)| (at, before(at)))));
+        let _ = Here::start();
+        for (at, own) in shared {
+            let changed = register(at) ^ before(at);
+            prop_assert_eq!(changed & !own, 0, "{:#x}: {:#x}", at, changed);
+        }
+        CHIP.take();
+    }
+}

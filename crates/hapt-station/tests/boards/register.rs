@@ -1,0 +1,98 @@
+//! A chip's registers in this test's memory, in place of the firmware's own `register.rs`.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+
+/// By its address.
+#[derive(Clone, Copy, Debug)]
+pub struct Register(usize);
+
+impl Register {
+    pub const fn at(address: usize) -> Self {
+        Register(address)
+    }
+
+    pub fn get(self) -> u32 {
+        CHIP.with_borrow_mut(|chip| chip.read(self.0))
+    }
+
+    pub fn set(self, value: u32) {
+        CHIP.with_borrow_mut(|chip| chip.write(self.0, value));
+    }
+
+    pub fn change(self, change: impl FnOnce(u32) -> u32) {
+        self.set(change(self.get()));
+    }
+}
+
+thread_local! {
+    /// Each test has a thread, and a chip.
+    pub static CHIP: RefCell<Chip> = RefCell::default();
+}
+
+pub const RCC_CONTROL: usize = 0x4002_1000;
+pub const RCC_CONFIGURATION: usize = 0x4002_1008;
+pub const RCC_PLL: usize = 0x4002_100c;
+pub const FLASH_ACCESS: usize = 0x4002_2000;
+pub const TIM1_STATE: usize = 0x4001_2c10;
+pub const TIM1_BREAK: usize = 0x4001_2c44;
+pub const TIM1_BREAK_SOURCES: usize = 0x4001_2c60;
+pub const TIM4_COUNT: usize = 0x4000_0824;
+pub const DAC3_VALUE_1: usize = 0x5000_1008;
+pub const DAC3_VALUE_2: usize = 0x5000_1014;
+
+/// MOE: the outputs' enable.
+const OUTPUTS: u32 = 1 << 15;
+/// BIF: a break came.
+const BROKEN: u32 = 1 << 7;
+
+/// What of a STM32G431 matters here (ST RM0440): clocks that are ready at once, and timer 1's break.
+#[derive(Debug, Default)]
+pub struct Chip {
+    pub registers: BTreeMap<usize, u32>,
+    /// A comparator sees too much current.
+    too_much: bool,
+}
+
+impl Chip {
+    fn read(&mut self, at: usize) -> u32 {
+        let value = self.registers.get(&at).copied().unwrap_or(0);
+        match at {
+            // Crystal and PLL are ready, and the processor runs from what it is told.
+            RCC_CONTROL => value | (value & (1 << 16 | 1 << 24)) << 1,
+            RCC_CONFIGURATION => value & !(3 << 2) | (value & 3) << 2,
+            _ => value,
+        }
+    }
+
+    fn write(&mut self, at: usize, value: u32) {
+        let value = match at {
+            // A flag is cleared by 0, and set by nothing but the chip.
+            TIM1_STATE => value & self.read(at),
+            // While there is a break nothing enables the outputs.
+            TIM1_BREAK if self.too_much => value & !OUTPUTS,
+            _ => value,
+        };
+        self.registers.insert(at, value);
+        self.look();
+    }
+
+    /// From now on a comparator sees too much current, or no longer.
+    pub fn current(&mut self, too_much: bool) {
+        self.too_much = too_much;
+        self.look();
+    }
+
+    /// The break of a comparator is a level: it sets its flag again for as long as it lasts.
+    fn look(&mut self) {
+        if self.too_much {
+            *self.registers.entry(TIM1_STATE).or_default() |= BROKEN;
+            *self.registers.entry(TIM1_BREAK).or_default() &= !OUTPUTS;
+        }
+    }
+
+    /// Whether the bridges switch.
+    pub fn is_on(&self) -> bool {
+        self.registers.get(&TIM1_BREAK).is_some_and(|x| x & OUTPUTS != 0)
+    }
+}
