@@ -39,6 +39,16 @@ pub enum Error {
         /// The port.
         path: PathBuf,
     },
+    /// It began anew since it was greeted.
+    #[error(
+        "the board at {} has restarted: its motor is off and its world is gone. Its watchdog restarts it when its loop stops, and so do its \
+         reset button and a supply that dips; run the command again once the cause is found",
+        path.display()
+    )]
+    Restarted {
+        /// The port.
+        path: PathBuf,
+    },
     /// The board speaks another version.
     #[error(
         "the board at {} speaks version {board} of the protocol, this hapt version {PROTOCOL}: its firmware and hapt do not fit together",

@@ -38,6 +38,8 @@ pub struct Link {
     /// Read, and not looked at.
     bytes: VecDeque<u8>,
     board: Board,
+    /// Whether the board has said hello, and nothing since that shows that it has restarted.
+    greeted: bool,
     sequence: u32,
     /// A sample's number, when it was said, and the period in s.
     clock: (u64, Instant, f64),
@@ -95,6 +97,7 @@ impl Link {
             reader: Reader::new(),
             bytes: VecDeque::new(),
             board: Board::default(),
+            greeted: false,
             sequence: 0,
             clock: (0, Instant::now(), 1e-3),
             waiting: VecDeque::new(),
@@ -223,6 +226,8 @@ impl Link {
     pub fn clear(&mut self) -> Result<(), Error> {
         let start = Instant::now();
         loop {
+            // After a lost link a clear counts only from a host that is there again.
+            self.keep()?;
             match self.ask("clear", Order::Clear) {
                 // The cause has to be gone for some samples.
                 Err(Error::Refused { why: Why::Phase, .. }) if start.elapsed() < ANSWER => {
@@ -387,15 +392,27 @@ impl Link {
                 if board != PROTOCOL {
                     return Err(Error::Protocol { path: self.path.clone(), board });
                 }
+                // Samples are counted from its start.
+                let restarted = self.greeted && hello.sample < self.clock.0;
                 self.board = Board::new(&hello);
+                self.greeted = true;
                 self.clock = (hello.sample, Instant::now(), f64::from(hello.period.max(1)) * 1e-9);
                 // Commands that were lost leave a gap that it minds not; a board that has begun anew is far behind.
                 if self.sequence.wrapping_sub(hello.sequence) > GAP {
                     self.sequence = hello.sequence;
                 }
+                if restarted {
+                    self.armed = false;
+                    return Err(Error::Restarted { path: self.path.clone() });
+                }
                 (None, Answer::Hello)
             }
             Says::Done { sequence } => (Some(sequence), Answer::Done),
+            // It was greeted before, and knows nothing of it.
+            Says::Refused { why: Why::Hello, .. } if self.greeted => {
+                (self.greeted, self.armed, self.board.world) = (false, false, None);
+                return Err(Error::Restarted { path: self.path.clone() });
+            }
             Says::Refused { sequence, why } => (Some(sequence), Answer::Refused(why)),
             Says::Value { sequence, value, .. } => (Some(sequence), Answer::Value(value)),
             Says::Telemetry(telemetry) => {

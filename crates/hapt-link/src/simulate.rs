@@ -31,6 +31,10 @@ struct Shared {
     end: AtomicBool,
     /// The line is cut; the board goes on.
     unplugged: AtomicBool,
+    /// The board is to begin anew, without its world.
+    restarted: AtomicBool,
+    /// Its motor's driver reports a fault.
+    tripped: AtomicBool,
     /// Of so many bytes on the line, either way, one is another; 0: none.
     disturbed: AtomicU32,
     /// The bits of what the motor holds, and of the most that it has held.
@@ -72,6 +76,16 @@ impl Simulated {
         self.shared.unplugged.store(true, SeqCst);
     }
 
+    /// Its processor begins anew, as a watchdog or a supply that dips makes it.
+    pub fn restart(&self) {
+        self.shared.restarted.store(true, SeqCst);
+    }
+
+    /// Its motor's driver reports a fault at the next sample, such as too much current.
+    pub fn trip(&self) {
+        self.shared.tripped.store(true, SeqCst);
+    }
+
     /// From now on one of so many bytes on the line is another; 0: none.
     pub fn disturb(&self, one_of: u32) {
         self.shared.disturbed.store(one_of, SeqCst);
@@ -103,10 +117,18 @@ impl Table {
     }
 
     fn run(&mut self, board: Board) {
+        while !self.shared.end.load(SeqCst) {
+            self.until_it_restarts(board);
+            self.device.command(0.0);
+            self.shared.torque.store(0, SeqCst);
+        }
+    }
+
+    fn until_it_restarts(&mut self, board: Board) {
         let (mut one, mut other) = (Slot::EMPTY, Slot::EMPTY);
         let mut station = Station::new(board, &mut one, &mut other);
         let mut due = Instant::now();
-        while !self.shared.end.load(SeqCst) {
+        while !self.shared.end.load(SeqCst) && !self.shared.restarted.swap(false, SeqCst) {
             if self.shared.unplugged.load(SeqCst) {
                 self.line = None;
             }
@@ -150,7 +172,8 @@ impl Table {
             self.device.refit(&mut VirtualDevice::new(&self.rig));
         }
         let (position, velocity) = self.device.puck();
-        let seen = Seen { position: position as f32, velocity: velocity as f32, ..Seen::default() };
+        let fault = self.shared.tripped.swap(false, SeqCst);
+        let seen = Seen { position: position as f32, velocity: velocity as f32, fault, ..Seen::default() };
         let motor = station.sample(&seen);
         self.device.command(f64::from(motor.torque));
         self.device.travel();

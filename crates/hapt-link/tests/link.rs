@@ -37,7 +37,12 @@ fn world() -> World {
 }
 
 fn packed() -> Vec<u8> {
-    let world = world();
+    packed_with(&[])
+}
+
+fn packed_with(sets: &[&str]) -> Vec<u8> {
+    let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+    let world = World::read(&Source::from_text("w.toml", PUSH), &sets).unwrap();
     pack(&world.spec(), &world.limits(Guarding::Certified), &mut [0; 1024]).unwrap().to_vec()
 }
 
@@ -70,8 +75,12 @@ fn until(link: &mut Link, mut wanted: impl FnMut(&Telemetry) -> bool) -> Telemet
 
 /// Armed, and at full torque.
 fn running(board: &Simulated) -> Link {
+    running_with(board, &[])
+}
+
+fn running_with(board: &Simulated, sets: &[&str]) -> Link {
     let mut link = Link::open(board.path()).unwrap();
-    let world = link.load(&packed()).unwrap();
+    let world = link.load(&packed_with(sets)).unwrap();
     link.set(Parameter::Divider, 10).unwrap();
     link.arm(world).unwrap();
     until(&mut link, |telemetry| telemetry.phase == Phase::Running as u8);
@@ -138,13 +147,69 @@ fn a_plug_that_is_pulled_is_an_error_here_and_no_torque_there() {
 
 #[test]
 fn a_host_that_hangs_loses_the_torque() {
+    let boards = [(); 2].map(|()| Simulated::start(BOARD, rig()).unwrap());
+    let mut links = [running(&boards[0]), running_with(&boards[1], &["safety.link_lost=fault"])];
+    for ((board, link), phase) in boards.iter().zip(&mut links).zip([Phase::Disarmed, Phase::Faulted]) {
+        patiently(|| board.torque() == 0.0);
+        link.greet().unwrap();
+        // Whatever else it says, it is armed by nobody.
+        assert_eq!((link.board().phase, link.board().reason), (Some(phase), Some(hapt_core::Reason::Link)));
+    }
+    // A host that clears is there again.
+    links[1].clear().unwrap();
+    assert_eq!(links[1].greet().unwrap().phase, Some(Phase::Disarmed));
+}
+
+#[test]
+fn a_board_that_restarts_in_the_middle_says_so_whatever_it_is_asked_next() {
+    type Next = (&'static str, fn(&mut Link) -> Result<(), Error>);
+    let nexts: [Next; 5] = [
+        ("kept", |link| {
+            link.keep()?;
+            link.telemetry(Instant::now() + Duration::from_millis(20)).map(drop)
+        }),
+        ("greeted", |link| link.greet().map(drop)),
+        ("disarmed", Link::disarm),
+        ("armed", |link| link.arm(hash(&packed())).map(drop)),
+        ("asked", |link| link.get(Parameter::Missed).map(drop)),
+    ];
+    let board = Simulated::start(BOARD, rig()).unwrap();
+    for (what, next) in nexts {
+        let mut link = running(&board);
+        board.restart();
+        patiently(|| board.torque() == 0.0);
+        let start = Instant::now();
+        let error = loop {
+            assert!(start.elapsed() < Duration::from_secs(60), "{what}: it does not say so");
+            if let Err(error) = next(&mut link) {
+                break error;
+            }
+        };
+        assert!(matches!(error, Error::Restarted { .. }), "{what}: {error}");
+        assert!(error.to_string().contains("has restarted"), "{error}");
+        // It is another board now, and as good as any.
+        link.greet().unwrap();
+        assert_eq!((link.board().world, link.board().phase), (None, Some(Phase::Disarmed)), "{what}");
+        assert_eq!(board.torque(), 0.0, "{what}");
+    }
+}
+
+#[test]
+fn a_fault_of_the_motors_driver_reaches_the_host_and_lasts_until_it_is_cleared() {
     let board = Simulated::start(BOARD, rig()).unwrap();
     let mut link = running(&board);
-    patiently(|| board.torque() == 0.0);
+    board.trip();
+    let driver = hapt_core::Reason::Driver;
+    let telemetry = until(&mut link, |telemetry| telemetry.phase == Phase::Faulted as u8);
+    assert_eq!((telemetry.reason, telemetry.output), (driver.code(), 0.0));
+    let world = hash(&packed());
+    assert!(matches!(link.arm(world), Err(Error::Refused { why: Why::Phase, .. })));
     link.greet().unwrap();
-    // Whatever else it says, it is armed by nobody.
-    assert_eq!(link.board().phase, Some(Phase::Disarmed));
-    assert_eq!(link.board().reason, Some(hapt_core::Reason::Link));
+    assert_eq!((link.board().phase, link.board().reason), (Some(Phase::Faulted), Some(driver)));
+    assert_eq!(board.torque(), 0.0);
+    link.clear().unwrap();
+    link.arm(world).unwrap();
+    until(&mut link, |telemetry| telemetry.phase == Phase::Running as u8);
 }
 
 #[test]

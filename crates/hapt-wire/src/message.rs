@@ -55,7 +55,7 @@ pub enum Order<'a> {
     },
     /// Fade out.
     Disarm,
-    /// From faulted, the cause gone: disarmed.
+    /// From faulted, the cause gone: disarmed. After a lost link it is gone when `Alive` has come within the world's `safety.link`.
     Clear,
     /// A world is about to come, in place of one that has come in part.
     Begin {
@@ -279,7 +279,7 @@ impl<'de> Deserialize<'de> for States {
 /// Why a command is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Why {
-    /// No hello of this version came before it.
+    /// No hello of this version came before it, since the board has started.
     Hello,
     /// Its sequence is not after the last one's, or far beyond it.
     Sequence,
@@ -323,7 +323,7 @@ impl Why {
     /// What a person may make of it.
     pub const fn sentence(self) -> &'static str {
         match self {
-            Why::Hello => "it has not been greeted in its version of the protocol",
+            Why::Hello => "it has restarted, or was never greeted in its version of the protocol",
             Why::Sequence => "the command is not the next one: it was doubled, or came too late",
             Why::Late => "the command's time was over when it came",
             Why::Busy => "it is still busy with commands that came before",
@@ -338,7 +338,7 @@ impl Why {
             Why::Exact => "an encoder gives no true velocity: loop.estimator",
             Why::Armed => "while there may be a torque, it changes no world",
             Why::NoWorld => "it runs another world than the one that is meant",
-            Why::Phase => "its supervisor does not do that where it stands",
+            Why::Phase => "its supervisor does not allow that in its phase, or the cause of its fault still lasts",
             Why::NotFed => "it has an encoder of its own",
             Why::Sample => "the sample is not after the last one",
             Why::Parameter => "it has no such parameter, or not that value of it",
