@@ -261,7 +261,7 @@ fn a_window_of_instability_ends_the_critical_period_of_a_delayed_loop() {
         };
         let found = free(&world).unwrap().critical_period_s.unwrap();
         assert!((found / window - 1.0).abs() < 1e-9, "{found}");
-        let lowest = (world.sampling.period / 1e3).max(world.sampling.delay / 64.0);
+        let lowest = (world.sampling.period / 1e3).max(world.sampling.delay_s() / 64.0);
         for i in 0..400 {
             let period = lowest * (found / lowest).powf(f64::from(i) / 400.0);
             assert!(at(period) < 1e-9, "{period} of {found}");

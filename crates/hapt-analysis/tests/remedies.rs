@@ -257,7 +257,9 @@ fn a_margin_is_the_end_of_an_interval_that_is_certified_all_through() {
         type Change = fn(&mut World, f64);
         let margins: [(&str, f64, Option<f64>, f64, Change); 3] = [
             ("period_s", period, found.period_s, 30.0 * period, |w, period| w.sampling.period = period),
-            ("delay_s", delay, found.delay_s, delay + 40.0 * period, |w, delay| w.sampling.delay = Delay::Seconds(delay)),
+            ("delay_s", delay, found.delay_s, delay + 40.0 * period, |w, delay| {
+                w.sampling.delay = Delay::Seconds(delay)
+            }),
             ("stiffness_scale", 1.0, found.stiffness_scale, 30.0, scaled),
         ];
         for (name, now, end, far, change) in margins {

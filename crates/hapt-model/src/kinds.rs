@@ -145,7 +145,14 @@ mod tests {
             let value = match row.takes {
                 Takes::Ends => "[\"puck\", \"ground\"]".into(),
                 Takes::Name(names) => format!("{:?}", names[0]),
-                _ => "1".into(),
+                Takes::Text
+                | Takes::Quantity(..)
+                | Takes::QuantityOr(..)
+                | Takes::TimeOrSamples
+                | Takes::Whole { .. }
+                | Takes::Table
+                | Takes::Named { .. }
+                | Takes::List { .. } => "1".into(),
             };
             text += &format!("{} = {value}\n", row.name());
         }

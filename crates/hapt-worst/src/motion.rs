@@ -307,7 +307,7 @@ impl Bench<'_> {
         let mut z = place;
         for k in 0..=self.samples {
             let start = k as f64 * self.period;
-            let way = |k: usize| if (k / BLOCK) % 2 == 0 { velocity } else { -velocity };
+            let way = |k: usize| if (k / BLOCK).is_multiple_of(2) { velocity } else { -velocity };
             points.extend([(start, z), (start + forth, z + way(k) * forth)]);
             // Against the torque that is held: that of the sample that many before.
             z -= back * way(k.saturating_sub(self.late.0)) * self.period;

@@ -268,7 +268,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
                 | Reason::Late
                 | Reason::PortEnergy
                 | Reason::WorldEnergy
-                | Reason::Reversed,
+                | Reason::Reversed
+                | Reason::Driver,
             ) => watch.calm >= CALM,
         }
     }

@@ -169,7 +169,8 @@ impl Reason {
             | Reason::Heat
             | Reason::DriverHeat
             | Reason::Late
-            | Reason::Reversed => false,
+            | Reason::Reversed
+            | Reason::Driver => false,
         }
     }
 }

@@ -136,6 +136,7 @@ fn the_code_of_each_phase_and_reason_is_what_it_always_was() {
         13 => PortEnergy {},
         14 => WorldEnergy {},
         15 => Reversed {},
+        16 => Driver {},
     });
     are_all(&reasons, &Reason::ALL);
     assert!(reasons.iter().all(|(code, reason)| reason.code() == *code && Reason::from_code(*code) == Some(*reason)));
