@@ -110,7 +110,8 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
     let intervals = [answer.inertia, answer.damping, answer.friction, answer.delay, answer.offset];
     for (i, interval) in intervals.into_iter().enumerate() {
         let Some(interval) = interval else {
-            ensure!(i >= PROMISED || i == 2, "no {}: {trial:?}", NAMES[i]);
+            // Beside a large constant torque a puck may go one way only, and tell little.
+            ensure!(i >= PROMISED || i == 2 || kind == Kind::Offset, "no {}: {trial:?}", NAMES[i]);
             continue;
         };
         // A constant torque that is taken as none is in the friction, and the answer says so.
