@@ -140,7 +140,7 @@ mod here {
         /// The largest |output|, in N·m (linear: N).
         peak: f64,
         phase: Option<Phase>,
-        reason: Option<Reason>,
+        reason: u8,
     }
 
     struct Run {
@@ -186,9 +186,9 @@ mod here {
                     return Err(Failure::System(message.into()));
                 }
                 match self.seen.phase {
-                    Some(Phase::Faulted) => return Ok(How::Fault(self.seen.reason.unwrap_or(Reason::Stop))),
+                    Some(Phase::Faulted) => return Ok(self.seen.reason()?.map_or(How::Done, How::Fault)),
                     Some(Phase::Disarmed) => {
-                        return Ok(self.seen.reason.filter(|_| !is_over).map_or(How::Done, How::Fault));
+                        return Ok(self.seen.reason()?.filter(|_| !is_over).map_or(How::Done, How::Fault));
                     }
                     _ => {}
                 }
@@ -252,13 +252,27 @@ mod here {
             self.first.zip(self.last).map_or(0, |(first, last)| last.missed.wrapping_sub(first.missed))
         }
 
+        /// Why the board has faulted, if it has.
+        fn reason(&self) -> Result<Option<Reason>, Failure> {
+            let unknown = || {
+                let code = self.reason;
+                Failure::System(format!(
+                    "the board has faulted for a reason (code {code}) that this hapt does not know; a hapt as new as its firmware does"
+                ))
+            };
+            match self.reason {
+                0 if self.phase != Some(Phase::Faulted) => Ok(None),
+                code => Reason::from_code(code).map(Some).ok_or_else(unknown),
+            }
+        }
+
         fn add(&mut self, telemetry: &Telemetry) {
             self.first.get_or_insert(*telemetry);
             self.last = Some(*telemetry);
             self.shown += 1;
             self.peak = self.peak.max(f64::from(telemetry.output).abs());
             self.phase = phase(telemetry);
-            self.reason = Reason::from_code(telemetry.reason);
+            self.reason = telemetry.reason;
             if self.phase == Some(Phase::Running) {
                 self.running.get_or_insert((telemetry.sample, telemetry.sample)).1 = telemetry.sample;
             }
