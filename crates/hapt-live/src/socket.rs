@@ -1,6 +1,7 @@
 //! One websocket: a page's messages to the desk, the desk's to the page.
 
 use std::io::ErrorKind;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -54,7 +55,8 @@ pub async fn talk(io: TokioIo<Upgraded>, house: Arc<House>, client: u64) {
     let leaving = Leaving(house.door.clone(), client);
     let (mut sink, mut stream) = socket.split();
     let (outbox, mut waiting) = mpsc::channel(WAITING);
-    let hearing = hear(&mut stream, &house, client, outbox, &allowance);
+    let joined = AtomicBool::new(false);
+    let hearing = hear(&mut stream, &house, client, outbox, &allowance, &joined);
     let telling = async {
         while let Some(message) = waiting.recv().await {
             if !matches!(timeout(DEAF, sink.send(message)).await, Ok(Ok(()))) {
@@ -68,6 +70,10 @@ pub async fn talk(io: TokioIo<Upgraded>, house: Arc<House>, client: u64) {
         close = telling => close,
     };
     drop(leaving);
+    // It was shown out: a stop that it had sent before counts all the same.
+    if !matches!(code, CloseCode::Normal | CloseCode::Protocol) && joined.load(Ordering::Relaxed) {
+        let _ = timeout(LAST, stop_among(&mut stream, &house, client)).await;
+    }
     // What is still on its way, the reason among it, while the page takes it.
     let last = async {
         while let Ok(message) = waiting.try_recv() {
@@ -85,6 +91,7 @@ async fn hear(
     client: u64,
     outbox: mpsc::Sender<Message>,
     allowance: &Mutex<Allowance>,
+    joined: &AtomicBool,
 ) -> Close {
     let waiting = Waiting::default();
     let (mut strikes, mut is_over) = (0, false);
@@ -123,12 +130,7 @@ async fn hear(
                 }
                 continue;
             }
-            Left::Gone => {
-                if own.is_none() {
-                    let _ = timeout(LAST, stop_among(stream, house, client)).await;
-                }
-                return TOO_MANY;
-            }
+            Left::Gone => return TOO_MANY,
         }
         let trouble = match said {
             Ok(Said::Hello { v, .. }) if v != VERSION => {
@@ -151,6 +153,7 @@ async fn hear(
                     if !house.is_page(client) {
                         return (CloseCode::Again, "too many pages are open");
                     }
+                    joined.store(true, Ordering::Relaxed);
                     Ok(house.door.tell(Event::Joined(client, outbox)))
                 }
                 (early, _) => {
