@@ -77,7 +77,7 @@ impl Critical {
     pub fn period(self) -> Option<f64> {
         match self {
             Critical::Period(period) => Some(period),
-            _ => None,
+            Critical::Never | Critical::Unbounded => None,
         }
     }
 

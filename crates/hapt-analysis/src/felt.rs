@@ -330,7 +330,7 @@ fn notes(world: &World, slopes: &Slopes, port: &Impedance) -> Vec<String> {
     if !bent.is_empty() {
         let taken = match slopes {
             Slopes::Steep => "on its steepest rise, as the certificate takes it: a wall is touched, a bristle sticks",
-            _ => "flat: no wall is touched, a bristle slides",
+            Slopes::Flat | Slopes::Chosen(_) => "flat: no wall is touched, a bristle slides",
         };
         notes.push(format!("every nonlinear coupling is taken {taken}"));
     }

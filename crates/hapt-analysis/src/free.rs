@@ -157,7 +157,7 @@ fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stabili
     // What leaves the circle below the shortest period does so where the rest is not looked at.
     let critical = match critical {
         Critical::Period(period) if period <= shortest_period(&world.sampling) => Critical::Never,
-        other => other,
+        Critical::Period(_) | Critical::Never | Critical::Unbounded => critical,
     };
     Ok(assemble(&all, &counting, &pairs, critical, period))
 }

@@ -20,6 +20,8 @@
 //! # Ok::<(), hapt_analysis::Error>(())
 //! ```
 #![forbid(unsafe_code)]
+// No law, method or estimator falls into an arm for the rest.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 pub mod certificate;
 pub mod check;

@@ -1,7 +1,7 @@
 //! Remedies as lines to paste into the world file, in the file's own units.
 
 use hapt_model::keys::{Measure, in_samples};
-use hapt_model::{Dimension, Error, Law, Parameter, Source, World, parameters, parse_quantity};
+use hapt_model::{Coupling, Dimension, Error, Law, Parameter, Source, World, parameters, parse_quantity};
 
 use crate::check::Check;
 use crate::remedies::Remedies;
@@ -98,19 +98,10 @@ pub fn proposal(
         list.push(Remedy::key("loop.output", output.to_string(), "in [loop]"));
     }
     if let Some(scale) = remedies.stiffness_scale {
+        let stiff: Vec<(usize, &str, f64)> = world.couplings.iter().enumerate().filter_map(stiffness).collect();
+        let all = if stiff.len() > 1 { format!(", all of them times {}", number(scale)) } else { String::new() };
         let mut softer = Remedy::default();
-        for (i, coupling) in world.couplings.iter().enumerate() {
-            let (key, value) = match coupling.law.unclamped() {
-                Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => ("stiffness", stiffness),
-                Law::Detent { torque, .. } => ("torque", torque),
-                Law::Lugre { bristle_stiffness, .. } => ("bristle_stiffness", bristle_stiffness),
-                Law::Damper { .. } | Law::Coulomb { .. } | Law::Constant { .. } | Law::Clamped { .. } => continue,
-            };
-            let all = if world.couplings.len() > 1 {
-                format!(", all of them times {}", number(scale))
-            } else {
-                String::new()
-            };
+        for (i, key, value) in stiff {
             let path = format!("couplings.{i}.{key}");
             softer.and(&path, file.value(&path, scale * value, Side::Down), &format!("in couplings.{i}{all}"));
         }
@@ -136,6 +127,17 @@ pub fn proposal(
         (false, false) => "any one of these makes it certified",
     };
     Ok(Some(Proposal { heading, remedies: list }))
+}
+
+/// The key in which a coupling's stiffness is, and its value.
+fn stiffness((i, coupling): (usize, &Coupling)) -> Option<(usize, &'static str, f64)> {
+    let (key, value) = match coupling.law.unclamped() {
+        Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => ("stiffness", stiffness),
+        Law::Detent { torque, .. } => ("torque", torque),
+        Law::Lugre { bristle_stiffness, .. } => ("bristle_stiffness", bristle_stiffness),
+        Law::Damper { .. } | Law::Coulomb { .. } | Law::Constant { .. } | Law::Clamped { .. } => return None,
+    };
+    Some((i, key, value))
 }
 
 /// The file's keys as they are written.

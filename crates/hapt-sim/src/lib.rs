@@ -38,6 +38,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+// No law, method or estimator falls into an arm for the rest.
+#![warn(clippy::wildcard_enum_match_arm)]
+
 mod control;
 mod csv;
 mod energy;
