@@ -137,8 +137,8 @@ fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bo
     let mut tie = |rng: &mut Rng, first: End, second: End, inertia: f64| {
         // Stiffness by the angle that the inertia on it would go a sample.
         let x = log_uniform(rng, -2.0, 0.4);
-        // Now and then so soft that what is behind it is hardly felt.
-        let soft = if rng.u8(..12) == 0 { log_uniform(rng, -14.0, -4.0) } else { 1.0 };
+        // Now and then so soft that what is behind it is hardly felt. Such a swing is longer than any run: not where motions are followed.
+        let soft = if bent && rng.u8(..12) == 0 { log_uniform(rng, -14.0, -4.0) } else { 1.0 };
         let stiffness = soft * inertia * (x / period).powi(2);
         all.push(Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 } });
         match rng.u8(..6) {
