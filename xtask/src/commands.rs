@@ -72,8 +72,9 @@ fn commands(rng: &mut Rng, number: u64, world: &Path) -> Vec<Line> {
     let keys = ["loop.period", "device.inertia", "device.damping", "loop.delay"];
     let (one, other) = (keys[rng.usize(..2)], keys[2 + rng.usize(..2)]);
     let (from, to) = (number_of(rng, 1e-3), number_of(rng, 1e-3));
-    let one = format!("{one}={:e}..{:e}:5", f64::min(from, to), f64::max(from, to));
-    let other = format!("{other}=0..{:e}:4", number_of(rng, 1e-3));
+    let one = format!("{one}={:e}..{:e}", f64::min(from, to), f64::max(from, to));
+    let other = format!("{other}=0..{:e}", number_of(rng, 1e-3));
+    let (five, four) = (format!("{one}:5"), format!("{other}:4"));
     let mut all = vec![line(SHORT, &["check", "--json", &world]), line(SHORT, &["check", &world])];
     all.push(match number % 6 {
         0 => line(LONG, &["worst", "--json", &world]),
@@ -85,16 +86,16 @@ fn commands(rng: &mut Rng, number: u64, world: &Path) -> Vec<Line> {
                 "sweep",
                 &world,
                 "--vary",
-                &one,
+                &five,
                 "--vary",
-                &other,
+                &four,
                 "--measure",
                 "certified,required_damping",
                 "--out",
                 &out("t.csv"),
             ],
         ),
-        4 => line(SHORT, &["boundary", &world, "--vary", &one, "--vary", &other, "--points", "3"]),
+        4 => line(SHORT, &["boundary", &world, "--vary", &one, "--vary", &other]),
         _ => line(LONG, &["report", &world, "--out", &out("pages")]),
     });
     all

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use hapt_model::keys::PHYSICAL;
 use hapt_model::{
     Body, Coupling, Damping, Delay, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Mounting, Output,
     Safety, Sampling, Scenario, Shape, Side, Source, Switching, World,
@@ -16,8 +17,10 @@ fn any_number() -> impl Strategy<Value = f64> {
     prop_oneof![Just(0.0), -10.0..10.0, any::<f64>().prop_filter("finite", |value| value.is_finite())]
 }
 
+/// 0, or a number of what is physical: those of all decades brought nearer to 1.
 fn zero_or_more() -> impl Strategy<Value = f64> {
-    any_number().prop_map(f64::abs)
+    let nearer = |value: f64| if value == 0.0 || PHYSICAL.contains(&value) { value } else { value.powf(1.0 / 11.0) };
+    any_number().prop_map(move |value| nearer(value.abs()))
 }
 
 fn positive() -> impl Strategy<Value = f64> {
