@@ -145,14 +145,8 @@ mod tests {
             let value = match row.takes {
                 Takes::Ends => "[\"puck\", \"ground\"]".into(),
                 Takes::Name(names) => format!("{:?}", names[0]),
-                Takes::Text
-                | Takes::Quantity(..)
-                | Takes::QuantityOr(..)
-                | Takes::TimeOrSamples
-                | Takes::Whole { .. }
-                | Takes::Table
-                | Takes::Named { .. }
-                | Takes::List { .. } => "1".into(),
+                Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples | Takes::Whole { .. } => "1".into(),
+                Takes::Text | Takes::Table | Takes::Named { .. } | Takes::List { .. } => panic!("{}", row.path),
             };
             text += &format!("{} = {value}\n", row.name());
         }
