@@ -69,6 +69,10 @@ impl FromStr for Spec {
                 let hint = match text.trim_start().starts_with('/') {
                     // A serial port, and nobody can see from outside what is on it.
                     true => format!("; did you mean \"hapt:{text}\", \"moteus:{text}\" or \"odrive:{text}\"?"),
+                    // A word that is right lacks what follows it.
+                    false if ["sim", "replay", "hapt"].into_iter().chain(DRIVES).any(|known| known == word) => {
+                        String::new()
+                    }
                     false => did_you_mean(word, ["sim", "replay", "hapt"].into_iter().chain(DRIVES)),
                 };
                 Err(format!(
