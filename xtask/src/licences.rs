@@ -11,14 +11,18 @@ use serde_json::Value;
 /// What `hapt licences` prints.
 const FILE: &str = "crates/hapt/src/licences.txt";
 /// What may be chosen, the first first.
-const CHOICE: [&str; 6] = ["MIT", "Apache-2.0", "Zlib", "Unicode-3.0", "CC0-1.0", "MIT-0"];
+const CHOICE: [&str; 8] =
+    ["MIT", "Apache-2.0", "Zlib", "Unicode-3.0", "CC0-1.0", "MIT-0", "BSD-2-Clause", "BSD-3-Clause"];
 /// Said once.
 const HEAD: &str = "\
 hapt is licensed under MIT or Apache-2.0, at your choice. Its program holds the work of others, on every platform no more than
 the crates below, under these terms; each is followed by the number of its text.
 ";
-/// The page's plots, whose code is in web/dist.
-const UPLOT: (&str, &str) = ("uPlot (the page's plots)", "web/node_modules/uplot/LICENSE");
+/// What is in the program and is no crate: name, terms, text.
+const OTHERS: [(&str, &str, &str); 2] = [
+    ("uPlot (the page's plots)", "MIT", "web/node_modules/uplot/LICENSE"),
+    ("DejaVu fonts (in PNG)", "Bitstream Vera and Arev", "crates/hapt-report/fonts/LICENSE"),
+];
 
 /// A crate in the program.
 struct Part {
@@ -44,8 +48,10 @@ pub fn write() -> Result<()> {
         let numbers = numbers.iter().map(|n| format!("[{n}]")).collect::<Vec<_>>().join(" ");
         list += &format!("{:<32} {:<52} {numbers}\n", part.name, part.licence);
     }
-    let uplot = fs::read_to_string(UPLOT.1).context("npm ci in web/ first: uPlot's licence is there")?;
-    list += &format!("{:<32} {:<52} [{}]\n", UPLOT.0, "MIT", number(tidy(&uplot)));
+    for (name, licence, file) in OTHERS {
+        let text = fs::read_to_string(file).with_context(|| format!("{file}: npm ci in web/ first"))?;
+        list += &format!("{name:<32} {licence:<52} [{}]\n", number(tidy(&text)));
+    }
     let rust = "Copyright (c) The Rust Project Contributors".to_string();
     list += &format!("{:<32} {:<52} [{}]\n", "Rust's standard library", "MIT OR Apache-2.0", number(mit(&rust)?));
     let rule = "-".repeat(100);
@@ -63,7 +69,7 @@ pub fn is_current() -> Result<()> {
         .skip(HEAD.lines().count())
         .take_while(|line| !line.starts_with("[1]"))
         .filter_map(|line| Some((line.get(..32)?.trim().to_string(), line.get(33..85)?.trim().to_string())))
-        .filter(|(name, _)| name != UPLOT.0 && !name.starts_with("Rust's"))
+        .filter(|(name, _)| OTHERS.iter().all(|other| name != other.0) && !name.starts_with("Rust's"))
         .collect();
     let wanted: BTreeSet<(String, String)> = parts()?.into_iter().map(|part| (part.name, part.licence)).collect();
     let differ: Vec<&str> = listed.symmetric_difference(&wanted).map(|(name, _)| name.as_str()).collect();
@@ -167,6 +173,7 @@ impl Part {
             "Apache-2.0" => "Apache License",
             "Zlib" => "provided 'as-is'",
             "Unicode-3.0" => "UNICODE LICENSE",
+            "BSD-2-Clause" | "BSD-3-Clause" => "Redistribution and use in source and binary forms",
             _ => "CC0",
         };
         let is_it =
