@@ -4,11 +4,11 @@ use std::io::{Write, stdout};
 use std::process::ExitCode;
 
 use hapt_analysis::Design;
-use hapt_model::Dimension;
+use hapt_model::{Dimension, parse_quantity};
 
 use crate::args::DesignArgs;
 use crate::failure::Failure;
-use crate::people::{self, number, positive};
+use crate::people::{self, number};
 
 pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
     let travel = positive("--travel", &args.travel, Dimension::ANGLE)?;
@@ -16,6 +16,16 @@ pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
     let frequency = positive("--frequency", &args.frequency, Dimension::FREQUENCY)?;
     let period = positive("--period", &args.period, Dimension::TIME)?;
     let design = Design::new(travel, torque, frequency, period)?;
+    for (flag, text, dimension) in [
+        ("--travel", &args.travel, Dimension::ANGLE),
+        ("--torque", &args.torque, Dimension::TORQUE),
+        ("--period", &args.period, Dimension::TIME),
+    ] {
+        // A program that reads JSON says what it means in SI.
+        if let Some(line) = people::assumed(flag, text, dimension).filter(|_| !args.json) {
+            people::say(line);
+        }
+    }
     let text = if args.json {
         let json = serde_json::to_string_pretty(&design).map_err(|error| Failure::System(error.to_string()))?;
         json + "\n"
@@ -28,6 +38,11 @@ pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(ExitCode::SUCCESS)
+}
+
+fn positive(flag: &str, text: &str, dimension: Dimension) -> Result<f64, Failure> {
+    let value = parse_quantity(text, dimension).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
+    if value > 0.0 { Ok(value) } else { Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))) }
 }
 
 /// The quantity as it was given; a bare number gets its SI unit.

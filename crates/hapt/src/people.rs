@@ -98,22 +98,22 @@ pub fn positive(flag: &str, text: &str, wanted: Dimension) -> Result<f64, Failur
 }
 
 /// What a number without a unit was taken as, and how the unit that was perhaps meant is written.
-fn assumed(flag: &str, text: &str, wanted: Dimension) -> Option<String> {
+pub fn assumed(flag: &str, text: &str, wanted: Dimension) -> Option<String> {
     let bare = Quantity::parse(text).ok().filter(|quantity| quantity.dimension.is_none() && quantity.value != 0.0)?;
     let unit = wanted.symbol();
-    if wanted == Dimension::NONE {
-        return None;
-    }
+    // Of what is always said in its SI unit nothing is in doubt.
     let usual = match wanted {
         Dimension::ANGLE => "deg",
         Dimension::TIME => "ms",
         Dimension::LENGTH => "mm",
         Dimension::TORQUE => "N mm",
-        _ => &unit,
+        _ => return None,
     };
     let number = number(bare.value);
-    let taken = format!("hapt: {flag} {} has no unit and is taken as {number} {unit}", text.trim());
-    Some(if usual == unit { taken } else { format!("{taken}; write '{number} {usual}' where that is meant") })
+    let text = text.trim();
+    Some(format!(
+        "hapt: {flag} {text} has no unit and is taken as {number} {unit}; write '{number} {usual}' where that is meant"
+    ))
 }
 
 /// The unit in which a world's file speaks of torques (linear: forces), and how many of it one SI unit is.

@@ -15,7 +15,7 @@ const AWAY: [&str; 6] =
 
 #[test]
 fn a_reader_that_is_gone_ends_every_command_quietly() {
-    let (euler, design) = (shipped("notes/euler.toml"), ["--travel", "1", "--torque", "1", "--frequency", "1"]);
+    let (euler, design) = (shipped("notes/euler.toml"), ["--travel", "1 rad", "--torque", "1 N m", "--frequency", "1"]);
     let design: Vec<&str> = ["design"].into_iter().chain(design).collect();
     for args in [
         &[][..],
