@@ -125,6 +125,8 @@ const WOUND: [f64; 2] = [std::f64::consts::PI, 0.1];
 const TRAVEL: [f64; 2] = [0.05, 2.5e-3];
 /// The same without a limit, in J.
 const WORK: f64 = 0.05;
+/// How long a heartbeat may be absent, in s, from its last to torque 0.
+const LINK: f64 = 0.3;
 
 /// What the supervisor must know of a world's couplings.
 struct Reach {
@@ -173,6 +175,8 @@ impl World {
             Guarding::Uncertified => true,
             Guarding::Simulated => false,
         };
+        // From the last heartbeat on: what is longer than the fade, a period and the delay takes is patience.
+        let gone = if link_faults { 0.0 } else { fade } + period + self.sampling.delay_s();
         let work = safety.energy.unwrap_or(if limit.is_finite() { limit * TRAVEL[motion] } else { WORK });
         Limits {
             fade,
@@ -186,7 +190,7 @@ impl World {
             motor: Heat { rms: safety.rms.unwrap_or(f64::INFINITY), time: heating },
             driver: Heat { rms: safety.driver_rms.unwrap_or(f64::INFINITY), time: driver_heating },
             late: or_never(safety.late, 5.0 * period),
-            link: or_never(safety.link, 0.3),
+            link: or_never(safety.link, LINK.max(2.0 * gone)),
             link_faults,
             energy: if guarding == Guarding::Uncertified { 0.1 * work } else { work },
             world_trips: safety.world_trips.unwrap_or(trips),

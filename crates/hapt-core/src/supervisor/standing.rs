@@ -6,8 +6,11 @@
 //! J dv/dt = τ - b v - r sign(v)      τ = 0 where |τ| is within `stuck_torque`;  r = (stuck_torque + friction)/2
 //! ```
 //!
-//! It has more friction than the puck, and moves less. Each time that it has gone three counts, more than rounding can feign, the puck was
-//! asked to move and did not: the time since it was asked before, at most a quarter of `stuck`, is added up, and it begins anew from rest.
+//! It has more friction than the puck, and under a torque of one sign it moves less. A torque of the other sign lets it begin anew from rest:
+//! what a puck does that is driven to and fro is nobody's to know, and a friction that is only guessed would make a drift of it.
+//! Each time that it has gone four counts the puck was asked to move and did not: the time since it was asked before, at most a quarter of
+//! `stuck`, is added up, and it begins anew. Four, because a puck that came swinging back by up to a count has then gone one forward
+//! of where it turned: with x the way of the computed puck and τ held, it turned within √(1/4) of the time, and has gone x/4 or more since.
 //! Beyond `stuck` in all the encoder counts as dead. A torque that swings adds up as one that stays, and one that alternates too fast
 //! to move a puck by counts adds nothing. Only motion sets the sum back.
 
@@ -15,7 +18,7 @@ use crate::supervisor::Limits;
 use crate::{Real, Spec};
 
 /// In counts; and in rad or m where there are none.
-const COUNTS: f64 = 3.0;
+const COUNTS: f64 = 4.0;
 const FAR: f64 = 0.25e-3;
 
 /// How a free puck moves in a sample, in displacements.
@@ -82,6 +85,8 @@ impl<F: Real> Standing<F> {
         if !self.counts(stand, held) {
             return (Stand::NONE, false);
         }
+        let rest = Stand { asked: stand.asked, ..Stand::NONE };
+        let stand = if held * stand.way < F::ZERO { &rest } else { stand };
         let torque = if held.abs() > self.torque { held } else { F::ZERO };
         let pushed = stand.speed + periods * (self.push * torque);
         let friction = periods * self.friction;

@@ -163,8 +163,8 @@ Passive and stable are different claims: see verdict, proved and remedies.
         text: r#"Eigenvalues and passivity are of the linear loop: no counts, no clipping, walls as their slopes.
 Where a theorem carries passivity over to the whole loop it is proved; where not, lines `not proved`
 give the reasons: a motor that clips beside a body, counts beside a body, counts or levels with too
-little friction at the puck, a constant torque at a body, the exact velocity in a damper at the puck,
-FOAW, a wall behind a low-pass. The verdict then stands for the linear loop alone. The energy theorem covers
+little friction, a constant torque at a body, the exact velocity in a damper at the puck, FOAW, a
+wall behind a low-pass. The verdict then stands for the linear loop alone. The energy theorem covers
 zoh, trapezoidal and backward-euler with output "end", undamped walls at bodies too.
 
   hapt check @notes/default                                not proved: the motor's limit cuts

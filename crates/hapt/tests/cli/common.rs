@@ -136,9 +136,19 @@ pub fn shell(folder: &Path, line: &str) -> Command {
     shell
 }
 
+/// The program, heeding a closed terminal also where the tests themselves are to outlive theirs.
+fn heeding() -> Command {
+    if !cfg!(target_os = "linux") {
+        return Command::new(binary());
+    }
+    let mut command = Command::new("env");
+    command.arg("--default-signal=HUP").arg(binary());
+    command
+}
+
 /// The program, in this folder, its standard input empty.
 pub fn program<A: AsRef<OsStr>>(folder: &Path, args: impl IntoIterator<Item = A>) -> Command {
-    let mut command = Command::new(binary());
+    let mut command = heeding();
     command.current_dir(folder).args(args).stdin(Stdio::null());
     // Whoever runs the tests may like colours and narrow pages.
     command.env_remove("CLICOLOR_FORCE").env_remove("COLUMNS");

@@ -176,10 +176,11 @@ fn the_licences_name_the_crates_that_the_program_is_built_of_and_bring_their_tex
     let text = hapt(Path::new("."), ["licences"]).done().out;
     let lock = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../Cargo.lock")).unwrap();
     let list: Vec<&str> = text.lines().skip(3).take_while(|line| !line.is_empty()).collect();
-    for name in ["clap", "serde", "toml", "tungstenite", "mcap", "parquet", "uPlot"] {
+    for name in ["clap", "serde", "toml", "tungstenite", "mcap", "parquet", "uPlot", "DejaVu"] {
         assert!(list.iter().any(|line| line.starts_with(name)), "{name}");
     }
-    for line in list.iter().filter(|line| !line.starts_with("uPlot") && !line.starts_with("Rust's")) {
+    let no_crates = ["uPlot", "DejaVu", "Rust's"];
+    for line in list.iter().filter(|line| !no_crates.iter().any(|name| line.starts_with(name))) {
         let (name, version) = line.split_once(' ').unwrap();
         let version = version.split_whitespace().next().unwrap();
         assert!(

@@ -274,7 +274,7 @@ fn a_world_beyond_the_range_of_numbers_is_refused_before_anything_is_written() {
 
 #[test]
 fn a_scenario_of_more_than_ten_thousand_million_samples_is_refused_wherever_it_goes() {
-    for duration in ["10000000 s", "1e300"] {
+    for duration in ["10000000 s", "1e29"] {
         let args = ["--set".to_string(), format!("scenarios.step.duration={duration}")];
         refused(WHEEL, &[&args[0], &args[1]], &["hapt: scenarios.step.duration: ", "1e10", "--set:1:25"]);
     }
