@@ -1,7 +1,7 @@
 //! The supervisor on the exact device: the notes' runs pass, what runs away is caught, signs are told, energies agree.
 
 use crate::common::{bare, spring, wheel};
-use hapt_core::{Guarded, Guarding, Phase, Reading, Reason, Request, Watch};
+use hapt_core::{Guarded, Guarding, Limits, Phase, Reading, Reason, Request, Watch};
 use hapt_model::{
     Body, Clampable, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Side, Source, World,
 };
@@ -20,7 +20,9 @@ struct Guard {
 impl Guard {
     fn new(world: &World, guarding: Guarding) -> Self {
         let core = DesktopLoop::new(&world.spec()).unwrap();
-        let supervisor = DesktopSupervisor::new(&world.limits(guarding), &world.spec()).unwrap();
+        // The puck is where the run says, also where it is armed elsewhere than at 0.
+        let limits = Limits { zero_where_armed: false, ..world.limits(guarding) };
+        let supervisor = DesktopSupervisor::new(&limits, &world.spec()).unwrap();
         Guard { state: core.start(), core, supervisor, watch: Watch::START }
     }
 
