@@ -78,6 +78,14 @@ impl Attached {
         if device != file.device || world.sampling.delay != file.sampling.delay || world.motion != file.motion {
             return Err(self.refusal("device"));
         }
+        // A delay in samples is the hardware's too, and another period would make another time of it.
+        if world.sampling.delay_s() != file.sampling.delay_s() {
+            let delay = file.sampling.delay_s();
+            return Err(format!(
+                "loop.period: the file gives loop.delay in samples, {delay} s at its own period; with a motor attached give it as a time, \
+                 and the period can be set"
+            ));
+        }
         let (Some(asked), Some(limit)) = (asked, file.device.limit) else {
             return if asked == file.device.limit { Ok(()) } else { Err(self.refusal("device.limit")) };
         };

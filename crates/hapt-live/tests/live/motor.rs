@@ -267,6 +267,21 @@ fn stop_waits_for_no_certificate_and_for_no_flood() {
     }
 }
 
+#[test]
+fn a_delay_in_samples_does_not_shrink_with_the_period() {
+    let (live, _hands) = on_a_motor_with(Guarding::Certified, PUSHED, &["loop.delay=1.5 samples"]);
+    let (mut page, _) = Page::new(&live);
+    page.hear("world");
+    for period in ["0.2 ms", "1 ms", "4 ms"] {
+        assert!(set(&mut page, "loop.period", period).unwrap_err().contains("in samples"), "{period}");
+    }
+    // As a time it stays what it is.
+    let (live, _hands) = on_a_motor_with(Guarding::Certified, PUSHED, &["loop.delay=3 ms"]);
+    let (mut page, _) = Page::new(&live);
+    page.hear("world");
+    set(&mut page, "loop.period", "1.9 ms").unwrap();
+}
+
 /// A motor that pushes whenever it is armed, against a damper's drag.
 const PUSHED: &str = r#"title = "push"
 [loop]
