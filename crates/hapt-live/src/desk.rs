@@ -130,6 +130,11 @@ impl Door {
         self.holder.load(Ordering::Acquire) == client
     }
 
+    /// The loop's handle.
+    pub fn handle(&self) -> LoopHandle {
+        self.handle.clone()
+    }
+
     /// The program ends.
     pub fn end(&self) {
         let mut event = Event::End;

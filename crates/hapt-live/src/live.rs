@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use hapt_core::Guarding;
 use hapt_model::{Source, World};
-use hapt_rt::{Device, Hands, Settings, Simulated};
+use hapt_rt::{Device, Hands, LoopHandle, Settings, Simulated};
 
 use crate::access::Access;
 use crate::desk::{self, Desk, Door, Event, Start};
@@ -200,6 +200,11 @@ impl Live {
         self.asks_for_token
     }
 
+    /// What ends the loop with no torque on from any thread, whatever else is under way. On a board the link's end does that.
+    pub fn handle(&self) -> LoopHandle {
+        self.door.handle()
+    }
+
     /// Waits for its end, so long at most.
     ///
     /// # Errors
@@ -215,6 +220,8 @@ impl Live {
 
 impl Drop for Live {
     fn drop(&mut self) {
+        // Whatever the desk is at.
+        self.door.handle().end();
         self.door.end();
         if let Some(desk) = self.desk.take() {
             let _ = desk.join();

@@ -40,6 +40,8 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     // Before anything can hold a torque: a signal takes it off first.
     output::end_in_order();
     let live = Live::start_on(options, |world| machine(args, &spec, world))?;
+    let handle = live.handle();
+    output::stop_with(move || handle.end());
 
     if spec.has_a_motor() {
         say(drives::NOT_CERTIFIED);
