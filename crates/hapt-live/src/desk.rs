@@ -101,23 +101,28 @@ impl Door {
 
     /// Hands in what a client says, without waiting; `false`: the desk is gone, or overrun by this client.
     ///
-    /// A stop goes from here to the loop, and stands in no queue; and so does the word that whoever has control is there.
+    /// A stop goes from here to the loop, and stands in no queue; and so does the word that whoever has control is there, and his that a
+    /// motor is to be disarmed.
     pub fn hand_in(&self, client: Client, said: Said, waiting: &Waiting) -> bool {
         if let Said::Order { order: Wish::Stop } = said {
             self.handle.stop();
         }
-        if self.holder.load(Ordering::Acquire) == client {
+        let epoch = self.handle.epoch();
+        if self.is_held_by(client) {
             self.handle.heartbeat();
+            if let Said::Order { order: Wish::Disarm } = said {
+                self.handle.withdraw();
+            }
         }
         if let Said::Order { order: Wish::Stop } | Said::Alive = said {
             // The hand on a simulated puck wants to hear of it too, and does where there is room.
             if let Some(ticket) = waiting.ticket() {
-                let _ = self.events.try_send(Event::Said(client, Said::Alive, self.handle.epoch(), ticket));
+                let _ = self.events.try_send(Event::Said(client, Said::Alive, epoch, ticket));
             }
             return true;
         }
         let Some(ticket) = waiting.ticket() else { return false };
-        self.events.try_send(Event::Said(client, said, self.handle.epoch(), ticket)).is_ok()
+        self.events.try_send(Event::Said(client, said, epoch, ticket)).is_ok()
     }
 
     /// A page has come, or gone; `false`: the desk is gone, or overrun.
@@ -152,6 +157,8 @@ pub struct Desk {
     pub(crate) guarding: Guarding,
     /// The worlds of the plans that the loop may still be at, by their generation.
     pub(crate) worlds: VecDeque<(u32, World)>,
+    /// The loop's time in s at which the last change of the world has faded over.
+    pub(crate) settled: f64,
     pub(crate) hand: VisitorsHand,
     /// The scenario that the hand plays, and when by the loop's time in s it is over.
     pub(crate) scenario: Option<(String, f64)>,
@@ -212,6 +219,7 @@ impl Desk {
         Desk {
             worlds: VecDeque::from([(bench.generation, bench.world.clone())]),
             world_says: message(&Says::World(Box::new(bench.says()))),
+            settled: 0.0,
             bench,
             runner,
             guarding,
@@ -300,6 +308,8 @@ impl Desk {
         while let Some(record) = self.runner.record() {
             while self.worlds.len() > 1 && self.worlds.front().is_some_and(|(plan, _)| *plan < record.plan) {
                 self.worlds.pop_front();
+                let World { safety, sampling, .. } = &self.bench.world;
+                self.settled = record.due as f64 * 1e-9 + safety.fade + 2.0 * sampling.period;
             }
             if let Some(recording) = &mut self.recording {
                 recording.follow(self.runner.as_mut(), &record);
@@ -372,6 +382,13 @@ impl Desk {
     /// Whether nobody can be hurt.
     pub(crate) fn is_simulated(&self) -> bool {
         self.guarding == Guarding::Simulated
+    }
+
+    /// Whether another world may follow: the torque fades over to each, and follows the world only in part until it has. Worlds in quicker
+    /// succession would hold a motor's torque where it was.
+    pub(crate) fn is_settled(&self) -> bool {
+        let is_over = !self.state.0.is_active() || self.time >= self.settled;
+        self.is_simulated() || self.worlds.len() == 1 && is_over
     }
 
     /// The hand lets go, and a scenario ends with it.

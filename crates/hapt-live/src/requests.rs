@@ -101,6 +101,13 @@ impl Desk {
                     let words = "stop was pressed, or control changed, before this was heard; say it again";
                     return self.answer_error(client, words);
                 }
+                if request == Request::Disarm && !self.is_simulated() {
+                    // Past all queues, and mostly done at the door already.
+                    if epoch == self.handle.epoch() {
+                        self.handle.withdraw();
+                    }
+                    return;
+                }
                 if request == Request::Arm && self.is_simulated() {
                     // Where the puck is armed is 0 from then on: a hand that meant to be elsewhere would throw it.
                     self.let_go();
@@ -176,7 +183,8 @@ impl Desk {
 
     /// Begins the next task, where none is under way.
     pub(crate) fn work(&mut self) {
-        if self.at_work {
+        let changes = self.tasks.front().is_some_and(|(_, task)| *task != Task::Record);
+        if self.at_work || changes && !self.is_settled() {
             return;
         }
         if let Some((client, task)) = self.tasks.pop_front() {

@@ -6,7 +6,7 @@ use hapt_model::Source;
 use hapt_rt::Hands;
 use serde_json::json;
 
-use crate::common::{Page, WORLD, arm, many_bodies};
+use crate::common::{Frame, Page, WORLD, arm, many_bodies};
 
 /// The world on a device that is guarded as a real one; its hand is the test's. A busy machine is late, and that is no matter here.
 fn on_a_motor(guarding: Guarding) -> (Live, Option<Hands>) {
@@ -265,6 +265,45 @@ fn stop_waits_for_no_certificate_and_for_no_flood() {
             assert_eq!(watcher.hear("status")["phase"], "faulted");
         }
     }
+}
+
+/// Sets a key anew twice in each frame's time, until a frame is as wanted or the loop's time in s is over.
+fn set_without_end(page: &mut Page, torque: f64, time: f64, wanted: impl Fn(&Frame) -> bool) -> bool {
+    let begun = page.frame().time;
+    let mut k = 0;
+    loop {
+        // Not more than the server takes from one page.
+        for _ in 0..2 {
+            k += 1;
+            let value = format!("{} N mm", torque + 1e-6 * f64::from(k % 100));
+            page.say(json!({ "type": "set", "key": "couplings.0.torque", "value": value }));
+        }
+        let frame = page.frame();
+        if wanted(&frame) || frame.time > begun + time {
+            return wanted(&frame);
+        }
+    }
+}
+
+#[test]
+fn the_motors_torque_follows_the_world_however_quickly_a_page_changes_it() {
+    // Each swap fades over, and takes the torque on from where it was: at every sample they would hold it there.
+    let (live, _hands) = on_a_motor_with(
+        Guarding::Certified,
+        PUSHED,
+        &["loop.period=50 ms", "safety.link=20 s", "couplings.0.torque=5 N mm"],
+    );
+    let (mut page, _) = Page::new(&live);
+    arm(&mut page);
+    for torque in [-5.0, 5.0, -5.0] {
+        let follows = |frame: &Frame| (f64::from(frame.columns[6][0]) - 1e-3 * torque).abs() < 1e-4;
+        assert!(set_without_end(&mut page, torque, 3.0, follows), "{torque} N mm are not there after 3 s");
+    }
+    // And it is taken away at once, whatever is still to be done.
+    let begun = page.frame().time;
+    page.say(json!({ "type": "order", "order": "disarm" }));
+    let off = page.frame_until(|frame| frame.columns[6][0] == 0.0).time - begun;
+    assert!(off < 1.0, "off after {off} s");
 }
 
 #[test]
