@@ -121,6 +121,7 @@ for_both! {
     the_torque_is_off_within_the_links_time_of_the_last_heartbeat_the_fade_included
     a_lost_link_fades_out_or_faults
     a_swap_does_not_step_the_torque
+    a_stop_within_a_fade_brakes_no_longer_than_the_fade_would_have_taken
     the_position_where_a_real_device_is_armed_is_zero
     a_pulse_tells_the_motors_sign
     braking_opposes_the_motion_and_ends
@@ -295,18 +296,21 @@ fn a_lost_link_fades_out_or_faults<F: Real>() {
 }
 
 fn the_torque_is_off_within_the_links_time_of_the_last_heartbeat_the_fade_included<F: Real>() {
-    for (link, fade, delay, faults) in [
-        (0.3, 0.1, 0.0, false),
-        (0.15, 0.1, 0.004, false),
-        (0.3, 0.0123, 0.0025, false),
-        (0.05, 0.04, 0.0, false),
-        (0.05, 0.1, 0.001, true),
+    for (link, fade, delay, faults, brake) in [
+        (0.3, 0.1, 0.0, false, 0.0),
+        (0.15, 0.1, 0.004, false, 0.0),
+        (0.3, 0.0123, 0.0025, false, 0.0),
+        (0.05, 0.04, 0.0, false, 0.0),
+        (0.05, 0.1, 0.001, true, 0.0),
+        (0.3, 0.1, 0.0, false, 1e-3),
+        // What brakes after the fault is a torque too.
+        (0.3, 0.1, 0.001, true, 1e-3),
     ] {
-        let limits = Limits { link, fade, delay, link_faults: faults, ..LIMITS };
+        let limits = Limits { link, fade, delay, link_faults: faults, brake, ..LIMITS };
         let mut guard = Guard::<F>::running(&limits, &WORLD, 0.5);
         let off = (1..1000).find(|k| {
             let silent = F::from_f64(T * f64::from(*k));
-            guard.step(&Reading { silent, ..reading(0.5) }, None).output == F::ZERO
+            guard.step(&Reading { silent, ..reading(0.5 + 1e-3 * f64::from(*k)) }, None).output == F::ZERO
         });
         let off = T * f64::from(off.unwrap()) + delay;
         assert!(off <= link + 1e-6, "off after {off} s of {link} s");
@@ -336,6 +340,24 @@ fn a_swap_does_not_step_the_torque<F: Real>() {
         last = output;
     }
     assert_eq!(guard.watch.phase, Phase::Running);
+}
+
+/// The torque fades out for whatever reason, and then somebody presses stop.
+fn a_stop_within_a_fade_brakes_no_longer_than_the_fade_would_have_taken<F: Real>() {
+    let limits = Limits { brake: 1e-3, ..LIMITS };
+    for pressed in 1..9 {
+        let mut guard = Guard::<F>::running(&limits, &WORLD, 0.5);
+        let off = (0..30).find(|k| {
+            let request = match *k {
+                0 => Some(Request::Disarm),
+                k if k == pressed => Some(Request::Stop),
+                _ => None,
+            };
+            guard.step(&reading(0.5 + 1e-3 * f64::from(*k)), request).output == F::ZERO
+        });
+        assert_eq!(guard.watch.reason, Some(Reason::Stop));
+        assert!(off.unwrap() <= (limits.fade / T) as u32, "off after {off:?} samples");
+    }
 }
 
 fn the_position_where_a_real_device_is_armed_is_zero<F: Real>() {

@@ -93,9 +93,9 @@ pub struct Heat {
 
 impl Limits {
     /// How long the heartbeat may be absent, in s, before the torque goes: what [`Limits::link`] leaves for the fade, for the sample that
-    /// sees it, and for the delay. A lost link that is a fault takes no fade.
+    /// sees it, and for the delay. A lost link that is a fault takes no fade, unless it brakes.
     pub fn silence(&self, period: f64) -> f64 {
-        let fade = if self.link_faults { 0.0 } else { self.fade };
+        let fade = if self.link_faults && self.brake <= 0.0 { 0.0 } else { self.fade };
         self.link - (fade + period + self.delay)
     }
 

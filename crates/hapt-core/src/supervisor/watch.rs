@@ -117,7 +117,8 @@ impl<F: Real> Watch<F> {
     #[inline(never)]
     pub(crate) fn fault(&mut self, reason: Reason) {
         if self.phase != Phase::Faulted || reason == Reason::Stop {
-            self.braking = if reason.trusts_the_encoder() && self.phase.is_active() { F::ONE } else { F::ZERO };
+            // No longer than a fade that is under way would have taken.
+            self.braking = if reason.trusts_the_encoder() && self.phase.is_active() { self.gain } else { F::ZERO };
             (self.phase, self.reason) = (Phase::Faulted, Some(reason));
         }
     }
