@@ -3,7 +3,6 @@
 //! A thread holds the line, so that nothing else waits for it. A board changes its world only while no torque can flow
 //! (docs/wire.md): where it is armed, a change fades out, is loaded whole, and arms again, unless somebody has meant otherwise meanwhile.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -39,7 +38,6 @@ pub(crate) struct Board {
     records: Receiver<Record>,
     news: Receiver<News>,
     handle: LoopHandle,
-    end: Arc<AtomicBool>,
     guarding: Guarding,
     thread: Option<JoinHandle<Result<(), String>>>,
 }
@@ -68,7 +66,7 @@ impl Board {
         let (asks, incoming) = sync_channel(ASKS);
         let (outgoing, records) = sync_channel(RECORDS);
         let (says, news) = channel();
-        let (handle, end) = (LoopHandle::default(), Arc::<AtomicBool>::default());
+        let handle = LoopHandle::default();
         let phase = link.board().phase.unwrap_or(Phase::Disarmed);
         let holder = Holder {
             link,
@@ -85,10 +83,9 @@ impl Board {
             records: outgoing,
             news: says,
             handle: handle.clone(),
-            end: Arc::clone(&end),
         };
         let thread = std::thread::Builder::new().name("board".into()).spawn(|| holder.run())?;
-        Ok(Board { asks, records, news, handle, end, guarding, thread: Some(thread) })
+        Ok(Board { asks, records, news, handle, guarding, thread: Some(thread) })
     }
 }
 
@@ -143,7 +140,7 @@ impl Runner for Board {
 
 impl Drop for Board {
     fn drop(&mut self) {
-        self.end.store(true, Ordering::Release);
+        self.handle.end();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -172,17 +169,18 @@ struct Holder {
     records: SyncSender<Record>,
     news: Sender<News>,
     handle: LoopHandle,
-    end: Arc<AtomicBool>,
 }
 
 impl Holder {
     /// Until it is to end, or the line does.
     fn run(mut self) -> Result<(), String> {
-        // A stop waits for no answer of the board's.
+        // A stop waits for no answer of the board's, nor does the end.
         let (handle, told) = (self.handle.clone(), Arc::clone(&self.told));
-        self.link.yield_to(move || handle.epoch() != *told.lock().unwrap_or_else(PoisonError::into_inner));
+        self.link.yield_to(move || {
+            handle.is_ended() || handle.epoch() != *told.lock().unwrap_or_else(PoisonError::into_inner)
+        });
         let mut heard = Instant::now();
-        while !self.end.load(Ordering::Acquire) {
+        while !self.handle.is_ended() {
             match self.hear().and_then(|()| self.change()) {
                 Ok(()) | Err(Error::Interrupted) => {}
                 Err(error) => return Err(error.to_string()),

@@ -200,7 +200,7 @@ impl Live {
         self.asks_for_token
     }
 
-    /// What ends the loop with no torque on from any thread, whatever else is under way. On a board the link's end does that.
+    /// What ends the loop with no torque on from any thread, whatever else is under way.
     pub fn handle(&self) -> LoopHandle {
         self.door.handle()
     }

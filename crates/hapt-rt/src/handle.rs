@@ -58,7 +58,7 @@ impl LoopHandle {
     }
 
     /// Whether the loop is to end.
-    pub(crate) fn is_ended(&self) -> bool {
+    pub fn is_ended(&self) -> bool {
         self.0.end.load(Ordering::Acquire)
     }
 

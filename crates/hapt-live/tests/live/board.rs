@@ -54,7 +54,7 @@ fn plugged(folder: &str) -> (Simulated, Live) {
 }
 
 /// However slow the machine is.
-fn patiently(what: impl Fn() -> bool) {
+fn patiently(mut what: impl FnMut() -> bool) {
     let start = Instant::now();
     while !what() {
         assert!(start.elapsed() < Duration::from_secs(60), "waited too long");
@@ -92,6 +92,18 @@ fn a_board_waits_to_be_armed_shows_what_it_does_and_lets_go_when_the_page_is_sil
     page.say(json!({ "type": "order", "order": "disarm" }));
     let status = page.stay_until("status", |status| status["phase"] == "disarmed");
     assert_eq!(status["reason"], Value::Null);
+}
+
+#[test]
+fn the_end_takes_a_boards_torque_by_the_loops_handle_though_its_page_is_there() {
+    let (board, live) = plugged(".");
+    let (mut page, _) = Page::new(&live);
+    arm(&mut page);
+    assert!(board.torque() > 0.0);
+    live.handle().end();
+    patiently(|| board.torque() == 0.0 || !page.send(json!({ "type": "alive" }).to_string().into()));
+    assert_eq!(board.torque(), 0.0);
+    assert!(live.wait(Duration::from_secs(60)).is_ok());
 }
 
 #[test]
