@@ -142,7 +142,10 @@ pub(crate) fn row(world: &World, path: &str) -> Option<&'static Key> {
     let names: Vec<&str> = path.split('.').collect();
     let (pattern, kind) = match names[..] {
         ["loop" | "device", _] => (path.to_string(), None),
-        ["bodies", _, name] => (format!("bodies.*.{name}"), None),
+        // One that is there: any other text would be read as part of an override, up to its own `=`.
+        ["bodies", body, name] if world.names.iter().any(|own| own == body) && !body.contains('=') => {
+            (format!("bodies.*.{name}"), None)
+        }
         ["couplings", index, name] => {
             // One spelling of a number is enough: 00 would be another key.
             let place = index.parse::<usize>().ok().filter(|place| place.to_string() == index)?;

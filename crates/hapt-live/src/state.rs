@@ -315,6 +315,30 @@ mod tests {
     }
 
     #[test]
+    fn no_key_is_another_in_disguise() {
+        let bench = bench();
+        assert!(bench.with("bodies.wheel.inertia", "1").is_ok());
+        for (key, value) in [
+            ("bodies.wheel={velocity=20,inertia=1 #.inertia", "\n}"),
+            ("bodies.wheel={velocity=20,\ninertia=1 #.inertia", "\n}"),
+            ("bodies.wheel.velocity", "20"),
+            ("bodies. wheel.inertia", "1"),
+            ("bodies.wheel .inertia", "1"),
+            (" bodies.wheel.inertia", "1"),
+            ("bodies.wheel.inertia ", "1"),
+            ("bodies..inertia", "1"),
+            ("loop. period", "1 ms"),
+            ("device={inertia=1 #.inertia", "\n}"),
+            ("couplings.+0.stiffness", "1"),
+            ("couplings.0 .stiffness", "1"),
+            ("couplings.0=1 #.stiffness", "1"),
+        ] {
+            let refused = bench.with(key, value).map(|next| next.sets()).unwrap_err();
+            assert!(refused.contains("is no key that can be set"), "{key}: {refused}");
+        }
+    }
+
+    #[test]
     fn a_choice_brings_along_what_it_cannot_do_without() {
         let bench = bench();
         let smooth = bench.with("loop.estimator", "low-pass").unwrap();
