@@ -53,6 +53,8 @@ const WIDTH: f64 = 1e-7;
 const SPARE: f64 = 1e-6;
 /// How far a margin is followed, as a ratio.
 const REACH: f64 = 1e6;
+/// So many samples beyond a whole number a delay still counts as that number; twice what the loop allows.
+const WHOLE: f64 = 2e-6;
 /// The most steps ahead, and whole samples of delay one after the other, that are tried.
 const STEPS: u32 = 32;
 
@@ -132,6 +134,8 @@ fn delay_margin(world: &World) -> Result<Result<f64, String>, Error> {
     }
     let end = margin(world, Along::Samples, [now, most], |w, samples| w.sampling.delay = Delay::Samples(samples))?;
     let reason = |_| format!("no end up to {IN_FLIGHT} samples, the most that the analysis carries");
+    // So near to what the file has an end is the tolerance by which a whole number of samples is told: there is no margin.
+    let end = end.map(|samples| if samples - now < WHOLE { now } else { samples });
     Ok(end.map(|samples| (samples * period).max(world.sampling.delay_s())).map_err(reason))
 }
 

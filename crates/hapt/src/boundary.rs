@@ -14,7 +14,7 @@ use crate::boundary_plot;
 use crate::failure::Failure;
 use crate::output;
 use crate::people;
-use crate::world::{own, source};
+use crate::world::{files, own, source};
 
 /// An axis in the unit in which it was typed.
 pub struct Shown {
@@ -52,6 +52,9 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     }
     output::figure_format("--plot", args.plot.as_deref())?;
     let source = source(&args.world.path)?;
+    let outputs = [("--out", &args.out), ("--plot", &args.plot)];
+    let world = hapt_model::World::read(&source, &args.world.sets).ok();
+    output::apart(&output::given(&outputs), &world.map_or_else(Vec::new, |world| files(&args.world.path, &world)))?;
     let boundary = Boundary::new(&source, &args.world.sets, &args.axes, &claims)?;
     let [x, y] =
         [0, 1].map(|i| within(&boundary.plane.axes[i], own(&source, &args.world.sets, &boundary.plane.axes[i].key)));

@@ -10,7 +10,7 @@ use crate::failure::Failure;
 use crate::topics::{Topic, topics};
 
 pub fn run(args: &ExplainArgs) -> Result<ExitCode, Failure> {
-    let text = match &args.topic {
+    let text = match args.topic.as_deref().filter(|topic| !topic.trim().is_empty()) {
         None => list(),
         Some(name) => find(name)?.text.to_string(),
     };

@@ -19,7 +19,7 @@ use crate::failure::Failure;
 use crate::output;
 use crate::people;
 use crate::progress::Progress;
-use crate::world::{Loaded, load};
+use crate::world::{Loaded, files, load};
 
 /// The most rows.
 const MOST: usize = 100_000;
@@ -34,14 +34,13 @@ pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
         let given = args.points.unwrap_or_default();
         return Err(Failure::input(format!("--points {given}: 1 to {most} are possible")));
     }
-    if args.out.is_some() && args.out == args.plot {
-        return Err(Failure::input("--out and --plot are the same file"));
-    }
     if let Some(out) = &args.out {
         output::format("--out", out, &["csv"])?;
     }
     output::figure_format("--plot", args.plot.as_deref())?;
     let loaded = load(&args.world)?;
+    let outputs = [("--out", &args.out), ("--plot", &args.plot)];
+    output::apart(&output::given(&outputs), &files(&args.world.path, &loaded.world))?;
     let [csv, figure, json, text] = if args.z_width { width(args, &loaded)? } else { frequencies(args, &loaded)? };
     // Both are written before either is put in its place.
     let csv = args.out.as_deref().map(|target| output::draft(target, csv.as_bytes())).transpose()?;

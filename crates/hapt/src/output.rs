@@ -59,6 +59,7 @@ impl Draft {
             return Ok(Draft { file: BufWriter::with_capacity(1 << 16, file), place: Place::Through(named) });
         }
         let target = followed(&named)?;
+        let there = protected(&target)?;
         let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let name = target.file_name().unwrap_or_default().to_string_lossy();
         let prefix = format!(".{name}.");
@@ -75,6 +76,10 @@ impl Draft {
         let (file, path) = builder.tempfile_in(folder)?.into_parts();
         list.push(path.to_path_buf());
         drop(list);
+        if let Some(there) = there {
+            // Who may read the old file may read the new one. A file system without such rights has none to keep.
+            let _ = file.set_permissions(there);
+        }
         Ok(Draft { file: BufWriter::with_capacity(1 << 16, file), place: Place::Beside { path, target, named } })
     }
 
@@ -109,8 +114,17 @@ impl Write for Draft {
     }
 }
 
+/// Who may read and write the file that is there; an error where nobody may write it.
+pub fn protected(target: &Path) -> io::Result<Option<fs::Permissions>> {
+    match fs::metadata(target) {
+        Ok(there) if there.permissions().readonly() => Err(io::Error::other("the file is write-protected")),
+        Ok(there) => Ok(Some(there.permissions())),
+        Err(_) => Ok(None),
+    }
+}
+
 /// The file that a path names behind its links, which need not be there yet.
-fn followed(path: &Path) -> io::Result<PathBuf> {
+pub fn followed(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_path_buf();
     // As many as Linux follows.
     for _ in 0..40 {
@@ -186,12 +200,44 @@ pub fn regular(flag: &str, path: &Path) -> Result<(), Failure> {
             let what = if there.is_dir() { "a folder" } else { "a device or a FIFO" };
             Err(Failure::input(format!("{flag} {}: it is {what}; a file is wanted", path.display())))
         }
-        _ => Ok(()),
+        _ => protected(path).map(drop).map_err(|error| Failure::write(path.display(), error)),
     }
 }
 
-/// The endings of the files that commands write into folders.
-const ENDINGS: [&str; 6] = ["csv", "parquet", "mcap", "svg", "png", "html"];
+/// Refuses two outputs in one file, and an output in a file that is read: one would destroy the other. Outputs by their flags, inputs by
+/// what they are.
+pub fn apart(outputs: &[(&str, &Path)], inputs: &[(&str, PathBuf)]) -> Result<(), Failure> {
+    let read: Vec<_> = inputs.iter().filter_map(|(what, path)| Some((what, place(path)?))).collect();
+    let written: Vec<_> =
+        outputs.iter().filter_map(|(flag, path)| Some((flag, path.display(), place(path)?))).collect();
+    for (i, (flag, name, here)) in written.iter().enumerate() {
+        if let Some((what, _)) = read.iter().find(|(_, there)| there == here) {
+            return Err(Failure::input(format!("{flag} {name}: that is {what} itself; another name is wanted")));
+        }
+        if let Some((other, ..)) = written[..i].iter().find(|(.., there)| there == here) {
+            return Err(Failure::input(format!("{other} and {flag} are the same file, {name}; each wants its own")));
+        }
+    }
+    Ok(())
+}
+
+/// The outputs that are asked for.
+pub fn given<'a>(outputs: &[(&'a str, &'a Option<PathBuf>)]) -> Vec<(&'a str, &'a Path)> {
+    outputs.iter().filter_map(|(flag, path)| Some((*flag, path.as_deref()?))).collect()
+}
+
+/// Where a file is or will be, whatever it is called; `None` of what is no file.
+fn place(path: &Path) -> Option<PathBuf> {
+    let path = followed(path).ok()?;
+    if fs::metadata(&path).is_ok_and(|there| !there.is_file()) {
+        return None;
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Some(fs::canonicalize(folder).ok()?.join(path.file_name()?))
+}
+
+/// Endings that are of files, and of no folder that a command makes.
+const ENDINGS: [&str; 9] = ["csv", "parquet", "mcap", "svg", "png", "html", "json", "toml", "txt"];
 
 /// The format that a file's ending asks for, of those that `flag` writes; the first of them where the name has no ending.
 pub fn format<'a>(flag: &str, path: &Path, formats: &[&'a str]) -> Result<&'a str, Failure> {
@@ -235,6 +281,10 @@ pub fn draft(target: &Path, bytes: &[u8]) -> Result<Draft, Failure> {
 pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
     if let Some(file) = path.ancestors().find(|at| at.exists() && !at.is_dir()) {
         let message = format!("{flag} {}: {} is a file; a folder is wanted", path.display(), file.display());
+        return Err(Failure::input(message));
+    }
+    if path.is_symlink() && !path.exists() {
+        let message = format!("{flag} {}: it is a link to nothing; a folder is wanted", path.display());
         return Err(Failure::input(message));
     }
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());

@@ -27,6 +27,8 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
             args.runs.len()
         )));
     }
+    let inputs: Vec<_> = args.runs.iter().map(|run| ("the run", run.clone())).collect();
+    output::apart(&output::given(&[("--out", &args.out)]), &inputs)?;
     let window = window(args)?;
     let signals = signals(&args.signals)?;
     let mut runs: Vec<(String, Traces)> = Vec::new();

@@ -20,7 +20,7 @@ use crate::log::Recording;
 use crate::output;
 use crate::people;
 use crate::sim;
-use crate::world::{Loaded, load};
+use crate::world::{Loaded, files, load};
 
 pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let mut loaded = load(&args.world)?;
@@ -39,6 +39,11 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         Some(text) => time("--duration", text)?,
         None => scenario.map_or(f64::INFINITY, |scenario| scenario.duration),
     };
+    let mut inputs = files(&args.world.path, world);
+    if let Spec::Replay(recorded) = &spec {
+        inputs.push(("the recording", recorded.clone()));
+    }
+    output::apart(&output::given(&[("--log", &args.log)]), &inputs)?;
     if let Spec::Board(port) = &spec {
         return board_run::run(args, loaded, port, duration);
     }

@@ -14,7 +14,7 @@ use crate::output;
 use crate::people::{self, Effort};
 use crate::progress::Progress;
 use crate::table::Table;
-use crate::world::{Loaded, load};
+use crate::world::{Loaded, files, load};
 
 pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
     let loaded = load(&args.world)?;
@@ -68,14 +68,16 @@ fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &Sim
         .into_iter()
         .filter(|format| args.formats.contains(format))
         .collect();
+    let target = |name: &str, format: &Format| folder.join(format!("{name}.{}", format.ending()));
+    let targets: Vec<_> =
+        scenarios.iter().flat_map(|scenario| formats.iter().map(|format| target(&scenario.name, format))).collect();
+    let outputs: Vec<_> = targets.iter().map(|path| ("--out", path.as_path())).collect();
+    output::apart(&outputs, &files(&args.world.path, world))?;
     let mut header = header(loaded, &args.world.sets, formats.contains(&Format::Mcap));
     let mut first_failure = None;
     for scenario in scenarios {
         header.scenario = Some(scenario.name.clone());
-        let table = |format: &Format| {
-            let target = folder.join(format!("{}.{}", scenario.name, format.ending()));
-            Table::new(*format, target, world, &header, Origin::Run)
-        };
+        let table = |format: &Format| Table::new(*format, target(&scenario.name, format), world, &header, Origin::Run);
         let mut tables = formats.iter().map(table).collect::<Result<Vec<_>, _>>()?;
         let run = Simulation::new(world, scenario)?;
         let end = rows(run, &scenario.name, |row| tables.iter_mut().try_for_each(|table| table.row(row)))?;

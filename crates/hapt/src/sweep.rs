@@ -22,7 +22,7 @@ use crate::failure::Failure;
 use crate::output::{self, Draft};
 use crate::people;
 use crate::progress::Progress;
-use crate::world::{own, source};
+use crate::world::{files, own, source};
 
 /// The most threads that can be asked for.
 const MOST_THREADS: usize = 1024;
@@ -41,7 +41,8 @@ enum Format {
 }
 
 pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
-    let format = match args.out.extension().and_then(|ending| ending.to_str()) {
+    let ending = args.out.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    let format = match ending.as_deref() {
         Some("csv") => Format::Csv,
         Some("parquet") => Format::Parquet,
         _ => return Err(Failure::input(format!("--out {}: FILE.csv or FILE.parquet is wanted", args.out.display()))),
@@ -51,6 +52,9 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     let measures = args.measures.iter().map(|name| measure(name)).collect::<Result<Vec<_>, _>>()?;
     let source = source(&args.world.path)?;
     let sweep = Sweep::new(&source, &args.world.sets, &args.axes, &measures, args.scenario.as_deref())?;
+    let outputs = [Some(("--out", args.out.as_path())), args.plot.as_deref().map(|plot| ("--plot", plot))];
+    let outputs: Vec<_> = outputs.into_iter().flatten().collect();
+    output::apart(&outputs, &files(&args.world.path, &sweep.world))?;
     if args.plot.is_some() && sweep.grid.axes.len() > 2 {
         let given = sweep.grid.axes.len();
         return Err(Failure::input(format!(
@@ -170,6 +174,7 @@ struct Partial {
 impl Partial {
     /// Begins `FILE.HASH.partial`, or goes on behind its last whole row.
     fn open(target: &Path, sweep: &Sweep, columns: &[Column], resume: bool) -> Result<Self, Failure> {
+        let target = output::followed(target).map_err(|error| Failure::write(target.display(), error))?;
         let mut name = target.file_name().map_or_else(OsString::new, OsString::from);
         name.push(format!(".{:016x}.partial", fingerprint(sweep)));
         let path = target.with_file_name(name);
@@ -184,7 +189,7 @@ impl Partial {
         let mut partial = Partial {
             file: file.try_clone().map_err(failed)?,
             path: path.clone(),
-            target: target.to_path_buf(),
+            target,
             done: 0,
             missing: vec![0; sweep.measures.len()],
         };
@@ -250,7 +255,13 @@ impl Partial {
     fn finish(self, format: Format, columns: &[Column]) -> Result<(), Failure> {
         let failed = |error| Failure::write(self.target.display(), error);
         match format {
-            Format::Csv => fs::rename(&self.path, &self.target).map_err(failed)?,
+            Format::Csv => {
+                if let Some(there) = output::protected(&self.target).map_err(failed)? {
+                    // As a draft's: who may read the old file may read the new one.
+                    let _ = self.file.set_permissions(there);
+                }
+                fs::rename(&self.path, &self.target).map_err(failed)?;
+            }
             Format::Parquet => {
                 let draft = Draft::new(self.target.clone()).map_err(failed)?;
                 columnar::write(columns, self.rows()?, draft).and_then(Draft::finish).map_err(failed)?;

@@ -1,8 +1,8 @@
 //! The world that a command works on.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use hapt_model::{Source, World};
+use hapt_model::{Drive, Shape, Source, World};
 
 use crate::args::WorldArgs;
 use crate::builtin;
@@ -30,6 +30,16 @@ pub fn source(path: &Path) -> Result<Source, Failure> {
         Some(name) if name.starts_with('@') => builtin::source(name),
         _ => Source::open(path).map_err(|error| Failure::input(format!("{error}{}", suggest::file(path)))),
     }
+}
+
+/// The files that a world at `path` is read from, which no output may replace: its own, and the paths of its hands.
+pub fn files(path: &Path, world: &World) -> Vec<(&'static str, PathBuf)> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let paths = world.scenarios.iter().filter_map(|scenario| match &scenario.hand.drive {
+        Drive::Position(Shape::Path { file, .. }) => Some(("the path of a hand", folder.join(file))),
+        _ => None,
+    });
+    [("the world", path.to_path_buf())].into_iter().chain(paths).collect()
 }
 
 impl Loaded {

@@ -1,7 +1,6 @@
 //! `hapt worst`: the passive hand that draws most energy from a world's loop, and the scenario that shows it.
 
 use std::fmt::Write as _;
-use std::fs;
 use std::io::{Write, stdout};
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
@@ -24,7 +23,7 @@ use crate::failure::Failure;
 use crate::output::{self, Draft};
 use crate::people;
 use crate::progress::Progress;
-use crate::world::{Loaded, load};
+use crate::world::{Loaded, files, load};
 
 /// From one look at the search to the next.
 const LOOK: Duration = Duration::from_millis(200);
@@ -35,7 +34,7 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     }
     let loaded = load(&args.world)?;
     if let Some(path) = &args.out {
-        refuse_the_world_itself(path, &args.world.path)?;
+        output::apart(&[("--out", path), ("--out", &beside(path))], &files(&args.world.path, &loaded.world))?;
     }
     // A file that cannot be is said before the search.
     let draft = args.out.as_deref().map(begin).transpose()?;
@@ -44,7 +43,6 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     if let Some((path, draft)) = args.out.as_deref().zip(draft) {
         if let Some(motion) = &worst.motion {
             let beside = beside(path);
-            refuse_the_world_itself(&beside, &args.world.path)?;
             write(&beside, begin(&beside)?, &motion.csv(loaded.world.motion))?;
         }
         write(path, draft, &shown.to_toml())?;
@@ -97,18 +95,6 @@ fn beside(out: &Path) -> PathBuf {
     let mut name = out.file_stem().unwrap_or_default().to_os_string();
     name.push("-motion.csv");
     out.with_file_name(name)
-}
-
-fn refuse_the_world_itself(out: &Path, world: &Path) -> Result<(), Failure> {
-    let same = match (fs::canonicalize(out), fs::canonicalize(world)) {
-        (Ok(out), Ok(world)) => out == world,
-        _ => false,
-    };
-    if same {
-        let out = out.display();
-        return Err(Failure::input(format!("--out {out}: that is the world itself; another name is wanted")));
-    }
-    Ok(())
 }
 
 fn begin(path: &Path) -> Result<Draft, Failure> {

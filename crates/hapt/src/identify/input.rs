@@ -10,10 +10,12 @@ use hapt_model::{Motion, World};
 
 use super::{Given, positive};
 use crate::args::IdentifyArgs;
+use crate::device::Spec;
 use crate::failure::Failure;
 use crate::latency::time;
 use crate::log::{self, Opened};
 use crate::people;
+use crate::suggest;
 
 /// A larger table is refused: 256 MiB.
 const LARGEST: u64 = 256 << 20;
@@ -33,9 +35,12 @@ pub fn read(args: &IdentifyArgs, world: Option<World>) -> Result<Given, Failure>
     let path = Path::new(&args.what);
     if args.what != "-" && !path.exists() {
         let what = &args.what;
-        return Err(Failure::input(format!(
-            "cannot read {what}: there is no such file, and {what} is no device either"
-        )));
+        let missing = format!("cannot read {what}: there is no such file");
+        return Err(Failure::input(match (suggest::file(path), what.parse::<Spec>()) {
+            (none, Err(wrong)) if none.is_empty() && what.contains(':') => format!("{missing}; {wrong}"),
+            (none, _) if none.is_empty() => format!("{missing}, and {what} is no device either"),
+            (meant, _) => missing + &meant,
+        }));
     }
     let (name, from) = log::reader(path)?;
     let mut from = BufReader::with_capacity(1 << 16, from);

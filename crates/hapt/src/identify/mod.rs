@@ -19,7 +19,7 @@ use crate::device::Spec;
 use crate::failure::Failure;
 use crate::output;
 use crate::people;
-use crate::world::source;
+use crate::world::{files, source};
 
 /// A motion, and where it comes from.
 pub struct Given {
@@ -37,6 +37,13 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     }
     output::figure_format("--plot", args.plot.as_deref())?;
     let world = named_world(args)?;
+    let mut inputs = match (&args.world, &world) {
+        (Some(path), Some(world)) => files(path, world),
+        _ => Vec::new(),
+    };
+    inputs.push(("what is read", args.what.clone().into()));
+    let outputs = [("--write", &args.write), ("--plot", &args.plot), ("--log", &args.log)];
+    output::apart(&output::given(&outputs), &inputs)?;
     if world.is_none() && !args.sets.is_empty() {
         return Err(Failure::input("--set changes the world that --world names, and none is named"));
     }

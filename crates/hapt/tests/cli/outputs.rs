@@ -59,6 +59,8 @@ fn an_ending_that_contradicts_the_format_is_refused_and_nothing_is_written() {
         (with(&["identify", "sim", "--world", "w.toml", "--log"], &["d.csv"]), "d.csv", "FILE.mcap"),
         (with(&["convert", "step.csv", "-o"], &["c.png"]), "c.png", "FILE.csv, FILE.parquet or FILE.mcap"),
         (with(&["sim", "w.toml", "--out"], &["step2.csv"]), "step2.csv", "a folder"),
+        (with(&["sim", "w.toml", "--out"], &["step.JSON"]), "step.JSON", "a folder"),
+        (with(&["sim", "w.toml", "--out"], &["step.txt"]), "step.txt", "a folder"),
         (with(&["report", "w.toml", "--out"], &["r.html"]), "r.html", "a folder"),
         (with(&["live", "w.toml", "--port", "0", "--log-dir"], &["l.mcap"]), "l.mcap", "a folder"),
     ] {
@@ -66,4 +68,82 @@ fn an_ending_that_contradicts_the_format_is_refused_and_nothing_is_written() {
         assert_eq!(names(at.path()), before, "{args:?}");
     }
     hapt(at.path(), ["sim", "w.toml", "--format", "csv"]).refused(2, &["--out"]);
+}
+
+#[test]
+fn no_output_replaces_what_is_read_or_another_output() {
+    let path = format!(
+        "{WHEEL}\n[scenarios.motion]\nduration = \"10 ms\"\nhand = {{ kind = \"path\", file = \"motion.csv\" }}\n"
+    );
+    let at = folder(&[
+        ("w.toml", WHEEL),
+        ("w", WHEEL),
+        ("p.toml", &path),
+        ("motion.csv", "time_s,puck_rad\n0,0\n0.02,0.1\n"),
+    ]);
+    hapt(at.path(), ["sim", "w.toml", "--scenario", "step", "--out", ".", "--format", "csv", "--format", "mcap"])
+        .done();
+    fs::copy(at.path().join("step.csv"), at.path().join("c")).unwrap();
+    let with = |args: &[&'static str], more: &[&'static str]| [args, more].concat();
+    let all =
+        || -> Vec<_> { names(at.path()).into_iter().map(|name| fs::read(at.path().join(name)).unwrap()).collect() };
+    let before = (names(at.path()), all());
+    for (args, said) in [
+        (with(&["sim", "p.toml", "--out"], &["."]), "that is the path of a hand itself"),
+        (
+            with(&["run", "w.toml", "--device", "replay:step.mcap", "--log"], &["step.mcap"]),
+            "that is the recording itself",
+        ),
+        (with(&["impedance", "w", "--points", "3", "--out"], &["w"]), "that is the world itself"),
+        (with(&["impedance", "w.toml", "--points", "3"], &["--out", "f", "--plot", "./f"]), "are the same file"),
+        (with(&["boundary", "w"], &[&BOUNDARY[2..], &["--plot", "./w"]].concat()), "that is the world itself"),
+        (with(&["plot", "c"], &["--out", "c"]), "that is the run itself"),
+        (with(&BOUNDARY, &["--out", "f", "--plot", "f"]), "are the same file"),
+        (with(&["identify", "step.csv", "--world", "w.toml", "--write"], &["w.toml"]), "that is the world itself"),
+        (with(&["identify", "w", "--write"], &["w"]), "that is what is read itself"),
+        (with(&["identify", "step.csv"], &["--write", "f", "--plot", "f"]), "are the same file"),
+    ] {
+        hapt(at.path(), &args).refused(2, &[said]);
+        assert_eq!((names(at.path()), all()), before, "{args:?}");
+    }
+    // Devices may be named twice.
+    hapt(at.path(), BOUNDARY.iter().copied().chain(["--out", "/dev/null", "--plot", "/dev/null"])).done();
+}
+
+#[cfg(unix)]
+#[test]
+fn a_sweeps_table_follows_links_and_its_ending_may_be_written_large() {
+    use std::os::unix::fs::symlink;
+
+    let at = folder(&[("w.toml", WHEEL), ("real", "old")]);
+    let link = at.path().join("t.CSV");
+    symlink("real", &link).unwrap();
+    hapt(at.path(), SWEEP.iter().copied().chain(["t.CSV"])).done();
+    assert!(link.is_symlink());
+    assert!(fs::read_to_string(at.path().join("real")).unwrap().starts_with("device.damping"));
+    symlink("round", at.path().join("round")).unwrap();
+    fs::rename(at.path().join("round"), at.path().join("l.csv")).unwrap();
+    symlink("l.csv", at.path().join("round")).unwrap();
+    hapt(at.path(), SWEEP.iter().copied().chain(["l.csv"])).refused(3, &["too many links"]);
+    assert!(at.path().join("l.csv").is_symlink());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_file_keeps_who_may_read_it_and_a_write_protected_one_stays() {
+    use std::os::unix::fs::PermissionsExt;
+
+    let at = folder(&[("w.toml", WHEEL), ("i.csv", "old"), ("t.csv", "old")]);
+    let mode = |name: &str| fs::metadata(at.path().join(name)).unwrap().permissions().mode() & 0o777;
+    let set = |name: &str, mode| fs::set_permissions(at.path().join(name), fs::Permissions::from_mode(mode)).unwrap();
+    let impedance = ["impedance", "w.toml", "--points", "3", "--out", "i.csv"];
+    let sweep: Vec<_> = SWEEP.iter().copied().chain(["t.csv"]).collect();
+    for (args, name) in [(&impedance[..], "i.csv"), (&sweep[..], "t.csv")] {
+        set(name, 0o444);
+        hapt(at.path(), args).refused(3, &[name, "write-protected"]);
+        assert_eq!(fs::read_to_string(at.path().join(name)).unwrap(), "old");
+        set(name, 0o600);
+        hapt(at.path(), args).done();
+        assert_eq!(mode(name), 0o600);
+    }
 }
