@@ -1,8 +1,8 @@
 //! The downhill simplex, uphill: a search without slopes (Nelder and Mead, The Computer Journal 7(4), 1965).
 
-/// Climbs `height` from `start`, the first simplex `reach` wide along each coordinate, for `looks` values at most; ends early
-/// where the simplex has become 1e-4 of its first width. Gives the highest point seen, and its height. A height that is not a
-/// number counts as the lowest. Deterministic: no random numbers.
+/// Climbs `height` from `start`, the first simplex `reach` wide along each coordinate, for some `looks` values: a round that has begun
+/// is ended, N + 1 values beyond them at most. It ends early where the simplex has become 1e-4 of its first width. Gives the highest
+/// point seen, and its height. A height that is not a number counts as the lowest. Deterministic: no random numbers.
 pub fn climb<const N: usize>(
     start: [f64; N],
     reach: [f64; N],

@@ -270,13 +270,14 @@ fn with_a_kick(
 }
 
 /// How many hands [`search`] tries by simulation, at most: two of the linear loop's and those of the grid at each target, one that
-/// switches for each of the grid, and both climbs.
+/// switches for each of the grid, and both climbs, each with the round that it ends.
 ///
 /// # Errors
 /// As [`search`].
 pub fn most_runs(world: &World) -> Result<usize, Error> {
     let (targets, grid) = (targets(world, stiffness(world)?).len(), MASSES.len() * ANGLES.len());
-    Ok((2 + grid) * targets + grid + 3 * RUNS)
+    let climbs = 3 * RUNS + (3 + 1) + (5 + 1);
+    Ok((2 + grid) * targets + grid + climbs)
 }
 
 /// Looks for the passive hand that draws most energy from a world's loop.

@@ -1,12 +1,14 @@
 //! Certified worlds survive their worst hand, refused ones fall.
 
 use std::path::PathBuf;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 
 use hapt_analysis::{is_certified, passivity, required_damping};
 use hapt_model::{
     Body, Coupling, Damping, Drive, End, Hand, Law, Method, Output, Scenario, Shape, Side, Source, World,
 };
-use hapt_worst::{Trick, best_motion, drawn, search};
+use hapt_worst::{Trick, best_motion, drawn, most_runs, search, search_seen};
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::RngSeed;
@@ -33,8 +35,11 @@ fn a_sampled_spring_falls_where_it_is_refused_and_survives_where_it_is_certified
         assert!(worst.certified && !worst.broken && !worst.drew && worst.linear.is_none(), "{worst:?}");
     }
     for part in [1.02, 1.5, 4.0] {
-        let worst = search(&spring(part * limit)).unwrap();
+        let (world, seen) = (spring(part * limit), AtomicUsize::new(0));
+        let worst = search_seen(&world, &seen).unwrap();
         assert!(!worst.certified && worst.broken, "{worst:?}");
+        // No more than whoever watches was told.
+        assert!((1..=most_runs(&world).unwrap()).contains(&seen.load(Relaxed)), "{seen:?}");
         let breaking = worst.gap.breaking_damping.unwrap();
         assert!((breaking / worst.gap.required_damping.unwrap() - 1.0).abs() < 1e-3, "{:?}", worst.gap);
         // Nothing bends, so the run shows it: a million times what the hand began with, unless that takes too long.

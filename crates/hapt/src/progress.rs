@@ -67,9 +67,9 @@ impl Progress {
             bar.set_position(done);
         } else if self.last_line.is_none_or(|last| last.elapsed() > LINES) {
             self.last_line = Some(Instant::now());
-            let percent = 100.0 * done as f64 / self.all as f64;
-            let left =
-                elapsed.as_secs_f64() * (self.all - done) as f64 / done.saturating_sub(self.before).max(1) as f64;
+            let percent = 100.0 * done as f64 / self.all.max(done) as f64;
+            let left = elapsed.as_secs_f64() * self.all.saturating_sub(done) as f64
+                / done.saturating_sub(self.before).max(1) as f64;
             people::say(format_args!(
                 "{}: {percent:.1} % of {} {}, {left:.0} s left",
                 self.name,
@@ -85,5 +85,20 @@ impl Drop for Progress {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_than_was_thought_is_all_of_it() {
+        let mut progress = Progress::new("worst", "hands", 3, 0);
+        if let Some(long_ago) = Instant::now().checked_sub(2 * PATIENCE) {
+            progress.started = long_ago;
+        }
+        progress.reached(4);
+        assert!(progress.last_line.is_some() || progress.bar.is_some());
     }
 }
