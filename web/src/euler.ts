@@ -13,7 +13,7 @@ export class Euler {
   private breaks = false;
 
   constructor(set: (key: string, value: string) => void) {
-    this.button = button("", () => set(METHOD, this.method === EULER ? this.before : EULER), { id: "euler" });
+    this.button = button("", () => set(METHOD, this.method === EULER ? this.before : EULER), { id: "euler", title: "shows with the puck held: in a step, or by hand" });
     this.show();
   }
 

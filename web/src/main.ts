@@ -13,6 +13,7 @@ import { factors, panels } from "./panels.ts";
 import { Plots } from "./plots.ts";
 import { Poles } from "./poles.ts";
 import { COLUMN, VERSION, type Frame, type FromServer, type World } from "./protocol.ts";
+import { ScenarioStart } from "./scenario.ts";
 import { Legend, Stage } from "./stage.ts";
 import { stopOn } from "./stop.ts";
 import { tabs } from "./tabs.ts";
@@ -50,6 +51,13 @@ const hand = new Hand(stage, link);
 const set = (key: string, value: string) => void link.send({ type: "set", key, value });
 const verdict = new VerdictCard(byId("sentences"), byId("verdict"), byId("strip"), (sets) => void link.send({ type: "sets", sets }), named);
 const euler = new Euler(set);
+const scenarioStart = new ScenarioStart(
+  () => {
+    hand.release();
+    link.send({ type: "restart" });
+  },
+  (name) => link.send({ type: "scenario", name }),
+);
 const knobs = new Knobs(byId("knobs"), { set, focus: (key) => void (desk.mine && link.send({ type: "focus", key })) });
 
 /** A key's name for people, and what it belongs to. */
@@ -79,6 +87,7 @@ function message(message: FromServer): void {
       return;
     case "status":
       desk.status = message;
+      scenarioStart.update(message.phase);
       timing.show(message);
       document.body.classList.toggle("unclocked", message.timing === null);
       return showBar(desk);
@@ -156,10 +165,10 @@ function show(next: World): void {
 function experiments({ device, scenarios }: World): void {
   byId("experiments").hidden = byId("scenarios").hidden = device !== SIMULATED;
   const played = scenarios.map(({ name, hand: kind, duration_s }) =>
-    button(name, () => link.send({ type: "scenario", name: desk.status?.scenario === name ? null : name }), {
+    button(name, () => (desk.status?.scenario === name ? link.send({ type: "scenario", name: null }) : scenarioStart.begin(name)), {
       "data-name": name,
       "aria-pressed": "false",
-      title: `a hand (${kind}) for ${duration_s} s; again: stop it`,
+      title: `starts over, then a hand (${kind}) for ${duration_s} s; again: stop it`,
     }),
   );
   byId("scenarios").replaceChildren(...played, euler.button);
@@ -209,17 +218,25 @@ function press(id: string, act: () => void): void {
   byId(id).addEventListener("click", act);
 }
 
-for (const order of ["disarm", "clear"] as const) press(order, () => link.send({ type: "order", order }));
+for (const order of ["disarm", "clear"] as const) {
+  press(order, () => {
+    scenarioStart.cancel();
+    link.send({ type: "order", order });
+  });
+}
 // Where the puck is armed is 0 from then on: a hand that meant to be elsewhere would throw it.
 press("arm", () => {
+  scenarioStart.cancel();
   hand.release();
   link.send({ type: "order", order: "arm" });
 });
 press("restart", () => {
+  scenarioStart.cancel();
   hand.release();
   link.send({ type: "restart" });
 });
 stopOn(byId("stop"), () => {
+  scenarioStart.cancel();
   hand.release();
   link.send({ type: "order", order: "stop" });
 });

@@ -83,6 +83,7 @@ export function brief(written: string): string {
 
 /** With as many decimals as the size of what it stands beside asks for, so that it does not jitter. */
 export function steady(value: number, scale: number): string {
+  if (Math.abs(value) >= 1e7) return number(value);
   const places = Math.min(6, Math.max(0, 2 - Math.floor(Math.log10(Math.max(scale, 1e-9)))));
   const text = value.toFixed(Number.isFinite(value) ? places : 0);
   return (/^-0\.?0*$/.test(text) ? text.slice(1) : text).replace("-", "−");

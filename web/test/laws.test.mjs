@@ -11,8 +11,9 @@ const { decode } = await load("protocol");
 const { History } = await load("history");
 const { rotary } = await load("rotary");
 const { roundUp } = await load("linear");
-const { brief, joules, number, plain, tick } = await load("units");
+const { brief, joules, number, plain, steady, tick } = await load("units");
 const { told } = await load("poles");
+const { ScenarioStart } = await load("scenario");
 
 const between = ["puck", "ground"];
 const couplings = [
@@ -144,4 +145,30 @@ test("a shift is told apart from what the verdict is about", () => {
   assert.doesNotMatch(told([swing], growth, 1e-3), /shift/);
   assert.match(told([shift], null, 1e-3), /free shift at 1 and nothing that lasts/);
   assert.match(told([shift], 0, 1e-3), /keeps its size/);
+});
+
+test("a scenario starts once the loop is running again, and not after a stop", () => {
+  const started = (phases, before = 0) => {
+    let [now, starts] = [0, 0];
+    const played = [];
+    const start = new ScenarioStart(() => starts++, (name) => played.push(name), () => now);
+    start.begin("step");
+    now += before;
+    for (const phase of phases) start.update(phase);
+    assert.equal(starts, 1);
+    return played;
+  };
+  assert.deepEqual(started(["running", "fading-out", "disarmed", "fading-in"]), []);
+  assert.deepEqual(started(["running", "fading-out", "disarmed", "fading-in", "running", "running"]), ["step"]);
+  assert.deepEqual(started(["faulted", "disarmed", "fading-in", "running"]), ["step"]);
+  // Stopped on the way: what is armed later plays nothing.
+  assert.deepEqual(started(["fading-out", "faulted", "disarmed", "fading-in", "running"]), []);
+  assert.deepEqual(started(["disarmed", "running"], 5000), []);
+  // A start that was too short to be told of.
+  assert.deepEqual(started(["running"], 1100), ["step"]);
+});
+
+test("a puck that has run away is told of in a few digits", () => {
+  for (const place of [-1397842711756215, 1e300, 12345678]) assert.ok(steady(place, 90).length <= 8, steady(place, 90));
+  assert.equal(steady(7640.25, 90), "7640.3");
 });

@@ -44,6 +44,17 @@ visit("grabbed, the puck follows the hand; let go, puck and wheel swing by thems
   assert.ok(most > 0 && least >= 0, `energy is never negative, ${least} to ${most}`);
 });
 
+visit("an experiment begins at rest, however far the puck has turned before", "@notes/default", async (page) => {
+  await turn(page, 90);
+  await page.mouse.up();
+  await until(() => place(page), (puck) => Math.abs(puck) > 60);
+  await page.click('#scenarios [data-name="step"]');
+  await until(() => place(page), (puck) => Math.abs(puck - 45) < 0.1);
+  // 45 degrees of the spring are 800 N mm, and nothing else pulls.
+  const [low, high] = await extremes(page, trace(page, 2, 0), 2);
+  assert.ok(low > -805 && high < 805, `${low} to ${high} N mm`);
+});
+
 visit("forward Euler is called unstable, and runs into the motor's limit and no further", "@notes/default", async (page) => {
   await page.click("#euler");
   await until(verdict(page), (text) => text === "Not certified: unstable");
