@@ -50,7 +50,8 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
             *name = path.display().to_string();
         }
     }
-    let title = runs.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+    let names: Vec<String> = runs.iter().map(|(name, _)| name.clone()).collect();
+    let title = title(&names);
     let svg = Traces::overlay(&title, &runs, &signals, Width::Wide).svg(Width::Wide, true) + "\n";
     match &args.out {
         None => {
@@ -64,6 +65,18 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The names of the runs, as many as fit in the line above the figure.
+fn title(names: &[String]) -> String {
+    const WIDTH: usize = 72;
+    let all = names.join(", ");
+    match names {
+        [first, others @ ..] if others.len() > 1 && all.chars().count() > WIDTH => {
+            format!("{first} and {} other runs", others.len())
+        }
+        _ => all,
+    }
 }
 
 /// From when to when, in s.
@@ -152,4 +165,16 @@ fn logged(
     }
     opened.say_ending(samples, row.time);
     Ok(traces)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_title_of_many_runs_fits_above_the_figure() {
+        let names = |count: usize| -> Vec<String> { (0..count).map(|i| format!("a-long-name-of-run-{i}")).collect() };
+        assert_eq!(title(&names(2)), "a-long-name-of-run-0, a-long-name-of-run-1");
+        assert_eq!(title(&names(12)), "a-long-name-of-run-0 and 11 other runs");
+    }
 }
