@@ -129,6 +129,22 @@ pub(crate) fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
     couplings.iter().filter(|c| compensated_by(damper, c)).map(stiffness).sum()
 }
 
+/// The couplings with each compensating damper as the damping it is at a period, so that a part of them may stand alone.
+pub(crate) fn settled(couplings: &[Coupling], period: f64) -> Vec<Coupling> {
+    let settle = |c: &Coupling| {
+        let fixed = || Damping::Fixed(period * compensated(c, couplings));
+        let law = match c.law {
+            Law::Damper { damping: Damping::Compensating } => Law::Damper { damping: fixed() },
+            Law::Clamped { law: Clampable::Damper { damping: Damping::Compensating }, limit } => {
+                Law::Clamped { law: Clampable::Damper { damping: fixed() }, limit }
+            }
+            law => law,
+        };
+        Coupling { law, ..*c }
+    };
+    couplings.iter().map(settle).collect()
+}
+
 /// The couplings made linear, one tie each, in their order. Affine parts of nonlinear couplings are left out, except a
 /// constant's.
 ///

@@ -25,6 +25,7 @@
 use hapt_model::{Coupling, EstimatorKind, Law, Method, Output, World};
 
 use crate::check::short;
+use crate::continuous::settled;
 use crate::counts::{Quantisation, quantisation};
 use crate::delay::Delay;
 use crate::error::Error;
@@ -196,7 +197,9 @@ fn beside(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> 
     if lag.part > 0.0 {
         return Ok(Some("nonlinear couplings have no proof under a delay with a fraction of a sample".to_string()));
     }
-    let (bent, straight): (Vec<Coupling>, Vec<Coupling>) = world.couplings.iter().partition(|c| is_nonlinear(c));
+    // A compensating damper may stand on one side, and the springs that it follows on the other.
+    let couplings = settled(&world.couplings, world.sampling.period);
+    let (bent, straight): (Vec<Coupling>, Vec<Coupling>) = couplings.into_iter().partition(is_nonlinear);
     for coupling in &bent {
         match Kind::of(&coupling.law) {
             // Coulomb friction at the puck has been refused: no damping is claimed.

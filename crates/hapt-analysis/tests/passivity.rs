@@ -9,7 +9,7 @@ use hapt_analysis::IN_FLIGHT;
 use hapt_analysis::held::multipliers;
 use hapt_analysis::passivity::Cause;
 use hapt_analysis::{Continuous, Discrete, Error, Passivity, Slopes, passivity, quantisation};
-use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Motion, Output, Side, World};
+use hapt_model::{Clampable, Coupling, Damping, End, EstimatorKind, Law, Method, Motion, Output, Side, World};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 
@@ -618,6 +618,30 @@ proptest! {
             prop_assert!(found.passive && found.proved, "{found:?}");
         } else if found.passive && damping > 0.0 {
             prop_assert!(!found.proved || (1.0 - spare) < 1e-6, "{found:?}");
+        }
+    }
+}
+
+/// Whichever of the two is clamped, and so stands apart from the linear rest.
+#[test]
+fn a_compensating_damper_is_proved_as_the_damping_that_it_is() {
+    let (k, period) = (1.0, 1e-3);
+    let clamped = |law| Law::Clamped { law, limit: 0.1 };
+    for damping in [Damping::Fixed(k * period), Damping::Compensating] {
+        for (spring, damper) in [
+            (clamped(Clampable::Spring { stiffness: k, rest: 0.0 }), Law::Damper { damping }),
+            (Law::Spring { stiffness: k, rest: 0.0 }, clamped(Clampable::Damper { damping })),
+        ] {
+            let couplings = [spring, damper].map(|law| Coupling { first: End::Puck, second: End::Ground, law });
+            let mut world = plain(couplings.into(), period);
+            world.sampling.delay = hapt_model::Delay::Samples(1.0);
+            // T K (1/2 + 1) of the spring, and the damper's own.
+            let found = passivity(&world).unwrap();
+            near(found.required_damping.unwrap(), 1.625e-3, 1e-9);
+            assert!(!found.proved, "{spring:?} {damper:?}");
+            assert!(found.not_proved[0].contains("of 0.0025 on"), "{:?}", found.not_proved);
+            world.device.damping = 2.501e-3;
+            assert_eq!(reasons(&world), Vec::<String>::new());
         }
     }
 }
