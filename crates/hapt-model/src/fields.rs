@@ -268,7 +268,18 @@ impl<'a> Fields<'a> {
                     Err(_) if matches!(&node.value, Value::Text(text) if keys::in_samples(text).is_some()) => {
                         given(format!("{} is in samples, which a delay alone can be", written(&node.value)))
                     }
-                    Err(message) => fail(ErrorKind::Value, message),
+                    Err(message) => match (row.takes, &node.value) {
+                        (Takes::TimeOrSamples, Value::Text(text)) => {
+                            let unit = text.trim_start_matches(|c: char| !c.is_alphabetic());
+                            match words::did_you_mean(unit, [keys::SAMPLES]) {
+                                hint if hint.is_empty() || keys::SAMPLES.starts_with(unit) => {
+                                    fail(ErrorKind::Value, message)
+                                }
+                                hint => given(format!("{} has the unknown unit {unit:?}{hint}", written(&node.value))),
+                            }
+                        }
+                        _ => fail(ErrorKind::Value, message),
+                    },
                 }
             }
             (Takes::Whole { least, most, step }, Value::Number(text)) => match whole(text) {

@@ -5,6 +5,7 @@ use std::io::{Write, stdout};
 use std::process::ExitCode;
 
 use hapt_analysis::{Check, Proposal, Stability};
+use hapt_model::Sampling;
 
 use crate::args::CheckArgs;
 use crate::colour;
@@ -29,7 +30,7 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
             None => None,
         };
         let proposed = proposed.map_or(String::new(), |proposed| proposal(&proposed, check.certified));
-        format!("{}\n\n{}{proposed}", loaded.title(), text(&check))
+        format!("{}\n\n{}{proposed}", loaded.title(), text(&loaded.world.sampling, &check))
     };
     let mut out = stdout().lock();
     out.write_all(colour::for_stdout(&text).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
@@ -45,12 +46,13 @@ fn proposal(proposal: &Proposal, certified: bool) -> String {
     format!("{name:<9} {}{end}\n{lines}", proposal.heading)
 }
 
-fn text(check: &Check) -> String {
+fn text(sampling: &Sampling, check: &Check) -> String {
     let mut text = format!(
-        "loop      {} at {} a sample, torque from the {} of the step\n",
+        "loop      {} at {} a sample, torque from the {} of the step{}\n",
         check.method,
         people::time(check.period_s),
-        check.output
+        check.output,
+        people::late(sampling)
     );
     let _ = writeln!(text, "verdict   {}", check.verdict_sentence());
     about(&mut text, "held", &check.sentence(), &check.held);

@@ -147,14 +147,10 @@ fn csv(rows: &[Row], motion: Motion) -> String {
 fn loop_line(loaded: &Loaded) -> String {
     let sampling = &loaded.world.sampling;
     let (method, output, estimator) = (sampling.method.name(), sampling.output.name(), sampling.estimator.name());
-    let mut line = format!(
-        "loop      {method} at {} a sample, torque from the {output} of the step, ",
-        people::time(sampling.period)
-    );
-    if sampling.delay_s() > 0.0 {
-        line += &format!("{} late, ", people::time(sampling.delay_s()));
-    }
-    line + &format!("velocity {estimator}\n")
+    let (period, late) = (people::time(sampling.period), people::late(sampling));
+    format!(
+        "loop      {method} at {period} a sample, torque from the {output} of the step{late}, velocity {estimator}\n"
+    )
 }
 
 fn text(loaded: &Loaded, felt: &Felt, asked: &[Asked], resonances: &[Resonance], low: f64, high: f64) -> String {

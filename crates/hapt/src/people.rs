@@ -9,7 +9,7 @@ use std::time::Duration;
 
 pub use hapt_analysis::proposal::number;
 use hapt_analysis::proposal::unit;
-use hapt_model::{Dimension, Motion, Parameter, Quantity, parse_quantity};
+use hapt_model::{Dimension, Motion, Parameter, Quantity, Sampling, parse_quantity};
 
 use crate::failure::Failure;
 
@@ -165,6 +165,14 @@ pub fn time(x: f64) -> String {
         size if size == 0.0 || size >= 1.0 => format!("{} s", number(x)),
         size if size >= 0.9995e-3 => format!("{} ms", number(1e3 * x)),
         _ => format!("{} us", number(1e6 * x)),
+    }
+}
+
+/// How late the torque comes, behind what is said of the loop; empty where it comes at once.
+pub fn late(sampling: &Sampling) -> String {
+    match sampling.delay_s() {
+        0.0 => String::new(),
+        delay => format!(", {} late", time(delay)),
     }
 }
 

@@ -140,12 +140,13 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
     let sampling = &world.sampling;
     let effort = |x| own.map_or_else(|| people::effort(x, world.motion), |own| own.say(x));
     let mut lines = vec![format!(
-        "\nscenario {}: {} at {} a sample, {}, torque from the {} of the step",
+        "\nscenario {}: {} at {} a sample, {}, torque from the {} of the step{}",
         scenario.name,
         people::time(scenario.duration),
         people::time(sampling.period),
         sampling.method.name(),
         sampling.output.name(),
+        people::late(sampling),
     )];
     let mut line = |name: &str, value: String| lines.push(format!("  {name:<13} {value}"));
     line("peak torque", format!("{} at {}", effort(summary.peak_torque), people::time(summary.peak_time)));

@@ -170,6 +170,19 @@ fn a_delay_in_samples_is_swept_along_with_the_period() {
     }
 }
 
+#[test]
+fn a_delay_is_said_with_the_loop_and_its_unit_is_looked_for() {
+    let at = folder(&[("w.toml", &WHEEL.replace("period = \"1 ms\"", "period = \"1 ms\"\ndelay = \"1.5 samples\""))]);
+    for args in [&["check", "w.toml"][..], &["sim", "w.toml"], &["impedance", "w.toml", "--points", "3"]] {
+        let said = hapt(at.path(), args).out;
+        assert!(said.contains("of the step, 1.5 ms late"), "{args:?}: {said}");
+        let said = hapt(at.path(), args.iter().chain(&["--set", "loop.delay=0"])).out;
+        assert!(said.contains("of the step") && !said.contains("late"), "{args:?}: {said}");
+    }
+    let misspelt = hapt(at.path(), ["check", "w.toml", "--set", "loop.delay=1.5 sampels"]);
+    misspelt.refused(2, &["unknown unit \"sampels\"; did you mean \"samples\"?", "such as \"1.5 samples\""]);
+}
+
 /// What is listed is what is built in: every crate is in the lock in that version, and brings a text.
 #[test]
 fn the_licences_name_the_crates_that_the_program_is_built_of_and_bring_their_texts() {
