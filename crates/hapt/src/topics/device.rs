@@ -85,8 +85,8 @@ counts.
         line: "the line `counts`: how stiff the wheel may feel in encoder counts",
         text: r#"Counts of size Δ make a spring jump by KΔ, and that feeds a hum that no viscous damping stops near
 rest. Coulomb friction f of the real device does. The line `counts` gives the stiffness up to which
-friction and damping swallow them, min(2b/T, 2(f - BΔ/T - s/2)/Δ) (Abbott and Okamura 2005; dampers B
-at the puck and half a step s of the motor's levels take their share first), and whether all the
+friction and damping swallow them, min(2b/T, 2(f - BΔ/T - s/2)/Δ) (Abbott and Okamura 2005; dampers
+B at the puck and half a step s of the motor's levels take their share first), and whether all the
 stiffness at the puck together, walls at their steepest, is below. It is not part of the verdict,
 but a line `not proved` says so. Beside a body no friction is enough: see proved. Without `encoder`
 and `levels` there is no such line.
