@@ -32,7 +32,8 @@ pub fn run() -> Result<()> {
     tally.step("format", cargo("fmt --all --check", ""));
     tally.step("lints", cargo("clippy --workspace --all-targets -- -D warnings", ""));
     // Its last link is one long thread of work: it runs beside the tests, in a folder of its own.
-    let shipped = Beside::start("target/shipped.log", env!("CARGO"), &["build", "--quiet", "--package", "hapt", "--release"])?;
+    let shipped =
+        Beside::start("target/shipped.log", env!("CARGO"), &["build", "--quiet", "--package", "hapt", "--release"])?;
     tally.tests("tests", &mut tests(&["--workspace", "--profile", PROFILE]))?;
     tally.step("documentation", cargo("doc --workspace --no-deps", "-D warnings"));
     tally.step("the program that ships", shipped.end());

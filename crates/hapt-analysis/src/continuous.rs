@@ -138,7 +138,14 @@ pub(crate) fn settled(couplings: &[Coupling], period: f64) -> Vec<Coupling> {
             Law::Clamped { law: Clampable::Damper { damping: Damping::Compensating }, limit } => {
                 Law::Clamped { law: Clampable::Damper { damping: fixed() }, limit }
             }
-            law => law,
+            Law::Spring { .. }
+            | Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. }
+            | Law::Clamped { .. } => c.law,
         };
         Coupling { law, ..*c }
     };
