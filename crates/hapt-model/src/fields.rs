@@ -275,7 +275,10 @@ impl<'a> Fields<'a> {
                                 hint if hint.is_empty() || keys::SAMPLES.starts_with(unit) => {
                                     fail(ErrorKind::Value, message)
                                 }
-                                hint => given(format!("{} has the unknown unit {unit:?}{hint}", written(&node.value))),
+                                hint => fail(
+                                    ErrorKind::Value,
+                                    format!("{} has the unknown unit {unit:?}{hint}", written(&node.value)),
+                                ),
                             }
                         }
                         _ => fail(ErrorKind::Value, message),

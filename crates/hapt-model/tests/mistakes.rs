@@ -87,6 +87,10 @@ fn the_loop() {
             "period = 1\ndelay = 1e-320",
             "loop.delay: 1e-320 is below anything physical, 1e-30 in SI; a time (s) of 0 or more is wanted, such as \"1 ms\", or a number of samples, such as \"1.5 samples\"",
         ),
+        (
+            "period = 1\ndelay = \"1.5 sampels\"",
+            "loop.delay: \"1.5 sampels\" has the unknown unit \"sampels\"; did you mean \"samples\"?",
+        ),
         ("period = -1", "loop.period: -1 is not above 0; a time (s) above 0 is wanted, such as \"1 ms\""),
         ("period = \"5\"", "loop.period: \"5\" has no unit; a time (s) is wanted, such as \"1 ms\""),
         ("period = true", "loop.period: true is a boolean; a time (s) above 0 is wanted, such as \"1 ms\""),

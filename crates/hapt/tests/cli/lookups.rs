@@ -180,7 +180,7 @@ fn a_delay_is_said_with_the_loop_and_its_unit_is_looked_for() {
         assert!(said.contains("of the step") && !said.contains("late"), "{args:?}: {said}");
     }
     let misspelt = hapt(at.path(), ["check", "w.toml", "--set", "loop.delay=1.5 sampels"]);
-    misspelt.refused(2, &["unknown unit \"sampels\"; did you mean \"samples\"?", "such as \"1.5 samples\""]);
+    misspelt.refused(2, &["unknown unit \"sampels\"; did you mean \"samples\"?"]);
 }
 
 /// What is listed is what is built in: every crate is in the lock in that version, and brings a text.
