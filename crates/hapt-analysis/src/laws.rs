@@ -86,6 +86,19 @@ pub(crate) fn is_damped_wall(law: &Law) -> bool {
     }
 }
 
+/// Whether the discrete-gradient step has no proof that its rounds come to agree with this law at a body: it falls, or has no energy
+/// whose mean torque it is.
+pub(crate) fn may_not_settle(law: &Law) -> bool {
+    match *law {
+        Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => true,
+        Law::Wall { damping, .. } | Law::Clamped { law: Clampable::Wall { damping, .. }, .. } => damping > 0.0,
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Constant { .. }
+        | Law::Clamped { law: Clampable::Spring { .. } | Clampable::Damper { .. }, .. } => false,
+    }
+}
+
 /// Whether an end moves in the world.
 pub(crate) fn at_body(coupling: &Coupling) -> bool {
     let is_body = |end: End| match end {

@@ -242,6 +242,16 @@ fn theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<
     if bodies.iter().any(|c| laws::at_puck(c) && laws::is_damped_wall(&c.law)) {
         return outside("a wall with damping stands between the puck and a body");
     }
+    // The puck feels the damper's law at the end of the step, and the body the torque that was found: only where the step settles are
+    // they one. Clamped springs and dampers and walls do, being the means of convex energies.
+    if bodies.iter().any(|c| laws::at_puck(c) && Kind::of(&c.law) == Kind::Potential && laws::takes_velocity(&c.law))
+        && bodies.iter().any(|c| laws::may_not_settle(&c.law))
+    {
+        return outside(
+            "a damper with a limit stands between the puck and a body, beside detents, friction or damped walls at bodies, whose \
+             torques may not agree within a step",
+        );
+    }
     // At a body or at the puck: neither has a step that is known to take no more than it gives.
     if world.couplings.iter().any(|c| Kind::of(&c.law) == Kind::Lugre) {
         return outside("the sampled bristle of LuGre friction has no proof beyond its steepest slope");

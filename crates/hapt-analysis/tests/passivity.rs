@@ -646,6 +646,32 @@ fn a_compensating_damper_is_proved_as_the_damping_that_it_is() {
     }
 }
 
+/// Where the step does not settle the two ends of the damper feel different torques: a hand then drew from single samples.
+#[test]
+fn a_damper_with_a_limit_is_not_proved_beside_what_may_not_settle() {
+    let limited = |first| Coupling {
+        first,
+        second: End::Puck,
+        law: Law::Clamped { law: Clampable::Damper { damping: Damping::Fixed(0.01) }, limit: 0.1 },
+    };
+    let to_body = |law| Coupling { first: End::Body(0), second: End::Ground, law };
+    let detent = Law::Detent { torque: 0.02, pitch: 0.1, phase: 0.0 };
+    let wall = |damping| Law::Wall { side: Side::Above, at: 0.1, stiffness: 1.0, damping };
+    let damped =
+        Law::Clamped { law: Clampable::Wall { side: Side::Above, at: 0.1, stiffness: 1.0, damping: 0.1 }, limit: 1.0 };
+    for (law, settles) in
+        [(wall(0.0), true), (detent, false), (wall(0.1), false), (damped, false), (Law::Coulomb { torque: 0.1 }, false)]
+    {
+        let mut world = wheel(Method::Zoh, Output::End, 0.3);
+        world.device.damping = 1.0;
+        world.sampling.estimator = EstimatorKind::Difference;
+        world.couplings.push(to_body(law));
+        assert_eq!(reasons(&world), Vec::<String>::new(), "{law:?}");
+        world.couplings.push(limited(End::Body(0)));
+        assert_eq!(reasons(&world).is_empty(), settles, "{law:?} {:?}", reasons(&world));
+    }
+}
+
 #[test]
 fn counts_feed_a_damped_body_with_no_more_than_a_power() {
     let mut world = wheel(Method::Zoh, Output::End, 0.3);
