@@ -46,14 +46,14 @@ pub fn write() -> Result<()> {
     for part in parts()? {
         let numbers: BTreeSet<usize> = part.texts()?.into_iter().map(&mut number).collect();
         let numbers = numbers.iter().map(|n| format!("[{n}]")).collect::<Vec<_>>().join(" ");
-        list += &format!("{:<32} {:<52} {numbers}\n", part.name, part.licence);
+        list += &format!("{:<40} {:<52} {numbers}\n", part.name, part.licence);
     }
     for (name, licence, file) in OTHERS {
         let text = fs::read_to_string(file).with_context(|| format!("{file}: npm ci in web/ first"))?;
-        list += &format!("{name:<32} {licence:<52} [{}]\n", number(tidy(&text)));
+        list += &format!("{name:<40} {licence:<52} [{}]\n", number(tidy(&text)));
     }
     let rust = "Copyright (c) The Rust Project Contributors".to_string();
-    list += &format!("{:<32} {:<52} [{}]\n", "Rust's standard library", "MIT OR Apache-2.0", number(mit(&rust)?));
+    list += &format!("{:<40} {:<52} [{}]\n", "Rust's standard library", "MIT OR Apache-2.0", number(mit(&rust)?));
     let rule = "-".repeat(100);
     let texts: String = texts.iter().enumerate().map(|(i, text)| format!("\n[{}] {rule}\n\n{text}\n", i + 1)).collect();
     fs::write(FILE, format!("{HEAD}\n{list}{texts}"))?;
@@ -68,7 +68,7 @@ pub fn is_current() -> Result<()> {
         .lines()
         .skip(HEAD.lines().count())
         .take_while(|line| !line.starts_with("[1]"))
-        .filter_map(|line| Some((line.get(..32)?.trim().to_string(), line.get(33..85)?.trim().to_string())))
+        .filter_map(|line| Some((line.get(..40)?.trim().to_string(), line.get(41..93)?.trim().to_string())))
         .filter(|(name, _)| OTHERS.iter().all(|other| name != other.0) && !name.starts_with("Rust's"))
         .collect();
     let wanted: BTreeSet<(String, String)> = parts()?.into_iter().map(|part| (part.name, part.licence)).collect();
