@@ -330,7 +330,7 @@ fn a_swap_does_not_step_the_torque<F: Real>() {
     let next = Guard::<F>::new(&LIMITS, &spec);
     let mut last = guard.watch.output;
     (guard.world, guard.supervisor, guard.state) = (next.world, next.supervisor, next.state);
-    guard.watch.swap();
+    guard.watch.swap(guard.world.period(), guard.world.period());
     for k in 0..12 {
         let output = guard.at(0.5).output;
         let step = (output - last).to_f64();
@@ -608,7 +608,7 @@ proptest! {
                 let guard = &mut guards[usize::from(announced)];
                 if asked == 100 {
                     (guard.world, guard.supervisor, guard.state) = (next.world, next.supervisor, next.state);
-                    guard.watch.swap();
+                    guard.watch.swap(guard.world.period(), guard.world.period());
                 }
                 (guard.step(&Reading { announced, ..now }, request), guard.watch, guard.state)
             });

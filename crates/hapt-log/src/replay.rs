@@ -162,7 +162,7 @@ impl Running {
     fn change(&mut self, logged: &Arc<LoggedPlan>) -> Result<(), Error> {
         if !Arc::ptr_eq(&self.logged, logged) {
             let plan = Plan::following(&logged.world, &self.plan).map(Box::new).map_err(world_error)?;
-            self.watch.swap();
+            self.watch.swap(self.plan.period(), plan.period());
             (self.state, self.plan, self.logged) = (plan.carry(&self.plan, &self.state), plan, Arc::clone(logged));
         }
         Ok(())

@@ -134,7 +134,7 @@ impl Page {
         let Ok((world, supervisor)) = compile(&written) else { return false };
         let state = world.carry(&self.world, &self.state, Some, Some);
         self.device.refit(&mut VirtualDevice::new(&written.setup.rig));
-        self.watch.swap();
+        self.watch.swap(self.world.period(), world.period());
         (self.world, self.supervisor, self.state, self.written) = (world, supervisor, state, written);
         true
     }

@@ -75,7 +75,7 @@ impl Cycle {
     pub fn swap(&mut self, mut plan: Box<Plan>) -> Box<Plan> {
         self.state = plan.carry(&self.plan, &self.state);
         plan.motor.follow(&self.plan.motor);
-        self.watch.swap();
+        self.watch.swap(self.plan.period(), plan.period());
         self.device.0.adopt(&mut plan);
         self.swaps += 1;
         std::mem::replace(&mut self.plan, plan)

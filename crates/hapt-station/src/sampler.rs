@@ -222,8 +222,9 @@ impl<'w> Sampler<'w> {
                 Said::Refused(Why::Armed)
             }
             What::Swap(slot) => {
+                let before = self.period();
                 mail.back = Some(core::mem::replace(&mut self.slot, slot));
-                self.watch.swap();
+                self.watch.swap(before, self.period());
                 *swapped = true;
                 Said::Done
             }

@@ -113,8 +113,8 @@ impl Rig {
         let (core, supervisor) = compiled(world, guarding)?;
         let mut fresh = core.start();
         fresh.now = self.state.now;
+        self.watch.swap(self.core.period(), core.period());
         (self.core, self.supervisor, *self.state) = (core, supervisor, fresh);
-        self.watch.swap();
         Ok(())
     }
 

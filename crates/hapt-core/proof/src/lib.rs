@@ -90,7 +90,7 @@ fn guarded<F: Real, const B: usize, const C: usize, const W: usize>(
         let request = request.get(black_box(z) as usize).copied().flatten();
         sum += supervisor.step(&mut watch, world, &mut state, &reading, request).output.to_f64();
         if black_box(z) > 5.0 {
-            watch.swap();
+            watch.swap(f(z), f(z + 1.0));
         }
     }
     sum

@@ -55,6 +55,17 @@ pub(crate) struct Stand<F> {
 
 impl<F: Real> Stand<F> {
     pub const NONE: Self = Stand { way: F::ZERO, speed: F::ZERO, since: 0, asked: 0 };
+
+    /// The same times and the same speed, in samples of another period. Times are rounded up: a world that is changed again and again
+    /// puts nothing off.
+    pub fn at_period(self, before: F, after: F) -> Self {
+        if before == after {
+            return self;
+        }
+        let ratio = before / after;
+        let samples = |count: u32| libm::ceil((F::from_f64(f64::from(count)) * ratio).to_f64()) as u32;
+        Stand { speed: self.speed / ratio, since: samples(self.since), asked: samples(self.asked), ..self }
+    }
 }
 
 impl<F: Real> Standing<F> {

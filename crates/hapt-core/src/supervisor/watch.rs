@@ -59,11 +59,12 @@ impl<F: Real> Watch<F> {
         calm: 0,
     };
 
-    /// From the next sample on the world and its supervisor are others. The torque goes on from where it was and
-    /// fades over to the new world's; what that has stored is credited to the ledger.
-    pub fn swap(&mut self) {
+    /// From the next sample on the world and its supervisor are others; these are the periods of both, in s. The torque goes on from
+    /// where it was and fades over to the new world's; what that has stored is credited to the ledger.
+    pub fn swap(&mut self, before: F, after: F) {
         self.swapped = true;
         self.seen.step = None;
+        self.seen.stand = self.seen.stand.at_period(before, after);
         self.books.reopen();
     }
 

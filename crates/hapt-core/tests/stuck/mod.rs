@@ -68,6 +68,35 @@ proptest! {
         prop_assert!(single.is_some(), "not in f32");
     }
 
+    /// A period that changes under a standing encoder neither draws its time out nor cuts it short.
+    #[test]
+    fn a_world_whose_period_changes_finds_a_dead_encoder_in_the_same_time(
+        periods in proptest::collection::vec((0.25..4.0f64, 5..60u32), 400), stuck in 0.2..1.0f64,
+    ) {
+        let limits = Limits { stuck, energy: 1e9, late: 1.0, ..LIMITS };
+        let mut guard = Guard::<f64>::running(&limits, &WORLD, 0.5);
+        let mut stood = 0.0;
+        'found: for (period, samples) in &periods {
+            let spec = Spec { period: period * T, ..WORLD };
+            let next = Guard::<f64>::new(&limits, &spec);
+            guard.watch.swap(guard.world.period(), next.world.period());
+            (guard.world, guard.supervisor, guard.state) = (next.world, next.supervisor, next.state);
+            for _ in 0..*samples {
+                stood += spec.period;
+                if guard.at(0.5).phase == Phase::Faulted {
+                    break 'found;
+                }
+            }
+        }
+        prop_assert_eq!(guard.watch.reason, Some(Reason::Stuck));
+        // A count of samples is rounded up at each change, and the time of four counts is whole.
+        let changes = periods.iter().map(|(period, samples)| period * T * f64::from(*samples)).scan(0.0, |sum, time| {
+            *sum += time;
+            (*sum < stood).then_some(0.008)
+        });
+        prop_assert!(stood > 0.8 * stuck - changes.sum::<f64>() && stood < 1.3 * stuck + 0.1, "{stood} s of {stuck} s");
+    }
+
     /// With half as much friction again as the file says, at every frequency, moving by many counts and by none.
     #[test]
     fn a_free_puck_is_never_stuck(
