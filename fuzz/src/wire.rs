@@ -5,13 +5,13 @@
 
 use hapt_core::Guarding;
 use hapt_model::{Source, World};
-use hapt_station::{Board, LONGEST, Seen, Slot, Station};
-use hapt_wire::{Command, Order, PROTOCOL, Parameter, Reader, Says, frame, hash, pack};
+use hapt_wire::device::{Board, Endpoint, Measurement, Slot};
+use hapt_wire::{Command, DeviceMessage, LONGEST, Order, PROTOCOL, Parameter, Reader, frame, hash, pack};
 
 use crate::messages::outcome;
 
-const BOARD: Board = Board { name: "fuzz", firmware: "0", fed: false, periods: [5e-5, 1e-2] };
-const FED: Board = Board { fed: true, ..BOARD };
+const BOARD: Board = Board { name: "fuzz", firmware: "0", externally_clocked: false, periods: [5e-5, 1e-2] };
+const FED: Board = Board { externally_clocked: true, ..BOARD };
 
 const WORLD: &str = r#"
 loop = { period = 1e-3, estimator = "difference" }
@@ -36,13 +36,13 @@ fn packed() -> Vec<u8> {
 pub fn run(bytes: &[u8]) -> u64 {
     let (mut one, mut other) = (Slot::EMPTY, Slot::EMPTY);
     let (kind, mut rest) = bytes.split_first().map_or((0, bytes), |(kind, rest)| (*kind, rest));
-    let mut station = Station::new(if kind & 1 == 0 { BOARD } else { FED }, &mut one, &mut other);
+    let mut station = Endpoint::new(if kind & 1 == 0 { BOARD } else { FED }, &mut one, &mut other);
     let (mut answers, mut armed) = (0_u64, false);
     let mut ears = Ears { host: Reader::new(), board: Reader::new() };
     for command in session(&packed(), false) {
         ears.put(&mut station, &command, &mut answers);
     }
-    let mut seen = Seen::default();
+    let mut seen = Measurement::default();
     while let Some((length, after)) = rest.split_first() {
         let (chunk, next) = after.split_at(usize::from(length & 0x7f).min(after.len()));
         rest = next;
@@ -73,7 +73,7 @@ struct Ears {
 
 impl Ears {
     /// Puts bytes on the line; whether an arm was among what could be read.
-    fn put(&mut self, station: &mut Station<'_>, bytes: &[u8], answers: &mut u64) -> bool {
+    fn put(&mut self, station: &mut Endpoint<'_>, bytes: &[u8], answers: &mut u64) -> bool {
         let mut armed = false;
         for byte in bytes {
             let command = self.board.push::<Command<'_>>(*byte);
@@ -84,19 +84,19 @@ impl Ears {
         armed
     }
 
-    fn listen(&mut self, station: &mut Station<'_>, answers: &mut u64) {
+    fn listen(&mut self, station: &mut Endpoint<'_>, answers: &mut u64) {
         let mut room = [0; LONGEST];
         while let Some(bytes) = station.answer(&mut room) {
             let mut read = false;
             for byte in bytes {
-                if let Some(says) = self.host.push::<Says<'_>>(*byte) {
+                if let Some(says) = self.host.push::<DeviceMessage<'_>>(*byte) {
                     read = true;
                     let what = match says {
-                        Says::Refused { why, .. } => (2, why as u8),
-                        Says::Telemetry(telemetry) => (4, telemetry.phase * 16 + telemetry.reason),
-                        Says::Hello(hello) => (0, hello.phase),
-                        Says::Done { .. } => (1, 0),
-                        Says::Value { parameter, .. } => (3, parameter),
+                        DeviceMessage::Refused { why, .. } => (2, why as u8),
+                        DeviceMessage::Telemetry(telemetry) => (4, telemetry.phase * 16 + telemetry.reason),
+                        DeviceMessage::Hello(hello) => (0, hello.phase),
+                        DeviceMessage::Done { .. } => (1, 0),
+                        DeviceMessage::Value { parameter, .. } => (3, parameter),
                     };
                     *answers = answers.wrapping_mul(31) ^ outcome(&what);
                 }
@@ -119,9 +119,9 @@ fn session(bytes: &[u8], whole: bool) -> Vec<Vec<u8>> {
     orders.push(Order::Commit);
     if whole {
         let set = Order::Set { parameter: Parameter::Divider as u8, value: 1 };
-        let feed = |sample| Order::Feed { sample, position: 0.1, velocity: 0.0, late: 0.0, announced: true };
+        let feed = |sample| Order::Sample { sample, position: 0.1, velocity: 0.0, late: 0.0, announced: true };
         let arm = Order::Arm { world: hash(bytes) };
-        orders.extend([set, arm, Order::Alive, feed(20), feed(21), Order::Get { parameter: 1 }, Order::Disarm]);
+        orders.extend([set, arm, Order::Heartbeat, feed(20), feed(21), Order::Get { parameter: 1 }, Order::Disarm]);
         orders.extend([Order::Stop, Order::Clear]);
     }
     (0..).zip(orders).map(|(sequence, order)| framed(sequence, 200, order)).collect()

@@ -219,7 +219,7 @@ fn judge(
     }
     if bent && !answer.proved {
         if rounds(world) && rng.u8(..MEASURED) == 0 {
-            let broken = hapt_worst::best_motion(world, OPEN_SAMPLES).is_ok_and(|found| found.0.is_some());
+            let broken = hapt_sweep::worst::best_motion(world, OPEN_SAMPLES).is_ok_and(|found| found.0.is_some());
             found.open += Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };
         }
         return Ok(());
@@ -235,7 +235,7 @@ fn judge(
         drawn = drawn.max(work);
     }
     // The hands that break what is not proved.
-    if bent && let Ok((Some(moved), _)) = hapt_worst::best_motion(world, MOTION_SAMPLES) {
+    if bent && let Ok((Some(moved), _)) = hapt_sweep::worst::best_motion(world, MOTION_SAMPLES) {
         tell(format!("called proved, and a motion draws {:e} J: {:?}", moved.drawn.gain, moved.motion.trick));
         drawn = f64::INFINITY;
     }

@@ -16,8 +16,8 @@ pub struct Board {
     pub world: Option<u32>,
     /// Bodies, couplings, and the longest FOAW window.
     pub room: [u8; 3],
-    /// Whether it has no encoder and is fed.
-    pub fed: bool,
+    /// Whether it has no encoder and takes a sample at each [`hapt_wire::Order::Sample`].
+    pub externally_clocked: bool,
     /// Where its supervisor stands.
     pub phase: Option<Phase>,
     /// Why.
@@ -32,7 +32,7 @@ impl Board {
             core: hello.core,
             world: hello.world,
             room: [hello.bodies, hello.couplings, hello.window],
-            fed: hello.fed,
+            externally_clocked: hello.externally_clocked,
             phase: Phase::ALL.get(usize::from(hello.phase)).copied(),
             reason: Reason::from_code(hello.reason),
         }

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use hapt_wire::{PROTOCOL, Why};
+use hapt_wire::{PROTOCOL, Refusal};
 
 /// What can go wrong with a board.
 #[derive(Debug, thiserror::Error)]
@@ -66,7 +66,7 @@ pub enum Error {
         /// What was asked of it, such as "arm".
         what: &'static str,
         /// Why not.
-        why: Why,
+        why: Refusal,
     },
     /// Something urgent came while an answer was waited for ([`crate::Link::yield_to`]); whether the board has done what was asked is not known.
     #[error("interrupted while the board was asked")]

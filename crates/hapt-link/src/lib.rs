@@ -32,5 +32,5 @@ pub mod simulate;
 pub use board::Board;
 pub use error::Error;
 pub use hapt_line::{Line, SPEED, pty};
-pub use hapt_wire::{Parameter, Telemetry, Why};
+pub use hapt_wire::{Parameter, Refusal, Telemetry};
 pub use link::Link;

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use hapt_core::Phase;
-use hapt_wire::{Command, LONGEST, Order, PIECE, PROTOCOL, Parameter, Reader, Says, Telemetry, Why, frame, hash};
+use hapt_wire::{
+    Command, DeviceMessage, LONGEST, Order, PIECE, PROTOCOL, Parameter, Reader, Refusal, Telemetry, frame, hash,
+};
 
 use crate::{Board, Error, Line, SPEED};
 
@@ -70,7 +72,7 @@ enum Heard {
 /// What it answers to a command.
 enum Answer {
     Done,
-    Refused(Why),
+    Refused(Refusal),
     Value(u32),
     Hello,
 }
@@ -161,7 +163,12 @@ impl Link {
             }
             match self.send(packed, world) {
                 // The line has lost something: once more from the beginning.
-                Err(error @ Error::Refused { why: Why::Piece | Why::Hash | Why::Late | Why::Sequence, .. }) => {
+                Err(
+                    error @ Error::Refused {
+                        why: Refusal::Piece | Refusal::Hash | Refusal::Late | Refusal::Sequence,
+                        ..
+                    },
+                ) => {
                     lost = Some(error);
                 }
                 Err(error) => return Err(error),
@@ -174,7 +181,7 @@ impl Link {
 
     fn send(&mut self, packed: &[u8], hash: u32) -> Result<(), Error> {
         const LOAD: &str = "take the world";
-        let length = u16::try_from(packed.len()).map_err(|_| Error::Refused { what: LOAD, why: Why::Room })?;
+        let length = u16::try_from(packed.len()).map_err(|_| Error::Refused { what: LOAD, why: Refusal::Room })?;
         self.ask(LOAD, Order::Begin { length, hash })?;
         let mut at = 0;
         for bytes in packed.chunks(PIECE) {
@@ -230,7 +237,7 @@ impl Link {
             self.keep()?;
             match self.ask("clear", Order::Clear) {
                 // The cause has to be gone for some samples.
-                Err(Error::Refused { why: Why::Phase, .. }) if start.elapsed() < ANSWER => {
+                Err(Error::Refused { why: Refusal::Phase, .. }) if start.elapsed() < ANSWER => {
                     std::thread::sleep(ANSWER / 20);
                 }
                 answer => return answer.map(drop),
@@ -238,12 +245,12 @@ impl Link {
         }
     }
 
-    /// Says that somebody is here, and waits for no answer: to be called several times in what `safety.link` allows.
+    /// DeviceMessage that somebody is here, and waits for no answer: to be called several times in what `safety.link` allows.
     ///
     /// # Errors
     /// The port is gone.
     pub fn keep(&mut self) -> Result<(), Error> {
-        self.tell(Order::Alive)
+        self.tell(Order::Heartbeat)
     }
 
     /// Sets a parameter; its value then.
@@ -269,7 +276,7 @@ impl Link {
         }
     }
 
-    /// Says a command and waits for no answer: on a fed board most come with the next sample.
+    /// Sends a command and waits for no answer: on an externally clocked board most come with the next sample.
     ///
     /// # Errors
     /// The port is gone.
@@ -277,7 +284,7 @@ impl Link {
         self.say(order).map(drop)
     }
 
-    /// Shows a fed board a sample ([`Order::Feed`]), and gives what it makes of it; `None` where one of the two was lost.
+    /// Shows an externally clocked board a sample ([`Order::Sample`]), and gives what it makes of it; `None` where one of the two was lost.
     ///
     /// # Errors
     /// It has an encoder, or has been shown this sample already.
@@ -313,14 +320,14 @@ impl Link {
         }
     }
 
-    /// Says a command until it is answered: each of them may be said twice, with its own sequence.
+    /// Sends a command until it is answered: each of them may be said twice, with its own sequence.
     fn ask(&mut self, what: &'static str, order: Order) -> Result<Answer, Error> {
         for _ in 0..TRIES {
             let sequence = self.say(order)?;
             match self.answer(Some(sequence))? {
                 None => {}
                 // It was on its way for too long, or the clocks have parted: how far is the board?
-                Some(Answer::Refused(Why::Late | Why::Sequence)) => {
+                Some(Answer::Refused(Refusal::Late | Refusal::Sequence)) => {
                     self.greet()?;
                 }
                 Some(Answer::Refused(why)) => return Err(Error::Refused { what, why }),
@@ -335,10 +342,10 @@ impl Link {
     fn say(&mut self, order: Order) -> Result<u32, Error> {
         self.sequence = self.sequence.wrapping_add(1);
         let (sample, said, period) = self.clock;
-        let passed = if self.board.fed { 0.0 } else { said.elapsed().as_secs_f64() + PATIENCE };
-        let ahead = if self.board.fed { 1000 } else { ((passed / period) as u64).max(8) };
+        let passed = if self.board.externally_clocked { 0.0 } else { said.elapsed().as_secs_f64() + PATIENCE };
+        let ahead = if self.board.externally_clocked { 1000 } else { ((passed / period) as u64).max(8) };
         let not_after = match order {
-            Order::Feed { sample, .. } => sample,
+            Order::Sample { sample, .. } => sample,
             _ => sample.saturating_add(ahead),
         };
         let command = Command { sequence: self.sequence, not_after, order };
@@ -385,9 +392,9 @@ impl Link {
 
     /// One byte of the line.
     fn take(&mut self, byte: u8) -> Result<Option<Heard>, Error> {
-        let Some(says) = self.reader.push::<Says<'_>>(byte) else { return Ok(None) };
+        let Some(says) = self.reader.push::<DeviceMessage<'_>>(byte) else { return Ok(None) };
         let (sequence, answer) = match says {
-            Says::Hello(hello) => {
+            DeviceMessage::Hello(hello) => {
                 let board = hello.protocol;
                 if board != PROTOCOL {
                     return Err(Error::Protocol { path: self.path.clone(), board });
@@ -407,15 +414,15 @@ impl Link {
                 }
                 (None, Answer::Hello)
             }
-            Says::Done { sequence } => (Some(sequence), Answer::Done),
+            DeviceMessage::Done { sequence } => (Some(sequence), Answer::Done),
             // It was greeted before, and knows nothing of it.
-            Says::Refused { why: Why::Hello, .. } if self.greeted => {
+            DeviceMessage::Refused { why: Refusal::Hello, .. } if self.greeted => {
                 (self.greeted, self.armed, self.board.world) = (false, false, None);
                 return Err(Error::Restarted { path: self.path.clone() });
             }
-            Says::Refused { sequence, why } => (Some(sequence), Answer::Refused(why)),
-            Says::Value { sequence, value, .. } => (Some(sequence), Answer::Value(value)),
-            Says::Telemetry(telemetry) => {
+            DeviceMessage::Refused { sequence, why } => (Some(sequence), Answer::Refused(why)),
+            DeviceMessage::Value { sequence, value, .. } => (Some(sequence), Answer::Value(value)),
+            DeviceMessage::Telemetry(telemetry) => {
                 self.clock = (telemetry.sample.saturating_add(1), Instant::now(), self.clock.2);
                 let (left, faulted) = (Phase::Disarmed as u8, Phase::Faulted as u8);
                 if telemetry.phase == faulted || self.leaving && telemetry.phase == left {

@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::Rig;
-use hapt_station::{Board, LONGEST, Seen, Slot, Station};
+use hapt_wire::LONGEST;
+use hapt_wire::device::{Board, Endpoint, Measurement, Slot};
 
 use crate::{Line, pty};
 
@@ -126,7 +127,7 @@ impl Table {
 
     fn until_it_restarts(&mut self, board: Board) {
         let (mut one, mut other) = (Slot::EMPTY, Slot::EMPTY);
-        let mut station = Station::new(board, &mut one, &mut other);
+        let mut station = Endpoint::new(board, &mut one, &mut other);
         let mut due = Instant::now();
         while !self.shared.end.load(SeqCst) && !self.shared.restarted.swap(false, SeqCst) {
             if self.shared.unplugged.load(SeqCst) {
@@ -138,7 +139,7 @@ impl Table {
                     break;
                 }
                 due += Duration::from_secs_f32(station.period());
-                if !board.fed {
+                if !board.externally_clocked {
                     self.sample(&mut station);
                     self.answer(&mut station);
                 }
@@ -148,7 +149,7 @@ impl Table {
     }
 
     /// What comes on the line until the next sample.
-    fn listen(&mut self, station: &mut Station<'_>, due: Instant) {
+    fn listen(&mut self, station: &mut Endpoint<'_>, due: Instant) {
         let mut bytes = [0; 256];
         let Some(line) = &mut self.line else {
             return std::thread::sleep(due.saturating_duration_since(Instant::now()));
@@ -165,7 +166,7 @@ impl Table {
         }
     }
 
-    fn sample(&mut self, station: &mut Station<'_>) {
+    fn sample(&mut self, station: &mut Endpoint<'_>) {
         let period = f64::from(station.period());
         if (period - self.rig.period).abs() > 1e-6 * period {
             self.rig.period = period;
@@ -173,7 +174,8 @@ impl Table {
         }
         let (position, velocity) = self.device.puck();
         let fault = self.shared.tripped.swap(false, SeqCst);
-        let seen = Seen { position: position as f32, velocity: velocity as f32, fault, ..Seen::default() };
+        let seen =
+            Measurement { position: position as f32, velocity: velocity as f32, fault, ..Measurement::default() };
         let motor = station.sample(&seen);
         self.device.command(f64::from(motor.torque));
         self.device.travel();
@@ -183,7 +185,7 @@ impl Table {
     }
 
     /// What there is to say, for a host that listens.
-    fn answer(&mut self, station: &mut Station<'_>) {
+    fn answer(&mut self, station: &mut Endpoint<'_>) {
         let mut room = [0; LONGEST];
         while let Some(frame) = station.answer(&mut room) {
             let frame: Vec<u8> = frame.iter().map(|byte| self.disturbed(*byte)).collect();

@@ -5,12 +5,12 @@ use std::time::{Duration, Instant};
 
 use hapt_core::{Guarding, Phase};
 use hapt_link::simulate::Simulated;
-use hapt_link::{Error, Link, Parameter, Telemetry, Why, pty};
+use hapt_link::{Error, Link, Parameter, Refusal, Telemetry, pty};
 use hapt_model::{Rig, Source, World};
-use hapt_station::Board;
-use hapt_wire::{Hello, Order, Says, frame, hash, pack};
+use hapt_wire::device::Board;
+use hapt_wire::{DeviceMessage, Hello, Order, frame, hash, pack};
 
-const BOARD: Board = Board { name: "table", firmware: "1.2.3", fed: false, periods: [5e-5, 1e-2] };
+const BOARD: Board = Board { name: "table", firmware: "1.2.3", externally_clocked: false, periods: [5e-5, 1e-2] };
 
 /// A constant torque against a damped puck: something is on whenever it is armed.
 const PUSH: &str = r#"
@@ -100,7 +100,7 @@ fn a_world_is_sent_armed_kept_and_disarmed() {
     let later = until(&mut link, |telemetry| telemetry.position > first.position + 0.01);
     assert!(later.sample > first.sample && later.output == 0.05);
     assert_eq!(link.get(Parameter::Missed).unwrap(), 0);
-    assert!(matches!(link.load(&[1, 2, 3]), Err(Error::Refused { why: Why::Armed, .. })));
+    assert!(matches!(link.load(&[1, 2, 3]), Err(Error::Refused { why: Refusal::Armed, .. })));
     link.disarm().unwrap();
     until(&mut link, |telemetry| telemetry.phase == Phase::Disarmed as u8);
     assert_eq!(board.torque(), 0.0);
@@ -203,7 +203,7 @@ fn a_fault_of_the_motors_driver_reaches_the_host_and_lasts_until_it_is_cleared()
     let telemetry = until(&mut link, |telemetry| telemetry.phase == Phase::Faulted as u8);
     assert_eq!((telemetry.reason, telemetry.output), (driver.code(), 0.0));
     let world = hash(&packed());
-    assert!(matches!(link.arm(world), Err(Error::Refused { why: Why::Phase, .. })));
+    assert!(matches!(link.arm(world), Err(Error::Refused { why: Refusal::Phase, .. })));
     link.greet().unwrap();
     assert_eq!((link.board().phase, link.board().reason), (Some(Phase::Faulted), Some(driver)));
     assert_eq!(board.torque(), 0.0);
@@ -232,7 +232,7 @@ fn a_line_that_flips_bytes_carries_a_world_whole_or_says_that_it_cannot() {
 
 #[test]
 fn a_fed_board_is_run_in_lockstep() {
-    let fed = Board { fed: true, ..BOARD };
+    let fed = Board { externally_clocked: true, ..BOARD };
     let board = Simulated::start(fed, rig()).unwrap();
     let mut link = Link::open(board.path()).unwrap();
     let world = link.load(&packed()).unwrap();
@@ -240,14 +240,14 @@ fn a_fed_board_is_run_in_lockstep() {
         if sample == 1 {
             link.tell(Order::Arm { world }).unwrap();
         }
-        let order = Order::Feed { sample, position: 0.0, velocity: 0.0, late: 0.0, announced: false };
+        let order = Order::Sample { sample, position: 0.0, velocity: 0.0, late: 0.0, announced: false };
         let telemetry = link.feed(order).unwrap().unwrap();
         assert_eq!(telemetry.sample, sample);
         // A fade of 100 samples.
         let part = (sample as f32 / 100.0).min(1.0);
         assert!((telemetry.output - 0.05 * part).abs() < 1e-6, "{telemetry:?}");
     }
-    let again = Order::Feed { sample: 3, position: 0.0, velocity: 0.0, late: 0.0, announced: false };
+    let again = Order::Sample { sample: 3, position: 0.0, velocity: 0.0, late: 0.0, announced: false };
     assert!(matches!(link.feed(again), Err(Error::Refused { .. })));
 }
 
@@ -271,7 +271,7 @@ fn a_port_where_nobody_answers_or_where_somebody_else_does_is_named() {
             bodies: 4,
             couplings: 8,
             window: 16,
-            fed: false,
+            externally_clocked: false,
             sequence: 0,
             sample: 0,
             period: 1,
@@ -279,7 +279,7 @@ fn a_port_where_nobody_answers_or_where_somebody_else_does_is_named() {
             reason: 0,
         };
         let mut room = [0; 256];
-        let frame = frame(&Says::Hello(hello), &mut room).unwrap();
+        let frame = frame(&DeviceMessage::Hello(hello), &mut room).unwrap();
         ours.write(frame, Instant::now() + Duration::from_secs(60)).unwrap();
         ours
     });

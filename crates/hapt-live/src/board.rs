@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hapt_core::{Guarding, Phase, Request};
-use hapt_link::{Error, Link, Why};
+use hapt_link::{Error, Link, Refusal};
 use hapt_log::Recorder;
 use hapt_rt::{Epoch, LoopHandle, Realtime, Record};
 use hapt_wire::Order;
@@ -328,7 +328,7 @@ impl Holder {
                 return Ok(());
             }
             // It was armed by another word than was seen here: its fade has to be waited for.
-            Err(Error::Refused { why: Why::Armed, .. }) => {
+            Err(Error::Refused { why: Refusal::Armed, .. }) => {
                 self.link.greet()?;
                 self.phase = self.link.board().phase.unwrap_or(self.phase);
                 (self.wanted, self.changing) = (Some(wanted), false);

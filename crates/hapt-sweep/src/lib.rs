@@ -5,6 +5,7 @@
 //! * [`Sweep`] is a grid of a world with its measures: [`Sweep::rows`] computes a stretch of cells on all cores, in the order of
 //!   the table, with the same bits whatever the number of threads.
 //! * [`boundary`] finds where in the plane of two keys a loop stops being stable or passive, without a grid.
+//! * [`worst`] searches for the passive hand that draws most energy from a loop.
 //! * [`table`] names the columns and writes them as CSV; [`columnar`] turns that into Parquet.
 //!
 //! ```
@@ -41,6 +42,7 @@ mod measure;
 mod sweep;
 pub mod table;
 mod worker;
+pub mod worst;
 
 pub use axis::{Axis, Grid};
 pub use boundary::Boundary;

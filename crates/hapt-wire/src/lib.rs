@@ -2,7 +2,7 @@
 //!
 //! [`write()`] makes the bytes of a [`Spec`], [`Stored::read`] checks them and holds the world in fixed room. The form is postcard's, behind a
 //! version and before a checksum; what is cut, flipped or of another version is refused, and never half read. [`frame()`] and [`Reader`]
-//! carry any message over a line that loses and flips bytes; [`Command`] and [`Says`] are the messages between a host and a board
+//! carry any message over a line that loses and flips bytes; [`Command`] and [`DeviceMessage`] are the messages between a host and a board
 //! (docs/wire.md), [`pack`] the world and its limits as a board takes them.
 //!
 //! ```
@@ -38,6 +38,7 @@
 
 mod bytes;
 mod cobs;
+pub mod device;
 mod frame;
 mod load;
 mod message;
@@ -51,7 +52,7 @@ const SUM: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 pub use frame::{Reader, frame};
 pub use load::{LARGEST, hash, pack, unpack};
 pub use message::{
-    BODIES, Command, Hello, LONGEST, Order, PIECE, PROTOCOL, Parameter, ROOM, Says, States, Telemetry, Why,
+    BODIES, Command, DeviceMessage, Hello, LONGEST, Order, PIECE, PROTOCOL, Parameter, ROOM, Refusal, States, Telemetry,
 };
 
 #[doc(inline)]

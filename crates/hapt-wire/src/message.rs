@@ -13,7 +13,7 @@ use core::fmt;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// The version of everything said here. Only [`Order::Hello`] and [`Says::Hello`] keep their form in every version.
+/// The version of everything said here. Only [`Order::Hello`] and [`DeviceMessage::Hello`] keep their form in every version.
 pub const PROTOCOL: u16 = 1;
 /// The longest frame to a board, its 0 too.
 pub const LONGEST: usize = 256;
@@ -36,10 +36,10 @@ pub struct Command<'a> {
     pub order: Order<'a>,
 }
 
-/// What a host may ask for. Each is answered by [`Says::Done`], [`Says::Refused`] or what stands beside it.
+/// What a host may ask for. Each is answered by [`DeviceMessage::Done`], [`DeviceMessage::Refused`] or what stands beside it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Order<'a> {
-    /// The first word, answered by [`Says::Hello`]. It counts with any sequence and at any time, as `Stop` does.
+    /// The first word, answered by [`DeviceMessage::Hello`]. It counts with any sequence and at any time, as `Stop` does.
     Hello {
         /// [`PROTOCOL`]
         protocol: u16,
@@ -47,7 +47,7 @@ pub enum Order<'a> {
     /// The torque is 0 from the next sample on, and the supervisor faulted. Ahead of all other orders.
     Stop,
     /// The host is there. `Arm` says so too, and nothing else does: without either for the world's `safety.link`, the torque goes away.
-    Alive,
+    Heartbeat,
     /// Fade in.
     Arm {
         /// The hash of the world that is meant: no other is armed.
@@ -73,21 +73,21 @@ pub enum Order<'a> {
     },
     /// All of it is there: check it, compile it, and run it from now on. Done when it runs; refused while there may be a torque.
     Commit,
-    /// Answered by [`Says::Value`].
+    /// Answered by [`DeviceMessage::Value`].
     Get {
         /// The code of a [`Parameter`].
         parameter: u8,
     },
-    /// Answered by [`Says::Value`], with the value as it is then.
+    /// Answered by [`DeviceMessage::Value`], with the value as it is then.
     Set {
         /// The code of a [`Parameter`].
         parameter: u8,
         /// In the parameter's unit.
         value: u32,
     },
-    /// A sample for a board without an encoder of its own, which takes one sample at each: answered by [`Says::Telemetry`]. It does not
+    /// A sample for a board without an encoder of its own, which takes one sample at each: answered by [`DeviceMessage::Telemetry`]. It does not
     /// say that the host is there.
-    Feed {
+    Sample {
         /// Its number, greater than that of the last; those between count as missed.
         sample: u64,
         /// The puck's position in rad (linear: m).
@@ -127,7 +127,7 @@ impl Parameter {
 
 /// A frame from the board.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Says<'a> {
+pub enum DeviceMessage<'a> {
     /// To a hello.
     #[serde(borrow)]
     Hello(Hello<'a>),
@@ -141,7 +141,7 @@ pub enum Says<'a> {
         /// The command's.
         sequence: u32,
         /// Why not.
-        why: Why,
+        why: Refusal,
     },
     /// A parameter.
     Value {
@@ -175,8 +175,8 @@ pub struct Hello<'a> {
     pub couplings: u8,
     /// The longest FOAW window, in samples.
     pub window: u8,
-    /// Whether it has no encoder, and waits for [`Order::Feed`].
-    pub fed: bool,
+    /// Whether it has no encoder, and waits for [`Order::Sample`].
+    pub externally_clocked: bool,
     /// The last command's.
     pub sequence: u32,
     /// The number of the sample that comes next.
@@ -278,7 +278,7 @@ impl<'de> Deserialize<'de> for States {
 
 /// Why a command is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Why {
+pub enum Refusal {
     /// No hello of this version came before it, since the board has started.
     Hello,
     /// Its sequence is not after the last one's, or far beyond it.
@@ -312,36 +312,36 @@ pub enum Why {
     /// The supervisor does not go there from where it is: telemetry says why.
     Phase,
     /// The board has an encoder of its own.
-    NotFed,
+    NotExternallyClocked,
     /// The sample is not after the last.
     Sample,
     /// No such parameter, or it is read only, or the value is out of its range.
     Parameter,
 }
 
-impl Why {
+impl Refusal {
     /// What a person may make of it.
     pub const fn sentence(self) -> &'static str {
         match self {
-            Why::Hello => "it has restarted, or was never greeted in its version of the protocol",
-            Why::Sequence => "the command is not the next one: it was doubled, or came too late",
-            Why::Late => "the command's time was over when it came",
-            Why::Busy => "it is still busy with commands that came before",
-            Why::Piece => "a piece of the world was lost on the way",
-            Why::Hash => "the world did not come as it was sent",
-            Why::Version => "it reads worlds of another version: its firmware and this hapt do not fit together",
-            Why::Bytes => "what came is no world",
-            Why::Room => "the world is too large for it",
-            Why::World => "a number of the world is out of the range of its own numbers",
-            Why::Period => "its timer does not keep this period: loop.period",
-            Why::NoLimit => "the world does not say what its motor may be asked for: device.limit",
-            Why::Exact => "an encoder gives no true velocity: loop.estimator",
-            Why::Armed => "while there may be a torque, it changes no world",
-            Why::NoWorld => "it runs another world than the one that is meant",
-            Why::Phase => "its supervisor does not allow that in its phase, or the cause of its fault still lasts",
-            Why::NotFed => "it has an encoder of its own",
-            Why::Sample => "the sample is not after the last one",
-            Why::Parameter => "it has no such parameter, or not that value of it",
+            Refusal::Hello => "it has restarted, or was never greeted in its version of the protocol",
+            Refusal::Sequence => "the command is not the next one: it was doubled, or came too late",
+            Refusal::Late => "the command's time was over when it came",
+            Refusal::Busy => "it is still busy with commands that came before",
+            Refusal::Piece => "a piece of the world was lost on the way",
+            Refusal::Hash => "the world did not come as it was sent",
+            Refusal::Version => "it reads worlds of another version: its firmware and this hapt do not fit together",
+            Refusal::Bytes => "what came is no world",
+            Refusal::Room => "the world is too large for it",
+            Refusal::World => "a number of the world is out of the range of its own numbers",
+            Refusal::Period => "its timer does not keep this period: loop.period",
+            Refusal::NoLimit => "the world does not say what its motor may be asked for: device.limit",
+            Refusal::Exact => "an encoder gives no true velocity: loop.estimator",
+            Refusal::Armed => "while there may be a torque, it changes no world",
+            Refusal::NoWorld => "it runs another world than the one that is meant",
+            Refusal::Phase => "its supervisor does not allow that in its phase, or the cause of its fault still lasts",
+            Refusal::NotExternallyClocked => "it has an encoder of its own",
+            Refusal::Sample => "the sample is not after the last one",
+            Refusal::Parameter => "it has no such parameter, or not that value of it",
         }
     }
 }

@@ -6,8 +6,8 @@ use hapt_core::{
     Body, Coupling, End, Estimator, Guarding, Heat, Law, Limits, Loop, Method, Output, Phase, Spec, Supervisor,
 };
 use hapt_wire::{
-    Command, Hello, LARGEST, LONGEST, Order, PIECE, PROTOCOL, Parameter, Reader, Says, States, Telemetry, Why, frame,
-    hash, pack, unpack,
+    Command, DeviceMessage, Hello, LARGEST, LONGEST, Order, PIECE, PROTOCOL, Parameter, Reader, Refusal, States,
+    Telemetry, frame, hash, pack, unpack,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -35,7 +35,7 @@ fn examples() -> Vec<(&'static str, String)> {
         bodies: 4,
         couplings: 8,
         window: 16,
-        fed: false,
+        externally_clocked: false,
         sequence: 300,
         sample: 70_000,
         period: 1_000_000,
@@ -62,7 +62,7 @@ fn examples() -> Vec<(&'static str, String)> {
     vec![
         ("Hello", command(0, 0, Order::Hello { protocol: PROTOCOL })),
         ("Stop", command(301, 0, Order::Stop)),
-        ("Alive", command(301, 70_250, Order::Alive)),
+        ("Heartbeat", command(301, 70_250, Order::Heartbeat)),
         ("Arm", command(302, 70_250, Order::Arm { world: 0x00c0_ffee })),
         ("Disarm", command(303, 70_250, Order::Disarm)),
         ("Clear", command(304, 70_250, Order::Clear)),
@@ -71,12 +71,12 @@ fn examples() -> Vec<(&'static str, String)> {
         ("Commit", command(307, 70_250, Order::Commit)),
         ("Get", command(308, 70_250, Order::Get { parameter: Parameter::Missed as u8 })),
         ("Set", command(309, 70_250, Order::Set { parameter: Parameter::Divider as u8, value: 20 })),
-        ("Feed", command(310, 5, Order::Feed { sample: 5, position, velocity, late: 0.0, announced: false })),
-        ("Hello, from the board", framed(&Says::Hello(hello))),
-        ("Done", framed(&Says::Done { sequence: 302 })),
-        ("Refused", framed(&Says::Refused { sequence: 302, why: Why::NoWorld })),
-        ("Value", framed(&Says::Value { sequence: 309, parameter: 0, value: 20 })),
-        ("Telemetry", framed(&Says::Telemetry(telemetry))),
+        ("Sample", command(310, 5, Order::Sample { sample: 5, position, velocity, late: 0.0, announced: false })),
+        ("Hello, from the board", framed(&DeviceMessage::Hello(hello))),
+        ("Done", framed(&DeviceMessage::Done { sequence: 302 })),
+        ("Refused", framed(&DeviceMessage::Refused { sequence: 302, why: Refusal::NoWorld })),
+        ("Value", framed(&DeviceMessage::Value { sequence: 309, parameter: 0, value: 20 })),
+        ("Telemetry", framed(&DeviceMessage::Telemetry(telemetry))),
     ]
 }
 
@@ -162,25 +162,25 @@ fn the_page_names_every_code() {
         assert!(PAGE.contains(&format!("| {} | {parameter:?} |", parameter as u8)), "{parameter:?}");
     }
     let whys = [
-        Why::Hello,
-        Why::Sequence,
-        Why::Late,
-        Why::Busy,
-        Why::Piece,
-        Why::Hash,
-        Why::Version,
-        Why::Bytes,
-        Why::Room,
-        Why::World,
-        Why::Period,
-        Why::NoLimit,
-        Why::Exact,
-        Why::Armed,
-        Why::NoWorld,
-        Why::Phase,
-        Why::NotFed,
-        Why::Sample,
-        Why::Parameter,
+        Refusal::Hello,
+        Refusal::Sequence,
+        Refusal::Late,
+        Refusal::Busy,
+        Refusal::Piece,
+        Refusal::Hash,
+        Refusal::Version,
+        Refusal::Bytes,
+        Refusal::Room,
+        Refusal::World,
+        Refusal::Period,
+        Refusal::NoLimit,
+        Refusal::Exact,
+        Refusal::Armed,
+        Refusal::NoWorld,
+        Refusal::Phase,
+        Refusal::NotExternallyClocked,
+        Refusal::Sample,
+        Refusal::Parameter,
     ];
     for why in whys {
         let code = frame(&why, &mut [0; 16]).unwrap().to_vec();
@@ -241,15 +241,15 @@ proptest! {
     ) {
         let bodies = States::new(bodies);
         let telemetry = Telemetry { sequence, sample, output, bodies, ..Telemetry::default() };
-        let stream = [noise, vec![0], frame(&Says::Telemetry(telemetry), &mut [0; 512]).unwrap().to_vec()].concat();
+        let stream = [noise, vec![0], frame(&DeviceMessage::Telemetry(telemetry), &mut [0; 512]).unwrap().to_vec()].concat();
         let mut reader = Reader::<512>::new();
         let mut last = None;
         for byte in stream {
-            if let Some(says) = reader.push::<Says>(byte) {
+            if let Some(says) = reader.push::<DeviceMessage>(byte) {
                 last = Some(format!("{says:?}"));
             }
         }
-        prop_assert_eq!(last, Some(format!("{:?}", Says::Telemetry(telemetry))));
+        prop_assert_eq!(last, Some(format!("{:?}", DeviceMessage::Telemetry(telemetry))));
     }
 
     #[test]
@@ -258,8 +258,8 @@ proptest! {
         bytes.extend([0; 24]);
         bytes.extend([0, 0, count]);
         bytes.extend(vec![0; 8 * usize::from(count)]);
-        prop_assert!(postcard::from_bytes::<Says>(&bytes).is_err());
+        prop_assert!(postcard::from_bytes::<DeviceMessage>(&bytes).is_err());
         bytes[32] = 4;
-        prop_assert!(postcard::from_bytes::<Says>(&bytes[..33 + 32]).is_ok());
+        prop_assert!(postcard::from_bytes::<DeviceMessage>(&bytes[..33 + 32]).is_ok());
     }
 }

@@ -57,7 +57,7 @@ mod nowhere {
 
 #[cfg(unix)]
 mod here {
-    use hapt_link::{Error, Link, Why};
+    use hapt_link::{Error, Link, Refusal};
     use hapt_live::Runs;
 
     use super::Fit;
@@ -84,7 +84,7 @@ mod here {
     /// The board at a port, if it has an encoder and a motor.
     pub fn open_with_motor(port: &Port) -> Result<Link, Failure> {
         let link = open(port)?;
-        if link.board().fed {
+        if link.board().externally_clocked {
             let message = "has no encoder and no motor: it waits for samples, to be tried in lockstep";
             return Err(Failure::input(format!("the board {} {message}", link.board().name)));
         }
@@ -99,9 +99,10 @@ mod here {
     impl From<Error> for Failure {
         fn from(error: Error) -> Self {
             match error {
-                Error::Refused { why: Why::Room | Why::World | Why::Period | Why::NoLimit | Why::Exact, .. } => {
-                    Failure::input(error)
-                }
+                Error::Refused {
+                    why: Refusal::Room | Refusal::World | Refusal::Period | Refusal::NoLimit | Refusal::Exact,
+                    ..
+                } => Failure::input(error),
                 _ => Failure::System(error.to_string()),
             }
         }

@@ -69,7 +69,8 @@ mod here {
         link.show(period, if args.log.is_some() { 0.0 } else { SHOWN })?;
         let before = if recording.is_some() { latest(&mut link)? } else { None };
         let recorder = recording.map(Recording::begin).transpose()?;
-        let mut run = Run { link, before, period, link_allows: link_allows(&fit), duration, seen: Seen::default() };
+        let mut run =
+            Run { link, before, period, link_allows: link_allows(&fit), duration, seen: Measurement::default() };
         let how = run.until_it_ends(hash, &mut |record| {
             // What finds no room is counted by it.
             recorder.as_ref().map(|recorder| recorder.send(record));
@@ -131,7 +132,7 @@ mod here {
 
     /// What telemetry has said.
     #[derive(Default)]
-    struct Seen {
+    struct Measurement {
         first: Option<Telemetry>,
         last: Option<Telemetry>,
         shown: u64,
@@ -152,7 +153,7 @@ mod here {
         link_allows: Duration,
         /// In s, counted from when the torque is all there.
         duration: f64,
-        seen: Seen,
+        seen: Measurement,
     }
 
     impl Run {
@@ -210,7 +211,7 @@ mod here {
         }
 
         fn summary(&self, fit: &Fit, how: &Result<How, Failure>) -> String {
-            let Seen { first, last, shown, running, peak, .. } = &self.seen;
+            let Measurement { first, last, shown, running, peak, .. } = &self.seen;
             let ran = match running {
                 Some((from, to)) => format!("for {} at full torque", people::time((to - from) as f64 * self.period)),
                 None => "the torque was never all there".into(),
@@ -246,7 +247,7 @@ mod here {
         Phase::ALL.get(usize::from(telemetry.phase)).copied()
     }
 
-    impl Seen {
+    impl Measurement {
         /// Samples that the board has missed while it was watched.
         fn missed(&self) -> u32 {
             self.first.zip(self.last).map_or(0, |(first, last)| last.missed.wrapping_sub(first.missed))

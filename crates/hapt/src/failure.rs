@@ -85,11 +85,11 @@ impl From<hapt_sweep::Error> for Failure {
     }
 }
 
-impl From<hapt_worst::Error> for Failure {
-    fn from(error: hapt_worst::Error) -> Self {
+impl From<hapt_sweep::worst::Error> for Failure {
+    fn from(error: hapt_sweep::worst::Error) -> Self {
         match error {
-            hapt_worst::Error::Linear(error) => error.into(),
-            hapt_worst::Error::Run(error) => error.into(),
+            hapt_sweep::worst::Error::Linear(error) => error.into(),
+            hapt_sweep::worst::Error::Run(error) => error.into(),
         }
     }
 }

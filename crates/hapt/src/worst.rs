@@ -14,7 +14,7 @@ use std::time::Duration;
 use hapt_analysis::Grip;
 use hapt_model::keys::Measure;
 use hapt_model::{Drive, Law, Shape, World};
-use hapt_worst::{Gap, Hand, Motion, Trick, Worst};
+use hapt_sweep::worst::{Gap, Hand, Motion, Trick, Worst};
 use serde_json::json;
 
 use crate::args::WorstArgs;
@@ -61,14 +61,14 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
 /// The search, and how far it is on standard error.
 fn watched(world: &World) -> Result<Worst, Failure> {
     let seen = AtomicUsize::new(0);
-    let mut progress = Progress::new("worst", "hands", hapt_worst::most_runs(world)? as u64, 0);
+    let mut progress = Progress::new("worst", "hands", hapt_sweep::worst::most_runs(world)? as u64, 0);
     let (done, is_done) = channel::<()>();
     thread::scope(|scope| {
         let seen = &seen;
         let search = scope.spawn(move || {
             // Dropped at the end, and on a panic too: what waits below ends at once.
             let _done = done;
-            hapt_worst::search_seen(world, seen)
+            hapt_sweep::worst::search_seen(world, seen)
         });
         while is_done.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
             match seen.load(Relaxed) {

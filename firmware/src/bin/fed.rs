@@ -9,17 +9,22 @@ use cortex_m_rt::entry;
 use hapt_firmware::Here;
 use hapt_firmware::board::{Board, Line};
 use hapt_firmware::halt::halt;
-use hapt_station::{LONGEST, Slot, Station};
+use hapt_wire::LONGEST;
+use hapt_wire::device::{Endpoint, Slot};
 
-const BOARD: hapt_station::Board =
-    hapt_station::Board { name: Here::NAME, firmware: env!("CARGO_PKG_VERSION"), fed: true, periods: [50e-6, 0.1] };
+const BOARD: hapt_wire::device::Board = hapt_wire::device::Board {
+    name: Here::NAME,
+    firmware: env!("CARGO_PKG_VERSION"),
+    externally_clocked: true,
+    periods: [50e-6, 0.1],
+};
 
 #[entry]
 fn main() -> ! {
     static mut SLOTS: [Slot; 2] = [Slot::EMPTY; 2];
     let [one, other] = SLOTS;
     let (mut line, _) = Here::start();
-    let mut station = Station::new(BOARD, one, other);
+    let mut station = Endpoint::new(BOARD, one, other);
     let mut room = [0; LONGEST];
     loop {
         if let Some(byte) = line.receive() {

@@ -9,15 +9,20 @@ use hapt_firmware::board::{Board, Device, Line};
 use hapt_firmware::halt::halt;
 use hapt_firmware::shared::Shared;
 use hapt_firmware::{Here, ticks};
-use hapt_station::{Desk, LONGEST, Mail, Sampler, Seen, Slot};
+use hapt_wire::LONGEST;
+use hapt_wire::device::{CommandHandler, Mailbox, Measurement, Sampler, Slot};
 
-const BOARD: hapt_station::Board =
-    hapt_station::Board { name: Here::NAME, firmware: env!("CARGO_PKG_VERSION"), fed: false, periods: [100e-6, 10e-3] };
+const BOARD: hapt_wire::device::Board = hapt_wire::device::Board {
+    name: Here::NAME,
+    firmware: env!("CARGO_PKG_VERSION"),
+    externally_clocked: false,
+    periods: [100e-6, 10e-3],
+};
 
 /// What the interrupt has.
 struct Loop {
     sampler: Sampler<'static>,
-    mail: Mail<'static>,
+    mail: Mailbox<'static>,
     device: <Here as Board>::Device,
 }
 
@@ -28,10 +33,10 @@ fn main() -> ! {
     static mut SLOTS: [Slot; 2] = [Slot::EMPTY; 2];
     let [one, other] = SLOTS;
     let (mut line, device) = Here::start();
-    let mut desk = Desk::new(BOARD, one);
+    let mut desk = CommandHandler::new(BOARD, one);
     let sampler = Sampler::new(&BOARD, other);
     every(sampler.period());
-    LOOP.put(Loop { sampler, mail: Mail::new(), device });
+    LOOP.put(Loop { sampler, mail: Mailbox::new(), device });
     let mut room = [0; LONGEST];
     let (mut length, mut sent) = (0, 0);
     loop {
@@ -64,7 +69,7 @@ fn PendSV() {
         }
         let late_by = late as f32 / Here::CLOCK as f32;
         let fault = device.fault();
-        let seen = Seen { position: device.position(), late: late_by, missed, fault, ..Seen::default() };
+        let seen = Measurement { position: device.position(), late: late_by, missed, fault, ..Measurement::default() };
         let motor = sampler.sample(&seen);
         device.hold(motor.torque, motor.on);
         device.feed();

@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail, ensure};
 use fastrand::Rng;
 use hapt_core::Limits;
 use hapt_model::World;
-use hapt_wire::{Command, LONGEST, Order, PIECE, PROTOCOL, Reader, Says, frame, hash, pack};
+use hapt_wire::{Command, DeviceMessage, LONGEST, Order, PIECE, PROTOCOL, Reader, frame, hash, pack};
 
 /// A board that does not answer for so long is dead.
 pub const PATIENCE: Duration = Duration::from_secs(20);
@@ -70,7 +70,7 @@ impl Board {
         (board.sequence, board.sample) = loop {
             board.ask(Order::Hello { protocol: PROTOCOL })?;
             let heard = board.hear(Duration::from_millis(500), |says| match says {
-                Says::Hello(hello) => Some((hello.sequence, hello.sample, hello.fed)),
+                DeviceMessage::Hello(hello) => Some((hello.sequence, hello.sample, hello.externally_clocked)),
                 _ => None,
             })?;
             match heard {
@@ -107,7 +107,11 @@ impl Board {
     }
 
     /// The first answer that `wanted` takes; `None` after `patience`.
-    pub fn hear<R>(&mut self, patience: Duration, mut wanted: impl FnMut(Says<'_>) -> Option<R>) -> Result<Option<R>> {
+    pub fn hear<R>(
+        &mut self,
+        patience: Duration,
+        mut wanted: impl FnMut(DeviceMessage<'_>) -> Option<R>,
+    ) -> Result<Option<R>> {
         let start = Instant::now();
         let mut byte = [0];
         while start.elapsed() < patience {
@@ -117,7 +121,7 @@ impl Board {
                 Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => continue,
                 Err(error) => return Err(error.into()),
             }
-            if let Some(heard) = self.reader.push::<Says<'_>>(byte[0]).and_then(&mut wanted) {
+            if let Some(heard) = self.reader.push::<DeviceMessage<'_>>(byte[0]).and_then(&mut wanted) {
                 return Ok(Some(heard));
             }
         }
@@ -128,8 +132,10 @@ impl Board {
     pub fn done(&mut self, order: Order<'_>) -> Result<()> {
         let asked = self.ask(order)?;
         let said = self.hear(PATIENCE, |says| match says {
-            Says::Done { sequence } | Says::Value { sequence, .. } if sequence == asked => Some(Ok(())),
-            Says::Refused { sequence, why } if sequence == asked => Some(Err(why)),
+            DeviceMessage::Done { sequence } | DeviceMessage::Value { sequence, .. } if sequence == asked => {
+                Some(Ok(()))
+            }
+            DeviceMessage::Refused { sequence, why } if sequence == asked => Some(Err(why)),
             _ => None,
         })?;
         said.with_context(|| format!("no answer to {order:?}"))?

@@ -5,7 +5,7 @@ use anyhow::{Context, Result, bail, ensure};
 use fastrand::Rng;
 use hapt_core::{Guarding, Limits, Phase, Reason};
 use hapt_sim::{Simulation, VirtualDevice, script};
-use hapt_wire::{Order, Says, Telemetry};
+use hapt_wire::{DeviceMessage, Order, Telemetry};
 
 use super::line::{Board, PATIENCE};
 use super::{BOARDS, has_tools, on_all_boards};
@@ -58,10 +58,10 @@ impl Board {
     fn feed(&mut self, (position, velocity): (f64, f64), announced: bool) -> Result<Telemetry> {
         let sample = self.sample;
         let (position, velocity) = (position as f32, velocity as f32);
-        self.ask(Order::Feed { sample, position, velocity, late: 0.0, announced })?;
+        self.ask(Order::Sample { sample, position, velocity, late: 0.0, announced })?;
         self.sample += 1;
         let said = self.hear(PATIENCE, |says| match says {
-            Says::Telemetry(telemetry) if telemetry.sample == sample => Some(telemetry),
+            DeviceMessage::Telemetry(telemetry) if telemetry.sample == sample => Some(telemetry),
             _ => None,
         })?;
         said.context("no telemetry")
@@ -126,7 +126,7 @@ impl Board {
         let mut last = 0;
         for sample in 1..=300 {
             if sample <= 150 {
-                self.ask(Order::Alive)?;
+                self.ask(Order::Heartbeat)?;
             }
             let telemetry = self.feed((0.1, 0.0), false)?;
             let over = f64::from(sample - 150) * world.sampling.period > LINK + 2e-3;
@@ -162,7 +162,7 @@ impl Board {
 
     /// The supervisor answers with the next sample; the host is there again.
     fn done_with_a_sample(&mut self, order: Order<'_>) -> Result<()> {
-        self.ask(Order::Alive)?;
+        self.ask(Order::Heartbeat)?;
         self.ask(order)?;
         let telemetry = self.feed((0.0, 0.0), false)?;
         ensure!(telemetry.phase == Phase::Disarmed as u8, "{order:?}: {telemetry:?}");

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use hapt_core::{Guarding, Limits, Phase};
 use hapt_model::EstimatorKind;
-use hapt_wire::{Order, Parameter, Says};
+use hapt_wire::{DeviceMessage, Order, Parameter};
 
 use super::line::{Board, PATIENCE};
 use super::{has_tools, program};
@@ -35,7 +35,7 @@ pub fn holds() -> Result<()> {
     let mut shown = 0;
     while board.sample < start + SAMPLES {
         let said = board.hear(PATIENCE, |says| match says {
-            Says::Telemetry(telemetry) => Some(telemetry),
+            DeviceMessage::Telemetry(telemetry) => Some(telemetry),
             _ => None,
         })?;
         let telemetry = said.context("no telemetry")?;
@@ -46,7 +46,7 @@ pub fn holds() -> Result<()> {
     }
     let asked = board.ask(Order::Get { parameter: Parameter::MostUsed as u8 })?;
     let most = board.hear(PATIENCE, |says| match says {
-        Says::Value { sequence, value, .. } if sequence == asked => Some(value),
+        DeviceMessage::Value { sequence, value, .. } if sequence == asked => Some(value),
         _ => None,
     })?;
     let most = most.context("no answer to what a sample has taken")?;
@@ -67,7 +67,7 @@ pub fn counts_and_watches() -> Result<()> {
     board.done(Order::Set { parameter: Parameter::Divider as u8, value: 100 })?;
     let mut missed = None;
     let ended = board.hear(PATIENCE, |says| {
-        if let Says::Telemetry(telemetry) = says
+        if let DeviceMessage::Telemetry(telemetry) = says
             && telemetry.sample > SLOW
         {
             missed = Some(telemetry.missed);

@@ -7,12 +7,12 @@ use hapt_link::Link;
 use hapt_link::simulate::Simulated;
 use hapt_live::{Error, Live, Machine, Options, Runs};
 use hapt_model::{Source, World};
-use hapt_station::Board;
+use hapt_wire::device::Board;
 use serde_json::{Value, json};
 
 use crate::common::{Page, arm};
 
-const BOARD: Board = Board { name: "table", firmware: "1.2.3", fed: false, periods: [5e-5, 1e-2] };
+const BOARD: Board = Board { name: "table", firmware: "1.2.3", externally_clocked: false, periods: [5e-5, 1e-2] };
 
 /// A constant torque against a damped puck, and a wheel on a spring: something is on whenever it is armed.
 const PUSH: &str = r#"title = "push"

@@ -3,7 +3,7 @@
 
 use hapt_core::{Clampable, Damping, End, Estimator, Law, Method, Output, Phase, Reason, Side};
 use hapt_plant::spec::{Drive, Shape};
-use hapt_wire::{Hello, Order, Parameter, Says, Telemetry, Why};
+use hapt_wire::{DeviceMessage, Hello, Order, Parameter, Refusal, Telemetry};
 use serde::Serialize;
 
 /// The variants of a type, each with its code. A unit variant is written with empty braces, a tuple's field with its number.
@@ -149,7 +149,7 @@ fn the_code_of_each_message_is_what_it_always_was() {
     are_on_the_wire(codes!(Order {
         0 => Hello { protocol },
         1 => Stop {},
-        2 => Alive {},
+        2 => Heartbeat {},
         3 => Arm { world },
         4 => Disarm {},
         5 => Clear {},
@@ -158,12 +158,12 @@ fn the_code_of_each_message_is_what_it_always_was() {
         8 => Commit {},
         9 => Get { parameter },
         10 => Set { parameter, value },
-        11 => Feed { sample, position, velocity, late, announced },
+        11 => Sample { sample, position, velocity, late, announced },
     }));
     let parameters = codes!(Parameter { 0 => Divider {}, 1 => Refused {}, 2 => Missed {}, 3 => MostUsed {}, });
     are_all(&parameters, &Parameter::ALL);
     assert!(parameters.iter().all(|(code, parameter)| *parameter as u8 == *code));
-    let (sequence, why, telemetry) = (13, Why::Late, Telemetry::default());
+    let (sequence, why, telemetry) = (13, Refusal::Late, Telemetry::default());
     let hello = Hello {
         protocol,
         firmware: "",
@@ -173,21 +173,21 @@ fn the_code_of_each_message_is_what_it_always_was() {
         bodies: 0,
         couplings: 0,
         window: 0,
-        fed: false,
+        externally_clocked: false,
         sequence,
         sample: 0,
         period: 0,
         phase: 0,
         reason: 0,
     };
-    are_on_the_wire(codes!(Says {
+    are_on_the_wire(codes!(DeviceMessage {
         0 => Hello { 0: hello },
         1 => Done { sequence },
         2 => Refused { sequence, why },
         3 => Value { sequence, parameter, value },
         4 => Telemetry { 0: telemetry },
     }));
-    are_on_the_wire(codes!(Why {
+    are_on_the_wire(codes!(Refusal {
         0 => Hello {},
         1 => Sequence {},
         2 => Late {},
@@ -204,7 +204,7 @@ fn the_code_of_each_message_is_what_it_always_was() {
         13 => Armed {},
         14 => NoWorld {},
         15 => Phase {},
-        16 => NotFed {},
+        16 => NotExternallyClocked {},
         17 => Sample {},
         18 => Parameter {},
     }));

@@ -2,12 +2,12 @@
 
 use hapt_link::simulate::Simulated;
 use hapt_model::{Source, World};
-use hapt_station::Board;
-use hapt_wire::{Command, Hello, Order, Says};
+use hapt_wire::device::Board;
+use hapt_wire::{Command, DeviceMessage, Hello, Order};
 
 use crate::common::{Running, Table, WHEEL, folder, hapt, program};
 
-const BOARD: Board = Board { name: "table", firmware: "1.2.3", fed: false, periods: [5e-5, 1e-2] };
+const BOARD: Board = Board { name: "table", firmware: "1.2.3", externally_clocked: false, periods: [5e-5, 1e-2] };
 
 /// A spring to ground that is certified on its device, and a wheel behind it.
 const KNOB: &str = r#"
@@ -85,7 +85,7 @@ fn a_boards_log_with_samples_left_out_is_not_replayed_and_says_what_would_be_rig
 
 /// A port where somebody answers: each frame that comes is shown to `answer`, and what it gives goes back; with `None` the port goes away.
 fn peer(
-    mut answer: impl FnMut(&Command<'_>) -> Option<Says<'static>> + Send + 'static,
+    mut answer: impl FnMut(&Command<'_>) -> Option<DeviceMessage<'static>> + Send + 'static,
 ) -> (std::thread::JoinHandle<()>, String) {
     let (mut line, path) = hapt_link::pty().unwrap();
     let thread = std::thread::spawn(move || {
@@ -103,8 +103,8 @@ fn peer(
     (thread, format!("hapt:{}", path.display()))
 }
 
-fn hello(protocol: u16) -> Says<'static> {
-    Says::Hello(Hello {
+fn hello(protocol: u16) -> DeviceMessage<'static> {
+    DeviceMessage::Hello(Hello {
         protocol,
         firmware: "9",
         board: "other",
@@ -113,7 +113,7 @@ fn hello(protocol: u16) -> Says<'static> {
         bodies: 4,
         couplings: 8,
         window: 16,
-        fed: false,
+        externally_clocked: false,
         sequence: 0,
         sample: 0,
         period: 1_000_000,
@@ -142,7 +142,7 @@ fn a_board_that_goes_away_with_half_a_world_is_an_error_and_no_log_is_begun() {
     for args in [vec!["flash"], vec!["run", "--log", "run.mcap"]] {
         let (thread, spec) = peer(|command| match command.order {
             Order::Hello { .. } => Some(hello(1)),
-            Order::Begin { .. } => Some(Says::Done { sequence: command.sequence }),
+            Order::Begin { .. } => Some(DeviceMessage::Done { sequence: command.sequence }),
             _ => None,
         });
         let mut words = args.clone();
@@ -216,7 +216,7 @@ fn a_board_refuses_what_does_not_fit_and_the_host_says_so_first_where_it_can() {
         .refused(2, &["on a board: a FOAW window of 100 samples, where this loop remembers 16"]);
     run(&["--set", "device.damping=0"]).refused(2, &["not certified", "--uncertified"]);
 
-    let (_fed, spec) = plugged(Board { fed: true, ..BOARD });
+    let (_fed, spec) = plugged(Board { externally_clocked: true, ..BOARD });
     hapt(at.path(), ["run", "w.toml", "--device", &spec]).refused(2, &["has no encoder and no motor"]);
 }
 
@@ -254,6 +254,6 @@ fn a_page_is_the_face_of_a_board_and_goes_without_a_torque() {
         .refused(2, &["the board will not take the world", "loop.period"]);
     let gone = ["live", "w.toml", "--port", "0", "--device", "hapt:/dev/no-such-port"];
     hapt(at.path(), gone).refused(3, &["cannot open /dev/no-such-port"]);
-    let (_fed, spec) = plugged(Board { fed: true, ..BOARD });
+    let (_fed, spec) = plugged(Board { externally_clocked: true, ..BOARD });
     hapt(at.path(), ["live", "w.toml", "--port", "0", "--device", &spec]).refused(2, &["has no encoder and no motor"]);
 }

@@ -1,17 +1,17 @@
 //! The half in the timer's interrupt: one guarded sample a period.
 
+use crate::{Refusal, States, Telemetry};
 use hapt_core::{Guarded, Phase, Reading, Reason, Request, Watch};
-use hapt_wire::{States, Telemetry, Why};
 
-use crate::mail::{Errand, FIRST_PERIOD, Progress, Said, Verdict, What};
-use crate::{Board, Mail, Slot};
+use super::mailbox::{Action, FIRST_PERIOD, Outcome, Pending, Progress, Response};
+use super::{Board, Mailbox, Slot};
 
 /// What the device says about the puck at a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Seen {
+pub struct Measurement {
     /// In rad (linear: m).
     pub position: f32,
-    /// In rad/s (m/s), where the device knows it; only the exact estimator looks at it, which only a fed board takes.
+    /// In rad/s (m/s), where the device knows it; only the exact estimator looks at it, which only an externally clocked board takes.
     pub velocity: f32,
     /// How long after its instant the sample is taken, in s.
     pub late: f32,
@@ -43,11 +43,11 @@ pub struct Sampler<'w> {
     heard: Option<u64>,
     /// For the next sample, with the sequence of who asks.
     request: Option<(u32, Request)>,
-    verdict: Option<Verdict>,
+    response: Option<Response>,
     divider: u16,
     /// Samples until the next telemetry.
     countdown: u16,
-    fed: bool,
+    externally_clocked: bool,
     telemetry: Option<Telemetry>,
     /// Of the telemetry.
     sequence: u32,
@@ -66,10 +66,10 @@ impl<'w> Sampler<'w> {
             next: 0,
             heard: None,
             request: None,
-            verdict: None,
+            response: None,
             divider: 0,
             countdown: 0,
-            fed: board.fed,
+            externally_clocked: board.externally_clocked,
             telemetry: None,
             sequence: 0,
             missed: 0,
@@ -89,28 +89,28 @@ impl<'w> Sampler<'w> {
     }
 
     /// One sample. The torque is 0 whenever nobody has armed the world that runs.
-    pub fn sample(&mut self, seen: &Seen) -> Motor {
-        let sample = self.next.saturating_add(u64::from(seen.missed));
+    pub fn sample(&mut self, measurement: &Measurement) -> Motor {
+        let sample = self.next.saturating_add(u64::from(measurement.missed));
         self.next = sample.saturating_add(1);
-        self.missed = self.missed.saturating_add(seen.missed);
+        self.missed = self.missed.saturating_add(measurement.missed);
         let asked = self.request.take();
-        if seen.fault {
+        if measurement.fault {
             self.watch.trip(Reason::Driver);
         }
         let reading = Reading {
-            position: seen.position,
-            velocity: seen.velocity,
-            announced: seen.announced,
-            late: seen.late,
-            missed: seen.missed,
+            position: measurement.position,
+            velocity: measurement.velocity,
+            announced: measurement.announced,
+            late: measurement.late,
+            missed: measurement.missed,
             silent: self.silent(sample),
         };
         let Some(compiled) = &mut self.slot.0 else {
             if let Some((sequence, _)) = asked {
-                self.answer(sequence, Said::Refused(Why::NoWorld));
+                self.respond(sequence, Outcome::Refused(Refusal::NoWorld));
             }
             let (phase, reason) = (self.watch.phase as u8, code(self.watch.reason));
-            self.tell(Telemetry { sample, phase, reason, position: seen.position, ..Telemetry::default() });
+            self.publish(Telemetry { sample, phase, reason, position: measurement.position, ..Telemetry::default() });
             return Motor::default();
         };
         let request = asked.map(|(_, request)| request);
@@ -126,14 +126,14 @@ impl<'w> Sampler<'w> {
                 Request::Clear => phase != Phase::Faulted,
                 Request::Disarm | Request::Stop => true,
             };
-            self.answer(sequence, if went { Said::Done } else { Said::Refused(Why::Phase) });
+            self.respond(sequence, if went { Outcome::Done } else { Outcome::Refused(Refusal::Phase) });
         }
-        self.tell(Telemetry {
+        self.publish(Telemetry {
             sample,
             phase: phase as u8,
             reason: code(reason),
             warning: code(warning),
-            position: seen.position,
+            position: measurement.position,
             measured: of_world.puck.position,
             velocity: of_world.puck.velocity,
             torque: of_world.torque,
@@ -152,42 +152,42 @@ impl<'w> Sampler<'w> {
     }
 
     /// Leaves what there is to say, and takes orders for the next sample. True where the world is another now: the timer's period may be.
-    pub fn exchange(&mut self, mail: &mut Mail<'w>) -> bool {
-        if let Some(verdict) = self.verdict.take() {
-            let _ = mail.verdicts.push(verdict);
+    pub fn exchange(&mut self, mailbox: &mut Mailbox<'w>) -> bool {
+        if let Some(response) = self.response.take() {
+            let _ = mailbox.responses.push(response);
         }
         if let Some(telemetry) = self.telemetry.take() {
-            mail.telemetry = Some(telemetry);
+            mailbox.telemetry = Some(telemetry);
         }
         let mut swapped = false;
-        if let Some(sequence) = mail.stop.take() {
+        if let Some(sequence) = mailbox.stop.take() {
             // What was asked for before counts no more.
             if let Some((sequence, _)) = self.request.replace((sequence, Request::Stop)) {
-                refuse(mail, sequence, Why::Late);
+                refuse(mailbox, sequence, Refusal::Late);
             }
-            while let Some(Errand { sequence, what, .. }) = mail.orders.pop() {
-                if let What::Swap(slot) = what {
-                    mail.back = Some(slot);
+            while let Some(Pending { sequence, what, .. }) = mailbox.pending.pop() {
+                if let Action::Swap(slot) = what {
+                    mailbox.back = Some(slot);
                 }
-                refuse(mail, sequence, Why::Late);
+                refuse(mailbox, sequence, Refusal::Late);
             }
         }
         // At most one request a sample; what comes after it waits.
-        while self.request.is_none() && !mail.verdicts.is_full() {
-            let Some(Errand { sequence, not_after, what }) = mail.orders.pop() else { break };
-            let said = if not_after < self.next {
-                if let What::Swap(slot) = what {
-                    mail.back = Some(slot);
+        while self.request.is_none() && !mailbox.responses.is_full() {
+            let Some(Pending { sequence, not_after, what }) = mailbox.pending.pop() else { break };
+            let outcome = if not_after < self.next {
+                if let Action::Swap(slot) = what {
+                    mailbox.back = Some(slot);
                 }
-                Some(Said::Refused(Why::Late))
+                Some(Outcome::Refused(Refusal::Late))
             } else {
-                self.take(sequence, what, mail, &mut swapped)
+                self.take(sequence, what, mailbox, &mut swapped)
             };
-            if let Some(said) = said {
-                let _ = mail.verdicts.push(Verdict { sequence, said });
+            if let Some(outcome) = outcome {
+                let _ = mailbox.responses.push(Response { sequence, outcome });
             }
         }
-        mail.progress = Progress {
+        mailbox.progress = Progress {
             next: self.next,
             period: self.period(),
             phase: self.watch.phase as u8,
@@ -200,41 +200,47 @@ impl<'w> Sampler<'w> {
         swapped
     }
 
-    /// Does an order in time; `None` where its verdict comes with the next sample.
-    fn take(&mut self, sequence: u32, what: What<'w>, mail: &mut Mail<'w>, swapped: &mut bool) -> Option<Said> {
+    /// Does an order in time; `None` where its response comes with the next sample.
+    fn take(
+        &mut self,
+        sequence: u32,
+        what: Action<'w>,
+        mailbox: &mut Mailbox<'w>,
+        swapped: &mut bool,
+    ) -> Option<Outcome> {
         Some(match what {
-            What::Alive => {
+            Action::Heartbeat => {
                 self.heard = Some(self.next);
-                Said::Done
+                Outcome::Done
             }
-            What::Ask(Request::Arm, world) if world.is_none() || world != self.slot.hash() => {
-                Said::Refused(Why::NoWorld)
+            Action::Ask(Request::Arm, world) if world.is_none() || world != self.slot.hash() => {
+                Outcome::Refused(Refusal::NoWorld)
             }
-            What::Ask(request, _) => {
+            Action::Ask(request, _) => {
                 if request == Request::Arm {
                     self.heard = Some(self.next);
                 }
                 self.request = Some((sequence, request));
                 return None;
             }
-            What::Swap(slot) if self.watch.phase.is_active() => {
-                mail.back = Some(slot);
-                Said::Refused(Why::Armed)
+            Action::Swap(slot) if self.watch.phase.is_active() => {
+                mailbox.back = Some(slot);
+                Outcome::Refused(Refusal::Armed)
             }
-            What::Swap(slot) => {
+            Action::Swap(slot) => {
                 let before = self.period();
-                mail.back = Some(core::mem::replace(&mut self.slot, slot));
+                mailbox.back = Some(core::mem::replace(&mut self.slot, slot));
                 self.watch.swap(before, self.period());
                 *swapped = true;
-                Said::Done
+                Outcome::Done
             }
-            What::Divide(divider) => {
+            Action::Divide(divider) => {
                 (self.divider, self.countdown) = (divider, 0);
-                Said::Value(hapt_wire::Parameter::Divider as u8, u32::from(divider))
+                Outcome::Value(crate::Parameter::Divider as u8, u32::from(divider))
             }
-            What::CountUseFrom(used) => {
+            Action::CountUseFrom(used) => {
                 self.most_used = used;
-                Said::Value(hapt_wire::Parameter::MostUsed as u8, used)
+                Outcome::Value(crate::Parameter::MostUsed as u8, used)
             }
         })
     }
@@ -244,12 +250,12 @@ impl<'w> Sampler<'w> {
         self.heard.map_or(f32::INFINITY, |heard| sample.saturating_sub(heard) as f32 * self.period())
     }
 
-    fn answer(&mut self, sequence: u32, said: Said) {
-        self.verdict = Some(Verdict { sequence, said });
+    fn respond(&mut self, sequence: u32, outcome: Outcome) {
+        self.response = Some(Response { sequence, outcome });
     }
 
-    fn tell(&mut self, telemetry: Telemetry) {
-        if !self.fed {
+    fn publish(&mut self, telemetry: Telemetry) {
+        if !self.externally_clocked {
             if self.divider == 0 {
                 return;
             }
@@ -265,8 +271,8 @@ impl<'w> Sampler<'w> {
     }
 }
 
-fn refuse(mail: &mut Mail<'_>, sequence: u32, why: Why) {
-    let _ = mail.verdicts.push(Verdict { sequence, said: Said::Refused(why) });
+fn refuse(mailbox: &mut Mailbox<'_>, sequence: u32, why: Refusal) {
+    let _ = mailbox.responses.push(Response { sequence, outcome: Outcome::Refused(why) });
 }
 
 fn code(reason: Option<Reason>) -> u8 {

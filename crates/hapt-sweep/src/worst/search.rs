@@ -11,9 +11,9 @@ use hapt_analysis::{
 use hapt_model::{End, Law, Scenario, World};
 use serde::Serialize;
 
-use crate::drawn::{Drawn, drawn};
-use crate::hand::{Hand, targets};
-use crate::motion::{Motion, motions};
+use super::drawn::{Drawn, drawn};
+use super::hand::{Hand, targets};
+use super::motion::{Motion, motions};
 
 /// The most rows of a run; the fewest; and how long it shall be otherwise, s.
 const ROWS: f64 = 4_000.0;

@@ -12,7 +12,7 @@ use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand as Model, Law, Scenar
 use hapt_sim::DesktopLoop;
 use serde::Serialize;
 
-use crate::search::Error;
+use super::search::Error;
 
 /// What a motion does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

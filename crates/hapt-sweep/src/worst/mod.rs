@@ -11,7 +11,6 @@
 //!
 //! A certified world has to survive. A refused one should fall; where it does not, what is between the certificate and the worst
 //! hand found is the gap that [`Worst::gap`] gives.
-#![forbid(unsafe_code)]
 // No law, method or estimator falls into an arm for the rest.
 #![warn(clippy::wildcard_enum_match_arm)]
 

@@ -8,7 +8,7 @@ use hapt_analysis::{is_certified, passivity, required_damping};
 use hapt_model::{
     Body, Coupling, Damping, Drive, End, Hand, Law, Method, Output, Scenario, Shape, Side, Source, World,
 };
-use hapt_worst::{Trick, best_motion, drawn, most_runs, search, search_seen};
+use hapt_sweep::worst::{Trick, best_motion, drawn, most_runs, search, search_seen};
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::RngSeed;

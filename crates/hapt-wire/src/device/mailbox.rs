@@ -1,14 +1,14 @@
 //! Where the two halves meet.
 
+use crate::{Refusal, Telemetry};
 use hapt_core::Request;
-use hapt_wire::{Telemetry, Why};
 
-use crate::Slot;
+use super::Slot;
 
 /// T before there is a world, in s.
 pub(crate) const FIRST_PERIOD: f32 = 1e-3;
 
-/// Orders and verdicts on their way.
+/// Orders and responses on their way.
 pub(crate) const WAITING: usize = 8;
 
 /// A short queue.
@@ -48,15 +48,15 @@ impl<T> Queue<T> {
 
 /// An order to the sampler.
 #[derive(Debug)]
-pub(crate) struct Errand<'w> {
+pub(crate) struct Pending<'w> {
     pub sequence: u32,
     pub not_after: u64,
-    pub what: What<'w>,
+    pub what: Action<'w>,
 }
 
 #[derive(Debug)]
-pub(crate) enum What<'w> {
-    Alive,
+pub(crate) enum Action<'w> {
+    Heartbeat,
     /// To the supervisor; to arm, the hash of the world that is meant.
     Ask(Request, Option<u32>),
     Swap(&'w mut Slot),
@@ -66,15 +66,15 @@ pub(crate) enum What<'w> {
 
 /// What has become of a command.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Verdict {
+pub(crate) struct Response {
     pub sequence: u32,
-    pub said: Said,
+    pub outcome: Outcome,
 }
 
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Said {
+pub(crate) enum Outcome {
     Done,
-    Refused(Why),
+    Refused(Refusal),
     Value(u8, u32),
 }
 
@@ -108,24 +108,24 @@ impl Progress {
 
 /// What passes between the halves. Whoever holds it works with it for microseconds at most.
 #[derive(Debug)]
-pub struct Mail<'w> {
-    pub(crate) orders: Queue<Errand<'w>>,
+pub struct Mailbox<'w> {
+    pub(crate) pending: Queue<Pending<'w>>,
     /// The sequence of a stop, which waits for no order.
     pub(crate) stop: Option<u32>,
-    pub(crate) verdicts: Queue<Verdict>,
+    pub(crate) responses: Queue<Response>,
     /// The world that runs no more, or was not taken.
     pub(crate) back: Option<&'w mut Slot>,
     pub(crate) telemetry: Option<Telemetry>,
     pub(crate) progress: Progress,
 }
 
-impl Mail<'_> {
+impl Mailbox<'_> {
     /// Empty.
     pub const fn new() -> Self {
-        Mail {
-            orders: Queue::new(),
+        Mailbox {
+            pending: Queue::new(),
             stop: None,
-            verdicts: Queue::new(),
+            responses: Queue::new(),
             back: None,
             telemetry: None,
             progress: Progress::START,
@@ -133,8 +133,8 @@ impl Mail<'_> {
     }
 }
 
-impl Default for Mail<'_> {
+impl Default for Mailbox<'_> {
     fn default() -> Self {
-        Mail::new()
+        Mailbox::new()
     }
 }

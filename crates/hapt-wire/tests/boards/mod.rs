@@ -14,8 +14,8 @@ mod uart;
 use board::{Board, Device};
 use esc1::{Here, Motor};
 use hapt_core::{Phase, Reason};
-use hapt_station::Seen;
-use hapt_wire::{Order, Parameter, Why};
+use hapt_wire::device::Measurement;
+use hapt_wire::{Order, Parameter, Refusal};
 use proptest::prelude::*;
 use register::{
     CHIP, DAC3_VALUE_1, DAC3_VALUE_2, FLASH_ACCESS, RCC_CONFIGURATION, RCC_CONTROL, RCC_PLL, TIM1_BREAK_SOURCES,
@@ -39,7 +39,7 @@ fn register(at: usize) -> u32 {
 /// A sample as the firmware's interrupt takes it.
 fn sample(table: &mut Table, motor: &mut Motor) {
     table.keep();
-    table.seen = Seen { fault: motor.fault(), position: motor.position(), ..Seen::default() };
+    table.seen = Measurement { fault: motor.fault(), position: motor.position(), ..Measurement::default() };
     let told = table.sample();
     motor.hold(told.torque, told.on);
     motor.feed();
@@ -80,7 +80,7 @@ fn too_much_current_is_a_fault_that_nothing_but_a_clear_ends() {
         sample(&mut table, &mut motor);
         assert!(!is_on(), "{k} samples later");
         // Asked to arm again, it does not.
-        assert_eq!(table.ask(Order::Arm { world }), Err(Why::Phase), "{k}");
+        assert_eq!(table.ask(Order::Arm { world }), Err(Refusal::Phase), "{k}");
     }
     assert_eq!(table.state(), (Phase::Faulted, Some(world)));
     table.ask(Order::Clear).unwrap();

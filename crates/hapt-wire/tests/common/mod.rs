@@ -3,13 +3,15 @@
 
 use hapt_core::{Guarding, Phase};
 use hapt_model::{Source, World};
-use hapt_station::{Board, LONGEST, Motor, Seen, Slot, Station};
-use hapt_wire::{Command, Order, PIECE, PROTOCOL, Reader, Says, Telemetry, Why, frame, hash, pack};
+use hapt_wire::device::{Board, Endpoint, Measurement, Motor, Slot};
+use hapt_wire::{
+    Command, DeviceMessage, LONGEST, Order, PIECE, PROTOCOL, Reader, Refusal, Telemetry, frame, hash, pack,
+};
 
 /// With an encoder.
-pub const BOARD: Board = Board { name: "table", firmware: "1.2.3", fed: false, periods: [5e-5, 1e-2] };
+pub const BOARD: Board = Board { name: "table", firmware: "1.2.3", externally_clocked: false, periods: [5e-5, 1e-2] };
 /// Without one.
-pub const FED: Board = Board { fed: true, ..BOARD };
+pub const FED: Board = Board { externally_clocked: true, ..BOARD };
 
 pub const WHEEL: &str = r#"
 [loop]
@@ -45,18 +47,18 @@ pub fn packed(world: &World) -> Vec<u8> {
 pub enum Heard {
     Hello { world: Option<u32>, sequence: u32, sample: u64, phase: Phase },
     Done(u32),
-    Refused(u32, Why),
+    Refused(u32, Refusal),
     Value(u32, u8, u32),
     Telemetry(Telemetry),
 }
 
 /// A host, on a line that loses nothing unless a test makes it.
 pub struct Table<'w> {
-    pub station: Station<'w>,
+    pub station: Endpoint<'w>,
     pub sequence: u32,
     reader: Reader<512>,
     /// The puck.
-    pub seen: Seen,
+    pub seen: Measurement,
     /// All that the board has said and nobody has taken.
     pub heard: Vec<Heard>,
     /// Of the last sample.
@@ -67,10 +69,10 @@ impl<'w> Table<'w> {
     pub fn new(board: Board, slots: &'w mut [Slot; 2]) -> Self {
         let [one, other] = slots;
         let mut table = Table {
-            station: Station::new(board, one, other),
+            station: Endpoint::new(board, one, other),
             sequence: 0,
             reader: Reader::new(),
-            seen: Seen::default(),
+            seen: Measurement::default(),
             heard: Vec::new(),
             motor: Motor::default(),
         };
@@ -116,17 +118,17 @@ impl<'w> Table<'w> {
         let mut room = [0; LONGEST];
         while let Some(bytes) = self.station.answer(&mut room) {
             for byte in bytes {
-                self.heard.extend(self.reader.push::<Says>(*byte).map(|says| match says {
-                    Says::Hello(hello) => {
+                self.heard.extend(self.reader.push::<DeviceMessage>(*byte).map(|says| match says {
+                    DeviceMessage::Hello(hello) => {
                         assert_eq!((hello.board, hello.firmware), (BOARD.name, BOARD.firmware));
                         let phase = Phase::ALL[usize::from(hello.phase)];
                         let (world, sequence, sample) = (hello.world, hello.sequence, hello.sample);
                         Heard::Hello { world, sequence, sample, phase }
                     }
-                    Says::Done { sequence } => Heard::Done(sequence),
-                    Says::Refused { sequence, why } => Heard::Refused(sequence, why),
-                    Says::Value { sequence, parameter, value } => Heard::Value(sequence, parameter, value),
-                    Says::Telemetry(telemetry) => Heard::Telemetry(telemetry),
+                    DeviceMessage::Done { sequence } => Heard::Done(sequence),
+                    DeviceMessage::Refused { sequence, why } => Heard::Refused(sequence, why),
+                    DeviceMessage::Value { sequence, parameter, value } => Heard::Value(sequence, parameter, value),
+                    DeviceMessage::Telemetry(telemetry) => Heard::Telemetry(telemetry),
                 }));
             }
         }
@@ -134,7 +136,7 @@ impl<'w> Table<'w> {
 
     /// What has become of an order; where it is the supervisor's, a sample is taken for it.
     #[track_caller]
-    pub fn ask(&mut self, order: Order) -> Result<(), Why> {
+    pub fn ask(&mut self, order: Order) -> Result<(), Refusal> {
         self.heard.clear();
         self.send(order);
         if matches!(order, Order::Arm { .. } | Order::Disarm | Order::Clear | Order::Stop) && self.heard.is_empty() {
@@ -148,7 +150,7 @@ impl<'w> Table<'w> {
     }
 
     /// Sends a world's bytes, up to the commit.
-    pub fn gather(&mut self, bytes: &[u8]) -> Result<(), Why> {
+    pub fn gather(&mut self, bytes: &[u8]) -> Result<(), Refusal> {
         self.ask(Order::Begin { length: bytes.len() as u16, hash: hash(bytes) })?;
         for (i, piece) in bytes.chunks(PIECE).enumerate() {
             self.ask(Order::Piece { at: (i * PIECE) as u16, bytes: piece })?;
@@ -156,7 +158,7 @@ impl<'w> Table<'w> {
         Ok(())
     }
 
-    pub fn load(&mut self, bytes: &[u8]) -> Result<u32, Why> {
+    pub fn load(&mut self, bytes: &[u8]) -> Result<u32, Refusal> {
         self.gather(bytes)?;
         self.ask(Order::Commit)?;
         Ok(hash(bytes))
@@ -186,7 +188,7 @@ impl<'w> Table<'w> {
     }
 
     pub fn keep(&mut self) {
-        self.send(Order::Alive);
+        self.send(Order::Heartbeat);
     }
 }
 

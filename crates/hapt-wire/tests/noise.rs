@@ -51,7 +51,7 @@ impl Fate {
 /// Everything that a host says but to arm, as numbers choose.
 fn harmless(choice: u8, number: u32) -> Order<'static> {
     match choice % 8 {
-        0 => Order::Alive,
+        0 => Order::Heartbeat,
         1 => Order::Disarm,
         2 => Order::Clear,
         3 => Order::Commit,
@@ -96,13 +96,13 @@ proptest! {
         let bytes = packed(&world(WHEEL, &[]));
         let world = table.load(&bytes).unwrap();
         let orders = [
-            Order::Alive,
+            Order::Heartbeat,
             Order::Arm { world },
-            Order::Alive,
+            Order::Heartbeat,
             Order::Set { parameter: Parameter::Divider as u8, value: 3 },
             Order::Disarm,
             Order::Begin { length: bytes.len() as u16, hash: hash(&bytes) },
-            Order::Alive,
+            Order::Heartbeat,
             Order::Stop,
             Order::Hello { protocol: PROTOCOL },
         ];
@@ -149,7 +149,7 @@ proptest! {
                 2 => Order::Clear,
                 3 => Order::Disarm,
                 4 => Order::Hello { protocol: PROTOCOL },
-                _ => Order::Alive,
+                _ => Order::Heartbeat,
             };
             let frame = table.framed(order);
             table.put(&[0]);

@@ -6,8 +6,8 @@ mod common;
 use common::{BOARD, FED, Heard, Table, WHEEL, packed, slots, world};
 use hapt_core::{Guarding, Loop, Phase, Reading, Reason, Request, Supervisor, Watch};
 use hapt_plant::{Grip, VirtualDevice};
-use hapt_station::{ROOM, Seen, Slot};
-use hapt_wire::{Order, PROTOCOL, Parameter, Telemetry, Why, hash};
+use hapt_wire::device::{Measurement, Slot};
+use hapt_wire::{Order, PROTOCOL, Parameter, ROOM, Refusal, Telemetry, hash};
 
 #[test]
 fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
@@ -32,7 +32,7 @@ fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
             table.keep();
         }
         let (position, velocity) = device.puck();
-        table.seen = Seen { position: position as f32, velocity: velocity as f32, ..Seen::default() };
+        table.seen = Measurement { position: position as f32, velocity: velocity as f32, ..Measurement::default() };
         let motor = table.sample();
         let reading = Reading {
             position: position as f32,
@@ -59,11 +59,11 @@ fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
 fn no_torque_without_a_world_and_none_before_it_is_armed() {
     let mut slots = slots();
     let mut table = Table::new(BOARD, &mut slots);
-    assert_eq!(table.ask(Order::Arm { world: 0 }), Err(Why::NoWorld));
+    assert_eq!(table.ask(Order::Arm { world: 0 }), Err(Refusal::NoWorld));
     table.seen.position = 1.0;
     assert_eq!(table.sample(), Default::default());
     let hash = table.load(&packed(&world(WHEEL, &[]))).unwrap();
-    assert_eq!(table.ask(Order::Arm { world: hash ^ 1 }), Err(Why::NoWorld));
+    assert_eq!(table.ask(Order::Arm { world: hash ^ 1 }), Err(Refusal::NoWorld));
     for _ in 0..100 {
         table.seen.position += 0.001;
         assert_eq!(table.sample(), Default::default());
@@ -102,16 +102,16 @@ fn a_world_that_is_no_good_is_refused_by_name_and_the_one_before_it_stays() {
         inside
     };
     for (what, bytes, why) in [
-        ("five bodies", five, Why::Room),
-        ("a long window", long, Why::Room),
-        ("no limit", endless, Why::NoLimit),
-        ("the exact estimator", exact, Why::Exact),
-        ("a period too long", slow, Why::Period),
-        ("a period too short", fast, Why::Period),
-        ("a body that is no number", wrong, Why::World),
-        ("a device that is none", heavy, Why::World),
-        ("another version", version, Why::Version),
-        ("a byte that is another", inside, Why::Bytes),
+        ("five bodies", five, Refusal::Room),
+        ("a long window", long, Refusal::Room),
+        ("no limit", endless, Refusal::NoLimit),
+        ("the exact estimator", exact, Refusal::Exact),
+        ("a period too long", slow, Refusal::Period),
+        ("a period too short", fast, Refusal::Period),
+        ("a body that is no number", wrong, Refusal::World),
+        ("a device that is none", heavy, Refusal::World),
+        ("another version", version, Refusal::Version),
+        ("a byte that is another", inside, Refusal::Bytes),
     ] {
         assert_eq!(table.load(&bytes), Err(why), "{what}");
         assert_eq!(table.state(), (Phase::Disarmed, Some(hash_of_it)), "{what}");
@@ -120,16 +120,16 @@ fn a_world_that_is_no_good_is_refused_by_name_and_the_one_before_it_stays() {
     // Half of it, and one byte of another hash.
     table.ask(Order::Begin { length: bytes.len() as u16, hash: hash(&bytes) }).unwrap();
     table.ask(Order::Piece { at: 0, bytes: &bytes[..100] }).unwrap();
-    assert_eq!(table.ask(Order::Commit), Err(Why::Hash));
-    assert_eq!(table.ask(Order::Piece { at: 99, bytes: &bytes[99..200] }), Err(Why::Piece));
+    assert_eq!(table.ask(Order::Commit), Err(Refusal::Hash));
+    assert_eq!(table.ask(Order::Piece { at: 99, bytes: &bytes[99..200] }), Err(Refusal::Piece));
     table.ask(Order::Begin { length: bytes.len() as u16, hash: 1 }).unwrap();
     for (i, piece) in bytes.chunks(200).enumerate() {
         table.ask(Order::Piece { at: 200 * i as u16, bytes: piece }).unwrap();
     }
-    assert_eq!(table.ask(Order::Piece { at: bytes.len() as u16, bytes: &[0] }), Err(Why::Piece));
-    assert_eq!(table.ask(Order::Commit), Err(Why::Hash));
-    assert_eq!(table.ask(Order::Begin { length: 1025, hash: 1 }), Err(Why::Room));
-    assert_eq!(table.ask(Order::Commit), Err(Why::Hash));
+    assert_eq!(table.ask(Order::Piece { at: bytes.len() as u16, bytes: &[0] }), Err(Refusal::Piece));
+    assert_eq!(table.ask(Order::Commit), Err(Refusal::Hash));
+    assert_eq!(table.ask(Order::Begin { length: 1025, hash: 1 }), Err(Refusal::Room));
+    assert_eq!(table.ask(Order::Commit), Err(Refusal::Hash));
     assert_eq!(table.state(), (Phase::Disarmed, Some(hash_of_it)));
     table.ask(Order::Arm { world: hash_of_it }).unwrap();
 }
@@ -140,7 +140,7 @@ fn while_there_may_be_a_torque_the_world_stays_and_afterwards_it_is_another() {
     let mut table = Table::new(BOARD, &mut slots);
     let hash = table.run(WHEEL);
     let other = packed(&world(WHEEL, &["couplings.0.stiffness=2", "loop.period=2ms"]));
-    assert_eq!(table.load(&other), Err(Why::Armed));
+    assert_eq!(table.load(&other), Err(Refusal::Armed));
     assert_eq!(table.state(), (Phase::Running, Some(hash)));
     table.ask(Order::Disarm).unwrap();
     for _ in 0..101 {
@@ -174,7 +174,7 @@ fn a_command_counts_once_in_its_order_and_in_its_time() {
         table.put(bytes);
         table.sample();
     }
-    assert!(table.heard.iter().all(|heard| matches!(heard, Heard::Refused(_, Why::Sequence))), "{:?}", table.heard);
+    assert!(table.heard.iter().all(|heard| matches!(heard, Heard::Refused(_, Refusal::Sequence))), "{:?}", table.heard);
     assert_eq!(table.heard.len(), 2);
     assert_eq!(table.state().0, Phase::Disarmed);
 
@@ -185,7 +185,7 @@ fn a_command_counts_once_in_its_order_and_in_its_time() {
     }
     table.heard.clear();
     table.put(&late);
-    assert_eq!(table.heard, [Heard::Refused(table.sequence, Why::Late)]);
+    assert_eq!(table.heard, [Heard::Refused(table.sequence, Refusal::Late)]);
     // One without an end to its time, and one far ahead of its turn.
     table.heard.clear();
     let (sequence, next) = (table.sequence, table.station.next());
@@ -193,7 +193,7 @@ fn a_command_counts_once_in_its_order_and_in_its_time() {
     let ahead = table.framed_as(sequence + 5000, next + 10, Order::Arm { world: hash });
     table.put(&endless);
     table.put(&ahead);
-    let refused = [Heard::Refused(sequence + 1, Why::Late), Heard::Refused(sequence + 5000, Why::Sequence)];
+    let refused = [Heard::Refused(sequence + 1, Refusal::Late), Heard::Refused(sequence + 5000, Refusal::Sequence)];
     assert_eq!(table.heard, refused);
     assert!(!table.sample().on);
 }
@@ -206,7 +206,7 @@ fn a_host_of_another_version_is_told_so_and_moves_nothing() {
     table.heard.clear();
     table.send(Order::Hello { protocol: PROTOCOL + 1 });
     assert!(matches!(table.heard[..], [Heard::Hello { .. }]));
-    assert_eq!(table.ask(Order::Arm { world: hash }), Err(Why::Hello));
+    assert_eq!(table.ask(Order::Arm { world: hash }), Err(Refusal::Hello));
     // Stop counts all the same.
     assert_eq!(table.ask(Order::Stop), Ok(()));
 }
@@ -248,13 +248,13 @@ fn after_a_lost_link_a_clear_counts_only_behind_a_heartbeat() {
     assert_eq!(table.state().0, Phase::Faulted);
     // However often it is said, without a word that somebody is there it is not done.
     for _ in 0..100 {
-        assert_eq!(table.ask(Order::Clear), Err(Why::Phase));
+        assert_eq!(table.ask(Order::Clear), Err(Refusal::Phase));
     }
     table.keep();
     for _ in 0..301 {
         table.sample();
     }
-    assert_eq!(table.ask(Order::Clear), Err(Why::Phase), "that was too long ago");
+    assert_eq!(table.ask(Order::Clear), Err(Refusal::Phase), "that was too long ago");
     table.keep();
     assert_eq!(table.ask(Order::Clear), Ok(()));
     assert_eq!(table.state().0, Phase::Disarmed);
@@ -274,7 +274,7 @@ fn a_driver_that_has_switched_itself_off_is_told_with_no_world_and_through_a_new
     table.seen.fault = false;
     let hash = table.load(&packed(&world(WHEEL, &[]))).unwrap();
     assert_eq!(table.state().0, Phase::Faulted);
-    assert_eq!(table.ask(Order::Arm { world: hash }), Err(Why::Phase));
+    assert_eq!(table.ask(Order::Arm { world: hash }), Err(Refusal::Phase));
     for _ in 0..20 {
         assert_eq!(table.sample(), Default::default());
     }
@@ -298,9 +298,9 @@ fn stop_takes_the_torque_at_the_next_sample_and_whatever_waits_with_it() {
     let waiting = table.sequence;
     table.put(&stop);
     assert_eq!(table.sample(), Default::default());
-    assert_eq!(table.heard, [Heard::Refused(waiting, Why::Late), Heard::Done(1)]);
+    assert_eq!(table.heard, [Heard::Refused(waiting, Refusal::Late), Heard::Done(1)]);
     assert_eq!(table.state().0, Phase::Faulted);
-    assert_eq!(table.ask(Order::Arm { world: hash }), Err(Why::Phase));
+    assert_eq!(table.ask(Order::Arm { world: hash }), Err(Refusal::Phase));
     for _ in 0..20 {
         table.sample();
     }
@@ -338,9 +338,9 @@ fn telemetry_comes_at_a_divided_rate_and_says_what_the_supervisor_says() {
         let spring = 1.02 * (telemetry.bodies.as_slice()[0].0 - telemetry.measured);
         assert!((telemetry.torque - spring).abs() < 2e-3, "{telemetry:?}");
     }
-    assert_eq!(table.ask(Order::Set { parameter: Parameter::Divider as u8, value: 70_000 }), Err(Why::Parameter));
-    assert_eq!(table.ask(Order::Set { parameter: Parameter::Missed as u8, value: 0 }), Err(Why::Parameter));
-    assert_eq!(table.ask(Order::Get { parameter: 200 }), Err(Why::Parameter));
+    assert_eq!(table.ask(Order::Set { parameter: Parameter::Divider as u8, value: 70_000 }), Err(Refusal::Parameter));
+    assert_eq!(table.ask(Order::Set { parameter: Parameter::Missed as u8, value: 0 }), Err(Refusal::Parameter));
+    assert_eq!(table.ask(Order::Get { parameter: 200 }), Err(Refusal::Parameter));
     table.put(b"\x05nothing of ours\0");
     table.heard.clear();
     table.send(Order::Get { parameter: Parameter::Refused as u8 });
@@ -353,7 +353,7 @@ fn a_fed_board_takes_each_sample_once_and_counts_those_between_as_missed() {
     let mut table = Table::new(FED, &mut slots);
     let free = world(&WHEEL.replace("limit", "#"), &["loop.estimator=exact"]);
     let hash = table.load(&packed(&free)).unwrap();
-    let feed = |sample, position| Order::Feed { sample, position, velocity: 0.0, late: 0.0, announced: false };
+    let feed = |sample, position| Order::Sample { sample, position, velocity: 0.0, late: 0.0, announced: false };
     let told = |table: &mut Table, sample, position| {
         table.heard.clear();
         table.send(feed(sample, position));
@@ -365,7 +365,7 @@ fn a_fed_board_takes_each_sample_once_and_counts_those_between_as_missed() {
         }
     };
     assert_eq!(told(&mut table, 0, 0.0), Ok((0, 0, 0.0)));
-    assert_eq!(told(&mut table, 0, 0.0), Err(Why::Sample));
+    assert_eq!(told(&mut table, 0, 0.0), Err(Refusal::Sample));
     assert_eq!(told(&mut table, 3, 0.0), Ok((3, 2, 0.0)));
     table.send(Order::Arm { world: hash });
     assert_eq!(told(&mut table, 4, 0.0), Ok((4, 2, 0.0)));
@@ -373,11 +373,11 @@ fn a_fed_board_takes_each_sample_once_and_counts_those_between_as_missed() {
     let counts = 3.0 * std::f32::consts::TAU / 4000.0;
     let (_, _, torque) = told(&mut table, 5, counts).unwrap();
     assert!((torque + 0.02 * 1.02 * counts).abs() < 1e-6 * counts, "{torque}");
-    assert_eq!(told(&mut table, 80_000, 0.0), Err(Why::Sample));
+    assert_eq!(told(&mut table, 80_000, 0.0), Err(Refusal::Sample));
 
     let mut slots = [Slot::EMPTY, Slot::EMPTY];
     let mut table = Table::new(BOARD, &mut slots);
-    assert_eq!(table.ask(feed(0, 0.0)), Err(Why::NotFed));
+    assert_eq!(table.ask(feed(0, 0.0)), Err(Refusal::NotExternallyClocked));
 }
 
 #[test]
@@ -394,8 +394,8 @@ fn a_fault_of_the_encoder_is_named_and_holds_until_it_is_cleared() {
         "{:?}",
         table.heard
     );
-    assert_eq!(table.ask(Order::Clear), Err(Why::Phase));
-    assert_eq!(table.ask(Order::Arm { world: hash }), Err(Why::Phase));
+    assert_eq!(table.ask(Order::Clear), Err(Refusal::Phase));
+    assert_eq!(table.ask(Order::Arm { world: hash }), Err(Refusal::Phase));
     for _ in 0..20 {
         assert_eq!(table.sample(), Default::default());
     }

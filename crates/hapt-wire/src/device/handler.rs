@@ -1,0 +1,348 @@
+//! The half in the main loop: bytes come in, answers go out, worlds are upload and compiled.
+
+use crate::{
+    Command, DeviceMessage, Error, Hello, LARGEST, LONGEST, Order, PROTOCOL, Parameter, ROOM, Reader, Refusal,
+    Telemetry, frame, hash, unpack,
+};
+use hapt_core::{Estimator, Phase, Request};
+
+use super::mailbox::{Action, Outcome, Pending, Progress, Queue, Response};
+use super::{Mailbox, Measurement, Slot};
+
+/// A command may be so far behind the next one.
+const AHEAD: u32 = 4096;
+/// And count for so many samples at most.
+const HORIZON: u64 = 65_536;
+
+/// What a board is.
+#[derive(Clone, Copy, Debug)]
+pub struct Board {
+    /// What it is called.
+    pub name: &'static str,
+    /// Its firmware's version.
+    pub firmware: &'static str,
+    /// Whether it has no encoder and no motor, and takes a sample whenever it is shown one.
+    pub externally_clocked: bool,
+    /// The shortest and the longest period that its timer keeps, in s.
+    pub periods: [f64; 2],
+}
+
+/// Takes bytes, gives answers; gathers worlds and compiles them.
+#[derive(Debug)]
+pub struct CommandHandler<'w> {
+    reader: Reader<LONGEST>,
+    state: State<'w>,
+}
+
+/// Who does what the reader has read.
+#[derive(Debug)]
+struct State<'w> {
+    board: Board,
+    /// Whether a host of this version has outcome hello.
+    greeted: bool,
+    /// A hello waits for its answer.
+    greet: bool,
+    /// The last command's.
+    sequence: u32,
+    stop: Option<u32>,
+    pending: Queue<Pending<'w>>,
+    responses: Queue<Response>,
+    telemetry: Option<Telemetry>,
+    progress: Progress,
+    upload: Upload,
+    /// `None` while the sampler has it.
+    spare: Option<&'w mut Slot>,
+}
+
+/// What a command comes to at the handler.
+enum Handled {
+    Outcome(Outcome),
+    /// The sampler next_message.
+    Later,
+    Seen(Measurement),
+}
+
+impl<'w> CommandHandler<'w> {
+    /// `spare` is the first of the board's two slots.
+    pub const fn new(board: Board, spare: &'w mut Slot) -> Self {
+        let state = State {
+            board,
+            greeted: false,
+            greet: false,
+            sequence: 0,
+            stop: None,
+            pending: Queue::new(),
+            responses: Queue::new(),
+            telemetry: None,
+            progress: Progress::START,
+            upload: Upload::NOTHING,
+            spare: Some(spare),
+        };
+        CommandHandler { reader: Reader::new(), state }
+    }
+
+    /// Takes a byte of the line. A command's last one has it done here and now, as far as it is the handler's: [`Order::Commit`] compiles, and
+    /// takes milliseconds. On an externally clocked board an [`Order::Sample`] gives what it shows: exchange, take that sample, exchange, before the next byte.
+    pub fn push(&mut self, byte: u8) -> Option<Measurement> {
+        let refused = self.reader.refused;
+        let command = self.reader.push::<Command<'_>>(byte)?;
+        self.state.handle(&command, refused)
+    }
+
+    /// Leaves the pending, and takes what there is to respond.
+    pub fn exchange(&mut self, mailbox: &mut Mailbox<'w>) {
+        let state = &mut self.state;
+        if let Some(sequence) = state.stop.take() {
+            mailbox.stop = Some(sequence);
+        }
+        while !mailbox.pending.is_full() {
+            let Some(pending) = state.pending.pop() else { break };
+            let _ = mailbox.pending.push(pending);
+        }
+        while !state.responses.is_full() {
+            let Some(response) = mailbox.responses.pop() else { break };
+            let _ = state.responses.push(response);
+        }
+        if let Some(slot) = mailbox.back.take() {
+            state.spare = Some(slot);
+        }
+        if let Some(telemetry) = mailbox.telemetry.take() {
+            state.telemetry = Some(telemetry);
+        }
+        state.progress = mailbox.progress;
+    }
+
+    /// The next frame for the host, if there is one.
+    pub fn answer<'r>(&mut self, room: &'r mut [u8; LONGEST]) -> Option<&'r [u8]> {
+        let next_message = self.state.next_message()?;
+        frame(&next_message, room).ok()
+    }
+}
+
+impl<'w> State<'w> {
+    fn handle(&mut self, command: &Command<'_>, unread: u32) -> Option<Measurement> {
+        let &Command { sequence, not_after, order } = command;
+        match order {
+            Order::Hello { protocol } => {
+                (self.greeted, self.greet) = (protocol == PROTOCOL, true);
+                self.upload.forget();
+                return None;
+            }
+            Order::Stop => {
+                self.stop = Some(sequence);
+                // What was asked for before counts no more.
+                while let Some(pending) = self.pending.pop() {
+                    if let Action::Swap(slot) = pending.what {
+                        self.spare = Some(slot);
+                    }
+                    self.respond(pending.sequence, Outcome::Refused(Refusal::Late));
+                }
+                return None;
+            }
+            Order::Heartbeat
+            | Order::Arm { .. }
+            | Order::Disarm
+            | Order::Clear
+            | Order::Begin { .. }
+            | Order::Piece { .. }
+            | Order::Commit
+            | Order::Get { .. }
+            | Order::Set { .. }
+            | Order::Sample { .. } => {}
+        }
+        match self.accept(sequence, not_after).and_then(|()| self.execute(command, unread)) {
+            Ok(Handled::Seen(measurement)) => return Some(measurement),
+            Ok(Handled::Later) => {}
+            Ok(Handled::Outcome(outcome)) => self.respond(sequence, outcome),
+            Err(why) => self.respond(sequence, Outcome::Refused(why)),
+        }
+        None
+    }
+
+    /// Whether a command is the next one, and in time.
+    fn accept(&mut self, sequence: u32, not_after: u64) -> Result<(), Refusal> {
+        if !self.greeted {
+            return Err(Refusal::Hello);
+        }
+        if !(1..=AHEAD).contains(&sequence.wrapping_sub(self.sequence)) {
+            return Err(Refusal::Sequence);
+        }
+        self.sequence = sequence;
+        let next = self.progress.next;
+        if (next..=next.saturating_add(HORIZON)).contains(&not_after) { Ok(()) } else { Err(Refusal::Late) }
+    }
+
+    fn execute(&mut self, command: &Command<'_>, unread: u32) -> Result<Handled, Refusal> {
+        let done = |()| Handled::Outcome(Outcome::Done);
+        let progress = self.progress;
+        let pending = match command.order {
+            // Both are done by now.
+            Order::Hello { .. } | Order::Stop => return Ok(Handled::Later),
+            Order::Begin { length, hash } => return self.upload.begin(length, hash).map(done),
+            Order::Piece { at, bytes } => return self.upload.add(at, bytes).map(done),
+            Order::Commit => Action::Swap(self.compiled()?),
+            Order::Heartbeat => Action::Heartbeat,
+            Order::Arm { world } => Action::Ask(Request::Arm, Some(world)),
+            Order::Disarm => Action::Ask(Request::Disarm, None),
+            Order::Clear => Action::Ask(Request::Clear, None),
+            Order::Get { parameter } => {
+                let value = match Parameter::from_code(parameter).ok_or(Refusal::Parameter)? {
+                    Parameter::Divider => u32::from(progress.divider),
+                    Parameter::Refused => unread,
+                    Parameter::Missed => progress.missed,
+                    Parameter::MostUsed => progress.most_used,
+                };
+                return Ok(Handled::Outcome(Outcome::Value(parameter, value)));
+            }
+            Order::Set { parameter, value } => match Parameter::from_code(parameter) {
+                Some(Parameter::Divider) => Action::Divide(u16::try_from(value).map_err(|_| Refusal::Parameter)?),
+                Some(Parameter::MostUsed) => Action::CountUseFrom(value),
+                Some(Parameter::Refused | Parameter::Missed) | None => return Err(Refusal::Parameter),
+            },
+            Order::Sample { sample, position, velocity, late, announced } => {
+                if !self.board.externally_clocked {
+                    return Err(Refusal::NotExternallyClocked);
+                }
+                let missed = sample.checked_sub(progress.next).filter(|missed| *missed <= HORIZON);
+                let missed = missed.and_then(|missed| u32::try_from(missed).ok()).ok_or(Refusal::Sample)?;
+                return Ok(Handled::Seen(Measurement { position, velocity, late, missed, announced, fault: false }));
+            }
+        };
+        let pending = Pending { sequence: command.sequence, not_after: command.not_after, what: pending };
+        match self.pending.push(pending) {
+            Ok(()) => Ok(Handled::Later),
+            Err(pending) => {
+                if let Action::Swap(slot) = pending.what {
+                    self.spare = Some(slot);
+                }
+                Err(Refusal::Busy)
+            }
+        }
+    }
+
+    /// The spare slot, with the upload world in it.
+    fn compiled(&mut self) -> Result<&'w mut Slot, Refusal> {
+        let active = Phase::ALL.get(usize::from(self.progress.phase)).is_some_and(|phase| phase.is_active());
+        if active {
+            return Err(Refusal::Armed);
+        }
+        let slot = self.spare.take().ok_or(Refusal::Busy)?;
+        match self.upload.whole().and_then(|bytes| compile(slot, bytes, &self.board)) {
+            Ok(()) => {
+                self.upload.forget();
+                Ok(slot)
+            }
+            Err(why) => {
+                self.spare = Some(slot);
+                Err(why)
+            }
+        }
+    }
+
+    fn respond(&mut self, sequence: u32, outcome: Outcome) {
+        // A host that does not listen misses it.
+        let _ = self.responses.push(Response { sequence, outcome });
+    }
+
+    fn next_message(&mut self) -> Option<DeviceMessage<'static>> {
+        if core::mem::take(&mut self.greet) {
+            let Board { name, firmware, externally_clocked, .. } = self.board;
+            let Progress { next, phase, reason, world, period, .. } = self.progress;
+            return Some(DeviceMessage::Hello(Hello {
+                protocol: PROTOCOL,
+                firmware,
+                board: name,
+                core: hapt_core::SOURCE,
+                world,
+                bodies: ROOM[0] as u8,
+                couplings: ROOM[1] as u8,
+                window: (ROOM[2] - 1) as u8,
+                externally_clocked,
+                sequence: self.sequence,
+                sample: next,
+                period: (period * 1e9) as u32,
+                phase,
+                reason,
+            }));
+        }
+        if let Some(Response { sequence, outcome }) = self.responses.pop() {
+            return Some(match outcome {
+                Outcome::Done => DeviceMessage::Done { sequence },
+                Outcome::Refused(why) => DeviceMessage::Refused { sequence, why },
+                Outcome::Value(parameter, value) => DeviceMessage::Value { sequence, parameter, value },
+            });
+        }
+        self.telemetry.take().map(DeviceMessage::Telemetry)
+    }
+}
+
+/// Checks a world, and compiles it for a board.
+#[allow(clippy::wildcard_enum_match_arm)] // Any other error, a new one too, is a refusal all the same.
+fn compile(slot: &mut Slot, bytes: &[u8], board: &Board) -> Result<(), Refusal> {
+    let (limits, stored) = unpack::<{ ROOM[0] }, { ROOM[1] }>(bytes).map_err(|error| match error {
+        Error::Version { .. } => Refusal::Version,
+        Error::TooManyBodies { .. } | Error::TooManyCouplings { .. } => Refusal::Room,
+        _ => Refusal::Bytes,
+    })?;
+    let spec = stored.spec();
+    let [shortest, longest] = board.periods;
+    if !(shortest <= spec.period && spec.period <= longest) {
+        return Err(Refusal::Period);
+    }
+    if !board.externally_clocked && spec.limit.is_none() {
+        return Err(Refusal::NoLimit);
+    }
+    if !board.externally_clocked && spec.estimator == Estimator::Exact {
+        return Err(Refusal::Exact);
+    }
+    slot.compile(hash(bytes), &spec, &limits).map_err(|error| match error {
+        hapt_core::Error::TooManyBodies { .. }
+        | hapt_core::Error::TooManyCouplings { .. }
+        | hapt_core::Error::WindowTooLong { .. } => Refusal::Room,
+        _ => Refusal::World,
+    })
+}
+
+/// A world's bytes, as far as they have come.
+#[derive(Debug)]
+struct Upload {
+    bytes: [u8; LARGEST],
+    /// How many have come, and how many were announced.
+    so_far: usize,
+    length: usize,
+    hash: u32,
+}
+
+impl Upload {
+    const NOTHING: Upload = Upload { bytes: [0; LARGEST], so_far: 0, length: 0, hash: 0 };
+
+    fn forget(&mut self) {
+        (self.so_far, self.length) = (0, 0);
+    }
+
+    fn begin(&mut self, length: u16, hash: u32) -> Result<(), Refusal> {
+        self.forget();
+        if usize::from(length) > LARGEST {
+            return Err(Refusal::Room);
+        }
+        (self.length, self.hash) = (usize::from(length), hash);
+        Ok(())
+    }
+
+    fn add(&mut self, at: u16, piece: &[u8]) -> Result<(), Refusal> {
+        let end = self.so_far.saturating_add(piece.len());
+        if usize::from(at) != self.so_far || end > self.length {
+            return Err(Refusal::Piece);
+        }
+        let places = self.bytes.get_mut(self.so_far..end).ok_or(Refusal::Piece)?;
+        places.iter_mut().zip(piece).for_each(|(place, byte)| *place = *byte);
+        self.so_far = end;
+        Ok(())
+    }
+
+    /// All of it, as it was announced.
+    fn whole(&self) -> Result<&[u8], Refusal> {
+        let bytes = self.bytes.get(..self.length).filter(|bytes| !bytes.is_empty() && self.so_far == self.length);
+        bytes.filter(|bytes| hash(bytes) == self.hash).ok_or(Refusal::Hash)
+    }
+}

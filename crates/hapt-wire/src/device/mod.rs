@@ -1,0 +1,60 @@
+//! The device's side of the wire: a board's command handler and its sampler. Worlds come in, are checked and run; torques go out.
+//!
+//! Two halves, so that compiling a world, which takes milliseconds, never delays a sample:
+//!
+//! - The [`CommandHandler`] runs in the main loop. It takes the line's bytes, sends responses, receives worlds and compiles them into a
+//!   spare [`Slot`].
+//! - The [`Sampler`] runs in the timer's interrupt. It takes one sample a period under the supervisor and gives the motor's torque.
+//!
+//! They share a [`Mailbox`]: commands go one way, responses and telemetry the other, and a world as a reference that changes hands.
+//! Only a few words are copied, and neither half waits for the other. Each half calls `exchange` with it; the board lends it to one
+//! at a time (a critical section in the main loop, the interrupt's own priority there).
+//!
+//! ```no_run
+//! # use hapt_wire::{LONGEST, device::*};
+//! # fn byte() -> Option<u8> { None }
+//! # fn send(_: &[u8]) {}
+//! # fn encoder() -> f32 { 0.0 }
+//! # fn driver_has_switched_itself_off() -> bool { false }
+//! # fn motor(_: Motor) {}
+//! # fn timer(_: f32) {}
+//! # fn cycles() -> u32 { 0 }
+//! # let (mut one, mut other, mut mailbox) = (Slot::EMPTY, Slot::EMPTY, Mailbox::new());
+//! let board = Board { name: "my-board", firmware: "0.1.0", externally_clocked: false, periods: [50e-6, 10e-3] };
+//! let mut handler = CommandHandler::new(board, &mut one);
+//! let mut sampler = Sampler::new(&board, &mut other);
+//!
+//! // The main loop, again and again; `exchange` with the interrupt off.
+//! while let Some(byte) = byte() {
+//!     handler.push(byte);
+//! }
+//! handler.exchange(&mut mailbox);
+//! while let Some(frame) = handler.answer(&mut [0; LONGEST]) {
+//!     send(frame);
+//! }
+//!
+//! // The timer's interrupt.
+//! let fault = driver_has_switched_itself_off();
+//! motor(sampler.sample(&Measurement { position: encoder(), fault, ..Measurement::default() }));
+//! sampler.used(cycles());
+//! if sampler.exchange(&mut mailbox) {
+//!     timer(sampler.period());
+//! }
+//! ```
+//!
+//! A board without an encoder (an emulator, a test) is `externally_clocked`: [`CommandHandler::push`] returns the measurement of an
+//! [`Order::Sample`], and the sample is taken at once; [`Endpoint`] is both halves in one thread and does just that.
+//!
+//! [`Order::Sample`]: crate::Order::Sample
+
+mod endpoint;
+mod handler;
+mod mailbox;
+mod sampler;
+mod slot;
+
+pub use endpoint::Endpoint;
+pub use handler::{Board, CommandHandler};
+pub use mailbox::Mailbox;
+pub use sampler::{Measurement, Motor, Sampler};
+pub use slot::Slot;
