@@ -1,7 +1,7 @@
 //! One guarded sample of the notes' wheel, hot, in a microcontroller's room: the loop alone, and behind its supervisor.
 
 use anyhow::{Context, Result, bail};
-use hapt_core::{Guarding, Loop, Phase, Reading, Real, Request, Supervisor, Watch};
+use hapt_core::{Loop, Phase, Reading, Real, Request, SafetyProfile, Supervisor, SupervisorState};
 
 use crate::{run, timed};
 
@@ -20,7 +20,7 @@ fn time_on<F: Real>(guarded: bool, repeats: usize) -> Result<()> {
     let world = run::world("held")?;
     let spec = world.spec();
     let compiled = Loop::<F, 4, 8, 17>::new(&spec)?;
-    let supervisor = Supervisor::<F, 4, 8>::new(&world.limits(Guarding::Simulated), &spec)?;
+    let supervisor = Supervisor::<F, 4, 8>::new(&world.limits(SafetyProfile::Simulated), &spec)?;
     let reading = |k: usize| {
         let phase = 1e-2 * k as f64;
         let (position, velocity) = (0.5 * phase.sin(), 5.0 * phase.cos());
@@ -30,7 +30,7 @@ fn time_on<F: Real>(guarded: bool, repeats: usize) -> Result<()> {
     };
     let readings: Vec<Reading<F>> = (0..SAMPLES).map(reading).collect();
     // Armed, and all of the torque there.
-    let (mut watch, mut state) = (Watch::START, compiled.start());
+    let (mut watch, mut state) = (SupervisorState::START, compiled.start());
     let mut request = Some(Request::Arm);
     while watch.phase != Phase::Running {
         supervisor.step(&mut watch, &compiled, &mut state, &readings[0], request.take());

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use anyhow::{Result, ensure};
-use hapt_core::{Guarding, Request};
+use hapt_core::{Request, SafetyProfile};
 use hapt_model::{Source, World};
 use hapt_rt::{Engine, Order, Plan, Settings, Simulated};
 
@@ -13,7 +13,7 @@ pub fn time(samples: usize, period: u64, spin: u64) -> Result<()> {
     let world = World::read(&source, &[format!("loop.period={}us", period as f64 * 1e-3)])?;
     let (device, _hands) = Simulated::new(&world);
     let settings = Settings { spin: Duration::from_nanos(spin), ..Settings::default() };
-    let mut engine = Engine::start_with(Plan::new(&world, Guarding::Simulated)?, Box::new(device), settings)?;
+    let mut engine = Engine::start_with(Plan::new(&world, SafetyProfile::Simulated)?, Box::new(device), settings)?;
     let _ = engine.send(Order::Request(Request::Arm));
     let mut latencies = Vec::with_capacity(samples + (1 << 15));
     while latencies.len() < samples {

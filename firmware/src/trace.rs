@@ -3,7 +3,7 @@
 //! This file is compiled twice, into the firmware and into the program that tests it on a PC: two sums that agree say that two
 //! processors made the same bits of every state and every torque.
 
-use hapt_core::{Heat, Limits, Loop, Reading, Request, Spec, State, Supervisor, Watch};
+use hapt_core::{Heat, Limits, Loop, Reading, Request, Spec, State, Supervisor, SupervisorState};
 use hapt_wire::Stored;
 
 /// A microcontroller's room.
@@ -96,7 +96,7 @@ fn bare(world: &World, samples: u32) -> (Sum, bool) {
 fn guarded(world: &World, spec: &Spec, samples: u32) -> Option<Sum> {
     let supervisor = Supervisor::<f32, BODIES, COUPLINGS>::new(&LIMITS, spec).ok()?;
     let mut sum = Sum::EMPTY;
-    let (mut state, mut watch) = (world.start(), Watch::START);
+    let (mut state, mut watch) = (world.start(), SupervisorState::START);
     let mut trace = Trace::new(world.period());
     for k in 0..samples {
         let (position, velocity) = trace.next();

@@ -3,7 +3,7 @@
 //! An input is a row of chunks, each a length byte and so many bytes: with the top bit set they go on the line as they are, else as a
 //! frame. After each the board takes a sample.
 
-use hapt_core::Guarding;
+use hapt_core::SafetyProfile;
 use hapt_model::{Source, World};
 use hapt_wire::device::{Board, Endpoint, Measurement, Slot};
 use hapt_wire::{Command, DeviceMessage, LONGEST, Order, PROTOCOL, Parameter, Reader, frame, hash, pack};
@@ -25,7 +25,7 @@ stiffness = 1
 
 fn packed() -> Vec<u8> {
     let world = World::read(&Source::from_text("w.toml", WORLD), &[]).unwrap_or_else(|error| panic!("{error}"));
-    let bytes = pack(&world.spec(), &world.limits(Guarding::Certified), &mut [0; 1024]).map(<[u8]>::to_vec);
+    let bytes = pack(&world.spec(), &world.limits(SafetyProfile::Certified), &mut [0; 1024]).map(<[u8]>::to_vec);
     bytes.unwrap_or_else(|error| panic!("{error}"))
 }
 

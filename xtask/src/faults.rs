@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use anyhow::{Result, bail, ensure};
 use fastrand::Rng;
-use hapt_core::{Guarding, Phase, Reason};
+use hapt_core::{Phase, Reason, SafetyProfile};
 use rayon::prelude::*;
 
 use crate::{marked, words};
@@ -128,7 +128,7 @@ fn clean_run(seed: u64, i: u64) -> Result<Clean> {
     let mut rng = generator(seed, i);
     // Every fourth one swings, in the same hands.
     let world = if i % 4 == 3 { bench::swinging(&mut rng) } else { bench::world(&mut rng) };
-    let mut rig = Rig::new(&world, Guarding::Certified)?;
+    let mut rig = Rig::new(&world, SafetyProfile::Certified)?;
     let armed = rig.arm();
     ensure!(armed.phase == Phase::Running, "did not arm: {:?}\n{}", armed.reason, world.to_toml());
     let mut hand = Hand::new();
@@ -137,7 +137,7 @@ fn clean_run(seed: u64, i: u64) -> Result<Clean> {
         let guarded = rig.sample(None);
         if guarded.phase != Phase::Running {
             let (account, made, speed) = (rig.watch.account(), rig.watch.made(), rig.device.puck().1);
-            let limits = world.limits(Guarding::Certified);
+            let limits = world.limits(SafetyProfile::Certified);
             if guarded.reason == Some(Reason::Overspeed) && speed.abs() > limits.overspeed {
                 return Ok(Clean { samples: k, overspeeds: 1 });
             }
@@ -158,7 +158,7 @@ fn trial(seed: u64, i: u64) -> Result<Trial> {
     // What the sign test is to show is shown where there is one.
     let swings = kind == Kind::FrozenSwinging;
     let world = if swings { bench::swinging(&mut rng) } else { bench::world(&mut rng) };
-    let mut rig = Rig::new(&world, Guarding::Certified)?;
+    let mut rig = Rig::new(&world, SafetyProfile::Certified)?;
     let mut hand = Hand::new();
     let mut request = None;
     if kind.before_arming() {

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 use fastrand::Rng;
-use hapt_core::{Guarding, Method, Phase, Request};
+use hapt_core::{Method, Phase, Request, SafetyProfile};
 use hapt_model::{Drive, Hand, Shape};
 use hapt_page::{OWN, Page, Setup, Slot};
 use hapt_sim::{DesktopLoop, Grip};
@@ -214,7 +214,7 @@ fn case(method: Method, rng: &mut Rng) -> Result<Option<Vec<u8>>> {
     let sine = Drive::Position(Shape::Sine { amplitude: 0.3, frequency: 0.01 / period, phase: 0.0 });
     let setup = Setup {
         rig: world.rig(),
-        limits: world.limits(Guarding::Simulated),
+        limits: world.limits(SafetyProfile::Simulated),
         output: world.sampling.output,
         scenarios: vec![(Hand { drive: sine, release: None }, 3000.0 * period)],
     };

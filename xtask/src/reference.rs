@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use anyhow::{Result, bail};
-use hapt_core::{Guarding, Limits, Reason};
+use hapt_core::{Limits, Reason, SafetyProfile};
 use hapt_log::Kind;
 use hapt_model::keys::{self, KEYS, Key, Measure, Presence, Range, Takes};
 use hapt_model::{Motion, Source, World};
@@ -35,7 +35,8 @@ fn reasons() -> String {
 fn safety() -> String {
     let text = include_str!("../../worlds/notes/default.toml");
     let Ok(world) = World::read(&Source::from_text("default.toml", text), &[]) else { return String::new() };
-    let all = [Guarding::Certified, Guarding::Uncertified, Guarding::Simulated].map(|guarding| world.limits(guarding));
+    let all = [SafetyProfile::Certified, SafetyProfile::Uncertified, SafetyProfile::Simulated]
+        .map(|profile| world.limits(profile));
     type Row = (&'static str, &'static str, f64, fn(&Limits) -> f64);
     let rows: [Row; 11] = [
         ("fade", "ms", 1e3, |l| l.fade),

@@ -69,7 +69,9 @@ pub use real::{Number, Real};
 pub use sense::{Memory, Puck};
 pub use spec::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 pub use step::{Loop, Sample, State};
-pub use supervisor::{Guarded, Guarding, Heat, Limits, Phase, Reading, Reason, Request, Supervisor, Watch};
+pub use supervisor::{
+    Heat, Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, Supervisor, SupervisorState,
+};
 
 /// A hash of this crate's source: programs that show the same one compute the same.
 pub const SOURCE: u32 = match u32::from_str_radix(env!("HAPT_CORE_SOURCE"), 16) {

@@ -5,8 +5,8 @@
 mod stuck;
 
 use hapt_core::{
-    Body, Coupling, Damping, End, Estimator, Guarded, Heat, Law, Limits, Loop, Method, Output, Phase, Reading, Real,
-    Reason, Request, Side, Spec, State, Supervisor, Watch,
+    Body, Coupling, Damping, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Phase, Reading, Real, Reason,
+    Request, SafeOutput, Side, Spec, State, Supervisor, SupervisorState,
 };
 use proptest::prelude::*;
 use stuck::{a_dead_encoder_can_be_cleared_and_is_found_again, five_short_pushes_find_a_dead_encoder};
@@ -67,22 +67,22 @@ struct Guard<F> {
     world: Loop<F, 4, 8, 17>,
     supervisor: Supervisor<F, 4, 8>,
     state: State<F, 4, 8, 17>,
-    watch: Watch<F>,
+    watch: SupervisorState<F>,
 }
 
 impl<F: Real> Guard<F> {
     fn new(limits: &Limits, spec: &Spec) -> Self {
         let world = Loop::new(spec).unwrap();
         let supervisor = Supervisor::new(limits, spec).unwrap();
-        Guard { state: world.start(), world, supervisor, watch: Watch::START }
+        Guard { state: world.start(), world, supervisor, watch: SupervisorState::START }
     }
 
-    fn step(&mut self, reading: &Reading<F>, request: Option<Request>) -> Guarded<F> {
+    fn step(&mut self, reading: &Reading<F>, request: Option<Request>) -> SafeOutput<F> {
         self.supervisor.step(&mut self.watch, &self.world, &mut self.state, reading, request)
     }
 
     /// At a position, without a request.
-    fn at(&mut self, position: f64) -> Guarded<F> {
+    fn at(&mut self, position: f64) -> SafeOutput<F> {
         self.step(&reading(position), None)
     }
 

@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use hapt_core::{Guarding, Phase};
+use hapt_core::{Phase, SafetyProfile};
 use hapt_link::simulate::Simulated;
 use hapt_link::{Error, Link, Parameter, Refusal, Telemetry, pty};
 use hapt_model::{Rig, Source, World};
@@ -43,7 +43,7 @@ fn packed() -> Vec<u8> {
 fn packed_with(sets: &[&str]) -> Vec<u8> {
     let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
     let world = World::read(&Source::from_text("w.toml", PUSH), &sets).unwrap();
-    pack(&world.spec(), &world.limits(Guarding::Certified), &mut [0; 1024]).unwrap().to_vec()
+    pack(&world.spec(), &world.limits(SafetyProfile::Certified), &mut [0; 1024]).unwrap().to_vec()
 }
 
 fn rig() -> Rig {

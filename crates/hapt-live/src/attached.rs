@@ -3,7 +3,7 @@
 //! The file's `[device]` and `[safety]` are ceilings. Whatever a page says, the certificate is about the file's device, and no limit of the
 //! supervisor becomes wider than the file's, derived ones among them.
 
-use hapt_core::{Guarding, Limits};
+use hapt_core::{Limits, SafetyProfile};
 use hapt_model::{EstimatorKind, Safety, World};
 use hapt_sim::{DesktopSupervisor, Measures};
 
@@ -17,7 +17,7 @@ const FREE: [&str; 7] = ["period", "method", "output", "advance", "estimator", "
 pub(crate) struct Attached {
     /// The world of the file, its limits written out: they follow nothing that is set later.
     file: World,
-    guarding: Guarding,
+    profile: SafetyProfile,
     /// The sign test's torque in N·m (linear: N); a lower limit would leave the test out.
     pulse: f64,
     /// What the supervisor can do on it.
@@ -29,11 +29,11 @@ impl Attached {
     ///
     /// # Errors
     /// In a sentence: the core does not take it.
-    pub fn new(world: &World, guarding: Guarding) -> Result<Self, String> {
-        let limits = world.limits(guarding);
-        let file = World { safety: written_out(&world.safety, &limits, guarding), ..world.clone() };
-        let watches = watches(&file, guarding)?;
-        Ok(Attached { file, guarding, pulse: limits.pulse, watches })
+    pub fn new(world: &World, profile: SafetyProfile) -> Result<Self, String> {
+        let limits = world.limits(profile);
+        let file = World { safety: written_out(&world.safety, &limits, profile), ..world.clone() };
+        let watches = watches(&file, profile)?;
+        Ok(Attached { file, profile, pulse: limits.pulse, watches })
     }
 
     /// Whether the key can be set.
@@ -102,7 +102,7 @@ impl Attached {
                 "device.limit: {asked} {unit} is below {pulse} {unit}, the torque of the sign test when the motor is armed"
             ));
         }
-        let [tests, accounts] = watches(world, self.guarding)?;
+        let [tests, accounts] = watches(world, self.profile)?;
         match self.watches {
             [true, _] if !tests => Err("loop.period: with it the sign test at arming would be left out".into()),
             [_, true] if !accounts => {
@@ -120,18 +120,18 @@ impl Attached {
 }
 
 /// What the supervisor of a world can do: test the sign, keep the account at the puck.
-fn watches(world: &World, guarding: Guarding) -> Result<[bool; 2], String> {
-    let supervisor = DesktopSupervisor::new(&world.limits(guarding), &world.spec());
+fn watches(world: &World, profile: SafetyProfile) -> Result<[bool; 2], String> {
+    let supervisor = DesktopSupervisor::new(&world.limits(profile), &world.spec());
     supervisor.map(|supervisor| supervisor.watches()).map_err(|error| error.to_string())
 }
 
 /// The `[safety]` table with what the file leaves to defaults. What follows the couplings (`slew`) still does, and so does `torque`, which
 /// is the limit or less.
-fn written_out(safety: &Safety, limits: &Limits, guarding: Guarding) -> Safety {
+fn written_out(safety: &Safety, limits: &Limits, profile: SafetyProfile) -> Safety {
     let some = |limit: f64| limit.is_finite().then_some(limit);
     let some_or_any = |limit: f64| Some(if limit.is_finite() { limit } else { 0.0 });
     // A world that is not certified has a tenth of what is written.
-    let energy = if guarding == Guarding::Uncertified { 10.0 * limits.energy } else { limits.energy };
+    let energy = if profile == SafetyProfile::Uncertified { 10.0 * limits.energy } else { limits.energy };
     Safety {
         velocity: some(limits.velocity),
         jump: some(limits.jump),

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hapt_core::{Guarding, Phase, Request};
+use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_link::{Error, Link, Refusal};
 use hapt_log::Recorder;
 use hapt_rt::{Epoch, LoopHandle, Realtime, Record};
@@ -38,7 +38,7 @@ pub(crate) struct Board {
     records: Receiver<Record>,
     news: Receiver<News>,
     handle: LoopHandle,
-    guarding: Guarding,
+    profile: SafetyProfile,
     thread: Option<JoinHandle<Result<(), String>>>,
 }
 
@@ -59,8 +59,8 @@ impl Board {
     ///
     /// # Errors
     /// It does not answer, or does not take that world.
-    pub fn start(bench: &Workbench, guarding: Guarding, mut link: Link) -> Result<Self, live::Error> {
-        let bytes = packed(&bench.world, guarding).map_err(live::Error::World)?;
+    pub fn start(bench: &Workbench, profile: SafetyProfile, mut link: Link) -> Result<Self, live::Error> {
+        let bytes = packed(&bench.world, profile).map_err(live::Error::World)?;
         let world = link.load(&bytes)?;
         link.show(bench.world.sampling.period, SHOWN)?;
         let (asks, incoming) = sync_channel(ASKS);
@@ -85,7 +85,7 @@ impl Board {
             handle: handle.clone(),
         };
         let thread = std::thread::Builder::new().name("board".into()).spawn(|| holder.run())?;
-        Ok(Board { asks, records, news, handle, guarding, thread: Some(thread) })
+        Ok(Board { asks, records, news, handle, profile, thread: Some(thread) })
     }
 }
 
@@ -99,7 +99,7 @@ impl Runner for Board {
     }
 
     fn change(&mut self, next: &Workbench) -> Result<(), String> {
-        let bytes = packed(&next.world, self.guarding)?;
+        let bytes = packed(&next.world, self.profile)?;
         let wanted = Box::new(Wanted { bench: next.clone(), bytes });
         self.asks.try_send(Ask::Change(wanted)).map_err(|_| "the board is busy; set it again".into())
     }

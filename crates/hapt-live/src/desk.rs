@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
-use hapt_core::{Guarding, Phase, Reason, Request};
+use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_model::World;
 use hapt_rt::{Epoch, LoopHandle, Record, Timing};
 use tokio::sync::mpsc::Sender;
@@ -154,7 +154,7 @@ impl Door {
 pub struct Desk {
     pub(crate) bench: Workbench,
     pub(crate) runner: Box<dyn Runner>,
-    pub(crate) guarding: Guarding,
+    pub(crate) profile: SafetyProfile,
     /// The worlds of the plans that the loop may still be at, by their generation.
     pub(crate) worlds: VecDeque<(u32, World)>,
     /// The loop's time in s at which the last change of the world has faded over.
@@ -200,7 +200,7 @@ pub(crate) struct Start {
     /// The loop, running.
     pub runner: Box<dyn Runner>,
     /// How it is guarded.
-    pub guarding: Guarding,
+    pub profile: SafetyProfile,
     /// The hand on its device.
     pub hand: VisitorsHand,
     /// Who judges.
@@ -214,7 +214,7 @@ pub(crate) struct Start {
 impl Desk {
     /// A desk with nobody before it.
     pub(crate) fn new(start: Start, door: &Door) -> Self {
-        let Start { bench, runner, guarding, hand, judge, worker, folder } = start;
+        let Start { bench, runner, profile, hand, judge, worker, folder } = start;
         judge.ask(bench.clone());
         Desk {
             worlds: VecDeque::from([(bench.generation, bench.world.clone())]),
@@ -222,7 +222,7 @@ impl Desk {
             settled: 0.0,
             bench,
             runner,
-            guarding,
+            profile,
             hand,
             scenario: None,
             control: Control::default(),
@@ -381,7 +381,7 @@ impl Desk {
 
     /// Whether nobody can be hurt.
     pub(crate) fn is_simulated(&self) -> bool {
-        self.guarding == Guarding::Simulated
+        self.profile == SafetyProfile::Simulated
     }
 
     /// Whether another world may follow: the torque fades over to each, and follows the world only in part until it has. Worlds in quicker

@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use hapt_core::Guarding;
+use hapt_core::SafetyProfile;
 use hapt_model::{Source, World};
 use hapt_rt::{Device, Hands, LoopHandle, Settings, Simulated};
 
@@ -44,8 +44,8 @@ pub struct Machine {
     pub runs: Runs,
     /// What moves its hand, where it is a simulated one; a real one is moved by a real one.
     pub hands: Option<Hands>,
-    /// How its supervisor guards. With [`Guarding::Certified`] the page sets no key to a value that is not certified.
-    pub guarding: Guarding,
+    /// How its supervisor guards. With [`SafetyProfile::Certified`] the page sets no key to a value that is not certified.
+    pub profile: SafetyProfile,
 }
 
 /// Where the loop runs.
@@ -64,11 +64,11 @@ pub enum Runs {
 
 impl Runs {
     /// Starts it with the bench's world, disarmed.
-    fn start(self, bench: &Workbench, guarding: Guarding) -> Result<Box<dyn Runner>, Error> {
+    fn start(self, bench: &Workbench, profile: SafetyProfile) -> Result<Box<dyn Runner>, Error> {
         Ok(match self {
-            Runs::Here { device, settings } => Box::new(Here::start(bench, guarding, device, settings)?),
+            Runs::Here { device, settings } => Box::new(Here::start(bench, profile, device, settings)?),
             #[cfg(unix)]
-            Runs::Board(link) => Box::new(crate::board::Board::start(bench, guarding, *link)?),
+            Runs::Board(link) => Box::new(crate::board::Board::start(bench, profile, *link)?),
         })
     }
 }
@@ -81,7 +81,7 @@ impl Machine {
             name: "sim".into(),
             runs: Runs::Here { device: Box::new(device), settings: Settings::default() },
             hands: Some(hands),
-            guarding: Guarding::Simulated,
+            profile: SafetyProfile::Simulated,
         }
     }
 }
@@ -166,14 +166,14 @@ impl Live {
         let judge = Judge::start(move |generation, says| judging.send(Event::Judged(generation, says)).is_ok());
         let judge = judge.map_err(Error::System)?;
         let worker = Worker::start(to_desk.clone()).map_err(Error::System)?;
-        let Machine { name, runs, hands, guarding } = open(&bench.world)?;
-        let access = Access::new(address, guarding != Guarding::Simulated).map_err(Error::System)?;
+        let Machine { name, runs, hands, profile } = open(&bench.world)?;
+        let access = Access::new(address, profile != SafetyProfile::Simulated).map_err(Error::System)?;
         let (link, asks_for_token) = (access.link(), access.asks_for_token());
-        let bench = bench.on(name, guarding).map_err(Error::World)?;
+        let bench = bench.on(name, profile).map_err(Error::World)?;
         let hand = VisitorsHand::new(&bench.world, hands);
-        let runner = runs.start(&bench, guarding)?;
+        let runner = runs.start(&bench, profile)?;
         let door = Door::new(to_desk, runner.handle());
-        let desk = Desk::new(Start { bench, runner, guarding, hand, judge, worker, folder }, &door);
+        let desk = Desk::new(Start { bench, runner, profile, hand, judge, worker, folder }, &door);
 
         let (says, outcome) = channel();
         let desk = std::thread::Builder::new().name("desk".into()).spawn(move || {

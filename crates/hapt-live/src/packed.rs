@@ -1,6 +1,6 @@
 //! A world as bytes for a board.
 
-use hapt_core::{Guarding, Loop, Supervisor};
+use hapt_core::{Loop, SafetyProfile, Supervisor};
 use hapt_model::World;
 use hapt_wire::{LARGEST, ROOM, pack};
 
@@ -8,8 +8,8 @@ use hapt_wire::{LARGEST, ROOM, pack};
 ///
 /// # Errors
 /// In a sentence: it has no room for that world, or the core does not take it.
-pub fn packed(world: &World, guarding: Guarding) -> Result<Vec<u8>, String> {
-    let (spec, limits) = (world.spec(), world.limits(guarding));
+pub fn packed(world: &World, profile: SafetyProfile) -> Result<Vec<u8>, String> {
+    let (spec, limits) = (world.spec(), world.limits(profile));
     let refused = |error| format!("on a board: {error}");
     Loop::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec).map_err(refused)?;
     Supervisor::<f32, { ROOM[0] }, { ROOM[1] }>::new(&limits, &spec).map_err(refused)?;
@@ -24,14 +24,14 @@ mod tests {
     #[test]
     fn what_a_board_has_no_room_for_is_said_before_it_is_sent() {
         let mut world = world();
-        let bytes = packed(&world, Guarding::Certified).unwrap();
-        assert!(bytes.len() < LARGEST && bytes != packed(&world, Guarding::Uncertified).unwrap());
+        let bytes = packed(&world, SafetyProfile::Certified).unwrap();
+        assert!(bytes.len() < LARGEST && bytes != packed(&world, SafetyProfile::Uncertified).unwrap());
         let body = world.bodies[0];
         while world.bodies.len() <= ROOM[0] {
             world.bodies.push(body);
             world.names.push(format!("more{}", world.bodies.len()));
         }
-        let error = packed(&world, Guarding::Certified).unwrap_err();
+        let error = packed(&world, SafetyProfile::Certified).unwrap_err();
         assert!(error.starts_with("on a board: ") && error.contains('4'), "{error}");
     }
 }

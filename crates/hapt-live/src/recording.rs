@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hapt_core::Guarding;
+use hapt_core::SafetyProfile;
 use hapt_log::{Header, Recorder};
 use hapt_model::World;
 use hapt_rt::Record;
@@ -27,7 +27,7 @@ impl Recording {
     ///
     /// # Errors
     /// In a sentence.
-    pub(crate) fn start(folder: &Path, bench: &Workbench, guarding: Guarding) -> Result<Self, String> {
+    pub(crate) fn start(folder: &Path, bench: &Workbench, profile: SafetyProfile) -> Result<Self, String> {
         let free = |n: &u32| !folder.join(format!("live-{n:04}.mcap")).exists();
         let number = (1..10_000)
             .find(free)
@@ -39,7 +39,7 @@ impl Recording {
             overrides: bench.sets(),
             certificate_json: check.and_then(|check| serde_json::to_string_pretty(&check).ok()),
             device: bench.device().into(),
-            guarding,
+            profile,
             plan: bench.generation,
             ..Header::default()
         };

@@ -188,9 +188,9 @@ impl Desk {
             return;
         }
         if let Some((client, task)) = self.tasks.pop_front() {
-            let (bench, guarding, folder) = (self.bench.clone(), self.guarding, self.folder.clone());
+            let (bench, profile, folder) = (self.bench.clone(), self.profile, self.folder.clone());
             let key = task.key().to_string();
-            self.at_work = self.worker.begin(Job { client, task, bench, guarding, folder });
+            self.at_work = self.worker.begin(Job { client, task, bench, profile, folder });
             if !self.at_work {
                 self.refuse(client, &key, "hapt's own worker has ended by a defect; start hapt live again".into());
             }

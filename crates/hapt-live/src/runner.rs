@@ -1,6 +1,6 @@
 //! What runs the loop: a thread of this computer, or a board.
 
-use hapt_core::{Guarding, Request};
+use hapt_core::{Request, SafetyProfile};
 use hapt_log::Recorder;
 use hapt_rt::{Device, End, Engine, Epoch, LoopHandle, Order, Plan, Realtime, Record, Settings};
 
@@ -63,11 +63,11 @@ impl Here {
     /// Runs the bench's world on `device`, disarmed.
     pub fn start(
         bench: &Workbench,
-        guarding: Guarding,
+        profile: SafetyProfile,
         device: Box<dyn Device>,
         settings: Settings,
     ) -> Result<Self, Error> {
-        let plan = Plan::new(&bench.world, guarding).map_err(|error| Error::World(error.to_string()))?;
+        let plan = Plan::new(&bench.world, profile).map_err(|error| Error::World(error.to_string()))?;
         let engine = Engine::start_with(plan.clone(), device, settings)?;
         Ok(Here { engine, plan: Box::new(plan) })
     }

@@ -11,7 +11,7 @@
 use std::collections::BTreeMap;
 
 use hapt_analysis::{Check, Proposal};
-use hapt_core::{Guarding, Output, Reason};
+use hapt_core::{Output, Reason, SafetyProfile};
 use hapt_model::{Law, Source, World};
 use hapt_page::{Page, Setup, Slot};
 use serde_json::{Value, json};
@@ -153,7 +153,7 @@ fn setup(bench: &Workbench) -> Setup {
     };
     Setup {
         rig: world.rig(),
-        limits: world.limits(Guarding::Simulated),
+        limits: world.limits(SafetyProfile::Simulated),
         output,
         scenarios: world.scenarios.iter().map(|scenario| (scenario.hand.clone(), scenario.duration)).collect(),
     }

@@ -1,6 +1,6 @@
 //! The world as it runs: its file, what has been set since, and what the page is told of it.
 
-use hapt_core::Guarding;
+use hapt_core::SafetyProfile;
 use hapt_model::{Drive, Error, Hand, Law, Shape, Side, Source, World};
 use hapt_sim::Measures;
 use serde_json::{Value, json};
@@ -56,9 +56,9 @@ impl Workbench {
     ///
     /// # Errors
     /// In a sentence: the core does not take it.
-    pub fn on(mut self, device: String, guarding: Guarding) -> Result<Self, String> {
-        if guarding != Guarding::Simulated {
-            let attached = Attached::new(&self.world, guarding)?;
+    pub fn on(mut self, device: String, profile: SafetyProfile) -> Result<Self, String> {
+        if profile != SafetyProfile::Simulated {
+            let attached = Attached::new(&self.world, profile)?;
             attached.hold(&mut self.world)?;
             self.attached = Some(attached);
         }

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel};
 
-use hapt_core::Guarding;
+use hapt_core::SafetyProfile;
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::control::Client;
@@ -45,7 +45,7 @@ pub(crate) struct Job {
     pub client: Client,
     pub task: Task,
     pub bench: Workbench,
-    pub guarding: Guarding,
+    pub profile: SafetyProfile,
     pub folder: PathBuf,
 }
 
@@ -97,13 +97,13 @@ impl Worker {
 
 impl Job {
     fn done(self) -> Result<Made, String> {
-        let Job { task, bench, guarding, folder, .. } = self;
+        let Job { task, bench, profile, folder, .. } = self;
         let next = match task {
             Task::Sets { sets, .. } => bench.with_all(&sets)?,
             Task::Reset => bench.reset()?,
-            Task::Record => return Recording::start(&folder, &bench, guarding).map(Made::Recording),
+            Task::Record => return Recording::start(&folder, &bench, profile).map(Made::Recording),
         };
-        if guarding == Guarding::Certified && !hapt_analysis::is_certified(&next.judged()) {
+        if profile == SafetyProfile::Certified && !hapt_analysis::is_certified(&next.judged()) {
             return Err(UNCERTIFIED.into());
         }
         let says = message(&Says::World(Box::new(next.says())));

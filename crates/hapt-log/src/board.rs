@@ -5,7 +5,7 @@
 
 use std::io::Read;
 
-use hapt_core::{Guarding, Loop, Phase, Reading, Reason, Request, State, Supervisor, Watch};
+use hapt_core::{Loop, Phase, Reading, Reason, Request, SafetyProfile, State, Supervisor, SupervisorState};
 
 use crate::Error;
 use crate::log::{Log, LoggedPlan};
@@ -55,22 +55,22 @@ struct Running {
     world: Loop<f32, B, C, W>,
     supervisor: Supervisor<f32, B, C>,
     state: State<f32, B, C, W>,
-    watch: Watch<f32>,
+    watch: SupervisorState<f32>,
 }
 
 impl Running {
-    fn start(logged: &LoggedPlan, guarding: Guarding) -> Result<Box<Self>, Error> {
+    fn start(logged: &LoggedPlan, profile: SafetyProfile) -> Result<Box<Self>, Error> {
         let spec = logged.world.spec();
         let world = Loop::new(&spec).map_err(world_error)?;
-        let supervisor = Supervisor::new(&logged.world.limits(guarding), &spec).map_err(world_error)?;
+        let supervisor = Supervisor::new(&logged.world.limits(profile), &spec).map_err(world_error)?;
         let state = world.start();
-        Ok(Box::new(Running { plan: logged.number, world, supervisor, state, watch: Watch::START }))
+        Ok(Box::new(Running { plan: logged.number, world, supervisor, state, watch: SupervisorState::START }))
     }
 }
 
 /// Replays it from every sample on at which it was armed, as far as samples follow one another.
 pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
-    let guarding = log.header.guarding;
+    let profile = log.header.profile;
     let mut running: Option<Box<Running>> = None;
     let mut next = None;
     while let Some(sample) = log.next()? {
@@ -85,7 +85,7 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
         // A board takes another world only while it is disarmed.
         running = running.filter(|running| running.plan == sample.plan.number);
         if running.is_none() && inputs.request == Some(Request::Arm) {
-            running = Some(Running::start(sample.plan, guarding)?);
+            running = Some(Running::start(sample.plan, profile)?);
         }
         let Some(running) = &mut running else {
             result.skipped += 1;

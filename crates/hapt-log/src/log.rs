@@ -6,7 +6,7 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 use std::sync::Arc;
 
-use hapt_core::Guarding;
+use hapt_core::SafetyProfile;
 use hapt_core::{Reading, Request};
 use hapt_model::{Source, World};
 use hapt_rt::Snapshot;
@@ -212,9 +212,9 @@ impl Header {
         let text = |key: &str| values.get(key).cloned();
         self.version = text("version").unwrap_or_default();
         self.device = text("device").unwrap_or_default();
-        let guarding = text("guarding");
-        let named = Guarding::ALL.into_iter().find(|one| guarding.as_deref() == Some(one.name()));
-        self.guarding = named.unwrap_or(Guarding::Simulated);
+        let profile = text("guarding");
+        let named = SafetyProfile::ALL.into_iter().find(|one| profile.as_deref() == Some(one.name()));
+        self.profile = named.unwrap_or(SafetyProfile::Simulated);
         self.scenario = text("scenario");
         self.overrides = (0..).map_while(|i: u32| text(&format!("override.{i}"))).collect();
         self.plan = plan;

@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::sync::Arc;
 
-use hapt_core::{Guarding, Watch};
+use hapt_core::{SafetyProfile, SupervisorState};
 use hapt_rt::{Plan, PlanState, Snapshot};
 use hapt_sim::DesktopLoop;
 
@@ -112,12 +112,12 @@ struct Running {
     /// A plan is large for a stack.
     plan: Box<Plan>,
     state: PlanState,
-    watch: Watch<f64>,
+    watch: SupervisorState<f64>,
 }
 
 /// The log of a loop in real time: the loop behind its supervisor.
 fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
-    let guarding = log.header.guarding;
+    let profile = log.header.profile;
     let mut running: Option<Box<Running>> = None;
     let mut before: Option<Inputs> = None;
     while let Some(sample) = log.next()? {
@@ -130,7 +130,7 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
             running = None;
         }
         if running.is_none() && (sample.snapshot.is_some() || inputs.sample == 0) {
-            running = Some(Box::new(Running::start(sample.plan, guarding, sample.snapshot)?));
+            running = Some(Box::new(Running::start(sample.plan, profile, sample.snapshot)?));
         }
         // The first column behind the run's.
         let output = sample.values.len() - LIVE_COLUMNS;
@@ -152,9 +152,10 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
 
 impl Running {
     /// From a snapshot on, or else from the world's start, disarmed.
-    fn start(logged: &Arc<LoggedPlan>, guarding: Guarding, from: Option<&Snapshot>) -> Result<Self, Error> {
-        let plan = Plan::new(&logged.world, guarding).map(Box::new).map_err(world_error)?;
-        let (state, watch) = from.map_or_else(|| (plan.start(), Watch::START), |from| (from.state, from.watch));
+    fn start(logged: &Arc<LoggedPlan>, profile: SafetyProfile, from: Option<&Snapshot>) -> Result<Self, Error> {
+        let plan = Plan::new(&logged.world, profile).map(Box::new).map_err(world_error)?;
+        let (state, watch) =
+            from.map_or_else(|| (plan.start(), SupervisorState::START), |from| (from.state, from.watch));
         Ok(Running { logged: Arc::clone(logged), plan, state, watch })
     }
 

@@ -8,7 +8,7 @@
 //! Doubles stand there with all of their bits. The form is that of today's core: a state of another version is left alone, and the
 //! samples behind it are as if it were not there.
 
-use hapt_core::Watch;
+use hapt_core::SupervisorState;
 use hapt_rt::{PlanState, Snapshot};
 
 /// It changes whenever the bytes after it mean something else.
@@ -27,7 +27,7 @@ pub(crate) fn write(snapshot: &Snapshot) -> postcard::Result<Vec<u8>> {
 pub(crate) fn read(bytes: &[u8]) -> Option<Snapshot> {
     // Before the rest is looked at, which may be anything then.
     let (VERSION, rest) = postcard::take_from_bytes::<u8>(bytes).ok()? else { return None };
-    let (snapshot, rest) = postcard::take_from_bytes::<(u64, u32, PlanState, Watch<f64>)>(rest).ok()?;
+    let (snapshot, rest) = postcard::take_from_bytes::<(u64, u32, PlanState, SupervisorState<f64>)>(rest).ok()?;
     let (sample, plan, state, watch) = snapshot;
     rest.is_empty().then_some(Snapshot { sample, plan, state, watch })
 }

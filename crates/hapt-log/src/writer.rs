@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use hapt_core::Guarding;
+use hapt_core::SafetyProfile;
 use hapt_model::World;
 use hapt_rt::{Record, Snapshot};
 use hapt_sim::Row;
@@ -34,7 +34,7 @@ pub struct Header {
     /// As on the command line: `sim`.
     pub device: String,
     /// How the supervisor guarded it.
-    pub guarding: Guarding,
+    pub profile: SafetyProfile,
     /// The scenario that ran, where one did.
     pub scenario: Option<String>,
     /// hapt's, whose core made the numbers.
@@ -50,7 +50,7 @@ impl Default for Header {
             overrides: Vec::new(),
             certificate_json: None,
             device: String::new(),
-            guarding: Guarding::Simulated,
+            profile: SafetyProfile::Simulated,
             scenario: None,
             version: env!("CARGO_PKG_VERSION").into(),
             plan: 0,
@@ -118,7 +118,7 @@ impl<W: Write> LogWriter<W> {
         let mut values = BTreeMap::from([
             ("version".to_string(), header.version.clone()),
             ("device".to_string(), header.device.clone()),
-            ("guarding".to_string(), header.guarding.name().to_string()),
+            ("guarding".to_string(), header.profile.name().to_string()),
             ("motion".to_string(), world.motion.name().to_string()),
         ]);
         values.extend(header.scenario.as_ref().map(|name| ("scenario".to_string(), name.clone())));

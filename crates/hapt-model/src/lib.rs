@@ -54,7 +54,7 @@ mod write;
 
 pub use dimension::Dimension;
 pub use error::{Error, ErrorKind, Location};
-pub use hapt_core::Guarding;
+pub use hapt_core::SafetyProfile;
 pub use hapt_core::spec::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 pub use hapt_plant::spec::{Drive, Hand, Rig, Shape, Switching};
 pub use kinds::{CouplingKind, HandKind, ShapeKind};

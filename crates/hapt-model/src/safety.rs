@@ -5,7 +5,7 @@
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
-use hapt_core::{Guarding, Heat, Limits};
+use hapt_core::{Heat, Limits, SafetyProfile};
 
 use crate::error::Error;
 use crate::fields::Fields;
@@ -141,10 +141,10 @@ struct Reach {
 
 impl World {
     /// What the supervisor holds this world to on its device: the file's `[safety]`, and its defaults.
-    pub fn limits(&self, guarding: Guarding) -> Limits {
+    pub fn limits(&self, profile: SafetyProfile) -> Limits {
         let Safety { fade, heating, driver_heating, link_faults, brake, .. } = self.safety;
         let (device, safety, period) = (&self.device, &self.safety, self.sampling.period);
-        let real = guarding != Guarding::Simulated;
+        let real = profile != SafetyProfile::Simulated;
         let motion = usize::from(self.motion == Motion::Linear);
         let limit = device.limit.unwrap_or(f64::INFINITY);
         let reach = self.reach();
@@ -170,10 +170,10 @@ impl World {
         let moves = device.friction + (device.damping + 2.0 * device.inertia / TEST) * seen / TEST;
         let pulse = nudge.max(moves.min(0.5 * limit));
         // An explicit method makes energy even in a certified world, and its dampers take it: the certificate has weighed both.
-        let trips = match guarding {
-            Guarding::Certified => !self.sampling.method.is_explicit(),
-            Guarding::Uncertified => true,
-            Guarding::Simulated => false,
+        let trips = match profile {
+            SafetyProfile::Certified => !self.sampling.method.is_explicit(),
+            SafetyProfile::Uncertified => true,
+            SafetyProfile::Simulated => false,
         };
         // From the last heartbeat on: what is longer than the fade, a period and the delay takes is patience.
         let gone = if link_faults { 0.0 } else { fade } + period + self.sampling.delay_s();
@@ -192,7 +192,7 @@ impl World {
             late: or_never(safety.late, 5.0 * period),
             link: or_never(safety.link, LINK.max(2.0 * gone)),
             link_faults,
-            energy: if guarding == Guarding::Uncertified { 0.1 * work } else { work },
+            energy: if profile == SafetyProfile::Uncertified { 0.1 * work } else { work },
             world_trips: safety.world_trips.unwrap_or(trips),
             port_trips: real || safety.world_trips == Some(true),
             pulse: safety.pulse.unwrap_or(if real { pulse } else { 0.0 }),

@@ -3,7 +3,7 @@
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
-use hapt_core::{Error, Limits, Loop, Output, Phase, Reading, Reason, Request, State, Supervisor, Watch};
+use hapt_core::{Error, Limits, Loop, Output, Phase, Reading, Reason, Request, State, Supervisor, SupervisorState};
 use hapt_plant::{Grip, Script, VirtualDevice, spec, stored_energy};
 use hapt_wire::Stored;
 use serde::{Deserialize, Serialize};
@@ -42,7 +42,7 @@ pub struct Page {
     world: World,
     supervisor: Supervisor<f64, BODIES, COUPLINGS>,
     state: Stand,
-    watch: Watch<f64>,
+    watch: SupervisorState<f64>,
     device: VirtualDevice,
     /// The device's coordinate of the world's 0, in rad (linear: m).
     zero: f64,
@@ -59,7 +59,7 @@ impl Page {
         let (world, supervisor) = compile(&written).ok()?;
         Some(Box::new(Page {
             state: world.start(),
-            watch: Watch::START,
+            watch: SupervisorState::START,
             device: VirtualDevice::new(&written.setup.rig),
             zero: 0.0,
             request: None,
@@ -99,7 +99,7 @@ impl Page {
     /// The puck at rest at 0, the world at its start, and no torque.
     pub fn restart(&mut self) {
         self.device.restart();
-        (self.state, self.watch, self.zero, self.request) = (self.world.start(), Watch::START, 0.0, None);
+        (self.state, self.watch, self.zero, self.request) = (self.world.start(), SupervisorState::START, 0.0, None);
     }
 
     /// The visitor's hand takes hold, or, with `None`, whoever holds lets go.

@@ -1,6 +1,6 @@
 //! A page runs as the simulation does, and a number that is changed in it is the world with that number.
 
-use hapt_core::{Guarding, Phase, Request};
+use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_model::{Source, World};
 use hapt_page::{COLUMNS, OWN, Page, Setup, Slot};
 use hapt_plant::Grip;
@@ -59,7 +59,7 @@ fn world(sets: &[&str]) -> World {
 fn bytes(world: &World) -> (Vec<u8>, Vec<u8>) {
     let setup = Setup {
         rig: world.rig(),
-        limits: world.limits(Guarding::Simulated),
+        limits: world.limits(SafetyProfile::Simulated),
         output: world.sampling.output,
         scenarios: world.scenarios.iter().map(|scenario| (scenario.hand.clone(), scenario.duration)).collect(),
     };

@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use hapt_core::{Guarded, Reading, Request, Watch};
+use hapt_core::{Reading, Request, SafeOutput, SupervisorState};
 
 use crate::plan::PlanState;
 use crate::{BODIES, Device, Failure, Plan, Record, Snapshot};
@@ -27,7 +27,7 @@ pub struct Cycle {
     plan: Box<Plan>,
     device: Safe,
     state: PlanState,
-    watch: Watch<f64>,
+    watch: SupervisorState<f64>,
     sample: u64,
     swaps: u32,
 }
@@ -48,7 +48,7 @@ impl Cycle {
         plan.reserve();
         device.adopt(&mut plan);
         let state = plan.start();
-        Cycle { plan, device: Safe(device), state, watch: Watch::START, sample: 0, swaps: 0 }
+        Cycle { plan, device: Safe(device), state, watch: SupervisorState::START, sample: 0, swaps: 0 }
     }
 
     /// T in s.
@@ -102,7 +102,7 @@ impl Cycle {
         };
         let Cycle { plan, device, state, watch, .. } = self;
         let zero = watch.offset;
-        let Guarded { sample, output, phase, reason, warning } = plan.step(watch, state, &reading, request);
+        let SafeOutput { sample, output, phase, reason, warning } = plan.step(watch, state, &reading, request);
         if watch.offset != zero {
             device.0.homed(watch.offset);
         }

@@ -7,13 +7,13 @@
 //! whoever has a time of their own; [`Timing`] is what the records say about the clock.
 //!
 //! ```no_run
-//! use hapt_core::{Guarding, Request};
+//! use hapt_core::{SafetyProfile, Request};
 //! use hapt_model::{Source, World};
 //! use hapt_rt::{Engine, Order, Plan, Simulated, Timing};
 //!
 //! let world = World::read(&Source::open("wheel.toml")?, &[])?;
 //! let (device, _hands) = Simulated::new(&world);
-//! let mut engine = Engine::start(Plan::new(&world, Guarding::Simulated)?, Box::new(device))?;
+//! let mut engine = Engine::start(Plan::new(&world, SafetyProfile::Simulated)?, Box::new(device))?;
 //! let _ = engine.send(Order::Request(Request::Arm));
 //! let mut timing = Timing::new();
 //! while timing.samples() < 1000 {

@@ -1,6 +1,6 @@
 //! A world compiled for the loop's thread, with everything that it will need there.
 
-use hapt_core::{Guarded, Guarding, Law, Reading, Request, State, Watch};
+use hapt_core::{Law, Reading, Request, SafeOutput, SafetyProfile, State, SupervisorState};
 use hapt_model::{End, World};
 use hapt_sim::{DesktopLoop, DesktopSupervisor, Motor, VirtualDevice};
 
@@ -15,7 +15,7 @@ pub struct Plan {
     pub(crate) device: VirtualDevice,
     /// When its motor takes which torque.
     pub(crate) motor: Motor<f64>,
-    guarding: Guarding,
+    profile: SafetyProfile,
     /// What it is known by to the plan that follows it.
     names: Names,
     /// Where each body's state comes from in the plan before; `None`: from its start.
@@ -34,16 +34,16 @@ struct Names {
 
 impl Plan {
     /// Compiles a world, to be guarded so. Errors where the core does.
-    pub fn new(world: &World, guarding: Guarding) -> Result<Self, hapt_core::Error> {
+    pub fn new(world: &World, profile: SafetyProfile) -> Result<Self, hapt_core::Error> {
         let spec = world.spec();
         let compiled = DesktopLoop::new(&spec)?;
-        let supervisor = DesktopSupervisor::new(&world.limits(guarding), &spec)?;
+        let supervisor = DesktopSupervisor::new(&world.limits(profile), &spec)?;
         let mut plan = Plan {
             world: compiled,
             supervisor,
             device: VirtualDevice::new(&world.rig()),
             motor: Motor::new(world.sampling.delay_s(), world.sampling.period),
-            guarding,
+            profile,
             names: Names::new(world),
             bodies: vec![None; world.bodies.len()],
             bristles: vec![None; world.couplings.len()],
@@ -61,7 +61,7 @@ impl Plan {
     /// The same, to follow `before`: bodies of the same name go on where they are, and so do the bristles of LuGre friction between the
     /// same two ends. It is guarded as that was.
     pub fn following(world: &World, before: &Plan) -> Result<Self, hapt_core::Error> {
-        let mut plan = Plan::new(world, before.guarding)?;
+        let mut plan = Plan::new(world, before.profile)?;
         let (now, then) = (&plan.names, &before.names);
         plan.bodies = now.bodies.iter().map(|name| then.bodies.iter().position(|other| other == name)).collect();
         let same = |bristle: &Option<_>| then.bristles.iter().position(|other| bristle.is_some() && other == bristle);
@@ -82,11 +82,11 @@ impl Plan {
     /// One sample, guarded: what the loop's thread does between its device's two calls, and a replay again.
     pub fn step(
         &self,
-        watch: &mut Watch<f64>,
+        watch: &mut SupervisorState<f64>,
         state: &mut PlanState,
         reading: &Reading<f64>,
         request: Option<Request>,
-    ) -> Guarded<f64> {
+    ) -> SafeOutput<f64> {
         self.supervisor.step(watch, &self.world, state, reading, request)
     }
 

@@ -1,6 +1,6 @@
 //! Everything that a loop goes on with, so that it can go on again.
 
-use hapt_core::{Contacts, Memory, State, Vector, Watch};
+use hapt_core::{Contacts, Memory, State, SupervisorState, Vector};
 
 use crate::plan::PlanState;
 
@@ -14,7 +14,7 @@ pub struct Snapshot {
     /// The world's.
     pub state: PlanState,
     /// The supervisor's.
-    pub watch: Watch<f64>,
+    pub watch: SupervisorState<f64>,
 }
 
 impl Snapshot {
@@ -24,6 +24,6 @@ impl Snapshot {
         let contacts = Contacts { torques: [0.0; 64], unsettled: 0 };
         let memory = Memory { last: None, counts: [0.0; 257], newest: 0, older: 0 };
         let state = State { now: NOWHERE, change: NOWHERE, bristles: [0.0; 64], contacts, memory };
-        Snapshot { sample: 0, plan: 0, state, watch: Watch::START }
+        Snapshot { sample: 0, plan: 0, state, watch: SupervisorState::START }
     };
 }

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Held, armed, constant, sample, spring, wheel};
-use hapt_core::{Guarding, Phase, Reason, Request};
+use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_model::World;
 use hapt_rt::{Cycle, Failure, Plan, Position, Replay, Simulated, Touch};
 use hapt_sim::{Simulation, script};
@@ -13,7 +13,7 @@ use proptest::prelude::*;
 type There = Result<(f64, f64), Failure>;
 
 fn on(world: &World, device: Box<dyn hapt_rt::Device>) -> Cycle {
-    Cycle::new(Box::new(Plan::new(world, Guarding::Simulated).unwrap()), device)
+    Cycle::new(Box::new(Plan::new(world, SafetyProfile::Simulated).unwrap()), device)
 }
 
 fn text(name: &'static str, options: &'static [&'static str]) -> impl Strategy<Value = String> {
@@ -115,7 +115,7 @@ proptest! {
         let mut swapped = on(&world, Held::new(moves).0);
         armed(&mut plain);
         armed(&mut swapped);
-        let plan = Plan::new(&world, Guarding::Simulated).unwrap();
+        let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
         for k in 0..150 {
             if k == at {
                 swapped.swap(Box::new(Plan::following(&world, &plan).unwrap()));
@@ -135,7 +135,7 @@ proptest! {
         let mut cycle = on(&world(from), Held::new(|_| -> There { Ok((0.5, 0.0)) }).0);
         let mut last = armed(&mut cycle);
         let wanted = -(0.5 * to).min(limit);
-        cycle.swap(Box::new(Plan::following(&world(to), &Plan::new(&world(from), Guarding::Simulated).unwrap()).unwrap()));
+        cycle.swap(Box::new(Plan::following(&world(to), &Plan::new(&world(from), SafetyProfile::Simulated).unwrap()).unwrap()));
         // Evenly over a tenth of a second would be a hundredth a sample; another way there may be twice as steep.
         let steepest = 0.02 * (wanted - last.output).abs() + 1e-12;
         for _ in 0..300 {
@@ -190,7 +190,7 @@ fn bodies_go_on_by_their_names_and_others_start_where_they_start() {
         (one_before, last) = (last, sample(&mut cycle, false, None));
     }
     assert!(last.bodies[1].1.abs() > 1e-3, "b moves");
-    cycle.swap(Box::new(Plan::following(&after, &Plan::new(&before, Guarding::Simulated).unwrap()).unwrap()));
+    cycle.swap(Box::new(Plan::following(&after, &Plan::new(&before, SafetyProfile::Simulated).unwrap()).unwrap()));
     let next = sample(&mut cycle, false, None);
     // b, first now, goes on as it went; c is new.
     let (was, is) = (last.bodies[1], next.bodies[0]);
@@ -213,7 +213,7 @@ fn a_bristle_goes_on_with_its_coupling() {
     for _ in 0..200 {
         last = sample(&mut cycle, false, None);
     }
-    cycle.swap(Box::new(Plan::following(&after, &Plan::new(&before, Guarding::Simulated).unwrap()).unwrap()));
+    cycle.swap(Box::new(Plan::following(&after, &Plan::new(&before, SafetyProfile::Simulated).unwrap()).unwrap()));
     let next = sample(&mut cycle, false, None);
     assert!(last.torque.abs() > 1e-3, "{last:?}");
     assert_eq!(next.torque, last.torque);
@@ -231,7 +231,7 @@ fn another_period_is_another_period_of_the_device_too() {
     }
     // The periods that pass before a swap are those of the plan before.
     cycle.pass(1);
-    cycle.swap(Box::new(Plan::following(&fast, &Plan::new(&slow, Guarding::Simulated).unwrap()).unwrap()));
+    cycle.swap(Box::new(Plan::following(&fast, &Plan::new(&slow, SafetyProfile::Simulated).unwrap()).unwrap()));
     let mut seconds = 101e-3;
     let mut last = cycle.sample(&Default::default(), None).unwrap();
     for _ in 0..400 {

@@ -5,7 +5,7 @@ mod common;
 use std::time::Duration;
 
 use common::{Held, constant, spring, wheel};
-use hapt_core::{Guarding, Phase, Reason, Request};
+use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_rt::{End, Engine, Error, Failure, Order, Plan, Record, Settings, Timing};
 
 type There = Result<(f64, f64), Failure>;
@@ -14,7 +14,7 @@ type There = Result<(f64, f64), Failure>;
 const ORDINARY: Settings = Settings { priority: None, lock: false, spin: Duration::ZERO };
 
 fn start(torque: f64, device: Box<dyn hapt_rt::Device>) -> Engine {
-    let plan = Plan::new(&wheel("0.5 ms", &constant(torque)), Guarding::Simulated).unwrap();
+    let plan = Plan::new(&wheel("0.5 ms", &constant(torque)), SafetyProfile::Simulated).unwrap();
     Engine::start_with(plan, device, ORDINARY).unwrap()
 }
 
@@ -165,8 +165,9 @@ fn control_that_is_withdrawn_fades_the_torque_out_and_takes_its_requests_along()
 fn every_plan_that_is_sent_arrives_whole_and_in_order() {
     let (device, _torque) = Held::new(|_| -> There { Ok((0.1, 0.0)) });
     let world = |k: u32| wheel(["0.5 ms", "0.25 ms"][k as usize % 2], &spring("puck", "ground", f64::from(k + 1)));
-    let mut engine = Engine::start_with(Plan::new(&world(0), Guarding::Simulated).unwrap(), device, ORDINARY).unwrap();
-    let mut before = Plan::new(&world(0), Guarding::Simulated).unwrap();
+    let mut engine =
+        Engine::start_with(Plan::new(&world(0), SafetyProfile::Simulated).unwrap(), device, ORDINARY).unwrap();
+    let mut before = Plan::new(&world(0), SafetyProfile::Simulated).unwrap();
     let mut sent = 0;
     // More than the rings hold at once.
     while sent < 200 {
@@ -222,7 +223,7 @@ fn the_records_tell_what_was_missed_and_what_was_asked_and_how_long_nobody_spoke
 #[test]
 fn a_period_that_no_clock_keeps_is_refused() {
     let (device, _torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
-    let plan = || Plan::new(&wheel("9 us", &constant(0.0)), Guarding::Simulated).unwrap();
+    let plan = || Plan::new(&wheel("9 us", &constant(0.0)), SafetyProfile::Simulated).unwrap();
     let refused = Engine::start(plan(), device).err();
     assert!(matches!(refused, Some(Error::Period { given }) if given == 9e-6));
     let mut engine = start(0.0, Held::new(|_| -> There { Ok((0.0, 0.0)) }).0);

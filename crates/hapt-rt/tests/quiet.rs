@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use common::{spring, wheel};
 use counting::counted;
-use hapt_core::{Guarding, Request};
+use hapt_core::{Request, SafetyProfile};
 use hapt_model::World;
 use hapt_rt::{Device, Engine, Failure, Hands, Order, Plan, Position, Settings, Simulated, Touch};
 use hapt_sim::{Grip, script};
@@ -83,7 +83,7 @@ fn ten_thousand_samples_with_orders_swaps_snapshots_and_hands_allocate_nothing_a
     let (device, mut hands) = Simulated::new(&world(0));
     let since = Arc::new(AtomicU64::new(0));
     let device = Watched { device, first: None, since: Arc::clone(&since) };
-    let mut before = Plan::new(&world(0), Guarding::Simulated).unwrap();
+    let mut before = Plan::new(&world(0), SafetyProfile::Simulated).unwrap();
     let settings = Settings { lock: false, ..Settings::default() };
     let mut engine = Engine::start_with(before.clone(), Box::new(device), settings).unwrap();
     let _ = engine.send(Order::Request(Request::Arm));

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use common::{Held, armed, sample, spring};
-use hapt_core::Guarding;
+use hapt_core::SafetyProfile;
 use hapt_model::World;
 use hapt_rt::{Cycle, Failure, Moment, Plan, Record};
 use proptest::prelude::*;
@@ -38,7 +38,7 @@ fn swapped(before: &World, after: &World, moves: impl Fn(f64) -> (f64, f64) + Se
     let clock = Arc::new(AtomicU64::new(0));
     let its = Arc::clone(&clock);
     let at = move |_| -> Result<(f64, f64), Failure> { Ok(moves(its.load(Ordering::SeqCst) as f64 * 1e-6)) };
-    let plan = Plan::new(before, Guarding::Simulated).unwrap();
+    let plan = Plan::new(before, SafetyProfile::Simulated).unwrap();
     let mut cycle = Cycle::new(Box::new(plan.clone()), Held::new(at).0);
     let tick = |period: f64| clock.fetch_add((period * 1e6).round() as u64, Ordering::SeqCst);
     // Armed where the time stands still, so that the bodies begin beside the puck.

@@ -4,7 +4,7 @@ mod boards;
 mod common;
 
 use common::{BOARD, FED, Heard, Table, WHEEL, packed, slots, world};
-use hapt_core::{Guarding, Loop, Phase, Reading, Reason, Request, Supervisor, Watch};
+use hapt_core::{Loop, Phase, Reading, Reason, Request, SafetyProfile, Supervisor, SupervisorState};
 use hapt_plant::{Grip, VirtualDevice};
 use hapt_wire::device::{Measurement, Slot};
 use hapt_wire::{Order, PROTOCOL, Parameter, ROOM, Refusal, Telemetry, hash};
@@ -19,8 +19,8 @@ fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
 
     let spec = world.spec();
     let core = Loop::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec).unwrap();
-    let supervisor = Supervisor::new(&world.limits(Guarding::Certified), &spec).unwrap();
-    let (mut watch, mut state) = (Watch::START, core.start());
+    let supervisor = Supervisor::new(&world.limits(SafetyProfile::Certified), &spec).unwrap();
+    let (mut watch, mut state) = (SupervisorState::START, core.start());
 
     let mut device = VirtualDevice::new(&world.rig());
     device.hold(Some(Grip { inertia: 1e-4, damping: 0.02, stiffness: 3.0 }));

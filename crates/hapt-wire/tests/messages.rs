@@ -3,7 +3,7 @@
 mod codes;
 
 use hapt_core::{
-    Body, Coupling, End, Estimator, Guarding, Heat, Law, Limits, Loop, Method, Output, Phase, Spec, Supervisor,
+    Body, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Phase, SafetyProfile, Spec, Supervisor,
 };
 use hapt_wire::{
     Command, DeviceMessage, Hello, LARGEST, LONGEST, Order, PIECE, PROTOCOL, Parameter, Reader, Refusal, States,
@@ -229,7 +229,7 @@ fn a_packed_world_is_the_same_world_with_the_same_limits() {
     for cut in 0..bytes.len() {
         assert!(unpack::<4, 8>(&bytes[..cut]).is_err());
     }
-    assert_eq!(Guarding::ALL.len(), 3);
+    assert_eq!(SafetyProfile::ALL.len(), 3);
 }
 
 proptest! {

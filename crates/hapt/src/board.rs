@@ -1,6 +1,6 @@
 //! A world for a board that runs hapt's firmware, and the board that takes it.
 
-use hapt_model::{EstimatorKind, Guarding};
+use hapt_model::{EstimatorKind, SafetyProfile};
 
 use crate::failure::Failure;
 use crate::run::judged;
@@ -12,7 +12,7 @@ pub struct Fit {
     pub loaded: Loaded,
     /// What was set over the file for that.
     pub sets: Vec<String>,
-    pub guarding: Guarding,
+    pub profile: SafetyProfile,
     /// As it goes over the wire.
     pub packed: Vec<u8>,
 }
@@ -31,9 +31,9 @@ impl Fit {
             world.sampling.estimator = EstimatorKind::Difference;
             sets.push("loop.estimator=difference".into());
         }
-        let guarding = judged(world, uncertified)?;
-        let packed = hapt_live::packed(world, guarding).map_err(Failure::input)?;
-        Ok(Fit { loaded, sets, guarding, packed })
+        let profile = judged(world, uncertified)?;
+        let packed = hapt_live::packed(world, profile).map_err(Failure::input)?;
+        Ok(Fit { loaded, sets, profile, packed })
     }
 }
 

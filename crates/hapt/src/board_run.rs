@@ -113,14 +113,14 @@ mod here {
 
     /// How often the board is to hear of us.
     fn link_allows(fit: &Fit) -> Duration {
-        let silence = fit.loaded.world.limits(fit.guarding).silence(fit.loaded.world.sampling.period);
+        let silence = fit.loaded.world.limits(fit.profile).silence(fit.loaded.world.sampling.period);
         if silence.is_finite() { Duration::from_secs_f64(silence.max(0.0) / 4.0).min(KEPT) } else { KEPT }
     }
 
     /// What goes into the log beside the samples.
     fn header(args: &RunArgs, fit: &Fit) -> Header {
         let header = sim::header(&fit.loaded, &fit.sets, true);
-        Header { device: args.device.clone(), guarding: fit.guarding, ..header }
+        Header { device: args.device.clone(), profile: fit.profile, ..header }
     }
 
     /// How a run has ended.

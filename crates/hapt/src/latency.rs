@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use hapt_core::{Guarding, Request};
+use hapt_core::{Request, SafetyProfile};
 use hapt_model::{Dimension, World};
 use hapt_rt::{Engine, Order, Plan, Quantiles, Realtime, Settings, Simulated, Timing};
 use serde_json::{Value, json};
@@ -26,8 +26,11 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     let world = World::read(&source, &args.sets)?;
     let duration = time("--duration", &args.duration)?;
     let (device, _hands) = Simulated::new(&world);
-    let mut engine =
-        Engine::start_with(plan(&world, Guarding::Simulated)?, Box::new(device), settings(&args.realtime, &world)?)?;
+    let mut engine = Engine::start_with(
+        plan(&world, SafetyProfile::Simulated)?,
+        Box::new(device),
+        settings(&args.realtime, &world)?,
+    )?;
     output::end_in_order();
     let handle = engine.handle().clone();
     output::stop_with(move || handle.end());
@@ -61,8 +64,8 @@ pub fn time(flag: &str, text: &str) -> Result<f64, Failure> {
 }
 
 /// A world compiled, to be guarded so.
-pub fn plan(world: &World, guarding: Guarding) -> Result<Plan, Failure> {
-    Plan::new(world, guarding).map_err(Failure::input)
+pub fn plan(world: &World, profile: SafetyProfile) -> Result<Plan, Failure> {
+    Plan::new(world, profile).map_err(Failure::input)
 }
 
 /// What the thread is to ask of the system.

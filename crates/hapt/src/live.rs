@@ -16,7 +16,7 @@ use crate::failure::Failure;
 use crate::latency::settings;
 use crate::output;
 use crate::people::{print, say};
-use crate::run::guarding;
+use crate::run::profile;
 use crate::world::{Loaded, source};
 
 /// What runs where no world is named: the notes' wheel under the default method, which is certified.
@@ -74,7 +74,7 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
 
 /// What runs the world, and how it is guarded.
 fn machine(args: &LiveArgs, spec: &Spec, world: &World) -> Result<Machine, Failure> {
-    let guarding = guarding(args.uncertified, spec, world)?;
+    let profile = profile(args.uncertified, spec, world)?;
     let (runs, hands) = match spec {
         Spec::Board(path) => (board::runs(path)?, None),
         _ => {
@@ -83,7 +83,7 @@ fn machine(args: &LiveArgs, spec: &Spec, world: &World) -> Result<Machine, Failu
             (Runs::Here { device, settings }, hands)
         }
     };
-    Ok(Machine { name: args.device.clone(), runs, hands, guarding })
+    Ok(Machine { name: args.device.clone(), runs, hands, profile })
 }
 
 /// The address to listen on.

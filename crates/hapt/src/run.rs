@@ -3,7 +3,7 @@
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_core::{Guarding, Phase, Reason, Request};
+use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_log::{Header, Recorder, Summary};
 use hapt_model::{Scenario, World};
 use hapt_rt::{End, Engine, Failure as DeviceFailure, Hands, Order, Record, Timing, Touch};
@@ -47,10 +47,10 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     if let Spec::Board(port) = &spec {
         return board_run::run(args, loaded, port, duration);
     }
-    let guarding = guarding(args.uncertified, &spec, world)?;
+    let profile = profile(args.uncertified, &spec, world)?;
     let settings = settings(&args.realtime, world)?;
-    let plan = plan(world, guarding)?;
-    let recording = Recording::start(args.log.as_deref(), world, || header(args, &loaded, &sets, guarding))?;
+    let plan = plan(world, profile)?;
+    let recording = Recording::start(args.log.as_deref(), world, || header(args, &loaded, &sets, profile))?;
     if spec.has_a_motor() {
         // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
         output::end_in_order();
@@ -97,9 +97,9 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
 }
 
 /// What goes into the log beside the samples.
-fn header(args: &RunArgs, loaded: &Loaded, sets: &[String], guarding: Guarding) -> Header {
+fn header(args: &RunArgs, loaded: &Loaded, sets: &[String], profile: SafetyProfile) -> Header {
     let (device, scenario) = (args.device.clone(), args.scenario.clone());
-    Header { device, scenario, guarding, ..sim::header(loaded, sets, true) }
+    Header { device, scenario, profile, ..sim::header(loaded, sets, true) }
 }
 
 /// Its last second, and what has become of it.
@@ -111,18 +111,18 @@ pub fn finish(recorder: Recorder) -> Result<String, Failure> {
 }
 
 /// On a motor only what is certified runs, unless somebody says otherwise.
-pub fn guarding(uncertified: bool, spec: &Spec, world: &World) -> Result<Guarding, Failure> {
-    if spec.has_a_motor() { judged(world, uncertified) } else { Ok(Guarding::Simulated) }
+pub fn profile(uncertified: bool, spec: &Spec, world: &World) -> Result<SafetyProfile, Failure> {
+    if spec.has_a_motor() { judged(world, uncertified) } else { Ok(SafetyProfile::Simulated) }
 }
 
 /// How the supervisor is to guard a motor from a world.
-pub fn judged(world: &World, uncertified: bool) -> Result<Guarding, Failure> {
+pub fn judged(world: &World, uncertified: bool) -> Result<SafetyProfile, Failure> {
     let check = hapt_analysis::check(world)?;
     if check.certified {
-        return Ok(Guarding::Certified);
+        return Ok(SafetyProfile::Certified);
     }
     if uncertified {
-        return Ok(Guarding::Uncertified);
+        return Ok(SafetyProfile::Uncertified);
     }
     let what = format!("{}; hapt check says what would certify it", check.verdict_sentence());
     Err(Failure::input(format!("{what}. --uncertified runs it all the same, with a tighter supervisor")))

@@ -5,7 +5,7 @@ use core::ffi::{c_int, c_uint};
 use core::mem::{align_of, size_of};
 use core::slice;
 
-use hapt_core::{Loop, Phase, Reading, Reason, Request, State, Supervisor, Watch};
+use hapt_core::{Loop, Phase, Reading, Reason, Request, State, Supervisor, SupervisorState};
 use hapt_wire::unpack;
 
 const BODIES: usize = 4;
@@ -24,7 +24,7 @@ struct Running {
     world: Loop<f32, BODIES, COUPLINGS, COUNTS>,
     supervisor: Supervisor<f32, BODIES, COUPLINGS>,
     state: State<f32, BODIES, COUPLINGS, COUNTS>,
-    watch: Watch<f32>,
+    watch: SupervisorState<f32>,
 }
 
 /// `HAPT_FAULT`
@@ -81,7 +81,7 @@ pub unsafe extern "C" fn hapt_load(hapt: *mut Room, bytes: *const u8, length: us
     let (Ok(world), Ok(supervisor)) = (Loop::new(&spec), Supervisor::new(&limits, &spec)) else { return -2 };
     let state = world.start();
     // SAFETY: the room is the caller's, large enough and aligned (asserted above), and nothing refers to it.
-    unsafe { hapt.cast::<Running>().write(Running { loaded: LOADED, world, supervisor, state, watch: Watch::START }) };
+    unsafe { hapt.cast::<Running>().write(Running { loaded: LOADED, world, supervisor, state, watch: SupervisorState::START }) };
     0
 }
 

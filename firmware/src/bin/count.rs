@@ -11,7 +11,7 @@ use core::hint::black_box;
 use core::panic::PanicInfo;
 
 use cortex_m_rt::entry;
-use hapt_core::{Damping, End, Law, Loop, Phase, Reading, Request, Spec, State, Supervisor, Watch};
+use hapt_core::{Damping, End, Law, Loop, Phase, Reading, Request, Spec, State, Supervisor, SupervisorState};
 use hapt_firmware::console::{File, exit};
 use hapt_firmware::trace::{BODIES, COUNTS, COUPLINGS, LIMITS, Trace};
 use hapt_firmware::{stack, ticks};
@@ -59,7 +59,7 @@ fn in_room<const B: usize>(spec: &Spec) -> [f32; 3] {
 
     // An announcement is not believed here, but looked at.
     let [supervised, in_full] = [false, true].map(|announced| {
-        let (mut state, mut watch) = (world.start(), Watch::START);
+        let (mut state, mut watch) = (world.start(), SupervisorState::START);
         let mut guarded = |position, velocity, request| {
             let reading = Reading { position, velocity, announced, late: 0.0, missed: 0, silent: 0.0 };
             supervisor.step(&mut watch, &world, &mut state, &reading, request)

@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use hapt_analysis::free_growth;
-use hapt_core::{Guarding, Reason, Request};
+use hapt_core::{Reason, Request, SafetyProfile};
 use hapt_model::{Body, Coupling, Device, End, Law, Method, Output, World};
 use hapt_sim::Grip;
 
@@ -179,7 +179,7 @@ impl Kind {
             Kind::Unstable if first => {
                 let world = unstable(rng, &rig.world);
                 // Such a world has room: it compiles.
-                let _ = rig.swap(&world, Guarding::Uncertified);
+                let _ = rig.swap(&world, SafetyProfile::Uncertified);
             }
             Kind::Link => wires.cut = true,
             Kind::Stalled if first => wires.missed = log(rng, 6.0, 300.0) as u32,

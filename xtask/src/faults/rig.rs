@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use anyhow::{Result, anyhow};
-use hapt_core::{Guarded, Guarding, Loop, Phase, Reading, Request, State, Supervisor, Watch};
+use hapt_core::{Loop, Phase, Reading, Request, SafeOutput, SafetyProfile, State, Supervisor, SupervisorState};
 use hapt_model::World;
 use hapt_sim::VirtualDevice;
 
@@ -58,7 +58,7 @@ pub struct Rig {
     pub world: World,
     pub device: VirtualDevice,
     pub wires: Wires,
-    pub watch: Watch<f64>,
+    pub watch: SupervisorState<f64>,
     core: Box<Core>,
     supervisor: Box<Supervisor<f64, 4, 8>>,
     state: Box<State<f64, 4, 8, 17>>,
@@ -67,12 +67,12 @@ pub struct Rig {
 }
 
 impl Rig {
-    pub fn new(world: &World, guarding: Guarding) -> Result<Self> {
-        let (core, supervisor) = compiled(world, guarding)?;
+    pub fn new(world: &World, profile: SafetyProfile) -> Result<Self> {
+        let (core, supervisor) = compiled(world, profile)?;
         Ok(Rig {
             device: VirtualDevice::new(&world.rig()),
             wires: Wires::WHOLE,
-            watch: Watch::START,
+            watch: SupervisorState::START,
             state: Box::new(core.start()),
             core,
             supervisor,
@@ -83,7 +83,7 @@ impl Rig {
     }
 
     /// One sample, and the period after it.
-    pub fn sample(&mut self, request: Option<Request>) -> Guarded<f64> {
+    pub fn sample(&mut self, request: Option<Request>) -> SafeOutput<f64> {
         let reading = self.reading();
         let guarded = self.supervisor.step(&mut self.watch, &self.core, &mut self.state, &reading, request);
         self.device.command(self.wires.gain * guarded.output);
@@ -99,7 +99,7 @@ impl Rig {
     }
 
     /// The same, then armed with nobody's hand on the puck, until it has faded in or faulted.
-    pub fn arm(&mut self) -> Guarded<f64> {
+    pub fn arm(&mut self) -> SafeOutput<f64> {
         self.rest();
         let mut guarded = self.sample(Some(Request::Arm));
         while guarded.phase == Phase::FadingIn {
@@ -109,8 +109,8 @@ impl Rig {
     }
 
     /// Another world from the next sample on, on the same device.
-    pub fn swap(&mut self, world: &World, guarding: Guarding) -> Result<()> {
-        let (core, supervisor) = compiled(world, guarding)?;
+    pub fn swap(&mut self, world: &World, profile: SafetyProfile) -> Result<()> {
+        let (core, supervisor) = compiled(world, profile)?;
         let mut fresh = core.start();
         fresh.now = self.state.now;
         self.watch.swap(self.core.period(), core.period());
@@ -147,9 +147,9 @@ impl Rig {
     }
 }
 
-fn compiled(world: &World, guarding: Guarding) -> Result<(Box<Core>, Box<Supervisor<f64, 4, 8>>)> {
+fn compiled(world: &World, profile: SafetyProfile) -> Result<(Box<Core>, Box<Supervisor<f64, 4, 8>>)> {
     let spec = world.spec();
     let core = Core::new(&spec).map_err(|error| anyhow!("{error}"))?;
-    let supervisor = Supervisor::new(&world.limits(guarding), &spec).map_err(|error| anyhow!("{error}"))?;
+    let supervisor = Supervisor::new(&world.limits(profile), &spec).map_err(|error| anyhow!("{error}"))?;
     Ok((Box::new(core), Box::new(supervisor)))
 }

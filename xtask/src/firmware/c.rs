@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
-use hapt_core::{Guarding, Loop, Reading, Request, Supervisor, Watch};
+use hapt_core::{Loop, Reading, Request, SafetyProfile, Supervisor, SupervisorState};
 use hapt_model::World;
 
 use super::trace::{BODIES, COUNTS, COUPLINGS, Trace};
@@ -50,7 +50,7 @@ pub fn same_bits() -> Result<()> {
 /// The world and its limits as a C array, as a board takes them.
 pub fn array(world: &World) -> Result<String> {
     let mut room = [0; 1024];
-    let bytes = hapt_wire::pack(&world.spec(), &world.limits(Guarding::Simulated), &mut room)?;
+    let bytes = hapt_wire::pack(&world.spec(), &world.limits(SafetyProfile::Simulated), &mut room)?;
     let lines: Vec<String> =
         bytes.chunks(16).map(|line| line.iter().map(|byte| format!(" 0x{byte:02x},")).collect::<String>()).collect();
     let title = world.title.as_deref().unwrap_or("A world");
@@ -64,8 +64,8 @@ pub fn array(world: &World) -> Result<String> {
 fn sum(world: &World) -> Result<u64> {
     let spec = world.spec();
     let compiled = Loop::<f32, BODIES, COUPLINGS, COUNTS>::new(&spec)?;
-    let supervisor = Supervisor::<f32, BODIES, COUPLINGS>::new(&world.limits(Guarding::Simulated), &spec)?;
-    let (mut state, mut watch, mut trace) = (compiled.start(), Watch::START, Trace::new(1e-3));
+    let supervisor = Supervisor::<f32, BODIES, COUPLINGS>::new(&world.limits(SafetyProfile::Simulated), &spec)?;
+    let (mut state, mut watch, mut trace) = (compiled.start(), SupervisorState::START, Trace::new(1e-3));
     let mut sum = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |bits: u32| sum = (sum ^ u64::from(bits)).wrapping_mul(0x0000_0100_0000_01b3);
     for k in 0..10_000 {

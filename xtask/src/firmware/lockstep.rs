@@ -3,7 +3,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use fastrand::Rng;
-use hapt_core::{Guarding, Limits, Phase, Reason};
+use hapt_core::{Limits, Phase, Reason, SafetyProfile};
 use hapt_sim::{Simulation, VirtualDevice, script};
 use hapt_wire::{DeviceMessage, Order, Telemetry};
 
@@ -84,7 +84,7 @@ impl Board {
         let mut world = world(name)?;
         world.scenarios[0].duration = world.scenarios[0].duration.min(most);
         let scenario = &world.scenarios[0];
-        let hash = self.load(&world, &world.limits(Guarding::Simulated))?;
+        let hash = self.load(&world, &world.limits(SafetyProfile::Simulated))?;
         self.arm(hash)?;
         let mut device = VirtualDevice::new(&world.rig());
         device.begin(&mut script(scenario, world.sampling.period));
@@ -120,7 +120,7 @@ impl Board {
     /// Nobody says that the host is there: the torque is gone when the link's time is over, and not before.
     pub fn misses_a_silent_host(&mut self) -> Result<()> {
         let world = world("default")?;
-        let limits = Limits { link: LINK, link_faults: true, ..world.limits(Guarding::Simulated) };
+        let limits = Limits { link: LINK, link_faults: true, ..world.limits(SafetyProfile::Simulated) };
         let hash = self.load(&world, &limits)?;
         self.ask(Order::Arm { world: hash })?;
         let mut last = 0;
@@ -149,7 +149,7 @@ impl Board {
     /// A reading that jumps takes the torque away at that sample.
     pub fn faults_on_a_jump(&mut self) -> Result<()> {
         let world = world("default")?;
-        let hash = self.load(&world, &Limits { jump: 0.5, ..world.limits(Guarding::Simulated) })?;
+        let hash = self.load(&world, &Limits { jump: 0.5, ..world.limits(SafetyProfile::Simulated) })?;
         self.arm(hash)?;
         let telemetry = self.feed((3.0, 0.0), false)?;
         ensure!(telemetry.phase == Phase::Faulted as u8 && telemetry.reason == Reason::Jump.code(), "{telemetry:?}");

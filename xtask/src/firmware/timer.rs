@@ -1,7 +1,7 @@
 //! The loop in the timer's interrupt, in the emulator's time: every instruction takes 32 ns of it.
 
 use anyhow::{Context, Result, ensure};
-use hapt_core::{Guarding, Limits, Phase};
+use hapt_core::{Limits, Phase, SafetyProfile};
 use hapt_model::EstimatorKind;
 use hapt_wire::{DeviceMessage, Order, Parameter};
 
@@ -26,7 +26,7 @@ pub fn holds() -> Result<()> {
     let mut wheel = world("released")?;
     wheel.sampling.estimator = EstimatorKind::Difference;
     // A sample that comes half a period late is a fault.
-    let limits = Limits { late: 0.5e-4, ..wheel.limits(Guarding::Simulated) };
+    let limits = Limits { late: 0.5e-4, ..wheel.limits(SafetyProfile::Simulated) };
     let hash = board.load(&wheel, &limits)?;
     board.done(Order::Set { parameter: Parameter::Divider as u8, value: 10_000 })?;
     board.done(Order::Set { parameter: Parameter::MostUsed as u8, value: 0 })?;

@@ -6,7 +6,7 @@ use core::hint::black_box;
 
 use hapt_core::{
     Body, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Reading, Real, Request, Spec, Supervisor,
-    Watch,
+    SupervisorState,
 };
 
 #[panic_handler]
@@ -79,7 +79,7 @@ fn guarded<F: Real, const B: usize, const C: usize, const W: usize>(
         delay: z,
     });
     let Ok(supervisor) = Supervisor::<F, B, C>::new(&limits, spec) else { return 0.0 };
-    let (mut state, mut watch) = (black_box(world.start()), black_box(Watch::START));
+    let (mut state, mut watch) = (black_box(world.start()), black_box(SupervisorState::START));
     let mut sum = 0.0;
     for _ in 0..10 {
         let f = |z| F::from_f64(black_box(z));

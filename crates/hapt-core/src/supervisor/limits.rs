@@ -4,7 +4,7 @@ use crate::{Error, Spec};
 
 /// How much the supervisor trusts what it guards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Guarding {
+pub enum SafetyProfile {
     /// A real device, its world certified: stable and passive.
     Certified,
     /// A real device, the world not certified: the energy ledgers are armed tighter.
@@ -13,16 +13,17 @@ pub enum Guarding {
     Simulated,
 }
 
-impl Guarding {
+impl SafetyProfile {
     /// All of them.
-    pub const ALL: [Guarding; 3] = [Guarding::Certified, Guarding::Uncertified, Guarding::Simulated];
+    pub const ALL: [SafetyProfile; 3] =
+        [SafetyProfile::Certified, SafetyProfile::Uncertified, SafetyProfile::Simulated];
 
     /// Its name in logs.
     pub const fn name(self) -> &'static str {
         match self {
-            Guarding::Certified => "certified",
-            Guarding::Uncertified => "uncertified",
-            Guarding::Simulated => "simulated",
+            SafetyProfile::Certified => "certified",
+            SafetyProfile::Uncertified => "uncertified",
+            SafetyProfile::Simulated => "simulated",
         }
     }
 }

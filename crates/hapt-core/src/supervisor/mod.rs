@@ -1,6 +1,6 @@
 //! The supervisor: what stands between a loop's command and a motor, sample by sample.
 //!
-//! A [`Supervisor`] is the limits, compiled once; a [`Watch`] is everything that it remembers, one `Copy` struct. It runs the loop
+//! A [`Supervisor`] is the limits, compiled once; a [`SupervisorState`] is everything that it remembers, one `Copy` struct. It runs the loop
 //! itself, so that no torque reaches the motor but through it:
 //!
 //! ```text
@@ -20,20 +20,20 @@ mod pulse;
 mod reason;
 mod springs;
 mod standing;
+mod state;
 mod thermal;
-mod watch;
 
 use crate::{Error, Loop, Real, Sample, Spec, State};
 use energy::Energy;
 use ledger::Ledger;
-pub use limits::{Guarding, Heat, Limits};
+pub use limits::{Heat, Limits, SafetyProfile};
 use motion::Motion;
-pub use phase::{Guarded, Phase, Reading, Request};
+pub use phase::{Phase, Reading, Request, SafeOutput};
 use pulse::{Answer, Pulse, Testing};
 pub use reason::Reason;
 use standing::Stand;
+pub use state::SupervisorState;
 use thermal::Thermal;
-pub use watch::Watch;
 
 /// Samples without anything wrong after which a cause counts as gone.
 const CALM: u32 = 16;
@@ -121,34 +121,34 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     /// else there may be is looked at out of line, by all the same rules.
     pub fn step<const W: usize>(
         &self,
-        watch: &mut Watch<F>,
+        state: &mut SupervisorState<F>,
         world: &Loop<F, B, C, W>,
-        state: &mut State<F, B, C, W>,
+        loop_state: &mut State<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
-    ) -> Guarded<F> {
+    ) -> SafeOutput<F> {
         let ordinary =
-            request.is_none() && watch.is_steady() && self.motion.is_ordinary(&mut watch.seen, reading, watch.output);
-        let look = if ordinary { Look::ORDINARY } else { self.look(watch, world, state, reading, request) };
+            request.is_none() && state.is_steady() && self.motion.is_ordinary(&mut state.seen, reading, state.output);
+        let look = if ordinary { Look::ORDINARY } else { self.look(state, world, loop_state, reading, request) };
         // A reading that is no number is not shown to the world.
         let velocity = reading.velocity.finite_or_zero();
-        let sample = world.sample(state, watch.seen.position - watch.offset, velocity);
+        let sample = world.sample(loop_state, state.seen.position - state.offset, velocity);
         if !look.waits {
-            self.book(watch, state, &sample, reading);
+            self.book(state, loop_state, &sample, reading);
         }
-        let whole = watch.whole(sample.command);
-        let goes_on = ordinary && watch.phase == Phase::Running && (whole - watch.output).abs() <= self.slew;
-        let held = if goes_on { whole } else { self.held(watch, &sample, look) };
+        let whole = state.whole(sample.command);
+        let goes_on = ordinary && state.phase == Phase::Running && (whole - state.output).abs() <= self.slew;
+        let held = if goes_on { whole } else { self.held(state, &sample, look) };
         let mut output = held;
-        if self.motor.warm(&mut watch.heat[0], held) && watch.fault_where_active(Reason::Heat) {
+        if self.motor.warm(&mut state.heat[0], held) && state.fault_where_active(Reason::Heat) {
             output = F::ZERO;
         }
-        if self.driver.warm(&mut watch.heat[1], held) && watch.fault_where_active(Reason::DriverHeat) {
+        if self.driver.warm(&mut state.heat[1], held) && state.fault_where_active(Reason::DriverHeat) {
             output = F::ZERO;
         }
-        watch.output = output;
-        let Watch { phase, reason, warning, .. } = *watch;
-        Guarded { sample, output, phase, reason, warning }
+        state.output = output;
+        let SupervisorState { phase, reason, warning, .. } = *state;
+        SafeOutput { sample, output, phase, reason, warning }
     }
 
     /// A sample that is not like the last, before the world takes it.
@@ -156,63 +156,77 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     #[inline(never)]
     fn look<const W: usize>(
         &self,
-        watch: &mut Watch<F>,
+        state: &mut SupervisorState<F>,
         world: &Loop<F, B, C, W>,
-        state: &mut State<F, B, C, W>,
+        loop_state: &mut State<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
     ) -> Look {
         let announced = reading.announced && self.announcements;
-        let wrong = self.motion.wrong(&mut watch.seen, reading, announced, watch.output);
+        let wrong = self.motion.wrong(&mut state.seen, reading, announced, state.output);
         if wrong.is_some() {
-            watch.calm = 0;
-        } else if watch.calm < CALM {
-            watch.calm += 1;
+            state.calm = 0;
+        } else if state.calm < CALM {
+            state.calm += 1;
         }
-        self.ask(watch, request, wrong, self.motion.link_is_lost(reading), announced);
+        self.ask(state, request, wrong, self.motion.link_is_lost(reading), announced);
 
-        let testing = watch.testing.is_some();
-        let waits = !watch.phase.is_active() || testing;
-        if waits || watch.fresh {
-            *state = world.start();
-            watch.books.reopen();
-            watch.fresh = false;
+        let testing = state.testing.is_some();
+        let waits = !state.phase.is_active() || testing;
+        if waits || state.fresh {
+            *loop_state = world.start();
+            state.books.reopen();
+            state.fresh = false;
         }
         Look { wrong, waits, leaps: announced || testing }
     }
 
     /// What somebody asks for, and what the reading says.
-    fn ask(&self, watch: &mut Watch<F>, request: Option<Request>, wrong: Option<Reason>, lost: bool, announced: bool) {
+    fn ask(
+        &self,
+        state: &mut SupervisorState<F>,
+        request: Option<Request>,
+        wrong: Option<Reason>,
+        lost: bool,
+        announced: bool,
+    ) {
         if let Some(request) = request {
-            self.answer(watch, request, wrong, lost, announced);
+            self.answer(state, request, wrong, lost, announced);
         }
-        if !watch.phase.is_active() {
+        if !state.phase.is_active() {
             return;
         }
         if let Some(reason) = wrong {
-            watch.fault(reason);
+            state.fault(reason);
         } else if lost && self.link_faults {
-            watch.fault(Reason::Link);
-        } else if lost && watch.phase != Phase::FadingOut {
-            (watch.phase, watch.reason) = (Phase::FadingOut, Some(Reason::Link));
+            state.fault(Reason::Link);
+        } else if lost && state.phase != Phase::FadingOut {
+            (state.phase, state.reason) = (Phase::FadingOut, Some(Reason::Link));
         }
     }
 
     #[inline(never)]
-    fn answer(&self, watch: &mut Watch<F>, request: Request, wrong: Option<Reason>, lost: bool, announced: bool) {
-        match (request, watch.phase) {
+    fn answer(
+        &self,
+        state: &mut SupervisorState<F>,
+        request: Request,
+        wrong: Option<Reason>,
+        lost: bool,
+        announced: bool,
+    ) {
+        match (request, state.phase) {
             (Request::Stop, _) => {
-                watch.fault(Reason::Stop);
-                watch.calm = 0;
+                state.fault(Reason::Stop);
+                state.calm = 0;
             }
             (Request::Arm, Phase::Disarmed | Phase::FadingOut) => match wrong {
-                Some(reason) => watch.fault(reason),
-                None if lost => watch.reason = Some(Reason::Link),
-                None => self.arm(watch, announced),
+                Some(reason) => state.fault(reason),
+                None if lost => state.reason = Some(Reason::Link),
+                None => self.arm(state, announced),
             },
-            (Request::Disarm, Phase::FadingIn | Phase::Running) => watch.phase = Phase::FadingOut,
-            (Request::Clear, Phase::Faulted) if self.is_over(watch, lost) => {
-                (watch.phase, watch.reason) = (Phase::Disarmed, None);
+            (Request::Disarm, Phase::FadingIn | Phase::Running) => state.phase = Phase::FadingOut,
+            (Request::Clear, Phase::Faulted) if self.is_over(state, lost) => {
+                (state.phase, state.reason) = (Phase::Disarmed, None);
             }
             (Request::Arm, Phase::FadingIn | Phase::Running | Phase::Faulted)
             | (Request::Disarm, Phase::Disarmed | Phase::FadingOut | Phase::Faulted)
@@ -224,22 +238,22 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     }
 
     /// `announced`: a scenario says where the puck is, from the world's own 0.
-    fn arm(&self, watch: &mut Watch<F>, announced: bool) {
-        (watch.reason, watch.warning) = (None, None);
-        if watch.phase == Phase::Disarmed {
-            watch.fresh = true;
-            watch.seen.stand = Stand::NONE;
-            watch.testing = self.pulse.map(|_| Testing::BEGIN);
+    fn arm(&self, state: &mut SupervisorState<F>, announced: bool) {
+        (state.reason, state.warning) = (None, None);
+        if state.phase == Phase::Disarmed {
+            state.fresh = true;
+            state.seen.stand = Stand::NONE;
+            state.testing = self.pulse.map(|_| Testing::BEGIN);
             if !announced {
-                self.home(watch);
+                self.home(state);
             }
         }
-        watch.phase = Phase::FadingIn;
+        state.phase = Phase::FadingIn;
     }
 
-    fn home(&self, watch: &mut Watch<F>) {
+    fn home(&self, state: &mut SupervisorState<F>) {
         if self.zero_where_armed {
-            watch.offset = watch.seen.position;
+            state.offset = state.seen.position;
         }
     }
 
@@ -249,10 +263,10 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     }
 
     /// Whether the cause of a fault is gone.
-    fn is_over(&self, watch: &Watch<F>, lost: bool) -> bool {
-        let [motor, driver] = watch.heat;
+    fn is_over(&self, state: &SupervisorState<F>, lost: bool) -> bool {
+        let [motor, driver] = state.heat;
         let cool = self.motor.has_cooled(motor) && self.driver.has_cooled(driver);
-        match watch.reason {
+        match state.reason {
             Some(Reason::Heat | Reason::DriverHeat) => cool,
             Some(Reason::Link) => !lost,
             None
@@ -270,7 +284,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
                 | Reason::WorldEnergy
                 | Reason::Reversed
                 | Reason::Driver,
-            ) => watch.calm >= CALM,
+            ) => state.calm >= CALM,
         }
     }
 
@@ -278,41 +292,41 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     #[inline(always)]
     fn book<const W: usize>(
         &self,
-        watch: &mut Watch<F>,
-        state: &State<F, B, C, W>,
+        state: &mut SupervisorState<F>,
+        loop_state: &State<F, B, C, W>,
         sample: &Sample<F>,
         reading: &Reading<F>,
     ) {
         let puck = (sample.puck.position, sample.puck.velocity);
-        let step = self.energy.step(state, puck);
+        let step = self.energy.step(loop_state, puck);
         if !are_finite([sample.torque, step.stored, step.made]) {
-            watch.fault(Reason::NotFinite);
+            state.fault(Reason::NotFinite);
             return;
         }
         let torque = sample.torque - self.energy.constant;
-        self.ledger.enter(&mut watch.books, &step, puck.0, torque, reading.missed);
+        self.ledger.enter(&mut state.books, &step, puck.0, torque, reading.missed);
         // Written so that what is no number is within nothing.
-        let within = watch.books.account >= F::ZERO && watch.books.made <= self.ledger.most;
+        let within = state.books.account >= F::ZERO && state.books.made <= self.ledger.most;
         if !within {
-            self.overdraw(watch);
+            self.overdraw(state);
         }
         if sample.command.abs() > self.torque {
-            watch.fault(Reason::Torque);
+            state.fault(Reason::Torque);
         }
     }
 
     /// One of the ledgers is beyond its bound.
     #[cold]
     #[inline(never)]
-    fn overdraw(&self, watch: &mut Watch<F>) {
-        let (in_account, within) = (watch.books.account >= F::ZERO, watch.books.made <= self.ledger.most);
+    fn overdraw(&self, state: &mut SupervisorState<F>) {
+        let (in_account, within) = (state.books.account >= F::ZERO, state.books.made <= self.ledger.most);
         for (right, trips, reason) in
             [(in_account, self.port_trips, Reason::PortEnergy), (within, self.world_trips, Reason::WorldEnergy)]
         {
             if !right && trips {
-                watch.fault(reason);
+                state.fault(reason);
             } else if !right {
-                watch.warning = Some(reason);
+                state.warning = Some(reason);
             }
         }
     }
@@ -320,76 +334,76 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     /// The torque that the motor is to hold, where it is not just the world's command.
     #[cold]
     #[inline(never)]
-    fn held(&self, watch: &mut Watch<F>, sample: &Sample<F>, look: Look) -> F {
-        let wanted = self.wanted(watch, sample);
-        if (wanted - watch.output).abs() > self.slew && !look.leaps {
-            watch.fault_where_active(Reason::Slew);
+    fn held(&self, state: &mut SupervisorState<F>, sample: &Sample<F>, look: Look) -> F {
+        let wanted = self.wanted(state, sample);
+        if (wanted - state.output).abs() > self.slew && !look.leaps {
+            state.fault_where_active(Reason::Slew);
         }
-        if watch.phase == Phase::Faulted { self.braked(watch, look.wrong) } else { wanted }
+        if state.phase == Phase::Faulted { self.braked(state, look.wrong) } else { wanted }
     }
 
     /// What the phase makes of the world's command, and the phase after this sample.
-    fn wanted(&self, watch: &mut Watch<F>, sample: &Sample<F>) -> F {
-        let before = watch.gain;
-        if watch.phase != Phase::Running {
-            if !watch.phase.is_active() {
-                (watch.gain, watch.testing, watch.carry, watch.swapped) = (F::ZERO, None, [F::ZERO; 2], false);
+    fn wanted(&self, state: &mut SupervisorState<F>, sample: &Sample<F>) -> F {
+        let before = state.gain;
+        if state.phase != Phase::Running {
+            if !state.phase.is_active() {
+                (state.gain, state.testing, state.carry, state.swapped) = (F::ZERO, None, [F::ZERO; 2], false);
                 return F::ZERO;
             }
-            if let (Some(testing), Some(pulse), Phase::FadingIn) = (watch.testing.as_mut(), &self.pulse, watch.phase) {
-                match pulse.sample(testing, watch.seen.position) {
+            if let (Some(testing), Some(pulse), Phase::FadingIn) = (state.testing.as_mut(), &self.pulse, state.phase) {
+                match pulse.sample(testing, state.seen.position) {
                     Answer::Torque(torque) => return torque,
                     Answer::Right => {
-                        (watch.testing, watch.fresh) = (None, true);
-                        self.home(watch);
+                        (state.testing, state.fresh) = (None, true);
+                        self.home(state);
                     }
-                    Answer::Wrong(reason) => watch.fault(reason),
+                    Answer::Wrong(reason) => state.fault(reason),
                 }
                 return F::ZERO;
             }
-            watch.gain += if watch.phase == Phase::FadingIn { self.fade } else { -self.fade };
+            state.gain += if state.phase == Phase::FadingIn { self.fade } else { -self.fade };
             // A sum of many parts is near a whole, not one.
             let near = F::HALF * self.fade;
-            if watch.gain > F::ONE - near {
-                (watch.gain, watch.phase) = (F::ONE, Phase::Running);
-            } else if watch.gain < near {
-                (watch.gain, watch.phase, watch.testing) = (F::ZERO, Phase::Disarmed, None);
+            if state.gain > F::ONE - near {
+                (state.gain, state.phase) = (F::ONE, Phase::Running);
+            } else if state.gain < near {
+                (state.gain, state.phase, state.testing) = (F::ZERO, Phase::Disarmed, None);
                 return F::ZERO;
             }
         }
-        let wanted = watch.gain * sample.command;
-        let [carry, part] = watch.carry;
-        if watch.swapped {
-            let carry = watch.output - wanted;
-            (watch.carry, watch.swapped) = ([carry, carry * self.fade], false);
+        let wanted = state.gain * sample.command;
+        let [carry, part] = state.carry;
+        if state.swapped {
+            let carry = state.output - wanted;
+            (state.carry, state.swapped) = ([carry, carry * self.fade], false);
         } else if carry != F::ZERO {
             let gone = carry.abs() <= part.abs();
             let left = if gone { F::ZERO } else { carry - part };
             // It leaves with the torque that fades out.
-            let left = if watch.phase == Phase::FadingOut { left * (watch.gain / before) } else { left };
-            watch.carry[0] = left;
+            let left = if state.phase == Phase::FadingOut { left * (state.gain / before) } else { left };
+            state.carry[0] = left;
         } else {
             // The command is within it, or has faulted.
-            return watch.whole(sample.command);
+            return state.whole(sample.command);
         }
-        (wanted + watch.carry[0]).within(self.torque)
+        (wanted + state.carry[0]).within(self.torque)
     }
 
     /// The torque after a fault: none, or what brings the puck to rest over a fade's time.
-    fn braked(&self, watch: &mut Watch<F>, wrong: Option<Reason>) -> F {
-        if watch.braking < F::HALF * self.fade || self.brake <= F::ZERO {
+    fn braked(&self, state: &mut SupervisorState<F>, wrong: Option<Reason>) -> F {
+        if state.braking < F::HALF * self.fade || self.brake <= F::ZERO {
             return F::ZERO;
         }
         // The speed that made it fault may be believed; a reading that is wrong since may not.
         if wrong.is_some_and(|reason| !reason.trusts_the_encoder()) {
-            watch.braking = F::ZERO;
+            state.braking = F::ZERO;
             return F::ZERO;
         }
-        watch.braking -= self.fade;
-        if watch.braking < F::HALF * self.fade {
+        state.braking -= self.fade;
+        if state.braking < F::HALF * self.fade {
             return F::ZERO;
         }
-        let step = watch.seen.step.unwrap_or(F::ZERO);
-        -(self.brake * step * watch.braking).within(self.torque)
+        let step = state.seen.step.unwrap_or(F::ZERO);
+        -(self.brake * step * state.braking).within(self.torque)
     }
 }

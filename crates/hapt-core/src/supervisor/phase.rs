@@ -75,7 +75,7 @@ pub struct Reading<F> {
 
 /// What one guarded sample gives.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Guarded<F> {
+pub struct SafeOutput<F> {
     /// The loop's own sample.
     pub sample: Sample<F>,
     /// What the motor is to hold: the command, faded, or 0.

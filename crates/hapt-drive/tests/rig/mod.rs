@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hapt_core::{Guarding, Phase, Reason, Request};
+use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_drive::moteus::{self, Moteus};
 use hapt_drive::odrive::Odrive;
 use hapt_drive::simulate::{Firmware, Shaft, Simulator, Time};
@@ -370,7 +370,7 @@ pub struct Looped {
 
 impl Looped {
     pub fn on(device: Box<dyn hapt_rt::Device>, world: &World) -> Self {
-        let plan = Plan::new(world, Guarding::Certified).unwrap();
+        let plan = Plan::new(world, SafetyProfile::Certified).unwrap();
         Looped { cycle: Cycle::new(Box::new(plan), device), samples: 0 }
     }
 

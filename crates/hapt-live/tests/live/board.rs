@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use hapt_core::Guarding;
+use hapt_core::SafetyProfile;
 use hapt_link::Link;
 use hapt_link::simulate::Simulated;
 use hapt_live::{Error, Live, Machine, Options, Runs};
@@ -47,8 +47,8 @@ fn plugged(folder: &str) -> (Simulated, Live) {
     let options = Options { source, sets: Vec::new(), address: "127.0.0.1:0".parse().unwrap(), folder: folder.into() };
     let live = Live::start_on(options, |_| {
         let link = Box::new(Link::open(board.path())?);
-        let (name, guarding) = ("hapt:table".into(), Guarding::Certified);
-        Ok::<_, Error>(Machine { name, runs: Runs::Board(link), hands: None, guarding })
+        let (name, profile) = ("hapt:table".into(), SafetyProfile::Certified);
+        Ok::<_, Error>(Machine { name, runs: Runs::Board(link), hands: None, profile })
     });
     (board, live.unwrap())
 }

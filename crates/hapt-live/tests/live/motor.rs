@@ -1,6 +1,6 @@
 //! A loop behind a page whose device is not the page's to move.
 
-use hapt_core::Guarding;
+use hapt_core::SafetyProfile;
 use hapt_live::{Error, Live, Machine, Options};
 use hapt_model::Source;
 use hapt_rt::Hands;
@@ -9,11 +9,11 @@ use serde_json::json;
 use crate::common::{Frame, Page, WORLD, arm, many_bodies};
 
 /// The world on a device that is guarded as a real one; its hand is the test's. A busy machine is late, and that is no matter here.
-fn on_a_motor(guarding: Guarding) -> (Live, Option<Hands>) {
-    on_a_motor_with(guarding, WORLD, &[])
+fn on_a_motor(profile: SafetyProfile) -> (Live, Option<Hands>) {
+    on_a_motor_with(profile, WORLD, &[])
 }
 
-fn on_a_motor_with(guarding: Guarding, world: &str, more: &[&str]) -> (Live, Option<Hands>) {
+fn on_a_motor_with(profile: SafetyProfile, world: &str, more: &[&str]) -> (Live, Option<Hands>) {
     let source = Source::from_text("wheel.toml", world);
     let sets = ["loop.period=2 ms", "loop.estimator=difference", "safety.late=0 s", "device.damping=5e-3 N m s/rad"];
     let sets: Vec<&str> = sets.iter().chain(more).copied().collect();
@@ -27,14 +27,14 @@ fn on_a_motor_with(guarding: Guarding, world: &str, more: &[&str]) -> (Live, Opt
     let live = Live::start_on(options, |world| {
         let machine = Machine::simulated(world);
         hands = machine.hands;
-        Ok::<_, Error>(Machine { name: "motor".into(), hands: None, guarding, ..machine })
+        Ok::<_, Error>(Machine { name: "motor".into(), hands: None, profile, ..machine })
     });
     (live.unwrap(), hands)
 }
 
 #[test]
 fn a_motor_waits_to_be_armed_and_lets_go_when_the_page_is_silent() {
-    let (live, _hands) = on_a_motor(Guarding::Certified);
+    let (live, _hands) = on_a_motor(SafetyProfile::Certified);
     let (mut page, _) = Page::new(&live);
     assert_eq!(page.hear("world")["device"], "motor");
     for _ in 0..5 {
@@ -49,7 +49,7 @@ fn a_motor_waits_to_be_armed_and_lets_go_when_the_page_is_silent() {
 
 #[test]
 fn a_motor_has_no_hand_for_the_page_and_no_key_goes_beyond_the_certificate() {
-    let (live, _hands) = on_a_motor(Guarding::Certified);
+    let (live, _hands) = on_a_motor(SafetyProfile::Certified);
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "scenario", "name": "step" }));
     assert!(page.hear("refused")["message"].as_str().unwrap().contains("no hand"));
@@ -59,7 +59,7 @@ fn a_motor_has_no_hand_for_the_page_and_no_key_goes_beyond_the_certificate() {
     assert_eq!(page.hear_until("world", |world| world["generation"] != 0)["generation"], 1);
     drop((live, page));
 
-    let (live, _hands) = on_a_motor(Guarding::Uncertified);
+    let (live, _hands) = on_a_motor(SafetyProfile::Uncertified);
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "set", "key": "loop.method", "value": "forward-euler" }));
     assert_eq!(page.hear_until("world", |world| world["generation"] != 0)["generation"], 1);
@@ -77,8 +77,8 @@ fn set(page: &mut Page, key: &str, value: &str) -> Result<(), String> {
 
 #[test]
 fn what_the_file_says_of_device_and_safety_is_a_ceiling_whatever_a_page_says() {
-    for guarding in [Guarding::Certified, Guarding::Uncertified] {
-        let (live, _hands) = on_a_motor(guarding);
+    for profile in [SafetyProfile::Certified, SafetyProfile::Uncertified] {
+        let (live, _hands) = on_a_motor(profile);
         let (mut page, _) = Page::new(&live);
         page.hear("world");
         for (key, value) in [
@@ -134,7 +134,7 @@ fn what_the_file_says_of_device_and_safety_is_a_ceiling_whatever_a_page_says() {
 
 #[test]
 fn the_certificate_is_about_the_files_device() {
-    let (live, _hands) = on_a_motor(Guarding::Certified);
+    let (live, _hands) = on_a_motor(SafetyProfile::Certified);
     let (mut page, _) = Page::new(&live);
     page.hear("world");
     // b = 5 mN m s/rad pays for K T/2 up to 5 N m/rad in all, by whatever road.
@@ -157,7 +157,7 @@ fn the_certificate_is_about_the_files_device() {
 
 #[test]
 fn without_the_links_token_nobody_gets_control_of_a_motor() {
-    let (live, _hands) = on_a_motor(Guarding::Certified);
+    let (live, _hands) = on_a_motor(SafetyProfile::Certified);
     let token = live.link().split_once("/#").unwrap().1.to_string();
     assert!(live.asks_for_token() && token.len() == 32);
     for hello in [json!({ "type": "hello", "v": 1 }), json!({ "type": "hello", "v": 1, "token": "0".repeat(32) })] {
@@ -179,7 +179,7 @@ fn without_the_links_token_nobody_gets_control_of_a_motor() {
 /// Of a machine that stands still now and then, the best of some tries.
 #[test]
 fn the_torque_is_off_within_the_links_time_of_the_pages_last_message() {
-    let (live, _hands) = on_a_motor_with(Guarding::Certified, PUSHED, &[]);
+    let (live, _hands) = on_a_motor_with(SafetyProfile::Certified, PUSHED, &[]);
     let (mut page, _) = Page::new(&live);
     let off = |page: &mut Page| {
         arm(page);
@@ -197,7 +197,7 @@ fn the_torque_is_off_within_the_links_time_of_the_pages_last_message() {
 
 #[test]
 fn a_page_that_comes_after_another_inherits_no_torque() {
-    let (live, _hands) = on_a_motor_with(Guarding::Certified, PUSHED, &["safety.link=20 s"]);
+    let (live, _hands) = on_a_motor_with(SafetyProfile::Certified, PUSHED, &["safety.link=20 s"]);
     for way in ["reload", "give", "take"] {
         let (mut page, _) = Page::new(&live);
         page.say(json!({ "type": "take" }));
@@ -232,7 +232,7 @@ fn stop_waits_for_no_certificate_and_for_no_flood() {
     // Some 400 at once are taken or dropped; beyond that the socket closes, and looks for a stop in what came.
     for (messages, is_motor) in [(60, true), (200, true), (200, false), (1000, false)] {
         let (live, _hands) = match is_motor {
-            true => on_a_motor_with(Guarding::Uncertified, &world, &["safety.stuck=0"]),
+            true => on_a_motor_with(SafetyProfile::Uncertified, &world, &["safety.stuck=0"]),
             false => (crate::common::live(&world), None),
         };
         let (mut watcher, _) = Page::new(&live);
@@ -290,7 +290,7 @@ fn set_without_end(page: &mut Page, torque: f64, time: f64, wanted: impl Fn(&Fra
 fn the_motors_torque_follows_the_world_however_quickly_a_page_changes_it() {
     // Each swap fades over, and takes the torque on from where it was: at every sample they would hold it there.
     let (live, _hands) = on_a_motor_with(
-        Guarding::Certified,
+        SafetyProfile::Certified,
         PUSHED,
         &["loop.period=50 ms", "safety.link=20 s", "couplings.0.torque=5 N mm"],
     );
@@ -309,14 +309,14 @@ fn the_motors_torque_follows_the_world_however_quickly_a_page_changes_it() {
 
 #[test]
 fn a_delay_in_samples_does_not_shrink_with_the_period() {
-    let (live, _hands) = on_a_motor_with(Guarding::Certified, PUSHED, &["loop.delay=1.5 samples"]);
+    let (live, _hands) = on_a_motor_with(SafetyProfile::Certified, PUSHED, &["loop.delay=1.5 samples"]);
     let (mut page, _) = Page::new(&live);
     page.hear("world");
     for period in ["0.2 ms", "1 ms", "4 ms"] {
         assert!(set(&mut page, "loop.period", period).unwrap_err().contains("in samples"), "{period}");
     }
     // As a time it stays what it is.
-    let (live, _hands) = on_a_motor_with(Guarding::Certified, PUSHED, &["loop.delay=3 ms"]);
+    let (live, _hands) = on_a_motor_with(SafetyProfile::Certified, PUSHED, &["loop.delay=3 ms"]);
     let (mut page, _) = Page::new(&live);
     page.hear("world");
     set(&mut page, "loop.period", "1.9 ms").unwrap();

@@ -7,7 +7,7 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
 use crate::common::{self, WHEEL, header, world};
-use hapt_core::{Guarding, Phase, Request};
+use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_log::{Ending, Error, Log, Recorder, Summary, columns, phase_name, replay};
 use hapt_rt::{BODIES, Engine, Order, Plan, Record, Simulated, Touch};
 use hapt_sim::Grip;
@@ -45,7 +45,7 @@ fn record(sample: u64) -> Record {
 /// many samples of it.
 fn session(samples: usize, text: &str, other: &str) -> Vec<Record> {
     let world = world(text);
-    let plan = Plan::new(&world, Guarding::Simulated).unwrap();
+    let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
     let next = Plan::following(&common::world(other), &plan).unwrap();
     let (device, mut hand) = Simulated::new(&world);
     let mut engine = Engine::start(plan, Box::new(device)).unwrap();
@@ -129,7 +129,7 @@ fn a_session_through_the_core_again_gives_the_same_bits_over_a_change_of_worlds(
 fn behind_a_gap_the_recorder_orders_the_loops_state_and_the_replay_goes_on_from_there() {
     let world = world(WHEEL);
     let (device, mut hand) = Simulated::new(&world);
-    let mut engine = Engine::start(Plan::new(&world, Guarding::Simulated).unwrap(), Box::new(device)).unwrap();
+    let mut engine = Engine::start(Plan::new(&world, SafetyProfile::Simulated).unwrap(), Box::new(device)).unwrap();
     engine.send(Order::Request(Request::Arm)).unwrap();
     hand.push(Touch::Grab(Grip { inertia: 0.0, damping: 0.02, stiffness: 5.0 })).unwrap();
     hand.push(Touch::Move(0.4)).unwrap();

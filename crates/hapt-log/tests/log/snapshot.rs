@@ -1,7 +1,7 @@
 //! A log that begins anywhere in a loop's life, and goes on behind a gap: with the loop's state, its replay gives the same bits.
 
 use crate::common::{WHEEL, header, world, worlds};
-use hapt_core::{Guarding, Reason, Request};
+use hapt_core::{Reason, Request, SafetyProfile};
 use hapt_log::{Error, Header, Log, LogWriter, Origin, Replay, replay};
 use hapt_model::World;
 use hapt_rt::{Cycle, Device, Failure, Hands, Moment, Plan, Position, Record, Simulated, Snapshot, Touch};
@@ -88,7 +88,7 @@ fn hand(hands: &mut Hands, to: Option<f64>, held: &mut bool) {
 }
 
 /// Lives it, with a snapshot before each sample that `taken` names.
-fn live(texts: &[String], guarding: Guarding, events: &[(u64, Event)], taken: &[u64]) -> Life {
+fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken: &[u64]) -> Life {
     let worlds: Vec<World> = texts.iter().map(|text| world(text)).collect();
     let (device, mut hands) = Simulated::new(&worlds[0]);
     let glitches = events.iter().filter_map(|&(at, event)| match event {
@@ -96,7 +96,7 @@ fn live(texts: &[String], guarding: Guarding, events: &[(u64, Event)], taken: &[
         _ => None,
     });
     let device = Glitching { device, sample: 0, glitches: glitches.collect() };
-    let mut plan = Plan::new(&worlds[0], guarding).unwrap();
+    let mut plan = Plan::new(&worlds[0], profile).unwrap();
     let mut cycle = Cycle::new(Box::new(plan.clone()), Box::new(device));
     let (mut records, mut snapshots, mut plans) = (Vec::<Record>::new(), Vec::new(), vec![0]);
     let (mut held, mut k) = (false, 0);
@@ -135,12 +135,12 @@ fn live(texts: &[String], guarding: Guarding, events: &[(u64, Event)], taken: &[
 
 impl Life {
     /// The log of some of the records, with the snapshots that stand before one of them.
-    fn log(&self, guarding: Guarding, records: impl Iterator<Item = usize>) -> Vec<u8> {
+    fn log(&self, profile: SafetyProfile, records: impl Iterator<Item = usize>) -> Vec<u8> {
         let mut writer: Option<LogWriter<Vec<u8>>> = None;
         for record in records.filter_map(|at| self.records.get(at)) {
             let world = &self.worlds[self.plans[record.plan as usize]];
             let writer = writer.get_or_insert_with(|| {
-                let header = Header { guarding, plan: record.plan, ..header("") };
+                let header = Header { profile, plan: record.plan, ..header("") };
                 LogWriter::new(Vec::new(), world, &header, Origin::Live(0)).unwrap()
             });
             if writer.plan() != record.plan {
@@ -163,7 +163,7 @@ proptest! {
     #[test]
     fn a_replay_begins_with_a_snapshot_wherever_it_was_taken_and_goes_on_behind_a_gap(
         texts in prop::collection::vec(worlds(), 3),
-        guarding in prop::sample::select(Guarding::ALL.to_vec()),
+        profile in prop::sample::select(SafetyProfile::ALL.to_vec()),
         events in events(),
         begin in 0..LIFE - 200,
         gap in 1usize..60,
@@ -171,14 +171,14 @@ proptest! {
     ) {
         let (from, lost) = (begin as usize, begin as usize + 50);
         let again = lost + gap + late;
-        let life = live(&texts, guarding, &events, &[begin, again as u64]);
+        let life = live(&texts, profile, &events, &[begin, again as u64]);
         prop_assume!(life.records.len() > again + 20);
         let all = life.records.len() - from;
-        let whole = replayed(&life.log(guarding, from..life.records.len()));
+        let whole = replayed(&life.log(profile, from..life.records.len()));
         prop_assert_eq!((whole.compared, whole.skipped, whole.gaps), (all as u64, 0, 0), "{:?}", whole);
         prop_assert_eq!(whole.first, None);
 
-        let gone = replayed(&life.log(guarding, (from..life.records.len()).filter(|at| !(lost..lost + gap).contains(at))));
+        let gone = replayed(&life.log(profile, (from..life.records.len()).filter(|at| !(lost..lost + gap).contains(at))));
         prop_assert_eq!((gone.compared, gone.skipped, gone.gaps), ((all - gap - late) as u64, late as u64, 1), "{:?}", gone);
         prop_assert_eq!(gone.first, None);
     }
@@ -187,10 +187,10 @@ proptest! {
     #[test]
     fn a_snapshot_changed_in_one_place_is_not_the_loops(bit in 30u32..52) {
         let texts = vec![WHEEL.to_string()];
-        let mut life = live(&texts, Guarding::Simulated, &[(20, Event::Hand(Some(0.0))), (22, Event::Hand(Some(0.5)))], &[300]);
+        let mut life = live(&texts, SafetyProfile::Simulated, &[(20, Event::Hand(Some(0.0))), (22, Event::Hand(Some(0.5)))], &[300]);
         let place = &mut life.snapshots[0].state.now.position[0];
         *place = f64::from_bits(place.to_bits() ^ (1 << bit));
-        let again = replayed(&life.log(Guarding::Simulated, 300..700));
+        let again = replayed(&life.log(SafetyProfile::Simulated, 300..700));
         prop_assert!(again.different > 100 && again.first.unwrap().sample == 300);
     }
 }
@@ -205,7 +205,7 @@ fn the_lives_have_faults_swaps_and_torques_in_them() {
     let (mut torques, mut reasons, mut plans) = (0, std::collections::BTreeSet::new(), 0);
     for _ in 0..60 {
         let (texts, events) = strategy.new_tree(&mut runner).unwrap().current();
-        let life = live(&texts, Guarding::Certified, &events, &[]);
+        let life = live(&texts, SafetyProfile::Certified, &events, &[]);
         torques += life.records.iter().filter(|record| record.output != 0.0).count();
         reasons.extend(life.records.iter().filter_map(|record| record.reason.map(Reason::code)));
         plans += life.plans.len() - 1;
@@ -216,8 +216,8 @@ fn the_lives_have_faults_swaps_and_torques_in_them() {
 #[test]
 fn a_log_copied_sample_by_sample_keeps_its_snapshots() {
     let texts = vec![WHEEL.to_string()];
-    let life = live(&texts, Guarding::Simulated, &[(20, Event::Hand(Some(0.0)))], &[200, 400]);
-    let bytes = life.log(Guarding::Simulated, 200..500);
+    let life = live(&texts, SafetyProfile::Simulated, &[(20, Event::Hand(Some(0.0)))], &[200, 400]);
+    let bytes = life.log(SafetyProfile::Simulated, 200..500);
     let mut log = Log::read(&bytes[..]).unwrap();
     let mut copy = LogWriter::new(Vec::new(), &life.worlds[0], &log.header.clone(), log.origin).unwrap();
     let mut found = Vec::new();
@@ -233,8 +233,8 @@ fn a_log_copied_sample_by_sample_keeps_its_snapshots() {
 #[test]
 fn a_state_of_another_version_is_left_alone() {
     let texts = vec![WHEEL.to_string()];
-    let life = live(&texts, Guarding::Simulated, &[], &[200]);
-    let mut bytes = life.log(Guarding::Simulated, 200..300);
+    let life = live(&texts, SafetyProfile::Simulated, &[], &[200]);
+    let mut bytes = life.log(SafetyProfile::Simulated, 200..300);
     assert_eq!(replayed(&bytes).compared, 100);
     let name = b"state-200";
     let at = bytes.windows(name.len()).position(|window| window == name).unwrap();

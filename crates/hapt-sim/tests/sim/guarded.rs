@@ -1,7 +1,7 @@
 //! The supervisor on the exact device: the notes' runs pass, what runs away is caught, signs are told, energies agree.
 
 use crate::common::{bare, spring, wheel};
-use hapt_core::{Guarded, Guarding, Limits, Phase, Reading, Reason, Request, Watch};
+use hapt_core::{Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, SupervisorState};
 use hapt_model::{
     Body, Clampable, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Side, Source, World,
 };
@@ -14,25 +14,25 @@ struct Guard {
     core: DesktopLoop,
     supervisor: DesktopSupervisor,
     state: State,
-    watch: Watch<f64>,
+    watch: SupervisorState<f64>,
 }
 
 impl Guard {
-    fn new(world: &World, guarding: Guarding) -> Self {
+    fn new(world: &World, profile: SafetyProfile) -> Self {
         let core = DesktopLoop::new(&world.spec()).unwrap();
         // The puck is where the run says, also where it is armed elsewhere than at 0.
-        let limits = Limits { zero_where_armed: false, ..world.limits(guarding) };
+        let limits = Limits { zero_where_armed: false, ..world.limits(profile) };
         let supervisor = DesktopSupervisor::new(&limits, &world.spec()).unwrap();
-        Guard { state: core.start(), core, supervisor, watch: Watch::START }
+        Guard { state: core.start(), core, supervisor, watch: SupervisorState::START }
     }
 
-    fn step(&mut self, position: f64, velocity: f64, announced: bool, request: Option<Request>) -> Guarded<f64> {
+    fn step(&mut self, position: f64, velocity: f64, announced: bool, request: Option<Request>) -> SafeOutput<f64> {
         let reading = Reading { position, velocity, announced, late: 0.0, missed: 0, silent: 0.0 };
         self.supervisor.step(&mut self.watch, &self.core, &mut self.state, &reading, request)
     }
 
     /// A period of the device, whose motor feels `gain` times the torque.
-    fn on(&mut self, device: &mut VirtualDevice, gain: f64, request: Option<Request>) -> Guarded<f64> {
+    fn on(&mut self, device: &mut VirtualDevice, gain: f64, request: Option<Request>) -> SafeOutput<f64> {
         let (position, velocity) = device.puck();
         let guarded = self.step(position, velocity, false, request);
         device.command(gain * guarded.output);
@@ -58,7 +58,7 @@ fn every_run_of_the_notes_passes_and_only_forward_euler_is_warned_of() {
         let path = entry.unwrap().path();
         let world = World::read(&Source::from_text("w", std::fs::read_to_string(&path).unwrap()), &[]).unwrap();
         for scenario in &world.scenarios {
-            let mut guard = Guard::new(&world, Guarding::Simulated);
+            let mut guard = Guard::new(&world, SafetyProfile::Simulated);
             let jump = match scenario.hand.drive {
                 Drive::Position(Shape::Step { at, .. }) => Some((at / world.sampling.period).round() as u64),
                 _ => None,
@@ -91,11 +91,11 @@ fn a_wheel_that_runs_away_by_itself_is_caught_and_stays_without_torque() {
     world.bodies[0].position = 0.2;
     world.device.damping = 1e-4;
     // On the simulated device it is caught only where the file asks for it.
-    for (guarding, asked) in
-        [(Guarding::Simulated, Some(true)), (Guarding::Simulated, None), (Guarding::Uncertified, None)]
+    for (profile, asked) in
+        [(SafetyProfile::Simulated, Some(true)), (SafetyProfile::Simulated, None), (SafetyProfile::Uncertified, None)]
     {
         world.safety.world_trips = asked;
-        let mut guard = Guard::new(&world, guarding);
+        let mut guard = Guard::new(&world, profile);
         let mut device = VirtualDevice::new(&world.rig());
         let mut caught = None;
         for sample in 0..60_000 {
@@ -108,11 +108,11 @@ fn a_wheel_that_runs_away_by_itself_is_caught_and_stays_without_torque() {
                 assert_eq!(guarded.output, 0.0);
             }
         }
-        if (guarding, asked) == (Guarding::Simulated, None) {
+        if (profile, asked) == (SafetyProfile::Simulated, None) {
             assert_eq!(caught, None);
             continue;
         }
-        assert!(matches!(caught, Some(Reason::PortEnergy | Reason::WorldEnergy)), "{guarding:?}: {caught:?}");
+        assert!(matches!(caught, Some(Reason::PortEnergy | Reason::WorldEnergy)), "{profile:?}: {caught:?}");
     }
 }
 
@@ -126,7 +126,7 @@ fn the_sign_test_tells_a_reversed_motor_a_hand_in_the_way_and_none() {
         (0.0, None, Phase::Faulted, Some(Reason::Stuck)),
         (1.0, Some(stiff), Phase::Faulted, Some(Reason::Stuck)),
     ] {
-        let mut guard = Guard::new(&world, Guarding::Certified);
+        let mut guard = Guard::new(&world, SafetyProfile::Certified);
         let mut device = VirtualDevice::new(&world.rig());
         device.hold(grip);
         let mut farthest = 0.0_f64;
@@ -145,9 +145,9 @@ fn a_puck_that_nobody_holds_is_stopped_before_it_is_too_fast() {
     let mut world = bare();
     world.device.limit = Some(0.5);
     world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque: 0.4 } }];
-    let mut guard = Guard::new(&world, Guarding::Certified);
+    let mut guard = Guard::new(&world, SafetyProfile::Certified);
     let mut device = VirtualDevice::new(&world.rig());
-    let limits = world.limits(Guarding::Certified);
+    let limits = world.limits(SafetyProfile::Certified);
     let mut fastest = 0.0_f64;
     for sample in 0..5000 {
         guard.on(&mut device, 1.0, (sample == 20).then_some(Request::Arm));
@@ -192,13 +192,13 @@ proptest! {
         ];
         world.couplings =
             laws.iter().map(|&(pair, law)| Coupling { first: pairs[pair].0, second: pairs[pair].1, law }).collect();
-        let mut guard = Guard::new(&world, Guarding::Simulated);
+        let mut guard = Guard::new(&world, SafetyProfile::Simulated);
         guard.step(puck, 0.0, false, Some(Request::Arm));
         let State { now, change, .. } = guard.state;
         let bodies: Vec<(f64, f64)> =
             (0..2).map(|i| (now.position[i] + change.position[i], now.velocity[i] + change.velocity[i])).collect();
         let stored = world_energy(&world, puck, &bodies, &vec![0.0; world.couplings.len()]);
-        let account = guard.watch.account() - world.limits(Guarding::Simulated).energy;
+        let account = guard.watch.account() - world.limits(SafetyProfile::Simulated).energy;
         prop_assert!((account - stored).abs() < 1e-9 * (1.0 + stored), "{account} {stored}");
     }
 
@@ -209,7 +209,7 @@ proptest! {
     ) {
         let mut world = michigan(Method::Zoh, Output::End);
         world.couplings.push(spring(End::Puck, End::Ground, own));
-        let mut guard = Guard::new(&world, Guarding::Certified);
+        let mut guard = Guard::new(&world, SafetyProfile::Certified);
         let mut device = VirtualDevice::new(&world.rig());
         let mut sample = 0;
         while guard.watch.phase != Phase::Running {

@@ -1,7 +1,7 @@
 //! The half in the timer's interrupt: one guarded sample a period.
 
 use crate::{Refusal, States, Telemetry};
-use hapt_core::{Guarded, Phase, Reading, Reason, Request, Watch};
+use hapt_core::{Phase, Reading, Reason, Request, SafeOutput, SupervisorState};
 
 use super::mailbox::{Action, FIRST_PERIOD, Outcome, Pending, Progress, Response};
 use super::{Board, Mailbox, Slot};
@@ -36,7 +36,7 @@ pub struct Motor {
 #[derive(Debug)]
 pub struct Sampler<'w> {
     slot: &'w mut Slot,
-    watch: Watch<f32>,
+    watch: SupervisorState<f32>,
     /// The number of the next sample.
     next: u64,
     /// The number of the sample before which somebody was last heard.
@@ -62,7 +62,7 @@ impl<'w> Sampler<'w> {
         *slot = Slot::EMPTY;
         Sampler {
             slot,
-            watch: Watch::START,
+            watch: SupervisorState::START,
             next: 0,
             heard: None,
             request: None,
@@ -119,7 +119,7 @@ impl<'w> Sampler<'w> {
         let now = &compiled.state.now;
         let states = now.position.iter().copied().zip(now.velocity.iter().copied());
         let bodies = States::new(states.take(compiled.world.bodies()));
-        let Guarded { sample: of_world, output, phase, reason, warning } = guarded;
+        let SafeOutput { sample: of_world, output, phase, reason, warning } = guarded;
         if let Some((sequence, request)) = asked {
             let went = match request {
                 Request::Arm => phase.is_active(),

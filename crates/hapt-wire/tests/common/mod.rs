@@ -1,7 +1,7 @@
 //! A board on the table, and a host that speaks to it.
 #![allow(dead_code)] // Each test takes what it wants of it.
 
-use hapt_core::{Guarding, Phase};
+use hapt_core::{Phase, SafetyProfile};
 use hapt_model::{Source, World};
 use hapt_wire::device::{Board, Endpoint, Measurement, Motor, Slot};
 use hapt_wire::{
@@ -39,7 +39,7 @@ pub fn world(text: &str, sets: &[&str]) -> World {
 }
 
 pub fn packed(world: &World) -> Vec<u8> {
-    pack(&world.spec(), &world.limits(Guarding::Certified), &mut [0; 4096]).unwrap().to_vec()
+    pack(&world.spec(), &world.limits(SafetyProfile::Certified), &mut [0; 4096]).unwrap().to_vec()
 }
 
 /// What a board has said.

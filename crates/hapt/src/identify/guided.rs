@@ -7,7 +7,7 @@
 use std::io::{BufRead, IsTerminal, Write, stderr, stdin};
 use std::time::{Duration, Instant};
 
-use hapt_core::{Guarding, Phase, Request};
+use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_identify::{Bounds, Record};
 use hapt_log::{Header, Recorder};
 use hapt_model::keys::Measure;
@@ -145,10 +145,10 @@ impl Experiment {
         (bare.safety.fade, bare.safety.torque) = (bounds.fade, Some(bounds.torque));
         // A constant torque cannot run away by its sign, which is what is to be found; and it may well be smaller than the friction.
         (bare.safety.pulse, bare.safety.stuck) = (Some(0.0), Some(0.0));
-        let guarding = if spec.has_a_motor() { Guarding::Certified } else { Guarding::Simulated };
+        let profile = if spec.has_a_motor() { SafetyProfile::Certified } else { SafetyProfile::Simulated };
         let settings = settings(&args.realtime, world)?;
-        let first = plan(&bare, guarding)?;
-        let header = || Header { world_text: bare.to_toml(), device: args.what.clone(), guarding, ..Header::default() };
+        let first = plan(&bare, profile)?;
+        let header = || Header { world_text: bare.to_toml(), device: args.what.clone(), profile, ..Header::default() };
         let recording = Recording::start(args.log.as_deref(), &bare, header)?;
         // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
         output::end_in_order();

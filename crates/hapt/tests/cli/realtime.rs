@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-use hapt_core::Watch;
+use hapt_core::SupervisorState;
 use hapt_log::{Log, LogWriter};
 use hapt_rt::{Plan, Snapshot};
 use serde_json::Value;
@@ -103,8 +103,8 @@ fn a_log_of_a_run_gives_the_torques_again() {
         let mut log = Log::open(at.path().join("a.mcap")).unwrap();
         let world = log.plan().world.clone();
         let mut writer = LogWriter::new(Vec::new(), &world, &log.header.clone(), log.origin).unwrap();
-        let (plan, mut sample) = (Plan::new(&world, log.header.guarding).unwrap(), 0);
-        let (mut state, mut watch) = (plan.start(), Watch::START);
+        let (plan, mut sample) = (Plan::new(&world, log.header.profile).unwrap(), 0);
+        let (mut state, mut watch) = (plan.start(), SupervisorState::START);
         while let Some(logged) = log.next().unwrap() {
             let inputs = logged.inputs().unwrap();
             if sample == 200 && with_state {

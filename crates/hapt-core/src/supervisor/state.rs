@@ -9,7 +9,7 @@ use crate::supervisor::{CALM, Phase, Reason};
 /// What the supervisor remembers from sample to sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Watch<F> {
+pub struct SupervisorState<F> {
     /// Where it stands.
     pub phase: Phase,
     /// Why it is faulted, or has faded out by itself.
@@ -39,9 +39,9 @@ pub struct Watch<F> {
     pub(crate) calm: u32,
 }
 
-impl<F: Real> Watch<F> {
+impl<F: Real> SupervisorState<F> {
     /// Disarmed.
-    pub const START: Self = Watch {
+    pub const START: Self = SupervisorState {
         phase: Phase::Disarmed,
         reason: None,
         warning: None,
