@@ -23,49 +23,32 @@
 // No law, method or estimator falls into an arm for the rest.
 #![warn(clippy::wildcard_enum_match_arm)]
 
+pub mod batch;
+pub mod boundary;
 pub mod certificate;
-pub mod check;
-pub mod closed_form;
-pub mod continuous;
-pub mod counts;
-pub mod critical;
-mod curve;
-pub mod decomposition;
-mod delay;
 pub mod design;
-pub mod discrete;
-pub mod eigen;
+pub mod equations;
 pub mod error;
-mod estimator;
-pub mod felt;
-mod follow;
-pub mod free;
-pub mod grip;
-pub mod held;
-mod hessenberg;
-mod ideal;
-mod impedance;
-mod jacobi;
-mod laws;
-mod lone;
-mod matrix;
-mod modal;
+pub mod impedance;
+pub mod numerics;
 pub mod passivity;
-mod polynomial;
-mod port;
-mod proof;
-pub mod proposal;
-mod rayleigh;
-pub mod remedies;
-mod series;
-pub mod side;
-pub mod simplex;
 pub mod stability;
-mod stack;
-mod structure;
-mod supremum;
-pub mod wheels;
-pub mod z_width;
+
+// The names from before the folders.
+pub use batch::{loops as side, worlds as wheels};
+pub use boundary::{d_decomposition as decomposition, z_width};
+pub use certificate::{check, proposal, remedies};
+pub use design::closed_form;
+pub use equations::{continuous, discrete};
+use equations::{closed_loop as stack, delay, estimator, laws, modal, port, structure};
+use impedance::ideal;
+pub use impedance::rendered as felt;
+pub use numerics::nelder_mead as simplex;
+use numerics::{crossing as follow, hessenberg, jacobi, matrix, polynomial, rayleigh, series};
+pub use passivity::{quantisation as counts, worst_grip as grip};
+use passivity::{curve, proof, supremum};
+pub use stability::{critical, eigen, free, held};
+use stability::single_body as lone;
 
 pub use certificate::is_certified;
 pub use check::{Check, check, quick_check};

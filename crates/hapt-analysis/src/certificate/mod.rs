@@ -1,0 +1,8 @@
+//! The certificate of a world, what would earn it, and how far each number may go.
+
+mod certified;
+pub mod check;
+pub mod proposal;
+pub mod remedies;
+
+pub use certified::*;

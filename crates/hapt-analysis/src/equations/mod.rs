@@ -1,0 +1,11 @@
+//! The equations of a world and its loop, made linear: matrices of motion, one sample of them, the closed loop.
+
+pub(crate) mod closed_loop;
+pub mod continuous;
+pub(crate) mod delay;
+pub mod discrete;
+pub(crate) mod estimator;
+pub(crate) mod laws;
+pub(crate) mod modal;
+pub(crate) mod port;
+pub(crate) mod structure;
