@@ -18,7 +18,7 @@ const TOOLS: [(&str, &str); 5] = [
 /// How long it may take, in s.
 const TIME: &str = "560";
 
-/// The drives on a CAN bus: `crates/hapt-drive/tests/vcan.rs`.
+/// The drives on a CAN bus: `crates/hapt-drive/tests/vcan/main.rs`.
 pub fn drives() -> Result<()> {
     if let Some(missing) = missing()? {
         println!("SKIPPED: the drives on a CAN bus want {missing}, as root on Debian; with CI=1 they are installed");

@@ -114,8 +114,7 @@ pub fn names_real_tests() -> Result<()> {
         let (folder, file) = file.split_once('/').with_context(|| format!("no folder in {code}"))?;
         let path = match folder {
             "cli" => format!("crates/hapt/tests/cli/{file}.rs"),
-            "sim" => format!("crates/hapt-sim/tests/sim/{file}.rs"),
-            crate_name => format!("crates/hapt-{crate_name}/tests/{file}.rs"),
+            name => format!("crates/hapt-{name}/tests/{name}/{file}.rs"),
         };
         let source = fs::read_to_string(&path).with_context(|| path.clone())?;
         ensure!(source.contains(&format!("fn {}(", name.trim())), "{path} has no test {}", name.trim());

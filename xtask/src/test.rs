@@ -38,7 +38,7 @@ pub fn run() -> Result<()> {
     tally.step("documentation", cargo("doc --workspace --no-deps", "-D warnings"));
     tally.step("the program that ships", shipped.end());
     let program = std::path::absolute(binary("release").get_program())?;
-    let mut with_it = tests(&["--package", "hapt", "--profile", PROFILE, "--test", "bad_inputs"]);
+    let mut with_it = tests(&["--package", "hapt", "--profile", PROFILE, "--test", "cli", "bad_inputs"]);
     tally.tests("bad inputs with it", with_it.env("HAPT_PROGRAM", program))?;
     for world in worlds(Path::new("worlds"))? {
         tally.step(&world.display().to_string(), same_bytes(&world));

@@ -1,6 +1,8 @@
 //! The command line as its users meet it: what is typed, what comes out, and how it ends.
 
 #[cfg(unix)]
+mod bad_inputs;
+#[cfg(unix)]
 mod blocked;
 #[cfg(unix)]
 mod board;

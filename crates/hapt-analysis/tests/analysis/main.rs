@@ -1,0 +1,16 @@
+//! The certificate, the margins and the remedies, against closed forms, the real loop and brute force.
+
+mod check;
+mod common;
+mod critical;
+mod decomposition;
+mod discrete;
+mod felt;
+mod free;
+mod grip;
+mod held;
+mod passivity;
+mod published;
+mod remedies;
+mod side;
+mod z_width;

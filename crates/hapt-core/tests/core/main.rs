@@ -1,0 +1,11 @@
+//! One guarded sample of the loop: the rules of its methods, its limits, and what it refuses.
+// Tests run where the standard library is.
+#![allow(clippy::disallowed_methods, clippy::disallowed_macros)]
+
+mod gradient;
+mod lanes;
+mod methods;
+mod reference;
+mod refused;
+mod sample;
+mod supervisor;

@@ -1,0 +1,282 @@
+//! The loop on a simulated moteus, over a serial line: a certified world is quiet, and whatever goes wrong takes the torque away.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering::SeqCst};
+use std::time::{Duration, Instant};
+
+use hapt_core::{Phase, Reason, Request};
+use hapt_drive::moteus::Simulated;
+use hapt_drive::simulate::{Firmware, Shaft, Time};
+use hapt_drive::{Error, Frame, Make, Terms, Trouble};
+use hapt_model::World;
+use hapt_rt::Failure;
+
+use crate::rig::{Looped, Rig, lockstep, read, soon};
+
+/// A spring to ground that this device certifies, through a gear that turns the other way. The period is long, so that a busy machine
+/// answers in time; in lockstep it takes no longer.
+const WORLD: &str = r#"
+    [loop]
+    period = "100 ms"
+    estimator = "difference"
+    [device]
+    inertia = "6.4e-4 kg m^2"
+    damping = "1.2e-3 N m s/rad"
+    limit = "100 N mm"
+    [device.drive]
+    gear = 3
+    direction = "reverse"
+    [safety]
+    stuck = 0
+    fade = "1 s"
+    [[couplings]]
+    kind = "spring"
+    between = ["puck", "ground"]
+    stiffness = "0.02 N m/rad"
+    rest = "0.3 rad"
+    [scenarios.push]
+    duration = "1 s"
+    hand = { kind = "torque", moves = { kind = "step", to = "20 N mm" } }
+"#;
+
+fn world(sets: &[&str]) -> World {
+    read(WORLD, sets)
+}
+
+/// A drive that a fault of this number strikes.
+struct Struck(Simulated, Arc<AtomicU32>);
+
+impl Firmware for Struck {
+    fn asks(&self, frame: &Frame) -> bool {
+        self.0.asks(frame)
+    }
+
+    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
+        self.0.hear(frame, shaft, say);
+    }
+
+    fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64 {
+        let code = self.1.swap(0, SeqCst);
+        if code > 0 {
+            self.0.fail(code as u8);
+        }
+        self.0.pass(seconds, shaft, say)
+    }
+}
+
+fn rig(world: &World, id: u8, time: Time) -> Rig {
+    Rig::new(Make::Moteus, None, Box::new(Simulated::new(id)), world, time)
+}
+
+fn looped(rig: &Rig, world: &World) -> Looped {
+    rig.looped(world, 0)
+}
+
+/// Until it fails or faults, which has to come.
+fn end(looped: &mut Looped) -> Result<Reason, Failure> {
+    looped.ends(200).expect("it ends")
+}
+
+/// In lockstep nothing depends on the machine: the sign test passes through the gear that turns the other way, and the puck comes to
+/// rest where the spring is slack.
+#[test]
+fn a_certified_world_brings_the_puck_to_rest_through_gear_and_drive() {
+    let world = world(&[]);
+    assert!(hapt_analysis::check(&world).unwrap().certified);
+    let rig = rig(&world, 1, lockstep(&world));
+    let mut looped = looped(&rig, &world);
+    looped.run();
+    let (mut last, mut missed) = (Vec::new(), 0);
+    for _ in 0..1500 {
+        let record = looped.sample(None).unwrap();
+        assert_eq!(record.phase, Phase::Running, "{record:?}");
+        missed += u32::from(record.missed > 0);
+        last.push(record.measured);
+    }
+    // Where the machine stands still, and nowhere else.
+    assert!(missed < 30, "{missed} of 1500");
+    let end = &last[1400..];
+    assert!(end.iter().all(|position| (position - 0.3).abs() < 0.01), "{end:?}");
+}
+
+/// What the loop asks for at the puck does the same work at the drive's shaft: a third of it, the other way.
+#[test]
+fn torque_and_position_do_the_same_work_on_both_sides_of_the_gear() {
+    let world = world(&["safety.pulse=0"]);
+    let rig = rig(&world, 1, lockstep(&world));
+    let mut looped = looped(&rig, &world);
+    looped.run();
+    let before = looped.sample(None).unwrap();
+    looped.sample(None).unwrap();
+    // The period before the last sample passed under the torque of the one before it.
+    let wanted = -before.output / 3.0;
+    assert!(
+        (rig.faults.torque() - wanted).abs() < 1e-6 && before.output.abs() > 1e-4,
+        "{} {wanted}",
+        rig.faults.torque()
+    );
+}
+
+#[test]
+fn a_drive_that_dies_is_gone_within_five_samples() {
+    let world = world(&[]);
+    let rig = rig(&world, 1, lockstep(&world));
+    let mut looped = looped(&rig, &world);
+    looped.run();
+    let before = looped.samples;
+    rig.faults.dead.store(true, SeqCst);
+    assert_eq!(end(&mut looped), Err(Failure::Gone));
+    assert_eq!(looped.samples - before, 5);
+}
+
+#[test]
+fn answers_that_come_late_are_never_taken_for_new_ones() {
+    let world = world(&[]);
+    let rig = rig(&world, 1, lockstep(&world));
+    let mut looped = looped(&rig, &world);
+    looped.run();
+    rig.faults.held.store(1, SeqCst);
+    assert_eq!(end(&mut looped), Ok(Reason::Late));
+    // On time again, it can be cleared and armed, and by nothing else.
+    rig.faults.held.store(0, SeqCst);
+    for _ in 0..20 {
+        assert_eq!(looped.sample(None).unwrap().phase, Phase::Faulted);
+    }
+    assert_eq!(looped.sample(Some(Request::Clear)).unwrap().phase, Phase::Disarmed);
+    looped.run();
+}
+
+/// One answer lost now and then is a missed sample, and no more.
+#[test]
+fn a_lost_answer_is_a_missed_sample() {
+    // So long a period that a busy machine loses none by itself.
+    let world = world(&["loop.period=0.3 s", "couplings.0.stiffness=5e-3", "safety.pulse=0"]);
+    let rig = rig(&world, 1, lockstep(&world));
+    let mut looped = looped(&rig, &world);
+    looped.run();
+    for _ in 0..3 {
+        rig.faults.held.store(1, SeqCst);
+        assert_eq!(looped.sample(None).unwrap().missed, 1);
+        rig.faults.held.store(0, SeqCst);
+        assert_eq!(looped.sample(None).unwrap().missed, 1);
+        for _ in 0..5 {
+            let record = looped.sample(None).unwrap();
+            assert_eq!((record.missed, record.phase), (0, Phase::Running));
+        }
+    }
+}
+
+#[test]
+fn garbage_is_no_answer() {
+    let world = world(&[]);
+    let rig = rig(&world, 1, lockstep(&world));
+    let mut looped = looped(&rig, &world);
+    looped.run();
+    rig.faults.garbage.store(true, SeqCst);
+    // It says something, and nothing that answers the question.
+    assert_eq!(end(&mut looped), Ok(Reason::Late));
+}
+
+#[test]
+fn a_fault_of_the_drive_ends_the_loop_by_name() {
+    let world = world(&[]);
+    for (code, reason) in [(38, Some(Reason::DriverHeat)), (35, Some(Reason::Jump)), (40, None)] {
+        let strikes = Arc::new(AtomicU32::new(0));
+        let firmware = Box::new(Struck(Simulated::new(1), Arc::clone(&strikes)));
+        let rig = Rig::new(Make::Moteus, None, firmware, &world, lockstep(&world));
+        let mut first = looped(&rig, &world);
+        first.run();
+        strikes.store(code, SeqCst);
+        match end(&mut first) {
+            Err(Failure::Drive(fault)) => assert_eq!((fault.code, fault.reason), (code, reason)),
+            other => panic!("{other:?}"),
+        }
+        // Starting again is an explicit clear.
+        drop(first);
+        looped(&rig, &world).run();
+    }
+}
+
+#[test]
+fn a_cable_that_is_pulled_out_ends_the_loop() {
+    let world = world(&[]);
+    let mut rig = rig(&world, 1, lockstep(&world));
+    let mut looped = looped(&rig, &world);
+    looped.run();
+    rig.unplug();
+    assert_eq!(end(&mut looped), Err(Failure::Unplugged));
+}
+
+/// The way out of every end that this program sees: dropped, the loop leaves the drive stopped, which then makes no torque.
+#[test]
+fn a_loop_that_ends_leaves_the_drive_stopped() {
+    let world = world(&[]);
+    let rig = rig(&world, 1, Time::Real);
+    let mut looped = looped(&rig, &world);
+    for _ in 0..10 {
+        let _ = looped.sample(None);
+    }
+    drop(looped);
+    let mut after = rig.drive(1);
+    after.read(soon()).unwrap();
+    // Stopped, not timed out: a stopped drive starts again, a timed-out one does not.
+    after.command(0.0, soon()).unwrap();
+    let until = Instant::now() + Duration::from_secs(5);
+    while Instant::now() < until {
+        match after.read(soon()) {
+            Ok(_) => return,
+            Err(Trouble::Fault(fault)) => panic!("{fault}"),
+            Err(_) => {}
+        }
+    }
+    panic!("it never answered");
+}
+
+/// Nobody takes the torque off after a kill -9 but the drive's own watchdog. It stays off until somebody stops the drive.
+#[test]
+fn the_drives_watchdog_latches_and_only_a_stop_clears_it() {
+    let world = world(&[]);
+    let rig = rig(&world, 1, Time::Real);
+    let mut drive = rig.drive(1);
+    drive.start(&Terms { watchdog: 0.05, torque: 1.0 }).unwrap();
+    drive.command(0.02, soon()).unwrap();
+    std::thread::sleep(Duration::from_millis(300));
+    let silent = match drive.read(soon()) {
+        Err(Trouble::Fault(fault)) => fault,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!((silent.code, silent.reason), (11, Some(Reason::Late)));
+    // Commands do not bring it back.
+    for _ in 0..5 {
+        assert_eq!(drive.command(0.02, soon()), Err(Trouble::Fault(silent)));
+        assert_eq!(drive.read(soon()), Err(Trouble::Fault(silent)));
+        assert_eq!(rig.faults.torque(), 0.0);
+    }
+    drive.start(&Terms { watchdog: 10.0, torque: 1.0 }).unwrap();
+    drive.command(0.02, soon()).unwrap();
+    drive.read(soon()).unwrap();
+    drive.stop();
+}
+
+#[test]
+fn a_wrong_identifier_says_which_one_is_there() {
+    let world = world(&[]);
+    let rig = rig(&world, 7, Time::Real);
+    let mut drive = rig.drive(1);
+    match drive.start(&Terms { watchdog: 1.0, torque: 1.0 }) {
+        Err(error @ Error::Silent { .. }) => assert!(error.to_string().contains("#7"), "{error}"),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// With a home the world's 0 is a place, and the puck is within half a turn of it.
+#[test]
+fn with_a_home_positions_are_counted_from_it() {
+    for (home, at) in [("1 rad", -1.0), ("-200 deg", 200_f64.to_radians() - std::f64::consts::TAU), ("720 deg", 0.0)] {
+        let world = world(&[&format!("device.drive.home={home}"), "safety.pulse=0"]);
+        let rig = rig(&world, 1, lockstep(&world));
+        let mut looped = looped(&rig, &world);
+        let record = looped.sample(None).unwrap();
+        assert!((record.measured - at).abs() < 1e-6, "{home}: {} {at}", record.measured);
+    }
+}

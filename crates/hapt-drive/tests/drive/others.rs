@@ -1,0 +1,233 @@
+//! Others on the bus: whoever else speaks to the drive ends the loop, and a bus that is full of others' frames does not hold it.
+
+use std::collections::VecDeque;
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::time::{Duration, Instant};
+
+use hapt_core::Reason;
+use hapt_drive::moteus::{self, Moteus, Resolution, Value, Writer};
+use hapt_drive::odrive::{Odrive, codec};
+use hapt_drive::simulate::{Firmware, Shaft};
+use hapt_drive::{Bus, Drive, Frame, Make, Trouble};
+use hapt_rt::Failure;
+use proptest::prelude::*;
+
+use crate::rig::{Rig, lockstep, soon, world};
+
+/// Both back ends, for the drive with identifier 1, on a bus in a script.
+fn drives<B: Bus + 'static>(bus: impl Fn() -> B) -> [Box<dyn Drive>; 2] {
+    let name = "nowhere";
+    [Box::new(Moteus::new(Box::new(bus()), 1, name.into())), Box::new(Odrive::new(Box::new(bus()), 1, name))]
+}
+
+/// A bus in a script: what is on it is a list, and nobody hears what is sent.
+struct Listed(VecDeque<Frame>);
+
+impl Bus for Listed {
+    fn send(&mut self, _: &Frame, _: Instant) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn receive(&mut self, _: Instant) -> io::Result<Option<Frame>> {
+        Ok(self.0.pop_front())
+    }
+}
+
+proptest! {
+    /// A moteus's frames have the number of the sender and of the receiver: nobody but host 0 speaks to our drive, and nobody but host 0
+    /// is answered by it. What goes on between others is their affair.
+    #[test]
+    fn a_frame_of_another_host_to_a_moteus_is_a_fault(from in 0_u32..0x7f, to in 0_u32..0x80, reply: bool, prefix in 0_u32..2) {
+        let frame = Frame::fd(prefix << 16 | u32::from(reply) << 15 | from << 8 | to, &[0x01, 0x00, 0x0a]);
+        let mut drive = Moteus::new(Box::new(Listed(VecDeque::from([frame]))), 1, "nowhere".into());
+        let is_foreign = prefix == 0 && (to == 1 || to == 0x7f || from == 1 && to != 0 && !reply);
+        match drive.read(soon()) {
+            Err(Trouble::Fault(fault)) => {
+                prop_assert!(is_foreign, "{frame:?}");
+                prop_assert_eq!(fault.reason, Some(Reason::Link));
+                prop_assert!(drive.command(0.0, soon()).is_err(), "it goes on all the same");
+            }
+            other => prop_assert!(!is_foreign, "{other:?} {frame:?}"),
+        }
+    }
+}
+
+/// A drive that hears another host where we do not: behind its own UART, while that one is on CAN.
+struct Elsewhere(moteus::Simulated, Arc<AtomicBool>);
+
+impl Firmware for Elsewhere {
+    fn asks(&self, frame: &Frame) -> bool {
+        self.0.asks(frame)
+    }
+
+    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
+        // Before a question: what comes before our command is overridden by it.
+        if self.0.asks(frame) && self.1.swap(false, SeqCst) {
+            // Mode 10, from where it is, with all gains and a torque.
+            let command = Writer::new(1)
+                .write(0x000, &[Value::Int8(10)])
+                .write(0x020, &[Value::Int8(i8::MIN)])
+                .write(0x022, &[Value::Float(0.05)])
+                .frame();
+            self.0.hear(&command, shaft, &mut |_| {});
+        }
+        self.0.hear(frame, shaft, say);
+    }
+
+    fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64 {
+        self.0.pass(seconds, shaft, say)
+    }
+}
+
+#[test]
+fn a_command_of_another_host_that_we_do_not_hear_is_known_by_the_drives_answer() {
+    let world = world(&[]);
+    let speaks = Arc::new(AtomicBool::new(false));
+    let firmware = Box::new(Elsewhere(moteus::Simulated::new(1), Arc::clone(&speaks)));
+    let rig = Rig::new(Make::Moteus, None, firmware, &world, lockstep(&world));
+    let mut looped = rig.running(&world, 200);
+    speaks.store(true, SeqCst);
+    // At the next answer: the command has come before the question.
+    match looped.ends(2) {
+        Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Link), "{fault}"),
+        other => panic!("{other:?}"),
+    }
+    rig.torque_goes_off();
+}
+
+/// Of others' frames there is no end; each takes a while.
+struct Flood {
+    frame: Frame,
+    pause: Duration,
+}
+
+impl Bus for Flood {
+    fn send(&mut self, _: &Frame, _: Instant) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn receive(&mut self, _: Instant) -> io::Result<Option<Frame>> {
+        std::thread::sleep(self.pause);
+        Ok(Some(self.frame))
+    }
+}
+
+/// To a drive, from one, and none of either's: as a moteus says it and as an ODrive does.
+const OTHERS: [u32; 4] = [0x8002, 0x0200, 0x049, 0x5ff];
+
+#[test]
+fn a_bus_that_is_full_of_others_frames_ends_the_sample_and_not_the_loop() {
+    for id in OTHERS {
+        for mut drive in drives(|| Flood { frame: Frame::fd(id, &[0; 8]), pause: Duration::ZERO }) {
+            // Until a time that never comes, by their number.
+            let _ = drive.read(Instant::now() + Duration::from_secs(1_000_000)).unwrap_err();
+        }
+    }
+    for mut drive in drives(|| Flood { frame: Frame::fd(0x200, &[0; 8]), pause: Duration::from_millis(1) }) {
+        assert!(matches!(drive.read(Instant::now()), Err(Trouble::Silent | Trouble::Late)));
+    }
+}
+
+/// Answers a moteus's question behind so many frames of others.
+struct Busy {
+    others: usize,
+    frames: VecDeque<Frame>,
+}
+
+impl Bus for Busy {
+    fn send(&mut self, frame: &Frame, _: Instant) -> io::Result<()> {
+        self.frames.extend((0..self.others).map(|_| Frame::fd(0x200, &[0x50; 8])));
+        let number = moteus::Parser::new(frame.data()).find_map(|part| match part {
+            moteus::Subframe::Write(0x014, value) => Some(value),
+            _ => None,
+        });
+        if let Some(number) = number {
+            let answer = Writer::new(0x100)
+                .reply(0x014, &[number])
+                .reply(0x014, &[number])
+                .reply(0x000, &[Value::Int8(0)])
+                .reply(0x001, &[Value::Float(0.25), Value::Float(0.0)])
+                .reply(0x00f, &[Value::Int8(0)]);
+            self.frames.push_back(answer.frame());
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, _: Instant) -> io::Result<Option<Frame>> {
+        Ok(self.frames.pop_front())
+    }
+}
+
+#[test]
+fn an_answer_behind_many_frames_of_others_is_found() {
+    let mut drive = Moteus::new(Box::new(Busy { others: 200, frames: VecDeque::new() }), 1, "nowhere".into());
+    for _ in 0..10 {
+        assert_eq!(drive.read(soon()).unwrap().position, 0.25);
+    }
+}
+
+/// What hapt's own commands leave behind when nobody speaks any more: by every one of the drive's settings a torque that takes energy
+/// out of the wheel or none, and with the one that it is shipped with none.
+#[test]
+fn after_its_watchdog_a_moteus_takes_energy_and_gives_none() {
+    for mode in [0, 12, 15] {
+        let mut firmware = moteus::Simulated::new(1).with_timeout_mode(mode);
+        let shaft = |velocity| Shaft { position: 0.3, velocity };
+        let sent = Writer::new(1)
+            .write(0x000, &[Value::Int8(10)])
+            .write(0x020, &[Value::Int8(i8::MIN), Value::Int8(0)])
+            .write(0x022, &[Value::Float(0.2)])
+            .write(0x023, &[Value::Int8(0), Value::Int8(0)])
+            .write(0x02b, &[Value::Int8(0)])
+            .write(0x027, &[Value::Float(0.01)])
+            .frame();
+        firmware.hear(&sent, shaft(0.0), &mut |_| {});
+        let mut pass = |velocity| firmware.pass(1e-3, shaft(velocity), &mut |_| {});
+        let during: Vec<f64> = (0..9).map(|_| pass(0.0)).collect();
+        assert!((during[8] - f64::from(0.2_f32)).abs() < 1e-9, "{during:?}");
+        pass(0.0);
+        pass(0.0);
+        for velocity in [-20.0, -1.0, 0.0, 0.5, 30.0] {
+            let torque = pass(velocity);
+            assert!(torque * velocity <= 0.0, "mode {mode}: {torque} at {velocity}");
+            assert!(mode == 15 || torque == 0.0, "mode {mode}: {torque} at {velocity}");
+            assert!(mode != 15 || velocity == 0.0 || torque != 0.0, "it brakes");
+        }
+        let mut says = None;
+        let question = Writer::new(0x8001).read(0x000, 1, Resolution::Int8).frame();
+        firmware.hear(&question, shaft(0.0), &mut |frame| says = moteus::Parser::new(frame.data()).next());
+        assert_eq!(says, Some(moteus::Subframe::Reply(0x000, Value::Int8(11))));
+    }
+}
+
+/// Whoever asks the drive for anything feeds its watchdog, and whoever tells it anything drives it.
+#[test]
+fn a_frame_of_another_host_to_an_odrive_is_a_fault() {
+    use codec::{Command, floats};
+    for frame in [
+        Frame::classic(Command::Torque.id(1).into(), &floats(0.1, 0.0)),
+        Frame::classic(Command::State.id(1).into(), &[8, 0, 0, 0]),
+        Frame::classic(Command::Clear.id(1).into(), &[]),
+        Frame::remote(Command::Estimates.id(1).into(), 8),
+    ] {
+        let mut drive = Odrive::new(Box::new(Listed([frame].into())), 1, "nowhere");
+        match drive.read(soon()) {
+            Err(Trouble::Fault(fault)) => assert_eq!(fault.reason, Some(Reason::Link)),
+            other => panic!("{frame:?}: {other:?}"),
+        }
+        assert!(drive.command(0.0, soon()).is_err(), "it goes on all the same");
+        // To another drive it may say what it likes.
+        let mut other = Odrive::new(Box::new(Listed([frame].into())), 2, "nowhere");
+        assert_eq!(other.read(soon()), Err(Trouble::Silent));
+    }
+}
+
+#[test]
+fn an_answer_that_nobody_has_asked_for_is_another_drives() {
+    let answer = Frame::classic(codec::Command::Estimates.id(1).into(), &codec::floats(0.1, 0.0));
+    // One before the question, and one as its answer.
+    let mut drive = Odrive::new(Box::new(Listed([answer; 2].into())), 1, "nowhere");
+    assert!(matches!(drive.read(soon()), Err(Trouble::Fault(fault)) if fault.what.contains("another drive")));
+}

@@ -1,0 +1,271 @@
+//! Both drives on a CAN bus of the system's, and everything that can happen there: no torque, for the right reason, and no way back
+//! without a new start. A test program of its own: `cargo xtask guest` runs it in an emulated
+//! machine, which has the interface that it needs for itself alone.
+//!
+//! Time is the loop's (1 ms a sample), whatever the machine takes for it.
+
+#![cfg(target_os = "linux")]
+
+#[path = "../drive/rig.rs"]
+mod rig;
+
+use std::process::Command;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+
+use hapt_core::{Phase, Reason, Request};
+use hapt_drive::odrive::codec;
+use hapt_drive::simulate::{Firmware, Time};
+use hapt_drive::{Bus, Error, Frame, Make, Socket, Terms, moteus, odrive};
+use hapt_model::World;
+use hapt_rt::Failure;
+use rig::{Looped, Rig, lockstep, soon, world};
+
+/// One test at a time has the bus.
+static BUS: Mutex<()> = Mutex::new(());
+/// Longer than it takes to answer, ms, and less than what ends lockstep.
+const PATIENCE: u64 = 40;
+/// As long as may be: an emulated machine stands still now and then, s.
+const WATCHDOG: f64 = 0.095;
+const TERMS: Terms = Terms { watchdog: 0.1, torque: 1.0 };
+
+/// What each test does for each drive, on the interface that the environment names.
+fn on_the_bus(test: impl Fn(Make, &str)) {
+    let Ok(interface) = std::env::var("HAPT_CAN") else {
+        println!("SKIPPED: wants a CAN interface in HAPT_CAN, such as vcan0; cargo xtask guest has one");
+        return;
+    };
+    let _alone = BUS.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    for make in Make::ALL {
+        println!("{}", make.name());
+        test(make, &interface);
+    }
+}
+
+fn firmware(make: Make, id: u8) -> Box<dyn Firmware> {
+    match make {
+        Make::Moteus => Box::new(moteus::Simulated::new(id)),
+        Make::Odrive => Box::new(odrive::Simulated::new(id).with_watchdog(Some(WATCHDOG))),
+    }
+}
+
+fn rig(make: Make, interface: &str, world: &World, time: Time) -> Rig {
+    Rig::new(make, Some(interface), firmware(make, 1), world, time)
+}
+
+/// A loop that runs on such a drive.
+fn running(make: Make, interface: &str, world: &World, firmware: Box<dyn Firmware>) -> (Rig, Looped) {
+    let rig = Rig::new(make, Some(interface), firmware, world, lockstep(world));
+    let looped = rig.running(world, PATIENCE);
+    (rig, looped)
+}
+
+/// It is over: without a torque, and it stays so though the bus is as it was.
+fn stays_over(looped: &mut Looped, rig: &Rig) {
+    rig.torque_goes_off();
+    for _ in 0..20 {
+        match looped.sample(Some(Request::Arm)) {
+            Ok(record) => assert_eq!((record.phase, record.output), (Phase::Faulted, 0.0)),
+            Err(Failure::Ended) => panic!("that is no reason"),
+            Err(_) => {}
+        }
+        assert_eq!(rig.faults.torque(), 0.0);
+    }
+}
+
+/// Of each make, and of each way to ask it.
+fn kinds(make: Make) -> Vec<Box<dyn Firmware>> {
+    let shipped = odrive::Simulated::new(1).with_watchdog(Some(WATCHDOG)).with_estimates(Some(0.01));
+    let old = shipped.clone().with_version(codec::Version::SILENT);
+    match make {
+        Make::Moteus => vec![firmware(make, 1)],
+        Make::Odrive => vec![firmware(make, 1), Box::new(shipped), Box::new(old)],
+    }
+}
+
+#[test]
+fn a_certified_world_comes_to_rest() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        assert!(hapt_analysis::check(&world).unwrap().certified);
+        for firmware in kinds(make) {
+            let (rig, mut looped) = running(make, interface, &world, firmware);
+            let (mut last, mut missed) = (Vec::new(), 0);
+            for _ in 0..3000 {
+                let record = looped.sample(None).unwrap();
+                assert_eq!(record.phase, Phase::Running, "{record:?}");
+                missed += record.missed;
+                last.push(record.position);
+            }
+            println!("{missed} samples of 3000 missed");
+            assert!(last[2900..].iter().all(|position| (position - 0.3).abs() < 0.01), "{:?}", &last[2900..]);
+            drop(looped);
+            rig.torque_goes_off();
+        }
+    });
+}
+
+#[test]
+fn a_drive_that_is_killed_is_gone() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+        rig.faults.dead.store(true, SeqCst);
+        assert_eq!(looped.ends(8), Some(Err(Failure::Gone)));
+        rig.faults.dead.store(false, SeqCst);
+        stays_over(&mut looped, &rig);
+    });
+}
+
+fn link(interface: &str, how: &str) {
+    let said = Command::new("ip").args(["link", "set", interface, how]).status();
+    assert!(said.is_ok_and(|status| status.success()), "ip link set {interface} {how}");
+}
+
+#[test]
+fn a_bus_that_goes_down_and_up_again_brings_no_torque_back() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+        link(interface, "down");
+        let ends = looped.ends(8);
+        link(interface, "up");
+        assert!(matches!(ends, Some(Err(Failure::Unplugged | Failure::Gone))), "{ends:?}");
+        stays_over(&mut looped, &rig);
+        // A new start is somebody's wish.
+        drop(looped);
+        rig.looped(&world, PATIENCE).sample(None).unwrap();
+    });
+}
+
+#[test]
+fn lost_frames_are_missed_samples_and_too_many_are_the_end() {
+    on_the_bus(|make, interface| {
+        for (loss, must_end) in [(10, false), (100, false), (500, true)] {
+            let world = world(&[]);
+            let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+            // Two of them in a row do not end lockstep.
+            rig.wait_for(PATIENCE / 2);
+            rig.faults.loss.store(loss, SeqCst);
+            let before = looped.samples;
+            let (ends, stood_still) = looped.ends_or_stands_still(1000);
+            println!("{} % lost: {ends:?} after {} samples", f64::from(loss) / 10.0, looped.samples - before);
+            match ends {
+                None => assert!(!must_end, "{loss} of 1000"),
+                // Its own watchdog, or the loop's patience.
+                Some(Ok(reason)) => assert!(reason == Reason::Late || stood_still, "{reason:?}"),
+                Some(Err(Failure::Gone)) => {}
+                Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Late)),
+                Some(Err(failure)) => panic!("{failure}"),
+            }
+            rig.faults.loss.store(0, SeqCst);
+            if ends.is_some() {
+                stays_over(&mut looped, &rig);
+            }
+        }
+    });
+}
+
+#[test]
+fn a_drive_that_answers_late_is_late() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+        rig.faults.late.store(PATIENCE * 3 / 2, SeqCst);
+        let ends = looped.ends(100);
+        let by_drive = |fault: hapt_rt::DriveFault| fault.reason == Some(Reason::Late);
+        let is_right = match ends {
+            Some(Ok(reason)) => reason == Reason::Late,
+            Some(Err(Failure::Drive(fault))) => by_drive(fault),
+            other => other == Some(Err(Failure::Gone)),
+        };
+        assert!(is_right, "{ends:?}");
+        rig.faults.late.store(0, SeqCst);
+        stays_over(&mut looped, &rig);
+    });
+}
+
+#[test]
+fn a_drive_with_another_identifier_is_none_and_is_named() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let rig = Rig::new(make, Some(interface), firmware(make, 7), &world, Time::Real);
+        match rig.drive(1).start(&TERMS) {
+            Err(error @ Error::Silent { .. }) => assert!(error.to_string().contains('7'), "{error}"),
+            other => panic!("{other:?}"),
+        }
+        assert_eq!(rig.faults.torque(), 0.0);
+    });
+}
+
+#[test]
+fn two_odrives_with_one_identifier_are_not_driven() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let (first, second) = (rig(make, interface, &world, Time::Real), rig(make, interface, &world, Time::Real));
+        if make == Make::Odrive {
+            match first.drive(1).start(&TERMS) {
+                Err(error @ Error::Refused { .. }) => assert!(error.to_string().contains("2 drives"), "{error}"),
+                other => panic!("{other:?}"),
+            }
+        }
+        assert_eq!((first.faults.torque(), second.faults.torque()), (0.0, 0.0));
+    });
+}
+
+/// Whoever tells our drive anything drives it, and whoever asks it something may tell it something next.
+#[test]
+fn another_speaker_on_the_bus_ends_the_loop() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let frames = match make {
+            // A torque, and a question.
+            Make::Odrive => [Frame::classic(0x2e, &codec::floats(0.5, 0.0)), Frame::remote(0x29, 8)],
+            // A stop, which takes our torque away, and a question.
+            Make::Moteus => [Frame::fd(0x0001, &[0x01, 0x00, 0x00]), Frame::fd(0x8501, &[0x11, 0x00])],
+        };
+        for frame in frames {
+            let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+            Socket::open(interface).unwrap().send(&frame, soon()).unwrap();
+            match looped.ends(20) {
+                Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Link), "{fault}"),
+                other => panic!("{other:?}"),
+            }
+            stays_over(&mut looped, &rig);
+        }
+    });
+}
+
+/// A bus that is full of what others say to others may make the loop late, and does not hold it.
+#[test]
+fn a_crowded_bus_does_not_hold_the_loop() {
+    on_the_bus(|make, interface| {
+        let world = world(&[]);
+        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+        let is_over = AtomicBool::new(false);
+        let ends = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let mut others = Socket::open(interface).unwrap();
+                while !is_over.load(SeqCst) {
+                    for node in 40_u32..60 {
+                        let _ = others.send(&Frame::classic(node << 5 | 9, &[0; 8]), soon());
+                    }
+                    std::thread::yield_now();
+                }
+            });
+            let ends = looped.ends(300);
+            is_over.store(true, SeqCst);
+            ends
+        });
+        println!("{ends:?}");
+        match ends {
+            None => {}
+            Some(Ok(reason)) => assert_eq!(reason, Reason::Late),
+            Some(Err(Failure::Gone)) => {}
+            Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Late)),
+            Some(Err(failure)) => panic!("{failure}"),
+        }
+        drop(looped);
+        rig.torque_goes_off();
+    });
+}

@@ -1,0 +1,6 @@
+//! The loop without a clock and on its thread.
+
+mod common;
+mod cycle;
+mod engine;
+mod swap;

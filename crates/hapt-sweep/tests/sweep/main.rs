@@ -1,0 +1,7 @@
+//! Grids, boundaries and the worst hand.
+
+mod boundary;
+mod lanes;
+mod sweep;
+mod wheels;
+mod worst;

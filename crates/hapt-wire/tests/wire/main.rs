@@ -1,0 +1,10 @@
+//! Messages between a host and a board, and the board's side of them.
+
+mod boards;
+mod codes;
+mod common;
+mod device;
+mod frames;
+mod messages;
+mod noise;
+mod world;
