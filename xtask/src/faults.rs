@@ -89,7 +89,7 @@ struct Clean {
 }
 
 fn campaign(n: u64, seed: u64) -> Result<Vec<Trial>> {
-    let trials: Vec<(u64, Result<Trial>)> = (0..n).into_par_iter().map(|i| (i, trial(seed, i))).collect();
+    let trials: Vec<(u64, Result<Option<Trial>>)> = (0..n).into_par_iter().map(|i| (i, trial(seed, i))).collect();
     let wrong: Vec<String> = trials
         .iter()
         .filter_map(|(i, trial)| trial.as_ref().err().map(|error| format!("fault {i}: {error:#}")))
@@ -98,7 +98,7 @@ fn campaign(n: u64, seed: u64) -> Result<Vec<Trial>> {
         eprintln!("{text}");
     }
     ensure!(wrong.is_empty(), "{} of {n} faults ended wrongly", wrong.len());
-    Ok(trials.into_iter().filter_map(|(_, trial)| trial.ok()).collect())
+    Ok(trials.into_iter().filter_map(|(_, trial)| trial.ok().flatten()).collect())
 }
 
 fn clean_runs(runs: u64, seed: u64) -> Result<Clean> {
@@ -152,7 +152,8 @@ fn clean_run(seed: u64, i: u64) -> Result<Clean> {
     Ok(Clean { samples: CLEAN, overspeeds: 0 })
 }
 
-fn trial(seed: u64, i: u64) -> Result<Trial> {
+/// `None`: it ended before the fault, and rightly.
+fn trial(seed: u64, i: u64) -> Result<Option<Trial>> {
     let mut rng = generator(!seed, i);
     let kind = Kind::ALL[i as usize % Kind::ALL.len()];
     // What the sign test is to show is shown where there is one.
@@ -167,11 +168,23 @@ fn trial(seed: u64, i: u64) -> Result<Trial> {
     } else {
         let armed = rig.arm();
         ensure!(armed.phase == Phase::Running, "did not arm: {:?}\n{}", armed.reason, world.to_toml());
-        for _ in 0..rng.u32(200..3000) {
+        // A hand damps a swing until it asks nothing of the puck: where it has to be caught, the encoder freezes at once.
+        let honest = if swings { 0 } else { rng.u32(200..3000) };
+        for _ in 0..honest {
             hand.act(&mut rng, &world, &mut rig.device);
             rig.sample(None);
         }
-        ensure!(rig.watch.phase == Phase::Running, "tripped without a fault: {:?}", rig.watch.reason);
+        let fastest = world.limits(SafetyProfile::Certified).overspeed;
+        if rig.watch.reason == Some(Reason::Overspeed) && rig.device.puck().1.abs() > 0.9 * fastest {
+            // The hand has thrown the puck faster than it may be: no fault, and as it should end.
+            return Ok(None);
+        }
+        ensure!(
+            rig.watch.phase == Phase::Running,
+            "tripped without a fault: {:?}\n{}",
+            rig.watch.reason,
+            world.to_toml()
+        );
     }
     let limit = world.device.limit.unwrap_or(f64::INFINITY);
     let (period, begin) = (world.sampling.period, rig.device.ledger().hand);
@@ -208,7 +221,7 @@ fn trial(seed: u64, i: u64) -> Result<Trial> {
     }
     ensure!(trial.peak <= 1.0 + 1e-9, "{}: {} times the limit", kind.name(), trial.peak);
     ensure!(trial.caught.is_some() || !kind.must_trip(), "{}: not caught\n{}", kind.name(), world.to_toml());
-    Ok(trial)
+    Ok(Some(trial))
 }
 
 /// The counts in Markdown.

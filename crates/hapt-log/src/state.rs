@@ -12,7 +12,7 @@ use hapt_core::SupervisorState;
 use hapt_rt::{PlanState, Snapshot};
 
 /// It changes whenever the bytes after it mean something else.
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 
 /// How the names of such attachments begin; the sample's number follows.
 pub(crate) const NAME: &str = "state-";

@@ -207,7 +207,8 @@ impl World {
     }
 
     /// The most that this world changes its torque by in a sample: its springs and dampers between ends that run against each other at
-    /// the largest speed, frictions that turn over, what a body's own swing turns by, and the fades. From twice the limit on it is none.
+    /// the largest speed, frictions that turn over, what a body's own swing turns by, a level, and the fades. From twice the limit on it
+    /// is none.
     fn slew(&self, reach: &Reach, velocity: f64, limit: f64) -> f64 {
         let period = self.sampling.period;
         let count = self.count().unwrap_or(0.0);
@@ -215,6 +216,7 @@ impl World {
         let slew = (reach.stiffness + reach.damping / period) * way
             + 2.0 * reach.friction
             + if reach.angle > 0.0 { reach.angle * limit } else { 0.0 }
+            + self.device.levels.map_or(0.0, |levels| 2.0 * limit / f64::from(levels))
             + 2.0 * limit * period / self.safety.fade;
         if slew < 2.0 * limit { slew } else { f64::INFINITY }
     }

@@ -13,6 +13,16 @@
 //! starts at what is stored and `most`, and is held down to that ever after, so that a hand that has paid
 //! for an hour has no credit for a fault. Below 0 the hand has been given `most` beyond what was there.
 //!
+//! A delay of d samples charges for a way later than the damping has paid for it: of a spring K, with -τ_held dz = K z_{k-d-1} dz_k,
+//!
+//! ```text
+//! K z_{k-d-1} dz_k ≥ Δ(K z²/2) - K (d + 1) dz_k²/2 - K (dz_{k-1}² + ... + dz_{k-d}²)/2
+//! ```
+//!
+//! and each dz² is charged d times more after its own sample. A passive spring has K (2d + 1)/2 ≤ b/T, so that the part of the account
+//! that is still to be charged is at most `under_way` = b/(T (2d + 1)) Σ (d - j) dz_{k-j}². That much is kept beyond the bound. It is
+//! summed with the weights d (d/(d+1))^j ≥ d - j, which need no memory.
+//!
 //! **World.** A held puck exchanges nothing, and the port sees nothing of an integrator that makes energy. So what a step makes is
 //! summed too, never below 0: `made`. Exact zoh, trapezoidal and backward Euler keep it at 0, linear or bent; semi-implicit Euler keeps
 //! its own energy and is measured by that; forward Euler makes (ωT)² of what swings a sample.
@@ -35,6 +45,8 @@ pub(crate) struct Ledger<F> {
     part: F,
     /// Whether the delay is a whole number of samples, and few enough.
     whole: bool,
+    /// What a unit of dz² adds to what is under way, and what is left of that a sample later; both 0 without a delay.
+    under_way: [F; 2],
 }
 
 /// Where they stand.
@@ -43,6 +55,8 @@ pub(crate) struct Ledger<F> {
 pub(crate) struct Books<F> {
     pub account: F,
     pub made: F,
+    /// What of the account a delay will still charge.
+    under_way: F,
     /// The torques of the last samples, the newest at `newest`.
     held: [F; HELD],
     newest: usize,
@@ -52,7 +66,7 @@ pub(crate) struct Books<F> {
 
 impl<F: Real> Books<F> {
     pub const CLOSED: Self =
-        Books { account: F::ZERO, made: F::ZERO, held: [F::ZERO; HELD], newest: 0, position: None };
+        Books { account: F::ZERO, made: F::ZERO, under_way: F::ZERO, held: [F::ZERO; HELD], newest: 0, position: None };
 
     /// From the next sample on another world.
     pub fn reopen(&mut self) {
@@ -76,6 +90,8 @@ impl<F: Real> Ledger<F> {
     pub fn new(limits: &Limits, period: f64, delay: f64) -> Self {
         let whole = libm::floor(delay + 1e-6);
         let part = F::from_f64(if delay > whole { delay - whole } else { 0.0 });
+        let samples = libm::ceil(if delay > 1e-6 { delay - 1e-6 } else { 0.0 });
+        let share = samples / (2.0 * delay + 1.0);
         let delay = whole as usize;
         Ledger {
             most: F::from_f64(limits.energy),
@@ -83,6 +99,7 @@ impl<F: Real> Ledger<F> {
             delay,
             part,
             whole: delay < HELD - 2 && part <= F::ZERO,
+            under_way: [share * limits.damping / period, samples / (samples + 1.0)].map(F::from_f64),
         }
     }
 
@@ -94,7 +111,6 @@ impl<F: Real> Ledger<F> {
     /// One sample, so many `missed` before it: the world's torque without constants, the puck's measured position.
     #[inline(always)]
     pub fn enter(&self, books: &mut Books<F>, step: &Step<F>, position: F, torque: F, missed: u32) {
-        let most = step.stored + self.most;
         let account = match books.position {
             Some(last) if self.whole && missed == 0 => {
                 let dz = position - last;
@@ -103,6 +119,13 @@ impl<F: Real> Ledger<F> {
             }
             last => self.otherwise(books, last, step, position, missed),
         };
+        let mut most = step.stored + self.most;
+        if self.under_way[0] > F::ZERO {
+            let dz = position - books.position.unwrap_or(position);
+            let [share, left] = self.under_way;
+            books.under_way = left * books.under_way + share * (dz * dz);
+            most += books.under_way;
+        }
         books.account = if account > most { most } else { account };
         let made = books.made + step.made;
         books.made = if made < F::ZERO { F::ZERO } else { made };
@@ -116,7 +139,7 @@ impl<F: Real> Ledger<F> {
     fn otherwise(&self, books: &mut Books<F>, last: Option<F>, step: &Step<F>, position: F, missed: u32) -> F {
         let most = step.stored + self.most;
         let Some(last) = last else {
-            books.made = F::ZERO;
+            (books.made, books.under_way) = (F::ZERO, F::ZERO);
             return most;
         };
         if self.delay >= HELD - 2 {

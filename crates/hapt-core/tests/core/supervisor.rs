@@ -562,6 +562,29 @@ proptest! {
         }
     }
 
+    /// The same of a spring behind a delay, whole or not, on the least damping that makes it passive: what the delay has under way is
+    /// not taken off the account.
+    #[test]
+    fn a_passive_spring_behind_a_delay_never_draws_on_its_account(
+        stiffness in 0.1..20.0f64, delay in prop_oneof![0.0..12.0f64, (0..12u8).prop_map(f64::from)], energy in 1e-9..1e-3f64,
+        ways in proptest::collection::vec((-0.02..0.02f64, 1..20u8), 60),
+    ) {
+        let couplings = [Coupling { law: Law::Spring { stiffness, rest: 0.0 }, ..SPRING[0] }];
+        let spec = Spec { couplings: &couplings, limit: Some(1e3), ..WORLD };
+        let damping = (0.5 + delay) * stiffness * T;
+        let limits = Limits { damping, energy, delay: delay * T, torque: 1e3, jump: 1.0, slew: f64::INFINITY, ..LIMITS };
+        let mut guard = Guard::<f64>::new(&limits, &spec);
+        let mut position = 0.0;
+        guard.step(&reading(position), Some(Request::Arm));
+        for (step, samples) in ways {
+            for _ in 0..samples {
+                position += step;
+                prop_assert!(guard.at(position).phase != Phase::Faulted, "{:?}", guard.watch.reason);
+                prop_assert!(guard.watch.account() > energy * (1.0 - 1e-9) - 1e-12);
+            }
+        }
+    }
+
     /// A sample that is like the last takes a shorter way than one that is announced, and an announcement that nobody believes sends
     /// it the other: what is made of it, and all that is remembered, is the same.
     #[test]
