@@ -2,6 +2,7 @@
 
 use nalgebra::SMatrix;
 
+use crate::bound::Bounded;
 use crate::counts::{Lattice, lattice};
 use crate::estimate::{Identified, Interval, Known, Residual, TWINS, Twins, tells_offset};
 use crate::fit::{Fit, Square};
@@ -14,8 +15,6 @@ use crate::record::Record;
 const EXACT: f64 = 1e-9;
 /// Twins cannot be told apart where either is as uncertain as this part of itself.
 const VAGUE: f64 = 0.1;
-/// Those of the motion, before its first position and velocity.
-const PHYSICAL: usize = 5;
 
 /// The names of the first four parameters.
 const NAMES: [&str; 4] = ["inertia", "damping", "friction", "delay"];
@@ -23,74 +22,82 @@ const NAMES: [&str; 4] = ["inertia", "damping", "friction", "delay"];
 /// A fit on its way to what people ask for.
 pub(crate) struct Answer<'k> {
     best: Fit,
+    /// What every interval reaches.
+    ends: Vec<Puck>,
     known: &'k Known,
     /// Standard errors, per unit of noise, to half intervals.
     factor: f64,
 }
 
 impl<'k> Answer<'k> {
-    pub fn new(best: Fit, known: &'k Known) -> Self {
-        Answer { best, known, factor: student(best.freedom()) * best.variance().sqrt() }
+    pub fn new(Bounded { fit: best, ends }: Bounded, known: &'k Known) -> Self {
+        Answer { best, ends, known, factor: student(best.freedom()) * best.variance().sqrt() }
     }
 
     pub fn identified(&self, record: &Record, residual: Residual, spread: f64) -> Identified {
-        let Puck { gain, damping, friction, delay, offset, .. } = self.best.puck;
+        let Puck { gain, .. } = self.best.puck;
         let sign = if gain < 0.0 { -1.0 } else { 1.0 };
         let (seen, covariance) = (self.best.normal.seen(self.best.free), self.best.inverse());
-        let interval = |value: f64, slopes: [f64; PHYSICAL]| -> Option<Interval> {
+        // Of a quantity of the puck with its slopes by some parameters alone.
+        let of = |quantity: &dyn Fn(&Puck) -> f64, slopes: &[(usize, f64)]| -> Option<Interval> {
             let covariance = covariance.as_ref()?;
-            if (0..PHYSICAL).any(|i| slopes[i] != 0.0 && !seen[i]) {
+            if slopes.iter().any(|(i, slope)| *slope != 0.0 && !seen[*i]) {
                 return None;
             }
-            let pairs = (0..PHYSICAL).flat_map(|i| (0..PHYSICAL).map(move |j| (i, j)));
-            let variance: f64 = pairs.map(|(i, j)| slopes[i] * covariance[(i, j)] * slopes[j]).sum();
-            let half = self.factor * variance.max(0.0).sqrt();
-            half.is_finite().then_some(Interval { value, low: value - half, high: value + half })
-        };
-        // Of some parameters alone.
-        let of = |value: f64, slopes: &[(usize, f64)]| {
-            let mut all = [0.0; PHYSICAL];
-            slopes.iter().for_each(|(i, slope)| all[*i] = *slope);
-            interval(value, all)
+            let pairs = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
+            let variance: f64 = pairs.map(|((i, a), (j, b))| a * covariance[(*i, *j)] * b).sum();
+            let (value, half) = (quantity(&self.best.puck), self.factor * variance.max(0.0).sqrt());
+            let around = Interval { value, low: value - half, high: value + half };
+            let reaches = |x: Interval, end: &Puck| {
+                let there = quantity(end);
+                Interval { low: x.low.min(there), high: x.high.max(there), ..x }
+            };
+            half.is_finite().then(|| self.ends.iter().fold(around, reaches))
         };
         let positive = |interval: Interval| {
             let Interval { value, low, high } = interval;
             Interval { value: value.max(0.0), low: low.max(0.0), high: high.max(0.0) }
         };
+        // Surely below 0 it is none of what a puck has.
+        let bounded = |interval: Option<Interval>| interval.filter(|x| x.high >= 0.0).map(positive);
         // Where a constant torque is surely there, and the record hardly tells it from friction, it says nothing of either.
         let tells = !self.best.free[OFFSET] || tells_offset(&self.best);
-        let rates = [of(damping, &[(DAMPING, 1.0)]), of(friction, &[(FRICTION, 1.0)])];
+        let rate = |i: usize| of(&|puck| puck.parameters()[i], &[(i, 1.0)]);
         // An inertia as uncertain as itself is none; nor is the sign then.
-        let gained = of(gain, &[(GAIN, 1.0)]).filter(|gain| gain.low * gain.high > 0.0);
-        let j = self.known.inertia.unwrap_or(gain.abs().recip());
+        let gained = rate(GAIN).filter(|gain| gain.low * gain.high > 0.0);
+        let inertia_of = |puck: &Puck| self.known.inertia.unwrap_or(puck.gain.abs().recip());
+        let j = inertia_of(&self.best.puck);
         // What a rate is as a torque, or per velocity; of an inertia that is found itself, with its part in the doubt.
-        let scaled = |i: usize, rate: f64| match (self.known.inertia, gained) {
-            (Some(_), _) => of(j * rate, &[(i, j)]),
-            (None, Some(_)) => of(j * rate, &[(GAIN, -j / gain * rate), (i, j)]),
-            (None, None) => None,
+        let scaled = |i: usize| {
+            let quantity = |puck: &Puck| inertia_of(puck) * puck.parameters()[i];
+            match (self.known.inertia, gained) {
+                (Some(_), _) => of(&quantity, &[(i, j)]),
+                (None, Some(_)) => of(&quantity, &[(GAIN, -quantity(&self.best.puck) / gain), (i, j)]),
+                (None, None) => None,
+            }
         };
         let (inertia, motor) = match self.known.inertia {
             Some(_) => (
                 Some(Interval { value: j, low: j, high: j }),
-                of(gain.abs() * j, &[(GAIN, sign * j)]).filter(|_| gained.is_some()),
+                of(&|puck| puck.gain.abs() * j, &[(GAIN, sign * j)]).filter(|_| gained.is_some()),
             ),
-            None => (gained.and_then(|_| of(j, &[(GAIN, -j / gain)])), None),
+            None => (gained.and_then(|_| of(&inertia_of, &[(GAIN, -j / gain)])), None),
         };
         let lattice = lattice(record.positions());
         let is_exact = lattice.is_none() && residual.rms < EXACT * spread;
         let (condition, twins) = covariance.map_or((f64::INFINITY, Vec::new()), |c| self.together(&c));
         Identified {
             inertia: inertia.map(positive),
-            damping: scaled(DAMPING, damping).map(positive),
-            // Surely below 0 it is no friction: a constant torque pushes the way the puck goes.
-            friction: scaled(FRICTION, friction).filter(|x| x.high >= 0.0 && tells).map(positive),
-            delay: gained.and_then(|_| of(delay, &[(DELAY, 1.0)])).map(positive),
-            offset: scaled(OFFSET, offset).filter(|_| tells),
+            damping: bounded(scaled(DAMPING)),
+            // Friction surely below 0 is a constant torque that pushes the way the puck goes.
+            friction: bounded(scaled(FRICTION)).filter(|_| tells),
+            delay: bounded(gained.and_then(|_| rate(DELAY))),
+            offset: scaled(OFFSET).filter(|_| tells),
             sign: gained.map(|_| Interval { value: sign, low: sign, high: sign }),
             gain: motor.map(positive),
             counts: lattice.filter(|_| !self.known.is_linear).and_then(counts),
             lattice,
-            rates: rates.map(|rate| rate.map(positive)),
+            rates: [DAMPING, FRICTION].map(|i| bounded(rate(i))),
             puck: self.best.puck,
             first: self.best.first,
             residual,

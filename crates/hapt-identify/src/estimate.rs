@@ -3,6 +3,7 @@
 use std::cmp::Ordering;
 
 use crate::answer::Answer;
+use crate::bound::Bounded;
 use crate::counts::{Lattice, lattice};
 use crate::explained::explained;
 use crate::fit::{Fit, Free, fit};
@@ -38,6 +39,8 @@ pub struct Known {
 }
 
 /// A value with its 95 % interval.
+///
+/// Damping, friction and delay are 0 or more, and so are their values and ends. An interval that begins at 0 says that there may be none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// The likeliest.
@@ -66,7 +69,8 @@ pub struct Residual {
     pub correlation: f64,
 }
 
-/// What a record says about a device. `None`: nothing.
+/// What a record says about a device. `None`: nothing. Damping, friction and delay are also `None` where they are surely below 0, which no
+/// device has.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
     /// J in kg·m² (linear: kg).
@@ -90,7 +94,7 @@ pub struct Identified {
     pub lattice: Option<Lattice>,
     /// b/J in 1/s and f/J in rad/s² (m/s²): what a coast-down shows.
     pub rates: [Option<Interval>; 2],
-    /// The fit itself.
+    /// The fit itself, with damping, friction and delay of 0 or more wherever that explains the record.
     pub puck: Puck,
     /// The first sample that is fitted.
     pub first: usize,
@@ -129,18 +133,20 @@ pub fn identify(record: &Record, known: &Known) -> Result<Identified, Error> {
         }
         best = around(record, &best, part);
     }
-    let residual = residual(&left(record, &best));
-    let spread = spread(record, &best);
-    let explains = residual.rms.powi(2) < UNEXPLAINED * spread * spread;
+    let rms = residual(&left(record, &best)).rms;
+    let explains = rms.powi(2) < UNEXPLAINED * spread(record, &best).powi(2);
     let delay_is_inside = best.puck.delay < LONGEST_DELAY;
     if !(explains && delay_is_inside && best.puck.gain.is_finite()) {
         return Err(Error::Unexplained);
     }
     if !is_right(&best) {
-        let counts = lattice(record.positions()).map(|lattice| residual.rms / lattice.step);
-        return Err(Error::Left(Left { rms: residual.rms, counts, position: blamed(&best) }));
+        let counts = lattice(record.positions()).map(|lattice| rms / lattice.step);
+        return Err(Error::Left(Left { rms, counts, position: blamed(&best) }));
     }
-    Ok(Answer::new(best, known).identified(record, residual, spread))
+    let bounded = Bounded::new(record, best);
+    let residual = residual(&left(record, &bounded.fit));
+    let spread = spread(record, &bounded.fit);
+    Ok(Answer::new(bounded, known).identified(record, residual, spread))
 }
 
 fn by_variance(a: &Fit, b: &Fit) -> Ordering {

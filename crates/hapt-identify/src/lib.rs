@@ -8,7 +8,8 @@
 //! ```
 //!
 //! solved exactly from one change of torque to the next, every stop and start located ([`Puck`]). The fit is the one with the least sum
-//! of squared position errors over the whole record: the most likely one where the positions carry independent noise.
+//! of squared position errors over the whole record, with damping, friction and delay of 0 or more: the most likely one where the
+//! positions carry independent noise.
 //!
 //! ```
 //! use hapt_identify::{Known, Record, identify};
@@ -33,6 +34,7 @@
 #![forbid(unsafe_code)]
 
 mod answer;
+mod bound;
 mod columns;
 mod counts;
 mod error;

@@ -42,6 +42,22 @@ impl Identified {
                     .into(),
             );
         }
+        let below = [
+            ("damping", self.rates[0].is_none(), "something drives the puck on as it moves"),
+            ("friction", self.friction.is_none() && self.offset.is_some(), "something drives the puck on as it moves"),
+            (
+                "delay",
+                self.delay.is_none() && self.sign.is_some(),
+                "the torques are of later samples than the positions",
+            ),
+        ];
+        for (name, is_below, reason) in below {
+            if is_below {
+                warnings.push(format!(
+                    "the fit is best with a {name} below 0, which no device has: none is given; {reason}"
+                ));
+            }
+        }
         let uncertain = |interval: Option<Interval>| interval.is_some_and(|x| x.low == 0.0 && x.high > 0.0);
         for (name, interval) in [("damping", self.damping), ("friction", self.friction)] {
             if uncertain(interval) {
