@@ -1,7 +1,7 @@
 //! One guarded sample of the notes' wheel, hot, in a microcontroller's room: the loop alone, and behind its supervisor.
 
 use anyhow::{Context, Result, bail};
-use hapt_core::{Loop, Phase, Reading, Real, Request, SafetyProfile, Supervisor, SupervisorState};
+use hapt_core::{Controller, Phase, Reading, Real, Request, SafetyProfile};
 
 use crate::{run, timed};
 
@@ -19,8 +19,7 @@ pub fn time(numbers: &str, guarded: bool, repeats: usize) -> Result<()> {
 fn time_on<F: Real>(guarded: bool, repeats: usize) -> Result<()> {
     let world = run::world("held")?;
     let spec = world.spec();
-    let compiled = Loop::<F, 4, 8, 17>::new(&spec)?;
-    let supervisor = Supervisor::<F, 4, 8>::new(&world.limits(SafetyProfile::Simulated), &spec)?;
+    let controller = Controller::<F, 4, 8, 17>::new(&spec, &world.limits(SafetyProfile::Simulated))?;
     let reading = |k: usize| {
         let phase = 1e-2 * k as f64;
         let (position, velocity) = (0.5 * phase.sin(), 5.0 * phase.cos());
@@ -30,27 +29,27 @@ fn time_on<F: Real>(guarded: bool, repeats: usize) -> Result<()> {
     };
     let readings: Vec<Reading<F>> = (0..SAMPLES).map(reading).collect();
     // Armed, and all of the torque there.
-    let (mut watch, mut state) = (SupervisorState::START, compiled.start());
+    let mut state = controller.start();
     let mut request = Some(Request::Arm);
-    while watch.phase != Phase::Running {
-        supervisor.step(&mut watch, &compiled, &mut state, &readings[0], request.take());
+    while state.supervisor.phase != Phase::Running {
+        controller.step(&mut state, &readings[0], request.take());
     }
-    let begin = (watch, state);
+    let begin = state;
     let mut sum = 0.0;
     timed(repeats, SAMPLES, || {
-        ((watch, state), sum) = (begin, 0.0);
+        (state, sum) = (begin, 0.0);
         for reading in &readings {
             let torque = if guarded {
-                supervisor.step(&mut watch, &compiled, &mut state, reading, None).output
+                controller.step(&mut state, reading, None).output
             } else {
-                compiled.step(&mut state, reading.position, reading.velocity).command
+                controller.world().step(&mut state.world, reading.position, reading.velocity).command
             };
             sum += torque.to_f64();
         }
         Ok(())
     })?;
-    if guarded && watch.phase != Phase::Running {
-        return Err(anyhow::anyhow!("it has faulted: {:?}", watch.reason)).context("the guarded loop");
+    if guarded && state.supervisor.phase != Phase::Running {
+        return Err(anyhow::anyhow!("it has faulted: {:?}", state.supervisor.reason)).context("the guarded loop");
     }
     println!("{sum:e}");
     Ok(())

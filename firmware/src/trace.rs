@@ -3,7 +3,7 @@
 //! This file is compiled twice, into the firmware and into the program that tests it on a PC: two sums that agree say that two
 //! processors made the same bits of every state and every torque.
 
-use hapt_core::{Heat, Limits, Loop, Reading, Request, Spec, State, Supervisor, SupervisorState};
+use hapt_core::{Controller, Heat, Limits, Loop, Reading, Request, Spec, State};
 use hapt_wire::Stored;
 
 /// A microcontroller's room.
@@ -74,7 +74,7 @@ pub fn sums(bytes: &[u8], samples: u32) -> Option<(Sum, Sum, bool)> {
     let spec = stored.spec();
     let world = World::new(&spec).ok()?;
     let (bare, finite) = bare(&world, samples);
-    Some((bare, guarded(&world, &spec, samples)?, finite))
+    Some((bare, guarded(&spec, samples)?, finite))
 }
 
 fn bare(world: &World, samples: u32) -> (Sum, bool) {
@@ -93,11 +93,11 @@ fn bare(world: &World, samples: u32) -> (Sum, bool) {
 }
 
 /// Armed, disarmed, stopped and cleared again and again.
-fn guarded(world: &World, spec: &Spec, samples: u32) -> Option<Sum> {
-    let supervisor = Supervisor::<f32, BODIES, COUPLINGS>::new(&LIMITS, spec).ok()?;
+fn guarded(spec: &Spec, samples: u32) -> Option<Sum> {
+    let controller = Controller::<f32, BODIES, COUPLINGS, COUNTS>::new(spec, &LIMITS).ok()?;
     let mut sum = Sum::EMPTY;
-    let (mut state, mut watch) = (world.start(), SupervisorState::START);
-    let mut trace = Trace::new(world.period());
+    let mut state = controller.start();
+    let mut trace = Trace::new(controller.period());
     for k in 0..samples {
         let (position, velocity) = trace.next();
         let request = match k % 1000 {
@@ -108,9 +108,10 @@ fn guarded(world: &World, spec: &Spec, samples: u32) -> Option<Sum> {
             _ => None,
         };
         let reading = Reading { position, velocity, announced: false, late: 0.0, missed: 0, silent: 0.0 };
-        let guarded = supervisor.step(&mut watch, world, &mut state, &reading, request);
-        sum.numbers(&[guarded.output, guarded.sample.torque, watch.account(), watch.made()]);
-        sum.bodies(&state, world.bodies());
+        let guarded = controller.step(&mut state, &reading, request);
+        let supervisor = &state.supervisor;
+        sum.numbers(&[guarded.output, guarded.sample.torque, supervisor.account(), supervisor.made()]);
+        sum.bodies(&state.world, controller.world().bodies());
         sum.add(guarded.phase as u32);
         sum.add(guarded.reason.map_or(0, |reason| 1 + reason as u32));
         sum.add(guarded.warning.map_or(0, |reason| 1 + reason as u32));

@@ -136,7 +136,7 @@ fn clean_run(seed: u64, i: u64) -> Result<Clean> {
         hand.act(&mut rng, &world, &mut rig.device);
         let guarded = rig.sample(None);
         if guarded.phase != Phase::Running {
-            let (account, made, speed) = (rig.watch.account(), rig.watch.made(), rig.device.puck().1);
+            let (account, made, speed) = (rig.supervisor().account(), rig.supervisor().made(), rig.device.puck().1);
             let limits = world.limits(SafetyProfile::Certified);
             if guarded.reason == Some(Reason::Overspeed) && speed.abs() > limits.overspeed {
                 return Ok(Clean { samples: k, overspeeds: 1 });
@@ -177,14 +177,14 @@ fn trial(seed: u64, i: u64) -> Result<Option<Trial>> {
             }
         }
         let fastest = world.limits(SafetyProfile::Certified).overspeed;
-        if rig.watch.reason == Some(Reason::Overspeed) && rig.device.puck().1.abs() > 0.8 * fastest {
+        if rig.supervisor().reason == Some(Reason::Overspeed) && rig.device.puck().1.abs() > 0.8 * fastest {
             // The hand has thrown the puck faster than it may be: no fault, and as it should end.
             return Ok(None);
         }
         ensure!(
-            rig.watch.phase == Phase::Running,
+            rig.supervisor().phase == Phase::Running,
             "tripped without a fault: {:?}\n{}",
-            rig.watch.reason,
+            rig.supervisor().reason,
             world.to_toml()
         );
     }

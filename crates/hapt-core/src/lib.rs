@@ -48,6 +48,7 @@ mod branches;
 mod carry;
 mod compile;
 mod contact;
+mod controller;
 mod error;
 mod friction;
 mod gradient;
@@ -61,6 +62,7 @@ pub mod spec;
 mod step;
 mod supervisor;
 
+pub use controller::{Controller, ControllerState};
 pub use error::Error;
 pub use gradient::Contacts;
 pub use lanes::Lanes;

@@ -88,11 +88,21 @@ pub struct Sample<F> {
     pub command: F,
 }
 
+impl<F: Number, const B: usize, const C: usize, const W: usize> State<F, B, C, W> {
+    /// A state of no world: every number 0, and nothing remembered.
+    pub const EMPTY: Self = State {
+        now: Vector::ZERO,
+        change: Vector::ZERO,
+        bristles: [F::ZERO; C],
+        contacts: Contacts::NONE,
+        memory: Memory::EMPTY,
+    };
+}
+
 impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     /// The state before sample 0.
     pub fn start(&self) -> State<F, B, C, W> {
-        let bristles = [F::ZERO; C];
-        State { now: self.start, change: Vector::ZERO, bristles, contacts: Contacts::NONE, memory: Memory::EMPTY }
+        State { now: self.start, ..State::EMPTY }
     }
 
     /// How many bodies the world has.

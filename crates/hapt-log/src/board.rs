@@ -5,7 +5,7 @@
 
 use std::io::Read;
 
-use hapt_core::{Loop, Phase, Reading, Reason, Request, SafetyProfile, State, Supervisor, SupervisorState};
+use hapt_core::{Controller, ControllerState, Phase, Reading, Reason, Request, SafetyProfile};
 
 use crate::Error;
 use crate::log::{Log, LoggedPlan};
@@ -52,19 +52,15 @@ pub(crate) fn is_boards<R>(log: &Log<R>) -> bool {
 struct Running {
     /// Its plan's number.
     plan: u32,
-    world: Loop<f32, B, C, W>,
-    supervisor: Supervisor<f32, B, C>,
-    state: State<f32, B, C, W>,
-    watch: SupervisorState<f32>,
+    controller: Controller<f32, B, C, W>,
+    state: ControllerState<f32, B, C, W>,
 }
 
 impl Running {
     fn start(logged: &LoggedPlan, profile: SafetyProfile) -> Result<Box<Self>, Error> {
-        let spec = logged.world.spec();
-        let world = Loop::new(&spec).map_err(world_error)?;
-        let supervisor = Supervisor::new(&logged.world.limits(profile), &spec).map_err(world_error)?;
-        let state = world.start();
-        Ok(Box::new(Running { plan: logged.number, world, supervisor, state, watch: SupervisorState::START }))
+        let controller = Controller::new(&logged.world.spec(), &logged.world.limits(profile)).map_err(world_error)?;
+        let state = controller.start();
+        Ok(Box::new(Running { plan: logged.number, controller, state }))
     }
 }
 
@@ -99,12 +95,12 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
             missed,
             silent: silent as f32,
         };
-        let Running { world, supervisor, state, watch, .. } = &mut **running;
+        let Running { controller, state, .. } = &mut **running;
         // What the board's own driver has reported is in no reading.
-        if watch.phase != Phase::Faulted && inputs.reason == u64::from(Reason::Driver.code()) {
-            watch.trip(Reason::Driver);
+        if state.supervisor.phase != Phase::Faulted && inputs.reason == u64::from(Reason::Driver.code()) {
+            state.trip(Reason::Driver);
         }
-        let guarded = supervisor.step(watch, world, state, &reading, inputs.request);
+        let guarded = controller.step(state, &reading, inputs.request);
         let output = sample.values.len() - LIVE_COLUMNS;
         let torques = [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];
         result.compare(&sample, inputs.sample, &torques.map(|(place, torque)| (place, f64::from(torque))));

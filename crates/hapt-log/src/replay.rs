@@ -3,9 +3,9 @@
 use std::io::Read;
 use std::sync::Arc;
 
-use hapt_core::{SafetyProfile, SupervisorState};
+use hapt_core::SafetyProfile;
 use hapt_rt::{Plan, PlanState, Snapshot};
-use hapt_sim::DesktopLoop;
+use hapt_sim::{DesktopLoop, DesktopState};
 
 use crate::log::{Inputs, Log, LoggedPlan, Sample};
 use crate::schema::{COMMAND, LIVE_COLUMNS, TORQUE};
@@ -90,7 +90,7 @@ pub(crate) fn world_error(error: hapt_core::Error) -> Error {
 
 /// The log of a run: the loop alone, from each of its worlds' start.
 fn run<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
-    let mut running: Option<(Arc<LoggedPlan>, DesktopLoop, PlanState)> = None;
+    let mut running: Option<(Arc<LoggedPlan>, DesktopLoop, DesktopState)> = None;
     while let Some(sample) = log.next()? {
         let (_, world, state) = match &mut running {
             Some(running) if Arc::ptr_eq(&running.0, sample.plan) => running,
@@ -112,7 +112,6 @@ struct Running {
     /// A plan is large for a stack.
     plan: Box<Plan>,
     state: PlanState,
-    watch: SupervisorState<f64>,
 }
 
 /// The log of a loop in real time: the loop behind its supervisor.
@@ -139,8 +138,8 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
             None => result.skipped += 1,
             Some(running) => {
                 running.change(sample.plan)?;
-                let Running { plan, state, watch, .. } = &mut **running;
-                let guarded = plan.step(watch, state, &inputs.reading, inputs.request);
+                let Running { plan, state, .. } = &mut **running;
+                let guarded = plan.step(state, &inputs.reading, inputs.request);
                 let torques =
                     [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];
                 result.compare(&sample, inputs.sample, &torques);
@@ -154,16 +153,14 @@ impl Running {
     /// From a snapshot on, or else from the world's start, disarmed.
     fn start(logged: &Arc<LoggedPlan>, profile: SafetyProfile, from: Option<&Snapshot>) -> Result<Self, Error> {
         let plan = Plan::new(&logged.world, profile).map(Box::new).map_err(world_error)?;
-        let (state, watch) =
-            from.map_or_else(|| (plan.start(), SupervisorState::START), |from| (from.state, from.watch));
-        Ok(Running { logged: Arc::clone(logged), plan, state, watch })
+        let state = from.map_or_else(|| plan.start(), |from| from.state);
+        Ok(Running { logged: Arc::clone(logged), plan, state })
     }
 
     /// Goes on in the world of `logged`, as the loop did.
     fn change(&mut self, logged: &Arc<LoggedPlan>) -> Result<(), Error> {
         if !Arc::ptr_eq(&self.logged, logged) {
             let plan = Plan::following(&logged.world, &self.plan).map(Box::new).map_err(world_error)?;
-            self.watch.swap(self.plan.period(), plan.period());
             (self.state, self.plan, self.logged) = (plan.carry(&self.plan, &self.state), plan, Arc::clone(logged));
         }
         Ok(())

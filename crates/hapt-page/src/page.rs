@@ -3,7 +3,7 @@
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
-use hapt_core::{Error, Limits, Loop, Output, Phase, Reading, Reason, Request, State, Supervisor, SupervisorState};
+use hapt_core::{Controller, ControllerState, Error, Limits, Output, Phase, Reading, Reason, Request};
 use hapt_plant::{Grip, Script, VirtualDevice, spec, stored_energy};
 use hapt_wire::Stored;
 use serde::{Deserialize, Serialize};
@@ -20,8 +20,7 @@ pub const OWN: usize = 8;
 /// The frame's columns; after [`OWN`] each body has its position and its velocity.
 pub const COLUMNS: usize = OWN + 2 * BODIES;
 
-type World = Loop<f64, BODIES, COUPLINGS, COUNTS>;
-type Stand = State<f64, BODIES, COUPLINGS, COUNTS>;
+type World = Controller<f64, BODIES, COUPLINGS, COUNTS>;
 
 /// What a page needs beside the world's bytes. As bytes: postcard.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,10 +38,8 @@ pub struct Setup {
 /// A world that runs: the loop under its supervisor on the exact device, in whatever hand holds it.
 pub struct Page {
     written: Written,
-    world: World,
-    supervisor: Supervisor<f64, BODIES, COUPLINGS>,
-    state: Stand,
-    watch: SupervisorState<f64>,
+    controller: World,
+    state: ControllerState<f64, BODIES, COUPLINGS, COUNTS>,
     device: VirtualDevice,
     /// The device's coordinate of the world's 0, in rad (linear: m).
     zero: f64,
@@ -56,24 +53,22 @@ impl Page {
     pub fn new(world: &[u8], setup: &[u8]) -> Option<Box<Self>> {
         let stored = Stored::<BODIES, COUPLINGS>::read(world).ok()?;
         let written = Written::new(&stored.spec(), postcard::from_bytes(setup).ok()?);
-        let (world, supervisor) = compile(&written).ok()?;
+        let controller = compile(&written).ok()?;
         Some(Box::new(Page {
-            state: world.start(),
-            watch: SupervisorState::START,
+            state: controller.start(),
             device: VirtualDevice::new(&written.setup.rig),
             zero: 0.0,
             request: None,
             samples: 0,
             frame: [[0.0; COLUMNS]; 3],
             written,
-            world,
-            supervisor,
+            controller,
         }))
     }
 
     /// How many bodies the world has.
     pub fn bodies(&self) -> usize {
-        self.world.bodies()
+        self.controller.world().bodies()
     }
 
     /// The output as it is now: some methods have but one.
@@ -83,7 +78,8 @@ impl Page {
 
     /// Where the supervisor stands, why, and what would have tripped on a real device.
     pub fn phase(&self) -> (Phase, Option<Reason>, Option<Reason>) {
-        (self.watch.phase, self.watch.reason, self.watch.warning)
+        let state = &self.state.supervisor;
+        (state.phase, state.reason, state.warning)
     }
 
     /// For each column the last value, the least and the greatest of the samples that [`Page::run`] has last taken.
@@ -99,7 +95,7 @@ impl Page {
     /// The puck at rest at 0, the world at its start, and no torque.
     pub fn restart(&mut self) {
         self.device.restart();
-        (self.state, self.watch, self.zero, self.request) = (self.world.start(), SupervisorState::START, 0.0, None);
+        (self.state, self.zero, self.request) = (self.controller.start(), 0.0, None);
     }
 
     /// The visitor's hand takes hold, or, with `None`, whoever holds lets go.
@@ -115,7 +111,7 @@ impl Page {
     /// A scenario's hand takes hold; `false` where there is no such scenario.
     pub fn begin(&mut self, scenario: usize) -> bool {
         let Some((hand, duration)) = self.written.setup.scenarios.get(scenario) else { return false };
-        self.device.begin(&mut Script::new(hand, *duration, self.world.period()));
+        self.device.begin(&mut Script::new(hand, *duration, self.controller.period()));
         true
     }
 
@@ -131,11 +127,10 @@ impl Page {
         if !written.change(slot, index, value) {
             return false;
         }
-        let Ok((world, supervisor)) = compile(&written) else { return false };
-        let state = world.carry(&self.world, &self.state, Some, Some);
+        let Ok(controller) = compile(&written) else { return false };
+        let state = controller.carry(&self.controller, &self.state, Some, Some);
         self.device.refit(&mut VirtualDevice::new(&written.setup.rig));
-        self.watch.swap(self.world.period(), world.period());
-        (self.world, self.supervisor, self.state, self.written) = (world, supervisor, state, written);
+        (self.controller, self.state, self.written) = (controller, state, written);
         true
     }
 
@@ -164,20 +159,21 @@ impl Page {
         let announced = self.device.announced();
         let reading = Reading { position, velocity, announced, late: 0.0, missed: 0, silent: 0.0 };
         let request = self.request.take();
-        let guarded = self.supervisor.step(&mut self.watch, &self.world, &mut self.state, &reading, request);
+        let guarded = self.controller.step(&mut self.state, &reading, request);
         self.device.command(guarded.output);
         // Where it is armed is 0, for the hand too.
-        let by = self.watch.offset - self.zero;
+        let by = self.state.supervisor.offset - self.zero;
         if by != 0.0 {
             self.device.shift(by);
-            self.zero = self.watch.offset;
+            self.zero = self.state.supervisor.offset;
         }
         let position = self.device.puck().0;
 
         let Page { state, written, frame: [last, least, greatest], .. } = self;
-        let bodies = self.world.bodies();
+        let bodies = self.controller.world().bodies();
+        let world = &state.world;
         let mut states = [(0.0, 0.0); BODIES];
-        for (place, (w, v)) in states.iter_mut().zip(state.now.position.iter().zip(&state.now.velocity)) {
+        for (place, (w, v)) in states.iter_mut().zip(world.now.position.iter().zip(&world.now.velocity)) {
             *place = (*w, *v);
         }
         let states = states.get(..bodies).unwrap_or(&[]);
@@ -191,7 +187,7 @@ impl Page {
             seen.torque,
             seen.command,
             guarded.output,
-            stored_energy(spec.bodies, spec.couplings, position, states, &state.bristles),
+            stored_energy(spec.bodies, spec.couplings, position, states, &world.bristles),
         ];
         let values = own.into_iter().chain(states.iter().flat_map(|&(w, v)| [w, v]));
         for (((value, last), least), greatest) in values.zip(last).zip(least).zip(greatest) {
@@ -207,7 +203,6 @@ impl Page {
     }
 }
 
-fn compile(written: &Written) -> Result<(World, Supervisor<f64, BODIES, COUPLINGS>), Error> {
-    let spec = written.spec();
-    Ok((World::new(&spec)?, Supervisor::new(&written.setup.limits, &spec)?))
+fn compile(written: &Written) -> Result<World, Error> {
+    World::new(&written.spec(), &written.setup.limits)
 }

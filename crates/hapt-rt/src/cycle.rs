@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use hapt_core::{Reading, Request, SafeOutput, SupervisorState};
+use hapt_core::{Reading, Request, SafeOutput};
 
 use crate::plan::PlanState;
 use crate::{BODIES, Device, Failure, Plan, Record, Snapshot};
@@ -27,7 +27,6 @@ pub struct Cycle {
     plan: Box<Plan>,
     device: Safe,
     state: PlanState,
-    watch: SupervisorState<f64>,
     sample: u64,
     swaps: u32,
 }
@@ -48,7 +47,7 @@ impl Cycle {
         plan.reserve();
         device.adopt(&mut plan);
         let state = plan.start();
-        Cycle { plan, device: Safe(device), state, watch: SupervisorState::START, sample: 0, swaps: 0 }
+        Cycle { plan, device: Safe(device), state, sample: 0, swaps: 0 }
     }
 
     /// T in s.
@@ -61,13 +60,13 @@ impl Cycle {
         if periods > 0 {
             self.sample += u64::from(periods);
             self.device.0.passed(periods);
-            self.plan.hold(periods, self.watch.output);
+            self.plan.hold(periods, self.state.supervisor.output);
         }
     }
 
     /// How the loop stands before its next sample. Allocates nothing.
     pub fn snapshot(&self, into: &mut Snapshot) {
-        *into = Snapshot { sample: self.sample, plan: self.swaps, state: self.state, watch: self.watch };
+        *into = Snapshot { sample: self.sample, plan: self.swaps, state: self.state };
     }
 
     /// From this sample on the world is another; gives the plan before. Bodies go on as [`Plan::following`] found them, and the torque
@@ -75,7 +74,6 @@ impl Cycle {
     pub fn swap(&mut self, mut plan: Box<Plan>) -> Box<Plan> {
         self.state = plan.carry(&self.plan, &self.state);
         plan.motor.follow(&self.plan.motor);
-        self.watch.swap(self.plan.period(), plan.period());
         self.device.0.adopt(&mut plan);
         self.swaps += 1;
         std::mem::replace(&mut self.plan, plan)
@@ -100,18 +98,21 @@ impl Cycle {
             missed: moment.periods.saturating_sub(1).saturating_add(self.device.0.missed()),
             silent: moment.silent,
         };
-        let Cycle { plan, device, state, watch, .. } = self;
-        let zero = watch.offset;
-        let SafeOutput { sample, output, phase, reason, warning } = plan.step(watch, state, &reading, request);
-        if watch.offset != zero {
-            device.0.homed(watch.offset);
+        let Cycle { plan, device, state, .. } = self;
+        let before = state.supervisor.offset;
+        let SafeOutput { sample, output, phase, reason, warning } = plan.step(state, &reading, request);
+        let zero = state.supervisor.offset;
+        if zero != before {
+            device.0.homed(zero);
         }
         device.0.write(output)?;
         plan.motor.command(output);
         let applied = device.0.applied().unwrap_or(plan.motor.applied);
         let mut bodies = [(0.0, 0.0); BODIES];
-        let now = &self.state.now;
-        for (place, state) in bodies.iter_mut().zip(now.position.iter().zip(&now.velocity)).take(plan.world.bodies()) {
+        let now = &self.state.world.now;
+        for (place, state) in
+            bodies.iter_mut().zip(now.position.iter().zip(&now.velocity)).take(plan.controller.world().bodies())
+        {
             *place = (*state.0, *state.1);
         }
         Ok(Record {
@@ -120,7 +121,7 @@ impl Cycle {
             plan: self.swaps,
             position: reading.position,
             velocity: reading.velocity,
-            zero: watch.offset,
+            zero,
             announced: reading.announced,
             late: reading.late,
             missed: reading.missed,

@@ -1,17 +1,16 @@
 //! A world compiled for the loop's thread, with everything that it will need there.
 
-use hapt_core::{Law, Reading, Request, SafeOutput, SafetyProfile, State, SupervisorState};
+use hapt_core::{Law, Reading, Request, SafeOutput, SafetyProfile};
 use hapt_model::{End, World};
-use hapt_sim::{DesktopLoop, DesktopSupervisor, Motor, VirtualDevice};
+use hapt_sim::{DesktopController, DesktopControllerState, Motor, VirtualDevice};
 
-/// Everything that changes in a plan's world from sample to sample.
-pub type PlanState = State<f64, 32, 64, 257>;
+/// Everything that a plan's controller remembers from sample to sample.
+pub type PlanState = DesktopControllerState;
 
 /// A world compiled, with its supervisor, and its device for whoever simulates one.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    pub(crate) world: DesktopLoop,
-    pub(crate) supervisor: DesktopSupervisor,
+    pub(crate) controller: DesktopController,
     pub(crate) device: VirtualDevice,
     /// When its motor takes which torque.
     pub(crate) motor: Motor<f64>,
@@ -36,11 +35,8 @@ impl Plan {
     /// Compiles a world, to be guarded so. Errors where the core does.
     pub fn new(world: &World, profile: SafetyProfile) -> Result<Self, hapt_core::Error> {
         let spec = world.spec();
-        let compiled = DesktopLoop::new(&spec)?;
-        let supervisor = DesktopSupervisor::new(&world.limits(profile), &spec)?;
         let mut plan = Plan {
-            world: compiled,
-            supervisor,
+            controller: DesktopController::new(&spec, &world.limits(profile))?,
             device: VirtualDevice::new(&world.rig()),
             motor: Motor::new(world.sampling.delay_s(), world.sampling.period),
             profile,
@@ -71,23 +67,17 @@ impl Plan {
 
     /// T in s.
     pub fn period(&self) -> f64 {
-        self.world.period()
+        self.controller.period()
     }
 
-    /// The world's state before its first sample.
+    /// The state before the first sample: disarmed.
     pub fn start(&self) -> PlanState {
-        self.world.start()
+        self.controller.start()
     }
 
     /// One sample, guarded: what the loop's thread does between its device's two calls, and a replay again.
-    pub fn step(
-        &self,
-        watch: &mut SupervisorState<f64>,
-        state: &mut PlanState,
-        reading: &Reading<f64>,
-        request: Option<Request>,
-    ) -> SafeOutput<f64> {
-        self.supervisor.step(watch, &self.world, state, reading, request)
+    pub fn step(&self, state: &mut PlanState, reading: &Reading<f64>, request: Option<Request>) -> SafeOutput<f64> {
+        self.controller.step(state, reading, request)
     }
 
     /// Periods pass, in which the motor is asked for `torque`, as it was at the last sample.
@@ -104,10 +94,11 @@ impl Plan {
         }
     }
 
-    /// The state to go on with where `state` of `before` was, the plan that this one follows. Allocates nothing.
+    /// The state to go on with where `state` of `before` was, the plan that this one follows; the torque fades over. Allocates nothing.
     pub fn carry(&self, before: &Plan, state: &PlanState) -> PlanState {
         let at = |list: &[Option<usize>], i: usize| list.get(i).copied().flatten();
-        self.world.carry(&before.world, state, |body| at(&self.bodies, body), |coupling| at(&self.bristles, coupling))
+        let (body, bristle) = (|i| at(&self.bodies, i), |i| at(&self.bristles, i));
+        self.controller.carry(&before.controller, state, body, bristle)
     }
 }
 

@@ -1,29 +1,24 @@
-//! Everything that a loop goes on with, so that it can go on again.
+//! The state of a loop between two samples, from which it can go on.
 
-use hapt_core::{Contacts, Memory, State, SupervisorState, Vector};
+use hapt_core::{ControllerState, State, SupervisorState};
 
 use crate::plan::PlanState;
 
-/// A loop as it stands before a sample. With its plan's world and what the loop is told from there on, it makes the same torques again.
+/// A loop as it stands before a sample. With its plan's world and the readings from there on it makes the same torques again.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Snapshot {
     /// The sample before which it was taken, as records count them.
     pub sample: u64,
     /// The plan that takes that sample, as records count them.
     pub plan: u32,
-    /// The world's.
+    /// The controller's.
     pub state: PlanState,
-    /// The supervisor's.
-    pub watch: SupervisorState<f64>,
 }
 
 impl Snapshot {
     /// Room for one; nothing has moved in it yet.
     pub const EMPTY: Self = {
-        const NOWHERE: Vector<f64, 32> = Vector { position: [0.0; 32], velocity: [0.0; 32] };
-        let contacts = Contacts { torques: [0.0; 64], unsettled: 0 };
-        let memory = Memory { last: None, counts: [0.0; 257], newest: 0, older: 0 };
-        let state = State { now: NOWHERE, change: NOWHERE, bristles: [0.0; 64], contacts, memory };
-        Snapshot { sample: 0, plan: 0, state, watch: SupervisorState::START }
+        let state = ControllerState { world: State::EMPTY, supervisor: SupervisorState::START };
+        Snapshot { sample: 0, plan: 0, state }
     };
 }

@@ -2,7 +2,7 @@
 //!
 //! The bits are the same in every room; a step of one body that has to carry places for 32 would only take longer.
 
-use hapt_core::{Coupling, Error, Law, Loop, Sample, Spec, State, Supervisor};
+use hapt_core::{Controller, ControllerState, Coupling, Error, Law, Loop, Sample, Spec, State, Supervisor};
 
 /// The loop with a PC's room: 32 bodies, 64 couplings, a FOAW window of 256.
 pub type DesktopLoop = Loop<f64, 32, COUPLINGS, COUNTS>;
@@ -10,7 +10,13 @@ pub type DesktopLoop = Loop<f64, 32, COUPLINGS, COUNTS>;
 /// What it remembers.
 pub type DesktopState = State<f64, 32, COUPLINGS, COUNTS>;
 
-/// Its supervisor.
+/// The same under its supervisor.
+pub type DesktopController = Controller<f64, 32, COUPLINGS, COUNTS>;
+
+/// What both remember.
+pub type DesktopControllerState = ControllerState<f64, 32, COUPLINGS, COUNTS>;
+
+/// The supervisor alone.
 pub type DesktopSupervisor = Supervisor<f64, 32, COUPLINGS>;
 
 const COUPLINGS: usize = 64;

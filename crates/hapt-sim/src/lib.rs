@@ -49,7 +49,7 @@ mod run;
 mod side;
 mod summary;
 
-pub use control::{DesktopLoop, DesktopState, DesktopSupervisor};
+pub use control::{DesktopController, DesktopControllerState, DesktopLoop, DesktopState, DesktopSupervisor};
 pub use csv::CsvWriter;
 pub use energy::{Lent, world_energy};
 pub use hapt_plant::{Grip, Ledger, Motor, Script, VirtualDevice};

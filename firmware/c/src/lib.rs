@@ -5,7 +5,7 @@ use core::ffi::{c_int, c_uint};
 use core::mem::{align_of, size_of};
 use core::slice;
 
-use hapt_core::{Loop, Phase, Reading, Reason, Request, State, Supervisor, SupervisorState};
+use hapt_core::{Controller, ControllerState, Phase, Reading, Reason, Request};
 use hapt_wire::unpack;
 
 const BODIES: usize = 4;
@@ -21,10 +21,8 @@ pub struct Room([u8; 4096]);
 struct Running {
     /// `LOADED`, and nothing else that a program might have in its memory.
     loaded: u32,
-    world: Loop<f32, BODIES, COUPLINGS, COUNTS>,
-    supervisor: Supervisor<f32, BODIES, COUPLINGS>,
-    state: State<f32, BODIES, COUPLINGS, COUNTS>,
-    watch: SupervisorState<f32>,
+    controller: Controller<f32, BODIES, COUPLINGS, COUNTS>,
+    state: ControllerState<f32, BODIES, COUPLINGS, COUNTS>,
 }
 
 /// `HAPT_FAULT`
@@ -77,11 +75,10 @@ pub unsafe extern "C" fn hapt_load(hapt: *mut Room, bytes: *const u8, length: us
     // SAFETY: the caller says so.
     let bytes = unsafe { slice::from_raw_parts(bytes, length) };
     let Ok((limits, stored)) = unpack::<BODIES, COUPLINGS>(bytes) else { return -1 };
-    let spec = stored.spec();
-    let (Ok(world), Ok(supervisor)) = (Loop::new(&spec), Supervisor::new(&limits, &spec)) else { return -2 };
-    let state = world.start();
+    let Ok(controller) = Controller::new(&stored.spec(), &limits) else { return -2 };
+    let state = controller.start();
     // SAFETY: the room is the caller's, large enough and aligned (asserted above), and nothing refers to it.
-    unsafe { hapt.cast::<Running>().write(Running { loaded: LOADED, world, supervisor, state, watch: SupervisorState::START }) };
+    unsafe { hapt.cast::<Running>().write(Running { loaded: LOADED, controller, state }) };
     0
 }
 
@@ -91,8 +88,8 @@ pub unsafe extern "C" fn hapt_load(hapt: *mut Room, bytes: *const u8, length: us
 /// As for [`hapt_guard`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hapt_step(hapt: *mut Room, position: f32, velocity: f32) -> f32 {
-    let Some(Running { world, state, .. }) = running(hapt) else { return 0.0 };
-    world.step(state, position, velocity).command
+    let Some(Running { controller, state, .. }) = running(hapt) else { return 0.0 };
+    controller.world().step(&mut state.world, position, velocity).command
 }
 
 /// See `hapt.h`.
@@ -106,10 +103,10 @@ pub unsafe extern "C" fn hapt_guard(hapt: *mut Room, reading: *const CReading) -
     }
     // SAFETY: the caller says so.
     let CReading { position, velocity, late, silent, missed, request } = unsafe { *reading };
-    let Some(Running { world, supervisor, state, watch, .. }) = running(hapt) else { return CGuarded::default() };
+    let Some(Running { controller, state, .. }) = running(hapt) else { return CGuarded::default() };
     let reading = Reading { position, velocity, announced: false, late, missed, silent };
     if request == FAULT {
-        watch.trip(Reason::Driver);
+        state.trip(Reason::Driver);
     }
     let request = match request {
         1 => Some(Request::Arm),
@@ -118,7 +115,7 @@ pub unsafe extern "C" fn hapt_guard(hapt: *mut Room, reading: *const CReading) -
         4 => Some(Request::Clear),
         _ => None,
     };
-    let guarded = supervisor.step(watch, world, state, &reading, request);
+    let guarded = controller.step(state, &reading, request);
     CGuarded {
         output: guarded.output,
         torque: guarded.sample.torque,
@@ -135,13 +132,13 @@ pub unsafe extern "C" fn hapt_guard(hapt: *mut Room, reading: *const CReading) -
 pub unsafe extern "C" fn hapt_body(hapt: *mut Room, body: c_uint, velocity: *mut f32) -> f32 {
     let Some(Running { state, .. }) = running(hapt) else { return 0.0 };
     let body = body as usize;
-    if let Some(v) = state.now.velocity.get(body) {
+    if let Some(v) = state.world.now.velocity.get(body) {
         // SAFETY: null, or a float of the caller's.
         if let Some(place) = unsafe { velocity.as_mut() } {
             *place = *v;
         }
     }
-    state.now.position.get(body).copied().unwrap_or(0.0)
+    state.world.now.position.get(body).copied().unwrap_or(0.0)
 }
 
 #[panic_handler]

@@ -11,7 +11,7 @@ use core::hint::black_box;
 use core::panic::PanicInfo;
 
 use cortex_m_rt::entry;
-use hapt_core::{Damping, End, Law, Loop, Phase, Reading, Request, Spec, State, Supervisor, SupervisorState};
+use hapt_core::{Controller, Damping, End, Law, Loop, Phase, Reading, Request, Spec, State};
 use hapt_firmware::console::{File, exit};
 use hapt_firmware::trace::{BODIES, COUNTS, COUPLINGS, LIMITS, Trace};
 use hapt_firmware::{stack, ticks};
@@ -51,18 +51,18 @@ fn main() -> ! {
 
 /// hapt's loop in room for B bodies: bare, supervised, and supervised where each sample has to be looked at in full.
 fn in_room<const B: usize>(spec: &Spec) -> [f32; 3] {
-    let Ok(world) = Loop::<f32, B, COUPLINGS, COUNTS>::new(spec) else { exit(4) };
-    let Ok(supervisor) = Supervisor::<f32, B, COUPLINGS>::new(&LIMITS, spec) else { exit(4) };
-    let (world, supervisor) = (black_box(world), black_box(supervisor));
+    let Ok(controller) = Controller::<f32, B, COUPLINGS, COUNTS>::new(spec, &LIMITS) else { exit(4) };
+    let controller = black_box(controller);
+    let world = controller.world();
     let mut state = world.start();
     let bare = instructions(|position, velocity| world.step(&mut state, position, velocity).command);
 
     // An announcement is not believed here, but looked at.
     let [supervised, in_full] = [false, true].map(|announced| {
-        let (mut state, mut watch) = (world.start(), SupervisorState::START);
+        let mut state = controller.start();
         let mut guarded = |position, velocity, request| {
             let reading = Reading { position, velocity, announced, late: 0.0, missed: 0, silent: 0.0 };
-            supervisor.step(&mut watch, &world, &mut state, &reading, request)
+            controller.step(&mut state, &reading, request)
         };
         let mut trace = Trace::new(1e-3);
         let (position, velocity) = trace.next();

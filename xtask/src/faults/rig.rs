@@ -3,12 +3,12 @@
 use std::collections::VecDeque;
 
 use anyhow::{Result, anyhow};
-use hapt_core::{Loop, Phase, Reading, Request, SafeOutput, SafetyProfile, State, Supervisor, SupervisorState};
+use hapt_core::{Controller, ControllerState, Phase, Reading, Request, SafeOutput, SafetyProfile, SupervisorState};
 use hapt_model::World;
 use hapt_sim::VirtualDevice;
 
 /// Room for the campaign's worlds.
-type Core = Loop<f64, 4, 8, 17>;
+type Core = Controller<f64, 4, 8, 17>;
 
 /// What stands in the wires between loop and device. Without faults: nothing.
 #[derive(Clone, Debug)]
@@ -58,34 +58,35 @@ pub struct Rig {
     pub world: World,
     pub device: VirtualDevice,
     pub wires: Wires,
-    pub watch: SupervisorState<f64>,
-    core: Box<Core>,
-    supervisor: Box<Supervisor<f64, 4, 8>>,
-    state: Box<State<f64, 4, 8, 17>>,
+    controller: Box<Core>,
+    state: Box<ControllerState<f64, 4, 8, 17>>,
     positions: VecDeque<f64>,
     count: f64,
 }
 
 impl Rig {
     pub fn new(world: &World, profile: SafetyProfile) -> Result<Self> {
-        let (core, supervisor) = compiled(world, profile)?;
+        let controller = compiled(world, profile)?;
         Ok(Rig {
             device: VirtualDevice::new(&world.rig()),
             wires: Wires::WHOLE,
-            watch: SupervisorState::START,
-            state: Box::new(core.start()),
-            core,
-            supervisor,
+            state: Box::new(controller.start()),
+            controller,
             positions: VecDeque::with_capacity(AGES),
             count: world.count().unwrap_or(1e-5),
             world: world.clone(),
         })
     }
 
+    /// What the supervisor remembers.
+    pub fn supervisor(&self) -> &SupervisorState<f64> {
+        &self.state.supervisor
+    }
+
     /// One sample, and the period after it.
     pub fn sample(&mut self, request: Option<Request>) -> SafeOutput<f64> {
         let reading = self.reading();
-        let guarded = self.supervisor.step(&mut self.watch, &self.core, &mut self.state, &reading, request);
+        let guarded = self.controller.step(&mut self.state, &reading, request);
         self.device.command(self.wires.gain * guarded.output);
         self.device.travel();
         guarded
@@ -110,11 +111,11 @@ impl Rig {
 
     /// Another world from the next sample on, on the same device.
     pub fn swap(&mut self, world: &World, profile: SafetyProfile) -> Result<()> {
-        let (core, supervisor) = compiled(world, profile)?;
-        let mut fresh = core.start();
-        fresh.now = self.state.now;
-        self.watch.swap(self.core.period(), core.period());
-        (self.core, self.supervisor, *self.state) = (core, supervisor, fresh);
+        let controller = compiled(world, profile)?;
+        let mut state = controller.carry(&self.controller, &self.state, |_| None, |_| None);
+        state.world = controller.world().start();
+        state.world.now = self.state.world.now;
+        (self.controller, *self.state) = (controller, state);
         Ok(())
     }
 
@@ -147,9 +148,7 @@ impl Rig {
     }
 }
 
-fn compiled(world: &World, profile: SafetyProfile) -> Result<(Box<Core>, Box<Supervisor<f64, 4, 8>>)> {
-    let spec = world.spec();
-    let core = Core::new(&spec).map_err(|error| anyhow!("{error}"))?;
-    let supervisor = Supervisor::new(&world.limits(profile), &spec).map_err(|error| anyhow!("{error}"))?;
-    Ok((Box::new(core), Box::new(supervisor)))
+fn compiled(world: &World, profile: SafetyProfile) -> Result<Box<Core>> {
+    let controller = Core::new(&world.spec(), &world.limits(profile)).map_err(|error| anyhow!("{error}"))?;
+    Ok(Box::new(controller))
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
-use hapt_core::{Loop, Reading, Request, SafetyProfile, Supervisor, SupervisorState};
+use hapt_core::{Controller, Reading, Request, SafetyProfile};
 use hapt_model::World;
 
 use super::trace::{BODIES, COUNTS, COUPLINGS, Trace};
@@ -62,18 +62,18 @@ pub fn array(world: &World) -> Result<String> {
 
 /// What the example sums up, from the core itself.
 fn sum(world: &World) -> Result<u64> {
-    let spec = world.spec();
-    let compiled = Loop::<f32, BODIES, COUPLINGS, COUNTS>::new(&spec)?;
-    let supervisor = Supervisor::<f32, BODIES, COUPLINGS>::new(&world.limits(SafetyProfile::Simulated), &spec)?;
-    let (mut state, mut watch, mut trace) = (compiled.start(), SupervisorState::START, Trace::new(1e-3));
+    let limits = world.limits(SafetyProfile::Simulated);
+    let controller = Controller::<f32, BODIES, COUPLINGS, COUNTS>::new(&world.spec(), &limits)?;
+    let (mut state, mut trace) = (controller.start(), Trace::new(1e-3));
     let mut sum = 0xcbf2_9ce4_8422_2325_u64;
     let mut add = |bits: u32| sum = (sum ^ u64::from(bits)).wrapping_mul(0x0000_0100_0000_01b3);
     for k in 0..10_000 {
         let (position, velocity) = trace.next();
         let reading = Reading { position, velocity, announced: false, late: 0.0, missed: 0, silent: 0.0 };
         let request = (k == 0).then_some(Request::Arm);
-        let guarded = supervisor.step(&mut watch, &compiled, &mut state, &reading, request);
-        for x in [guarded.output, guarded.sample.torque, state.now.position[0], state.now.velocity[0]] {
+        let guarded = controller.step(&mut state, &reading, request);
+        let now = &state.world.now;
+        for x in [guarded.output, guarded.sample.torque, now.position[0], now.velocity[0]] {
             add(x.to_bits());
         }
         add(guarded.phase as u32);

@@ -1,7 +1,7 @@
 //! The half in the timer's interrupt: one guarded sample a period.
 
-use crate::{Refusal, States, Telemetry};
-use hapt_core::{Phase, Reading, Reason, Request, SafeOutput, SupervisorState};
+use crate::{ROOM, Refusal, States, Telemetry};
+use hapt_core::{ControllerState, Phase, Reading, Reason, Request, SafeOutput, State, SupervisorState};
 
 use super::mailbox::{Action, FIRST_PERIOD, Outcome, Pending, Progress, Response};
 use super::{Board, Mailbox, Slot};
@@ -36,7 +36,7 @@ pub struct Motor {
 #[derive(Debug)]
 pub struct Sampler<'w> {
     slot: &'w mut Slot,
-    watch: SupervisorState<f32>,
+    state: ControllerState<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>,
     /// The number of the next sample.
     next: u64,
     /// The number of the sample before which somebody was last heard.
@@ -62,7 +62,7 @@ impl<'w> Sampler<'w> {
         *slot = Slot::EMPTY;
         Sampler {
             slot,
-            watch: SupervisorState::START,
+            state: ControllerState { world: State::EMPTY, supervisor: SupervisorState::START },
             next: 0,
             heard: None,
             request: None,
@@ -80,7 +80,7 @@ impl<'w> Sampler<'w> {
 
     /// T in s: 1 ms before there is a world.
     pub fn period(&self) -> f32 {
-        self.slot.0.as_ref().map_or(FIRST_PERIOD, |compiled| compiled.world.period())
+        self.slot.0.as_ref().map_or(FIRST_PERIOD, |compiled| compiled.controller.period())
     }
 
     /// The number of the next sample, when none is missed.
@@ -95,7 +95,7 @@ impl<'w> Sampler<'w> {
         self.missed = self.missed.saturating_add(measurement.missed);
         let asked = self.request.take();
         if measurement.fault {
-            self.watch.trip(Reason::Driver);
+            self.state.trip(Reason::Driver);
         }
         let reading = Reading {
             position: measurement.position,
@@ -105,20 +105,19 @@ impl<'w> Sampler<'w> {
             missed: measurement.missed,
             silent: self.silent(sample),
         };
-        let Some(compiled) = &mut self.slot.0 else {
+        let Some(compiled) = &self.slot.0 else {
             if let Some((sequence, _)) = asked {
                 self.respond(sequence, Outcome::Refused(Refusal::NoWorld));
             }
-            let (phase, reason) = (self.watch.phase as u8, code(self.watch.reason));
+            let (phase, reason) = (self.state.supervisor.phase as u8, code(self.state.supervisor.reason));
             self.publish(Telemetry { sample, phase, reason, position: measurement.position, ..Telemetry::default() });
             return Motor::default();
         };
         let request = asked.map(|(_, request)| request);
-        let guarded =
-            compiled.supervisor.step(&mut self.watch, &compiled.world, &mut compiled.state, &reading, request);
-        let now = &compiled.state.now;
+        let guarded = compiled.controller.step(&mut self.state, &reading, request);
+        let now = &self.state.world.now;
         let states = now.position.iter().copied().zip(now.velocity.iter().copied());
-        let bodies = States::new(states.take(compiled.world.bodies()));
+        let bodies = States::new(states.take(compiled.controller.world().bodies()));
         let SafeOutput { sample: of_world, output, phase, reason, warning } = guarded;
         if let Some((sequence, request)) = asked {
             let went = match request {
@@ -190,8 +189,8 @@ impl<'w> Sampler<'w> {
         mailbox.progress = Progress {
             next: self.next,
             period: self.period(),
-            phase: self.watch.phase as u8,
-            reason: code(self.watch.reason),
+            phase: self.state.supervisor.phase as u8,
+            reason: code(self.state.supervisor.reason),
             world: self.slot.hash(),
             divider: self.divider,
             missed: self.missed,
@@ -223,14 +222,17 @@ impl<'w> Sampler<'w> {
                 self.request = Some((sequence, request));
                 return None;
             }
-            Action::Swap(slot) if self.watch.phase.is_active() => {
+            Action::Swap(slot) if self.state.supervisor.phase.is_active() => {
                 mailbox.back = Some(slot);
                 Outcome::Refused(Refusal::Armed)
             }
             Action::Swap(slot) => {
                 let before = self.period();
                 mailbox.back = Some(core::mem::replace(&mut self.slot, slot));
-                self.watch.swap(before, self.period());
+                self.state.supervisor.swap(before, self.period());
+                if let Some(compiled) = &self.slot.0 {
+                    self.state.world = compiled.controller.world().start();
+                }
                 *swapped = true;
                 Outcome::Done
             }

@@ -1,6 +1,6 @@
 //! A compiled world's place.
 
-use hapt_core::{Error, Limits, Loop, Spec, State, Supervisor};
+use hapt_core::{Controller, Error, Limits, Spec};
 
 use crate::ROOM;
 
@@ -8,17 +8,18 @@ const B: usize = ROOM[0];
 const C: usize = ROOM[1];
 const W: usize = ROOM[2];
 
-/// Room for a world, its supervisor and its state. A board has two: the one that runs, and a spare one.
+/// Room for a compiled world and its supervisor. A board has two: the one that runs, and a spare one.
 #[derive(Clone, Debug)]
 pub struct Slot(pub(crate) Option<Compiled>);
+
+/// A controller with a board's room.
+pub(crate) type BoardController = Controller<f32, B, C, W>;
 
 /// A world that can run.
 #[derive(Clone, Debug)]
 pub(crate) struct Compiled {
     pub hash: u32,
-    pub world: Loop<f32, B, C, W>,
-    pub supervisor: Supervisor<f32, B, C>,
-    pub state: State<f32, B, C, W>,
+    pub controller: BoardController,
 }
 
 impl Slot {
@@ -33,10 +34,7 @@ impl Slot {
     /// Compiles a world into it; on an error it is empty.
     pub(crate) fn compile(&mut self, hash: u32, spec: &Spec, limits: &Limits) -> Result<(), Error> {
         self.0 = None;
-        let world = Loop::new(spec)?;
-        let supervisor = Supervisor::new(limits, spec)?;
-        let state = world.start();
-        self.0 = Some(Compiled { hash, world, supervisor, state });
+        self.0 = Some(Compiled { hash, controller: Controller::new(spec, limits)? });
         Ok(())
     }
 }

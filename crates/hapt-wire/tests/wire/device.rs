@@ -1,6 +1,6 @@
 //! What a board does with what a host says.
 
-use hapt_core::{Loop, Phase, Reading, Reason, Request, SafetyProfile, Supervisor, SupervisorState};
+use hapt_core::{Controller, Phase, Reading, Reason, Request, SafetyProfile};
 use hapt_plant::{Grip, VirtualDevice};
 use hapt_wire::device::{Measurement, Slot};
 use hapt_wire::{Order, PROTOCOL, Parameter, ROOM, Refusal, Telemetry, hash};
@@ -16,9 +16,9 @@ fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
     assert_eq!(table.state(), (Phase::Disarmed, Some(hash)));
 
     let spec = world.spec();
-    let core = Loop::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec).unwrap();
-    let supervisor = Supervisor::new(&world.limits(SafetyProfile::Certified), &spec).unwrap();
-    let (mut watch, mut state) = (SupervisorState::START, core.start());
+    let limits = world.limits(SafetyProfile::Certified);
+    let core = Controller::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec, &limits).unwrap();
+    let mut state = core.start();
 
     let mut device = VirtualDevice::new(&world.rig());
     device.hold(Some(Grip { inertia: 1e-4, damping: 0.02, stiffness: 3.0 }));
@@ -42,7 +42,7 @@ fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
             silent: (k % 20) as f32 * core.period(),
         };
         let request = (k == 0).then_some(Request::Arm);
-        let guarded = supervisor.step(&mut watch, &core, &mut state, &reading, request);
+        let guarded = core.step(&mut state, &reading, request);
         assert_eq!(motor.torque.to_bits(), guarded.output.to_bits(), "at {k}");
         assert_eq!(motor.on, guarded.phase.is_active());
         largest = largest.max(motor.torque.abs());

@@ -3,7 +3,6 @@
 use std::fs;
 use std::process::Command;
 
-use hapt_core::SupervisorState;
 use hapt_log::{Log, LogWriter};
 use hapt_rt::{Plan, Snapshot};
 use serde_json::Value;
@@ -104,17 +103,17 @@ fn a_log_of_a_run_gives_the_torques_again() {
         let world = log.plan().world.clone();
         let mut writer = LogWriter::new(Vec::new(), &world, &log.header.clone(), log.origin).unwrap();
         let (plan, mut sample) = (Plan::new(&world, log.header.profile).unwrap(), 0);
-        let (mut state, mut watch) = (plan.start(), SupervisorState::START);
+        let mut state = plan.start();
         while let Some(logged) = log.next().unwrap() {
             let inputs = logged.inputs().unwrap();
             if sample == 200 && with_state {
-                let now = Snapshot { sample: inputs.sample, plan: 0, state, watch };
+                let now = Snapshot { sample: inputs.sample, plan: 0, state };
                 writer.write_snapshot(logged.log_time, &now).unwrap();
             }
             if sample >= 200 {
                 writer.write(logged.log_time, logged.values).unwrap();
             }
-            plan.step(&mut watch, &mut state, &inputs.reading, inputs.request);
+            plan.step(&mut state, &inputs.reading, inputs.request);
             sample += 1;
         }
         fs::write(at.path().join("middle.mcap"), writer.finish().unwrap()).unwrap();

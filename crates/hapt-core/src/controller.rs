@@ -1,0 +1,108 @@
+//! A loop under its supervisor, and the states of both.
+
+use crate::supervisor::{Limits, Reading, Reason, Request, SafeOutput, Supervisor, SupervisorState};
+use crate::{Error, Loop, Real, Spec, State};
+
+/// A world compiled with its supervisor: what a thread, a timer's interrupt or a page runs, once a period.
+///
+/// It is `&self`, and [`ControllerState`] is everything that changes. A controller never reaches a motor but through the supervisor.
+///
+/// ```
+/// use hapt_core::{Controller, Coupling, End, Estimator, Heat, Law, Limits, Method, Output, Phase, Reading, Request, Spec};
+///
+/// let couplings =
+///     [Coupling { first: End::Puck, second: End::Ground, law: Law::Spring { stiffness: 1.0, rest: 0.0 } }];
+/// let spec = Spec {
+///     period: 1e-3,
+///     method: Method::Zoh,
+///     output: Output::End,
+///     advance: 0,
+///     estimator: Estimator::Difference,
+///     count: None,
+///     limit: Some(0.8),
+///     levels: None,
+///     bodies: &[],
+///     couplings: &couplings,
+/// };
+/// let heat = Heat { rms: f64::INFINITY, time: 1.0 };
+/// let limits = Limits {
+///     fade: 0.1, velocity: 100.0, jump: 0.03, overspeed: 50.0, stuck: 1.0, stuck_torque: 0.05, torque: 0.8,
+///     slew: f64::INFINITY, motor: heat, driver: heat, late: 5e-3, link: 0.3, link_faults: false, energy: 0.04,
+///     world_trips: true, port_trips: true, pulse: 0.0, brake: 0.0, zero_where_armed: true, announcements: false,
+///     inertia: 6.4e-4, damping: 1.2e-3, friction: 5e-3, delay: 0.0,
+/// };
+/// let controller = Controller::<f64, 4, 8, 16>::new(&spec, &limits)?;
+/// let mut state = controller.start();
+/// let reading = |position| Reading { position, velocity: 0.0, announced: false, late: 0.0, missed: 0, silent: 0.0 };
+/// let safe = controller.step(&mut state, &reading(0.2), Some(Request::Arm));
+/// assert_eq!((safe.phase, safe.output), (Phase::FadingIn, 0.0)); // armed where the puck is, which is the spring's rest
+/// # Ok::<(), hapt_core::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Controller<F, const B: usize, const C: usize, const W: usize> {
+    world: Loop<F, B, C, W>,
+    supervisor: Supervisor<F, B, C>,
+}
+
+/// Everything that a controller remembers from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControllerState<F, const B: usize, const C: usize, const W: usize> {
+    /// The world's.
+    pub world: State<F, B, C, W>,
+    /// The supervisor's.
+    pub supervisor: SupervisorState<F>,
+}
+
+impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C, W> {
+    /// Compiles a world and its limits. Errors where the core does not take one of them.
+    pub fn new(spec: &Spec, limits: &Limits) -> Result<Self, Error> {
+        Ok(Controller { world: Loop::new(spec)?, supervisor: Supervisor::new(limits, spec)? })
+    }
+
+    /// The state before sample 0: disarmed.
+    pub fn start(&self) -> ControllerState<F, B, C, W> {
+        ControllerState { world: self.world.start(), supervisor: SupervisorState::START }
+    }
+
+    /// The compiled world.
+    pub fn world(&self) -> &Loop<F, B, C, W> {
+        &self.world
+    }
+
+    /// T in s.
+    pub fn period(&self) -> F {
+        self.world.period()
+    }
+
+    /// One sample, guarded: see [`Supervisor::step`].
+    #[inline]
+    pub fn step(
+        &self,
+        state: &mut ControllerState<F, B, C, W>,
+        reading: &Reading<F>,
+        request: Option<Request>,
+    ) -> SafeOutput<F> {
+        self.supervisor.step(&mut state.supervisor, &self.world, &mut state.world, reading, request)
+    }
+
+    /// The state with which this controller goes on between two samples of `before`, whose state is `state`: the torque fades over. Bodies
+    /// and bristles come from those of [`Loop::carry`].
+    pub fn carry(
+        &self,
+        before: &Self,
+        state: &ControllerState<F, B, C, W>,
+        bodies: impl Fn(usize) -> Option<usize>,
+        bristles: impl Fn(usize) -> Option<usize>,
+    ) -> ControllerState<F, B, C, W> {
+        let mut supervisor = state.supervisor;
+        supervisor.swap(before.period(), self.period());
+        ControllerState { world: self.world.carry(&before.world, &state.world, bodies, bristles), supervisor }
+    }
+}
+
+impl<F: Real, const B: usize, const C: usize, const W: usize> ControllerState<F, B, C, W> {
+    /// The device itself reports a fault: see [`SupervisorState::trip`].
+    pub fn trip(&mut self, reason: Reason) {
+        self.supervisor.trip(reason);
+    }
+}
