@@ -49,13 +49,15 @@ pub fn swinging(rng: &mut Rng) -> World {
         let torque = asks * log(rng, 1.5, 8.0);
         let (rate, way) = (log(rng, 0.5, 100.0), log(rng, 0.1, 3.0));
         let inertia = device.inertia * log(rng, 5.0, 100.0);
-        let (grounded, stiffness) = (inertia * rate * rate, torque / way);
+        // Beside a puck that stands still the body swings on both springs.
+        let stiffness = torque / way;
+        let grounded = inertia * rate * rate - stiffness;
         // A free puck under the least torque that asks it to move goes four counts within a push, and the swing throws it no faster
         // than a hand does.
         let (net, push) = (0.5 * (asks - device.friction), (1.0 / rate).min(0.1));
         let quick = 4.0 * count < net * push * (0.5 * push / device.inertia).min(0.5 / device.damping)
             && push > 10.0 * world.sampling.period;
-        if torque > limit || !quick || torque > 10.0 * device.inertia * rate {
+        if grounded < 0.0 || torque > limit || !quick || torque > 10.0 * device.inertia * rate {
             continue;
         }
         (world.sampling.method, world.sampling.output, world.sampling.advance) = (Method::Zoh, Output::End, 0);

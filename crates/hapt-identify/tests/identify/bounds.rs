@@ -1,14 +1,13 @@
 //! Devices with so little damping, friction or delay, and encoders with so few counts, that the least squares may lie below 0.
 
-mod rig;
-
 use std::f64::consts::TAU;
 
 use fastrand::Rng;
 use hapt_identify::{Identified, Interval, Known, Record, identify};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::Rig;
-use rig::{WHEEL, counted, motion, steps, times};
+
+use crate::rig::{WHEEL, counted, motion, steps, times};
 
 /// Inertia, damping, friction, delay.
 const NAMES: [&str; 4] = ["inertia", "damping", "friction", "delay"];
