@@ -36,10 +36,10 @@ impl Chain {
                 0 => Law::Spring { stiffness: 1.0 + random(), rest: 0.0 },
                 _ => Law::Damper { damping: Damping::Fixed(0.01 + 0.01 * random()) },
             };
-            couplings.push(Coupling { first: End::Puck, second: End::Body(i), law: own });
+            couplings.push(Coupling { first: End::Puck, second: End::Body(i), law: own, limit: None });
             if i > 0 {
                 let law = Law::Spring { stiffness: 100.0 + 100.0 * random(), rest: 0.0 };
-                couplings.push(Coupling { first: End::Body(i - 1), second: End::Body(i), law });
+                couplings.push(Coupling { first: End::Body(i - 1), second: End::Body(i), law, limit: None });
             }
         }
         let mut z = 0.0;

@@ -79,12 +79,9 @@ impl Bits<'_> {
         }
     }
 
-    /// One in two of the laws that can be is clamped.
-    fn clamped(&mut self, law: Law) -> Law {
-        match law.clamped(1.0) {
-            Some(_) if self.byte() & 1 == 1 => law.clamped(self.number()).unwrap_or(law),
-            _ => law,
-        }
+    /// One in two of the laws that take a limit has one.
+    fn limit(&mut self, law: Law) -> Option<f64> {
+        (law.takes_limit() && self.byte() & 1 == 1).then(|| self.number())
     }
 
     fn law(&mut self) -> Law {
@@ -128,9 +125,9 @@ pub fn run(bytes: &[u8]) -> u64 {
         .map(|_| Body { inertia: bits.number(), position: bits.number(), velocity: bits.number() })
         .collect();
     let couplings: Vec<Coupling> = (0..bits.below(COUPLINGS + 2))
-        .map(|_| Coupling { first: bits.end(), second: bits.end(), law: bits.law() })
+        .map(|_| Coupling { first: bits.end(), second: bits.end(), law: bits.law(), limit: None })
         .collect();
-    let couplings: Vec<Coupling> = couplings.into_iter().map(|c| Coupling { law: bits.clamped(c.law), ..c }).collect();
+    let couplings: Vec<Coupling> = couplings.into_iter().map(|c| Coupling { limit: bits.limit(c.law), ..c }).collect();
     let spec = Spec {
         period: bits.number(),
         method: Method::ALL[bits.below(Method::ALL.len())],

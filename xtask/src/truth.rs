@@ -16,7 +16,7 @@ use brute::{At, Motion};
 use fastrand::Rng;
 use hapt_analysis::held::MARGINAL;
 use hapt_analysis::{Error, breaking_damping, free_growth, held_growth, passivity, required_damping, worst_grip};
-use hapt_model::{Coupling, EstimatorKind, Law, World};
+use hapt_model::{Coupling, EstimatorKind, World};
 use rayon::prelude::*;
 
 use crate::campaign::Campaign;
@@ -253,7 +253,7 @@ fn judge(
 /// Whether counts, levels, an exact velocity or a constant torque may be why a loop is not proved: what motions are tried against.
 fn rounds(world: &World) -> bool {
     let device = &world.device;
-    let pushes = |c: &Coupling| matches!(c.law, Law::Constant { .. });
+    let pushes = |c: &Coupling| c.law.constant().is_some();
     device.encoder.is_some()
         || device.levels.is_some()
         || world.sampling.estimator == EstimatorKind::Exact

@@ -6,8 +6,9 @@ use crate::matrix::{Block, Half, Response, Vector};
 use crate::nonlinear::Nonlinear;
 use crate::rules::Dynamics;
 use crate::sense::Sensor;
+use crate::spec::{Linear, Quantity, Range};
 use crate::step::{Loop, Moment, Port};
-use crate::{Coupling, Damping, End, Error, Law, Method, Output, Real, Spec};
+use crate::{Coupling, Damping, End, Error, Method, Output, Real, Spec};
 
 impl Error {
     pub(crate) fn check_positive(what: &'static str, given: f64) -> Result<(), Error> {
@@ -97,23 +98,16 @@ impl<const B: usize> Network<B> {
         };
         for (index, coupling) in spec.couplings.iter().enumerate() {
             let ends = [coupling.first, coupling.second];
-            match coupling.law {
-                Law::Spring { stiffness, rest } => {
-                    network.add(ends, 0, stiffness);
-                    network.push(ends, stiffness * rest);
+            let Some(Linear { stiffness, damping, torque }) = coupling.linear() else { continue };
+            let damping = match damping {
+                Damping::Fixed(damping) => damping,
+                Damping::Compensating => {
+                    spec.period * compensated(spec.couplings, coupling).ok_or(Error::NoSpring { coupling: index })?
                 }
-                Law::Damper { damping: Damping::Fixed(damping) } => network.add(ends, 1, damping),
-                Law::Damper { damping: Damping::Compensating } => {
-                    let stiffness = compensated(spec.couplings, coupling).ok_or(Error::NoSpring { coupling: index })?;
-                    network.add(ends, 1, spec.period * stiffness);
-                }
-                Law::Constant { torque } => network.push(ends, torque),
-                Law::Wall { .. }
-                | Law::Detent { .. }
-                | Law::Coulomb { .. }
-                | Law::Lugre { .. }
-                | Law::Clamped { .. } => {}
-            }
+            };
+            network.add(ends, 0, stiffness);
+            network.add(ends, 1, damping);
+            network.push(ends, torque);
         }
         Ok(network)
     }
@@ -167,59 +161,28 @@ fn check(spec: &Spec) -> Result<(), Error> {
         if coupling.first == coupling.second {
             return Err(Error::SameEnds { coupling: index });
         }
-        check_law(&coupling.law)?;
-        check_method(spec.method, index, coupling)?;
+        check_numbers(coupling)?;
+        if !coupling.goes_with(spec.method) {
+            return Err(Error::Unsupported { coupling: index, method: spec.method });
+        }
     }
     Ok(())
 }
 
-fn check_law(law: &Law) -> Result<(), Error> {
-    match *law {
-        Law::Spring { stiffness, rest } => {
-            Error::check_not_negative("stiffness", stiffness)?;
-            Error::check_finite("rest", rest)
-        }
-        Law::Damper { damping: Damping::Fixed(damping) } => Error::check_not_negative("damping", damping),
-        Law::Damper { damping: Damping::Compensating } => Ok(()),
-        Law::Wall { at, stiffness, damping, .. } => {
-            Error::check_finite("at", at)?;
-            Error::check_not_negative("stiffness", stiffness)?;
-            Error::check_not_negative("damping", damping)
-        }
-        Law::Detent { torque, pitch, phase } => {
-            Error::check_not_negative("torque", torque)?;
-            Error::check_positive("pitch", pitch)?;
-            Error::check_finite("phase", phase)
-        }
-        Law::Coulomb { torque } => Error::check_not_negative("torque", torque),
-        Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
-            Error::check_not_negative("coulomb", coulomb)?;
-            Error::check_not_negative("stribeck", stribeck)?;
-            Error::check_positive("stribeck_velocity", stribeck_velocity)?;
-            Error::check_not_negative("bristle_stiffness", bristle_stiffness)?;
-            Error::check_not_negative("bristle_damping", bristle_damping)?;
-            Error::check_not_negative("viscous", viscous)
-        }
-        Law::Constant { torque } => Error::check_finite("torque", torque),
-        Law::Clamped { limit, .. } => {
-            Error::check_positive("limit", limit)?;
-            check_law(&law.unclamped())
+/// Every number in its range, and a limit on a law that takes one.
+fn check_numbers(coupling: &Coupling) -> Result<(), Error> {
+    if let Some(limit) = coupling.limit {
+        Error::check_positive("limit", limit)?;
+        if !coupling.law.takes_limit() {
+            return Err(Error::Value { what: "limit", given: limit, wanted: "absent: this law takes none" });
         }
     }
-}
-
-/// A nonlinear torque on a body is taken where it stands by the explicit methods, and found over the step by those that hold
-/// their torques, where LuGre's bristle has no such step. The methods that take the new sample first would have it from the
-/// start of the step, where it makes energy, and refuse it, a constant too.
-fn check_method(method: Method, index: usize, coupling: &Coupling) -> Result<(), Error> {
-    let refused = match coupling.law {
-        Law::Spring { .. } | Law::Damper { .. } => false,
-        Law::Lugre { .. } => !method.is_explicit(),
-        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Constant { .. } | Law::Clamped { .. } => {
-            method.takes_new_sample_first()
-        }
-    };
-    if coupling.is_at_body() && refused { Err(Error::Unsupported { coupling: index, method }) } else { Ok(()) }
+    let mut law = coupling.law;
+    law.quantities().try_for_each(|Quantity { name, range, value }| match range {
+        Range::Any => Error::check_finite(name, *value),
+        Range::ZeroOrMore => Error::check_not_negative(name, *value),
+        Range::Positive => Error::check_positive(name, *value),
+    })
 }
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {

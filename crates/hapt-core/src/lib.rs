@@ -22,7 +22,7 @@
 //!         first: End::Puck,
 //!         second: End::Body(0),
 //!         law: Law::Spring { stiffness: 1.018592, rest: 0.0 },
-//!     }],
+//!, limit: None     }],
 //! };
 //! // Room for 4 bodies, 8 couplings and a FOAW window of 16; f32 runs as well.
 //! let world = Loop::<f64, 4, 8, 16>::new(&spec)?;
@@ -50,9 +50,9 @@ mod compile;
 mod contact;
 mod controller;
 mod error;
-mod friction;
 mod gradient;
 mod lanes;
+mod law;
 mod matrix;
 mod nonlinear;
 mod real;
@@ -69,7 +69,7 @@ pub use lanes::Lanes;
 pub use matrix::Vector;
 pub use real::{Number, Real};
 pub use sense::{Memory, Puck};
-pub use spec::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+pub use spec::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 pub use step::{Loop, Sample, State};
 pub use supervisor::{
     Heat, Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, Supervisor, SupervisorState,

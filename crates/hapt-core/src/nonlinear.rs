@@ -1,41 +1,20 @@
 //! The couplings that no matrix holds: wall, detent, the two frictions, and what is clamped.
 
-use crate::contact::within;
-use crate::friction::Lugre;
+use crate::contact::{Answer, Gap};
+use crate::law::{Coulomb, Damper, Detent, Lugre, Spring, Wall, direction};
 use crate::spec::sign_at_puck;
-use crate::{Clampable, Coupling, Damping, End, Law, Real, Side, Vector};
+use crate::{Coupling, Damping, End, Law, Real, Vector};
 
-/// The torque on the first end as a function of q and q̇.
+/// A law as a loop runs it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Curve<F> {
-    /// `direction` is +1 for a wall above its face, -1 for one below: then q, q̇ and torque are mirrored.
-    Wall {
-        direction: F,
-        at: F,
-        stiffness: F,
-        damping: F,
-        /// Infinite where it is not clamped.
-        limit: F,
-    },
-    /// A clamped one; the others are matrices.
-    Spring {
-        stiffness: F,
-        rest: F,
-        limit: F,
-    },
-    /// A clamped one.
-    Damper {
-        damping: F,
-        limit: F,
-    },
-    Detent {
-        torque: F,
-        pitch: F,
-        phase: F,
-    },
-    Coulomb {
-        torque: F,
-    },
+    Wall(Wall<F>),
+    /// With a limit; the others are matrices.
+    Spring(Spring<F>),
+    /// With a limit.
+    Damper(Damper<F>),
+    Detent(Detent<F>),
+    Coulomb(Coulomb<F>),
     Lugre(Lugre<F>),
 }
 
@@ -57,37 +36,32 @@ pub(crate) struct Relative<F> {
 impl<F: Real> Nonlinear<F> {
     /// `None` for the couplings that are matrices. `compensating` is what a damper that follows the springs damps.
     pub fn new(coupling: &Coupling, compensating: f64) -> Option<Self> {
+        if coupling.linear().is_some() {
+            return None;
+        }
         let f = F::from_f64;
-        let wall = |side, at, stiffness, damping, limit| Curve::Wall {
-            direction: match side {
-                Side::Above => F::ONE,
-                Side::Below => -F::ONE,
-            },
-            at: f(at),
-            stiffness: f(stiffness),
-            damping: f(damping),
-            limit: f(limit),
-        };
+        let limit = f(coupling.limit.unwrap_or(f64::INFINITY));
         let curve = match coupling.law {
-            Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => return None,
-            Law::Wall { side, at, stiffness, damping } => wall(side, at, stiffness, damping, f64::INFINITY),
-            Law::Clamped { law, limit } => match law {
-                Clampable::Spring { stiffness, rest } => {
-                    Curve::Spring { stiffness: f(stiffness), rest: f(rest), limit: f(limit) }
-                }
-                Clampable::Damper { damping } => {
-                    let damping = match damping {
-                        Damping::Fixed(damping) => damping,
-                        Damping::Compensating => compensating,
-                    };
-                    Curve::Damper { damping: f(damping), limit: f(limit) }
-                }
-                Clampable::Wall { side, at, stiffness, damping } => wall(side, at, stiffness, damping, limit),
-            },
-            Law::Detent { torque, pitch, phase } => {
-                Curve::Detent { torque: f(torque), pitch: f(pitch), phase: f(phase) }
+            Law::Constant { .. } => return None,
+            Law::Spring { stiffness, rest } => Curve::Spring(Spring { stiffness: f(stiffness), rest: f(rest), limit }),
+            Law::Damper { damping } => {
+                let damping = match damping {
+                    Damping::Fixed(damping) => damping,
+                    Damping::Compensating => compensating,
+                };
+                Curve::Damper(Damper { damping: f(damping), limit })
             }
-            Law::Coulomb { torque } => Curve::Coulomb { torque: f(torque) },
+            Law::Wall { side, at, stiffness, damping } => Curve::Wall(Wall {
+                direction: f(direction(side)),
+                at: f(at),
+                stiffness: f(stiffness),
+                damping: f(damping),
+                limit,
+            }),
+            Law::Detent { torque, pitch, phase } => {
+                Curve::Detent(Detent { torque: f(torque), pitch: f(pitch), phase: f(phase) })
+            }
+            Law::Coulomb { torque } => Curve::Coulomb(Coulomb { torque: f(torque) }),
             Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
                 Curve::Lugre(Lugre {
                     coulomb: f(coulomb),
@@ -110,12 +84,8 @@ impl<F: Real> Nonlinear<F> {
     /// Whether the law alone does not say its torque: Coulomb friction at a body, whose torque a discrete-gradient step finds.
     pub fn is_found(&self) -> bool {
         let is_found = match self.curve {
-            Curve::Coulomb { .. } => true,
-            Curve::Wall { .. }
-            | Curve::Spring { .. }
-            | Curve::Damper { .. }
-            | Curve::Detent { .. }
-            | Curve::Lugre(_) => false,
+            Curve::Coulomb(_) => true,
+            Curve::Wall(_) | Curve::Spring(_) | Curve::Damper(_) | Curve::Detent(_) | Curve::Lugre(_) => false,
         };
         is_found && self.at_body()
     }
@@ -145,42 +115,52 @@ impl<F: Real> Nonlinear<F> {
     pub fn bend(&self, bristle: F, q: Relative<F>, t: F) -> F {
         match self.curve {
             Curve::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
-            Curve::Wall { .. }
-            | Curve::Spring { .. }
-            | Curve::Damper { .. }
-            | Curve::Detent { .. }
-            | Curve::Coulomb { .. } => bristle,
+            Curve::Wall(_) | Curve::Spring(_) | Curve::Damper(_) | Curve::Detent(_) | Curve::Coulomb(_) => bristle,
         }
     }
 
     /// The torque on the first end, with LuGre's bristle as it stands.
     #[inline]
     pub fn torque(&self, q: Relative<F>, bristle: F) -> F {
-        match self.curve {
-            Curve::Wall { direction, at, stiffness, damping, limit } => {
-                let depth = direction * (q.position - at);
-                let push = stiffness * depth + damping * (direction * q.velocity);
-                // It pushes only, and only inside; a NaN pushes nothing.
-                if depth > F::ZERO && push > F::ZERO { -(direction * within(push, F::ZERO, limit)) } else { F::ZERO }
-            }
-            Curve::Spring { stiffness, rest, limit } => within(-(stiffness * (q.position - rest)), -limit, limit),
-            Curve::Damper { damping, limit } => within(-(damping * q.velocity), -limit, limit),
-            Curve::Detent { torque, pitch, phase } => {
-                let turns = (q.position - phase) / pitch;
-                // Taken from the nearest rest, so that every rest is exactly one, however far it is.
-                let rest = (turns + F::HALF).floor();
-                -(torque * (F::from_f64(core::f64::consts::TAU) * (turns - rest)).sin())
-            }
-            Curve::Coulomb { torque } => {
-                if q.velocity > F::ZERO {
-                    -torque
-                } else if q.velocity < F::ZERO {
-                    torque
-                } else {
-                    F::ZERO
-                }
-            }
+        match &self.curve {
+            Curve::Wall(wall) => wall.torque(q.position, q.velocity),
+            Curve::Spring(spring) => spring.torque(q.position),
+            Curve::Damper(damper) => damper.torque(q.velocity),
+            Curve::Detent(detent) => detent.torque(q.position),
+            Curve::Coulomb(coulomb) => coulomb.torque(q.velocity),
             Curve::Lugre(lugre) => lugre.torque(bristle, q.velocity),
+        }
+    }
+
+    /// The torque on the first end, held over the step of 1/`rate` seconds.
+    pub fn held(&self, gap: &Gap<F>, rate: F) -> Answer<F> {
+        match &self.curve {
+            Curve::Wall(wall) => wall.held(gap, rate),
+            Curve::Spring(spring) => spring.held(gap),
+            Curve::Damper(damper) => damper.held(gap, rate),
+            Curve::Detent(detent) => detent.held(gap),
+            Curve::Coulomb(coulomb) => coulomb.held(gap),
+            // Refused at bodies when the loop was compiled.
+            Curve::Lugre(_) => Answer::fixed(F::ZERO),
+        }
+    }
+
+    /// Whether it is a wall out of reach from `start` to `start + distance`.
+    #[inline]
+    pub fn is_clear(&self, start: F, distance: F) -> bool {
+        match &self.curve {
+            Curve::Wall(wall) => wall.is_clear(start, distance),
+            Curve::Spring(_) | Curve::Damper(_) | Curve::Detent(_) | Curve::Coulomb(_) | Curve::Lugre(_) => false,
+        }
+    }
+
+    /// (V(q + distance) - V(q))/distance of what the coupling stores, its limit at 0; 0 for what only takes.
+    pub fn stored_slope(&self, start: F, distance: F) -> F {
+        match &self.curve {
+            Curve::Wall(wall) => wall.stored_slope(start, distance),
+            Curve::Spring(spring) => spring.stored_slope(start, distance),
+            Curve::Detent(detent) => detent.stored_slope(start, distance),
+            Curve::Damper(_) | Curve::Coulomb(_) | Curve::Lugre(_) => F::ZERO,
         }
     }
 }

@@ -1,7 +1,9 @@
 //! What a loop is made of, as plain data in SI: rotary worlds in rad, N·m and kg·m², linear ones in m, N and kg.
 //!
-//! Nothing here computes. A [`Spec`] is what [`crate::Loop::new`] compiles; the laboratory derives its own matrices from the
+//! A [`Spec`] is what [`crate::Loop::new`] compiles; the laboratory derives its own matrices from the
 //! same data and shares nothing else with the loop.
+
+pub use crate::law::{Law, Linear, Quantity, Range, Slopes};
 
 /// What a coupling can be tied to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +50,6 @@ pub struct Body {
 /// A massless virtual element between two different ends. It acts on q = q_first - q_second, the first end as seen from the
 /// second; its torque stands on the first end, the opposite on the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Coupling {
     /// The end that takes the law's torque.
     pub first: End,
@@ -56,6 +57,9 @@ pub struct Coupling {
     pub second: End,
     /// The torque as a function of q and q̇.
     pub law: Law,
+    /// The torque, on both ends, is held within ±this: N·m (linear: N), positive; `None`: any. For the laws that
+    /// take one ([`Law::takes_limit`]).
+    pub limit: Option<f64>,
 }
 
 impl Coupling {
@@ -71,170 +75,6 @@ pub(crate) const fn sign_at_puck(first: End, second: End) -> f64 {
         (true, false) => 1.0,
         (false, true) => -1.0,
         (true, true) | (false, false) => 0.0,
-    }
-}
-
-/// The torque of a coupling on its first end, in N·m (linear: N), for q in rad (linear: m).
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Law {
-    /// -stiffness · (q - rest)
-    Spring {
-        /// N·m/rad, zero or more.
-        stiffness: f64,
-        /// The q at which the spring is slack.
-        rest: f64,
-    },
-    /// -damping · q̇
-    Damper {
-        /// The damping, or the rule that gives it.
-        damping: Damping,
-    },
-    /// `Above`: -(stiffness · (q - at) + damping · q̇) while q > at, never pulling (not positive); `Below`: its mirror.
-    Wall {
-        /// On which side of `at` the wall pushes.
-        side: Side,
-        /// The wall's face.
-        at: f64,
-        /// N·m/rad, zero or more.
-        stiffness: f64,
-        /// N·m·s/rad, zero or more.
-        damping: f64,
-    },
-    /// -torque · sin(2π (q - phase)/pitch): it rests at phase + n · pitch.
-    Detent {
-        /// The largest torque, zero or more.
-        torque: f64,
-        /// From one rest to the next, positive.
-        pitch: f64,
-        /// Where one of them is.
-        phase: f64,
-    },
-    /// Coulomb friction: -torque · sign(q̇), 0 at q̇ = 0.
-    Coulomb {
-        /// Zero or more.
-        torque: f64,
-    },
-    /// LuGre friction (Canudas de Wit et al., IEEE TAC 40(3), 1995): -(σ0 s + σ1 ṡ + σ2 q̇), ṡ = q̇ - σ0 |q̇| s/g,
-    /// g = coulomb + (stribeck - coulomb) exp(-(q̇/stribeck_velocity)²).
-    Lugre {
-        /// The level when sliding fast, zero or more.
-        coulomb: f64,
-        /// The static level, zero or more.
-        stribeck: f64,
-        /// rad/s, positive.
-        stribeck_velocity: f64,
-        /// σ0 in N·m/rad, zero or more.
-        bristle_stiffness: f64,
-        /// σ1 in N·m·s/rad, zero or more.
-        bristle_damping: f64,
-        /// σ2 in N·m·s/rad, zero or more.
-        viscous: f64,
-    },
-    /// torque
-    Constant {
-        /// Any finite number.
-        torque: f64,
-    },
-    /// A spring, damper or wall whose torque, on both of its ends, is held within ±limit.
-    Clamped {
-        /// What is clamped.
-        law: Clampable,
-        /// N·m, positive.
-        limit: f64,
-    },
-}
-
-/// The laws that can be clamped, as they stand in [`Law`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Clampable {
-    /// [`Law::Spring`]
-    Spring {
-        /// N·m/rad, zero or more.
-        stiffness: f64,
-        /// The q at which the spring is slack.
-        rest: f64,
-    },
-    /// [`Law::Damper`]
-    Damper {
-        /// The damping, or the rule that gives it.
-        damping: Damping,
-    },
-    /// [`Law::Wall`]
-    Wall {
-        /// On which side of `at` the wall pushes.
-        side: Side,
-        /// The wall's face.
-        at: f64,
-        /// N·m/rad, zero or more.
-        stiffness: f64,
-        /// N·m·s/rad, zero or more.
-        damping: f64,
-    },
-}
-
-impl Law {
-    /// The law without its clamp; itself when it has none.
-    pub const fn unclamped(self) -> Law {
-        match self {
-            Law::Clamped { law: Clampable::Spring { stiffness, rest }, .. } => Law::Spring { stiffness, rest },
-            Law::Clamped { law: Clampable::Damper { damping }, .. } => Law::Damper { damping },
-            Law::Clamped { law: Clampable::Wall { side, at, stiffness, damping }, .. } => {
-                Law::Wall { side, at, stiffness, damping }
-            }
-            Law::Spring { .. }
-            | Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. } => self,
-        }
-    }
-
-    /// The stiffness of a spring, clamped or not, in N·m/rad (linear: N/m); `None` for every other law.
-    pub const fn spring(self) -> Option<f64> {
-        match self.unclamped() {
-            Law::Spring { stiffness, .. } => Some(stiffness),
-            Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => None,
-        }
-    }
-
-    /// Whether it is a damper, clamped or not, whose damping follows the springs beside it.
-    pub const fn is_compensating(self) -> bool {
-        match self.unclamped() {
-            Law::Damper { damping: Damping::Compensating } => true,
-            Law::Spring { .. }
-            | Law::Damper { damping: Damping::Fixed(_) }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => false,
-        }
-    }
-
-    /// The law with its torque held within ±`limit`; `None` for what is neither spring, damper nor wall.
-    pub const fn clamped(self, limit: f64) -> Option<Law> {
-        let law = match self {
-            Law::Spring { stiffness, rest } => Clampable::Spring { stiffness, rest },
-            Law::Damper { damping } => Clampable::Damper { damping },
-            Law::Wall { side, at, stiffness, damping } => Clampable::Wall { side, at, stiffness, damping },
-            Law::Detent { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => return None,
-        };
-        Some(Law::Clamped { law, limit })
     }
 }
 
@@ -257,6 +97,16 @@ pub enum Side {
     Above,
     /// It pushes toward larger q while q < at.
     Below,
+}
+
+impl Side {
+    /// The side's name in world files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Side::Above => "above",
+            Side::Below => "below",
+        }
+    }
 }
 
 /// The rule that takes the bodies over one period. x = (positions, velocities), u = (z, ż) of the puck.

@@ -12,14 +12,13 @@ use std::collections::BTreeMap;
 
 use hapt_analysis::{Check, Proposal};
 use hapt_core::{Output, Reason, SafetyProfile};
-use hapt_model::{Law, Source, World};
+use hapt_model::{Source, World};
 use hapt_page::{Page, Setup, Slot};
 use serde_json::{Value, json};
 
 use crate::assets::{self, CORE};
 use crate::hand::grip;
 use crate::judge::{proposed, range, told};
-use crate::keys::kind;
 use crate::protocol::{KeySays, Says, Verdict};
 use crate::state::Workbench;
 
@@ -175,14 +174,15 @@ fn place(world: &World, path: &str) -> Option<Place> {
         ["device", "friction"] => (Slot::PuckFriction, 0, None),
         ["bodies", name, "inertia"] => (Slot::Inertia, world.names.iter().position(|other| other == name)?, None),
         ["couplings", index, name] => {
-            let index = index.parse().ok()?;
-            let coupling = world.couplings.get(index)?;
-            let (slot, word) = match (kind(coupling), name) {
-                ("spring" | "wall", "stiffness") => (Slot::Stiffness, None),
-                ("wall", "damping") => (Slot::Damping, None),
-                ("damper", "damping") => (Slot::Damping, Some(Slot::Compensating)),
-                ("detent" | "constant", "torque") => (Slot::Torque, None),
-                ("friction", "torque") if matches!(coupling.law, Law::Coulomb { .. }) => (Slot::Torque, None),
+            let index: usize = index.parse().ok()?;
+            let mut law = world.couplings.get(index)?.law;
+            let is_damper = law.damper().is_some();
+            let has_number = law.quantities().any(|quantity| quantity.name == name);
+            let (slot, word) = match name {
+                "damping" if is_damper => (Slot::Damping, Some(Slot::Compensating)),
+                "stiffness" if has_number => (Slot::Stiffness, None),
+                "damping" if has_number => (Slot::Damping, None),
+                "torque" if has_number => (Slot::Torque, None),
                 _ => return None,
             };
             (slot, index, word)

@@ -1,7 +1,7 @@
 //! The world as it runs: its file, what has been set since, and what the page is told of it.
 
 use hapt_core::SafetyProfile;
-use hapt_model::{Drive, Error, Hand, Law, Shape, Side, Source, World};
+use hapt_model::{Drive, Error, Hand, Shape, Source, World};
 use hapt_sim::Measures;
 use serde_json::{Value, json};
 
@@ -229,34 +229,13 @@ fn coupling(world: &World, index: usize) -> Value {
     let Some(coupling) = world.couplings.get(index) else { return Value::Null };
     let ends = [end(world, coupling.first), end(world, coupling.second)];
     let mut says = json!({ "kind": kind(coupling), "between": ends, "key": format!("couplings.{index}") });
-    let mut put = |name: &str, value: f64| says[name] = json!(value);
-    match coupling.law.unclamped() {
-        Law::Spring { stiffness, rest } => {
-            put("stiffness", stiffness);
-            put("rest", rest);
-        }
-        Law::Damper { damping } => {
-            if let hapt_model::Damping::Fixed(damping) = damping {
-                put("damping", damping);
-            }
-        }
-        Law::Wall { side, at, stiffness, damping } => {
-            put("at", at);
-            put("stiffness", stiffness);
-            put("damping", damping);
-            says["side"] = json!(match side {
-                Side::Above => "above",
-                Side::Below => "below",
-            });
-        }
-        Law::Detent { torque, pitch, phase } => {
-            put("torque", torque);
-            put("pitch", pitch);
-            put("phase", phase);
-        }
-        Law::Coulomb { torque } | Law::Constant { torque } => put("torque", torque),
-        Law::Lugre { coulomb, .. } => put("torque", coulomb),
-        Law::Clamped { .. } => {}
+    // One number for either friction: the level when sliding.
+    let mut law = coupling.law;
+    for quantity in law.quantities() {
+        says[if quantity.name == "coulomb" { "torque" } else { quantity.name }] = json!(*quantity.value);
+    }
+    if let Some(side) = coupling.law.side() {
+        says["side"] = json!(side.name());
     }
     says
 }

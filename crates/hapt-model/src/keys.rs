@@ -328,14 +328,6 @@ const ESTIMATORS: &[&str] = &[
 ];
 const MOTIONS: &[&str] = &[Motion::Rotary.name(), Motion::Linear.name()];
 
-/// The name of a wall's side in world files.
-pub(crate) const fn side_name(side: Side) -> &'static str {
-    match side {
-        Side::Above => "above",
-        Side::Below => "below",
-    }
-}
-
 /// The word that makes a damper follow the springs beside it.
 pub(crate) const COMPENSATING: &str = "compensating";
 
@@ -415,7 +407,7 @@ pub const KEYS: &[Key] = &[
         "Torque per rate of q; \"compensating\": T times the stiffness of the springs between the same two ends \
          (from a body to ground: of all springs at the body).").of(&["damper"]),
     key("couplings.*.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "Torque per rate of q inside; the wall never pulls.").of(&["wall"]),
-    key("couplings.*.side", Takes::Name(&[side_name(Side::Above), side_name(Side::Below)]), Required,
+    key("couplings.*.side", Takes::Name(&[Side::Above.name(), Side::Below.name()]), Required,
         "Where the wall pushes: while q is above its face, or below it.").of(&["wall"]),
     key("couplings.*.at", Quantity(Position, Any), Required, "The wall's face.").of(&["wall"]),
     key("couplings.*.limit", Quantity(Torque, Positive), Optional, "The torque, on both ends, is held within this; absent: any.").of(&["spring", "damper", "wall"]),

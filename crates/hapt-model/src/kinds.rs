@@ -5,7 +5,7 @@
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
-use hapt_core::{Clampable, Law};
+use hapt_core::Law;
 use hapt_plant::spec::{Drive, Shape};
 
 /// An enum whose variants have names: one list gives the variants, their names, and the way from one to the other.
@@ -89,15 +89,28 @@ named! {
 }
 
 impl CouplingKind {
-    /// The kind of a law; a clamped one has the kind of what is clamped.
+    /// The kind of a law.
     pub const fn of(law: &Law) -> Self {
         match law {
-            Law::Spring { .. } | Law::Clamped { law: Clampable::Spring { .. }, .. } => CouplingKind::Spring,
-            Law::Damper { .. } | Law::Clamped { law: Clampable::Damper { .. }, .. } => CouplingKind::Damper,
-            Law::Wall { .. } | Law::Clamped { law: Clampable::Wall { .. }, .. } => CouplingKind::Wall,
+            Law::Spring { .. } => CouplingKind::Spring,
+            Law::Damper { .. } => CouplingKind::Damper,
+            Law::Wall { .. } => CouplingKind::Wall,
             Law::Detent { .. } => CouplingKind::Detent,
             Law::Coulomb { .. } | Law::Lugre { .. } => CouplingKind::Friction,
             Law::Constant { .. } => CouplingKind::Constant,
+        }
+    }
+
+    /// What a law of this kind is called, with its article.
+    pub const fn noun(law: &Law) -> &'static str {
+        match law {
+            Law::Spring { .. } => "a spring",
+            Law::Damper { .. } => "a damper",
+            Law::Wall { .. } => "a wall",
+            Law::Detent { .. } => "a detent",
+            Law::Coulomb { .. } => "Coulomb friction",
+            Law::Lugre { .. } => "LuGre friction",
+            Law::Constant { .. } => "a constant torque",
         }
     }
 }
@@ -162,6 +175,6 @@ mod tests {
             let world = World::read(&Source::from_text("w.toml", with(kind)), &[]).unwrap();
             assert_eq!(CouplingKind::of(&world.couplings[0].law), kind);
         }
-        assert_eq!(CouplingKind::from_name("magnet"), None);
+        assert_eq!(CouplingKind::from_name("rubber"), None);
     }
 }

@@ -2,7 +2,7 @@
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
-use hapt_core::{Body, Clampable, Damping, Law};
+use hapt_core::{Body, Coupling};
 use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
 use crate::keys::{self, Key};
@@ -105,47 +105,16 @@ pub(crate) fn body(body: &mut Body) -> Slots<'_> {
     ]
 }
 
-/// A law's kind and its numbers; a compensating damper's damping is none.
-pub(crate) fn law(law: &mut Law) -> (&'static str, Slots<'_>) {
-    let kind = CouplingKind::of(law).name();
-    let slots = match law {
-        Law::Clamped { law, limit } => {
-            let mut slots = clampable(law);
-            slots.push(("limit", Number(limit)));
-            slots
-        }
-        Law::Spring { stiffness, rest } => vec![("stiffness", Number(stiffness)), ("rest", Number(rest))],
-        Law::Damper { damping: Damping::Fixed(damping) } => vec![("damping", Number(damping))],
-        Law::Damper { damping: Damping::Compensating } => Vec::new(),
-        Law::Wall { side: _, at, stiffness, damping } => {
-            vec![("at", Number(at)), ("stiffness", Number(stiffness)), ("damping", Number(damping))]
-        }
-        Law::Detent { torque, pitch, phase } => {
-            vec![("torque", Number(torque)), ("pitch", Number(pitch)), ("phase", Number(phase))]
-        }
-        Law::Coulomb { torque } => vec![("torque", Number(torque))],
-        Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => vec![
-            ("coulomb", Number(coulomb)),
-            ("stribeck", Number(stribeck)),
-            ("stribeck_velocity", Number(stribeck_velocity)),
-            ("bristle_stiffness", Number(bristle_stiffness)),
-            ("bristle_damping", Number(bristle_damping)),
-            ("viscous", Number(viscous)),
-        ],
-        Law::Constant { torque } => vec![("torque", Number(torque))],
-    };
-    (kind, slots)
-}
-
-fn clampable(law: &mut Clampable) -> Slots<'_> {
-    match law {
-        Clampable::Spring { stiffness, rest } => vec![("stiffness", Number(stiffness)), ("rest", Number(rest))],
-        Clampable::Damper { damping: Damping::Fixed(damping) } => vec![("damping", Number(damping))],
-        Clampable::Damper { damping: Damping::Compensating } => Vec::new(),
-        Clampable::Wall { side: _, at, stiffness, damping } => {
-            vec![("at", Number(at)), ("stiffness", Number(stiffness)), ("damping", Number(damping))]
-        }
+/// A coupling's kind and its numbers; a compensating damper's damping is none.
+pub(crate) fn coupling(coupling: &mut Coupling) -> (&'static str, Slots<'_>) {
+    let kind = CouplingKind::of(&coupling.law).name();
+    let takes_limit = coupling.law.takes_limit();
+    let mut slots: Slots<'_> =
+        coupling.law.quantities().map(|quantity| (quantity.name, Number(quantity.value))).collect();
+    if takes_limit {
+        slots.push(("limit", Optional(&mut coupling.limit)));
     }
+    (kind, slots)
 }
 
 /// A hand's kind and its numbers, those of `moves` apart.
@@ -211,8 +180,7 @@ impl World {
                 plain("bodies.*", body(self.bodies.get_mut(index)?))
             }
             ["couplings", index] => {
-                let coupling = self.couplings.get_mut(index.parse::<usize>().ok()?)?;
-                let (kind, slots) = law(&mut coupling.law);
+                let (kind, slots) = coupling(self.couplings.get_mut(index.parse::<usize>().ok()?)?);
                 Table { kind: Some(kind), ..plain("couplings.*", slots) }
             }
             ["scenarios", name, ref inner @ ..] => {

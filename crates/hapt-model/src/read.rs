@@ -201,7 +201,7 @@ fn coupling(fields: &Fields<'_>, names: &[String]) -> Result<Coupling, Error> {
         }
         CouplingKind::Damper => Law::Damper { damping: Damping::Fixed(fields.number("damping")?) },
         CouplingKind::Wall => Law::Wall {
-            side: one_of(fields, "side", &[Side::Above, Side::Below], keys::side_name)?
+            side: one_of(fields, "side", &[Side::Above, Side::Below], Side::name)?
                 .ok_or_else(|| fields.missing("side"))?,
             at: fields.number("at")?,
             stiffness: fields.number("stiffness")?,
@@ -215,15 +215,8 @@ fn coupling(fields: &Fields<'_>, names: &[String]) -> Result<Coupling, Error> {
         CouplingKind::Friction => friction(fields)?,
         CouplingKind::Constant => Law::Constant { torque: fields.number("torque")? },
     };
-    // The key belongs to the laws that can be clamped, and to no others.
-    let law = match fields.optional_number("limit")? {
-        None => law,
-        Some(limit) => law.clamped(limit).ok_or_else(|| {
-            let message = "this kind of coupling takes no limit";
-            fields.error(ErrorKind::Unsupported, "limit", message)
-        })?,
-    };
-    Ok(Coupling { first, second, law })
+    // The table of keys has a limit for the laws that take one, and for no others.
+    Ok(Coupling { first, second, law, limit: fields.optional_number("limit")? })
 }
 
 /// Coulomb friction by its `torque`, LuGre by its six keys.
@@ -296,7 +289,7 @@ fn check_coupling(
         };
         return Err(fields.error(ErrorKind::Combination, "damping", message));
     }
-    match support::refusal(method, &coupling.law) {
+    match support::refusal(method, coupling) {
         Some(message) if coupling.is_at_body() => Err(fields.error(ErrorKind::Unsupported, "kind", message)),
         Some(_) | None => Ok(()),
     }

@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::fields::Fields;
 use crate::keys::{LINK_LOST, WORLD_LEDGER};
 use crate::world::{Motion, World};
-use crate::{Coupling, Damping, End, Law};
+use crate::{Coupling, Damping, End};
 
 /// The `[safety]` table as the file has it, in SI; `None` where it says nothing.
 #[derive(Clone, Debug, PartialEq)]
@@ -246,20 +246,14 @@ impl World {
 
     /// The steepest rise of a coupling's torque, by position and by velocity, and the largest torque of its friction.
     fn steepest(&self, coupling: &Coupling) -> (f64, f64, f64) {
-        match coupling.law.unclamped() {
-            Law::Spring { stiffness, .. } => (stiffness, 0.0, 0.0),
-            Law::Damper { damping: Damping::Fixed(damping) } => (0.0, damping, 0.0),
-            Law::Damper { damping: Damping::Compensating } => {
+        let slopes = coupling.law.slopes();
+        let damping = match slopes.damping {
+            Damping::Fixed(damping) => damping,
+            Damping::Compensating => {
                 let springs = self.couplings.iter().filter_map(|other| other.law.spring());
-                (0.0, self.sampling.period * springs.sum::<f64>(), 0.0)
+                self.sampling.period * springs.sum::<f64>()
             }
-            Law::Wall { stiffness, damping, .. } => (stiffness, damping, 0.0),
-            Law::Detent { torque, pitch, .. } => (std::f64::consts::TAU * torque / pitch, 0.0, 0.0),
-            Law::Coulomb { torque } => (0.0, 0.0, torque),
-            Law::Lugre { coulomb, stribeck, bristle_stiffness, bristle_damping, viscous, .. } => {
-                (bristle_stiffness, bristle_damping + viscous, coulomb.max(stribeck))
-            }
-            Law::Constant { .. } | Law::Clamped { .. } => (0.0, 0.0, 0.0),
-        }
+        };
+        (slopes.stiffness, damping, slopes.friction)
     }
 }

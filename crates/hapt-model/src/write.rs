@@ -4,10 +4,10 @@
 
 use std::fmt::{self, Write};
 
-use hapt_core::{Coupling, Damping, End, Law};
+use hapt_core::{Coupling, End};
 use hapt_plant::spec::{Drive, Hand, Shape};
 
-use crate::keys::{self, COMPENSATING, DIRECTION, Measure, SAMPLES, Takes, side_name};
+use crate::keys::{self, COMPENSATING, DIRECTION, Measure, SAMPLES, Takes};
 use crate::numbers::{self, Slot, Slots};
 use crate::safety::Safety;
 use crate::world::{Delay, Motion, Mounting, World};
@@ -69,18 +69,9 @@ impl World {
             End::Body(index) => self.names.get(index).map_or("", String::as_str),
         };
         let (first, second) = (end(coupling.first), end(coupling.second));
-        let word = match coupling.law.unclamped() {
-            Law::Wall { side, .. } => Some(("side", side_name(side))),
-            Law::Damper { damping: Damping::Compensating } => Some(("damping", COMPENSATING)),
-            Law::Spring { .. }
-            | Law::Damper { damping: Damping::Fixed(_) }
-            | Law::Detent { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => None,
-        };
-        let (kind, slots) = numbers::law(&mut coupling.law);
+        let side = coupling.law.side().map(|side| ("side", side.name()));
+        let word = side.or(coupling.law.is_compensating().then_some(("damping", COMPENSATING)));
+        let (kind, slots) = numbers::coupling(coupling);
         writeln!(f, "\n[[couplings]]\nkind = {kind:?}\nbetween = [{first:?}, {second:?}]")?;
         if let Some((key, word)) = word {
             writeln!(f, "{key} = {}", text(word))?;

@@ -127,37 +127,28 @@ impl Written {
 
 /// Sets a law's number; `false` where it has none of this name.
 fn set(law: &mut Law, slot: Slot, value: f64) -> bool {
-    if let Law::Clamped { limit, .. } = *law {
-        let mut bare = law.unclamped();
-        let done = set(&mut bare, slot, value);
-        // What was clamped can be clamped again.
-        *law = bare.clamped(limit).unwrap_or(*law);
-        return done;
-    }
-    let number = match (law, slot) {
-        (Law::Damper { damping }, Slot::Compensating) => {
-            *damping = Damping::Compensating;
-            return true;
-        }
-        (Law::Damper { damping }, Slot::Damping) => {
-            *damping = Damping::Fixed(value);
-            return true;
-        }
-        (Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. }, Slot::Stiffness) => stiffness,
-        (Law::Wall { damping, .. }, Slot::Damping) => damping,
-        (Law::Detent { torque, .. } | Law::Coulomb { torque } | Law::Constant { torque }, Slot::Torque) => torque,
-        (
-            Law::Spring { .. }
-            | Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. },
-            _,
-        ) => return false,
+    let name = match slot {
+        Slot::Stiffness => "stiffness",
+        Slot::Damping => "damping",
+        Slot::Torque => "torque",
+        Slot::Compensating => return compensate(law, Damping::Compensating),
+        Slot::Period
+        | Slot::Method
+        | Slot::Output
+        | Slot::Delay
+        | Slot::Inertia
+        | Slot::PuckInertia
+        | Slot::PuckDamping
+        | Slot::PuckFriction => return false,
     };
-    *number = value;
-    true
+    if slot == Slot::Damping && compensate(law, Damping::Fixed(value)) {
+        return true;
+    }
+    let number = law.quantities().find(|quantity| quantity.name == name).map(|quantity| quantity.value);
+    number.map(|number| *number = value).is_some()
+}
+
+/// Sets a damper's damping; `false` where the law is none.
+fn compensate(law: &mut Law, to: Damping) -> bool {
+    law.damper().map(|damping| *damping = to).is_some()
 }

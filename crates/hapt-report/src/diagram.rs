@@ -77,7 +77,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
             let y = top + 0.5 * tall + LANE * (lane as f64 - 0.5 * (list.len() as f64 - 1.0)) - 6.0;
             let (a, b) = (edge(i, 1.0), edge(i + 1, -1.0));
             element(&mut body, &coupling.law, (a, y), (b, y));
-            label(&mut body, 0.5 * (a + b), y + 22.0, "middle", world, &coupling.law);
+            label(&mut body, 0.5 * (a + b), y + 22.0, "middle", world, coupling);
         }
     }
     for (i, list) in below.iter().enumerate() {
@@ -90,7 +90,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
                 let _ = write!(body, "<path class=\"ink\" d=\"M{at:.1} {:.1}V{:.1}\"/>", top + tall - 8.0, top + tall);
             }
             element(&mut body, &coupling.law, (at, top + tall), (at, floor));
-            let wide = label(&mut body, at + 16.0, top + tall + 40.0, "start", world, &coupling.law);
+            let wide = label(&mut body, at + 16.0, top + tall + 40.0, "start", world, coupling);
             right = right.max(at + 16.0 + wide + 4.0);
         }
     }
@@ -100,7 +100,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
         let (from, to) = (centres[a] + shift, centres[b] - shift);
         let _ = write!(body, "<path class=\"ink\" d=\"M{from:.1} {top:.1}V{y:.1}M{to:.1} {top:.1}V{y:.1}\"/>");
         element(&mut body, &coupling.law, (from, y), (to, y));
-        label(&mut body, 0.5 * (from + to), y + 22.0, "middle", world, &coupling.law);
+        label(&mut body, 0.5 * (from + to), y + 22.0, "middle", world, coupling);
     }
     let names = std::iter::once("puck").chain(order.iter().filter_map(|&i| world.names.get(i)).map(String::as_str));
     let inertias = std::iter::once(world.device.inertia)
@@ -171,7 +171,7 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
     };
     go('M', 0.0, 0.0);
     go('L', from, 0.0);
-    match law.unclamped() {
+    match law {
         Law::Spring { .. } => {
             for i in 0..8 {
                 let s = from + (2.0 * half) * (f64::from(i) + 0.5) / 8.0;
@@ -224,16 +224,14 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
             go('L', to, 0.0);
             go('L', to - 9.0, 6.0);
         }
-        // What is unclamped is not clamped.
-        Law::Clamped { .. } => {}
     }
     go('M', to, 0.0);
     go('L', length, 0.0);
     let _ = write!(svg, "<path class=\"ink\" d=\"{d}\"/>");
 }
 
-/// A law in a few words of the units that people use.
-fn words(law: &Law, motion: Motion) -> (&'static str, String) {
+/// A coupling in a few words of the units that people use.
+fn words(coupling: &Coupling, motion: Motion) -> (&'static str, String) {
     let rotary = motion == Motion::Rotary;
     let stiffness = |k: f64| match rotary {
         true => format!("{} N·mm/°", number(1e3 * k / DEGREES, 4)),
@@ -244,7 +242,7 @@ fn words(law: &Law, motion: Motion) -> (&'static str, String) {
         true => format!("{}°", number(x * DEGREES, 4)),
         false => format!("{} mm", number(1e3 * x, 4)),
     };
-    match *law {
+    let (kind, value) = match coupling.law {
         Law::Spring { stiffness: k, .. } => ("spring", stiffness(k)),
         Law::Damper { damping: Damping::Fixed(b) } => ("damper", damping(b)),
         Law::Damper { damping: Damping::Compensating } => ("damper", "b = T·k".into()),
@@ -257,16 +255,16 @@ fn words(law: &Law, motion: Motion) -> (&'static str, String) {
         Law::Constant { torque } => {
             (if rotary { "constant torque" } else { "constant force" }, say_effort(torque, motion))
         }
-        Law::Clamped { limit, .. } => {
-            let (kind, value) = words(&law.unclamped(), motion);
-            (kind, format!("{value}, at most {}", say_effort(limit, motion)))
-        }
+    };
+    match coupling.limit {
+        Some(limit) => (kind, format!("{value}, at most {}", say_effort(limit, motion))),
+        None => (kind, value),
     }
 }
 
 /// Value, and for an upright coupling its kind above it. Returns how wide it is.
-fn label(svg: &mut String, x: f64, y: f64, anchor: &str, world: &World, law: &Law) -> f64 {
-    let (kind, value) = words(law, world.motion);
+fn label(svg: &mut String, x: f64, y: f64, anchor: &str, world: &World, coupling: &Coupling) -> f64 {
+    let (kind, value) = words(coupling, world.motion);
     let mut wide = text_width(kind);
     if anchor == "start" {
         text(svg, x, y, anchor, "", kind);
@@ -336,7 +334,7 @@ fn alt(world: &World) -> String {
         End::Body(i) => world.names.get(i).map_or("body", String::as_str),
     };
     let list = world.couplings.iter().map(|coupling| {
-        let (kind, value) = words(&coupling.law, world.motion);
+        let (kind, value) = words(coupling, world.motion);
         format!("{kind} ({value}) between {} and {}", end(coupling.first), end(coupling.second))
     });
     let couplings: Vec<String> = list.collect();

@@ -1,6 +1,6 @@
 //! A world compiled for the loop's thread, with everything that it will need there.
 
-use hapt_core::{Law, Reading, Request, SafeOutput, SafetyProfile};
+use hapt_core::{Reading, Request, SafeOutput, SafetyProfile};
 use hapt_model::{End, World};
 use hapt_sim::{DesktopController, DesktopControllerState, Motor, VirtualDevice};
 
@@ -115,8 +115,7 @@ impl Names {
             let before =
                 bristles.iter().flatten().filter(|(first, second, _)| (first.as_str(), second.as_str()) == ends);
             let nth = before.count();
-            let is_bristle = matches!(coupling.law, Law::Lugre { .. });
-            bristles.push(is_bristle.then(|| (ends.0.into(), ends.1.into(), nth)));
+            bristles.push(coupling.law.has_bristle().then(|| (ends.0.into(), ends.1.into(), nth)));
         }
         Names { bodies: world.names.clone(), bristles }
     }

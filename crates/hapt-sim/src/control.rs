@@ -2,7 +2,7 @@
 //!
 //! The bits are the same in every room; a step of one body that has to carry places for 32 would only take longer.
 
-use hapt_core::{Controller, ControllerState, Coupling, Error, Law, Loop, Sample, Spec, State, Supervisor};
+use hapt_core::{Controller, ControllerState, Coupling, Error, Loop, Sample, Spec, State, Supervisor};
 
 /// The loop with a PC's room: 32 bodies, 64 couplings, a FOAW window of 256.
 pub type DesktopLoop = Loop<f64, 32, COUPLINGS, COUNTS>;
@@ -87,8 +87,8 @@ impl<const B: usize> Running<B> {
     fn new(spec: &Spec) -> Result<Box<Self>, Error> {
         let compiled = Loop::new(spec)?;
         let state = compiled.start();
-        let lugre = |coupling: &Coupling| matches!(coupling.law, Law::Lugre { .. });
-        let bristles = spec.couplings.iter().rposition(lugre).map_or(0, |last| last + 1);
+        let has_bristle = |coupling: &Coupling| coupling.law.has_bristle();
+        let bristles = spec.couplings.iter().rposition(has_bristle).map_or(0, |last| last + 1);
         Ok(Box::new(Running { compiled, state, bristles }))
     }
 }

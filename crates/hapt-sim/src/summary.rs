@@ -1,6 +1,6 @@
 //! What remains of a run: peaks, clipping, energy, growth.
 
-use hapt_model::{Coupling, End, Law, World};
+use hapt_model::{Coupling, End, World};
 
 use hapt_plant::Ledger;
 
@@ -98,10 +98,7 @@ struct Growth {
 
 impl Growth {
     fn new(world: &World, from: f64, rows: u64) -> Option<Self> {
-        let linear = |coupling: &Coupling| {
-            let at_body = matches!(coupling.first, End::Body(_)) || matches!(coupling.second, End::Body(_));
-            !at_body || matches!(coupling.law, Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. })
-        };
+        let linear = |coupling: &Coupling| !coupling.is_at_body() || coupling.linear().is_some();
         if world.bodies.is_empty() || !world.couplings.iter().all(linear) {
             return None;
         }
@@ -159,18 +156,9 @@ fn step_energy(world: &World, step: &[(f64, f64)]) -> f64 {
     let stored: f64 = world
         .couplings
         .iter()
-        .map(|coupling| match coupling.law {
-            Law::Spring { stiffness, .. } => {
-                let q = at(coupling.first) - at(coupling.second);
-                0.5 * stiffness * q * q
-            }
-            Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => 0.0,
+        .map(|coupling| {
+            let q = at(coupling.first) - at(coupling.second);
+            coupling.linear().map_or(0.0, |linear| 0.5 * linear.stiffness * q * q)
         })
         .sum();
     moving + stored

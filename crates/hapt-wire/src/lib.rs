@@ -23,7 +23,7 @@
 //!         first: End::Puck,
 //!         second: End::Body(0),
 //!         law: Law::Spring { stiffness: 1.02, rest: 0.0 },
-//!     }],
+//!, limit: None     }],
 //! };
 //! let mut room = [0; 512];
 //! let bytes = write(&spec, &mut room)?;
@@ -38,6 +38,7 @@
 
 mod bytes;
 mod cobs;
+mod coupling;
 pub mod device;
 mod frame;
 mod load;

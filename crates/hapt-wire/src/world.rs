@@ -8,7 +8,7 @@ use core::fmt;
 use hapt_core::{Body, Coupling, End, Estimator, Law, Method, Output, Spec};
 use serde::{Deserialize, Serialize};
 
-use crate::SUM;
+use crate::{SUM, coupling};
 
 /// The first byte of a world. It changes whenever the bytes after it mean something else.
 pub const VERSION: u8 = 1;
@@ -89,7 +89,7 @@ pub struct Stored<const B: usize, const C: usize> {
 
 /// Writes a world into `room` and gives what it takes of it: about 20 bytes, 25 for each body and 20 for each coupling.
 ///
-/// Errors: [`Error::NoRoom`]; more than 255 bodies or couplings.
+/// Errors: [`Error::NoRoom`]; more than 255 bodies or couplings; [`Error::NotAWorld`] for a limit on a law that takes none.
 pub fn write<'a>(spec: &Spec, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
     let few = |given: usize| u8::try_from(given).ok();
     let (given, room_of_a_byte) = (spec.bodies.len(), 255);
@@ -105,7 +105,7 @@ pub fn write<'a>(spec: &Spec, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
         put(room, &mut at, body)?;
     }
     for coupling in spec.couplings {
-        put(room, &mut at, coupling)?;
+        put(room, &mut at, &coupling::Coupling::new(coupling)?)?;
     }
     let sum = SUM.checksum(room.get(..at).ok_or(Error::NoRoom)?);
     room.get_mut(at..at + SUM_BYTES).ok_or(Error::NoRoom)?.copy_from_slice(&sum.to_le_bytes());
@@ -142,13 +142,13 @@ impl<const B: usize, const C: usize> Stored<B, C> {
         let mut stored = Stored {
             settings,
             bodies: [Body { inertia: 1.0, position: 0.0, velocity: 0.0 }; B],
-            couplings: [Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque: 0.0 } }; C],
+            couplings: [Law::Constant { torque: 0.0 }.between(End::Puck, End::Ground); C],
         };
         for body in stored.bodies.iter_mut().take(usize::from(settings.bodies)) {
             *body = take(&mut rest)?;
         }
         for coupling in stored.couplings.iter_mut().take(usize::from(settings.couplings)) {
-            *coupling = take(&mut rest)?;
+            *coupling = take::<coupling::Coupling>(&mut rest)?.read();
         }
         if rest.is_empty() { Ok(stored) } else { Err(Error::NotAWorld) }
     }

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use hapt_analysis::Grip;
 use hapt_model::keys::Measure;
-use hapt_model::{Drive, Law, Shape, World};
+use hapt_model::{Drive, Shape, World};
 use hapt_sweep::worst::{Gap, Hand, Motion, Trick, Worst};
 use serde_json::json;
 
@@ -276,7 +276,7 @@ fn shown_run(worst: &Worst) -> String {
 fn notes(world: &World, worst: &Worst) -> Vec<String> {
     let mut notes = Vec::new();
     if worst.motion.as_ref().is_none_or(|motion| motion.trick != Trick::Follow)
-        && world.couplings.iter().any(|c| matches!(c.law, Law::Constant { torque } if torque != 0.0))
+        && world.couplings.iter().any(|c| c.law.constant().is_some_and(|torque| torque != 0.0))
     {
         notes.push(
             "a constant torque at the puck gives energy without bound; its work counts as what the world had to give"

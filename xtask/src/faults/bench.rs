@@ -69,6 +69,7 @@ pub fn swinging(rng: &mut Rng) -> World {
                 first,
                 second: End::Body(0),
                 law: Law::Spring { stiffness, rest: 0.0 },
+                limit: None,
             })
             .to_vec();
         if is_certified(&world) {

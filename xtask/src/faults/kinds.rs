@@ -202,7 +202,7 @@ fn unstable(rng: &mut Rng, world: &World) -> World {
     loop {
         let stiffness = inertia * (angle / world.sampling.period).powi(2);
         let law = Law::Spring { stiffness, rest: 0.0 };
-        world.couplings = vec![Coupling { first: End::Puck, second: End::Body(0), law }];
+        world.couplings = vec![Coupling { first: End::Puck, second: End::Body(0), law, limit: None }];
         // Much damping holds it for a while.
         if free_growth(&world).ok().flatten().is_some_and(|growth| growth * world.sampling.period > 0.01) {
             return world;

@@ -78,9 +78,9 @@ fn cases() -> Result<Vec<(String, Vec<u8>)>> {
             bristle_damping: 0.01,
             viscous: 1e-3,
         };
-        rough.couplings.push(Coupling { first: End::Puck, second: End::Ground, law });
+        rough.couplings.push(Coupling { first: End::Puck, second: End::Ground, law, limit: None });
         let law = Law::Detent { torque: 0.1, pitch: 0.2, phase: 0.0 };
-        rough.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law });
+        rough.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law, limit: None });
         cases.push((format!("rough, {}", estimator.name()), bytes(&rough)?));
     }
     Ok(cases)

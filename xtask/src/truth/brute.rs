@@ -1,7 +1,7 @@
 //! What the real core does on the exact device: whether a motion grows, and whether a hand gets work out of it.
 
 use fastrand::Rng;
-use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand, Law, Scenario, Shape, Switching, World};
+use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand, Scenario, Shape, Switching, World};
 use hapt_sim::{Lent, Simulation, world_energy};
 
 /// Below this part of the largest energy there is only rounding.
@@ -92,9 +92,9 @@ pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
     let mut lent = Lent::new(world);
     // What constant torques at the puck give is left out of the claim.
     let pushed = |puck: f64| -> f64 {
-        let of = |c: &Coupling| match (c.law, c.first, c.second) {
-            (Law::Constant { torque }, End::Puck, End::Ground) => torque * puck,
-            (Law::Constant { torque }, End::Ground, End::Puck) => -torque * puck,
+        let of = |c: &Coupling| match (c.law.constant(), c.first, c.second) {
+            (Some(torque), End::Puck, End::Ground) => torque * puck,
+            (Some(torque), End::Ground, End::Puck) => -torque * puck,
             _ => 0.0,
         };
         world.couplings.iter().map(of).sum()
@@ -127,14 +127,7 @@ pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
 /// A random hand: a grip on a still or moving intention, a torque, or a position that it prescribes.
 pub fn hand(rng: &mut Rng, world: &World) -> Hand {
     let period = world.sampling.period;
-    let stiffness: f64 = world
-        .couplings
-        .iter()
-        .map(|c| match c.law.unclamped() {
-            Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => stiffness,
-            _ => 0.0,
-        })
-        .sum();
+    let stiffness: f64 = world.couplings.iter().map(|c| c.law.slopes().stiffness).sum();
     let log = |rng: &mut Rng, from: f64, to: f64| 10f64.powf(from + (to - from) * rng.f64());
     let size = log(rng, -3.0, 0.0);
     let frequency = log(rng, -3.0, -0.1) * 0.5 / period;

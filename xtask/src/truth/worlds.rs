@@ -58,16 +58,9 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
     let wanted: f64 = couplings
         .iter()
         .filter(|c| c.first == End::Puck || c.second == End::Puck)
-        .map(|c| match c.law.unclamped() {
-            Law::Spring { stiffness, .. } => stiffness * period * (0.5 + delay / period),
-            Law::Wall { stiffness, damping, .. } => stiffness * period * (0.5 + delay / period) + damping,
-            Law::Damper { damping: Damping::Fixed(damping) } => damping,
-            Law::Damper { damping: Damping::Compensating }
-            | Law::Detent { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => 0.0,
+        .map(|c| {
+            let [stiffness, damping] = steepest(c);
+            stiffness * period * (0.5 + delay / period) + damping
         })
         .sum();
     let damping = match rng.u8(..6) {
@@ -96,22 +89,20 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
     }
 }
 
+/// A coupling's steepest rise by position and by velocity; a compensating damper's is left out.
+fn steepest(coupling: &Coupling) -> [f64; 2] {
+    let slopes = coupling.law.slopes();
+    match slopes.damping {
+        Damping::Fixed(damping) => [slopes.stiffness, damping],
+        Damping::Compensating => [slopes.stiffness, 0.0],
+    }
+}
+
 /// None, any, or about what counts and levels ask for: half a count of all stiffness, a count a sample of all damping, half a level.
 fn friction(rng: &mut Rng, device: &Device, couplings: &[Coupling], period: f64) -> f64 {
-    let [stiffness, damping] = couplings.iter().filter(|c| c.first == End::Puck || c.second == End::Puck).fold(
-        [0.0, 0.0],
-        |[k, b], c| match c.law.unclamped() {
-            Law::Spring { stiffness, .. } => [k + stiffness, b],
-            Law::Wall { stiffness, damping, .. } => [k + stiffness, b + damping],
-            Law::Detent { torque, pitch, .. } => [k + std::f64::consts::TAU * torque / pitch, b],
-            Law::Damper { damping: Damping::Fixed(damping) } => [k, b + damping],
-            Law::Damper { damping: Damping::Compensating }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => [k, b],
-        },
-    );
+    let at_puck = couplings.iter().filter(|c| c.first == End::Puck || c.second == End::Puck);
+    let [stiffness, damping] =
+        at_puck.map(steepest).fold([0.0, 0.0], |[k, b], [stiffness, damping]| [k + stiffness, b + damping]);
     let count = device.encoder.map_or(0.0, |counts| std::f64::consts::TAU / counts);
     let step = device.levels.zip(device.limit).map_or(0.0, |(levels, limit)| 2.0 * limit / f64::from(levels));
     match rng.u8(..6) {
@@ -140,13 +131,18 @@ fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bo
         // Now and then so soft that what is behind it is hardly felt. Such a swing is longer than any run: not where motions are followed.
         let soft = if bent && rng.u8(..12) == 0 { log_uniform(rng, -14.0, -4.0) } else { 1.0 };
         let stiffness = soft * inertia * (x / period).powi(2);
-        all.push(Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 } });
+        all.push(Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 }, limit: None });
         match rng.u8(..6) {
             // The notes' own.
-            0 => all.push(Coupling { first, second, law: Law::Damper { damping: Damping::Compensating } }),
+            0 => all.push(Coupling { first, second, law: Law::Damper { damping: Damping::Compensating }, limit: None }),
             1 | 2 => {
                 let damping = 2.0 * log_uniform(rng, -3.0, 0.0) * stiffness * period / x;
-                all.push(Coupling { first, second, law: Law::Damper { damping: Damping::Fixed(damping) } });
+                all.push(Coupling {
+                    first,
+                    second,
+                    law: Law::Damper { damping: Damping::Fixed(damping) },
+                    limit: None,
+                });
             }
             _ => {}
         }
@@ -170,8 +166,8 @@ fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bo
                 true => (End::Body(rng.usize(..bodies.len())), one_of(rng, &[End::Ground, End::Puck])),
                 false => (End::Puck, End::Ground),
             };
-            let law = nonlinear(rng, inertia, period);
-            all.push(Coupling { first: ends.0, second: ends.1, law });
+            let (law, limit) = nonlinear(rng, inertia, period);
+            all.push(Coupling { first: ends.0, second: ends.1, law, limit });
         }
         // Damped at the puck, and pushed, at a body too.
         if rng.u8(..3) == 0 {
@@ -180,21 +176,23 @@ fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bo
                 first: End::Puck,
                 second: End::Ground,
                 law: Law::Damper { damping: Damping::Fixed(damping) },
+                limit: None,
             });
         }
         if rng.u8(..6) == 0 {
             let law = Law::Constant { torque: log_uniform(rng, -4.0, -1.0) * if rng.bool() { 1.0 } else { -1.0 } };
             let at_body = !bodies.is_empty() && rng.bool() && !method.takes_new_sample_first();
             let first = if at_body { End::Body(rng.usize(..bodies.len())) } else { End::Puck };
-            all.push(Coupling { first, second: End::Ground, law });
+            all.push(Coupling { first, second: End::Ground, law, limit: None });
         }
     }
     all
 }
 
-fn nonlinear(rng: &mut Rng, inertia: f64, period: f64) -> Law {
+/// A nonlinear law, or a spring with a limit.
+fn nonlinear(rng: &mut Rng, inertia: f64, period: f64) -> (Law, Option<f64>) {
     let stiffness = inertia * (log_uniform(rng, -2.0, 0.0) / period).powi(2);
-    match rng.u8(..3) {
+    let law = match rng.u8(..3) {
         0 => Law::Wall {
             side: one_of(rng, &[Side::Above, Side::Below]),
             at: between(rng, -0.3, 0.3),
@@ -205,9 +203,7 @@ fn nonlinear(rng: &mut Rng, inertia: f64, period: f64) -> Law {
             let pitch = between(rng, 0.05, 1.0);
             Law::Detent { torque: stiffness * pitch / std::f64::consts::TAU, pitch, phase: between(rng, -1.0, 1.0) }
         }
-        _ => Law::Clamped {
-            law: hapt_model::Clampable::Spring { stiffness, rest: 0.0 },
-            limit: stiffness * between(rng, 0.01, 0.3),
-        },
-    }
+        _ => return (Law::Spring { stiffness, rest: 0.0 }, Some(stiffness * between(rng, 0.01, 0.3))),
+    };
+    (law, None)
 }

@@ -1,8 +1,9 @@
 //! The loops of one world with other numbers: what [`Loops`] of them are made of.
 
-use hapt_model::{Damping, Law, World};
+use hapt_model::World;
 
 use crate::continuous::compensated_by;
+use crate::laws::{Straight, straight};
 use crate::lone::{Lone, touches};
 use crate::side::Loops;
 
@@ -27,8 +28,14 @@ impl Number {
             ["couplings", index, name] => {
                 let index = index.parse().ok()?;
                 let coupling = world.couplings.get(index).filter(|coupling| touches(coupling) == Some(true))?;
-                let hangs =
-                    matches!((coupling.law, name), (Law::Spring { .. }, "stiffness") | (Law::Damper { .. }, "damping"));
+                let hangs = match (straight(coupling)?, name) {
+                    (Straight::Spring(..), "stiffness") => true,
+                    (Straight::Damper(_) | Straight::Compensating, "damping") => true,
+                    (
+                        Straight::Spring(..) | Straight::Damper(_) | Straight::Compensating | Straight::Constant(_),
+                        _,
+                    ) => false,
+                };
                 hangs.then_some(Number::Coupling(index))
             }
             _ => None,
@@ -68,20 +75,17 @@ impl<const N: usize> Wheels<N> {
     pub fn new(world: &World) -> Option<Self> {
         Lone::of_world(&world.bodies, &world.couplings)?;
         let at_body = |(coupling, of): (usize, &hapt_model::Coupling)| {
-            let (kind, value) = match of.law {
-                _ if touches(of) != Some(true) => return None,
-                Law::Spring { stiffness, .. } => (Kind::Spring, stiffness),
-                Law::Damper { damping: Damping::Fixed(damping) } => (Kind::Damper, damping),
-                Law::Damper { damping: Damping::Compensating } => {
+            if touches(of) != Some(true) {
+                return None;
+            }
+            let (kind, value) = match straight(of)? {
+                Straight::Spring(stiffness, _) => (Kind::Spring, stiffness),
+                Straight::Damper(damping) => (Kind::Damper, damping),
+                Straight::Compensating => {
                     let counts = |i: &usize| compensated_by(of, &world.couplings[*i]);
                     (Kind::Following((0..world.couplings.len()).filter(counts).collect()), 0.0)
                 }
-                Law::Wall { .. }
-                | Law::Detent { .. }
-                | Law::Coulomb { .. }
-                | Law::Lugre { .. }
-                | Law::Constant { .. }
-                | Law::Clamped { .. } => return None,
+                Straight::Constant(_) => return None,
             };
             Some(Tie { coupling, kind, value: [value; N] })
         };

@@ -59,7 +59,9 @@ pub fn with_wall(world: &World, stiffness: f64, damping: f64) -> World {
     World {
         names: Vec::new(),
         bodies: Vec::new(),
-        couplings: couplings.map(|(law, _)| Coupling { first: End::Puck, second: End::Ground, law }).collect(),
+        couplings: couplings
+            .map(|(law, _)| Coupling { first: End::Puck, second: End::Ground, law, limit: None })
+            .collect(),
         scenarios: Vec::new(),
         ..world.clone()
     }

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use hapt_model::keys::Measure;
-use hapt_model::{Damping, End, EstimatorKind, Law, Method, Motion, World};
+use hapt_model::{End, EstimatorKind, Law, Method, Motion, World};
 use serde::Serialize;
 
 use crate::continuous::{bent, bent_anywhere};
@@ -11,7 +11,7 @@ use crate::counts::{Quantisation, power, quantisation};
 use crate::error::Error;
 use crate::free::{free, free_at_this_period, shortest_period};
 use crate::held::held;
-use crate::laws::{self, is_nonlinear};
+use crate::laws::{self, Kind, is_nonlinear};
 use crate::passivity::{Cause, Passivity, passivity};
 use crate::remedies::Remedies;
 use crate::stability::{COMBINED, Mode, NOT_SEARCHED, Stability, Verdict};
@@ -100,10 +100,9 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
         let looked = looked(bent.len(), "its nonlinear couplings at bodies have slope 0 and count as absent");
         notes.push(format!("{ESTIMATE}: {looked}"));
     }
-    let follows = |law: &Law| matches!(law.unclamped(), Law::Damper { damping: Damping::Compensating });
     let method = world.sampling.method;
     if method != Method::ForwardEuler {
-        for (index, _) in world.couplings.iter().enumerate().filter(|(_, c)| follows(&c.law)) {
+        for (index, _) in world.couplings.iter().enumerate().filter(|(_, c)| c.law.is_compensating()) {
             notes.push(format!(
                 "couplings.{index}: a compensating damper undoes the growth of forward Euler; with {} it only damps",
                 method.name()
@@ -112,14 +111,9 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
     }
     // No spring, and no nonlinear coupling, holds the body in place: whatever else it does, a shift of it stays.
     for (index, _) in world.bodies.iter().enumerate() {
-        let holds = |law: &Law| match law.unclamped() {
-            Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => stiffness > 0.0,
-            Law::Detent { torque, .. } => torque > 0.0,
-            Law::Lugre { bristle_stiffness, .. } => bristle_stiffness > 0.0,
-            Law::Damper { .. } | Law::Coulomb { .. } | Law::Constant { .. } | Law::Clamped { .. } => false,
-        };
+        let holds = |mut law: Law| law.strength().is_some_and(|strength| *strength.value > 0.0);
         let body = End::Body(index);
-        if !world.couplings.iter().any(|c| holds(&c.law) && (c.first == body || c.second == body)) {
+        if !world.couplings.iter().any(|c| holds(c.law) && (c.first == body || c.second == body)) {
             let name = world.names.get(index).map_or("", String::as_str);
             notes.push(format!("body {name}: no spring is tied to it, so it stays where it is shifted to"));
         }
@@ -158,14 +152,14 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
 /// What passivity leaves out, or cannot be had with, at the puck.
 fn at_puck(world: &World) -> impl Iterator<Item = String> {
     let damping = world.device.damping;
-    world.couplings.iter().enumerate().filter(|(_, c)| laws::at_puck(c)).filter_map(move |(index, c)| match c.law {
-        Law::Coulomb { torque } if torque > 0.0 => Some(format!(
+    world.couplings.iter().enumerate().filter(|(_, c)| laws::at_puck(c)).filter_map(move |(index, c)| match (Kind::of(c), laws::most(c)) {
+        (Kind::Coulomb, torque) if torque > 0.0 => Some(format!(
             "couplings.{index}: Coulomb friction at the puck jumps with the sign of the velocity, so no finite damping makes \
              it passive; LuGre friction with its bristles has a finite slope"
         )),
-        Law::Constant { torque } if torque != 0.0 => {
+        (Kind::Constant, torque) if torque != 0.0 => {
             let speed = if damping > 0.0 {
-                format!("drives the puck at up to {}, its torque over the device's damping", short((torque / damping).abs()))
+                format!("drives the puck at up to {}, its torque over the device's damping", short(torque / damping))
             } else {
                 "drives the puck ever faster, because the device has no damping".to_string()
             };
@@ -174,14 +168,7 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
                  off it {speed}"
             ))
         }
-        Law::Coulomb { .. }
-        | Law::Constant { .. }
-        | Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::Lugre { .. }
-        | Law::Clamped { .. } => None,
+        (Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre, _) => None,
     })
 }
 

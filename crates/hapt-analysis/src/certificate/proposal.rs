@@ -1,7 +1,7 @@
 //! Remedies as lines to paste into the world file, in the file's own units.
 
 use hapt_model::keys::{Measure, in_samples};
-use hapt_model::{Coupling, Dimension, Error, Law, Parameter, Source, World, parameters, parse_quantity};
+use hapt_model::{Coupling, Dimension, Error, Parameter, Source, World, parameters, parse_quantity};
 
 use crate::check::Check;
 use crate::remedies::Remedies;
@@ -131,13 +131,8 @@ pub fn proposal(
 
 /// The key in which a coupling's stiffness is, and its value.
 fn stiffness((i, coupling): (usize, &Coupling)) -> Option<(usize, &'static str, f64)> {
-    let (key, value) = match coupling.law.unclamped() {
-        Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => ("stiffness", stiffness),
-        Law::Detent { torque, .. } => ("torque", torque),
-        Law::Lugre { bristle_stiffness, .. } => ("bristle_stiffness", bristle_stiffness),
-        Law::Damper { .. } | Law::Coulomb { .. } | Law::Constant { .. } | Law::Clamped { .. } => return None,
-    };
-    Some((i, key, value))
+    let mut law = coupling.law;
+    law.strength().map(|strength| (i, strength.name, *strength.value))
 }
 
 /// The file's keys as they are written.

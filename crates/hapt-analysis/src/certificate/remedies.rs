@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use hapt_model::{Clampable, Coupling, Damping, Delay, End, Law, Output, World};
+use hapt_model::{Coupling, Damping, Delay, End, Law, Output, World};
 use serde::Serialize;
 
 use crate::certificate::{excess, is_certified};
@@ -144,7 +144,7 @@ fn stiffness_margin(world: &World) -> Result<Result<f64, String>, Error> {
     margin(world, Along::Ratio, [1.0, REACH], |w, factor| {
         for (c, law) in w.couplings.iter_mut().zip(&own) {
             c.law = *law;
-            stiffness(&mut c.law).into_iter().for_each(|stiffness| *stiffness *= factor);
+            c.law.strength().into_iter().for_each(|strength| *strength.value *= factor);
         }
     })
 }
@@ -235,7 +235,7 @@ fn ground_damping(world: &World, is_certified: bool) -> Option<f64> {
     let certified = |damping: f64| {
         changed(world, |w| {
             let law = Law::Damper { damping: Damping::Fixed(damping) };
-            let ground = |body| Coupling { first: End::Body(body), second: End::Ground, law };
+            let ground = |body| Coupling { first: End::Body(body), second: End::Ground, law, limit: None };
             let dampers: Vec<Coupling> = (0..w.bodies.len()).map(ground).collect();
             w.couplings.extend(dampers);
         })
@@ -286,7 +286,7 @@ fn delay(world: &World) -> Option<f64> {
 }
 
 fn has_stiffness(world: &World) -> bool {
-    world.couplings.iter().any(|c| stiffness(&mut c.law.clone()).is_some_and(|stiffness| *stiffness > 0.0))
+    world.couplings.iter().any(|c| c.law.clone().strength().is_some_and(|strength| *strength.value > 0.0))
 }
 
 fn stiffness_scale(world: &World) -> Option<f64> {
@@ -295,24 +295,8 @@ fn stiffness_scale(world: &World) -> Option<f64> {
     }
     let certified = |factor: f64| {
         changed(world, |w| {
-            w.couplings.iter_mut().filter_map(|c| stiffness(&mut c.law)).for_each(|stiffness| *stiffness *= factor);
+            w.couplings.iter_mut().filter_map(|c| c.law.strength()).for_each(|strength| *strength.value *= factor);
         })
     };
     largest(1.0, SOFTEST, &certified)
-}
-
-/// The number in which a law's stiffness is.
-fn stiffness(law: &mut Law) -> Option<&mut f64> {
-    match law {
-        Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. } => Some(stiffness),
-        Law::Clamped { law: Clampable::Spring { stiffness, .. } | Clampable::Wall { stiffness, .. }, .. } => {
-            Some(stiffness)
-        }
-        Law::Detent { torque, .. } => Some(torque),
-        Law::Lugre { bristle_stiffness, .. } => Some(bristle_stiffness),
-        Law::Damper { .. }
-        | Law::Coulomb { .. }
-        | Law::Constant { .. }
-        | Law::Clamped { law: Clampable::Damper { .. }, .. } => None,
-    }
 }

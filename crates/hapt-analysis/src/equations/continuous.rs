@@ -14,10 +14,11 @@
 //! C1 is there because a compensating damper, (2.24), is T times a stiffness: it moves with the period, and whoever asks what
 //! another period would do needs the two apart.
 
-use hapt_model::{Body, Clampable, Coupling, Damping, End, Law};
+use hapt_model::{Body, Coupling, Damping, End, Law};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
 use crate::error::{Error, positive};
+use crate::laws::{self, Straight};
 
 /// Which of its two slopes each nonlinear coupling takes: flat (wall out, detent 0, LuGre sliding, viscous) or steep (wall in,
 /// detent 2π torque/pitch, LuGre stuck, σ0 and σ1 + σ2). Falling slopes are never taken. Coulomb friction and constants have
@@ -60,28 +61,6 @@ pub struct Tie {
     pub force: f64,
 }
 
-/// The (stiffness, damping) of a nonlinear law, flat or steep; `None` for the linear laws.
-fn slope(law: &Law, steep: bool) -> Option<(f64, f64)> {
-    Some(match *law {
-        Law::Wall { stiffness, damping, .. } if steep => (stiffness, damping),
-        Law::Detent { torque, pitch, .. } if steep => (std::f64::consts::TAU * torque / pitch, 0.0),
-        Law::Lugre { bristle_stiffness, bristle_damping, viscous, .. } if steep => {
-            (bristle_stiffness, bristle_damping + viscous)
-        }
-        Law::Lugre { viscous, .. } => (0.0, viscous),
-        // Up to its limit a clamped coupling is as it is without, beyond it torque alone.
-        Law::Clamped { law, .. } if steep => match law {
-            Clampable::Spring { stiffness, .. } => (stiffness, 0.0),
-            Clampable::Damper { damping: Damping::Fixed(damping) } => (0.0, damping),
-            // With the period: `ties` has it.
-            Clampable::Damper { damping: Damping::Compensating } => (0.0, 0.0),
-            Clampable::Wall { stiffness, damping, .. } => (stiffness, damping),
-        },
-        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Clamped { .. } => (0.0, 0.0),
-        Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => return None,
-    })
-}
-
 /// Indices of the couplings that touch a body and have two different slopes: those on which the choice of [`Slopes`] matters
 /// for the bodies' eigenvalues.
 pub fn bent(couplings: &[Coupling]) -> Vec<usize> {
@@ -91,14 +70,10 @@ pub fn bent(couplings: &[Coupling]) -> Vec<usize> {
 
 /// Indices of all couplings that have two different slopes: those on which the choice of [`Slopes`] matters for the free loop.
 pub fn bent_anywhere(couplings: &[Coupling]) -> Vec<usize> {
-    let two =
-        |law: &Law| slope(law, false) != slope(law, true) || (*law != law.unclamped() && follows(&law.unclamped()));
-    (0..couplings.len()).filter(|&i| two(&couplings[i].law)).collect()
-}
-
-/// Whether it is a damper that follows the springs.
-fn follows(law: &Law) -> bool {
-    matches!(law, Law::Damper { damping: Damping::Compensating })
+    let two = |c: &Coupling| {
+        laws::is_nonlinear(c) && (laws::steepest(&c.law) != laws::flattest(&c.law) || c.law.is_compensating())
+    };
+    (0..couplings.len()).filter(|&i| two(&couplings[i])).collect()
 }
 
 /// Whether a compensating damper follows this coupling: a spring between its two ends, in either order; from a body to ground, any
@@ -111,41 +86,20 @@ pub(crate) fn compensated_by(damper: &Coupling, spring: &Coupling) -> bool {
         }
         _ => [c.first, c.second] == ends || [c.second, c.first] == ends,
     };
-    at && matches!(c.law.unclamped(), Law::Spring { .. })
+    at && c.law.spring().is_some()
 }
 
 /// T times which stiffness a compensating damper is.
 pub(crate) fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
-    let stiffness = |c: &Coupling| match c.law.unclamped() {
-        Law::Spring { stiffness, .. } => stiffness,
-        Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::Coulomb { .. }
-        | Law::Lugre { .. }
-        | Law::Constant { .. }
-        | Law::Clamped { .. } => 0.0,
-    };
-    couplings.iter().filter(|c| compensated_by(damper, c)).map(stiffness).sum()
+    couplings.iter().filter(|c| compensated_by(damper, c)).filter_map(|c| c.law.spring()).sum()
 }
 
 /// The couplings with each compensating damper as the damping it is at a period, so that a part of them may stand alone.
 pub(crate) fn settled(couplings: &[Coupling], period: f64) -> Vec<Coupling> {
     let settle = |c: &Coupling| {
-        let fixed = || Damping::Fixed(period * compensated(c, couplings));
-        let law = match c.law {
-            Law::Damper { damping: Damping::Compensating } => Law::Damper { damping: fixed() },
-            Law::Clamped { law: Clampable::Damper { damping: Damping::Compensating }, limit } => {
-                Law::Clamped { law: Clampable::Damper { damping: fixed() }, limit }
-            }
-            Law::Spring { .. }
-            | Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => c.law,
+        let law = match c.law.is_compensating() {
+            true => Law::Damper { damping: Damping::Fixed(period * compensated(c, couplings)) },
+            false => c.law,
         };
         Coupling { law, ..*c }
     };
@@ -168,17 +122,15 @@ pub fn ties(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<
             }
         }
         let (mut stiffness, mut fixed, mut per_period, mut force) = (0.0, 0.0, 0.0, 0.0);
-        match c.law {
-            Law::Spring { stiffness: k, rest } => (stiffness, force) = (k, k * rest),
-            Law::Damper { damping: Damping::Fixed(b) } => fixed = b,
-            Law::Damper { damping: Damping::Compensating } => per_period = compensated(c, couplings),
-            Law::Constant { torque } => force = torque,
-            law @ Law::Clamped { .. } if follows(&law.unclamped()) => {
-                per_period = if slopes.steep(index) { compensated(c, couplings) } else { 0.0 };
-            }
-            Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Clamped { .. } => {
-                (stiffness, fixed) = slope(&c.law, slopes.steep(index)).unwrap_or_default();
-            }
+        let steep = slopes.steep(index);
+        match laws::straight(c) {
+            Some(Straight::Spring(k, rest)) => (stiffness, force) = (k, k * rest),
+            Some(Straight::Damper(b)) => fixed = b,
+            Some(Straight::Compensating) => per_period = compensated(c, couplings),
+            Some(Straight::Constant(torque)) => force = torque,
+            None if steep && c.law.is_compensating() => per_period = compensated(c, couplings),
+            None if steep => (stiffness, fixed) = laws::steepest(&c.law),
+            None => (stiffness, fixed) = laws::flattest(&c.law),
         }
         Ok(Tie { first: c.first, second: c.second, stiffness, fixed, per_period, force })
     };

@@ -1,7 +1,7 @@
 //! What each law is to an argument. Every match here names every law, so that a new one does not compile until somebody has said
 //! which theorems cover it.
 
-use hapt_model::{Clampable, Coupling, Damping, End, Law};
+use hapt_model::{Coupling, Damping, End, Law};
 
 /// What a theorem may assume of a law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,7 +10,7 @@ pub(crate) enum Kind {
     Linear,
     /// A torque that does not depend on the motion.
     Constant,
-    /// A potential with a steepest rise, with a damping that only ever takes, or either of them clamped.
+    /// A potential with a steepest rise, with a damping that only ever takes, or either of them with a limit.
     Potential,
     /// Dry friction, whose torque jumps with the sign of the velocity.
     Coulomb,
@@ -19,14 +19,11 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    pub fn of(law: &Law) -> Kind {
-        match law {
-            Law::Spring { .. } | Law::Damper { .. } => Kind::Linear,
+    pub fn of(coupling: &Coupling) -> Kind {
+        match coupling.law {
+            Law::Spring { .. } | Law::Damper { .. } if coupling.limit.is_none() => Kind::Linear,
+            Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::Detent { .. } => Kind::Potential,
             Law::Constant { .. } => Kind::Constant,
-            Law::Wall { .. } | Law::Detent { .. } => Kind::Potential,
-            Law::Clamped {
-                law: Clampable::Spring { .. } | Clampable::Damper { .. } | Clampable::Wall { .. }, ..
-            } => Kind::Potential,
             Law::Coulomb { .. } => Kind::Coulomb,
             Law::Lugre { .. } => Kind::Lugre,
         }
@@ -42,47 +39,93 @@ impl Kind {
 }
 
 pub(crate) fn is_nonlinear(coupling: &Coupling) -> bool {
-    Kind::of(&coupling.law).is_nonlinear()
+    Kind::of(coupling).is_nonlinear()
 }
 
-/// The largest torque that a law can ask for; infinite where it has no bound of its own.
-pub(crate) fn most(law: &Law) -> f64 {
+/// What a matrix holds of a coupling.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Straight {
+    /// A spring's stiffness and the q at which it is slack.
+    Spring(f64, f64),
+    Damper(f64),
+    /// Follows the springs beside it.
+    Compensating,
+    Constant(f64),
+}
+
+/// `None` for a nonlinear coupling.
+pub(crate) fn straight(coupling: &Coupling) -> Option<Straight> {
+    if coupling.limit.is_some() {
+        return None;
+    }
+    match coupling.law {
+        Law::Spring { stiffness, rest } => Some(Straight::Spring(stiffness, rest)),
+        Law::Damper { damping: Damping::Fixed(damping) } => Some(Straight::Damper(damping)),
+        Law::Damper { damping: Damping::Compensating } => Some(Straight::Compensating),
+        Law::Constant { torque } => Some(Straight::Constant(torque)),
+        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => None,
+    }
+}
+
+/// The (stiffness, damping) of a nonlinear coupling on its steepest rise. A coupling with a limit is as it is without up to there.
+pub(crate) fn steepest(law: &Law) -> (f64, f64) {
     match *law {
-        Law::Clamped { limit, .. } => limit,
+        Law::Spring { stiffness, .. } => (stiffness, 0.0),
+        Law::Damper { damping: Damping::Fixed(damping) } => (0.0, damping),
+        // With the period: `ties` has it.
+        Law::Damper { damping: Damping::Compensating } => (0.0, 0.0),
+        Law::Wall { stiffness, damping, .. } => (stiffness, damping),
+        Law::Detent { torque, pitch, .. } => (std::f64::consts::TAU * torque / pitch, 0.0),
+        Law::Lugre { bristle_stiffness, bristle_damping, viscous, .. } => {
+            (bristle_stiffness, bristle_damping + viscous)
+        }
+        Law::Coulomb { .. } | Law::Constant { .. } => (0.0, 0.0),
+    }
+}
+
+/// The same where it is flattest, falling slopes left out.
+pub(crate) fn flattest(law: &Law) -> (f64, f64) {
+    match *law {
+        Law::Lugre { viscous, .. } => (0.0, viscous),
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::Coulomb { .. }
+        | Law::Constant { .. } => (0.0, 0.0),
+    }
+}
+
+/// The largest torque that a coupling can ask for; infinite where it has no bound of its own.
+pub(crate) fn most(coupling: &Coupling) -> f64 {
+    let own = match coupling.law {
         Law::Detent { torque, .. } | Law::Coulomb { torque } => torque,
         Law::Constant { torque } => torque.abs(),
         Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::Lugre { .. } => f64::INFINITY,
-    }
+    };
+    coupling.limit.map_or(own, |limit| own.min(limit))
 }
 
 /// Whether a law takes the velocity, so that it matters how the loop comes by it.
 pub(crate) fn takes_velocity(law: &Law) -> bool {
     match *law {
-        Law::Damper { damping } | Law::Clamped { law: Clampable::Damper { damping }, .. } => match damping {
-            Damping::Fixed(damping) => damping > 0.0,
-            Damping::Compensating => true,
-        },
-        Law::Wall { damping, .. } | Law::Clamped { law: Clampable::Wall { damping, .. }, .. } => damping > 0.0,
+        Law::Damper { damping: Damping::Fixed(damping) } | Law::Wall { damping, .. } => damping > 0.0,
+        Law::Damper { damping: Damping::Compensating } | Law::Lugre { .. } => true,
         Law::Coulomb { torque } => torque > 0.0,
-        Law::Lugre { .. } => true,
-        Law::Spring { .. }
-        | Law::Detent { .. }
-        | Law::Constant { .. }
-        | Law::Clamped { law: Clampable::Spring { .. }, .. } => false,
+        Law::Spring { .. } | Law::Detent { .. } | Law::Constant { .. } => false,
     }
 }
 
-/// Whether the law has a wall's damping, clamped or not.
+/// Whether the law has a wall's damping.
 pub(crate) fn is_damped_wall(law: &Law) -> bool {
     match *law {
-        Law::Wall { damping, .. } | Law::Clamped { law: Clampable::Wall { damping, .. }, .. } => damping > 0.0,
+        Law::Wall { damping, .. } => damping > 0.0,
         Law::Spring { .. }
         | Law::Damper { .. }
         | Law::Detent { .. }
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
-        | Law::Constant { .. }
-        | Law::Clamped { law: Clampable::Spring { .. } | Clampable::Damper { .. }, .. } => false,
+        | Law::Constant { .. } => false,
     }
 }
 
@@ -91,11 +134,23 @@ pub(crate) fn is_damped_wall(law: &Law) -> bool {
 pub(crate) fn may_not_settle(law: &Law) -> bool {
     match *law {
         Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => true,
-        Law::Wall { damping, .. } | Law::Clamped { law: Clampable::Wall { damping, .. }, .. } => damping > 0.0,
+        Law::Wall { damping, .. } => damping > 0.0,
+        Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => false,
+    }
+}
+
+/// Whether bristles give back more than they took: viscous < bristle_damping (stribeck - coulomb)/coulomb, without the quotient.
+pub(crate) fn bristles_give(law: &Law) -> bool {
+    match *law {
+        Law::Lugre { coulomb, stribeck, bristle_damping, viscous, .. } => {
+            viscous * coulomb < bristle_damping * (stribeck - coulomb)
+        }
         Law::Spring { .. }
         | Law::Damper { .. }
-        | Law::Constant { .. }
-        | Law::Clamped { law: Clampable::Spring { .. } | Clampable::Damper { .. }, .. } => false,
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::Coulomb { .. }
+        | Law::Constant { .. } => false,
     }
 }
 

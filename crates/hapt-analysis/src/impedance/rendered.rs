@@ -16,7 +16,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use hapt_model::{Coupling, EstimatorKind, Law, World};
+use hapt_model::{Coupling, EstimatorKind, World};
 use nalgebra::Complex;
 use serde::Serialize;
 
@@ -27,6 +27,7 @@ use crate::error::Error;
 use crate::estimator::Filter;
 use crate::ideal::{Ideal, Tied};
 use crate::impedance::{Impedance, Pole, Rule};
+use crate::laws::{Kind, most};
 use crate::passivity::{is_seen, lag};
 use crate::stability::MARGINAL;
 
@@ -334,7 +335,7 @@ fn notes(world: &World, slopes: &Slopes, port: &Impedance) -> Vec<String> {
         };
         notes.push(format!("every nonlinear coupling is taken {taken}"));
     }
-    let nothing = |c: &Coupling| matches!(c.law, Law::Coulomb { torque } | Law::Constant { torque } if torque != 0.0);
+    let nothing = |c: &Coupling| matches!(Kind::of(c), Kind::Coulomb | Kind::Constant) && most(c) != 0.0;
     for (index, _) in world.couplings.iter().enumerate().filter(|(_, c)| nothing(c)) {
         notes.push(format!("couplings.{index}: it has no slope and counts as nothing"));
     }

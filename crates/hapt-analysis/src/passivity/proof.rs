@@ -22,7 +22,7 @@
 //!
 //! **Counts and levels** with no body are paid for by the device's friction (`counts.rs`). With a body nothing pays for them.
 
-use hapt_model::{Coupling, EstimatorKind, Law, Method, Output, World};
+use hapt_model::{Coupling, EstimatorKind, Method, Output, World};
 
 use crate::check::short;
 use crate::continuous::settled;
@@ -94,7 +94,7 @@ fn bodies_and_counts(world: &World) -> Option<String> {
 
 /// The motor's limit, where it can be reached.
 fn limit(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> {
-    let asked: f64 = world.couplings.iter().filter(|c| laws::at_puck(c)).map(|c| laws::most(&c.law)).sum();
+    let asked: f64 = world.couplings.iter().filter(|c| laws::at_puck(c)).map(laws::most).sum();
     if world.device.limit.is_none_or(|limit| asked <= limit) {
         return Ok(None);
     }
@@ -119,16 +119,7 @@ fn price([stiffness, damping]: [f64; 2], period: f64, lag: Delay) -> f64 {
 
 /// Constant torques at bodies.
 fn constants(world: &World) -> Option<String> {
-    let is_source = |c: &Coupling| match c.law {
-        Law::Constant { torque } => torque != 0.0 && laws::at_body(c),
-        Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::Coulomb { .. }
-        | Law::Lugre { .. }
-        | Law::Clamped { .. } => false,
-    };
+    let is_source = |c: &Coupling| c.law.constant().is_some_and(|torque| torque != 0.0) && laws::at_body(c);
     world.couplings.iter().position(is_source).map(|index| {
         format!("couplings.{index}: a constant torque at a body is a source of energy: a hand that goes along with the body draws it")
     })
@@ -136,25 +127,14 @@ fn constants(world: &World) -> Option<String> {
 
 /// Bristles that give back more than they took.
 fn bristles(world: &World) -> Vec<String> {
-    let gives = |(index, coupling): (usize, &Coupling)| match coupling.law {
-        // viscous < bristle_damping (stribeck - coulomb)/coulomb, without the quotient
-        Law::Lugre { coulomb, stribeck, bristle_damping, viscous, .. } => {
-            (viscous * coulomb < bristle_damping * (stribeck - coulomb)).then(|| {
-                format!(
-                    "couplings.{index}: its bristles give energy back when it slips: viscous would have to be at least \
-                     bristle_damping (stribeck - coulomb)/coulomb"
-                )
-            })
-        }
-        Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::Coulomb { .. }
-        | Law::Constant { .. }
-        | Law::Clamped { .. } => None,
+    let couplings = world.couplings.iter().enumerate().filter(|(_, coupling)| laws::bristles_give(&coupling.law));
+    let reason = |(index, _)| {
+        format!(
+            "couplings.{index}: its bristles give energy back when it slips: viscous would have to be at least \
+             bristle_damping (stribeck - coulomb)/coulomb"
+        )
     };
-    world.couplings.iter().enumerate().filter_map(gives).collect()
+    couplings.map(reason).collect()
 }
 
 /// Friction that counts and levels ask for.
@@ -201,7 +181,7 @@ fn beside(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> 
     let couplings = settled(&world.couplings, world.sampling.period);
     let (bent, straight): (Vec<Coupling>, Vec<Coupling>) = couplings.into_iter().partition(is_nonlinear);
     for coupling in &bent {
-        match Kind::of(&coupling.law) {
+        match Kind::of(coupling) {
             // Coulomb friction at the puck has been refused: no damping is claimed.
             Kind::Potential | Kind::Linear | Kind::Constant | Kind::Coulomb => {}
             Kind::Lugre => {
@@ -244,7 +224,7 @@ fn theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<
     }
     // The puck feels the damper's law at the end of the step, and the body the torque that was found: only where the step settles are
     // they one. Clamped springs and dampers and walls do, being the means of convex energies.
-    if bodies.iter().any(|c| laws::at_puck(c) && Kind::of(&c.law) == Kind::Potential && laws::takes_velocity(&c.law))
+    if bodies.iter().any(|c| laws::at_puck(c) && Kind::of(c) == Kind::Potential && laws::takes_velocity(&c.law))
         && bodies.iter().any(|c| laws::may_not_settle(&c.law))
     {
         return outside(
@@ -253,7 +233,7 @@ fn theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<
         );
     }
     // At a body or at the puck: neither has a step that is known to take no more than it gives.
-    if world.couplings.iter().any(|c| Kind::of(&c.law) == Kind::Lugre) {
+    if world.couplings.iter().any(|c| Kind::of(c) == Kind::Lugre) {
         return outside("the sampled bristle of LuGre friction has no proof beyond its steepest slope");
     }
     let [stiffness, damping] = at_puck(world, &world.couplings)?;

@@ -99,7 +99,7 @@ fn keeps_energy(world: &World) -> Result<bool, Error> {
 pub(crate) fn power(world: &World) -> Result<Option<f64>, Error> {
     let (Some(count), n) = (world.count(), world.bodies.len()) else { return Ok(None) };
     let outside = |c: &Coupling| {
-        matches!(Kind::of(&c.law), Kind::Constant | Kind::Lugre)
+        matches!(Kind::of(c), Kind::Constant | Kind::Lugre)
             || (laws::at_body(c) && laws::at_puck(c) && laws::is_damped_wall(&c.law))
     };
     if !keeps_energy(world)? || world.couplings.iter().any(outside) {

@@ -180,7 +180,7 @@ fn of_filter(port: &Impedance, filter: &Filter, lag: Delay, period: f64) -> Resu
 
 /// Whether a coupling is Coulomb friction at the puck.
 fn is_coulomb_at_puck(coupling: &Coupling) -> bool {
-    Kind::of(&coupling.law) == Kind::Coulomb && most(&coupling.law) > 0.0 && laws::at_puck(coupling)
+    Kind::of(coupling) == Kind::Coulomb && most(coupling) > 0.0 && laws::at_puck(coupling)
 }
 
 /// What [`passivity`] finds first: the verdict on the linear loop.

@@ -3,11 +3,12 @@
 //! With z = Ts the equation is z² + d z + x² = 0, x² = T² K/J and d = T (C0 + T C1)/J. Semi-implicit Euler acts as forward
 //! Euler with x² more in d: see [`crate::critical`].
 
-use hapt_model::{Body, Coupling, Damping, End, Law, Method};
+use hapt_model::{Body, Coupling, End, Method};
 use nalgebra::Complex;
 
 use crate::continuous::compensated;
 use crate::eigen::{Multiplier, Root, multiplier, pair};
+use crate::laws::{Straight, straight};
 use crate::structure::Part;
 
 /// Damping that is T K to this, relatively, is T K: what balances forward Euler balances it exactly.
@@ -47,19 +48,14 @@ impl Lone {
         let &[Body { inertia, .. }] = bodies else { return None };
         let mut lone = Lone { inertia, stiffness: 0.0, fixed: 0.0, following: 0.0 };
         for coupling in couplings {
-            match coupling.law {
-                _ if !touches(coupling)? => {}
-                Law::Spring { stiffness, .. } => lone.stiffness += stiffness,
-                Law::Damper { damping: Damping::Fixed(damping) } => lone.fixed += damping,
-                Law::Damper { damping: Damping::Compensating } => lone.following += compensated(coupling, couplings),
-                Law::Constant { .. } => {}
-                Law::Wall { .. }
-                | Law::Detent { .. }
-                | Law::Coulomb { .. }
-                | Law::Lugre { .. }
-                | Law::Clamped { .. } => {
-                    return None;
-                }
+            if !touches(coupling)? {
+                continue;
+            }
+            match straight(coupling)? {
+                Straight::Spring(stiffness, _) => lone.stiffness += stiffness,
+                Straight::Damper(damping) => lone.fixed += damping,
+                Straight::Compensating => lone.following += compensated(coupling, couplings),
+                Straight::Constant(_) => {}
             }
         }
         Some(lone)

@@ -139,7 +139,7 @@ fn notes_say_what_the_numbers_leave_out() {
     assert!(notes_of(&bench, Method::ForwardEuler)[0].starts_with("free: its critical period is searched"));
     assert!(notes_of(&bench, Method::Zoh)[0].contains("couplings.1"));
     let wall = Law::Wall { side: Side::Above, at: 0.1, stiffness: 1e4, damping: 0.0 };
-    bench.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: wall });
+    bench.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: wall, limit: None });
     assert!(notes_of(&bench, Method::ForwardEuler)[0].contains("linear estimate"));
     let all = notes_of(&bench, Method::ForwardEuler);
     assert!(
@@ -156,7 +156,7 @@ fn seven_nonlinear_couplings_are_looked_at_alone() {
     let mut bench = oscillator(10.0, 0.02);
     for _ in 0..7 {
         let wall = Law::Wall { side: Side::Below, at: 0.0, stiffness: 1e4, damping: 0.0 };
-        bench.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: wall });
+        bench.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: wall, limit: None });
     }
     let found = check(&world(bench, Method::ForwardEuler, 1e-6)).unwrap();
     assert!((found.held.critical_period_s.unwrap() - 0.4 / 70100.0).abs() < 1e-15);
@@ -265,7 +265,7 @@ proptest! {
                 6 => damper(End::Puck, End::Ground, a).law,
                 _ => Law::Spring { stiffness: a, rest: b },
             };
-            Coupling { first: end(first), second: end(second), law }
+            Coupling { first: end(first), second: end(second), law, limit: None }
         });
         let bench = Bench { bodies: inertias.into_iter().map(body).collect(), couplings: couplings.collect() };
         for method in Method::ALL {
@@ -300,7 +300,7 @@ fn passivity_is_said_with_what_is_missing_and_where() {
         check(&world).unwrap().passivity_sentence(),
         "not passive at any device damping: nothing damps the swing at 1 Hz, and its torque comes out of step with the hand"
     );
-    let puck = |law| Coupling { first: End::Puck, second: End::Ground, law };
+    let puck = |law| Coupling { first: End::Puck, second: End::Ground, law, limit: None };
     world.couplings.extend([puck(Law::Constant { torque: -0.6 }), puck(Law::Coulomb { torque: 0.1 })]);
     let answer = check(&world).unwrap();
     assert!(answer.notes.iter().any(|n| n.contains("constant torque") && n.contains("500")), "{:?}", answer.notes);

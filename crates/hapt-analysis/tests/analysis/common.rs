@@ -64,15 +64,15 @@ pub enum Dampers {
 }
 
 pub fn spring(first: End, second: End, stiffness: f64) -> Coupling {
-    Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 } }
+    Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 }, limit: None }
 }
 
 pub fn damper(first: End, second: End, damping: f64) -> Coupling {
-    Coupling { first, second, law: Law::Damper { damping: Damping::Fixed(damping) } }
+    Coupling { first, second, law: Law::Damper { damping: Damping::Fixed(damping) }, limit: None }
 }
 
 pub fn compensator(first: End, second: End) -> Coupling {
-    Coupling { first, second, law: Law::Damper { damping: Damping::Compensating } }
+    Coupling { first, second, law: Law::Damper { damping: Damping::Compensating }, limit: None }
 }
 
 pub fn body(inertia: f64) -> Body {

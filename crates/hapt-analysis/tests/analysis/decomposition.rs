@@ -179,13 +179,13 @@ fn a_wall_enters_as_its_spring_and_damper() {
     let ends = (End::Puck, End::Ground);
     let plain = Decomposition::free(&world, keys(&world)).unwrap().unwrap();
     let law = Law::Wall { side: Side::Above, at: 0.1, stiffness: 1.0, damping: 1.0 };
-    world.couplings = vec![Coupling { first: ends.0, second: ends.1, law }];
+    world.couplings = vec![Coupling { first: ends.0, second: ends.1, law, limit: None }];
     let keys = Keys { paths: ["couplings.0.stiffness", "couplings.0.damping"], ..keys(&world) };
     let wall = Decomposition::free(&world, keys).unwrap().unwrap();
     assert_eq!(wall, plain);
     // Beside a detent, 2π torque/pitch where it is steep, the flat curve and one that lies lower by that much.
     let law = Law::Detent { torque: 1.0, pitch: 20.0 * PI, phase: 0.0 };
-    world.couplings.push(Coupling { first: ends.0, second: ends.1, law });
+    world.couplings.push(Coupling { first: ends.0, second: ends.1, law, limit: None });
     let beside = Decomposition::free(&world, keys).unwrap().unwrap();
     assert_eq!(beside.len(), 2);
     for phi in [0.1, 1.0, 2.0] {
@@ -202,7 +202,7 @@ fn what_is_no_stiffness_or_damping_at_one_place_has_no_equation() {
     let bench = Bench { bodies: vec![body(0.01)], couplings: vec![spring(End::Body(0), End::Puck, 1.0)] };
     let mut world = world(&bench, Method::Zoh, 1e-3, 1e-3, 1e-3);
     let detent = Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 };
-    world.couplings.push(Coupling { first: End::Puck, second: End::Ground, law: detent });
+    world.couplings.push(Coupling { first: End::Puck, second: End::Ground, law: detent, limit: None });
     world.couplings.push(spring(End::Puck, End::Ground, 1.0));
     for path in [
         "loop.period",

@@ -102,7 +102,7 @@ prop_compose! {
                 *rest = 0.3 * value;
             }
         }
-        world.couplings.push(Coupling { first: End::Puck, second: End::Body(0), law: Law::Constant { torque: numbers[0] } });
+        world.couplings.push(Coupling { first: End::Puck, second: End::Body(0), law: Law::Constant { torque: numbers[0] }, limit: None });
         world.couplings.push(spring(End::Ground, End::Puck, 3.0));
         world.couplings.push(damper(End::Body(0), End::Puck, 1e-3));
         let omega = fastest(&world);

@@ -268,7 +268,7 @@ fn what_is_asked_follows_the_way_to_ground() {
 #[test]
 fn a_wall_is_felt_touched_or_not_at_all() {
     let law = Law::Wall { side: Side::Above, at: 0.5, stiffness: 2.0, damping: 0.0 };
-    let world = plain(vec![Coupling { first: End::Puck, second: End::Ground, law }], 1e-3);
+    let world = plain(vec![Coupling { first: End::Puck, second: End::Ground, law, limit: None }], 1e-3);
     let at = |slopes: Slopes| Felt::new(&world, &slopes).unwrap();
     assert!((at(Slopes::Steep).row(1.0).rendered.unwrap().stiffness - 2.0).abs() < 1e-4);
     let flat = at(Slopes::Flat);

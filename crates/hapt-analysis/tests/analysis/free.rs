@@ -525,6 +525,7 @@ fn a_wall_between_puck_and_ground_counts_in_and_out() {
         first: End::Puck,
         second: End::Ground,
         law: Law::Wall { side: Side::Above, at: 0.0, stiffness: 50.0, damping: 0.0 },
+        limit: None,
     };
     let mut bench = notes();
     bench.couplings.push(wall);

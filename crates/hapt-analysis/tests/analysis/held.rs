@@ -62,8 +62,8 @@ proptest! {
         damper_kind in 0..4,
     ) {
         let ten = |x: f64| 10_f64.powf(x);
-        let spring = |second, stiffness| Coupling { first: End::Body(0), second, law: Law::Spring { stiffness, rest: 0.1 } };
-        let damper = |damping| Coupling { first: End::Body(0), second: End::Ground, law: Law::Damper { damping } };
+        let spring = |second, stiffness| Coupling { first: End::Body(0), second, law: Law::Spring { stiffness, rest: 0.1 }, limit: None };
+        let damper = |damping| Coupling { first: End::Body(0), second: End::Ground, law: Law::Damper { damping }, limit: None };
         let bodies = [Body { inertia: ten(inertia), position: 0.0, velocity: 0.0 }];
         let mut couplings = vec![spring(End::Puck, ten(stiffness.0))];
         couplings.extend(grounded.then(|| spring(End::Ground, ten(stiffness.1))));
@@ -268,6 +268,7 @@ fn a_wall_counts_out_and_in_and_the_worst_of_both() {
         first: End::Body(0),
         second: End::Ground,
         law: Law::Wall { side: Side::Above, at: 0.1, stiffness, damping },
+        limit: None,
     };
     let mut world = oscillator(10.0, 0.02);
     world.couplings.push(wall(1e4, 0.0));
@@ -310,7 +311,7 @@ fn thirty_two_bodies_finish() {
         }
         for i in [3, 8, 14, 20, 26, 31] {
             let law = Law::Wall { side: Side::Above, at: 0.0, stiffness: 300.0, damping: 1e-3 };
-            world.couplings.push(Coupling { first: End::Body(i), second: End::Ground, law });
+            world.couplings.push(Coupling { first: End::Body(i), second: End::Ground, law, limit: None });
         }
         let start = std::time::Instant::now();
         let found = held(&world.bodies, &world.couplings, method, 1e-5).unwrap();

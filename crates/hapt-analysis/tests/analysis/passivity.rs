@@ -6,7 +6,7 @@ use hapt_analysis::IN_FLIGHT;
 use hapt_analysis::held::multipliers;
 use hapt_analysis::passivity::Cause;
 use hapt_analysis::{Continuous, Discrete, Error, Passivity, Slopes, passivity, quantisation};
-use hapt_model::{Clampable, Coupling, Damping, End, EstimatorKind, Law, Method, Motion, Output, Side, World};
+use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Motion, Output, Side, World};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 
@@ -366,7 +366,7 @@ fn the_steepest_rise_of_each_law_counts() {
         ),
     ];
     for (law, wanted) in laws {
-        let mut world = plain(vec![Coupling { first: puck, second: ground, law }], 1e-3);
+        let mut world = plain(vec![Coupling { first: puck, second: ground, law, limit: None }], 1e-3);
         near(required(&world), wanted, 1e-12);
         let proved = reasons(&world).is_empty();
         assert_eq!(proved, !matches!(law, Law::Lugre { .. }), "{law:?} {:?}", reasons(&world));
@@ -378,15 +378,20 @@ fn the_steepest_rise_of_each_law_counts() {
         world.sampling.delay = hapt_model::Delay::Seconds(2.5e-3);
         assert_eq!(matches!(law, Law::Spring { .. } | Law::Constant { .. }), reasons(&world).is_empty());
     }
-    let world = plain(vec![Coupling { first: ground, second: puck, law: Law::Coulomb { torque: 0.1 } }], 1e-3);
+    let world =
+        plain(vec![Coupling { first: ground, second: puck, law: Law::Coulomb { torque: 0.1 }, limit: None }], 1e-3);
     let found = passivity(&world).unwrap();
     assert_eq!((found.required_damping, found.passive, found.cause), (None, false, Some(Cause::Coulomb)));
 }
 
 #[test]
 fn what_is_not_proved_says_why() {
-    let detent =
-        |first| Coupling { first, second: End::Puck, law: Law::Detent { torque: 0.02, pitch: 0.1, phase: 0.0 } };
+    let detent = |first| Coupling {
+        first,
+        second: End::Puck,
+        law: Law::Detent { torque: 0.02, pitch: 0.1, phase: 0.0 },
+        limit: None,
+    };
     let mut world = wheel(Method::Zoh, Output::End, 0.3);
     assert_eq!(reasons(&world), Vec::<String>::new());
     world.device.damping = 1.0;
@@ -416,7 +421,7 @@ fn what_is_not_proved_says_why() {
         w.device.friction = 0.0;
     });
     assert!(found.len() == 2 && found[1].contains("max_stiffness"), "{found:?}");
-    let constant = |first| Coupling { first, second: End::Ground, law: Law::Constant { torque: 0.1 } };
+    let constant = |first| Coupling { first, second: End::Ground, law: Law::Constant { torque: 0.1 }, limit: None };
     one(&|w| w.couplings.push(constant(End::Body(0))), "constant torque at a body");
     one(
         &|w| {
@@ -467,6 +472,7 @@ fn what_is_not_proved_says_why() {
         first,
         second: End::Puck,
         law: Law::Wall { side: Side::Above, at: 0.1, stiffness: 10.0, damping },
+        limit: None,
     };
     one(&|w| w.couplings.push(wall(End::Body(0), 0.1)), "wall with damping");
     assert!(with(&|w| w.couplings.push(wall(End::Body(0), 0.0))).is_empty());
@@ -625,13 +631,10 @@ proptest! {
 #[test]
 fn a_compensating_damper_is_proved_as_the_damping_that_it_is() {
     let (k, period) = (1.0, 1e-3);
-    let clamped = |law| Law::Clamped { law, limit: 0.1 };
     for damping in [Damping::Fixed(k * period), Damping::Compensating] {
-        for (spring, damper) in [
-            (clamped(Clampable::Spring { stiffness: k, rest: 0.0 }), Law::Damper { damping }),
-            (Law::Spring { stiffness: k, rest: 0.0 }, clamped(Clampable::Damper { damping })),
-        ] {
-            let couplings = [spring, damper].map(|law| Coupling { first: End::Puck, second: End::Ground, law });
+        for (spring, damper) in [(Some(0.1), None), (None, Some(0.1))] {
+            let laws = [(Law::Spring { stiffness: k, rest: 0.0 }, spring), (Law::Damper { damping }, damper)];
+            let couplings = laws.map(|(law, limit)| Coupling { first: End::Puck, second: End::Ground, law, limit });
             let mut world = plain(couplings.into(), period);
             world.sampling.delay = hapt_model::Delay::Samples(1.0);
             // T K (1/2 + 1) of the spring, and the damper's own.
@@ -651,20 +654,23 @@ fn a_damper_with_a_limit_is_not_proved_beside_what_may_not_settle() {
     let limited = |first| Coupling {
         first,
         second: End::Puck,
-        law: Law::Clamped { law: Clampable::Damper { damping: Damping::Fixed(0.01) }, limit: 0.1 },
+        law: Law::Damper { damping: Damping::Fixed(0.01) },
+        limit: Some(0.1),
     };
-    let to_body = |law| Coupling { first: End::Body(0), second: End::Ground, law };
+    let to_body = |law, limit| Coupling { first: End::Body(0), second: End::Ground, law, limit };
     let detent = Law::Detent { torque: 0.02, pitch: 0.1, phase: 0.0 };
     let wall = |damping| Law::Wall { side: Side::Above, at: 0.1, stiffness: 1.0, damping };
-    let damped =
-        Law::Clamped { law: Clampable::Wall { side: Side::Above, at: 0.1, stiffness: 1.0, damping: 0.1 }, limit: 1.0 };
-    for (law, settles) in
-        [(wall(0.0), true), (detent, false), (wall(0.1), false), (damped, false), (Law::Coulomb { torque: 0.1 }, false)]
-    {
+    for (law, limit, settles) in [
+        (wall(0.0), None, true),
+        (detent, None, false),
+        (wall(0.1), None, false),
+        (wall(0.1), Some(1.0), false),
+        (Law::Coulomb { torque: 0.1 }, None, false),
+    ] {
         let mut world = wheel(Method::Zoh, Output::End, 0.3);
         world.device.damping = 1.0;
         world.sampling.estimator = EstimatorKind::Difference;
-        world.couplings.push(to_body(law));
+        world.couplings.push(to_body(law, limit));
         assert_eq!(reasons(&world), Vec::<String>::new(), "{law:?}");
         world.couplings.push(limited(End::Body(0)));
         assert_eq!(reasons(&world).is_empty(), settles, "{law:?} {:?}", reasons(&world));

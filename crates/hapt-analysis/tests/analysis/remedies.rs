@@ -49,7 +49,7 @@ fn scaled(world: &mut World, factor: f64) {
 
 fn grounded(world: &mut World, damping: f64) {
     let law = Law::Damper { damping: Damping::Fixed(damping) };
-    world.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law });
+    world.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law, limit: None });
 }
 
 proptest! {

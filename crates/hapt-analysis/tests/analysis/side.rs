@@ -30,7 +30,7 @@ impl Wheel {
     fn couplings(&self) -> Vec<Coupling> {
         let spring = |second, stiffness| (stiffness > 0.0).then_some((second, Law::Spring { stiffness, rest: 0.0 }));
         let damper = |second, damping| Some((second, Law::Damper { damping }));
-        let between_puck = |law| Coupling { first: End::Puck, second: End::Ground, law };
+        let between_puck = |law| Coupling { first: End::Puck, second: End::Ground, law, limit: None };
         let laws = [
             spring(End::Puck, self.springs[0]),
             spring(End::Ground, self.springs[1]),
@@ -42,7 +42,8 @@ impl Wheel {
                 Follows::All => damper(End::Ground, Damping::Compensating),
             },
         ];
-        let of_wheel = laws.into_iter().flatten().map(|(second, law)| Coupling { first: End::Body(0), second, law });
+        let of_wheel =
+            laws.into_iter().flatten().map(|(second, law)| Coupling { first: End::Body(0), second, law, limit: None });
         // What is not at the wheel is of no matter, be it as crooked as it likes.
         of_wheel.chain([between_puck(Law::Detent { torque: 1.0, pitch: 0.1, phase: 0.0 })]).collect()
     }

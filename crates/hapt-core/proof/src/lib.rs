@@ -17,7 +17,7 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
 /// Compiles a world that the optimiser knows nothing about, and takes ten samples.
 fn run<F: Real, const B: usize, const C: usize, const W: usize>(z: f64) -> f64 {
     let bodies = black_box([Body { inertia: z, position: z, velocity: z }; 5]);
-    let coupling = Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness: z, rest: z } };
+    let coupling = Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness: z, rest: z }, limit: None };
     let couplings = black_box([coupling; 9]);
     let spec = black_box(Spec {
         period: z,

@@ -5,7 +5,7 @@
 use crate::compile::compensated;
 use crate::spec::sign_at_puck;
 use crate::supervisor::springs::{Springs, Well};
-use crate::{Clampable, Coupling, Damping, End, Law, Method, Real, Side, Spec, State};
+use crate::{Coupling, Damping, End, Law, Method, Real, Side, Spec, State};
 
 /// A potential V(q).
 #[derive(Clone, Copy, Debug)]
@@ -289,18 +289,10 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
         Damping::Fixed(damping) => damping,
         Damping::Compensating => spec.period * compensated(spec.couplings, coupling).unwrap_or(0.0),
     };
+    let limit = coupling.limit.unwrap_or(f64::INFINITY);
     let (potential, damping, friction, constant) = match coupling.law {
-        Law::Spring { stiffness, rest } => (spring(stiffness, rest, 0.0, f64::INFINITY), 0.0, 0.0, 0.0),
-        Law::Wall { side, at, stiffness, damping } => {
-            (spring(stiffness, at, facing(side), f64::INFINITY), damping, 0.0, 0.0)
-        }
-        Law::Clamped { law, limit } => match law {
-            Clampable::Spring { stiffness, rest } => (spring(stiffness, rest, 0.0, limit), 0.0, 0.0, 0.0),
-            Clampable::Wall { side, at, stiffness, damping } => {
-                (spring(stiffness, at, facing(side), limit), damping, 0.0, 0.0)
-            }
-            Clampable::Damper { damping } => (Potential::Nothing, damper(damping), 0.0, 0.0),
-        },
+        Law::Spring { stiffness, rest } => (spring(stiffness, rest, 0.0, limit), 0.0, 0.0, 0.0),
+        Law::Wall { side, at, stiffness, damping } => (spring(stiffness, at, facing(side), limit), damping, 0.0, 0.0),
         Law::Detent { torque, pitch, phase } => {
             (Potential::Detent { torque: f(torque), pitch: f(pitch), phase: f(phase) }, 0.0, 0.0, 0.0)
         }

@@ -25,7 +25,7 @@ fn body(inertia: f64, position: f64, velocity: f64) -> Body {
 
 /// A body to ground.
 fn grounded(law: Law) -> Coupling {
-    Coupling { first: End::Body(0), second: End::Ground, law }
+    Coupling { first: End::Body(0), second: End::Ground, law, limit: None }
 }
 
 fn spring(stiffness: f64) -> Law {

@@ -40,13 +40,14 @@ proptest! {
 
 /// A world of two bodies, its numbers scaled.
 fn compiled(method: Method, output: Output, estimator: Estimator, counted: bool, scale: f64) -> Loop<f64, 2, 4, 1> {
-    let spring = |first, second, stiffness| Coupling { first, second, law: Law::Spring { stiffness, rest: 0.1 } };
+    let spring =
+        |first, second, stiffness| Coupling { first, second, law: Law::Spring { stiffness, rest: 0.1 }, limit: None };
     let bodies = [0.02, 0.03].map(|inertia| Body { inertia: inertia * scale, position: 0.1 * scale, velocity: -0.3 });
     let damper = Law::Damper { damping: Damping::Fixed(0.01 * scale) };
     let couplings = [
         spring(End::Puck, End::Body(0), 3.0 * scale),
         spring(End::Body(0), End::Body(1), 2.0),
-        Coupling { first: End::Puck, second: End::Body(1), law: damper },
+        Coupling { first: End::Puck, second: End::Body(1), law: damper, limit: None },
     ];
     let spec = Spec {
         period: 1e-3 * scale,
@@ -115,7 +116,7 @@ fn worlds_of_different_kinds_do_not_stand_side_by_side() {
     assert!(!with(compiled(Method::Zoh, Output::End, Estimator::Exact, true, 1.0)));
     let wall = Law::Wall { side: Side::Above, at: 0.0, stiffness: 1.0, damping: 0.0 };
     let bodies = [Body { inertia: 1.0, position: 0.0, velocity: 0.0 }; 2];
-    let couplings = [Coupling { first: End::Puck, second: End::Ground, law: wall }];
+    let couplings = [Coupling { first: End::Puck, second: End::Ground, law: wall, limit: None }];
     let (method, output, estimator) = (Method::Zoh, Output::End, Estimator::Exact);
     let (period, advance, count, limit, levels) = (1e-3, 2, None, None, None);
     let spec = Spec {

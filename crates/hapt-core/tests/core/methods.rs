@@ -150,7 +150,7 @@ const STEP: f64 = 0.785;
 /// phase. `more` is coupled in beside the spring.
 fn swing(method: Method, period: f64, samples: usize, more: Option<Law>) -> Vec<State> {
     let spring = Law::Spring { stiffness: WHEEL.1, rest: 0.0 };
-    let law = |law| Coupling { first: End::Puck, second: End::Body(0), law };
+    let law = |law| Coupling { first: End::Puck, second: End::Body(0), law, limit: None };
     let couplings: Vec<Coupling> = std::iter::once(spring).chain(more).map(law).collect();
     let world = World { bodies: vec![Body { inertia: WHEEL.0, position: 0.0, velocity: 0.0 }], couplings };
     run::<1, 2>(&world.spec(method, Output::Start, period), &vec![(STEP, 0.0); samples])

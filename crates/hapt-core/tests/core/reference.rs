@@ -1,7 +1,7 @@
 //! Random worlds and their differential equation, written down a second time, coupling by coupling.
 #![allow(dead_code)]
 
-use hapt_core::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -45,7 +45,7 @@ impl World {
         rate.resize(2 * n, 0.0);
         for coupling in &self.couplings {
             let (q, qd) = self.relative(coupling, x, u);
-            let torque = torque(&coupling.law, q, qd);
+            let torque = torque(coupling, q, qd);
             for (end, torque) in [(coupling.first, torque), (coupling.second, -torque)] {
                 if let End::Body(i) = end {
                     rate[n + i] += torque / self.bodies[i].inertia;
@@ -59,7 +59,7 @@ impl World {
     pub fn torque(&self, x: &[f64], u: (f64, f64)) -> f64 {
         let one = |coupling: &Coupling| {
             let (q, qd) = self.relative(coupling, x, u);
-            let torque = torque(&coupling.law, q, qd);
+            let torque = torque(coupling, q, qd);
             match (coupling.first, coupling.second) {
                 (End::Puck, _) => torque,
                 (_, End::Puck) => -torque,
@@ -78,7 +78,7 @@ impl World {
 
     pub fn torque_scale(&self) -> f64 {
         let (k, c) = self.slopes();
-        let torques: f64 = self.couplings.iter().map(|coupling| torque(&coupling.law, 0.0, 1.0).abs()).sum();
+        let torques: f64 = self.couplings.iter().map(|coupling| torque(coupling, 0.0, 1.0).abs()).sum();
         1.0 + 4.0 * k + 20.0 * c + torques
     }
 
@@ -86,13 +86,12 @@ impl World {
     pub fn energy(&self, x: &[f64], z: f64) -> (f64, f64) {
         let n = self.bodies.len();
         let moving: f64 = self.bodies.iter().zip(&x[n..]).map(|(body, v)| 0.5 * body.inertia * v * v).sum();
-        let stored =
-            self.couplings.iter().map(|coupling| stored(&coupling.law, self.relative(coupling, x, (z, 0.0)).0));
+        let stored = self.couplings.iter().map(|coupling| stored(coupling, self.relative(coupling, x, (z, 0.0)).0));
         stored.fold((moving, moving), |(sum, size), part| (sum + part, size + part.abs()))
     }
 
     fn slopes(&self) -> (f64, f64) {
-        self.couplings.iter().fold((0.0, 0.0), |(k, c), coupling| match coupling.law.unclamped() {
+        self.couplings.iter().fold((0.0, 0.0), |(k, c), coupling| match coupling.law {
             Law::Spring { stiffness, .. } => (k + stiffness, c),
             Law::Damper { damping: Damping::Fixed(damping) } => (k, c + damping),
             Law::Wall { stiffness, damping, .. } => (k + stiffness, c + damping),
@@ -102,28 +101,20 @@ impl World {
     }
 }
 
-/// V of a law, a clamp's own included; 0 of what only takes.
-pub fn stored(law: &Law, q: f64) -> f64 {
-    match *law {
-        Law::Spring { stiffness, rest } => 0.5 * stiffness * (q - rest).powi(2),
-        Law::Wall { .. } => stored(&Law::Clamped { law: wall(law), limit: f64::INFINITY }, q),
+/// V of a coupling, with its limit; 0 of what only takes.
+pub fn stored(coupling: &Coupling, q: f64) -> f64 {
+    let limit = coupling.limit.unwrap_or(f64::INFINITY);
+    match coupling.law {
+        Law::Spring { stiffness, rest } => level_off(stiffness, q - rest, limit),
+        Law::Wall { side, at, stiffness, .. } => {
+            let depth = if side == Side::Above { q - at } else { at - q };
+            level_off(stiffness, depth.max(0.0), limit)
+        }
         Law::Detent { torque, pitch, phase } => {
             torque * pitch / std::f64::consts::PI * (std::f64::consts::PI * (q - phase) / pitch).sin().powi(2)
         }
         Law::Constant { torque } => -torque * q,
-        Law::Clamped { law: Clampable::Spring { stiffness, rest }, limit } => level_off(stiffness, q - rest, limit),
-        Law::Clamped { law: Clampable::Wall { side, at, stiffness, .. }, limit } => {
-            let depth = if side == Side::Above { q - at } else { at - q };
-            level_off(stiffness, depth.max(0.0), limit)
-        }
-        _ => 0.0,
-    }
-}
-
-fn wall(law: &Law) -> Clampable {
-    match law.clamped(1.0) {
-        Some(Law::Clamped { law, .. }) => law,
-        _ => unreachable!(),
+        Law::Damper { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => 0.0,
     }
 }
 
@@ -134,9 +125,9 @@ fn level_off(stiffness: f64, x: f64, limit: f64) -> f64 {
 }
 
 /// The contract's table of laws.
-pub fn torque(law: &Law, q: f64, qd: f64) -> f64 {
-    match *law {
-        Law::Clamped { limit, .. } => torque(&law.unclamped(), q, qd).clamp(-limit, limit),
+pub fn torque(coupling: &Coupling, q: f64, qd: f64) -> f64 {
+    let limit = coupling.limit.unwrap_or(f64::INFINITY);
+    let torque = match coupling.law {
         Law::Spring { stiffness, rest } => -stiffness * (q - rest),
         Law::Damper { damping: Damping::Fixed(damping) } => -damping * qd,
         Law::Wall { side: Side::Above, at, stiffness, damping } if q > at => {
@@ -149,7 +140,8 @@ pub fn torque(law: &Law, q: f64, qd: f64) -> f64 {
         Law::Coulomb { torque } if qd != 0.0 => -torque * qd.signum(),
         Law::Constant { torque } => torque,
         _ => 0.0,
-    }
+    };
+    torque.clamp(-limit, limit)
 }
 
 /// One to five bodies in a chain from the puck, with couplings between random ends besides.
@@ -166,12 +158,13 @@ pub fn world(nonlinear: bool) -> impl Strategy<Value = World> {
                 first: if i == 0 { End::Puck } else { End::Body(i - 1) },
                 second: End::Body(i),
                 law: Law::Spring { stiffness, rest: 0.0 },
+                limit: None,
             };
             stiffness.into_iter().enumerate().map(link).collect::<Vec<_>>()
         });
         let extra = (0..n + 2, 0..n + 2, law(nonlinear))
             .prop_filter("two ends", |(a, b, _)| a != b)
-            .prop_map(move |(a, b, law)| Coupling { first: end(a, n), second: end(b, n), law });
+            .prop_map(move |(a, b, (law, limit))| Coupling { first: end(a, n), second: end(b, n), law, limit });
         (chain, prop::collection::vec(extra, 0..6)).prop_map(move |(mut couplings, extra)| {
             couplings.extend(extra);
             World { bodies: bodies.clone(), couplings }
@@ -187,20 +180,21 @@ fn end(i: usize, n: usize) -> End {
     }
 }
 
-fn law(nonlinear: bool) -> BoxedStrategy<Law> {
+/// A law, and its limit.
+fn law(nonlinear: bool) -> BoxedStrategy<(Law, Option<f64>)> {
     let linear = prop_oneof![
         (0.0_f64..10.0, -1.0_f64..1.0).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
         (0.0_f64..0.1).prop_map(|damping| Law::Damper { damping: Damping::Fixed(damping) }),
     ];
     if !nonlinear {
-        return linear.boxed();
+        return linear.prop_map(|law| (law, None)).boxed();
     }
     let side = prop_oneof![Just(Side::Above), Just(Side::Below)];
     let wall = (side, -1.0_f64..1.0, 0.0_f64..10.0, 0.0_f64..0.05)
         .prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping })
         .boxed();
-    let clampable = prop_oneof![linear.clone(), wall.clone()];
-    prop_oneof![
+    let limited = prop_oneof![linear.clone(), wall.clone()];
+    let free = prop_oneof![
         linear,
         wall,
         (0.0_f64..1.0, 0.1_f64..2.0, -1.0_f64..1.0).prop_map(|(torque, pitch, phase)| Law::Detent {
@@ -210,7 +204,10 @@ fn law(nonlinear: bool) -> BoxedStrategy<Law> {
         }),
         (0.0_f64..0.5).prop_map(|torque| Law::Coulomb { torque }),
         (-0.5_f64..0.5).prop_map(|torque| Law::Constant { torque }),
-        (clampable, 0.01_f64..2.0).prop_map(|(law, limit): (Law, f64)| law.clamped(limit).unwrap()),
+    ];
+    prop_oneof![
+        5 => free.prop_map(|law| (law, None)),
+        1 => (limited, (0.01_f64..2.0).prop_map(Some)),
     ]
     .boxed()
 }

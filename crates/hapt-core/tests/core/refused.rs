@@ -4,7 +4,7 @@ use hapt_core::{Body, Coupling, Damping, End, Error, Estimator, Law, Loop, Metho
 
 const BODIES: [Body; 2] = [Body { inertia: 0.02, position: 0.0, velocity: 0.0 }; 2];
 const SPRING: Coupling =
-    Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness: 1.0, rest: 0.0 } };
+    Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness: 1.0, rest: 0.0 }, limit: None };
 const SPEC: Spec = Spec {
     period: 1e-3,
     method: Method::Zoh,
@@ -23,7 +23,7 @@ fn refusal(spec: &Spec) -> Option<Error> {
 }
 
 fn coupling(first: End, second: End, law: Law) -> [Coupling; 2] {
-    [SPRING, Coupling { first, second, law }]
+    [SPRING, Coupling { first, second, law, limit: None }]
 }
 
 #[test]
@@ -106,21 +106,21 @@ fn a_method_that_takes_the_new_sample_first_refuses_a_nonlinear_torque_on_a_body
         viscous: 1.0,
     };
     let laws = [
-        Law::Wall { side: Side::Above, at: 0.0, stiffness: 1.0, damping: 0.0 },
-        Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 },
-        Law::Coulomb { torque: 1.0 },
-        Law::Constant { torque: 1.0 },
-        SPRING.law.clamped(1.0).unwrap(),
-        lugre,
+        (Law::Wall { side: Side::Above, at: 0.0, stiffness: 1.0, damping: 0.0 }, None),
+        (Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 }, None),
+        (Law::Coulomb { torque: 1.0 }, None),
+        (Law::Constant { torque: 1.0 }, None),
+        (SPRING.law, Some(1.0)),
+        (lugre, None),
     ];
     for method in Method::ALL {
         let output = if method.takes_new_sample_first() { Output::Start } else { Output::End };
-        for law in laws {
+        for (law, limit) in laws {
             let taken = method.is_explicit() || (method.finds_torques() && law != lugre);
-            let couplings = coupling(End::Body(0), End::Ground, law);
+            let couplings = [SPRING, Coupling { first: End::Body(0), second: End::Ground, law, limit }];
             let refused = refusal(&Spec { method, output, couplings: &couplings, ..SPEC });
             assert_eq!(refused, (!taken).then_some(Error::Unsupported { coupling: 1, method }), "{method:?} {law:?}");
-            let couplings = coupling(End::Ground, End::Puck, law);
+            let couplings = [SPRING, Coupling { first: End::Ground, second: End::Puck, law, limit }];
             assert_eq!(refusal(&Spec { method, output, couplings: &couplings, ..SPEC }), None);
         }
     }
@@ -129,15 +129,24 @@ fn a_method_that_takes_the_new_sample_first_refuses_a_nonlinear_torque_on_a_body
 #[test]
 fn a_clamp_needs_a_limit_and_a_compensating_damper_its_spring_clamped_or_not() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let couplings = coupling(End::Puck, End::Ground, SPRING.law.clamped(bad).unwrap());
+        let couplings = [Coupling { limit: Some(bad), ..SPRING }];
         assert!(matches!(refusal(&Spec { couplings: &couplings, ..SPEC }), Some(Error::Value { what: "limit", .. })));
     }
     let damper = Law::Damper { damping: Damping::Compensating };
-    let couplings = coupling(End::Body(1), End::Ground, damper.clamped(1.0).unwrap());
+    let mut couplings = coupling(End::Body(1), End::Ground, damper);
+    couplings[1].limit = Some(1.0);
     assert_eq!(refusal(&Spec { couplings: &couplings, ..SPEC }), Some(Error::NoSpring { coupling: 1 }));
     let mut couplings = coupling(End::Body(0), End::Puck, damper);
-    couplings[0].law = SPRING.law.clamped(1.0).unwrap();
+    couplings[0].law = SPRING.law;
+    couplings[0].limit = Some(1.0);
     assert_eq!(refusal(&Spec { couplings: &couplings, ..SPEC }), None);
+}
+
+#[test]
+fn a_law_that_takes_no_limit_is_refused_with_one() {
+    let law = Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 };
+    let couplings = [Coupling { law, limit: Some(1.0), ..SPRING }];
+    assert!(matches!(refusal(&Spec { couplings: &couplings, ..SPEC }), Some(Error::Value { what: "limit", .. })));
 }
 
 #[test]

@@ -184,6 +184,7 @@ fn tustin_and_foh_do_nothing_at_the_first_sample() {
             first: End::Puck,
             second: End::Body(0),
             law: Law::Spring { stiffness: 1.0, rest: 0.0 },
+            limit: None,
         }],
     };
     for method in [Method::Tustin, Method::Foh] {
@@ -209,7 +210,7 @@ proptest! {
         let (bristle_stiffness, bristle_damping) = bristle;
         let law = Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous };
         let (first, second) = if reversed { (End::Body(0), End::Puck) } else { (End::Puck, End::Body(0)) };
-        let couplings = [Coupling { first, second, law }];
+        let couplings = [Coupling { first, second, law, limit: None }];
         let (inertia, t) = (0.05, 1e-3);
         let bodies = [Body { inertia, position: 0.1, velocity: -0.4 }];
         let g = |v: f64| coulomb + (stribeck - coulomb) * (-(v / stribeck_velocity).powi(2)).exp();

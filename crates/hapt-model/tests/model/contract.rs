@@ -94,7 +94,7 @@ fn the_documented_example_reads_to_its_numbers() {
     assert_eq!(world.names, ["wheel"]);
     assert!(near(world.bodies[0].inertia, 0.4503e-3 * 180.0 / PI));
     assert_eq!((world.bodies[0].position, world.bodies[0].velocity), (0.0, 0.0));
-    let [Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness, rest } }] =
+    let [Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness, rest }, limit: None }] =
         world.couplings[..]
     else {
         panic!("{:?}", world.couplings)
@@ -110,7 +110,7 @@ fn the_notes_damper_joins_the_example() {
     let world = read(&format!("{EXAMPLE}\n{damper}").replace("\"zoh\"  ", "\"forward-euler\""));
     assert_eq!(world.sampling.method, Method::ForwardEuler);
     let law = Law::Damper { damping: Damping::Compensating };
-    assert_eq!(world.couplings[1], Coupling { first: End::Body(0), second: End::Ground, law });
+    assert_eq!(world.couplings[1], Coupling { first: End::Body(0), second: End::Ground, law, limit: None });
 }
 
 #[test]
@@ -256,10 +256,12 @@ limit = 1
                 viscous: 5.0
             },
             Law::Constant { torque: -0.1 },
-            Law::Spring { stiffness: 2.0, rest: 0.0 }.clamped(0.3).unwrap(),
-            Law::Damper { damping: Damping::Fixed(2.0) }.clamped(1.0).unwrap(),
+            Law::Spring { stiffness: 2.0, rest: 0.0 },
+            Law::Damper { damping: Damping::Fixed(2.0) },
         ]
     );
+    let limits: Vec<Option<f64>> = world.couplings.iter().map(|coupling| coupling.limit).collect();
+    assert_eq!(limits, [None, None, None, None, None, Some(0.3), Some(1.0)]);
     assert_eq!((world.couplings[4].first, world.couplings[4].second), (End::Body(0), End::Body(1)));
 }
 

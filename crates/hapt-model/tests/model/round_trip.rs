@@ -27,9 +27,9 @@ fn positive() -> impl Strategy<Value = f64> {
     zero_or_more().prop_map(|value| if value == 0.0 { 0.1 } else { value })
 }
 
-fn law() -> impl Strategy<Value = Law> {
-    (plain_law(), option::of(positive()))
-        .prop_map(|(law, limit)| limit.and_then(|limit| law.clamped(limit)).unwrap_or(law))
+/// A law, and a limit where it takes one.
+fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
+    (plain_law(), option::of(positive())).prop_map(|(law, limit)| (law, limit.filter(|_| law.takes_limit())))
 }
 
 fn plain_law() -> impl Strategy<Value = Law> {
@@ -62,17 +62,17 @@ fn couplings(bodies: usize, linear_at_bodies: bool) -> impl Strategy<Value = Vec
         let others: Vec<End> = ends.iter().copied().filter(|&end| end != first).collect();
         (Just(first), select(others))
     });
-    let one = (pair, law(), any::<bool>()).prop_map(move |((first, second), law, compensated)| {
+    let one = (pair, law(), any::<bool>()).prop_map(move |((first, second), (law, limit), compensated)| {
         let at_body = matches!(first, End::Body(_)) || matches!(second, End::Body(_));
-        let law = match law {
-            Law::Spring { .. } | Law::Damper { .. } => law,
-            _ if linear_at_bodies && at_body => Law::Spring { stiffness: 1.0, rest: 0.5 },
-            _ => law,
-        };
-        let mut couplings = vec![Coupling { first, second, law }];
+        let mut coupling = Coupling { first, second, law, limit };
+        if linear_at_bodies && at_body && (coupling.linear().is_none() || law.constant().is_some()) {
+            coupling = Law::Spring { stiffness: 1.0, rest: 0.5 }.between(first, second);
+        }
+        let law = coupling.law;
+        let mut couplings = vec![coupling];
         if compensated && matches!(law, Law::Spring { .. }) {
             let law = Law::Damper { damping: Damping::Compensating };
-            couplings.push(Coupling { first: second, second: first, law });
+            couplings.push(Coupling { first: second, second: first, law, limit: None });
         }
         couplings
     });

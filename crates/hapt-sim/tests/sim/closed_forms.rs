@@ -63,7 +63,7 @@ proptest! {
         let (stiffness, inertia) = (1.7, 1.7 / (omega * omega));
         let mut world = wheel(inertia, stiffness, 1e-3, Method::Foh);
         let damping = Damping::Fixed(2.0 * damping_ratio * omega * inertia);
-        world.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: Law::Damper { damping } });
+        world.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: Law::Damper { damping }, limit: None });
         let ramp = Drive::Position(Shape::Ramp { to: velocity * 1.0, at: 0.0, over: 1.0 });
         let lag = 2.0 * damping_ratio / omega;
         let damped = omega * (1.0 - damping_ratio * damping_ratio).sqrt();
@@ -213,7 +213,12 @@ fn growth_fitted_to_a_run_is_the_growth_predicted() {
         let mut world = common::wheel(method, Output::End);
         if method == Method::Trapezoidal {
             let damping = Damping::Fixed(2e-3);
-            world.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: Law::Damper { damping } });
+            world.couplings.push(Coupling {
+                first: End::Body(0),
+                second: End::Ground,
+                law: Law::Damper { damping },
+                limit: None,
+            });
         }
         let scenario = scenario(10.0, step(0.7, 0.25), None);
         let mut run = Simulation::new(&world, &scenario).unwrap();

@@ -51,7 +51,7 @@ pub fn wheel(method: Method, output: Output) -> World {
 }
 
 pub fn spring(first: End, second: End, stiffness: f64) -> Coupling {
-    Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 } }
+    Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 }, limit: None }
 }
 
 pub fn scenario(duration: f64, drive: Drive, release: Option<f64>) -> Scenario {

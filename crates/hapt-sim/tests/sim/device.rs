@@ -152,7 +152,7 @@ proptest! {
         (world.device.inertia, world.device.damping) = (1e-5, 0.01);
         world.device.friction = part * stiffness * amplitude;
         let constant = Law::Constant { torque: pull * stiffness * amplitude };
-        world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law: constant }];
+        world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law: constant, limit: None }];
         let moves = Shape::Sine { amplitude, frequency, phase: 0.0 };
         let grip = Drive::Grip { inertia: 0.0, damping: 0.0, stiffness, moves, switching: None };
         let coarse = rows(&world, &scenario(0.2, grip.clone(), None));
@@ -216,7 +216,7 @@ fn random_run() -> impl Strategy<Value = (World, Scenario)> {
         (world.device.inertia, world.device.damping, world.device.friction) = device;
         world.couplings.push(spring(End::Puck, End::Ground, stiffness));
         let wall = Law::Wall { side: Side::Above, at: 0.2, stiffness: 3.0, damping: 0.0 };
-        world.couplings.push(Coupling { first: End::Puck, second: End::Ground, law: wall });
+        world.couplings.push(Coupling { first: End::Puck, second: End::Ground, law: wall, limit: None });
         (world, scenario(0.2, drive, release))
     })
 }
@@ -234,7 +234,7 @@ fn a_stiff_grip_and_a_heavy_damper_take_no_longer_and_stay_exact() {
 fn a_step_is_paid_against_the_torque_held_before_it() {
     let mut world = bare();
     let law = Law::Constant { torque: 0.3 };
-    world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law }];
+    world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law, limit: None }];
     // Exactly on a sample, and between two of them.
     for at in [0.05, 0.0503] {
         let last = rows(&world, &scenario(0.1, step(0.5, at), None)).pop().unwrap();
@@ -262,7 +262,7 @@ fn a_grips_inertia_is_gone_with_the_hand() {
     let mut world = bare();
     world.device.damping = 0.0;
     world.couplings = vec![spring(End::Puck, End::Ground, 0.0), {
-        Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque: 0.1 } }
+        Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque: 0.1 }, limit: None }
     }];
     let grip = Drive::Grip {
         inertia: 3.2e-3,
@@ -296,7 +296,7 @@ fn a_delayed_constant_acts_on_the_free_puck_from_the_fraction_on() {
     let mut world = bare();
     world.device.damping = 0.0;
     let law = Law::Constant { torque: 0.1 };
-    world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law }];
+    world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law, limit: None }];
     for delay in [0.0, 0.3e-3, 2.7e-3, 5e-3] {
         world.sampling.delay = hapt_model::Delay::Seconds(delay);
         for row in rows(&world, &scenario(0.05, torque(Shape::Step { to: 0.0, at: 0.0 }), None)) {

@@ -54,6 +54,7 @@ fn damped() -> impl Strategy<Value = World> {
                     first: End::Ground,
                     second: End::Puck,
                     law: Law::Damper { damping: Damping::Fixed(damping) },
+                    limit: None,
                 },
             ];
             for (i, (angle, ratio, coupled, way)) in bodies.into_iter().enumerate() {
@@ -65,6 +66,7 @@ fn damped() -> impl Strategy<Value = World> {
                     first,
                     second,
                     law: Law::Damper { damping: Damping::Fixed(part * omega * inertia) },
+                    limit: None,
                 };
                 world.names.push(format!("body{i}"));
                 world.bodies.push(Body { inertia, position: 0.0, velocity: 0.0 });
@@ -112,8 +114,12 @@ proptest! {
 #[test]
 fn foaw_on_an_ideal_encoder_is_the_difference() {
     let mut world = bare();
-    world.couplings =
-        vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Damper { damping: Damping::Fixed(0.01) } }];
+    world.couplings = vec![Coupling {
+        first: End::Puck,
+        second: End::Ground,
+        law: Law::Damper { damping: Damping::Fixed(0.01) },
+        limit: None,
+    }];
     world.sampling.estimator = EstimatorKind::Foaw;
     let felt = Felt::new(&world, &Slopes::Flat).unwrap();
     let hz = 7.0 / (SAMPLES as f64 * world.sampling.period);

@@ -22,10 +22,10 @@ proptest! {
         let mut world = wheel(method, output);
         (world.sampling.estimator, world.sampling.cutoff, world.sampling.delay) = (estimator, Some(80.0), hapt_model::Delay::Seconds(delay));
         let law = Law::Damper { damping: Damping::Fixed(at_puck) };
-        world.couplings.push(Coupling { first: End::Puck, second: End::Body(0), law });
+        world.couplings.push(Coupling { first: End::Puck, second: End::Body(0), law, limit: None });
         // Of weak damping, so that what is left over after a second is still there.
         world.couplings.push(spring(End::Puck, End::Ground, grounded));
-        world.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: Law::Damper { damping: Damping::Fixed(1e-2) } });
+        world.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: Law::Damper { damping: Damping::Fixed(1e-2) }, limit: None });
         world.device.damping = 2e-4;
         let expected = gripped_growth(&world, &Grip { inertia, damping, stiffness }).unwrap().unwrap();
         let hand = Drive::Grip { inertia, damping, stiffness, moves: Shape::Step { to: 0.1, at: 0.0 }, switching: None };

@@ -2,9 +2,7 @@
 
 use crate::common::{bare, spring, wheel};
 use hapt_core::{Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, SupervisorState};
-use hapt_model::{
-    Body, Clampable, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Side, Source, World,
-};
+use hapt_model::{Body, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Side, Source, World};
 use hapt_sim::{DesktopLoop, DesktopSupervisor, Grip, Simulation, VirtualDevice, world_energy};
 use proptest::prelude::*;
 
@@ -144,7 +142,8 @@ fn the_sign_test_tells_a_reversed_motor_a_hand_in_the_way_and_none() {
 fn a_puck_that_nobody_holds_is_stopped_before_it_is_too_fast() {
     let mut world = bare();
     world.device.limit = Some(0.5);
-    world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque: 0.4 } }];
+    world.couplings =
+        vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque: 0.4 }, limit: None }];
     let mut guard = Guard::new(&world, SafetyProfile::Certified);
     let mut device = VirtualDevice::new(&world.rig());
     let limits = world.limits(SafetyProfile::Certified);
@@ -158,8 +157,9 @@ fn a_puck_that_nobody_holds_is_stopped_before_it_is_too_fast() {
     assert!(fastest > limits.overspeed - step && fastest < limits.overspeed + 2.0 * step, "{fastest}");
 }
 
-fn law() -> impl Strategy<Value = Law> {
-    prop_oneof![
+/// A law, and its limit.
+fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
+    let free = prop_oneof![
         (0.1..20.0, -0.2..0.2).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
         (0.1..20.0, -0.2..0.2, any::<bool>()).prop_map(|(stiffness, at, above)| Law::Wall {
             side: if above { Side::Above } else { Side::Below },
@@ -168,9 +168,11 @@ fn law() -> impl Strategy<Value = Law> {
             damping: 0.01
         }),
         (0.01..0.2, 0.3..2.0, -1.0..1.0).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
-        (0.1..20.0, 0.01..0.5)
-            .prop_map(|(stiffness, limit)| Law::Clamped { law: Clampable::Spring { stiffness, rest: 0.1 }, limit }),
         (0.0..0.01).prop_map(|torque| Law::Coulomb { torque }),
+    ];
+    prop_oneof![
+        4 => free.prop_map(|law| (law, None)),
+        1 => (0.1..20.0, 0.01..0.5).prop_map(|(stiffness, limit)| (Law::Spring { stiffness, rest: 0.1 }, Some(limit))),
     ]
 }
 
@@ -191,7 +193,7 @@ proptest! {
             (End::Puck, End::Body(0)), (End::Body(1), End::Puck), (End::Body(0), End::Body(1)), (End::Ground, End::Puck),
         ];
         world.couplings =
-            laws.iter().map(|&(pair, law)| Coupling { first: pairs[pair].0, second: pairs[pair].1, law }).collect();
+            laws.iter().map(|&(pair, (law, limit))| Coupling { first: pairs[pair].0, second: pairs[pair].1, law, limit }).collect();
         let mut guard = Guard::new(&world, SafetyProfile::Simulated);
         guard.step(puck, 0.0, false, Some(Request::Arm));
         let State { now, change, .. } = guard.state;

@@ -68,7 +68,7 @@ fn linear(affine: bool) -> impl Strategy<Value = Linear> {
         ];
         let coupling = (0..n + 2, 0..n + 2, law)
             .prop_filter("two ends", |(a, b, _)| a != b)
-            .prop_map(move |(a, b, law)| Coupling { first: end(a), second: end(b), law });
+            .prop_map(move |(a, b, law)| Coupling { first: end(a), second: end(b), law, limit: None });
         (prop::collection::vec(coupling, 1..12), any::<bool>()).prop_map(move |(mut couplings, compensate)| {
             let spring = couplings.iter().find(|coupling| matches!(coupling.law, Law::Spring { .. })).copied();
             if let (true, Some(spring)) = (compensate, spring) {
@@ -181,8 +181,12 @@ fn compare<F: Real>(world: &Linear, method: Method, output: Output, tolerance: f
 #[test]
 fn the_exact_hold_keeps_its_digits_on_a_light_body_between_strong_dampers() {
     let body = |inertia| Body { inertia, position: 0.0, velocity: 0.0 };
-    let damper =
-        |first, second, damping| Coupling { first, second, law: Law::Damper { damping: Damping::Fixed(damping) } };
+    let damper = |first, second, damping| Coupling {
+        first,
+        second,
+        law: Law::Damper { damping: Damping::Fixed(damping) },
+        limit: None,
+    };
     let world = Linear {
         bodies: vec![body(1.0), body(4e-4)],
         couplings: vec![damper(End::Puck, End::Body(0), 1.0), damper(End::Body(0), End::Body(1), 3.11)],

@@ -36,7 +36,7 @@ fn wheel(inertia: f64, stiffness: f64, period: f64, method: Method) -> World {
 }
 
 fn damper(first: End, second: End, damping: Damping) -> Coupling {
-    Coupling { first, second, law: Law::Damper { damping } }
+    Coupling { first, second, law: Law::Damper { damping }, limit: None }
 }
 
 fn peak(run: &[Row]) -> f64 {

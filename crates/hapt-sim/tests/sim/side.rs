@@ -77,7 +77,7 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
             _ if runaway && lane == 5 => Law::Spring { stiffness: 1e8, rest: 1.0 },
             _ => Law::Spring { stiffness: number.between(0.1, 5.0), rest: number.between(-0.2, 0.2) },
         };
-        world.couplings.push(Coupling { first: end(first), second: end(second), law });
+        world.couplings.push(Coupling { first: end(first), second: end(second), law, limit: None });
     }
     if shape.chance(0.3) && world.couplings.iter().any(|c| matches!(c.law, Law::Spring { .. })) {
         let spring = *world.couplings.iter().find(|c| matches!(c.law, Law::Spring { .. })).unwrap();
@@ -170,7 +170,7 @@ fn what_looks_at_its_numbers_runs_alone() {
         };
         side_by_side(&worlds(of), 0).is_some()
     };
-    let of_puck = |law| Coupling { first: End::Puck, second: End::Ground, law };
+    let of_puck = |law| Coupling { first: End::Puck, second: End::Ground, law, limit: None };
     let lean = Shape::Sine { amplitude: 0.1, frequency: 1.0, phase: 0.0 };
     let drive = |world: &mut World, drive| world.scenarios[0].hand.drive = drive;
     assert!(fit(&|_, _| ()));

@@ -1,6 +1,6 @@
 //! What a hand has had from a loop, by the ledger of a run.
 
-use hapt_model::{Coupling, End, Law, Scenario, World};
+use hapt_model::{Coupling, End, Law, Linear, Scenario, World};
 use hapt_sim::{Error, Lent, Row, Simulation, world_energy};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -58,9 +58,9 @@ impl Supply {
         let mut constants = Vec::new();
         // What the ledger of bristles counts by stays in its place.
         for c in &mut stored.couplings {
-            if let Some(torque) = constant(&c.law) {
+            if let Some(torque) = c.law.constant() {
                 c.law = Law::Constant { torque: 0.0 };
-                if reserve.is_none() || !at_body(c) {
+                if reserve.is_none() || !c.is_at_body() {
                     constants.push((c.first, c.second, torque));
                 }
             }
@@ -91,37 +91,12 @@ impl Supply {
     }
 }
 
-fn constant(law: &Law) -> Option<f64> {
-    match *law {
-        Law::Constant { torque } => Some(torque),
-        Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::Coulomb { .. }
-        | Law::Lugre { .. }
-        | Law::Clamped { .. } => None,
-    }
-}
-
-fn at_body(c: &Coupling) -> bool {
-    let is_body = |end: End| match end {
-        End::Body(_) => true,
-        End::Puck | End::Ground => false,
-    };
-    is_body(c.first) || is_body(c.second)
-}
-
 /// What constant torques at bodies give in all, in a world of springs and dampers beside: they move it to where it rests with them, and
 /// no further, unless springs leave a way along which they push for ever. That is a source, and nothing of what it does is given: 0.
 /// `None` where the world is not of that kind, or has no such torque.
 fn reserve(world: &World) -> Option<f64> {
-    let straight = |c: &Coupling| match c.law {
-        Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => true,
-        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Clamped { .. } => false,
-    };
-    let pushes = |c: &Coupling| at_body(c) && constant(&c.law).is_some_and(|torque| torque != 0.0);
-    if !world.couplings.iter().all(straight) || !world.couplings.iter().any(pushes) {
+    let pushes = |c: &Coupling| c.is_at_body() && c.law.constant().is_some_and(|torque| torque != 0.0);
+    if !world.couplings.iter().all(|c| c.linear().is_some()) || !world.couplings.iter().any(pushes) {
         return None;
     }
     // The puck is the last coordinate.
@@ -134,16 +109,8 @@ fn reserve(world: &World) -> Option<f64> {
         End::Ground => None,
     };
     for c in &world.couplings {
-        let (stiffness, torque, own) = match c.law {
-            Law::Spring { stiffness, rest } => (stiffness, stiffness * rest, false),
-            Law::Constant { torque } => (0.0, torque, at_body(c)),
-            Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Clamped { .. } => continue,
-        };
+        let Some(Linear { stiffness, torque, .. }) = c.linear() else { continue };
+        let own = c.law.constant().is_some() && c.is_at_body();
         let ends = [(place(c.first), 1.0), (place(c.second), -1.0)];
         for (i, sign) in ends {
             let Some(i) = i else { continue };

@@ -54,7 +54,7 @@ fn torque(world: &World, q: f64) -> f64 {
             _ => return 0.0,
         };
         let q = sign * q;
-        let torque = match c.law.unclamped() {
+        let torque = match c.law {
             Law::Spring { stiffness, rest } => -stiffness * (q - rest),
             Law::Wall { side: Side::Above, at, stiffness, .. } => -stiffness * (q - at).max(0.0),
             Law::Wall { side: Side::Below, at, stiffness, .. } => stiffness * (at - q).max(0.0),
@@ -62,8 +62,7 @@ fn torque(world: &World, q: f64) -> f64 {
             | Law::Detent { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => 0.0,
+            | Law::Constant { .. } => 0.0,
         };
         sign * torque
     };
@@ -95,7 +94,7 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
             (_, End::Puck) => -1.0,
             _ => continue,
         };
-        match c.law.unclamped() {
+        match c.law {
             Law::Wall { side, at, .. } => {
                 let inward = if side == Side::Above { reach } else { -reach };
                 all.extend([sign * at, sign * (at + inward)]);
@@ -105,8 +104,7 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
             | Law::Damper { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => {}
+            | Law::Constant { .. } => {}
         }
     }
     all.retain(|q| *q != 0.0 && q.is_finite());

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 use hapt_analysis::Slopes;
 use hapt_analysis::continuous::ties;
-use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand as Model, Law, Scenario, Shape, World};
+use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand as Model, Scenario, Shape, World};
 use hapt_sim::DesktopLoop;
 use serde::Serialize;
 
@@ -149,16 +149,7 @@ fn places(world: &World, targets: &[f64]) -> Vec<f64> {
             (_, End::Puck) => -1.0,
             (End::Ground | End::Body(_), End::Ground | End::Body(_)) => return None,
         };
-        match c.law.unclamped() {
-            Law::Spring { rest, .. } => Some(sign * rest),
-            Law::Detent { phase, .. } => Some(sign * phase),
-            Law::Wall { at, .. } => Some(sign * at),
-            Law::Damper { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. }
-            | Law::Clamped { .. } => None,
-        }
+        c.law.center().map(|center| sign * center)
     };
     let mut all = vec![0.0];
     for place in world.couplings.iter().filter_map(rest).chain(targets.iter().copied()) {
@@ -332,16 +323,7 @@ impl Bench<'_> {
 
 /// The torque toward larger positions of a constant with a body at an end, on what the hand can go along with.
 pub(crate) fn constant(coupling: &Coupling) -> Option<f64> {
-    let torque = match coupling.law {
-        Law::Constant { torque } => torque,
-        Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::Coulomb { .. }
-        | Law::Lugre { .. }
-        | Law::Clamped { .. } => return None,
-    };
+    let torque = coupling.law.constant()?;
     match (coupling.first, coupling.second) {
         (End::Body(_), End::Ground) => Some(torque),
         (End::Ground, End::Body(_)) => Some(-torque),

@@ -8,7 +8,7 @@ use hapt_analysis::simplex::climb;
 use hapt_analysis::{
     Breaking, Grip, Slopes, breaking_damping, gripped_growth, is_certified, required_damping, worst_grip,
 };
-use hapt_model::{End, Law, Scenario, World};
+use hapt_model::{End, Scenario, World};
 use serde::Serialize;
 
 use super::drawn::{Drawn, drawn};
@@ -243,11 +243,7 @@ fn stiffness(world: &World) -> Result<f64, Error> {
 /// not reached.
 fn is_linear(world: &World) -> bool {
     let device = &world.device;
-    let straight = |law: &Law| match law {
-        Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => true,
-        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Clamped { .. } => false,
-    };
-    world.couplings.iter().all(|c| straight(&c.law))
+    world.couplings.iter().all(|c| c.linear().is_some())
         && device.friction == 0.0
         && device.encoder.is_none()
         && device.levels.is_none()

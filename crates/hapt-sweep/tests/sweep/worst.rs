@@ -20,7 +20,7 @@ fn bare() -> World {
 }
 
 fn to_ground(law: Law) -> Coupling {
-    Coupling { first: End::Puck, second: End::Ground, law }
+    Coupling { first: End::Puck, second: End::Ground, law, limit: None }
 }
 
 fn spring(stiffness: f64) -> World {
@@ -136,7 +136,7 @@ fn world() -> impl Strategy<Value = World> {
             world.sampling.estimator = hapt_model::EstimatorKind::Difference;
             world.names = vec!["wheel".into()];
             world.bodies = vec![Body { inertia, position: 0.0, velocity: 0.0 }];
-            let tie = |first, second, law| Coupling { first, second, law };
+            let tie = |first, second, law| Coupling { first, second, law, limit: None };
             let fixed = |damping| Law::Damper { damping: Damping::Fixed(damping) };
             world.couplings = vec![
                 tie(End::Puck, End::Body(0), Law::Spring { stiffness: own, rest: 0.0 }),
@@ -272,7 +272,7 @@ proptest! {
         let inertia = k * (swing * world.sampling.period / std::f64::consts::TAU).powi(2);
         world.names = vec!["wheel".into()];
         world.bodies = vec![Body { inertia, position: 0.0, velocity: 0.0 }];
-        let tie = |first, second, law| Coupling { first, second, law };
+        let tie = |first, second, law| Coupling { first, second, law, limit: None };
         let ends = if behind { (End::Body(0), End::Puck) } else { (End::Puck, End::Body(0)) };
         world.couplings = vec![
             tie(ends.0, ends.1, Law::Spring { stiffness: k, rest: 0.0 }),
@@ -308,7 +308,7 @@ proptest! {
         world.sampling.estimator = hapt_model::EstimatorKind::Difference;
         world.names = vec!["wheel".into()];
         world.bodies = vec![Body { inertia: 0.01, position: 0.0, velocity: 0.0 }];
-        let tie = |second, law| Coupling { first: End::Body(0), second, law };
+        let tie = |second, law| Coupling { first: End::Body(0), second, law, limit: None };
         world.couplings = vec![
             tie(End::Puck, Law::Spring { stiffness: k, rest: 0.0 }),
             tie(End::Ground, Law::Constant { torque: if toward { torque } else { -torque } }),

@@ -1,7 +1,7 @@
 //! Every code on the wire by its name. Boards in the field and logs on disks were written with these: none of them changes, and what is
 //! new comes after them. A variant without a row here does not compile.
 
-use hapt_core::{Clampable, Damping, End, Estimator, Law, Method, Output, Phase, Reason, Side};
+use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Phase, Reason, Side, Spec};
 use hapt_plant::spec::{Drive, Shape};
 use hapt_wire::{DeviceMessage, Hello, Order, Parameter, Refusal, Telemetry};
 use serde::Serialize;
@@ -35,13 +35,35 @@ fn are_all<T: PartialEq + Copy + std::fmt::Debug>(rows: &[(u8, T)], all: &[T]) {
     assert_eq!(rows.iter().map(|row| row.1).collect::<Vec<_>>(), all);
 }
 
+/// A world with one coupling between puck and ground: its law's code stands behind the two ends, a byte each.
+fn law_codes(coupling: Coupling) -> Vec<u8> {
+    let with = |couplings: &[Coupling]| {
+        let spec = Spec { couplings, ..EMPTY };
+        hapt_wire::write(&spec, &mut [0; 256]).unwrap().to_vec()
+    };
+    let before = with(&[]).len() - 2;
+    with(&[coupling])[before + 2..].to_vec()
+}
+
+const EMPTY: Spec<'static> = Spec {
+    period: 1e-3,
+    method: Method::Zoh,
+    output: Output::End,
+    advance: 0,
+    estimator: Estimator::Difference,
+    count: None,
+    limit: Some(0.8),
+    levels: None,
+    bodies: &[],
+    couplings: &[],
+};
+
 #[test]
 fn the_code_of_each_law_is_what_it_always_was() {
-    let [stiffness, rest, at, torque, pitch, phase, limit] = [1.0; 7];
+    let [stiffness, rest, at, torque, pitch, phase] = [1.0; 6];
     let [coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous] = [1.0; 6];
     let (damping, side) = (Damping::Fixed(1.0), Side::Above);
-    let law = Clampable::Spring { stiffness, rest };
-    are_on_the_wire(codes!(Law {
+    let laws = codes!(Law {
         0 => Spring { stiffness, rest },
         1 => Damper { damping },
         2 => Wall { side, at, stiffness, damping: viscous },
@@ -49,19 +71,64 @@ fn the_code_of_each_law_is_what_it_always_was() {
         4 => Coulomb { torque },
         5 => Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous },
         6 => Constant { torque },
-        7 => Clamped { law, limit },
-    }));
+    });
+    // One with a limit has code 7, and a second code by its law.
+    let mut limited = vec![0, 1, 2].into_iter();
+    for (code, law) in laws {
+        let coupling = law.between(End::Puck, End::Ground);
+        assert_eq!(law_codes(coupling)[0], code, "{law:?}");
+        if law.takes_limit() {
+            let codes = law_codes(Coupling { limit: Some(1.0), ..coupling });
+            assert_eq!(codes[..2], [7, limited.next().unwrap()], "{law:?}");
+        }
+    }
+    assert_eq!(limited.next(), None);
+}
+
+/// The bytes of a world as they were written when a limit was a law of its own.
+const LAWS: &str = "\
+     01fca9f1d24d62503f0402000100019a9999999999e93f00010ab37bf2b0506b9a3f0000000000000000000000000000000000020000000000000000 \
+     f83f000000000000d0bf00020001010002000201000000000000e0bf00000000000034407b14ae47e17a843f000200039a9999999999b93f9a999999 \
+     9999c93f9a9999999999a93f000200047b14ae47e17a943f000200057b14ae47e17a943fb81e85eb51b89e3f9a9999999999b93f0000000000004940 \
+     9a9999999999a93ffca9f1d24d62503f000200069a9999999999d9bf00020007000000000000000440000000000000c03f000000000000e83f000200 \
+     070100b81e85eb51b89e3f000000000000e03f000200070200333333333333d33f0000000000003e407b14ae47e17a943f000000000000d03f12e1";
+
+#[test]
+fn the_bytes_of_a_world_with_every_law_are_what_they_always_were() {
+    let damping = Damping::Fixed(0.03);
+    let laws = [
+        (Law::Spring { stiffness: 1.5, rest: -0.25 }, None),
+        (Law::Damper { damping: Damping::Compensating }, None),
+        (Law::Wall { side: Side::Below, at: -0.5, stiffness: 20.0, damping: 0.01 }, None),
+        (Law::Detent { torque: 0.1, pitch: 0.2, phase: 0.05 }, None),
+        (Law::Coulomb { torque: 0.02 }, None),
+        (
+            Law::Lugre {
+                coulomb: 0.02,
+                stribeck: 0.03,
+                stribeck_velocity: 0.1,
+                bristle_stiffness: 50.0,
+                bristle_damping: 0.05,
+                viscous: 1e-3,
+            },
+            None,
+        ),
+        (Law::Constant { torque: -0.4 }, None),
+        (Law::Spring { stiffness: 2.5, rest: 0.125 }, Some(0.75)),
+        (Law::Damper { damping }, Some(0.5)),
+        (Law::Wall { side: Side::Above, at: 0.3, stiffness: 30.0, damping: 0.02 }, Some(0.25)),
+    ];
+    let couplings = laws.map(|(law, limit)| Coupling { first: End::Puck, second: End::Body(0), law, limit });
+    let bodies = [Body { inertia: 0.0258, position: 0.0, velocity: 0.0 }];
+    let mut room = [0; 512];
+    let bytes = hapt_wire::write(&Spec { bodies: &bodies, couplings: &couplings, ..EMPTY }, &mut room).unwrap();
+    assert_eq!(bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(), LAWS);
+    assert_eq!(hapt_wire::Stored::<1, 10>::read(bytes).unwrap().spec().couplings, couplings);
 }
 
 #[test]
 fn the_code_of_each_part_of_a_coupling_is_what_it_always_was() {
-    let [stiffness, rest, at, damping] = [1.0; 4];
-    let (side, index, fixed, damper) = (Side::Above, 7, 1.0, Damping::Compensating);
-    are_on_the_wire(codes!(Clampable {
-        0 => Spring { stiffness, rest },
-        1 => Damper { damping: damper },
-        2 => Wall { side, at, stiffness, damping },
-    }));
+    let (index, fixed) = (7, 1.0);
     are_on_the_wire(codes!(Damping { 0 => Fixed { 0: fixed }, 1 => Compensating {}, }));
     are_on_the_wire(codes!(Side { 0 => Above {}, 1 => Below {}, }));
     are_on_the_wire(codes!(End { 0 => Puck {}, 1 => Ground {}, 2 => Body { 0: index }, }));

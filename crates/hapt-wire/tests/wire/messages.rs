@@ -125,6 +125,7 @@ fn spec() -> Spec<'static> {
             first: End::Puck,
             second: End::Body(0),
             law: Law::Spring { stiffness: 1.0, rest: 0.0 },
+            limit: None,
         }],
     }
 }
@@ -198,7 +199,7 @@ fn the_largest_world_of_a_board_fits_into_its_room_and_a_full_piece_into_a_frame
         bristle_damping: 1.0,
         viscous: 1.0,
     };
-    let coupling = Coupling { first: End::Body(3), second: End::Body(2), law: lugre };
+    let coupling = Coupling { first: End::Body(3), second: End::Body(2), law: lugre, limit: None };
     let body = Body { inertia: 1.0, position: 0.0, velocity: 0.0 };
     let spec = Spec {
         advance: u32::MAX,

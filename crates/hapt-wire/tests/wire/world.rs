@@ -1,6 +1,6 @@
 //! A world that goes over a wire is the same world, or none.
 
-use hapt_core::{Body, Clampable, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
 use hapt_wire::{Error, Stored, write};
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -29,9 +29,6 @@ fn laws() -> impl Strategy<Value = Law> {
             bristle_damping: b,
             viscous
         }),
-        (x(), x(), x())
-            .prop_map(|(stiffness, rest, limit)| Law::Clamped { law: Clampable::Spring { stiffness, rest }, limit }),
-        (damping(), x()).prop_map(|(damping, limit)| Law::Clamped { law: Clampable::Damper { damping }, limit }),
     ]
 }
 
@@ -65,7 +62,12 @@ fn worlds() -> impl Strategy<Value = Any> {
     ];
     let body = (any::<f64>(), any::<f64>(), any::<f64>());
     let body = body.prop_map(|(inertia, position, velocity)| Body { inertia, position, velocity });
-    let coupling = (ends(), ends(), laws()).prop_map(|(first, second, law)| Coupling { first, second, law });
+    let coupling = (ends(), ends(), laws(), any::<Option<f64>>()).prop_map(|(first, second, law, limit)| Coupling {
+        first,
+        second,
+        law,
+        limit: limit.filter(|_| law.takes_limit()),
+    });
     let lists = (prop::collection::vec(body, 0..5), prop::collection::vec(coupling, 0..9));
     let numbers = any::<(f64, Option<f64>, Option<f64>, Option<u32>, u32)>();
     (((numbers, select(&Method::ALL[..]), select(&Output::ALL[..])), estimator), lists).prop_map(

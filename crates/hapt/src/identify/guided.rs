@@ -209,7 +209,8 @@ impl Experiment {
     /// From now on this torque.
     fn push(&mut self, torque: f64) -> Result<(), Failure> {
         let mut world = self.bare.clone();
-        world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque } }];
+        world.couplings =
+            vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque }, limit: None }];
         self.last = Plan::following(&world, &self.last).map_err(Failure::input)?;
         self.plans += 1;
         if let Some(recorder) = &self.recorder {

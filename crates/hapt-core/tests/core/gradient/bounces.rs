@@ -85,7 +85,7 @@ fn bodies_with_walls_between_them_keep_momentum_and_energy_through_a_thousand_co
     // On a ring: each pushes the next, the last the first, a turn on.
     let round = Law::Wall { side: Side::Above, at: 0.95, stiffness: 3000.0, damping: 0.0 };
     let bodies = vec![body(0.01, 0.0, 5.0), body(0.02, 0.25, -1.0), body(0.015, 0.5, 0.3), body(0.03, 0.75, -2.0)];
-    let coupling = |i: usize, j: usize, law| Coupling { first: End::Body(i), second: End::Body(j), law };
+    let coupling = |i: usize, j: usize, law| Coupling { first: End::Body(i), second: End::Body(j), law, limit: None };
     let couplings = vec![coupling(0, 1, wall), coupling(1, 2, wall), coupling(2, 3, wall), coupling(3, 0, round)];
     let world = World { bodies, couplings };
     let momentum = |x: &[f64]| world.bodies.iter().zip(&x[4..]).map(|(body, v)| body.inertia * v).sum::<f64>();

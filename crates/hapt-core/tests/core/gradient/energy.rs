@@ -79,8 +79,7 @@ proptest! {
         above in 0.0_f64..1e-2, limit in prop::option::of(0.1_f64..10.0), weight in 0.0_f64..1.0,
     ) {
         let law = floor(stiffness, damping);
-        let law = limit.map_or(law, |limit| law.clamped(limit).unwrap());
-        let couplings = vec![grounded(law), grounded(Law::Constant { torque: -weight })];
+        let couplings = vec![Coupling { limit, ..grounded(law) }, grounded(Law::Constant { torque: -weight })];
         let world = World { bodies: vec![body(inertia, above, velocity)], couplings };
         for method in METHODS {
             let control = Small::new(&world.spec(method, Output::End, 1e-3)).unwrap();
@@ -129,7 +128,7 @@ proptest! {
 fn a_million_steps_gain_less_than_a_hundred_millionth() {
     let detent = Law::Detent { torque: 0.3, pitch: 0.4, phase: 0.1 };
     let wall = |side, at| Law::Wall { side, at, stiffness: 800.0, damping: 0.0 };
-    let between = |first, second, law| Coupling { first, second, law };
+    let between = |first, second, law| Coupling { first, second, law, limit: None };
     let (a, b, c) = (End::Body(0), End::Body(1), End::Body(2));
     let worlds = [
         // In a box, over detents.
@@ -141,7 +140,7 @@ fn a_million_steps_gain_less_than_a_hundred_millionth() {
         World {
             bodies: vec![body(0.01, 0.0, 3.0), body(0.03, 0.3, 0.0), body(0.02, 0.6, -1.0)],
             couplings: vec![
-                between(End::Puck, a, spring(5.0).clamped(0.4).unwrap()),
+                Coupling { limit: Some(0.4), ..between(End::Puck, a, spring(5.0)) },
                 between(a, b, wall(Side::Above, -0.1)),
                 between(b, c, wall(Side::Above, -0.1)),
                 between(c, End::Ground, wall(Side::Above, 1.0)),

@@ -74,7 +74,7 @@ fn friction_brings_a_swing_to_rest_where_the_spring_is_below_its_level_by_equal_
 #[test]
 fn friction_between_two_bodies_takes_their_relative_motion_and_leaves_their_momentum() {
     let bodies = vec![body(0.01, 0.0, 3.0), body(0.04, 0.5, -1.0)];
-    let between = |law| Coupling { first: End::Body(0), second: End::Body(1), law };
+    let between = |law| Coupling { first: End::Body(0), second: End::Body(1), law, limit: None };
     for method in METHODS {
         let world = World { bodies: bodies.clone(), couplings: vec![between(Law::Coulomb { torque: 0.02 })] };
         let control = Small::new(&world.spec(method, Output::End, 1e-3)).unwrap();
@@ -96,8 +96,10 @@ fn a_stack_of_heavy_and_light_bodies_sticks_together() {
     // 1:1000 in inertia: passes over the couplings one by one would close in slowly.
     let inertia = [1e-4, 0.1, 2e-4, 0.05];
     let bodies = inertia.iter().map(|&inertia| body(inertia, 0.1, 0.0)).collect();
-    let friction = |i: usize, second| Coupling { first: End::Body(i), second, law: Law::Coulomb { torque: 1.0 } };
-    let push = |i, torque| Coupling { first: End::Body(i), second: End::Ground, law: Law::Constant { torque } };
+    let friction =
+        |i: usize, second| Coupling { first: End::Body(i), second, law: Law::Coulomb { torque: 1.0 }, limit: None };
+    let push =
+        |i, torque| Coupling { first: End::Body(i), second: End::Ground, law: Law::Constant { torque }, limit: None };
     let couplings = vec![
         friction(0, End::Ground),
         friction(1, End::Body(0)),
@@ -130,7 +132,7 @@ fn the_puck_feels_the_friction_that_was_found() {
                 for reversed in [false, true] {
                     let (first, second) = if reversed { (End::Body(0), End::Puck) } else { (End::Puck, End::Body(0)) };
                     let couplings = vec![
-                        Coupling { first, second, law: Law::Coulomb { torque: level } },
+                        Coupling { first, second, law: Law::Coulomb { torque: level }, limit: None },
                         grounded(Law::Constant { torque: -0.2 }),
                     ];
                     let world = World { bodies: vec![body(0.01, 0.0, 0.0)], couplings };

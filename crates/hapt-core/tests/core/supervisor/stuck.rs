@@ -14,8 +14,13 @@ fn swing(torque: f64, frequency: f64) -> ([Body; 1], [Coupling; 2]) {
     (
         [Body { inertia: 1.0, position: 0.0, velocity: torque / soft * rate }],
         [
-            Coupling { first: End::Body(0), second: End::Ground, law },
-            Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness: soft, rest: 0.0 } },
+            Coupling { first: End::Body(0), second: End::Ground, law, limit: None },
+            Coupling {
+                first: End::Puck,
+                second: End::Body(0),
+                law: Law::Spring { stiffness: soft, rest: 0.0 },
+                limit: None,
+            },
         ],
     )
 }
@@ -126,8 +131,8 @@ pub fn five_short_pushes_find_a_dead_encoder<F: Real>() {
     let wall = Law::Wall { side: Side::Above, at: 0.97, stiffness: 20.0, damping: 0.0 };
     let bodies = [Body { inertia: 1.0, position: 0.0, velocity: rate }];
     let couplings = [
-        Coupling { first: End::Body(0), second: End::Ground, law: spring },
-        Coupling { first: End::Body(0), second: End::Puck, law: wall },
+        Coupling { first: End::Body(0), second: End::Ground, law: spring, limit: None },
+        Coupling { first: End::Body(0), second: End::Puck, law: wall, limit: None },
     ];
     let spec = Spec { count: Some(COUNT), bodies: &bodies, couplings: &couplings, ..WORLD };
     let mut guard = Guard::<F>::running(&Limits { stuck: 1.0, energy: 1e3, ..LIMITS }, &spec, 0.0);

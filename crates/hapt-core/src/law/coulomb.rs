@@ -1,0 +1,51 @@
+//! Coulomb friction.
+
+use crate::Real;
+use crate::contact::{Answer, Gap};
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Coulomb<F> {
+    pub torque: F,
+}
+
+impl<F: Real> Coulomb<F> {
+    /// -torque · sign(q̇), 0 at q̇ = 0
+    #[inline]
+    pub fn torque(&self, velocity: F) -> F {
+        if velocity > F::ZERO {
+            -self.torque
+        } else if velocity < F::ZERO {
+            self.torque
+        } else {
+            F::ZERO
+        }
+    }
+
+    /// Of the torques within ±`torque` that oppose q' - q, or make it 0, the one that brings q̇' nearest to rest.
+    ///
+    /// Under backward Euler, and for what slides on, or rests already, this is -`torque` · sign(q' - q), or the torque that makes q' - q
+    /// 0. Under zoh and the trapezoidal rule that alone would not bring a moving body to rest: it sends it back with -q̇, and so at
+    /// every sample from then on.
+    pub fn held(&self, gap: &Gap<F>) -> Answer<F> {
+        let torque = self.torque;
+        if gap.free == F::ZERO {
+            return Answer::fixed(F::ZERO);
+        }
+        let by_free = -(F::ONE / gap.compliance);
+        let most = Answer { torque: -(gap.free / gap.compliance), by_free, by_rate: F::ZERO }.within(-torque, torque);
+        if gap.mobility <= F::ZERO {
+            return most;
+        }
+        let by_rate = -(F::ONE / gap.mobility);
+        let stop = Answer { torque: -(gap.rate / gap.mobility), by_free: F::ZERO, by_rate };
+        let level = most.torque;
+        let beyond = if level > F::ZERO { stop.torque > level } else { stop.torque < level };
+        if beyond {
+            most
+        } else if level > F::ZERO {
+            stop.within(F::ZERO, level)
+        } else {
+            stop.within(level, F::ZERO)
+        }
+    }
+}

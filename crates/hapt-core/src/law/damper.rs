@@ -1,0 +1,28 @@
+//! A damper.
+
+use crate::Real;
+use crate::contact::{Answer, Gap, within};
+
+/// A damper with a limit; those without are matrices.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Damper<F> {
+    pub damping: F,
+    pub limit: F,
+}
+
+impl<F: Real> Damper<F> {
+    /// -damping · q̇, within ±limit
+    #[inline]
+    pub fn torque(&self, velocity: F) -> F {
+        within(-(self.damping * velocity), -self.limit, self.limit)
+    }
+
+    /// The torque over a step of 1/`rate` seconds, from the mean velocity. Straight where it is not limited, so that the straight
+    /// solution, limited, is the solution.
+    pub fn held(&self, gap: &Gap<F>, rate: F) -> Answer<F> {
+        let drag = self.damping * rate;
+        let whole = F::ONE + drag * gap.compliance;
+        let torque = -(drag * gap.free + self.damping * gap.carried) / whole;
+        Answer { torque, by_free: -(drag / whole), by_rate: F::ZERO }.within(-self.limit, self.limit)
+    }
+}

@@ -1,0 +1,353 @@
+//! A coupling's law: its data, and what follows from them. Each law has a file; this one says what a law is asked for.
+//!
+//! A law with an energy is a function of q alone: its file gives its torque -V'(q), its V, and the mean of V' over a way, which
+//! is what the discrete-gradient step needs ([`crate::gradient`]). Every match here names every law, so that a new one does not
+//! compile before each question has its answer.
+
+mod coulomb;
+mod damper;
+mod detent;
+mod lugre;
+mod spring;
+mod wall;
+
+use crate::spec::{Coupling, Damping, End, Method, Side};
+
+pub(crate) use coulomb::Coulomb;
+pub(crate) use damper::Damper;
+pub(crate) use detent::Detent;
+pub(crate) use lugre::Lugre;
+#[cfg(test)]
+pub(crate) use spring::Ramp;
+pub(crate) use spring::Spring;
+pub(crate) use wall::{Wall, direction};
+
+/// The torque of a coupling on its first end, in N·m (linear: N), for q in rad (linear: m).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Law {
+    /// -stiffness · (q - rest)
+    Spring {
+        /// N·m/rad, zero or more.
+        stiffness: f64,
+        /// The q at which the spring is slack.
+        rest: f64,
+    },
+    /// -damping · q̇
+    Damper {
+        /// The damping, or the rule that gives it.
+        damping: Damping,
+    },
+    /// `Above`: -(stiffness · (q - at) + damping · q̇) while q > at, never pulling (not positive); `Below`: its mirror.
+    Wall {
+        /// On which side of `at` the wall pushes.
+        side: Side,
+        /// The wall's face.
+        at: f64,
+        /// N·m/rad, zero or more.
+        stiffness: f64,
+        /// N·m·s/rad, zero or more.
+        damping: f64,
+    },
+    /// -torque · sin(2π (q - phase)/pitch): it rests at phase + n · pitch.
+    Detent {
+        /// The largest torque, zero or more.
+        torque: f64,
+        /// From one rest to the next, positive.
+        pitch: f64,
+        /// Where one of them is.
+        phase: f64,
+    },
+    /// Coulomb friction: -torque · sign(q̇), 0 at q̇ = 0.
+    Coulomb {
+        /// Zero or more.
+        torque: f64,
+    },
+    /// LuGre friction (Canudas de Wit et al., IEEE TAC 40(3), 1995): -(σ0 s + σ1 ṡ + σ2 q̇), ṡ = q̇ - σ0 |q̇| s/g,
+    /// g = coulomb + (stribeck - coulomb) exp(-(q̇/stribeck_velocity)²).
+    Lugre {
+        /// The level when sliding fast, zero or more.
+        coulomb: f64,
+        /// The static level, zero or more.
+        stribeck: f64,
+        /// rad/s, positive.
+        stribeck_velocity: f64,
+        /// σ0 in N·m/rad, zero or more.
+        bristle_stiffness: f64,
+        /// σ1 in N·m·s/rad, zero or more.
+        bristle_damping: f64,
+        /// σ2 in N·m·s/rad, zero or more.
+        viscous: f64,
+    },
+    /// torque
+    Constant {
+        /// Any finite number.
+        torque: f64,
+    },
+}
+
+/// Which numbers a law takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Range {
+    /// Any finite number.
+    Any,
+    /// Zero or more, finite.
+    ZeroOrMore,
+    /// More than zero, finite.
+    Positive,
+}
+
+/// A number of a law.
+#[derive(Debug, PartialEq)]
+pub struct Quantity<'a> {
+    /// Its key in world files.
+    pub name: &'static str,
+    /// What it may be.
+    pub range: Range,
+    /// In SI.
+    pub value: &'a mut f64,
+}
+
+/// The most numbers that a law has.
+const NUMBERS: usize = 6;
+
+/// How steep a law is at its steepest, and how large the torque of its dry friction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slopes {
+    /// The steepest rise of the torque against q, N·m/rad (linear: N/m).
+    pub stiffness: f64,
+    /// The steepest rise against q̇.
+    pub damping: Damping,
+    /// The largest torque of dry friction, N·m (linear: N).
+    pub friction: f64,
+}
+
+/// A law that matrices hold: -(stiffness · q + damping · q̇) + torque on the first end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Linear {
+    /// N·m/rad (linear: N/m).
+    pub stiffness: f64,
+    /// N·m·s/rad (linear: N·s/m).
+    pub damping: Damping,
+    /// At q = 0 and q̇ = 0, N·m (linear: N).
+    pub torque: f64,
+}
+
+impl Law {
+    /// Its numbers in the order of the documentation; a compensating damper's damping is none.
+    pub fn quantities(&mut self) -> impl Iterator<Item = Quantity<'_>> {
+        use Range::{Any, Positive, ZeroOrMore};
+        let of = |name, range, value| Some(Quantity { name, range, value });
+        let all: [Option<Quantity<'_>>; NUMBERS] = match self {
+            Law::Spring { stiffness, rest } => {
+                [of("stiffness", ZeroOrMore, stiffness), of("rest", Any, rest), None, None, None, None]
+            }
+            Law::Damper { damping: Damping::Fixed(damping) } => {
+                [of("damping", ZeroOrMore, damping), None, None, None, None, None]
+            }
+            Law::Damper { damping: Damping::Compensating } => [const { None }; NUMBERS],
+            Law::Wall { side: _, at, stiffness, damping } => [
+                of("at", Any, at),
+                of("stiffness", ZeroOrMore, stiffness),
+                of("damping", ZeroOrMore, damping),
+                None,
+                None,
+                None,
+            ],
+            Law::Detent { torque, pitch, phase } => [
+                of("torque", ZeroOrMore, torque),
+                of("pitch", Positive, pitch),
+                of("phase", Any, phase),
+                None,
+                None,
+                None,
+            ],
+            Law::Coulomb { torque } => [of("torque", ZeroOrMore, torque), None, None, None, None, None],
+            Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => [
+                of("coulomb", ZeroOrMore, coulomb),
+                of("stribeck", ZeroOrMore, stribeck),
+                of("stribeck_velocity", Positive, stribeck_velocity),
+                of("bristle_stiffness", ZeroOrMore, bristle_stiffness),
+                of("bristle_damping", ZeroOrMore, bristle_damping),
+                of("viscous", ZeroOrMore, viscous),
+            ],
+            Law::Constant { torque } => [of("torque", Any, torque), None, None, None, None, None],
+        };
+        all.into_iter().flatten()
+    }
+
+    /// The number that its torque is proportional to, as a stiffness: `None` where it has no slope against q.
+    pub fn strength(&mut self) -> Option<Quantity<'_>> {
+        let name = match self {
+            Law::Spring { .. } | Law::Wall { .. } => "stiffness",
+            Law::Detent { .. } => "torque",
+            Law::Lugre { .. } => "bristle_stiffness",
+            Law::Damper { .. } | Law::Coulomb { .. } | Law::Constant { .. } => return None,
+        };
+        self.quantities().find(|quantity| quantity.name == name)
+    }
+
+    /// Its steepest slopes.
+    pub fn slopes(&self) -> Slopes {
+        let none = Slopes { stiffness: 0.0, damping: Damping::Fixed(0.0), friction: 0.0 };
+        match *self {
+            Law::Spring { stiffness, .. } => Slopes { stiffness, ..none },
+            Law::Damper { damping } => Slopes { damping, ..none },
+            Law::Wall { stiffness, damping, .. } => Slopes { stiffness, damping: Damping::Fixed(damping), ..none },
+            Law::Detent { torque, pitch, .. } => Slopes { stiffness: core::f64::consts::TAU * torque / pitch, ..none },
+            Law::Coulomb { torque } => Slopes { friction: torque, ..none },
+            Law::Lugre { coulomb, stribeck, bristle_stiffness, bristle_damping, viscous, .. } => Slopes {
+                stiffness: bristle_stiffness,
+                damping: Damping::Fixed(bristle_damping + viscous),
+                friction: coulomb.max(stribeck),
+            },
+            Law::Constant { .. } => none,
+        }
+    }
+
+    /// Where it rests, or its face: the q about which it acts. `None` for what takes no notice of q.
+    pub fn center(&self) -> Option<f64> {
+        match *self {
+            Law::Spring { rest, .. } => Some(rest),
+            Law::Wall { at, .. } => Some(at),
+            Law::Detent { phase, .. } => Some(phase),
+            Law::Damper { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Constant { .. } => None,
+        }
+    }
+
+    /// On which side a wall pushes; `None` for every other law.
+    pub const fn side(&self) -> Option<Side> {
+        match *self {
+            Law::Wall { side, .. } => Some(side),
+            Law::Spring { .. }
+            | Law::Damper { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. } => None,
+        }
+    }
+
+    /// A constant's torque; `None` for every other law.
+    pub fn constant(&self) -> Option<f64> {
+        match *self {
+            Law::Constant { torque } => Some(torque),
+            Law::Spring { .. }
+            | Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. } => None,
+        }
+    }
+
+    /// Whether it has a state of its own, a bristle that bends.
+    pub fn has_bristle(&self) -> bool {
+        match self {
+            Law::Lugre { .. } => true,
+            Law::Spring { .. }
+            | Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Constant { .. } => false,
+        }
+    }
+
+    /// Whether its torque can be held within a limit, on both ends.
+    pub fn takes_limit(&self) -> bool {
+        match self {
+            Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } => true,
+            Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Constant { .. } => false,
+        }
+    }
+
+    /// The stiffness of a spring in N·m/rad (linear: N/m), what a compensating damper follows; `None` for every other law.
+    pub const fn spring(&self) -> Option<f64> {
+        match *self {
+            Law::Spring { stiffness, .. } => Some(stiffness),
+            Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. } => None,
+        }
+    }
+
+    /// The damping of a damper; `None` for every other law.
+    pub const fn damper(&mut self) -> Option<&mut Damping> {
+        match self {
+            Law::Damper { damping } => Some(damping),
+            Law::Spring { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. } => None,
+        }
+    }
+
+    /// Whether it is a damper whose damping follows the springs beside it.
+    pub const fn is_compensating(&self) -> bool {
+        match *self {
+            Law::Damper { damping: Damping::Compensating } => true,
+            Law::Spring { .. }
+            | Law::Damper { damping: Damping::Fixed(_) }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. } => false,
+        }
+    }
+
+    /// This law between two ends, without a limit.
+    pub const fn between(self, first: End, second: End) -> Coupling {
+        Coupling { first, second, law: self, limit: None }
+    }
+}
+
+impl Coupling {
+    /// As matrices; `None` for a nonlinear law, and for one with a limit.
+    pub fn linear(&self) -> Option<Linear> {
+        if self.limit.is_some() {
+            return None;
+        }
+        let damping = Damping::Fixed(0.0);
+        match self.law {
+            Law::Spring { stiffness, rest } => Some(Linear { stiffness, damping, torque: stiffness * rest }),
+            Law::Damper { damping } => Some(Linear { stiffness: 0.0, damping, torque: 0.0 }),
+            Law::Constant { torque } => Some(Linear { stiffness: 0.0, damping, torque }),
+            Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => None,
+        }
+    }
+
+    /// What it stores in J at q, with a friction's bristle as it stands: a spring k (q - rest)²/2, a wall k (q - at)²/2 inside, a
+    /// detent torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), a constant -torque · q, bristles σ0 s²/2. With a limit a spring or wall
+    /// stores k x²/2 up to the x at which it reaches its limit, and limit · x from there on.
+    pub fn stored(&self, q: f64, bristle: f64) -> f64 {
+        let limit = self.limit.unwrap_or(f64::INFINITY);
+        match self.law {
+            Law::Spring { stiffness, rest } => spring::energy(stiffness, q - rest, limit),
+            Law::Wall { side, at, stiffness, .. } => wall::energy(side, at, stiffness, q, limit),
+            Law::Detent { torque, pitch, phase } => Detent { torque, pitch, phase }.energy(q),
+            Law::Constant { torque } => -torque * q,
+            Law::Lugre { bristle_stiffness, .. } => 0.5 * bristle_stiffness * (bristle * bristle),
+            Law::Damper { .. } | Law::Coulomb { .. } => 0.0,
+        }
+    }
+
+    /// Whether the method takes it: at a body, a nonlinear torque is taken where it stands by the explicit methods, and found over
+    /// the step by those that hold their torques, where LuGre's bristle has no such step. The methods that take the new sample first
+    /// would have it from the start of the step, where it makes energy, a constant too.
+    pub fn goes_with(&self, method: Method) -> bool {
+        if !self.is_at_body() {
+            return true;
+        }
+        if self.law.has_bristle() {
+            return method.is_explicit();
+        }
+        let is_straight = self.linear().is_some() && self.law.constant().is_none();
+        is_straight || !method.takes_new_sample_first()
+    }
+}

@@ -1,0 +1,98 @@
+//! A spring, and the rising torque that levels off at a limit: a spring's, a wall's, a dead band's.
+
+use crate::Real;
+use crate::contact::{Answer, Gap, meet_falling, within};
+
+/// A spring with a limit; those without are matrices.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spring<F> {
+    pub stiffness: F,
+    pub rest: F,
+    pub limit: F,
+}
+
+impl<F: Real> Spring<F> {
+    /// -stiffness · (q - rest), within ±limit
+    #[inline]
+    pub fn torque(&self, q: F) -> F {
+        within(-(self.stiffness * (q - self.rest)), -self.limit, self.limit)
+    }
+
+    fn ramp(&self) -> Ramp<F> {
+        Ramp::new(self.stiffness, -self.limit, self.limit)
+    }
+
+    /// The torque that keeps its energy over a step.
+    pub fn held(&self, gap: &Gap<F>) -> Answer<F> {
+        let (ramp, limit) = (self.ramp(), self.limit);
+        let gap = Gap { start: gap.start - self.rest, ..*gap };
+        let law = |distance| {
+            let (mean, slope) = ramp.mean(gap.start, distance);
+            (-mean, -slope)
+        };
+        meet_falling(&gap, law).within(-limit, limit)
+    }
+
+    /// (V(q + distance) - V(q))/distance
+    pub fn stored_slope(&self, start: F, distance: F) -> F {
+        self.ramp().mean(start - self.rest, distance).0
+    }
+}
+
+/// stiffness · x²/2 up to the x at which the torque is `limit`, straight from there on.
+pub(super) fn energy(stiffness: f64, x: f64, limit: f64) -> f64 {
+    if limit == f64::INFINITY {
+        return 0.5 * stiffness * (x * x);
+    }
+    let x = x.abs();
+    let slope = x.min(limit / stiffness);
+    0.5 * stiffness * slope * slope + if x > slope { limit * (x - slope) } else { 0.0 }
+}
+
+/// k x, held between two torques: the slope of what a wall (0 and its limit) or a spring with a limit stores.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ramp<F> {
+    stiffness: F,
+    /// The x at which it levels off; infinite where it never does.
+    low: F,
+    high: F,
+}
+
+impl<F: Real> Ramp<F> {
+    pub fn new(stiffness: F, least: F, most: F) -> Self {
+        // 0/0 of a wall without stiffness would be no number.
+        let low = if least == F::ZERO { least } else { least / stiffness };
+        Ramp { stiffness, low, high: most / stiffness }
+    }
+
+    /// The mean over the way from `from` to `from + distance`, and its derivative by `distance`.
+    pub fn mean(&self, from: F, distance: F) -> (F, F) {
+        let to = from + distance;
+        let (a, b) = (within(from, self.low, self.high), within(to, self.low, self.high));
+        if a == from && b == to {
+            return (self.stiffness * (from + F::HALF * distance), F::HALF * self.stiffness);
+        }
+        // The way as the numbers have it, so that its shares below, on and above the slope make 1.
+        let way = to - from;
+        if way == F::ZERO {
+            return (self.stiffness * a, F::ZERO);
+        }
+        // From the start's level on: no share of a short way multiplies more than that way.
+        let mut rise = F::HALF * (b - a) * ((b - a) / way);
+        for (level, share) in [
+            (self.high, over(to, self.high) - over(from, self.high)),
+            (self.low, over(self.low, from) - over(self.low, to)),
+        ] {
+            if share != F::ZERO {
+                rise += (level - a) * (share / way);
+            }
+        }
+        let mean = a + rise;
+        (self.stiffness * mean, self.stiffness * ((b - mean) / way))
+    }
+}
+
+/// How far x is over y; 0 when it is not.
+fn over<F: Real>(x: F, y: F) -> F {
+    if x > y { x - y } else { F::ZERO }
+}

@@ -1,0 +1,102 @@
+//! A wall: a spring and a damper on one side of its face, which only push.
+
+use crate::Real;
+use crate::contact::{Answer, Gap, meet_falling, within};
+use crate::law::spring::{self, Ramp};
+use crate::spec::Side;
+
+/// `direction` is +1 for a wall above its face, -1 for one below: then q, q̇ and torque are mirrored.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wall<F> {
+    pub direction: F,
+    pub at: F,
+    pub stiffness: F,
+    pub damping: F,
+    /// Infinite where it has none.
+    pub limit: F,
+}
+
+/// +1 where it pushes above its face, -1 where below.
+pub(crate) const fn direction(side: Side) -> f64 {
+    match side {
+        Side::Above => 1.0,
+        Side::Below => -1.0,
+    }
+}
+
+/// What it stores at q.
+pub(super) fn energy(side: Side, at: f64, stiffness: f64, q: f64, limit: f64) -> f64 {
+    let depth = match side {
+        Side::Above => (q - at).max(0.0),
+        Side::Below => (at - q).max(0.0),
+    };
+    spring::energy(stiffness, depth, limit)
+}
+
+impl<F: Real> Wall<F> {
+    #[inline]
+    pub fn torque(&self, q: F, velocity: F) -> F {
+        let Wall { direction, at, stiffness, damping, limit } = *self;
+        let depth = direction * (q - at);
+        let push = stiffness * depth + damping * (direction * velocity);
+        // It pushes only, and only inside; a NaN pushes nothing.
+        if depth > F::ZERO && push > F::ZERO { -(direction * within(push, F::ZERO, limit)) } else { F::ZERO }
+    }
+
+    /// Whether it is out of reach from `start` to `start + distance`: the common case, and cheap to see.
+    #[inline]
+    pub fn is_clear(&self, start: F, distance: F) -> bool {
+        let depth = self.direction * (start - self.at);
+        depth <= F::ZERO && depth + self.direction * distance <= F::ZERO
+    }
+
+    fn ramp(&self) -> Ramp<F> {
+        Ramp::new(self.stiffness, F::ZERO, self.limit)
+    }
+
+    /// The torque that keeps its energy over a step of 1/`rate` seconds, and takes what its damping takes.
+    pub fn held(&self, gap: &Gap<F>, rate: F) -> Answer<F> {
+        let direction = self.direction;
+        let inward = Gap { start: direction * (gap.start - self.at), free: direction * gap.free, ..*gap };
+        let answer = push(&inward, &self.ramp(), self.damping * rate, self.limit);
+        Answer { torque: direction * answer.torque, ..answer }
+    }
+
+    /// (V(q + distance) - V(q))/distance
+    pub fn stored_slope(&self, start: F, distance: F) -> F {
+        let direction = self.direction;
+        direction * self.ramp().mean(direction * (start - self.at), direction * distance).0
+    }
+}
+
+/// A wall that pushes outward from x > 0, in x and torque that count inward. `drag` is damping/T.
+///
+/// Damping acts where the middle of the way is inside, on one side of d = -2x. From inside, the push falls to its undamped value
+/// there, and of two solutions the damped one, with the smaller change, is nearest to the free motion. From outside it rises
+/// there: where neither side has a solution, it stands at the edge, with the part of the damping that holds it there.
+fn push<F: Real>(gap: &Gap<F>, ramp: &Ramp<F>, drag: F, limit: F) -> Answer<F> {
+    let push = |drag: F, distance: F| {
+        let (mean, slope) = ramp.mean(gap.start, distance);
+        let sum = mean + drag * distance;
+        if sum > limit {
+            (-limit, F::ZERO)
+        } else if sum > F::ZERO {
+            (-sum, -(slope + drag))
+        } else {
+            (F::ZERO, F::ZERO)
+        }
+    };
+    let mut damped = F::ZERO;
+    if drag > F::ZERO {
+        let edge = -(gap.start + gap.start);
+        let beyond = |drag: F| edge - gap.free - gap.compliance * push(drag, edge).0;
+        if beyond(drag) <= F::ZERO {
+            damped = drag;
+        } else if beyond(F::ZERO) < F::ZERO {
+            let by_free = -(F::ONE / gap.compliance);
+            let torque = (edge - gap.free) / gap.compliance;
+            return Answer { torque, by_free, by_rate: F::ZERO }.within(-limit, F::ZERO);
+        }
+    }
+    meet_falling(gap, |distance| push(damped, distance)).within(-limit, F::ZERO)
+}

@@ -1,0 +1,115 @@
+//! A coupling as it stands on the wire.
+//!
+//! The codes are frozen here: boards in the field and logs on disks were written with them. A law that is new comes after the others, with
+//! a code of its own; a law that takes a limit has a second form inside of [`Law::Clamped`].
+
+use hapt_core::{Damping, End, Side};
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) struct Coupling {
+    first: End,
+    second: End,
+    law: Law,
+}
+
+/// Codes 0, 1, 2, and so on, in this order.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+enum Law {
+    Spring {
+        stiffness: f64,
+        rest: f64,
+    },
+    Damper {
+        damping: Damping,
+    },
+    Wall {
+        side: Side,
+        at: f64,
+        stiffness: f64,
+        damping: f64,
+    },
+    Detent {
+        torque: f64,
+        pitch: f64,
+        phase: f64,
+    },
+    Coulomb {
+        torque: f64,
+    },
+    Lugre {
+        coulomb: f64,
+        stribeck: f64,
+        stribeck_velocity: f64,
+        bristle_stiffness: f64,
+        bristle_damping: f64,
+        viscous: f64,
+    },
+    Constant {
+        torque: f64,
+    },
+    Clamped {
+        law: Clampable,
+        limit: f64,
+    },
+}
+
+/// The laws that take a limit.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+enum Clampable {
+    Spring { stiffness: f64, rest: f64 },
+    Damper { damping: Damping },
+    Wall { side: Side, at: f64, stiffness: f64, damping: f64 },
+}
+
+impl Coupling {
+    /// # Errors
+    /// [`Error::NotAWorld`] for a limit on a law that takes none.
+    pub fn new(coupling: &hapt_core::Coupling) -> Result<Self, Error> {
+        use hapt_core::Law as Core;
+        let clamped = |law| coupling.limit.map(|limit| Law::Clamped { law, limit });
+        let law = match coupling.law {
+            Core::Spring { stiffness, rest } => {
+                clamped(Clampable::Spring { stiffness, rest }).unwrap_or(Law::Spring { stiffness, rest })
+            }
+            Core::Damper { damping } => clamped(Clampable::Damper { damping }).unwrap_or(Law::Damper { damping }),
+            Core::Wall { side, at, stiffness, damping } => clamped(Clampable::Wall { side, at, stiffness, damping })
+                .unwrap_or(Law::Wall { side, at, stiffness, damping }),
+            Core::Detent { torque, pitch, phase } => Law::Detent { torque, pitch, phase },
+            Core::Coulomb { torque } => Law::Coulomb { torque },
+            Core::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
+                Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous }
+            }
+            Core::Constant { torque } => Law::Constant { torque },
+        };
+        let fits = coupling.limit.is_none() || coupling.law.takes_limit();
+        if fits { Ok(Coupling { first: coupling.first, second: coupling.second, law }) } else { Err(Error::NotAWorld) }
+    }
+
+    pub fn read(self) -> hapt_core::Coupling {
+        use hapt_core::Law as Core;
+        let (law, limit) = match self.law {
+            Law::Spring { stiffness, rest } => (Core::Spring { stiffness, rest }, None),
+            Law::Damper { damping } => (Core::Damper { damping }, None),
+            Law::Wall { side, at, stiffness, damping } => (Core::Wall { side, at, stiffness, damping }, None),
+            Law::Detent { torque, pitch, phase } => (Core::Detent { torque, pitch, phase }, None),
+            Law::Coulomb { torque } => (Core::Coulomb { torque }, None),
+            Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => (
+                Core::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous },
+                None,
+            ),
+            Law::Constant { torque } => (Core::Constant { torque }, None),
+            Law::Clamped { law, limit } => {
+                let law = match law {
+                    Clampable::Spring { stiffness, rest } => Core::Spring { stiffness, rest },
+                    Clampable::Damper { damping } => Core::Damper { damping },
+                    Clampable::Wall { side, at, stiffness, damping } => Core::Wall { side, at, stiffness, damping },
+                };
+                (law, Some(limit))
+            }
+        };
+        hapt_core::Coupling { first: self.first, second: self.second, law, limit }
+    }
+}
