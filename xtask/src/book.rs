@@ -6,7 +6,7 @@
 //!   wheel.toml, or by the name in its first line, `# knob.toml`.
 //! - A `text` block below `<!-- output -->` is what the `sh` block before it prints.
 //! - What stands between `<!-- made: NAME -->` and `<!-- end -->` is made by [`reference::tables`].
-//! - Links lead somewhere, and every page is in the table of contents.
+//! - Every page is in the table of contents. [`links`](crate::links) checks the links.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::{reference, test};
+use crate::{links, reference, test};
 
 const CONTENTS: &str = "docs/SUMMARY.md";
 const OUTPUT: &str = "<!-- output -->";
@@ -33,6 +33,7 @@ pub fn pages() -> Result<Vec<PathBuf>> {
 
 /// Checks all pages.
 pub fn check() -> Result<()> {
+    links::hold()?;
     build()?;
     let mut failed = 0;
     for page in pages()? {
@@ -65,10 +66,9 @@ fn build() -> Result<()> {
     Ok(())
 }
 
-/// Whether a page shows what happens today, and its links lead somewhere.
+/// Whether a page shows the present output of its commands, and is in the table of contents.
 pub fn is_current(page: &Path) -> Result<()> {
     let text = fs::read_to_string(page)?;
-    links(page, &text)?;
     let contents = fs::read_to_string(CONTENTS)?;
     let name = page.file_name().and_then(|name| name.to_str()).context("no name")?;
     ensure!(
@@ -186,32 +186,4 @@ impl Scratch {
         }
         Ok(())
     }
-}
-
-/// Whether each link of a page leads to a file, and to a heading in it where it names one.
-fn links(page: &Path, text: &str) -> Result<()> {
-    let prose: String = text.split("\n```").step_by(2).collect();
-    for link in prose.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
-        if link.starts_with("http") {
-            continue;
-        }
-        let (file, heading) = link.split_once('#').unwrap_or((link, ""));
-        let target = if file.is_empty() { page.to_path_buf() } else { page.with_file_name(file) };
-        ensure!(target.exists(), "the link {link} leads nowhere");
-        if !heading.is_empty() {
-            let known = fs::read_to_string(&target)?.lines().any(|line| line.starts_with('#') && slug(line) == heading);
-            ensure!(known, "the link {link} names no heading");
-        }
-    }
-    Ok(())
-}
-
-/// What a heading is called in links.
-fn slug(heading: &str) -> String {
-    let words = heading.trim_start_matches('#').trim().to_lowercase();
-    words
-        .chars()
-        .filter(|&c| c.is_alphanumeric() || " -_".contains(c))
-        .map(|c| if c == ' ' { '-' } else { c })
-        .collect()
 }

@@ -11,11 +11,13 @@ mod fuzz;
 mod guest;
 mod identify;
 mod licences;
+mod links;
 mod marked;
 mod memory;
 mod notes;
 mod page;
 mod reference;
+mod site;
 mod supply;
 mod test;
 mod truth;
@@ -37,7 +39,8 @@ cargo xtask faults    the supervisor against faults of every kind, and against n
                       --write, into docs/safety.md
 cargo xtask identify  the intervals of hapt identify on random devices: [mixed|guided|quiet] [--n N] [--seed S];
                       --write: docs/identify.md
-cargo xtask book      whether the book's commands, worlds, outputs and links hold; with --write, makes its outputs and tables
+cargo xtask book      checks the book's commands, worlds, outputs and links; --write makes its outputs and tables;
+                      --site builds it with mdbook into book/, with interactive worlds
 cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone;
                       drive [PYTHON]: an exchange with a motor drive, beside its makers' own library's
 cargo xtask guest     the drives on a CAN bus, in an emulated machine; with a line of shell, that
@@ -71,6 +74,7 @@ fn main() -> Result<()> {
         ["identify", ref arguments @ ..] => identify::command(arguments),
         ["book"] => book::check(),
         ["book", "--write"] => book::write(),
+        ["book", "--site"] => site::build(),
         _ => bail!("{USAGE}"),
     }
 }

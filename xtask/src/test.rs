@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{book, faults, figure, fuzz, guest, identify, licences, memory, notes, page, supply, truth};
+use crate::{book, faults, figure, fuzz, guest, identify, licences, links, memory, notes, page, supply, truth};
 
 /// The one in which every test is built, xtask too (`.cargo/config.toml`).
 pub const PROFILE: &str = "tested";
@@ -61,6 +61,7 @@ pub fn run() -> Result<()> {
     tally.step("docs/notes.md is current", notes::is_current());
     tally.step("docs/notes.md names tests that exist", notes::names_real_tests());
     tally.step("the pictures are current", figure::is_current());
+    tally.step("links of the documents", links::hold());
     for page in book::pages()? {
         tally.step(&page.display().to_string(), book::is_current(&page));
     }

@@ -1,0 +1,153 @@
+//! The book as a site: mdbook over a copy of docs/, into book/.
+//!
+//! Two things change in the copy. `<!-- live: @notes/euler -->` becomes the interactive page of that world, which `hapt report`
+//! writes and which needs no server. A link out of docs/ becomes one into the repository on the web, so that the site stands
+//! alone. Afterwards every link and anchor of the built pages is checked.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, bail, ensure};
+
+use crate::{links, test};
+
+const COPY: &str = "target/site";
+const SITE: &str = "book";
+/// Where mdbook goes when none is on the path.
+const TOOLS: &str = "target/mdbook";
+const LIVE: &str = "<!-- live: ";
+
+/// Builds the site and checks it.
+pub fn build() -> Result<()> {
+    let mdbook = mdbook()?;
+    let status = Command::new(env!("CARGO"))
+        .args(["build", "--quiet", "--profile", test::PROFILE, "--package", "hapt"])
+        .status()?;
+    ensure!(status.success(), "hapt does not build");
+    for folder in [COPY, SITE] {
+        if Path::new(folder).exists() {
+            fs::remove_dir_all(folder)?;
+        }
+    }
+    let worlds = copy()?;
+    let report = Path::new(COPY).join("report");
+    let mut command = test::binary(test::PROFILE);
+    ensure!(command.arg("report").args(&worlds).arg("--out").arg(&report).status()?.success(), "no report of {worlds:?}");
+    fs::rename(report.join("live"), Path::new(COPY).join("src/live"))?;
+    let status = Command::new(mdbook)
+        .args(["build", &format!("{COPY}/src"), "--dest-dir"])
+        .arg(std::path::absolute(SITE)?)
+        .status()?;
+    ensure!(status.success(), "mdbook failed");
+    check()?;
+    println!("{SITE}/index.html");
+    Ok(())
+}
+
+/// The mdbook on the path, or one that is built into target/.
+fn mdbook() -> Result<PathBuf> {
+    let own = Path::new(TOOLS).join("bin/mdbook");
+    for candidate in [Path::new("mdbook"), &own] {
+        if Command::new(candidate).arg("--version").output().is_ok_and(|output| output.status.success()) {
+            return Ok(candidate.to_path_buf());
+        }
+    }
+    println!("cargo install mdbook, into {TOOLS}");
+    let status = Command::new(env!("CARGO"))
+        .args(["install", "mdbook", "--locked", "--root", TOOLS, "--target-dir"])
+        .arg(Path::new(TOOLS).join("build"))
+        .status()?;
+    ensure!(status.success(), "mdbook does not build");
+    Ok(own)
+}
+
+/// Copies docs/ with its pages adapted to the site. Returns the worlds of the interactive pages.
+fn copy() -> Result<Vec<String>> {
+    let (source, target) = (Path::new("docs"), Path::new(COPY).join("src"));
+    fs::create_dir_all(target.join("images"))?;
+    for entry in fs::read_dir(source.join("images"))? {
+        let path = entry?.path();
+        fs::copy(&path, target.join("images").join(path.file_name().context("no name")?))?;
+    }
+    fs::copy(source.join("book.toml"), target.join("book.toml"))?;
+    let mut worlds = Vec::new();
+    for entry in fs::read_dir(source)? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|extension| extension == "md") {
+            let page = framed(&fs::read_to_string(&path)?, &mut worlds)?;
+            fs::write(target.join(path.file_name().context("no name")?), absolute(&page))?;
+        }
+    }
+    Ok(worlds)
+}
+
+/// The page with its interactive worlds in frames. A frame loads when it comes into view.
+fn framed(page: &str, worlds: &mut Vec<String>) -> Result<String> {
+    let mut out = String::new();
+    for line in page.lines() {
+        match line.strip_prefix(LIVE).and_then(|rest| rest.strip_suffix(" -->")) {
+            Some(world) => {
+                let name = world.rsplit('/').next().unwrap_or(world);
+                out += &format!(
+                    "<iframe src=\"live/{name}.html\" title=\"{world}, interactive\" loading=\"lazy\" \
+                     style=\"width: 100%; height: 46rem; border: 1px solid #8886\"></iframe>\n\n\
+                     [The same world on its own page](live/{name}.html)\n"
+                );
+                if !worlds.contains(&world.to_string()) {
+                    worlds.push(world.to_string());
+                }
+            }
+            None => out += &format!("{line}\n"),
+        }
+    }
+    ensure!(!out.contains(LIVE), "{LIVE}WORLD --> stands on a line of its own");
+    Ok(out)
+}
+
+/// The page with its links out of docs/ made links into the repository on the web.
+fn absolute(page: &str) -> String {
+    let repository = env!("CARGO_PKG_REPOSITORY");
+    page.replace("](../", &format!("]({repository}/blob/main/"))
+}
+
+/// Whether every link and picture of the built pages leads to a file of the site, and every anchor to an element.
+fn check() -> Result<()> {
+    let mut broken = Vec::new();
+    for page in html(Path::new(SITE))? {
+        let text = fs::read_to_string(&page)?;
+        for link in attributes(&text, &["href", "src"]).filter(|link| !links::is_outside(link) && !link.is_empty()) {
+            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { page.clone() } else { page.with_file_name(file) };
+            let target = if target.is_dir() { target.join("index.html") } else { target };
+            let known = || Ok::<_, std::io::Error>(attributes(&fs::read_to_string(&target)?, &["id"]).any(|id| id == anchor));
+            if !target.exists() || !(anchor.is_empty() || known()?) {
+                broken.push(format!("{}: {link}", page.display()));
+            }
+        }
+    }
+    if broken.is_empty() { Ok(()) } else { bail!("links of the site that lead nowhere:\n{}", broken.join("\n")) }
+}
+
+/// The pages of the book itself: the site's root, without the printable page, which repeats all of them.
+fn html(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut pages = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let skipped = ["print.html", "404.html", "toc.html"].iter().any(|name| path.ends_with(name));
+        if path.extension().is_some_and(|extension| extension == "html") && !skipped {
+            pages.push(path);
+        }
+    }
+    Ok(pages)
+}
+
+/// The values of attributes, as `name="value"`.
+fn attributes<'a>(text: &'a str, names: &'a [&str]) -> impl Iterator<Item = &'a str> {
+    names.iter().flat_map(move |name| {
+        text.split('<').filter_map(move |tag| {
+            let tag = tag.split('>').next()?;
+            tag.split_once(&format!(" {name}=\"")).and_then(|(_, rest)| rest.split('"').next())
+        })
+    })
+}
