@@ -7,9 +7,9 @@ pub const TOPICS: &[Topic] = &[
         name: "puck",
         aliases: &["handle", "haptic-wheel", "knob"],
         line: "the part of the device that the hand holds",
-        text: r#"The handle of the device: the haptic wheel (rotary) or a sliding handle (linear). Its position is
-z. It is a real body with the inertia, damping and friction of [device]; what is virtual pulls on
-it through couplings, and the motor makes their torque. A positive torque pushes z upwards.
+        text: r#"The handle of the device: the haptic wheel (rotary) or a sliding handle (linear). Its position is z.
+It is a physical body with the inertia, damping and friction of [device]; couplings connect the
+virtual world to it, and the motor renders their torque. A positive torque pushes toward larger z.
 
   hapt check @notes/default --set device.inertia='1e-3 kg m^2'      verdict   certified
 
@@ -20,9 +20,9 @@ In a world file an end is called "puck", "ground" or by the name of a body: see 
         name: "body",
         aliases: &["bodies", "virtual-mass", "virtual-wheel", "mass"],
         line: "a virtual inertia with a position and a velocity",
-        text: r#"A virtual mass or wheel: [bodies.NAME] with an inertia (linear: a mass), and where it is at first.
-Couplings tie it to the puck, to ground or to other bodies. The method advances it, sample by
-sample; a world without bodies has nothing to integrate.
+        text: r#"A virtual mass or wheel: [bodies.NAME] with an inertia (linear: a mass), and an initial position and
+velocity. Couplings connect it to the puck, to ground or to other bodies. The method advances it,
+sample by sample; a world without bodies needs no integration.
 
   hapt sim @notes/default --set bodies.wheel.inertia='0.02 kg m^2'      peak torque
 "#,
@@ -31,12 +31,12 @@ sample; a world without bodies has nothing to integrate.
         name: "ground",
         aliases: &["frame", "fixed"],
         line: "the fixed frame, at position 0, at rest",
-        text: r#"What does not move. A coupling between the puck and ground is a wall, a detent or a spring that the
+        text: r#"The fixed frame. A coupling between the puck and ground is a wall, a detent or a spring that the
 hand feels directly; one between a body and ground holds, damps or brakes the body.
 
   hapt check @notes/damped-to-ground      held      marginal
 
-See coupling for the ends, and signs for which way a torque acts.
+See coupling for the ends, and signs for the sign of a torque.
 "#,
     },
     Topic {
@@ -44,8 +44,8 @@ See coupling for the ends, and signs for which way a torque acts.
         aliases: &["couplings", "ends", "kind"],
         line: "a massless element between two ends",
         text: r#"spring, damper, wall, detent, friction or constant, between two of puck, ground and bodies. It acts
-on q, the position of the first end as seen from the second; its torque stands on the first end and
-its opposite on the second. Overrides count couplings from 0, in file order:
+on q, the position of the first end relative to the second; its torque acts on the first end and the
+opposite on the second. Overrides count couplings from 0, in file order:
 
   hapt check @notes/default --set couplings.0.stiffness='10 N mm/deg'      verdict   certified
 
@@ -56,10 +56,9 @@ Each kind is a topic of its own: spring, damper, wall, detent, friction.
         name: "spring",
         aliases: &["rest", "torsional-spring", "stiffness", "k"],
         line: "torque = -stiffness · (q - rest)",
-        text: r#"The stiffness is the torque per angle, in N m/rad or N mm/deg (linear: N/m): how hard it feels. The
-spring is slack at q = `rest`. With the torque from the end of the step, a spring to a body asks
-the device for a damping of stiffness · T/2; a stiffer spring wants a shorter period or more
-damping.
+        text: r#"The stiffness is the torque per angle, in N m/rad or N mm/deg (linear: N/m). The spring is slack at
+q = `rest`. With the torque from the end of the step, a spring to a body requires a device damping
+of stiffness · T/2; a stiffer spring needs a shorter period or more damping.
 
   hapt check @notes/default                                                 0.0005093
   hapt check @notes/default --set couplings.0.stiffness='35.56 N mm/deg'   0.001019
@@ -71,10 +70,9 @@ See passivity, period and z-width.
         name: "damper",
         aliases: &["damping", "viscous", "b", "viscosity"],
         line: "torque = -damping · the rate of q",
-        text: r#"The damping is the torque per speed, in N m s/rad (linear: N s/m). Three places have one: the
-device (device.damping, which is physical and pays for what sampling costs), a damper in the world,
-and a wall. A virtual damper at the puck takes its velocity from the encoder and is only as good as
-that.
+        text: r#"The damping is the torque per speed, in N m s/rad (linear: N s/m). Three places have one: the device
+(device.damping, which is physical and dissipates what sampling generates), a damper in the world,
+and a wall. A virtual damper at the puck depends on the velocity estimate from the encoder.
 
   hapt check @notes/default --set device.damping=0 | grep ^verdict      not certified
   hapt check @notes/damped                                              held
@@ -85,11 +83,10 @@ See estimator, required-damping and compensating.
     Topic {
         name: "wall",
         aliases: &["end-stop", "end-stops", "contact", "side", "at"],
-        line: "a spring and a damper that only push, from a face on",
+        line: "a spring and a damper on one side of a position, that only push",
         text: r#"side = "above" pushes back while q is above `at`, "below" while it is below; it never pulls. Inside
-it is a spring of `stiffness` and a damper of `damping`. A stiff wall is the hardest thing to
-render: at the puck, with differenced positions, it asks the device for about stiffness · T/2 +
-damping.
+it is a spring of `stiffness` and a damper of `damping`. A stiff wall is difficult to render: at the
+puck, with differenced positions, it requires a device damping of about stiffness · T/2 + damping.
 
   hapt check @devices/eth-wall                         ETH haptic wheel
   hapt impedance @devices/eth-wall --z-width           passive
@@ -100,23 +97,23 @@ See z-width for the stiffest wall of a device.
     Topic {
         name: "detent",
         aliases: &["detents", "pitch", "phase", "click", "notch"],
-        line: "rests at equal distances, as of a click wheel",
-        text: r#"torque = -torque · sin(2π (q - phase)/pitch): it rests at phase and at every pitch from there, and
-is steepest there, with 2π · torque/pitch. That slope counts as its stiffness.
+        line: "stable positions at equal distances, as of a click wheel",
+        text: r#"torque = -torque · sin(2π (q - phase)/pitch): its stable positions are at phase and at every pitch
+from there, where it is steepest, with 2π · torque/pitch. That slope counts as its stiffness.
 
   hapt sim @devices/smartknob-detents --scenario settle      scenario settle
   hapt check @devices/smartknob-detents                      verdict
 
-Between two rests it pushes away from the middle: a falling slope, which costs nothing.
+Halfway between two stable positions the slope falls, which requires no damping.
 "#,
     },
     Topic {
         name: "friction",
         aliases: &["coulomb", "lugre", "stribeck", "bristle", "stick"],
         line: "a torque against the motion: Coulomb or LuGre",
-        text: r#"In a world `kind = "friction"` is Coulomb's with one `torque`, or LuGre's with six keys, whose
-bristles make it stick. The device's own friction, device.friction, is physical: it stops the puck,
-keeps counts of the encoder from buzzing, and is never counted as damping.
+        text: r#"In a world `kind = "friction"` is Coulomb friction with one `torque`, or LuGre friction with six
+keys, whose bristles let it stick. The device's own friction, device.friction, is physical: it stops
+the puck, prevents a buzz of the encoder's counts, and never counts as damping.
 
   hapt sim @notes/released --set device.friction='5 N mm'      friction took
   hapt check @notes/default --set device.friction='5 N mm'     verdict   certified
@@ -127,24 +124,23 @@ See counts.
     Topic {
         name: "hand",
         aliases: &["human", "grip", "scenario", "step", "ramp", "sine"],
-        line: "who drives the puck: a motion, a torque or a grip",
+        line: "what moves the puck: a motion, a torque or a grip",
         text: r#"A scenario is a hand, a duration and a name. step, ramp, sine and path prescribe the puck's
-position, torque pushes it, and grip holds it as a hand does, through a spring and a damper.
-`release` lets go.
+position, torque pushes it, and grip holds it like a hand, through a spring and a damper. `release`
+ends the contact.
 
   hapt sim @notes/default --scenario step                                    scenario step
   hapt sim @notes/default --set scenarios.step.hand.release='0.25 s'   hand gave
 
-The certificate takes every passive hand: one that stores and wastes energy and brings none.
+The certificate covers every passive hand: one that stores and dissipates energy and supplies none.
 "#,
     },
     Topic {
         name: "period",
         aliases: &["sampling-period", "sample-period", "t", "rate", "sampling-rate"],
-        line: "T, from one sample to the next",
-        text: r#"Once in a period the loop reads the puck, advances the world and sends a torque, which is then
-held. The torque is late by T/2 on average: halving T halves the damping that a spring asks the
-device for.
+        line: "T, the time from one sample to the next",
+        text: r#"Once in a period the loop reads the puck, advances the world and sends a torque, which is then held.
+The torque is late by T/2 on average: halving T halves the device damping that a spring requires.
 
   hapt check @notes/default | grep ^passive                             0.0005093
   hapt check @notes/default --set loop.period=0.5ms | grep ^passive     0.0002546
@@ -169,9 +165,9 @@ With a real motor the file's [device] and [safety] are ceilings: nothing widens 
         name: "world",
         aliases: &["virtual-world", "world-file", "loop", "method"],
         line: "the bodies and couplings: everything virtual",
-        text: r#"A world file is TOML: [loop] says how often and by which method, [device] what is physical,
-[bodies] and [[couplings]] the world, [scenarios] what hands do. The method advances the bodies:
-zoh, exact for a held puck, is the default, and forward-euler is the classroom's warning.
+        text: r#"A world file is TOML: [loop] has period and method, [device] the physical part, [bodies] and
+[[couplings]] the world, [scenarios] the hands. The method advances the bodies: zoh, exact for a
+held puck, is the default; forward-euler is there for comparison.
 
   hapt check @notes/default      verdict   certified
   hapt check @notes/euler        verdict   not certified
