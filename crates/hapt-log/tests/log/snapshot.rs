@@ -188,7 +188,7 @@ proptest! {
     fn a_snapshot_changed_in_one_place_is_not_the_loops(bit in 30u32..52) {
         let texts = vec![WHEEL.to_string()];
         let mut life = live(&texts, SafetyProfile::Simulated, &[(20, Event::Hand(Some(0.0))), (22, Event::Hand(Some(0.5)))], &[300]);
-        let place = &mut life.snapshots[0].state.now.position[0];
+        let place = &mut life.snapshots[0].state.world.now.position[0];
         *place = f64::from_bits(place.to_bits() ^ (1 << bit));
         let again = replayed(&life.log(SafetyProfile::Simulated, 300..700));
         prop_assert!(again.different > 100 && again.first.unwrap().sample == 300);
