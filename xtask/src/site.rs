@@ -33,7 +33,10 @@ pub fn build() -> Result<()> {
     let worlds = copy()?;
     let report = Path::new(COPY).join("report");
     let mut command = test::binary(test::PROFILE);
-    ensure!(command.arg("report").args(&worlds).arg("--out").arg(&report).status()?.success(), "no report of {worlds:?}");
+    ensure!(
+        command.arg("report").args(&worlds).arg("--out").arg(&report).status()?.success(),
+        "no report of {worlds:?}"
+    );
     fs::rename(report.join("live"), Path::new(COPY).join("src/live"))?;
     let status = Command::new(mdbook)
         .args(["build", &format!("{COPY}/src"), "--dest-dir"])
@@ -120,7 +123,8 @@ fn check() -> Result<()> {
             let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
             let target = if file.is_empty() { page.clone() } else { page.with_file_name(file) };
             let target = if target.is_dir() { target.join("index.html") } else { target };
-            let known = || Ok::<_, std::io::Error>(attributes(&fs::read_to_string(&target)?, &["id"]).any(|id| id == anchor));
+            let known =
+                || Ok::<_, std::io::Error>(attributes(&fs::read_to_string(&target)?, &["id"]).any(|id| id == anchor));
             if !target.exists() || !(anchor.is_empty() || known()?) {
                 broken.push(format!("{}: {link}", page.display()));
             }

@@ -12,14 +12,17 @@ pub fn world_energy(world: &World, puck: f64, bodies: &[(f64, f64)], bristles: &
 }
 
 /// What a delay lends whoever moves the puck at the start of a run: until the first command arrives the motor holds 0, where the world
-/// would have it hold τ_0. Of the work that is missing, no more than |τ_0| |δ| a sample of the delay is owed to that, δ being the
-/// sample's way; a loop that begins at rest without torque lends nothing.
+/// would have it hold τ_0. Of the work that is missing, no more than |τ_0| times the path length is owed to that. The path of a sample, on
+/// which the puck may turn round, is taken as the larger of its displacement and T times the speeds at its two ends. A loop that begins at
+/// rest without torque lends nothing.
 #[derive(Clone, Copy, Debug)]
 pub struct Lent {
     /// Samples that the first command is still away.
     left: u64,
-    /// |τ_0| in N·m (linear: N), and where the puck was last.
-    from: Option<(f64, f64)>,
+    /// T in s.
+    period: f64,
+    /// |τ_0| in N·m (linear: N), and the puck's position and velocity at the last row.
+    from: Option<(f64, [f64; 2])>,
     /// So far, in J.
     pub work: f64,
 }
@@ -29,20 +32,21 @@ impl Lent {
     pub fn new(world: &World) -> Self {
         // A delay within 1e-6 of a whole number of samples is that number.
         let samples = (world.sampling.delay_s() / world.sampling.period - 1e-6).ceil();
-        Lent { left: samples.max(0.0) as u64, from: None, work: 0.0 }
+        Lent { left: samples.max(0.0) as u64, period: world.sampling.period, from: None, work: 0.0 }
     }
 
     /// The next row, from the first on.
     pub fn add(&mut self, row: &Row) {
         let torque = match self.from {
             None => row.command.abs(),
-            Some((torque, last)) if self.left > 0 => {
+            Some((torque, [position, velocity])) if self.left > 0 => {
                 self.left -= 1;
-                self.work += torque * (row.puck - last).abs();
+                let path = self.period * (velocity.abs() + row.puck_velocity.abs());
+                self.work += torque * (row.puck - position).abs().max(path);
                 torque
             }
             Some(_) => return,
         };
-        self.from = Some((torque, row.puck));
+        self.from = Some((torque, [row.puck, row.puck_velocity]));
     }
 }
