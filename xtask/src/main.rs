@@ -44,9 +44,9 @@ cargo xtask book      checks the book's commands, worlds, outputs and links; --w
 cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone;
                       drive [PYTHON]: an exchange with a motor drive, beside its makers' own library's
 cargo xtask guest     the drives on a CAN bus, in an emulated machine; with a line of shell, that
-cargo xtask fuzz      [--seconds N] bytes that nobody meant, on stable; --minutes N by libFuzzer; targets by their names, `commands` among them:
+cargo xtask fuzz      [--seconds N] random bytes, on stable; --minutes N with libFuzzer; targets by their names, `commands` among them:
                       whole commands on random worlds
-cargo xtask memory N  what streaming N samples to CSV takes, such as 1e8";
+cargo xtask memory N  the memory that streaming N samples to CSV takes, such as 1e8";
 
 fn main() -> Result<()> {
     std::env::set_current_dir(root())?;

@@ -41,11 +41,11 @@ const HEARTBEATS: f64 = 0.3;
 const A_FRAME: Duration = Duration::from_millis(20);
 /// Frames that only a host sends have come from somewhere else.
 const FOREIGN: DriveFault =
-    DriveFault { code: 0, what: "another host speaks to it, and feeds its watchdog", reason: Some(Reason::Link) };
+    DriveFault { code: 0, what: "another host addresses it, and feeds its watchdog", reason: Some(Reason::Link) };
 /// An answer that nobody has asked for.
 const DOUBLED: DriveFault = DriveFault {
     code: 0,
-    what: "another drive answers in its place, or it says its position unasked less than five times a second",
+    what: "another drive answers in its place, or it sends its position unasked less than five times a second",
     reason: Some(Reason::Link),
 };
 /// No state and no error can be seen.

@@ -148,16 +148,15 @@ fn scale(
     let wants = wanted.iter().map(Dimension::to_string).collect::<Vec<_>>().join(" or ");
     if let (Some(counts), "count" | "counts" | "cts") = (counts, unit) {
         let missing =
-            || Error::Columns(format!("column {name} is in counts; --counts N says how many a revolution has"));
+            || Error::Columns(format!("column {name} is in counts; --counts N gives the counts per revolution"));
         let counts = counts.ok_or_else(missing)?;
         return Ok((Scale { column, factor: std::f64::consts::TAU / counts }, Dimension::ANGLE));
     }
     let unit = match Unit::parse(unit) {
         Ok(unit) => unit,
         Err(_) => {
-            let message = format!(
-                "column {name} says no unit that is known; {wants} is wanted, such as in angle_deg, t_ms or tau_mNm"
-            );
+            let message =
+                format!("column {name} has no known unit; {wants} is wanted, such as in angle_deg, t_ms or tau_mNm");
             return Err(Error::Columns(message));
         }
     };

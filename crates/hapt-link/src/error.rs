@@ -72,6 +72,6 @@ pub enum Error {
     #[error("interrupted while the board was asked")]
     Interrupted,
     /// The world came, and another one is there.
-    #[error("the board has taken the world, and says that it runs another one")]
+    #[error("the board accepted the world, but reports that it runs another one")]
     NotVerified,
 }

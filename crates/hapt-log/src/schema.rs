@@ -149,7 +149,7 @@ static LIVE: [Live; 12] = [
     Live {
         name: "silent_s",
         unit: "s",
-        doc: "how long ago whoever holds the link was last heard",
+        doc: "time since the last heartbeat",
         kind: Kind::Number,
         get: |record| record.silent,
     },

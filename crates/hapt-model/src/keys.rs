@@ -446,7 +446,7 @@ pub const KEYS: &[Key] = &[
     key("safety.late", Quantity(Time, ZeroOrMore), Depends("5 periods; any on the simulated device"),
         "How late a sample may come, missed samples counted in; 0: any."),
     key("safety.link", Quantity(Time, ZeroOrMore), Depends("0.3 s, or twice fade, period and delay together where that is longer; never on the simulated device"),
-        "From the last heartbeat of whoever holds the controls to torque 0, the fade included; 0: never."),
+        "From the last heartbeat of the client in control to torque 0, the fade included; 0: never."),
     key("safety.link_lost", Takes::Name(&LINK_LOST), Name(LINK_LOST[0]), "What a lost link does."),
     key("safety.energy", Quantity(Energy, Positive),
         Depends("device.limit over 0.05 rad (linear: 2.5 mm), 0.05 J without a limit; a tenth of it for a world that is not certified"),

@@ -96,7 +96,7 @@ pub struct Position {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Failure {
     /// It says nothing more.
-    #[error("the device has gone silent")]
+    #[error("the device no longer answers")]
     Gone,
     /// Its recording has ended.
     #[error("the recording has ended")]

@@ -13,7 +13,7 @@ pub struct Row {
     pub puck: f64,
     /// The puck's true velocity.
     pub puck_velocity: f64,
-    /// z_k, what the encoder says.
+    /// z_k, the encoder's position.
     pub measured: f64,
     /// v_k, what the estimator says.
     pub measured_velocity: f64,
@@ -104,11 +104,11 @@ pub const SIGNALS: [Signal; 8] = [
         doc: "the puck's true velocity",
         get: |row| row.puck_velocity,
     },
-    Signal { stem: "measured", measures: Measures::Position, doc: "what the encoder says", get: |row| row.measured },
+    Signal { stem: "measured", measures: Measures::Position, doc: "the encoder's position", get: |row| row.measured },
     Signal {
         stem: "measured",
         measures: Measures::Velocity,
-        doc: "what the velocity estimator says",
+        doc: "the estimated velocity",
         get: |row| row.measured_velocity,
     },
     Signal {

@@ -323,7 +323,7 @@ impl Refusal {
     /// What a person may make of it.
     pub const fn sentence(self) -> &'static str {
         match self {
-            Refusal::Hello => "it has restarted, or was never greeted in its version of the protocol",
+            Refusal::Hello => "handshake missing: it has restarted, or the protocol versions differ",
             Refusal::Sequence => "the command is not the next one: it was doubled, or came too late",
             Refusal::Late => "the command's time was over when it came",
             Refusal::Busy => "it is still busy with commands that came before",

@@ -70,7 +70,7 @@ mod here {
         let link = Link::open_at(&port.path, port.baud)?;
         if link.board().core != hapt_core::SOURCE {
             people::say(
-                "warning: the board's core was built from another source than this hapt's; its torques may differ from what hapt says of them",
+                "warning: the board's core was built from another source than this hapt's; its torques may differ from hapt's",
             );
         }
         Ok(link)

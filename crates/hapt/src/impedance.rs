@@ -301,7 +301,7 @@ fn width_text(loaded: &Loaded, found: &ZWidth) -> String {
     if let Some(counts) = found.counts {
         let _ = writeln!(
             text,
-            "counts    friction and damping of the device swallow the encoder's up to {} {k}",
+            "counts    friction and damping of the device absorb the encoder's up to {} {k}",
             people::number(counts)
         );
     }

@@ -71,7 +71,7 @@ fn refuse_existing(path: &Path) -> Result<(), Failure> {
 
 fn make(folder: &Path) -> Result<(), Failure> {
     if let Some(file) = folder.ancestors().find(|at| at.exists() && !at.is_dir()) {
-        return Err(Failure::input(format!("{} is a file; init wants a folder", file.display())));
+        return Err(Failure::input(format!("{} is a file; init needs a folder", file.display())));
     }
     if folder.as_os_str().is_empty() {
         return Ok(());

@@ -173,7 +173,7 @@ fn through(path: &Path) -> io::Result<Option<File>> {
         match OpenOptions::new().write(true).custom_flags(flags).open(path) {
             Err(error) if error.raw_os_error() == Some(Errno::NXIO.raw_os_error()) && kind.is_fifo() => {
                 if start.elapsed() > PATIENCE {
-                    return Err(io::Error::other("it is a FIFO, and nobody reads from it"));
+                    return Err(io::Error::other("it is a FIFO without a reader"));
                 }
                 std::thread::sleep(Duration::from_millis(20));
             }
@@ -215,7 +215,7 @@ pub fn apart(outputs: &[(&str, &Path)], inputs: &[(&str, PathBuf)]) -> Result<()
             return Err(Failure::input(format!("{flag} {name}: that is {what} itself; another name is wanted")));
         }
         if let Some((other, ..)) = written[..i].iter().find(|(.., there)| there == here) {
-            return Err(Failure::input(format!("{other} and {flag} are the same file, {name}; each wants its own")));
+            return Err(Failure::input(format!("{other} and {flag} are the same file, {name}; use two files")));
         }
     }
     Ok(())

@@ -124,7 +124,7 @@ pub fn judged(world: &World, uncertified: bool) -> Result<SafetyProfile, Failure
     if uncertified {
         return Ok(SafetyProfile::Uncertified);
     }
-    let what = format!("{}; hapt check says what would certify it", check.verdict_sentence());
+    let what = format!("{}; hapt check lists what would certify it", check.verdict_sentence());
     Err(Failure::input(format!("{what}. --uncertified runs it all the same, with a tighter supervisor")))
 }
 

@@ -194,7 +194,7 @@ fn linear(world: &World, worst: &Worst) -> String {
 fn gap(world: &World, gap: &Gap) -> String {
     let unit = unit(world, Measure::Damping);
     let asks = match gap.required_damping {
-        Some(damping) => format!("the certificate asks the device for {} {unit}", people::number(damping)),
+        Some(damping) => format!("the certificate requires a device damping of {} {unit}", people::number(damping)),
         None => "no device damping is enough for the certificate".into(),
     };
     let breaks = match gap.breaking_damping {

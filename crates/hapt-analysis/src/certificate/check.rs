@@ -228,7 +228,7 @@ impl Check {
         let reasons = [
             (self.held.verdict == Verdict::Unstable, "it is unstable with the puck held"),
             (self.free.verdict == Verdict::Unstable, "it is unstable when the puck is let go"),
-            (!self.passivity.passive, "there are hands, passive ones, that can draw energy from it"),
+            (!self.passivity.passive, "some passive hands can extract energy"),
         ];
         let reasons: Vec<&str> = reasons.into_iter().filter(|(holds, _)| *holds).map(|(_, words)| words).collect();
         match (reasons.is_empty(), self.passivity.proved) {
@@ -312,7 +312,7 @@ impl Check {
                 let how =
                     if swing > 0.0 { format!("swinging at {} Hz", short(swing)) } else { "without a swing".into() };
                 let reason = match (free.critical_period_reason, limit) {
-                    (Some("never"), _) => "so it does at every shorter period that was looked at".to_string(),
+                    (Some("never"), _) => "so it does at every shorter period that was examined".to_string(),
                     (Some(NOT_SEARCHED), _) => "its dampers take less than the hold of the torque feeds it".to_string(),
                     (_, Some(limit)) if limit < self.period_s => {
                         format!("it holds up to a period of {}, and this one is {}", time(limit), time(self.period_s))
@@ -357,15 +357,11 @@ impl Check {
                     )
                 }
                 Some(Cause::OutOfStep { hz }) => {
-                    format!(
-                        "nothing damps the swing at {} Hz, and its torque comes out of step with the hand",
-                        short(hz)
-                    )
+                    format!("the mode at {} Hz is undamped, and its torque is out of phase with the hand", short(hz))
                 }
-                Some(Cause::Fraction { hz }) => format!(
-                    "nothing damps the swing at {} Hz, and the delay is not a whole number of samples",
-                    short(hz)
-                ),
+                Some(Cause::Fraction { hz }) => {
+                    format!("the mode at {} Hz is undamped, and the delay is not a whole number of samples", short(hz))
+                }
                 Some(Cause::Coulomb) | None => "Coulomb friction at the puck has no finite slope".to_string(),
             };
             return format!("not passive at any device damping{linear}: {reason}");
@@ -379,12 +375,12 @@ impl Check {
         let (has, wanted) = (short(*device_damping), short(*required));
         if *passive {
             format!(
-                "passive against every passive hand{linear}: it asks the device for {wanted} {unit}, {place}, and the device has {has}"
+                "passive against every passive hand{linear}: it requires a device damping of {wanted} {unit}, {place}, and the device has {has}"
             )
         } else {
             let more = short(required - device_damping);
             format!(
-                "not passive{linear}: it asks the device for {wanted} {unit}, {place}, and the device has {has}, {more} too little"
+                "not passive{linear}: it requires a device damping of {wanted} {unit}, {place}, and the device has {has}, {more} too little"
             )
         }
     }
@@ -398,15 +394,15 @@ impl Check {
         Some(if found.lacks_friction() {
             let torque = unit(Measure::Torque);
             format!(
-                "dampers and levels ask for a friction of {} {torque}, and the device has {} {torque}: it may buzz",
+                "dampers and levels require a friction of {} {torque}, and the device has {} {torque}: it may buzz",
                 short(found.least_friction),
                 short(found.friction)
             )
         } else if found.ok {
-            format!("friction and damping of the device swallow {what} up to {most} at the puck, and there is less")
+            format!("friction and damping of the device absorb {what} up to {most} at the puck, and there is less")
         } else {
             format!(
-                "friction and damping of the device swallow {what} only up to {most} at the puck, and there is more: it may buzz"
+                "friction and damping of the device absorb {what} only up to {most} at the puck, and there is more: it may buzz"
             )
         })
     }

@@ -292,13 +292,13 @@ fn passivity_is_said_with_what_is_missing_and_where() {
     assert!((answer.passivity.required_damping.unwrap() - half).abs() < 1e-12 * half);
     assert_eq!(
         answer.passivity_sentence(),
-        "passive against every passive hand: it asks the device for 0.0005093 N m s/rad, the same at every frequency, and the \
+        "passive against every passive hand: it requires a device damping of 0.0005093 N m s/rad, the same at every frequency, and the \
          device has 0.0012"
     );
     world.sampling.output = Output::Start;
     assert_eq!(
         check(&world).unwrap().passivity_sentence(),
-        "not passive at any device damping: nothing damps the swing at 1 Hz, and its torque comes out of step with the hand"
+        "not passive at any device damping: the mode at 1 Hz is undamped, and its torque is out of phase with the hand"
     );
     let puck = |law| Coupling { first: End::Puck, second: End::Ground, law, limit: None };
     world.couplings.extend([puck(Law::Constant { torque: -0.6 }), puck(Law::Coulomb { torque: 0.1 })]);
@@ -310,7 +310,7 @@ fn passivity_is_said_with_what_is_missing_and_where() {
     let answer = check(&world).unwrap();
     assert_eq!(
         answer.passivity_sentence(),
-        "not passive (the linear loop): it asks the device for 0.005 N m s/rad, the same at every frequency, and the device has \
+        "not passive (the linear loop): it requires a device damping of 0.005 N m s/rad, the same at every frequency, and the device has \
          0.0012, 0.0038 too little"
     );
     assert!(

@@ -5,7 +5,7 @@
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(u8)]
 pub enum Reason {
-    /// Somebody pressed stop.
+    /// Stop was pressed.
     Stop = 1,
     /// A number is no number.
     NotFinite = 2,
@@ -95,20 +95,20 @@ impl Reason {
     /// What happened.
     pub const fn sentence(self) -> &'static str {
         match self {
-            Reason::Stop => "Somebody pressed stop.",
-            Reason::NotFinite => "A position, a time or a torque is no finite number.",
+            Reason::Stop => "Stop was pressed.",
+            Reason::NotFinite => "A position, a time or a torque is not a finite number.",
             Reason::Jump => "The position jumped: no hand changes the puck's speed so much within one sample.",
             Reason::Velocity => "The position ran faster than the device can turn.",
             Reason::Stuck => "The position stood still against a torque that should have moved the puck.",
-            Reason::Torque => "The loop asked for more torque than it may.",
-            Reason::Slew => "The torque jumped by more than this world can make it.",
-            Reason::Heat => "The motor has held more torque than it can carry away as heat.",
-            Reason::DriverHeat => "The driver has carried more current than it can for long.",
+            Reason::Torque => "The loop commanded more torque than safety.torque allows.",
+            Reason::Slew => "The torque changed by more than this world can cause in one sample.",
+            Reason::Heat => "The motor held more torque than its thermal limit allows.",
+            Reason::DriverHeat => "The driver carried more current than its thermal limit allows.",
             Reason::Overspeed => "The puck turned faster than a hand turns it, with the motor on.",
             Reason::Late => "A sample came too late, or samples were missed.",
-            Reason::Link => "Whoever holds the controls was not heard in time.",
-            Reason::PortEnergy => "The loop gave the hand energy that nobody had put in.",
-            Reason::WorldEnergy => "The integration method made energy inside of the world.",
+            Reason::Link => "No heartbeat arrived in time from the client in control.",
+            Reason::PortEnergy => "The loop gave the hand more energy than the hand had supplied.",
+            Reason::WorldEnergy => "The integration method generated energy inside the world.",
             Reason::Reversed => "A small pulse of torque moved the puck the wrong way.",
             Reason::Driver => "The motor's driver reported a fault, such as too much current, and switched itself off.",
         }
@@ -119,39 +119,35 @@ impl Reason {
         match self {
             Reason::Stop => "Release the stop, then clear.",
             Reason::NotFinite => {
-                "Clear. If it comes again, the world runs away (check it) or the device sends no numbers."
+                "Clear. If it returns, the world diverges (check it) or the device sends invalid numbers."
             }
-            Reason::Jump => "Look at the encoder's cable and at safety.jump, then clear.",
-            Reason::Velocity => "Let the puck come to rest, look at the encoder and at safety.velocity, then clear.",
+            Reason::Jump => "Check the encoder's cable and safety.jump, then clear.",
+            Reason::Velocity => "Let the puck come to rest, check the encoder and safety.velocity, then clear.",
             Reason::Stuck => {
-                "Let go of the puck, look at the encoder's cable, then clear and arm. A hand that holds it still for longer wants a longer safety.stuck."
+                "Release the puck, check the encoder's cable, then clear and arm. For a hand that holds it still for longer, raise safety.stuck."
             }
             Reason::Torque => "Raise safety.torque or lower device.limit, then clear.",
-            Reason::Slew => "Look for what changed the torque; raise safety.slew if the world may do that; then clear.",
-            Reason::Heat => {
-                "Wait until the motor has cooled, then clear. safety.rms and safety.heating say what it bears."
-            }
+            Reason::Slew => "Find what changed the torque; raise safety.slew if the change is intended; then clear.",
+            Reason::Heat => "Wait until the motor has cooled, then clear. safety.rms and safety.heating set the limit.",
             Reason::DriverHeat => {
-                "Wait until the driver has cooled, then clear. safety.driver_rms and safety.driver_heating say what it bears."
+                "Wait until the driver has cooled, then clear. safety.driver_rms and safety.driver_heating set the limit."
             }
             Reason::Overspeed => {
                 "Let the puck come to rest, then clear. If it ran away by itself, check the world and the motor's sign."
             }
-            Reason::Late => {
-                "Clear when samples come in time again. `hapt latency` says how well the computer keeps time."
-            }
-            Reason::Link => "Clear, if it faulted, and arm when the link is there again.",
+            Reason::Late => "Clear when samples are on time again. `hapt latency` measures the computer's timing.",
+            Reason::Link => "Clear, if it faulted, and arm when the link is back.",
             Reason::PortEnergy => {
-                "Clear. `hapt check` says whether the world is passive on this device, and what would make it so."
+                "Clear. `hapt check` decides whether the world is passive on this device, and lists remedies."
             }
             Reason::WorldEnergy => {
-                "Clear, and choose a method that makes no energy: zoh, trapezoidal or backward-euler."
+                "Clear, and choose a method that generates no energy: zoh, trapezoidal or backward-euler."
             }
             Reason::Reversed => {
-                "Swap the motor's sign or the encoder's direction, then clear. If a hand was on the puck: let go, clear and arm again."
+                "Swap the motor's sign or the encoder's direction, then clear. If a hand was on the puck: release it, clear and arm again."
             }
             Reason::Driver => {
-                "Look for a short circuit in the motor and its cable, and at the driver's supply and current limit, then clear."
+                "Check the motor and its cable for a short circuit, and the driver's supply and current limit, then clear."
             }
         }
     }

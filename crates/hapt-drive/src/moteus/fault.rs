@@ -6,7 +6,7 @@ use super::mode;
 use crate::drive::DriveFault;
 
 /// Another host commands the drive, or asks it something: it may command it next.
-pub const FOREIGN: DriveFault = DriveFault { code: 0, what: "another host speaks to it", reason: Some(Reason::Link) };
+pub const FOREIGN: DriveFault = DriveFault { code: 0, what: "another host addresses it", reason: Some(Reason::Link) };
 
 /// Commands go to it, and it goes by others, or does not say that it has heard them.
 pub const UNHEARD: DriveFault = DriveFault {
@@ -85,7 +85,7 @@ fn named(code: i32) -> DriveFault {
 pub fn taken(mode: i32) -> DriveFault {
     DriveFault {
         code: u32::try_from(mode).unwrap_or(0),
-        what: "somebody else has stopped it or put it into another mode",
+        what: "another host has stopped it or changed its mode",
         reason: Some(Reason::Stop),
     }
 }

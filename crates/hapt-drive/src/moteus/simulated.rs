@@ -210,7 +210,7 @@ impl Simulated {
                 }
                 let offset = f64::from(position) - shaft.position;
                 let nearest = register == register::SET_OUTPUT_NEAREST;
-                // The nearest position that differs by whole turns from what the encoder says.
+                // The nearest position that differs by whole turns from the encoder's position.
                 self.zero = if nearest { offset.round() } else { offset };
                 self.wanted = None;
             }

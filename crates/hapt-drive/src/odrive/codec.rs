@@ -222,7 +222,7 @@ impl Version {
     pub fn fault(self, error: u32) -> DriveFault {
         let table = if self.is_old() { OLD_ERRORS } else { ERRORS };
         let named = table.iter().find(|(bit, ..)| error & bit != 0);
-        let (_, what, reason) = *named.unwrap_or(&(0, "disarmed, and no error says why", None));
+        let (_, what, reason) = *named.unwrap_or(&(0, "disarmed, without an error", None));
         DriveFault { code: error, what, reason }
     }
 

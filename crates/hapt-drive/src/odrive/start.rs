@@ -210,7 +210,7 @@ impl Odrive {
             None => {
                 self.stop();
                 Err(self.refused(format!(
-                    "keeps its torque when nobody speaks to it: its watchdog is off, slower than 100 ms, or fed by another host. {SET_UP}"
+                    "keeps its torque without messages: its watchdog is off, slower than 100 ms, or fed by another host. {SET_UP}"
                 )))
             }
         }

@@ -14,8 +14,8 @@ pub use runs::*;
 pub use verdicts::*;
 pub use words::*;
 
-/// Virtual worlds for wheels that push back: see how one moves, what it asks of the motor, and whether it holds, before the
-/// motor is on.
+/// Haptic rendering for one-axis devices: simulate a virtual world, certify its stability and passivity before the motor is
+/// on, and run it in real time.
 ///
 /// Without a command: the notes' virtual wheel, built in, under four methods.
 #[derive(Debug, Parser)]
@@ -49,27 +49,27 @@ Examples:
   hapt sim wheel.toml --set loop.period=2ms          the same at another period
   hapt design --travel 45deg --torque 800Nmm --frequency 1Hz | hapt sim -")]
     Sim(SimArgs),
-    /// The certificate: stable held and let go, passive; and what would make it so.
+    /// Certify a world: stability held and hands-off, passivity, and remedies.
     #[command(after_help = "\
 Examples:
   hapt check wheel.toml                              exit code 1 when refused
   hapt check wheel.toml --json                       in numbers
   hapt check wheel.toml --set loop.method=trapezoidal")]
     Check(CheckArgs),
-    /// Stiffness, inertia and compensating damping from a specification, as a world file.
+    /// Compute stiffness, inertia and compensating damping from a specification, as a world file.
     #[command(after_help = "\
 Examples:
   hapt design --travel 45deg --torque 800Nmm --frequency 1Hz > wheel.toml
   hapt design --travel 30deg --torque 1Nm --frequency 2Hz --period 0.5ms --json")]
     Design(DesignArgs),
-    /// A page a world: diagram, verdict, eigenvalues, motion, torque and energy over time.
+    /// Write a page a world: diagram, verdict, eigenvalues, motion, torque and energy over time.
     #[command(after_help = "\
 Examples:
   hapt report wheel.toml --out report                    a page, and figures
   hapt report @notes/euler @notes/damped --out report    and an index
   hapt report wheel.toml --set loop.period=5ms --out report")]
     Report(ReportArgs),
-    /// Position, velocity and torque over time as an SVG, from a run's CSV or from a log.
+    /// Draw position, velocity and torque over time as an SVG, from a run's CSV or from a log.
     #[command(after_help = "\
 Examples:
   hapt plot runs/step.csv > step.svg                 as hapt sim wrote it
@@ -77,19 +77,19 @@ Examples:
   hapt plot runs/step.csv --limit 822.25Nmm --out step.svg
   hapt plot runs/step.csv runs/step.mcap --to 0.2s --signals torque > both.svg")]
     Plot(PlotArgs),
-    /// A log's inputs through today's core: are the torques the same bits?
+    /// Run a log's inputs through the present core and compare the torques bit by bit.
     #[command(after_help = "\
 Examples:
   hapt replay runs/step.mcap                         exit code 1 if not
   hapt replay runs/step.mcap --json                  with the first difference")]
     Replay(ReplayArgs),
-    /// A log as CSV or Parquet; or as a log, whole again where it was cut.
+    /// Convert a log to CSV or Parquet, or repair a truncated log.
     #[command(after_help = "\
 Examples:
   hapt convert runs/step.mcap -o step.csv            the bytes of hapt sim's own
   hapt convert runs/step.mcap -o step.parquet        units as metadata")]
     Convert(ConvertArgs),
-    /// Every combination of a few numbers of a world, measured: a table, a picture.
+    /// Measure every combination of a few numbers of a world, as a table and a picture.
     #[command(after_help = "\
 Examples:
   hapt sweep wheel.toml --vary loop.period=0.1ms..10ms:50:log \\
@@ -98,7 +98,7 @@ Examples:
       --vary device.damping=0..0.01:40 --measure peak_torque,settling_time \\
       --scenario step --out map.parquet --plot map.svg")]
     Sweep(SweepArgs),
-    /// Where in the plane of two keys a loop stops being stable or passive, exactly.
+    /// Trace the exact edges of stability and passivity in the plane of two keys.
     #[command(after_help = "\
 Examples:
   hapt boundary wheel.toml --vary loop.period=0.1ms..10ms:log \\
@@ -106,21 +106,21 @@ Examples:
   hapt boundary @devices/eth-wall --vary couplings.0.damping=0..0.02 \\
       --vary couplings.0.stiffness=0..20 --of free,passive")]
     Boundary(BoundaryArgs),
-    /// What the hand feels against frequency, and the Z-width of a device.
+    /// Compute the rendered impedance against frequency, or the Z-width of a device.
     #[command(after_help = "\
 Examples:
   hapt impedance @notes/default                      up to which frequency
   hapt impedance wheel.toml --from 1Hz --to 100Hz --out felt.csv --plot felt.svg
   hapt impedance wheel.toml --z-width --plot z.svg   the walls it can stand for")]
     Impedance(ImpedanceArgs),
-    /// The passive hand that draws most energy from the loop, and whether it breaks it.
+    /// Search for the passive hand that extracts most energy from the loop.
     #[command(after_help = "\
 Examples:
   hapt worst wheel.toml                              exit code 1 when broken
   hapt worst wheel.toml --set loop.output=start --out broken.toml || \\
       hapt sim broken.toml --scenario worst")]
     Worst(WorstArgs),
-    /// A world in real time on a device, the torque off at the end.
+    /// Run a world in real time on a device, and remove the torque at the end.
     #[command(after_help = "\
 Examples:
   hapt run wheel.toml --duration 1s                  on the simulated device
@@ -129,13 +129,13 @@ Examples:
       hapt run wheel.toml --device replay:runs/step.csv
   hapt run wheel.toml --device hapt:/dev/ttyACM0     the loop on a board")]
     Run(RunArgs),
-    /// A world onto a board that runs hapt's firmware: checked, sent, verified.
+    /// Certify a world, send it to a board with hapt's firmware, and verify it there.
     #[command(after_help = "\
 Examples:
   hapt flash wheel.toml --device hapt:/dev/ttyACM0
   hapt run wheel.toml --device hapt:/dev/ttyACM0     then it turns")]
     Flash(FlashArgs),
-    /// What a device is made of, from a log or an experiment: inertia, friction, delay.
+    /// Identify a device from a log or an experiment: inertia, friction, delay.
     #[command(after_help = "\
 Examples:
   hapt identify sim --world wheel.toml --duration 2s --log wheel.mcap
@@ -144,25 +144,25 @@ Examples:
       hapt identify log.csv \\
       --columns time=time_s,position=measured_rad,torque=applied_Nm")]
     Identify(IdentifyArgs),
-    /// Serial ports and CAN interfaces, and the drives that may be behind them.
+    /// List serial ports and CAN interfaces, and the drives that may be behind them.
     #[command(after_help = "\
 Examples:
   hapt devices                                       what --device may name")]
     Devices,
-    /// A motor drive and its wheel, simulated, on a serial port or a CAN bus.
+    /// Simulate a motor drive and its wheel on a serial port or a CAN bus.
     #[command(after_help = "\
 Examples:
   hapt simulate-drive moteus --pty --duration 1s     its port is the first line
   hapt simulate-drive odrive --pty --duration 1s     behind an slcan adapter
   hapt simulate-drive moteus --pty @notes/wheel --duration 1s --lockstep")]
     SimulateDrive(SimulateDriveArgs),
-    /// How well this machine keeps a loop's time, and what would help.
+    /// Measure how well this machine keeps a loop's time.
     #[command(after_help = "\
 Examples:
   hapt latency --duration 1s                         the notes' wheel at 1 ms
   hapt latency wheel.toml --duration 1s --spin 100us --json")]
     Latency(LatencyArgs),
-    /// The loop in real time behind a page: grab the wheel and turn its numbers.
+    /// Run the loop in real time behind a page with the wheel and its numbers.
     #[command(after_help = "\
 Examples:
   hapt live                                          the notes' wheel, certified
@@ -170,25 +170,25 @@ Examples:
   hapt live @notes/euler --set loop.period=5ms
   hapt live wheel.toml --device hapt:/dev/ttyACM0    a board, and its page")]
     Live(LiveArgs),
-    /// A world file to start from, with comments, and its schema for editors.
+    /// Write a commented world file to start from, and its schema for editors.
     #[command(after_help = "\
 Examples:
   hapt init                                          a spring and a mass, here
   hapt init my-wall --template wall                  in a folder of its own")]
     Init(InitArgs),
-    /// List the built-in worlds, which go wherever a world file does.
+    /// List the built-in worlds, which stand wherever a world file does.
     #[command(after_help = "\
 Examples:
   hapt worlds
   hapt sim @notes/euler                              one of them")]
     Worlds,
-    /// What a word in a message or a verdict means.
+    /// Explain a term of a message or a verdict.
     #[command(after_help = "\
 Examples:
   hapt explain                                       the topics
   hapt explain critical-period")]
     Explain(ExplainArgs),
-    /// The licences of all that is in this program, with their texts.
+    /// Print the licences of everything in this program, with their texts.
     #[command(
         alias = "licenses",
         after_help = "\
@@ -197,18 +197,18 @@ Examples:
   hapt licences > THIRD-PARTY.txt                    to go along with it"
     )]
     Licences,
-    /// The JSON schema of world files, by which editors complete keys and check units.
+    /// Print the JSON schema of world files, with which editors complete keys and check units.
     #[command(after_help = "\
 Examples:
   hapt schema > hapt.schema.json                     as hapt init does")]
     Schema,
-    /// A script by which a shell completes the command line.
+    /// Print a shell's completion script.
     #[command(after_help = "\
 Examples:
   hapt completions bash > hapt.bash                  then: . ./hapt.bash
   hapt completions fish > hapt.fish                  where fish looks")]
     Completions(CompletionsArgs),
-    /// The manual page, or a page for each command.
+    /// Print the manual page, or write a page for each command.
     #[command(after_help = "\
 Examples:
   hapt man > hapt.1                                  then: man -l hapt.1

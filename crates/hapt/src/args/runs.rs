@@ -40,7 +40,7 @@ pub struct ReportArgs {
     /// Override a key of every world by its dotted path, such as loop.period=2ms; repeatable.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
-    /// Write NAME.html, NAME-FIGURE.svg and live/NAME.html, a page to grab it on, for each world into this folder, and index.html for
+    /// Write NAME.html, NAME-FIGURE.svg and live/NAME.html, an interactive page, for each world into this folder, and index.html for
     /// several.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
@@ -48,22 +48,22 @@ pub struct ReportArgs {
 
 #[derive(Debug, clap::Args)]
 pub struct PlotArgs {
-    /// Runs as hapt sim --out writes them, or logs; - is standard input. Several are drawn over each other.
+    /// Runs of hapt sim --out, or logs; - is standard input. Several are overlaid.
     #[arg(value_name = "CSV or LOG", required = true)]
     pub runs: Vec<PathBuf>,
-    /// Only from this time on, such as '0.5 s'.
+    /// Draw from this time on, such as '0.5 s'.
     #[arg(long, value_name = "TIME")]
     pub from: Option<String>,
-    /// Only up to this time.
+    /// Draw up to this time.
     #[arg(long, value_name = "TIME")]
     pub to: Option<String>,
-    /// Only these, with commas between: position, velocity, torque.
+    /// Draw only these, separated by commas: position, velocity, torque.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub signals: Vec<String>,
-    /// The motor's limit, such as '822.25 N mm', to draw in and to mark what goes beyond; a log knows its own.
+    /// The motor's limit, such as '822.25 N mm', to draw it and to mark where it is exceeded; a log has its own.
     #[arg(long, value_name = "Q")]
     pub limit: Option<String>,
-    /// Write the figure here; without it, to standard output.
+    /// Write the figure here; default: standard output.
     #[arg(long, value_name = "FILE.svg|png")]
     pub out: Option<PathBuf>,
 }
@@ -83,7 +83,7 @@ pub struct ConvertArgs {
     /// A log of hapt sim, hapt run or hapt live; - is standard input.
     #[arg(value_name = "LOG")]
     pub log: PathBuf,
-    /// Write it here: FILE.csv, FILE.parquet or FILE.mcap.
+    /// The output: FILE.csv, FILE.parquet or FILE.mcap.
     #[arg(short, long, value_name = "FILE")]
     pub out: PathBuf,
     /// Only the samples of this plan: worlds are numbered from 0, one more with each change while the loop ran.
@@ -98,10 +98,10 @@ pub struct SweepArgs {
     /// A key and its values, such as loop.period=1ms..10ms:50, or :50:log for equal ratios; repeatable, the last varies fastest.
     #[arg(long = "vary", value_name = "KEY=FROM..TO:N[:log]", required = true)]
     pub axes: Vec<String>,
-    /// What to measure: names with commas between; --measure help lists them.
+    /// The measures, separated by commas; --measure help lists them.
     #[arg(long = "measure", value_name = "NAME,...", value_delimiter = ',', required = true)]
     pub measures: Vec<String>,
-    /// The scenario that is run, where the world has several.
+    /// The scenario to run, if the world has several.
     #[arg(long, value_name = "NAME")]
     pub scenario: Option<String>,
     /// Write the table here: FILE.csv or FILE.parquet.
@@ -110,10 +110,10 @@ pub struct SweepArgs {
     /// Draw the first measure: a curve over one axis, a map over two.
     #[arg(long, value_name = "FILE.svg|png")]
     pub plot: Option<PathBuf>,
-    /// Go on where the same sweep into the same file was interrupted.
+    /// Continue an interrupted sweep into the same file.
     #[arg(long)]
     pub resume: bool,
-    /// Threads; all cores without it. The bytes are the same.
+    /// Threads; default: all cores. The bytes do not depend on it.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
 }

@@ -10,7 +10,7 @@ use super::WorldArgs;
 pub struct CheckArgs {
     #[command(flatten)]
     pub world: WorldArgs,
-    /// Do not look for what would certify it, or for its margins.
+    /// Omit the search for remedies and margins.
     #[arg(long)]
     pub no_remedies: bool,
     /// Print the numbers as JSON.
@@ -20,10 +20,10 @@ pub struct CheckArgs {
 
 #[derive(Debug, clap::Args)]
 pub struct DesignArgs {
-    /// How far the wheel is turned, such as '45 deg'.
+    /// The travel of the wheel, such as '45 deg'.
     #[arg(long, value_name = "Q")]
     pub travel: String,
-    /// The torque asked for there, such as '800 N mm'.
+    /// The torque at that travel, such as '800 N mm'.
     #[arg(long, value_name = "Q")]
     pub torque: String,
     /// The natural frequency of the virtual wheel, such as '1 Hz'.
@@ -41,7 +41,7 @@ pub struct DesignArgs {
 pub struct WorstArgs {
     #[command(flatten)]
     pub world: WorldArgs,
-    /// Write the world with the scenario `worst` here; without it, the scenario is printed.
+    /// Write the world with the scenario `worst` here; default: print the scenario.
     #[arg(long, value_name = "FILE.toml")]
     pub out: Option<PathBuf>,
     /// Print the numbers as JSON.
@@ -53,19 +53,19 @@ pub struct WorstArgs {
 pub struct ImpedanceArgs {
     #[command(flatten)]
     pub world: WorldArgs,
-    /// The lowest frequency; without it, below the slowest swing of the world.
+    /// The lowest frequency; default: below the slowest mode of the world.
     #[arg(long, value_name = "HZ")]
     pub from: Option<String>,
-    /// The highest frequency; without it, half of the sampling rate.
+    /// The highest frequency; default: half of the sampling rate.
     #[arg(long, value_name = "HZ")]
     pub to: Option<String>,
-    /// Rows, equal ratios apart: 200; dampers of a Z-width: 80.
+    /// The number of rows, spaced by equal ratios; default: 200, for a Z-width 80.
     #[arg(long, value_name = "N")]
     pub points: Option<usize>,
-    /// On which slope nonlinear couplings are taken.
+    /// The slope of nonlinear couplings.
     #[arg(long, value_name = "WHICH", value_enum, default_value = "steep")]
     pub slopes: SlopesArg,
-    /// In place of the world, the springs and dampers to ground that the device can stand for, passive and stable let go.
+    /// Compute the springs and dampers to ground that the device can render, passive and stable hands-off, in place of the world.
     #[arg(long, conflicts_with_all = ["from", "to", "slopes"])]
     pub z_width: bool,
     /// Write the rows here, and print no summary.
@@ -82,9 +82,9 @@ pub struct ImpedanceArgs {
 /// The slope of a wall, a detent or a bristle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum SlopesArg {
-    /// The steepest rise: a wall is touched.
+    /// The steepest rise: walls in contact.
     Steep,
-    /// None: no wall is touched.
+    /// None: walls out of contact.
     Flat,
 }
 
@@ -92,13 +92,13 @@ pub enum SlopesArg {
 pub struct BoundaryArgs {
     #[command(flatten)]
     pub world: WorldArgs,
-    /// A key and its range, such as loop.period=1ms..10ms, or 1ms..10ms:log; twice: to the right, and up.
+    /// A key and its range, such as loop.period=1ms..10ms, or 1ms..10ms:log; twice: horizontal and vertical axis.
     #[arg(long = "vary", value_name = "KEY=FROM..TO[:log]", required = true)]
     pub axes: Vec<String>,
-    /// Whose edges: held, free, passive, with commas between.
+    /// The edges, separated by commas: held, free, passive.
     #[arg(long = "of", value_name = "NAME,...", value_delimiter = ',', default_value = "held,free,passive")]
     pub claims: Vec<String>,
-    /// Write the edges' points here; without it, to standard output.
+    /// Write the edges' points here; default: standard output.
     #[arg(long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// Draw the plane, each side of each edge in its colour.

@@ -4,17 +4,17 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub struct InitArgs {
-    /// The folder for world.toml and hapt.schema.json; made when it is not there.
+    /// The folder for world.toml and hapt.schema.json; created if missing.
     #[arg(value_name = "DIR", default_value = ".")]
     pub folder: PathBuf,
-    /// What to start from: spring-mass, wall, detents, damper, inertia, friction, end-stops or two-wheels.
+    /// The template: spring-mass, wall, detents, damper, inertia, friction, end-stops or two-wheels.
     #[arg(long, value_name = "NAME", default_value = "spring-mass")]
     pub template: String,
 }
 
 #[derive(Debug, clap::Args)]
 pub struct ExplainArgs {
-    /// A word from a message or a verdict, such as growth; without it, the list of topics.
+    /// A term of a message or a verdict, such as growth; default: list the topics.
     #[arg(value_name = "TOPIC")]
     pub topic: Option<String>,
 }

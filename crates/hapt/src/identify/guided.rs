@@ -104,7 +104,7 @@ fn bounds(world: &World, torque: f64) -> Bounds {
 /// Nothing moves before somebody has said yes.
 fn ask(what: &str, world: &World, torque: f64, duration: f64) -> Result<(), Failure> {
     if !stdin().is_terminal() {
-        return Err(Failure::input(format!("{what} is going to move: --yes says that nobody is in its way")));
+        return Err(Failure::input(format!("{what} is going to move: pass --yes once everyone is clear of it")));
     }
     let bounds = bounds(world, torque);
     let (torque, duration) = (people::effort(bounds.torque, world.motion), people::time(duration));

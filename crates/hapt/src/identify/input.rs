@@ -47,7 +47,7 @@ pub fn read(args: &IdentifyArgs, world: Option<World>) -> Result<Given, Failure>
     let first = from.fill_buf().map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
     let (lists, motion, world) = if hapt_log::is_log(first) {
         if args.columns.is_some() || args.spring.is_some() {
-            return Err(Failure::input("--columns and --spring are for tables; a log knows its columns and torques"));
+            return Err(Failure::input("--columns and --spring are for tables; a log has its columns and torques"));
         }
         let log = Log::read(Box::new(from) as Box<dyn Read>).map_err(|error| log::failure(&name, error))?;
         logged(Opened { name: name.clone(), log }, world, args.coast)?

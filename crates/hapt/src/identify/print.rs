@@ -64,7 +64,7 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
     }
     line("delay", within(found.delay, 1e3, "ms"));
     if let Some(offset) = found.offset.filter(|offset| !offset.covers(0.0)) {
-        line("offset", format!("{}: a torque that nobody asked for", sized(offset, per_si, effort)));
+        line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
     }
     line(
         "sign",

@@ -7,10 +7,10 @@ pub const TOPICS: &[Topic] = &[
         name: "forward-euler",
         aliases: &["euler", "explicit-euler"],
         line: "the simplest method: grows, unless damped",
-        text: r#"x_{k+1} = x_k + T f(x_k, u_k): positions and velocities by the slopes at the start of the step. λ =
-1 + sT puts an undamped mode outside the unit circle at every period: it grows by ln(1 + ω²T²)/(2T).
-A damper b = Tk beside the spring cancels that, for ωT < 2 (see compensating). Damped worlds are
-stable up to the critical period; far beyond critical damping that becomes shorter.
+        text: r#"x_{k+1} = x_k + T f(x_k, u_k): positions and velocities by the slopes at the start of the step.
+λ = 1 + sT puts an undamped mode outside the unit circle at every period: it grows by ln(1 +
+ω²T²)/(2T). A damper b = Tk beside the spring cancels that, for ωT < 2 (see compensating). Damped
+worlds are stable up to the critical period; far beyond critical damping that becomes shorter.
 
   hapt check @notes/euler                  unstable
   hapt sim @notes/damped                   0 predicted
@@ -22,8 +22,8 @@ It takes every coupling at a body, as semi-implicit-euler and rk4 do.
         name: "backward-euler",
         aliases: &["implicit-euler"],
         line: "never unstable, but takes energy out of every swing",
-        text: r#"x_{k+1} = x_k + T f(x_{k+1}, u_k): slopes at the end of the step, a matrix solved once beforehand. λ
-= 1/(1 - sT) is inside the unit circle at every period. The price: an undamped oscillation decays,
+        text: r#"x_{k+1} = x_k + T f(x_{k+1}, u_k): slopes at the end of the step, a matrix solved once beforehand.
+λ = 1/(1 - sT) is inside the unit circle at every period. The price: an undamped oscillation decays,
 at the rate at which it grows under forward Euler.
 
   hapt check @notes/default --set loop.method=backward-euler        growth -0.0197388 per second
@@ -49,9 +49,9 @@ With "middle" an undamped oscillation is passive from kT/2 of device damping on;
         name: "trapezoidal",
         aliases: &["trapezoid"],
         line: "the mean of both slopes: keeps the amplitude at every period",
-        text: r#"x_{k+1} = x_k + T/2 (f(x_k, u_k) + f(x_{k+1}, u_k)): a matrix solved once beforehand. λ = (1 +
-sT/2)/(1 - sT/2): an undamped mode stays on the unit circle at every period; its phase advances by 2
-atan(ωT/2) a sample, slightly slow.
+        text: r#"x_{k+1} = x_k + T/2 (f(x_k, u_k) + f(x_{k+1}, u_k)): a matrix solved once beforehand.
+λ = (1 + sT/2)/(1 - sT/2): an undamped mode stays on the unit circle at every period; its phase
+advances by 2 atan(ωT/2) a sample, slightly slow.
 
   hapt check @notes/default --set loop.method=trapezoidal      in this loop 0.999997 Hz, 0
 

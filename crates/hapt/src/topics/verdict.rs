@@ -151,8 +151,8 @@ no such hand can make the loop shake (Colgate and Schenkel 1997, exactly, for th
 spring K needs KT/2; a damper B by differences B more; a delay of d samples KTd more. "not passive
 at any device damping": the torque is out of phase, and damping cannot compensate; see output.
 
-  hapt check @notes/default                           it asks the device for 0.0005093 N m s/rad
-  hapt check @notes/default --set loop.period=2ms     it asks the device for 0.001019 N m s/rad
+  hapt check @notes/default                           a device damping of 0.0005093 N m s/rad
+  hapt check @notes/default --set loop.period=2ms     a device damping of 0.001019 N m s/rad
   hapt check @notes/wheel | grep ^passive             not passive at any device damping
 
 Passivity and stability are different properties: see verdict, proved and remedies.

@@ -177,7 +177,7 @@ fn a_fifo_and_a_device_are_written_through_and_stay_what_they_are() {
         &["run", "w.toml", "--duration", "0.1s", "--log", "f"],
     ] {
         fs::rename(&fifo, at.path().join(args[args.len() - 1])).unwrap();
-        hapt(at.path(), args).refused(3, &["it is a FIFO, and nobody reads from it"]);
+        hapt(at.path(), args).refused(3, &["it is a FIFO without a reader"]);
         fs::rename(at.path().join(args[args.len() - 1]), &fifo).unwrap();
         assert!(is_fifo());
     }

@@ -168,7 +168,7 @@ fn a_run_on_a_board_that_is_interrupted_leaves_no_torque() {
         assert_eq!(board.torque(), 0.0);
         // The next run clears what the interruption has left, and says so.
         let ended = hapt(at.path(), ["run", "w.toml", "--device", &spec, "--duration", "10 ms"]).done();
-        assert!(ended.err.contains("cleared: Somebody pressed stop."), "{ended:?}");
+        assert!(ended.err.contains("cleared: Stop was pressed."), "{ended:?}");
     }
 }
 

@@ -101,8 +101,8 @@ fn init_overwrites_nothing() {
 #[test]
 fn init_in_a_file_or_from_an_unknown_template_is_refused() {
     let at = folder(&[("file", "")]);
-    hapt(at.path(), ["init", "file"]).refused(2, &["file is a file; init wants a folder"]);
-    hapt(at.path(), ["init", "file/below"]).refused(2, &["file is a file; init wants a folder"]);
+    hapt(at.path(), ["init", "file"]).refused(2, &["file is a file; init needs a folder"]);
+    hapt(at.path(), ["init", "file/below"]).refused(2, &["file is a file; init needs a folder"]);
     let words = ["no template \"detent\"", "did you mean \"detents\"?", "spring-mass, wall, detents, damper"];
     hapt(at.path(), ["init", "--template", "detent"]).refused(2, &words);
     hapt(at.path(), ["init", "--template", "zebra"]).refused(2, &["; the templates are ", &TEMPLATES.join(", ")]);

@@ -179,7 +179,7 @@ late = "10 s"
         }
         // Where nobody can be asked, nobody is.
         let nobody = hapt(at.path(), ["identify", &device, "--world", "w.toml", "--write", "d.toml"]);
-        nobody.refused(2, &["is going to move: --yes says that nobody is in its way"]);
+        nobody.refused(2, &["is going to move: pass --yes once everyone is clear of it"]);
         assert_eq!(names(at.path()), ["w.toml"]);
         // Not one byte has reached the drive.
         assert_eq!(port.read(&mut [0; 64], Instant::now()).unwrap(), 0);
