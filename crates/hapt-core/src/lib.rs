@@ -22,7 +22,8 @@
 //!         first: End::Puck,
 //!         second: End::Body(0),
 //!         law: Law::Spring { stiffness: 1.018592, rest: 0.0 },
-//!, limit: None     }],
+//!         limit: None,
+//!     }],
 //! };
 //! // Room for 4 bodies, 8 couplings and a FOAW window of 16; f32 runs as well.
 //! let world = Loop::<f64, 4, 8, 16>::new(&spec)?;

@@ -23,7 +23,8 @@
 //!         first: End::Puck,
 //!         second: End::Body(0),
 //!         law: Law::Spring { stiffness: 1.02, rest: 0.0 },
-//!, limit: None     }],
+//!         limit: None,
+//!     }],
 //! };
 //! let mut room = [0; 512];
 //! let bytes = write(&spec, &mut room)?;
