@@ -11,7 +11,7 @@ use crate::{Error, Loop, Real, Spec, State};
 /// use hapt_core::{Controller, Coupling, End, Estimator, Heat, Law, Limits, Method, Output, Phase, Reading, Request, Spec};
 ///
 /// let couplings =
-///     [Coupling { first: End::Puck, second: End::Ground, law: Law::Spring { stiffness: 1.0, rest: 0.0 } }];
+///     [Coupling { first: End::Puck, second: End::Ground, law: Law::Spring { stiffness: 1.0, rest: 0.0 }, limit: None }];
 /// let spec = Spec {
 ///     period: 1e-3,
 ///     method: Method::Zoh,
