@@ -1,7 +1,8 @@
-//! What pages say to `hapt live`, one message a line, and what they set.
+//! The messages of pages to `hapt live`, one a line, and the keys that they set.
 
-use hapt_live::protocol::{Said, Says};
-use hapt_live::state::Workbench;
+use hapt_host::WorldConfig;
+use hapt_live::protocol::{ClientMessage, ServerMessage};
+use hapt_live::{describe, rule};
 use hapt_model::Source;
 
 use crate::messages;
@@ -17,23 +18,23 @@ const HEARD: usize = 64;
 pub fn run(bytes: &[u8]) -> u64 {
     let text = String::from_utf8_lossy(bytes);
     let source = Source::from_text("w.toml", EVERYTHING);
-    let Ok(mut bench) = Workbench::new(source, Vec::new()) else { return 0 };
+    let Ok(mut config) = WorldConfig::checked(source, Vec::new(), rule::check) else { return 0 };
     let mut outcome = 0_u64;
     for line in text.split('\n').take(HEARD) {
-        let next = match Said::read(line) {
-            Ok(Said::Set { key, value }) => bench.with(&key, &value),
-            Ok(Said::Sets { sets }) => bench.with_all(&sets),
-            Ok(Said::Reset) => bench.reset(),
-            Ok(said) => {
-                outcome = outcome.wrapping_mul(31) ^ messages::outcome(&std::mem::discriminant(&said));
+        let next = match ClientMessage::read(line) {
+            Ok(ClientMessage::Set { key, value }) => config.with(&key, &value),
+            Ok(ClientMessage::Sets { sets }) => config.with_all(&sets),
+            Ok(ClientMessage::Reset) => config.reset(),
+            Ok(message) => {
+                outcome = outcome.wrapping_mul(31) ^ messages::outcome(&std::mem::discriminant(&message));
                 continue;
             }
             Err(words) => Err(words),
         };
         match next {
             Ok(next) => {
-                bench = next;
-                outcome = outcome.wrapping_mul(31) ^ messages::outcome(&bench.keys().len());
+                config = next;
+                outcome = outcome.wrapping_mul(31) ^ messages::outcome(&config.keys().len());
             }
             Err(words) => {
                 assert!(!words.is_empty() && words.len() < 4000, "{} bytes of answer", words.len());
@@ -42,6 +43,10 @@ pub fn run(bytes: &[u8]) -> u64 {
             }
         }
     }
-    assert!(Says::World(Box::new(bench.says())).json().contains("\"columns\""), "no page for {:?}", bench.sets());
+    assert!(
+        ServerMessage::World(Box::new(describe(&config))).json().contains("\"columns\""),
+        "no page for {:?}",
+        config.sets()
+    );
     outcome
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 
-use crate::{marked, words};
+use crate::{marked, text};
 
 /// How many, from which seed, for how long, and whether the page is written.
 pub struct Campaign {
@@ -26,7 +26,7 @@ impl Campaign {
         if takes_minutes {
             places.push(("--minutes", &mut minutes));
         }
-        let write = words::numbers(words, &mut places)?;
+        let write = text::numbers(words, &mut places)?;
         Ok(Campaign { n: n as u64, seed: seed as u64, minutes, write, started })
     }
 

@@ -16,7 +16,7 @@ use fastrand::Rng;
 use hapt_core::{Phase, Reason, SafetyProfile};
 use rayon::prelude::*;
 
-use crate::{marked, words};
+use crate::{marked, text};
 use bench::Hand;
 use kinds::Kind;
 use rig::Rig;
@@ -47,7 +47,7 @@ struct Trial {
 /// `[--n N] [--clean SAMPLES] [--seed S] [--write]`
 pub fn command(words: &[&str]) -> Result<()> {
     let (mut n, mut clean, mut seed) = (1e4, 1e8, 1.0);
-    let write = words::numbers(words, &mut [("--n", &mut n), ("--clean", &mut clean), ("--seed", &mut seed)])?;
+    let write = text::numbers(words, &mut [("--n", &mut n), ("--clean", &mut clean), ("--seed", &mut seed)])?;
     let (n, seed) = (n as u64, seed as u64);
     let started = Instant::now();
     let trials = campaign(n, seed)?;

@@ -18,7 +18,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::{marked, supply};
+use crate::{deps, marked};
 
 const FOLDER: &str = "firmware";
 const BUILT: &str = "target/firmware";
@@ -191,7 +191,7 @@ fn qemu(machine: &str, program: &Path, cases: &[u8], more: &[&str]) -> Result<St
 }
 
 fn has_target() -> bool {
-    supply::has_target(TARGET)
+    deps::has_target(TARGET)
 }
 
 /// Whether there is what builds and runs the firmware; with `CI` set what is missing is installed.

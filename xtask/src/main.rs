@@ -4,11 +4,11 @@ mod bench;
 mod book;
 mod campaign;
 mod commands;
+mod deps;
 mod faults;
 mod figure;
 mod firmware;
 mod fuzz;
-mod guest;
 mod identify;
 mod licences;
 mod links;
@@ -18,10 +18,10 @@ mod notes;
 mod page;
 mod reference;
 mod site;
-mod supply;
 mod test;
+mod text;
 mod truth;
-mod words;
+mod vm;
 
 use std::path::PathBuf;
 
@@ -60,8 +60,8 @@ fn main() -> Result<()> {
         }
         ["notes", "--write"] => notes::write(),
         ["figure"] => figure::write(),
-        ["guest"] => guest::drives(),
-        ["guest", ref line @ ..] => guest::run(&line.join(" ")),
+        ["guest"] => vm::drives(),
+        ["guest", ref line @ ..] => vm::run(&line.join(" ")),
         ["fuzz", ref arguments @ ..] => fuzz::run(arguments),
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),

@@ -99,7 +99,7 @@ fn list(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
 
 /// Whether this compiler has the target's standard library.
 fn has_target() -> bool {
-    crate::supply::has_target(TARGET)
+    crate::deps::has_target(TARGET)
 }
 
 /// The built page gives the bits of this machine's, for every method over 10^5 samples of a random world: loop, supervisor, device, the

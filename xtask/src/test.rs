@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{book, faults, figure, fuzz, guest, identify, licences, links, memory, notes, page, supply, truth};
+use crate::{book, deps, faults, figure, fuzz, identify, licences, links, memory, notes, page, truth, vm};
 
 /// The one in which every test is built, xtask too (`.cargo/config.toml`).
 pub const PROFILE: &str = "tested";
@@ -47,7 +47,7 @@ pub fn run() -> Result<()> {
     tally.step("the page's core gives the same bits", page::same_bits());
     tally.step("the page is what its sources build to", page::is_current());
     tally.step("the page works in a browser", page::works());
-    tally.step("drives on a CAN bus", guest::drives());
+    tally.step("drives on a CAN bus", vm::drives());
     // Only here: the steps above may install packages, which one alone can do at a time.
     let firmware = Beside::start("target/firmware.log", std::env::current_exe()?, &["firmware", "holds"])?;
     tally.step("fuzzing finds nothing in a few seconds", fuzz::is_quiet());
@@ -55,9 +55,9 @@ pub fn run() -> Result<()> {
     tally.step("the supervisor catches faults, and nothing else", faults::are_caught());
     tally.step("intervals of identified devices cover the truth", identify::holds());
     tally.step("memory stays bounded", memory::is_bounded());
-    tally.step("licences and sources", supply::licences());
+    tally.step("licences and sources", deps::licences());
     tally.step("licences of the program", licences::is_current());
-    tally.step("the oldest Rust", supply::oldest_rust());
+    tally.step("the oldest Rust", deps::oldest_rust());
     tally.step("docs/notes.md is current", notes::is_current());
     tally.step("docs/notes.md names tests that exist", notes::names_real_tests());
     tally.step("the pictures are current", figure::is_current());

@@ -1,44 +1,44 @@
-//! Who has control: one client at a time. The first to come has it, others take it on purpose; who says nothing for
-//! [`PATIENCE`] keeps it, but his hand lets go.
+//! Control: one client has it at a time. The first client gets it, others take it on purpose. A client that is silent for [`PATIENCE`] keeps
+//! control, but its hand releases the puck.
 
 use std::time::{Duration, Instant};
 
-/// So long may the client in control be silent before his hand lets go.
+/// How long the client in control may be silent before its hand releases the puck.
 pub const PATIENCE: Duration = Duration::from_millis(300);
 
-/// A client's number, never given twice.
+/// A client's number, never used twice.
 pub type Client = u64;
 
-/// Who has control, and when he was last heard.
+/// The client in control, and when its last message came.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Control {
     holder: Option<(Client, Instant)>,
 }
 
 impl Control {
-    /// Who has it.
+    /// The client in control.
     pub fn holder(&self) -> Option<Client> {
         self.holder.map(|(client, _)| client)
     }
 
-    /// Whether this client has it.
+    /// Whether this client has control.
     pub fn is_held_by(&self, client: Client) -> bool {
         self.holder() == Some(client)
     }
 
-    /// A client has come. Whether it has control now and had it not before.
+    /// A client has joined; whether it gets control.
     pub fn joined(&mut self, client: Client, now: Instant) -> bool {
         self.holder.is_none() && self.take(client, now)
     }
 
-    /// A client takes it. Whether that changes anything.
+    /// A client takes control; whether that is a change.
     pub fn take(&mut self, client: Client, now: Instant) -> bool {
         let changes = !self.is_held_by(client);
         self.holder = Some((client, now));
         changes
     }
 
-    /// A client gives it away, or has left. Whether it had it.
+    /// A client gives control away, or has left; whether it had control.
     pub fn leave(&mut self, client: Client) -> bool {
         let had = self.is_held_by(client);
         if had {
@@ -47,14 +47,14 @@ impl Control {
         had
     }
 
-    /// A client has said something.
+    /// A message of a client has come.
     pub fn heard(&mut self, client: Client, now: Instant) {
         if self.is_held_by(client) {
             self.holder = Some((client, now));
         }
     }
 
-    /// Whether somebody has control who was heard within [`PATIENCE`].
+    /// Whether a client has control and was heard within [`PATIENCE`].
     pub fn is_awake(&self, now: Instant) -> bool {
         self.holder.is_some_and(|(_, heard)| now.saturating_duration_since(heard) < PATIENCE)
     }
@@ -65,12 +65,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_has_control_and_others_take_it_on_purpose() {
+    fn the_first_client_gets_control_and_others_take_it_on_purpose() {
         let now = Instant::now();
         let mut control = Control::default();
         assert!(control.joined(1, now) && !control.joined(2, now));
         assert!(control.is_held_by(1) && !control.is_held_by(2));
-        assert!(!control.leave(2), "who had none leaves and nothing changes");
+        assert!(!control.leave(2), "a client without control leaves and nothing changes");
         assert!(control.take(2, now) && !control.take(2, now));
         assert!(!control.leave(1) && control.leave(2));
         assert_eq!(control.holder(), None);
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn the_silent_are_asleep_after_their_patience_and_no_other_wakes_them() {
+    fn a_silent_client_is_asleep_and_no_other_client_wakes_it() {
         let start = Instant::now();
         let at = |ms: u64| start + Duration::from_millis(ms);
         let mut control = Control::default();

@@ -1,15 +1,15 @@
-//! The telemetry: a binary frame sixty times a second, with the last, the smallest and the largest of every column since the one
-//! before. So no peak of a loop at 1 kHz is lost on a page at 60 Hz.
+//! The telemetry: a binary frame sixty times a second, with the last, the smallest and the largest value of every column since the frame
+//! before, so that no peak of a loop at 1 kHz is lost on a page at 60 Hz.
 //!
 //! Little-endian: u8 version = 1, u8 kind = 1, u16 columns, u32 generation, f64 time of the last sample in s; then for each column f32
 //! last, f32 smallest, f32 largest.
 
 use bytes::Bytes;
+use hapt_host::Sample;
 use hapt_model::World;
-use hapt_rt::Record;
 use hapt_sim::{columns, world_energy};
 
-use crate::protocol::ColumnSays;
+use crate::protocol::ColumnInfo;
 
 /// Bytes before the columns.
 pub const HEAD: usize = 16;
@@ -19,18 +19,18 @@ const OWN: usize = 8;
 const ENERGY: &str = "energy_J";
 
 /// The columns of a world's telemetry.
-pub fn columns_of(world: &World) -> Vec<ColumnSays> {
-    // As in the CSV without the time; what the motor holds is known to no loop, but what it is asked for.
+pub fn columns_of(world: &World) -> Vec<ColumnInfo> {
+    // As in the CSV, without the time, and with the output in place of the applied torque, which a loop does not know.
     let (mut list, mut bodies) = (Vec::new(), Vec::new());
     for (i, column) in columns(world).into_iter().enumerate() {
         let to = if i < OWN { &mut list } else { &mut bodies };
-        to.push(ColumnSays { name: column.name, unit: column.unit });
+        to.push(ColumnInfo { name: column.name, unit: column.unit });
     }
     list.remove(0);
     if let Some(applied) = list.last_mut() {
         applied.name = applied.name.replace("applied", "output");
     }
-    list.push(ColumnSays { name: ENERGY.into(), unit: "J" });
+    list.push(ColumnInfo { name: ENERGY.into(), unit: "J" });
     list.extend(bodies);
     list
 }
@@ -46,18 +46,19 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// A sample of this world, taken at `time`.
-    pub fn add(&mut self, world: &World, generation: u32, time: f64, record: &Record) {
+    /// Adds a sample.
+    pub fn add(&mut self, sample: &Sample<'_>) {
+        let Sample { world, generation, time, position, record } = *sample;
         let bodies = &record.bodies[..world.bodies.len().min(record.bodies.len())];
         let own = [
-            record.position,
+            position,
             record.velocity,
             record.measured,
             record.measured_velocity,
             record.torque,
             record.command,
             record.output,
-            world_energy(world, record.position, bodies, &[]),
+            world_energy(world, position, bodies, &[]),
         ];
         let values = own.into_iter().chain(bodies.iter().flat_map(|&(position, velocity)| [position, velocity]));
         if generation != self.generation {
@@ -69,14 +70,14 @@ impl Frames {
             return;
         }
         for ([last, smallest, largest], value) in self.columns.iter_mut().zip(values) {
-            // A NaN stays: it is worth being seen.
+            // A NaN stays, so that the page shows it.
             *last = value;
             *smallest = if value < *smallest || value.is_nan() { value } else { *smallest };
             *largest = if value > *largest || value.is_nan() { value } else { *largest };
         }
     }
 
-    /// The frame, and a new beginning; `None` when there was no sample.
+    /// Takes the frame and starts the next; `None` when there was no sample.
     pub fn take(&mut self) -> Option<Bytes> {
         if self.columns.is_empty() {
             return None;
@@ -95,8 +96,14 @@ impl Frames {
 
 #[cfg(test)]
 mod tests {
+    use hapt_rt::Record;
+
     use super::*;
     use crate::testing::{record, world};
+
+    fn add(frames: &mut Frames, world: &World, generation: u32, time: f64, record: &Record) {
+        frames.add(&Sample { world, generation, time, position: record.position, record });
+    }
 
     fn read(frame: &[u8]) -> (u32, f64, Vec<[f32; 3]>) {
         let numbers: Vec<f32> = frame[HEAD..].chunks(4).map(|x| f32::from_le_bytes(x.try_into().unwrap())).collect();
@@ -112,7 +119,7 @@ mod tests {
         assert_eq!(frames.take(), None);
         for (sample, (position, wheel)) in [(0.0, 1.0), (-2.0, 3.0), (1.0, 2.0)].into_iter().enumerate() {
             let record = record(sample as u64, |r| (r.position, r.bodies[0].0) = (position, wheel));
-            frames.add(&world, 7, sample as f64, &record);
+            add(&mut frames, &world, 7, sample as f64, &record);
         }
         let frame = frames.take().unwrap();
         assert_eq!(frame[..4], [1, 1, 10, 0]);
@@ -133,11 +140,11 @@ mod tests {
     fn what_is_no_number_is_seen_and_a_new_world_begins_a_new_frame() {
         let world = world();
         let mut frames = Frames::default();
-        frames.add(&world, 0, 0.0, &record(0, |r| r.torque = f64::NAN));
-        frames.add(&world, 0, 1.0, &record(1, |r| r.torque = 1.0));
+        add(&mut frames, &world, 0, 0.0, &record(0, |r| r.torque = f64::NAN));
+        add(&mut frames, &world, 0, 1.0, &record(1, |r| r.torque = 1.0));
         assert!(read(&frames.take().unwrap()).2[4][1].is_nan());
-        frames.add(&world, 0, 2.0, &record(2, |r| r.position = -9.0));
-        frames.add(&world, 1, 3.0, &record(3, |r| r.position = 1.0));
+        add(&mut frames, &world, 0, 2.0, &record(2, |r| r.position = -9.0));
+        add(&mut frames, &world, 1, 3.0, &record(3, |r| r.position = 1.0));
         let (generation, _, columns) = read(&frames.take().unwrap());
         assert_eq!((generation, columns[0]), (1, [1.0, 1.0, 1.0]));
     }

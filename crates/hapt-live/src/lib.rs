@@ -1,53 +1,40 @@
 //! The loop in real time behind a web page.
 //!
-//! [`Live::start`] takes a world and an address, and runs three things on threads of their own: the loop ([`hapt_rt::Engine`], which knows
-//! nothing of pages), the [`desk`], which owns it and speaks with the pages, and the [`server`], which carries what they say. A
-//! [`judge`] computes the certificate aside, and a worker what takes long. Between them are bounded queues, and only the desk ever waits for
-//! something to do. Stop, and the word that whoever has control is there, go from the server to the loop itself:
+//! [`Live::start`] takes a world and an address. It starts the loop's session ([`hapt_host::Session`]), the [`session`] with the pages, which
+//! owns it, and the [`server`], which carries their messages. A [`certifier`] computes the certificate on threads of its own. Between the
+//! threads are bounded queues. Stop, and the heartbeats of the client in control, pass the queues and go from the server to the loop itself:
 //!
 //! ```text
-//! browser <-> server <-> desk <-> loop, or a board
-//!                 |       |  \      |
-//!                 |     judge worker, recorder
-//!                 +--- stop --------+
+//! browser <-> server <-> session with the pages <-> session of the loop <-> loop, or a board
+//!                 |          |                                               |
+//!                 |       certifier                                          |
+//!                 +--------- stop, heartbeats -------------------------------+
 //! ```
 //!
-//! [`standalone`] writes the same page with all of that left out, for a folder without a server.
+//! [`standalone`] writes the same page as files, for a folder without a server.
 //!
-//! The messages are in [`protocol`], the telemetry in [`frames`], who may come in is in [`access`].
+//! The messages are in [`protocol`], the telemetry in [`frames`], the admission of requests in [`access`].
 
 pub mod access;
 pub mod assets;
-mod attached;
-#[cfg(unix)]
-mod board;
+pub mod certifier;
 pub mod control;
 mod counted;
-pub mod desk;
+mod describe;
 pub mod frames;
-mod hand;
 mod http;
-pub mod judge;
-pub mod keys;
 mod live;
-mod packed;
 pub mod protocol;
-mod recording;
 mod requests;
-mod runner;
-mod sensible;
+pub mod rule;
+pub mod sender;
 pub mod server;
-#[cfg(unix)]
-mod shown;
+pub mod session;
 mod socket;
 pub mod standalone;
-pub mod state;
 mod status;
 #[cfg(test)]
 mod testing;
-mod worker;
 
-pub use live::{Error, Live, Machine, Options, PORT, Runs};
-pub use packed::packed;
-#[cfg(unix)]
-pub use shown::Shown;
+pub use describe::describe;
+pub use live::{Error, Live, Options, PORT};

@@ -1,12 +1,12 @@
-//! What the page and the server say to each other: version 1, text frames of JSON. The telemetry is in [`crate::frames`].
+//! The messages between page and server: version 1, text frames of JSON. The telemetry is in [`crate::frames`].
 //!
-//! Numbers are SI; where people read or write a quantity, it is a string with its unit.
+//! Numbers are SI; a quantity that people read or write is a string with its unit.
 
-mod said;
-mod says;
+mod client;
+mod server;
 
-pub use said::{FARTHEST, LONGEST, Said, Wish};
-pub use says::*;
+pub use client::{ClientMessage, Command, FARTHEST, LONGEST};
+pub use server::*;
 
-/// The version that both sides say in their hello.
+/// The version in the hello of both sides.
 pub const VERSION: u32 = 1;

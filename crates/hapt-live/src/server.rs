@@ -1,8 +1,8 @@
-//! The server: connections in, the page and the websockets out, on a thread of its own.
+//! The server: accepts connections and serves the page and the websockets, on a thread of its own.
 //!
-//! A connection costs a place in a short list. When the list is full the oldest gives way to the newest, so that a thousand connections
-//! that say nothing never keep the page from anybody. Websockets that have not said hello have such a list of their own, and of those that
-//! have, one that is silent gives way. Nothing here reaches the loop but through the desk's door.
+//! Connections stand in short lists. In a full list the oldest connection is closed for the newest, so that a thousand silent connections
+//! never block the page. Websockets before their hello have a list of their own; of those after it, a silent one is closed. Only
+//! [`EventSender`] leads from here to the loop.
 
 use std::collections::VecDeque;
 use std::net::TcpListener;
@@ -19,24 +19,24 @@ use tokio::sync::oneshot;
 use tokio::task::AbortHandle;
 
 use crate::access::Access;
-use crate::desk::Door;
 use crate::http::{Answer, answer};
+use crate::sender::EventSender;
 use crate::socket;
 
-/// Connections that are no websockets.
+/// The most connections that are no websockets.
 const CONNECTIONS: usize = 256;
-/// Websockets of pages that have said hello, and of those that have not yet.
+/// The most websockets after their hello, and before it.
 const PAGES: usize = 64;
-const STRANGERS: usize = 64;
-/// A page that has said nothing for so long gives way to another, where there is no room.
+const PENDING: usize = 64;
+/// A page that is silent for this long is closed where another needs its place.
 const SILENT: Duration = Duration::from_secs(10);
-/// A request's head comes within this, or never.
+/// The time limit for a request's head.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// And is no longer than this in bytes, with so many headers.
+/// The size limit of a request's head in bytes, and its most headers.
 const HEAD: usize = 16 * 1024;
 const FIELDS: usize = 64;
 
-/// A server at work. Dropped, it ends.
+/// A running server. Dropped, it ends.
 pub struct Server {
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
@@ -51,20 +51,20 @@ impl Drop for Server {
     }
 }
 
-/// What every connection knows.
-pub struct House {
+/// What all connections share.
+pub struct ServerState {
     pub(crate) access: Access,
-    pub(crate) door: Door,
+    pub(crate) sender: EventSender,
     /// The next client's number.
     clients: AtomicU64,
     /// Websockets, the oldest first.
-    seats: Mutex<VecDeque<Seat>>,
+    sockets: Mutex<VecDeque<Socket>>,
     /// Connections that are no websockets, the oldest first.
-    guests: Mutex<VecDeque<(u64, AbortHandle)>>,
+    connections: Mutex<VecDeque<(u64, AbortHandle)>>,
 }
 
-/// A websocket's place.
-struct Seat {
+/// A websocket.
+struct Socket {
     client: u64,
     /// It has said hello, with the token where one is asked for.
     is_page: bool,
@@ -72,61 +72,63 @@ struct Seat {
     task: Option<AbortHandle>,
 }
 
-impl House {
-    /// A place for a websocket that has said nothing; the oldest such gives way.
-    fn seat(self: &Arc<Self>) -> Place {
+impl ServerState {
+    /// Admits a websocket before its hello; the oldest such is closed where there are too many.
+    fn admit(self: &Arc<Self>) -> Place {
         let client = self.clients.fetch_add(1, Ordering::Relaxed);
-        let mut seats = self.seats();
-        let strangers = seats.iter().filter(|seat| !seat.is_page).count();
-        if strangers >= STRANGERS
-            && let Some(oldest) = seats.iter().position(|seat| !seat.is_page)
-            && let Some(Seat { task: Some(task), .. }) = seats.remove(oldest)
+        let mut sockets = self.sockets();
+        let pending = sockets.iter().filter(|socket| !socket.is_page).count();
+        if pending >= PENDING
+            && let Some(oldest) = sockets.iter().position(|socket| !socket.is_page)
+            && let Some(Socket { task: Some(task), .. }) = sockets.remove(oldest)
         {
             task.abort();
         }
-        seats.push_back(Seat { client, is_page: false, heard: Instant::now(), task: None });
-        Place { client, house: Arc::clone(self) }
+        sockets.push_back(Socket { client, is_page: false, heard: Instant::now(), task: None });
+        Place { client, state: Arc::clone(self) }
     }
 
-    /// Whether there is a place for one more page; a silent one that has no control gives way.
+    /// Whether there is a place for one more page, possibly that of a silent one without control.
     fn has_room(&self, now: Instant) -> bool {
-        let seats = self.seats();
-        let is_silent = |seat: &Seat| self.gives_way(seat, now);
-        seats.iter().filter(|seat| seat.is_page).count() < PAGES || seats.iter().any(is_silent)
+        let sockets = self.sockets();
+        let is_silent = |socket: &Socket| self.is_replaceable(socket, now);
+        sockets.iter().filter(|socket| socket.is_page).count() < PAGES || sockets.iter().any(is_silent)
     }
 
-    fn gives_way(&self, seat: &Seat, now: Instant) -> bool {
-        seat.is_page && !self.door.is_held_by(seat.client) && now.saturating_duration_since(seat.heard) > SILENT
+    fn is_replaceable(&self, socket: &Socket, now: Instant) -> bool {
+        socket.is_page
+            && !self.sender.is_in_control(socket.client)
+            && now.saturating_duration_since(socket.heard) > SILENT
     }
 
-    /// A client has said hello; `false`: there is no place.
-    pub(crate) fn is_page(&self, client: u64) -> bool {
+    /// Makes a client a page after its hello; `false`: there is no place.
+    pub(crate) fn make_page(&self, client: u64) -> bool {
         let now = Instant::now();
-        let mut seats = self.seats();
-        if seats.iter().filter(|seat| seat.is_page).count() >= PAGES {
-            let silent = seats.iter().enumerate().filter(|(_, seat)| self.gives_way(seat, now));
-            let Some((longest, _)) = silent.min_by_key(|(_, seat)| seat.heard) else { return false };
-            if let Some(Seat { task: Some(task), .. }) = seats.remove(longest) {
+        let mut sockets = self.sockets();
+        if sockets.iter().filter(|socket| socket.is_page).count() >= PAGES {
+            let silent = sockets.iter().enumerate().filter(|(_, socket)| self.is_replaceable(socket, now));
+            let Some((longest, _)) = silent.min_by_key(|(_, socket)| socket.heard) else { return false };
+            if let Some(Socket { task: Some(task), .. }) = sockets.remove(longest) {
                 task.abort();
             }
         }
-        let own = seats.iter_mut().find(|seat| seat.client == client);
-        own.map(|seat| (seat.is_page, seat.heard) = (true, now)).is_some()
+        let own = sockets.iter_mut().find(|socket| socket.client == client);
+        own.map(|socket| (socket.is_page, socket.heard) = (true, now)).is_some()
     }
 
-    /// A client has said something.
+    /// A message of a client has come.
     pub(crate) fn heard(&self, client: u64) {
-        if let Some(seat) = self.seats().iter_mut().find(|seat| seat.client == client) {
-            seat.heard = Instant::now();
+        if let Some(socket) = self.sockets().iter_mut().find(|socket| socket.client == client) {
+            socket.heard = Instant::now();
         }
     }
 
-    fn seats(&self) -> MutexGuard<'_, VecDeque<Seat>> {
-        self.seats.lock().unwrap_or_else(PoisonError::into_inner)
+    fn sockets(&self) -> MutexGuard<'_, VecDeque<Socket>> {
+        self.sockets.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn guests(&self) -> MutexGuard<'_, VecDeque<(u64, AbortHandle)>> {
-        self.guests.lock().unwrap_or_else(PoisonError::into_inner)
+    fn connections(&self) -> MutexGuard<'_, VecDeque<(u64, AbortHandle)>> {
+        self.connections.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -134,7 +136,7 @@ impl House {
 ///
 /// # Errors
 /// The system gives no thread, or no way to wait.
-pub fn start(listener: TcpListener, access: Access, door: Door) -> std::io::Result<Server> {
+pub fn start(listener: TcpListener, access: Access, sender: EventSender) -> std::io::Result<Server> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     let listener = {
         let _context = runtime.enter();
@@ -142,45 +144,45 @@ pub fn start(listener: TcpListener, access: Access, door: Door) -> std::io::Resu
     };
     let (end, ended) = oneshot::channel();
     let thread = std::thread::Builder::new().name("server".into()).spawn(move || {
-        let house = Arc::new(House {
+        let state = Arc::new(ServerState {
             access,
-            door,
+            sender,
             clients: AtomicU64::new(1),
-            seats: Mutex::default(),
-            guests: Mutex::default(),
+            sockets: Mutex::default(),
+            connections: Mutex::default(),
         });
         runtime.block_on(async {
             tokio::select! {
-                () = welcome(&listener, &house) => {}
+                () = accept(&listener, &state) => {}
                 _ = ended => {}
             }
         });
-        // Whatever else runs ends with the runtime.
+        // All other tasks end with the runtime.
     })?;
     Ok(Server { end: Some(end), thread: Some(thread) })
 }
 
-/// Lets connections in, for ever.
-async fn welcome(listener: &tokio::net::TcpListener, house: &Arc<House>) {
+/// Accepts connections, without end.
+async fn accept(listener: &tokio::net::TcpListener, state: &Arc<ServerState>) {
     for number in 0_u64.. {
         match listener.accept().await {
             Ok((stream, _)) => {
-                let own = Arc::clone(house);
-                let mut guests = house.guests();
-                if guests.len() >= CONNECTIONS
-                    && let Some((_, oldest)) = guests.pop_front()
+                let own = Arc::clone(state);
+                let mut connections = state.connections();
+                if connections.len() >= CONNECTIONS
+                    && let Some((_, oldest)) = connections.pop_front()
                 {
                     oldest.abort();
                 }
                 let task = tokio::spawn(async move {
-                    let _leaving = Leaving { number, house: Arc::clone(&own) };
-                    receive(stream, own).await;
+                    let _listed = Listed { number, state: Arc::clone(&own) };
+                    serve(stream, own).await;
                 });
-                guests.push_back((number, task.abort_handle()));
+                connections.push_back((number, task.abort_handle()));
             }
-            // Out of file descriptors, or gone before it was let in: the oldest gives way, and a little later there is room.
+            // Out of file descriptors, or the connection was closed already: the oldest is closed, and accepting goes on a little later.
             Err(_) => {
-                if let Some((_, oldest)) = house.guests().pop_front() {
+                if let Some((_, oldest)) = state.connections().pop_front() {
                     oldest.abort();
                 }
                 tokio::time::sleep(Duration::from_millis(20)).await;
@@ -189,40 +191,40 @@ async fn welcome(listener: &tokio::net::TcpListener, house: &Arc<House>) {
     }
 }
 
-/// Takes a connection off the list, however it ends.
-struct Leaving {
+/// Removes a connection from the list, however it ends.
+struct Listed {
     number: u64,
-    house: Arc<House>,
+    state: Arc<ServerState>,
 }
 
-impl Drop for Leaving {
+impl Drop for Listed {
     fn drop(&mut self) {
-        self.house.guests().retain(|(number, _)| *number != self.number);
+        self.state.connections().retain(|(number, _)| *number != self.number);
     }
 }
 
-/// Serves one connection to its end, or until it is a websocket.
-async fn receive(stream: TcpStream, house: Arc<House>) {
+/// Serves one connection until it ends or becomes a websocket.
+async fn serve(stream: TcpStream, state: Arc<ServerState>) {
     let _ = stream.set_nodelay(true);
     let service = service_fn(|mut request| {
-        let house = Arc::clone(&house);
+        let state = Arc::clone(&state);
         async move {
-            let is_full = !house.has_room(Instant::now());
-            let response = match answer(&request, &house.access, is_full) {
+            let is_full = !state.has_room(Instant::now());
+            let response = match answer(&request, &state.access, is_full) {
                 Answer::Plain(response) => response,
                 Answer::Socket(response) => {
-                    let place = house.seat();
+                    let place = state.admit();
                     let client = place.client;
                     let upgrade = hyper::upgrade::on(&mut request);
-                    let own = Arc::clone(&house);
+                    let own = Arc::clone(&state);
                     let task = tokio::spawn(async move {
                         let place = place;
                         if let Ok(Ok(upgraded)) = tokio::time::timeout(PATIENCE, upgrade).await {
-                            socket::talk(TokioIo::new(upgraded), own, place.client).await;
+                            socket::serve(TokioIo::new(upgraded), own, place.client).await;
                         }
                     });
-                    if let Some(seat) = house.seats().iter_mut().find(|seat| seat.client == client) {
-                        seat.task = Some(task.abort_handle());
+                    if let Some(socket) = state.sockets().iter_mut().find(|socket| socket.client == client) {
+                        socket.task = Some(task.abort_handle());
                     }
                     response
                 }
@@ -232,18 +234,18 @@ async fn receive(stream: TcpStream, house: Arc<House>) {
     });
     let mut http = http1::Builder::new();
     http.timer(TokioTimer::new()).header_read_timeout(PATIENCE).max_buf_size(HEAD).max_headers(FIELDS);
-    // A connection that breaks off or speaks no HTTP is nobody's fault here.
+    // A connection that breaks off or speaks no HTTP is no error of the server.
     let _ = http.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
 }
 
-/// A websocket's place, given back when it ends.
+/// A websocket's place in the list, given back when it ends.
 struct Place {
     client: u64,
-    house: Arc<House>,
+    state: Arc<ServerState>,
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.house.seats().retain(|seat| seat.client != self.client);
+        self.state.sockets().retain(|socket| socket.client != self.client);
     }
 }

@@ -1,4 +1,4 @@
-//! One websocket: a page's messages to the desk, the desk's to the page.
+//! One websocket: a page's messages to the session, the session's to the page.
 
 use std::io::ErrorKind;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,33 +16,34 @@ use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig
 use tokio_tungstenite::tungstenite::{Error, Message};
 
 use crate::counted::Counted;
-use crate::desk::{Door, Event, Waiting, message};
-use crate::protocol::{LONGEST, Said, Says, VERSION, Wish};
-use crate::server::House;
+use crate::protocol::{ClientMessage, Command, LONGEST, ServerMessage, VERSION};
+use crate::sender::{Event, EventSender, Waiting};
+use crate::server::ServerState;
+use crate::session::to_message;
 
-/// Messages that may wait for a page to read them: two seconds of telemetry.
+/// The most messages that wait for a page to read them: two seconds of telemetry.
 const WAITING: usize = 128;
-/// A hello comes within this, or never.
+/// The time limit for the hello.
 const HELLO: Duration = Duration::from_secs(5);
-/// A page says that it is there ten times a second, one in the background of a browser once a minute.
+/// The time limit between two messages: a page sends ten heartbeats a second, in the background of a browser one a minute.
 const SILENCE: Duration = Duration::from_secs(90);
-/// A page that takes nothing for so long is gone.
-const DEAF: Duration = Duration::from_secs(5);
-/// Messages a second.
+/// The time limit for a page to take a message.
+const STALLED: Duration = Duration::from_secs(5);
+/// The most messages a second.
 const RATE: f64 = 200.0;
-/// So long what came too much is looked through for a stop.
+/// How long the messages beyond the limit are searched for a stop.
 const LAST: Duration = Duration::from_secs(2);
-/// What is no message of ours, so often in a row.
+/// The most invalid messages in a row.
 const STRIKES: u32 = 20;
 
-/// Why a websocket is closed, in the protocol's own codes.
+/// Why a websocket is closed: a code of RFC 6455 and a sentence.
 type Close = (CloseCode, &'static str);
 
-/// Messages and frames that are no whole message.
+/// For messages and for frames that are no whole message.
 const TOO_MANY: Close = (CloseCode::Policy, "more than 200 messages a second");
 
-/// Speaks with a page until either side ends it.
-pub async fn talk(io: TokioIo<Upgraded>, house: Arc<House>, client: u64) {
+/// Serves a page until either side closes the websocket.
+pub async fn serve(io: TokioIo<Upgraded>, state: Arc<ServerState>, client: u64) {
     let config = WebSocketConfig::default()
         .max_message_size(Some(LONGEST))
         .max_frame_size(Some(LONGEST))
@@ -52,14 +53,14 @@ pub async fn talk(io: TokioIo<Upgraded>, house: Arc<House>, client: u64) {
     let allowance = Arc::new(Mutex::new(Allowance::new(Instant::now())));
     let io = Counted::new(io, Arc::clone(&allowance));
     let socket = WebSocketStream::from_raw_socket(io, Role::Server, Some(config)).await;
-    let leaving = Leaving(house.door.clone(), client);
+    let leaving = Leaving(state.sender.clone(), client);
     let (mut sink, mut stream) = socket.split();
     let (outbox, mut waiting) = mpsc::channel(WAITING);
     let joined = AtomicBool::new(false);
-    let hearing = hear(&mut stream, &house, client, outbox, &allowance, &joined);
+    let hearing = receive(&mut stream, &state, client, outbox, &allowance, &joined);
     let telling = async {
         while let Some(message) = waiting.recv().await {
-            if !matches!(timeout(DEAF, sink.send(message)).await, Ok(Ok(()))) {
+            if !matches!(timeout(STALLED, sink.send(message)).await, Ok(Ok(()))) {
                 return (CloseCode::Away, "");
             }
         }
@@ -70,11 +71,11 @@ pub async fn talk(io: TokioIo<Upgraded>, house: Arc<House>, client: u64) {
         close = telling => close,
     };
     drop(leaving);
-    // It was shown out: a stop that it had sent before counts all the same.
+    // The server closes it: a stop that the page has sent before still counts.
     if !matches!(code, CloseCode::Normal | CloseCode::Protocol) && joined.load(Ordering::Relaxed) {
-        let _ = timeout(LAST, stop_among(&mut stream, &house, client)).await;
+        let _ = timeout(LAST, stop_among(&mut stream, &state, client)).await;
     }
-    // What is still on its way, the reason among it, while the page takes it.
+    // The messages that wait, and the reason, while the page takes them.
     let last = async {
         while let Ok(message) = waiting.try_recv() {
             sink.send(message).await?;
@@ -84,10 +85,10 @@ pub async fn talk(io: TokioIo<Upgraded>, house: Arc<House>, client: u64) {
     let _ = timeout(Duration::from_secs(1), last).await;
 }
 
-/// Hears a page out; why it ends.
-async fn hear(
+/// Receives a page's messages; the reason for closing.
+async fn receive(
     stream: &mut (impl StreamExt<Item = Result<Message, Error>> + Unpin),
-    house: &House,
+    state: &ServerState,
     client: u64,
     outbox: mpsc::Sender<Message>,
     allowance: &Mutex<Allowance>,
@@ -95,10 +96,11 @@ async fn hear(
 ) -> Close {
     let waiting = Waiting::default();
     let (mut strikes, mut is_over) = (0, false);
-    // Until it is the desk's: what the desk lets go of is closed.
+    // Owned here until the session owns it: the queue closes when the session drops it.
     let (weak, mut own) = (outbox.downgrade(), Some(outbox));
     let answer = |words: String| {
-        weak.upgrade().is_some_and(|outbox| outbox.try_send(message(&Says::Error { message: words })).is_ok())
+        weak.upgrade()
+            .is_some_and(|outbox| outbox.try_send(to_message(&ServerMessage::Error { message: words })).is_ok())
     };
     let opened = tokio::time::Instant::now();
     loop {
@@ -113,13 +115,13 @@ async fn hear(
             Ok(Some(Ok(_))) => None,
         };
         let said = match &text {
-            Some(text) => Said::read(text.as_str()),
+            Some(text) => ClientMessage::read(text.as_str()),
             None => Err("messages are text".into()),
         };
-        // A stop counts, however much came before it.
-        let is_stop = matches!(said, Ok(Said::Order { order: Wish::Stop }));
+        // A stop counts beyond every limit.
+        let is_stop = matches!(said, Ok(ClientMessage::Order { order: Command::Stop }));
         if is_stop && own.is_none() {
-            house.door.hand_in(client, Said::Order { order: Wish::Stop }, &waiting);
+            state.sender.send(client, ClientMessage::Order { order: Command::Stop }, &waiting);
         }
         let left = allowance.lock().unwrap_or_else(PoisonError::into_inner).spend(Instant::now());
         match left {
@@ -133,28 +135,28 @@ async fn hear(
             Left::Gone => return TOO_MANY,
         }
         let trouble = match said {
-            Ok(Said::Hello { v, .. }) if v != VERSION => {
+            Ok(ClientMessage::Hello { v, .. }) if v != VERSION => {
                 Err(format!("this server speaks version {VERSION}, the page {v}: load it anew"))
             }
             Ok(said) => match (own.take(), said) {
                 (None, said) => {
-                    house.heard(client);
-                    match is_stop || house.door.hand_in(client, said, &waiting) {
+                    state.heard(client);
+                    match is_stop || state.sender.send(client, said, &waiting) {
                         true => Ok(true),
-                        // Not closed: a stop may come behind it.
+                        // Not closed: a stop may follow.
                         false => Ok(answer("the server is overrun: this was dropped".into())),
                     }
                 }
-                (Some(outbox), Said::Hello { token, .. }) => {
-                    if !house.access.knows(token.as_deref()) {
+                (Some(outbox), ClientMessage::Hello { token, .. }) => {
+                    if !state.access.knows(token.as_deref()) {
                         answer("the token is wrong or missing: open the link that hapt live printed".into());
                         return (CloseCode::Policy, "token");
                     }
-                    if !house.is_page(client) {
+                    if !state.make_page(client) {
                         return (CloseCode::Again, "too many pages are open");
                     }
                     joined.store(true, Ordering::Relaxed);
-                    Ok(house.door.tell(Event::Joined(client, outbox)))
+                    Ok(state.sender.notify(Event::Joined(client, outbox)))
                 }
                 (early, _) => {
                     own = early;
@@ -176,38 +178,42 @@ async fn hear(
     }
 }
 
-/// Looks for a stop in what a page has sent beyond everything that it may.
-async fn stop_among(stream: &mut (impl StreamExt<Item = Result<Message, Error>> + Unpin), house: &House, client: u64) {
+/// Searches for a stop in what a page has sent beyond the limits.
+async fn stop_among(
+    stream: &mut (impl StreamExt<Item = Result<Message, Error>> + Unpin),
+    state: &ServerState,
+    client: u64,
+) {
     while let Some(Ok(message)) = stream.next().await {
-        let said = message.to_text().map_or(Err(String::new()), Said::read);
-        if let Ok(said @ Said::Order { order: Wish::Stop }) = said {
-            house.door.hand_in(client, said, &Waiting::default());
+        let said = message.to_text().map_or(Err(String::new()), ClientMessage::read);
+        if let Ok(said @ ClientMessage::Order { order: Command::Stop }) = said {
+            state.sender.send(client, said, &Waiting::default());
             return;
         }
     }
 }
 
-/// Says that a page is gone, however its task ends.
-struct Leaving(Door, u64);
+/// Reports that a page has disconnected, however its task ends.
+struct Leaving(EventSender, u64);
 
 impl Drop for Leaving {
     fn drop(&mut self) {
-        self.0.tell(Event::Left(self.1));
+        self.0.notify(Event::Left(self.1));
     }
 }
 
-/// What is left of an [`Allowance`].
+/// The state of an [`Allowance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Left {
-    /// There was one left.
+    /// The message is within the limit.
     Some,
-    /// There was none: the message is dropped.
+    /// It is beyond the limit, and dropped.
     None,
-    /// As many as are allowed in a second have been dropped.
+    /// A second's worth of messages has been dropped.
     Gone,
 }
 
-/// So many messages a second, and as many saved up.
+/// Limits messages to a number a second, and a burst of as many.
 pub struct Allowance {
     left: f64,
     at: Instant,
@@ -218,7 +224,7 @@ impl Allowance {
         Allowance { left: RATE, at: now }
     }
 
-    /// Spends one.
+    /// Counts one message.
     pub fn spend(&mut self, now: Instant) -> Left {
         self.left = (self.left + RATE * now.saturating_duration_since(self.at).as_secs_f64()).min(RATE);
         self.at = now;

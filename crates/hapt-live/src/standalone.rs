@@ -12,15 +12,16 @@ use std::collections::BTreeMap;
 
 use hapt_analysis::{Check, Proposal};
 use hapt_core::{Output, Reason, SafetyProfile};
+use hapt_host::{SettableKey, WorldConfig, grip};
 use hapt_model::{Source, World};
 use hapt_page::{Page, Setup, Slot};
 use serde_json::{Value, json};
 
 use crate::assets::{self, CORE};
-use crate::hand::grip;
-use crate::judge::{proposed, range, told};
-use crate::protocol::{KeySays, Says, Verdict};
-use crate::state::Workbench;
+use crate::certifier::{proposed, range, to_verdict};
+use crate::describe::describe;
+use crate::protocol::{ServerMessage, Verdict};
+use crate::rule;
 
 /// More bytes than a world of all bodies and couplings takes.
 const ROOM: usize = 1 << 16;
@@ -34,8 +35,8 @@ pub type File = (String, Vec<u8>);
 /// What is known of a world whose page is to be written.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
-    /// The world, of [`bench()`].
-    pub bench: &'a Workbench,
+    /// The world, of [`config()`].
+    pub config: &'a WorldConfig,
     /// Its certificate.
     pub check: &'a Check,
     /// Its remedies or margins.
@@ -50,21 +51,21 @@ pub struct Known<'a> {
 ///
 /// # Errors
 /// In words, why it has none: the page has not been built, or does not run this world.
-pub fn bench(source: Source, sets: Vec<String>) -> Result<Workbench, String> {
+pub fn config(source: Source, sets: Vec<String>) -> Result<WorldConfig, String> {
     if CORE.is_empty() || !assets::all().any(|(name, _)| name == "/index.html") {
         return Err("this hapt was built without the page".into());
     }
-    let bench = Workbench::new(source, sets)?;
-    let (world, setup) = bytes(&bench)?;
+    let config = WorldConfig::checked(source, sets, rule::check)?;
+    let (world, setup) = bytes(&config)?;
     Page::new(&world, &setup).ok_or("its numbers are out of the core's range")?;
-    Ok(bench)
+    Ok(config)
 }
 
 /// A world, and what runs beside it, as the page reads them.
-fn bytes(bench: &Workbench) -> Result<(Vec<u8>, Vec<u8>), String> {
+fn bytes(config: &WorldConfig) -> Result<(Vec<u8>, Vec<u8>), String> {
     let mut room = vec![0; ROOM];
-    let world = hapt_wire::write(&bench.world.spec(), &mut room).map_err(|error| error.to_string())?.to_vec();
-    Ok((world, postcard::to_allocvec(&setup(bench)).map_err(|error| error.to_string())?))
+    let world = hapt_wire::write(&config.world.spec(), &mut room).map_err(|error| error.to_string())?.to_vec();
+    Ok((world, postcard::to_allocvec(&setup(config)).map_err(|error| error.to_string())?))
 }
 
 /// The files that all worlds share.
@@ -107,19 +108,19 @@ fn page(stem: &str) -> String {
 
 /// A world as the page takes it: web/src/local.ts has its form.
 fn data(known: &Known<'_>) -> Value {
-    let Known { bench, check, proposal, command, report } = *known;
-    let world = &bench.world;
+    let Known { config, check, proposal, command, report } = *known;
+    let world = &config.world;
     // They have been written before.
-    let (bytes, setup) = bytes(bench).unwrap_or_default();
-    let says = bench.says();
+    let (bytes, setup) = bytes(config).unwrap_or_default();
+    let info = describe(config);
     let slots: BTreeMap<&str, Place> =
-        says.keys.iter().filter_map(|key| Some((key.path.as_str(), place(world, &key.path)?))).collect();
+        info.keys.iter().filter_map(|key| Some((key.path.as_str(), place(world, &key.path)?))).collect();
     let is_small = world.bodies.len() <= MANY;
-    let number = |key: &&KeySays| {
+    let number = |key: &&SettableKey| {
         key.kind == "quantity" && slots.contains_key(key.path.as_str()) && (is_small || key.path == "loop.period")
     };
-    let ranges: BTreeMap<&str, Vec<[f64; 2]>> = (says.keys.iter().filter(number))
-        .filter_map(|key| Some((key.path.as_str(), range(bench, key, &|| false)?)))
+    let ranges: BTreeMap<&str, Vec<[f64; 2]>> = (info.keys.iter().filter(number))
+        .filter_map(|key| Some((key.path.as_str(), range(config, key, &|| false)?)))
         .collect();
     let remedies = Some(proposal.map_or(Vec::new(), proposed));
     let reason = |reason: Reason| {
@@ -136,18 +137,18 @@ fn data(known: &Known<'_>) -> Value {
         "grip": { "inertia": hand.inertia, "damping": hand.damping, "stiffness": hand.stiffness },
         "command": command,
         "report": report,
-        "verdict": Says::Verdict(Box::new(Verdict { remedies, ..told(bench, check) })),
-        "world": Says::World(Box::new(says)),
+        "verdict": ServerMessage::Verdict(Box::new(Verdict { remedies, ..to_verdict(config, check) })),
+        "world": ServerMessage::World(Box::new(info)),
     })
 }
 
 /// What runs beside the world's bytes.
-fn setup(bench: &Workbench) -> Setup {
-    let world = &bench.world;
+fn setup(config: &WorldConfig) -> Setup {
+    let world = &config.world;
     let sampling = &world.sampling;
     // What the file says, or leaves to the method, shows under a method that may have any.
     let output = match sampling.method.takes_new_sample_first() {
-        true => bench.with("loop.method", "zoh").map_or(Output::End, |other| other.world.sampling.output),
+        true => config.with("loop.method", "zoh").map_or(Output::End, |other| other.world.sampling.output),
         false => sampling.output,
     };
     Setup {
@@ -214,8 +215,8 @@ mod tests {
     use super::*;
     use crate::testing::WHEEL;
 
-    fn page(bench: &Workbench) -> Box<Page> {
-        let (world, setup) = bytes(bench).unwrap();
+    fn page(config: &WorldConfig) -> Box<Page> {
+        let (world, setup) = bytes(config).unwrap();
         Page::new(&world, &setup).unwrap()
     }
 
@@ -242,24 +243,23 @@ mod tests {
             if path.extension().is_none_or(|ending| ending != "toml") {
                 continue;
             }
-            let bench = Workbench::new(Source::open(&path).unwrap(), Vec::new()).unwrap();
-            let hand = grip(&bench.world);
-            for key in bench.keys() {
-                let Some((slot, index, word)) = place(&bench.world, &key.path) else { continue };
+            let config = WorldConfig::checked(Source::open(&path).unwrap(), Vec::new(), rule::check).unwrap();
+            let hand = grip(&config.world);
+            for key in config.keys() {
+                let Some((slot, index, word)) = place(&config.world, &key.path) else { continue };
                 let ends = [key.min, key.max].map(|end| format!("{} {}", end / key.factor, key.unit));
                 let numbers = ends.iter().filter(|_| key.kind == "quantity").map(String::as_str);
                 for value in numbers.chain(key.choices.iter().copied()) {
-                    let next = bench.with(&key.path, value);
+                    let next = config.with(&key.path, value);
                     let choice = key.choices.iter().position(|choice| *choice == value);
                     // To the bit as the reader has it.
-                    let si =
-                        next.as_ref().ok().and_then(|next| next.keys().into_iter().find(|k| k.path == key.path)?.value);
+                    let si = next.as_ref().ok().and_then(|next| next.keys().iter().find(|k| k.path == key.path)?.value);
                     let (slot, number) = match choice {
                         Some(_) if key.kind == "quantity" => (word.unwrap(), 0.0),
                         Some(choice) => (slot, choice as f64),
                         None => (slot, si.unwrap_or(f64::NAN)),
                     };
-                    let mut changed = page(&bench);
+                    let mut changed = page(&config);
                     let done = changed.set(Slot::ALL[slot as usize], index, number);
                     let place = format!("{}: {} = {value}", path.display(), key.path);
                     assert_eq!(done, next.is_ok(), "{place}: {:?}", next.err());
@@ -276,9 +276,9 @@ mod tests {
 
     #[test]
     fn a_method_that_takes_any_output_finds_the_files_own_again() {
-        let bench = |set: &str| {
+        let config = |set: &str| {
             let source = Source::from_text("wheel.toml", WHEEL);
-            Workbench::new(source, vec![set.into()]).unwrap()
+            WorldConfig::checked(source, vec![set.into()], rule::check).unwrap()
         };
         for (set, wanted) in [
             ("loop.method=tustin", Output::End),
@@ -286,7 +286,7 @@ mod tests {
             ("loop.output=middle", Output::Middle),
             ("loop.output=start", Output::Start),
         ] {
-            let mut page = page(&bench(set));
+            let mut page = page(&config(set));
             for (method, output) in [(7.0, Output::Start), (4.0, wanted), (6.0, Output::Start), (0.0, wanted)] {
                 assert!(page.set(Slot::Method, 0, method));
                 assert_eq!(page.output(), output, "{set}, method {method}");
@@ -298,9 +298,9 @@ mod tests {
     fn a_worlds_text_stays_text() {
         let title = "title = \"</script><script>alert(1)</script>\"";
         let source = Source::from_text("wheel.toml", WHEEL.replace("title = \"wheel\"", title));
-        let bench = Workbench::new(source, Vec::new()).unwrap();
-        let check = hapt_analysis::check(&bench.world).unwrap();
-        let known = Known { bench: &bench, check: &check, proposal: None, command: "it's", report: "../wheel.html" };
+        let config = WorldConfig::new(source, Vec::new()).unwrap();
+        let check = hapt_analysis::check(&config.world).unwrap();
+        let known = Known { config: &config, check: &check, proposal: None, command: "it's", report: "../wheel.html" };
         let [(name, html), (data, text)] = world("wheel", &known);
         assert_eq!((name.as_str(), data.as_str()), ("wheel.html", "wheel.js"));
         assert!(!String::from_utf8_lossy(&html).contains("alert(1)"));

@@ -1,12 +1,13 @@
-//! What the page is told of the loop's state: its phase, and why it is faulted, in words.
+//! The loop's state for the page: its phase, the reason of a fault in sentences, and the timing.
 
 use hapt_core::{Phase, Reason};
+use hapt_host::RecordingStatus;
 use hapt_rt::{Quantiles as Times, Timing};
 
-use crate::protocol::{Bars, Quantiles, Realtime, Status, TimingSays};
+use crate::protocol::{Bars, Quantiles, Realtime, RecordingInfo, Status, TimingInfo};
 
 impl Status {
-    /// Puts the phase and the reason there.
+    /// Sets the phase and the reason.
     pub fn explain(&mut self, at: Phase, reason: Option<Reason>) {
         self.phase = at.name();
         self.code = reason.map(Reason::code);
@@ -16,14 +17,21 @@ impl Status {
     }
 }
 
-impl TimingSays {
-    /// What the page is told of the loop's clock.
+impl From<RecordingStatus> for RecordingInfo {
+    fn from(status: RecordingStatus) -> Self {
+        let RecordingStatus { file, seconds, lost, error } = status;
+        RecordingInfo { file: file.display().to_string(), seconds, lost, error }
+    }
+}
+
+impl TimingInfo {
+    /// The loop's timing.
     pub fn of(timing: &Timing) -> Self {
         let bars = timing.latency_bars();
-        // A bar from 0 has no place on an axis by ratios.
+        // A logarithmic axis has no 0.
         let first = bars.first().map(|bar| bar.from.max(bar.to / 2));
         let edges = first.into_iter().chain(bars.iter().map(|bar| bar.to));
-        TimingSays {
+        TimingInfo {
             samples: timing.samples(),
             overruns: timing.overruns(),
             missed: timing.missed(),

@@ -32,68 +32,82 @@ impl Fit {
             sets.push("loop.estimator=difference".into());
         }
         let profile = judged(world, uncertified)?;
-        let packed = hapt_live::packed(world, profile).map_err(Failure::input)?;
+        let packed = hapt_host::packed(world, profile).map_err(Failure::input)?;
         Ok(Fit { loaded, sets, profile, packed })
     }
 }
 
+#[cfg(not(unix))]
+pub use other::{backend, clear, unreachable};
 #[cfg(unix)]
-pub use here::{open, open_with_motor, runs, send};
-#[cfg(not(unix))]
-pub use nowhere::runs;
+pub use unix::{backend, clear, open};
 
 #[cfg(not(unix))]
-mod nowhere {
-    use hapt_live::Runs;
+mod other {
+    use std::path::Path;
 
-    use crate::board_run::unreachable;
+    use hapt_host::{Backend, Machine};
+
     use crate::device::Port;
     use crate::failure::Failure;
 
-    pub fn runs(port: &Port) -> Result<Runs, Failure> {
+    pub fn backend(port: &Port, _: f64) -> Result<(Backend, String), Failure> {
         Err(unreachable(&port.path))
+    }
+
+    /// There are none.
+    pub fn clear(_: &mut Machine) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    /// Serial ports are Unix's here.
+    pub fn unreachable(path: &Path) -> Failure {
+        Failure::input(format!("hapt:{}: boards can be reached from Linux and macOS only", path.display()))
     }
 }
 
 #[cfg(unix)]
-mod here {
-    use hapt_link::{Error, Link, Refusal};
-    use hapt_live::Runs;
+mod unix {
+    use hapt_core::{Phase, Reason};
+    use hapt_host::board::{Error, Link, Refusal};
+    use hapt_host::{Backend, Machine};
 
-    use super::Fit;
     use crate::device::Port;
     use crate::failure::Failure;
-    use crate::people;
+    use crate::messages;
 
     /// The board at a port.
     pub fn open(port: &Port) -> Result<Link, Failure> {
         let link = Link::open_at(&port.path, port.baud)?;
         if link.board().core != hapt_core::SOURCE {
-            people::say(
+            messages::say(
                 "warning: the board's core was built from another source than this hapt's; its torques may differ from hapt's",
             );
         }
         Ok(link)
     }
 
-    /// The board at a port, to run the loop behind a page.
-    pub fn runs(port: &Port) -> Result<Runs, Failure> {
-        open_with_motor(port).map(|link| Runs::Board(Box::new(link)))
-    }
-
-    /// The board at a port, if it has an encoder and a motor.
-    pub fn open_with_motor(port: &Port) -> Result<Link, Failure> {
+    /// The board at a port, to run a loop, and what it is called. It needs an encoder and a motor.
+    pub fn backend(port: &Port, every: f64) -> Result<(Backend, String), Failure> {
         let link = open(port)?;
         if link.board().externally_clocked {
             let message = "has no encoder and no motor: it waits for samples, to be tried in lockstep";
             return Err(Failure::input(format!("the board {} {message}", link.board().name)));
         }
-        Ok(link)
+        let on = format!("the board {}", link.board().name);
+        Ok((Backend::Board { link: Box::new(link), every }, on))
     }
 
-    /// Gives the board a world, where it does not run it already; its hash.
-    pub fn send(link: &mut Link, fit: &Fit) -> Result<u32, Failure> {
-        Ok(link.load(&fit.packed)?)
+    /// Clears the fault that an earlier session has left on a board.
+    pub fn clear(machine: &mut Machine) -> Result<(), Failure> {
+        if let Backend::Board { link, .. } = &mut machine.backend
+            && link.board().phase == Some(Phase::Faulted)
+        {
+            let why = link.board().reason.map_or("It does not say why.", Reason::sentence);
+            messages::say(format_args!("the board was faulted, and is cleared: {why}"));
+            link.clear()?;
+        }
+        Ok(())
     }
 
     impl From<Error> for Failure {

@@ -12,8 +12,9 @@ use hapt_sweep::{Axis, table};
 use crate::args::BoundaryArgs;
 use crate::boundary_plot;
 use crate::failure::Failure;
+use crate::format;
+use crate::messages;
 use crate::output;
-use crate::people;
 use crate::world::{files, own, source};
 
 /// An axis in the unit in which it was typed.
@@ -35,7 +36,7 @@ impl Shown {
         } else {
             10f64.powf(((self.to - self.from) / self.size).log10().floor() - 4.0)
         };
-        people::number((si / self.size / step).round() * step)
+        format::number((si / self.size / step).round() * step)
     }
 
     /// "loop.period from 1 to 10 ms"
@@ -82,10 +83,10 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     out.write_all(result.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     if args.out.is_none() {
-        people::say(summary.trim_end());
+        messages::say(summary.trim_end());
     }
     for path in wrote {
-        people::say(format_args!("wrote {}", path.display()));
+        messages::say(format_args!("wrote {}", path.display()));
     }
     Ok(ExitCode::SUCCESS)
 }

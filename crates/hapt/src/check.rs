@@ -10,7 +10,7 @@ use hapt_model::Sampling;
 use crate::args::CheckArgs;
 use crate::colour;
 use crate::failure::Failure;
-use crate::people;
+use crate::format;
 use crate::world::load;
 
 pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
@@ -50,9 +50,9 @@ fn text(sampling: &Sampling, check: &Check) -> String {
     let mut text = format!(
         "loop      {} at {} a sample, torque from the {} of the step{}\n",
         check.method,
-        people::time(check.period_s),
+        format::time(check.period_s),
         check.output,
-        people::late(sampling)
+        format::late(sampling)
     );
     let _ = writeln!(text, "verdict   {}", check.verdict_sentence());
     about(&mut text, "held", &check.sentence(), &check.held);
@@ -82,7 +82,7 @@ fn about(text: &mut String, name: &str, sentence: &str, of: &Stability) {
         );
     }
     let critical = match (of.critical_period_s, of.critical_period_reason) {
-        (Some(period), _) => format!("critical period {}", people::time(period)),
+        (Some(period), _) => format!("critical period {}", format::time(period)),
         (None, Some("never")) if name == "free" => {
             "critical period: none, unstable at the shortest that was looked at".into()
         }
@@ -95,12 +95,12 @@ fn about(text: &mut String, name: &str, sentence: &str, of: &Stability) {
         let _ = write!(
             text,
             "{name:<9} {} Hz, damping ratio {}",
-            people::number(mode.frequency_hz),
-            people::number(mode.damping_ratio)
+            format::number(mode.frequency_hz),
+            format::number(mode.damping_ratio)
         );
         let _ = match (mode.discrete_frequency_hz, mode.discrete_damping_ratio) {
             (Some(frequency), Some(ratio)) => {
-                writeln!(text, "; in this loop {} Hz, {}", people::number(frequency), people::number(ratio))
+                writeln!(text, "; in this loop {} Hz, {}", format::number(frequency), format::number(ratio))
             }
             _ => writeln!(text, "; in this loop it does not swing"),
         };

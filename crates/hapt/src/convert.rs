@@ -7,7 +7,7 @@ use hapt_log::{Column, Header};
 use crate::args::{ConvertArgs, Format};
 use crate::failure::Failure;
 use crate::table::Table;
-use crate::{log, people};
+use crate::{format, log, messages};
 
 pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     let format = Format::of(&args.out).ok_or_else(|| {
@@ -44,6 +44,6 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     };
     let path = table.finish()?;
     opened.say_ending(samples, last);
-    people::say(format_args!("wrote {}, {} rows", path.display(), people::count(samples)));
+    messages::say(format_args!("wrote {}, {} rows", path.display(), format::count(samples)));
     Ok(ExitCode::SUCCESS)
 }

@@ -8,7 +8,8 @@ use hapt_model::{Dimension, parse_quantity};
 
 use crate::args::DesignArgs;
 use crate::failure::Failure;
-use crate::people::{self, number};
+use crate::format::{self, number};
+use crate::messages;
 
 pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
     let travel = positive("--travel", &args.travel, Dimension::ANGLE)?;
@@ -22,8 +23,8 @@ pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
         ("--period", &args.period, Dimension::TIME),
     ] {
         // A program that reads JSON says what it means in SI.
-        if let Some(line) = people::assumed(flag, text, dimension).filter(|_| !args.json) {
-            people::say(line);
+        if let Some(line) = format::assumed(flag, text, dimension).filter(|_| !args.json) {
+            messages::say(line);
         }
     }
     let text = if args.json {
@@ -33,7 +34,7 @@ pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
         world_file(args, &design, travel, period)
     };
     if std::f64::consts::TAU * frequency * period >= 2.0 {
-        people::say("hapt: at this period the damper b = Tk no longer balances forward Euler (it does for ωT < 2)");
+        messages::say("hapt: at this period the damper b = Tk no longer balances forward Euler (it does for ωT < 2)");
     }
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;

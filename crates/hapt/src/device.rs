@@ -1,17 +1,23 @@
 //! What `--device SPEC` stands for.
 
+use std::fmt::{self, Display, Formatter};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use hapt_core::SafetyProfile;
+use hapt_host::{Backend, Machine};
 use hapt_model::{EstimatorKind, Motion, World, did_you_mean};
 use hapt_rt::{Device, Hands, Position, Replay, Simulated};
 
+use crate::args::RealtimeArgs;
+use crate::board;
 use crate::drives::{self, Address};
 use crate::failure::Failure;
+use crate::format;
+use crate::latency::settings;
 use crate::log;
-use crate::people;
 
 /// A device, as it is named on the command line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -84,6 +90,17 @@ impl FromStr for Spec {
     }
 }
 
+impl Display for Spec {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Spec::Sim => f.write_str("the simulated device"),
+            Spec::Replay(file) => write!(f, "the positions of {}", file.display()),
+            Spec::Board(port) => write!(f, "{}", port.path.display()),
+            Spec::Drive(address) => write!(f, "the drive {address}"),
+        }
+    }
+}
+
 impl Spec {
     /// What `--device` says.
     pub fn named(text: &str) -> Result<Self, Failure> {
@@ -116,6 +133,29 @@ impl Spec {
         Ok(exact.then(|| "loop.estimator=difference".into()).into_iter().collect())
     }
 
+    /// What runs the loop of `world`, and how the summary of a run names it. A board shows a sample every `every` s.
+    pub fn machine(
+        &self,
+        name: &str,
+        realtime: &RealtimeArgs,
+        world: &World,
+        profile: SafetyProfile,
+        every: f64,
+    ) -> Result<(Machine, String), Failure> {
+        let (backend, hands, on) = match self {
+            Spec::Board(port) => {
+                let (backend, on) = board::backend(port, every)?;
+                (backend, None, on)
+            }
+            _ => {
+                let settings = settings(realtime, world)?;
+                let (device, hands) = self.open(world)?;
+                (Backend::Local { device, settings }, hands, self.to_string())
+            }
+        };
+        Ok((Machine { name: name.into(), backend, hands, profile }, on))
+    }
+
     /// The device for `world`, and what moves its hand, where it is a simulated one.
     pub fn open(&self, world: &World) -> Result<(Box<dyn Device>, Option<Hands>), Failure> {
         match self {
@@ -125,7 +165,7 @@ impl Spec {
             }
             Spec::Replay(file) => Ok((Box::new(Replay::new(positions(file, world.motion)?)), None)),
             Spec::Drive(address) => Ok((drives::open(address, world)?, None)),
-            // Its loop is not on this computer: hapt run takes another way.
+            // Its loop is not on this computer.
             Spec::Board(Port { path, .. }) => {
                 Err(Failure::input(format!("hapt:{}: no loop of this computer's drives a board", path.display())))
             }
@@ -143,7 +183,7 @@ fn within(name: &str, positions: &[Position]) -> Result<(), Failure> {
     if positions.len() < MOST {
         return Ok(());
     }
-    let message = format!("it has more than {} samples; a shorter recording is wanted", people::count(MOST as u64));
+    let message = format!("it has more than {} samples; a shorter recording is wanted", format::count(MOST as u64));
     Err(Failure::input(format!("{name}: {message}")))
 }
 

@@ -29,8 +29,8 @@ mod linux {
 
     use super::*;
     use crate::latency::time;
+    use crate::messages::say;
     use crate::output;
-    use crate::people::say;
     use crate::world::source;
 
     /// The drive at `address` as the loop's device, started.

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::io;
 use std::process::ExitCode;
 
-use crate::people;
+use crate::messages;
 
 /// Why a command stops.
 #[derive(Debug)]
@@ -46,11 +46,11 @@ impl Failure {
     pub fn report(self) -> ExitCode {
         match self {
             Failure::Input(message) => {
-                people::say(format_args!("hapt: {message}"));
+                messages::say(format_args!("hapt: {message}"));
                 ExitCode::from(2)
             }
             Failure::System(message) => {
-                people::say(format_args!("hapt: {message}"));
+                messages::say(format_args!("hapt: {message}"));
                 ExitCode::from(3)
             }
             Failure::Closed => ExitCode::SUCCESS,

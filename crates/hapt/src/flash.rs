@@ -28,7 +28,7 @@ fn flash(fit: &Fit, port: &Port) -> Result<ExitCode, Failure> {
 
     let mut link = board::open(port)?;
     let before = link.board().world;
-    let hash = board::send(&mut link, fit)?;
+    let hash = link.load(&fit.packed)?;
     let board = link.board();
     let what = if before == Some(hash) { "was there already" } else { "sent and verified" };
     let text = format!(
@@ -45,5 +45,5 @@ fn flash(fit: &Fit, port: &Port) -> Result<ExitCode, Failure> {
 
 #[cfg(not(unix))]
 fn flash(_: &Fit, port: &Port) -> Result<ExitCode, Failure> {
-    Err(crate::board_run::unreachable(&port.path))
+    Err(crate::board::unreachable(&port.path))
 }

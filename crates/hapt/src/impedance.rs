@@ -16,8 +16,9 @@ use serde_json::json;
 
 use crate::args::{ImpedanceArgs, SlopesArg};
 use crate::failure::Failure;
+use crate::format;
+use crate::messages;
 use crate::output;
-use crate::people;
 use crate::progress::Progress;
 use crate::world::{Loaded, files, load};
 
@@ -48,7 +49,7 @@ pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
     for (target, draft) in [(&args.out, csv), (&args.plot, figure)] {
         if let (Some(target), Some(draft)) = (target, draft) {
             let path = draft.finish().map_err(|error| Failure::write(target.display(), error))?;
-            people::say(format_args!("wrote {}", path.display()));
+            messages::say(format_args!("wrote {}", path.display()));
         }
     }
     let printed = match (args.json, &args.out) {
@@ -94,14 +95,14 @@ fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Fai
     let nyquist = felt.nyquist_hz();
     let high = frequency("--to", args.to.as_deref())?.unwrap_or(nyquist);
     if high > nyquist * (1.0 + 1e-12) {
-        let (high, nyquist) = (people::number(high), people::number(nyquist));
+        let (high, nyquist) = (format::number(high), format::number(nyquist));
         return Err(Failure::input(format!(
             "--to: {high} Hz is beyond {nyquist} Hz, half of the sampling rate, where frequencies can no longer be told apart"
         )));
     }
     let low = frequency("--from", args.from.as_deref())?.unwrap_or(felt.low_hz().min(0.1 * high));
     if low >= high {
-        let (low, high) = (people::number(low), people::number(high));
+        let (low, high) = (format::number(low), format::number(high));
         return Err(Failure::input(format!("--from: {low} Hz must be below --to, which is {high} Hz")));
     }
     let rows = felt.rows(low, high.min(nyquist), args.points.unwrap_or(200));
@@ -122,7 +123,7 @@ fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Fai
 }
 
 fn frequency(flag: &str, text: Option<&str>) -> Result<Option<f64>, Failure> {
-    text.map(|text| people::positive(flag, text, Dimension::FREQUENCY)).transpose()
+    text.map(|text| format::positive(flag, text, Dimension::FREQUENCY)).transpose()
 }
 
 fn csv(rows: &[Row], motion: Motion) -> String {
@@ -147,7 +148,7 @@ fn csv(rows: &[Row], motion: Motion) -> String {
 fn loop_line(loaded: &Loaded) -> String {
     let sampling = &loaded.world.sampling;
     let (method, output, estimator) = (sampling.method.name(), sampling.output.name(), sampling.estimator.name());
-    let (period, late) = (people::time(sampling.period), people::late(sampling));
+    let (period, late) = (format::time(sampling.period), format::late(sampling));
     format!(
         "loop      {method} at {period} a sample, torque from the {output} of the step{late}, velocity {estimator}\n"
     )
@@ -168,9 +169,9 @@ fn text(loaded: &Loaded, felt: &Felt, asked: &[Asked], resonances: &[Resonance],
         let up = |hz: Option<f64>| match hz {
             None => "at every frequency".to_string(),
             Some(hz) if hz <= 0.11 * felt.low_hz() => "at none that was looked at".to_string(),
-            Some(hz) => format!("up to {} Hz", people::number(hz)),
+            Some(hz) => format!("up to {} Hz", format::number(hz)),
         };
-        let value = people::number(asked.value);
+        let value = format::number(asked.value);
         let _ = writeln!(text, "asked     {name} {value} {unit}: rendered to 10 % {}", up(asked.from_asked_hz));
         let _ = writeln!(
             text,
@@ -181,10 +182,10 @@ fn text(loaded: &Loaded, felt: &Felt, asked: &[Asked], resonances: &[Resonance],
     for resonance in resonances.iter().take(6) {
         let how = match resonance.damping_ratio {
             0.0 => "undamped: there the puck stands as if clamped".to_string(),
-            ratio if ratio < 0.0 => format!("growing, damping ratio {}", people::number(ratio)),
-            ratio => format!("damping ratio {}", people::number(ratio)),
+            ratio if ratio < 0.0 => format!("growing, damping ratio {}", format::number(ratio)),
+            ratio => format!("damping ratio {}", format::number(ratio)),
         };
-        let _ = writeln!(text, "resonance {} Hz with the puck held, {how}", people::number(resonance.frequency_hz));
+        let _ = writeln!(text, "resonance {} Hz with the puck held, {how}", format::number(resonance.frequency_hz));
     }
     if resonances.len() > 6 {
         let _ = writeln!(text, "resonance and {} more above", resonances.len() - 6);
@@ -193,9 +194,9 @@ fn text(loaded: &Loaded, felt: &Felt, asked: &[Asked], resonances: &[Resonance],
     let _ = writeln!(
         text,
         "device    adds inertia {} {} and damping {} {} to all that stands below",
-        people::number(inertia),
+        format::number(inertia),
         units[2],
-        people::number(damping),
+        format::number(damping),
         units[1]
     );
     if let (Some(rendered), Some(whole)) = (felt.row(low).rendered, felt.row(low).whole) {
@@ -237,7 +238,7 @@ fn line(text: &mut String, first: &str, cells: [&dyn Display; 6]) {
 
 /// Four digits.
 fn rounded(x: f64) -> String {
-    format!("{x:.3e}").parse().map_or_else(|_| x.to_string(), |x: f64| people::number(x + 0.0))
+    format!("{x:.3e}").parse().map_or_else(|_| x.to_string(), |x: f64| format::number(x + 0.0))
 }
 
 /// Round frequencies from `low` to `high`, and `high`.
@@ -281,12 +282,12 @@ fn width_text(loaded: &Loaded, found: &ZWidth) -> String {
     let mut text =
         format!("{}: a spring and a damper from the puck to ground\n\n{}", loaded.title(), loop_line(loaded));
     let first = found.edges.first();
-    let alone = |edge: Option<f64>| people::number(edge.unwrap_or(0.0));
+    let alone = |edge: Option<f64>| format::number(edge.unwrap_or(0.0));
     let _ = writeln!(
         text,
         "passive   up to {} {k} without a damper, and up to {} {b} without a spring",
         alone(first.and_then(|edge| edge.passive)),
-        people::number(found.passive_damping)
+        format::number(found.passive_damping)
     );
     let stiffest = found.edges.iter().filter_map(|edge| Some((edge.stable?, edge.damping)));
     let (most, beside) = stiffest.fold((0.0, 0.0), |best, edge| if edge.0 > best.0 { edge } else { best });
@@ -294,7 +295,7 @@ fn width_text(loaded: &Loaded, found: &ZWidth) -> String {
         text,
         "stable    let go, up to {} {k} without a damper, and up to {} {b} without a spring; about {} {k} beside {} {b} at most",
         alone(first.and_then(|edge| edge.stable)),
-        people::number(found.stable_damping),
+        format::number(found.stable_damping),
         rounded(most),
         rounded(beside)
     );
@@ -302,7 +303,7 @@ fn width_text(loaded: &Loaded, found: &ZWidth) -> String {
         let _ = writeln!(
             text,
             "counts    friction and damping of the device absorb the encoder's up to {} {k}",
-            people::number(counts)
+            format::number(counts)
         );
     }
     if world.sampling.estimator == EstimatorKind::Exact {

@@ -9,8 +9,8 @@ use hapt_model::did_you_mean;
 
 use crate::args::InitArgs;
 use crate::failure::Failure;
+use crate::messages;
 use crate::output::Draft;
-use crate::people;
 
 const TEMPLATES: [(&str, &str); 8] = [
     ("spring-mass", include_str!("../templates/spring-mass.toml")),
@@ -50,7 +50,7 @@ pub fn run(args: &InitArgs) -> Result<ExitCode, Failure> {
     }
     finish(world, &world_path)?;
     let shown = world_path.display();
-    people::say(format_args!("next: hapt sim {shown}, hapt check {shown}, and what its comments say"));
+    messages::say(format_args!("next: hapt sim {shown}, hapt check {shown}, and what its comments say"));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -88,6 +88,6 @@ fn draft(path: &Path, text: &str) -> Result<Draft, Failure> {
 
 fn finish(draft: Draft, path: &Path) -> Result<(), Failure> {
     draft.finish().map_err(|error| Failure::write(path.display(), error))?;
-    people::say(format_args!("wrote {}", path.display()));
+    messages::say(format_args!("wrote {}", path.display()));
     Ok(())
 }

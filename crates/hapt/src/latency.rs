@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::args::{LatencyArgs, RealtimeArgs};
 use crate::failure::Failure;
 use crate::host::Stolen;
-use crate::{output, people, world};
+use crate::{format, output, world};
 
 /// How often the records are taken.
 pub const LOOK: Duration = Duration::from_millis(5);
@@ -60,7 +60,7 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
 
 /// A positive time.
 pub fn time(flag: &str, text: &str) -> Result<f64, Failure> {
-    people::positive(flag, text, Dimension::TIME)
+    format::positive(flag, text, Dimension::TIME)
 }
 
 /// A world compiled, to be guarded so.
@@ -76,9 +76,9 @@ pub fn settings(args: &RealtimeArgs, world: &World) -> Result<Settings, Failure>
     };
     let period = world.sampling.period;
     if spin > 0.5 * period {
-        let (spin, most) = (people::time(spin), people::time(0.5 * period));
+        let (spin, most) = (format::time(spin), format::time(0.5 * period));
         let why =
-            format!("at {} a sample it takes {most} at most, so that others get the core, too", people::time(period));
+            format!("at {} a sample it takes {most} at most, so that others get the core, too", format::time(period));
         return Err(Failure::input(format!("--spin: {spin} is too long: {why}")));
     }
     let priority = (args.priority > 0).then_some(args.priority);
@@ -102,19 +102,19 @@ pub fn granted(realtime: &Realtime, stolen: Option<Duration>) -> String {
     };
     let text = text + if realtime.locked { "memory       locked in place\n" } else { "memory       not locked\n" };
     let took = stolen.map(|stolen| {
-        let stolen = people::time(stolen.as_secs_f64());
+        let stolen = format::time(stolen.as_secs_f64());
         format!("host         took each core away for {stolen} (steal): samples were missed then that no setting gives back\n")
     });
     text + &took.unwrap_or_default()
 }
 
 fn text(world: &World, timing: &Timing, realtime: &Realtime, stolen: Option<Duration>) -> String {
-    let mut text = format!("{} a sample, on the simulated device\n\n{timing}\n\n", people::time(world.sampling.period));
+    let mut text = format!("{} a sample, on the simulated device\n\n{timing}\n\n", format::time(world.sampling.period));
     let bars = timing.latency_bars();
     let most = bars.iter().map(|bar| bar.count).max().unwrap_or(1).max(1);
     for (i, bar) in bars.iter().enumerate() {
         let name = if i == 0 { "latency" } else { "" };
-        let label = format!("below {}", people::time(bar.to as f64 * 1e-9));
+        let label = format!("below {}", format::time(bar.to as f64 * 1e-9));
         // A single sample shows, too.
         let length = (bar.count * WIDEST).div_ceil(most) as usize;
         let _ = writeln!(text, "{name:<12} {label:<14} {:>9} {}", bar.count, "#".repeat(length));

@@ -5,17 +5,17 @@ use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
-use hapt_live::{Error, Live, Machine, Options, Runs};
+use hapt_host::Machine;
+use hapt_live::{Error, Live, Options};
 use hapt_model::World;
 
 use crate::args::LiveArgs;
-use crate::board::{self, Fit};
+use crate::board::Fit;
 use crate::device::Spec;
 use crate::drives;
 use crate::failure::Failure;
-use crate::latency::settings;
+use crate::messages::{print, say};
 use crate::output;
-use crate::people::{print, say};
 use crate::run::profile;
 use crate::world::{Loaded, source};
 
@@ -72,18 +72,13 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     }
 }
 
-/// What runs the world, and how it is guarded.
+/// How often a board shows a sample, in s, where the line carries it: no peak of a loop at 1 kHz is lost.
+const SHOWN: f64 = 1e-3;
+
+/// What runs the world.
 fn machine(args: &LiveArgs, spec: &Spec, world: &World) -> Result<Machine, Failure> {
     let profile = profile(args.uncertified, spec, world)?;
-    let (runs, hands) = match spec {
-        Spec::Board(path) => (board::runs(path)?, None),
-        _ => {
-            let settings = settings(&args.realtime, world)?;
-            let (device, hands) = spec.open(world)?;
-            (Runs::Here { device, settings }, hands)
-        }
-    };
-    Ok(Machine { name: args.device.clone(), runs, hands, profile })
+    spec.machine(&args.device, &args.realtime, world, profile, SHOWN).map(|(machine, _)| machine)
 }
 
 /// The address to listen on.
@@ -117,10 +112,22 @@ impl From<Error> for Failure {
     fn from(error: Error) -> Self {
         match error {
             Error::World(_) => Failure::input(error),
-            Error::Engine(error) => error.into(),
-            #[cfg(unix)]
-            Error::Board(error) => error.into(),
+            Error::Session(error) => error.into(),
             Error::Address { .. } | Error::System(_) | Error::Device(_) => Failure::System(error.to_string()),
+        }
+    }
+}
+
+impl From<hapt_host::Error> for Failure {
+    fn from(error: hapt_host::Error) -> Self {
+        match error {
+            hapt_host::Error::World(_) => Failure::input(error),
+            hapt_host::Error::Engine(error) => error.into(),
+            #[cfg(unix)]
+            hapt_host::Error::Board(error) => error.into(),
+            hapt_host::Error::System(_) | hapt_host::Error::Device(_) | hapt_host::Error::Panicked(_) => {
+                Failure::System(error.to_string())
+            }
         }
     }
 }

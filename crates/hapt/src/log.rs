@@ -8,8 +8,9 @@ use hapt_log::{Ending, Error, Header, Log, Recorder};
 use hapt_model::World;
 
 use crate::failure::Failure;
+use crate::format;
+use crate::messages;
 use crate::output::{self, Draft};
-use crate::people;
 use crate::suggest;
 
 /// A log and what people call it.
@@ -21,7 +22,7 @@ pub struct Opened {
 /// The log of a loop in real time that is about to begin: until then it stands beside its place, so that a run that is refused leaves an
 /// older log as it was.
 pub struct Recording {
-    recorder: Recorder,
+    recording: hapt_host::Recording,
     draft: Draft,
 }
 
@@ -35,13 +36,14 @@ impl Recording {
         let draft = Draft::new(file.to_path_buf()).map_err(failed)?;
         let recorder = Recorder::start_in(draft.handle().map_err(failed)?, file, world, header());
         let recorder = recorder.map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))?;
-        Ok(Some(Recording { recorder, draft }))
+        let recording = hapt_host::Recording::from_the_start(recorder, file.into());
+        Ok(Some(Recording { recording, draft }))
     }
 
     /// The loop has begun: the log goes into its place, and grows there.
-    pub fn begin(self) -> Result<Recorder, Failure> {
+    pub fn begin(self) -> Result<hapt_host::Recording, Failure> {
         self.draft.finish().map_err(|error| Failure::System(format!("--log: cannot write the log: {error}")))?;
-        Ok(self.recorder)
+        Ok(self.recording)
     }
 }
 
@@ -79,8 +81,12 @@ impl Opened {
     /// Says where it ended, where that is not its writer's end; after the last sample.
     pub fn say_ending(&self, samples: u64, last: f64) {
         if *self.log.ending() != Ending::Whole {
-            let (samples, last) = (people::count(samples), people::time(last));
-            people::say(format_args!("{}: {}; {samples} samples up to {last} are there", self.name, self.log.ending()));
+            let (samples, last) = (format::count(samples), format::time(last));
+            messages::say(format_args!(
+                "{}: {}; {samples} samples up to {last} are there",
+                self.name,
+                self.log.ending()
+            ));
         }
     }
 }

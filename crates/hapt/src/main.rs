@@ -2,7 +2,6 @@
 
 mod args;
 mod board;
-mod board_run;
 mod boundary;
 mod boundary_plot;
 mod builtin;
@@ -15,6 +14,7 @@ mod drives;
 mod explain;
 mod failure;
 mod flash;
+mod format;
 mod host;
 mod identify;
 mod impedance;
@@ -23,9 +23,9 @@ mod latency;
 mod licences;
 mod live;
 mod log;
+mod messages;
 mod notes;
 mod output;
-mod people;
 mod plot;
 mod progress;
 mod replay;
@@ -96,6 +96,6 @@ fn main() -> ExitCode {
             signals::signalled().map_or(code, ExitCode::from)
         }
     };
-    people::settle();
+    messages::settle();
     code
 }

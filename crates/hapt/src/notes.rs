@@ -8,7 +8,7 @@ use hapt_sim::{Simulation, Summary};
 
 use crate::builtin;
 use crate::failure::Failure;
-use crate::people;
+use crate::format;
 use crate::sim::{rate, rows};
 
 /// What people call the loops, and the built-in worlds that have them.
@@ -50,11 +50,11 @@ pub fn run() -> Result<ExitCode, Failure> {
             })?;
             end?;
             let clipped = match summary.first_clipped {
-                Some((sample, time)) => format!("sample {sample} ({})", people::time(time)),
+                Some((sample, time)) => format!("sample {sample} ({})", format::time(time)),
                 None => "never".into(),
             };
             let growth = rate(held.growth_per_s.unwrap_or(f64::NEG_INFINITY));
-            let peak = people::effort(summary.peak_torque, world.motion);
+            let peak = format::effort(summary.peak_torque, world.motion);
             table += &format!("{name:<24} {growth:<16} {peak:<14} {clipped:<22} {}\n", held.verdict.name());
         }
     }

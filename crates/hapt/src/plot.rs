@@ -12,9 +12,10 @@ use hapt_sim::Row;
 
 use crate::args::PlotArgs;
 use crate::failure::Failure;
+use crate::format;
 use crate::log::{self, Opened};
+use crate::messages;
 use crate::output;
-use crate::people;
 
 /// Runs drawn over each other: more could not be told apart.
 const MOST_RUNS: usize = 12;
@@ -35,8 +36,8 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
     for path in &args.runs {
         let (name, traces) = read(path, args.limit.as_deref(), window)?;
         if traces.is_empty() {
-            let until = if window.1.is_finite() { format!(" to {}", people::time(window.1)) } else { " on".into() };
-            return Err(Failure::input(format!("{}: no rows from {}{until}", path.display(), people::time(window.0))));
+            let until = if window.1.is_finite() { format!(" to {}", format::time(window.1)) } else { " on".into() };
+            return Err(Failure::input(format!("{}: no rows from {}{until}", path.display(), format::time(window.0))));
         }
         if runs.first().is_some_and(|(_, first)| first.motion() != traces.motion()) {
             return Err(Failure::input(format!("{}: a rotary and a linear run have no common axes", path.display())));
@@ -61,7 +62,7 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
         Some(target) => {
             let failed = |error| Failure::write(target.display(), error);
             let draft = output::figure("--out", target, &svg)?;
-            people::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
+            messages::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -82,12 +83,12 @@ fn title(names: &[String]) -> String {
 /// From when to when, in s.
 fn window(args: &PlotArgs) -> Result<(f64, f64), Failure> {
     let time = |flag, text: &Option<String>, without| match text {
-        Some(text) => people::quantity(flag, text, Measure::Time.dimension(Motion::Rotary)),
+        Some(text) => format::quantity(flag, text, Measure::Time.dimension(Motion::Rotary)),
         None => Ok(without),
     };
     let (from, to) = (time("--from", &args.from, 0.0)?, time("--to", &args.to, f64::INFINITY)?);
     if to <= from {
-        return Err(Failure::input(format!("--to: {} is not after --from, {}", people::time(to), people::time(from))));
+        return Err(Failure::input(format!("--to: {} is not after --from, {}", format::time(to), format::time(from))));
     }
     Ok((from, to))
 }
@@ -115,7 +116,7 @@ fn read(path: &Path, limit: Option<&str>, window: (f64, f64)) -> Result<(String,
     let mut from = BufReader::with_capacity(1 << 16, from);
     let limit = |motion: Motion| match limit {
         None => Ok(None),
-        Some(text) => people::positive("--limit", text, Measure::Torque.dimension(motion)).map(Some),
+        Some(text) => format::positive("--limit", text, Measure::Torque.dimension(motion)).map(Some),
     };
     let title = match piped {
         true => "run".into(),

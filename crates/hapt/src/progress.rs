@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::people;
+use crate::format;
+use crate::messages;
 
 /// Rows between two looks at the clock: often enough for people, too seldom to cost.
 const EVERY: u64 = 1 << 14;
@@ -44,7 +45,7 @@ impl Progress {
     pub fn begins(&mut self, what: &str) {
         if self.started.elapsed() >= PATIENCE && self.last_line.is_none_or(|last| last.elapsed() > LINES) {
             self.last_line = Some(Instant::now());
-            people::say(format_args!("{}: {what}, {:.0} s so far", self.name, self.started.elapsed().as_secs_f64()));
+            messages::say(format_args!("{}: {what}, {:.0} s so far", self.name, self.started.elapsed().as_secs_f64()));
         }
     }
 
@@ -70,10 +71,10 @@ impl Progress {
             let percent = 100.0 * done as f64 / self.all.max(done) as f64;
             let left = elapsed.as_secs_f64() * self.all.saturating_sub(done) as f64
                 / done.saturating_sub(self.before).max(1) as f64;
-            people::say(format_args!(
+            messages::say(format_args!(
                 "{}: {percent:.1} % of {} {}, {left:.0} s left",
                 self.name,
-                people::count(self.all),
+                format::count(self.all),
                 self.things
             ));
         }

@@ -9,8 +9,9 @@ use serde_json::json;
 
 use crate::args::ReplayArgs;
 use crate::failure::Failure;
+use crate::format;
 use crate::log;
-use crate::people;
+use crate::messages;
 
 pub fn run(args: &ReplayArgs) -> Result<ExitCode, Failure> {
     let mut opened = log::open(&args.log)?;
@@ -20,7 +21,7 @@ pub fn run(args: &ReplayArgs) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     if *ending != Ending::Whole {
-        people::say(format_args!("{}: {ending}; what is there was replayed", opened.name));
+        messages::say(format_args!("{}: {ending}; what is there was replayed", opened.name));
     }
     Ok(ExitCode::from(u8::from(replay.first.is_some())))
 }
@@ -32,7 +33,7 @@ fn text(name: &str, replay: &Replay, header: &Header) -> String {
         version => format!("by hapt {version} on device {}{scenario}", header.device),
     };
     let mut text = format!("{name}: {by}\n");
-    let compared = people::count(replay.compared);
+    let compared = format::count(replay.compared);
     let _ = match &replay.first {
         None => writeln!(text, "same       all torques of {compared} samples, to the bit"),
         Some(first) => writeln!(
@@ -40,9 +41,9 @@ fn text(name: &str, replay: &Replay, header: &Header) -> String {
             "different  {} of {compared} samples, first sample {} ({}): {}\n\
              \x20          {} ({:016x}) in the log\n\
              \x20          {} ({:016x}) from today's core",
-            people::count(replay.different),
+            format::count(replay.different),
             first.sample,
-            people::time(first.time),
+            format::time(first.time),
             first.column,
             first.logged,
             first.logged.to_bits(),
@@ -51,11 +52,11 @@ fn text(name: &str, replay: &Replay, header: &Header) -> String {
         ),
     };
     if replay.skipped > 0 {
-        let skipped = people::count(replay.skipped);
+        let skipped = format::count(replay.skipped);
         let _ = writeln!(text, "skipped    {skipped} samples, before which the log does not know the loop's state");
     }
     if replay.gaps > 0 {
-        let _ = writeln!(text, "gaps       {}, where samples were lost while recording", people::count(replay.gaps));
+        let _ = writeln!(text, "gaps       {}, where samples were lost while recording", format::count(replay.gaps));
     }
     text
 }

@@ -6,16 +6,16 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_analysis::{Check, Proposal};
+use hapt_host::WorldConfig;
 use hapt_live::standalone::{self, Known};
-use hapt_live::state::Workbench;
 use hapt_model::{Parameter, World};
 use hapt_report::{Drawing, Report, Run, index_drawings, index_page};
 use hapt_sim::Simulation;
 
 use crate::args::ReportArgs;
 use crate::failure::Failure;
+use crate::messages;
 use crate::output::{self, Draft};
-use crate::people;
 use crate::sim::rows;
 use crate::world::{Loaded, source};
 
@@ -31,7 +31,7 @@ struct Ready {
     /// What it is called on the command line, with its overrides.
     command: String,
     /// For the page on which it runs, or why it has none.
-    bench: Result<Workbench, String>,
+    config: Result<WorldConfig, String>,
 }
 
 /// Where the pages are on which the worlds run.
@@ -50,7 +50,7 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
         let page = args.out.join(format!("{}.html", report.stem));
         write(&page, report.page(&drawings, worlds.len() > 1).as_bytes())?;
         write_figures(&args.out, &report.stem, &drawings)?;
-        people::say(format_args!("wrote {} and {} figures beside it", page.display(), drawings.len()));
+        messages::say(format_args!("wrote {} and {} figures beside it", page.display(), drawings.len()));
         let failed = report.runs.iter().find_map(|run| Some((&run.name, run.failure.as_ref()?)));
         if let Some((name, failure)) = failed {
             let message = format!("{}, scenario {name}: {failure}; its figures end before", report.title);
@@ -63,7 +63,7 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
         let page = args.out.join("index.html");
         write(&page, index_page(&reports, &drawings).as_bytes())?;
         write_figures(&args.out, "index", &drawings)?;
-        people::say(format_args!("wrote {}", page.display()));
+        messages::say(format_args!("wrote {}", page.display()));
     }
     first_failure.map_or(Ok(ExitCode::SUCCESS), Err)
 }
@@ -86,13 +86,13 @@ fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
         hapt_sim::check(&world)?;
         let stem = stem(path, &world, &mut taken);
         let title = world.title.clone().filter(|title| !title.trim().is_empty()).unwrap_or_else(|| stem.clone());
-        let bench = standalone::bench(source.clone(), args.sets.clone());
+        let config = standalone::config(source.clone(), args.sets.clone());
         let loaded = Loaded { name: source.name.clone(), world, source };
         let remedies = hapt_analysis::remedies(&loaded.world)?;
         let proposal = hapt_analysis::proposal(&loaded.world, &loaded.source, &args.sets, &check, &remedies)?;
         let lines = proposal.as_ref().map_or(Vec::new(), Proposal::lines);
         let command = command(path, &args.sets);
-        worlds.push(Ready { title, stem, world: loaded.world, parameters, check, proposal, lines, command, bench });
+        worlds.push(Ready { title, stem, world: loaded.world, parameters, check, proposal, lines, command, config });
     }
     Ok(worlds)
 }
@@ -121,9 +121,9 @@ fn stem(path: &Path, world: &World, taken: &mut HashSet<String>) -> String {
 
 /// Runs every scenario of a world. One that stops being finite is shown up to there.
 fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
-    let Ready { title, stem, world, parameters, check, proposal, lines, bench, .. } = ready;
+    let Ready { title, stem, world, parameters, check, proposal, lines, config, .. } = ready;
     let proposal = proposal.as_ref().map(|proposal| (proposal.heading, lines.as_slice()));
-    let live = bench.is_ok().then(|| format!("{LIVE}/{stem}.html"));
+    let live = config.is_ok().then(|| format!("{LIVE}/{stem}.html"));
     let mut runs = Vec::new();
     for scenario in &world.scenarios {
         let simulation = Simulation::new(world, scenario)?;
@@ -141,15 +141,15 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
 /// Writes the page on which a world runs, and what all of them share.
 fn live(folder: &Path, ready: &Ready) -> Result<(), Failure> {
     let Ready { title, stem, check, proposal, command, .. } = ready;
-    let bench = match &ready.bench {
-        Ok(bench) => bench,
+    let config = match &ready.config {
+        Ok(config) => config,
         Err(why) => {
-            people::say(format_args!("{title} has no page to grab it on: {why}"));
+            messages::say(format_args!("{title} has no page to grab it on: {why}"));
             return Ok(());
         }
     };
     let report = format!("../{stem}.html");
-    let known = Known { bench, check, proposal: proposal.as_ref(), command, report: &report };
+    let known = Known { config, check, proposal: proposal.as_ref(), command, report: &report };
     let folder = folder.join(LIVE);
     output::folder("--out", &folder.join("assets"))?;
     for (name, bytes) in standalone::shared().into_iter().chain(standalone::world(stem, &known)) {

@@ -2,25 +2,33 @@
 
 use std::io::{Write, stdout};
 use std::process::ExitCode;
+use std::time::{Duration, Instant};
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
+use hapt_host::{Error, Event, Sample, Session, WorldConfig};
 use hapt_log::{Header, Recorder, Summary};
 use hapt_model::{Scenario, World};
-use hapt_rt::{End, Engine, Failure as DeviceFailure, Hands, Order, Record, Timing, Touch};
+use hapt_rt::{Failure as DeviceFailure, Record, Timing};
 use hapt_sim::script;
 
 use crate::args::RunArgs;
-use crate::board_run;
+use crate::board::{self, Fit};
 use crate::device::Spec;
 use crate::drives;
 use crate::failure::Failure;
+use crate::format;
 use crate::host::Stolen;
-use crate::latency::{LOOK, granted, plan, settings, time};
+use crate::latency::{LOOK, granted, plan, time};
 use crate::log::Recording;
+use crate::messages;
 use crate::output;
-use crate::people;
 use crate::sim;
 use crate::world::{Loaded, files, load};
+
+/// How often a board shows a sample, in s, where no log needs them all.
+const SHOWN: f64 = 0.02;
+/// A board that shows no sample for so long, though it answers, has stopped its loop.
+const SILENT: Duration = Duration::from_secs(2);
 
 pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let mut loaded = load(&args.world)?;
@@ -28,8 +36,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let mut sets = args.world.sets.clone();
     sets.extend(spec.overrides(&loaded.world)?);
     loaded.world = World::read(&loaded.source, &sets)?;
-    let world = &loaded.world;
-    let scenario = args.scenario.as_deref().map(|name| world.scenario(name)).transpose()?;
+    let scenario = args.scenario.as_deref().map(|name| loaded.world.scenario(name)).transpose()?.cloned();
     if scenario.is_some() && spec != Spec::Sim {
         return Err(Failure::input(
             "--scenario: only the simulated device (--device sim) has a hand that can play one",
@@ -37,42 +44,61 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     }
     let duration = match &args.duration {
         Some(text) => time("--duration", text)?,
-        None => scenario.map_or(f64::INFINITY, |scenario| scenario.duration),
+        None => scenario.as_ref().map_or(f64::INFINITY, |scenario| scenario.duration),
     };
-    let mut inputs = files(&args.world.path, world);
+    let mut inputs = files(&args.world.path, &loaded.world);
     if let Spec::Replay(recorded) = &spec {
         inputs.push(("the recording", recorded.clone()));
     }
     output::apart(&output::given(&[("--log", &args.log)]), &inputs)?;
-    if let Spec::Board(port) = &spec {
-        return board_run::run(args, loaded, port, duration);
-    }
-    let profile = profile(args.uncertified, &spec, world)?;
-    let settings = settings(&args.realtime, world)?;
-    let plan = plan(world, profile)?;
+    let profile = match spec {
+        Spec::Board(_) => {
+            let fit = Fit::new(loaded, &sets, args.uncertified)?;
+            (loaded, sets) = (fit.loaded, fit.sets);
+            fit.profile
+        }
+        _ => {
+            let profile = profile(args.uncertified, &spec, &loaded.world)?;
+            // What the core refuses is refused before a device is opened.
+            plan(&loaded.world, profile)?;
+            profile
+        }
+    };
+    let world = &loaded.world;
     let recording = Recording::start(args.log.as_deref(), world, || header(args, &loaded, &sets, profile))?;
     if spec.has_a_motor() {
         // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
         output::end_in_order();
     }
-    let (device, hands) = spec.open(world)?;
+    let every = if args.log.is_some() { 0.0 } else { SHOWN };
+    let (mut machine, on) = spec.machine(&args.device, &args.realtime, world, profile, every)?;
     output::end_in_order();
-    let engine = Engine::start_with(plan, device, settings)?;
-    let handle = engine.handle().clone();
+    board::clear(&mut machine)?;
+    let config = WorldConfig::new(loaded.source.clone(), sets).map_err(Failure::input)?;
+    let mut session = Session::start(config, machine)?;
+    let handle = session.handle();
     output::stop_with(move || handle.end());
-    let recorder = recording.map(Recording::begin).transpose()?;
-    if spec.has_a_motor() {
-        people::say(drives::NOT_CERTIFIED);
+    if let Some(recording) = recording {
+        session.record(recording.begin()?);
     }
-    for warning in &engine.realtime().warnings {
-        people::say(format_args!("warning: {warning}"));
+    let is_board = session.realtime().is_none();
+    if spec.has_a_motor() && !is_board {
+        messages::say(drives::NOT_CERTIFIED);
     }
-    let mut run = Run { world, engine, hands, scenario, duration, stolen: Stolen::until_now(), seen: Seen::default() };
-    let how = run.until_it_ends(recorder.as_ref())?;
+    for warning in session.realtime().iter().flat_map(|realtime| &realtime.warnings) {
+        messages::say(format_args!("warning: {warning}"));
+    }
+    let stolen = Stolen::until_now();
+    let mut run = Run { session, is_board, scenario, duration, stolen, seen: Seen::default() };
+    let how = run.until_it_ends();
+    // Before anything waits for a disk or for a reader.
+    run.session.end(|sample| run.seen.add(sample.record));
+    let how = how?;
+    let recorder = run.session.take_recording().map(hapt_host::Recording::into_recorder);
     let logged = recorder.map(finish).transpose();
     let mut out = stdout().lock();
     let logged_line = logged.as_ref().ok().and_then(Option::as_deref).unwrap_or_default();
-    let text = run.summary(&loaded, &spec, &how) + logged_line;
+    let text = run.summary(&loaded, &on, &how) + logged_line;
     let printed = out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
     if let How::Signal(code) = how {
         // The terminal may be gone, and with it whoever reads.
@@ -80,10 +106,8 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     }
     printed?;
     logged?;
-    if spec.has_a_motor()
-        && let Some(missed) = run.seen.timing.warning()
-    {
-        people::say(format_args!("warning: {missed}"));
+    if let Some(missed) = run.missed().filter(|_| spec.has_a_motor()) {
+        messages::say(format_args!("warning: {missed}"));
     }
     match how {
         How::Done => Ok(ExitCode::SUCCESS),
@@ -91,8 +115,16 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         How::Fault(reason) => {
             Err(Failure::System(format!("the torque was taken away. {} {}", reason.sentence(), reason.remedy())))
         }
-        How::Device(failure) => Err(Failure::System(format!("the run ended by itself, the torque off: {failure}"))),
-        How::Panicked => Err(Failure::System("the loop broke off, the torque off: a defect of hapt".into())),
+        How::Silent => Err(Failure::System(
+            "the board shows no samples any more; what it does to the motor is its watchdog's to say".into(),
+        )),
+        How::Failed(Error::Device(failure)) => {
+            Err(Failure::System(format!("the run ended by itself, the torque off: {failure}")))
+        }
+        How::Failed(Error::Panicked(_)) => {
+            Err(Failure::System("the loop broke off, the torque off: a defect of hapt".into()))
+        }
+        How::Failed(error) => Err(error.into()),
     }
 }
 
@@ -106,8 +138,8 @@ fn header(args: &RunArgs, loaded: &Loaded, sets: &[String], profile: SafetyProfi
 pub fn finish(recorder: Recorder) -> Result<String, Failure> {
     let Summary { path, written, lost } =
         recorder.finish().map_err(|error| Failure::System(format!("the log has ended early: {error}")))?;
-    let lost = if lost > 0 { format!(", {} lost", people::count(lost)) } else { String::new() };
-    Ok(format!("log          {} samples{lost}: {}\n", people::count(written), path.display()))
+    let lost = if lost > 0 { format!(", {} lost", format::count(lost)) } else { String::new() };
+    Ok(format!("log          {} samples{lost}: {}\n", format::count(written), path.display()))
 }
 
 /// On a motor only what is certified runs, unless somebody says otherwise.
@@ -133,138 +165,172 @@ enum How {
     Done,
     Signal(u8),
     Fault(Reason),
-    Device(DeviceFailure),
-    Panicked,
+    /// A board that shows no samples.
+    Silent,
+    Failed(Error),
 }
 
-/// What the records have said.
+/// What the records have shown.
 #[derive(Default)]
 struct Seen {
     timing: Timing,
+    first: Option<u64>,
     last: Option<Record>,
-    /// From when to when the torque was all there, in ns from the start.
+    records: u64,
+    /// A torque was on.
+    was_active: bool,
+    /// The first and the last instant at full torque, in ns from the start.
     running: Option<(u64, u64)>,
     /// The largest |output|, in N·m (linear: N).
     peak: f64,
     fault: Option<Reason>,
 }
 
-struct Run<'w> {
-    world: &'w World,
-    engine: Engine,
-    hands: Option<Hands>,
-    scenario: Option<&'w Scenario>,
-    /// In s, counted from when the torque is all there.
+struct Run {
+    session: Session,
+    /// A board sends no timing, and needs heartbeats.
+    is_board: bool,
+    scenario: Option<Scenario>,
+    /// In s, counted from full torque on.
     duration: f64,
     stolen: Stolen,
     seen: Seen,
 }
 
-impl Run<'_> {
-    /// Arms, plays the scenario, disarms; looks at every record, and gives it to `recorder`.
-    fn until_it_ends(&mut self, recorder: Option<&Recorder>) -> Result<How, Failure> {
+impl Run {
+    /// Arms, plays the scenario, disarms, and looks at every record.
+    fn until_it_ends(&mut self) -> Result<How, Failure> {
+        self.keep();
         if output::signalled().is_none() {
-            self.order(Request::Arm)?;
+            self.request(Request::Arm)?;
         }
         // When the time began to count, in ns from the start.
         let mut begun = None;
         let mut is_over = false;
+        let mut heard = Instant::now();
         loop {
             std::thread::sleep(LOOK);
-            // Asked before the last records are taken: they may be those of its end.
-            let ended = self.engine.ended();
-            self.take_records(recorder);
-            if let Some(how) = self.how(ended) {
-                self.engine.end();
-                self.take_records(recorder);
+            self.keep();
+            let before = self.seen.records;
+            let ended = self.session.poll(Instant::now(), |sample: Sample<'_>| self.seen.add(sample.record));
+            if let Some(how) = self.how(ended, is_over) {
                 return Ok(how);
+            }
+            if self.seen.records > before {
+                heard = Instant::now();
+            } else if self.is_board && heard.elapsed() > SILENT {
+                return Ok(How::Silent);
             }
             let (Some(last), Some(_)) = (self.seen.last, self.seen.running) else { continue };
             let since = match begun {
                 Some(since) => since,
-                None if self.play() => {
-                    people::say("at full torque; Ctrl-C takes it off");
+                None => {
+                    self.play();
+                    messages::say("at full torque; Ctrl-C takes it off");
                     *begun.insert(last.due)
                 }
-                None => continue,
             };
             if !is_over && (last.due - since) as f64 >= self.duration * 1e9 {
                 is_over = true;
-                self.order(Request::Disarm)?;
+                self.request(Request::Disarm)?;
             }
         }
     }
 
-    fn take_records(&mut self, recorder: Option<&Recorder>) {
-        while let Ok(record) = self.engine.records.pop() {
-            self.seen.add(&record);
-            if let Some(recorder) = recorder {
-                recorder.follow(&mut self.engine, &record);
-            }
+    /// Tells a board that this program is there. A loop of this computer ends with the program.
+    fn keep(&self) {
+        if self.is_board {
+            self.session.handle().heartbeat();
         }
     }
 
     /// Begins the scenario, if there is one.
-    fn play(&mut self) -> bool {
-        let (Some(scenario), Some(hands)) = (self.scenario, &mut self.hands) else { return true };
-        let script = Box::new(script(scenario, self.world.sampling.period));
-        hands.push(Touch::Scenario(script)).is_ok()
+    fn play(&mut self) {
+        if let Some(scenario) = &self.scenario {
+            let script = script(scenario, self.session.config().world.sampling.period);
+            let hand = self.session.hand();
+            hand.play(script);
+            hand.send();
+        }
     }
 
     /// How it has ended, if it has.
-    fn how(&self, ended: Option<End>) -> Option<How> {
+    fn how(&mut self, ended: Option<Result<(), Error>>, is_over: bool) -> Option<How> {
         if let Some(signal) = output::signalled() {
             return Some(How::Signal(signal));
+        }
+        while let Some(event) = self.session.event() {
+            match event {
+                Event::Error(error) | Event::Rejected(error) => return Some(How::Failed(error)),
+                Event::Changed | Event::Refused { .. } => {}
+            }
         }
         if let Some(reason) = self.seen.fault {
             return Some(How::Fault(reason));
         }
         match ended {
             None => {}
-            Some(End::Device(DeviceFailure::Ended) | End::Asked) => return Some(How::Done),
-            Some(End::Device(failure)) => return Some(How::Device(failure)),
-            Some(End::Panicked) => return Some(How::Panicked),
+            Some(Ok(()) | Err(Error::Device(DeviceFailure::Ended))) => return Some(How::Done),
+            Some(Err(error)) => return Some(How::Failed(error)),
         }
-        let is_disarmed = self.seen.last.is_some_and(|record| record.phase == Phase::Disarmed);
-        (is_disarmed && self.seen.running.is_some()).then_some(How::Done)
+        let last = self.seen.last.filter(|record| record.phase == Phase::Disarmed && self.seen.was_active)?;
+        // It has faded out by itself, or as it was asked to.
+        Some(last.reason.filter(|_| !is_over).map_or(How::Done, How::Fault))
     }
 
-    fn order(&mut self, request: Request) -> Result<(), Failure> {
-        self.engine.send(Order::Request(request)).map_err(|_| Failure::System("the loop takes no orders".into()))
+    fn request(&mut self, request: Request) -> Result<(), Failure> {
+        let epoch = self.session.handle().epoch();
+        self.session.request(request, epoch).map_err(|_| Failure::System("the loop takes no orders".into()))
     }
 
-    fn summary(&self, loaded: &Loaded, spec: &Spec, how: &How) -> String {
-        let on = match spec {
-            Spec::Sim => "the simulated device".to_string(),
-            Spec::Replay(file) => format!("the positions of {}", file.display()),
-            Spec::Board(port) => port.path.display().to_string(),
-            Spec::Drive(address) => format!("the drive {address}"),
-        };
-        let Seen { timing, running, peak, .. } = &self.seen;
+    /// That samples were missed, where some were.
+    fn missed(&self) -> Option<String> {
+        if !self.is_board {
+            return self.seen.timing.warning().map(|warning| warning.to_string());
+        }
+        let missed = self.seen.timing.missed();
+        (missed > 0).then(|| format!("the board missed {} samples; see the summary", format::count(missed)))
+    }
+
+    fn summary(&self, loaded: &Loaded, on: &str, how: &How) -> String {
+        let world = &loaded.world;
+        let Seen { timing, first, last, records, running, peak, .. } = &self.seen;
         let ran = match running {
-            Some((from, to)) => format!("for {} at full torque", people::time((to - from) as f64 * 1e-9)),
+            Some((from, to)) => format!("for {} at full torque", format::time((to - from) as f64 * 1e-9)),
             None => "the torque was never all there".into(),
         };
         let end = match how {
             How::Done => "ended in order".into(),
             How::Signal(_) => "interrupted, the torque off at once".into(),
             How::Fault(reason) => format!("faulted. {}", reason.sentence()),
-            How::Device(failure) => failure.to_string(),
-            How::Panicked => "broken off".into(),
+            How::Failed(Error::Device(failure)) => failure.to_string(),
+            How::Silent | How::Failed(_) => "broken off".into(),
         };
-        format!(
-            "{} on {on}, {} a sample\nran          {ran}; {end}\nmotor        asked for {} at most\n\n{timing}\n\n{}",
-            loaded.title(),
-            people::time(self.world.sampling.period),
-            people::effort(*peak, self.world.motion),
-            granted(self.engine.realtime(), self.stolen.since()),
-        )
+        let period = format::time(world.sampling.period);
+        let peak = format::effort(*peak, world.motion);
+        let text = format!(
+            "{} on {on}, {period} a sample\nran          {ran}; {end}\nmotor        asked for {peak} at most",
+            loaded.title()
+        );
+        let Some(realtime) = self.session.realtime() else {
+            let samples = last.zip(*first).map_or(0, |(last, first)| last.sample - first + 1);
+            let missed = match timing.missed() {
+                0 => "none".into(),
+                missed => format::count(missed),
+            };
+            let (samples, shown) = (format::count(samples), format::count(*records));
+            return format!("{text}, of what was shown\nsamples      {samples}, {missed} missed; {shown} shown\n");
+        };
+        format!("{text}\n\n{timing}\n\n{}", granted(realtime, self.stolen.since()))
     }
 }
 
 impl Seen {
     fn add(&mut self, record: &Record) {
         self.timing.add(record);
+        self.records += 1;
+        self.first.get_or_insert(record.sample);
+        self.was_active |= record.phase.is_active();
         self.peak = self.peak.max(record.output.abs());
         if record.phase == Phase::Running {
             self.running.get_or_insert((record.due, record.due)).1 = record.due;

@@ -9,8 +9,8 @@ use clap_mangen::Man;
 
 use crate::args::{Args, CompletionsArgs, ManArgs};
 use crate::failure::Failure;
+use crate::messages;
 use crate::output::{self, Draft};
-use crate::people;
 
 pub fn completions(args: &CompletionsArgs) -> Result<ExitCode, Failure> {
     let mut text = Vec::new();
@@ -41,7 +41,7 @@ fn write_pages(command: &Command, name: &str, folder: &Path) -> Result<(), Failu
         draft.finish()
     };
     write().map_err(|error| Failure::write(target.display(), error))?;
-    people::say(format_args!("wrote {}", target.display()));
+    messages::say(format_args!("wrote {}", target.display()));
     for below in command.get_subcommands() {
         write_pages(below, &format!("{name}-{}", below.get_name()), folder)?;
     }

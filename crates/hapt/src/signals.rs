@@ -6,7 +6,7 @@
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use crate::people;
+use crate::messages;
 
 /// A file that an interruption leaves where it is, so that the work can be taken up again, and what is said of it then.
 static KEPT: Mutex<Option<String>> = Mutex::new(None);
@@ -27,7 +27,7 @@ static STOP: Mutex<Option<Stop>> = Mutex::new(None);
 /// From now on the first signal shows in [`signalled`], and the program has three seconds: the command takes the torque off, finishes its
 /// files, and ends. A second signal ends the program at once. Messages no longer wait for whoever reads them.
 pub fn end_in_order() {
-    people::wait_for_nobody();
+    messages::never_block();
     IN_ORDER.store(true, Ordering::SeqCst);
 }
 
@@ -113,8 +113,8 @@ mod unix {
         if let Some(words) = words {
             let (said, heard) = channel();
             spawn(move || {
-                people::say(format_args!("hapt: {words}"));
-                people::settle();
+                messages::say(format_args!("hapt: {words}"));
+                messages::settle();
                 let _ = said.send(());
             });
             let _ = heard.recv_timeout(WORDS);
@@ -143,7 +143,7 @@ pub fn watch() {
         }
         crate::output::remove_drafts();
         if let Some(words) = &*KEPT.lock().unwrap_or_else(PoisonError::into_inner) {
-            people::say(format_args!("hapt: {words}"));
+            messages::say(format_args!("hapt: {words}"));
         }
         std::process::exit(130)
     });

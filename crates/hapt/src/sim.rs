@@ -10,8 +10,9 @@ use hapt_sim::{Error, Row, Simulation, Summary};
 
 use crate::args::{Format, SimArgs};
 use crate::failure::Failure;
+use crate::format::{self, Effort};
+use crate::messages;
 use crate::output;
-use crate::people::{self, Effort};
 use crate::progress::Progress;
 use crate::table::Table;
 use crate::world::{Loaded, files, load};
@@ -84,7 +85,7 @@ fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &Sim
         for table in tables {
             let path = table.finish()?;
             match &end {
-                Ok(rows) => people::say(format_args!("wrote {}, {} rows", path.display(), people::count(*rows))),
+                Ok(rows) => messages::say(format_args!("wrote {}, {} rows", path.display(), format::count(*rows))),
                 Err(error) => {
                     let message = format!("scenario {}: {error}; {} ends before", scenario.name, path.display());
                     first_failure = first_failure.or(Some(Failure::System(message)));
@@ -138,18 +139,18 @@ fn print_all(loaded: &Loaded, sets: &[String], scenarios: &[&Scenario]) -> Resul
 
 fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summary, predicted: Option<f64>) -> String {
     let sampling = &world.sampling;
-    let effort = |x| own.map_or_else(|| people::effort(x, world.motion), |own| own.say(x));
+    let effort = |x| own.map_or_else(|| format::effort(x, world.motion), |own| own.say(x));
     let mut lines = vec![format!(
         "\nscenario {}: {} at {} a sample, {}, torque from the {} of the step{}",
         scenario.name,
-        people::time(scenario.duration),
-        people::time(sampling.period),
+        format::time(scenario.duration),
+        format::time(sampling.period),
         sampling.method.name(),
         sampling.output.name(),
-        people::late(sampling),
+        format::late(sampling),
     )];
     let mut line = |name: &str, value: String| lines.push(format!("  {name:<13} {value}"));
-    line("peak torque", format!("{} at {}", effort(summary.peak_torque), people::time(summary.peak_time)));
+    line("peak torque", format!("{} at {}", effort(summary.peak_torque), format::time(summary.peak_time)));
     line(
         "motor",
         match (world.device.limit, summary.first_clipped) {
@@ -158,22 +159,22 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
             (Some(limit), Some((sample, time))) => format!(
                 "asked for more than its limit, {}, at {} of {} samples, first at sample {sample} ({})",
                 effort(limit),
-                people::count(summary.clipped),
-                people::count(summary.rows),
-                people::time(time),
+                format::count(summary.clipped),
+                format::count(summary.rows),
+                format::time(time),
             ),
         },
     );
-    line("world", format!("stores {} at the end", people::energy(summary.final_energy())));
+    line("world", format!("stores {} at the end", format::energy(summary.final_energy())));
     let ledger = summary.ledger;
     line(
         "device",
         format!(
             "hand gave {}, motor gave {}; damping took {}, friction took {}",
-            people::energy(ledger.hand),
-            people::energy(ledger.motor),
-            people::energy(ledger.damping),
-            people::energy(ledger.friction),
+            format::energy(ledger.hand),
+            format::energy(ledger.motor),
+            format::energy(ledger.damping),
+            format::energy(ledger.friction),
         ),
     );
     if let Some(fitted) = summary.fitted_growth() {
@@ -185,5 +186,5 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
 
 /// A growth rate; below a billionth it is rounding.
 pub fn rate(growth: f64) -> String {
-    if growth.abs() < 1e-9 { "0".into() } else { people::number(growth) }
+    if growth.abs() < 1e-9 { "0".into() } else { format::number(growth) }
 }

@@ -19,8 +19,9 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::args::SweepArgs;
 use crate::failure::Failure;
+use crate::format;
+use crate::messages;
 use crate::output::{self, Draft};
-use crate::people;
 use crate::progress::Progress;
 use crate::world::{files, own, source};
 
@@ -64,8 +65,8 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     if args.plot.is_some() && sweep.grid.axes.len() == 2 && sweep.cells() > MOST_DRAWN {
         return Err(Failure::input(format!(
             "--plot draws a map of up to {} cells, and the grid has {}: fewer values, or no --plot",
-            people::count(MOST_DRAWN),
-            people::count(sweep.cells())
+            format::count(MOST_DRAWN),
+            format::count(sweep.cells())
         )));
     }
     let threads = match args.threads {
@@ -87,9 +88,9 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     }
     partial.finish(format, &columns)?;
 
-    people::say(format_args!("wrote {}, {} rows", args.out.display(), people::count(sweep.cells())));
+    messages::say(format_args!("wrote {}, {} rows", args.out.display(), format::count(sweep.cells())));
     for (measure, count) in measures.iter().zip(missing).filter(|(_, count)| *count > 0) {
-        people::say(format_args!("{} has no value in {} of them", measure.name(), people::count(count)));
+        messages::say(format_args!("{} has no value in {} of them", measure.name(), format::count(count)));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -182,7 +183,7 @@ impl Partial {
         let header = table::header(columns);
         let there = resume && path.exists();
         if resume && !there {
-            people::say(format_args!("there is no {}: nothing to go on from", path.display()));
+            messages::say(format_args!("there is no {}: nothing to go on from", path.display()));
         }
         let mut file =
             OpenOptions::new().read(true).write(true).create(true).truncate(!there).open(&path).map_err(failed)?;
@@ -200,10 +201,10 @@ impl Partial {
         } else {
             partial.file.set_len(length).map_err(failed)?;
             partial.file.seek(SeekFrom::Start(length)).map_err(failed)?;
-            people::say(format_args!(
+            messages::say(format_args!(
                 "going on behind {} of {} cells",
-                people::count(partial.done),
-                people::count(sweep.cells())
+                format::count(partial.done),
+                format::count(sweep.cells())
             ));
         }
         let words = format!("the rows so far are in {}; the same command with --resume goes on", path.display());

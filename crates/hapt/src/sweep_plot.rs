@@ -10,8 +10,9 @@ use hapt_sweep::{Axis, Measure, Sweep, table};
 use crate::boundary::within;
 use crate::boundary_plot::OWN;
 use crate::failure::Failure;
+use crate::format;
+use crate::messages;
 use crate::output;
-use crate::people;
 
 /// The most columns and rows that a map shows.
 const ROOM: (usize, usize) = (360, 240);
@@ -34,7 +35,7 @@ pub fn draw(sweep: &Sweep, own: &[Option<f64>], rows: impl BufRead, target: &Pat
         _ => return Ok(()),
     };
     let draft = output::figure("--plot", target, &(figure.svg(Width::Wide, true) + "\n"))?;
-    people::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
+    messages::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
     Ok(())
 }
 
@@ -93,7 +94,7 @@ fn curve(
         panel.mark(OWN, Shape::Line, Style::Limit, vec![(own, 0.0)]);
     }
     let seen = range.map_or("no value".to_string(), |(low, high)| {
-        format!("from {} to {} {unit}", people::number(low), people::number(high))
+        format!("from {} to {} {unit}", format::number(low), format::number(high))
     });
     let alt = format!(
         "{name} over {} from {} to {} {}: {seen}; {shown} of {all} cells have a value.",
@@ -137,7 +138,7 @@ fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, own: &[Option<f64>], mut values:
         panel.mark(OWN, Shape::Ring, Style::Edge(0), vec![(x, y)]);
     }
     let seen = range.map_or("no value".to_string(), |(low, high)| {
-        format!("from {} to {} {unit}", people::number(low), people::number(high))
+        format!("from {} to {} {unit}", format::number(low), format::number(high))
     });
     let alt = format!("A map of {name} over {} to the right and {} upwards: {seen}.", slow.key, fast.key);
     let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };

@@ -20,8 +20,9 @@ use serde_json::json;
 use crate::args::WorstArgs;
 use crate::colour;
 use crate::failure::Failure;
+use crate::format;
+use crate::messages;
 use crate::output::{self, Draft};
-use crate::people;
 use crate::progress::Progress;
 use crate::world::{Loaded, files, load};
 
@@ -108,7 +109,7 @@ fn write(path: &Path, mut draft: Draft, text: &str) -> Result<(), Failure> {
     let failed = |error| Failure::write(path.display(), error);
     draft.write_all(text.as_bytes()).map_err(failed)?;
     draft.finish().map_err(failed)?;
-    people::say(format_args!("wrote {}", path.display()));
+    messages::say(format_args!("wrote {}", path.display()));
     Ok(())
 }
 
@@ -160,7 +161,7 @@ fn text(loaded: &Loaded, worst: &Worst, out: Option<&Path>, shown: &World) -> St
 }
 
 fn verdict(worst: &Worst) -> String {
-    let tried = people::count(worst.runs as u64);
+    let tried = format::count(worst.runs as u64);
     match (worst.broken, worst.drew, worst.certified) {
         (true, true, false) if worst.motion.is_some() => "broken: a motion of the hand draws energy from it".into(),
         (true, true, false) => "broken: a passive hand draws energy from it".into(),
@@ -184,8 +185,8 @@ fn linear(world: &World, worst: &Worst) -> String {
             format!(
                 "with a hand of {} the loop grows by {} per second, doubling every {}",
                 grip(world, &found.grip),
-                people::number(growth),
-                people::time(std::f64::consts::LN_2 / growth)
+                format::number(growth),
+                format::time(std::f64::consts::LN_2 / growth)
             )
         }
     }
@@ -194,14 +195,14 @@ fn linear(world: &World, worst: &Worst) -> String {
 fn gap(world: &World, gap: &Gap) -> String {
     let unit = unit(world, Measure::Damping);
     let asks = match gap.required_damping {
-        Some(damping) => format!("the certificate requires a device damping of {} {unit}", people::number(damping)),
+        Some(damping) => format!("the certificate requires a device damping of {} {unit}", format::number(damping)),
         None => "no device damping is enough for the certificate".into(),
     };
     let breaks = match gap.breaking_damping {
-        Some(damping) => format!("the worst hand breaks the linear loop up to {} {unit}", people::number(damping)),
+        Some(damping) => format!("the worst hand breaks the linear loop up to {} {unit}", format::number(damping)),
         None => "no hand breaks the linear loop at any".into(),
     };
-    format!("{asks}; {breaks}; the device has {} {unit}", people::number(gap.device_damping))
+    format!("{asks}; {breaks}; the device has {} {unit}", format::number(gap.device_damping))
 }
 
 fn unit(world: &World, measure: Measure) -> String {
@@ -214,7 +215,7 @@ fn grip(world: &World, grip: &Grip) -> String {
     let parts: Vec<String> = parts
         .into_iter()
         .filter(|(value, _)| *value > 0.0)
-        .map(|(value, measure)| format!("{} {}", people::number(value), unit(world, measure)))
+        .map(|(value, measure)| format!("{} {}", format::number(value), unit(world, measure)))
         .collect();
     if parts.is_empty() { "nothing at all".into() } else { parts.join(" and ") }
 }
@@ -224,14 +225,14 @@ fn hand(world: &World, hand: &Hand) -> String {
         "{}, its spring drawn to {} at first",
         grip(world, &hand.grip),
         match world.motion {
-            hapt_model::Motion::Rotary => format!("{} deg", people::number(hand.to.to_degrees())),
-            hapt_model::Motion::Linear => format!("{} mm", people::number(1e3 * hand.to)),
+            hapt_model::Motion::Rotary => format!("{} deg", format::number(hand.to.to_degrees())),
+            hapt_model::Motion::Linear => format!("{} mm", format::number(1e3 * hand.to)),
         }
     );
     match hand.hold_and_open {
         None => drawn,
         Some((hold, open)) => {
-            format!("{drawn}; it holds for {}, opens for {}, and so on", people::time(hold), people::time(open))
+            format!("{drawn}; it holds for {}, opens for {}, and so on", format::time(hold), format::time(open))
         }
     }
 }
@@ -248,24 +249,24 @@ fn motion(world: &World, motion: &Motion) -> String {
         Trick::Follow => "it goes along with the constant torque at a steady pace",
     };
     let reach = match world.motion {
-        hapt_model::Motion::Rotary => format!("{} deg", people::number(motion.reach().to_degrees())),
-        hapt_model::Motion::Linear => format!("{} mm", people::number(1e3 * motion.reach())),
+        hapt_model::Motion::Rotary => format!("{} deg", format::number(motion.reach().to_degrees())),
+        hapt_model::Motion::Linear => format!("{} mm", format::number(1e3 * motion.reach())),
     };
-    format!("a motion of up to {reach}, of {} points: {does}", people::count(motion.points.len() as u64))
+    format!("a motion of up to {reach}, of {} points: {does}", format::count(motion.points.len() as u64))
 }
 
 fn shown_run(worst: &Worst) -> String {
     let drawn = &worst.drawn;
-    let within = people::time(worst.scenario.duration);
+    let within = format::time(worst.scenario.duration);
     let given = match drawn.supplied {
-        supplied if supplied > 0.0 => format!("the {} that the world had to give", people::energy(supplied)),
+        supplied if supplied > 0.0 => format!("the {} that the world had to give", format::energy(supplied)),
         _ => "all that it gave".into(),
     };
     if worst.drew {
         format!(
             "in {within} the hand draws {} more than {given}, at {}",
-            people::energy(drawn.gain),
-            people::time(drawn.at_s)
+            format::energy(drawn.gain),
+            format::time(drawn.at_s)
         )
     } else {
         format!("in {within} the hand draws no more than {given}")

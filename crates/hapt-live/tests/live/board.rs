@@ -3,9 +3,10 @@
 use std::time::{Duration, Instant};
 
 use hapt_core::SafetyProfile;
-use hapt_link::Link;
-use hapt_link::simulate::Simulated;
-use hapt_live::{Error, Live, Machine, Options, Runs};
+use hapt_host::board::Link;
+use hapt_host::board::simulate::Simulated;
+use hapt_host::{Backend, Machine};
+use hapt_live::{Error, Live, Options};
 use hapt_model::{Source, World};
 use hapt_wire::device::Board;
 use serde_json::{Value, json};
@@ -48,7 +49,7 @@ fn plugged(folder: &str) -> (Simulated, Live) {
     let live = Live::start_on(options, |_| {
         let link = Box::new(Link::open(board.path())?);
         let (name, profile) = ("hapt:table".into(), SafetyProfile::Certified);
-        Ok::<_, Error>(Machine { name, runs: Runs::Board(link), hands: None, profile })
+        Ok::<_, Error>(Machine { name, backend: Backend::Board { link, every: 1e-3 }, hands: None, profile })
     });
     (board, live.unwrap())
 }

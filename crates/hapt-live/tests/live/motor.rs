@@ -1,7 +1,8 @@
 //! A loop behind a page whose device is not the page's to move.
 
 use hapt_core::SafetyProfile;
-use hapt_live::{Error, Live, Machine, Options};
+use hapt_host::Machine;
+use hapt_live::{Error, Live, Options};
 use hapt_model::Source;
 use hapt_rt::Hands;
 use serde_json::json;

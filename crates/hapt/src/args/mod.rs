@@ -2,8 +2,8 @@
 
 mod devices;
 mod runs;
+mod usage;
 mod verdicts;
-mod words;
 
 use std::path::PathBuf;
 
@@ -11,8 +11,8 @@ use clap::{Parser, Subcommand};
 
 pub use devices::*;
 pub use runs::*;
+pub use usage::*;
 pub use verdicts::*;
-pub use words::*;
 
 /// Haptic rendering for one-axis devices: simulate a virtual world, certify its stability and passivity before the motor is
 /// on, and run it in real time.

@@ -5,7 +5,7 @@ use hapt_model::Motion;
 use hapt_report::figure::{Axis, Figure, Panel, Style};
 
 use super::Given;
-use crate::people;
+use crate::format;
 
 /// Points of a curve; of more, the extremes of as many stretches as half of them.
 const MOST: usize = 1200;
@@ -44,8 +44,8 @@ pub fn figure(given: &Given, found: &Identified) -> Figure {
     below.curve("", Style::Signal(2), torques);
     let alt = format!(
         "Positions over {} with the fit on them, what it leaves ({} {fine} rms), and the torque that was asked for.",
-        people::time(times[times.len() - 1] - times[0]),
-        people::number((found.residual.rms * finer * 1e3).round() / 1e3)
+        format::time(times[times.len() - 1] - times[0]),
+        format::number((found.residual.rms * finer * 1e3).round() / 1e3)
     );
     Figure {
         title: format!("{}: the fit and what it leaves", given.name),

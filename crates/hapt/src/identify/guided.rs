@@ -20,7 +20,7 @@ use crate::device::Spec;
 use crate::failure::Failure;
 use crate::latency::{LOOK, plan, settings, time};
 use crate::log::Recording;
-use crate::{output, people};
+use crate::{format, messages, output};
 
 /// The longest time between two looks at what comes.
 const MOMENT: Duration = Duration::from_millis(20);
@@ -61,7 +61,7 @@ pub fn experiment(args: &IdentifyArgs, spec: &Spec, world: Option<World>) -> Res
     let torque = torque(args, &world)?;
     let duration = time("--duration", &args.duration)?;
     if !(1.0..=60.0).contains(&duration) {
-        return Err(Failure::input(format!("--duration: {} is not within 1 s and 60 s", people::time(duration))));
+        return Err(Failure::input(format!("--duration: {} is not within 1 s and 60 s", format::time(duration))));
     }
     if spec.has_a_motor() && !args.yes {
         ask(&args.what, &world, torque, duration)?;
@@ -70,7 +70,7 @@ pub fn experiment(args: &IdentifyArgs, spec: &Spec, world: Option<World>) -> Res
     let positions = if spec.has_a_motor() { seen.given } else { seen.counted };
     let name = args.what.clone();
     let record = Record::new(seen.times, positions, seen.torques).map_err(|error| {
-        Failure::input(format!("{name}: {error}; --torque asks for more than {}", people::effort(torque, world.motion)))
+        Failure::input(format!("{name}: {error}; --torque asks for more than {}", format::effort(torque, world.motion)))
     })?;
     Ok(Given { name, record, motion: world.motion, world: Some(world) })
 }
@@ -83,7 +83,7 @@ fn torque(args: &IdentifyArgs, world: &World) -> Result<f64, Failure> {
         None => return Err(Failure::input("--torque Q is wanted: the world has no device.limit to take a tenth of")),
     };
     if torque > limit {
-        let limit = people::effort(limit, world.motion);
+        let limit = format::effort(limit, world.motion);
         return Err(Failure::input(format!("--torque: it is above the world's device.limit, {limit}")));
     }
     Ok(torque)
@@ -107,11 +107,11 @@ fn ask(what: &str, world: &World, torque: f64, duration: f64) -> Result<(), Fail
         return Err(Failure::input(format!("{what} is going to move: pass --yes once everyone is clear of it")));
     }
     let bounds = bounds(world, torque);
-    let (torque, duration) = (people::effort(bounds.torque, world.motion), people::time(duration));
+    let (torque, duration) = (format::effort(bounds.torque, world.motion), format::time(duration));
     let chirp = bounds
         .chirp()
         .map_or(String::new(), |(low, high)| format!(", by steps and a chirp from {low:.1} to {high:.1} Hz,"));
-    people::say(format_args!(
+    messages::say(format_args!(
         "{what} will be pushed to and fro{chirp} by up to {torque} for {duration}, and may turn far."
     ));
     let _ = write!(stderr(), "Hands off, nothing in its way? Go on? [y/N] ");
@@ -156,9 +156,9 @@ impl Experiment {
         let engine = Engine::start_with(first.clone(), device, settings)?;
         let handle = engine.handle().clone();
         output::stop_with(move || handle.end());
-        let recorder = recording.map(Recording::begin).transpose()?;
+        let recorder = recording.map(Recording::begin).transpose()?.map(hapt_host::Recording::into_recorder);
         for warning in &engine.realtime().warnings {
-            people::say(format_args!("warning: {warning}"));
+            messages::say(format_args!("warning: {warning}"));
         }
         Ok(Experiment {
             engine,
@@ -186,7 +186,7 @@ impl Experiment {
         faded?;
         if let Some(logged) = logged {
             let logged = logged.map_err(|error| Failure::System(format!("the log has ended early: {error}")))?;
-            people::say(format_args!("wrote {}", logged.path.display()));
+            messages::say(format_args!("wrote {}", logged.path.display()));
         }
         Ok(self.seen)
     }

@@ -12,9 +12,9 @@ use super::{Given, positive};
 use crate::args::IdentifyArgs;
 use crate::device::Spec;
 use crate::failure::Failure;
+use crate::format;
 use crate::latency::time;
 use crate::log::{self, Opened};
-use crate::people;
 use crate::suggest;
 
 /// A larger table is refused: 256 MiB.
@@ -97,7 +97,7 @@ fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lis
     let mut lists = Lists::default();
     while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
         if lists[0].len() == MOST {
-            let most = people::count(MOST as u64);
+            let most = format::count(MOST as u64);
             return Err(Failure::input(format!(
                 "{} has more than {most} samples; a shorter log is wanted",
                 opened.name

@@ -17,8 +17,9 @@ use hapt_report::Width;
 use crate::args::IdentifyArgs;
 use crate::device::Spec;
 use crate::failure::Failure;
+use crate::format;
+use crate::messages;
 use crate::output;
-use crate::people;
 use crate::world::{files, source};
 
 /// A motion, and where it comes from.
@@ -57,10 +58,12 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     let known = Known { inertia: inertia(args, given.motion)?, is_linear: given.motion == Motion::Linear };
     let found = identify(&given.record, &known).map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
     for warning in found.warnings().into_iter().chain(print::unmodelled(&given, &found)) {
-        people::say(format_args!("warning: {warning}"));
+        messages::say(format_args!("warning: {warning}"));
     }
     if found.sign.is_none() && known.inertia.is_none() {
-        people::say("note: without a torque only damping/inertia and friction/inertia show; --inertia gives the rest");
+        messages::say(
+            "note: without a torque only damping/inertia and friction/inertia show; --inertia gives the rest",
+        );
     }
     let table = print::table(&given, &found);
     let drafts = [
@@ -69,7 +72,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     ];
     for draft in drafts.into_iter().flatten() {
         let path = draft.finish().map_err(|error| Failure::write("the file", error))?;
-        people::say(format_args!("wrote {}", path.display()));
+        messages::say(format_args!("wrote {}", path.display()));
     }
     let text = if args.json {
         print::json(&found)?
@@ -100,7 +103,7 @@ fn inertia(args: &IdentifyArgs, motion: Motion) -> Result<Option<f64>, Failure> 
 
 /// A positive quantity in SI.
 fn positive(flag: &str, text: &str, measure: Measure, motion: Motion) -> Result<f64, Failure> {
-    people::positive(flag, text, measure.dimension(motion))
+    format::positive(flag, text, measure.dimension(motion))
 }
 
 fn svg(given: &Given, found: &Identified) -> String {

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::Given;
 use crate::failure::Failure;
-use crate::people;
+use crate::format;
 
 /// The contract's six and the constant torque, each with its interval or null.
 pub fn json(found: &Identified) -> Result<String, Failure> {
@@ -36,9 +36,9 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
     let mut text = format!(
         "{}: {} samples over {}, {} apart\n\n",
         given.name,
-        people::count(times.len() as u64),
-        people::time(times[times.len() - 1] - times[0]),
-        people::time(given.record.period())
+        format::count(times.len() as u64),
+        format::time(times[times.len() - 1] - times[0]),
+        format::time(given.record.period())
     );
     let [inertia, damping] = units(given.motion);
     let (effort, per_si) = effort(given.motion);
@@ -50,7 +50,7 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
     };
     match (inertia_is_known, found.inertia) {
         (true, Some(known)) => {
-            line("inertia", format!("{} {inertia}, as given", people::number(known.value)));
+            line("inertia", format!("{} {inertia}, as given", format::number(known.value)));
             line("gain", within(found.gain, 1.0, "of the torque that is asked for"));
         }
         (_, found) => line("inertia", within(found, 1.0, &inertia)),
@@ -163,7 +163,7 @@ pub fn table(given: &Given, found: &Identified) -> String {
         _ => {}
     }
     if let Some(limit) = given.world.as_ref().and_then(|world| world.device.limit) {
-        line("limit", format!("\"{} {effort}\"", people::number(per_si * limit)), "as the world's file has it".into());
+        line("limit", format!("\"{} {effort}\"", format::number(per_si * limit)), "as the world's file has it".into());
     }
     if let Some(delay) = found.delay {
         let _ = writeln!(text, "# for [loop]: delay = \"{} ms\", {} ms", delay_words(given, delay), ends(delay, 1e3));
@@ -182,7 +182,7 @@ pub fn table(given: &Given, found: &Identified) -> String {
 fn delay_words(given: &Given, delay: Interval) -> String {
     let period = given.world.as_ref().map_or(given.record.period(), |world| world.sampling.period);
     let used = whole(delay, period);
-    if used == delay.value { to(1e3 * used, 0.5e3 * (delay.high - delay.low)) } else { people::number(1e3 * used) }
+    if used == delay.value { to(1e3 * used, 0.5e3 * (delay.high - delay.low)) } else { format::number(1e3 * used) }
 }
 
 /// A delay that is known to a sample and may be a whole number of them is taken to be that.
@@ -222,16 +222,16 @@ fn ends(x: Interval, factor: f64) -> String {
 /// Rounded so that the second digit of its uncertainty still shows.
 fn to(x: f64, half: f64) -> String {
     if !(half > 0.0 && half.is_finite()) {
-        return people::number(x);
+        return format::number(x);
     }
     let step = 10f64.powf(half.log10().floor() - 1.0);
     let whole = (x / step).round();
-    if whole == 0.0 { "0".into() } else { people::number(format!("{:.6e}", whole * step).parse().unwrap_or(x)) }
+    if whole == 0.0 { "0".into() } else { format::number(format!("{:.6e}", whole * step).parse().unwrap_or(x)) }
 }
 
 /// With so many digits.
 fn digits(x: f64, digits: usize) -> String {
-    format!("{x:.*e}", digits - 1).parse().map_or_else(|_| x.to_string(), people::number)
+    format!("{x:.*e}", digits - 1).parse().map_or_else(|_| x.to_string(), format::number)
 }
 
 /// The date, in UTC: days since 1970 by the civil calendar (Hinnant, "chrono-compatible low-level date algorithms").

@@ -8,7 +8,7 @@ mod device;
 mod messages;
 mod methods;
 mod verdict;
-mod words;
+mod world;
 
 /// One topic.
 pub struct Topic {
@@ -24,7 +24,7 @@ pub struct Topic {
 
 /// Every topic: the verdict first, then the basic words, the methods, the loop, the device, and what messages say.
 pub fn topics() -> impl Iterator<Item = &'static Topic> {
-    [verdict::TOPICS, words::TOPICS, analyses::TOPICS, methods::TOPICS, device::TOPICS, messages::TOPICS]
+    [verdict::TOPICS, world::TOPICS, analyses::TOPICS, methods::TOPICS, device::TOPICS, messages::TOPICS]
         .into_iter()
         .flatten()
 }

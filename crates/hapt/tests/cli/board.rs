@@ -1,6 +1,6 @@
 //! `hapt flash` and `hapt run` with a board at a pseudoterminal: the firmware's own station in real time on the exact device.
 
-use hapt_link::simulate::Simulated;
+use hapt_host::board::simulate::Simulated;
 use hapt_model::{Source, World};
 use hapt_wire::device::Board;
 use hapt_wire::{Command, DeviceMessage, Hello, Order};
@@ -87,7 +87,7 @@ fn a_boards_log_with_samples_left_out_is_not_replayed_and_says_what_would_be_rig
 fn peer(
     mut answer: impl FnMut(&Command<'_>) -> Option<DeviceMessage<'static>> + Send + 'static,
 ) -> (std::thread::JoinHandle<()>, String) {
-    let (mut line, path) = hapt_link::pty().unwrap();
+    let (mut line, path) = hapt_host::board::pty().unwrap();
     let thread = std::thread::spawn(move || {
         let mut reader = hapt_wire::Reader::<512>::new();
         let mut bytes = [0; 512];

@@ -1,95 +1,95 @@
-//! The certificate, on threads of its own: the desk asks and goes on, and hears of it as of anything else.
+//! The certificate, on threads of its own; answers come to the session as events.
 //!
-//! Of several questions the last counts. One thread gives the verdict, so that it is there at once; another looks how far the period may
-//! grow, for remedies and for the certified ranges, which take hundreds of certificates, and gives up on a world that is no longer asked about.
+//! A newer question replaces an older one. One thread computes the verdict, so that it comes quickly; another computes critical periods,
+//! remedies and certified ranges, which take hundreds of certificates, and gives up when the world changes.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use hapt_analysis::{Check, Proposal, Remedy, Verdict as Stands, check, is_certified, quick_check};
+use hapt_host::{SettableKey, WorldConfig};
 use hapt_model::World;
 
-use crate::protocol::{KeySays, RemedySays, Says, Sentence, Verdict};
-use crate::state::Workbench;
+use crate::protocol::{RemedyInfo, Sentence, ServerMessage, Verdict};
 
-/// Looks at so many places of a slider, then closer at where the answer turns.
+/// The places of a slider that are tried before its edges are refined.
 const PLACES: usize = 33;
-/// Where the analysis panics the server goes on.
+/// The verdict where the analysis panics; the server goes on.
 const BROKEN: &str = "the analysis broke off by a defect of its own";
-/// To this part of the slider.
+/// The accuracy of an edge, as a part of the slider.
 const WIDTH: f64 = 1e-3;
 
-/// Who answers. Dropped, it finishes what it is at, and ends.
-pub struct Judge {
-    asked: Arc<Latest<Workbench>>,
-    next: Arc<Latest<Workbench>>,
+/// The threads. Dropped, they finish what they compute, and end.
+pub struct Certifier {
+    asked: Arc<Latest<WorldConfig>>,
+    next: Arc<Latest<WorldConfig>>,
     focus: Arc<Mutex<Option<String>>>,
 }
 
-/// Hands an answer over; `false`: nobody listens any more.
-type Answer = Arc<dyn Fn(u32, Says) -> bool + Send + Sync>;
+/// Passes an answer on; `false`: the session has ended.
+type Answer = Arc<dyn Fn(u32, ServerMessage) -> bool + Send + Sync>;
 
-impl Judge {
+impl Certifier {
     /// Answers go to `answer` with their generation.
     ///
     /// # Errors
     /// The system gives no thread.
-    pub fn start(answer: impl Fn(u32, Says) -> bool + Send + Sync + 'static) -> std::io::Result<Self> {
-        let judge = Judge { asked: Arc::default(), next: Arc::default(), focus: Arc::default() };
+    pub fn start(answer: impl Fn(u32, ServerMessage) -> bool + Send + Sync + 'static) -> std::io::Result<Self> {
+        let certifier = Certifier { asked: Arc::default(), next: Arc::default(), focus: Arc::default() };
         let answer: Answer = Arc::new(answer);
-        let (asked, next, to) = (Arc::clone(&judge.asked), Arc::clone(&judge.next), Arc::clone(&answer));
-        std::thread::Builder::new().name("judge".into()).spawn(move || {
+        let (asked, next, to) = (Arc::clone(&certifier.asked), Arc::clone(&certifier.next), Arc::clone(&answer));
+        std::thread::Builder::new().name("certifier".into()).spawn(move || {
             below_the_loop();
-            while let Some(bench) = asked.take() {
-                let (verdict, check) = verdict(&bench, quick_check);
-                if !to(bench.generation, Says::Verdict(verdict)) {
+            while let Some(config) = asked.take() {
+                let (verdict, check) = verdict(&config, quick_check);
+                if !to(config.generation, ServerMessage::Verdict(verdict)) {
                     break;
                 }
                 if check.is_some() {
-                    next.put(bench);
+                    next.put(config);
                 }
             }
         })?;
-        let (next, focus) = (Arc::clone(&judge.next), Arc::clone(&judge.focus));
+        let (next, focus) = (Arc::clone(&certifier.next), Arc::clone(&certifier.focus));
         std::thread::Builder::new().name("adviser".into()).spawn(move || {
             below_the_loop();
-            while let Some(bench) = next.take() {
-                if advise(&bench, &next, &focus, &answer).is_none() {
+            while let Some(config) = next.take() {
+                if advise(&config, &next, &focus, &answer).is_none() {
                     break;
                 }
             }
         })?;
-        Ok(judge)
+        Ok(certifier)
     }
 
-    /// Asks about a world; whatever was asked before is forgotten.
-    pub fn ask(&self, bench: Workbench) {
-        self.asked.put(bench);
+    /// Asks about a world, in place of whatever was asked before.
+    pub fn ask(&self, config: WorldConfig) {
+        self.asked.put(config);
     }
 
-    /// The key whose range is wanted first.
+    /// Sets the key whose range is computed first.
     pub fn focus(&self, key: String) {
         *self.focus.lock().unwrap_or_else(PoisonError::into_inner) = Some(key);
     }
 }
 
-impl Drop for Judge {
+impl Drop for Certifier {
     fn drop(&mut self) {
         self.asked.end();
         self.next.end();
     }
 }
 
-/// Others go first: a verdict may come late, a sample may not.
+/// A verdict may come late, a sample may not.
 fn below_the_loop() {
     #[cfg(target_os = "linux")]
     let _ = rustix::process::nice(10);
 }
 
-/// A place for one thing, of which the last put there counts.
+/// A place for one value; a newer one replaces it.
 struct Latest<T> {
-    /// The thing, and whether there will be no more.
+    /// The value, and whether no more will come.
     slot: Mutex<(Option<T>, bool)>,
     changed: Condvar,
 }
@@ -115,7 +115,7 @@ impl<T> Latest<T> {
         self.changed.notify_one();
     }
 
-    /// Whether there is something newer, or the end.
+    /// Whether a newer value or the end has come.
     fn has_news(&self) -> bool {
         let slot = self.slot();
         slot.0.is_some() || slot.1
@@ -128,29 +128,29 @@ impl<T> Latest<T> {
     }
 }
 
-/// The certificate by `judged`, and what the page is told of it.
+/// The certificate by `certify`, and the verdict for the page.
 fn verdict(
-    bench: &Workbench,
-    judged: fn(&World) -> Result<Check, hapt_analysis::Error>,
+    config: &WorldConfig,
+    certify: fn(&World) -> Result<Check, hapt_analysis::Error>,
 ) -> (Box<Verdict>, Option<Check>) {
     let begin = Instant::now();
-    let checked = catch_unwind(|| judged(&bench.judged()));
+    let checked = catch_unwind(|| certify(&config.certified_world()));
     let ms = Some(begin.elapsed().as_secs_f64() * 1e3);
     let checked =
         checked.map_or_else(|_| Err(BROKEN.to_string()), |checked| checked.map_err(|error| error.to_string()));
     match checked {
-        Ok(check) => (Box::new(Verdict { ms, ..told(bench, &check) }), Some(check)),
+        Ok(check) => (Box::new(Verdict { ms, ..to_verdict(config, &check) }), Some(check)),
         Err(error) => {
             let sentence = format!("not certified: {error}");
-            (Box::new(Verdict { sentence, remedies: Some(Vec::new()), ms, ..nothing(bench) }), None)
+            (Box::new(Verdict { sentence, remedies: Some(Vec::new()), ms, ..nothing(config) }), None)
         }
     }
 }
 
-/// The verdict of a world of which nothing is known.
-fn nothing(bench: &Workbench) -> Verdict {
+/// An empty verdict.
+fn nothing(config: &WorldConfig) -> Verdict {
     Verdict {
-        generation: bench.generation,
+        generation: config.generation,
         certified: false,
         sentence: String::new(),
         sentences: Vec::new(),
@@ -160,16 +160,16 @@ fn nothing(bench: &Workbench) -> Verdict {
         held: Vec::new(),
         free: Vec::new(),
         required_damping: None,
-        device_damping: bench.judged().device.damping,
+        device_damping: config.certified_world().device.damping,
         notes: Vec::new(),
         remedies: None,
         ms: None,
     }
 }
 
-/// What the page is told of a world's certificate, without its remedies.
-pub(crate) fn told(bench: &Workbench, check: &Check) -> Verdict {
-    let mut says = nothing(bench);
+/// The verdict of a certificate, without remedies.
+pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> Verdict {
+    let mut says = nothing(config);
     let ok = |verdict: Stands| match verdict {
         Stands::Stable => Some(true),
         Stands::Marginal => None,
@@ -202,54 +202,61 @@ pub(crate) fn told(bench: &Workbench, check: &Check) -> Verdict {
     says
 }
 
-/// Remedies and ranges, as long as nothing newer is asked; `None`: nobody listens any more.
-fn advise(bench: &Workbench, next: &Latest<Workbench>, focus: &Mutex<Option<String>>, answer: &Answer) -> Option<()> {
-    let (mut verdict, check) = verdict(bench, check);
-    let found = || check.map_or(Vec::new(), |check| remedies(bench, &check));
+/// Computes remedies and ranges until a newer world is asked about; `None`: the session has ended.
+fn advise(
+    config: &WorldConfig,
+    next: &Latest<WorldConfig>,
+    focus: &Mutex<Option<String>>,
+    answer: &Answer,
+) -> Option<()> {
+    let (mut verdict, check) = verdict(config, check);
+    let found = || check.map_or(Vec::new(), |check| remedies(config, &check));
     verdict.remedies = Some(catch_unwind(AssertUnwindSafe(found)).unwrap_or_default());
-    let heard = next.has_news() || answer(bench.generation, Says::Verdict(verdict));
-    let mut keys: Vec<KeySays> = bench.keys().into_iter().filter(|key| key.kind == "quantity" && !key.fixed).collect();
+    let heard = next.has_news() || answer(config.generation, ServerMessage::Verdict(verdict));
+    let mut keys: Vec<SettableKey> =
+        config.keys().iter().filter(|key| key.kind == "quantity" && !key.fixed).cloned().collect();
     while heard && !keys.is_empty() {
         let wanted = focus.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let first = keys.iter().position(|key| Some(&key.path) == wanted.as_ref()).unwrap_or(0);
         let key = keys.remove(first);
-        let found = catch_unwind(AssertUnwindSafe(|| range(bench, &key, &|| next.has_news())));
+        let found = catch_unwind(AssertUnwindSafe(|| range(config, &key, &|| next.has_news())));
         let Ok(Some(certified)) = found else { continue };
         if next.has_news() {
             break;
         }
-        let generation = bench.generation;
-        if !answer(generation, Says::Range { generation, key: key.path, certified }) {
+        let generation = config.generation;
+        if !answer(generation, ServerMessage::Range { generation, key: key.path, certified }) {
             return None;
         }
     }
     heard.then_some(())
 }
 
-fn remedies(bench: &Workbench, check: &Check) -> Vec<RemedySays> {
-    let world = bench.judged();
+fn remedies(config: &WorldConfig, check: &Check) -> Vec<RemedyInfo> {
+    let world = config.certified_world();
     let found = hapt_analysis::remedies(&world).ok();
-    let proposal = found
-        .and_then(|found| hapt_analysis::proposal(&world, bench.source(), &bench.sets(), check, &found).ok().flatten());
+    let proposal = found.and_then(|found| {
+        hapt_analysis::proposal(&world, config.source(), &config.sets(), check, &found).ok().flatten()
+    });
     let mut remedies = proposal.as_ref().map_or(Vec::new(), proposed);
-    // What only the file or the hardware can change is said, and no button applies it.
-    remedies.iter_mut().filter(|remedy| !bench.leaves(&remedy.sets)).for_each(|remedy| remedy.sets.clear());
+    // Remedies that change the hardware or the file are shown without a button.
+    remedies.iter_mut().filter(|remedy| !config.allows(&remedy.sets)).for_each(|remedy| remedy.sets.clear());
     remedies
 }
 
-/// What the page is told of a proposal.
-pub(crate) fn proposed(proposal: &Proposal) -> Vec<RemedySays> {
-    let says = |remedy: &Remedy| RemedySays { sets: remedy.sets.clone(), text: remedy.lines.join("\n") };
+/// The remedies of a proposal.
+pub(crate) fn proposed(proposal: &Proposal) -> Vec<RemedyInfo> {
+    let says = |remedy: &Remedy| RemedyInfo { sets: remedy.sets.clone(), text: remedy.lines.join("\n") };
     proposal.remedies.iter().map(says).collect()
 }
 
-/// Where on its slider a key is certified; `None` where it holds no number, or nobody wants to know any more.
-pub(crate) fn range(bench: &Workbench, key: &KeySays, is_over: &dyn Fn() -> bool) -> Option<Vec<[f64; 2]>> {
+/// The certified intervals of a key's slider; `None` where it holds no number, or `is_over`.
+pub(crate) fn range(config: &WorldConfig, key: &SettableKey, is_over: &dyn Fn() -> bool) -> Option<Vec<[f64; 2]>> {
     let at = |part: f64| match key.log {
         true => key.min * (key.max / key.min).powf(part),
         false => key.min + part * (key.max - key.min),
     };
-    let mut world = bench.judged();
+    let mut world = config.certified_world();
     let mut good = |part: f64| -> Option<bool> {
         if is_over() || !world.set_number(&key.path, at(part)) {
             return None;
@@ -289,22 +296,22 @@ mod tests {
     use super::*;
     use crate::testing::WHEEL;
 
-    fn bench() -> Workbench {
-        Workbench::new(Source::from_text("wheel.toml", WHEEL), Vec::new()).unwrap()
+    fn config() -> WorldConfig {
+        WorldConfig::new(Source::from_text("wheel.toml", WHEEL), Vec::new()).unwrap()
     }
 
     #[test]
     fn a_range_ends_where_the_certificate_turns() {
-        let bench = bench();
-        let keys = bench.keys();
+        let config = config();
+        let keys = config.keys();
         let stiffness = keys.iter().find(|key| key.path == "couplings.0.stiffness").unwrap();
-        let found = range(&bench, stiffness, &|| false).unwrap();
+        let found = range(&config, stiffness, &|| false).unwrap();
         // END asks for b >= KT/2 (the energy theorem): one range from the slider's end up to 2b/T.
         let edge = 2.0 * 1.2e-3 / 1e-3;
         assert_eq!(found.len(), 1);
         let [from, to] = found[0];
         assert!(from == stiffness.min && to <= edge * (1.0 + 1e-9) && to > 0.99 * edge, "{found:?} to {edge}");
-        assert_eq!(range(&bench, stiffness, &|| true), None);
+        assert_eq!(range(&config, stiffness, &|| true), None);
     }
 
     #[test]
@@ -319,17 +326,17 @@ mod tests {
                        stribeck_velocity = 0.1\nbristle_stiffness = 3\nbristle_damping = 0\nviscous = 0\n";
         let (mut one, mut several) = (0, 0);
         for text in [WHEEL.to_string(), many.clone(), format!("{many}{bristle}")] {
-            let bench = Workbench::new(Source::from_text("wheel.toml", text), Vec::new()).unwrap();
-            let bench = bench.with("loop.period", "4 ms").unwrap();
-            let (verdict, check) = verdict(&bench, check);
+            let config = WorldConfig::new(Source::from_text("wheel.toml", text), Vec::new()).unwrap();
+            let config = config.with("loop.period", "4 ms").unwrap();
+            let (verdict, check) = verdict(&config, check);
             assert!(!verdict.certified && verdict.sentences.iter().any(|sentence| sentence.ok == Some(false)));
-            for remedy in remedies(&bench, &check.unwrap()) {
+            for remedy in remedies(&config, &check.unwrap()) {
                 match remedy.sets.len() {
                     0 => continue,
                     1 => one += 1,
                     _ => several += 1,
                 }
-                let remedied = super::verdict(&bench.with_all(&remedy.sets).unwrap(), hapt_analysis::check).0;
+                let remedied = super::verdict(&config.with_all(&remedy.sets).unwrap(), hapt_analysis::check).0;
                 assert!(remedied.certified, "{remedy:?}");
             }
         }
@@ -339,16 +346,16 @@ mod tests {
     #[test]
     fn of_several_questions_the_last_is_answered_and_the_end_is_heard() {
         let (to, answers) = channel();
-        let judge = Judge::start(move |generation, _| to.send(generation).is_ok()).unwrap();
-        let mut bench = bench();
+        let certifier = Certifier::start(move |generation, _| to.send(generation).is_ok()).unwrap();
+        let mut config = config();
         for _ in 0..20 {
-            bench = bench.reset().unwrap();
-            judge.ask(bench.clone());
+            config = config.reset().unwrap();
+            certifier.ask(config.clone());
         }
         // Those between may be skipped, the last is not, and after it comes no other.
         let heard: Vec<u32> = std::iter::from_fn(|| answers.recv().ok()).take_while(|g| *g != 20).collect();
         assert!(heard.is_sorted());
-        drop(judge);
+        drop(certifier);
         assert!(answers.iter().all(|generation| generation <= 20));
     }
 }

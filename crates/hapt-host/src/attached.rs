@@ -1,34 +1,33 @@
-//! A motor that is attached: what the file says of it holds for as long as the loop runs.
+//! An attached motor: the file's `[device]` and `[safety]` are ceilings for the whole session.
 //!
-//! The file's `[device]` and `[safety]` are ceilings. Whatever a page says, the certificate is about the file's device, and no limit of the
-//! supervisor becomes wider than the file's, derived ones among them.
+//! Whatever is set, the certificate is about the file's device, and no limit of the supervisor exceeds the file's, derived ones included.
 
 use hapt_core::{Limits, SafetyProfile};
 use hapt_model::{EstimatorKind, Safety, World};
 use hapt_sim::{DesktopSupervisor, Measures};
 
-use crate::protocol::KeySays;
+use crate::keys::SettableKey;
 
-/// What may be set in `[loop]` beside a motor: what the program does. All else there says what the hardware does.
+/// The keys of `[loop]` that may be set with a motor: they describe the program. The others describe the hardware.
 const FREE: [&str; 7] = ["period", "method", "output", "advance", "estimator", "cutoff", "window"];
 
-/// The file's device with what guards it.
+/// The file's device and its limits.
 #[derive(Clone, Debug)]
 pub(crate) struct Attached {
-    /// The world of the file, its limits written out: they follow nothing that is set later.
+    /// The world of the file with its limits written out, so that they do not follow later changes.
     file: World,
     profile: SafetyProfile,
-    /// The sign test's torque in N·m (linear: N); a lower limit would leave the test out.
+    /// The torque of the sign test, in N·m (linear: N); a lower limit would skip the test.
     pulse: f64,
-    /// What the supervisor can do on it.
+    /// Whether the supervisor tests the sign, and accounts for the energy at the puck.
     watches: [bool; 2],
 }
 
 impl Attached {
-    /// The world of the file on its motor.
+    /// The limits of this world's file.
     ///
     /// # Errors
-    /// In a sentence: the core does not take it.
+    /// In a sentence: the core does not take the world.
     pub fn new(world: &World, profile: SafetyProfile) -> Result<Self, String> {
         let limits = world.limits(profile);
         let file = World { safety: written_out(&world.safety, &limits, profile), ..world.clone() };
@@ -37,7 +36,7 @@ impl Attached {
     }
 
     /// Whether the key can be set.
-    pub fn leaves(&self, path: &str) -> bool {
+    pub fn allows(&self, path: &str) -> bool {
         match path.split_once('.') {
             Some(("loop", name)) => FREE.contains(&name),
             Some(("device", name)) => name == "limit",
@@ -46,7 +45,7 @@ impl Attached {
         }
     }
 
-    /// Why it cannot.
+    /// The message for a key that cannot be set.
     pub fn refusal(&self, path: &str) -> String {
         format!(
             "{path}: with a motor attached only the world file says what the hardware is and what guards it; end hapt live, change the \
@@ -54,19 +53,19 @@ impl Attached {
         )
     }
 
-    /// A key as the page shows it: fixed, or with a slider that ends at the file's value.
-    pub fn bound(&self, key: &mut KeySays) {
-        key.fixed = !self.leaves(&key.path);
+    /// Marks a key as fixed, or limits its range to the file's value.
+    pub fn bound(&self, key: &mut SettableKey) {
+        key.fixed = !self.allows(&key.path);
         if let (false, "device.limit", Some(limit)) = (key.fixed, key.path.as_str(), self.file.device.limit) {
             key.max = limit;
             key.min = key.min.max(self.pulse).min(0.5 * limit);
         }
     }
 
-    /// Holds a changed world to the file's device and limits.
+    /// Applies the file's limits to a changed world.
     ///
     /// # Errors
-    /// In a sentence, what would go beyond them.
+    /// In a sentence: the change that would exceed them.
     pub fn hold(&self, world: &mut World) -> Result<(), String> {
         let file = &self.file;
         world.safety.clone_from(&file.safety);
@@ -78,7 +77,7 @@ impl Attached {
         if device != file.device || world.sampling.delay != file.sampling.delay || world.motion != file.motion {
             return Err(self.refusal("device"));
         }
-        // A delay in samples is the hardware's too, and another period would make another time of it.
+        // The delay belongs to the hardware; given in samples, it would change with the period.
         if world.sampling.delay_s() != file.sampling.delay_s() {
             let delay = file.sampling.delay_s();
             return Err(format!(
@@ -90,7 +89,7 @@ impl Attached {
             return if asked == file.device.limit { Ok(()) } else { Err(self.refusal("device.limit")) };
         };
         let (unit, pulse) = (Measures::Effort.unit(world.motion), self.pulse);
-        // Written so that what is no number is refused.
+        // NaN compares false, and is refused.
         let lower = asked <= limit;
         if !lower {
             return Err(format!(
@@ -113,24 +112,23 @@ impl Attached {
         }
     }
 
-    /// The world with the file's device, of which alone the certificate is.
-    pub fn judged(&self, world: &World) -> World {
+    /// The world on the file's device, which the certificate is about.
+    pub fn certified_world(&self, world: &World) -> World {
         World { device: self.file.device.clone(), ..world.clone() }
     }
 }
 
-/// What the supervisor of a world can do: test the sign, keep the account at the puck.
+/// Whether the supervisor of a world tests the sign, and accounts for the energy at the puck.
 fn watches(world: &World, profile: SafetyProfile) -> Result<[bool; 2], String> {
     let supervisor = DesktopSupervisor::new(&world.limits(profile), &world.spec());
     supervisor.map(|supervisor| supervisor.watches()).map_err(|error| error.to_string())
 }
 
-/// The `[safety]` table with what the file leaves to defaults. What follows the couplings (`slew`) still does, and so does `torque`, which
-/// is the limit or less.
+/// The `[safety]` table with the defaults written out, except `slew`, which follows the couplings, and `torque`, which is at most the limit.
 fn written_out(safety: &Safety, limits: &Limits, profile: SafetyProfile) -> Safety {
     let some = |limit: f64| limit.is_finite().then_some(limit);
     let some_or_any = |limit: f64| Some(if limit.is_finite() { limit } else { 0.0 });
-    // A world that is not certified has a tenth of what is written.
+    // An uncertified world gets a tenth of the written value.
     let energy = if profile == SafetyProfile::Uncertified { 10.0 * limits.energy } else { limits.energy };
     Safety {
         velocity: some(limits.velocity),

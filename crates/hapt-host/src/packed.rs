@@ -1,13 +1,13 @@
-//! A world as bytes for a board.
+//! Packs a world for a board.
 
 use hapt_core::{Loop, SafetyProfile, Supervisor};
 use hapt_model::World;
 use hapt_wire::{LARGEST, ROOM, pack};
 
-/// A world as one of hapt's boards takes it: in single precision, in the room that it has.
+/// Packs a world as a board takes it, after checking it in the board's single precision and size.
 ///
 /// # Errors
-/// In a sentence: it has no room for that world, or the core does not take it.
+/// In a sentence: the world exceeds the board's size, or the core does not take it.
 pub fn packed(world: &World, profile: SafetyProfile) -> Result<Vec<u8>, String> {
     let (spec, limits) = (world.spec(), world.limits(profile));
     let refused = |error| format!("on a board: {error}");
@@ -22,7 +22,7 @@ mod tests {
     use crate::testing::world;
 
     #[test]
-    fn what_a_board_has_no_room_for_is_said_before_it_is_sent() {
+    fn a_world_too_large_for_a_board_is_refused_before_it_is_sent() {
         let mut world = world();
         let bytes = packed(&world, SafetyProfile::Certified).unwrap();
         assert!(bytes.len() < LARGEST && bytes != packed(&world, SafetyProfile::Uncertified).unwrap());

@@ -1,23 +1,21 @@
-//! The numbers that a loop behind a page takes. What stands beyond them is no device and no world, and sums, squares and exponentials of
-//! it leave the range of numbers.
+//! The numbers that a loop behind a page accepts. Beyond them there is no real device, and sums, squares and exponentials overflow.
 
+use hapt_host::keys::{PERIODS, row};
 use hapt_model::keys::{Measure, Range, Takes};
 use hapt_model::{Parameter, Source, World, parameters};
-
-use crate::keys::row;
 
 /// The largest size of a number in SI, and the smallest that is not 0.
 const LARGEST: f64 = 1e9;
 const SMALLEST: f64 = 1e-15;
 /// The longest delay in periods.
 const LONGEST_DELAY: f64 = 1000.0;
-/// How fast the puck may lose its speed, in 1/s.
+/// The fastest decay of the puck's speed, in 1/s.
 const FASTEST: f64 = 1e7;
 
 /// Whether a number of this measure is in the range of a loop behind a page.
 fn is_sensible(value: f64, measure: Measure, range: Range) -> bool {
     let size = value.abs();
-    // Positions and sizes of counts may be as small as they like.
+    // Positions have no smallest size.
     let least = match (measure, range) {
         (Measure::Position | Measure::Angle, Range::Any) => 0.0,
         _ => SMALLEST,
@@ -25,11 +23,17 @@ fn is_sensible(value: f64, measure: Measure, range: Range) -> bool {
     size == 0.0 || (least..=LARGEST).contains(&size)
 }
 
-/// Whether all numbers of a world, read from `source` and `sets`, are sensible.
+/// Checks the period and all numbers of a world, read from `source` and `sets`.
 ///
 /// # Errors
-/// In a sentence: the first that is not.
-pub(crate) fn check(world: &World, source: &Source, sets: &[String]) -> Result<(), String> {
+/// In a sentence: the first that is out of range.
+pub fn check(world: &World, source: &Source, sets: &[String]) -> Result<(), String> {
+    let period = world.sampling.period;
+    if !PERIODS.contains(&period) {
+        return Err(format!(
+            "loop.period: {period} s is no period for a loop behind a page; 50 us to 100 ms is wanted"
+        ));
+    }
     for Parameter { path, si, .. } in parameters(source, sets).map_err(|error| error.message)? {
         let (Some(value), Some(row)) = (si, row(world, &path)) else { continue };
         let (Takes::Quantity(measure, range) | Takes::QuantityOr(measure, range, _)) = row.takes else { continue };

@@ -6,7 +6,7 @@
 //! ```no_run
 //! use std::time::{Duration, Instant};
 //!
-//! use hapt_link::Link;
+//! use hapt_host::board::Link;
 //! # let packed: &[u8] = &[];
 //!
 //! let mut link = Link::open("/dev/ttyACM0".as_ref())?;
@@ -20,17 +20,20 @@
 //!     }
 //! }
 //! link.disarm()?;
-//! # Ok::<(), hapt_link::Error>(())
+//! # Ok::<(), hapt_host::board::Error>(())
 //! ```
-#![cfg(unix)]
 
-mod board;
 mod error;
+mod info;
 mod link;
 pub mod simulate;
+mod telemetry;
+mod worker;
 
-pub use board::Board;
 pub use error::Error;
 pub use hapt_line::{Line, SPEED, pty};
 pub use hapt_wire::{Parameter, Refusal, Telemetry};
+pub use info::Board;
 pub use link::Link;
+pub use telemetry::TelemetryDecoder;
+pub(crate) use worker::BoardLoop;

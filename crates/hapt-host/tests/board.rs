@@ -4,8 +4,8 @@
 use std::time::{Duration, Instant};
 
 use hapt_core::{Phase, SafetyProfile};
-use hapt_link::simulate::Simulated;
-use hapt_link::{Error, Link, Parameter, Refusal, Telemetry, pty};
+use hapt_host::board::simulate::Simulated;
+use hapt_host::board::{Error, Link, Parameter, Refusal, Telemetry, pty};
 use hapt_model::{Rig, Source, World};
 use hapt_wire::device::Board;
 use hapt_wire::{DeviceMessage, Hello, Order, frame, hash, pack};

@@ -1,108 +1,107 @@
-//! The hand on a simulated puck: what a page wants of it, and what the device has been told.
+//! The hand on a simulated puck: where it is to be, and what the device has received.
 
 use hapt_model::World;
 use hapt_rt::{Hands, Touch};
 use hapt_sim::{Grip, Script};
 
-/// How fast it swings with the puck, in Hz, when nothing else pulls: well above what a pointer does, well below what a loop at 1 kHz
-/// sees as a jump.
-const SWING: f64 = 10.0;
-/// What of the hand moves with the puck, as a multiple of its inertia.
-const HEAVY: f64 = 2.0;
+/// Natural frequency of hand and puck together, in Hz: well above a pointer's motion, well below what a loop at 1 kHz detects as a jump.
+const FREQUENCY: f64 = 10.0;
+/// The hand's inertia, as a multiple of the puck's.
+const INERTIA_RATIO: f64 = 2.0;
 
-/// A hand, and how the device feels it.
-pub struct VisitorsHand {
-    /// `None`: the puck is a real one, and so is its hand.
+/// A hand on a simulated puck; on a real one it does nothing.
+pub struct VirtualHand {
+    /// `None`: a real puck.
     hands: Option<Hands>,
     grip: Grip,
-    /// What it is to do.
+    /// What to send next.
     wanted: Wanted,
-    /// What the device knows.
-    told: Told,
+    /// What was sent last.
+    sent: Sent,
 }
 
 enum Wanted {
-    Nothing,
-    /// To hold, and to be there.
+    Release,
+    /// Hold the puck at this position.
     At(f64),
-    /// To play a scenario that the device has not been given yet.
+    /// Play a scenario that has not been sent.
     Play(Box<Script>),
-    /// To go on with the one that it has.
-    GoOn,
+    /// Continue.
+    Continue,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Told {
-    LetGo,
+enum Sent {
+    Released,
     Grabbed,
     At(f64),
     Played,
 }
 
-impl VisitorsHand {
-    /// A hand for this world's device.
+impl VirtualHand {
+    /// A hand that suits the puck of this world ([`grip`]).
     pub fn new(world: &World, hands: Option<Hands>) -> Self {
-        VisitorsHand { hands, grip: grip(world), wanted: Wanted::Nothing, told: Told::LetGo }
+        VirtualHand { hands, grip: grip(world), wanted: Wanted::Release, sent: Sent::Released }
     }
 
-    /// The hand means to be there, holding; `None`: it lets go.
-    pub fn want(&mut self, position: Option<f64>) {
-        self.wanted = position.map_or(Wanted::Nothing, Wanted::At);
+    /// Moves the hand, in rad (linear: m); `None` releases the puck.
+    pub fn move_to(&mut self, position: Option<f64>) {
+        self.wanted = position.map_or(Wanted::Release, Wanted::At);
     }
 
-    /// The hand plays a scenario.
+    /// Plays a scenario.
     pub fn play(&mut self, script: Script) {
         self.wanted = Wanted::Play(Box::new(script));
     }
 
-    /// The puck is at rest at 0 again, in nobody's hand; `false`: there is no room just now, or the puck is a real one.
+    /// Puts the puck at rest at 0, hands-off; `false`: the queue is full, or the puck is real.
     pub fn restart(&mut self) -> bool {
         let done = self.hands.as_mut().is_some_and(|hands| hands.push(Touch::Restart).is_ok());
         if done {
-            (self.wanted, self.told) = (Wanted::Nothing, Told::LetGo);
+            (self.wanted, self.sent) = (Wanted::Release, Sent::Released);
         }
         done
     }
 
-    /// Whether there is a hand that a page can move.
-    pub fn is_there(&self) -> bool {
+    /// Whether the puck is simulated.
+    pub fn is_simulated(&self) -> bool {
         self.hands.is_some()
     }
 
-    /// Tells the device. What finds no room on the way is told the next time: a release is never lost.
-    pub fn tell(&mut self) {
+    /// Sends what has changed. What the queue has no room for is sent by the next call, so that a release is never lost.
+    pub fn send(&mut self) {
         let Some(hands) = &mut self.hands else { return };
-        match std::mem::replace(&mut self.wanted, Wanted::GoOn) {
-            Wanted::Nothing => {
-                if self.told != Told::LetGo && hands.push(Touch::Release).is_ok() {
-                    self.told = Told::LetGo;
+        match std::mem::replace(&mut self.wanted, Wanted::Continue) {
+            Wanted::Release => {
+                if self.sent != Sent::Released && hands.push(Touch::Release).is_ok() {
+                    self.sent = Sent::Released;
                 }
-                self.wanted = Wanted::Nothing;
+                self.wanted = Wanted::Release;
             }
             Wanted::At(position) => {
-                if !matches!(self.told, Told::Grabbed | Told::At(_)) && hands.push(Touch::Grab(self.grip)).is_ok() {
-                    self.told = Told::Grabbed;
+                if !matches!(self.sent, Sent::Grabbed | Sent::At(_)) && hands.push(Touch::Grab(self.grip)).is_ok() {
+                    self.sent = Sent::Grabbed;
                 }
-                let is_new = matches!(self.told, Told::Grabbed) || matches!(self.told, Told::At(at) if at != position);
+                let is_new = matches!(self.sent, Sent::Grabbed) || matches!(self.sent, Sent::At(at) if at != position);
                 if is_new && hands.push(Touch::Move(position)).is_ok() {
-                    self.told = Told::At(position);
+                    self.sent = Sent::At(position);
                 }
                 self.wanted = Wanted::At(position);
             }
             Wanted::Play(script) => match hands.push(Touch::Scenario(script)) {
-                Ok(()) => self.told = Told::Played,
+                Ok(()) => self.sent = Sent::Played,
                 Err(Touch::Scenario(script)) => self.wanted = Wanted::Play(script),
                 Err(_) => {}
             },
-            Wanted::GoOn => {}
+            Wanted::Continue => {}
         }
     }
 }
 
-/// A hand that goes well with a puck: critically damped with it at [`SWING`], so that it follows a pointer and is felt by walls.
-pub(crate) fn grip(world: &World) -> Grip {
-    let inertia = HEAVY * world.device.inertia;
-    let (mass, swing) = (world.device.inertia + inertia, std::f64::consts::TAU * SWING);
+/// A grip that suits the puck: critically damped with it at 10 Hz, so that it follows a pointer and feels walls.
+pub fn grip(world: &World) -> Grip {
+    let inertia = INERTIA_RATIO * world.device.inertia;
+    let (mass, swing) = (world.device.inertia + inertia, std::f64::consts::TAU * FREQUENCY);
     Grip { inertia, damping: 2.0 * mass * swing, stiffness: mass * swing * swing }
 }
 
@@ -113,11 +112,11 @@ mod tests {
     use super::*;
     use crate::testing::world;
 
-    /// The puck after so many periods of 1 ms, the motor off and the hand told every fourth of them.
-    fn goes(device: &mut Simulated, hand: &mut VisitorsHand, periods: u32) -> (f64, f64) {
+    /// The puck after so many periods of 1 ms, the motor off and the hand updated every fourth of them.
+    fn goes(device: &mut Simulated, hand: &mut VirtualHand, periods: u32) -> (f64, f64) {
         for period in 0..periods {
             if period % 4 == 0 {
-                hand.tell();
+                hand.send();
             }
             device.read().unwrap();
             device.passed(1);
@@ -127,17 +126,17 @@ mod tests {
     }
 
     #[test]
-    fn a_hand_goes_where_it_means_to_and_let_go_the_puck_coasts() {
+    fn a_hand_reaches_its_target_and_hands_off_the_puck_coasts() {
         let world = world();
         let (mut device, hands) = Simulated::new(&world);
-        let mut hand = VisitorsHand::new(&world, Some(hands));
+        let mut hand = VirtualHand::new(&world, Some(hands));
         assert_eq!(goes(&mut device, &mut hand, 100), (0.0, 0.0));
-        hand.want(Some(0.2));
+        hand.move_to(Some(0.2));
         let (position, velocity) = goes(&mut device, &mut hand, 1000);
         assert!((position - 0.2).abs() < 1e-6 && velocity.abs() < 1e-6, "{position} {velocity}");
-        hand.want(Some(0.5));
+        hand.move_to(Some(0.5));
         let (_, fast) = goes(&mut device, &mut hand, 20);
-        hand.want(None);
+        hand.move_to(None);
         // Damping and inertia of the device alone: e^{-bt/J} of the velocity is left.
         let (_, slower) = goes(&mut device, &mut hand, 400);
         let left = (-world.device.damping / world.device.inertia * 0.4_f64).exp();
@@ -148,11 +147,11 @@ mod tests {
     fn a_scenario_is_played_and_a_page_that_grabs_ends_it() {
         let world = world();
         let (mut device, hands) = Simulated::new(&world);
-        let mut hand = VisitorsHand::new(&world, Some(hands));
+        let mut hand = VirtualHand::new(&world, Some(hands));
         hand.play(hapt_sim::script(world.scenario("step").unwrap(), world.sampling.period));
         let (position, _) = goes(&mut device, &mut hand, 10);
         assert_eq!(position, std::f64::consts::FRAC_PI_4, "a step is prescribed");
-        hand.want(Some(0.1));
+        hand.move_to(Some(0.1));
         let (position, _) = goes(&mut device, &mut hand, 1000);
         assert!((position - 0.1).abs() < 1e-6);
     }

@@ -1,46 +1,56 @@
-//! The world as it runs: its file, what has been set since, and what the page is told of it.
+//! The world of a session: its file, and what has been set over it.
+
+use std::sync::Arc;
 
 use hapt_core::SafetyProfile;
-use hapt_model::{Drive, Error, Hand, Shape, Source, World};
-use hapt_sim::Measures;
-use serde_json::{Value, json};
+use hapt_model::{Error, Source, World};
 
 use crate::attached::Attached;
-use crate::frames::columns_of;
-use crate::keys::{PERIODS, companion, end, keys, kind, may_be_set};
-use crate::protocol::{BodySays, KeySays, ScenarioSays, Units, WorldSays};
-use crate::sensible;
+use crate::keys::{SettableKey, companion, keys, may_be_set};
 
-/// The device that needs no name.
+/// The name of the simulated device.
 const SIMULATED: &str = "sim";
 
-/// A world file and the changes that pages have made.
+/// Checks a world beyond what the reader checks, with the source and overrides that it was read from; errors are sentences.
+pub type Rule = fn(&World, &Source, &[String]) -> Result<(), String>;
+
+/// A world file and what has been set over it.
 #[derive(Clone, Debug)]
-pub struct Workbench {
+pub struct WorldConfig {
     source: Source,
-    /// From the command line.
+    /// Overrides of the command line.
     given: Vec<String>,
-    /// By pages: keys and values, in the order in which they were first set.
+    /// Keys set during the session with their values, in the order in which they were first set.
     changes: Vec<(String, String)>,
-    /// As it stands.
+    /// The present world.
     pub world: World,
-    /// Counted from 0 with each change.
+    /// Counts the changes, from 0.
     pub generation: u32,
     device: String,
-    /// With a motor: what its file says of it.
+    /// With a motor: the limits of its file.
     attached: Option<Attached>,
+    rule: Rule,
+    /// The keys that can be set. They are found here, and not by who shows them: it takes as long as reading the file.
+    keys: Arc<[SettableKey]>,
 }
 
-impl Workbench {
-    /// The world of a file with its overrides, to run on the simulated device.
+impl WorldConfig {
+    /// The world of a file with its overrides, on the simulated device.
     ///
     /// # Errors
-    /// As [`World::read`], and for a period that a page cannot be shown.
+    /// As [`World::read`].
     pub fn new(source: Source, given: Vec<String>) -> Result<Self, String> {
+        WorldConfig::checked(source, given, |_, _, _| Ok(()))
+    }
+
+    /// The same under a rule, which holds for all later changes too.
+    ///
+    /// # Errors
+    /// As [`World::read`], and those of the rule.
+    pub fn checked(source: Source, given: Vec<String>, rule: Rule) -> Result<Self, String> {
         let world = World::read(&source, &given).map_err(|error| error.to_string())?;
-        slow_enough(&world)?;
-        sensible::check(&world, &source, &given)?;
-        Ok(Workbench {
+        rule(&world, &source, &given)?;
+        Ok(WorldConfig {
             source,
             given,
             changes: Vec::new(),
@@ -48,44 +58,48 @@ impl Workbench {
             generation: 0,
             device: SIMULATED.into(),
             attached: None,
-        })
+            rule,
+            keys: Arc::default(),
+        }
+        .with_keys())
     }
 
-    /// The same on another device, as `--device` names it, guarded so. From here on the file's device and limits are ceilings, where a
-    /// motor is there.
+    /// The same on another device, as `--device` names it, with this profile. With a motor the file's device and limits are ceilings
+    /// from here on.
     ///
     /// # Errors
-    /// In a sentence: the core does not take it.
+    /// In a sentence: the core does not take the world.
     pub fn on(mut self, device: String, profile: SafetyProfile) -> Result<Self, String> {
         if profile != SafetyProfile::Simulated {
             let attached = Attached::new(&self.world, profile)?;
-            attached.hold(&mut self.world)?;
+            // Only changes write the limits out: until then the world is what the file says, to the bit.
+            attached.hold(&mut self.world.clone())?;
             self.attached = Some(attached);
         }
-        Ok(Workbench { device, ..self })
+        Ok(WorldConfig { device, ..self }.with_keys())
     }
 
-    /// The world of which the certificate is: with a motor on the file's device, whatever has been set.
-    pub fn judged(&self) -> World {
-        self.attached.as_ref().map_or_else(|| self.world.clone(), |attached| attached.judged(&self.world))
+    /// The world that the certificate is about: with a motor, on the file's device, whatever has been set.
+    pub fn certified_world(&self) -> World {
+        self.attached.as_ref().map_or_else(|| self.world.clone(), |attached| attached.certified_world(&self.world))
     }
 
-    /// Whether these keys can be set here.
-    pub fn leaves(&self, sets: &[(String, String)]) -> bool {
-        self.attached.as_ref().is_none_or(|attached| sets.iter().all(|(key, _)| attached.leaves(key)))
+    /// Whether these keys can be set with the attached motor.
+    pub fn allows(&self, sets: &[(String, String)]) -> bool {
+        self.attached.as_ref().is_none_or(|attached| sets.iter().all(|(key, _)| attached.allows(key)))
     }
 
-    /// The device that it runs on.
+    /// The device's name.
     pub fn device(&self) -> &str {
         &self.device
     }
 
-    /// The file.
+    /// The world file.
     pub fn source(&self) -> &Source {
         &self.source
     }
 
-    /// All overrides as they stand.
+    /// All overrides, those of the command line first.
     pub fn sets(&self) -> Vec<String> {
         let changes = self.changes.iter().map(|(key, value)| format!("{key}={value}"));
         self.given.iter().cloned().chain(changes).collect()
@@ -94,7 +108,7 @@ impl Workbench {
     /// The same with a key set; nothing is changed here.
     ///
     /// # Errors
-    /// In the reader's words, without the place, which nobody typed.
+    /// In the reader's words, without the place in the text.
     pub fn with(&self, key: &str, value: &str) -> Result<Self, String> {
         self.with_all(&[(key.to_string(), value.to_string())])
     }
@@ -102,13 +116,13 @@ impl Workbench {
     /// The same with several keys set together, all of them or none.
     ///
     /// # Errors
-    /// As [`Workbench::with`].
+    /// As [`WorldConfig::with`].
     pub fn with_all(&self, sets: &[(String, String)]) -> Result<Self, String> {
         if let Some((key, _)) = sets.iter().find(|(key, _)| !may_be_set(&self.world, key)) {
             return Err(format!("{key:?} is no key that can be set while the loop runs"));
         }
         if let Some(attached) = &self.attached
-            && let Some((key, _)) = sets.iter().find(|(key, _)| !attached.leaves(key))
+            && let Some((key, _)) = sets.iter().find(|(key, _)| !attached.allows(key))
         {
             return Err(attached.refusal(key));
         }
@@ -130,10 +144,10 @@ impl Workbench {
         next
     }
 
-    /// The same as the file has it.
+    /// The same with every key as in the file.
     ///
     /// # Errors
-    /// When the file's other parts are gone.
+    /// When a file that the world refers to is gone.
     pub fn reset(&self) -> Result<Self, String> {
         let mut next = self.clone();
         next.changes.clear();
@@ -141,103 +155,37 @@ impl Workbench {
     }
 
     fn read(mut self) -> Result<Self, String> {
-        self.world = World::read(&self.source, &self.sets()).map_err(|error| said(&error))?;
-        slow_enough(&self.world)?;
-        sensible::check(&self.world, &self.source, &self.sets())?;
+        self.world = World::read(&self.source, &self.sets()).map_err(|error| message(&error))?;
+        (self.rule)(&self.world, &self.source, &self.sets())?;
         if let Some(attached) = &self.attached {
             attached.hold(&mut self.world)?;
         }
         self.generation = self.generation.wrapping_add(1);
-        Ok(self)
+        Ok(self.with_keys())
     }
 
-    /// The keys that can be set.
-    pub fn keys(&self) -> Vec<KeySays> {
-        // It has been read before, with the same overrides.
+    /// The keys that can be set, with their ranges.
+    pub fn keys(&self) -> &[SettableKey] {
+        &self.keys
+    }
+
+    fn with_keys(mut self) -> Self {
+        // The same text has been read before: this does not fail.
         let mut keys = keys(&self.source, &self.given, &self.sets()).unwrap_or_default();
         if let Some(attached) = &self.attached {
             keys.iter_mut().for_each(|key| attached.bound(key));
         }
-        keys
-    }
-
-    /// What the page is told.
-    pub fn says(&self) -> WorldSays {
-        let world = &self.world;
-        let motion = world.motion;
-        WorldSays {
-            generation: self.generation,
-            title: world.title.clone().unwrap_or_else(|| self.source.name.clone()),
-            motion: motion.name(),
-            units: Units {
-                position: Measures::Position.unit(motion),
-                velocity: Measures::Velocity.unit(motion),
-                effort: Measures::Effort.unit(motion),
-            },
-            period_s: world.sampling.period,
-            limit: world.device.limit,
-            device: self.device.clone(),
-            bodies: (world.names.iter().zip(&world.bodies))
-                .map(|(name, body)| BodySays { name: name.clone(), inertia: body.inertia })
-                .collect(),
-            couplings: (0..world.couplings.len()).map(|index| coupling(world, index)).collect(),
-            scenarios: (world.scenarios.iter())
-                .map(|scenario| ScenarioSays {
-                    name: scenario.name.clone(),
-                    duration_s: scenario.duration,
-                    hand: hand(&scenario.hand),
-                })
-                .collect(),
-            keys: self.keys(),
-            columns: columns_of(world),
-        }
+        self.keys = keys.into();
+        self
     }
 }
 
-/// A loop that somebody looks at.
-fn slow_enough(world: &World) -> Result<(), String> {
-    let period = world.sampling.period;
-    match PERIODS.contains(&period) {
-        true => Ok(()),
-        false => {
-            Err(format!("loop.period: {period} s is no period for a loop behind a page; 50 us to 100 ms is wanted"))
-        }
-    }
-}
-
-/// The reader's words on a set.
-fn said(error: &Error) -> String {
+/// The reader's error without its place.
+fn message(error: &Error) -> String {
     match error.key.is_empty() {
         true => error.message.clone(),
         false => format!("{}: {}", error.key, error.message),
     }
-}
-
-fn hand(hand: &Hand) -> &'static str {
-    match &hand.drive {
-        Drive::Position(Shape::Step { .. }) => "step",
-        Drive::Position(Shape::Ramp { .. }) => "ramp",
-        Drive::Position(Shape::Sine { .. }) => "sine",
-        Drive::Position(Shape::Path { .. }) => "path",
-        Drive::Torque(_) => "torque",
-        Drive::Grip { .. } => "grip",
-    }
-}
-
-/// A coupling, with the numbers by which it is drawn.
-fn coupling(world: &World, index: usize) -> Value {
-    let Some(coupling) = world.couplings.get(index) else { return Value::Null };
-    let ends = [end(world, coupling.first), end(world, coupling.second)];
-    let mut says = json!({ "kind": kind(coupling), "between": ends, "key": format!("couplings.{index}") });
-    // One number for either friction: the level when sliding.
-    let mut law = coupling.law;
-    for quantity in law.quantities() {
-        says[if quantity.name == "coulomb" { "torque" } else { quantity.name }] = json!(*quantity.value);
-    }
-    if let Some(side) = coupling.law.side() {
-        says["side"] = json!(side.name());
-    }
-    says
 }
 
 #[cfg(test)]
@@ -245,40 +193,40 @@ mod tests {
     use super::*;
     use crate::testing::WHEEL;
 
-    fn bench() -> Workbench {
+    fn config() -> WorldConfig {
         let source = Source::from_text("wheel.toml", WHEEL);
-        Workbench::new(source, vec!["device.damping=2e-3 N m s/rad".into()]).unwrap()
+        WorldConfig::new(source, vec!["device.damping=2e-3 N m s/rad".into()]).unwrap()
     }
 
-    fn key(bench: &Workbench, path: &str) -> KeySays {
-        bench.keys().into_iter().find(|key| key.path == path).unwrap_or_else(|| panic!("no {path}"))
+    fn key(config: &WorldConfig, path: &str) -> SettableKey {
+        config.keys().iter().find(|key| key.path == path).cloned().unwrap_or_else(|| panic!("no {path}"))
     }
 
     #[test]
     fn every_key_has_its_own_unit_and_a_slider_about_its_value() {
-        let bench = bench();
-        let spring = key(&bench, "couplings.0.stiffness");
+        let config = config();
+        let spring = key(&config, "couplings.0.stiffness");
         assert_eq!((spring.unit.as_str(), spring.written.as_str()), ("N mm/deg", "17.8 N mm/deg"));
         assert!((spring.value.unwrap() / spring.factor - 17.8).abs() < 1e-12);
         assert_eq!((spring.group.as_str(), spring.label.as_str()), ("spring, puck to wheel", "stiffness"));
-        assert!(!spring.changed && !key(&bench, "device.damping").changed, "the command line's word is the file's");
-        for key in bench.keys() {
+        assert!(!spring.changed && !key(&config, "device.damping").changed, "the command line counts as the file");
+        for key in config.keys() {
             assert!(key.min < key.max && (!key.log || key.min > 0.0), "{key:?}");
             let value = key.value.unwrap_or(key.min);
             assert!(key.min <= value && value <= key.max, "{key:?}");
             assert_eq!(key.kind == "choice", !key.choices.is_empty() && key.value.is_none(), "{key:?}");
         }
-        let method = key(&bench, "loop.method");
+        let method = key(&config, "loop.method");
         assert!(method.choices.contains(&method.written.as_str()) && method.choices.len() == 8);
-        assert_eq!(key(&bench, "loop.output").written, "end");
-        let rest = key(&bench, "couplings.0.rest");
+        assert_eq!(key(&config, "loop.output").written, "end");
+        let rest = key(&config, "couplings.0.rest");
         assert_eq!((rest.written.as_str(), rest.unit.as_str(), rest.value), ("0 deg", "deg", Some(0.0)));
-        assert!(!bench.keys().iter().any(|key| key.path == "loop.window"), "it does nothing here");
+        assert!(!config.keys().iter().any(|key| key.path == "loop.window"), "it does nothing here");
     }
 
     #[test]
     fn a_set_changes_one_key_and_a_reset_takes_it_back() {
-        let before = bench();
+        let before = config();
         let softer = before.with("couplings.0.stiffness", "10 N mm/deg").unwrap();
         assert_eq!((softer.generation, before.generation), (1, 0));
         let spring = key(&softer, "couplings.0.stiffness");
@@ -295,8 +243,8 @@ mod tests {
 
     #[test]
     fn no_key_is_another_in_disguise() {
-        let bench = bench();
-        assert!(bench.with("bodies.wheel.inertia", "1").is_ok());
+        let config = config();
+        assert!(config.with("bodies.wheel.inertia", "1").is_ok());
         for (key, value) in [
             ("bodies.wheel={velocity=20,inertia=1 #.inertia", "\n}"),
             ("bodies.wheel={velocity=20,\ninertia=1 #.inertia", "\n}"),
@@ -312,29 +260,29 @@ mod tests {
             ("couplings.0 .stiffness", "1"),
             ("couplings.0=1 #.stiffness", "1"),
         ] {
-            let refused = bench.with(key, value).map(|next| next.sets()).unwrap_err();
+            let refused = config.with(key, value).map(|next| next.sets()).unwrap_err();
             assert!(refused.contains("is no key that can be set"), "{key}: {refused}");
         }
     }
 
     #[test]
     fn a_choice_brings_along_what_it_cannot_do_without() {
-        let bench = bench();
-        let smooth = bench.with("loop.estimator", "low-pass").unwrap();
+        let config = config();
+        let smooth = config.with("loop.estimator", "low-pass").unwrap();
         assert_eq!(smooth.world.sampling.cutoff, Some(100.0), "a tenth of 1 kHz");
-        let start = bench.with("loop.output", "middle").unwrap().with("loop.method", "tustin").unwrap();
+        let start = config.with("loop.output", "middle").unwrap().with("loop.method", "tustin").unwrap();
         assert_eq!(start.world.sampling.output.name(), "start");
         // And what needs nothing brings nothing.
-        assert_eq!(bench.with("loop.method", "tustin").unwrap().sets().len(), 2);
+        assert_eq!(config.with("loop.method", "tustin").unwrap().sets().len(), 2);
     }
 
     #[test]
     fn what_every_slider_offers_at_its_ends_the_reader_takes() {
-        let bench = bench();
-        for key in bench.keys().into_iter().filter(|key| key.kind == "quantity") {
+        let config = config();
+        for key in config.keys().iter().filter(|key| key.kind == "quantity") {
             for end in [key.min, key.max] {
                 let value = format!("{} {}", end / key.factor, key.unit);
-                let set = bench.with(&key.path, &value);
+                let set = config.with(&key.path, &value);
                 assert!(set.is_ok() || key.path == "loop.period", "{} = {value}: {:?}", key.path, set.err());
             }
         }
@@ -349,13 +297,12 @@ mod tests {
             if path.extension().is_none_or(|ending| ending != "toml") {
                 continue;
             }
-            let bench = Workbench::new(Source::open(&path).unwrap(), Vec::new()).unwrap();
-            for key in bench.keys() {
+            let config = WorldConfig::new(Source::open(&path).unwrap(), Vec::new()).unwrap();
+            for key in config.keys() {
                 let value = key.value.unwrap_or(key.min);
                 assert!(key.min <= value && value <= key.max && key.min < key.max, "{}: {key:?}", path.display());
                 assert!(!key.group.is_empty() && !key.label.is_empty(), "{key:?}");
             }
-            assert_eq!(bench.says().couplings.len(), bench.world.couplings.len());
             seen += 1;
         }
         assert!(seen >= 12, "{seen} worlds");

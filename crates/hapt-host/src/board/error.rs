@@ -68,9 +68,17 @@ pub enum Error {
         /// Why not.
         why: Refusal,
     },
-    /// Something urgent came while an answer was waited for ([`crate::Link::yield_to`]); whether the board has done what was asked is not known.
+    /// Something urgent came while an answer was waited for ([`super::Link::yield_to`]); whether the board has done what was asked is not known.
     #[error("interrupted while the board was asked")]
     Interrupted,
+    /// The board has faulted for a reason that is newer than this hapt.
+    #[error(
+        "the board has faulted for a reason (code {code}) that this hapt does not know; a hapt as new as its firmware does"
+    )]
+    UnknownReason {
+        /// As the board sends it.
+        code: u8,
+    },
     /// The world came, and another one is there.
     #[error("the board accepted the world, but reports that it runs another one")]
     NotVerified,

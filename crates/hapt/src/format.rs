@@ -1,84 +1,11 @@
-//! Numbers as people read them, and lines for them to read.
-
-use std::fmt::Display;
-use std::io::{self, Write, stderr, stdout};
-use std::sync::OnceLock;
-use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
-use std::thread::spawn;
-use std::time::Duration;
+//! Numbers with their units, as people read and type them.
 
 pub use hapt_analysis::proposal::number;
 use hapt_analysis::proposal::unit;
 use hapt_model::{Dimension, Motion, Parameter, Quantity, Sampling, parse_quantity};
 
 use crate::failure::Failure;
-
-/// Messages on their way to a thread that prints them: a terminal that was stopped, or a full pipe, blocks that thread and no other.
-static QUEUE: OnceLock<SyncSender<Message>> = OnceLock::new();
-/// Messages that may wait; those beyond are dropped.
-const WAITING: usize = 1024;
-/// So long the end of the program waits for messages to be read.
-const PATIENCE: Duration = Duration::from_secs(1);
-
-enum Message {
-    Line(String),
-    /// All before it have been printed.
-    Settled(SyncSender<()>),
-}
-
-/// From now on [`say`] waits for nobody: something holds a torque, and has no time for whoever reads.
-pub fn wait_for_nobody() {
-    if QUEUE.get().is_some() {
-        return;
-    }
-    let (queue, messages) = sync_channel(WAITING);
-    let printer = std::thread::Builder::new().name("messages".into()).spawn(move || {
-        for message in messages {
-            match message {
-                Message::Line(line) => {
-                    let _ = writeln!(stderr(), "{line}");
-                }
-                Message::Settled(settled) => {
-                    let _ = settled.send(());
-                }
-            }
-        }
-    });
-    if printer.is_ok() && QUEUE.set(queue).is_ok() {
-        // A defect in the loop's thread is said so, too: that thread has a torque to take off first.
-        std::panic::set_hook(Box::new(|defect| say(defect)));
-    }
-}
-
-/// A line on standard error. Who has closed it wants no lines, and the command goes on.
-pub fn say(line: impl Display) {
-    match QUEUE.get() {
-        Some(queue) => {
-            let _ = queue.try_send(Message::Line(line.to_string()));
-        }
-        None => {
-            let _ = writeln!(stderr(), "{line}");
-        }
-    }
-}
-
-/// Waits until the messages have been printed, or a second where nobody reads them.
-pub fn settle() {
-    let (settled, printed) = sync_channel(1);
-    if QUEUE.get().is_some_and(|queue| queue.try_send(Message::Settled(settled)).is_ok()) {
-        let _ = printed.recv_timeout(PATIENCE);
-    }
-}
-
-/// Prints on standard output, and waits for nobody: how that went comes by itself.
-pub fn print(text: String) -> Receiver<io::Result<()>> {
-    let (printed, outcome) = channel();
-    spawn(move || {
-        let mut out = stdout().lock();
-        let _ = printed.send(out.write_all(text.as_bytes()).and_then(|()| out.flush()));
-    });
-    outcome
-}
+use crate::messages::say;
 
 /// The value of `flag` in SI. One without a unit is taken as SI, and a line on standard error says so.
 pub fn quantity(flag: &str, text: &str, wanted: Dimension) -> Result<f64, Failure> {

@@ -1,4 +1,4 @@
-//! The keys that the page shows: their values as written, and a sensible slider for each.
+//! The keys that can be set while the loop runs: their values as written, and a sensible range for each.
 
 use hapt_analysis::proposal::{size, unit};
 use hapt_model::keys::{KEYS, Key, Measure, Range, Takes};
@@ -6,18 +6,54 @@ use hapt_model::{
     Coupling, CouplingKind, End, Error, EstimatorKind, Method, Motion, Output, Parameter, Source, World, parameters,
 };
 
-use crate::protocol::KeySays;
+use serde::Serialize;
 
-pub use hapt_page::PERIODS;
+/// The periods offered for a loop that is watched, in s.
+pub const PERIODS: std::ops::RangeInclusive<f64> = 5e-5..=0.1;
 
-/// A slider by equal ratios goes so far either way.
+/// A key that can be set while the loop runs. Serialised, it is part of the page's protocol (docs/live.md).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SettableKey {
+    /// Dotted: `couplings.0.stiffness`.
+    pub path: String,
+    /// What it belongs to: `loop`, `spring, puck to wheel`.
+    pub group: String,
+    /// Its name for display.
+    pub label: String,
+    /// What it means.
+    pub doc: &'static str,
+    /// `quantity`, `choice` or `whole`.
+    pub kind: &'static str,
+    /// The value as written in the file or set.
+    pub written: String,
+    /// The value in SI; `None` for a choice and for a compensating damper.
+    pub value: Option<f64>,
+    /// The unit in which it is written.
+    pub unit: String,
+    /// The size of that unit in SI.
+    pub factor: f64,
+    /// The lower end of a slider, in SI.
+    pub min: f64,
+    /// The upper end of a slider, in SI.
+    pub max: f64,
+    /// Whether the slider is logarithmic.
+    pub log: bool,
+    /// The names that it takes.
+    pub choices: Vec<&'static str>,
+    /// Whether it differs from the file.
+    pub changed: bool,
+    /// Whether it cannot be set with the attached motor.
+    pub fixed: bool,
+}
+
+/// A logarithmic slider covers this factor in either direction.
 const DECADE: f64 = 10.0;
 
-/// Every key that can be set, with the sliders about the file's own values: those that `given`, the sets of the command line, leave.
+/// Every key that can be set, with sliders about the values of the file under `given`, the overrides of the command line.
 ///
 /// # Errors
 /// As [`World::read`].
-pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<KeySays>, Error> {
+pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<SettableKey>, Error> {
     let file = World::read(source, given)?;
     let world = World::read(source, sets)?;
     let mut own = parameters(source, given)?;
@@ -33,7 +69,7 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Ke
         .collect())
 }
 
-/// Whether a key can be set while the loop runs: its numbers and names, not what is tied to what.
+/// Whether a key can be set while the loop runs: numbers and choices, not the structure.
 fn is_shown(path: &str) -> bool {
     let names: Vec<&str> = path.split('.').collect();
     match names[..] {
@@ -44,7 +80,7 @@ fn is_shown(path: &str) -> bool {
     }
 }
 
-/// Whether the key does anything in this loop: a window without FOAW does not.
+/// Whether the key has an effect in this loop: a window without FOAW has none.
 fn counts(world: &World, path: &str) -> bool {
     let sampling = &world.sampling;
     match path {
@@ -58,7 +94,7 @@ fn counts(world: &World, path: &str) -> bool {
     }
 }
 
-/// The output, whose default depends on the method, is among the keys also where the file leaves it out.
+/// Adds `loop.output` where the file omits it: its default depends on the method.
 fn absent(list: &mut Vec<Parameter>, world: &World) {
     if list.iter().any(|parameter| parameter.path == "loop.output") {
         return;
@@ -76,9 +112,9 @@ fn absent(list: &mut Vec<Parameter>, world: &World) {
     list.insert(after.min(list.len()), output);
 }
 
-fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<KeySays> {
+fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<SettableKey> {
     let row = row(world, &now.path)?;
-    let mut says = KeySays {
+    let mut key = SettableKey {
         path: now.path.clone(),
         group: group(world, &now.path),
         label: row.name().replace('_', " "),
@@ -97,37 +133,37 @@ fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<
     };
     match row.takes {
         Takes::Name(names) => {
-            (says.kind, says.choices) = ("choice", names.to_vec());
+            (key.kind, key.choices) = ("choice", names.to_vec());
         }
         Takes::Whole { least, most, .. } => {
             let value = now.written.parse().ok();
             let about: f64 = own.written.parse().unwrap_or(least as f64);
             let farthest = (4.0 * about).max(8.0).min(most as f64);
-            (says.kind, says.value, says.min, says.max) = ("whole", value, least as f64, farthest);
+            (key.kind, key.value, key.min, key.max) = ("whole", value, least as f64, farthest);
         }
         Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples => {
             let (measure, range) = row.takes.quantity()?;
             if let Takes::QuantityOr(.., word) = row.takes {
-                says.choices.push(word);
+                key.choices.push(word);
             }
             let dimension = measure.dimension(world.motion);
             if !now.given && now.si == Some(0.0) {
-                // Nobody wrote it: in the unit that such devices are spoken of in.
-                says.written = format!("0 {}", spoken(measure, world.motion).unwrap_or(&now.unit));
+                // The file omits it: the usual unit of such devices.
+                key.written = format!("0 {}", usual_unit(measure, world.motion).unwrap_or(&now.unit));
             }
-            let named = Some(unit(&says.written)).filter(|unit| !unit.is_empty());
+            let named = Some(unit(&key.written)).filter(|unit| !unit.is_empty());
             let sized = named.and_then(|unit| Some((size(&unit, dimension, world)?, unit)));
             let sized = sized.map(|(size, unit)| (unit, size));
-            (says.unit, says.factor) = sized.unwrap_or_else(|| (dimension.symbol(), 1.0));
-            (says.min, says.max, says.log) = slider(&now.path, measure, range, own.si.unwrap_or(0.0), file);
+            (key.unit, key.factor) = sized.unwrap_or_else(|| (dimension.symbol(), 1.0));
+            (key.min, key.max, key.log) = slider(&now.path, measure, range, own.si.unwrap_or(0.0), file);
         }
         _ => return None,
     }
-    Some(says)
+    Some(key)
 }
 
-/// The unit for a key that the file leaves out, where it is not the SI unit.
-fn spoken(measure: Measure, motion: Motion) -> Option<&'static str> {
+/// The display unit of a key that the file omits, where it is not the SI unit.
+fn usual_unit(measure: Measure, motion: Motion) -> Option<&'static str> {
     match (measure, motion) {
         (Measure::Time, _) => Some("ms"),
         (Measure::Angle, _) | (Measure::Position, Motion::Rotary) => Some("deg"),
@@ -138,16 +174,16 @@ fn spoken(measure: Measure, motion: Motion) -> Option<&'static str> {
 }
 
 /// The row of the table of keys for a path of this world.
-pub(crate) fn row(world: &World, path: &str) -> Option<&'static Key> {
+pub fn row(world: &World, path: &str) -> Option<&'static Key> {
     let names: Vec<&str> = path.split('.').collect();
     let (pattern, kind) = match names[..] {
         ["loop" | "device", _] => (path.to_string(), None),
-        // One that is there: any other text would be read as part of an override, up to its own `=`.
+        // Only an existing name: any other text would be read as part of an override, up to its own `=`.
         ["bodies", body, name] if world.names.iter().any(|own| own == body) && !body.contains('=') => {
             (format!("bodies.*.{name}"), None)
         }
         ["couplings", index, name] => {
-            // One spelling of a number is enough: 00 would be another key.
+            // One spelling of each number: 00 would be another key.
             let place = index.parse::<usize>().ok().filter(|place| place.to_string() == index)?;
             (format!("couplings.*.{name}"), Some(kind(world.couplings.get(place)?)))
         }
@@ -170,7 +206,7 @@ pub fn end(world: &World, end: End) -> &str {
     }
 }
 
-/// What a key belongs to, for people.
+/// What a key belongs to, for display.
 fn group(world: &World, path: &str) -> String {
     let names: Vec<&str> = path.split('.').collect();
     match names[..] {
@@ -187,7 +223,7 @@ fn group(world: &World, path: &str) -> String {
     }
 }
 
-/// A slider's ends in SI about the file's value, and whether it goes by equal ratios.
+/// A slider's ends in SI about the file's value, and whether it is logarithmic.
 fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) -> (f64, f64, bool) {
     if path == "loop.period" {
         return ((about / DECADE).max(*PERIODS.start()), (about * DECADE).min(*PERIODS.end()), true);
@@ -198,7 +234,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
     if range != Range::Any && about > 0.0 {
         return (about / DECADE, about * DECADE, true);
     }
-    // About nothing: so much as is felt on this device.
+    // About 0: a size that is felt on this device.
     let device = &file.device;
     let (turn, effort) = match file.motion {
         Motion::Rotary => (std::f64::consts::PI, device.limit.unwrap_or(1.0)),
@@ -212,7 +248,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
         Measure::Velocity => 10.0 * turn,
         Measure::Torque => 0.2 * effort,
         Measure::Stiffness => 4.0 * effort / turn,
-        // What takes a tenth of the puck's motion in a sample.
+        // Takes a tenth of the puck's speed in one sample.
         Measure::Damping => (0.1 * device.inertia / file.sampling.period).min(10.0 * device.damping.max(1e-9 * effort)),
         Measure::Inertia => DECADE * device.inertia,
         Measure::Energy => effort * turn,
@@ -227,14 +263,14 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
     }
 }
 
-/// What a key that is refused by itself needs beside it, so that a list of names offers none that is always refused.
+/// The key that must be set together with a choice, so that no choice on offer is always refused.
 pub fn companion(world: &World, key: &str, value: &str) -> Option<(String, String)> {
     match (key, value.trim()) {
-        // A tenth of the sampling rate, until somebody says another.
+        // The cutoff starts at a tenth of the sampling rate.
         ("loop.estimator", "low-pass") => {
             Some(("loop.cutoff".into(), format!("{} Hz", (0.1 / world.sampling.period).round().max(1.0))))
         }
-        // Those that take the new sample first take the torque from the start and no other.
+        // Methods that take the new sample first take the torque from the start only.
         ("loop.method", name) => {
             let method = Method::ALL.into_iter().find(|method| method.name() == name)?;
             method.takes_new_sample_first().then(|| ("loop.output".into(), Output::Start.name().into()))
@@ -243,7 +279,7 @@ pub fn companion(world: &World, key: &str, value: &str) -> Option<(String, Strin
     }
 }
 
-/// Whether this world takes the key, absent ones among them, while the loop runs.
+/// Whether the key can be set while the loop runs, also where the file omits it.
 pub fn may_be_set(world: &World, path: &str) -> bool {
     is_shown(path) && row(world, path).is_some_and(|row| !matches!(row.takes, Takes::Table | Takes::Ends))
 }

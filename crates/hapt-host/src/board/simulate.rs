@@ -12,7 +12,7 @@ use hapt_plant::spec::Rig;
 use hapt_wire::LONGEST;
 use hapt_wire::device::{Board, Endpoint, Measurement, Slot};
 
-use crate::{Line, pty};
+use super::{Line, pty};
 
 /// Samples that are made up for when the thread comes late; a longer pause is none in the board's time.
 const BURST: u32 = 50;

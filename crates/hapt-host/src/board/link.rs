@@ -10,7 +10,7 @@ use hapt_wire::{
     Command, DeviceMessage, LONGEST, Order, PIECE, PROTOCOL, Parameter, Reader, Refusal, Telemetry, frame, hash,
 };
 
-use crate::{Board, Error, Line, SPEED};
+use super::{Board, Error, Line, SPEED};
 
 /// The bits of telemetry of four bodies on the line, as a frame.
 const TELEMETRY: f64 = 920.0;
@@ -240,7 +240,11 @@ impl Link {
                 Err(Error::Refused { why: Refusal::Phase, .. }) if start.elapsed() < ANSWER => {
                     std::thread::sleep(ANSWER / 20);
                 }
-                answer => return answer.map(drop),
+                Err(error) => return Err(error),
+                Ok(_) => {
+                    (self.board.phase, self.board.reason) = (Some(Phase::Disarmed), None);
+                    return Ok(());
+                }
             }
         }
     }
@@ -436,6 +440,16 @@ impl Link {
             }
         };
         Ok(Some(Heard::Answer(sequence, answer)))
+    }
+
+    /// Whether a torque may be on: the board was armed, and has not been seen disarmed since.
+    pub(crate) fn may_be_armed(&self) -> bool {
+        self.armed
+    }
+
+    /// The error of a board that has lost its world.
+    pub(crate) fn restarted(&self) -> Error {
+        Error::Restarted { path: self.path.clone() }
     }
 
     fn gone(&self, source: io::Error) -> Error {

@@ -1,0 +1,406 @@
+//! The loop on a board. The board keeps the time, and its own supervisor removes the torque when heartbeats stop.
+//!
+//! A thread owns the link, so that no caller blocks on the line. A board changes its world only while no torque can flow (docs/wire.md):
+//! an armed board fades out, loads the whole world, and is armed again unless it was disarmed or stopped meanwhile.
+
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hapt_core::{Phase, Reason, Request, SafetyProfile};
+use hapt_log::Recorder;
+use hapt_rt::{Epoch, LoopHandle, Realtime, Record};
+use hapt_wire::Order;
+
+use super::telemetry::{TelemetryDecoder, phase};
+use super::{Error, Link, Refusal};
+use crate::config::WorldConfig;
+use crate::runner::{Runner, RunnerEvent};
+use crate::{machine, packed};
+
+/// A board that shows no sample for this long is asked whether it still runs.
+const SILENT: Duration = Duration::from_secs(1);
+/// The longest wait for telemetry before requests are looked at.
+const TICK: Duration = Duration::from_millis(4);
+/// The longest time between two heartbeats on the line, while heartbeats arrive.
+const KEPT: Duration = Duration::from_millis(50);
+/// A heartbeat within this time, in s, counts as present.
+const PRESENT: f64 = 0.2;
+/// How long the thread waits for the answer to its last stop.
+const LAST: Duration = Duration::from_millis(500);
+/// Capacity of the queue of requests.
+const REQUESTS: usize = 64;
+/// Capacity of the queue of samples: 16 s at 1 kHz.
+const RECORDS: usize = 1 << 14;
+
+/// The loop on a board, and the thread that owns its link.
+pub(crate) struct BoardLoop {
+    requests: SyncSender<Message>,
+    records: Receiver<Record>,
+    events: Receiver<RunnerEvent>,
+    handle: LoopHandle,
+    profile: SafetyProfile,
+    thread: Option<JoinHandle<Result<(), Error>>>,
+    ended: Option<Result<(), machine::Error>>,
+}
+
+/// A message to the thread.
+enum Message {
+    Request(Request, Epoch),
+    Change(Box<Change>),
+}
+
+/// A world to load.
+struct Change {
+    config: WorldConfig,
+    bytes: Vec<u8>,
+}
+
+impl BoardLoop {
+    /// Loads the world of `config` into the board, disarmed, and shows a sample every `every` s.
+    ///
+    /// # Errors
+    /// The board does not answer, or does not take the world.
+    pub fn start(
+        config: &WorldConfig,
+        profile: SafetyProfile,
+        mut link: Link,
+        every: f64,
+    ) -> Result<Self, machine::Error> {
+        let bytes = packed(&config.world, profile).map_err(machine::Error::World)?;
+        let world = link.load(&bytes)?;
+        let period = config.world.sampling.period;
+        link.show(period, every)?;
+        // Samples from before the load belong to another session.
+        while link.telemetry(Instant::now())?.is_some() {}
+        let (requests, incoming) = sync_channel(REQUESTS);
+        let (outgoing, records) = sync_channel(RECORDS);
+        let (report, events) = channel();
+        let handle = LoopHandle::default();
+        let phase = link.board().phase.unwrap_or(Phase::Disarmed);
+        let worker = BoardWorker {
+            link,
+            world,
+            phase,
+            every,
+            keep_every: keep_every(config, profile),
+            profile,
+            decoder: TelemetryDecoder::new(config.generation, period),
+            running: Box::new(config.clone()),
+            wanted: None,
+            changing: false,
+            armed_since: None,
+            sent: Arc::new(Mutex::new(handle.epoch())),
+            heard: handle.heard(),
+            kept: None,
+            requests: incoming,
+            records: outgoing,
+            events: report,
+            handle: handle.clone(),
+        };
+        let thread = std::thread::Builder::new().name("board".into()).spawn(|| worker.run())?;
+        Ok(BoardLoop { requests, records, events, handle, profile, thread: Some(thread), ended: None })
+    }
+
+    fn join(&mut self) {
+        if let Some(thread) = self.thread.take() {
+            self.ended = Some(match thread.join() {
+                Ok(outcome) => outcome.map_err(machine::Error::Board),
+                Err(_) => Err(machine::Error::Panicked("the board's line has been let go by a defect of hapt's own")),
+            });
+        }
+    }
+}
+
+/// How often the board needs a heartbeat at least: a quarter of the silence that its supervisor allows.
+fn keep_every(config: &WorldConfig, profile: SafetyProfile) -> Duration {
+    let silence = config.world.limits(profile).silence(config.world.sampling.period);
+    if silence.is_finite() { Duration::from_secs_f64(silence.max(0.0) / 4.0).min(KEPT) } else { KEPT }
+}
+
+impl Runner for BoardLoop {
+    fn handle(&self) -> LoopHandle {
+        self.handle.clone()
+    }
+
+    fn request(&mut self, request: Request, epoch: Epoch) -> bool {
+        self.requests.try_send(Message::Request(request, epoch)).is_ok()
+    }
+
+    fn change(&mut self, next: &WorldConfig) -> Result<(), String> {
+        let bytes = packed(&next.world, self.profile)?;
+        let change = Box::new(Change { config: next.clone(), bytes });
+        self.requests.try_send(Message::Change(change)).map_err(|_| "the board is busy; set it again".into())
+    }
+
+    fn event(&mut self) -> Option<RunnerEvent> {
+        self.events.try_recv().ok()
+    }
+
+    fn record(&mut self) -> Option<Record> {
+        self.records.try_recv().ok()
+    }
+
+    fn ended(&mut self) -> Option<Result<(), machine::Error>> {
+        if self.thread.as_ref().is_some_and(JoinHandle::is_finished) {
+            self.join();
+        }
+        self.ended.take()
+    }
+
+    fn end(&mut self) {
+        self.handle.end();
+        self.join();
+    }
+
+    fn realtime(&self) -> Option<&Realtime> {
+        None
+    }
+
+    fn begin_log(&mut self) -> bool {
+        true
+    }
+
+    fn log_begins(&mut self, _record: &Record) -> bool {
+        true
+    }
+
+    fn log(&mut self, recorder: &Recorder, record: &Record) {
+        // The recorder counts what it has no room for.
+        recorder.send(record);
+    }
+}
+
+impl Drop for BoardLoop {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// The thread's state. Dropped, the link sends stop where a torque may be on.
+struct BoardWorker {
+    link: Link,
+    /// The hash of the world on the board.
+    world: u32,
+    phase: Phase,
+    /// The time between two samples of telemetry, in s.
+    every: f64,
+    keep_every: Duration,
+    profile: SafetyProfile,
+    decoder: TelemetryDecoder,
+    /// The world on the board.
+    running: Box<WorldConfig>,
+    /// The world to load next; a newer one replaces it.
+    wanted: Option<Box<Change>>,
+    /// The board fades out for that world, or loads it.
+    changing: bool,
+    /// The epoch in which the torque was requested; `None`: it is to be off.
+    armed_since: Option<Epoch>,
+    /// The last epoch that the board was told of, the last heartbeat seen, and when one was sent.
+    sent: Arc<Mutex<Epoch>>,
+    heard: u64,
+    kept: Option<Instant>,
+    requests: Receiver<Message>,
+    records: SyncSender<Record>,
+    events: Sender<RunnerEvent>,
+    handle: LoopHandle,
+}
+
+impl BoardWorker {
+    /// Runs until the handle ends the loop, or the link fails.
+    fn run(mut self) -> Result<(), Error> {
+        // Neither a stop nor the end waits for an answer of the board.
+        let (handle, sent) = (self.handle.clone(), Arc::clone(&self.sent));
+        self.link.yield_to(move || {
+            handle.is_ended() || handle.epoch() != *sent.lock().unwrap_or_else(PoisonError::into_inner)
+        });
+        let outcome = self.until_the_end();
+        if outcome.is_ok() && self.link.may_be_armed() {
+            // The stop is repeated until the board confirms it, for a moment; a port that is closed may drop what it has not sent.
+            let until = Instant::now() + LAST;
+            self.link.yield_to(move || Instant::now() >= until);
+            let _ = self.link.stop();
+        }
+        outcome
+    }
+
+    fn until_the_end(&mut self) -> Result<(), Error> {
+        let mut heard = Instant::now();
+        while !self.handle.is_ended() {
+            match self.take_requests().and_then(|()| self.change()) {
+                Ok(()) | Err(Error::Interrupted) => {}
+                Err(error) => return Err(error),
+            }
+            if self.take_telemetry(Instant::now() + TICK)? {
+                heard = Instant::now();
+            } else if heard.elapsed() > SILENT {
+                match self.revive() {
+                    Ok(()) => heard = Instant::now(),
+                    Err(Error::Interrupted) => {}
+                    Err(error) => return Err(error),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Greets a board that shows no samples. A cut line is an error by itself.
+    fn revive(&mut self) -> Result<(), Error> {
+        self.link.greet()?;
+        if self.link.board().world != Some(self.world) {
+            return Err(self.link.restarted());
+        }
+        self.show()
+    }
+
+    /// Takes the requests that wait.
+    fn take_requests(&mut self) -> Result<(), Error> {
+        self.take_urgent()?;
+        while let Ok(message) = self.requests.try_recv() {
+            match message {
+                Message::Request(request, epoch) => self.request(request, epoch)?,
+                Message::Change(change) => self.wanted = Some(change),
+            }
+            self.take_urgent()?;
+        }
+        Ok(())
+    }
+
+    /// Stop, withdrawal and heartbeats: they pass all requests.
+    fn take_urgent(&mut self) -> Result<(), Error> {
+        let now = self.handle.epoch();
+        let before = std::mem::replace(&mut *self.sent.lock().unwrap_or_else(PoisonError::into_inner), now);
+        if now != before {
+            self.armed_since = None;
+            match now.stopped_since(before) {
+                true => self.link.stop()?,
+                // A board that is disarmed already refuses; that is no error.
+                false => match self.link.disarm() {
+                    Err(Error::Refused { .. }) => {}
+                    disarmed => disarmed?,
+                },
+            }
+        }
+        let heard = self.handle.heard();
+        if heard != self.heard && self.kept.is_none_or(|kept| kept.elapsed() >= self.keep_every) {
+            (self.heard, self.kept) = (heard, Some(Instant::now()));
+            self.link.keep()?;
+        }
+        Ok(())
+    }
+
+    /// Takes the telemetry that has come, and waits for the first of it; `false` where none has come until that instant.
+    fn take_telemetry(&mut self, mut until: Instant) -> Result<bool, Error> {
+        let mut some = false;
+        while let Some(telemetry) = self.link.telemetry(until)? {
+            (some, until) = (true, Instant::now());
+            let before = std::mem::replace(&mut self.phase, phase(&telemetry));
+            let is_new = self.phase == Phase::Faulted && before != Phase::Faulted;
+            if is_new && Reason::from_code(telemetry.reason).is_none() {
+                let error = Error::UnknownReason { code: telemetry.reason };
+                let _ = self.events.send(RunnerEvent::Error(error.into()));
+            }
+            // A sample without room in the queue is lost.
+            let _ = self.records.try_send(self.decoder.record(&telemetry));
+        }
+        // After a fault or a lost link the board is not armed again.
+        self.armed_since = self.armed_since.filter(|_| self.phase.is_active() || self.changing);
+        Ok(some)
+    }
+
+    /// Sets how often the board shows a sample.
+    fn show(&mut self) -> Result<(), Error> {
+        self.link.show(self.running.world.sampling.period, self.every)
+    }
+
+    fn request(&mut self, request: Request, epoch: Epoch) -> Result<(), Error> {
+        // Made before a stop, or before control was withdrawn.
+        if matches!(request, Request::Arm | Request::Clear) && epoch != self.handle.epoch() {
+            return Ok(());
+        }
+        self.armed_since = match request {
+            Request::Arm => Some(epoch),
+            Request::Disarm | Request::Stop => None,
+            Request::Clear => self.armed_since,
+        };
+        let done = match request {
+            // The change arms it with the new world.
+            Request::Arm if self.wanted.is_some() => Ok(()),
+            Request::Arm => self.arm(),
+            Request::Disarm => self.link.disarm(),
+            Request::Stop => self.link.stop(),
+            // Telemetry shows whether the cause is gone.
+            Request::Clear => self.link.tell(Order::Clear),
+        };
+        self.report_refusal(done)
+    }
+
+    fn arm(&mut self) -> Result<(), Error> {
+        let before = self.link.arm(self.world)?;
+        self.decoder.follows(before);
+        self.phase = Phase::FadingIn;
+        Ok(())
+    }
+
+    /// Reports a refusal as an event; other errors end the session.
+    fn report_refusal(&self, done: Result<(), Error>) -> Result<(), Error> {
+        match done {
+            Err(error @ Error::Refused { .. }) => {
+                let _ = self.events.send(RunnerEvent::Error(error.into()));
+                Ok(())
+            }
+            done => done,
+        }
+    }
+
+    /// Loads the wanted world once no torque can flow.
+    fn change(&mut self) -> Result<(), Error> {
+        let Some(wanted) = self.wanted.take() else { return Ok(()) };
+        if self.phase.is_active() {
+            if !std::mem::replace(&mut self.changing, true) {
+                self.link.disarm()?;
+            }
+            self.wanted = Some(wanted);
+            return Ok(());
+        }
+        self.changing = true;
+        let generation = wanted.config.generation;
+        match self.link.load(&wanted.bytes) {
+            Ok(world) => {
+                // Telemetry up to here belongs to the world before.
+                self.take_telemetry(Instant::now())?;
+                (self.world, self.running) = (world, Box::new(wanted.config));
+                self.decoder.change(generation, self.running.world.sampling.period);
+                self.keep_every = keep_every(&self.running, self.profile);
+                self.changing = false;
+                self.show()?;
+            }
+            // A stop comes first; the load starts again after it.
+            Err(Error::Interrupted) => {
+                (self.wanted, self.changing) = (Some(wanted), false);
+                return Ok(());
+            }
+            // Another host armed the board: it fades out first.
+            Err(Error::Refused { why: Refusal::Armed, .. }) => {
+                self.link.greet()?;
+                self.phase = self.link.board().phase.unwrap_or(self.phase);
+                (self.wanted, self.changing) = (Some(wanted), false);
+                return Ok(());
+            }
+            Err(error @ (Error::Refused { .. } | Error::NotVerified)) => {
+                let event = RunnerEvent::Rejected(generation, self.running.clone(), error.into());
+                let _ = self.events.send(event);
+            }
+            Err(error) => return Err(error),
+        }
+        self.changing = false;
+        // The board is armed again only if nothing has disarmed it and the controller is present.
+        let again = self.armed_since == Some(self.handle.epoch()) && self.phase == Phase::Disarmed;
+        if again && self.handle.silent() < PRESENT {
+            let armed = self.arm();
+            return self.report_refusal(armed);
+        }
+        Ok(())
+    }
+}

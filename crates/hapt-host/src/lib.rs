@@ -1,0 +1,50 @@
+//! One session with whatever runs the loop: a thread of this computer, or a board with hapt's firmware.
+//!
+//! [`Session`] is the state machine of a loop: it holds the world, arms and disarms it, sets keys, moves a simulated hand and records. It
+//! takes a [`WorldConfig`] (a world file and what is set over it) and a [`Machine`] (what runs it), and is advanced by [`Session::poll`].
+//! `hapt run` and `hapt live` are both thin layers over it.
+//!
+//! [`board`] is the host's side of a board: its serial port, its worlds, its torque.
+//!
+//! ```no_run
+//! use std::time::{Duration, Instant};
+//!
+//! use hapt_core::Request;
+//! use hapt_host::{Machine, Session, WorldConfig};
+//! use hapt_model::Source;
+//!
+//! let config = WorldConfig::new(Source::open("wheel.toml")?, Vec::new())?;
+//! let machine = Machine::simulated(&config.world);
+//! let mut session = Session::start(config, machine)?;
+//! session.request(Request::Arm, session.handle().epoch())?;
+//! while session.time() < 1.0 {
+//!     std::thread::sleep(Duration::from_millis(5));
+//!     session.poll(Instant::now(), |sample| println!("{} {}", sample.position, sample.record.output));
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod attached;
+#[cfg(unix)]
+pub mod board;
+mod config;
+mod hand;
+pub mod keys;
+mod local;
+mod machine;
+mod packed;
+mod recording;
+mod runner;
+mod session;
+#[cfg(test)]
+mod testing;
+mod worker;
+
+pub use config::{Rule, WorldConfig};
+pub use hand::{VirtualHand, grip};
+pub use keys::SettableKey;
+pub use machine::{Backend, Error, Machine};
+pub use packed::packed;
+pub use recording::{Recording, RecordingStatus};
+pub use session::{Event, NotTaken, Sample, Session};
+pub use worker::Task;

@@ -1,0 +1,90 @@
+//! What runs the loop, and how it starts.
+
+use std::io;
+
+use hapt_core::SafetyProfile;
+use hapt_model::World;
+use hapt_rt::{Device, Failure, Hands, Settings, Simulated};
+
+use crate::config::WorldConfig;
+use crate::local::LocalLoop;
+use crate::runner::Runner;
+
+/// What a session drives, and how.
+pub struct Machine {
+    /// As it is named on the command line: `sim`, `moteus:/dev/ttyACM0`.
+    pub name: String,
+    /// What runs the loop.
+    pub backend: Backend,
+    /// What moves the hand of a simulated device; `None` for a real one.
+    pub hands: Option<Hands>,
+    /// How the supervisor guards. With [`SafetyProfile::Certified`] no key is set to a value that is not certified.
+    pub profile: SafetyProfile,
+}
+
+/// Where the loop runs.
+pub enum Backend {
+    /// On a thread of this computer.
+    Local {
+        /// Started, and without a torque.
+        device: Box<dyn Device>,
+        /// What the thread asks of the system.
+        settings: Settings,
+    },
+    /// On a board, which receives the world.
+    #[cfg(unix)]
+    Board {
+        /// Greeted, and disarmed.
+        link: Box<crate::board::Link>,
+        /// The time between two samples of telemetry, in s; the line may carry fewer. 0: every sample.
+        every: f64,
+    },
+}
+
+impl Backend {
+    /// Starts the loop with the world of `config`, disarmed.
+    pub(crate) fn start(self, config: &WorldConfig, profile: SafetyProfile) -> Result<Box<dyn Runner>, Error> {
+        Ok(match self {
+            Backend::Local { device, settings } => Box::new(LocalLoop::start(config, profile, device, settings)?),
+            #[cfg(unix)]
+            Backend::Board { link, every } => Box::new(crate::board::BoardLoop::start(config, profile, *link, every)?),
+        })
+    }
+}
+
+impl Machine {
+    /// The exact simulation of this world's device, with a hand.
+    pub fn simulated(world: &World) -> Self {
+        let (device, hands) = Simulated::new(world);
+        Machine {
+            name: "sim".into(),
+            backend: Backend::Local { device: Box::new(device), settings: Settings::default() },
+            hands: Some(hands),
+            profile: SafetyProfile::Simulated,
+        }
+    }
+}
+
+/// Why a session cannot start, or has ended.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The core or the board's room does not take the world.
+    #[error("{0}")]
+    World(String),
+    /// The system gives no thread.
+    #[error("the system gives no thread: {0}")]
+    System(#[from] io::Error),
+    /// The loop's thread does not start.
+    #[error(transparent)]
+    Engine(#[from] hapt_rt::Error),
+    /// The device failed while it ran.
+    #[error("{0}")]
+    Device(Failure),
+    /// The board does not answer, or does not take the world.
+    #[cfg(unix)]
+    #[error(transparent)]
+    Board(#[from] crate::board::Error),
+    /// A thread panicked: a defect of hapt.
+    #[error("{0}")]
+    Panicked(&'static str),
+}

@@ -1,0 +1,56 @@
+//! What runs the loop: a thread of this computer, or a board.
+
+use hapt_core::Request;
+use hapt_log::Recorder;
+use hapt_rt::{Epoch, LoopHandle, Realtime, Record};
+
+use crate::config::WorldConfig;
+use crate::machine::Error;
+
+/// What runs the loop. No call blocks, except [`Runner::end`]. Dropped, it leaves no torque on.
+pub(crate) trait Runner: Send {
+    /// Stop, heartbeats and the withdrawal of control, from any thread, ahead of all requests.
+    fn handle(&self) -> LoopHandle;
+
+    /// Puts a request to the supervisor, made in this epoch, behind those before it; `false`: the queue is full.
+    fn request(&mut self, request: Request, epoch: Epoch) -> bool;
+
+    /// Changes the world at one of the next samples, whole or not at all; from there on samples carry plan `next.generation`.
+    ///
+    /// # Errors
+    /// In a sentence; nothing has changed.
+    fn change(&mut self, next: &WorldConfig) -> Result<(), String>;
+
+    /// The next event.
+    fn event(&mut self) -> Option<RunnerEvent>;
+
+    /// The next sample.
+    fn record(&mut self) -> Option<Record>;
+
+    /// Whether the loop has ended: on request, or by an error.
+    fn ended(&mut self) -> Option<Result<(), Error>>;
+
+    /// Ends the loop, and waits until the torque is off.
+    fn end(&mut self);
+
+    /// What the system grants the loop; `None`: a board keeps the time.
+    fn realtime(&self) -> Option<&Realtime>;
+
+    /// Prepares the start of a log in the middle of a run; `false`: the queue is full.
+    fn begin_log(&mut self) -> bool;
+
+    /// Whether a log prepared by [`Runner::begin_log`] can begin with this sample.
+    fn log_begins(&mut self, record: &Record) -> bool;
+
+    /// Adds a sample to a log.
+    fn log(&mut self, recorder: &Recorder, record: &Record);
+}
+
+/// What a board reports beside its samples.
+#[cfg_attr(not(unix), allow(dead_code))]
+pub(crate) enum RunnerEvent {
+    /// A request was refused, or the board has faulted for an unknown reason.
+    Error(Error),
+    /// The world of this generation was refused; the given one still runs.
+    Rejected(u32, Box<WorldConfig>, Error),
+}

@@ -1,0 +1,122 @@
+//! Tasks that take long, on a thread beside the session: changed worlds with their certificates, and the files of recordings. Tasks run one
+//! at a time, so that each begins with what the one before it has made.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+use hapt_core::SafetyProfile;
+
+use crate::config::WorldConfig;
+use crate::recording::Recording;
+
+/// The refusal of a key on a motor.
+const UNCERTIFIED: &str =
+    "the world would not be certified, and a motor hangs on it; hapt live --uncertified lets that be";
+
+/// A task that takes long.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Task {
+    /// Set several keys, all of them or none; a refusal names `key`.
+    Sets {
+        /// The key of a single change; empty for several.
+        key: String,
+        /// Keys with their values, as they would stand in the world file.
+        sets: Vec<(String, String)>,
+    },
+    /// Set every key back to the file's value.
+    Reset,
+    /// Start a recording.
+    Record,
+}
+
+impl Task {
+    /// The key that a refusal names.
+    pub fn key(&self) -> &str {
+        match self {
+            Task::Sets { key, .. } => key,
+            Task::Reset => "",
+            Task::Record => "record",
+        }
+    }
+}
+
+/// A task with its client and what it begins with.
+pub(crate) struct Job {
+    pub client: u64,
+    pub task: Task,
+    pub config: WorldConfig,
+    pub profile: SafetyProfile,
+    pub folder: PathBuf,
+}
+
+/// A finished task.
+pub(crate) struct Done {
+    pub client: u64,
+    pub task: Task,
+    /// The generation of the world that it began with.
+    pub generation: u32,
+    pub outcome: Result<Made, String>,
+}
+
+/// The result of a task.
+pub(crate) enum Made {
+    /// A changed world.
+    World(Box<WorldConfig>),
+    /// A recording that has not begun.
+    Recording(Recording),
+}
+
+/// The thread. Dropped, it finishes its task and ends.
+pub(crate) struct Worker {
+    jobs: Sender<Job>,
+    done: Receiver<Done>,
+}
+
+impl Worker {
+    /// Starts the thread; `ready` is called on it after each task.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub fn start(ready: impl Fn() + Send + 'static) -> std::io::Result<Self> {
+        let (jobs, incoming): (_, Receiver<Job>) = channel();
+        let (report, done) = channel();
+        std::thread::Builder::new().name("worker".into()).spawn(move || {
+            for job in incoming {
+                let (client, task, generation) = (job.client, job.task.clone(), job.config.generation);
+                let outcome = catch_unwind(AssertUnwindSafe(|| job.run()));
+                let outcome = outcome.unwrap_or_else(|_| Err("hapt broke off over it, by a defect of its own".into()));
+                if report.send(Done { client, task, generation, outcome }).is_err() {
+                    break;
+                }
+                ready();
+            }
+        })?;
+        Ok(Worker { jobs, done })
+    }
+
+    /// Begins a task; `false`: the thread is gone.
+    pub fn begin(&self, job: Job) -> bool {
+        self.jobs.send(job).is_ok()
+    }
+
+    /// The next finished task.
+    pub fn done(&self) -> Option<Done> {
+        self.done.try_recv().ok()
+    }
+}
+
+impl Job {
+    fn run(self) -> Result<Made, String> {
+        let Job { task, config, profile, folder, .. } = self;
+        let next = match task {
+            Task::Sets { sets, .. } => config.with_all(&sets)?,
+            Task::Reset => config.reset()?,
+            Task::Record => return Recording::in_folder(&folder, &config, profile).map(Made::Recording),
+        };
+        if profile == SafetyProfile::Certified && !hapt_analysis::is_certified(&next.certified_world()) {
+            return Err(UNCERTIFIED.into());
+        }
+        Ok(Made::World(Box::new(next)))
+    }
+}

@@ -1,0 +1,196 @@
+//! The messages of a page.
+
+use serde::Deserialize;
+
+use super::VERSION;
+
+/// The longest message that a page may send, in bytes.
+pub const LONGEST: usize = 4096;
+
+/// The largest position of a hand either way, in rad (linear: m).
+pub const FARTHEST: f64 = 1e4;
+
+/// The longest key, value, or scenario's name, in bytes.
+const LONGEST_WORD: usize = 256;
+
+/// A message of a page.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+pub enum ClientMessage {
+    /// The first message: the version, and the token where one is needed.
+    Hello {
+        /// [`VERSION`].
+        v: u32,
+        /// From the link's fragment.
+        token: Option<String>,
+    },
+    /// Takes control.
+    Take,
+    /// Gives control away.
+    Give,
+    /// A command to the supervisor; any client may send `stop`.
+    Order {
+        /// The command.
+        order: Command,
+    },
+    /// The hand on a simulated puck.
+    Hand {
+        /// Whether the hand holds the puck.
+        grip: bool,
+        /// Its position in rad (linear: m).
+        #[serde(default)]
+        position: f64,
+    },
+    /// Sets a key of the world.
+    Set {
+        /// Its dotted path.
+        key: String,
+        /// As it would stand in the world file: `20 N mm/deg`.
+        value: String,
+    },
+    /// Sets several keys, all of them or none.
+    Sets {
+        /// Keys with values, as in `Set`.
+        sets: Vec<(String, String)>,
+    },
+    /// Sets every key back to the file's value.
+    Reset,
+    /// Restarts a simulated device: puck at rest at 0, world at its start, armed.
+    Restart,
+    /// Plays a scenario; `None`: ends it.
+    Scenario {
+        /// Its name.
+        name: Option<String>,
+    },
+    /// Starts or ends a recording.
+    Record {
+        /// Whether to record.
+        on: bool,
+    },
+    /// Names the key whose certified range is computed first.
+    Focus {
+        /// Its dotted path.
+        key: String,
+    },
+    /// A heartbeat.
+    Alive,
+}
+
+/// A command to the supervisor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Command {
+    /// Fade in.
+    Arm,
+    /// Fade out.
+    Disarm,
+    /// The torque is 0 now.
+    Stop,
+    /// From faulted to disarmed.
+    Clear,
+}
+
+impl ClientMessage {
+    /// Reads a message; the error is a sentence.
+    pub fn read(text: &str) -> Result<ClientMessage, String> {
+        let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
+            let why: String = error.to_string().chars().take(LONGEST_WORD).collect();
+            format!("no message of version {VERSION}: {why}")
+        })?;
+        let words: Vec<&str> = match &message {
+            ClientMessage::Hello { token: Some(token), .. } => vec![token],
+            ClientMessage::Set { key, value } => vec![key, value],
+            ClientMessage::Sets { sets } => sets.iter().flat_map(|(key, value)| [key.as_str(), value]).collect(),
+            ClientMessage::Scenario { name: Some(name) } => vec![name],
+            ClientMessage::Focus { key } => vec![key],
+            ClientMessage::Hand { position, .. } if position.is_nan() || position.abs() > FARTHEST => {
+                return Err(format!("a hand's position is within {FARTHEST} either way"));
+            }
+            _ => Vec::new(),
+        };
+        match words.iter().any(|word| word.len() > LONGEST_WORD) {
+            true => Err(format!("a key, a value, a name has at most {LONGEST_WORD} bytes")),
+            false => Ok(message),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn every_message_of_the_page_reads() {
+        for (text, message) in [
+            (r#"{"type":"hello","v":1}"#, ClientMessage::Hello { v: 1, token: None }),
+            (r#"{"type":"hello","v":1,"token":"ab"}"#, ClientMessage::Hello { v: 1, token: Some("ab".into()) }),
+            (r#"{"type":"take"}"#, ClientMessage::Take),
+            (r#"{"type":"give"}"#, ClientMessage::Give),
+            (r#"{"type":"order","order":"arm"}"#, ClientMessage::Order { order: Command::Arm }),
+            (r#"{"type":"order","order":"stop"}"#, ClientMessage::Order { order: Command::Stop }),
+            (r#"{"type":"hand","grip":true,"position":-0.5}"#, ClientMessage::Hand { grip: true, position: -0.5 }),
+            (r#"{"type":"hand","grip":false}"#, ClientMessage::Hand { grip: false, position: 0.0 }),
+            (
+                r#"{"type":"set","key":"loop.period","value":"2 ms"}"#,
+                ClientMessage::Set { key: "loop.period".into(), value: "2 ms".into() },
+            ),
+            (
+                r#"{"type":"sets","sets":[["loop.period","2 ms"],["loop.delay","0 s"]]}"#,
+                ClientMessage::Sets {
+                    sets: vec![("loop.period".into(), "2 ms".into()), ("loop.delay".into(), "0 s".into())],
+                },
+            ),
+            (r#"{"type":"reset"}"#, ClientMessage::Reset),
+            (r#"{"type":"restart"}"#, ClientMessage::Restart),
+            (r#"{"type":"scenario","name":"step"}"#, ClientMessage::Scenario { name: Some("step".into()) }),
+            (r#"{"type":"scenario","name":null}"#, ClientMessage::Scenario { name: None }),
+            (r#"{"type":"record","on":true}"#, ClientMessage::Record { on: true }),
+            (r#"{"type":"focus","key":"loop.delay"}"#, ClientMessage::Focus { key: "loop.delay".into() }),
+            (r#"{"type":"alive"}"#, ClientMessage::Alive),
+            (r#"{"type":"alive","more":[1,2]}"#, ClientMessage::Alive),
+        ] {
+            assert_eq!(ClientMessage::read(text), Ok(message), "{text}");
+        }
+    }
+
+    #[test]
+    fn other_text_is_refused_in_a_short_sentence() {
+        let long = format!(r#"{{"type":"set","key":"{}","value":"1"}}"#, "k".repeat(300));
+        let unknown = format!(r#"{{"type":"{}"}}"#, "x".repeat(3000));
+        for text in [
+            "",
+            "{}",
+            "[]",
+            "null",
+            "{\"type\":\"fly\"}",
+            "{\"type\":\"order\",\"order\":\"explode\"}",
+            "{\"type\":\"hand\",\"grip\":1,\"position\":0}",
+            "{\"type\":\"hand\",\"grip\":true,\"position\":1e999}",
+            "{\"type\":\"hand\",\"grip\":true,\"position\":1e5}",
+            "{\"type\":\"hello\",\"v\":-1}",
+            "{\"type\":\"sets\",\"sets\":[[\"loop.period\"]]}",
+            &long,
+            &unknown,
+        ] {
+            let error = ClientMessage::read(text).unwrap_err();
+            assert!(!error.is_empty() && error.len() < 600, "{text}: {error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..LONGEST)) {
+            let _ = ClientMessage::read(&String::from_utf8_lossy(&bytes));
+        }
+
+        #[test]
+        fn a_position_that_reads_is_in_range(position in any::<f64>(), grip in any::<bool>()) {
+            let text = format!(r#"{{"type":"hand","grip":{grip},"position":{position:e}}}"#);
+            if let Ok(ClientMessage::Hand { position, .. }) = ClientMessage::read(&text) {
+                prop_assert!(position.abs() <= FARTHEST);
+            }
+        }
+    }
+}

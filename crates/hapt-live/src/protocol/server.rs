@@ -1,0 +1,275 @@
+//! The messages of the server.
+
+use hapt_host::SettableKey;
+use serde::Serialize;
+
+/// A message of the server.
+#[derive(Clone, Debug, Serialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+pub enum ServerMessage {
+    /// The answer to a hello.
+    Hello {
+        /// [`super::VERSION`].
+        v: u32,
+        /// The client's own number.
+        client: u64,
+        /// The client in control.
+        control: Option<u64>,
+    },
+    /// Control has changed.
+    Control {
+        /// The client in control.
+        control: Option<u64>,
+    },
+    /// A message was not understood, or a request cannot be fulfilled.
+    Error {
+        /// In a sentence.
+        message: String,
+    },
+    /// A key was not set.
+    Refused {
+        /// Its dotted path, or another name of what was refused.
+        key: String,
+        /// In a sentence.
+        message: String,
+    },
+    /// The world that runs.
+    World(Box<WorldInfo>),
+    /// The certificate.
+    Verdict(Box<Verdict>),
+    /// The certified values of a key.
+    Range {
+        /// The generation of the world.
+        generation: u32,
+        /// The key's dotted path.
+        key: String,
+        /// Intervals in SI.
+        certified: Vec<[f64; 2]>,
+    },
+    /// The state of the loop.
+    Status(Box<Status>),
+}
+
+impl ServerMessage {
+    /// The message as JSON.
+    pub fn json(&self) -> String {
+        // Maps with string keys, and numbers: this does not fail.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+}
+
+/// The world that runs.
+#[derive(Clone, Debug, Serialize)]
+pub struct WorldInfo {
+    /// Counts the changes, from 0.
+    pub generation: u32,
+    /// Its title, or its file's name.
+    pub title: String,
+    /// `rotary` or `linear`.
+    pub motion: &'static str,
+    /// The units of the telemetry.
+    pub units: Units,
+    /// The loop's period in s.
+    pub period_s: f64,
+    /// The motor's limit, in N·m (linear: N).
+    pub limit: Option<f64>,
+    /// The device as `--device` names it.
+    pub device: String,
+    /// The bodies, in file order.
+    pub bodies: Vec<BodyInfo>,
+    /// The couplings, in file order.
+    pub couplings: Vec<serde_json::Value>,
+    /// The scenarios, in file order.
+    pub scenarios: Vec<ScenarioInfo>,
+    /// The keys that can be set.
+    pub keys: Vec<SettableKey>,
+    /// The columns of the telemetry.
+    pub columns: Vec<ColumnInfo>,
+}
+
+/// SI units by dimension.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Units {
+    /// rad or m.
+    pub position: &'static str,
+    /// rad/s or m/s.
+    pub velocity: &'static str,
+    /// N m or N.
+    pub effort: &'static str,
+}
+
+/// A body.
+#[derive(Clone, Debug, Serialize)]
+pub struct BodyInfo {
+    /// Its name in the file.
+    pub name: String,
+    /// Its inertia in kg m² (linear: kg).
+    pub inertia: f64,
+}
+
+/// A scenario.
+#[derive(Clone, Debug, Serialize)]
+pub struct ScenarioInfo {
+    /// Its name in the file.
+    pub name: String,
+    /// Its duration in s.
+    pub duration_s: f64,
+    /// The hand's kind.
+    pub hand: &'static str,
+}
+
+/// A column of the telemetry.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ColumnInfo {
+    /// As in the CSV, where it is there too.
+    pub name: String,
+    /// The unit as it is written.
+    pub unit: &'static str,
+}
+
+/// The certificate of one generation.
+#[derive(Clone, Debug, Serialize)]
+pub struct Verdict {
+    /// The generation of the world.
+    pub generation: u32,
+    /// Neither held nor free unstable, and passive.
+    pub certified: bool,
+    /// The verdict in one sentence.
+    pub sentence: String,
+    /// One sentence for each claim.
+    pub sentences: Vec<Sentence>,
+    /// The larger growth of the held world and the free loop, per s.
+    pub growth_per_s: Option<f64>,
+    /// The growth of the held world, per s; `None`: nothing in it moves, or only shifts that change no torque.
+    pub held_growth_per_s: Option<f64>,
+    /// The growth of the free loop, per s; `None`: likewise.
+    pub free_growth_per_s: Option<f64>,
+    /// The eigenvalues with the puck held.
+    pub held: Vec<[f64; 2]>,
+    /// The eigenvalues with the puck free.
+    pub free: Vec<[f64; 2]>,
+    /// The device damping that makes the loop passive, in SI.
+    pub required_damping: Option<f64>,
+    /// The device's damping, in SI.
+    pub device_damping: f64,
+    /// What is not proved, and notes on the numbers.
+    pub notes: Vec<String>,
+    /// What would certify the world, or its margins; `None`: not yet computed.
+    pub remedies: Option<Vec<RemedyInfo>>,
+    /// The time of the computation in ms; `None`: it was computed before.
+    pub ms: Option<f64>,
+}
+
+/// One claim of the certificate.
+#[derive(Clone, Debug, Serialize)]
+pub struct Sentence {
+    /// `held`, `free`, `passive` or `quantisation`.
+    pub what: &'static str,
+    /// Whether the claim holds; `None`: marginal, or not proved.
+    pub ok: Option<bool>,
+    /// The sentence.
+    pub text: String,
+}
+
+/// A change that would certify the loop.
+#[derive(Clone, Debug, Serialize)]
+pub struct RemedyInfo {
+    /// Keys with their values as written, to be set together; empty where a coupling is to be added.
+    pub sets: Vec<(String, String)>,
+    /// Lines for the world file.
+    pub text: String,
+}
+
+/// The state of the loop.
+#[derive(Clone, Debug, Serialize)]
+pub struct Status {
+    /// `disarmed`, `fading-in`, `running`, `fading-out` or `faulted`.
+    pub phase: &'static str,
+    /// The code of the reason of a fault.
+    pub code: Option<u8>,
+    /// The name of the reason.
+    pub reason: Option<&'static str>,
+    /// What happened.
+    pub sentence: Option<String>,
+    /// How to clear it.
+    pub clear: Option<String>,
+    /// What is unusual and no fault.
+    pub warnings: Vec<String>,
+    /// The scenario that runs.
+    pub scenario: Option<String>,
+    /// The recording under way, or how the last one failed.
+    pub recording: Option<RecordingInfo>,
+    /// The timing of a loop on this computer.
+    pub timing: Option<TimingInfo>,
+    /// What the system grants its thread.
+    pub realtime: Option<Realtime>,
+    /// The number of pages connected.
+    pub clients: usize,
+}
+
+/// A recording.
+#[derive(Clone, Debug, Serialize)]
+pub struct RecordingInfo {
+    /// The file.
+    pub file: String,
+    /// Its length in s.
+    pub seconds: f64,
+    /// Samples lost for lack of room.
+    pub lost: u64,
+    /// Why it has ended.
+    pub error: Option<String>,
+}
+
+/// The loop's timing, since it began.
+#[derive(Clone, Debug, Serialize)]
+pub struct TimingInfo {
+    /// Samples taken.
+    pub samples: u64,
+    /// Samples whose command came after the next sample was due.
+    pub overruns: u64,
+    /// Samples missed.
+    pub missed: u64,
+    /// From a sample's instant to its start.
+    pub latency_us: Quantiles,
+    /// From one sample to the next.
+    pub period_us: Quantiles,
+    /// From its start to the command.
+    pub computation_us: Quantiles,
+    /// The histogram of the latency.
+    pub histogram: Bars,
+}
+
+/// Quantiles in µs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Quantiles {
+    /// 50 %.
+    pub p50: f64,
+    /// 90 %.
+    pub p90: f64,
+    /// 99 %.
+    pub p99: f64,
+    /// 99.9 %.
+    pub p999: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+/// A histogram: edges, and one count fewer.
+#[derive(Clone, Debug, Serialize)]
+pub struct Bars {
+    /// In µs, ascending.
+    pub edges_us: Vec<f64>,
+    /// The number of samples between each two edges.
+    pub latency: Vec<u64>,
+}
+
+/// What the system grants the loop's thread.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Realtime {
+    /// Whether it runs under SCHED_FIFO.
+    pub fifo: bool,
+    /// Whether its memory is locked.
+    pub locked: bool,
+    /// What was not granted, and the remedy.
+    pub warning: Option<String>,
+}
