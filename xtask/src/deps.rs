@@ -1,5 +1,6 @@
 //! What hapt is built from and with: licences and sources of the dependencies, and the oldest Rust that does it.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -51,6 +52,23 @@ pub fn has_target(target: &str) -> bool {
     }
     let said = Command::new("rustc").args(["--print", "target-libdir", "--target", target]).output();
     said.is_ok_and(|said| Path::new(String::from_utf8_lossy(&said.stdout).trim()).exists())
+}
+
+/// xtask is built with the features that its dependencies have in the whole workspace. Otherwise `cargo xtask test` builds most crates
+/// twice: once for itself, once for the tests.
+pub fn built_once() -> Result<()> {
+    let units = |arguments: &[&str]| -> Result<BTreeSet<String>> {
+        let mut command = Command::new(env!("CARGO"));
+        command.args(["tree", "--locked", "--prefix", "none", "--format", "{p} with features {f}"]).args(arguments);
+        let said = command.output()?;
+        ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+        Ok(String::from_utf8_lossy(&said.stdout).lines().map(|line| line.trim_end_matches(" (*)").into()).collect())
+    };
+    let ours = units(&["--package", "xtask", "--edges", "normal,build"])?;
+    let all = units(&["--workspace", "--edges", "normal,build,dev"])?;
+    let twice: Vec<&String> = ours.difference(&all).collect();
+    ensure!(twice.is_empty(), "built for xtask alone: {twice:?}; xtask/Cargo.toml lists the features of the others");
+    Ok(())
 }
 
 /// The first two numbers of a version.

@@ -8,9 +8,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::commands;
+use crate::{commands, test};
 
-const MANIFEST: &str = "fuzz/Cargo.toml";
 /// Where builds, corpora and logs are, beside those of the workspace.
 const SCRATCH: &str = "target/fuzz";
 
@@ -45,17 +44,14 @@ fn bounded(seconds: &str, names: &[&str]) -> Result<()> {
 }
 
 fn drive(seconds: &str, names: &[&str]) -> Result<()> {
-    let status = driver().args(["--seconds", seconds]).args(names).status()?;
+    let status = driver()?.args(["--seconds", seconds]).args(names).status()?;
     ensure!(status.success(), "fuzzing found something: fuzz/findings");
     Ok(())
 }
 
-/// The driver on stable, built when it is not.
-fn driver() -> Command {
-    let mut command = Command::new(env!("CARGO"));
-    command.args(["run", "--quiet", "--release", "--locked", "--manifest-path", MANIFEST, "--target-dir", SCRATCH]);
-    command.args(["--bin", "bounded", "--"]);
-    command
+/// The driver on stable, built in the tests' profile: its overflow checks and assertions are what a run is for.
+fn driver() -> Result<Command> {
+    test::program("bounded")
 }
 
 /// All targets in the order of the driver, by the folders of their seeds.
@@ -79,8 +75,8 @@ fn long(minutes: u64, names: &[&str]) -> Result<()> {
         return Ok(());
     }
     let corpus = PathBuf::from(SCRATCH).join("corpus");
-    ensure!(driver().arg("--corpus").arg(&corpus).status()?.success(), "no seeds");
-    let words = driver().arg("--dictionary").stderr(Stdio::inherit()).output()?;
+    ensure!(driver()?.arg("--corpus").arg(&corpus).status()?.success(), "no seeds");
+    let words = driver()?.arg("--dictionary").stderr(Stdio::inherit()).output()?;
     let dictionary = PathBuf::from(SCRATCH).join("words.dict");
     fs::write(&dictionary, words.stdout)?;
     let all = targets(&corpus)?;

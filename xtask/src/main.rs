@@ -18,8 +18,10 @@ mod notes;
 mod page;
 mod reference;
 mod site;
+mod spent;
 mod test;
 mod text;
+mod tools;
 mod truth;
 mod vm;
 

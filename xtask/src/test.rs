@@ -3,43 +3,59 @@
 //! Every test runs once, in the profile `tested`: optimised as what ships, with assertions and overflow checks. The program that
 //! ships, optimised across its crates and without these checks, is built once: it runs every world (its bytes are those of `tested`),
 //! the page in a browser, the tests of the command line's first steps and bad inputs, and the book.
+//!
+//! Lints, documentation, tests, xtask and the fuzz targets are built in one profile and with one set of features, so that no
+//! dependency is built twice for them. The table at the end shows what each step took.
 
 use std::ffi::OsStr;
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
+use serde_json::Value;
 
-use crate::{book, deps, faults, figure, fuzz, identify, licences, links, memory, notes, page, truth, vm};
+use crate::spent::{Spent, Table};
+use crate::{book, deps, faults, figure, fuzz, identify, licences, links, memory, notes, page, tools, truth, vm};
 
 /// The one in which every test is built, xtask too (`.cargo/config.toml`).
 pub const PROFILE: &str = "tested";
+
+/// All that cargo builds for tests. `--all-targets` leaves out the targets that `cargo test` leaves out.
+const TARGETS: &str = "--workspace --lib --bins --examples --test *";
 
 /// What has passed and failed so far.
 struct Tally {
     passed: u64,
     failed: u64,
-    /// When the last step ended.
-    since: Instant,
+    /// At the end of the last step.
+    since: Spent,
+    steps: Table,
+    programs: Table,
 }
 
 pub fn run() -> Result<()> {
-    let started = Instant::now();
-    let mut tally = Tally { passed: 0, failed: 0, since: started };
+    let started = Spent::now();
+    let mut tally = Tally { passed: 0, failed: 0, since: started, steps: Table::default(), programs: Table::default() };
     tally.step("format", cargo("fmt --all --check", ""));
-    tally.step("lints", cargo("clippy --workspace --all-targets -- -D warnings", ""));
+    tally.step("nothing is built twice", deps::built_once());
+    tally.step("lints", cargo(&format!("clippy {TARGETS} --profile {PROFILE} -- -D warnings"), ""));
+    tally.step("programs for the tests", tools::installed());
     // Its last link is one long thread of work: it runs beside the tests, in a folder of its own.
     let shipped =
         Beside::start("target/shipped.log", env!("CARGO"), &["build", "--quiet", "--package", "hapt", "--release"])?;
-    tally.tests("tests", &mut tests(&["--workspace", "--profile", PROFILE]))?;
-    tally.step("documentation", cargo("doc --workspace --no-deps", "-D warnings"));
+    let programs = built(&[]);
+    tally.step("the tests build", programs.as_ref().map(drop).map_err(|error| anyhow::anyhow!("{error:#}")));
+    for program in programs.unwrap_or_default() {
+        tally.program(&program)?;
+    }
+    tally.tests("examples in the documentation", &mut cargo_tests(&["--workspace", "--doc", "--profile", PROFILE]))?;
+    tally.step("documentation", cargo(&format!("doc --workspace --no-deps --profile {PROFILE}"), "-D warnings"));
     tally.step("the program that ships", shipped.end());
     let program = std::path::absolute(binary("release").get_program())?;
-    let mut with_it = tests(&["--package", "hapt", "--profile", PROFILE, "--test", "cli", "bad_inputs"]);
-    tally.tests("bad inputs with it", with_it.env("HAPT_PROGRAM", program))?;
+    let cli = built(&["cli"])?.into_iter().next().context("there is no test cli")?;
+    tally.tests("bad inputs with it", cli.command().arg("bad_inputs").env("HAPT_PROGRAM", program))?;
     for world in worlds(Path::new("worlds"))? {
         tally.step(&world.display().to_string(), same_bytes(&world));
     }
@@ -66,7 +82,8 @@ pub fn run() -> Result<()> {
         tally.step(&page.display().to_string(), book::is_current(&page));
     }
     tally.step("the firmware holds on emulated boards", firmware.end());
-    println!("\n{:.0} s", started.elapsed().as_secs_f64());
+    println!("\nThe steps:\n{}\nThe slowest test programs:\n{}", tally.steps, tally.programs);
+    println!("{:.0} s, {:.0} s of processor time", started.since().wall, started.since().processor);
     println!("{} passed, {} failed", tally.passed, tally.failed);
     // The count is the last word: an error would print after it.
     std::process::exit(i32::from(tally.failed > 0))
@@ -75,7 +92,7 @@ pub fn run() -> Result<()> {
 impl Tally {
     /// One check, counted, with the seconds that it took.
     fn step(&mut self, name: &str, done: Result<()>) {
-        let took = self.lap();
+        let took = self.lap(name);
         match done {
             Ok(()) => {
                 self.passed += 1;
@@ -88,17 +105,28 @@ impl Tally {
         }
     }
 
-    /// Seconds since the last step.
-    fn lap(&mut self) -> f64 {
-        std::mem::replace(&mut self.since, Instant::now()).elapsed().as_secs_f64()
+    /// Seconds of the step that ends now.
+    fn lap(&mut self, name: &str) -> f64 {
+        let took = self.since.since();
+        self.since = Spent::now();
+        self.steps.row(name, took);
+        took.wall
     }
 
-    /// The tests of cargo, each counted; a test program that fails without a count is one failure.
+    /// A test program, as cargo runs it.
+    fn program(&mut self, program: &Program) -> Result<()> {
+        let name = program.name();
+        let before = Spent::now();
+        self.tests(&name, &mut program.command())?;
+        self.programs.row(&name, before.since());
+        Ok(())
+    }
+
+    /// Tests, each counted; a test program that fails without a count is one failure.
     fn tests(&mut self, name: &str, command: &mut Command) -> Result<()> {
-        let mut child = command.stdout(Stdio::piped()).spawn()?;
+        let output = command.stdin(Stdio::null()).stderr(Stdio::inherit()).output()?;
         let (passed, failed) = (self.passed, self.failed);
-        for line in BufReader::new(child.stdout.take().context("no output")?).lines() {
-            let line = line?;
+        for line in String::from_utf8_lossy(&output.stdout).lines() {
             if let Some(result) = line.strip_prefix("test result: ") {
                 self.passed += counted(result, "passed")?;
                 self.failed += counted(result, "failed")?;
@@ -106,11 +134,11 @@ impl Tally {
                 println!("{line}");
             }
         }
-        if !child.wait()?.success() && self.failed == failed {
+        if !output.status.success() && self.failed == failed {
             self.failed += 1;
         }
         let verdict = if self.failed == failed { "ok    " } else { "FAILED" };
-        let took = self.lap();
+        let took = self.lap(name);
         println!("{verdict} {took:4.0} s  {name}: {} passed, {} failed", self.passed - passed, self.failed - failed);
         Ok(())
     }
@@ -148,8 +176,64 @@ impl Drop for Beside {
     }
 }
 
-/// cargo's tests, all of them even where one fails.
-fn tests(arguments: &[&str]) -> Command {
+/// A program of tests, and the folder of its crate.
+pub struct Program {
+    file: PathBuf,
+    folder: PathBuf,
+}
+
+impl Program {
+    /// Ready to run, with every case of random tests.
+    pub fn command(&self) -> Command {
+        let mut command = Command::new(&self.file);
+        command.current_dir(&self.folder).env("CARGO_MANIFEST_DIR", &self.folder).env("HAPT_CASES", "all");
+        command
+    }
+
+    /// The crate's, and the program's without the hash of its file.
+    fn name(&self) -> String {
+        let [folder, file] =
+            [&self.folder, &self.file].map(|path| path.file_name().unwrap_or_default().to_string_lossy());
+        format!("{folder}/{}", file.rsplit_once('-').map_or(&*file, |(name, _)| name))
+    }
+
+    /// Its file.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+}
+
+/// Builds the tests of these names, all of them when there are none. The whole workspace is chosen every time, for the features of
+/// dependencies depend on the choice: what has been built stays as it is.
+pub fn built(names: &[&str]) -> Result<Vec<Program>> {
+    let mut command = Command::new(env!("CARGO"));
+    command.args(["test", "--quiet", "--profile", PROFILE, "--no-run", "--message-format", "json-render-diagnostics"]);
+    if names.is_empty() {
+        command.args(TARGETS.split_whitespace());
+    } else {
+        command.arg("--workspace").args(names.iter().flat_map(|name| ["--test", name]));
+    }
+    let output = command.stderr(Stdio::inherit()).output()?;
+    ensure!(output.status.success(), "the tests do not build");
+    let mut programs = Vec::new();
+    for line in String::from_utf8_lossy(&output.stdout).lines() {
+        let Ok(message) = serde_json::from_str::<Value>(line) else { continue };
+        let (Some(file), true) = (message["executable"].as_str(), message["profile"]["test"] == true) else { continue };
+        let manifest = message["manifest_path"].as_str().context("no manifest")?;
+        let folder = Path::new(manifest).parent().context("no folder")?.to_path_buf();
+        programs.push(Program { file: file.into(), folder });
+    }
+    Ok(programs)
+}
+
+/// Builds a program of the workspace in the tests' profile.
+pub fn program(name: &str) -> Result<Command> {
+    cargo(&format!("build --quiet --workspace --bin {name} --profile {PROFILE}"), "")?;
+    Ok(binary_of(PROFILE, name))
+}
+
+/// cargo's own tests, all of them even where one fails.
+fn cargo_tests(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO"));
     command.args(["test", "--no-fail-fast"]).args(arguments);
     command
@@ -215,9 +299,18 @@ fn same_bytes(world: &Path) -> Result<()> {
     Ok(())
 }
 
+/// The command line of a profile, which is built.
 pub fn binary(build: &str) -> Command {
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
-    Command::new(target.join(build).join(format!("hapt{}", std::env::consts::EXE_SUFFIX)))
+    binary_of(build, "hapt")
+}
+
+fn binary_of(build: &str, name: &str) -> Command {
+    Command::new(target().join(build).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
+}
+
+/// Where cargo builds.
+pub fn target() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from)
 }
 
 /// Links the core alone and looks for the standard panic routines; a control with a way to panic must show them.

@@ -2,7 +2,7 @@
 //!
 //! It has this machine's root below a layer in memory, so that whatever is built here runs there. It says nothing about speed.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
@@ -24,7 +24,8 @@ pub fn drives() -> Result<()> {
         println!("SKIPPED: the drives on a CAN bus want {missing}, as root on Debian; with CI=1 they are installed");
         return Ok(());
     }
-    let test = built("vcan")?;
+    let programs = crate::test::built(&["vcan"])?;
+    let test = programs.first().context("there is no test vcan")?.file();
     let line = format!(
         "ip link add vcan0 type vcan && ip link set vcan0 mtu 72 && ip link set vcan0 up && \
          HAPT_CAN=vcan0 {} --nocapture --test-threads=1",
@@ -60,29 +61,4 @@ fn missing() -> Result<Option<String>> {
         ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
     }
     Ok(None)
-}
-
-/// The program of a test, built. With the whole workspace chosen, it and all below it are those of its other tests: built already.
-fn built(test: &str) -> Result<PathBuf> {
-    let said = Command::new(env!("CARGO"))
-        .args([
-            "test",
-            "--quiet",
-            "--workspace",
-            "--profile",
-            crate::test::PROFILE,
-            "--test",
-            test,
-            "--no-run",
-            "--message-format",
-            "json",
-        ])
-        .output()?;
-    ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
-    let program = String::from_utf8_lossy(&said.stdout)
-        .lines()
-        .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
-        .filter(|message| message["target"]["name"] == test)
-        .find_map(|message| message["executable"].as_str().map(PathBuf::from));
-    program.with_context(|| format!("there is no test {test}"))
 }

@@ -165,7 +165,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 20000, failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(hapt_testing::cases(20000))]
 
         #[test]
         fn line_and_law_meet_at_the_torque_that_is_found(

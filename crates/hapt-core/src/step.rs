@@ -57,6 +57,34 @@ pub(crate) struct Port<F, const B: usize> {
 }
 
 /// Everything that changes from sample to sample.
+///
+/// A copy of it is a snapshot: the same readings give the same torques again, to the bit.
+///
+/// ```
+/// use hapt_core::{Coupling, End, Estimator, Law, Loop, Method, Output, Spec};
+///
+/// let law = Law::Spring { stiffness: 1.0, rest: 0.0 };
+/// let spring = Coupling { first: End::Puck, second: End::Ground, law, limit: None };
+/// let spec = Spec {
+///     period: 1e-3,
+///     method: Method::Zoh,
+///     output: Output::End,
+///     advance: 0,
+///     estimator: Estimator::Difference,
+///     count: None,
+///     limit: None,
+///     levels: None,
+///     bodies: &[],
+///     couplings: &[spring],
+/// };
+/// let world = Loop::<f64, 4, 8, 17>::new(&spec)?;
+/// let mut state = world.start();
+/// world.step(&mut state, 0.1, 0.0);
+/// let mut snapshot = state;
+/// assert_eq!(world.step(&mut state, 0.2, 0.0).torque, world.step(&mut snapshot, 0.2, 0.0).torque);
+/// assert_eq!(state, snapshot);
+/// # Ok::<(), hapt_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(

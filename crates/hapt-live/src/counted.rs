@@ -136,7 +136,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(hapt_testing::cases(64))]
 
         #[test]
         fn every_frame_that_is_no_whole_message_is_counted_however_the_bytes_are_cut(

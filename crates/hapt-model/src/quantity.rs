@@ -87,6 +87,15 @@ impl Quantity {
 
 /// Reads a quantity of the dimension `wanted`, as on the command line: a bare number is SI. Returns the value in SI.
 ///
+/// ```
+/// use hapt_model::{Dimension, parse_quantity};
+///
+/// assert_eq!(parse_quantity("1.5 ms", Dimension::TIME)?, 0.0015);
+/// assert_eq!(parse_quantity("0.0015", Dimension::TIME)?, 0.0015);
+/// assert!(parse_quantity("1.5 kg", Dimension::TIME).is_err());
+/// # Ok::<(), hapt_model::QuantityError>(())
+/// ```
+///
 /// # Errors
 /// As [`Quantity::parse`], and for any other dimension; the message names the one given and the one wanted.
 pub fn parse_quantity(text: &str, wanted: Dimension) -> Result<f64, QuantityError> {

@@ -126,7 +126,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(hapt_testing::cases(200))]
 
         #[test]
         fn whatever_the_delays_each_sample_is_late_by_less_than_a_period_and_the_count_is_times(

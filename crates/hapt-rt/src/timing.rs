@@ -262,7 +262,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(hapt_testing::cases(100))]
 
         #[test]
         fn quantiles_are_those_of_the_sorted_times_and_every_sample_stands_in_one_bar(
@@ -287,7 +287,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
+        #![proptest_config(hapt_testing::cases(100))]
 
         /// A loop that stands still at some sample for any while, asleep or at work: the schedule's own sample after it is less than a
         /// period late, and the table has all of the while.

@@ -7,6 +7,27 @@ use hapt_model::World;
 use crate::row::{Row, SIGNALS, columns};
 
 /// Writes the rows of a run, one line each; numbers read back to the same double.
+///
+/// ```
+/// use hapt_model::{Source, World};
+/// use hapt_sim::{CsvWriter, Simulation};
+///
+/// let file = r#"
+/// loop.period = "1 ms"
+/// device.inertia = "6.4e-4 kg m^2"
+/// scenarios.rest = { duration = "2 ms", hand = { kind = "step", to = 0 } }
+/// "#;
+/// let world = World::read(&Source::from_text("rest.toml", file), &[])?;
+/// let mut run = Simulation::new(&world, world.scenario("rest")?)?;
+/// let mut csv = CsvWriter::new(Vec::new(), &world)?;
+/// while let Some(row) = run.next() {
+///     csv.write(row?)?;
+/// }
+/// let text = String::from_utf8(csv.finish()?)?;
+/// assert!(text.starts_with("time_s,"));
+/// assert_eq!(text.lines().count(), 1 + 3); // the header, and samples at 0, 1 and 2 ms
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct CsvWriter<W> {
     out: W,

@@ -6,7 +6,7 @@
 //!   the table, with the same bits whatever the number of threads.
 //! * [`boundary`] finds where in the plane of two keys a loop stops being stable or passive, without a grid.
 //! * [`worst`] searches for the passive hand that draws most energy from a loop.
-//! * [`table`] names the columns and writes them as CSV; [`columnar`] turns that into Parquet.
+//! * [`table`] names the columns and writes them as CSV.
 //!
 //! ```
 //! use hapt_model::Source;
@@ -36,7 +36,6 @@
 
 mod axis;
 pub mod boundary;
-pub mod columnar;
 mod error;
 mod measure;
 mod sweep;

@@ -7,6 +7,11 @@ mod boundary_plot;
 mod builtin;
 mod check;
 mod colour;
+#[cfg(feature = "parquet")]
+mod columnar;
+#[cfg(not(feature = "parquet"))]
+#[path = "no_parquet.rs"]
+mod columnar;
 mod convert;
 mod design;
 mod device;

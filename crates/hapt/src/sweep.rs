@@ -14,10 +14,11 @@ use std::time::{Duration, Instant};
 
 use hapt_model::{Motion, did_you_mean};
 use hapt_sweep::table::{self, Column};
-use hapt_sweep::{Measure, Sweep, columnar};
+use hapt_sweep::{Measure, Sweep};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::args::SweepArgs;
+use crate::columnar;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;

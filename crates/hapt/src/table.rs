@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use hapt_log::{Column, Header, LogWriter, Origin, Sample};
 use hapt_model::World;
 use hapt_sim::{CsvWriter, Row};
-use hapt_sweep::columnar;
 
 use crate::args::Format;
+use crate::columnar;
 use crate::failure::Failure;
 use crate::output::Draft;
 

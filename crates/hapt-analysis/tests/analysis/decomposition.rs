@@ -45,7 +45,7 @@ fn methods() -> impl Strategy<Value = Method> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 48, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(48))]
 
     /// Gil et al. and Hulin et al. in their normalised plane, α = KT²/J and β = BT/J, for an undamped mass: at |λ| = 1 the
     /// equation λ³ + ((α + β)/2 - 2) λ² + (1 + α/2) λ - β/2 gives α = 2β(2 - β)/(2 + β).

@@ -48,7 +48,7 @@ fn only(asked: &[Asked]) -> Asked {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(256))]
 
     #[test]
     fn a_spring_is_felt_through_the_hold_and_late(k in 0.1..100.0f64, part in 1e-6..1.0f64, delay in 0.0..3.0f64) {

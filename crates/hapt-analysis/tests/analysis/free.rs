@@ -8,7 +8,6 @@ use hapt_core::{Loop, Puck, Spec};
 use hapt_model::{Coupling, Damping, End, Estimator, EstimatorKind, Law, Method, Output, Side, World};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 use crate::common::*;
 
@@ -241,7 +240,7 @@ fn loops() -> impl Strategy<Value = World> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(150))]
 
     #[test]
     fn the_real_loop_on_an_exact_puck_has_the_same_eigenvalues(world in loops()) {
@@ -262,7 +261,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(150))]
 
     #[test]
     fn the_real_loop_with_a_hand_on_an_exact_puck_grows_as_fast(
@@ -311,7 +310,7 @@ fn ones(found: &Stability, period: f64) -> usize {
 proptest! {
     // The search takes 16 steps a decade: of some two thousand such loops one has an island of growth between two of them. So
     // the loops are always the same.
-    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases_from(1, 40))]
 
     #[test]
     fn growth_turns_at_the_critical_period(world in loops()) {

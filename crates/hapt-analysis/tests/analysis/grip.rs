@@ -7,7 +7,6 @@ use hapt_analysis::{Grip, breaking_damping, free_growth, gripped_growth, is_cert
 use hapt_model::{End, Method, Output, World};
 use proptest::prelude::*;
 use proptest::sample::select;
-use proptest::test_runner::RngSeed;
 
 use crate::common::*;
 
@@ -82,9 +81,7 @@ fn outputs() -> impl Strategy<Value = (Method, Output)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 60, failure_persistence: None, rng_seed: RngSeed::Fixed(7), ..ProptestConfig::default()
-    })]
+    #![proptest_config(hapt_testing::cases_from(7, 60))]
 
     #[test]
     fn a_hand_without_a_spring_is_a_heavier_device_with_more_damping(

@@ -108,7 +108,7 @@ fn brute(world: &World, low: f64, points: usize) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(hapt_testing::cases(32))]
 
     #[test]
     fn a_spring_and_a_differenced_damper_to_ground(k in 0.0..1e4f64, b in 0.0..10.0f64, period in 1e-4..1e-2f64) {
@@ -154,7 +154,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(20))]
+    #![proptest_config(hapt_testing::cases(20))]
 
     #[test]
     fn no_frequency_asks_for_more_and_one_for_all_of_it(
@@ -292,7 +292,7 @@ fn a_critically_damped_body_is_no_exception() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(hapt_testing::cases(24))]
 
     #[test]
     fn dampers_at_the_puck_cost_their_damping_more_at_most(bench in worlds(Dampers::Fixed, true), x in 0.01..1.9f64, at in 0..3usize) {
@@ -543,7 +543,7 @@ fn a_mode_that_the_puck_does_not_see_is_no_matter_of_passivity_unless_it_grows()
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(hapt_testing::cases(32))]
 
     /// A swing that grows, behind a spring so soft that its residue at the puck is lost in rounding.
     #[test]

@@ -53,7 +53,7 @@ fn grounded(world: &mut World, damping: f64) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 20, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(20))]
 
     #[test]
     fn each_remedy_certifies_alone_and_a_hundredth_beyond_it_nothing_does(
@@ -128,7 +128,7 @@ fn a_whole_sample_of_delay_is_mended_by_a_step_ahead() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(12))]
 
     /// What is certified of a loop whose delay is in samples is what is certified of the same delay in seconds at each period.
     #[test]

@@ -113,7 +113,7 @@ fn an_encoder_adds_its_line() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(24))]
 
     #[test]
     fn every_edge_has_both_of_its_sides(log in -5.0..-1.0f64, delay in 0..5u32, kind in 0..5usize) {

@@ -23,7 +23,7 @@ fn number() -> impl Strategy<Value = f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(2000))]
 
     #[test]
     fn a_lanes_functions_are_the_numbers_own(x in prop::array::uniform5(number()), y in prop::array::uniform5(number())) {
@@ -65,7 +65,7 @@ fn compiled(method: Method, output: Output, estimator: Estimator, counted: bool,
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(64))]
 
     #[test]
     fn worlds_side_by_side_take_the_samples_they_take_alone(

@@ -87,7 +87,7 @@ fn reference_flow(world: &World, t: f64, x: &[f64], old: (f64, f64), new: (f64, 
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(200))]
 
     #[test]
     fn every_method_takes_a_linear_world_by_its_own_rule(

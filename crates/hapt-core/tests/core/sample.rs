@@ -79,7 +79,7 @@ fn slow_foaw(counts: &[f64], window: usize, best: bool) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(300))]
 
     #[test]
     fn foaw_is_what_its_definition_says(
@@ -199,7 +199,7 @@ fn tustin_and_foh_do_nothing_at_the_first_sample() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(200))]
 
     #[test]
     fn a_bristle_is_bent_at_the_sample_and_then_stands(

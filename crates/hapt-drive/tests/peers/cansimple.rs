@@ -22,7 +22,7 @@ const NODE: u8 = 1;
 
 impl Oracle {
     fn new() -> Option<Self> {
-        let python = python("odrive-can", ODRIVE_CAN)?;
+        let python = python(ODRIVE_CAN)?;
         let mut program = Program::new(python)
             .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/cansimple.py"))
             .stdin(Stdio::piped())

@@ -10,7 +10,7 @@ use hapt_drive::simulate::Time;
 
 #[test]
 fn odrive_can_drives_the_simulated_drive() {
-    let Some(python) = python("odrive-can", ODRIVE_CAN) else { return };
+    let Some(python) = python(ODRIVE_CAN) else { return };
     let world = world(&["device.damping=0"]);
     // As the client wants it: it polls ten times a second, and waits to be told the position.
     let firmware = Simulated::new(1).with_watchdog(Some(0.5)).with_estimates(Some(0.01));

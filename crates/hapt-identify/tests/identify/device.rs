@@ -29,7 +29,7 @@ fn covered(found: &Identified, rig: &Rig) -> [bool; 4] {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(hapt_testing::cases(64))]
 
     #[test]
     fn the_puck_goes_where_the_exact_device_goes(
@@ -259,7 +259,7 @@ fn columns_are_found_by_their_names_and_read_in_their_units() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(hapt_testing::cases(32))]
 
     #[test]
     fn no_table_panics(text in "(time_s|t_ms|[a-z_]{1,8}),(puck_rad|pos_mm|[a-z_()]{1,9}),(tau_Nm|u)\n([-+0-9.e,;\t nai]{0,30}\n){0,8}") {

@@ -38,7 +38,7 @@ fn near(interval: Option<Interval>, truth: f64) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(hapt_testing::cases(16))]
 
     #[test]
     fn a_constant_torque_is_found_beside_the_friction(

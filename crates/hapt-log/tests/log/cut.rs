@@ -82,7 +82,7 @@ fn is_honest(bytes: &[u8], samples: &[Vec<u64>]) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(4000))]
+    #![proptest_config(hapt_testing::cases(4000))]
 
     #[test]
     fn a_flipped_bit_is_found_and_costs_no_more_than_what_is_behind_it(at in any::<prop::sample::Index>(), bit in 0u8..8) {

@@ -6,7 +6,7 @@ use hapt_sim::{CsvWriter, Row};
 use proptest::prelude::*;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(hapt_testing::cases(96))]
 
     #[test]
     fn a_log_keeps_every_bit_of_a_run_and_its_csv_is_the_runs_own(text in worlds()) {

@@ -158,7 +158,7 @@ fn replayed(bytes: &[u8]) -> Replay {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(96))]
 
     #[test]
     fn a_replay_begins_with_a_snapshot_wherever_it_was_taken_and_goes_on_behind_a_gap(

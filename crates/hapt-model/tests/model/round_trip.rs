@@ -208,7 +208,7 @@ fn read_in(folder: &Path, text: &str) -> Result<World, String> {
 #[test]
 fn a_world_reads_back_from_the_file_it_writes() {
     let folder = tempfile::tempdir().unwrap();
-    let mut runner = proptest::test_runner::TestRunner::new(ProptestConfig::with_cases(400));
+    let mut runner = proptest::test_runner::TestRunner::new(hapt_testing::cases(400));
     let points: String = POINTS.iter().map(|(time, value)| format!("{time:?},{value:?}\n")).collect();
     let csv =
         |file: &str, header: &str| std::fs::write(folder.path().join(file), format!("{header}\n{points}")).unwrap();
@@ -251,7 +251,7 @@ fn line() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1500))]
+    #![proptest_config(hapt_testing::cases(1500))]
 
     #[test]
     fn no_text_panics(text in "[\\PC\n\t\r]{0,200}", set in "\\PC{0,40}") {

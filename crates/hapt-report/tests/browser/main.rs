@@ -1,6 +1,7 @@
 //! The pages in a real browser, wide and narrow, light and dark: nothing overflows, nothing lies on anything else, no errors.
 //!
-//! A test program of its own: it needs Chromium, node and npm. Where they are missing this says so; with `CI` set they are installed, or the test fails.
+//! A test program of its own: it needs Chromium, node and npm. Where they are missing this says so. With `CI` set, as in
+//! `cargo xtask test`, which installs them, the test fails.
 
 #[path = "../report/common.rs"]
 mod common;
@@ -24,18 +25,12 @@ fn chromium() -> Option<PathBuf> {
 /// The browser, and the script's folder with what the script needs; or what is missing.
 fn ready() -> Result<(PathBuf, PathBuf), String> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
-    let ci = std::env::var_os("CI").is_some();
     let tools = || runs("node", ["--version"], &script) && runs("npm", ["--version"], &script);
-    if ci && (chromium().is_none() || !tools()) {
-        runs("apt-get", ["update"], &script);
-        runs("apt-get", ["install", "-y", "chromium", "nodejs", "npm"], &script);
-    }
     let browser = chromium().ok_or("Chromium (apt-get install chromium, or CHROMIUM=its path)")?;
     if !tools() {
         return Err("node and npm (apt-get install nodejs npm)".into());
     }
-    let there = script.join("node_modules/playwright-core").exists() || (ci && runs("npm", ["ci"], &script));
-    if !there {
+    if !script.join("node_modules/playwright-core").exists() {
         return Err(format!("playwright-core (npm ci in {})", script.display()));
     }
     Ok((browser, script))

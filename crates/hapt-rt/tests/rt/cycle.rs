@@ -59,7 +59,7 @@ fn random_world() -> impl Strategy<Value = World> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(60))]
 
     #[test]
     fn the_loop_with_a_scenarios_hand_on_its_device_is_the_simulation_to_the_bit(world in random_world()) {

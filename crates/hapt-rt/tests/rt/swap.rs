@@ -68,7 +68,7 @@ const DAMPER: &str = "[[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"g
 const COASTS: &str = "[bodies.free]\ninertia = 0.01\nvelocity = 3\n";
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(200))]
 
     /// The estimate of a steady velocity is that velocity, before and after.
     #[test]

@@ -31,7 +31,7 @@ const ORDERS: [(Method, f64); 6] = [
 ];
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(40))]
 
     #[test]
     fn after_a_step_the_wheel_swings_by_2_3_and_pulls_by_2_4(

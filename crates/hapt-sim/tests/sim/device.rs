@@ -14,7 +14,7 @@ fn close(a: f64, b: f64, scale: f64) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(100))]
 
     #[test]
     fn a_held_torque_moves_a_damped_puck_as_its_equation_says(
@@ -140,7 +140,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 50, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(50))]
 
     /// A motor's torque that nearly balances friction, and a hand that adds what is missing, again and again: so is rounding's say.
     #[test]

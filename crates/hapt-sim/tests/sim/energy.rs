@@ -31,7 +31,7 @@ fn plain_law() -> impl Strategy<Value = Law> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(200))]
 
     #[test]
     fn a_couplings_torque_is_the_slope_of_what_it_stores((law, limit) in law(), q in -2.0_f64..2.0, reversed: bool) {

@@ -90,7 +90,7 @@ fn damped() -> impl Strategy<Value = World> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(300))]
 
     #[test]
     fn a_hand_that_swings_feels_the_torque_that_the_laboratory_says(world in damped(), swings in 1..SAMPLES / 2) {

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(40))]
 
     /// From any kick the fastest mode is left over in the end: its growth is the slope of the logarithm of a norm.
     #[test]

@@ -177,7 +177,7 @@ fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(hapt_testing::cases(64))]
 
     /// The account begins at what is stored after the first step and the energy that it lets pass: the core's energies are those that the
     /// laboratory computes on its own.

@@ -200,7 +200,7 @@ fn the_exact_hold_keeps_its_digits_on_a_light_body_between_strong_dampers() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(2000))]
 
     #[test]
     fn the_real_step_linearised_is_the_laboratorys_matrices(world in linear(false)) {

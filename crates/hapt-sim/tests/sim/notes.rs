@@ -102,7 +102,7 @@ fn let_go() -> Scenario {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(40))]
 
     #[test]
     fn stiffness_and_inertia_scaled_together_scale_the_torque_and_leave_the_motion(

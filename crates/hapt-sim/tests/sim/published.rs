@@ -30,7 +30,7 @@ fn drawn(world: &World, points: Vec<(f64, f64)>) -> (f64, f64) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(hapt_testing::cases(64))]
 
     #[test]
     fn within_the_limit_no_motion_draws_energy(

@@ -128,7 +128,7 @@ fn bits(outcome: Option<Outcome>) -> Option<[u64; 2]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(400))]
 
     #[test]
     fn a_lane_has_the_bits_of_the_run_alone(seed in any::<u64>(), runaway in any::<bool>()) {

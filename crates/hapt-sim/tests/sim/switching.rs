@@ -60,7 +60,7 @@ fn instants_near_a_sample_are_that_sample() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(150))]
 
     /// Against a device of any kind, one that runs away too.
     #[test]

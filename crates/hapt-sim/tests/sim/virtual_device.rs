@@ -43,7 +43,7 @@ fn moving(world: &World) -> VirtualDevice {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(100))]
 
     #[test]
     fn a_hand_that_takes_hold_gives_no_impulse_and_one_that_lets_go_takes_none(world in devices(), grip in grips()) {

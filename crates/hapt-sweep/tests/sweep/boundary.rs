@@ -7,7 +7,6 @@ use hapt_model::{Source, World};
 use hapt_sweep::Error;
 use hapt_sweep::boundary::{Boundary, Claim, Edge, Way};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 
 /// T, b and J of the wall below.
 const PERIOD: f64 = 1e-3;
@@ -312,9 +311,7 @@ fn asked() -> impl Strategy<Value = Vec<(f64, f64)>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 12, rng_seed: RngSeed::Fixed(11), failure_persistence: None, ..ProptestConfig::default()
-    })]
+    #![proptest_config(hapt_testing::cases_from(11, 12))]
 
     #[test]
     fn every_edge_parts_two_verdicts_and_every_colour_is_true(

@@ -86,7 +86,7 @@ const AXES: [&str; 12] = [
 ];
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(40))]
 
     #[test]
     fn a_cell_is_its_run_alone_whatever_stands_beside_it(

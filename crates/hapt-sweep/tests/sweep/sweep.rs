@@ -1,8 +1,8 @@
 //! A sweep's cells are the worlds that a file with those numbers would have been.
 
-use hapt_model::{Motion, Source, World};
+use hapt_model::{Source, World};
 use hapt_sim::{Simulation, Summary};
-use hapt_sweep::{Error, Measure, Rows, Sweep, columnar, table};
+use hapt_sweep::{Error, Measure, Rows, Sweep};
 use proptest::prelude::*;
 
 const WHEEL: &str = r#"
@@ -54,7 +54,7 @@ fn one_by_one(sets: &[String]) -> [Option<f64>; 5] {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(24))]
 
     #[test]
     fn a_cell_is_the_world_of_its_numbers(
@@ -157,60 +157,6 @@ fn a_run_that_runs_away_has_no_peak_and_is_no_failure() {
     let rows = sweep.rows(0..2);
     assert!(rows[0][3].is_some());
     assert_eq!(rows[1][3], None);
-}
-
-#[test]
-fn a_table_reads_back_and_goes_to_parquet_with_units() {
-    use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
-    let sweep = sweep(&["loop.period=1ms..5ms:5"], &[Measure::PeakTorque]).unwrap();
-    let columns = table::columns(&sweep);
-    let rows = sweep.rows(0..5);
-    let mut text = String::new();
-    rows.iter().for_each(|row| table::line(row, &mut text));
-    text.push_str("0.25,\n");
-    for (line, row) in text.lines().zip(&rows) {
-        assert_eq!(table::read(line, 2).as_deref(), Some(row));
-    }
-    let bytes = columnar::write(&columns, text.as_bytes(), Vec::new()).unwrap();
-    let file = std::env::temp_dir().join(format!("hapt-sweep-{}.parquet", std::process::id()));
-    std::fs::write(&file, bytes).unwrap();
-    let reader = ParquetRecordBatchReaderBuilder::try_new(std::fs::File::open(&file).unwrap()).unwrap();
-    let unit = |i: usize| reader.schema().field(i).metadata().get("unit").cloned();
-    assert_eq!((unit(0).as_deref(), unit(1).as_deref()), (Some("s"), Some("N m")));
-    let batch = reader.build().unwrap().next().unwrap().unwrap();
-    std::fs::remove_file(&file).unwrap();
-    let column = batch.column(1).as_any().downcast_ref::<arrow_array::Float64Array>().unwrap();
-    let read: Vec<Option<f64>> = column.iter().collect();
-    assert_eq!(read[..5], rows.iter().map(|row| row[1]).collect::<Vec<_>>());
-    assert_eq!(read[5], None);
-    assert_eq!(sweep.world.motion, Motion::Rotary);
-}
-
-#[test]
-fn a_table_of_several_row_groups_reads_back_row_by_row() {
-    use parquet::file::reader::{FileReader, SerializedFileReader};
-    use parquet::record::RowAccessor;
-    let columns = ["a", "b"].map(|name| table::Column { name: name.into(), unit: "s".into() });
-    // Each third number of the second column is not there.
-    let value = |row: usize| (!row.is_multiple_of(3)).then_some(1.0 / row as f64);
-    let rows = (1 << 17) + 5;
-    let mut writer = columnar::Writer::new(&columns, Vec::new()).unwrap();
-    for row in 0..rows {
-        writer.write([Some(row as f64), value(row)]).unwrap();
-    }
-    let file = std::env::temp_dir().join(format!("hapt-sweep-groups-{}.parquet", std::process::id()));
-    std::fs::write(&file, writer.finish().unwrap()).unwrap();
-    let reader = SerializedFileReader::new(std::fs::File::open(&file).unwrap()).unwrap();
-    assert_eq!(reader.metadata().num_row_groups(), 3);
-    let mut read = 0;
-    for (i, row) in reader.get_row_iter(None).unwrap().enumerate() {
-        let row = row.unwrap();
-        assert_eq!(row.get_double(0).unwrap(), i as f64);
-        assert_eq!(row.get_double(1).ok(), value(i));
-        read += 1;
-    }
-    std::fs::remove_file(&file).unwrap();
-    assert_eq!(read, rows);
 }
 
 #[test]

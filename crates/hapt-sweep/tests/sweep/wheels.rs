@@ -61,7 +61,7 @@ const AXES: [&str; 10] = [
 ];
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(64))]
 
     #[test]
     fn a_held_cell_is_its_world_alone(

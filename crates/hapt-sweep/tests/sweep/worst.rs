@@ -11,7 +11,6 @@ use hapt_model::{
 use hapt_sweep::worst::{Trick, best_motion, drawn, most_runs, search, search_seen};
 use proptest::prelude::*;
 use proptest::sample::select;
-use proptest::test_runner::RngSeed;
 
 /// The Michigan wheel without limit, encoder or friction, at 1 ms.
 fn bare() -> World {
@@ -150,9 +149,7 @@ fn world() -> impl Strategy<Value = World> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 24, failure_persistence: None, rng_seed: RngSeed::Fixed(11), ..ProptestConfig::default()
-    })]
+    #![proptest_config(hapt_testing::cases_from(11, 24))]
 
     #[test]
     fn what_the_certificate_asks_for_and_a_hundredth_more_survives(world in world()) {
@@ -187,7 +184,7 @@ fn pressed(stiffness: f64, depth: f64, samples: u32, push: f64) -> (World, Scena
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(7), cases: 200, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases_from(7, 200))]
 
     #[test]
     fn of_a_pressed_wall_with_a_delay_nobody_gets_more_than_it_stores_and_lends(
@@ -227,9 +224,7 @@ fn moved(world: &World, samples: usize) -> Option<Trick> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 6, failure_persistence: None, rng_seed: RngSeed::Fixed(12), ..ProptestConfig::default()
-    })]
+    #![proptest_config(hapt_testing::cases_from(12, 6))]
 
     /// At the puck alone friction decides, on both sides of what counts, dampers and levels ask for.
     #[test]

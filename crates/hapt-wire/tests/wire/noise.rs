@@ -62,7 +62,7 @@ fn harmless(choice: u8, number: u32) -> Order<'static> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(hapt_testing::cases(400))]
 
     /// The puck is turned all the while, a world is loaded, and only the word is missing.
     #[test]

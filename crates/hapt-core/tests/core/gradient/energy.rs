@@ -42,7 +42,7 @@ fn account<F: Real>(world: &World, spec: &Spec, z: f64, steps: usize, every: usi
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(200))]
 
     #[test]
     fn with_the_puck_held_no_step_gains_energy(world in world(true), angle in 1e-3_f64..1.0, z in -1.0_f64..1.0) {

@@ -8,7 +8,7 @@ use super::{METHODS, Small, body, floor, grounded, list, spring};
 use crate::reference::{World, stored, torque, world};
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(200))]
 
     /// The contract's words: each coupling's torque from its own start and end, and the linear part by its method with these held.
     #[test]

@@ -55,7 +55,7 @@ fn asked_until_stuck<F: Real>(limits: &Limits, torque: f64, frequency: f64, samp
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(hapt_testing::cases(64))]
 
     /// It crossed the threshold again and again, and each crossing once set the watch back.
     #[test]

@@ -13,7 +13,7 @@ use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 
-use crate::table::{self, Column};
+use hapt_sweep::table::{self, Column};
 
 /// Rows in memory at once, and in a row group.
 const GROUP: usize = 1 << 16;
@@ -108,4 +108,91 @@ pub fn write<W: Write + Send>(columns: &[Column], csv: impl BufRead, out: W) -> 
         writer.write(row)?;
     }
     writer.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use hapt_model::Source;
+    use hapt_sweep::{Measure, Sweep};
+    use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::RowAccessor;
+
+    use super::*;
+
+    const WHEEL: &str = r#"
+[loop]
+period = "1 ms"
+method = "forward-euler"
+output = "start"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "1.2e-3 N m s/rad"
+encoder = 4000
+[bodies.wheel]
+inertia = "0.0258 kg m^2"
+[[couplings]]
+kind = "spring"
+between = ["puck", "wheel"]
+stiffness = "17.8 N mm/deg"
+[[couplings]]
+kind = "damper"
+between = ["wheel", "ground"]
+damping = "compensating"
+[scenarios.let-go]
+duration = "0.3 s"
+hand = { kind = "step", to = "45 deg", release = "0.1 s" }
+"#;
+
+    #[test]
+    fn a_table_reads_back_and_goes_to_parquet_with_units() {
+        let axes = ["loop.period=1ms..5ms:5".to_string()];
+        let sweep =
+            Sweep::new(&Source::from_text("wheel.toml", WHEEL), &[], &axes, &[Measure::PeakTorque], None).unwrap();
+        let columns = table::columns(&sweep);
+        let rows = sweep.rows(0..5);
+        let mut text = String::new();
+        rows.iter().for_each(|row| table::line(row, &mut text));
+        text.push_str("0.25,\n");
+        for (line, row) in text.lines().zip(&rows) {
+            assert_eq!(table::read(line, 2).as_deref(), Some(row));
+        }
+        let bytes = write(&columns, text.as_bytes(), Vec::new()).unwrap();
+        let file = std::env::temp_dir().join(format!("hapt-sweep-{}.parquet", std::process::id()));
+        std::fs::write(&file, bytes).unwrap();
+        let reader = ParquetRecordBatchReaderBuilder::try_new(std::fs::File::open(&file).unwrap()).unwrap();
+        let unit = |i: usize| reader.schema().field(i).metadata().get("unit").cloned();
+        assert_eq!((unit(0).as_deref(), unit(1).as_deref()), (Some("s"), Some("N m")));
+        let batch = reader.build().unwrap().next().unwrap().unwrap();
+        std::fs::remove_file(&file).unwrap();
+        let column = batch.column(1).as_any().downcast_ref::<arrow_array::Float64Array>().unwrap();
+        let read: Vec<Option<f64>> = column.iter().collect();
+        assert_eq!(read[..5], rows.iter().map(|row| row[1]).collect::<Vec<_>>());
+        assert_eq!(read[5], None);
+    }
+
+    #[test]
+    fn a_table_of_several_row_groups_reads_back_row_by_row() {
+        let columns = ["a", "b"].map(|name| table::Column { name: name.into(), unit: "s".into() });
+        // Each third number of the second column is not there.
+        let value = |row: usize| (!row.is_multiple_of(3)).then_some(1.0 / row as f64);
+        let rows = (1 << 17) + 5;
+        let mut writer = Writer::new(&columns, Vec::new()).unwrap();
+        for row in 0..rows {
+            writer.write([Some(row as f64), value(row)]).unwrap();
+        }
+        let file = std::env::temp_dir().join(format!("hapt-sweep-groups-{}.parquet", std::process::id()));
+        std::fs::write(&file, writer.finish().unwrap()).unwrap();
+        let reader = SerializedFileReader::new(std::fs::File::open(&file).unwrap()).unwrap();
+        assert_eq!(reader.metadata().num_row_groups(), 3);
+        let mut read = 0;
+        for (i, row) in reader.get_row_iter(None).unwrap().enumerate() {
+            let row = row.unwrap();
+            assert_eq!(row.get_double(0).unwrap(), i as f64);
+            assert_eq!(row.get_double(1).ok(), value(i));
+            read += 1;
+        }
+        std::fs::remove_file(&file).unwrap();
+        assert_eq!(read, rows);
+    }
 }
