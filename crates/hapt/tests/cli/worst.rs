@@ -59,7 +59,7 @@ fn a_linear_world_is_spoken_of_in_its_units() {
     let at = folder(&[("w.toml", world)]);
     let ended = hapt(at.path(), ["worst", "w.toml"]);
     assert_eq!(ended.code, Some(1), "{ended:?}");
-    for words in ["asks the device for 0.25 N s/m", " kg and ", " N/m", " mm at first"] {
+    for words in ["requires a device damping of 0.25 N s/m", " kg and ", " N/m", " mm at first"] {
         assert!(ended.out.contains(words), "{words}: {ended:?}");
     }
 }
