@@ -82,7 +82,7 @@ visit("one slider alone is in its certified range, or outside of it; two are jud
 visit("stop takes the torque away until it is cleared and armed; who goes back finds the report", "@notes/default", "default", async (page) => {
   await page.keyboard.press("Escape");
   await until(phase(page), (now) => now === "faulted");
-  assert.match(await page.textContent("#fault-text"), /stop/);
+  assert.match(await page.textContent("#fault-text"), /stop/i);
   await page.click("#clear");
   await until(phase(page), (now) => now === "disarmed");
   await page.click("#arm");
