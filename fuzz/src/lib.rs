@@ -1,7 +1,7 @@
 //! One function a target: bytes that nobody meant go in, and whatever must not happen is a panic.
 //!
 //! libFuzzer drives the targets for as long as one likes, on nightly; `bounded` drives them on stable for a few seconds each.
-//! Every input has a second of processor time and a bound on its memory ([`limits`]), whoever drives.
+//! Every input has a second of processor time and a bound on its memory (`limits.rs`), whoever drives.
 
 mod core;
 mod dictionary;

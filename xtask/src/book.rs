@@ -6,7 +6,7 @@
 //!   wheel.toml, or by the name in its first line, `# knob.toml`.
 //! - A `text` block below `<!-- output -->` is what the `sh` block before it prints.
 //! - What stands between `<!-- made: NAME -->` and `<!-- end -->` is made by [`reference::tables`].
-//! - Every page is in the table of contents. [`links`](crate::links) checks the links.
+//! - Every page is in the table of contents. [`crate::links`] checks the links.
 
 use std::fs;
 use std::path::{Path, PathBuf};
