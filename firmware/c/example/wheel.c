@@ -4,15 +4,13 @@
 #include "example.h"
 #include "world.h"
 
-#include <string.h>
-
 static struct hapt wheel;
 
 static uint64_t add(uint64_t sum, float x)
 {
-    uint32_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    return (sum ^ bits) * 0x100000001b3u;
+    /* A union and no memcpy: a freestanding compiler needs no C library. */
+    union { float value; uint32_t bits; } both = {x};
+    return (sum ^ both.bits) * 0x100000001b3u;
 }
 
 uint64_t hapt_example(void)
