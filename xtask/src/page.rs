@@ -8,8 +8,8 @@ use anyhow::{Context, Result, bail, ensure};
 use fastrand::Rng;
 use hapt_core::{Method, Phase, Request, SafetyProfile};
 use hapt_model::{Drive, Hand, Shape};
-use hapt_page::{OWN, Page, Setup, Slot};
 use hapt_sim::{DesktopLoop, Grip};
+use hapt_web::{OWN, Page, Setup, Slot};
 
 use crate::truth::worlds;
 
@@ -18,7 +18,7 @@ const BUILT: &str = "web/core/hapt.wasm";
 /// What it was built of, and with which compiler.
 const STAMP: &str = "web/core/hapt.wasm.txt";
 /// Whatever goes into it.
-const SOURCES: [&str; 5] = ["crates/hapt-core", "crates/hapt-page", "crates/hapt-plant", "crates/hapt-wire", CORE];
+const SOURCES: [&str; 4] = ["crates/hapt-core", "crates/hapt-plant", "crates/hapt-wire", CORE];
 const TARGET: &str = "wasm32-unknown-unknown";
 /// Samples of each method.
 const EACH: u32 = 100_000;
@@ -37,11 +37,22 @@ pub fn build() -> Result<()> {
         command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER", "wasm-ld");
         command
     };
-    command.args(["build", "--quiet", "--release", "--locked", "--target", TARGET]);
+    command.args([
+        "build",
+        "--quiet",
+        "--profile",
+        "web",
+        "--locked",
+        "--package",
+        "hapt-web",
+        "--lib",
+        "--target",
+        TARGET,
+    ]);
     if !has_target() {
         command.arg("-Zbuild-std=core,alloc");
     }
-    command.args(["--manifest-path", &format!("{CORE}/Cargo.toml"), "--target-dir", folder]);
+    command.args(["--target-dir", folder]);
     // Where this machine keeps its sources is nobody's business, and would make other bytes on every machine.
     let home = std::env::var("CARGO_HOME").or_else(|_| std::env::var("HOME").map(|home| format!("{home}/.cargo")))?;
     let here = std::env::current_dir()?;
@@ -51,7 +62,7 @@ pub fn build() -> Result<()> {
     command.env("RUSTFLAGS", format!("{stack} {remap}"));
     let status = command.status().context("no compiler for the browser: rustup target add wasm32-unknown-unknown")?;
     ensure!(status.success(), "the page's core does not build: rustup target add {TARGET}");
-    let bytes = fs::read(format!("{folder}/{TARGET}/release/hapt_web.wasm"))?;
+    let bytes = fs::read(format!("{folder}/{TARGET}/web/hapt_web.wasm"))?;
     ensure!(bytes.len() <= LARGEST, "the page's core has {} bytes, more than {LARGEST}", bytes.len());
     println!("{BUILT}: {} bytes", bytes.len());
     fs::write(BUILT, &bytes)?;
@@ -89,8 +100,7 @@ fn list(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
         let is_source = path.components().any(|part| part.as_os_str() == "src");
         if path.is_dir() && (is_source || path.ends_with("src")) {
             list(&path, files)?;
-        } else if path.is_file() && (is_source || path.ends_with("Cargo.toml") || path.ends_with("web/core/Cargo.lock"))
-        {
+        } else if path.is_file() && (is_source || path.ends_with("Cargo.toml")) {
             files.push(path);
         }
     }
@@ -213,7 +223,7 @@ fn case(method: Method, rng: &mut Rng) -> Result<Option<Vec<u8>>> {
     let period = world.sampling.period;
     let sine = Drive::Position(Shape::Sine { amplitude: 0.3, frequency: 0.01 / period, phase: 0.0 });
     let setup = Setup {
-        rig: world.rig(),
+        device: world.device_spec(),
         limits: world.limits(SafetyProfile::Simulated),
         output: world.sampling.output,
         scenarios: vec![(Hand { drive: sine, release: None }, 3000.0 * period)],

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use hapt_drive::moteus::{Adapter, Client, Moteus, Simulated};
 use hapt_drive::simulate::{Simulator, Time};
-use hapt_drive::{Drive, Line, Terms, pty};
+use hapt_drive::{Drive, DriveLimits, Line, pty};
 use hapt_model::{Source, World};
 
 const EXCHANGES: usize = 5_000;
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// In us.
 fn ours(path: &Path) -> Result<f64, Box<dyn std::error::Error>> {
     let mut drive = Moteus::new(Box::new(Client::new(Line::open(path)?, true)), 1, path.display().to_string());
-    drive.start(&Terms { watchdog: 1.0, torque: 0.8 })?;
+    drive.start(&DriveLimits { watchdog: 1.0, torque: 0.8 })?;
     let patience = || Instant::now() + Duration::from_secs(1);
     let mut times = Vec::with_capacity(EXCHANGES);
     for _ in 0..EXCHANGES {

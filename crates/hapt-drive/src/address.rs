@@ -7,10 +7,10 @@ use std::str::FromStr;
 use crate::can::{Bus, Socket};
 use crate::drive::{Drive, Error};
 use crate::ports::ports;
+use crate::serial::Line;
 use crate::simulate::Firmware;
 use crate::slcan::{self, Rate};
 use crate::{moteus, odrive};
-use hapt_line::Line;
 
 /// Whose drive it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

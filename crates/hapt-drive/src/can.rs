@@ -10,7 +10,7 @@ use socketcan::{
 };
 
 use crate::frame::Frame;
-use hapt_line::wait;
+use crate::serial::wait;
 
 /// A way to a CAN bus. Neither call allocates.
 pub trait Bus: Send {

@@ -1,11 +1,11 @@
-//! What every drive can do, and what can be wrong with one.
+//! The interface of every drive, its limits and its errors.
 
 use std::io;
 use std::time::Instant;
 
 pub use hapt_rt::DriveFault;
 
-/// Frames that are looked at before a sample's question, and after it: a bus full of others' does not hold the loop.
+/// The most foreign frames read before a sample's question, and after it: a full bus does not delay the loop.
 pub(crate) const OTHERS: usize = 256;
 
 /// A motor drive, whatever its protocol. Angles are revolutions and torques N·m, both at the drive's own shaft.
@@ -13,76 +13,76 @@ pub(crate) const OTHERS: usize = 256;
 /// [`Drive::read`] and [`Drive::command`] are called on the loop's thread, one after the other in every sample: they allocate nothing,
 /// and wait until the instant that they are given, no longer.
 pub trait Drive: Send {
-    /// Stops it, clears what it has latched, looks whether it is well, and gives it the terms that it will be held to. It stands ready
-    /// afterwards, without torque, and waits for a second at least for its first command. May take some seconds.
+    /// Stops the drive, clears latched faults, checks its state and sets its limits. It is ready afterwards, without torque, and waits for its
+    /// first command for a second at least. May take some seconds.
     ///
     /// # Errors
     /// It does not answer, or has a fault that does not clear.
-    fn start(&mut self, terms: &Terms) -> Result<Answer, Error>;
+    fn start(&mut self, limits: &DriveLimits) -> Result<Answer, Error>;
 
-    /// Asks it where it is. An answer to an earlier question is none to this one.
+    /// Reads the shaft. An answer to an earlier question does not count.
     ///
     /// # Errors
-    /// See [`Trouble`].
-    fn read(&mut self, until: Instant) -> Result<Answer, Trouble>;
+    /// See [`DriveError`].
+    fn read(&mut self, until: Instant) -> Result<Answer, DriveError>;
 
-    /// The torque to hold from now on. It feeds the drive's watchdog; where questions do so too, the drive is asked which torque it uses.
-    /// A drive that was stopped is not switched on by it, or is stopped again at once.
+    /// Sets the torque to hold, and feeds the drive's watchdog. Where questions feed it too, the drive is asked which torque it uses. A stopped
+    /// drive stays off, or is stopped again at once.
     ///
     /// # Errors
-    /// See [`Trouble`].
-    fn command(&mut self, torque: f64, until: Instant) -> Result<(), Trouble>;
+    /// See [`DriveError`].
+    fn command(&mut self, torque: f64, until: Instant) -> Result<(), DriveError>;
 
-    /// No torque, and stopped: said once, and no answer is waited for. Whatever has failed says so in every sample, and is switched on
-    /// again by nothing but a start.
+    /// Stops the drive without torque: sent once, without waiting for an answer. A drive that has failed is halted in every sample, and only a
+    /// start switches it on again.
     fn halt(&mut self, until: Instant);
 
-    /// No torque, and stopped, as far as anybody is there to hear it. Called on every way out, more than once too.
+    /// Stops the drive without torque, as far as it is reachable. Called on every way out, possibly more than once.
     fn stop(&mut self);
 
-    /// From one sample of the loop to the next, in s, from now on.
+    /// Sets the loop's period, in s.
     fn paced(&mut self, _period: f64) {}
 
-    /// What whoever starts it has to know: what it cannot be told, and who has to set it.
+    /// Notes for the user: what hapt cannot set, and has to be set in the drive.
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }
 }
 
-/// What a drive is held to from the start.
+/// The limits that a drive enforces by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Terms {
-    /// Without a command for so long, in s, the drive takes the torque away by itself and starts again for nobody but an explicit stop.
+pub struct DriveLimits {
+    /// Without a command for this time, in s, the drive removes the torque, until an explicit stop and start.
     pub watchdog: f64,
-    /// The largest torque at its shaft, in N·m; infinite where the world knows none.
+    /// The largest torque at its shaft, in N·m; infinite where the world has none.
     pub torque: f64,
 }
 
-/// What a drive says about its shaft.
+/// The state of a drive's shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Answer {
-    /// In revolutions, over as many turns as there were.
+    /// In revolutions, over several turns.
     pub position: f64,
     /// In revolutions per second.
     pub velocity: f64,
 }
 
-/// What is wrong at one sample.
+/// Why a drive fails at one sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Trouble {
-    /// Nothing has come until the instant that was given.
+pub enum DriveError {
+    /// Nothing has come in time.
     Silent,
-    /// Something has come, but no answer to this question in time.
+    /// Something has come in time, but no answer to this question.
     Late,
-    /// It has stopped by itself, and says why.
+    /// The drive has stopped by itself, with a code.
     Fault(DriveFault),
     /// The port or bus is gone.
     Gone,
 }
 
-impl From<io::Error> for Trouble {
+impl From<io::Error> for DriveError {
     fn from(error: io::Error) -> Self {
-        if error.kind() == io::ErrorKind::TimedOut { Trouble::Late } else { Trouble::Gone }
+        if error.kind() == io::ErrorKind::TimedOut { DriveError::Late } else { DriveError::Gone }
     }
 }
 
@@ -94,7 +94,7 @@ pub enum Error {
     Open {
         /// The port's path or the interface's name.
         name: String,
-        /// The system's own word.
+        /// The system's error.
         error: io::Error,
     },
     /// The port or bus went away.
@@ -102,36 +102,36 @@ pub enum Error {
     Gone {
         /// The port's path or the interface's name.
         name: String,
-        /// The system's own word.
+        /// The system's error.
         error: io::Error,
     },
-    /// Nobody answers.
+    /// The drive does not answer.
     #[error("{drive} does not answer{hint}")]
     Silent {
-        /// Which drive was asked, and where.
+        /// The drive and its address.
         drive: String,
-        /// What was heard instead, or what to look at; begins with its own punctuation.
+        /// What came instead, or what to check; begins with its own punctuation.
         hint: String,
     },
-    /// It answers, and has a fault that does not go away.
+    /// The drive has a fault that does not clear.
     #[error("{drive} is in fault and stays there: {fault}")]
     Fault {
-        /// Which drive was asked, and where.
+        /// The drive and its address.
         drive: String,
-        /// What it says.
+        /// The fault.
         fault: DriveFault,
     },
-    /// It answers, and is not set up so that it may be driven.
+    /// The drive is not configured so that it may be driven.
     #[error("{drive} {why}")]
     Refused {
-        /// Which drive was asked, and where.
+        /// The drive and its address.
         drive: String,
         /// What is wrong with it, and what would be right.
         why: String,
     },
 }
 
-/// What helps who may not open a port.
+/// The remedy for a port without permission.
 fn may(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::PermissionDenied => {

@@ -1,11 +1,11 @@
-//! Motor drives as devices of the loop, over serial ports and CAN; and the same drives simulated.
+//! Motor drives as devices of the loop, over serial ports and CAN; and the same drives simulated. Linux; the serial ports are Unix's.
 //!
-//! A [`Drive`] is what a drive's protocol comes to: start, read, command, stop. A [`Wheel`] makes it the loop's device: it knows which
-//! way the drive turns, what stands between it and the puck, and leaves no torque on, however the loop ends. What the protocols have in
-//! common is a [`Bus`], a way to send and receive CAN frames: a socket of the system's, or a text protocol over a [`Line`].
+//! A [`Drive`] is the interface of a drive's protocol: start, read, command, stop. A [`DriveDevice`] makes it the loop's device: it holds the
+//! direction and the transmission between drive and puck, and leaves no torque on, however the loop ends. All protocols use a [`Bus`], which
+//! sends and receives CAN frames: a socket of the system, or a text protocol over a [`Line`].
 //!
 //! ```text
-//!   Wheel (hapt_rt::Device)            Simulator
+//!   DriveDevice (hapt_rt::Device)      Simulator
 //!     |                                  |        \
 //!   Drive: moteus, odrive              Firmware   Puck
 //!     |                                  |
@@ -14,25 +14,41 @@
 //!
 //! What is called on the loop's thread allocates nothing, and waits until an instant that it is given, no longer.
 
-#![cfg(target_os = "linux")]
+#[cfg(unix)]
+pub mod serial;
 
+#[cfg(target_os = "linux")]
 mod address;
+#[cfg(target_os = "linux")]
 pub mod can;
+#[cfg(target_os = "linux")]
+mod device;
+#[cfg(target_os = "linux")]
 mod drive;
+#[cfg(target_os = "linux")]
 mod frame;
+#[cfg(target_os = "linux")]
 pub mod moteus;
+#[cfg(target_os = "linux")]
 pub mod odrive;
+#[cfg(target_os = "linux")]
 mod ports;
+#[cfg(target_os = "linux")]
 pub mod simulate;
+#[cfg(target_os = "linux")]
 pub mod slcan;
+#[cfg(target_os = "linux")]
 mod text;
-mod wheel;
 
-pub use address::{Address, Make};
-pub use can::{Bus, Socket};
-pub use drive::{Answer, Drive, Error, Terms, Trouble};
-pub use frame::Frame;
-pub use hapt_line::{Line, pty};
-pub use ports::{Port, ports};
-pub use text::Lines;
-pub use wheel::{Mounting, Wheel};
+#[cfg(unix)]
+pub use serial::{Line, pty};
+#[cfg(target_os = "linux")]
+pub use {
+    address::{Address, Make},
+    can::{Bus, Socket},
+    device::{DriveDevice, Mounting},
+    drive::{Answer, Drive, DriveError, DriveLimits, Error},
+    frame::Frame,
+    ports::{Port, ports},
+    text::Lines,
+};

@@ -25,7 +25,7 @@ use codec::{Command, Heartbeat, PASSTHROUGH, Version, control, state};
 use proof::Proof;
 
 use crate::can::Bus;
-use crate::drive::{Answer, Drive, Error, OTHERS, Terms, Trouble};
+use crate::drive::{Answer, Drive, DriveError, DriveLimits, Error, OTHERS};
 use crate::frame::Frame;
 
 pub use simulated::Simulated;
@@ -86,8 +86,8 @@ pub struct Odrive {
 }
 
 impl Drive for Odrive {
-    fn start(&mut self, terms: &Terms) -> Result<Answer, Error> {
-        self.most = terms.torque;
+    fn start(&mut self, limits: &DriveLimits) -> Result<Answer, Error> {
+        self.most = limits.torque;
         self.get_ready()
     }
 
@@ -111,15 +111,15 @@ impl Drive for Odrive {
         notes
     }
 
-    fn read(&mut self, until: Instant) -> Result<Answer, Trouble> {
+    fn read(&mut self, until: Instant) -> Result<Answer, DriveError> {
         let answer = self.reading(until);
-        if let Err(Trouble::Fault(_)) = answer {
+        if let Err(DriveError::Fault(_)) = answer {
             self.halt(until);
         }
         answer
     }
 
-    fn command(&mut self, torque: f64, until: Instant) -> Result<(), Trouble> {
+    fn command(&mut self, torque: f64, until: Instant) -> Result<(), DriveError> {
         if let Err(fault) = self.is_well() {
             self.halt(until);
             return Err(fault);
@@ -197,7 +197,7 @@ impl Odrive {
     }
 
     /// One sample's question and its answer.
-    fn reading(&mut self, until: Instant) -> Result<Answer, Trouble> {
+    fn reading(&mut self, until: Instant) -> Result<Answer, DriveError> {
         if self.since_heartbeat == 0.0 {
             self.heartbeat = Instant::now();
         }
@@ -224,7 +224,7 @@ impl Odrive {
             self.bus.send(&Frame::remote(proof.id(self.node).into(), 8), until)?;
         }
         let kind = match kind {
-            None if past => Some(self.barrier.ask().ok_or(Trouble::Late)?),
+            None if past => Some(self.barrier.ask().ok_or(DriveError::Late)?),
             kind => kind,
         };
         if let Some(kind) = kind {
@@ -232,7 +232,7 @@ impl Odrive {
         }
         self.bus.send(&Frame::remote(Command::Estimates.id(self.node).into(), 8), until)?;
         self.owed = self.owed.saturating_add(1);
-        let mut trouble = Trouble::Silent;
+        let mut trouble = DriveError::Silent;
         for _ in 0..OTHERS {
             let Some(frame) = self.bus.receive(until)? else { break };
             match self.hear(&frame, true) {
@@ -243,7 +243,7 @@ impl Odrive {
                 // What is owed from before is lost.
                 Said::Passed if past => (past, self.owed) = (false, 1),
                 Said::Nothing => {}
-                _ => trouble = Trouble::Late,
+                _ => trouble = DriveError::Late,
             }
         }
         self.is_well()?;
@@ -293,8 +293,8 @@ impl Odrive {
         }
     }
 
-    fn is_well(&self) -> Result<(), Trouble> {
-        self.fault.map_or(Ok(()), |fault| Err(Trouble::Fault(fault)))
+    fn is_well(&self) -> Result<(), DriveError> {
+        self.fault.map_or(Ok(()), |fault| Err(DriveError::Fault(fault)))
     }
 
     /// What a frame on the bus says about this drive.

@@ -5,12 +5,12 @@ use std::io;
 use std::time::{Duration, Instant};
 
 use hapt_model::World;
-use hapt_plant::spec::Rig;
+use hapt_plant::spec::DeviceSpec;
 use hapt_plant::{Script, VirtualDevice};
 
 use crate::can::Bus;
+use crate::device::Mounting;
 use crate::frame::Frame;
-use crate::wheel::Mounting;
 
 /// The longest step of the simulation, in s: torques change and watchdogs run out on its instants.
 const STEP: f64 = 50e-6;
@@ -81,7 +81,7 @@ impl Simulator {
             Time::Real => STEP,
             Time::Lockstep(period) => period / (period / STEP).ceil(),
         };
-        let puck = VirtualDevice::new(&Rig { period: step, delay: 0.0, ..world.rig() });
+        let puck = VirtualDevice::new(&DeviceSpec { period: step, delay: 0.0, ..world.device_spec() });
         let travel = Mounting::new(world).travel;
         Simulator { bus, inside: Inside { firmware, puck, travel, step, rest: 0.0 }, time, now: Instant::now() }
     }

@@ -18,8 +18,8 @@ use std::time::{Duration, Instant};
 use crate::can::Bus;
 use crate::drive::OTHERS;
 use crate::frame::Frame;
+use crate::serial::Line;
 use crate::text::Lines;
-use hapt_line::Line;
 
 /// The rates that an adapter can be set to, in kbit/s, by their numbers.
 const RATES: [u32; 9] = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
@@ -265,7 +265,7 @@ mod tests {
         for (text, opens) in
             [("10k", b"C\rS0\rO\r"), ("125k", b"C\rS4\rO\r"), ("250k", b"C\rS5\rO\r"), ("1M", b"C\rS8\rO\r")]
         {
-            let (mut adapter, path) = hapt_line::pty().unwrap();
+            let (mut adapter, path) = crate::serial::pty().unwrap();
             let rate: Rate = text.parse().unwrap();
             let _client = Client::open(Line::open(&path).unwrap(), rate).unwrap();
             let (mut said, mut some) = (Vec::new(), [0; 16]);

@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Instant;
 
-use hapt_line::Line;
+use crate::serial::Line;
 
 /// Longer lines are garbage.
 const LONGEST: usize = 512;
@@ -78,7 +78,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use hapt_line::pty;
+    use crate::serial::pty;
 
     #[test]
     fn lines_come_whole_however_they_were_cut_and_too_long_ones_not_at_all() {

@@ -1,7 +1,7 @@
 //! The hand on a simulated puck: where it is to be, and what the device has received.
 
 use hapt_model::World;
-use hapt_rt::{Hands, Touch};
+use hapt_rt::{HandCommand, Hands};
 use hapt_sim::{Grip, Script};
 
 /// Natural frequency of hand and puck together, in Hz: well above a pointer's motion, well below what a loop at 1 kHz detects as a jump.
@@ -56,7 +56,7 @@ impl VirtualHand {
 
     /// Puts the puck at rest at 0, hands-off; `false`: the queue is full, or the puck is real.
     pub fn restart(&mut self) -> bool {
-        let done = self.hands.as_mut().is_some_and(|hands| hands.push(Touch::Restart).is_ok());
+        let done = self.hands.as_mut().is_some_and(|hands| hands.push(HandCommand::Restart).is_ok());
         if done {
             (self.wanted, self.sent) = (Wanted::Release, Sent::Released);
         }
@@ -73,24 +73,25 @@ impl VirtualHand {
         let Some(hands) = &mut self.hands else { return };
         match std::mem::replace(&mut self.wanted, Wanted::Continue) {
             Wanted::Release => {
-                if self.sent != Sent::Released && hands.push(Touch::Release).is_ok() {
+                if self.sent != Sent::Released && hands.push(HandCommand::Release).is_ok() {
                     self.sent = Sent::Released;
                 }
                 self.wanted = Wanted::Release;
             }
             Wanted::At(position) => {
-                if !matches!(self.sent, Sent::Grabbed | Sent::At(_)) && hands.push(Touch::Grab(self.grip)).is_ok() {
+                if !matches!(self.sent, Sent::Grabbed | Sent::At(_)) && hands.push(HandCommand::Grab(self.grip)).is_ok()
+                {
                     self.sent = Sent::Grabbed;
                 }
                 let is_new = matches!(self.sent, Sent::Grabbed) || matches!(self.sent, Sent::At(at) if at != position);
-                if is_new && hands.push(Touch::Move(position)).is_ok() {
+                if is_new && hands.push(HandCommand::Move(position)).is_ok() {
                     self.sent = Sent::At(position);
                 }
                 self.wanted = Wanted::At(position);
             }
-            Wanted::Play(script) => match hands.push(Touch::Scenario(script)) {
+            Wanted::Play(script) => match hands.push(HandCommand::Scenario(script)) {
                 Ok(()) => self.sent = Sent::Played,
-                Err(Touch::Scenario(script)) => self.wanted = Wanted::Play(script),
+                Err(HandCommand::Scenario(script)) => self.wanted = Wanted::Play(script),
                 Err(_) => {}
             },
             Wanted::Continue => {}

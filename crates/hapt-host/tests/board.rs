@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use hapt_core::{Phase, SafetyProfile};
 use hapt_host::board::simulate::Simulated;
 use hapt_host::board::{Error, Link, Parameter, Refusal, Telemetry, pty};
-use hapt_model::{Rig, Source, World};
+use hapt_model::{DeviceSpec, Source, World};
 use hapt_wire::device::Board;
 use hapt_wire::{DeviceMessage, Hello, Order, frame, hash, pack};
 
@@ -46,8 +46,8 @@ fn packed_with(sets: &[&str]) -> Vec<u8> {
     pack(&world.spec(), &world.limits(SafetyProfile::Certified), &mut [0; 1024]).unwrap().to_vec()
 }
 
-fn rig() -> Rig {
-    world().rig()
+fn rig() -> DeviceSpec {
+    world().device_spec()
 }
 
 /// However slow the machine is.

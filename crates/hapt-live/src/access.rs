@@ -1,7 +1,7 @@
-//! Who may come in: requests for this server by its own name, from its own page, and with the token where one is asked for.
+//! Admission: requests for this server by its own name, from its own page, and with the token where one is needed.
 //!
-//! A page of some other site, open in the same browser, can send requests to any address on this machine. Its Origin is its own,
-//! and where it has made a name of its own point here (DNS rebinding), so is its Host. Neither gets in.
+//! A page of another site in the same browser can send requests to any address of this machine. Its Origin is foreign, and with DNS
+//! rebinding its Host too. Both are refused.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 
@@ -15,19 +15,19 @@ pub struct Access {
 /// Why a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Denied {
-    /// It was meant for another server.
+    /// The request is for another server.
     #[error("the Host is not this server's own")]
     Host,
-    /// It comes from another site's page.
+    /// The request comes from another site's page.
     #[error("the Origin is not this server's own")]
     Origin,
-    /// A websocket that no browser opened.
+    /// The websocket comes from no browser.
     #[error("a websocket without Origin comes from no browser")]
     NoOrigin,
 }
 
 impl Access {
-    /// For a server bound to `address`. With a motor, and where other machines can reach it, it asks for a token.
+    /// For a server bound to `address`. With a motor, or where other machines can reach it, it needs a token.
     ///
     /// # Errors
     /// The system has no random numbers.
@@ -36,10 +36,10 @@ impl Access {
         Ok(Access { address, token })
     }
 
-    /// Where the page is, as it is typed into a browser: with the token in the fragment, which no browser sends.
+    /// The page's address, with the token in the fragment, which browsers do not send.
     pub fn link(&self) -> String {
         let fragment = self.token.as_ref().map_or(String::new(), |token| format!("#{token}"));
-        // Nobody goes to "any address": here it is this machine's own.
+        // "Any address" is the loopback in a browser here.
         let ip = match self.address.ip() {
             IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
             IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
@@ -48,12 +48,12 @@ impl Access {
         format!("http://{}/{fragment}", SocketAddr::new(ip, self.address.port()))
     }
 
-    /// Whether a token is asked for.
+    /// Whether the token is needed.
     pub fn asks_for_token(&self) -> bool {
         self.token.is_some()
     }
 
-    /// Whether a request may come in, by its Host and Origin headers; a websocket has to have both.
+    /// Checks the Host and Origin of a request; a websocket needs both.
     pub fn admits(&self, host: Option<&str>, origin: Option<&str>, websocket: bool) -> Result<(), Denied> {
         host.filter(|host| self.is_own(host)).ok_or(Denied::Host)?;
         match origin {
@@ -65,7 +65,7 @@ impl Access {
         }
     }
 
-    /// Whether this is the token, in a time that does not tell how much of it is.
+    /// Compares the token in constant time.
     pub fn knows(&self, given: Option<&str>) -> bool {
         let Some(token) = &self.token else { return true };
         let given = given.unwrap_or_default().as_bytes();
@@ -73,8 +73,7 @@ impl Access {
         std::hint::black_box(differing) == 0 && given.len() == token.len()
     }
 
-    /// Whether `host` is `NAME:PORT` of this server. Names that somebody could make point here are none: only numbers, and
-    /// localhost.
+    /// Whether `host` is `NAME:PORT` of this server. Only numbers and localhost count, not names that DNS could point here.
     fn is_own(&self, host: &str) -> bool {
         let own = self.address;
         let (name, port) = match host.rsplit_once(':') {
@@ -97,7 +96,7 @@ impl Access {
         match own.ip() {
             ip if ip == number => !ip.is_unspecified(),
             ip if ip.is_loopback() => usual.contains(&number),
-            // Every address of the machine is ours.
+            // Every address of the machine is the server's.
             ip => ip.is_unspecified() && !number.is_unspecified(),
         }
     }
@@ -119,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn on_loopback_three_names_are_our_own_and_no_other() {
+    fn on_loopback_the_server_has_three_names() {
         let access = access("127.0.0.1:4278");
         for host in ["127.0.0.1:4278", "localhost:4278", "LOCALHOST:4278", "[::1]:4278"] {
             assert_eq!(access.admits(Some(host), None, false), Ok(()), "{host}");
@@ -157,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn another_sites_page_is_refused_whatever_it_is_called() {
+    fn another_sites_page_is_refused_under_any_name() {
         let access = access("127.0.0.1:4278");
         for origin in [
             "null",
@@ -181,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_server_for_other_machines_is_known_by_numbers_and_asks_for_its_token() {
+    fn a_server_for_other_machines_has_numbers_for_names_and_needs_its_token() {
         let one = access("192.0.2.7:4278");
         assert_eq!(one.admits(Some("192.0.2.7:4278"), None, false), Ok(()));
         assert_eq!(one.admits(Some("localhost:4278"), None, false), Err(Denied::Host));
@@ -203,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn with_a_motor_a_token_is_asked_for_on_loopback_too() {
+    fn with_a_motor_the_token_is_needed_on_loopback_too() {
         let access = Access::new("127.0.0.1:4278".parse().unwrap(), true).unwrap();
         let link = access.link();
         let token = link.strip_prefix("http://127.0.0.1:4278/#").unwrap();
@@ -211,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn on_loopback_no_token_is_asked_for_without_a_motor_and_at_the_usual_port_browsers_name_none() {
+    fn on_loopback_without_a_motor_no_token_is_needed_and_port_80_is_not_named() {
         let access = access("[::1]:80");
         assert_eq!(access.link(), "http://[::1]:80/");
         assert!(!access.asks_for_token() && access.knows(None));

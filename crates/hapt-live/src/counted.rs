@@ -1,5 +1,5 @@
-//! The frames of a websocket, counted below the messages: one that ends no message costs as much as a message does. Else a message in
-//! endless empty pieces would be free, for it is never there.
+//! Counts the frames of a websocket below its messages: a frame that ends no message counts as a message. Otherwise a message in endless
+//! empty fragments would never be limited.
 
 use std::io::{self, ErrorKind};
 use std::pin::Pin;
@@ -11,7 +11,7 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
 use crate::socket::{Allowance, Left};
 
-/// A connection whose frames are counted as they come in.
+/// A connection that counts the frames it reads.
 pub struct Counted<S> {
     io: S,
     frames: Frames,
@@ -19,7 +19,7 @@ pub struct Counted<S> {
 }
 
 impl<S> Counted<S> {
-    /// Frames that end no message are paid from `allowance`; far beyond it, reading fails with [`ErrorKind::QuotaExceeded`].
+    /// Frames that end no message count in `allowance`; far beyond it, reading fails with [`ErrorKind::QuotaExceeded`].
     pub fn new(io: S, allowance: Arc<Mutex<Allowance>>) -> Self {
         Counted { io, frames: Frames::default(), allowance }
     }
@@ -60,17 +60,17 @@ impl<S: AsyncWrite + Unpin> AsyncWrite for Counted<S> {
     }
 }
 
-/// The heads of frames in a stream of bytes (RFC 6455, section 5.2).
+/// Parses the heads of frames in a stream of bytes (RFC 6455, section 5.2).
 #[derive(Debug, Default)]
 struct Frames {
     head: [u8; 14],
     length: usize,
-    /// Bytes of the payload that are still to come.
+    /// The bytes of the payload that are missing.
     payload: u64,
 }
 
 impl Frames {
-    /// How many frames begin in these bytes that are a part of a message, and not the whole of one.
+    /// The number of frames that begin in these bytes and are fragments.
     fn take(&mut self, mut bytes: &[u8]) -> u32 {
         let mut parts = 0;
         while let Some((first, rest)) = bytes.split_first() {
@@ -95,7 +95,7 @@ impl Frames {
     }
 }
 
-/// The payload's length, once the head is whole.
+/// The payload's length, once the head is complete.
 fn payload(head: &[u8]) -> Option<u64> {
     let second = *head.get(1)?;
     let more = match second & 0x7f {

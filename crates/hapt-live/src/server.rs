@@ -3,6 +3,9 @@
 //! Connections stand in short lists. In a full list the oldest connection is closed for the newest, so that a thousand silent connections
 //! never block the page. Websockets before their hello have a list of their own; of those after it, a silent one is closed. Only
 //! [`EventSender`] leads from here to the loop.
+//!
+//! hyper alone carries this: axum serves its own connections and hands out whole messages, and neither lists that close the oldest
+//! connection nor the frames below a message (`counted.rs`) have a place in it.
 
 use std::collections::VecDeque;
 use std::net::TcpListener;
@@ -19,7 +22,7 @@ use tokio::sync::oneshot;
 use tokio::task::AbortHandle;
 
 use crate::access::Access;
-use crate::http::{Answer, answer};
+use crate::http::{Reply, reply};
 use crate::sender::EventSender;
 use crate::socket;
 
@@ -210,9 +213,9 @@ async fn serve(stream: TcpStream, state: Arc<ServerState>) {
         let state = Arc::clone(&state);
         async move {
             let is_full = !state.has_room(Instant::now());
-            let response = match answer(&request, &state.access, is_full) {
-                Answer::Plain(response) => response,
-                Answer::Socket(response) => {
+            let response = match reply(&request, &state.access, is_full) {
+                Reply::Plain(response) => response,
+                Reply::Socket(response) => {
                     let place = state.admit();
                     let client = place.client;
                     let upgrade = hyper::upgrade::on(&mut request);

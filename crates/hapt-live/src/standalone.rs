@@ -1,4 +1,4 @@
-//! The page without a server, as files that a browser opens from where they lie: the same page, and hapt-page as WebAssembly in place of
+//! The page without a server, as files that a browser opens from where they lie: the same page, and web/core as WebAssembly in place of
 //! what is behind a websocket.
 //!
 //! ```text
@@ -14,7 +14,7 @@ use hapt_analysis::{Check, Proposal};
 use hapt_core::{Output, Reason, SafetyProfile};
 use hapt_host::{SettableKey, WorldConfig, grip};
 use hapt_model::{Source, World};
-use hapt_page::{Page, Setup, Slot};
+use hapt_web::{Page, Setup, Slot};
 use serde_json::{Value, json};
 
 use crate::assets::{self, CORE};
@@ -152,7 +152,7 @@ fn setup(config: &WorldConfig) -> Setup {
         false => sampling.output,
     };
     Setup {
-        rig: world.rig(),
+        device: world.device_spec(),
         limits: world.limits(SafetyProfile::Simulated),
         output,
         scenarios: world.scenarios.iter().map(|scenario| (scenario.hand.clone(), scenario.duration)).collect(),
@@ -210,7 +210,7 @@ fn base64(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use hapt_core::Request;
-    use hapt_page::COLUMNS;
+    use hapt_web::COLUMNS;
 
     use super::*;
     use crate::testing::WHEEL;
@@ -272,6 +272,11 @@ mod tests {
             }
         }
         assert!(tried > 100 && refused < tried / 4, "{tried} tried, {refused} refused");
+    }
+
+    #[test]
+    fn the_page_takes_the_same_periods_with_and_without_a_server() {
+        assert_eq!(hapt_web::PERIODS, hapt_host::keys::PERIODS);
     }
 
     #[test]

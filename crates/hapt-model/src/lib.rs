@@ -56,7 +56,7 @@ pub use dimension::Dimension;
 pub use error::{Error, ErrorKind, Location};
 pub use hapt_core::SafetyProfile;
 pub use hapt_core::spec::{Body, Coupling, Damping, End, Estimator, Law, Linear, Method, Output, Side, Spec};
-pub use hapt_plant::spec::{Drive, Hand, Rig, Shape, Switching};
+pub use hapt_plant::spec::{DeviceSpec, Drive, Hand, Shape, Switching};
 pub use kinds::{CouplingKind, HandKind, ShapeKind};
 pub use parameters::{Parameter, parameters};
 pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};

@@ -1,7 +1,7 @@
 //! The world file's content, checked and in SI: rad, m, s, kg, N, N·m.
 
 use hapt_core::{Body, Coupling, Estimator, Method, Output, Spec};
-use hapt_plant::spec::{Hand, Rig};
+use hapt_plant::spec::{DeviceSpec, Hand};
 
 use crate::safety::Safety;
 
@@ -191,9 +191,9 @@ impl Sampling {
 
 impl World {
     /// What a device in simulation is made from.
-    pub fn rig(&self) -> Rig {
+    pub fn device_spec(&self) -> DeviceSpec {
         let Device { inertia, damping, friction, .. } = self.device;
-        Rig { period: self.sampling.period, delay: self.sampling.delay_s(), inertia, damping, friction }
+        DeviceSpec { period: self.sampling.period, delay: self.sampling.delay_s(), inertia, damping, friction }
     }
 
     /// What the loop is compiled from.

@@ -6,7 +6,7 @@ use crate::hand::{Hand, grip_push};
 use crate::ledger::Ledger;
 use crate::motor::Motor;
 use crate::puck::{Inertia, Lengths, Puck, Push};
-use crate::spec::{self, Rig};
+use crate::spec::{self, DeviceSpec};
 
 /// A hand that takes longer than this from one word to the next has stopped in between, in s.
 const LONGEST_MOVE: f64 = 0.05;
@@ -84,8 +84,8 @@ pub struct VirtualDevice {
 
 impl VirtualDevice {
     /// The puck at rest at 0, nobody's hand on it.
-    pub fn new(rig: &Rig) -> Self {
-        let &Rig { period, delay, inertia, damping, friction } = rig;
+    pub fn new(spec: &DeviceSpec) -> Self {
+        let &DeviceSpec { period, delay, inertia, damping, friction } = spec;
         let device = Inertia { inertia, damping, stiffness: 0.0 };
         let motor = Motor::new(delay, period);
         VirtualDevice {

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 /// A device and the loop's times: what a [`crate::VirtualDevice`] is made from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Rig {
+pub struct DeviceSpec {
     /// T in s, positive.
     pub period: f64,
     /// From the sample to the moment the motor torque changes, in s, zero or more.

@@ -46,7 +46,7 @@ pub use handle::{Epoch, LoopHandle};
 pub use plan::{Plan, PlanState};
 pub use replay::Replay;
 pub use scheduling::Realtime;
-pub use simulated::{Hands, Simulated, Touch};
+pub use simulated::{HandCommand, Hands, Simulated};
 pub use snapshot::Snapshot;
 pub use timing::{Bar, Quantiles, Timing};
 

@@ -37,7 +37,7 @@ impl Plan {
         let spec = world.spec();
         let mut plan = Plan {
             controller: DesktopController::new(&spec, &world.limits(profile))?,
-            device: VirtualDevice::new(&world.rig()),
+            device: VirtualDevice::new(&world.device_spec()),
             motor: Motor::new(world.sampling.delay_s(), world.sampling.period),
             profile,
             names: Names::new(world),

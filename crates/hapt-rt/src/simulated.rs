@@ -13,7 +13,7 @@ const LONGEST_PAUSE: u32 = 1 << 20;
 
 /// What a hand on the simulated puck does.
 #[derive(Debug, PartialEq)]
-pub enum Touch {
+pub enum HandCommand {
     /// Takes hold where the puck is.
     Grab(Grip),
     /// Means to be at this position, in rad (linear: m).
@@ -29,14 +29,14 @@ pub enum Touch {
 /// Where the hands on a simulated puck are told what to do.
 pub struct Hands {
     /// Toward the device.
-    pub touches: Producer<Touch>,
+    pub touches: Producer<HandCommand>,
     /// Scripts that are over, to be freed on this side; with 64 of them here no further one begins.
     pub spent: Consumer<Box<Script>>,
 }
 
 impl Hands {
     /// A touch for the next sample; it comes back where 64 are on their way already.
-    pub fn push(&mut self, touch: Touch) -> Result<(), Touch> {
+    pub fn push(&mut self, touch: HandCommand) -> Result<(), HandCommand> {
         while self.spent.pop().is_ok() {}
         self.touches.push(touch).map_err(|rtrb::PushError::Full(touch)| touch)
     }
@@ -45,7 +45,7 @@ impl Hands {
 /// A simulated device.
 pub struct Simulated {
     device: VirtualDevice,
-    touches: Consumer<Touch>,
+    touches: Consumer<HandCommand>,
     back: Producer<Box<Script>>,
     announced: bool,
     /// The world's 0 in what is read, rad (linear: m); hands count from there.
@@ -59,7 +59,7 @@ impl Simulated {
     pub fn new(world: &World) -> (Self, Hands) {
         let (producer, touches) = RingBuffer::new(TOUCHES);
         let (back, spent) = RingBuffer::new(TOUCHES);
-        let mut device = VirtualDevice::new(&world.rig());
+        let mut device = VirtualDevice::new(&world.device_spec());
         device.reserve();
         (
             Simulated { device, touches, back, announced: false, zero: 0.0, asked: 0.0 },
@@ -69,16 +69,16 @@ impl Simulated {
 
     fn is_touched(&mut self) {
         // An old script is not freed here: without room on the way back the new one waits.
-        while !matches!(self.touches.peek(), Ok(Touch::Scenario(_))) || !self.back.is_full() {
+        while !matches!(self.touches.peek(), Ok(HandCommand::Scenario(_))) || !self.back.is_full() {
             match self.touches.pop() {
-                Ok(Touch::Grab(grip)) => self.device.hold(Some(grip)),
-                Ok(Touch::Move(position)) => self.device.intend(position),
-                Ok(Touch::Release) => self.device.hold(None),
-                Ok(Touch::Restart) => {
+                Ok(HandCommand::Grab(grip)) => self.device.hold(Some(grip)),
+                Ok(HandCommand::Move(position)) => self.device.intend(position),
+                Ok(HandCommand::Release) => self.device.hold(None),
+                Ok(HandCommand::Restart) => {
                     self.device.restart();
                     self.announced = true;
                 }
-                Ok(Touch::Scenario(mut script)) => {
+                Ok(HandCommand::Scenario(mut script)) => {
                     self.device.begin(&mut script);
                     let _ = self.back.push(script);
                 }

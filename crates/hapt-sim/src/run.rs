@@ -39,7 +39,7 @@ impl Simulation {
     pub fn new(world: &World, scenario: &Scenario) -> Result<Self, Error> {
         let control = Control::new(&world.spec())?;
         let period = world.sampling.period;
-        let mut device = VirtualDevice::new(&world.rig());
+        let mut device = VirtualDevice::new(&world.device_spec());
         device.begin(&mut script(scenario, period));
         Ok(Simulation {
             control,

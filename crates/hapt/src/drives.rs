@@ -23,7 +23,7 @@ mod linux {
     use std::time::Instant;
 
     use hapt_drive::simulate::{Simulator, Time};
-    use hapt_drive::{Bus, Make, Socket, Wheel};
+    use hapt_drive::{Bus, DriveDevice, Make, Socket};
 
     pub use hapt_drive::Address;
 
@@ -35,7 +35,7 @@ mod linux {
 
     /// The drive at `address` as the loop's device, started.
     pub fn open(address: &Address, world: &World) -> Result<Box<dyn Device>, Failure> {
-        let wheel = address.open().and_then(|drive| Wheel::start(drive, world));
+        let wheel = address.open().and_then(|drive| DriveDevice::start(drive, world));
         let wheel = wheel.map_err(|error| Failure::System(format!("--device {address}: {error}")))?;
         for note in wheel.notes() {
             say(format_args!("note: {note}"));

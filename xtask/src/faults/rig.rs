@@ -68,7 +68,7 @@ impl Rig {
     pub fn new(world: &World, profile: SafetyProfile) -> Result<Self> {
         let controller = compiled(world, profile)?;
         Ok(Rig {
-            device: VirtualDevice::new(&world.rig()),
+            device: VirtualDevice::new(&world.device_spec()),
             wires: Wires::WHOLE,
             state: Box::new(controller.start()),
             controller,

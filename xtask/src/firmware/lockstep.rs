@@ -86,7 +86,7 @@ impl Board {
         let scenario = &world.scenarios[0];
         let hash = self.load(&world, &world.limits(SafetyProfile::Simulated))?;
         self.arm(hash)?;
-        let mut device = VirtualDevice::new(&world.rig());
+        let mut device = VirtualDevice::new(&world.device_spec());
         device.begin(&mut script(scenario, world.sampling.period));
         let mut run = Simulation::new(&world, scenario)?;
         let (mut difference, mut largest, mut bits) = (0.0_f64, 0.0_f64, Vec::new());

@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use fastrand::Rng;
 use hapt_identify::Bounds;
 use hapt_plant::VirtualDevice;
-use hapt_plant::spec::Rig;
+use hapt_plant::spec::DeviceSpec;
 
 /// How long an experiment takes, s.
 const DURATION: f64 = 4.0;
@@ -31,7 +31,7 @@ pub enum Kind {
 #[derive(Clone, Debug)]
 pub struct Trial {
     kind: Kind,
-    rig: Rig,
+    rig: DeviceSpec,
     pub is_linear: bool,
     /// 1 or -1.
     pub sign: f64,
@@ -75,7 +75,7 @@ impl Trial {
             Kind::Mixed | Kind::Quiet | Kind::Guided | Kind::Offset => (0, 0.0),
         };
         let sign = if rng.bool() { 1.0 } else { -1.0 };
-        let rig = Rig { period, delay, inertia, damping, friction };
+        let rig = DeviceSpec { period, delay, inertia, damping, friction };
         Trial { kind, rig, is_linear, sign, count, offset, cogging, noise, amplitude, seed }
     }
 
@@ -146,7 +146,7 @@ impl Trial {
     }
 
     /// Those of a device that is another one by a little.
-    fn of(&self, rig: &Rig, offset: f64, commands: &[f64]) -> Vec<f64> {
+    fn of(&self, rig: &DeviceSpec, offset: f64, commands: &[f64]) -> Vec<f64> {
         let mut device = VirtualDevice::new(rig);
         let step = |command: &f64| {
             let position = device.puck().0;

@@ -8,7 +8,7 @@ use super::numbers::Numbers;
 use super::registers::{Parser, Resolution, Subframe, Value, Writer};
 use super::{EVERYBODY, REPLY, mode, register};
 use crate::can::Bus;
-use crate::drive::{Answer, Drive, DriveFault, Error, OTHERS, Terms, Trouble};
+use crate::drive::{Answer, Drive, DriveError, DriveFault, DriveLimits, Error, OTHERS};
 use crate::frame::Frame;
 
 /// How long an answer may take before the loop runs, and how often it is asked for.
@@ -45,7 +45,7 @@ pub struct Moteus {
     /// What people know it by.
     name: String,
     id: u8,
-    terms: Terms,
+    limits: DriveLimits,
     numbers: Numbers,
     /// The last command.
     command: Option<Sent>,
@@ -97,7 +97,7 @@ impl Moteus {
             bus,
             name,
             id,
-            terms: Terms { watchdog: 0.0, torque: 0.0 },
+            limits: DriveLimits { watchdog: 0.0, torque: 0.0 },
             numbers: Numbers::default(),
             command: None,
             lost: 0,
@@ -134,10 +134,10 @@ impl Moteus {
         self.question().write(register::MODE, &[STOP])
     }
 
-    /// A command of this torque in N·m, held to `terms`, that is good for `watchdog` s. Its answer tells the mode in which the drive was
+    /// A command of this torque in N·m, held to `limits`, that is good for `watchdog` s. Its answer tells the mode in which the drive was
     /// when it came.
     fn torque(&mut self, torque: f32, watchdog: f32) -> Frame {
-        let most = if self.terms.torque.is_finite() { self.terms.torque as f32 } else { f32::NAN };
+        let most = if self.limits.torque.is_finite() { self.limits.torque as f32 } else { f32::NAN };
         let number = self.numbers.next();
         self.command = Some(Sent { number, is_taken: false, is_answered: false });
         Writer::new(REPLY | u32::from(self.id))
@@ -238,7 +238,7 @@ impl Moteus {
     }
 
     /// Waits for the last command's answer. One that does not come in time is read in the next sample.
-    fn is_taken(&mut self, until: Instant) -> Result<(), Trouble> {
+    fn is_taken(&mut self, until: Instant) -> Result<(), DriveError> {
         for _ in 0..OTHERS {
             let Some(frame) = self.bus.receive(until)? else { break };
             self.hear(&frame);
@@ -249,13 +249,13 @@ impl Moteus {
         self.is_well()
     }
 
-    fn is_well(&self) -> Result<(), Trouble> {
-        self.fault.map_or(Ok(()), |fault| Err(Trouble::Fault(fault)))
+    fn is_well(&self) -> Result<(), DriveError> {
+        self.fault.map_or(Ok(()), |fault| Err(DriveError::Fault(fault)))
     }
 
     /// Sends a question and waits for its answer; `Late` where other answers of this drive have come instead. However full the bus is
     /// of others' frames, it waits until that instant and looks at so many of those that are there then.
-    fn ask(&mut self, question: &Frame, until: Instant) -> Result<Status, Trouble> {
+    fn ask(&mut self, question: &Frame, until: Instant) -> Result<Status, DriveError> {
         let mut heard = false;
         let over = Instant::now();
         for _ in 0..OTHERS {
@@ -272,7 +272,7 @@ impl Moteus {
                 }
             }
         }
-        Err(if heard { Trouble::Late } else { Trouble::Silent })
+        Err(if heard { DriveError::Late } else { DriveError::Silent })
     }
 
     /// The same with patience, before the loop runs.
@@ -281,7 +281,7 @@ impl Moteus {
             let frame = question(self).frame();
             match self.ask(&frame, Instant::now() + PATIENCE) {
                 Ok(status) => return Ok(status),
-                Err(Trouble::Gone) => return Err(self.gone()),
+                Err(DriveError::Gone) => return Err(self.gone()),
                 Err(_) => {}
             }
         }
@@ -319,33 +319,33 @@ impl Moteus {
     }
 
     /// What has failed stays so, and the drive is stopped before anything else happens.
-    fn halted<T>(&mut self, what: Result<T, Trouble>, until: Instant) -> Result<T, Trouble> {
-        if let Err(Trouble::Fault(fault)) = what {
+    fn halted<T>(&mut self, what: Result<T, DriveError>, until: Instant) -> Result<T, DriveError> {
+        if let Err(DriveError::Fault(fault)) = what {
             self.fault.get_or_insert(fault);
             self.halt(until);
         }
         what
     }
 
-    fn answer(&mut self, status: &Status) -> Result<Answer, Trouble> {
-        let mode = status.mode.ok_or(Trouble::Late)?;
+    fn answer(&mut self, status: &Status) -> Result<Answer, DriveError> {
+        let mode = status.mode.ok_or(DriveError::Late)?;
         if let Some(fault) = fault(mode, status.fault) {
-            return Err(Trouble::Fault(fault));
+            return Err(DriveError::Fault(fault));
         }
         self.ran |= mode == mode::POSITION;
         if self.ran && mode != mode::POSITION {
-            return Err(Trouble::Fault(fault::taken(mode)));
+            return Err(DriveError::Fault(fault::taken(mode)));
         }
         match (status.position, status.velocity) {
             (Some(position), Some(velocity)) => Ok(Answer { position: position.into(), velocity: velocity.into() }),
-            _ => Err(Trouble::Late),
+            _ => Err(DriveError::Late),
         }
     }
 }
 
 impl Drive for Moteus {
-    fn start(&mut self, terms: &Terms) -> Result<Answer, Error> {
-        (self.terms, self.ran, self.fault) = (*terms, false, None);
+    fn start(&mut self, limits: &DriveLimits) -> Result<Answer, Error> {
+        (self.limits, self.ran, self.fault) = (*limits, false, None);
         (self.command, self.lost, self.unanswered) = (None, 0, 0);
         // Alone, because a bus that is down says so here.
         let stop = self.stopping();
@@ -397,17 +397,17 @@ impl Drive for Moteus {
         }
     }
 
-    fn read(&mut self, until: Instant) -> Result<Answer, Trouble> {
+    fn read(&mut self, until: Instant) -> Result<Answer, DriveError> {
         let question = self.question().frame();
         let status = self.ask(&question, until);
         let answer = self.is_well().and(status).and_then(|status| self.answer(&status));
         self.halted(answer, until)
     }
 
-    fn command(&mut self, torque: f64, until: Instant) -> Result<(), Trouble> {
+    fn command(&mut self, torque: f64, until: Instant) -> Result<(), DriveError> {
         self.count_lost();
         let sent = self.is_well().and_then(|()| {
-            let frame = self.torque(torque as f32, self.terms.watchdog as f32);
+            let frame = self.torque(torque as f32, self.limits.watchdog as f32);
             self.bus.send(&frame, until)?;
             self.is_taken(until)
         });
@@ -424,7 +424,7 @@ impl Drive for Moteus {
         for _ in 0..TRIES {
             let frame = self.asking_and_stopping().frame();
             match self.ask(&frame, Instant::now() + PATIENCE) {
-                Err(Trouble::Silent | Trouble::Late) => {}
+                Err(DriveError::Silent | DriveError::Late) => {}
                 // It has heard it, or there is nobody to hear it.
                 _ => return,
             }

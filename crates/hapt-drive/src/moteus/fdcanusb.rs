@@ -15,8 +15,8 @@ use std::time::Instant;
 use crate::can::Bus;
 use crate::drive::OTHERS;
 use crate::frame::Frame;
+use crate::serial::Line;
 use crate::text::Lines;
-use hapt_line::Line;
 
 /// Longer than any line: 64 bytes are 128 digits.
 const ROOM: usize = 192;
@@ -203,7 +203,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use hapt_line::pty;
+    use crate::serial::pty;
 
     /// Some rows of the table of half bytes that the drive's makers give.
     #[test]

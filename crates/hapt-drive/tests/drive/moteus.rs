@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use hapt_core::{Phase, Reason, Request};
 use hapt_drive::moteus::Simulated;
 use hapt_drive::simulate::{Firmware, Shaft, Time};
-use hapt_drive::{Error, Frame, Make, Terms, Trouble};
+use hapt_drive::{DriveError, DriveLimits, Error, Frame, Make};
 use hapt_model::World;
 use hapt_rt::Failure;
 
@@ -225,7 +225,7 @@ fn a_loop_that_ends_leaves_the_drive_stopped() {
     while Instant::now() < until {
         match after.read(soon()) {
             Ok(_) => return,
-            Err(Trouble::Fault(fault)) => panic!("{fault}"),
+            Err(DriveError::Fault(fault)) => panic!("{fault}"),
             Err(_) => {}
         }
     }
@@ -238,21 +238,21 @@ fn the_drives_watchdog_latches_and_only_a_stop_clears_it() {
     let world = world(&[]);
     let rig = rig(&world, 1, Time::Real);
     let mut drive = rig.drive(1);
-    drive.start(&Terms { watchdog: 0.05, torque: 1.0 }).unwrap();
+    drive.start(&DriveLimits { watchdog: 0.05, torque: 1.0 }).unwrap();
     drive.command(0.02, soon()).unwrap();
     std::thread::sleep(Duration::from_millis(300));
     let silent = match drive.read(soon()) {
-        Err(Trouble::Fault(fault)) => fault,
+        Err(DriveError::Fault(fault)) => fault,
         other => panic!("{other:?}"),
     };
     assert_eq!((silent.code, silent.reason), (11, Some(Reason::Late)));
     // Commands do not bring it back.
     for _ in 0..5 {
-        assert_eq!(drive.command(0.02, soon()), Err(Trouble::Fault(silent)));
-        assert_eq!(drive.read(soon()), Err(Trouble::Fault(silent)));
+        assert_eq!(drive.command(0.02, soon()), Err(DriveError::Fault(silent)));
+        assert_eq!(drive.read(soon()), Err(DriveError::Fault(silent)));
         assert_eq!(rig.faults.torque(), 0.0);
     }
-    drive.start(&Terms { watchdog: 10.0, torque: 1.0 }).unwrap();
+    drive.start(&DriveLimits { watchdog: 10.0, torque: 1.0 }).unwrap();
     drive.command(0.02, soon()).unwrap();
     drive.read(soon()).unwrap();
     drive.stop();
@@ -263,7 +263,7 @@ fn a_wrong_identifier_says_which_one_is_there() {
     let world = world(&[]);
     let rig = rig(&world, 7, Time::Real);
     let mut drive = rig.drive(1);
-    match drive.start(&Terms { watchdog: 1.0, torque: 1.0 }) {
+    match drive.start(&DriveLimits { watchdog: 1.0, torque: 1.0 }) {
         Err(error @ Error::Silent { .. }) => assert!(error.to_string().contains("#7"), "{error}"),
         other => panic!("{other:?}"),
     }

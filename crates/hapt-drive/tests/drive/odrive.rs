@@ -8,7 +8,7 @@ use hapt_core::{Phase, Reason, Request};
 use hapt_drive::odrive::Simulated;
 use hapt_drive::odrive::codec::{self, Version};
 use hapt_drive::simulate::{Firmware, Shaft, Time};
-use hapt_drive::{Bus, Drive, Error, Frame, Line, Make, Terms, Trouble, slcan};
+use hapt_drive::{Bus, Drive, DriveError, DriveLimits, Error, Frame, Line, Make, slcan};
 use hapt_model::World;
 use hapt_rt::{DriveFault, Failure, Record};
 
@@ -18,7 +18,7 @@ use crate::rig::{Looped, Rig, lockstep, soon, world};
 const PATIENCE: u64 = 200;
 /// Less than what ends lockstep.
 const STILL: Duration = Duration::from_millis(30);
-const TERMS: Terms = Terms { watchdog: 0.01, torque: 1.0 };
+const TERMS: DriveLimits = DriveLimits { watchdog: 0.01, torque: 1.0 };
 
 fn rig(world: &World, time: Time) -> Rig {
     with(Simulated::new(1), world, time)
@@ -211,7 +211,7 @@ fn an_error_between_start_and_first_command_is_not_cleared() {
         assert!(Instant::now() < end, "it goes on");
         assert_eq!(rig.faults.torque(), 0.0);
         match drive.read(soon()).and_then(|_| drive.command(0.01, soon())) {
-            Err(Trouble::Fault(fault)) => break fault,
+            Err(DriveError::Fault(fault)) => break fault,
             _ => std::thread::sleep(Duration::from_millis(1)),
         }
         // It strikes once: from now on nothing but a clear would take it away.
@@ -324,13 +324,13 @@ fn the_watchdog_bites_whoever_is_killed_and_torques_alone_do_not_bring_the_drive
         drive.command(0.01, soon()).unwrap();
         match drive.read(soon()) {
             Ok(_) => {}
-            Err(Trouble::Fault(fault)) => break fault,
+            Err(DriveError::Fault(fault)) => break fault,
             other => panic!("{other:?}"),
         }
     };
     assert_eq!((fault.what, fault.reason), ("WATCHDOG_TIMER_EXPIRED", Some(Reason::Late)));
     assert_eq!(rig.faults.torque(), 0.0);
-    assert_eq!(drive.command(0.01, soon()), Err(Trouble::Fault(fault)));
+    assert_eq!(drive.command(0.01, soon()), Err(DriveError::Fault(fault)));
     let started = |_| drive.start(&TERMS).is_ok() && drive.read(soon()).is_ok();
     assert!((0..20).any(started), "a new start does not clear it");
 }

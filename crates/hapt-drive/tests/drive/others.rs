@@ -10,7 +10,7 @@ use hapt_core::Reason;
 use hapt_drive::moteus::{self, Moteus, Resolution, Value, Writer};
 use hapt_drive::odrive::{Odrive, codec};
 use hapt_drive::simulate::{Firmware, Shaft};
-use hapt_drive::{Bus, Drive, Frame, Make, Trouble};
+use hapt_drive::{Bus, Drive, DriveError, Frame, Make};
 use hapt_rt::Failure;
 use proptest::prelude::*;
 
@@ -44,7 +44,7 @@ proptest! {
         let mut drive = Moteus::new(Box::new(Listed(VecDeque::from([frame]))), 1, "nowhere".into());
         let is_foreign = prefix == 0 && (to == 1 || to == 0x7f || from == 1 && to != 0 && !reply);
         match drive.read(soon()) {
-            Err(Trouble::Fault(fault)) => {
+            Err(DriveError::Fault(fault)) => {
                 prop_assert!(is_foreign, "{frame:?}");
                 prop_assert_eq!(fault.reason, Some(Reason::Link));
                 prop_assert!(drive.command(0.0, soon()).is_err(), "it goes on all the same");
@@ -126,7 +126,7 @@ fn a_bus_that_is_full_of_others_frames_ends_the_sample_and_not_the_loop() {
         }
     }
     for mut drive in drives(|| Flood { frame: Frame::fd(0x200, &[0; 8]), pause: Duration::from_millis(1) }) {
-        assert!(matches!(drive.read(Instant::now()), Err(Trouble::Silent | Trouble::Late)));
+        assert!(matches!(drive.read(Instant::now()), Err(DriveError::Silent | DriveError::Late)));
     }
 }
 
@@ -214,13 +214,13 @@ fn a_frame_of_another_host_to_an_odrive_is_a_fault() {
     ] {
         let mut drive = Odrive::new(Box::new(Listed([frame].into())), 1, "nowhere");
         match drive.read(soon()) {
-            Err(Trouble::Fault(fault)) => assert_eq!(fault.reason, Some(Reason::Link)),
+            Err(DriveError::Fault(fault)) => assert_eq!(fault.reason, Some(Reason::Link)),
             other => panic!("{frame:?}: {other:?}"),
         }
         assert!(drive.command(0.0, soon()).is_err(), "it goes on all the same");
         // To another drive it may say what it likes.
         let mut other = Odrive::new(Box::new(Listed([frame].into())), 2, "nowhere");
-        assert_eq!(other.read(soon()), Err(Trouble::Silent));
+        assert_eq!(other.read(soon()), Err(DriveError::Silent));
     }
 }
 
@@ -229,5 +229,5 @@ fn an_answer_that_nobody_has_asked_for_is_another_drives() {
     let answer = Frame::classic(codec::Command::Estimates.id(1).into(), &codec::floats(0.1, 0.0));
     // One before the question, and one as its answer.
     let mut drive = Odrive::new(Box::new(Listed([answer; 2].into())), 1, "nowhere");
-    assert!(matches!(drive.read(soon()), Err(Trouble::Fault(fault)) if fault.what.contains("another drive")));
+    assert!(matches!(drive.read(soon()), Err(DriveError::Fault(fault)) if fault.what.contains("another drive")));
 }

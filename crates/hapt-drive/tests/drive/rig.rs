@@ -13,7 +13,9 @@ use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_drive::moteus::{self, Moteus};
 use hapt_drive::odrive::Odrive;
 use hapt_drive::simulate::{Firmware, Shaft, Simulator, Time};
-use hapt_drive::{Answer, Bus, Drive, Error, Frame, Line, Make, Socket, Terms, Trouble, Wheel, pty, slcan};
+use hapt_drive::{
+    Answer, Bus, Drive, DriveDevice, DriveError, DriveLimits, Error, Frame, Line, Make, Socket, pty, slcan,
+};
 use hapt_model::{Source, World};
 use hapt_rt::{Cycle, Failure, Moment, Plan, Record};
 
@@ -198,16 +200,16 @@ impl Patient {
 }
 
 impl Drive for Patient {
-    fn start(&mut self, terms: &Terms) -> Result<Answer, Error> {
-        self.0.start(terms)
+    fn start(&mut self, limits: &DriveLimits) -> Result<Answer, Error> {
+        self.0.start(limits)
     }
 
-    fn read(&mut self, until: Instant) -> Result<Answer, Trouble> {
+    fn read(&mut self, until: Instant) -> Result<Answer, DriveError> {
         let until = self.until(until);
         self.0.read(until)
     }
 
-    fn command(&mut self, torque: f64, until: Instant) -> Result<(), Trouble> {
+    fn command(&mut self, torque: f64, until: Instant) -> Result<(), DriveError> {
         let until = self.until(until);
         self.0.command(torque, until)
     }
@@ -309,10 +311,10 @@ impl Rig {
 
     /// The drive with identifier 1, started. Where the machine stands still meanwhile, the drive's watchdog runs out, and it is started
     /// anew; one that is not well fails every time.
-    pub fn wheel(&self, world: &World) -> Wheel {
+    pub fn wheel(&self, world: &World) -> DriveDevice {
         let mut last = None;
         for _ in 0..TRIES {
-            match Wheel::start(self.drive(1), world) {
+            match DriveDevice::start(self.drive(1), world) {
                 Ok(wheel) => return wheel,
                 Err(error) => last = Some(error),
             }

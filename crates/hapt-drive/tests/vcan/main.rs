@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use hapt_core::{Phase, Reason, Request};
 use hapt_drive::odrive::codec;
 use hapt_drive::simulate::{Firmware, Time};
-use hapt_drive::{Bus, Error, Frame, Make, Socket, Terms, moteus, odrive};
+use hapt_drive::{Bus, DriveLimits, Error, Frame, Make, Socket, moteus, odrive};
 use hapt_model::World;
 use hapt_rt::Failure;
 use rig::{Looped, Rig, lockstep, soon, world};
@@ -27,7 +27,7 @@ static BUS: Mutex<()> = Mutex::new(());
 const PATIENCE: u64 = 40;
 /// As long as may be: an emulated machine stands still now and then, s.
 const WATCHDOG: f64 = 0.095;
-const TERMS: Terms = Terms { watchdog: 0.1, torque: 1.0 };
+const TERMS: DriveLimits = DriveLimits { watchdog: 0.1, torque: 1.0 };
 
 /// What each test does for each drive, on the interface that the environment names.
 fn on_the_bus(test: impl Fn(Make, &str)) {

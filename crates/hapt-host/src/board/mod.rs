@@ -31,7 +31,7 @@ mod telemetry;
 mod worker;
 
 pub use error::Error;
-pub use hapt_line::{Line, SPEED, pty};
+pub use hapt_drive::serial::{Line, SPEED, pty};
 pub use hapt_wire::{Parameter, Refusal, Telemetry};
 pub use info::Board;
 pub use link::Link;

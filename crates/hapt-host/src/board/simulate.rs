@@ -8,7 +8,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use hapt_plant::VirtualDevice;
-use hapt_plant::spec::Rig;
+use hapt_plant::spec::DeviceSpec;
 use hapt_wire::LONGEST;
 use hapt_wire::device::{Board, Endpoint, Measurement, Slot};
 
@@ -44,16 +44,16 @@ struct Shared {
 }
 
 impl Simulated {
-    /// Puts a board on the table, whose motor turns the puck of `rig`; the world's own period takes the place of the rig's.
+    /// Puts a board on the table, whose motor turns the puck of `spec`; the world's own period takes the place of the spec's.
     ///
     /// # Errors
     /// The system gives no pseudoterminal, or no thread.
-    pub fn start(board: Board, rig: Rig) -> io::Result<Self> {
+    pub fn start(board: Board, spec: DeviceSpec) -> io::Result<Self> {
         let (line, path) = pty()?;
         let shared = Arc::new(Shared::default());
         let its = Arc::clone(&shared);
         let thread =
-            std::thread::Builder::new().name("board".into()).spawn(move || Table::new(rig, its, line).run(board))?;
+            std::thread::Builder::new().name("board".into()).spawn(move || Table::new(spec, its, line).run(board))?;
         Ok(Simulated { path, shared, thread: Some(thread) })
     }
 
@@ -104,7 +104,7 @@ impl Drop for Simulated {
 
 /// What the thread has before it.
 struct Table {
-    rig: Rig,
+    spec: DeviceSpec,
     device: VirtualDevice,
     shared: Arc<Shared>,
     line: Option<Line>,
@@ -113,8 +113,8 @@ struct Table {
 }
 
 impl Table {
-    fn new(rig: Rig, shared: Arc<Shared>, line: Line) -> Self {
-        Table { rig, device: VirtualDevice::new(&rig), shared, line: Some(line), whole: 0 }
+    fn new(spec: DeviceSpec, shared: Arc<Shared>, line: Line) -> Self {
+        Table { spec, device: VirtualDevice::new(&spec), shared, line: Some(line), whole: 0 }
     }
 
     fn run(&mut self, board: Board) {
@@ -168,9 +168,9 @@ impl Table {
 
     fn sample(&mut self, station: &mut Endpoint<'_>) {
         let period = f64::from(station.period());
-        if (period - self.rig.period).abs() > 1e-6 * period {
-            self.rig.period = period;
-            self.device.refit(&mut VirtualDevice::new(&self.rig));
+        if (period - self.spec.period).abs() > 1e-6 * period {
+            self.spec.period = period;
+            self.device.refit(&mut VirtualDevice::new(&self.spec));
         }
         let (position, velocity) = self.device.puck();
         let fault = self.shared.tripped.swap(false, SeqCst);

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use fastrand::Rng;
 use hapt_identify::{Identified, Interval, Known, Record, identify};
 use hapt_plant::VirtualDevice;
-use hapt_plant::spec::Rig;
+use hapt_plant::spec::DeviceSpec;
 
 use crate::rig::{WHEEL, counted, motion, steps, times};
 
@@ -13,11 +13,11 @@ use crate::rig::{WHEEL, counted, motion, steps, times};
 const NAMES: [&str; 4] = ["inertia", "damping", "friction", "delay"];
 
 /// A device that hardly damps, and its counts a revolution.
-fn light(rng: &mut Rng) -> (Rig, f64) {
+fn light(rng: &mut Rng) -> (DeviceSpec, f64) {
     let mut within = |low: f64, high: f64| low * (high / low).powf(rng.f64());
     let (inertia, counts) = (within(1e-4, 1e-2), within(200.0, 1000.0).round());
     let damping = inertia / within(3.0, 900.0);
-    let rig = Rig { inertia, period: 2e-3, damping, friction: 0.0, delay: 0.0 };
+    let rig = DeviceSpec { inertia, period: 2e-3, damping, friction: 0.0, delay: 0.0 };
     (rig, counts)
 }
 
@@ -29,7 +29,7 @@ struct Coverage {
 }
 
 impl Coverage {
-    fn add(&mut self, found: &Identified, rig: &Rig) {
+    fn add(&mut self, found: &Identified, rig: &DeviceSpec) {
         let intervals = [found.inertia, found.damping, found.friction, found.delay];
         let truth = [rig.inertia, rig.damping, rig.friction, rig.delay];
         for (i, (interval, truth)) in intervals.into_iter().zip(truth).enumerate() {

@@ -5,12 +5,12 @@ use std::f64::consts::TAU;
 use fastrand::Rng;
 use hapt_identify::{Columns, Error, Identified, Known, Puck, Record, identify};
 use hapt_plant::VirtualDevice;
-use hapt_plant::spec::Rig;
+use hapt_plant::spec::DeviceSpec;
 use proptest::prelude::*;
 
 use crate::rig::{WHEEL, counted, motion, steps, times};
 
-fn record(rig: &Rig, seed: u64, samples: usize, counts: f64, noise: f64) -> Record {
+fn record(rig: &DeviceSpec, seed: u64, samples: usize, counts: f64, noise: f64) -> Record {
     let mut rng = Rng::with_seed(seed);
     let torques = steps(&mut rng, samples, 0.08);
     let seen = counted(&motion(rig, &torques), counts, noise, &mut rng);
@@ -18,7 +18,7 @@ fn record(rig: &Rig, seed: u64, samples: usize, counts: f64, noise: f64) -> Reco
 }
 
 /// Every interval that covers the truth, by name.
-fn covered(found: &Identified, rig: &Rig) -> [bool; 4] {
+fn covered(found: &Identified, rig: &DeviceSpec) -> [bool; 4] {
     let of = |interval: Option<hapt_identify::Interval>, truth| interval.is_some_and(|x| x.covers(truth));
     [
         of(found.inertia, rig.inertia),
@@ -35,7 +35,7 @@ proptest! {
     fn the_puck_goes_where_the_exact_device_goes(
         seed in any::<u64>(), inertia in 1e-4..1e-2f64, rate in 0.0..30.0f64, friction in 0.0..0.05f64, delay in 0.0..8e-3f64,
     ) {
-        let rig = Rig { period: 1e-3, delay, inertia, damping: rate * inertia, friction };
+        let rig = DeviceSpec { period: 1e-3, delay, inertia, damping: rate * inertia, friction };
         let mut torques = steps(&mut Rng::with_seed(seed), 1500, 0.1);
         torques[0] = 0.0; // What is held before the first command.
         let truth = motion(&rig, &torques);
@@ -94,7 +94,7 @@ fn without_noise_the_device_is_found_to_many_digits() {
 
 #[test]
 fn a_motor_of_the_other_sign_is_the_same_device() {
-    let rig = Rig { delay: 0.0, ..WHEEL };
+    let rig = DeviceSpec { delay: 0.0, ..WHEEL };
     let right = record(&rig, 3, 3000, 4000.0, 0.7);
     let mirrored: Vec<f64> = right.torques().iter().map(|torque| -torque).collect();
     let wrong = Record::new(right.times().to_vec(), right.positions().to_vec(), mirrored).unwrap();
@@ -129,7 +129,8 @@ fn a_coast_down_shows_damping_and_friction_over_inertia() {
     // Spun up by the motor, and then no torque.
     let mut torques = vec![0.06; 300];
     torques.resize(4000, 0.0);
-    let positions = counted(&motion(&Rig { delay: 0.0, ..WHEEL }, &torques), 4000.0, 0.7, &mut Rng::with_seed(2));
+    let positions =
+        counted(&motion(&DeviceSpec { delay: 0.0, ..WHEEL }, &torques), 4000.0, 0.7, &mut Rng::with_seed(2));
     let record = Record::new(times(&WHEEL, 3700), positions[300..].to_vec(), vec![0.0; 3700]).unwrap();
     let found = identify(&record, &Known::default()).unwrap();
     assert_eq!((found.inertia, found.damping, found.sign, found.delay), (None, None, None, None));
@@ -146,7 +147,7 @@ fn a_rest_on_one_count_is_one_measurement() {
     // Without noise the puck rests on the same count for ever; the intervals do not shrink by that.
     let mut torques = steps(&mut Rng::with_seed(12), 2000, 0.08);
     torques.resize(2500, 0.0);
-    let rig = Rig { delay: 1e-3, ..WHEEL };
+    let rig = DeviceSpec { delay: 1e-3, ..WHEEL };
     let seen = counted(&motion(&rig, &torques), 4000.0, 0.0, &mut Rng::with_seed(0));
     let found = identify(&Record::new(times(&rig, 2500), seen.clone(), torques.clone()).unwrap(), &Known::default());
     let found = found.unwrap().friction.unwrap();
@@ -160,7 +161,7 @@ fn a_rest_on_one_count_is_one_measurement() {
 
 #[test]
 fn uneven_times_are_what_they_are() {
-    let full = record(&Rig { delay: 2e-3, ..WHEEL }, 9, 4000, 4000.0, 0.7);
+    let full = record(&DeviceSpec { delay: 2e-3, ..WHEEL }, 9, 4000, 4000.0, 0.7);
     // Positions at a third of the samples, at random; but every torque's step is kept.
     let mut rng = Rng::with_seed(4);
     let keep: Vec<usize> =
@@ -179,7 +180,7 @@ fn uneven_times_are_what_they_are() {
 #[test]
 fn a_push_in_one_direction_does_not_tell_friction_from_inertia() {
     // What is seen of one long push is the torque less the friction, over the inertia.
-    let rig = Rig { damping: 20e-3, delay: 0.0, ..WHEEL };
+    let rig = DeviceSpec { damping: 20e-3, delay: 0.0, ..WHEEL };
     let torques: Vec<f64> =
         (0..2000).map(|k| if k < 100 { 0.0 } else { 0.1 + 1e-3 * (0.05 * k as f64).sin() }).collect();
     let seen = counted(&motion(&rig, &torques), 4000.0, 0.7, &mut Rng::with_seed(8));
@@ -292,7 +293,8 @@ fn a_wheel_that_rings_on_a_virtual_spring_shows_its_inertia() {
         let mut rng = Rng::with_seed(seed);
         let mut within = |from: f64, to: f64| from * (to / from).powf(rng.f64());
         let (inertia, stiffness) = (within(3e-4, 3e-3), within(0.3, 3.0));
-        let rig = Rig { delay: 0.0, inertia, damping: within(5e-4, 3e-3), friction: within(1e-3, 5e-3), ..WHEEL };
+        let rig =
+            DeviceSpec { delay: 0.0, inertia, damping: within(5e-4, 3e-3), friction: within(1e-3, 5e-3), ..WHEEL };
         let (rest, count) = (within(0.3, 1.0), TAU / within(2e3, 2e4));
         let mut device = VirtualDevice::new(&rig);
         let mut sample = |_| {

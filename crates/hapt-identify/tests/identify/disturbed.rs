@@ -3,7 +3,7 @@
 use fastrand::Rng;
 use hapt_identify::{Error, Identified, Interval, Known, Record, identify};
 use hapt_plant::VirtualDevice;
-use hapt_plant::spec::Rig;
+use hapt_plant::spec::DeviceSpec;
 use proptest::prelude::*;
 
 use crate::rig::{WHEEL, counted, motion, steps, times};
@@ -12,7 +12,7 @@ use crate::rig::{WHEEL, counted, motion, steps, times};
 type Besides<'a> = (u32, f64, &'a dyn Fn(f64) -> f64);
 
 /// Where a device goes on which a torque acts besides, given by its position.
-fn moved(rig: &Rig, torques: &[f64], besides: impl Fn(f64) -> f64) -> Vec<f64> {
+fn moved(rig: &DeviceSpec, torques: &[f64], besides: impl Fn(f64) -> f64) -> Vec<f64> {
     let mut device = VirtualDevice::new(rig);
     let step = |torque: &f64| {
         let position = device.puck().0;
@@ -23,12 +23,12 @@ fn moved(rig: &Rig, torques: &[f64], besides: impl Fn(f64) -> f64) -> Vec<f64> {
     torques.iter().map(step).collect()
 }
 
-fn told(rig: &Rig, positions: &[f64], torques: Vec<f64>, rng: &mut Rng) -> Result<Identified, Error> {
+fn told(rig: &DeviceSpec, positions: &[f64], torques: Vec<f64>, rng: &mut Rng) -> Result<Identified, Error> {
     let seen = counted(positions, 4000.0, 0.7, rng);
     identify(&Record::new(times(rig, torques.len()), seen, torques).unwrap(), &Known::default())
 }
 
-fn found(rig: &Rig, positions: &[f64], torques: Vec<f64>, rng: &mut Rng) -> Identified {
+fn found(rig: &DeviceSpec, positions: &[f64], torques: Vec<f64>, rng: &mut Rng) -> Identified {
     told(rig, positions, torques, rng).unwrap()
 }
 
@@ -45,7 +45,7 @@ proptest! {
         seed in any::<u64>(), offset in -0.01..0.01f64, friction in 1e-3..8e-3f64, damping in 3e-3..10e-3f64,
     ) {
         // Steps that are shorter than the time constant, so that it goes both ways.
-        let rig = Rig { friction, damping, delay: 1.3e-3, ..WHEEL };
+        let rig = DeviceSpec { friction, damping, delay: 1.3e-3, ..WHEEL };
         let mut rng = Rng::with_seed(seed);
         let torques = steps(&mut rng, 4000, 0.1);
         let found = found(&rig, &moved(&rig, &torques, |_| offset), torques, &mut rng);
@@ -63,7 +63,7 @@ proptest! {
     ) {
         let mut rng = Rng::with_seed(seed);
         let torques = steps(&mut rng, 2000, 0.08);
-        let positions = moved(&Rig { damping: 5e-3, ..WHEEL }, &torques, |_| offset);
+        let positions = moved(&DeviceSpec { damping: 5e-3, ..WHEEL }, &torques, |_| offset);
         let seen = counted(&positions, 4000.0, 0.7, &mut rng);
         // Powers of two, so that no unit rounds anything.
         let (metre, newton) = (2f64.powi(length), 2f64.powi(force));
@@ -90,7 +90,7 @@ proptest! {
 
 #[test]
 fn what_moves_the_puck_with_its_position_is_seen_for_what_it_is() {
-    let rig = Rig { damping: 4e-3, ..WHEEL };
+    let rig = DeviceSpec { damping: 4e-3, ..WHEEL };
     for seed in 0..4 {
         let mut rng = Rng::with_seed(seed);
         let torques = steps(&mut rng, 4000, 0.1);
@@ -123,7 +123,7 @@ fn a_large_constant_torque_is_found_or_nothing_is() {
     for seed in 0..24 {
         let mut rng = Rng::with_seed(seed);
         let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
-        let rig = Rig {
+        let rig = DeviceSpec {
             damping: WHEEL.inertia / between(0.1, 3.0),
             friction: between(2e-3, 0.04),
             delay: between(0.0, 5e-3),
@@ -149,7 +149,7 @@ fn a_large_constant_torque_is_found_or_nothing_is() {
 fn a_record_is_used_from_where_every_torque_in_it_is_known() {
     for seed in 0..8 {
         let mut rng = Rng::with_seed(seed);
-        let rig = Rig { delay: 3.4e-3, damping: 4e-3, ..WHEEL };
+        let rig = DeviceSpec { delay: 3.4e-3, damping: 4e-3, ..WHEEL };
         let torques = steps(&mut rng, 4600, 0.1);
         let seen = counted(&motion(&rig, &torques), 4000.0, 0.7, &mut rng);
         // From the middle on: who knows what was asked for before.
@@ -167,7 +167,7 @@ fn a_record_is_used_from_where_every_torque_in_it_is_known() {
 fn who_goes_one_way_cannot_tell_a_constant_torque_and_says_so() {
     let torques: Vec<f64> =
         (0..3000).map(|k| if k < 100 { 0.0 } else { 0.06 + 0.04 * (k as f64 * k as f64 * 2e-5).sin() }).collect();
-    let rig = Rig { damping: 5e-3, ..WHEEL };
+    let rig = DeviceSpec { damping: 5e-3, ..WHEEL };
     let mut rng = Rng::with_seed(3);
     let found = found(&rig, &motion(&rig, &torques), torques, &mut rng);
     assert_eq!(found.offset, None);

@@ -4,9 +4,10 @@ use std::f64::consts::TAU;
 
 use fastrand::Rng;
 use hapt_plant::VirtualDevice;
-use hapt_plant::spec::Rig;
+use hapt_plant::spec::DeviceSpec;
 
-pub const WHEEL: Rig = Rig { period: 1e-3, delay: 2.4e-3, inertia: 6.4e-4, damping: 1.2e-3, friction: 5e-3 };
+pub const WHEEL: DeviceSpec =
+    DeviceSpec { period: 1e-3, delay: 2.4e-3, inertia: 6.4e-4, damping: 1.2e-3, friction: 5e-3 };
 
 /// Torques that step up and down at random, in N·m.
 pub fn steps(rng: &mut Rng, samples: usize, size: f64) -> Vec<f64> {
@@ -24,7 +25,7 @@ pub fn steps(rng: &mut Rng, samples: usize, size: f64) -> Vec<f64> {
 }
 
 /// Where the device is at each sample.
-pub fn motion(rig: &Rig, torques: &[f64]) -> Vec<f64> {
+pub fn motion(rig: &DeviceSpec, torques: &[f64]) -> Vec<f64> {
     let mut device = VirtualDevice::new(rig);
     let step = |torque: &f64| {
         let position = device.puck().0;
@@ -35,7 +36,7 @@ pub fn motion(rig: &Rig, torques: &[f64]) -> Vec<f64> {
     torques.iter().map(step).collect()
 }
 
-pub fn times(rig: &Rig, samples: usize) -> Vec<f64> {
+pub fn times(rig: &DeviceSpec, samples: usize) -> Vec<f64> {
     (0..samples).map(|k| k as f64 * rig.period).collect()
 }
 

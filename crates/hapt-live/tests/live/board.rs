@@ -44,7 +44,7 @@ stiffness = "0.1 N m/rad"
 /// A board on the table, and a loop behind a page on it.
 fn plugged(folder: &str) -> (Simulated, Live) {
     let source = Source::from_text("push.toml", PUSH);
-    let board = Simulated::start(BOARD, World::read(&source, &[]).unwrap().rig()).unwrap();
+    let board = Simulated::start(BOARD, World::read(&source, &[]).unwrap().device_spec()).unwrap();
     let options = Options { source, sets: Vec::new(), address: "127.0.0.1:0".parse().unwrap(), folder: folder.into() };
     let live = Live::start_on(options, |_| {
         let link = Box::new(Link::open(board.path())?);

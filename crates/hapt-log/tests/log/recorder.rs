@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::common::{self, WHEEL, header, world};
 use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_log::{Ending, Error, Log, Recorder, Summary, columns, phase_name, replay};
-use hapt_rt::{BODIES, Engine, Order, Plan, Record, Simulated, Touch};
+use hapt_rt::{BODIES, Engine, HandCommand, Order, Plan, Record, Simulated};
 use hapt_sim::Grip;
 
 /// Sample k of a loop that stands still.
@@ -50,8 +50,14 @@ fn session(samples: usize, text: &str, other: &str) -> Vec<Record> {
     let (device, mut hand) = Simulated::new(&world);
     let mut engine = Engine::start(plan, Box::new(device)).unwrap();
     let grip = Grip { inertia: 0.0, damping: 0.02, stiffness: 5.0 };
-    let mut touches =
-        vec![Touch::Grab(grip), Touch::Move(0.4), Touch::Release, Touch::Grab(grip), Touch::Move(-0.7)].into_iter();
+    let mut touches = vec![
+        HandCommand::Grab(grip),
+        HandCommand::Move(0.4),
+        HandCommand::Release,
+        HandCommand::Grab(grip),
+        HandCommand::Move(-0.7),
+    ]
+    .into_iter();
     let mut orders = vec![
         Order::Request(Request::Arm),
         Order::Swap(Box::new(next)),
@@ -131,8 +137,8 @@ fn behind_a_gap_the_recorder_orders_the_loops_state_and_the_replay_goes_on_from_
     let (device, mut hand) = Simulated::new(&world);
     let mut engine = Engine::start(Plan::new(&world, SafetyProfile::Simulated).unwrap(), Box::new(device)).unwrap();
     engine.send(Order::Request(Request::Arm)).unwrap();
-    hand.push(Touch::Grab(Grip { inertia: 0.0, damping: 0.02, stiffness: 5.0 })).unwrap();
-    hand.push(Touch::Move(0.4)).unwrap();
+    hand.push(HandCommand::Grab(Grip { inertia: 0.0, damping: 0.02, stiffness: 5.0 })).unwrap();
+    hand.push(HandCommand::Move(0.4)).unwrap();
     let disk = Disk::new(1 << 30);
     let recorder = Recorder::start_on(disk.clone(), "x", &world, header(WHEEL)).unwrap();
     let mut records = 0;

@@ -4,7 +4,7 @@ use crate::common::{WHEEL, header, world, worlds};
 use hapt_core::{Reason, Request, SafetyProfile};
 use hapt_log::{Error, Header, Log, LogWriter, Origin, Replay, replay};
 use hapt_model::World;
-use hapt_rt::{Cycle, Device, Failure, Hands, Moment, Plan, Position, Record, Simulated, Snapshot, Touch};
+use hapt_rt::{Cycle, Device, Failure, HandCommand, Hands, Moment, Plan, Position, Record, Simulated, Snapshot};
 use hapt_sim::Grip;
 use proptest::prelude::*;
 
@@ -79,9 +79,9 @@ struct Life {
 
 fn hand(hands: &mut Hands, to: Option<f64>, held: &mut bool) {
     let touch = match to {
-        None => Touch::Release,
-        Some(_) if !*held => Touch::Grab(Grip { inertia: 1e-4, damping: 0.02, stiffness: 3.0 }),
-        Some(position) => Touch::Move(position),
+        None => HandCommand::Release,
+        Some(_) if !*held => HandCommand::Grab(Grip { inertia: 1e-4, damping: 0.02, stiffness: 3.0 }),
+        Some(position) => HandCommand::Move(position),
     };
     *held = to.is_some();
     hands.push(touch).unwrap();

@@ -14,7 +14,7 @@ use common::{spring, wheel};
 use counting::counted;
 use hapt_core::{Request, SafetyProfile};
 use hapt_model::World;
-use hapt_rt::{Device, Engine, Failure, Hands, Order, Plan, Position, Settings, Simulated, Touch};
+use hapt_rt::{Device, Engine, Failure, HandCommand, Hands, Order, Plan, Position, Settings, Simulated};
 use hapt_sim::{Grip, script};
 
 /// A simulated device that notes how often its thread has allocated or freed, at the first sample and at the last.
@@ -60,10 +60,10 @@ const SCENARIO: &str = "[scenarios.test]\nduration = \"20 ms\"\nhand = { kind = 
 
 fn touch(hands: &mut Hands, k: u64) {
     let touch = match k % 4 {
-        0 => Touch::Grab(Grip { inertia: 1e-4, damping: 0.01, stiffness: 3.0 }),
-        1 => Touch::Move(0.1 * (k as f64).sin()),
-        2 => Touch::Release,
-        _ => Touch::Scenario(Box::new(script(&wheel("0.1 ms", SCENARIO).scenarios[0], 1e-4))),
+        0 => HandCommand::Grab(Grip { inertia: 1e-4, damping: 0.01, stiffness: 3.0 }),
+        1 => HandCommand::Move(0.1 * (k as f64).sin()),
+        2 => HandCommand::Release,
+        _ => HandCommand::Scenario(Box::new(script(&wheel("0.1 ms", SCENARIO).scenarios[0], 1e-4))),
     };
     let _ = hands.push(touch);
 }

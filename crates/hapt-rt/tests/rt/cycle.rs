@@ -2,7 +2,7 @@
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_model::World;
-use hapt_rt::{Cycle, Failure, Plan, Position, Replay, Simulated, Touch};
+use hapt_rt::{Cycle, Failure, HandCommand, Plan, Position, Replay, Simulated};
 use hapt_sim::{Simulation, script};
 use proptest::prelude::*;
 
@@ -67,7 +67,7 @@ proptest! {
         let mut cycle = on(&world, Box::new(device));
         armed(&mut cycle);
         let scenario = &world.scenarios[0];
-        hands.push(Touch::Scenario(Box::new(script(scenario, world.sampling.period)))).unwrap();
+        hands.push(HandCommand::Scenario(Box::new(script(scenario, world.sampling.period)))).unwrap();
         let mut run = Simulation::new(&world, scenario).unwrap();
         while let Some(row) = run.next() {
             let row = row.unwrap();
@@ -158,7 +158,7 @@ fn the_notes_wheel_let_go_in_real_time_is_the_simulation_to_its_last_row() {
     let (device, mut hands) = Simulated::new(&world);
     let mut cycle = on(&world, Box::new(device));
     armed(&mut cycle);
-    hands.push(Touch::Scenario(Box::new(script(&world.scenarios[0], 1e-3)))).unwrap();
+    hands.push(HandCommand::Scenario(Box::new(script(&world.scenarios[0], 1e-3)))).unwrap();
     let mut run = Simulation::new(&world, &world.scenarios[0]).unwrap();
     let mut rows = 0;
     while let Some(row) = run.next() {
@@ -284,8 +284,8 @@ fn where_a_simulated_puck_is_armed_is_the_worlds_zero_and_nothing_throws_it() {
         while record.phase != Phase::Disarmed {
             record = sample(&mut cycle, false, None);
         }
-        hands.push(Touch::Grab(hapt_sim::Grip { inertia: 1e-3, damping: 0.2, stiffness: 8.0 })).unwrap();
-        hands.push(Touch::Move(turns)).unwrap();
+        hands.push(HandCommand::Grab(hapt_sim::Grip { inertia: 1e-3, damping: 0.2, stiffness: 8.0 })).unwrap();
+        hands.push(HandCommand::Move(turns)).unwrap();
         for _ in 0..2000 {
             record = sample(&mut cycle, false, None);
         }
@@ -299,15 +299,15 @@ fn where_a_simulated_puck_is_armed_is_the_worlds_zero_and_nothing_throws_it() {
         assert_eq!(record.phase, Phase::Running);
         assert!((record.position - record.zero).abs() < 1e-6);
         // From there it means to be where the world counts.
-        hands.push(Touch::Move(0.1)).unwrap();
+        hands.push(HandCommand::Move(0.1)).unwrap();
         for _ in 0..2000 {
             record = sample(&mut cycle, false, None);
         }
         assert!((record.position - record.zero - 0.1 * 8.0 / 9.0).abs() < 1e-3, "{record:?}");
-        hands.push(Touch::Release).unwrap();
+        hands.push(HandCommand::Release).unwrap();
     }
     // Started over, it is at rest at 0.
-    hands.push(Touch::Restart).unwrap();
+    hands.push(HandCommand::Restart).unwrap();
     let record = sample(&mut cycle, false, None);
     assert_eq!(record.position - record.zero, 0.0);
 }

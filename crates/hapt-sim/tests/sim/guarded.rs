@@ -94,7 +94,7 @@ fn a_wheel_that_runs_away_by_itself_is_caught_and_stays_without_torque() {
     {
         world.safety.world_trips = asked;
         let mut guard = Guard::new(&world, profile);
-        let mut device = VirtualDevice::new(&world.rig());
+        let mut device = VirtualDevice::new(&world.device_spec());
         let mut caught = None;
         for sample in 0..60_000 {
             let request = (sample == 20).then_some(Request::Arm);
@@ -125,7 +125,7 @@ fn the_sign_test_tells_a_reversed_motor_a_hand_in_the_way_and_none() {
         (1.0, Some(stiff), Phase::Faulted, Some(Reason::Stuck)),
     ] {
         let mut guard = Guard::new(&world, SafetyProfile::Certified);
-        let mut device = VirtualDevice::new(&world.rig());
+        let mut device = VirtualDevice::new(&world.device_spec());
         device.hold(grip);
         let mut farthest = 0.0_f64;
         for sample in 0..2000 {
@@ -145,7 +145,7 @@ fn a_puck_that_nobody_holds_is_stopped_before_it_is_too_fast() {
     world.couplings =
         vec![Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque: 0.4 }, limit: None }];
     let mut guard = Guard::new(&world, SafetyProfile::Certified);
-    let mut device = VirtualDevice::new(&world.rig());
+    let mut device = VirtualDevice::new(&world.device_spec());
     let limits = world.limits(SafetyProfile::Certified);
     let mut fastest = 0.0_f64;
     for sample in 0..5000 {
@@ -212,7 +212,7 @@ proptest! {
         let mut world = michigan(Method::Zoh, Output::End);
         world.couplings.push(spring(End::Puck, End::Ground, own));
         let mut guard = Guard::new(&world, SafetyProfile::Certified);
-        let mut device = VirtualDevice::new(&world.rig());
+        let mut device = VirtualDevice::new(&world.device_spec());
         let mut sample = 0;
         while guard.watch.phase != Phase::Running {
             guard.on(&mut device, 1.0, (sample == 20).then_some(Request::Arm));

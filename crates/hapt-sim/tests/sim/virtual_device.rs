@@ -33,7 +33,7 @@ fn devices() -> impl Strategy<Value = World> {
 
 /// With a torque on for some time the puck moves.
 fn moving(world: &World) -> VirtualDevice {
-    let mut device = VirtualDevice::new(&world.rig());
+    let mut device = VirtualDevice::new(&world.device_spec());
     device.command(0.1);
     for _ in 0..30 {
         device.travel();
@@ -74,7 +74,7 @@ proptest! {
         let moves = Shape::Path { file: "path.csv".into(), points: path };
         let drive = Drive::Grip { inertia, damping, stiffness, moves, switching: None };
         let run = rows(&world, &scenario((points.len() + 3) as f64 * spacing, drive, None));
-        let mut device = VirtualDevice::new(&world.rig());
+        let mut device = VirtualDevice::new(&world.device_spec());
         device.hold(Some(grip));
         for (k, row) in run.iter().enumerate() {
             if k > 0 {
@@ -93,7 +93,7 @@ proptest! {
 
     #[test]
     fn the_works_add_up_whatever_the_hand_does(world in devices(), touches in prop::collection::vec((0_usize..5, -0.5_f64..0.5, grips()), 1..60)) {
-        let mut device = VirtualDevice::new(&world.rig());
+        let mut device = VirtualDevice::new(&world.device_spec());
         let shape = Shape::Sine { amplitude: 0.2, frequency: 9.0, phase: 0.0 };
         let mut size = 1e-6_f64;
         for (what, x, grip) in touches {
@@ -121,7 +121,7 @@ proptest! {
             device.hold(Some(grip));
             device.intend(0.3);
         }
-        other.refit(&mut VirtualDevice::new(&world.rig()));
+        other.refit(&mut VirtualDevice::new(&world.device_spec()));
         for k in 0..50 {
             for device in [&mut one, &mut other] {
                 device.command(f64::from(k) * 1e-3);
@@ -138,7 +138,7 @@ proptest! {
         world.sampling.delay = hapt_model::Delay::Seconds(0.0);
         let mut fine = world.clone();
         fine.sampling.period /= split as f64;
-        let (mut one, mut other) = (VirtualDevice::new(&world.rig()), VirtualDevice::new(&world.rig()));
+        let (mut one, mut other) = (VirtualDevice::new(&world.device_spec()), VirtualDevice::new(&world.device_spec()));
         for device in [&mut one, &mut other] {
             device.hold(Some(grip));
             (0..10).for_each(|_| device.travel());
@@ -146,7 +146,7 @@ proptest! {
             device.intend(to);
             (0..3).for_each(|_| device.travel());
         }
-        other.refit(&mut VirtualDevice::new(&fine.rig()));
+        other.refit(&mut VirtualDevice::new(&fine.device_spec()));
         for _ in 0..40 {
             one.travel();
             (0..split).for_each(|_| other.travel());
@@ -160,7 +160,7 @@ proptest! {
 fn a_prescribed_jump_is_announced_and_nothing_else_is() {
     let world = bare();
     let step = Drive::Position(Shape::Step { to: 0.5, at: 5e-3 });
-    let mut device = VirtualDevice::new(&world.rig());
+    let mut device = VirtualDevice::new(&world.device_spec());
     let mut script = script(&scenario(20e-3, step, None), 1e-3);
     device.begin(&mut script);
     for k in 1..40 {
@@ -179,14 +179,14 @@ fn commands_on_their_way_arrive_under_another_delay_too() {
         world.sampling.delay = hapt_model::Delay::Seconds(samples * 1e-3);
         world
     };
-    let mut device = VirtualDevice::new(&delayed(3.0).rig());
+    let mut device = VirtualDevice::new(&delayed(3.0).device_spec());
     for k in 0..10 {
         device.command(f64::from(k));
         device.travel();
     }
     assert_eq!(device.applied(), 6.0);
     // 7, 8 and 9 are on their way; with a shorter delay the older of them are overtaken.
-    device.refit(&mut VirtualDevice::new(&delayed(1.0).rig()));
+    device.refit(&mut VirtualDevice::new(&delayed(1.0).device_spec()));
     device.command(10.0);
     assert!((6.0..=9.0).contains(&device.applied()));
     device.travel();

@@ -20,7 +20,7 @@ fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
     let core = Controller::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec, &limits).unwrap();
     let mut state = core.start();
 
-    let mut device = VirtualDevice::new(&world.rig());
+    let mut device = VirtualDevice::new(&world.device_spec());
     device.hold(Some(Grip { inertia: 1e-4, damping: 0.02, stiffness: 3.0 }));
     table.send(Order::Arm { world: hash });
     let mut largest = 0.0_f32;

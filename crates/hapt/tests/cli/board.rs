@@ -39,7 +39,7 @@ fn world(text: &str) -> World {
 }
 
 fn plugged(board: Board) -> (Simulated, String) {
-    let simulated = Simulated::start(board, world(KNOB).rig()).unwrap();
+    let simulated = Simulated::start(board, world(KNOB).device_spec()).unwrap();
     let spec = format!("hapt:{}", simulated.path().display());
     (simulated, spec)
 }

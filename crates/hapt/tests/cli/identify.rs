@@ -149,7 +149,7 @@ late = "10 s"
 
     /// Answers the question with these bytes, or hangs up where there are none.
     fn answered(at: &std::path::Path, device: &str, answer: &str) -> Ended {
-        let (mut terminal, path) = hapt_line::pty().unwrap();
+        let (mut terminal, path) = hapt_host::board::pty().unwrap();
         let args =
             ["identify", device, "--world", "w.toml", "--duration", "3 s", "--log", "run.mcap", "--write", "d.toml"];
         let mut command = program(at, args);
@@ -168,7 +168,7 @@ late = "10 s"
     fn who_does_not_say_yes_moves_nothing_and_writes_nothing() {
         // So fast a loop has a chirp to offer.
         let at = folder(&[("w.toml", &DRIVEN.replace("10 ms", "1 ms"))]);
-        let (mut port, path) = hapt_line::pty().unwrap();
+        let (mut port, path) = hapt_host::board::pty().unwrap();
         let device = format!("moteus:{}", path.display());
         for answer in ["n\n", "\n", "yesterday\n", ""] {
             let ended = answered(at.path(), &device, answer);

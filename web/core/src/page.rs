@@ -8,7 +8,7 @@ use hapt_plant::{Grip, Script, VirtualDevice, spec, stored_energy};
 use hapt_wire::Stored;
 use serde::{Deserialize, Serialize};
 
-use crate::slot::{Slot, Written};
+use crate::slot::{Slot, WorldDraft};
 
 /// Room for a world, as on the desktop.
 const BODIES: usize = 32;
@@ -26,7 +26,7 @@ type World = Controller<f64, BODIES, COUPLINGS, COUNTS>;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Setup {
     /// The device.
-    pub rig: spec::Rig,
+    pub device: spec::DeviceSpec,
     /// What the supervisor holds the loop to.
     pub limits: Limits,
     /// The output of a method that may have any.
@@ -37,7 +37,7 @@ pub struct Setup {
 
 /// A world that runs: the loop under its supervisor on the exact device, in whatever hand holds it.
 pub struct Page {
-    written: Written,
+    draft: WorldDraft,
     controller: World,
     state: ControllerState<f64, BODIES, COUPLINGS, COUNTS>,
     device: VirtualDevice,
@@ -52,16 +52,16 @@ impl Page {
     /// From a world's bytes and a setup's, disarmed; `None` where they are none, or what they say cannot run.
     pub fn new(world: &[u8], setup: &[u8]) -> Option<Box<Self>> {
         let stored = Stored::<BODIES, COUPLINGS>::read(world).ok()?;
-        let written = Written::new(&stored.spec(), postcard::from_bytes(setup).ok()?);
-        let controller = compile(&written).ok()?;
+        let draft = WorldDraft::new(&stored.spec(), postcard::from_bytes(setup).ok()?);
+        let controller = compile(&draft).ok()?;
         Some(Box::new(Page {
             state: controller.start(),
-            device: VirtualDevice::new(&written.setup.rig),
+            device: VirtualDevice::new(&draft.setup.device),
             zero: 0.0,
             request: None,
             samples: 0,
             frame: [[0.0; COLUMNS]; 3],
-            written,
+            draft,
             controller,
         }))
     }
@@ -73,7 +73,7 @@ impl Page {
 
     /// The output as it is now: some methods have but one.
     pub fn output(&self) -> Output {
-        self.written.spec().output
+        self.draft.spec().output
     }
 
     /// Where the supervisor stands, why, and what would have tripped on a real device.
@@ -110,7 +110,7 @@ impl Page {
 
     /// A scenario's hand takes hold; `false` where there is no such scenario.
     pub fn begin(&mut self, scenario: usize) -> bool {
-        let Some((hand, duration)) = self.written.setup.scenarios.get(scenario) else { return false };
+        let Some((hand, duration)) = self.draft.setup.scenarios.get(scenario) else { return false };
         self.device.begin(&mut Script::new(hand, *duration, self.controller.period()));
         true
     }
@@ -123,14 +123,14 @@ impl Page {
     /// Changes one number of the world, of its coupling or body `index`, between two samples: bodies go on where they are, and the torque
     /// fades over. `false`, and nothing is changed, where there is no such number or the core refuses it.
     pub fn set(&mut self, slot: Slot, index: usize, value: f64) -> bool {
-        let mut written = self.written.clone();
-        if !written.change(slot, index, value) {
+        let mut draft = self.draft.clone();
+        if !draft.change(slot, index, value) {
             return false;
         }
-        let Ok(controller) = compile(&written) else { return false };
+        let Ok(controller) = compile(&draft) else { return false };
         let state = controller.carry(&self.controller, &self.state, Some, Some);
-        self.device.refit(&mut VirtualDevice::new(&written.setup.rig));
-        (self.controller, self.state, self.written) = (controller, state, written);
+        self.device.refit(&mut VirtualDevice::new(&draft.setup.device));
+        (self.controller, self.state, self.draft) = (controller, state, draft);
         true
     }
 
@@ -169,7 +169,7 @@ impl Page {
         }
         let position = self.device.puck().0;
 
-        let Page { state, written, frame: [last, least, greatest], .. } = self;
+        let Page { state, draft, frame: [last, least, greatest], .. } = self;
         let bodies = self.controller.world().bodies();
         let world = &state.world;
         let mut states = [(0.0, 0.0); BODIES];
@@ -177,7 +177,7 @@ impl Page {
             *place = (*w, *v);
         }
         let states = states.get(..bodies).unwrap_or(&[]);
-        let spec = written.spec();
+        let spec = draft.spec();
         let seen = guarded.sample;
         let own: [f64; OWN] = [
             position,
@@ -203,6 +203,6 @@ impl Page {
     }
 }
 
-fn compile(written: &Written) -> Result<World, Error> {
-    World::new(&written.spec(), &written.setup.limits)
+fn compile(draft: &WorldDraft) -> Result<World, Error> {
+    World::new(&draft.spec(), &draft.setup.limits)
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use hapt_model::{Motion, World};
 use hapt_rt::{Device, Failure, Plan, Position};
 
-use crate::drive::{Answer, Drive, Error, Terms, Trouble};
+use crate::drive::{Answer, Drive, DriveError, DriveLimits, Error};
 
 /// Periods without a command after which the drive takes the torque away, and the shortest such time in s.
 const WATCHDOG: (f64, f64) = (10.0, 5e-3);
@@ -49,7 +49,7 @@ impl Mounting {
 }
 
 /// A drive with a puck on it.
-pub struct Wheel {
+pub struct DriveDevice {
     drive: Box<dyn Drive>,
     mounting: Mounting,
     /// Added to the puck's position: whole turns and the home.
@@ -65,7 +65,7 @@ pub struct Wheel {
     failed: Option<Failure>,
 }
 
-impl Wheel {
+impl DriveDevice {
     /// Starts the drive, with its watchdog on: ten periods, 5 ms at least.
     ///
     /// The world's 0 is where the loop is armed, unless there is a home. With a home a puck that turns is taken to be within half a turn
@@ -76,8 +76,8 @@ impl Wheel {
     pub fn start(mut drive: Box<dyn Drive>, world: &World) -> Result<Self, Error> {
         let (mounting, period) = (Mounting::new(world), world.sampling.period);
         let watchdog = (WATCHDOG.0 * period).max(WATCHDOG.1);
-        let terms = Terms { watchdog, torque: mounting.torque(mounting.limit).abs() };
-        let answer = drive.start(&terms)?;
+        let limits = DriveLimits { watchdog, torque: mounting.torque(mounting.limit).abs() };
+        let answer = drive.start(&limits)?;
         drive.paced(period);
         let position = answer.position * mounting.travel;
         let offset = match mounting.home {
@@ -90,7 +90,7 @@ impl Wheel {
             Some(home) => -home,
         };
         let last = Position { position: position + offset, velocity: 0.0, announced: false };
-        Ok(Wheel { drive, mounting, offset, period, last, stale: 0, silent: 0, missed: 0, failed: None })
+        Ok(DriveDevice { drive, mounting, offset, period, last, stale: 0, silent: 0, missed: 0, failed: None })
     }
 
     /// What whoever starts it has to know of its drive.
@@ -115,16 +115,16 @@ impl Wheel {
                 };
                 Ok(self.last)
             }
-            Err(Trouble::Silent) => {
+            Err(DriveError::Silent) => {
                 self.silent += 1;
                 self.is_stale()
             }
-            Err(Trouble::Late) => {
+            Err(DriveError::Late) => {
                 self.silent = 0;
                 self.is_stale()
             }
-            Err(Trouble::Fault(fault)) => Err(Failure::Drive(fault)),
-            Err(Trouble::Gone) => Err(Failure::Unplugged),
+            Err(DriveError::Fault(fault)) => Err(Failure::Drive(fault)),
+            Err(DriveError::Gone) => Err(Failure::Unplugged),
         }
     }
 
@@ -135,7 +135,7 @@ impl Wheel {
     }
 }
 
-impl Device for Wheel {
+impl Device for DriveDevice {
     fn read(&mut self) -> Result<Position, Failure> {
         if let Some(failure) = self.failed {
             return Err(failure);
@@ -157,10 +157,10 @@ impl Device for Wheel {
         let torque = if torque.is_finite() { self.mounting.torque(torque) } else { 0.0 };
         let failure = match self.drive.command(torque, self.until(COMMANDING)) {
             Ok(()) => None,
-            Err(Trouble::Fault(fault)) => Some(Failure::Drive(fault)),
-            Err(Trouble::Gone) => Some(Failure::Unplugged),
+            Err(DriveError::Fault(fault)) => Some(Failure::Drive(fault)),
+            Err(DriveError::Gone) => Some(Failure::Unplugged),
             // A line that takes nothing for so long has nobody at its other end.
-            Err(Trouble::Silent | Trouble::Late) => Some(Failure::Gone),
+            Err(DriveError::Silent | DriveError::Late) => Some(Failure::Gone),
         };
         self.failed = failure;
         failure.map_or(Ok(()), Err)
@@ -176,7 +176,7 @@ impl Device for Wheel {
     }
 }
 
-impl Drop for Wheel {
+impl Drop for DriveDevice {
     fn drop(&mut self) {
         self.drive.stop();
     }

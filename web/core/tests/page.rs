@@ -2,9 +2,9 @@
 
 use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_model::{Source, World};
-use hapt_page::{COLUMNS, OWN, Page, Setup, Slot};
 use hapt_plant::Grip;
 use hapt_sim::{Simulation, world_energy};
+use hapt_web::{COLUMNS, OWN, Page, Setup, Slot};
 
 const WHEEL: &str = r#"
 [loop]
@@ -58,7 +58,7 @@ fn world(sets: &[&str]) -> World {
 
 fn bytes(world: &World) -> (Vec<u8>, Vec<u8>) {
     let setup = Setup {
-        rig: world.rig(),
+        device: world.device_spec(),
         limits: world.limits(SafetyProfile::Simulated),
         output: world.sampling.output,
         scenarios: world.scenarios.iter().map(|scenario| (scenario.hand.clone(), scenario.duration)).collect(),

@@ -1,6 +1,7 @@
-//! A serial port: raw bytes, with an instant after which nobody waits any longer.
-
-#![cfg(unix)]
+//! Serial ports and pseudoterminals: raw bytes, read and written until an instant, without allocating.
+//!
+//! The crate `serial2` sets a port: 8 data bits, no parity, one stop bit, any speed of the system's. Reading and writing are ours: its
+//! timeouts count whole milliseconds, and an exchange with a drive takes a fraction of one.
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -11,21 +12,21 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FlockOperation, Mode, OFlags, fcntl_setfl, flock, open};
 use rustix::io::{Errno, FdFlags, fcntl_setfd};
 use rustix::pty::{OpenptFlags, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use serial2::SerialPort;
 
-/// What a UART between a computer and a board or a drive is usually set to, in bits per second. USB ports take any.
+/// The usual speed of a UART between a computer and a board or a drive, in bits per second. USB ports take any.
 pub const SPEED: u32 = 921_600;
 
-/// An open serial port, or one end of a pseudoterminal. Neither reading nor writing allocates.
+/// An open serial port, or one end of a pseudoterminal. Reading and writing do not allocate.
 #[derive(Debug)]
 pub struct Line {
     fd: OwnedFd,
-    /// The other end of a pseudoterminal, held open so that it outlives those who come and go there.
+    /// The other end of a pseudoterminal, kept open so that programs may close and open it.
     _other: Option<OwnedFd>,
 }
 
 impl Line {
-    /// Opens the port at `path` raw, for this program alone, at [`SPEED`].
+    /// Opens the port at `path` raw and exclusively, at [`SPEED`].
     ///
     /// # Errors
     /// There is none, it is no terminal, or another program holds it.
@@ -33,10 +34,10 @@ impl Line {
         Line::open_at(path, SPEED)
     }
 
-    /// The same at so many bits per second.
+    /// The same at another speed, in bits per second.
     ///
     /// # Errors
-    /// As above, or the port knows no such speed.
+    /// As [`Line::open`], or the port has no such speed.
     pub fn open_at(path: &Path, speed: u32) -> io::Result<Self> {
         let fd = open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())?;
         if !rustix::termios::isatty(&fd) {
@@ -46,12 +47,12 @@ impl Line {
             Errno::WOULDBLOCK => io::Error::other("another program holds it"),
             error => error.into(),
         })?;
-        raw(&fd, speed)?;
-        fast(path);
+        let fd = configured(fd, speed)?;
+        shorten_latency(path);
         Ok(Line { fd, _other: None })
     }
 
-    /// What has come, at least one byte, or 0 when nothing has come until that instant.
+    /// Reads at least one byte, or 0 when none has come until that instant.
     ///
     /// # Errors
     /// The port is gone.
@@ -71,10 +72,10 @@ impl Line {
         }
     }
 
-    /// Writes all of it.
+    /// Writes all bytes.
     ///
     /// # Errors
-    /// The port is gone, or has not taken it until that instant.
+    /// The port is gone, or has not taken them until that instant.
     pub fn write(&mut self, mut bytes: &[u8], until: Instant) -> io::Result<()> {
         while !bytes.is_empty() {
             match rustix::io::write(&self.fd, bytes) {
@@ -92,10 +93,10 @@ impl Line {
     }
 }
 
-/// A new pseudoterminal: the end that a simulated board or drive has, and the path that others open as a serial port.
+/// A new pseudoterminal: one end for a simulated board or drive, and the path that others open as a serial port.
 ///
 /// # Errors
-/// The system has none to give.
+/// The system provides none.
 pub fn pty() -> io::Result<(Line, PathBuf)> {
     let fd = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
     fcntl_setfd(&fd, FdFlags::CLOEXEC)?;
@@ -104,27 +105,29 @@ pub fn pty() -> io::Result<(Line, PathBuf)> {
     let name = ptsname(&fd, Vec::new())?;
     let path = PathBuf::from(name.to_string_lossy().into_owned());
     let other = open(&path, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty())?;
-    raw(&other, SPEED)?;
+    let other = configured(other, SPEED)?;
     Ok((Line { fd, _other: Some(other) }, path))
 }
 
-/// Bytes as they are: no echo, no lines, no signals.
-fn raw(fd: &OwnedFd, speed: u32) -> io::Result<()> {
-    let mut termios = tcgetattr(fd)?;
-    termios.make_raw();
-    termios.set_speed(speed)?;
-    Ok(tcsetattr(fd, OptionalActions::Now, &termios)?)
+/// Sets a port to raw bytes, 8N1, without flow control.
+fn configured(fd: OwnedFd, speed: u32) -> io::Result<OwnedFd> {
+    let mut port = SerialPort::from(fd);
+    let mut settings = port.get_configuration()?;
+    settings.set_raw();
+    settings.set_baud_rate(speed)?;
+    port.set_configuration(&settings)?;
+    Ok(port.into())
 }
 
-/// USB serial chips that gather bytes for up to 16 ms are told to give them away after 1 ms. Where that is not for this user to say, or
-/// the chip has no such timer, the port works all the same, and an exchange takes longer.
-fn fast(path: &Path) {
+/// Sets the latency timer of a USB serial chip from up to 16 ms to 1 ms. Without the permission, or without such a timer, the port works
+/// all the same, and an exchange takes longer.
+fn shorten_latency(path: &Path) {
     let Ok(path) = path.canonicalize() else { return };
     let Some(name) = path.file_name() else { return };
     let _ = std::fs::write(Path::new("/sys/class/tty").join(name).join("device/latency_timer"), "1");
 }
 
-/// Waits for `what` on `fd`; `false`: it has not come until that instant.
+/// Waits for `what` on `fd`; `false`: not until that instant.
 ///
 /// # Errors
 /// The system's.
@@ -173,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn who_waits_for_nothing_waits_until_the_instant_and_no_longer_counts_as_gone() {
+    fn a_read_without_a_byte_ends_at_its_instant() {
         let (_ours, path) = pty().unwrap();
         let mut theirs = Line::open(&path).unwrap();
         let until = Instant::now() + Duration::from_millis(20);
@@ -182,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_port_is_one_programs_and_a_file_is_no_port() {
+    fn a_port_is_exclusive_and_a_file_is_no_port() {
         let (_ours, path) = pty().unwrap();
         let _first = Line::open(&path).unwrap();
         assert!(Line::open(&path).unwrap_err().to_string().contains("another program"));
@@ -195,7 +198,7 @@ mod tests {
         let (_ours, path) = pty().unwrap();
         for speed in [SPEED, 115_200, 2_000_000] {
             let line = Line::open_at(&path, speed).unwrap();
-            assert_eq!(tcgetattr(&line.fd).unwrap().output_speed(), speed);
+            assert_eq!(SerialPort::from(line.fd).get_configuration().unwrap().get_baud_rate().unwrap(), speed);
         }
     }
 

@@ -59,7 +59,7 @@ impl Slot {
 
 /// What runs, as data.
 #[derive(Clone, Debug)]
-pub(crate) struct Written {
+pub(crate) struct WorldDraft {
     /// Without its lists.
     spec: Spec<'static>,
     bodies: Vec<Body>,
@@ -67,10 +67,10 @@ pub(crate) struct Written {
     pub setup: Setup,
 }
 
-impl Written {
+impl WorldDraft {
     pub fn new(spec: &Spec<'_>, setup: Setup) -> Self {
         let (bodies, couplings) = (spec.bodies.to_vec(), spec.couplings.to_vec());
-        Written { spec: Spec { bodies: &[], couplings: &[], ..*spec }, bodies, couplings, setup }
+        WorldDraft { spec: Spec { bodies: &[], couplings: &[], ..*spec }, bodies, couplings, setup }
     }
 
     pub fn spec(&self) -> Spec<'_> {
@@ -80,8 +80,8 @@ impl Written {
     /// Of the coupling or body `index`, where it is one's; `false` where there is no such number. Its range is the core's to check, but for
     /// the device's.
     pub fn change(&mut self, slot: Slot, index: usize, value: f64) -> bool {
-        let Written { spec, bodies, couplings, setup } = self;
-        let Setup { rig, limits, output, .. } = setup;
+        let WorldDraft { spec, bodies, couplings, setup } = self;
+        let Setup { device, limits, output, .. } = setup;
         let is_size = value >= 0.0 && value.is_finite();
         let right = match slot {
             Slot::Period => PERIODS.contains(&value),
@@ -99,11 +99,11 @@ impl Written {
             return false;
         }
         match slot {
-            Slot::Period => (spec.period, rig.period) = (value, value),
-            Slot::Delay => (rig.delay, limits.delay) = (value, value),
-            Slot::PuckInertia => (rig.inertia, limits.inertia) = (value, value),
-            Slot::PuckDamping => (rig.damping, limits.damping) = (value, value),
-            Slot::PuckFriction => (rig.friction, limits.friction) = (value, value),
+            Slot::Period => (spec.period, device.period) = (value, value),
+            Slot::Delay => (device.delay, limits.delay) = (value, value),
+            Slot::PuckInertia => (device.inertia, limits.inertia) = (value, value),
+            Slot::PuckDamping => (device.damping, limits.damping) = (value, value),
+            Slot::PuckFriction => (device.friction, limits.friction) = (value, value),
             Slot::Method => {
                 let Some(&method) = Method::ALL.get(value as usize) else { return false };
                 spec.method = method;
