@@ -105,6 +105,8 @@ impl Bits<'_> {
                 bristle_damping: self.number(),
                 viscous: self.number(),
             },
+            7 => Law::DeadBand { stiffness: self.number(), rest: self.number(), width: self.number() },
+            8 => Law::Magnet { torque: self.number(), width: self.number(), at: self.number() },
             _ => Law::Constant { torque: self.number() },
         }
     }

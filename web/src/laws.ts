@@ -34,6 +34,14 @@ export function push(coupling: Coupling, q: number, velocity: number): number {
     }
     case "detent":
       return coupling.pitch ? -torque * Math.sin((2 * Math.PI * (q - (coupling.phase ?? 0))) / coupling.pitch) : 0;
+    case "dead-band": {
+      const x = q - (coupling.rest ?? 0);
+      return -stiffness * Math.sign(x) * Math.max(0, Math.abs(x) - (coupling.width ?? 0));
+    }
+    case "magnet": {
+      const x = coupling.width ? (q - (coupling.at ?? 0)) / coupling.width : 0;
+      return -torque * x * Math.exp((1 - x * x) / 2);
+    }
     case "friction":
       return -torque * Math.tanh(100 * velocity);
     case "constant":

@@ -19,7 +19,7 @@ export type ToServer =
   | { type: "focus"; key: string };
 
 export interface Coupling {
-  kind: "spring" | "damper" | "wall" | "detent" | "friction" | "constant";
+  kind: "spring" | "damper" | "wall" | "detent" | "dead-band" | "magnet" | "friction" | "constant";
   between: [string, string];
   key: string;
   at?: number | null;
@@ -27,6 +27,7 @@ export interface Coupling {
   rest?: number | null;
   pitch?: number | null;
   phase?: number | null;
+  width?: number | null;
   torque?: number | null;
   stiffness?: number | null;
   damping?: number | null;

@@ -171,7 +171,8 @@ export class Stage {
     // Which edge of the gap the first end has.
     const edge = first === outer ? 0 : 1;
     switch (coupling.kind) {
-      case "spring": {
+      case "spring":
+      case "dead-band": {
         const rest = coupling.rest ?? 0;
         const shift = first === outer ? rest : -rest;
         return (q) => attribute(element, "d", geometry.spring(gap, q[outer]!, q[inner]! + shift));
@@ -212,6 +213,16 @@ export class Stage {
             d += geometry.dent(gap, phase + n * pitch, edge === 0 ? 1 : 0);
           }
           attribute(element, "d", d);
+        };
+      }
+      case "magnet": {
+        // A dent where it pulls to.
+        const nub = svg("path", { class: "nub", d: geometry.nub(gap, edge) });
+        group.after(nub);
+        attribute(element, "d", geometry.dent(gap, coupling.at ?? 0, edge === 0 ? 1 : 0));
+        return (q) => {
+          attribute(group, "transform", geometry.place(q[second]!));
+          attribute(nub, "transform", geometry.place(q[first]!));
         };
       }
       case "friction":

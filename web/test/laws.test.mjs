@@ -22,6 +22,8 @@ const couplings = [
   { kind: "wall", between, side: "above", at: 0.2, stiffness: 3, damping: 0.1 },
   { kind: "wall", between, side: "below", at: -0.1, stiffness: 3, damping: 0.1 },
   { kind: "detent", between, torque: 0.5, pitch: 0.7, phase: 0.1 },
+  { kind: "dead-band", between, stiffness: 2, rest: 0.2, width: 0.3 },
+  { kind: "magnet", between, torque: 0.5, width: 0.4, at: 0.3 },
   { kind: "friction", between, torque: 0.2 },
   { kind: "constant", between, torque: 0.2 },
 ];
@@ -38,7 +40,7 @@ test("a coupling written from ground's side pushes the other end as much the oth
   }
 });
 
-test("dampers, friction and walls take energy; springs and detents give back what they took", () => {
+test("dampers, friction and walls take energy; springs, detents, dead bands and magnets give back what they took", () => {
   for (const coupling of couplings) {
     // Around a closed path q = sin s, slowly: the work done on the coupling.
     let work = 0;

@@ -1,7 +1,7 @@
 //! The couplings that no matrix holds: wall, detent, the two frictions, and what is clamped.
 
 use crate::contact::{Answer, Gap};
-use crate::law::{Coulomb, Damper, Detent, Lugre, Spring, Wall, direction};
+use crate::law::{Coulomb, Damper, DeadBand, Detent, Lugre, Magnet, Spring, Wall, direction};
 use crate::spec::sign_at_puck;
 use crate::{Coupling, Damping, End, Law, Real, Vector};
 
@@ -14,6 +14,8 @@ pub(crate) enum Curve<F> {
     /// With a limit.
     Damper(Damper<F>),
     Detent(Detent<F>),
+    DeadBand(DeadBand<F>),
+    Magnet(Magnet<F>),
     Coulomb(Coulomb<F>),
     Lugre(Lugre<F>),
 }
@@ -61,6 +63,12 @@ impl<F: Real> Nonlinear<F> {
             Law::Detent { torque, pitch, phase } => {
                 Curve::Detent(Detent { torque: f(torque), pitch: f(pitch), phase: f(phase) })
             }
+            Law::DeadBand { stiffness, rest, width } => {
+                Curve::DeadBand(DeadBand { stiffness: f(stiffness), rest: f(rest), width: f(width), limit })
+            }
+            Law::Magnet { torque, width, at } => {
+                Curve::Magnet(Magnet { torque: f(torque), width: f(width), at: f(at) })
+            }
             Law::Coulomb { torque } => Curve::Coulomb(Coulomb { torque: f(torque) }),
             Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
                 Curve::Lugre(Lugre {
@@ -85,7 +93,13 @@ impl<F: Real> Nonlinear<F> {
     pub fn is_found(&self) -> bool {
         let is_found = match self.curve {
             Curve::Coulomb(_) => true,
-            Curve::Wall(_) | Curve::Spring(_) | Curve::Damper(_) | Curve::Detent(_) | Curve::Lugre(_) => false,
+            Curve::Wall(_)
+            | Curve::Spring(_)
+            | Curve::Damper(_)
+            | Curve::Detent(_)
+            | Curve::DeadBand(_)
+            | Curve::Magnet(_)
+            | Curve::Lugre(_) => false,
         };
         is_found && self.at_body()
     }
@@ -115,7 +129,13 @@ impl<F: Real> Nonlinear<F> {
     pub fn bend(&self, bristle: F, q: Relative<F>, t: F) -> F {
         match self.curve {
             Curve::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
-            Curve::Wall(_) | Curve::Spring(_) | Curve::Damper(_) | Curve::Detent(_) | Curve::Coulomb(_) => bristle,
+            Curve::Wall(_)
+            | Curve::Spring(_)
+            | Curve::Damper(_)
+            | Curve::Detent(_)
+            | Curve::DeadBand(_)
+            | Curve::Magnet(_)
+            | Curve::Coulomb(_) => bristle,
         }
     }
 
@@ -127,6 +147,8 @@ impl<F: Real> Nonlinear<F> {
             Curve::Spring(spring) => spring.torque(q.position),
             Curve::Damper(damper) => damper.torque(q.velocity),
             Curve::Detent(detent) => detent.torque(q.position),
+            Curve::DeadBand(band) => band.torque(q.position),
+            Curve::Magnet(magnet) => magnet.torque(q.position),
             Curve::Coulomb(coulomb) => coulomb.torque(q.velocity),
             Curve::Lugre(lugre) => lugre.torque(bristle, q.velocity),
         }
@@ -139,6 +161,8 @@ impl<F: Real> Nonlinear<F> {
             Curve::Spring(spring) => spring.held(gap),
             Curve::Damper(damper) => damper.held(gap, rate),
             Curve::Detent(detent) => detent.held(gap),
+            Curve::DeadBand(band) => band.held(gap),
+            Curve::Magnet(magnet) => magnet.held(gap),
             Curve::Coulomb(coulomb) => coulomb.held(gap),
             // Refused at bodies when the loop was compiled.
             Curve::Lugre(_) => Answer::fixed(F::ZERO),
@@ -150,7 +174,13 @@ impl<F: Real> Nonlinear<F> {
     pub fn is_clear(&self, start: F, distance: F) -> bool {
         match &self.curve {
             Curve::Wall(wall) => wall.is_clear(start, distance),
-            Curve::Spring(_) | Curve::Damper(_) | Curve::Detent(_) | Curve::Coulomb(_) | Curve::Lugre(_) => false,
+            Curve::Spring(_)
+            | Curve::Damper(_)
+            | Curve::Detent(_)
+            | Curve::DeadBand(_)
+            | Curve::Magnet(_)
+            | Curve::Coulomb(_)
+            | Curve::Lugre(_) => false,
         }
     }
 
@@ -160,6 +190,8 @@ impl<F: Real> Nonlinear<F> {
             Curve::Wall(wall) => wall.stored_slope(start, distance),
             Curve::Spring(spring) => spring.stored_slope(start, distance),
             Curve::Detent(detent) => detent.stored_slope(start, distance),
+            Curve::DeadBand(band) => band.stored_slope(start, distance),
+            Curve::Magnet(magnet) => magnet.stored_slope(start, distance),
             Curve::Damper(_) | Curve::Coulomb(_) | Curve::Lugre(_) => F::ZERO,
         }
     }

@@ -49,6 +49,10 @@ named! {
         Wall = "wall",
         /// [`Law::Detent`]
         Detent = "detent",
+        /// [`Law::DeadBand`]
+        DeadBand = "dead-band",
+        /// [`Law::Magnet`]
+        Magnet = "magnet",
         /// [`Law::Coulomb`] and [`Law::Lugre`]
         Friction = "friction",
         /// [`Law::Constant`]
@@ -96,6 +100,8 @@ impl CouplingKind {
             Law::Damper { .. } => CouplingKind::Damper,
             Law::Wall { .. } => CouplingKind::Wall,
             Law::Detent { .. } => CouplingKind::Detent,
+            Law::DeadBand { .. } => CouplingKind::DeadBand,
+            Law::Magnet { .. } => CouplingKind::Magnet,
             Law::Coulomb { .. } | Law::Lugre { .. } => CouplingKind::Friction,
             Law::Constant { .. } => CouplingKind::Constant,
         }
@@ -108,6 +114,8 @@ impl CouplingKind {
             Law::Damper { .. } => "a damper",
             Law::Wall { .. } => "a wall",
             Law::Detent { .. } => "a detent",
+            Law::DeadBand { .. } => "a dead band",
+            Law::Magnet { .. } => "a magnet",
             Law::Coulomb { .. } => "Coulomb friction",
             Law::Lugre { .. } => "LuGre friction",
             Law::Constant { .. } => "a constant torque",
@@ -176,5 +184,24 @@ mod tests {
             assert_eq!(CouplingKind::of(&world.couplings[0].law), kind);
         }
         assert_eq!(CouplingKind::from_name("rubber"), None);
+    }
+
+    /// The core's own names and ranges are those of the table of keys.
+    #[test]
+    fn every_number_of_a_law_has_its_key() {
+        for &kind in CouplingKind::ALL {
+            let row = |name: &str| {
+                keys::rows("couplings.*")
+                    .find(|row| row.name() == name && row.belongs(Some(kind.name()), None, Motion::Rotary))
+            };
+            let world = World::read(&Source::from_text("w.toml", with(kind)), &[]).unwrap();
+            let mut law = world.couplings[0].law;
+            assert_eq!(row("limit").is_some(), law.takes_limit(), "{}", kind.name());
+            for quantity in law.quantities() {
+                let range = row(quantity.name).and_then(|row| row.takes.quantity()).map(|(_, range)| range);
+                let wanted = Some(format!("{:?}", quantity.range));
+                assert_eq!(range.map(|range| format!("{range:?}")), wanted, "{} of {}", quantity.name, kind.name());
+            }
+        }
     }
 }

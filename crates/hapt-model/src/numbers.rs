@@ -277,6 +277,16 @@ mod tests {
         torque = 1
         pitch = 0.5
         [[couplings]]
+        kind = "dead-band"
+        between = ["puck", "ground"]
+        stiffness = 1
+        width = 0.5
+        [[couplings]]
+        kind = "magnet"
+        between = ["puck", "ground"]
+        torque = 1
+        width = 0.5
+        [[couplings]]
         kind = "friction"
         between = ["puck", "ground"]
         torque = 0.1

@@ -212,6 +212,14 @@ fn coupling(fields: &Fields<'_>, names: &[String]) -> Result<Coupling, Error> {
             pitch: fields.number("pitch")?,
             phase: fields.number("phase")?,
         },
+        CouplingKind::DeadBand => Law::DeadBand {
+            stiffness: fields.number("stiffness")?,
+            rest: fields.number("rest")?,
+            width: fields.number("width")?,
+        },
+        CouplingKind::Magnet => {
+            Law::Magnet { torque: fields.number("torque")?, width: fields.number("width")?, at: fields.number("at")? }
+        }
         CouplingKind::Friction => friction(fields)?,
         CouplingKind::Constant => Law::Constant { torque: fields.number("torque")? },
     };

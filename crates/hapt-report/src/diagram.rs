@@ -206,6 +206,28 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
                 go('L', from + 2.0 * half * s, -8.0 * (3.0 * std::f64::consts::TAU * s).sin());
             }
         }
+        Law::DeadBand { .. } => {
+            // A spring that is slack for a while.
+            for i in 0..5 {
+                let s = from + half * (f64::from(i) + 0.5) / 5.0;
+                go('L', s, if i % 2 == 0 { -8.0 } else { 8.0 });
+            }
+            go('L', middle, 0.0);
+            go('M', middle, -8.0);
+            go('L', middle, 8.0);
+            go('M', to - 8.0, -8.0);
+            go('L', to - 8.0, 8.0);
+            go('M', to - 8.0, 0.0);
+            go('L', to, 0.0);
+        }
+        Law::Magnet { .. } => {
+            // The torque against the distance: a pull on either side that fades.
+            for i in 0..=24 {
+                let s = f64::from(i) / 24.0;
+                let x = 8.0 * s - 4.0;
+                go('L', from + 2.0 * half * s, 8.0 * x * (0.5 * (1.0 - x * x)).exp());
+            }
+        }
         Law::Coulomb { .. } | Law::Lugre { .. } => {
             // Two brushes on each other.
             go('L', to - 6.0, 0.0);
@@ -250,6 +272,8 @@ fn words(coupling: &Coupling, motion: Motion) -> (&'static str, String) {
         Law::Detent { torque, pitch, .. } => {
             ("detents", format!("{} each {}", say_effort(torque, motion), position(pitch)))
         }
+        Law::DeadBand { stiffness: k, width, .. } => ("dead band", format!("±{}, {}", position(width), stiffness(k))),
+        Law::Magnet { torque, width, .. } => ("magnet", format!("{}, {}", say_effort(torque, motion), position(width))),
         Law::Coulomb { torque } => ("friction", say_effort(torque, motion)),
         Law::Lugre { coulomb, .. } => ("LuGre friction", say_effort(coulomb, motion)),
         Law::Constant { torque } => {

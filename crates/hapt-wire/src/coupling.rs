@@ -54,6 +54,16 @@ enum Law {
         law: Clampable,
         limit: f64,
     },
+    DeadBand {
+        stiffness: f64,
+        rest: f64,
+        width: f64,
+    },
+    Magnet {
+        torque: f64,
+        width: f64,
+        at: f64,
+    },
 }
 
 /// The laws that take a limit.
@@ -62,6 +72,7 @@ enum Clampable {
     Spring { stiffness: f64, rest: f64 },
     Damper { damping: Damping },
     Wall { side: Side, at: f64, stiffness: f64, damping: f64 },
+    DeadBand { stiffness: f64, rest: f64, width: f64 },
 }
 
 impl Coupling {
@@ -78,6 +89,9 @@ impl Coupling {
             Core::Wall { side, at, stiffness, damping } => clamped(Clampable::Wall { side, at, stiffness, damping })
                 .unwrap_or(Law::Wall { side, at, stiffness, damping }),
             Core::Detent { torque, pitch, phase } => Law::Detent { torque, pitch, phase },
+            Core::DeadBand { stiffness, rest, width } => clamped(Clampable::DeadBand { stiffness, rest, width })
+                .unwrap_or(Law::DeadBand { stiffness, rest, width }),
+            Core::Magnet { torque, width, at } => Law::Magnet { torque, width, at },
             Core::Coulomb { torque } => Law::Coulomb { torque },
             Core::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
                 Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous }
@@ -95,6 +109,8 @@ impl Coupling {
             Law::Damper { damping } => (Core::Damper { damping }, None),
             Law::Wall { side, at, stiffness, damping } => (Core::Wall { side, at, stiffness, damping }, None),
             Law::Detent { torque, pitch, phase } => (Core::Detent { torque, pitch, phase }, None),
+            Law::DeadBand { stiffness, rest, width } => (Core::DeadBand { stiffness, rest, width }, None),
+            Law::Magnet { torque, width, at } => (Core::Magnet { torque, width, at }, None),
             Law::Coulomb { torque } => (Core::Coulomb { torque }, None),
             Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => (
                 Core::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous },
@@ -105,6 +121,7 @@ impl Coupling {
                 let law = match law {
                     Clampable::Spring { stiffness, rest } => Core::Spring { stiffness, rest },
                     Clampable::Damper { damping } => Core::Damper { damping },
+                    Clampable::DeadBand { stiffness, rest, width } => Core::DeadBand { stiffness, rest, width },
                     Clampable::Wall { side, at, stiffness, damping } => Core::Wall { side, at, stiffness, damping },
                 };
                 (law, Some(limit))

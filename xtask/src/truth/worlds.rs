@@ -192,7 +192,7 @@ fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bo
 /// A nonlinear law, or a spring with a limit.
 fn nonlinear(rng: &mut Rng, inertia: f64, period: f64) -> (Law, Option<f64>) {
     let stiffness = inertia * (log_uniform(rng, -2.0, 0.0) / period).powi(2);
-    let law = match rng.u8(..3) {
+    let law = match rng.u8(..5) {
         0 => Law::Wall {
             side: one_of(rng, &[Side::Above, Side::Below]),
             at: between(rng, -0.3, 0.3),
@@ -202,6 +202,12 @@ fn nonlinear(rng: &mut Rng, inertia: f64, period: f64) -> (Law, Option<f64>) {
         1 => {
             let pitch = between(rng, 0.05, 1.0);
             Law::Detent { torque: stiffness * pitch / std::f64::consts::TAU, pitch, phase: between(rng, -1.0, 1.0) }
+        }
+        2 => Law::DeadBand { stiffness, rest: between(rng, -0.3, 0.3), width: between(rng, 0.0, 0.3) },
+        3 => {
+            let width = between(rng, 0.02, 0.5);
+            let torque = stiffness * width / std::f64::consts::E.sqrt();
+            Law::Magnet { torque, width, at: between(rng, -0.3, 0.3) }
         }
         _ => return (Law::Spring { stiffness, rest: 0.0 }, Some(stiffness * between(rng, 0.01, 0.3))),
     };

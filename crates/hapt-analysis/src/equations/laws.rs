@@ -22,7 +22,12 @@ impl Kind {
     pub fn of(coupling: &Coupling) -> Kind {
         match coupling.law {
             Law::Spring { .. } | Law::Damper { .. } if coupling.limit.is_none() => Kind::Linear,
-            Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::Detent { .. } => Kind::Potential,
+            Law::Spring { .. }
+            | Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. } => Kind::Potential,
             Law::Constant { .. } => Kind::Constant,
             Law::Coulomb { .. } => Kind::Coulomb,
             Law::Lugre { .. } => Kind::Lugre,
@@ -63,7 +68,12 @@ pub(crate) fn straight(coupling: &Coupling) -> Option<Straight> {
         Law::Damper { damping: Damping::Fixed(damping) } => Some(Straight::Damper(damping)),
         Law::Damper { damping: Damping::Compensating } => Some(Straight::Compensating),
         Law::Constant { torque } => Some(Straight::Constant(torque)),
-        Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => None,
+        Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::DeadBand { .. }
+        | Law::Magnet { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. } => None,
     }
 }
 
@@ -76,6 +86,9 @@ pub(crate) fn steepest(law: &Law) -> (f64, f64) {
         Law::Damper { damping: Damping::Compensating } => (0.0, 0.0),
         Law::Wall { stiffness, damping, .. } => (stiffness, damping),
         Law::Detent { torque, pitch, .. } => (std::f64::consts::TAU * torque / pitch, 0.0),
+        Law::DeadBand { stiffness, .. } => (stiffness, 0.0),
+        // At its place; it falls by 2/e torque/width at most, less than that.
+        Law::Magnet { torque, width, .. } => (std::f64::consts::E.sqrt() * torque / width, 0.0),
         Law::Lugre { bristle_stiffness, bristle_damping, viscous, .. } => {
             (bristle_stiffness, bristle_damping + viscous)
         }
@@ -91,6 +104,8 @@ pub(crate) fn flattest(law: &Law) -> (f64, f64) {
         | Law::Damper { .. }
         | Law::Wall { .. }
         | Law::Detent { .. }
+        | Law::DeadBand { .. }
+        | Law::Magnet { .. }
         | Law::Coulomb { .. }
         | Law::Constant { .. } => (0.0, 0.0),
     }
@@ -99,9 +114,11 @@ pub(crate) fn flattest(law: &Law) -> (f64, f64) {
 /// The largest torque that a coupling can ask for; infinite where it has no bound of its own.
 pub(crate) fn most(coupling: &Coupling) -> f64 {
     let own = match coupling.law {
-        Law::Detent { torque, .. } | Law::Coulomb { torque } => torque,
+        Law::Detent { torque, .. } | Law::Magnet { torque, .. } | Law::Coulomb { torque } => torque,
         Law::Constant { torque } => torque.abs(),
-        Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::Lugre { .. } => f64::INFINITY,
+        Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::DeadBand { .. } | Law::Lugre { .. } => {
+            f64::INFINITY
+        }
     };
     coupling.limit.map_or(own, |limit| own.min(limit))
 }
@@ -112,7 +129,9 @@ pub(crate) fn takes_velocity(law: &Law) -> bool {
         Law::Damper { damping: Damping::Fixed(damping) } | Law::Wall { damping, .. } => damping > 0.0,
         Law::Damper { damping: Damping::Compensating } | Law::Lugre { .. } => true,
         Law::Coulomb { torque } => torque > 0.0,
-        Law::Spring { .. } | Law::Detent { .. } | Law::Constant { .. } => false,
+        Law::Spring { .. } | Law::Detent { .. } | Law::DeadBand { .. } | Law::Magnet { .. } | Law::Constant { .. } => {
+            false
+        }
     }
 }
 
@@ -123,6 +142,8 @@ pub(crate) fn is_damped_wall(law: &Law) -> bool {
         Law::Spring { .. }
         | Law::Damper { .. }
         | Law::Detent { .. }
+        | Law::DeadBand { .. }
+        | Law::Magnet { .. }
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
         | Law::Constant { .. } => false,
@@ -133,9 +154,9 @@ pub(crate) fn is_damped_wall(law: &Law) -> bool {
 /// whose mean torque it is.
 pub(crate) fn may_not_settle(law: &Law) -> bool {
     match *law {
-        Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => true,
+        Law::Detent { .. } | Law::Magnet { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => true,
         Law::Wall { damping, .. } => damping > 0.0,
-        Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. } => false,
+        Law::Spring { .. } | Law::Damper { .. } | Law::DeadBand { .. } | Law::Constant { .. } => false,
     }
 }
 
@@ -149,6 +170,8 @@ pub(crate) fn bristles_give(law: &Law) -> bool {
         | Law::Damper { .. }
         | Law::Wall { .. }
         | Law::Detent { .. }
+        | Law::DeadBand { .. }
+        | Law::Magnet { .. }
         | Law::Coulomb { .. }
         | Law::Constant { .. } => false,
     }

@@ -249,7 +249,7 @@ proptest! {
     #[test]
     fn no_finite_world_makes_it_panic_or_lie(
         inertias in prop::collection::vec(any_size(), 1..5),
-        laws in prop::collection::vec((0..8u8, 0..6usize, 0..6usize, any_size(), any_size(), any_size()), 0..10),
+        laws in prop::collection::vec((0..10u8, 0..6usize, 0..6usize, any_size(), any_size(), any_size()), 0..10),
         period in any_size(),
     ) {
         let n = inertias.len();
@@ -263,6 +263,8 @@ proptest! {
                 4 => Law::Constant { torque: -a },
                 5 => compensator(End::Puck, End::Ground).law,
                 6 => damper(End::Puck, End::Ground, a).law,
+                7 => Law::DeadBand { stiffness: a, rest: b, width: c },
+                8 => Law::Magnet { torque: a, width: b.max(f64::MIN_POSITIVE), at: c },
                 _ => Law::Spring { stiffness: a, rest: b },
             };
             Coupling { first: end(first), second: end(second), law, limit: None }

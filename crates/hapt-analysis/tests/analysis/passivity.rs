@@ -348,9 +348,11 @@ fn reasons(world: &World) -> Vec<String> {
 #[test]
 fn the_steepest_rise_of_each_law_counts() {
     let (puck, ground) = (End::Puck, End::Ground);
-    let laws: [(Law, f64); 5] = [
+    let laws: [(Law, f64); 7] = [
         (Law::Wall { side: Side::Above, at: 0.1, stiffness: 200.0, damping: 0.3 }, 0.1 + 0.3),
         (Law::Detent { torque: 0.02, pitch: 0.1, phase: 0.0 }, 0.5e-3 * TAU * 0.2),
+        (Law::DeadBand { stiffness: 10.0, rest: 0.1, width: 0.2 }, 5e-3),
+        (Law::Magnet { torque: 0.02, width: 0.1, at: 0.3 }, 0.5e-3 * 0.5_f64.exp() * 0.2),
         (Law::Constant { torque: 3.0 }, 0.0),
         (Law::Spring { stiffness: 10.0, rest: 1.0 }, 5e-3),
         (
@@ -371,7 +373,7 @@ fn the_steepest_rise_of_each_law_counts() {
         let proved = reasons(&world).is_empty();
         assert_eq!(proved, !matches!(law, Law::Lugre { .. }), "{law:?} {:?}", reasons(&world));
         world.sampling.delay = hapt_model::Delay::Seconds(2e-3);
-        if let Law::Detent { .. } = law {
+        if let Law::Detent { .. } | Law::DeadBand { .. } | Law::Magnet { .. } = law {
             near(required(&world), 5.0 * wanted, 1e-12);
             assert_eq!(reasons(&world), Vec::<String>::new());
         }
@@ -663,6 +665,8 @@ fn a_damper_with_a_limit_is_not_proved_beside_what_may_not_settle() {
     for (law, limit, settles) in [
         (wall(0.0), None, true),
         (detent, None, false),
+        (Law::DeadBand { stiffness: 1.0, rest: 0.0, width: 0.1 }, None, true),
+        (Law::Magnet { torque: 0.02, width: 0.1, at: 0.0 }, None, false),
         (wall(0.1), None, false),
         (wall(0.1), Some(1.0), false),
         (Law::Coulomb { torque: 0.1 }, None, false),

@@ -6,8 +6,10 @@
 
 mod coulomb;
 mod damper;
+mod dead_band;
 mod detent;
 mod lugre;
+mod magnet;
 mod spring;
 mod wall;
 
@@ -15,8 +17,10 @@ use crate::spec::{Coupling, Damping, End, Method, Side};
 
 pub(crate) use coulomb::Coulomb;
 pub(crate) use damper::Damper;
+pub(crate) use dead_band::DeadBand;
 pub(crate) use detent::Detent;
 pub(crate) use lugre::Lugre;
+pub(crate) use magnet::Magnet;
 #[cfg(test)]
 pub(crate) use spring::Ramp;
 pub(crate) use spring::Spring;
@@ -56,6 +60,24 @@ pub enum Law {
         pitch: f64,
         /// Where one of them is.
         phase: f64,
+    },
+    /// A spring that begins at ±width from its rest: -stiffness · (q - rest ∓ width) beyond, 0 between.
+    DeadBand {
+        /// N·m/rad, zero or more.
+        stiffness: f64,
+        /// The middle of the band.
+        rest: f64,
+        /// Half of the band, zero or more.
+        width: f64,
+    },
+    /// A pull toward `at` that fades with the distance: -torque · x · exp((1 - x²)/2), x = (q - at)/width.
+    Magnet {
+        /// The largest torque, at x = ±1; zero or more.
+        torque: f64,
+        /// How far from `at` it is largest, positive.
+        width: f64,
+        /// Where it pulls to.
+        at: f64,
     },
     /// Coulomb friction: -torque · sign(q̇), 0 at q̇ = 0.
     Coulomb {
@@ -161,6 +183,17 @@ impl Law {
                 None,
                 None,
             ],
+            Law::DeadBand { stiffness, rest, width } => [
+                of("stiffness", ZeroOrMore, stiffness),
+                of("rest", Any, rest),
+                of("width", ZeroOrMore, width),
+                None,
+                None,
+                None,
+            ],
+            Law::Magnet { torque, width, at } => {
+                [of("torque", ZeroOrMore, torque), of("width", Positive, width), of("at", Any, at), None, None, None]
+            }
             Law::Coulomb { torque } => [of("torque", ZeroOrMore, torque), None, None, None, None, None],
             Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => [
                 of("coulomb", ZeroOrMore, coulomb),
@@ -178,8 +211,8 @@ impl Law {
     /// The number that its torque is proportional to, as a stiffness: `None` where it has no slope against q.
     pub fn strength(&mut self) -> Option<Quantity<'_>> {
         let name = match self {
-            Law::Spring { .. } | Law::Wall { .. } => "stiffness",
-            Law::Detent { .. } => "torque",
+            Law::Spring { .. } | Law::Wall { .. } | Law::DeadBand { .. } => "stiffness",
+            Law::Detent { .. } | Law::Magnet { .. } => "torque",
             Law::Lugre { .. } => "bristle_stiffness",
             Law::Damper { .. } | Law::Coulomb { .. } | Law::Constant { .. } => return None,
         };
@@ -194,6 +227,8 @@ impl Law {
             Law::Damper { damping } => Slopes { damping, ..none },
             Law::Wall { stiffness, damping, .. } => Slopes { stiffness, damping: Damping::Fixed(damping), ..none },
             Law::Detent { torque, pitch, .. } => Slopes { stiffness: core::f64::consts::TAU * torque / pitch, ..none },
+            Law::DeadBand { stiffness, .. } => Slopes { stiffness, ..none },
+            Law::Magnet { torque, width, .. } => Slopes { stiffness: magnet::ROOT_E * torque / width, ..none },
             Law::Coulomb { torque } => Slopes { friction: torque, ..none },
             Law::Lugre { coulomb, stribeck, bristle_stiffness, bristle_damping, viscous, .. } => Slopes {
                 stiffness: bristle_stiffness,
@@ -207,8 +242,8 @@ impl Law {
     /// Where it rests, or its face: the q about which it acts. `None` for what takes no notice of q.
     pub fn center(&self) -> Option<f64> {
         match *self {
-            Law::Spring { rest, .. } => Some(rest),
-            Law::Wall { at, .. } => Some(at),
+            Law::Spring { rest, .. } | Law::DeadBand { rest, .. } => Some(rest),
+            Law::Wall { at, .. } | Law::Magnet { at, .. } => Some(at),
             Law::Detent { phase, .. } => Some(phase),
             Law::Damper { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Constant { .. } => None,
         }
@@ -221,6 +256,8 @@ impl Law {
             Law::Spring { .. }
             | Law::Damper { .. }
             | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Constant { .. } => None,
@@ -235,6 +272,8 @@ impl Law {
             | Law::Damper { .. }
             | Law::Wall { .. }
             | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. } => None,
         }
@@ -248,6 +287,8 @@ impl Law {
             | Law::Damper { .. }
             | Law::Wall { .. }
             | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. }
             | Law::Coulomb { .. }
             | Law::Constant { .. } => false,
         }
@@ -256,8 +297,12 @@ impl Law {
     /// Whether its torque can be held within a limit, on both ends.
     pub fn takes_limit(&self) -> bool {
         match self {
-            Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } => true,
-            Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Constant { .. } => false,
+            Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::DeadBand { .. } => true,
+            Law::Detent { .. }
+            | Law::Magnet { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. } => false,
         }
     }
 
@@ -268,6 +313,8 @@ impl Law {
             Law::Damper { .. }
             | Law::Wall { .. }
             | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Constant { .. } => None,
@@ -281,6 +328,8 @@ impl Law {
             Law::Spring { .. }
             | Law::Wall { .. }
             | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Constant { .. } => None,
@@ -295,6 +344,8 @@ impl Law {
             | Law::Damper { damping: Damping::Fixed(_) }
             | Law::Wall { .. }
             | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Constant { .. } => false,
@@ -318,19 +369,27 @@ impl Coupling {
             Law::Spring { stiffness, rest } => Some(Linear { stiffness, damping, torque: stiffness * rest }),
             Law::Damper { damping } => Some(Linear { stiffness: 0.0, damping, torque: 0.0 }),
             Law::Constant { torque } => Some(Linear { stiffness: 0.0, damping, torque }),
-            Law::Wall { .. } | Law::Detent { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => None,
+            Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. } => None,
         }
     }
 
     /// What it stores in J at q, with a friction's bristle as it stands: a spring k (q - rest)²/2, a wall k (q - at)²/2 inside, a
     /// detent torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), a constant -torque · q, bristles σ0 s²/2. With a limit a spring or wall
-    /// stores k x²/2 up to the x at which it reaches its limit, and limit · x from there on.
+    /// stores k x²/2 up to the x at which it reaches its limit, and limit · x from there on; a dead band likewise, from its edge on. A
+    /// magnet stores torque · width · √e · (1 - exp(-x²/2)).
     pub fn stored(&self, q: f64, bristle: f64) -> f64 {
         let limit = self.limit.unwrap_or(f64::INFINITY);
         match self.law {
             Law::Spring { stiffness, rest } => spring::energy(stiffness, q - rest, limit),
             Law::Wall { side, at, stiffness, .. } => wall::energy(side, at, stiffness, q, limit),
             Law::Detent { torque, pitch, phase } => Detent { torque, pitch, phase }.energy(q),
+            Law::DeadBand { stiffness, rest, width } => dead_band::energy(stiffness, rest, width, q, limit),
+            Law::Magnet { torque, width, at } => magnet::energy(torque, width, at, q),
             Law::Constant { torque } => -torque * q,
             Law::Lugre { bristle_stiffness, .. } => 0.5 * bristle_stiffness * (bristle * bristle),
             Law::Damper { .. } | Law::Coulomb { .. } => 0.0,

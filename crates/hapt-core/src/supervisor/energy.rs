@@ -7,6 +7,9 @@ use crate::spec::sign_at_puck;
 use crate::supervisor::springs::{Springs, Well};
 use crate::{Coupling, Damping, End, Law, Method, Real, Side, Spec, State};
 
+/// √e
+const ROOT_E: f64 = 1.648_721_270_700_128_2;
+
 /// A potential V(q).
 #[derive(Clone, Copy, Debug)]
 enum Potential<F> {
@@ -24,6 +27,19 @@ enum Potential<F> {
         torque: F,
         pitch: F,
         phase: F,
+    },
+    /// stiffness · y²/2 up to the y at which the torque is `limit`, straight from there on; y = |q - rest| - width where positive, or 0.
+    DeadBand {
+        stiffness: F,
+        rest: F,
+        width: F,
+        limit: F,
+    },
+    /// torque · width · (√e - exp((1 - x²)/2)), x = (q - at)/width
+    Magnet {
+        torque: F,
+        width: F,
+        at: F,
     },
     /// stiffness · s²/2 of the coupling's bristle.
     Bristle {
@@ -235,9 +251,12 @@ impl<F: Real> Part<F> {
             Potential::Spring { stiffness, rest, side, limit } if side == F::ZERO && !limit.is_finite() => {
                 Some(Well { half: F::HALF * stiffness, rest })
             }
-            Potential::Nothing | Potential::Spring { .. } | Potential::Detent { .. } | Potential::Bristle { .. } => {
-                None
-            }
+            Potential::Nothing
+            | Potential::Spring { .. }
+            | Potential::Detent { .. }
+            | Potential::DeadBand { .. }
+            | Potential::Magnet { .. }
+            | Potential::Bristle { .. } => None,
         }
     }
 }
@@ -268,6 +287,17 @@ impl<F: Real> Potential<F> {
                 let well = torque * pitch / F::from_f64(core::f64::consts::PI) * (sine * sine);
                 if lag == F::ZERO { well } else { well - torque * (half + half).sin() * lag }
             }
+            Potential::DeadBand { stiffness, rest, width, limit } => {
+                let x = q - rest;
+                let side = if x > F::ZERO { F::ONE } else { -F::ONE };
+                Potential::Spring { stiffness, rest: rest + side * width, side, limit }.at(q, bristle, lag)
+            }
+            Potential::Magnet { torque, width, at } => {
+                let x = (q - at) / width;
+                let fall = (-(F::HALF * x * x)).expm1();
+                let scale = torque * F::from_f64(ROOT_E);
+                -(scale * width * fall) - scale * x * (F::ONE + fall) * lag
+            }
             Potential::Bristle { stiffness } => F::HALF * stiffness * (bristle * bristle),
         }
     }
@@ -295,6 +325,13 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
         Law::Wall { side, at, stiffness, damping } => (spring(stiffness, at, facing(side), limit), damping, 0.0, 0.0),
         Law::Detent { torque, pitch, phase } => {
             (Potential::Detent { torque: f(torque), pitch: f(pitch), phase: f(phase) }, 0.0, 0.0, 0.0)
+        }
+        Law::DeadBand { stiffness, rest, width } => {
+            let (stiffness, rest, width, limit) = (f(stiffness), f(rest), f(width), f(limit));
+            (Potential::DeadBand { stiffness, rest, width, limit }, 0.0, 0.0, 0.0)
+        }
+        Law::Magnet { torque, width, at } => {
+            (Potential::Magnet { torque: f(torque), width: f(width), at: f(at) }, 0.0, 0.0, 0.0)
         }
         Law::Damper { damping } => (Potential::Nothing, damper(damping), 0.0, 0.0),
         Law::Coulomb { torque } => (Potential::Nothing, 0.0, torque, 0.0),

@@ -96,6 +96,8 @@ impl World {
             Law::Damper { damping: Damping::Fixed(damping) } => (k, c + damping),
             Law::Wall { stiffness, damping, .. } => (k + stiffness, c + damping),
             Law::Detent { torque, pitch, .. } => (k + 7.0 * torque / pitch, c),
+            Law::DeadBand { stiffness, .. } => (k + stiffness, c),
+            Law::Magnet { torque, width, .. } => (k + 2.0 * torque / width, c),
             _ => (k, c),
         })
     }
@@ -112,6 +114,10 @@ pub fn stored(coupling: &Coupling, q: f64) -> f64 {
         }
         Law::Detent { torque, pitch, phase } => {
             torque * pitch / std::f64::consts::PI * (std::f64::consts::PI * (q - phase) / pitch).sin().powi(2)
+        }
+        Law::DeadBand { stiffness, rest, width } => level_off(stiffness, ((q - rest).abs() - width).max(0.0), limit),
+        Law::Magnet { torque, width, at } => {
+            torque * width * (0.5_f64.exp() - (0.5 - 0.5 * ((q - at) / width).powi(2)).exp())
         }
         Law::Constant { torque } => -torque * q,
         Law::Damper { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => 0.0,
@@ -137,6 +143,13 @@ pub fn torque(coupling: &Coupling, q: f64, qd: f64) -> f64 {
             (-(stiffness * (q - at) + damping * qd)).max(0.0)
         }
         Law::Detent { torque, pitch, phase } => -torque * (std::f64::consts::TAU * (q - phase) / pitch).sin(),
+        Law::DeadBand { stiffness, rest, width } => {
+            -stiffness * ((q - rest).abs() - width).max(0.0) * (q - rest).signum()
+        }
+        Law::Magnet { torque, width, at } => {
+            let x = (q - at) / width;
+            -torque * x * (0.5 - 0.5 * x * x).exp()
+        }
         Law::Coulomb { torque } if qd != 0.0 => -torque * qd.signum(),
         Law::Constant { torque } => torque,
         _ => 0.0,
@@ -193,7 +206,10 @@ fn law(nonlinear: bool) -> BoxedStrategy<(Law, Option<f64>)> {
     let wall = (side, -1.0_f64..1.0, 0.0_f64..10.0, 0.0_f64..0.05)
         .prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping })
         .boxed();
-    let limited = prop_oneof![linear.clone(), wall.clone()];
+    let band = (0.0_f64..10.0, -1.0_f64..1.0, 0.0_f64..0.5)
+        .prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width })
+        .boxed();
+    let limited = prop_oneof![2 => linear.clone(), 1 => wall.clone(), 1 => band.clone()];
     let free = prop_oneof![
         linear,
         wall,
@@ -202,11 +218,13 @@ fn law(nonlinear: bool) -> BoxedStrategy<(Law, Option<f64>)> {
             pitch,
             phase
         }),
+        band,
+        (0.0_f64..1.0, 0.02_f64..1.0, -1.0_f64..1.0).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
         (0.0_f64..0.5).prop_map(|torque| Law::Coulomb { torque }),
         (-0.5_f64..0.5).prop_map(|torque| Law::Constant { torque }),
     ];
     prop_oneof![
-        5 => free.prop_map(|law| (law, None)),
+        7 => free.prop_map(|law| (law, None)),
         1 => (limited, (0.01_f64..2.0).prop_map(Some)),
     ]
     .boxed()

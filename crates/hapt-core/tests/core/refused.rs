@@ -108,6 +108,8 @@ fn a_method_that_takes_the_new_sample_first_refuses_a_nonlinear_torque_on_a_body
     let laws = [
         (Law::Wall { side: Side::Above, at: 0.0, stiffness: 1.0, damping: 0.0 }, None),
         (Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 }, None),
+        (Law::DeadBand { stiffness: 1.0, rest: 0.0, width: 1.0 }, None),
+        (Law::Magnet { torque: 1.0, width: 1.0, at: 0.0 }, None),
         (Law::Coulomb { torque: 1.0 }, None),
         (Law::Constant { torque: 1.0 }, None),
         (SPRING.law, Some(1.0)),

@@ -508,11 +508,13 @@ fn network() -> impl Strategy<Value = (Vec<Body>, Vec<Coupling>)> {
             damping
         }),
         (0.01..0.2, 0.3..2.0).prop_map(|(torque, pitch)| Law::Detent { torque, pitch, phase: 0.1 }),
+        (0.1..20.0, -0.2..0.2, 0.0..0.2).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
+        (0.01..0.2, 0.1..1.0, -0.2..0.2).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
         (-0.1..0.1).prop_map(|torque| Law::Constant { torque }),
         (0.0..0.05).prop_map(|torque| Law::Coulomb { torque }),
     ];
     let law = prop_oneof![
-        6 => free.prop_map(|law| (law, None)),
+        8 => free.prop_map(|law| (law, None)),
         1 => (0.1..20.0, 0.01..0.5).prop_map(|(stiffness, limit)| (Law::Spring { stiffness, rest: 0.0 }, Some(limit))),
     ];
     let couplings = proptest::collection::vec((0usize..4, law), 2..8).prop_map(move |all| {

@@ -40,6 +40,8 @@ fn plain_law() -> impl Strategy<Value = Law> {
         (select(vec![Side::Above, Side::Below]), finite(), zero(), zero())
             .prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping }),
         (zero(), above(), finite()).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
+        (zero(), finite(), zero()).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
+        (zero(), above(), finite()).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
         zero().prop_map(|torque| Law::Coulomb { torque }),
         (zero(), zero(), above(), zero(), zero(), zero()).prop_map(
             |(coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous)| Law::Lugre {

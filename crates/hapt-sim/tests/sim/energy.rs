@@ -26,6 +26,12 @@ fn plain_law() -> impl Strategy<Value = Law> {
             pitch,
             phase
         }),
+        (0.0_f64..10.0, -1.0_f64..1.0, 0.0_f64..0.5).prop_map(|(stiffness, rest, width)| Law::DeadBand {
+            stiffness,
+            rest,
+            width
+        }),
+        (0.0_f64..1.0, 0.05_f64..1.0, -1.0_f64..1.0).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
         (-1.0_f64..1.0).prop_map(|torque| Law::Constant { torque }),
     ]
 }

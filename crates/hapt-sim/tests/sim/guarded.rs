@@ -168,10 +168,12 @@ fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
             damping: 0.01
         }),
         (0.01..0.2, 0.3..2.0, -1.0..1.0).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
+        (0.1..20.0, -0.2..0.2, 0.0..0.2).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
+        (0.01..0.2, 0.1..1.0, -0.3..0.3).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
         (0.0..0.01).prop_map(|torque| Law::Coulomb { torque }),
     ];
     prop_oneof![
-        4 => free.prop_map(|law| (law, None)),
+        6 => free.prop_map(|law| (law, None)),
         1 => (0.1..20.0, 0.01..0.5).prop_map(|(stiffness, limit)| (Law::Spring { stiffness, rest: 0.1 }, Some(limit))),
     ]
 }

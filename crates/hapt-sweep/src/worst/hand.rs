@@ -58,8 +58,10 @@ fn torque(world: &World, q: f64) -> f64 {
             Law::Spring { stiffness, rest } => -stiffness * (q - rest),
             Law::Wall { side: Side::Above, at, stiffness, .. } => -stiffness * (q - at).max(0.0),
             Law::Wall { side: Side::Below, at, stiffness, .. } => stiffness * (at - q).max(0.0),
+            Law::DeadBand { stiffness, rest, width } => -stiffness * (q - rest - (q - rest).clamp(-width, width)),
             Law::Damper { .. }
             | Law::Detent { .. }
+            | Law::Magnet { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Constant { .. } => 0.0,
@@ -100,6 +102,10 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
                 all.extend([sign * at, sign * (at + inward)]);
             }
             Law::Detent { pitch, phase, .. } => all.push(sign * (phase + 0.2 * pitch)),
+            Law::DeadBand { rest, width, .. } => {
+                all.extend([sign * (rest + width + reach), sign * (rest - width - reach)]);
+            }
+            Law::Magnet { width, at, .. } => all.push(sign * (at + 0.5 * width)),
             Law::Spring { .. }
             | Law::Damper { .. }
             | Law::Coulomb { .. }

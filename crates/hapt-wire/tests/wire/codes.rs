@@ -60,7 +60,7 @@ const EMPTY: Spec<'static> = Spec {
 
 #[test]
 fn the_code_of_each_law_is_what_it_always_was() {
-    let [stiffness, rest, at, torque, pitch, phase] = [1.0; 6];
+    let [stiffness, rest, at, torque, pitch, phase, width] = [1.0; 7];
     let [coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous] = [1.0; 6];
     let (damping, side) = (Damping::Fixed(1.0), Side::Above);
     let laws = codes!(Law {
@@ -71,9 +71,11 @@ fn the_code_of_each_law_is_what_it_always_was() {
         4 => Coulomb { torque },
         5 => Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous },
         6 => Constant { torque },
+        8 => DeadBand { stiffness, rest, width },
+        9 => Magnet { torque, width, at },
     });
     // One with a limit has code 7, and a second code by its law.
-    let mut limited = vec![0, 1, 2].into_iter();
+    let mut limited = vec![0, 1, 2, 3].into_iter();
     for (code, law) in laws {
         let coupling = law.between(End::Puck, End::Ground);
         assert_eq!(law_codes(coupling)[0], code, "{law:?}");

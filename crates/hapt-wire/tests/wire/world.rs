@@ -19,6 +19,8 @@ fn laws() -> impl Strategy<Value = Law> {
         damping().prop_map(|damping| Law::Damper { damping }),
         wall.prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping }),
         (x(), x(), x()).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
+        (x(), x(), x()).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
+        (x(), x(), x()).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
         x().prop_map(|torque| Law::Coulomb { torque }),
         x().prop_map(|torque| Law::Constant { torque }),
         prop::array::uniform6(x()).prop_map(|[coulomb, stribeck, stribeck_velocity, a, b, viscous]| Law::Lugre {

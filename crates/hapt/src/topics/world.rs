@@ -108,6 +108,33 @@ Halfway between two stable positions the slope falls, which requires no damping.
 "#,
     },
     Topic {
+        name: "dead-band",
+        aliases: &["deadband", "dead-zone", "slack", "backlash", "play"],
+        line: "a spring that begins at a distance from its rest",
+        text: r#"Within `width` of `rest`, on either side, there is no torque; beyond, it is a spring of `stiffness`
+from the edge on, within `limit` if there is one. The stiffness counts as that of a spring: a
+dead band asks the device for stiffness · T/2.
+
+  kind = "dead-band", stiffness = "1 N m/rad", width = "5 deg"
+
+See spring and wall.
+"#,
+    },
+    Topic {
+        name: "magnet",
+        aliases: &["magnets", "attract", "snap", "pull"],
+        line: "a pull toward a place, which fades with the distance",
+        text: r#"torque = -torque · x · exp((1 - x²)/2) with x = (q - at)/width: it pulls toward `at`, most at `width`
+from it, and hardly at 3 · width. It is steepest at its place, with √e · torque/width = 1.65 ·
+torque/width. That slope counts as its stiffness.
+
+  kind = "magnet", torque = "30 N mm", width = "3 deg", at = "90 deg"
+
+Beyond `width` the pull falls with the distance: a falling slope, which costs nothing. Detents pull
+at equal distances, magnets where they are put.
+"#,
+    },
+    Topic {
         name: "friction",
         aliases: &["coulomb", "lugre", "stribeck", "bristle", "stick"],
         line: "a torque against the motion: Coulomb or LuGre",

@@ -1,0 +1,51 @@
+//! A dead band: a spring that begins at a distance from its rest.
+
+use crate::Real;
+use crate::contact::{Answer, Gap, meet_falling, within};
+use crate::law::spring::{self, Ramp};
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DeadBand<F> {
+    pub stiffness: F,
+    pub rest: F,
+    pub width: F,
+    /// Infinite where it has none.
+    pub limit: F,
+}
+
+/// What it stores at q: a spring's energy, from the edge of the band on.
+pub(super) fn energy(stiffness: f64, rest: f64, width: f64, q: f64, limit: f64) -> f64 {
+    spring::energy(stiffness, ((q - rest).abs() - width).max(0.0), limit)
+}
+
+impl<F: Real> DeadBand<F> {
+    /// -stiffness · (q - rest ∓ width) beyond ±width, within ±limit; 0 inside
+    #[inline]
+    pub fn torque(&self, q: F) -> F {
+        let x = q - self.rest;
+        let beyond = x - within(x, -self.width, self.width);
+        within(-(self.stiffness * beyond), -self.limit, self.limit)
+    }
+
+    /// The torque that keeps its energy over a step.
+    pub fn held(&self, gap: &Gap<F>) -> Answer<F> {
+        let gap = Gap { start: gap.start - self.rest, ..*gap };
+        let law = |distance| {
+            let (mean, slope) = self.mean(gap.start, distance);
+            (-mean, -slope)
+        };
+        meet_falling(&gap, law).within(-self.limit, self.limit)
+    }
+
+    /// (V(q + distance) - V(q))/distance
+    pub fn stored_slope(&self, start: F, distance: F) -> F {
+        self.mean(start - self.rest, distance).0
+    }
+
+    /// The mean of V' over `distance` from x = q - rest, and its derivative: that of two walls without damping, face to face.
+    fn mean(&self, x: F, distance: F) -> (F, F) {
+        let wall = Ramp::new(self.stiffness, F::ZERO, self.limit);
+        let (above, below) = (wall.mean(x - self.width, distance), wall.mean(-x - self.width, -distance));
+        (above.0 - below.0, above.1 + below.1)
+    }
+}
