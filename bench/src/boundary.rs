@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use hapt_analysis::Decomposition;
-use hapt_analysis::decomposition::Keys;
+use hapt_analysis::Keys;
 use hapt_model::{Source, World};
 
 use crate::timed;

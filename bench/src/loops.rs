@@ -1,8 +1,8 @@
 //! A million loops of one body under forward Euler, the puck held: which of them grow, and how fast.
 
 use anyhow::{Result, ensure};
+use hapt_analysis::Loops;
 use hapt_analysis::closed_form::forward_euler_growth;
-use hapt_analysis::side::Loops;
 use hapt_model::Method;
 
 use crate::timed;

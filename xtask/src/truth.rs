@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, ensure};
 use brute::{At, Motion};
 use fastrand::Rng;
-use hapt_analysis::held::MARGINAL;
+use hapt_analysis::MARGINAL;
 use hapt_analysis::{Error, breaking_damping, free_growth, held_growth, passivity, required_damping, worst_grip};
 use hapt_model::{Coupling, EstimatorKind, World};
 use rayon::prelude::*;

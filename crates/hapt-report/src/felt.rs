@@ -1,6 +1,6 @@
 //! What the hand feels, drawn: an impedance against frequency, and the Z-width of a device.
 
-use hapt_analysis::felt::{Elements, Resonance, Row};
+use hapt_analysis::impedance::rendered::{Elements, Resonance, Row};
 use hapt_analysis::z_width::{Edge, ZWidth};
 use hapt_model::Motion;
 use hapt_model::keys::Measure;

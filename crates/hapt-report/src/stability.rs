@@ -11,7 +11,7 @@ use crate::ticks::number;
 use crate::units;
 
 /// Growth below this is none.
-const NONE: f64 = hapt_analysis::held::MARGINAL;
+const NONE: f64 = hapt_analysis::MARGINAL;
 
 /// The two halves of a certificate's stability.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! What a cell is asked.
 
-use hapt_analysis::side::sign;
+use hapt_analysis::sign;
 use hapt_analysis::{Verdict, free_growth, held_growth, is_certified, required_damping};
 use hapt_model::{Motion, Scenario, World};
 use hapt_sim::{Outcome, Simulation, Summary};

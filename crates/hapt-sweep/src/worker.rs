@@ -4,7 +4,7 @@
 use std::array::from_fn;
 use std::ops::Range;
 
-use hapt_analysis::wheels::{Number, Wheels};
+use hapt_analysis::{Number, Wheels};
 use hapt_model::World;
 use hapt_sim::{SIDE, side_by_side};
 

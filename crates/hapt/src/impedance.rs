@@ -4,7 +4,7 @@ use std::fmt::{Display, Write as _};
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_analysis::felt::{Asked, Element, Elements, Felt, Resonance, Row};
+use hapt_analysis::impedance::rendered::{Asked, Element, Elements, Felt, Resonance, Row};
 use hapt_analysis::z_width::Walls;
 use hapt_analysis::{Slopes, ZWidth};
 use hapt_model::keys::Measure;

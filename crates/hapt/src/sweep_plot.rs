@@ -49,7 +49,7 @@ fn measured(sweep: &Sweep) -> (String, &'static str) {
 /// The value on whose two sides a measure means two things.
 fn edge(measure: Measure) -> Option<f64> {
     match measure {
-        Measure::HeldGrowth | Measure::FreeGrowth => Some(hapt_analysis::held::MARGINAL),
+        Measure::HeldGrowth | Measure::FreeGrowth => Some(hapt_analysis::MARGINAL),
         // What is not unstable is on the one side.
         Measure::HeldVerdict | Measure::FreeVerdict | Measure::Certified => Some(0.5),
         _ => None,

@@ -25,8 +25,8 @@ use hapt_model::Method;
 use nalgebra::Complex;
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::eigen::{INSIDE, Root, excess, rk4_excess};
-use crate::lone::Lone;
+use crate::stability::multiplier::{INSIDE, Root, excess, rk4_excess};
+use crate::stability::single_body::Lone;
 use crate::stability::{MARGINAL, Verdict, growth};
 
 /// So many loops are looked at before those among them that have to be decided alone.
@@ -255,7 +255,7 @@ fn in_proportion(Lone { inertia, .. }: Lone, spring: f64, damper: f64, period: f
         & (PERIOD[0]..=PERIOD[1]).contains(&period)
 }
 
-/// |λ|² - 1 of a complex pair, in the operations of [`crate::eigen`]; NaN where it is none, or below `least`.
+/// |λ|² - 1 of a complex pair, in the operations of [`crate::stability::multiplier`]; NaN where it is none, or below `least`.
 #[inline(always)]
 fn of_pair(method: Method, lone: Lone, period: f64, least: f64) -> f64 {
     let Pair { root, is_one } = Pair::new(lone, period, matches!(method, Method::SemiImplicitEuler));

@@ -2,10 +2,10 @@
 
 use hapt_model::World;
 
-use crate::continuous::compensated_by;
-use crate::laws::{Straight, straight};
-use crate::lone::{Lone, touches};
-use crate::side::Loops;
+use crate::batch::loops::Loops;
+use crate::equations::continuous::compensated_by;
+use crate::equations::laws::{Straight, straight};
+use crate::stability::single_body::{Lone, touches};
 
 /// A number on which the loop of the only body hangs, the puck held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -28,13 +28,13 @@ use std::f64::consts::PI;
 use hapt_model::{Coupling, End, Method, Sampling, World};
 use nalgebra::Complex;
 
-use crate::continuous::{Slopes, Tie, bent, bent_anywhere, ties};
-use crate::delay::Delay;
+use crate::equations::continuous::{Slopes, Tie, bent, bent_anywhere, ties};
+use crate::equations::delay::Delay;
+use crate::equations::estimator::Filter;
+use crate::equations::slopes::combinations;
 use crate::error::{Error, positive};
-use crate::estimator::Filter;
 use crate::impedance::{Impedance, Pole, Rule};
-use crate::stability::combinations;
-use crate::stack::{phi1, phi2};
+use crate::numerics::phi::{phi1, phi2};
 
 type C = Complex<f64>;
 

@@ -16,11 +16,11 @@
 use hapt_model::{Coupling, Damping, End, Law, World};
 use serde::Serialize;
 
-use crate::counts::quantisation;
 use crate::error::Error;
-use crate::follow::{Along, Heights, crossing, first_rise};
-use crate::free::free_heights;
-use crate::passivity::need;
+use crate::numerics::crossing::{Along, Heights, crossing, first_rise};
+use crate::passivity::quantisation::quantisation;
+use crate::passivity::required::need;
+use crate::stability::free::free_heights;
 
 /// How far beyond what a device's inertia and damping make of a sample an edge is searched. A sampled loop has one.
 const FAR: f64 = 1e9;

@@ -3,10 +3,10 @@
 use hapt_model::World;
 
 use crate::error::Error;
-use crate::free::free_growth;
-use crate::held::held_growth;
 use crate::passivity::required_damping;
 use crate::stability::Verdict;
+use crate::stability::free::free_growth;
+use crate::stability::held::held_growth;
 
 /// Whether `check` would certify the world; what cannot be computed is not certified.
 pub fn is_certified(world: &World) -> bool {

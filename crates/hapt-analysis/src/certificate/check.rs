@@ -1,20 +1,19 @@
 //! The answer on a world, for programs and for people.
 
-use std::f64::consts::TAU;
-
-use hapt_model::keys::Measure;
 use hapt_model::{End, EstimatorKind, Law, Method, Motion, World};
 use serde::Serialize;
 
-use crate::continuous::{bent, bent_anywhere};
-use crate::counts::{Quantisation, power, quantisation};
+use crate::certificate::remedies::Remedies;
+use crate::equations::continuous::{bent, bent_anywhere};
+use crate::equations::laws::{self, Kind, is_nonlinear};
+use crate::equations::slopes::COMBINED;
 use crate::error::Error;
-use crate::free::{free, free_at_this_period, shortest_period};
-use crate::held::held;
-use crate::laws::{self, Kind, is_nonlinear};
-use crate::passivity::{Cause, Passivity, passivity};
-use crate::remedies::Remedies;
-use crate::stability::{COMBINED, Mode, NOT_SEARCHED, Stability, Verdict};
+use crate::passivity::quantisation::{Quantisation, power, quantisation};
+use crate::passivity::{Passivity, passivity};
+use crate::stability::free::{free, free_at_this_period, shortest_period};
+use crate::stability::held::held;
+use crate::stability::{Stability, Verdict};
+use crate::text::{short, time};
 
 /// What `check` says of a world. It serialises to the mapping that `hapt check --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -40,9 +39,9 @@ pub struct Check {
     /// What a reader of the numbers has to know.
     pub notes: Vec<String>,
     #[serde(skip)]
-    motion: Motion,
+    pub(crate) motion: Motion,
     #[serde(skip)]
-    has_counts: bool,
+    pub(crate) has_counts: bool,
 }
 
 /// Analyses a world: its loop's period and method, its bodies and couplings.
@@ -86,7 +85,7 @@ fn with_free(world: &World, free: Stability) -> Result<Check, Error> {
 }
 
 /// How the note begins that says so.
-const ESTIMATE: &str = "held is a linear estimate of a nonlinear world";
+pub(crate) const ESTIMATE: &str = "held is a linear estimate of a nonlinear world";
 
 fn notes(world: &World) -> Result<Vec<String>, Error> {
     let mut notes = Vec::new();
@@ -170,240 +169,4 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
         }
         (Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre, _) => None,
     })
-}
-
-/// A rate or a time for people: four digits, no trailing zeros.
-pub(crate) fn short(x: f64) -> String {
-    let digits = if x == 0.0 { 3 } else { (3 - x.abs().log10().floor() as i32).clamp(0, 12) };
-    let text = format!("{x:.*}", digits as usize);
-    let scientific = x != 0.0 && !(1e-4..1e5).contains(&x.abs());
-    if scientific {
-        format!("{x:.3e}")
-    } else if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_string()
-    } else {
-        text
-    }
-}
-
-/// A time for people.
-fn time(s: f64) -> String {
-    match s {
-        s if s < 1e-3 => format!("{} us", short(s * 1e6)),
-        s if s < 1.0 => format!("{} ms", short(s * 1e3)),
-        s => format!("{} s", short(s)),
-    }
-}
-
-/// Whether the loop keeps the mode's swing as it is, to what a verdict can see.
-fn is_kept(mode: &Mode) -> bool {
-    mode.discrete_damping_ratio.is_some_and(|ratio| ratio.abs() < 1e-12)
-}
-
-/// The method's name in a sentence.
-fn spoken(method: &str) -> &str {
-    match method {
-        "forward-euler" => "forward Euler",
-        "backward-euler" => "backward Euler",
-        "semi-implicit-euler" => "semi-implicit Euler",
-        "rk4" => "RK4",
-        "trapezoidal" => "the trapezoidal rule",
-        other => other,
-    }
-}
-
-/// How fast that is.
-fn pace(growth: f64) -> String {
-    let ten = (10.0 * growth).exp();
-    if ten < 1e3 {
-        format!("a factor {ten:.2} in 10 s")
-    } else {
-        format!("doubling every {}", time(std::f64::consts::LN_2 / growth))
-    }
-}
-
-impl Check {
-    /// The whole verdict in one sentence.
-    pub fn verdict_sentence(&self) -> String {
-        let reasons = [
-            (self.held.verdict == Verdict::Unstable, "it is unstable with the puck held"),
-            (self.free.verdict == Verdict::Unstable, "it is unstable when the puck is let go"),
-            (!self.passivity.passive, "some passive hands can extract energy"),
-        ];
-        let reasons: Vec<&str> = reasons.into_iter().filter(|(holds, _)| *holds).map(|(_, words)| words).collect();
-        match (reasons.is_empty(), self.passivity.proved) {
-            (false, _) => format!("not certified: {}", reasons.join("; ")),
-            (true, true) => "certified: stable held and let go, and passive against every passive hand".to_string(),
-            (true, false) => {
-                "certified, as far as the linear loop goes: stable held and let go, and passive".to_string()
-            }
-        }
-    }
-
-    /// The verdict on the held world in one sentence, with its reason.
-    pub fn sentence(&self) -> String {
-        let held = &self.held;
-        let method = spoken(self.method);
-        let Some(growth) = held.growth_per_s else {
-            return "stable: with the puck held, nothing is left to move after a sample".to_string();
-        };
-        match held.verdict {
-            Verdict::Unstable => {
-                let pace = pace(growth);
-                let reason = match (held.critical_period_reason, held.critical_period_s) {
-                    (Some("never"), _) if held.modes.iter().any(|m| m.damping_ratio == 0.0) => {
-                        format!("{method} is never stable on an undamped mode")
-                    }
-                    (Some("never"), _) => {
-                        format!("at every period {method} takes more damping from a mode than its dampers give")
-                    }
-                    (_, Some(limit)) if limit < self.period_s => {
-                        format!(
-                            "{method} is stable here up to a period of {}, and this one is {}",
-                            time(limit),
-                            time(self.period_s)
-                        )
-                    }
-                    _ => format!("{method} at this period takes it out of the unit circle"),
-                };
-                format!("unstable: the held world grows by {} per second ({pace}); {reason}", short(growth))
-            }
-            Verdict::Marginal => {
-                let reason = if held.eigenvalues.iter().any(|e| e.im == 0.0 && e.re == 1.0 && e.abs == 1.0) {
-                    if self.notes.iter().any(|note| note.starts_with(ESTIMATE)) {
-                        "where the nonlinear couplings are slack, something stays where it is shifted to"
-                    } else {
-                        "something is tied by no spring and stays where it is shifted to"
-                    }
-                } else if self.method == "forward-euler" {
-                    "its dampers undo what forward Euler adds to a swing"
-                } else if held.modes.iter().any(|mode| mode.damping_ratio > 0.0 && is_kept(mode)) {
-                    "the damping takes just what the method adds to a swing"
-                } else {
-                    "a swing keeps its size, because nothing damps it"
-                };
-                let room = held.critical_period_s.map_or(String::new(), |t| format!(", up to a period of {}", time(t)));
-                format!("marginal: the held world neither grows nor decays; {reason}{room}")
-            }
-            Verdict::Stable => {
-                let room = match held.critical_period_s {
-                    Some(limit) => format!("{method} stays so up to a period of {}", time(limit)),
-                    None => format!("{method} stays so at every period"),
-                };
-                format!(
-                    "stable: a disturbance of the held world decays by at least {} per second; {room}",
-                    short(-growth)
-                )
-            }
-        }
-    }
-
-    /// The verdict on the free loop in one sentence, with its reason.
-    pub fn free_sentence(&self) -> String {
-        let free = &self.free;
-        let Some(growth) = free.growth_per_s else {
-            return "stable: let go, the loop goes on as it is, and nothing pulls at the puck".to_string();
-        };
-        let limit = free.critical_period_s;
-        match free.verdict {
-            Verdict::Unstable => {
-                // The first listed is the largest of all.
-                let swing = free.eigenvalues.first().map_or(0.0, |v| v.im.atan2(v.re).abs() / (TAU * self.period_s));
-                let how =
-                    if swing > 0.0 { format!("swinging at {} Hz", short(swing)) } else { "without a swing".into() };
-                let reason = match (free.critical_period_reason, limit) {
-                    (Some("never"), _) => "so it does at every shorter period that was examined".to_string(),
-                    (Some(NOT_SEARCHED), _) => "its dampers take less than the hold of the torque feeds it".to_string(),
-                    (_, Some(limit)) if limit < self.period_s => {
-                        format!("it holds up to a period of {}, and this one is {}", time(limit), time(self.period_s))
-                    }
-                    _ => "the hold of the torque between samples feeds it more than its dampers take".to_string(),
-                };
-                format!(
-                    "unstable: let go, the loop grows by {} per second ({}), {how}; {reason}",
-                    short(growth),
-                    pace(growth)
-                )
-            }
-            Verdict::Marginal => {
-                let room = limit.map_or(String::new(), |t| format!(", up to a period of {}", time(t)));
-                format!(
-                    "marginal: let go, the loop neither grows nor decays; something in it swings or drifts for ever{room}"
-                )
-            }
-            Verdict::Stable => {
-                let room = match limit {
-                    Some(limit) => format!("it stays so up to a period of {}", time(limit)),
-                    None => "no limit of the period was found".to_string(),
-                };
-                format!("stable: let go, the loop comes to rest by at least {} per second; {room}", short(-growth))
-            }
-        }
-    }
-
-    /// The verdict on passivity in one sentence, with its reason; dampings in SI.
-    pub fn passivity_sentence(&self) -> String {
-        let Passivity { required_damping, device_damping, at_hz, passive, proved, cause, .. } = &self.passivity;
-        let linear = if *proved { "" } else { " (the linear loop)" };
-        let Some(required) = required_damping else {
-            let reason = match *cause {
-                Some(Cause::Grows { hz }) => {
-                    format!("the hand feels a motion at {} Hz that grows by itself", short(hz))
-                }
-                Some(Cause::Unseen { hz }) => {
-                    format!(
-                        "the world has a motion at {} Hz that grows by itself, little as the hand feels of it",
-                        short(hz)
-                    )
-                }
-                Some(Cause::OutOfStep { hz }) => {
-                    format!("the mode at {} Hz is undamped, and its torque is out of phase with the hand", short(hz))
-                }
-                Some(Cause::Fraction { hz }) => {
-                    format!("the mode at {} Hz is undamped, and the delay is not a whole number of samples", short(hz))
-                }
-                Some(Cause::Coulomb) | None => "Coulomb friction at the puck has no finite slope".to_string(),
-            };
-            return format!("not passive at any device damping{linear}: {reason}");
-        };
-        let place = match *at_hz {
-            None => "the same at every frequency".to_string(),
-            Some(0.0) => "most toward 0 Hz".to_string(),
-            Some(hz) => format!("most at {} Hz", short(hz)),
-        };
-        let unit = Measure::Damping.dimension(self.motion).symbol();
-        let (has, wanted) = (short(*device_damping), short(*required));
-        if *passive {
-            format!(
-                "passive against every passive hand{linear}: it requires a device damping of {wanted} {unit}, {place}, and the device has {has}"
-            )
-        } else {
-            let more = short(required - device_damping);
-            format!(
-                "not passive{linear}: it requires a device damping of {wanted} {unit}, {place}, and the device has {has}, {more} too little"
-            )
-        }
-    }
-
-    /// What the encoder's counts and the motor's levels allow, in one sentence; `None` where both are ideal.
-    pub fn quantisation_sentence(&self) -> Option<String> {
-        let found = &self.quantisation;
-        let unit = |measure: Measure| measure.dimension(self.motion).symbol();
-        let most = format!("{} {}", short(found.max_stiffness?), unit(Measure::Stiffness));
-        let what = if self.has_counts { "the encoder's counts" } else { "the motor's levels" };
-        Some(if found.lacks_friction() {
-            let torque = unit(Measure::Torque);
-            format!(
-                "dampers and levels require a friction of {} {torque}, and the device has {} {torque}: it may buzz",
-                short(found.least_friction),
-                short(found.friction)
-            )
-        } else if found.ok {
-            format!("friction and damping of the device absorb {what} up to {most} at the puck, and there is less")
-        } else {
-            format!(
-                "friction and damping of the device absorb {what} only up to {most} at the puck, and there is more: it may buzz"
-            )
-        })
-    }
 }

@@ -4,5 +4,6 @@ mod certified;
 pub mod check;
 pub mod proposal;
 pub mod remedies;
+mod sentences;
 
 pub use certified::*;

@@ -3,8 +3,8 @@
 use hapt_model::keys::{Measure, in_samples};
 use hapt_model::{Coupling, Dimension, Error, Parameter, Source, World, parameters, parse_quantity};
 
-use crate::check::Check;
-use crate::remedies::Remedies;
+use crate::certificate::check::Check;
+use crate::certificate::remedies::Remedies;
 
 /// To which side a value is rounded, so that it still certifies.
 #[derive(Clone, Copy)]

@@ -11,9 +11,9 @@ use hapt_model::{Coupling, Damping, Delay, End, Law, Output, World};
 use serde::Serialize;
 
 use crate::certificate::{excess, is_certified};
-use crate::delay::IN_FLIGHT;
+use crate::equations::delay::IN_FLIGHT;
 use crate::error::Error;
-use crate::follow::{Along, Heights, first_rise};
+use crate::numerics::crossing::{Along, Heights, first_rise};
 use crate::passivity::required_damping;
 
 /// Each makes the world certified by itself; `None` where none was found. Of a certified world these are margins, and `advance`

@@ -11,7 +11,7 @@
 //! | --- | --- |
 //! | z, if springs tie the puck to ground | by the motor's held commands, exactly |
 //! | ż | the same |
-//! | the bodies' modes, see [`crate::port`]: positions relative to the shift of the puck unless it is grounded, velocities | by the method |
+//! | the bodies' modes, see [`crate::equations::port`]: positions relative to the shift of the puck unless it is grounded, velocities | by the method |
 //! | v̂_k, the measured velocity, where a damper is tied to the puck and it is not the true one | pole v̂_k + Σ g_i δ_{k+1-i} |
 //! | δ_k, δ_{k-1}, ... with δ_k = z_k - z_{k-1}, as far as the estimator looks back | z_{k+1} - z_k, and one place on |
 //! | the commands before this sample's, as many as are in flight | this sample's, and one place on |
@@ -31,25 +31,12 @@
 use hapt_model::Sampling;
 use nalgebra::{DMatrix, RowDVector};
 
-use crate::delay::{Delay, IN_FLIGHT};
-use crate::discrete::Discrete;
+use crate::equations::delay::{Delay, IN_FLIGHT};
+use crate::equations::discrete::Discrete;
+use crate::equations::estimator::Filter;
+use crate::equations::port::Port;
 use crate::error::Error;
-use crate::estimator::Filter;
-use crate::matrix::phi;
-use crate::port::Port;
-
-/// φ₁ of the module's head.
-pub(crate) fn phi1(x: f64) -> f64 {
-    if x == 0.0 { 1.0 } else { -(-x).exp_m1() / x }
-}
-
-/// φ₂ of the module's head: below 1 by its series, whose 19th term is below the last bit.
-pub(crate) fn phi2(x: f64) -> f64 {
-    if x >= 1.0 {
-        return ((-x).exp_m1() + x) / (x * x);
-    }
-    (3..=20).rev().fold(1.0, |sum, k| 1.0 - x * sum / f64::from(k)) * 0.5
-}
+use crate::numerics::phi::{phi, phi1, phi2};
 
 /// J z̈ + b ż + k z = τ.
 #[derive(Clone, Copy)]
@@ -232,14 +219,6 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        #[test]
-        fn the_closed_forms_are_the_phi_functions(log in -12.0..2.0f64) {
-            let x = 10f64.powf(log);
-            let (one, two) = phi(&DMatrix::from_element(1, 1, -x));
-            prop_assert!((phi1(x) / one[0] - 1.0).abs() < 1e-14);
-            prop_assert!((phi2(x) / two[0] - 1.0).abs() < 2e-14);
-        }
-
         #[test]
         fn a_swing_without_a_spring_is_the_free_puck(log in -6.0..1.5f64, h in 1e-5..1e-1f64) {
             let (inertia, x) = (6.4e-4, 10f64.powf(log));

@@ -17,8 +17,8 @@
 use hapt_model::{Body, Coupling, Damping, End, Law};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
+use crate::equations::laws::{self, Straight};
 use crate::error::{Error, positive};
-use crate::laws::{self, Straight};
 
 /// Which of its two slopes each nonlinear coupling takes: flat (wall out, detent 0, LuGre sliding, viscous) or steep (wall in,
 /// detent 2π torque/pitch, LuGre stuck, σ0 and σ1 + σ2). Falling slopes are never taken. Coulomb friction and constants have

@@ -1,5 +1,7 @@
 //! A delay in samples.
 
+use hapt_model::Sampling;
+
 use crate::error::Error;
 
 /// The most commands on their way that are looked at: each is a row of the free loop's full matrix.
@@ -26,6 +28,14 @@ impl Delay {
         let near = (ratio - whole).abs() <= 1e-6;
         let samples = if near { whole } else { ratio.floor() };
         Ok(Delay { samples: samples as usize, part: if near { 0.0 } else { ratio - samples } })
+    }
+
+    /// The delay of a loop.
+    ///
+    /// # Errors
+    /// As [`Delay::of`].
+    pub fn of_loop(sampling: &Sampling) -> Result<Self, Error> {
+        Delay::of(sampling.delay_s(), sampling.period)
     }
 
     /// How many commands before the present one the motor still holds or will hold.

@@ -28,9 +28,10 @@
 use hapt_model::{Method, Output};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
-use crate::continuous::{Continuous, Torque};
+use crate::equations::continuous::{Continuous, Torque};
 use crate::error::{Error, positive};
-use crate::matrix::{balance, phi, scaled, unscaled};
+use crate::numerics::balance::{balance, scaled, unscaled};
+use crate::numerics::phi::phi;
 
 /// One sample of a world of n bodies: see the module's head.
 #[derive(Clone, Debug, PartialEq)]

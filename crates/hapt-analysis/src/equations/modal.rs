@@ -22,9 +22,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::equations::structure::{Link, Part};
 use crate::error::Error;
-use crate::jacobi::orthogonalise;
-use crate::structure::{Link, Part};
+use crate::numerics::jacobi::orthogonalise;
 
 /// A mode counts as unseen by a damper that it moves by less than this, relative to the damper's own reach. Its damping would
 /// be the square of it, 1e-18, beyond every digit of an eigenvalue.

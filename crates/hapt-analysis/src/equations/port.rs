@@ -16,10 +16,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::continuous::Continuous;
+use crate::equations::continuous::Continuous;
+use crate::equations::modal::{Coupled, Modal, Swings, beside, form, of_one_frequency, reach, rows, split};
+use crate::equations::structure::{Link, Part, held_still};
 use crate::error::Error;
-use crate::modal::{Coupled, Modal, Swings, beside, form, of_one_frequency, reach, rows, split};
-use crate::structure::{Link, Part, held_still};
 
 /// Modes that dampers tie together, or one that none damps. Its equations have the puck's row and column, but nothing on the
 /// puck's own diagonal: that is [`Port::stiffness`] and the dampings.

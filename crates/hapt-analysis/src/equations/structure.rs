@@ -6,9 +6,10 @@
 //! neither spring nor damper ties to the fixed side keeps its momentum as well: one more. Together they are a double 1, which
 //! an eigenvalue solver would split by √eps, into growth of ±5e-7 1/s at 1 ms; so they never reach one.
 
-use hapt_model::End;
+use hapt_model::{Body, Coupling, End, World};
 
-use crate::continuous::Tie;
+use crate::equations::continuous::{Slopes, Tie, ties};
+use crate::error::{Error, positive};
 
 /// All couplings between one pair of ends, summed. At least one of the three is above 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,4 +133,33 @@ pub(crate) fn parts(inertia: &[f64], ties: &[Tie]) -> Vec<Part> {
             }
         })
         .collect()
+}
+
+/// The inertias of bodies, kg·m².
+///
+/// # Errors
+/// [`Error::Value`] for one that is not positive.
+pub(crate) fn inertias(bodies: &[Body]) -> Result<Vec<f64>, Error> {
+    bodies.iter().map(|body| positive("a body's inertia", body.inertia)).collect()
+}
+
+/// The same of the puck, first, and the bodies.
+///
+/// # Errors
+/// [`Error::Value`] for one that is not positive.
+pub(crate) fn inertias_with_puck(world: &World) -> Result<Vec<f64>, Error> {
+    let mut inertia = vec![positive("the device's inertia", world.device.inertia)?];
+    inertia.extend(inertias(&world.bodies)?);
+    Ok(inertia)
+}
+
+/// The ties of the world with the puck as body 0.
+pub(crate) fn with_puck(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<Vec<Tie>, Error> {
+    let end = |end| match end {
+        End::Puck => End::Body(0),
+        End::Body(i) => End::Body(i + 1),
+        End::Ground => End::Ground,
+    };
+    let tie = |tie: Tie| Tie { first: end(tie.first), second: end(tie.second), ..tie };
+    Ok(ties(bodies, couplings, slopes)?.into_iter().map(tie).collect())
 }

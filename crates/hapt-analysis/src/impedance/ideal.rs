@@ -14,10 +14,9 @@
 use hapt_model::{Method, World};
 use nalgebra::{Complex, DMatrix, DVector};
 
-use crate::continuous::Slopes;
-use crate::error::{Error, positive};
-use crate::free::with_puck;
-use crate::structure::{Link, Part, parts};
+use crate::equations::continuous::Slopes;
+use crate::equations::structure::{Link, Part, inertias_with_puck, parts, with_puck};
+use crate::error::Error;
 
 type C = Complex<f64>;
 
@@ -45,10 +44,7 @@ impl Ideal {
     /// # Errors
     /// [`Error::Value`] for an inertia that is not positive, [`Error::NoSuchBody`].
     pub fn new(world: &World, slopes: &Slopes) -> Result<Ideal, Error> {
-        let mut inertia = vec![positive("the device's inertia", world.device.inertia)?];
-        for body in &world.bodies {
-            inertia.push(positive("a body's inertia", body.inertia)?);
-        }
+        let inertia = inertias_with_puck(world)?;
         let mut ties = with_puck(&world.bodies, &world.couplings, slopes)?;
         for tie in &mut ties {
             tie.fixed += match world.sampling.method {

@@ -20,15 +20,14 @@ use hapt_model::{Coupling, EstimatorKind, World};
 use nalgebra::Complex;
 use serde::Serialize;
 
-use crate::continuous::{Slopes, bent_anywhere};
-use crate::curve::exp_m1;
-use crate::delay::Delay;
+use crate::equations::continuous::{Slopes, bent_anywhere};
+use crate::equations::delay::Delay;
+use crate::equations::estimator::Filter;
+use crate::equations::laws::{Kind, most};
 use crate::error::Error;
-use crate::estimator::Filter;
-use crate::ideal::{Ideal, Tied};
+use crate::impedance::ideal::{Ideal, Tied};
 use crate::impedance::{Impedance, Pole, Rule};
-use crate::laws::{Kind, most};
-use crate::passivity::{is_seen, lag};
+use crate::numerics::phi::exp_m1;
 use crate::stability::MARGINAL;
 
 type C = Complex<f64>;
@@ -138,14 +137,24 @@ impl Felt {
         if !port.is_finite() {
             return Err(Error::Eigenvalues { order: port.poles.len() });
         }
-        let seen: Vec<Pole> = port.poles.iter().filter(|p| is_seen(&port, p, period)).copied().collect();
+        let seen: Vec<Pole> = port.poles.iter().filter(|p| port.has_residue(p, period)).copied().collect();
         port.poles = seen;
         let ideal = Ideal::new(world, slopes)?;
         let tied = ideal.tied();
         let notes = notes(world, slopes, &port);
         let stiffness = if let Tied::Spring(stiffness) = tied { stiffness } else { 0.0 };
         let device = [world.device.inertia, world.device.damping];
-        Ok(Felt { period, lag: lag(sampling)?, slope: slope(world), port, stiffness, ideal, tied, device, notes })
+        Ok(Felt {
+            period,
+            lag: Delay::of_loop(sampling)?,
+            slope: slope(world),
+            port,
+            stiffness,
+            ideal,
+            tied,
+            device,
+            notes,
+        })
     }
 
     /// Half of the sampling rate, Hz: above it a sampled hand cannot be told from a slower one.

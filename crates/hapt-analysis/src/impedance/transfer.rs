@@ -27,12 +27,13 @@
 use hapt_model::{Body, Coupling, End, Method, Output};
 use nalgebra::{Complex, DMatrix, DVector, linalg::Schur};
 
-use crate::continuous::{Slopes, Tie, ties};
-use crate::critical::{balance_of, roots};
-use crate::eigen::{Root, multiplier, pair};
+use crate::equations::continuous::{Slopes, Tie, ties};
+use crate::equations::modal::{Coupled, Modal};
+use crate::equations::structure::{Part, inertias, parts};
 use crate::error::{Error, positive};
-use crate::modal::{Coupled, Modal};
-use crate::structure::{Part, parts};
+use crate::numerics::phi::complex_phi2;
+use crate::stability::multiplier::{Root, multiplier, pair};
+use crate::stability::roots::{balance_of, roots};
 
 type C = Complex<f64>;
 
@@ -105,7 +106,7 @@ impl Impedance {
         if method.takes_new_sample_first() && (output != Output::Start || advance > 0) {
             return Err(Error::Output { method, output });
         }
-        let inertia = bodies.iter().map(|b| positive("a body's inertia", b.inertia)).collect::<Result<Vec<_>, _>>()?;
+        let inertia = inertias(bodies)?;
         let ties = ties(bodies, couplings, slopes)?;
         let at_puck = |of: fn(&Tie, f64) -> f64| -> f64 {
             ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).map(|t| of(t, period)).sum()
@@ -168,9 +169,11 @@ impl Impedance {
         }
     }
 
-    /// The size of `gains` below which they are rounding, N·m/rad.
-    pub fn nothing(&self, period: f64) -> f64 {
-        1e-18 * (self.at_puck[0] + self.at_puck[1] / period)
+    /// Whether the residue of a pole is more than rounding: the puck both moves the mode and feels it.
+    pub fn has_residue(&self, pole: &Pole, period: f64) -> bool {
+        let [still, back, moving, moving_back] = pole.gains.map(|g| g.norm());
+        let all = still + back + (moving + moving_back) / period;
+        all.is_nan() || all > 1e-18 * (self.at_puck[0] + self.at_puck[1] / period)
     }
 }
 
@@ -319,14 +322,6 @@ fn decompose(a: &DMatrix<f64>) -> Option<(Vec<C>, DMatrix<C>, DMatrix<C>)> {
     finite.then(|| ((0..n).map(|i| t[(i, i)]).collect(), v, inverse))
 }
 
-/// (e^z - 1 - z)/z², which is e^z's share of a ramp.
-fn phi2(z: C, less_one: C) -> C {
-    if z.norm() > 1.0 {
-        return (less_one - z) / (z * z);
-    }
-    (3..=20).rev().fold(C::from(1.0), |sum, k| 1.0 + z / f64::from(k) * sum) * 0.5
-}
-
 /// The discrete pole, and what it adds to `direct`: the table of the module's head.
 fn discrete(e: &Eigen, Rule { method, output, advance, period }: Rule) -> (Pole, f64) {
     let multiplier = multiplier(method, e.root);
@@ -341,7 +336,7 @@ fn discrete(e: &Eigen, Rule { method, output, advance, period }: Rule) -> (Pole,
         Method::ForwardEuler | Method::SemiImplicitEuler => ZERO,
         Method::BackwardEuler => 1.0 / (1.0 - z),
         Method::Trapezoidal | Method::Tustin => 0.5 / (1.0 - 0.5 * z),
-        Method::Zoh | Method::Foh => phi2(z, less),
+        Method::Zoh | Method::Foh => complex_phi2(z, less),
         Method::Rk4 => 0.5 + z / 6.0 * (1.0 + 0.25 * z),
     };
     let (hold_spring, hold_damper) = (e.spring * f * period, e.damper * f * period);

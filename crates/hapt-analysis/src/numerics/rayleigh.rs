@@ -11,7 +11,7 @@
 use nalgebra::linalg::Hessenberg;
 use nalgebra::{Complex, DMatrix, DVector};
 
-use crate::matrix::{balance, scaled};
+use crate::numerics::balance::{balance, scaled};
 
 type C = Complex<f64>;
 

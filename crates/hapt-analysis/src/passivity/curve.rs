@@ -18,10 +18,11 @@
 
 use nalgebra::Complex;
 
-use crate::delay::Delay;
-use crate::estimator::Filter;
+use crate::equations::delay::Delay;
+use crate::equations::estimator::Filter;
 use crate::impedance::{Impedance, Pole};
-use crate::series::{Inverse, Real, Series};
+use crate::numerics::phi::exp_m1;
+use crate::numerics::series::{Inverse, Real, Series};
 
 type C = Complex<f64>;
 
@@ -71,12 +72,6 @@ impl Slope {
         taps.pop();
         Slope { taps, pole: 0.0, ln_pole: f64::NEG_INFINITY }
     }
-}
-
-/// e^x - 1.
-pub(crate) fn exp_m1(x: C) -> C {
-    let sin = (0.5 * x.im).sin();
-    C::new(x.re.exp_m1() * x.im.cos() - 2.0 * sin * sin, x.re.exp() * x.im.sin())
 }
 
 /// λⁿ
@@ -206,7 +201,7 @@ impl Curve {
         let a = self.lag.part;
         let lag = turn(-(self.lag.samples as f64));
         let mut lagged = still.times(&lag);
-        let mut h = Real { c: [0.0; crate::series::TERMS], rest: 0.0 };
+        let mut h = Real { c: [0.0; crate::numerics::series::TERMS], rest: 0.0 };
         if a > 0.0 {
             let mut shifted = lagged.times(&back);
             shifted.c.iter_mut().for_each(|c| *c *= a);
@@ -241,7 +236,7 @@ fn fir(taps: &[f64], phi: f64, r: f64) -> Series {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::supremum::supremum;
+    use crate::passivity::supremum::supremum;
 
     #[test]
     fn a_virtual_mass_by_double_differences_is_at_most_half_of_b_t() {

@@ -3,8 +3,10 @@
 pub(crate) mod curve;
 pub(crate) mod proof;
 pub mod quantisation;
-mod required;
+pub(crate) mod required;
 pub(crate) mod supremum;
+mod verdict;
 pub mod worst_grip;
 
 pub use required::*;
+pub use verdict::*;

@@ -24,13 +24,14 @@
 
 use hapt_model::{Coupling, EstimatorKind, Method, Output, World};
 
-use crate::check::short;
-use crate::continuous::settled;
-use crate::counts::{Quantisation, quantisation};
-use crate::delay::Delay;
+use crate::equations::continuous::settled;
+use crate::equations::delay::Delay;
+use crate::equations::laws::{self, Kind, is_nonlinear};
+use crate::equations::slopes::at_puck;
 use crate::error::Error;
-use crate::laws::{self, Kind, is_nonlinear};
-use crate::passivity::{Need, at_puck, lag, need};
+use crate::passivity::quantisation::{Quantisation, quantisation};
+use crate::passivity::required::{Need, need};
+use crate::text::short;
 
 /// The reasons why the answer on the linear loop is not one on the whole.
 pub(crate) fn missing(world: &World, found: &Need) -> Result<Vec<String>, Error> {
@@ -105,7 +106,7 @@ fn limit(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> {
                 .to_string(),
         ));
     }
-    let bound = price(at_puck(world, &world.couplings)?, world.sampling.period, lag(&world.sampling)?);
+    let bound = price(at_puck(world, &world.couplings)?, world.sampling.period, Delay::of_loop(&world.sampling)?);
     Ok(falls_short(claimed, bound)
         .then(|| format!("a motor at its limit is proved passive from a device damping of {} on", short(bound))))
 }
@@ -173,7 +174,7 @@ fn falls_short(claimed: Option<f64>, bound: f64) -> bool {
 
 /// Nonlinear couplings between puck and ground beside a linear rest.
 fn beside(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> {
-    let lag = lag(&world.sampling)?;
+    let lag = Delay::of_loop(&world.sampling)?;
     if lag.part > 0.0 {
         return Ok(Some("nonlinear couplings have no proof under a delay with a fraction of a sample".to_string()));
     }
@@ -202,7 +203,7 @@ fn beside(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> 
 /// Nonlinear couplings at bodies: the conditions of the energy theorem.
 fn theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<Option<String>, Error> {
     let sampling = &world.sampling;
-    let lag = lag(sampling)?;
+    let lag = Delay::of_loop(sampling)?;
     let outside = |why: &str| Ok(Some(format!("the energy theorem does not cover this nonlinear world: {why}")));
     match sampling.method {
         Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => {}

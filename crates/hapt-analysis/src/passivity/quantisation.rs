@@ -12,10 +12,11 @@ use hapt_model::{Coupling, End, Method, Output, World};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use crate::continuous::{Slopes, Tie, ties};
+use crate::equations::continuous::{Slopes, Tie, ties};
+use crate::equations::delay::Delay;
+use crate::equations::laws::{self, Kind};
+use crate::equations::slopes::at_puck;
 use crate::error::Error;
-use crate::laws::{self, Kind};
-use crate::passivity::{at_puck, lag};
 
 /// What the encoder's counts and the motor's levels allow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -87,7 +88,7 @@ fn keeps_energy(world: &World) -> Result<bool, Error> {
         Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => true,
         Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
     };
-    let lag = lag(sampling)?;
+    let lag = Delay::of_loop(sampling)?;
     Ok(method && sampling.output == Output::End && sampling.advance == 0 && lag.samples == 0 && lag.part == 0.0)
 }
 

@@ -17,20 +17,18 @@
 //!
 //! which is nowhere above K T (1/2 + d).
 
-use hapt_model::{Coupling, End, Sampling, World};
-use serde::Serialize;
+use hapt_model::{Coupling, Sampling, World};
 
-use crate::continuous::{Slopes, ties};
-use crate::curve::Curve;
-use crate::delay::Delay;
+use crate::equations::continuous::Slopes;
+use crate::equations::delay::Delay;
+use crate::equations::estimator::Filter;
+use crate::equations::laws::{self, Kind, most};
 use crate::error::Error;
-use crate::estimator::Filter;
-use crate::held::{held_eigenvalues, held_growth};
 use crate::impedance::{Impedance, Pole, Rule};
-use crate::laws::{self, Kind, most};
-use crate::proof;
+use crate::passivity::curve::Curve;
+use crate::passivity::supremum::supremum;
+use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
-use crate::supremum::supremum;
 
 /// A residue counts as real when its imaginary part is below this, relatively.
 const REAL: f64 = 1e-9;
@@ -72,44 +70,11 @@ impl Cause {
     }
 }
 
-/// The answer on passivity.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Passivity {
-    /// The least device damping, N·m·s/rad (linear: N·s/m); `None` where no finite damping will do.
-    pub required_damping: Option<f64>,
-    /// What the device has.
-    pub device_damping: f64,
-    /// The lowest frequency that asks for all of it; 0 when it is approached toward 0, `None` when all ask for the same.
-    pub at_hz: Option<f64>,
-    /// Whether the device has enough.
-    pub passive: bool,
-    /// Whether the verdict holds for the whole loop, not only for its linear part.
-    pub proved: bool,
-    /// Why not, a sentence each.
-    pub not_proved: Vec<String>,
-    /// Why `required_damping` is `None`.
-    #[serde(skip)]
-    pub cause: Option<Cause>,
-}
-
 /// What a loop asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Need {
     pub damping: Result<f64, Cause>,
     pub at_hz: Option<f64>,
-}
-
-/// The loop's delay in samples.
-pub(crate) fn lag(sampling: &Sampling) -> Result<Delay, Error> {
-    Delay::of(sampling.delay_s(), sampling.period)
-}
-
-/// The stiffness and damping of the couplings at the puck, each on its steepest rise.
-pub(crate) fn at_puck(world: &World, couplings: &[Coupling]) -> Result<[f64; 2], Error> {
-    let period = world.sampling.period;
-    let ties = ties(&world.bodies, couplings, &Slopes::Steep)?;
-    let touching = ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck);
-    Ok(touching.fold([0.0, 0.0], |[k, b], t| [k + t.stiffness, b + t.fixed + period * t.per_period]))
 }
 
 /// The port of `couplings`, nonlinear ones on the given slopes.
@@ -122,7 +87,7 @@ fn port(world: &World, couplings: &[Coupling], slopes: &Slopes) -> Result<Impeda
 pub(crate) fn need(world: &World, couplings: &[Coupling]) -> Result<Need, Error> {
     let period = world.sampling.period;
     let port = port(world, couplings, &Slopes::Steep)?;
-    let lag = lag(&world.sampling)?;
+    let lag = Delay::of_loop(&world.sampling)?;
     let mut worst: Option<Need> = None;
     for filter in Filter::of(&world.sampling, period) {
         let need = of_filter(&port, &filter, lag, period)?;
@@ -142,16 +107,9 @@ fn is_neutral(pole: &Pole, period: f64) -> bool {
     pole.ln_abs.abs() < MARGINAL * period && pole.arg != 0.0
 }
 
-/// Whether the puck moves a pole and feels it.
-pub(crate) fn is_seen(port: &Impedance, pole: &Pole, period: f64) -> bool {
-    let [still, back, moving, moving_back] = pole.gains.map(|g| g.norm());
-    let all = still + back + (moving + moving_back) / period;
-    all.is_nan() || all > port.nothing(period)
-}
-
 fn of_filter(port: &Impedance, filter: &Filter, lag: Delay, period: f64) -> Result<Need, Error> {
     let band = MARGINAL * period;
-    let (seen, neutral) = (|p: &Pole| is_seen(port, p, period), |p: &Pole| is_neutral(p, period));
+    let (seen, neutral) = (|p: &Pole| port.has_residue(p, period), |p: &Pole| is_neutral(p, period));
     let hz = |p: &Pole| p.arg.abs() / std::f64::consts::TAU / period;
     let lowest = |wanted: &dyn Fn(&Pole) -> bool| port.poles.iter().filter(|p| wanted(p)).map(hz).reduce(f64::min);
     let never = |cause: Cause| Ok(Need { damping: Err(cause), at_hz: cause.at_hz() });
@@ -184,7 +142,7 @@ fn is_coulomb_at_puck(coupling: &Coupling) -> bool {
 }
 
 /// What [`passivity`] finds first: the verdict on the linear loop.
-fn found(world: &World) -> Result<Need, Error> {
+pub(crate) fn found(world: &World) -> Result<Need, Error> {
     let never = |cause| Ok(Need { damping: Err(cause), at_hz: None });
     if world.couplings.iter().any(is_coulomb_at_puck) {
         return never(Cause::Coulomb);
@@ -208,25 +166,4 @@ fn found(world: &World) -> Result<Need, Error> {
 /// As [`passivity`].
 pub fn required_damping(world: &World) -> Result<Option<f64>, Error> {
     Ok(found(world)?.damping.ok())
-}
-
-/// Whether a world's loop is passive on its device against every passive hand.
-///
-/// # Errors
-/// [`Error::InFlight`] for a delay of too many periods, [`Error::Search`], and as [`crate::held()`].
-pub fn passivity(world: &World) -> Result<Passivity, Error> {
-    let found = found(world)?;
-    let required_damping = found.damping.ok();
-    let device_damping = world.device.damping;
-    let passive = required_damping.is_some_and(|b| b <= device_damping);
-    let not_proved = proof::missing(world, &found)?;
-    Ok(Passivity {
-        required_damping,
-        device_damping,
-        at_hz: found.at_hz,
-        passive,
-        proved: not_proved.is_empty(),
-        not_proved,
-        cause: found.damping.err(),
-    })
 }

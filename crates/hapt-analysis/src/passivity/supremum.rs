@@ -6,9 +6,9 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::f64::consts::PI;
 
-use crate::curve::Curve;
 use crate::error::Error;
-use crate::series::Real;
+use crate::numerics::series::Real;
+use crate::passivity::curve::Curve;
 
 /// The value is proved to this, relatively.
 const PROVED: f64 = 1e-11;

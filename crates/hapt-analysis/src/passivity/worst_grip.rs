@@ -21,27 +21,17 @@ use std::f64::consts::{PI, TAU};
 use hapt_model::World;
 use serde::Serialize;
 
-use crate::continuous::Slopes;
+use crate::equations::continuous::Slopes;
+use crate::equations::estimator::Filter;
+use crate::equations::grip::Grip;
+use crate::equations::port::Port;
+use crate::equations::slopes::at_puck;
+use crate::equations::structure::{Part, inertias_with_puck, parts, with_puck};
 use crate::error::{Error, positive};
-use crate::estimator::Filter;
-use crate::free::{counting, multipliers, with_puck};
-use crate::held::inertias;
-use crate::passivity::{Cause, at_puck, need};
-use crate::port::Port;
-use crate::simplex::climb;
+use crate::numerics::nelder_mead::climb;
+use crate::passivity::required::{Cause, need};
 use crate::stability::MARGINAL;
-use crate::structure::{Part, parts};
-
-/// A hand on the puck: its inertia moves with the puck, spring and damper stand between the puck and where the hand is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Grip {
-    /// kg·m² (linear: kg), zero or more.
-    pub inertia: f64,
-    /// N·m·s/rad (linear: N·s/m), zero or more.
-    pub damping: f64,
-    /// N·m/rad (linear: N/m), zero or more.
-    pub stiffness: f64,
-}
+use crate::stability::free::{counting, multipliers};
 
 /// The hand found, and what the loop does with it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -99,9 +89,8 @@ impl Look {
 
 impl Grips {
     fn new(world: &World) -> Result<Grips, Error> {
-        let mut inertia = vec![positive("the device's inertia", world.device.inertia)?];
+        let inertia = inertias_with_puck(world)?;
         positive("the period", world.sampling.period)?;
-        inertia.extend(inertias(&world.bodies)?);
         let mut known: Vec<Part> = Vec::new();
         for slopes in [Slopes::Steep, Slopes::Flat] {
             let parts = parts(&inertia, &with_puck(&world.bodies, &world.couplings, &slopes)?);

@@ -8,23 +8,25 @@
 //! foh. Half a sample later the torque pushes the whole loop along, at (KT/2 - b)/(J_z + J_w); a whole sample later at
 //! (KT - b)/(J_z + J_w).
 
-use hapt_model::{Body, Coupling, End, Method, Output, Sampling, World};
+use hapt_model::{Method, Output, Sampling, World};
 use nalgebra::Complex;
 
-use crate::continuous::{Tie, bent_anywhere, ties};
-use crate::critical::{Critical, of_part};
-use crate::eigen::{Multiplier, Root, multiplier, solve};
+use crate::equations::closed_loop::stack;
+use crate::equations::continuous::bent_anywhere;
+use crate::equations::estimator::Filter;
+use crate::equations::grip::Grip;
+use crate::equations::modal::Modal;
+use crate::equations::port::Port;
+use crate::equations::slopes::combinations;
+use crate::equations::structure::{Link, Part, inertias_with_puck, parts, with_puck};
 use crate::error::{Error, positive};
-use crate::estimator::Filter;
-use crate::follow::{Along, Heights, first_rise, floor};
-use crate::grip::Grip;
-use crate::held::{inertias, spectrum};
-use crate::modal::Modal;
-use crate::port::Port;
-use crate::rayleigh::Quotients;
-use crate::stability::{Eigenvalue, MARGINAL, NOT_SEARCHED, Stability, assemble, combinations};
-use crate::stack::stack;
-use crate::structure::{Link, Part, parts};
+use crate::numerics::crossing::{Along, Heights, first_rise, floor};
+use crate::numerics::eigenvalues::eigenvalues_and_scale;
+use crate::numerics::rayleigh::Quotients;
+use crate::stability::critical::{Critical, of_part};
+use crate::stability::held::spectrum;
+use crate::stability::multiplier::{Multiplier, Root, multiplier};
+use crate::stability::{Eigenvalue, MARGINAL, NOT_SEARCHED, Stability, assemble};
 
 /// The critical period is searched from this fraction of the period up, or from this fraction of the delay, whichever is the
 /// longer.
@@ -117,8 +119,7 @@ pub fn free_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
 fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stability, Error> {
     let period = positive("the period", world.sampling.period)?;
     // The puck is one of the bodies, the first.
-    let mut inertia = vec![positive("the device's inertia", world.device.inertia)?];
-    inertia.extend(inertias(&world.bodies)?);
+    let inertia = inertias_with_puck(world)?;
     let mut known: Vec<(Part, Found)> = Vec::new();
     let mut worst: Option<(f64, Vec<Found>)> = None;
     for slopes in combinations(&bent_anywhere(&world.couplings)) {
@@ -169,17 +170,6 @@ pub fn shortest_period(sampling: &Sampling) -> f64 {
         // It shrinks with the period.
         hapt_model::Delay::Samples(_) => SHORTEST.0 * sampling.period,
     }
-}
-
-/// The ties of the world with the puck as body 0.
-pub(crate) fn with_puck(bodies: &[Body], couplings: &[Coupling], slopes: &crate::Slopes) -> Result<Vec<Tie>, Error> {
-    let end = |end| match end {
-        End::Puck => End::Body(0),
-        End::Body(i) => End::Body(i + 1),
-        End::Ground => End::Ground,
-    };
-    let tie = |tie: Tie| Tie { first: end(tie.first), second: end(tie.second), ..tie };
-    Ok(ties(bodies, couplings, slopes)?.into_iter().map(tie).collect())
 }
 
 /// A part that nothing ties to the puck.
@@ -238,7 +228,7 @@ pub(crate) fn multipliers(
     period: f64,
 ) -> Result<Vec<(Multiplier, f64)>, Error> {
     let d = stack(port, sampling, damping, filter, period)?;
-    let (values, size) = solve(&d)?;
+    let (values, size) = eigenvalues_and_scale(&d)?;
     let rounding = ROUNDING * size;
     // λ = 1 + μ is what forward Euler makes of μ.
     let of = |mu| multiplier(Method::ForwardEuler, Root::from(mu));

@@ -2,16 +2,16 @@
 
 use hapt_model::{Body, Coupling, Method};
 
-use crate::continuous::{Slopes, bent, ties};
-use crate::critical::{Critical, balance_of, of_part, roots};
-use crate::eigen::{Multiplier, Root, multiplier, pair};
+use crate::equations::continuous::{Slopes, bent, ties};
+use crate::equations::modal::Modal;
+use crate::equations::slopes::combinations;
+use crate::equations::structure::{Part, inertias, parts};
 use crate::error::{Error, positive};
-use crate::lone::Lone;
-use crate::modal::Modal;
-use crate::stability::{assemble, combinations, growth};
-use crate::structure::{Part, parts};
-
-pub use crate::stability::{COMBINED, Eigenvalue, LISTED, MARGINAL, Mode, Stability, Verdict};
+use crate::stability::critical::{Critical, of_part};
+use crate::stability::multiplier::{Multiplier, Root, multiplier, pair};
+use crate::stability::roots::{balance_of, roots};
+use crate::stability::single_body::Lone;
+use crate::stability::{Eigenvalue, MARGINAL, Stability, assemble, growth};
 
 /// What one part of the world gives.
 #[derive(Clone, Debug)]
@@ -119,10 +119,6 @@ pub fn multipliers(
         all.extend(of_held(&part, &Modal::new(&part)?, method, period)?.0);
     }
     Ok(all)
-}
-
-pub(crate) fn inertias(bodies: &[Body]) -> Result<Vec<f64>, Error> {
-    bodies.iter().map(|body| positive("a body's inertia", body.inertia)).collect()
 }
 
 /// As [`spectrum`], of a single body in closed form.

@@ -1,9 +1,10 @@
 //! Stability of the linear loop, with the puck held and hands-off: eigenvalues, growth, modes, critical period.
 
 pub mod critical;
-pub mod eigen;
 pub mod free;
 pub mod held;
+pub mod multiplier;
+pub(crate) mod roots;
 pub(crate) mod single_body;
 mod verdict;
 

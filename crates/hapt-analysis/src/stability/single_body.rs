@@ -1,15 +1,15 @@
 //! A body that hangs with no other, the puck held: J ẅ + (C0 + T C1) ẇ + K w = 0, in closed form.
 //!
 //! With z = Ts the equation is z² + d z + x² = 0, x² = T² K/J and d = T (C0 + T C1)/J. Semi-implicit Euler acts as forward
-//! Euler with x² more in d: see [`crate::critical`].
+//! Euler with x² more in d: see [`crate::stability::critical`].
 
 use hapt_model::{Body, Coupling, End, Method};
 use nalgebra::Complex;
 
-use crate::continuous::compensated;
-use crate::eigen::{Multiplier, Root, multiplier, pair};
-use crate::laws::{Straight, straight};
-use crate::structure::Part;
+use crate::equations::continuous::compensated;
+use crate::equations::laws::{Straight, straight};
+use crate::equations::structure::Part;
+use crate::stability::multiplier::{Multiplier, Root, multiplier, pair};
 
 /// Damping that is T K to this, relatively, is T K: what balances forward Euler balances it exactly.
 const FOLLOWS: f64 = 1e-9;
@@ -38,7 +38,7 @@ impl Lone {
         let &[inertia] = &part.inertia[..] else { return None };
         // All that ties one body to the fixed side is one link.
         let link = part.links.first();
-        let of = |number: fn(&crate::structure::Link) -> f64| link.map_or(0.0, number);
+        let of = |number: fn(&crate::equations::structure::Link) -> f64| link.map_or(0.0, number);
         let (stiffness, fixed) = (of(|link| link.stiffness), of(|link| link.fixed));
         Some(Lone { inertia, stiffness, fixed, following: of(|link| link.per_period) })
     }

@@ -5,9 +5,8 @@ use std::f64::consts::TAU;
 use hapt_model::Method;
 use serde::Serialize;
 
-use crate::continuous::Slopes;
-use crate::critical::Critical;
-use crate::eigen::{Multiplier, Root, multiplier};
+use crate::stability::critical::Critical;
+use crate::stability::multiplier::{Multiplier, Root, multiplier};
 
 /// Growth of less than this, in 1/s, either way, counts as none.
 pub const MARGINAL: f64 = 1e-9;
@@ -17,9 +16,6 @@ pub const LISTED: f64 = 1e-12;
 
 /// Why a quick check has no critical period.
 pub(crate) const NOT_SEARCHED: &str = "not searched";
-
-/// Up to this many nonlinear couplings every combination of their slopes is looked at.
-pub const COMBINED: usize = 6;
 
 /// A discrete eigenvalue, per sample.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -95,16 +91,6 @@ pub struct Stability {
     pub critical_period_reason: Option<&'static str>,
     /// The differential equation's complex pairs, by frequency.
     pub modes: Vec<Mode>,
-}
-
-/// The combinations of slopes to look at, all flat first.
-pub(crate) fn combinations(bent: &[usize]) -> Vec<Slopes> {
-    if bent.len() > COMBINED {
-        let alone = bent.iter().map(|&i| Slopes::Chosen(vec![i]));
-        return [Slopes::Flat, Slopes::Steep].into_iter().chain(alone).collect();
-    }
-    let chosen = |bits: u32| (0..bent.len()).filter(|i| bits >> i & 1 == 1).map(|i| bent[i]).collect();
-    (0..1u32 << bent.len()).map(|bits| Slopes::Chosen(chosen(bits))).collect()
 }
 
 /// The largest growth in 1/s; `None` where every eigenvalue is 0.

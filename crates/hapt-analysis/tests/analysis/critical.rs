@@ -1,7 +1,7 @@
 //! Critical periods: closed forms, and growth that changes sign there.
 
-use hapt_analysis::critical::{Critical, RK4_REAL, critical};
-use hapt_analysis::held::multipliers;
+use hapt_analysis::multipliers;
+use hapt_analysis::stability::critical::{Critical, RK4_REAL, critical};
 use hapt_analysis::{Slopes, free, free_growth, held};
 use hapt_model::{End, Method, Source, World};
 use proptest::prelude::*;

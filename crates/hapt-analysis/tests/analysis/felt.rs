@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use hapt_analysis::felt::{APART, Asked, Element};
+use hapt_analysis::impedance::rendered::{APART, Asked, Element};
 use hapt_analysis::{Continuous, Elements, Felt, Slopes, required_damping};
 use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, World};
 use nalgebra::{Complex, DMatrix};

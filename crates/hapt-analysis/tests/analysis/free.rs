@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use hapt_analysis::{Grip, Stability, Verdict, eigen, free, gripped_growth};
+use hapt_analysis::{Grip, Stability, Verdict, eigenvalues, free, gripped_growth};
 use hapt_core::{Loop, Puck, Spec};
 use hapt_model::{Coupling, Damping, End, Estimator, EstimatorKind, Law, Method, Output, Side, World};
 use nalgebra::{Complex, DMatrix};
@@ -277,7 +277,7 @@ proptest! {
         let map = Brute::gripped(&world, &grip).map();
         // A double eigenvalue 1, a body that nothing holds, splits by √eps.
         let near = 1e-5 * map.norm();
-        let values = eigen::eigenvalues(&map).unwrap();
+        let values = eigenvalues(&map).unwrap();
         let most = values.iter().filter(|mu| mu.norm() > near).map(|mu| (mu + 1.0).norm()).fold(0.0, f64::max);
         let radius = found.map_or(0.0, |g| (g * world.sampling.period).exp());
         let size = map.norm().max(1.0);
@@ -316,7 +316,7 @@ proptest! {
     fn growth_turns_at_the_critical_period(world in loops()) {
         let found = free(&world).unwrap();
         let what = format!("{world:?}");
-        let low = hapt_analysis::free::shortest_period(&world.sampling);
+        let low = hapt_analysis::shortest_period(&world.sampling);
         // Far below a microsecond the rounding of λ is more than the growth that a verdict sees.
         if low < 1e-6 {
             return Ok(());

@@ -1,7 +1,7 @@
 //! The held world: the table of integrators, structure, tiny growth, sorting.
 
 use hapt_analysis::continuous::{Continuous, Slopes};
-use hapt_analysis::eigen::eigenvalues;
+use hapt_analysis::eigenvalues;
 use hapt_analysis::{Discrete, Verdict, held, held_growth};
 use hapt_model::{Body, Coupling, Damping, End, Law, Method, Output, Side};
 use nalgebra::{Complex, DMatrix};

@@ -2,9 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
+use hapt_analysis::Cause;
 use hapt_analysis::IN_FLIGHT;
-use hapt_analysis::held::multipliers;
-use hapt_analysis::passivity::Cause;
+use hapt_analysis::multipliers;
 use hapt_analysis::{Continuous, Discrete, Error, Passivity, Slopes, passivity, quantisation};
 use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Motion, Output, Side, World};
 use nalgebra::{Complex, DMatrix};

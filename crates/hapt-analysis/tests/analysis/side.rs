@@ -1,7 +1,7 @@
 //! Loops side by side against the same loops as worlds, one by one.
 
-use hapt_analysis::side::{Loops, sign};
 use hapt_analysis::{Continuous, Discrete, Slopes, Verdict, held, held_growth};
+use hapt_analysis::{Loops, sign};
 use hapt_model::{Body, Coupling, Damping, End, Law, Method, Output};
 use proptest::prelude::*;
 

@@ -7,7 +7,7 @@
 use std::f64::consts::{PI, TAU};
 
 use hapt_analysis::Decomposition;
-use hapt_analysis::decomposition::Line;
+use hapt_analysis::Line;
 
 use crate::boundary::continuation::{INSET, Place, Trace, distance, on_frame};
 use crate::boundary::plane::{Edge, Plane};

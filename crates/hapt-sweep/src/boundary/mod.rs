@@ -1,7 +1,7 @@
 //! The exact edge of stability and of passivity in the plane of two keys.
 //!
 //! Where the keys are a stiffness and a damping at one place the edge of stability comes from its equation
-//! ([`hapt_analysis::decomposition`]), point by point in closed form; elsewhere, and for passivity, it is followed by the change
+//! ([`hapt_analysis::boundary::d_decomposition`]), point by point in closed form; elsewhere, and for passivity, it is followed by the change
 //! of the verdict. Every point is looked at on both of its sides.
 
 mod continuation;

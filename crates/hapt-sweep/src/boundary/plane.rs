@@ -1,7 +1,7 @@
 //! The plane of two keys, and what a world of it is asked.
 
-use hapt_analysis::decomposition::Keys;
-use hapt_analysis::held::MARGINAL;
+use hapt_analysis::Keys;
+use hapt_analysis::MARGINAL;
 use hapt_analysis::{free_eigenvalues, free_growth, held_eigenvalues, held_growth, passivity, required_damping};
 use hapt_model::{Source, World};
 

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
 use hapt_analysis::continuous::ties;
-use hapt_analysis::simplex::climb;
+use hapt_analysis::nelder_mead::climb;
 use hapt_analysis::{
     Breaking, Grip, Slopes, breaking_damping, gripped_growth, is_certified, required_damping, worst_grip,
 };

@@ -1,6 +1,6 @@
 //! Held loops of one body are decided side by side, and nobody can tell.
 
-use hapt_analysis::side::sign;
+use hapt_analysis::sign;
 use hapt_analysis::{Verdict, held_growth};
 use hapt_model::{Method, Source};
 use hapt_sweep::{Measure, Sweep};

@@ -1,4 +1,4 @@
-//! Two tools for square matrices: balancing, and the φ functions of the exponential.
+//! Balancing of square matrices.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -47,54 +47,12 @@ pub(crate) fn unscaled(a: &DMatrix<f64>, s: &DVector<f64>) -> DMatrix<f64> {
     DMatrix::from_fn(a.nrows(), a.ncols(), |i, j| a[(i, j)] * (s[i] / s[j]))
 }
 
-/// φ₁(X) = (e^X - 1)/X and φ₂(X) = (e^X - 1 - X)/X², without the subtractions: a series for X/2^n, of norm at most 1/2, then
-/// n doublings, with e = e^X - 1 carried along (Higham, Functions of Matrices, 2008, section 10.7.4):
-///
-/// ```text
-/// φ₂(2X) = (φ₁(X)² + 2 φ₂(X))/4      φ₁(2X) = φ₁(X) (1 + e/2)      e' = e (2 + e)
-/// ```
-pub(crate) fn phi(x: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
-    let n = x.nrows();
-    let one = DMatrix::<f64>::identity(n, n);
-    let norm = x.column_iter().map(|c| c.iter().map(|v| v.abs()).sum::<f64>()).fold(0.0, f64::max);
-    let doublings = if norm > 0.5 { (2.0 * norm).log2().ceil().min(1000.0) as i32 } else { 0 };
-    let y = x * 2f64.powi(-doublings);
-    // Σ Y^k/(k+2)! from its tail: the first term left out is below 0.5^15/17! = 1e-19.
-    let mut phi2 = one.clone();
-    for k in (3..=16).rev() {
-        phi2 = &one + &y * phi2 / f64::from(k);
-    }
-    phi2 *= 0.5;
-    let mut phi1 = &one + &y * &phi2;
-    let mut e = &y * &phi1;
-    for _ in 0..doublings {
-        phi2 = (&phi1 * &phi1 + 2.0 * phi2) * 0.25;
-        phi1 = &phi1 + &phi1 * &e * 0.5;
-        e = 2.0 * &e + &e * &e;
-    }
-    (phi1, phi2)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
     proptest! {
-        #[test]
-        fn phi_are_the_blocks_of_an_augmented_exponential(entries in prop::collection::vec(-3.0..3.0f64, 9), size in -3.0..0.5f64) {
-            let x = DMatrix::from_vec(3, 3, entries) * 10f64.powf(size);
-            // exp [[X, 1, 0], [0, 0, 1], [0, 0, 0]] = [[e^X, φ₁, φ₂], ...] (Van Loan, IEEE TAC 23(3), 1978).
-            let mut m = DMatrix::zeros(9, 9);
-            m.view_mut((0, 0), (3, 3)).copy_from(&x);
-            m.view_mut((0, 3), (6, 6)).fill_with_identity();
-            let exp = m.exp();
-            let (phi1, phi2) = phi(&x);
-            let size = exp.norm();
-            prop_assert!((exp.view((0, 3), (3, 3)) - phi1).norm() < 1e-13 * size);
-            prop_assert!((exp.view((0, 6), (3, 3)) - phi2).norm() < 1e-13 * size);
-        }
-
         #[test]
         fn balancing_undoes_a_bad_choice_of_units(units in prop::collection::vec(-40..40i32, 4)) {
             let good = DMatrix::from_fn(4, 4, |i, j| 1.0 + 0.1 * (i as f64) - 0.2 * (j as f64));

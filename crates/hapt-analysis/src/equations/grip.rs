@@ -1,0 +1,14 @@
+//! A passive hand on the puck.
+
+use serde::Serialize;
+
+/// A hand on the puck: its inertia moves with the puck, spring and damper stand between the puck and where the hand is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Grip {
+    /// kg·m² (linear: kg), zero or more.
+    pub inertia: f64,
+    /// N·m·s/rad (linear: N·s/m), zero or more.
+    pub damping: f64,
+    /// N·m/rad (linear: N/m), zero or more.
+    pub stiffness: f64,
+}
