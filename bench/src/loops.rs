@@ -23,7 +23,7 @@ fn rows(mut ask: impl FnMut(Loops<'_>, &mut [f64]), mut read: impl FnMut(usize, 
     for row in 0..SIDE {
         stiffness.fill(at(0.5, 2.0, row));
         let columns =
-            Loops { inertia: &inertia, stiffness: &stiffness, fixed: &none, following: &none, period: &period };
+            Loops { inertia: &inertia, stiffness: &stiffness, fixed: &none, per_period: &none, period: &period };
         ask(columns, &mut answers);
         read(row, &answers);
     }

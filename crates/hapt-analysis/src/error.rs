@@ -1,8 +1,8 @@
-//! What can be wrong.
+//! Errors of the analysis.
 
 use hapt_model::{Method, Output};
 
-/// Why there is no answer.
+/// Why the analysis has no result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The QR algorithm did not converge within its bound, or met a number that is not finite.
@@ -13,13 +13,13 @@ pub enum Error {
         /// Rows of the matrix.
         order: usize,
     },
-    /// A step's matrix has entries that are not finite, or cannot be inverted.
+    /// The matrix of a step has entries that are not finite, or is singular.
     #[error("no step: the matrices of {method} at this period go beyond double precision", method = method.name())]
     Step {
         /// The method.
         method: Method,
     },
-    /// A coupling names a body that is not there.
+    /// A coupling names a body that does not exist.
     #[error("coupling {coupling} is tied to body {body}, but there are {bodies} (both count from 0)")]
     NoSuchBody {
         /// Index of the coupling.
@@ -34,12 +34,12 @@ pub enum Error {
     Value {
         /// The quantity.
         what: &'static str,
-        /// What it is.
+        /// Its value.
         value: f64,
-        /// What would be right.
+        /// The valid range.
         wanted: &'static str,
     },
-    /// More commands on their way to the motor than the analysis carries.
+    /// The delay is longer than the analysis supports.
     #[error(
         "a delay of {delay} s is {:.0} periods of {period} s, but the analysis carries {limit} commands in flight at most: \
          take a longer period or a shorter delay",
@@ -50,16 +50,16 @@ pub enum Error {
         delay: f64,
         /// The period in s.
         period: f64,
-        /// The most commands.
+        /// Largest supported number of commands in flight.
         limit: usize,
     },
-    /// The search for the least damping did not end within its bound.
-    #[error("no least damping: its search did not end after looking at {looks} intervals of frequency")]
+    /// The search for the required damping did not converge within its limit.
+    #[error("no least damping: its search did not end after looking at {intervals} intervals of frequency")]
     Search {
-        /// How many it looked at.
-        looks: usize,
+        /// Intervals of frequency that were bounded.
+        intervals: usize,
     },
-    /// The edge of a Z-width that no search has reached.
+    /// The search for an edge of the Z-width reached its limit.
     #[error(
         "no edge: no {what} makes the loop grow, up to 1e9 times what the inertia and damping of the device and the period set"
     )]
@@ -67,7 +67,7 @@ pub enum Error {
         /// "spring" or "damper".
         what: &'static str,
     },
-    /// An output that the method does not have.
+    /// The method does not support this output.
     #[error(
         "{method} takes the new sample first and the torque from x_k: its output is \"start\", without advance, not \"{output}\"",
         method = method.name(),
@@ -81,7 +81,7 @@ pub enum Error {
     },
 }
 
-/// `value`, when it is finite and above 0.
+/// Returns `value` if it is finite and above 0.
 pub(crate) fn positive(what: &'static str, value: f64) -> Result<f64, Error> {
     if value.is_finite() && value > 0.0 {
         Ok(value)

@@ -1,26 +1,53 @@
-//! The laboratory: what a world does when its loop runs, computed from its differential equations and never by running the
-//! loop. The loop and this crate share plain data only, so that a test which compares them compares two derivations.
+//! Stability, passivity and impedance of a haptic loop, computed from its equations without running it.
 //!
-//! * [`check()`] is the whole answer on one world: eigenvalues, growth, critical period, modes, passivity, notes.
-//! * [`Continuous`] holds the equations of motion, [`Discrete`] one sample of them under a method.
-//! * [`held()`] and [`free()`] are its two halves: the bodies while the puck stands, and the whole loop let go.
-//! * [`Loops`] are many held loops of one body, asked at once; [`Wheels`] those of one world with other numbers.
-//! * [`Design`] and [`closed_form`] are the notes' wheel on a spring: its specification, and what it does exactly.
+//! This crate shares only plain data with the loop in hapt-core. A test that compares the two therefore compares two independent
+//! derivations.
 //!
-//! Everything is f64 and SI. Equation numbers such as (2.14) are those of J. S. Freudenberg, "Notes on the Virtual Spring
-//! Mass System", EECS 461, 2008.
+//! | folder | contents |
+//! | --- | --- |
+//! | [`certificate`] | [`check()`] of a world, [`is_certified`], [`remedies()`] and their [`proposal()`] as lines for the file |
+//! | [`passivity`](mod@passivity) | the damping that [`passivity()`] against every passive hand requires, its proof, [`quantisation()`], [`worst_grip()`] |
+//! | [`boundary`] | stability boundaries in a plane of two parameters: [`Decomposition`], [`z_width()`] |
+//! | [`impedance`](mod@impedance) | the [`Impedance`] at the puck against frequency |
+//! | [`batch`] | verdicts on many [`Loops`] of one body in vector lanes, [`Variants`] of one world |
+//! | [`stability`] | eigenvalues, growth, modes and critical period, [`held()`] and [`free()`] |
+//! | [`equations`] | the linearised equations: [`Continuous`], [`Discrete`], the closed loop |
+//! | [`design`] | the wheel on a spring of the notes: its specification and its [`closed_form`] responses |
+//! | [`numerics`] | eigenvalues, roots, series and searches |
+//!
+//! Each folder uses only folders below it in the table.
+//!
+//! All numbers are f64 in SI. Equation numbers such as (2.14) are those of J. S. Freudenberg, "Notes on the Virtual Spring Mass
+//! System", EECS 461, 2008.
 //!
 //! ```
-//! use hapt_analysis::Design;
+//! use hapt_analysis::{Verdict, check, required_damping};
+//! use hapt_model::{Source, World};
 //!
-//! // 45 degrees and 800 N mm at 1 Hz, 1 ms: the notes' wheel (section 2.1).
-//! let wheel = Design::new(std::f64::consts::FRAC_PI_4, 0.8, 1.0, 1e-3)?;
-//! assert!((wheel.stiffness - 1.018592).abs() < 1e-6);
-//! assert!((wheel.inertia - 0.02580123).abs() < 1e-8);
-//! # Ok::<(), hapt_analysis::Error>(())
+//! // A virtual spring of 2 N·m/rad at 1 ms requires a device damping of KT/2 (Colgate and Schenkel 1997).
+//! let source = r#"
+//!     [loop]
+//!     period = "1 ms"
+//!     [device]
+//!     inertia = 6.4e-4
+//!     damping = 1.2e-3
+//!     [[couplings]]
+//!     kind = "spring"
+//!     between = ["puck", "ground"]
+//!     stiffness = 2.0
+//!     [scenarios.step]
+//!     duration = "1 s"
+//!     hand = { kind = "step", to = "45 deg" }
+//! "#;
+//! let world = World::read(&Source::from_text("spring", source), &[])?;
+//! let required = required_damping(&world)?.unwrap();
+//! assert!((required - 1e-3).abs() < 1e-9);
+//! let check = check(&world)?;
+//! assert!(check.certified && check.free.verdict == Verdict::Stable);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![forbid(unsafe_code)]
-// No law, method or estimator falls into an arm for the rest.
+// Matches on laws, methods and estimators name every variant.
 #![warn(clippy::wildcard_enum_match_arm)]
 
 pub mod batch;
@@ -37,7 +64,7 @@ pub mod stability;
 mod text;
 
 pub use batch::loops::{Loops, sign};
-pub use batch::worlds::{Number, Wheels};
+pub use batch::variants::{Parameter, Variants};
 pub use boundary::d_decomposition::{Decomposition, Keys, Line};
 pub use boundary::z_width::{self, ZWidth, z_width};
 pub use certificate::check::{Check, check, quick_check};
@@ -46,15 +73,15 @@ pub use certificate::proposal::{self, Proposal, Remedy, proposal};
 pub use certificate::remedies::{Remedies, remedies};
 pub use design::{Design, closed_form};
 pub use equations::continuous::{self, Continuous, Slopes};
-pub use equations::delay::IN_FLIGHT;
+pub use equations::delay::MAX_IN_FLIGHT;
 pub use equations::discrete::Discrete;
 pub use equations::grip::Grip;
 pub use error::Error;
-pub use impedance::rendered::{Elements, Felt};
+pub use impedance::rendered::{Elements, Impedance};
 pub use numerics::eigenvalues::eigenvalues;
 pub use numerics::nelder_mead;
 pub use passivity::quantisation::{Quantisation, quantisation};
-pub use passivity::worst_grip::{Breaking, Worst, breaking_damping, worst_grip};
+pub use passivity::worst_grip::{BreakingGrip, WorstGrip, breaking_damping, worst_grip};
 pub use passivity::{Cause, Passivity, passivity, required_damping};
 pub use stability::critical::Critical;
 pub use stability::free::{free, free_eigenvalues, free_growth, gripped_growth, shortest_period};

@@ -1,6 +1,6 @@
 //! A scenario's run, gathered while it streams.
 
-use hapt_analysis::continuous::bent;
+use hapt_analysis::continuous::piecewise_at_bodies;
 use hapt_analysis::{Check, Continuous, Slopes};
 use hapt_model::{Motion, Scenario, World};
 use hapt_sim::{Row, Simulation, Summary, world_energy};
@@ -128,7 +128,7 @@ impl Swing {
     fn new(world: &World, check: &Check, from: f64) -> Option<Self> {
         let growth = check.held.growth_per_s?;
         let slowest = check.held.modes.first()?.frequency_hz;
-        if !bent(&world.couplings).is_empty() || slowest <= 0.0 {
+        if !piecewise_at_bodies(&world.couplings).is_empty() || slowest <= 0.0 {
             return None;
         }
         let continuous = Continuous::new(&world.bodies, &world.couplings, &Slopes::Flat).ok()?;

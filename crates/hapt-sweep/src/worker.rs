@@ -4,7 +4,7 @@
 use std::array::from_fn;
 use std::ops::Range;
 
-use hapt_analysis::{Number, Wheels};
+use hapt_analysis::{Parameter, Variants};
 use hapt_model::World;
 use hapt_sim::{SIDE, side_by_side};
 
@@ -16,7 +16,7 @@ pub(crate) struct Worker<'s> {
     sweep: &'s Sweep,
     /// None where wheels are all that is asked for.
     worlds: Option<Box<[World; SIDE]>>,
-    wheels: Option<Held>,
+    variants: Option<Held>,
     /// The axes' values in each world.
     values: [Vec<f64>; SIDE],
     /// Of each measure of the loop: the values of the axes that it looks at, and what it then was.
@@ -25,23 +25,23 @@ pub(crate) struct Worker<'s> {
 
 /// The held loops of the one body there is.
 struct Held {
-    wheels: Wheels<SIDE>,
+    variants: Variants<SIDE>,
     /// Of each axis.
-    numbers: Vec<Option<Number>>,
+    numbers: Vec<Option<Parameter>>,
     growths: [f64; SIDE],
     verdicts: [f64; SIDE],
 }
 
 impl Held {
     fn new(sweep: &Sweep) -> Option<Self> {
-        let wheels = Wheels::new(&sweep.world)?;
-        let numbers = sweep.grid.axes.iter().map(|axis| Number::of(&sweep.world, &axis.key)).collect();
-        Some(Held { wheels, numbers, growths: [f64::NAN; SIDE], verdicts: [f64::NAN; SIDE] })
+        let variants = Variants::new(&sweep.world)?;
+        let numbers = sweep.grid.axes.iter().map(|axis| Parameter::of(&sweep.world, &axis.key)).collect();
+        Some(Held { variants, numbers, growths: [f64::NAN; SIDE], verdicts: [f64::NAN; SIDE] })
     }
 
     /// Answers what is asked.
     fn ask(&mut self, sweep: &Sweep) {
-        let (loops, method) = (self.wheels.loops(), sweep.world.sampling.method);
+        let (loops, method) = (self.variants.loops(), sweep.world.sampling.method);
         if sweep.measures.contains(&Measure::HeldGrowth) {
             loops.growths(method, &mut self.growths);
         }
@@ -53,12 +53,12 @@ impl Held {
 
 impl<'s> Worker<'s> {
     pub fn new(sweep: &'s Sweep) -> Self {
-        let wheels = sweep.measures.iter().any(|measure| measure.of_held_loop()).then(|| Held::new(sweep)).flatten();
-        let others = wheels.is_none() || !sweep.measures.iter().all(|measure| measure.of_held_loop());
+        let variants = sweep.measures.iter().any(|measure| measure.of_held_loop()).then(|| Held::new(sweep)).flatten();
+        let others = variants.is_none() || !sweep.measures.iter().all(|measure| measure.of_held_loop());
         // No value yet is like another one.
         let values = from_fn(|_| vec![f64::NAN; sweep.grid.axes.len()]);
         let worlds = others.then(|| Box::new(from_fn(|_| sweep.world.clone())));
-        Worker { sweep, worlds, wheels, values, known: vec![None; sweep.measures.len()] }
+        Worker { sweep, worlds, variants, values, known: vec![None; sweep.measures.len()] }
     }
 
     /// Fills the rows of a block of at most [`SIDE`] cells, one behind the other.
@@ -69,7 +69,7 @@ impl<'s> Worker<'s> {
             self.set(i, (cells.start + i as u64).min(cells.end - 1));
         }
         let runs = self.runs(count);
-        if let Some(held) = &mut self.wheels {
+        if let Some(held) = &mut self.variants {
             held.ask(self.sweep);
         }
         for (i, row) in rows.chunks_mut(self.sweep.width()).enumerate().take(count) {
@@ -89,10 +89,10 @@ impl<'s> Worker<'s> {
             if let Some(worlds) = &mut self.worlds {
                 worlds[i].set_number(&grid.axes[j].key, value);
             }
-            if let Some(held) = &mut self.wheels
+            if let Some(held) = &mut self.variants
                 && let Some(number) = held.numbers[j]
             {
-                held.wheels.set(i, number, value);
+                held.variants.set(i, number, value);
             }
         }
     }
@@ -119,7 +119,7 @@ impl<'s> Worker<'s> {
         let (values, measured) = row.split_at_mut(sweep.grid.axes.len());
         values.iter_mut().zip(&self.values[i]).for_each(|(place, value)| *place = Some(*value));
         for ((measure, known), place) in sweep.measures.iter().zip(&mut self.known).zip(measured) {
-            let value = match (measure, &self.wheels, &self.worlds) {
+            let value = match (measure, &self.variants, &self.worlds) {
                 (Measure::PeakTorque, ..) => run.peak_torque,
                 (Measure::FinalEnergy, ..) => run.final_energy,
                 (Measure::SettlingTime, ..) => run.settling_time,

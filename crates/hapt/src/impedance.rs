@@ -4,8 +4,8 @@ use std::fmt::{Display, Write as _};
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_analysis::impedance::rendered::{Asked, Element, Elements, Felt, Resonance, Row};
-use hapt_analysis::z_width::Walls;
+use hapt_analysis::impedance::rendered::{Element, Elements, Impedance, Nominal, Resonance, Row};
+use hapt_analysis::z_width::WallSearch;
 use hapt_analysis::{Slopes, ZWidth};
 use hapt_model::keys::Measure;
 use hapt_model::{Dimension, EstimatorKind, Motion};
@@ -91,7 +91,7 @@ fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Fai
         SlopesArg::Steep => Slopes::Steep,
         SlopesArg::Flat => Slopes::Flat,
     };
-    let felt = Felt::new(world, &slopes)?;
+    let felt = Impedance::new(world, &slopes)?;
     let nyquist = felt.nyquist_hz();
     let high = frequency("--to", args.to.as_deref())?.unwrap_or(nyquist);
     if high > nyquist * (1.0 + 1e-12) {
@@ -106,7 +106,7 @@ fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Fai
         return Err(Failure::input(format!("--from: {low} Hz must be below --to, which is {high} Hz")));
     }
     let rows = felt.rows(low, high.min(nyquist), args.points.unwrap_or(200));
-    let (asked, resonances) = (felt.asked(), felt.resonances());
+    let (asked, resonances) = (felt.nominal(), felt.resonances());
     let figure = hapt_report::felt::impedance(loaded.title(), &rows, &resonances, felt.device(), world.motion);
     let [inertia, damping] = felt.device();
     let json = json!({
@@ -154,7 +154,7 @@ fn loop_line(loaded: &Loaded) -> String {
     )
 }
 
-fn text(loaded: &Loaded, felt: &Felt, asked: &[Asked], resonances: &[Resonance], low: f64, high: f64) -> String {
+fn text(loaded: &Loaded, felt: &Impedance, asked: &[Nominal], resonances: &[Resonance], low: f64, high: f64) -> String {
     let units = units(loaded.world.motion);
     let mut text = format!("{}\n\n{}", loaded.title(), loop_line(loaded));
     if asked.is_empty() {
@@ -172,7 +172,7 @@ fn text(loaded: &Loaded, felt: &Felt, asked: &[Asked], resonances: &[Resonance],
             Some(hz) => format!("up to {} Hz", format::number(hz)),
         };
         let value = format::number(asked.value);
-        let _ = writeln!(text, "asked     {name} {value} {unit}: rendered to 10 % {}", up(asked.from_asked_hz));
+        let _ = writeln!(text, "asked     {name} {value} {unit}: rendered to 10 % {}", up(asked.from_nominal_hz));
         let _ = writeln!(
             text,
             "ideal     of the differential equations: its {name} is rendered to 10 % {}",
@@ -255,7 +255,7 @@ fn printed(low: f64, high: f64) -> Vec<f64> {
 /// CSV, figure, JSON and text of a Z-width.
 fn width(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Failure> {
     let world = &loaded.world;
-    let walls = Walls::new(world)?;
+    let walls = WallSearch::new(world)?;
     let dampers = walls.dampers(args.points.unwrap_or(80));
     let mut progress = Progress::new("z-width", "dampers", dampers.len() as u64, 0);
     let mut edges = Vec::with_capacity(dampers.len());

@@ -1,6 +1,6 @@
-//! Many loops of one body, the puck held, side by side: which of them grow, and how fast.
+//! Batches of loops of one body, the puck held: their verdicts and growths in vector lanes.
 //!
-//! A body on springs and dampers is five numbers ([`Loops`]), and a verdict on it takes no eigenvalue. With A μ² + B μ + C the
+//! A body on springs and dampers is five numbers ([`Loops`]), and its verdict requires no eigenvalue. With A μ² + B μ + C the
 //! characteristic polynomial in μ = λ - 1, A > 0, both λ lie within the radius r = e^{gT} if and only if (Jury)
 //!
 //! ```text
@@ -14,11 +14,11 @@
 //! | backward Euler | J + D + K T² | D + 2 K T² | K T² | D + K T² |
 //! | trapezoidal, tustin | J + D/2 + K T²/4 | D + K T² | K T² | D |
 //!
-//! with D = T (C0 + T C1). For zoh and foh, where ln |λ| is Re z, they become Hurwitz's, of J z² + D z + K T² shifted by gT, without
-//! the second one. RK4 is asked by the |λ|² of a complex pair. Two radii, g = ±[`MARGINAL`], tell stable, marginal and unstable
-//! apart.
+//! with D = T (C0 + T C1). For zoh and foh, where ln |λ| is Re z, they become Hurwitz's conditions of J z² + D z + K T² shifted by
+//! gT, without the second one. RK4 uses |λ|² of a complex pair. Two radii, g = ±[`MARGINAL`], separate stable, marginal and
+//! unstable.
 //!
-//! A loop that stands within rounding of an edge, and one whose numbers are out of proportion, is decided alone. So every verdict is
+//! A loop within rounding of a boundary, or with numbers of extreme magnitude, is decided individually. Every verdict is therefore
 //! that of [`crate::held()`], and every growth has the bits of [`crate::held_growth()`].
 
 use hapt_model::Method;
@@ -26,45 +26,45 @@ use nalgebra::Complex;
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::stability::multiplier::{INSIDE, Root, excess, rk4_excess};
-use crate::stability::single_body::Lone;
+use crate::stability::single_body::SingleBody;
 use crate::stability::{MARGINAL, Verdict, growth};
 
-/// So many loops are looked at before those among them that have to be decided alone.
+/// Number of loops in a block. After each block, the undecided loops in it are decided individually.
 const BLOCK: usize = 64;
 
-/// Rounding of a condition, relative to the sum of its terms: far more than what its dozen operations come to.
+/// Error bound of a condition, relative to the sum of its terms: well above the rounding of its dozen operations.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// K T²/J, from and to, of a loop in proportion; D/J up to the latter.
-const PROPORTION: [f64; 2] = [1e-60, 1e30];
-/// J of such a loop.
+/// Range of K T²/J in the batch; the upper bound holds for D/J too.
+const STIFFNESS: [f64; 2] = [1e-60, 1e30];
+/// Range of J in the batch.
 const INERTIA: [f64; 2] = [1e-200, 1e200];
-/// T of such a loop, in s: up to here e^{±2gT} = 1 ± 2gT + 2(gT)² but for rounding.
+/// Range of T in the batch, in s: within it e^{±2gT} = 1 ± 2gT + 2(gT)², up to rounding.
 const PERIOD: [f64; 2] = [1e-12, 10.0];
 
-/// Loops of one body, the puck held, in SI: an entry a loop in each column.
+/// Loops of one body, the puck held, in SI: one entry per loop in each column.
 #[derive(Clone, Copy, Debug)]
 pub struct Loops<'a> {
     /// J, above 0.
     pub inertia: &'a [f64],
     /// K, the sum of the springs at the body.
     pub stiffness: &'a [f64],
-    /// C0, the sum of the dampers at it that are what they are.
+    /// C0, the sum of the fixed dampers at the body.
     pub fixed: &'a [f64],
-    /// C1, per second of period, of those that follow the springs.
-    pub following: &'a [f64],
+    /// C1, the compensating dampers at the body, per second of period.
+    pub per_period: &'a [f64],
     /// T in s.
     pub period: &'a [f64],
 }
 
 impl Loops<'_> {
-    /// Of each loop 1 where it is unstable, 0 where it is marginal, -1 where it is stable; NaN where its numbers leave double
-    /// precision. As many as the shortest column has.
+    /// The verdicts: 1 unstable, 0 marginal, -1 stable; NaN where the numbers leave double precision. As many as the shortest column
+    /// has.
     pub fn verdicts(&self, method: Method, out: &mut [f64]) {
         Arch::new().dispatch(Verdicts { loops: *self, method, out });
     }
 
-    /// The growth of each loop in 1/s; NaN where it has none, or its numbers leave double precision.
+    /// The growth of each loop in 1/s; NaN where all eigenvalues are 0, or the numbers leave double precision.
     pub fn growths(&self, method: Method, out: &mut [f64]) {
         Arch::new().dispatch(Growths { loops: *self, method, out });
     }
@@ -74,57 +74,59 @@ impl Loops<'_> {
     fn each(
         &self,
         out: &mut [f64],
-        quick: impl Fn(Lone, f64) -> f64 + Copy,
-        slow: impl Fn(f64, Lone, f64) -> f64 + Copy,
+        quick: impl Fn(SingleBody, f64) -> f64 + Copy,
+        slow: impl Fn(f64, SingleBody, f64) -> f64 + Copy,
         always: bool,
     ) {
-        let columns = [self.inertia, self.stiffness, self.fixed, self.following, self.period];
+        let columns = [self.inertia, self.stiffness, self.fixed, self.per_period, self.period];
         let count = columns.iter().fold(out.len(), |count, column| count.min(column.len()));
         let (blocks, rest) = out[..count].as_chunks_mut::<BLOCK>();
         let from = blocks.len() * BLOCK;
         let whole = |column| <[f64]>::as_chunks::<BLOCK>(column).0;
-        let [inertia, stiffness, fixed, following, period] = columns;
+        let [inertia, stiffness, fixed, per_period, period] = columns;
         let each =
-            whole(inertia).iter().zip(whole(stiffness)).zip(whole(fixed)).zip(whole(following)).zip(whole(period));
-        for (out, ((((inertia, stiffness), fixed), following), period)) in blocks.iter_mut().zip(each) {
-            of_block([inertia, stiffness, fixed, following, period], out, quick, slow, always);
+            whole(inertia).iter().zip(whole(stiffness)).zip(whole(fixed)).zip(whole(per_period)).zip(whole(period));
+        for (out, ((((inertia, stiffness), fixed), per_period), period)) in blocks.iter_mut().zip(each) {
+            fill_block([inertia, stiffness, fixed, per_period, period], out, quick, slow, always);
         }
         if !rest.is_empty() {
-            // A block with loops that nobody asked for.
+            // The last block is padded.
             let filled = columns.map(|column| {
                 let mut block = [1.0; BLOCK];
                 block[..rest.len()].copy_from_slice(&column[from..count]);
                 block
             });
             let mut block = [0.0; BLOCK];
-            of_block(filled.each_ref(), &mut block, quick, slow, always);
+            fill_block(filled.each_ref(), &mut block, quick, slow, always);
             rest.copy_from_slice(&block[..rest.len()]);
         }
     }
 }
 
 #[inline(always)]
-fn of_block(
+fn fill_block(
     columns: [&[f64; BLOCK]; 5],
     out: &mut [f64; BLOCK],
-    quick: impl Fn(Lone, f64) -> f64,
-    slow: impl Fn(f64, Lone, f64) -> f64,
+    quick: impl Fn(SingleBody, f64) -> f64,
+    slow: impl Fn(f64, SingleBody, f64) -> f64,
     always: bool,
 ) {
-    let [inertia, stiffness, fixed, following, period] = columns;
+    let [inertia, stiffness, fixed, per_period, period] = columns;
     for (i, out) in out.iter_mut().enumerate() {
-        let lone = Lone { inertia: inertia[i], stiffness: stiffness[i], fixed: fixed[i], following: following[i] };
-        *out = quick(lone, period[i]);
+        let body =
+            SingleBody { inertia: inertia[i], stiffness: stiffness[i], fixed: fixed[i], per_period: per_period[i] };
+        *out = quick(body, period[i]);
     }
     if always || out.iter().filter(|x| x.is_nan()).count() > 0 {
         for (i, out) in out.iter_mut().enumerate().filter(|(_, out)| always || out.is_nan()) {
-            let lone = Lone { inertia: inertia[i], stiffness: stiffness[i], fixed: fixed[i], following: following[i] };
-            *out = slow(*out, lone, period[i]);
+            let body =
+                SingleBody { inertia: inertia[i], stiffness: stiffness[i], fixed: fixed[i], per_period: per_period[i] };
+            *out = slow(*out, body, period[i]);
         }
     }
 }
 
-/// The number of a verdict: the sign of the growth, as far as it counts.
+/// A verdict as a number: 1 unstable, 0 marginal, -1 stable.
 pub fn sign(verdict: Verdict) -> f64 {
     match verdict {
         Verdict::Stable => -1.0,
@@ -142,11 +144,11 @@ struct Verdicts<'a> {
 impl WithSimd for Verdicts<'_> {
     type Output = ();
 
-    /// Compiled for each width of vectors, and there for each method.
+    /// Compiled for each vector width and method.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Verdicts { loops, method, out } = self;
-        let alone = |_, lone: Lone, period| match lone.spectrum(method, period) {
+        let single = |_, body: SingleBody, period| match body.spectrum(method, period) {
             Some(found) => sign(Verdict::of(growth(&found.multipliers, period))),
             None => f64::NAN,
         };
@@ -154,41 +156,41 @@ impl WithSimd for Verdicts<'_> {
             Method::ForwardEuler => loops.each(
                 out,
                 #[inline(always)]
-                |lone, t| Jury::forward(lone, t).verdict(t),
-                alone,
+                |body, t| Jury::forward(body, t).verdict(t),
+                single,
                 false,
             ),
             Method::SemiImplicitEuler => loops.each(
                 out,
                 #[inline(always)]
-                |lone, t| Jury::implicit(lone, t).verdict(t),
-                alone,
+                |body, t| Jury::implicit(body, t).verdict(t),
+                single,
                 false,
             ),
             Method::BackwardEuler => loops.each(
                 out,
                 #[inline(always)]
-                |lone, t| Jury::backward(lone, t).verdict(t),
-                alone,
+                |body, t| Jury::backward(body, t).verdict(t),
+                single,
                 false,
             ),
             Method::Trapezoidal | Method::Tustin => {
                 loops.each(
                     out,
                     #[inline(always)]
-                    |lone, t| Jury::trapezoidal(lone, t).verdict(t),
-                    alone,
+                    |body, t| Jury::trapezoidal(body, t).verdict(t),
+                    single,
                     false,
                 );
             }
             Method::Zoh | Method::Foh => loops.each(
                 out,
                 #[inline(always)]
-                |lone, t| Jury::exact(lone, t).verdict(t),
-                alone,
+                |body, t| Jury::exact(body, t).verdict(t),
+                single,
                 false,
             ),
-            Method::Rk4 => loops.each(out, runge_kutta, alone, false),
+            Method::Rk4 => loops.each(out, runge_kutta, single, false),
         }
     }
 }
@@ -205,13 +207,13 @@ impl WithSimd for Growths<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Growths { loops, method, out } = self;
-        let alone = |lone: Lone, period| {
-            let found = lone.spectrum(method, period);
+        let single = |body: SingleBody, period| {
+            let found = body.spectrum(method, period);
             found.and_then(|found| growth(&found.multipliers, period)).unwrap_or(f64::NAN)
         };
-        // A logarithm has no lanes.
-        let logarithm = |excess: f64, lone, period| match excess {
-            nothing if nothing.is_nan() => alone(lone, period),
+        // The logarithm is scalar.
+        let logarithm = |excess: f64, body, period| match excess {
+            nothing if nothing.is_nan() => single(body, period),
             excess => 0.5 * excess.ln_1p() / period + 0.0,
         };
         macro_rules! of {
@@ -219,7 +221,7 @@ impl WithSimd for Growths<'_> {
                 loops.each(
                     out,
                     #[inline(always)]
-                    |lone, t| of_pair($method, lone, t, INSIDE),
+                    |body, t| of_pair($method, body, t, INSIDE),
                     logarithm,
                     true,
                 )
@@ -232,12 +234,12 @@ impl WithSimd for Growths<'_> {
             Method::Trapezoidal | Method::Tustin => of!(Method::Trapezoidal),
             Method::Rk4 => of!(Method::Rk4),
             Method::Zoh | Method::Foh => {
-                // Twice the logarithm itself; a λ of 1e-12 and less does not count.
+                // The excess is twice the logarithm itself. |λ| of 1e-12 or less does not count.
                 loops.each(
                     out,
                     #[inline(always)]
-                    |lone, t| 0.5 * of_pair(Method::Zoh, lone, t, -50.0) / t + 0.0,
-                    |_, lone, period| alone(lone, period),
+                    |body, t| 0.5 * of_pair(Method::Zoh, body, t, -50.0) / t + 0.0,
+                    |_, body, period| single(body, period),
                     false,
                 );
             }
@@ -245,46 +247,46 @@ impl WithSimd for Growths<'_> {
     }
 }
 
-/// Whether nothing in the loop's arithmetic comes near the ends of double precision.
+/// Whether the arithmetic of the loop stays well within double precision.
 #[inline(always)]
-fn in_proportion(Lone { inertia, .. }: Lone, spring: f64, damper: f64, period: f64) -> bool {
-    let (slow, fast) = (PROPORTION[0] * inertia, PROPORTION[1] * inertia);
+fn in_range(SingleBody { inertia, .. }: SingleBody, spring: f64, damper: f64, period: f64) -> bool {
+    let (slow, fast) = (STIFFNESS[0] * inertia, STIFFNESS[1] * inertia);
     (INERTIA[0]..=INERTIA[1]).contains(&inertia)
         & (slow..=fast).contains(&spring)
         & (0.0..=fast).contains(&damper)
         & (PERIOD[0]..=PERIOD[1]).contains(&period)
 }
 
-/// |λ|² - 1 of a complex pair, in the operations of [`crate::stability::multiplier`]; NaN where it is none, or below `least`.
+/// |λ|² - 1 of a complex pair, in the operations of [`crate::stability::multiplier`]; NaN where the roots are real, or below `least`.
 #[inline(always)]
-fn of_pair(method: Method, lone: Lone, period: f64, least: f64) -> f64 {
-    let Pair { root, is_one } = Pair::new(lone, period, matches!(method, Method::SemiImplicitEuler));
+fn of_pair(method: Method, body: SingleBody, period: f64, least: f64) -> f64 {
+    let Pair { root, is_one } = Pair::new(body, period, matches!(method, Method::SemiImplicitEuler));
     let excess = excess(method, root);
     if is_one & (excess > least) { excess } else { f64::NAN }
 }
 
-/// A loop's complex pair.
+/// The complex pair of a loop.
 struct Pair {
     root: Root,
-    /// Whether it is one, and of a loop in proportion.
+    /// Whether the roots are complex and the numbers in range.
     is_one: bool,
 }
 
 impl Pair {
     #[inline(always)]
-    fn new(lone: Lone, period: f64, implicit: bool) -> Self {
-        let x = lone.frequency() * period;
-        let d = lone.damping(period, x, implicit);
-        let excess = Some(lone.excess(period, x, d, implicit));
+    fn new(body: SingleBody, period: f64, implicit: bool) -> Self {
+        let x = body.frequency() * period;
+        let d = body.damping(period, x, implicit);
+        let excess = Some(body.excess(period, x, d, implicit));
         let half = 0.5 * d;
         // As in `eigen::pair`.
         let z = Complex::new(-half, ((x - half) * (x + half)).sqrt());
-        let sound = in_proportion(lone, x * x * lone.inertia, d * lone.inertia, period);
+        let sound = in_range(body, x * x * body.inertia, d * body.inertia, period);
         Pair { root: Root { z, square: x * x, excess }, is_one: sound & (half < x) }
     }
 }
 
-/// A verdict's number, and NaN where none of the three is certain.
+/// The verdict as a number; NaN where none of the three is certain.
 #[inline(always)]
 fn number(unstable: bool, marginal: bool, stable: bool) -> f64 {
     let sure = if stable { -1.0 } else { f64::NAN };
@@ -294,8 +296,8 @@ fn number(unstable: bool, marginal: bool, stable: bool) -> f64 {
 
 /// RK4, whose |λ|² - 1 is a sum of orders.
 #[inline(always)]
-fn runge_kutta(lone: Lone, period: f64) -> f64 {
-    let Pair { root, is_one } = Pair::new(lone, period, false);
+fn runge_kutta(body: SingleBody, period: f64) -> f64 {
+    let Pair { root, is_one } = Pair::new(body, period, false);
     let orders = rk4_excess(root);
     let (mut sum, mut size) = (0.0, 0.0);
     for order in orders.iter().rev() {
@@ -309,65 +311,65 @@ fn runge_kutta(lone: Lone, period: f64) -> f64 {
     number(is_one & (sum > high + doubt), is_one & marginal, is_one & (sum < -(low + doubt)))
 }
 
-/// The conditions of the module's head.
+/// The conditions of the module documentation.
 struct Jury {
     a: f64,
     b: f64,
     c: f64,
-    /// B - C, without the subtraction.
+    /// B - C, without cancellation.
     balance: f64,
     /// The sum of its terms.
     terms: f64,
-    /// The polynomial at λ = -1, without subtractions that structure spares; infinite where that is no edge.
+    /// The polynomial at λ = -1, without cancellation; infinite where that is not a boundary.
     alternating: f64,
-    /// Whether the radius is e^{gT}, and not gT itself the bound.
+    /// Whether the radius is e^{gT}; otherwise the bound is gT itself.
     curved: bool,
     sound: bool,
 }
 
 impl Jury {
-    /// K T² and D, and the conditions of a method that has nothing of its own.
+    /// K T² and D, and the conditions without the terms of a method.
     #[inline(always)]
-    fn of(lone: Lone, t: f64) -> (f64, f64, Self) {
-        let spring = t * t * lone.stiffness;
-        let damper = t * (lone.fixed + t * lone.balanced().following);
-        let sound = in_proportion(lone, spring, damper, t);
-        let (a, b, c, balance, terms) = (lone.inertia, damper, spring, damper, damper);
+    fn of(body: SingleBody, t: f64) -> (f64, f64, Self) {
+        let spring = t * t * body.stiffness;
+        let damper = t * (body.fixed + t * body.balanced().per_period);
+        let sound = in_range(body, spring, damper, t);
+        let (a, b, c, balance, terms) = (body.inertia, damper, spring, damper, damper);
         (spring, damper, Jury { a, b, c, balance, terms, alternating: f64::INFINITY, curved: true, sound })
     }
 
     #[inline(always)]
-    fn forward(lone: Lone, t: f64) -> Self {
-        let (spring, damper, of) = Jury::of(lone, t);
-        let balance = t * (lone.fixed + t * (lone.balanced().following - lone.stiffness));
+    fn forward(body: SingleBody, t: f64) -> Self {
+        let (spring, damper, of) = Jury::of(body, t);
+        let balance = t * (body.fixed + t * (body.balanced().per_period - body.stiffness));
         let alternating = 4.0 * of.a + spring - 2.0 * damper;
         Jury { balance, terms: damper + spring, alternating, ..of }
     }
 
     #[inline(always)]
-    fn implicit(lone: Lone, t: f64) -> Self {
-        let (spring, damper, of) = Jury::of(lone, t);
+    fn implicit(body: SingleBody, t: f64) -> Self {
+        let (spring, damper, of) = Jury::of(body, t);
         Jury { b: damper + spring, alternating: 4.0 * of.a - spring - 2.0 * damper, ..of }
     }
 
     #[inline(always)]
-    fn backward(lone: Lone, t: f64) -> Self {
-        let (spring, damper, of) = Jury::of(lone, t);
+    fn backward(body: SingleBody, t: f64) -> Self {
+        let (spring, damper, of) = Jury::of(body, t);
         let balance = damper + spring;
         let alternating = 4.0 * of.a + 2.0 * damper + spring;
         Jury { a: of.a + balance, b: balance + spring, balance, terms: balance, alternating, ..of }
     }
 
     #[inline(always)]
-    fn trapezoidal(lone: Lone, t: f64) -> Self {
-        let (spring, damper, of) = Jury::of(lone, t);
+    fn trapezoidal(body: SingleBody, t: f64) -> Self {
+        let (spring, damper, of) = Jury::of(body, t);
         let alternating = 4.0 * of.a;
         Jury { a: of.a + 0.5 * damper + 0.25 * spring, b: damper + spring, alternating, ..of }
     }
 
     #[inline(always)]
-    fn exact(lone: Lone, t: f64) -> Self {
-        Jury { curved: false, ..Jury::of(lone, t).2 }
+    fn exact(body: SingleBody, t: f64) -> Self {
+        Jury { curved: false, ..Jury::of(body, t).2 }
     }
 
     #[inline(always)]
@@ -378,7 +380,7 @@ impl Jury {
         let more = if curved { 0.5 * gap * gap } else { 0.0 };
         let (high, low) = (a * (gap + more), a * (gap - more));
         let doubt = ROUNDING * (terms + a * gap);
-        // Near +1 and near -1 it is enough to be clear of both radii.
+        // Near +1 and -1 the result must be clear of both radii.
         let clear = c > gap * b;
         let near = (4.0 * a + c + 2.0 * b) * (ROUNDING + 2.0 * gap);
         let (passes, stays) = (alternating < -near, alternating > near);

@@ -1,4 +1,4 @@
-//! Many held loops of one body, decided together in vector lanes.
+//! Batches of held loops of one body, decided together in vector lanes.
 
 pub mod loops;
-pub mod worlds;
+pub mod variants;

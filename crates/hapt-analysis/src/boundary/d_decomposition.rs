@@ -1,18 +1,18 @@
-//! The edge of stability in the plane of two keys, by its equation: the D-decomposition (Neimark 1948; Gryazina and Polyak,
+//! The stability boundary in the plane of two parameters, by its equation: the D-decomposition (Neimark 1948; Gryazina and Polyak,
 //! Automatica 42(1), 2006).
 //!
-//! Where two keys enter the loop as a stiffness K and a damping B at one place, its characteristic equation is linear in them,
+//! Where two keys enter the loop as a stiffness K and a damping B of one coupling, the characteristic equation is linear in them,
 //!
 //! ```text
 //! K + B W(λ) = R(λ)
 //! ```
 //!
-//! and an eigenvalue crosses the unit circle only where this holds on it: on the line that λ = 1 gives, on that of λ = -1, and at
-//! the point that each λ = e^{jφ}, 0 < φ < π, gives by its real and its imaginary part. So the edge is some stretches of these.
-//! Which ones is for the verdict on their two sides to say.
+//! and an eigenvalue crosses the unit circle only where this holds on it: on the line for λ = 1, on the line for λ = -1, and at one
+//! point for each λ = e^{jφ}, 0 < φ < π, by its real and imaginary parts. The stability boundary consists of segments of these
+//! curves. The verdicts on both sides select the segments.
 //!
 //! **Between puck and ground, the free loop.** With μ = λ - 1, the torque -(H_z z + H_v v) of the rest of the world
-//! (`impedance`), and the puck's exact response to held commands over the two parts of a period (`stack`; E = e^{-bT/J}),
+//! (`impedance`), and the puck's exact response to held commands over the two parts of a period (`closed_loop`; E = e^{-bT/J}),
 //!
 //! ```text
 //! λ^d z = (T φ₁ n_v/(μ + 1 - E) + n_z)/μ,    λ^d ż = n_v/(μ + 1 - E),    per unit of command
@@ -20,31 +20,31 @@
 //! W = V(λ), the estimator, or μ n_v/G for the true velocity
 //! ```
 //!
-//! **At a body that hangs with no other, the held world.** Under forward Euler K + C μ/T = -J μ²/T²; semi-implicit Euler is
-//! forward Euler with C + TK. The other methods but RK4 never take such a body out of the circle.
+//! **At a body that is coupled to no other, the held world.** Under forward Euler K + C μ/T = -J μ²/T²; semi-implicit Euler is
+//! forward Euler with C + TK. Apart from RK4, the other methods are stable for such a body.
 
 use std::f64::consts::PI;
 
 use hapt_model::{Coupling, End, Method, Sampling, World};
 use nalgebra::Complex;
 
-use crate::equations::continuous::{Slopes, Tie, bent, bent_anywhere, ties};
+use crate::equations::continuous::{LinearCoupling, Slopes, linearise, piecewise, piecewise_at_bodies};
 use crate::equations::delay::Delay;
 use crate::equations::estimator::Filter;
 use crate::equations::slopes::combinations;
 use crate::error::{Error, positive};
-use crate::impedance::{Impedance, Pole, Rule};
+use crate::impedance::{Discretisation, Pole, TransferFunction};
 use crate::numerics::phi::{phi1, phi2};
 
 type C = Complex<f64>;
 
-/// What two keys do counts as linear when it is to this, relatively.
+/// Relative deviation up to which the effect of two keys counts as linear.
 const LINEAR: f64 = 1e-9;
 
-/// Two keys of a world, by their dotted paths, and the stretch of each that is looked at, in SI.
+/// Two keys of a world by their dotted paths, and the range of each in SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Keys<'a> {
-    /// The paths.
+    /// The dotted paths.
     pub paths: [&'a str; 2],
     /// From and to of each.
     pub ranges: [[f64; 2]; 2],
@@ -59,12 +59,47 @@ pub struct Line {
     pub offset: f64,
 }
 
-/// The equation of one linear loop: see the module's head.
+/// The equation of one linear loop, see the module documentation.
+///
+/// ```
+/// use hapt_analysis::{Decomposition, Keys, free_eigenvalues};
+/// use hapt_model::{Source, World};
+///
+/// let source = r#"
+///     [loop]
+///     period = "1 ms"
+///     estimator = "difference"
+///     [device]
+///     inertia = 6.4e-4
+///     damping = 1.2e-3
+///     [[couplings]]
+///     kind = "spring"
+///     between = ["puck", "ground"]
+///     stiffness = 2.0
+///     [[couplings]]
+///     kind = "damper"
+///     between = ["puck", "ground"]
+///     damping = 0.1
+///     [scenarios.still]
+///     duration = "1 s"
+///     hand = { kind = "step", to = 0.0 }
+/// "#;
+/// let mut world = World::read(&Source::from_text("wall", source), &[])?;
+/// let paths = ["couplings.0.stiffness", "couplings.1.damping"];
+/// let keys = Keys { paths, ranges: [[0.0, 1000.0], [0.0, 2.0]] };
+/// let equations = Decomposition::free(&world, keys)?.unwrap();
+/// // The stiffness and damping for which e^{jφ} is an eigenvalue.
+/// let point = equations[0].at(0.5).unwrap();
+/// paths.iter().zip(point).for_each(|(path, value)| assert!(world.set_number(path, value)));
+/// let eigenvalues = free_eigenvalues(&world)?;
+/// assert!(eigenvalues.iter().any(|v| (v.re - 0.5f64.cos()).hypot(v.im - 0.5f64.sin()) < 1e-9));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decomposition {
-    /// A and B where K and B of the equation are 0.
+    /// A and B at which K and B of the equation are 0.
     origin: [f64; 2],
-    /// How much each key adds to K, and to B.
+    /// The contribution of each key to K, and to B.
     stiffness: [f64; 2],
     damping: [f64; 2],
     period: f64,
@@ -77,35 +112,35 @@ enum Equation {
     Body { inertia: f64, implicit: bool, stiffness: f64, damping: f64 },
 }
 
-/// What stands in the equation of the free loop.
+/// The coefficients of the equation of the free loop.
 #[derive(Clone, Debug, PartialEq)]
 struct Puck {
     /// 1 - E
     decay: f64,
     /// T φ₁
     coast: f64,
-    /// n_v and n_z: on the command of d samples ago, and on the one before it.
+    /// n_v and n_z: for the command of d samples ago, and for the one before it.
     velocity: [f64; 2],
     position: [f64; 2],
     delay: u32,
-    /// V = μ Σ slope\[i\] λ^{-i-1}, or with a pole slope\[0\] μ/(λ - pole); nothing: the true velocity.
+    /// V = μ Σ slope\[i\] λ^{-i-1}, or with a pole slope\[0\] μ/(λ - pole); empty: the true velocity.
     slope: Vec<f64>,
     /// 1 - pole
     forgets: Option<f64>,
-    /// H(1), and the damping of the rest at the puck.
+    /// H(1), and the direct damping of the rest of the world at the puck.
     stiffness: f64,
     damping: f64,
     poles: Vec<Pole>,
 }
 
-/// What the keys are in the plane's corners and its middle.
-struct Looked<'a> {
+/// The worlds at the corners and the centre of the plane.
+struct Corners<'a> {
     keys: Keys<'a>,
     /// (0, 0), (1, 0), (0, 1), (1, 1), middle.
     worlds: Vec<World>,
 }
 
-impl<'a> Looked<'a> {
+impl<'a> Corners<'a> {
     fn new(world: &World, keys: Keys<'a>) -> Option<Self> {
         let [[a0, a1], [b0, b1]] = keys.ranges;
         let middle = [0.5 * (a0 + a1), 0.5 * (b0 + b1)];
@@ -116,14 +151,14 @@ impl<'a> Looked<'a> {
         };
         let worlds =
             [[a0, b0], [a1, b0], [a0, b1], [a1, b1], middle].into_iter().map(at).collect::<Option<Vec<_>>>()?;
-        // What else the loop hangs on stays.
+        // The keys must not change anything else of the loop.
         let first = worlds.first()?;
         let same = |w: &World| {
             let inertias = w.bodies.iter().zip(&first.bodies).all(|(a, b)| a.inertia == b.inertia);
             let device = w.device.inertia == first.device.inertia && w.device.damping == first.device.damping;
             w.sampling == first.sampling && inertias && device
         };
-        worlds.iter().all(same).then_some(Looked { keys, worlds })
+        worlds.iter().all(same).then_some(Corners { keys, worlds })
     }
 
     fn middle(&self) -> &World {
@@ -134,22 +169,22 @@ impl<'a> Looked<'a> {
         self.keys.ranges.map(|[from, to]| 0.5 * (from + to))
     }
 
-    /// The ties in the corners and the middle.
-    fn ties(&self, slopes: &Slopes) -> Result<Vec<Vec<Tie>>, Error> {
-        self.worlds.iter().map(|w| ties(&w.bodies, &w.couplings, slopes)).collect()
+    /// The linearised couplings at the corners and the centre.
+    fn linear(&self, slopes: &Slopes) -> Result<Vec<Vec<LinearCoupling>>, Error> {
+        self.worlds.iter().map(|w| linearise(&w.bodies, &w.couplings, slopes)).collect()
     }
 
-    /// How much each key adds to the stiffness and to the damping of the ties that `chosen` picks; `None` where that is not
-    /// linear, or where another tie follows a key.
-    fn gains(&self, ties: &[Vec<Tie>], chosen: impl Fn(&Tie) -> bool) -> Option<[[f64; 2]; 2]> {
+    /// The contribution of each key to the stiffness and to the damping of the `chosen` couplings; `None` where it is not linear, or
+    /// where a key changes another coupling.
+    fn gains(&self, terms: &[Vec<LinearCoupling>], chosen: impl Fn(&LinearCoupling) -> bool) -> Option<[[f64; 2]; 2]> {
         let period = self.middle().sampling.period;
-        let linear = |t: &Tie| (t.stiffness, t.fixed, t.per_period);
-        let [first, ..] = ties else { return None };
-        if ties.iter().any(|all| all.iter().zip(first).any(|(t, f)| !chosen(t) && linear(t) != linear(f))) {
+        let linear = |t: &LinearCoupling| (t.stiffness, t.fixed, t.per_period);
+        let [first, ..] = terms else { return None };
+        if terms.iter().any(|all| all.iter().zip(first).any(|(t, f)| !chosen(t) && linear(t) != linear(f))) {
             return None;
         }
-        let sum = |of: &dyn Fn(&Tie) -> f64| -> Option<[f64; 2]> {
-            let v: Vec<f64> = ties.iter().map(|all| all.iter().filter(|t| chosen(t)).map(of).sum()).collect();
+        let sum = |of: &dyn Fn(&LinearCoupling) -> f64| -> Option<[f64; 2]> {
+            let v: Vec<f64> = terms.iter().map(|all| all.iter().filter(|t| chosen(t)).map(of).sum()).collect();
             let size = v.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
             let across = (v[3] - v[1] - v[2] + v[0]).abs();
             let middle = (v[4] - 0.25 * (v[0] + v[1] + v[2] + v[3])).abs();
@@ -160,30 +195,32 @@ impl<'a> Looked<'a> {
     }
 }
 
-/// Whether two keys can be told from their stiffness and damping.
+/// Whether the contributions of the two keys are linearly independent.
 fn independent([k, b]: [[f64; 2]; 2]) -> bool {
     let (one, other) = (k[0] * b[1], k[1] * b[0]);
     (one - other).abs() > LINEAR * (one.abs() + other.abs())
 }
 
-fn between_puck_and_ground(tie: &Tie) -> bool {
-    matches!((tie.first, tie.second), (End::Puck, End::Ground) | (End::Ground, End::Puck))
+fn between_puck_and_ground(term: &LinearCoupling) -> bool {
+    matches!((term.first, term.second), (End::Puck, End::Ground) | (End::Ground, End::Puck))
 }
 
 impl Decomposition {
-    /// The equations of the free loop, one a combination of slopes and estimator windows; `None` where the keys are not, or not
-    /// only, a stiffness and a damping between puck and ground.
+    /// The equations of the free loop, one per combination of slopes and estimator windows; `None` unless the keys are exactly a
+    /// stiffness and a damping between puck and ground.
     ///
     /// # Errors
     /// As [`crate::free()`].
     pub fn free(world: &World, keys: Keys<'_>) -> Result<Option<Vec<Decomposition>>, Error> {
-        let Some(looked) = Looked::new(world, keys) else { return Ok(None) };
-        let world = looked.middle();
+        let Some(corners) = Corners::new(world, keys) else { return Ok(None) };
+        let world = corners.middle();
         let mut all = Vec::new();
-        for slopes in combinations(&bent_anywhere(&world.couplings)) {
-            let Some(gains) = looked.gains(&looked.ties(&slopes)?, between_puck_and_ground) else { return Ok(None) };
+        for slopes in combinations(&piecewise(&world.couplings)) {
+            let Some(gains) = corners.gains(&corners.linear(&slopes)?, between_puck_and_ground) else {
+                return Ok(None);
+            };
             if gains == [[0.0; 2]; 2] {
-                // Slack, whatever the keys are.
+                // The keys have no effect at these slopes.
                 continue;
             }
             if !independent(gains) {
@@ -191,14 +228,14 @@ impl Decomposition {
             }
             for filter in Filter::of(&world.sampling, world.sampling.period) {
                 let puck = Box::new(Puck::new(world, &world.couplings, &slopes, &filter)?);
-                push(&mut all, &looked, gains, Equation::Puck(puck));
+                push(&mut all, &corners, gains, Equation::Puck(puck));
             }
         }
         Ok(Some(all))
     }
 
-    /// The same for the held world; `None` where the keys are not, or not only, a stiffness and a damping at a body that hangs
-    /// with no other, or the method is none of the module's head.
+    /// The equations of the held world; `None` unless the keys are exactly a stiffness and a damping at a body that is coupled to no
+    /// other, and the method is one of the module documentation.
     ///
     /// # Errors
     /// As [`crate::held()`].
@@ -210,38 +247,39 @@ impl Decomposition {
                 return Ok(None);
             }
         };
-        let Some(looked) = Looked::new(world, keys) else { return Ok(None) };
-        let world = looked.middle();
+        let Some(corners) = Corners::new(world, keys) else { return Ok(None) };
+        let world = corners.middle();
         let mut all = Vec::new();
-        for slopes in combinations(&bent(&world.couplings)) {
-            let ties = looked.ties(&slopes)?;
-            // A body whose ties follow the keys.
+        for slopes in combinations(&piecewise_at_bodies(&world.couplings)) {
+            let terms = corners.linear(&slopes)?;
+            // A body whose couplings depend on the keys.
             let changed =
-                ties.iter().flat_map(|all| all.iter().zip(&ties[0])).find(|(t, f)| t != f && at_body(t).is_some());
+                terms.iter().flat_map(|all| all.iter().zip(&terms[0])).find(|(t, f)| t != f && at_body(t).is_some());
             let Some(body) = changed.and_then(|(t, _)| at_body(t)) else { continue };
-            let here = |t: &Tie| t.first == End::Body(body) || t.second == End::Body(body);
-            let between = |t: &Tie| matches!((t.first, t.second), (End::Body(_), End::Body(_)));
-            if ties[4].iter().any(|t| here(t) && between(t)) {
+            let here = |t: &LinearCoupling| t.first == End::Body(body) || t.second == End::Body(body);
+            let between = |t: &LinearCoupling| matches!((t.first, t.second), (End::Body(_), End::Body(_)));
+            if terms[4].iter().any(|t| here(t) && between(t)) {
                 return Ok(None);
             }
-            let Some(gains) = looked.gains(&ties, here) else { return Ok(None) };
+            let Some(gains) = corners.gains(&terms, here) else { return Ok(None) };
             if !independent(gains) {
                 return Ok(None);
             }
             let period = world.sampling.period;
-            let sum = |of: &dyn Fn(&Tie) -> f64| -> f64 { ties[4].iter().filter(|t| here(t)).map(of).sum() };
+            let sum =
+                |of: &dyn Fn(&LinearCoupling) -> f64| -> f64 { terms[4].iter().filter(|t| here(t)).map(of).sum() };
             let equation = Equation::Body {
                 inertia: world.bodies[body].inertia,
                 implicit,
                 stiffness: sum(&|t| t.stiffness),
                 damping: sum(&|t| t.fixed + period * t.per_period),
             };
-            push(&mut all, &looked, gains, equation);
+            push(&mut all, &corners, gains, equation);
         }
         Ok(Some(all))
     }
 
-    /// W and R of the module's head.
+    /// W and R of the module documentation.
     fn equation(&self, phi: f64) -> (C, C) {
         let (sin, cos) = (0.5 * phi).sin_cos();
         let mu = C::new(-2.0 * sin * sin, 2.0 * sin * cos);
@@ -255,7 +293,7 @@ impl Decomposition {
         }
     }
 
-    /// The point (A, B) at which e^{jφ} is an eigenvalue, 0 < φ < π; `None` where there is none, or a whole line.
+    /// The point (A, B) at which e^{jφ} is an eigenvalue, 0 < φ < π; `None` where there is none, or where it is a line.
     #[inline]
     pub fn at(&self, phi: f64) -> Option<[f64; 2]> {
         let (w, r) = self.equation(phi);
@@ -268,7 +306,7 @@ impl Decomposition {
         (a.is_finite() && b.is_finite()).then_some([a, b])
     }
 
-    /// The lines on which 1 and -1 are eigenvalues; `None` for what no key moves.
+    /// The lines on which 1 and -1 are eigenvalues; `None` where no key changes them.
     pub fn lines(&self) -> [Option<Line>; 2] {
         [0.0, PI].map(|phi| {
             let (w, r) = self.equation(phi);
@@ -279,21 +317,21 @@ impl Decomposition {
         })
     }
 
-    /// The angles near which the curve may turn within a small stretch of φ, and how small: those of the world's own poles.
+    /// The angles near which the curve may turn sharply, with the width in φ: those of the poles of the world.
     pub fn angles(&self) -> Vec<(f64, f64)> {
         let Equation::Puck(puck) = &self.equation else { return Vec::new() };
         puck.poles.iter().filter(|p| p.arg > 0.0 && p.arg < PI).map(|p| (p.arg, p.ln_abs.abs())).collect()
     }
 }
 
-fn at_body(tie: &Tie) -> Option<usize> {
-    [tie.first, tie.second].into_iter().find_map(|end| if let End::Body(body) = end { Some(body) } else { None })
+fn at_body(term: &LinearCoupling) -> Option<usize> {
+    [term.first, term.second].into_iter().find_map(|end| if let End::Body(body) = end { Some(body) } else { None })
 }
 
 /// Adds an equation unless it is there: combinations may differ in what no key moves.
-fn push(all: &mut Vec<Decomposition>, looked: &Looked<'_>, [stiffness, damping]: [[f64; 2]; 2], equation: Equation) {
-    let period = looked.middle().sampling.period;
-    let one = Decomposition { origin: looked.origin(), stiffness, damping, period, equation };
+fn push(all: &mut Vec<Decomposition>, corners: &Corners<'_>, [stiffness, damping]: [[f64; 2]; 2], equation: Equation) {
+    let period = corners.middle().sampling.period;
+    let one = Decomposition { origin: corners.origin(), stiffness, damping, period, equation };
     if !all.contains(&one) {
         all.push(one);
     }
@@ -302,14 +340,19 @@ fn push(all: &mut Vec<Decomposition>, looked: &Looked<'_>, [stiffness, damping]:
 impl Puck {
     fn new(world: &World, couplings: &[Coupling], slopes: &Slopes, filter: &Filter) -> Result<Puck, Error> {
         let Sampling { method, output, advance, period, .. } = world.sampling;
-        let port = Impedance::new(&world.bodies, couplings, slopes, Rule { method, output, advance, period })?;
+        let port = TransferFunction::new(
+            &world.bodies,
+            couplings,
+            slopes,
+            Discretisation { method, output, advance, period },
+        )?;
         if !port.is_finite() {
             return Err(Error::Eigenvalues { order: port.poles.len() });
         }
         let inertia = positive("the device's inertia", world.device.inertia)?;
         let rate = world.device.damping / inertia;
         let delay = Delay::of(world.sampling.delay_s(), period)?;
-        let (h1, h2) = (delay.part * period, period - delay.part * period);
+        let (h1, h2) = (delay.fraction * period, period - delay.fraction * period);
         let push = h1 / inertia * phi1(rate * h1);
         let mut sum = 0.0;
         let mut slope: Vec<f64> = filter.taps.iter().map(|tap| (sum += tap, sum).1).collect();

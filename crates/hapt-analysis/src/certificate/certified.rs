@@ -8,14 +8,14 @@ use crate::stability::Verdict;
 use crate::stability::free::free_growth;
 use crate::stability::held::held_growth;
 
-/// Whether `check` would certify the world; what cannot be computed is not certified.
+/// Whether `check` certifies the world. A world that cannot be analysed is not certified.
 pub fn is_certified(world: &World) -> bool {
     excess(world, 0.0) <= 0.0
 }
 
-/// How much more damping the world asks for than its device has, in parts of that: 0 or less where `check` would certify it, else above
-/// 0, and 1 where more damping alone is not what is missing. Let go, the puck is one of the passive hands, so that what is passive with
-/// damping to spare is stable then: below the negative of `spare` the free loop is not looked at.
+/// The required damping less that of the device, over that of the device: 0 or less where `check` certifies the world, otherwise above
+/// 0, and 1 where damping alone does not suffice. Hands-off is a special case of a passive hand, so a loop that is passive with a margin
+/// is stable hands-off: below -`spare` the free loop is not analysed.
 pub(crate) fn excess(world: &World, spare: f64) -> f64 {
     let found = || -> Result<f64, Error> {
         let sampling = &world.sampling;

@@ -1,21 +1,21 @@
-//! The answer on a world, for programs and for people.
+//! The check of a world.
 
 use hapt_model::{End, EstimatorKind, Law, Method, Motion, World};
 use serde::Serialize;
 
 use crate::certificate::remedies::Remedies;
-use crate::equations::continuous::{bent, bent_anywhere};
+use crate::equations::continuous::{piecewise, piecewise_at_bodies};
 use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::COMBINED;
 use crate::error::Error;
-use crate::passivity::quantisation::{Quantisation, power, quantisation};
+use crate::passivity::quantisation::{Quantisation, count_power, quantisation};
 use crate::passivity::{Passivity, passivity};
 use crate::stability::free::{free, free_at_this_period, shortest_period};
 use crate::stability::held::held;
 use crate::stability::{Stability, Verdict};
 use crate::text::{short, time};
 
-/// What `check` says of a world. It serialises to the mapping that `hapt check --json` prints.
+/// The result of `check`. It serialises to the mapping that `hapt check --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
     /// T in s.
@@ -30,13 +30,13 @@ pub struct Check {
     pub free: Stability,
     /// The loop against any passive hand.
     pub passivity: Passivity,
-    /// What the encoder's counts allow.
+    /// The stiffness that quantisation allows.
     pub quantisation: Quantisation,
-    /// What would make it certified, or how far it is from losing that; `None` where nobody asked.
+    /// Remedies, or the margins of a certified world; `None` where they were not requested.
     pub remedies: Option<Remedies>,
     /// Neither held nor free unstable, and passive.
     pub certified: bool,
-    /// What a reader of the numbers has to know.
+    /// Conditions that apply to the numbers.
     pub notes: Vec<String>,
     #[serde(skip)]
     pub(crate) motion: Motion,
@@ -54,8 +54,8 @@ pub fn check(world: &World) -> Result<Check, Error> {
     with_free(world, free(world)?)
 }
 
-/// The same but for the free loop's critical period, which is not searched: that search is most of `check`'s work, and changes no verdict.
-/// For whoever needs the answer while a value is still under somebody's finger.
+/// As [`check`], without the critical period of the free loop. That search is most of the work and changes no verdict. For interactive
+/// use, while a value is being changed.
 ///
 /// # Errors
 /// As [`check`].
@@ -84,19 +84,19 @@ fn with_free(world: &World, free: Stability) -> Result<Check, Error> {
     })
 }
 
-/// How the note begins that says so.
+/// The beginning of the note on the linear estimate.
 pub(crate) const ESTIMATE: &str = "held is a linear estimate of a nonlinear world";
 
 fn notes(world: &World) -> Result<Vec<String>, Error> {
     let mut notes = Vec::new();
-    let bent = bent(&world.couplings);
-    let looked = |bent: usize, flat: &str| match bent {
+    let indices = piecewise_at_bodies(&world.couplings);
+    let looked = |indices: usize, flat: &str| match indices {
         0 => flat.to_string(),
         n if n <= COMBINED => format!("the worst of {} combinations of flat and steep slopes counts", 1u32 << n),
         n => format!("the worst counts of all flat, all steep and each of {n} nonlinear couplings alone steep"),
     };
     if world.couplings.iter().any(|c| is_nonlinear(c) && laws::at_body(c)) {
-        let looked = looked(bent.len(), "its nonlinear couplings at bodies have slope 0 and count as absent");
+        let looked = looked(indices.len(), "its nonlinear couplings at bodies have slope 0 and count as absent");
         notes.push(format!("{ESTIMATE}: {looked}"));
     }
     let method = world.sampling.method;
@@ -108,7 +108,7 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
             ));
         }
     }
-    // No spring, and no nonlinear coupling, holds the body in place: whatever else it does, a shift of it stays.
+    // Without a spring or a restoring nonlinear coupling a shift of the body is neutral.
     for (index, _) in world.bodies.iter().enumerate() {
         let holds = |mut law: Law| law.strength().is_some_and(|strength| *strength.value > 0.0);
         let body = End::Body(index);
@@ -118,8 +118,8 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
         }
     }
     if world.couplings.iter().any(is_nonlinear) {
-        let bent = bent_anywhere(&world.couplings);
-        let looked = looked(bent.len(), "its nonlinear couplings have slope 0 and count as absent");
+        let indices = piecewise(&world.couplings);
+        let looked = looked(indices.len(), "its nonlinear couplings have slope 0 and count as absent");
         notes.push(format!("free is a linear estimate of a nonlinear world: {looked}"));
     }
     let sampling = &world.sampling;
@@ -137,18 +137,18 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
     if world.couplings.iter().any(laws::at_puck) {
         notes.push(format!("free: its critical period is searched from {} up", time(shortest_period(sampling))));
     }
-    if let Some(power) = power(world)? {
+    if let Some(count_power) = count_power(world)? {
         notes.push(format!(
-            "the encoder's counts can feed the bodies, and a hand by them, with a power of at most {} W: for one body K²Δ²/(16 B), K its \
+            "the encoder's counts can feed the bodies, and a hand by them, with a count_power of at most {} W: for one body K²Δ²/(16 B), K its \
              stiffness to the puck, Δ the count, B its damping to ground",
-            short(power)
+            short(count_power)
         ));
     }
     notes.extend(at_puck(world));
     Ok(notes)
 }
 
-/// What passivity leaves out, or cannot be had with, at the puck.
+/// Notes on couplings at the puck that passivity omits or excludes.
 fn at_puck(world: &World) -> impl Iterator<Item = String> {
     let damping = world.device.damping;
     world.couplings.iter().enumerate().filter(|(_, c)| laws::at_puck(c)).filter_map(move |(index, c)| match (Kind::of(c), laws::most(c)) {

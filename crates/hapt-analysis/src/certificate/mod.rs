@@ -1,4 +1,4 @@
-//! The certificate of a world, what would earn it, and how far each number may go.
+//! The certificate of a world, its remedies, and the margins of a certified world.
 
 mod certified;
 pub mod check;

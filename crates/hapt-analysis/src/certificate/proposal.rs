@@ -6,25 +6,25 @@ use hapt_model::{Coupling, Dimension, Error, Parameter, Source, World, parameter
 use crate::certificate::check::Check;
 use crate::certificate::remedies::Remedies;
 
-/// To which side a value is rounded, so that it still certifies.
+/// The direction of rounding that keeps a value certified.
 #[derive(Clone, Copy)]
-enum Side {
+enum Rounding {
     Up,
     Down,
 }
 
-/// What can be said of a certificate's remedies.
+/// The remedies of a world, ready to present.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
-    /// What the remedies are: any of them by itself makes it certified, or is a margin.
+    /// The heading: remedies, or margins.
     pub heading: &'static str,
-    /// One after the other.
+    /// The remedies, in order.
     pub remedies: Vec<Remedy>,
 }
 
 impl Proposal {
-    /// All lines, a block a remedy: where one of them takes several lines, an empty one parts it from the next, and where it takes several
-    /// keys its head says that they belong together.
+    /// All lines, one block per remedy. If any block has several lines, an empty line separates the blocks. A block of several keys
+    /// begins with a comment that they belong together.
     pub fn lines(&self) -> Vec<String> {
         let parted = self.remedies.iter().any(|remedy| remedy.lines.len() > 1);
         let mut lines = Vec::new();
@@ -41,19 +41,19 @@ impl Proposal {
     }
 }
 
-/// One change that certifies by itself.
+/// A single change that makes the world certified.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Remedy {
-    /// Keys and their values as they are written, all of them together; empty for what no key holds, a new coupling.
+    /// Keys with their values as written; empty for a new coupling.
     pub sets: Vec<(String, String)>,
     /// Lines for the world file, with where they belong.
     pub lines: Vec<String>,
-    /// Whether it takes several keys, or several couplings, all of them together.
+    /// Whether it consists of several keys or couplings that must change together.
     pub is_joint: bool,
 }
 
 impl Remedy {
-    /// The key at `path` as `value`, which are written as `assignment`; `place` is for people.
+    /// The key at `path` as `value`; `place` is a comment.
     fn key(path: &str, value: String, place: &str) -> Self {
         let mut remedy = Remedy::default();
         remedy.and(path, value, place);
@@ -68,7 +68,7 @@ impl Remedy {
     }
 }
 
-/// What would make the world certified, or the margins of one that is; `None` where there are none to give.
+/// The remedies of a world, or the margins of a certified one; `None` where a certified world has no margins.
 ///
 /// # Errors
 /// As [`World::read`], when `source` and `sets` are not what the world was read from.
@@ -83,13 +83,13 @@ pub fn proposal(
     let mut list = Vec::new();
     if let Some(damping) = remedies.device_damping {
         let place = "in [device]: a property of the hardware, which a number in the file does not change";
-        list.push(Remedy::key("device.damping", file.value("device.damping", damping, Side::Up), place));
+        list.push(Remedy::key("device.damping", file.value("device.damping", damping, Rounding::Up), place));
     }
     if let Some(period) = remedies.period_s {
-        list.push(Remedy::key("loop.period", file.value("loop.period", period, Side::Down), "in [loop]"));
+        list.push(Remedy::key("loop.period", file.value("loop.period", period, Rounding::Down), "in [loop]"));
     }
     if let Some(delay) = remedies.delay_s.filter(|delay| *delay > 0.0 || !check.certified) {
-        list.push(Remedy::key("loop.delay", file.value("loop.delay", delay, Side::Down), "in [loop]"));
+        list.push(Remedy::key("loop.delay", file.value("loop.delay", delay, Rounding::Down), "in [loop]"));
     }
     if let Some(advance) = remedies.advance {
         list.push(Remedy::key("loop.advance", advance.to_string(), "in [loop]"));
@@ -103,7 +103,7 @@ pub fn proposal(
         let mut softer = Remedy::default();
         for (i, key, value) in stiff {
             let path = format!("couplings.{i}.{key}");
-            softer.and(&path, file.value(&path, scale * value, Side::Down), &format!("in couplings.{i}{all}"));
+            softer.and(&path, file.value(&path, scale * value, Rounding::Down), &format!("in couplings.{i}{all}"));
         }
         softer.is_joint = softer.sets.len() > 1;
         list.extend(Some(softer).filter(|softer| !softer.lines.is_empty()));
@@ -115,7 +115,7 @@ pub fn proposal(
             dampers.lines.push(format!("{:<40}  # a new one, for each body", "[[couplings]]"));
             dampers.lines.push("kind = \"damper\"".into());
             dampers.lines.push(format!("between = [{name:?}, \"ground\"]"));
-            dampers.lines.push(format!("damping = \"{} {unit}\"", rounded(damping, Side::Up)));
+            dampers.lines.push(format!("damping = \"{} {unit}\"", rounded(damping, Rounding::Up)));
         }
         dampers.is_joint = world.names.len() > 1;
         list.push(dampers);
@@ -129,24 +129,24 @@ pub fn proposal(
     Ok(Some(Proposal { heading, remedies: list }))
 }
 
-/// The key in which a coupling's stiffness is, and its value.
+/// The key that holds the stiffness of a coupling, and its value.
 fn stiffness((i, coupling): (usize, &Coupling)) -> Option<(usize, &'static str, f64)> {
     let mut law = coupling.law;
     law.strength().map(|strength| (i, strength.name, *strength.value))
 }
 
-/// The file's keys as they are written.
+/// The keys of the file as written.
 struct File<'a> {
     world: &'a World,
     parameters: Vec<Parameter>,
 }
 
 impl File<'_> {
-    /// `value unit`, in the unit that stands there already; a bare number where there is none.
-    fn value(&self, path: &str, si: f64, side: Side) -> String {
+    /// `value unit`, in the unit that the file uses; a bare number where it uses none.
+    fn value(&self, path: &str, si: f64, rounding: Rounding) -> String {
         let measure = self.world.key(path).and_then(|key| key.takes.quantity());
         let Some(dimension) = measure.map(|(measure, _)| measure.dimension(self.world.motion)) else {
-            return rounded(si, side);
+            return rounded(si, rounding);
         };
         let written = self.parameters.iter().find(|parameter| parameter.path == path).map(|p| unit(&p.written));
         let own = written
@@ -154,11 +154,11 @@ impl File<'_> {
             .and_then(|unit| Some((size(&unit, dimension, self.world)?, unit)))
             .map(|(size, unit)| (unit, size));
         let (unit, size) = own.unwrap_or_else(|| (dimension.symbol(), 1.0));
-        format!("{} {unit}", rounded(si / size, side))
+        format!("{} {unit}", rounded(si / size, rounding))
     }
 }
 
-/// What 1 `unit` is in SI; `None` where it has another dimension. A sample is as long as the world's period.
+/// The size of 1 `unit` in SI; `None` where it has another dimension. A sample is one period of the world.
 pub fn size(unit: &str, dimension: Dimension, world: &World) -> Option<f64> {
     let one = format!("1 {unit}");
     match in_samples(&one) {
@@ -200,15 +200,15 @@ pub fn number(x: f64) -> String {
     }
 }
 
-/// Four digits, to the safe side.
-fn rounded(x: f64, side: Side) -> String {
+/// Four digits, rounded to the safe side.
+fn rounded(x: f64, rounding: Rounding) -> String {
     if x == 0.0 {
         return "0".into();
     }
     let step = 10f64.powf(x.abs().log10().floor() - 3.0);
-    let steps = match side {
-        Side::Up => (x / step * (1.0 - 1e-12)).ceil(),
-        Side::Down => (x / step * (1.0 + 1e-12)).floor(),
+    let steps = match rounding {
+        Rounding::Up => (x / step * (1.0 - 1e-12)).ceil(),
+        Rounding::Down => (x / step * (1.0 + 1e-12)).floor(),
     };
     number(steps * step)
 }
@@ -232,10 +232,10 @@ mod tests {
 
     #[test]
     fn a_remedy_is_rounded_to_the_safe_side() {
-        assert_eq!(rounded(5.092_96e-4, Side::Up), "0.0005093");
-        assert_eq!(rounded(5.092_01e-4, Side::Up), "0.0005093");
-        assert_eq!(rounded(41.239_9, Side::Down), "41.23");
-        assert_eq!(rounded(41.0, Side::Up), "41");
-        assert_eq!(rounded(41.0, Side::Down), "41");
+        assert_eq!(rounded(5.092_96e-4, Rounding::Up), "0.0005093");
+        assert_eq!(rounded(5.092_01e-4, Rounding::Up), "0.0005093");
+        assert_eq!(rounded(41.239_9, Rounding::Down), "41.23");
+        assert_eq!(rounded(41.0, Rounding::Up), "41");
+        assert_eq!(rounded(41.0, Rounding::Down), "41");
     }
 }

@@ -1,9 +1,9 @@
-//! What would make a loop certified, one number at a time; of a certified loop, how far each may go.
+//! Remedies: single changes that make a loop certified. For a certified loop: the margin of each number.
 //!
-//! Each is a search over the certificate itself, and the value on the certified side is what is given. A remedy is looked for outwards from
-//! the present value, until the answer turns, and then halved to a relative 1e-7: it certifies, whatever lies between. A margin
-//! is the end of the interval that begins at the present value and is certified all through: the search follows what the world asks
-//! of its device and passes no gap, and where the interval has no end within its reach, it says so.
+//! Each is a search over the certificate itself and returns the value on the certified side. A remedy is searched outwards from the
+//! present value until the verdict changes, then by bisection to a relative 1e-7. A margin is the end of the interval that begins at
+//! the present value and is certified throughout: the search tracks the excess of the required damping and passes no gap. If the
+//! interval has no end within the range of the search, a reason is given.
 
 use std::collections::BTreeMap;
 
@@ -11,51 +11,50 @@ use hapt_model::{Coupling, Damping, Delay, End, Law, Output, World};
 use serde::Serialize;
 
 use crate::certificate::{excess, is_certified};
-use crate::equations::delay::IN_FLIGHT;
+use crate::equations::delay::MAX_IN_FLIGHT;
 use crate::error::Error;
-use crate::numerics::crossing::{Along, Heights, first_rise};
+use crate::numerics::crossing::{Ranked, Spacing, first_crossing};
 use crate::passivity::required_damping;
 
-/// Each makes the world certified by itself; `None` where none was found. Of a certified world these are margins, and `advance`
-/// and `output` are `None`.
+/// Each value makes the world certified by itself; `None` where none was found. For a certified world these are margins, and
+/// `advance` and `output` are `None`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Remedies {
     /// The least damping of the device, N·m·s/rad (linear: N·s/m).
     pub device_damping: Option<f64>,
     /// The least damper from every body to ground, the same for all, in the same unit.
     pub ground_damping: Option<f64>,
-    /// The longest period in s; a delay in samples and compensating dampers follow it, a delay in seconds stays.
+    /// The longest period in s; a delay in samples and compensating dampers change with it, a delay in seconds does not.
     pub period_s: Option<f64>,
     /// The longest delay in s.
     pub delay_s: Option<f64>,
-    /// The steps ahead.
+    /// The smallest advance, in steps.
     pub advance: Option<u32>,
     /// The output.
     pub output: Option<&'static str>,
     /// The largest factor on every spring, wall, detent and bristle.
     pub stiffness_scale: Option<f64>,
-    /// Of a certified world: the margins that have no end, and how far was looked.
+    /// For a certified world: the margins without an end, and the range of the search.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub reasons: BTreeMap<&'static str, String>,
 }
 
-/// From one try outwards to the next.
+/// Ratio of successive trials.
 const STRIDE: f64 = 2.0;
-/// How far outwards, as a ratio.
-const FAR: f64 = 1e9;
-/// How far down a period is looked for, and a stiffness. Below, what a verdict cannot see is taken for nothing: any growth falls
-/// under its threshold, and any mode comes into step with the hand.
-const SHORTEST: f64 = 1e-3;
-const SOFTEST: f64 = 1e-6;
-/// The relative width at which a search ends.
+/// Range of an outward search, as a ratio.
+const MAX_RATIO: f64 = 1e9;
+/// Least ratio of a period, and of a stiffness. Below, any growth falls under the threshold of the verdict.
+const MIN_PERIOD: f64 = 1e-3;
+const MIN_STIFFNESS: f64 = 1e-6;
+/// Relative tolerance of a search.
 const WIDTH: f64 = 1e-7;
-/// Damping to spare, in parts of the device's, with which a passive loop is taken for stable when it is let go.
+/// Relative damping margin with which a passive loop is taken as stable hands-off.
 const SPARE: f64 = 1e-6;
-/// How far a margin is followed, as a ratio.
-const REACH: f64 = 1e6;
-/// So many samples beyond a whole number a delay still counts as that number; twice what the loop allows.
+/// Range of a margin, as a ratio.
+const MAX_MARGIN: f64 = 1e6;
+/// Tolerance, in samples, within which a delay counts as a whole number; twice that of the loop.
 const WHOLE: f64 = 2e-6;
-/// The most steps ahead, and whole samples of delay one after the other, that are tried.
+/// Largest advance, and largest number of whole delays, that are tried.
 const STEPS: u32 = 32;
 
 /// All remedies of a world.
@@ -98,50 +97,52 @@ pub fn remedies(world: &World) -> Result<Remedies, Error> {
     })
 }
 
-/// The end of the interval from `low` on in which `change` leaves the world certified, or why there is none up to `high`.
+/// The end of the interval from `low` on in which the world remains certified under `change`, or the reason for none up to `high`.
 fn margin(
     world: &World,
-    along: Along,
+    spacing: Spacing,
     [low, high]: [f64; 2],
     change: impl Fn(&mut World, f64),
 ) -> Result<Result<f64, String>, Error> {
     let mut scratch = world.clone();
     let mut follow = |spare: f64| {
-        let height = |x: f64| {
+        let value = |x: f64| {
             change(&mut scratch, x);
-            Ok(Heights::one(excess(&scratch, spare)))
+            Ok(Ranked::one(excess(&scratch, spare)))
         };
-        first_rise(height, along, low, high, WIDTH)
+        first_crossing(value, spacing, low, high, WIDTH)
     };
     let mut end = follow(SPARE)?;
-    // At the end too the free loop does not grow, but for rounding.
+    // The end itself must be certified too.
     if end.is_some() && !end.is_some_and(|end| changed(world, |w| change(w, end))) {
         end = follow(0.0)?;
     }
-    Ok(end.ok_or_else(|| format!("no end up to {REACH:e} times the present value")))
+    Ok(end.ok_or_else(|| format!("no end up to {MAX_MARGIN:e} times the present value")))
 }
 
 fn period_margin(world: &World) -> Result<Result<f64, String>, Error> {
     let now = world.sampling.period;
-    margin(world, Along::period(world.sampling.delay), [now, REACH * now], |w, period| w.sampling.period = period)
+    margin(world, Spacing::period(world.sampling.delay), [now, MAX_MARGIN * now], |w, period| {
+        w.sampling.period = period
+    })
 }
 
 fn delay_margin(world: &World) -> Result<Result<f64, String>, Error> {
-    let (period, most) = (world.sampling.period, IN_FLIGHT as f64);
+    let (period, most) = (world.sampling.period, MAX_IN_FLIGHT as f64);
     let now = world.sampling.delay_s() / period;
     if now >= most {
         return Ok(Ok(world.sampling.delay_s()));
     }
-    let end = margin(world, Along::Samples, [now, most], |w, samples| w.sampling.delay = Delay::Samples(samples))?;
-    let reason = |_| format!("no end up to {IN_FLIGHT} samples, the most that the analysis carries");
-    // So near to what the file has an end is the tolerance by which a whole number of samples is told: there is no margin.
+    let end = margin(world, Spacing::Samples, [now, most], |w, samples| w.sampling.delay = Delay::Samples(samples))?;
+    let reason = |_| format!("no end up to {MAX_IN_FLIGHT} samples, the most that the analysis carries");
+    // An end within the tolerance of a whole number of samples is no margin.
     let end = end.map(|samples| if samples - now < WHOLE { now } else { samples });
     Ok(end.map(|samples| (samples * period).max(world.sampling.delay_s())).map_err(reason))
 }
 
 fn stiffness_margin(world: &World) -> Result<Result<f64, String>, Error> {
     let own: Vec<Law> = world.couplings.iter().map(|c| c.law).collect();
-    margin(world, Along::Ratio, [1.0, REACH], |w, factor| {
+    margin(world, Spacing::Ratio, [1.0, MAX_MARGIN], |w, factor| {
         for (c, law) in w.couplings.iter_mut().zip(&own) {
             c.law = *law;
             c.law.strength().into_iter().for_each(|strength| *strength.value *= factor);
@@ -167,8 +168,8 @@ fn with_output(world: &World, output: Output) -> bool {
         && changed(world, |w| w.sampling.output = output)
 }
 
-/// Between a certified and a refused value: the certified end, to [`WIDTH`].
-fn edge(mut good: f64, mut bad: f64, certified: &impl Fn(f64) -> bool) -> f64 {
+/// Bisects between a certified value and one that is not, to [`WIDTH`]; returns the certified end.
+fn bisect(mut good: f64, mut bad: f64, certified: &impl Fn(f64) -> bool) -> f64 {
     while (bad - good).abs() > WIDTH * good.abs().max(bad.abs()) {
         let middle = if good > 0.0 && bad > 0.0 && (bad / good > 4.0 || good / bad > 4.0) {
             (good * bad).sqrt()
@@ -183,41 +184,41 @@ fn edge(mut good: f64, mut bad: f64, certified: &impl Fn(f64) -> bool) -> f64 {
     good
 }
 
-/// The first certified value below `now` in steps of [`STRIDE`], down to `down` times it, and up again from there.
-fn largest(now: f64, down: f64, certified: &impl Fn(f64) -> bool) -> Option<f64> {
+/// The first certified value below `now` in steps of [`STRIDE`], down to `down` times it, then the largest by bisection.
+fn largest_below(now: f64, down: f64, certified: &impl Fn(f64) -> bool) -> Option<f64> {
     let mut bad = now;
     while bad > now * down {
         let good = (bad / STRIDE).max(now * down);
         if certified(good) {
-            return Some(edge(good, bad, certified));
+            return Some(bisect(good, bad, certified));
         }
         bad = good;
     }
     None
 }
 
-/// The first certified value from `good` on outwards in steps of [`STRIDE`], and back again from there to `bad`.
+/// The first certified value from `good` upwards in steps of [`STRIDE`], then the least by bisection.
 fn least(mut bad: f64, mut good: f64, certified: &impl Fn(f64) -> bool) -> Option<f64> {
-    let far = FAR * good;
+    let far = MAX_RATIO * good;
     while !certified(good) {
-        // What is 0, or beyond all numbers, gets no larger.
+        // 0 and infinity do not grow.
         if !(STRIDE * good > good && good <= far) {
             return None;
         }
         bad = good;
         good *= STRIDE;
     }
-    Some(edge(good, bad, certified))
+    Some(bisect(good, bad, certified))
 }
 
-/// Passivity asks for one number, and that it is enough is looked at.
+/// The required damping, verified by the certificate.
 fn device_damping(world: &World) -> Result<Option<f64>, Error> {
     let certified = |damping: f64| changed(world, |w| w.device.damping = damping);
     let Some(required) = required_damping(world)? else { return Ok(None) };
     if certified(required) {
         return Ok(Some(required));
     }
-    // Rounding, or a free loop that wants more.
+    // Rounding, or a free loop that requires more.
     let least = required.max(1e-12 * world.device.inertia / world.sampling.period);
     if certified(least * (1.0 + WIDTH)) {
         return Ok(Some(least * (1.0 + WIDTH)));
@@ -240,7 +241,7 @@ fn ground_damping(world: &World, is_certified: bool) -> Option<f64> {
             w.couplings.extend(dampers);
         })
     };
-    // A damper that takes a millionth of a body's motion in a sample.
+    // Start with a damper that reduces a velocity by a millionth in a sample.
     let lightest = world.bodies.iter().map(|body| body.inertia).fold(f64::INFINITY, f64::min);
     if certified(0.0) {
         return Some(0.0);
@@ -251,22 +252,22 @@ fn ground_damping(world: &World, is_certified: bool) -> Option<f64> {
 fn period(world: &World) -> Option<f64> {
     let certified = |period: f64| changed(world, |w| w.sampling.period = period);
     let delay = world.sampling.delay_s();
-    // A lossless world takes a delay of whole samples only.
+    // A lossless world is passive only with a delay of whole samples.
     let whole = || (1..=STEPS).map(|n| delay / f64::from(n)).find(|&period| certified(period));
     let stays = matches!(world.sampling.delay, Delay::Seconds(delay) if delay > 0.0);
-    largest(world.sampling.period, SHORTEST, &certified).or_else(|| if stays { whole() } else { None })
+    largest_below(world.sampling.period, MIN_PERIOD, &certified).or_else(|| if stays { whole() } else { None })
 }
 
 fn delay(world: &World) -> Option<f64> {
     let (period, now) = (world.sampling.period, world.sampling.delay_s());
     let certified = |delay: f64| changed(world, |w| w.sampling.delay = Delay::Seconds(delay));
-    // Whole samples first: a lossless world takes no others.
+    // Whole samples first, for lossless worlds.
     let whole = |n: f64| n * period;
     let samples = (now / period).floor();
     let near = (0..=STEPS).map(|n| whole(samples - f64::from(n))).take_while(|delay| *delay >= 0.0);
     let best = match near.into_iter().find(|&delay| delay < now && certified(delay)) {
         Some(best) => best,
-        // Further down by halves.
+        // Then bisection.
         None => {
             let (mut good, mut bad) = (0.0, samples - f64::from(STEPS));
             if bad <= 0.0 || !certified(0.0) {
@@ -279,10 +280,10 @@ fn delay(world: &World) -> Option<f64> {
             whole(good)
         }
     };
-    // And on within the sample.
+    // Then within the sample.
     let next = whole((best / period + 1e-9).floor() + 1.0).min(now);
     let step = best + 1e-4 * (next - best);
-    Some(if certified(step) { edge(step, next, &certified) } else { best })
+    Some(if certified(step) { bisect(step, next, &certified) } else { best })
 }
 
 fn has_stiffness(world: &World) -> bool {
@@ -298,5 +299,5 @@ fn stiffness_scale(world: &World) -> Option<f64> {
             w.couplings.iter_mut().filter_map(|c| c.law.strength()).for_each(|strength| *strength.value *= factor);
         })
     };
-    largest(1.0, SOFTEST, &certified)
+    largest_below(1.0, MIN_STIFFNESS, &certified)
 }

@@ -9,7 +9,7 @@ use crate::passivity::{Cause, Passivity};
 use crate::stability::{Mode, NOT_SEARCHED, Verdict};
 use crate::text::{short, time};
 
-/// Whether the loop keeps the mode's swing as it is, to what a verdict can see.
+/// Whether the loop preserves the amplitude of the mode, within the resolution of a verdict.
 fn is_kept(mode: &Mode) -> bool {
     mode.discrete_damping_ratio.is_some_and(|ratio| ratio.abs() < 1e-12)
 }
@@ -26,7 +26,7 @@ fn spoken(method: &str) -> &str {
     }
 }
 
-/// How fast that is.
+/// A growth rate in words.
 fn pace(growth: f64) -> String {
     let ten = (10.0 * growth).exp();
     if ten < 1e3 {
@@ -47,9 +47,9 @@ impl Check {
         let reasons: Vec<&str> = reasons.into_iter().filter(|(holds, _)| *holds).map(|(_, words)| words).collect();
         match (reasons.is_empty(), self.passivity.proved) {
             (false, _) => format!("not certified: {}", reasons.join("; ")),
-            (true, true) => "certified: stable held and let go, and passive against every passive hand".to_string(),
+            (true, true) => "certified: stable held and hands-off, and passive against every passive hand".to_string(),
             (true, false) => {
-                "certified, as far as the linear loop goes: stable held and let go, and passive".to_string()
+                "certified, as far as the linear loop goes: stable held and hands-off, and passive".to_string()
             }
         }
     }
@@ -116,12 +116,12 @@ impl Check {
     pub fn free_sentence(&self) -> String {
         let free = &self.free;
         let Some(growth) = free.growth_per_s else {
-            return "stable: let go, the loop goes on as it is, and nothing pulls at the puck".to_string();
+            return "stable: hands-off, the loop keeps its state, and no torque acts on the puck".to_string();
         };
         let limit = free.critical_period_s;
         match free.verdict {
             Verdict::Unstable => {
-                // The first listed is the largest of all.
+                // The first eigenvalue is the largest.
                 let swing = free.eigenvalues.first().map_or(0.0, |v| v.im.atan2(v.re).abs() / (TAU * self.period_s));
                 let how =
                     if swing > 0.0 { format!("swinging at {} Hz", short(swing)) } else { "without a swing".into() };
@@ -134,7 +134,7 @@ impl Check {
                     _ => "the hold of the torque between samples feeds it more than its dampers take".to_string(),
                 };
                 format!(
-                    "unstable: let go, the loop grows by {} per second ({}), {how}; {reason}",
+                    "unstable: hands-off, the loop grows by {} per second ({}), {how}; {reason}",
                     short(growth),
                     pace(growth)
                 )
@@ -142,7 +142,7 @@ impl Check {
             Verdict::Marginal => {
                 let room = limit.map_or(String::new(), |t| format!(", up to a period of {}", time(t)));
                 format!(
-                    "marginal: let go, the loop neither grows nor decays; something in it swings or drifts for ever{room}"
+                    "marginal: hands-off, the loop neither grows nor decays; something in it swings or drifts for ever{room}"
                 )
             }
             Verdict::Stable => {
@@ -150,7 +150,7 @@ impl Check {
                     Some(limit) => format!("it stays so up to a period of {}", time(limit)),
                     None => "no limit of the period was found".to_string(),
                 };
-                format!("stable: let go, the loop comes to rest by at least {} per second; {room}", short(-growth))
+                format!("stable: hands-off, the loop comes to rest by at least {} per second; {room}", short(-growth))
             }
         }
     }
@@ -164,16 +164,16 @@ impl Check {
                 Some(Cause::Grows { hz }) => {
                     format!("the hand feels a motion at {} Hz that grows by itself", short(hz))
                 }
-                Some(Cause::Unseen { hz }) => {
+                Some(Cause::GrowsUnseen { hz }) => {
                     format!(
                         "the world has a motion at {} Hz that grows by itself, little as the hand feels of it",
                         short(hz)
                     )
                 }
-                Some(Cause::OutOfStep { hz }) => {
+                Some(Cause::NegativeResidue { hz }) => {
                     format!("the mode at {} Hz is undamped, and its torque is out of phase with the hand", short(hz))
                 }
-                Some(Cause::Fraction { hz }) => {
+                Some(Cause::FractionalDelay { hz }) => {
                     format!("the mode at {} Hz is undamped, and the delay is not a whole number of samples", short(hz))
                 }
                 Some(Cause::Coulomb) | None => "Coulomb friction at the puck has no finite slope".to_string(),

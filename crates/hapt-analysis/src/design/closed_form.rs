@@ -1,4 +1,4 @@
-//! What a wheel on a spring does exactly: the notes' formulas, with their errata.
+//! Exact responses of a wheel on a spring: the formulas of the notes, with their errata.
 //!
 //! ω is in rad/s, t and T in s, angles in rad, k in N·m/rad. The body starts at rest at 0; the puck steps to z0 at t = 0.
 
@@ -28,20 +28,20 @@ pub fn resonance(amplitude: f64, omega: f64, t: f64) -> f64 {
     0.5 * amplitude * difference
 }
 
-/// In Hz, how the distance of puck and body swings when the hand lets go, (3.8): √(k (1/J_z + 1/J_w))/2π. The centre of mass
+/// The frequency in Hz at which the distance of puck and body oscillates hands-off, (3.8): √(k (1/J_z + 1/J_w))/2π. The centre of mass
 /// keeps its velocity.
 pub fn released_frequency_hz(k: f64, puck_inertia: f64, body_inertia: f64) -> f64 {
     (k * (1.0 / puck_inertia + 1.0 / body_inertia)).sqrt() / TAU
 }
 
-/// In 1/s, how fast forward Euler lets an undamped held body's swing grow: ln(1 + x²)/(2T), x = ωT.
+/// The growth in 1/s of an undamped held body under forward Euler: ln(1 + x²)/(2T), x = ωT.
 pub fn forward_euler_growth(omega: f64, period: f64) -> f64 {
     let x = omega * period;
     (x * x).ln_1p() / (2.0 * period)
 }
 
 /// Sample k of the torque of undamped forward Euler, output "start", after a step of the puck: -k z0 Re((1 + jx)^k), by
-/// modulus and angle, so that a million samples cost no digits but those of the angle.
+/// modulus and angle, so that only the angle loses digits over a million samples.
 pub fn forward_euler_torque(stiffness: f64, z0: f64, omega: f64, period: f64, k: u64) -> f64 {
     let x = omega * period;
     let k = k as f64;
@@ -49,7 +49,7 @@ pub fn forward_euler_torque(stiffness: f64, z0: f64, omega: f64, period: f64, k:
 }
 
 /// The first sample whose torque, as above, is beyond ±`limit`; `None` when that takes more than 10^10 samples, or never
-/// happens because nothing moves or nothing pulls. Takes no longer for later samples.
+/// happens. The work does not depend on the number of samples.
 pub fn forward_euler_exceeds(stiffness: f64, z0: f64, omega: f64, period: f64, limit: f64) -> Option<u64> {
     const MOST: f64 = 1e10;
     let exceeds = |k: f64| forward_euler_torque(stiffness, z0, omega, period, k as u64).abs() > limit;
@@ -94,7 +94,7 @@ pub fn compensated_angle(omega: f64, period: f64) -> Option<f64> {
     (x.abs() < 2.0).then(|| 2.0 * (0.5 * x).asin())
 }
 
-/// How far the body swings about z0 after a step, under forward Euler with b = Tk: z0/cos(φ/2), a little more than z0; `None`
+/// The amplitude of the body about z0 after a step, under forward Euler with b = Tk: z0/cos(φ/2), a little more than z0; `None`
 /// from x = 2 on.
 pub fn compensated_amplitude(z0: f64, omega: f64, period: f64) -> Option<f64> {
     compensated_angle(omega, period).map(|phi| z0 / (0.5 * phi).cos())

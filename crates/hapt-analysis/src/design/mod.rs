@@ -1,4 +1,4 @@
-//! Design of a wheel on a spring, and what it does exactly.
+//! Design of a wheel on a spring, and its exact responses.
 
 pub mod closed_form;
 mod specification;

@@ -4,20 +4,20 @@
 //! s_{k+1} = s_k + D s_k
 //! ```
 //!
-//! Increments, because the eigenvalues that matter crowd near 1: those of D are λ - 1, and nothing here subtracts 1 from
-//! anything near it. s_k is taken at t_k, z_k measured:
+//! Increments, because the eigenvalues cluster near 1: those of D are λ - 1, and no computation here subtracts 1 from a number
+//! near it. s_k is the state at t_k, with z_k measured:
 //!
 //! | part of s_k | its next value |
 //! | --- | --- |
-//! | z, if springs tie the puck to ground | by the motor's held commands, exactly |
+//! | z, if springs join the puck to ground | by the motor's held commands, exactly |
 //! | ż | the same |
 //! | the bodies' modes, see [`crate::equations::port`]: positions relative to the shift of the puck unless it is grounded, velocities | by the method |
-//! | v̂_k, the measured velocity, where a damper is tied to the puck and it is not the true one | pole v̂_k + Σ g_i δ_{k+1-i} |
-//! | δ_k, δ_{k-1}, ... with δ_k = z_k - z_{k-1}, as far as the estimator looks back | z_{k+1} - z_k, and one place on |
-//! | the commands before this sample's, as many as are in flight | this sample's, and one place on |
+//! | v̂_k, the measured velocity, where a damper acts on the puck and the estimator is not exact | pole v̂_k + Σ g_i δ_{k+1-i} |
+//! | δ_k, δ_{k-1}, ... with δ_k = z_k - z_{k-1}, as many as the estimator uses | z_{k+1} - z_k, then shifted by one |
+//! | the commands before this sample's, as many as are in flight | this sample's, then shifted by one |
 //!
-//! The estimator's taps sum to 0, so it is a sum of displacements, g_i = Σ_{j≤i} taps_j, and no shift reaches its memory. All
-//! estimators give a uniform motion its velocity, so pole - 1 = -T Σ g.
+//! The estimator's taps sum to 0, so it is a sum of displacements, g_i = Σ_{j≤i} taps_j, and its memory is invariant under shifts. All
+//! estimators are exact for uniform motion, so pole - 1 = -T Σ g.
 //!
 //! With the delay (d + a)T, 0 ≤ a < 1, the motor holds the command of sample k-d-1 for aT from t_k on, then that of k-d. Over
 //! a stretch h under the torque τ the puck, J z̈ + b ż = τ, obeys with x = bh/J
@@ -26,12 +26,12 @@
 //! Δż = (e^{-x} - 1) ż + (h/J) φ₁ τ,    Δz = h φ₁ ż + (h²/J) φ₂ τ,    φ₁ = (1 - e^{-x})/x,    φ₂ = (x - 1 + e^{-x})/x²
 //! ```
 //!
-//! With a hand's spring on it the puck swings, J z̈ + b ż + k z = τ, and its stretch is the exponential of [`Swing`].
+//! With the spring of a hand the puck is an oscillator, J z̈ + b ż + k z = τ, advanced by the exponential in [`Oscillator`].
 
 use hapt_model::Sampling;
 use nalgebra::{DMatrix, RowDVector};
 
-use crate::equations::delay::{Delay, IN_FLIGHT};
+use crate::equations::delay::{Delay, MAX_IN_FLIGHT};
 use crate::equations::discrete::Discrete;
 use crate::equations::estimator::Filter;
 use crate::equations::port::Port;
@@ -40,17 +40,17 @@ use crate::numerics::phi::{phi, phi1, phi2};
 
 /// J z̈ + b ż + k z = τ.
 #[derive(Clone, Copy)]
-struct Swing {
+struct Oscillator {
     inertia: f64,
     damping: f64,
     spring: f64,
 }
 
-impl Swing {
-    /// Over a stretch h under a held τ, (Δz, Δż) = C (z, ż) + p τ: C by rows, and p. With X = [0 1; -kh²/J -bh/J] on (z, h ż), in
+impl Oscillator {
+    /// Over a time h under a held τ, (Δz, Δż) = C (z, ż) + p τ: C by rows, and p. With X = [0 1; -kh²/J -bh/J] on (z, h ż), in
     /// which all entries are ratios of times, they are X φ₁(X) and φ₁(X) (0, h²/J).
     fn over(&self, h: f64) -> ([[f64; 2]; 2], [f64; 2]) {
-        let Swing { inertia, damping, spring } = *self;
+        let Oscillator { inertia, damping, spring } = *self;
         if h == 0.0 {
             return ([[0.0; 2]; 2], [0.0; 2]);
         }
@@ -62,11 +62,11 @@ impl Swing {
     }
 }
 
-/// D of the module's head. `damping` is the device's b, `filter` the estimator's at this period.
+/// D of the module documentation. `damping` is b of the device, `filter` that of the estimator at this period.
 ///
 /// # Errors
 /// [`Error::InFlight`]; [`Error::Step`] and [`Error::Eigenvalues`] when numbers leave double precision.
-pub(crate) fn stack(
+pub(crate) fn closed_loop(
     port: &Port,
     sampling: &Sampling,
     damping: f64,
@@ -74,24 +74,24 @@ pub(crate) fn stack(
     period: f64,
 ) -> Result<DMatrix<f64>, Error> {
     let delay = Delay::of(sampling.delay.seconds(period), period)?;
-    if filter.taps.len() > IN_FLIGHT + 1 {
+    if filter.taps.len() > MAX_IN_FLIGHT + 1 {
         let value = (filter.taps.len() - 1) as f64;
         return Err(Error::Value { what: "the estimator's window", value, wanted: "500 samples at most" });
     }
-    let slack = port.is_slack();
-    // What nothing reads has no place.
-    let flying = if slack { 0 } else { delay.in_flight() };
+    let uncoupled = port.is_uncoupled();
+    // State that nothing uses is omitted.
+    let in_flight = if uncoupled { 0 } else { delay.in_flight() };
     let estimated = port.has_damper() && !filter.taps.is_empty();
-    let back = if estimated { filter.taps.len().saturating_sub(2) } else { 0 };
+    let memory = if estimated { filter.taps.len().saturating_sub(2) } else { 0 };
     let bodies: usize = port.blocks.iter().map(|b| b.positions + b.equations.bodies()).sum();
 
     let z = port.grounded.then_some(0);
     let v = usize::from(port.grounded);
     let first_body = v + 1;
     let estimate = if estimated { first_body + bodies } else { v };
-    let first_back = first_body + bodies + usize::from(estimated);
-    let first_flying = first_back + back;
-    let order = first_flying + flying;
+    let first_memory = first_body + bodies + usize::from(estimated);
+    let first_in_flight = first_memory + memory;
+    let order = first_in_flight + in_flight;
     let unit = |i: usize| RowDVector::from_fn(order, |_, j| if i == j { 1.0 } else { 0.0 });
 
     // One sample of each block, and the torque.
@@ -109,7 +109,7 @@ pub(crate) fn stack(
         steps.push((block, step, at));
         at += m + p;
     }
-    // Without a spring to ground the torque's part from z is that of a shift: none.
+    // Without a spring to ground the torque does not depend on z.
     if let Some(z) = z {
         torque[z] += own[0];
     }
@@ -120,18 +120,18 @@ pub(crate) fn stack(
     // The puck, over both parts of the period.
     let j = port.inertia;
     let rate = damping / j;
-    let (h1, h2) = (delay.part * period, period - delay.part * period);
-    let command = |age: usize| if age == 0 { torque.clone() } else { unit(first_flying + age - 1) };
+    let (h1, h2) = (delay.fraction * period, period - delay.fraction * period);
+    let command = |age: usize| if age == 0 { torque.clone() } else { unit(first_in_flight + age - 1) };
     let (mut dz, mut dv);
     if let Some(z) = z.filter(|_| port.spring > 0.0) {
         (dz, dv) = (RowDVector::zeros(order), RowDVector::zeros(order));
-        let swing = Swing { inertia: j, damping, spring: port.spring };
+        let oscillator = Oscillator { inertia: j, damping, spring: port.spring };
         for (h, age) in [(h1, delay.samples + 1), (h2, delay.samples)].into_iter().filter(|(h, _)| *h > 0.0) {
-            let (change, push) = swing.over(h);
+            let (change, push) = oscillator.over(h);
             let (at_z, at_v) = (unit(z) + &dz, unit(v) + &dv);
             dz += &at_z * change[0][0] + &at_v * change[0][1];
             dv += at_z * change[1][0] + at_v * change[1][1];
-            if !slack {
+            if !uncoupled {
                 let torque = command(age);
                 dz += &torque * push[0];
                 dv += torque * push[1];
@@ -140,11 +140,11 @@ pub(crate) fn stack(
     } else {
         dz = unit(v) * (period * phi1(rate * period));
         dv = unit(v) * (-rate * period).exp_m1();
-        if !slack {
+        if !uncoupled {
             let new = command(delay.samples);
             dz += &new * (h2 * h2 / j * phi2(rate * h2));
             dv += new * (h2 / j * phi1(rate * h2));
-            if delay.part > 0.0 {
+            if delay.fraction > 0.0 {
                 let old = command(delay.samples + 1);
                 let push = h1 / j * phi1(rate * h1);
                 dz += &old * (h1 * h1 / j * phi2(rate * h1) + push * h2 * phi1(rate * h2));
@@ -163,25 +163,25 @@ pub(crate) fn stack(
         let gains: Vec<f64> = filter.taps.iter().take(filter.taps.len() - 1).map(|tap| (sum += tap, sum).1).collect();
         let mut row = &dz * gains.first().copied().unwrap_or(0.0);
         for (i, gain) in gains.iter().enumerate().skip(1) {
-            row[first_back + i - 1] += gain;
+            row[first_memory + i - 1] += gain;
         }
         row[estimate] -= if filter.pole == 0.0 { 1.0 } else { period * gains.iter().sum::<f64>() };
         d.set_row(estimate, &row);
     }
-    for i in 0..back {
-        let mut row = if i == 0 { dz.clone() } else { unit(first_back + i - 1) };
-        row[first_back + i] -= 1.0;
-        d.set_row(first_back + i, &row);
+    for i in 0..memory {
+        let mut row = if i == 0 { dz.clone() } else { unit(first_memory + i - 1) };
+        row[first_memory + i] -= 1.0;
+        d.set_row(first_memory + i, &row);
     }
-    for i in 0..flying {
+    for i in 0..in_flight {
         let mut row = command(i);
-        row[first_flying + i] -= 1.0;
-        d.set_row(first_flying + i, &row);
+        row[first_in_flight + i] -= 1.0;
+        d.set_row(first_in_flight + i, &row);
     }
     let estimate_change = d.row(estimate).into_owned();
     for (block, step, at) in &steps {
         let (m, p) = (block.equations.bodies(), block.positions);
-        // Positions beyond p are nobody's: their columns are 0.
+        // Positions beyond p are not part of the state: their columns are 0.
         let places = (0..p).map(|i| (i, at + i)).chain((0..m).map(|i| (m + i, at + p + i))).collect::<Vec<_>>();
         for &(i, place) in &places {
             let mut row = RowDVector::zeros(order);
@@ -222,8 +222,8 @@ mod tests {
         #[test]
         fn a_swing_without_a_spring_is_the_free_puck(log in -6.0..1.5f64, h in 1e-5..1e-1f64) {
             let (inertia, x) = (6.4e-4, 10f64.powf(log));
-            let swing = Swing { inertia, damping: x * inertia / h, spring: 0.0 };
-            let (change, push) = swing.over(h);
+            let oscillator = Oscillator { inertia, damping: x * inertia / h, spring: 0.0 };
+            let (change, push) = oscillator.over(h);
             prop_assert_eq!([change[0][0], change[1][0]], [0.0, 0.0]);
             let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
             prop_assert!(close(change[0][1], h * phi1(x)) && close(change[1][1], (-x).exp_m1()));
@@ -234,7 +234,7 @@ mod tests {
         fn an_undamped_swing_turns_by_its_angle(angle in 1e-4..20.0f64, h in 1e-5..1e-1f64) {
             let (inertia, omega) = (6.4e-4, angle / h);
             let ([[a, b], [c, d]], [z, v]) =
-                Swing { inertia, damping: 0.0, spring: inertia * omega * omega }.over(h);
+                Oscillator { inertia, damping: 0.0, spring: inertia * omega * omega }.over(h);
             let (sin, less) = (angle.sin(), -2.0 * (0.5 * angle).sin().powi(2));
             let error = [a - less, b * omega - sin, c / omega + sin, d - less];
             prop_assert!(error.iter().all(|e| e.abs() < 1e-12), "{error:?}");

@@ -1,4 +1,4 @@
-//! The world's differential equations as matrices, straight from its couplings.
+//! The equations of motion of a world as matrices, assembled from its couplings.
 //!
 //! With w the n bodies' positions and z the puck's, y = (w, z):
 //!
@@ -11,18 +11,18 @@
 //! f, where b is +1 at the first end, -1 at the second and has no entry for ground. So K, C0 and C1 are symmetric and positive
 //! semidefinite: the world is passive, and the puck's torque row is the input column transposed.
 //!
-//! C1 is there because a compensating damper, (2.24), is T times a stiffness: it moves with the period, and whoever asks what
-//! another period would do needs the two apart.
+//! C1 is separate because a compensating damper, (2.24), is T times a stiffness: it changes with the period, and searches over
+//! the period need both.
 
 use hapt_model::{Body, Coupling, Damping, End, Law};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
-use crate::equations::laws::{self, Straight};
+use crate::equations::laws::{self, LinearLaw};
 use crate::error::{Error, positive};
 
-/// Which of its two slopes each nonlinear coupling takes: flat (wall out, detent 0, LuGre sliding, viscous) or steep (wall in,
-/// detent 2π torque/pitch, LuGre stuck, σ0 and σ1 + σ2). Falling slopes are never taken. Coulomb friction and constants have
-/// slope 0 either way.
+/// The slope at which each nonlinear coupling is linearised: flat (outside the wall, detent 0, LuGre sliding, viscous) or steep
+/// (inside the wall, detent 2π torque/pitch, LuGre sticking, σ0 and σ1 + σ2). Negative slopes are not used. Coulomb friction and
+/// constants have slope 0 in both.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Slopes {
     /// All flat.
@@ -44,32 +44,32 @@ impl Slopes {
     }
 }
 
-/// A coupling made linear: torque on the first end -(stiffness q + (fixed + T per_period) q̇) + force.
+/// A coupling, linearised: torque on the first end -(stiffness q + (fixed + T per_period) q̇) + force.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tie {
+pub struct LinearCoupling {
     /// The end that takes the torque.
     pub first: End,
     /// The end that takes the opposite.
     pub second: End,
     /// k in N·m/rad, zero or more.
     pub stiffness: f64,
-    /// The damping that stays when the period changes, N·m·s/rad, zero or more.
+    /// The damping that does not depend on the period, N·m·s/rad, zero or more.
     pub fixed: f64,
-    /// The damping that follows it, per second of period: N·m/rad, zero or more.
+    /// The damping that is proportional to the period, per second of it: N·m/rad, zero or more.
     pub per_period: f64,
-    /// What stands on the first end at q = 0, q̇ = 0: a spring's k · rest, a constant. N·m.
+    /// The torque on the first end at q = 0, q̇ = 0: k · rest of a spring, or a constant. N·m.
     pub force: f64,
 }
 
-/// Indices of the couplings that touch a body and have two different slopes: those on which the choice of [`Slopes`] matters
-/// for the bodies' eigenvalues.
-pub fn bent(couplings: &[Coupling]) -> Vec<usize> {
+/// Indices of the couplings at a body with two different slopes: those for which [`Slopes`] changes the eigenvalues of the held
+/// world.
+pub fn piecewise_at_bodies(couplings: &[Coupling]) -> Vec<usize> {
     let body = |end| matches!(end, End::Body(_));
-    bent_anywhere(couplings).into_iter().filter(|&i| body(couplings[i].first) || body(couplings[i].second)).collect()
+    piecewise(couplings).into_iter().filter(|&i| body(couplings[i].first) || body(couplings[i].second)).collect()
 }
 
-/// Indices of all couplings that have two different slopes: those on which the choice of [`Slopes`] matters for the free loop.
-pub fn bent_anywhere(couplings: &[Coupling]) -> Vec<usize> {
+/// Indices of all couplings with two different slopes: those for which [`Slopes`] changes the eigenvalues of the free loop.
+pub fn piecewise(couplings: &[Coupling]) -> Vec<usize> {
     let two = |c: &Coupling| {
         laws::is_nonlinear(c) && (laws::steepest(&c.law) != laws::flattest(&c.law) || c.law.is_compensating())
     };
@@ -89,12 +89,12 @@ pub(crate) fn compensated_by(damper: &Coupling, spring: &Coupling) -> bool {
     at && c.law.spring().is_some()
 }
 
-/// T times which stiffness a compensating damper is.
+/// The stiffness, N·m/rad, of which a compensating damper is T times.
 pub(crate) fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
     couplings.iter().filter(|c| compensated_by(damper, c)).filter_map(|c| c.law.spring()).sum()
 }
 
-/// The couplings with each compensating damper as the damping it is at a period, so that a part of them may stand alone.
+/// The couplings with each compensating damper replaced by its damping at `period`, so that a subset can be analysed alone.
 pub(crate) fn settled(couplings: &[Coupling], period: f64) -> Vec<Coupling> {
     let settle = |c: &Coupling| {
         let law = match c.law.is_compensating() {
@@ -106,13 +106,12 @@ pub(crate) fn settled(couplings: &[Coupling], period: f64) -> Vec<Coupling> {
     couplings.iter().map(settle).collect()
 }
 
-/// The couplings made linear, one tie each, in their order. Affine parts of nonlinear couplings are left out, except a
-/// constant's.
+/// Linearises the couplings, in their order. The affine part of a nonlinear coupling is omitted, except that of a constant.
 ///
 /// # Errors
-/// [`Error::NoSuchBody`] when an end is none of `bodies`.
-pub fn ties(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<Vec<Tie>, Error> {
-    let tie = |(index, c): (usize, &Coupling)| {
+/// [`Error::NoSuchBody`] when an end is not one of `bodies`.
+pub fn linearise(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<Vec<LinearCoupling>, Error> {
+    let term = |(index, c): (usize, &Coupling)| {
         for end in [c.first, c.second] {
             match end {
                 End::Body(body) if body >= bodies.len() => {
@@ -123,21 +122,21 @@ pub fn ties(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<
         }
         let (mut stiffness, mut fixed, mut per_period, mut force) = (0.0, 0.0, 0.0, 0.0);
         let steep = slopes.steep(index);
-        match laws::straight(c) {
-            Some(Straight::Spring(k, rest)) => (stiffness, force) = (k, k * rest),
-            Some(Straight::Damper(b)) => fixed = b,
-            Some(Straight::Compensating) => per_period = compensated(c, couplings),
-            Some(Straight::Constant(torque)) => force = torque,
+        match laws::linear_law(c) {
+            Some(LinearLaw::Spring(k, rest)) => (stiffness, force) = (k, k * rest),
+            Some(LinearLaw::Damper(b)) => fixed = b,
+            Some(LinearLaw::Compensating) => per_period = compensated(c, couplings),
+            Some(LinearLaw::Constant(torque)) => force = torque,
             None if steep && c.law.is_compensating() => per_period = compensated(c, couplings),
             None if steep => (stiffness, fixed) = laws::steepest(&c.law),
             None => (stiffness, fixed) = laws::flattest(&c.law),
         }
-        Ok(Tie { first: c.first, second: c.second, stiffness, fixed, per_period, force })
+        Ok(LinearCoupling { first: c.first, second: c.second, stiffness, fixed, per_period, force })
     };
-    couplings.iter().enumerate().map(tie).collect()
+    couplings.iter().enumerate().map(term).collect()
 }
 
-/// The equations of motion: see the module's head. n bodies, the puck is the last row and column.
+/// The equations of motion of n bodies, see the module documentation. The puck is the last row and column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Continuous {
     /// The diagonal of M: n inertias, kg·m².
@@ -176,10 +175,10 @@ pub struct Torque {
 }
 
 impl Continuous {
-    /// The equations of `bodies` tied by `couplings`.
+    /// The equations of `bodies` joined by `couplings`.
     ///
     /// # Errors
-    /// [`Error::NoSuchBody`] when an end is none of `bodies`; [`Error::Value`] when an inertia is not positive.
+    /// [`Error::NoSuchBody`] when an end is not one of `bodies`; [`Error::Value`] when an inertia is not positive.
     pub fn new(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<Self, Error> {
         let n = bodies.len();
         for body in bodies {
@@ -197,21 +196,21 @@ impl Continuous {
             End::Puck => Some(n),
             End::Ground => None,
         };
-        for tie in ties(bodies, couplings, slopes)? {
-            let b = [(row(tie.first), 1.0), (row(tie.second), -1.0)];
+        for term in linearise(bodies, couplings, slopes)? {
+            let b = [(row(term.first), 1.0), (row(term.second), -1.0)];
             for (i, bi) in b.iter().filter_map(|&(i, bi)| Some((i?, bi))) {
-                world.force[i] += bi * tie.force;
+                world.force[i] += bi * term.force;
                 for (j, bj) in b.iter().filter_map(|&(j, bj)| Some((j?, bj))) {
-                    world.stiffness[(i, j)] += bi * bj * tie.stiffness;
-                    world.fixed[(i, j)] += bi * bj * tie.fixed;
-                    world.per_period[(i, j)] += bi * bj * tie.per_period;
+                    world.stiffness[(i, j)] += bi * bj * term.stiffness;
+                    world.fixed[(i, j)] += bi * bj * term.fixed;
+                    world.per_period[(i, j)] += bi * bj * term.per_period;
                 }
             }
         }
         Ok(world)
     }
 
-    /// How many bodies.
+    /// Number of bodies.
     pub fn bodies(&self) -> usize {
         self.inertia.len()
     }

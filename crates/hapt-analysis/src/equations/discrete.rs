@@ -9,10 +9,10 @@
 //! x = (positions, velocities) of the bodies, u = (z, ż) of the puck: `current` multiplies the newest sample that the step
 //! takes, `previous` the one before, which is 0 for the held methods.
 //!
-//! `d` is A_d - 1 of (2.7), and is never formed by that subtraction: at T = 1 ms a wheel of 1 Hz moves A_d by 6e-3 only, and
-//! its growth stands eight digits further down.
+//! `d` is A_d - 1 of (2.7), computed without that subtraction: at T = 1 ms a wheel of 1 Hz changes A_d by only 6e-3, and its
+//! growth is eight digits smaller.
 //!
-//! Every held step is Δ = F (A x + B u + f): the rule decides F.
+//! Every held step is Δ = F (A x + B u + f): the method determines F.
 //!
 //! | method | F | why |
 //! | --- | --- | --- |
@@ -33,7 +33,7 @@ use crate::error::{Error, positive};
 use crate::numerics::balance::{balance, scaled, unscaled};
 use crate::numerics::phi::phi;
 
-/// One sample of a world of n bodies: see the module's head.
+/// One sample of a world of n bodies, see the module documentation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Discrete {
     /// 2n × 2n, A_d - 1.
@@ -49,8 +49,8 @@ pub struct Discrete {
 }
 
 impl Discrete {
-    /// Discretises `world` at `period`, compensating dampers following it, with the torque from the state that `output`
-    /// names, for `Output::End` after `advance` further steps with the puck held. Work grows with `advance` n².
+    /// Discretises `world` at `period`, which also sets the compensating dampers. The torque is that of the state which `output`
+    /// names; for `Output::End`, after `advance` further steps with the puck held. Work grows with `advance` n².
     ///
     /// # Errors
     /// [`Error::Value`] for a period that is not positive, [`Error::Output`] for `tustin` and `foh` with anything but
@@ -91,7 +91,7 @@ impl Discrete {
         if finite { Ok(discrete) } else { Err(Error::Step { method }) }
     }
 
-    /// The torque row by the state that makes the torque; `self.torque` is the law at an instant.
+    /// The torque for the state that `output` selects; `self.torque` is the law at an instant.
     fn output(&self, output: Output, advance: u32, period: f64) -> Torque {
         let law = &self.torque;
         let n = self.constant.len() / 2;
@@ -107,8 +107,8 @@ impl Discrete {
                         2 * n,
                         |_, j| if j < n { law.state[j] + law.state[n + j] / period } else { 0.0 },
                     );
-                // The last step first: each further one takes the row one state back. Only the step from x_k has the
-                // puck's velocity; in those after it the puck stands at z_k.
+                // Backwards: each step expresses the row by the state before. Only the step from x_k has the puck's velocity;
+                // in the later ones the puck rests at z_k.
                 let mut torque = self.after(&positions, &change, law, advance > 0);
                 for step in 1..=advance {
                     let row = torque.state.clone();
@@ -121,7 +121,7 @@ impl Discrete {
     }
 
     /// `on_state`·x + `on_change`·(x' - x) as a function of (x, u), added to the puck's part and constant of `rest`;
-    /// `standing` leaves out the puck's velocity.
+    /// `standing` omits the puck's velocity.
     fn after(&self, on_state: &RowDVector<f64>, on_change: &RowDVector<f64>, rest: &Torque, standing: bool) -> Torque {
         let input = on_change * &self.current;
         Torque {
@@ -132,9 +132,9 @@ impl Discrete {
     }
 }
 
-/// F of the module's head, and T φ₂(TA) for foh (otherwise empty), for the state (positions, velocities) of `n` bodies.
-/// Everything is computed in balanced coordinates, because in SI a stiff world's positions and velocities differ by many
-/// powers of ten. `None` when a solve fails.
+/// F of the module documentation, and T φ₂(TA) for foh (otherwise empty), for the state (positions, velocities) of `n` bodies.
+/// The computation uses balanced coordinates, because in SI positions and velocities of a stiff world differ by many powers
+/// of ten. `None` when a solve fails.
 fn filter(method: Method, a: &DMatrix<f64>, n: usize, period: f64) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
     let x = a * period;
     let one = DMatrix::<f64>::identity(2 * n, 2 * n);

@@ -2,17 +2,17 @@
 
 use hapt_model::{EstimatorKind, Sampling};
 
-/// v_k = pole v_{k-1} + Σ taps\[i\] z_{k-i}. The taps sum to 0: a wheel that stands has no velocity.
+/// v_k = pole v_{k-1} + Σ taps\[i\] z_{k-i}. The taps sum to 0: at rest the velocity is 0.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Filter {
     pub pole: f64,
-    /// In 1/s, the newest sample first; empty when the true velocity is taken.
+    /// In 1/s, the newest sample first; empty for the true velocity.
     pub taps: Vec<f64>,
 }
 
 impl Filter {
-    /// The filters of an estimator at `period`: two for FOAW, whose window is between the shortest and the longest, one for
-    /// all others. `exact` has no taps.
+    /// The filters of an estimator at `period`. FOAW has two, of its shortest and its longest window; the others have one.
+    /// `exact` has no taps.
     pub fn of(sampling: &Sampling, period: f64) -> Vec<Filter> {
         let difference = || Filter { pole: 0.0, taps: vec![1.0 / period, -1.0 / period] };
         let windows = |fit: fn(usize, f64) -> Vec<f64>| {

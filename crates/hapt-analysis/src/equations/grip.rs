@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// A hand on the puck: its inertia moves with the puck, spring and damper stand between the puck and where the hand is.
+/// A passive hand on the puck: its inertia moves with the puck, its spring and damper act between the puck and the hand's position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Grip {
     /// kg·m² (linear: kg), zero or more.

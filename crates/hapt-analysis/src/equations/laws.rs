@@ -1,20 +1,20 @@
-//! What each law is to an argument. Every match here names every law, so that a new one does not compile until somebody has said
-//! which theorems cover it.
+//! Properties of the laws that the proofs use. Every match names every law, so that a new law does not compile until it has an entry
+//! here.
 
 use hapt_model::{Coupling, Damping, End, Law};
 
-/// What a theorem may assume of a law.
+/// The class of a law, for the theorems.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// Springs and dampers.
     Linear,
     /// A torque that does not depend on the motion.
     Constant,
-    /// A potential with a steepest rise, with a damping that only ever takes, or either of them with a limit.
+    /// A potential with a steepest rise, with a dissipative damping, or either of them with a limit.
     Potential,
     /// Dry friction, whose torque jumps with the sign of the velocity.
     Coulomb,
-    /// Friction with bristles, which have a state of their own.
+    /// Friction with bristles, which have internal state.
     Lugre,
 }
 
@@ -34,7 +34,7 @@ impl Kind {
         }
     }
 
-    /// Whether the torque is no affine function of the motion.
+    /// Whether the torque is not an affine function of the motion.
     pub fn is_nonlinear(self) -> bool {
         match self {
             Kind::Linear | Kind::Constant => false,
@@ -47,27 +47,27 @@ pub(crate) fn is_nonlinear(coupling: &Coupling) -> bool {
     Kind::of(coupling).is_nonlinear()
 }
 
-/// What a matrix holds of a coupling.
+/// A law that the matrices represent exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Straight {
-    /// A spring's stiffness and the q at which it is slack.
+pub(crate) enum LinearLaw {
+    /// Stiffness of a spring, and the q at which it is slack.
     Spring(f64, f64),
     Damper(f64),
-    /// Follows the springs beside it.
+    /// A compensating damper.
     Compensating,
     Constant(f64),
 }
 
 /// `None` for a nonlinear coupling.
-pub(crate) fn straight(coupling: &Coupling) -> Option<Straight> {
+pub(crate) fn linear_law(coupling: &Coupling) -> Option<LinearLaw> {
     if coupling.limit.is_some() {
         return None;
     }
     match coupling.law {
-        Law::Spring { stiffness, rest } => Some(Straight::Spring(stiffness, rest)),
-        Law::Damper { damping: Damping::Fixed(damping) } => Some(Straight::Damper(damping)),
-        Law::Damper { damping: Damping::Compensating } => Some(Straight::Compensating),
-        Law::Constant { torque } => Some(Straight::Constant(torque)),
+        Law::Spring { stiffness, rest } => Some(LinearLaw::Spring(stiffness, rest)),
+        Law::Damper { damping: Damping::Fixed(damping) } => Some(LinearLaw::Damper(damping)),
+        Law::Damper { damping: Damping::Compensating } => Some(LinearLaw::Compensating),
+        Law::Constant { torque } => Some(LinearLaw::Constant(torque)),
         Law::Wall { .. }
         | Law::Detent { .. }
         | Law::DeadBand { .. }
@@ -77,7 +77,7 @@ pub(crate) fn straight(coupling: &Coupling) -> Option<Straight> {
     }
 }
 
-/// The (stiffness, damping) of a nonlinear coupling on its steepest rise. A coupling with a limit is as it is without up to there.
+/// The (stiffness, damping) of a nonlinear coupling at its steepest slope. The limit of a coupling does not change it.
 pub(crate) fn steepest(law: &Law) -> (f64, f64) {
     match *law {
         Law::Spring { stiffness, .. } => (stiffness, 0.0),
@@ -123,7 +123,7 @@ pub(crate) fn most(coupling: &Coupling) -> f64 {
     coupling.limit.map_or(own, |limit| own.min(limit))
 }
 
-/// Whether a law takes the velocity, so that it matters how the loop comes by it.
+/// Whether a law depends on the velocity, so that the estimator matters.
 pub(crate) fn takes_velocity(law: &Law) -> bool {
     match *law {
         Law::Damper { damping: Damping::Fixed(damping) } | Law::Wall { damping, .. } => damping > 0.0,
@@ -177,7 +177,7 @@ pub(crate) fn bristles_give(law: &Law) -> bool {
     }
 }
 
-/// Whether an end moves in the world.
+/// Whether an end is a body.
 pub(crate) fn at_body(coupling: &Coupling) -> bool {
     let is_body = |end: End| match end {
         End::Body(_) => true,

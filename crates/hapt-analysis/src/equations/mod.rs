@@ -1,4 +1,4 @@
-//! The equations of a world and its loop, made linear: matrices of motion, one sample of them, the closed loop.
+//! The linearised equations of a world and its loop: matrices of motion, one sample, the closed loop.
 
 pub(crate) mod closed_loop;
 pub mod continuous;

@@ -1,24 +1,24 @@
-//! A part of the held world in the coordinates of its undamped modes.
+//! Modal coordinates of a part of the held world.
 //!
 //! With w = M^{-1/2} V y and V the eigenvectors of M^{-1/2} K M^{-1/2}, the equations are ÿ + (C0 + T C1) ẏ + Ω² y = 0 with C0, C1
-//! symmetric. As a state take (Ω y, ẏ): its square is twice the energy, so
+//! symmetric. The state is (Ω y, ẏ): its square is twice the energy, so
 //!
 //! ```text
 //! A = [0, Ω; -Ω, -(C0 + T C1)]
 //! ```
 //!
-//! is skew but for the damping, and rounding stays where it is, however different inertias and stiffnesses are.
+//! is skew-symmetric apart from the damping, and rounding errors do not spread between entries of different magnitude.
 //!
-//! Structure comes out here, before any eigenvalue is computed:
+//! Structural eigenvalues are found here, before any solver runs:
 //!
-//! * A cluster without an anchor gives ω = 0. Its position is no coordinate of the state above: it is one eigenvalue 1, and the
-//!   rest does not see it. V gets the shift as an exact column.
-//! * A part that nothing ties keeps its momentum: that velocity leaves too, as another 1.
-//! * A mode that moves no damper is `undamped`; it hangs with no other mode, and its s is ±jω exactly. The test is on the shape
-//!   alone, whatever the dampers' sizes.
+//! * A cluster without an anchor gives ω = 0. Its position is not a coordinate of the state above: it is one eigenvalue 1, decoupled
+//!   from the rest. V has the shift as an exact column.
+//! * A part without coupling to the fixed side conserves its momentum: that velocity is another eigenvalue 1.
+//! * A mode that moves no damper is `undamped`. It is coupled to no other mode, and its s is ±jω exactly. The test uses the mode
+//!   shape alone, not the size of the dampers.
 //! * A mode on which the dampers amount to T K is `compensated`: s² + Tω² s + ω² = 0.
 //!
-//! Of modes of one frequency any mixture is a mode: there the damped ones are turned away from the others first.
+//! Modes of one frequency may be combined freely. There the undamped combinations are separated first.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -26,22 +26,22 @@ use crate::equations::structure::{Link, Part};
 use crate::error::Error;
 use crate::numerics::jacobi::orthogonalise;
 
-/// A mode counts as unseen by a damper that it moves by less than this, relative to the damper's own reach. Its damping would
-/// be the square of it, 1e-18, beyond every digit of an eigenvalue.
-const UNSEEN: f64 = 1e-9;
+/// Relative motion across a damper below which a mode counts as undamped. The damping would be the square of it, 1e-18, less
+/// than the rounding of an eigenvalue.
+const NEGLIGIBLE: f64 = 1e-9;
 
-/// Frequencies this near, relatively, are one: Jacobi gives them to 1e-14.
+/// Relative difference up to which frequencies count as equal. Jacobi computes them to 1e-14.
 pub(crate) const SAME: f64 = 1e-11;
 
-/// The modes that dampers tie together: see the module's head.
+/// The modes that dampers couple, see the module documentation.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Coupled {
-    /// Ω of the modes that have one, increasing; after them come velocities without a position.
+    /// Ω of the modes with a restoring spring, increasing. Velocities without a position follow them.
     pub omega: Vec<f64>,
     /// √c0 × the motion across each damper: C0 = rowsᵀ rows. m columns.
     pub fixed_rows: DMatrix<f64>,
     /// The same of C1.
-    pub following_rows: DMatrix<f64>,
+    pub per_period_rows: DMatrix<f64>,
     /// C0, m × m, 1/s.
     pub fixed: DMatrix<f64>,
     /// C1, m × m, 1/s².
@@ -56,7 +56,7 @@ pub(crate) struct Coupled {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Modal {
     /// Eigenvalues that are exactly 1.
-    pub ones: usize,
+    pub unit_count: usize,
     /// ω of the modes that move no damper.
     pub undamped: Vec<f64>,
     /// ω of the modes whose damping is T ω² exactly.
@@ -74,7 +74,7 @@ impl Coupled {
         Coupled {
             omega: vec![],
             fixed_rows: none(),
-            following_rows: none(),
+            per_period_rows: none(),
             fixed: none(),
             per_period: none(),
             uncovered: none(),
@@ -82,12 +82,12 @@ impl Coupled {
         }
     }
 
-    /// Velocities.
+    /// Number of velocities.
     pub fn order(&self) -> usize {
         self.fixed.nrows()
     }
 
-    /// Whether there is nothing.
+    /// Whether there are no modes.
     pub fn is_empty(&self) -> bool {
         self.order() == 0
     }
@@ -98,11 +98,11 @@ impl Coupled {
         DMatrix::from_fn(self.order(), self.order(), |i, j| if i == j { square(i) } else { 0.0 })
     }
 
-    /// v·Cv for C = C0 + T C1, with T K more when `implicit`, of a real v: as a sum of squares, which cannot turn negative where
-    /// a stiff damper hardly moves.
+    /// v·Cv for C = C0 + T C1, with T K more when `implicit`, of a real v: as a sum of squares, which cannot become negative by
+    /// rounding where a stiff damper hardly moves.
     pub fn loss(&self, period: f64, implicit: bool, v: &DVector<f64>) -> f64 {
         let stored = || self.omega.iter().zip(v.iter()).map(|(w, v)| (w * v) * (w * v)).sum::<f64>();
-        let following = (&self.following_rows * v).norm_squared() + if implicit { stored() } else { 0.0 };
+        let following = (&self.per_period_rows * v).norm_squared() + if implicit { stored() } else { 0.0 };
         (&self.fixed_rows * v).norm_squared() + period * following
     }
 
@@ -112,7 +112,7 @@ impl Coupled {
         if implicit { damping + self.stiffness() * period } else { damping }
     }
 
-    /// A T of the module's head with the given damping: (p + m)², p positions and m velocities.
+    /// A T of the module documentation with the given damping: (p + m)², p positions and m velocities.
     pub fn step(&self, period: f64, damping: &DMatrix<f64>) -> DMatrix<f64> {
         let (p, m) = (self.omega.len(), self.order());
         let mut a = DMatrix::zeros(p + m, p + m);
@@ -125,7 +125,7 @@ impl Coupled {
     }
 }
 
-/// bᵀ M^{-1/2} of a link: the motion across it.
+/// The row bᵀ M^{-1/2} of a link: the relative motion of its ends.
 pub(crate) fn reach(part: &Part, link: &Link) -> DVector<f64> {
     let mut row = DVector::zeros(part.inertia.len());
     row[link.body] = 1.0 / part.inertia[link.body].sqrt();
@@ -160,16 +160,16 @@ pub(crate) fn form(part: &Part, v: &DMatrix<f64>, weight: impl Fn(&Link) -> f64)
 }
 
 /// The undamped modes of a part, orthonormal in w = M^{-1/2} V y.
-pub(crate) struct Swings {
+pub(crate) struct UndampedModes {
     /// Increasing.
     pub omega: Vec<f64>,
     /// A column each.
     pub modes: DMatrix<f64>,
-    /// What no spring holds: a column each cluster without an anchor.
+    /// The shifts without a restoring spring: one column per cluster without an anchor.
     pub shifts: DMatrix<f64>,
 }
 
-impl Swings {
+impl UndampedModes {
     /// # Errors
     /// [`Error::Eigenvalues`] when a frequency is beyond double precision.
     pub fn new(part: &Part) -> Result<Self, Error> {
@@ -184,11 +184,11 @@ impl Swings {
         let mut by_frequency: Vec<usize> = (0..omega.len()).collect();
         by_frequency.sort_by(|&i, &j| omega[i].total_cmp(&omega[j]));
         let sorted = by_frequency.iter().map(|&i| omega[i]).collect();
-        Ok(Swings { omega: sorted, modes: modes.select_columns(&by_frequency), shifts })
+        Ok(UndampedModes { omega: sorted, modes: modes.select_columns(&by_frequency), shifts })
     }
 }
 
-/// The runs of frequencies that are one, with their mean.
+/// Groups of equal frequencies, each with its mean.
 pub(crate) fn of_one_frequency(omega: &[f64]) -> Vec<(f64, std::ops::Range<usize>)> {
     let mut from = 0;
     let run = |group: &[f64]| {
@@ -204,14 +204,14 @@ impl Modal {
     /// [`Error::Eigenvalues`] when a frequency or damping is beyond double precision.
     pub fn new(part: &Part) -> Result<Self, Error> {
         let n = part.inertia.len();
-        let Swings { omega, modes, mut shifts } = Swings::new(part)?;
-        let mut ones = shifts.ncols();
-        if !part.tied {
+        let UndampedModes { omega, modes, mut shifts } = UndampedModes::new(part)?;
+        let mut unit_count = shifts.ncols();
+        if !part.grounded {
             // The momentum of the whole part, in terms of its clusters' shifts.
             let total: f64 = part.inertia.iter().sum();
             let whole = DVector::from_iterator(n, part.inertia.iter().map(|m| (m / total).sqrt()));
             shifts = &shifts * complement(&(shifts.transpose() * whole));
-            ones += 1;
+            unit_count += 1;
         }
         let no_columns = || DMatrix::<f64>::zeros(n, 0);
         let (mut undamped, mut compensated, mut kept, mut kept_shapes) = (vec![], vec![], vec![], no_columns());
@@ -220,29 +220,29 @@ impl Modal {
         let difference = form(part, &DMatrix::identity(n, n), |l| l.per_period - l.stiffness);
         for (w, group) in of_one_frequency(&omega) {
             let shapes = modes.columns_range(group).into_owned();
-            // Dampers count by where they are, not by how large: unit rows.
+            // Unit rows: the location of a damper counts, not its size.
             let seen = rows(part, &shapes, |l, reach| f64::from(u8::from(l.fixed > 0.0 || l.per_period > 0.0)) / reach);
-            let (quiet, shapes) = split(seen, shapes);
-            undamped.extend(std::iter::repeat_n(w, quiet.ncols()));
-            undamped_shapes = beside(&undamped_shapes, &quiet);
-            let (quiet, shapes) = if follows {
+            let (null, shapes) = separate(seen, shapes);
+            undamped.extend(std::iter::repeat_n(w, null.ncols()));
+            undamped_shapes = hcat(&undamped_shapes, &null);
+            let (null, shapes) = if follows {
                 let seen = rows(part, &shapes, |l, reach| f64::from(u8::from(l.fixed > 0.0)) / reach);
                 let uncovered = &difference * &shapes / (w * w);
                 let all = DMatrix::from_fn(seen.nrows() + n, shapes.ncols(), |i, j| {
                     if i < seen.nrows() { seen[(i, j)] } else { uncovered[(i - seen.nrows(), j)] }
                 });
-                split(all, shapes)
+                separate(all, shapes)
             } else {
                 (no_columns(), shapes)
             };
-            compensated.extend(std::iter::repeat_n(w, quiet.ncols()));
-            compensated_shapes = beside(&compensated_shapes, &quiet);
+            compensated.extend(std::iter::repeat_n(w, null.ncols()));
+            compensated_shapes = hcat(&compensated_shapes, &null);
             kept.extend(std::iter::repeat_n(w, shapes.ncols()));
-            kept_shapes = beside(&kept_shapes, &shapes);
+            kept_shapes = hcat(&kept_shapes, &shapes);
         }
-        let v = beside(&kept_shapes, &shifts);
+        let v = hcat(&kept_shapes, &shifts);
         let fixed_rows = rows(part, &v, |l, _| l.fixed);
-        let following_rows = rows(part, &v, |l, _| l.per_period);
+        let per_period_rows = rows(part, &v, |l, _| l.per_period);
         let coupled = Coupled {
             fixed: fixed_rows.transpose() * &fixed_rows,
             per_period: form(part, &v, |l| l.per_period),
@@ -250,12 +250,12 @@ impl Modal {
             covered: part.links.iter().all(|l| l.per_period >= l.stiffness),
             omega: kept,
             fixed_rows,
-            following_rows,
+            per_period_rows,
         };
         if coupled.fixed.iter().chain(coupled.per_period.iter()).chain(coupled.uncovered.iter()).all(|x| x.is_finite())
         {
-            let shapes = beside(&beside(&undamped_shapes, &compensated_shapes), &v);
-            Ok(Modal { ones, undamped, compensated, coupled, shapes })
+            let shapes = hcat(&hcat(&undamped_shapes, &compensated_shapes), &v);
+            Ok(Modal { unit_count, undamped, compensated, coupled, shapes })
         } else {
             Err(Error::Eigenvalues { order: 2 * n })
         }
@@ -263,7 +263,7 @@ impl Modal {
 }
 
 /// An orthonormal basis in which the shift of each cluster without an anchor, M^{1/2} 1, is a column of the second matrix,
-/// and no column of the first moves such a cluster as a whole.
+/// and no column of the first matrix moves such a cluster as a whole.
 fn basis(part: &Part) -> (DMatrix<f64>, DMatrix<f64>) {
     let n = part.inertia.len();
     let mut all = DMatrix::<f64>::identity(n, n);
@@ -286,8 +286,8 @@ fn basis(part: &Part) -> (DMatrix<f64>, DMatrix<f64>) {
     (all.select_columns(&columns(false)), all.select_columns(&columns(true)))
 }
 
-/// The Householder reflection whose column at p's largest entry is -p, for a unit vector of entries not below 0, and where
-/// that is. The largest, so that the other columns are near those of the identity and keep a light body's motion apart.
+/// The Householder reflection whose column at the largest entry of p is -p, for a unit vector with entries of 0 or more, and the
+/// index of that entry. With the largest, the other columns stay near those of the identity, which separates light bodies.
 fn reflection(p: &DVector<f64>) -> (DMatrix<f64>, usize) {
     let at = p.iter().enumerate().fold(0, |best, (i, x)| if *x > p[best] { i } else { best });
     let mut u = p.clone();
@@ -296,27 +296,28 @@ fn reflection(p: &DVector<f64>) -> (DMatrix<f64>, usize) {
     (DMatrix::identity(p.len(), p.len()) - &u * u.transpose() * (2.0 / size), at)
 }
 
-/// An orthonormal basis of what is perpendicular to the unit vector p.
+/// An orthonormal basis of the orthogonal complement of the unit vector p.
 fn complement(p: &DVector<f64>) -> DMatrix<f64> {
     if p.is_empty() {
         return DMatrix::zeros(0, 0);
     }
     let (reflection, at) = reflection(&p.abs());
-    // p may come with either sign on an entry; reflecting |p| and putting the signs back keeps the largest-entry choice.
+    // Entries of p have either sign: reflect |p|, then restore the signs.
     let signs = p.map(|x| if x < 0.0 { -1.0 } else { 1.0 });
     DMatrix::from_fn(p.len(), p.len(), |i, j| signs[i] * reflection[(i, j)]).remove_column(at)
 }
 
-/// Turns the shapes so that as many as possible are not seen by the rows; gives these, and the others.
-pub(crate) fn split(mut seen: DMatrix<f64>, mut shapes: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+/// Rotates the shapes so that as many as possible lie in the null space of the rows. Returns these, and the others.
+pub(crate) fn separate(mut seen: DMatrix<f64>, mut shapes: DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
     if shapes.ncols() > 1 {
         orthogonalise(&mut seen, &mut shapes);
     }
-    let (loud, quiet): (Vec<usize>, Vec<usize>) = (0..shapes.ncols()).partition(|&j| seen.column(j).norm() > UNSEEN);
-    (shapes.select_columns(&quiet), shapes.select_columns(&loud))
+    let (others, null): (Vec<usize>, Vec<usize>) =
+        (0..shapes.ncols()).partition(|&j| seen.column(j).norm() > NEGLIGIBLE);
+    (shapes.select_columns(&null), shapes.select_columns(&others))
 }
 
-pub(crate) fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+pub(crate) fn hcat(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let columns = a.ncols() + b.ncols();
     DMatrix::from_fn(a.nrows(), columns, |i, j| if j < a.ncols() { a[(i, j)] } else { b[(i, j - a.ncols())] })
 }

@@ -1,58 +1,57 @@
-//! The puck's part of the world, in the coordinates of the modes it has while the puck stands.
+//! The part of the world that contains the puck, in modal coordinates of the held world.
 //!
-//! With w = M^{-1/2} V y the bodies that hang on the puck obey ÿ + C ẏ + Ω² y = g z + c ż, and the torque on the puck is
-//! gᵀ y + cᵀ ẏ - K z - B ż. A method is an affine map of positions and velocities, so it may be applied to y as well as to w;
-//! and in y what belongs together is apart:
+//! With w = M^{-1/2} V y the bodies coupled to the puck obey ÿ + C ẏ + Ω² y = g z + c ż, and the torque on the puck is
+//! gᵀ y + cᵀ ẏ - K z - B ż. A method is an affine map of positions and velocities, so it applies to y as well as to w. In y the
+//! equations separate into blocks:
 //!
-//! * A mode that moves neither a damper nor a tie to the puck never hears of it: `unseen`, its eigenvalues are those it has
-//!   with the puck held, with their closed forms. The same for one whose only damping is T times its stiffness.
+//! * A mode that moves neither a damper nor a coupling to the puck is `unobservable` from it. It keeps the eigenvalues of the held
+//!   world, with their closed forms. The same holds for one whose only damping is T times its stiffness.
 //! * A mode that moves no damper but a spring to the puck is a block of its own.
-//! * All modes that move dampers, and velocities that no spring holds, are one block.
+//! * All modes that move dampers, and velocities without a restoring spring, form one block.
 //!
-//! And structure: shifts are found on the graph of springs, not by rounding. A cluster of bodies that no spring ties to puck or
-//! ground can be shifted alone; its position is no coordinate here. The puck with all that springs tie to it can be shifted
-//! against no torque unless a spring ties it to ground; Ω² η = g then, η being that shift in y, and y - η z are coordinates
-//! that it leaves alone.
+//! Shifts are found on the graph of springs, not by rounding. A cluster of bodies without a spring to puck or ground can shift
+//! alone; its position is not a coordinate here. The puck with all bodies that springs join to it can shift without torque unless a
+//! spring joins it to ground. Then Ω² η = g, where η is that shift in y, and the coordinates y - η z are invariant under it.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::equations::continuous::Continuous;
-use crate::equations::modal::{Coupled, Modal, Swings, beside, form, of_one_frequency, reach, rows, split};
-use crate::equations::structure::{Link, Part, held_still};
+use crate::equations::modal::{Coupled, Modal, UndampedModes, form, hcat, of_one_frequency, reach, rows, separate};
+use crate::equations::structure::{Link, Part, first_fixed};
 use crate::error::Error;
 
-/// Modes that dampers tie together, or one that none damps. Its equations have the puck's row and column, but nothing on the
-/// puck's own diagonal: that is [`Port::stiffness`] and the dampings.
+/// Modes that dampers couple, or one undamped mode. The equations contain the puck's row and column, but 0 on its diagonal: that
+/// part is [`Port::stiffness`] and the dampings.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Block {
     /// ÿ + (C0 + T C1) ẏ + Ω² y = g z + c ż: unit inertias.
     pub equations: Continuous,
-    /// So many modes, the first, have a position.
+    /// Number of modes with a position; they come first.
     pub positions: usize,
-    /// η of the module's head, one a mode.
+    /// η of the module documentation, one per mode.
     pub shift: DVector<f64>,
 }
 
-/// See the module's head.
+/// See the module documentation.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Port {
-    /// J_z in kg·m², and the inertia of a hand that grips.
+    /// J_z in kg·m², plus the inertia of a gripping hand.
     pub inertia: f64,
-    /// The spring of a hand that grips, from the puck to ground, N·m/rad; 0: none.
+    /// The spring of a gripping hand, from the puck to ground, N·m/rad; 0: none.
     pub spring: f64,
     pub blocks: Vec<Block>,
-    /// Of all ties at the puck: N·m/rad.
+    /// Of all couplings at the puck: N·m/rad.
     pub stiffness: f64,
     /// Of all dampers at the puck, N·m·s/rad.
     pub fixed: f64,
-    /// Of those that follow the period, per second of it.
+    /// Of all compensating dampers at the puck, per second of period.
     pub per_period: f64,
-    /// Whether springs tie the puck to ground, directly or through bodies.
+    /// Whether springs join the puck to ground, directly or through bodies.
     pub grounded: bool,
-    /// Shifts that change no torque: eigenvalues that are 1 exactly.
+    /// Shifts that change no torque: eigenvalues of exactly 1.
     pub shifts: usize,
-    /// The modes that never hear of the puck.
-    pub unseen: Modal,
+    /// The modes that are decoupled from the puck.
+    pub unobservable: Modal,
 }
 
 /// Whether the link is between a body and the puck, which is the part's first member.
@@ -71,55 +70,56 @@ impl Port {
     /// # Errors
     /// [`Error::Eigenvalues`] when a frequency or damping is beyond double precision.
     pub fn new(part: &Part) -> Result<Self, Error> {
-        let bodies = held_still(part);
+        let bodies = first_fixed(part);
         let n = bodies.inertia.len();
-        // What a link to the puck sees of the bodies: its end at the body.
-        let ties = Part { links: part.links.iter().filter(|l| at_puck(l)).map(Link::held).collect(), ..bodies.clone() };
+        // The links to the puck, as links of their bodies to the fixed side.
+        let puck_links =
+            Part { links: part.links.iter().filter(|l| at_puck(l)).map(Link::held).collect(), ..bodies.clone() };
         let grounded = part.clusters.iter().any(|c| c.anchored && c.bodies.contains(&0));
-        let along: Vec<usize> = part
+        let shifted: Vec<usize> = part
             .clusters
             .iter()
             .filter(|c| c.bodies.contains(&0) && !grounded)
             .flat_map(|c| c.bodies.iter().filter_map(|b| b.checked_sub(1)))
             .collect();
 
-        let Swings { omega, modes, shifts } = Swings::new(&bodies)?;
+        let UndampedModes { omega, modes, shifts } = UndampedModes::new(&bodies)?;
         let none = || DMatrix::<f64>::zeros(n, 0);
         let follows = bodies.links.iter().any(|l| l.per_period > 0.0);
         let difference = form(&bodies, &DMatrix::identity(n, n), |l| l.per_period - l.stiffness);
-        let mut unseen =
-            Modal { ones: 0, undamped: vec![], compensated: vec![], coupled: Coupled::none(), shapes: none() };
+        let mut unobservable =
+            Modal { unit_count: 0, undamped: vec![], compensated: vec![], coupled: Coupled::none(), shapes: none() };
         let (mut alone, mut damped, mut damped_omega) = (Vec::new(), none(), Vec::new());
         for (w, group) in of_one_frequency(&omega) {
             let shapes = modes.columns_range(group).into_owned();
-            // By where dampers and ties are, not by how large: unit rows.
+            // Unit rows: the location of dampers and couplings counts, not their size.
             let dampers =
                 |v: &DMatrix<f64>| rows(&bodies, v, |l, size| one_if(l.fixed > 0.0 || l.per_period > 0.0) / size);
-            let puck = |v: &DMatrix<f64>| at_the_puck(&ties, v);
-            let (quiet, shapes) = split(above(&[dampers(&shapes), puck(&shapes)]), shapes);
-            unseen.undamped.extend(std::iter::repeat_n(w, quiet.ncols()));
-            let (quiet, shapes) = if follows {
+            let puck = |v: &DMatrix<f64>| puck_rows(&puck_links, v);
+            let (null, shapes) = separate(vcat(&[dampers(&shapes), puck(&shapes)]), shapes);
+            unobservable.undamped.extend(std::iter::repeat_n(w, null.ncols()));
+            let (null, shapes) = if follows {
                 let fixed = rows(&bodies, &shapes, |l, size| one_if(l.fixed > 0.0) / size);
                 let uncovered = &difference * &shapes / (w * w);
-                split(above(&[fixed, puck(&shapes), uncovered]), shapes)
+                separate(vcat(&[fixed, puck(&shapes), uncovered]), shapes)
             } else {
                 (none(), shapes)
             };
-            unseen.compensated.extend(std::iter::repeat_n(w, quiet.ncols()));
-            let (quiet, shapes) = split(dampers(&shapes), shapes);
-            alone.extend((0..quiet.ncols()).map(|j| (w, quiet.columns(j, 1).into_owned())));
+            unobservable.compensated.extend(std::iter::repeat_n(w, null.ncols()));
+            let (null, shapes) = separate(dampers(&shapes), shapes);
+            alone.extend((0..null.ncols()).map(|j| (w, null.columns(j, 1).into_owned())));
             damped_omega.extend(std::iter::repeat_n(w, shapes.ncols()));
-            damped = beside(&damped, &shapes);
+            damped = hcat(&damped, &shapes);
         }
         let block = |omega: &[f64], v: &DMatrix<f64>| Block {
-            equations: equations(&bodies, &ties, omega, v),
+            equations: equations(&bodies, &puck_links, omega, v),
             positions: omega.len(),
             shift: DVector::from_fn(v.ncols(), |j, _| {
-                along.iter().map(|&i| bodies.inertia[i].sqrt() * v[(i, j)]).sum::<f64>()
+                shifted.iter().map(|&i| bodies.inertia[i].sqrt() * v[(i, j)]).sum::<f64>()
             }),
         };
         let mut blocks: Vec<Block> = alone.iter().map(|(w, v)| block(&[*w], v)).collect();
-        let damped = beside(&damped, &shifts);
+        let damped = hcat(&damped, &shifts);
         if damped.ncols() > 0 {
             blocks.push(block(&damped_omega, &damped));
         }
@@ -133,12 +133,12 @@ impl Port {
             per_period: own(|l| l.per_period),
             grounded,
             shifts: shifts.ncols() + usize::from(!grounded),
-            unseen,
+            unobservable,
         };
         if port.is_finite() { Ok(port) } else { Err(Error::Eigenvalues { order: 2 * n + 2 }) }
     }
 
-    /// The same with a hand of this inertia and spring on the puck. A spring holds the puck in place: its shift is no longer free.
+    /// The port with a hand of this inertia and spring on the puck. With a spring, the puck can no longer shift freely.
     pub fn gripped(mut self, inertia: f64, spring: f64) -> Port {
         self.inertia += inertia;
         self.spring += spring;
@@ -149,12 +149,12 @@ impl Port {
         self
     }
 
-    /// Whether no coupling pulls at the puck.
-    pub fn is_slack(&self) -> bool {
+    /// Whether no coupling acts on the puck.
+    pub fn is_uncoupled(&self) -> bool {
         self.stiffness == 0.0 && !self.has_damper()
     }
 
-    /// Whether a damper is tied to the puck, so that its measured velocity counts.
+    /// Whether a damper acts on the puck, so that its estimated velocity matters.
     pub fn has_damper(&self) -> bool {
         self.fixed > 0.0 || self.per_period > 0.0
     }
@@ -166,7 +166,7 @@ impl Port {
         matrices.flat_map(|m| m.iter()).chain(&numbers).all(|x| x.is_finite())
     }
 
-    /// The slowest time that the equations know, in s, the device's damping being `damping`: 0 when they know none.
+    /// The longest time constant of the equations in s, with a device damping of `damping`; 0 when there is none.
     pub fn slowest(&self, damping: f64) -> f64 {
         let times = |inertia: f64, damping: f64, stiffness: f64| {
             [inertia / damping, damping / stiffness, (inertia / stiffness).sqrt()]
@@ -180,8 +180,8 @@ impl Port {
     }
 }
 
-/// The equations of modes v = V with frequencies `omega`, those without one last, and of the puck beside them.
-fn equations(bodies: &Part, ties: &Part, omega: &[f64], v: &DMatrix<f64>) -> Continuous {
+/// The equations of modes v = V with frequencies `omega`, those without one last, and of the puck.
+fn equations(bodies: &Part, puck_links: &Part, omega: &[f64], v: &DMatrix<f64>) -> Continuous {
     let m = v.ncols();
     let mut all = Continuous {
         inertia: DVector::from_element(m, 1.0),
@@ -195,7 +195,7 @@ fn equations(bodies: &Part, ties: &Part, omega: &[f64], v: &DMatrix<f64>) -> Con
     }
     let weights: [fn(&Link) -> f64; 3] = [|l| l.stiffness, |l| l.fixed, |l| l.per_period];
     for (matrix, weight) in [&mut all.stiffness, &mut all.fixed, &mut all.per_period].into_iter().zip(weights) {
-        for link in ties.links.iter().filter(|l| weight(l) > 0.0) {
+        for link in puck_links.links.iter().filter(|l| weight(l) > 0.0) {
             let across = reach(bodies, link).transpose() * v;
             for j in 0..m {
                 matrix[(j, m)] -= weight(link) * across[j];
@@ -210,13 +210,13 @@ fn equations(bodies: &Part, ties: &Part, omega: &[f64], v: &DMatrix<f64>) -> Con
     all
 }
 
-/// How each mode moves the puck by springs, by dampers and by those that follow the period, of the most that a mode could: the
-/// puck is one, so what several ties do to it adds up or cancels.
-fn at_the_puck(ties: &Part, v: &DMatrix<f64>) -> DMatrix<f64> {
+/// The force of each mode on the puck by springs, by dampers and by compensating dampers, relative to the largest that a mode
+/// could exert. The contributions of several couplings add up or cancel.
+fn puck_rows(puck_links: &Part, v: &DMatrix<f64>) -> DMatrix<f64> {
     let weights: [fn(&Link) -> f64; 3] = [|l| l.stiffness, |l| l.fixed, |l| l.per_period];
     let mut seen = DMatrix::zeros(3, v.ncols());
     for (mut row, weight) in seen.row_iter_mut().zip(weights) {
-        let all = || ties.links.iter().map(|l| (reach(ties, l), weight(l)));
+        let all = || puck_links.links.iter().map(|l| (reach(puck_links, l), weight(l)));
         let most: f64 = all().map(|(across, weight)| across.norm() * weight).sum();
         if most > 0.0 {
             all().for_each(|(across, weight)| row += across.transpose() * v * (weight / most));
@@ -225,8 +225,8 @@ fn at_the_puck(ties: &Part, v: &DMatrix<f64>) -> DMatrix<f64> {
     seen
 }
 
-/// One matrix above the other.
-fn above(parts: &[DMatrix<f64>]) -> DMatrix<f64> {
+/// Concatenates matrices vertically.
+fn vcat(parts: &[DMatrix<f64>]) -> DMatrix<f64> {
     let columns = parts.first().map_or(0, |p| p.ncols());
     let mut all = DMatrix::zeros(parts.iter().map(|p| p.nrows()).sum(), columns);
     let mut row = 0;

@@ -2,26 +2,26 @@
 
 use hapt_model::{Coupling, End, World};
 
-use crate::equations::continuous::{Slopes, ties};
+use crate::equations::continuous::{Slopes, linearise};
 use crate::error::Error;
 
-/// Up to this many nonlinear couplings every combination of their slopes is looked at.
+/// Up to this many nonlinear couplings, every combination of their slopes is analysed.
 pub const COMBINED: usize = 6;
 
-/// The combinations of slopes to look at, all flat first.
-pub(crate) fn combinations(bent: &[usize]) -> Vec<Slopes> {
-    if bent.len() > COMBINED {
-        let alone = bent.iter().map(|&i| Slopes::Chosen(vec![i]));
+/// The combinations of slopes to analyse, all flat first.
+pub(crate) fn combinations(indices: &[usize]) -> Vec<Slopes> {
+    if indices.len() > COMBINED {
+        let alone = indices.iter().map(|&i| Slopes::Chosen(vec![i]));
         return [Slopes::Flat, Slopes::Steep].into_iter().chain(alone).collect();
     }
-    let chosen = |bits: u32| (0..bent.len()).filter(|i| bits >> i & 1 == 1).map(|i| bent[i]).collect();
-    (0..1u32 << bent.len()).map(|bits| Slopes::Chosen(chosen(bits))).collect()
+    let chosen = |bits: u32| (0..indices.len()).filter(|i| bits >> i & 1 == 1).map(|i| indices[i]).collect();
+    (0..1u32 << indices.len()).map(|bits| Slopes::Chosen(chosen(bits))).collect()
 }
 
-/// The stiffness and damping of the couplings at the puck, each on its steepest rise.
+/// The stiffness and damping of the couplings at the puck, each at its steepest slope.
 pub(crate) fn at_puck(world: &World, couplings: &[Coupling]) -> Result<[f64; 2], Error> {
     let period = world.sampling.period;
-    let ties = ties(&world.bodies, couplings, &Slopes::Steep)?;
-    let touching = ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck);
+    let terms = linearise(&world.bodies, couplings, &Slopes::Steep)?;
+    let touching = terms.iter().filter(|t| t.first == End::Puck || t.second == End::Puck);
     Ok(touching.fold([0.0, 0.0], |[k, b], t| [k + t.stiffness, b + t.fixed + period * t.per_period]))
 }

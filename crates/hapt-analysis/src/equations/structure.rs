@@ -1,14 +1,14 @@
-//! What hangs together with what, decided on the graph of ties and never by rounding.
+//! The parts of a world that move independently, found on the graph of couplings and never by rounding.
 //!
-//! With the puck held, puck and ground are one: the fixed side. Bodies tied to one another, directly or through others, form
-//! a part, and each part moves alone. In a part, bodies tied by springs form clusters. A cluster that no spring ties to the
-//! fixed side can be shifted as a whole against no spring: that is an eigenvalue of exactly 1 under every method. A part that
-//! neither spring nor damper ties to the fixed side keeps its momentum as well: one more. Together they are a double 1, which
-//! an eigenvalue solver would split by √eps, into growth of ±5e-7 1/s at 1 ms; so they never reach one.
+//! With the puck held, puck and ground form one fixed side. A part is a connected component of the graph: bodies joined by
+//! couplings, directly or through other bodies. Within a part, bodies joined by springs form clusters. A cluster without a spring to
+//! the fixed side can shift as a whole without loading a spring: that is an eigenvalue of exactly 1 under every method. A part
+//! without spring and damper to the fixed side also conserves its momentum: a second eigenvalue 1. Together they are a double 1,
+//! which an eigenvalue solver splits by √eps, into a growth of ±5e-7 1/s at 1 ms. They are therefore removed before any solver runs.
 
 use hapt_model::{Body, Coupling, End, World};
 
-use crate::equations::continuous::{Slopes, Tie, ties};
+use crate::equations::continuous::{LinearCoupling, Slopes, linearise};
 use crate::error::{Error, positive};
 
 /// All couplings between one pair of ends, summed. At least one of the three is above 0.
@@ -23,16 +23,16 @@ pub(crate) struct Link {
     pub per_period: f64,
 }
 
-/// Bodies that springs tie together.
+/// Bodies joined by springs.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Cluster {
     /// By index in the part.
     pub bodies: Vec<usize>,
-    /// Whether a spring ties them to the fixed side.
+    /// Whether a spring joins them to the fixed side.
     pub anchored: bool,
 }
 
-/// Bodies that hang together, apart from all others.
+/// A connected component: bodies that are coupled to one another and to no others.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Part {
     /// The bodies' indices in the world.
@@ -41,11 +41,11 @@ pub(crate) struct Part {
     pub inertia: Vec<f64>,
     pub links: Vec<Link>,
     pub clusters: Vec<Cluster>,
-    /// Whether anything at all ties them to the fixed side.
-    pub tied: bool,
+    /// Whether any spring or damper joins them to the fixed side.
+    pub grounded: bool,
 }
 
-/// The label of each of `n` things after joining the pairs: the smallest index in its group.
+/// The label of each of `n` nodes after joining the pairs: the smallest index in its group.
 fn groups(n: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Vec<usize> {
     let mut label: Vec<usize> = (0..n).collect();
     for (a, b) in pairs {
@@ -55,32 +55,31 @@ fn groups(n: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Vec<usize> {
     label
 }
 
-/// The links of all ties, one a pair, without those that tie nothing.
-fn links(ties: &[Tie]) -> Vec<Link> {
+/// The links of all linear couplings, one per pair of ends, without those of no stiffness and no damping.
+fn links(terms: &[LinearCoupling]) -> Vec<Link> {
     let mut links: Vec<Link> = Vec::new();
-    for tie in ties {
-        let (body, other) = match (tie.first, tie.second) {
+    for term in terms {
+        let (body, other) = match (term.first, term.second) {
             (End::Body(a), End::Body(b)) if a != b => (a.min(b), Some(a.max(b))),
             (End::Body(a), End::Puck | End::Ground) | (End::Puck | End::Ground, End::Body(a)) => (a, None),
             (End::Body(_), End::Body(_)) | (End::Puck | End::Ground, End::Puck | End::Ground) => continue,
         };
-        // Zero stiffness and damping tie nothing.
-        if tie.stiffness == 0.0 && tie.fixed == 0.0 && tie.per_period == 0.0 {
+        if term.stiffness == 0.0 && term.fixed == 0.0 && term.per_period == 0.0 {
             continue;
         }
         let at = links.iter().position(|l| l.body == body && l.other == other).unwrap_or_else(|| {
             links.push(Link { body, other, stiffness: 0.0, fixed: 0.0, per_period: 0.0 });
             links.len() - 1
         });
-        links[at].stiffness += tie.stiffness;
-        links[at].fixed += tie.fixed;
-        links[at].per_period += tie.per_period;
+        links[at].stiffness += term.stiffness;
+        links[at].fixed += term.fixed;
+        links[at].per_period += term.per_period;
     }
     links
 }
 
 impl Link {
-    /// The same link, the part's first member being the fixed side.
+    /// The same link with the first member of the part as the fixed side.
     pub fn held(&self) -> Link {
         match (self.body, self.other) {
             (0, Some(other)) => Link { body: other - 1, other: None, ..*self },
@@ -89,8 +88,8 @@ impl Link {
     }
 }
 
-/// The part without its first member, which is held still: one with the ground.
-pub(crate) fn held_still(part: &Part) -> Part {
+/// The part with its first member fixed to ground.
+pub(crate) fn first_fixed(part: &Part) -> Part {
     let n = part.inertia.len() - 1;
     let links: Vec<Link> = part.links.iter().filter(|l| (l.body, l.other) != (0, None)).map(Link::held).collect();
     let spring = groups(n, links.iter().filter(|l| l.stiffness > 0.0).filter_map(|l| Some((l.body, l.other?))));
@@ -100,13 +99,13 @@ pub(crate) fn held_still(part: &Part) -> Part {
         .map(|label| Cluster { bodies: (0..n).filter(|&i| spring[i] == label).collect(), anchored: anchored(label) });
     let clusters = clusters.collect();
     let (members, inertia) = (part.members[1..].to_vec(), part.inertia[1..].to_vec());
-    Part { members, inertia, tied: links.iter().any(|l| l.other.is_none()), clusters, links }
+    Part { members, inertia, grounded: links.iter().any(|l| l.other.is_none()), clusters, links }
 }
 
-/// Takes a world apart.
-pub(crate) fn parts(inertia: &[f64], ties: &[Tie]) -> Vec<Part> {
+/// Splits a world into its connected components.
+pub(crate) fn parts(inertia: &[f64], terms: &[LinearCoupling]) -> Vec<Part> {
     let n = inertia.len();
-    let links = links(ties);
+    let links = links(terms);
     let pair = |l: &Link| Some((l.body, l.other?));
     let part = groups(n, links.iter().filter_map(pair));
     let spring = groups(n, links.iter().filter(|l| l.stiffness > 0.0).filter_map(pair));
@@ -126,7 +125,7 @@ pub(crate) fn parts(inertia: &[f64], ties: &[Tie]) -> Vec<Part> {
                 .collect();
             Part {
                 inertia: members.iter().map(|&i| inertia[i]).collect(),
-                tied: of_part.iter().any(|l| l.other.is_none()),
+                grounded: of_part.iter().any(|l| l.other.is_none()),
                 clusters,
                 links: of_part.iter().map(|l| Link { body: local(l.body), other: l.other.map(local), ..*l }).collect(),
                 members,
@@ -143,7 +142,7 @@ pub(crate) fn inertias(bodies: &[Body]) -> Result<Vec<f64>, Error> {
     bodies.iter().map(|body| positive("a body's inertia", body.inertia)).collect()
 }
 
-/// The same of the puck, first, and the bodies.
+/// The inertias of the puck, first, and the bodies.
 ///
 /// # Errors
 /// [`Error::Value`] for one that is not positive.
@@ -153,13 +152,17 @@ pub(crate) fn inertias_with_puck(world: &World) -> Result<Vec<f64>, Error> {
     Ok(inertia)
 }
 
-/// The ties of the world with the puck as body 0.
-pub(crate) fn with_puck(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Result<Vec<Tie>, Error> {
+/// The linearised couplings of the world with the puck as body 0.
+pub(crate) fn linearise_with_puck(
+    bodies: &[Body],
+    couplings: &[Coupling],
+    slopes: &Slopes,
+) -> Result<Vec<LinearCoupling>, Error> {
     let end = |end| match end {
         End::Puck => End::Body(0),
         End::Body(i) => End::Body(i + 1),
         End::Ground => End::Ground,
     };
-    let tie = |tie: Tie| Tie { first: end(tie.first), second: end(tie.second), ..tie };
-    Ok(ties(bodies, couplings, slopes)?.into_iter().map(tie).collect())
+    let term = |term: LinearCoupling| LinearCoupling { first: end(term.first), second: end(term.second), ..term };
+    Ok(linearise(bodies, couplings, slopes)?.into_iter().map(term).collect())
 }

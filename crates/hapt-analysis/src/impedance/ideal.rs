@@ -1,53 +1,53 @@
-//! The world as its differential equations would be felt: nothing sampled, nothing late.
+//! The ideal impedance: that of the differential equations, without sampling and delay.
 //!
-//! The puck's own part of the world, from its links: y = k + jωc. Let p be the links of the bodies to the puck, g what holds a body
-//! back by itself, its link to ground and its inertia, g = y - ω²J (the puck's own link to ground among them), and A the bodies'
-//! matrix, A 1 = p + g. The torque that resists the puck at 1 is, by what the bodies do or by what they do more than the puck,
+//! The part of the world with the puck, from its links: y = k + jωc. Let p be the links of the bodies to the puck, g the link of each
+//! body to ground and its inertia, g = y - ω²J (for the puck its link to ground alone), and A the matrix of the bodies, A 1 = p + g.
+//! The torque that resists a unit motion of the puck is, with absolute or with relative motions of the bodies,
 //!
 //! ```text
 //! K = g_puck + Σ p - pᵀ A⁻¹ p = Σ g - gᵀ A⁻¹ g
 //! ```
 //!
-//! The first keeps its digits at high frequencies, and the second toward 0 Hz: where nothing ties the world to ground, g is
-//! inertia alone, and none of it is lost beside the springs.
+//! The first is accurate at high frequencies, the second toward 0 Hz: without a coupling to ground, g is inertia alone, which the
+//! springs do not cancel.
 
 use hapt_model::{Method, World};
 use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::equations::continuous::Slopes;
-use crate::equations::structure::{Link, Part, inertias_with_puck, parts, with_puck};
+use crate::equations::structure::{Link, Part, inertias_with_puck, linearise_with_puck, parts};
 use crate::error::Error;
 
 type C = Complex<f64>;
 
-/// The puck's part of the world, the puck its first member.
+/// The part of the world that contains the puck, its first member.
 #[derive(Clone, Debug)]
 pub(crate) struct Ideal {
     part: Part,
 }
 
-/// What the puck is tied to: what a slow hand feels.
+/// The low-frequency form of the impedance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Tied {
-    /// Springs lead to ground: the stiffness of them all.
+pub(crate) enum LowFrequency {
+    /// Springs lead to ground: their total stiffness.
     Spring(f64),
-    /// Only dampers do: their damping, and the inertia that springs tie to the puck.
+    /// Only dampers lead to ground: their damping, and the inertia that springs join to the puck.
     Damper(f64, f64),
-    /// Nothing does: the inertia that is taken along.
-    Not(f64),
+    /// No coupling leads to ground: the inertia that moves with the puck.
+    Free(f64),
 }
 
 impl Ideal {
-    /// Of `world`, nonlinear couplings on `slopes`. Compensating dampers undo what forward Euler adds, so there they are left
-    /// out; under any other method they damp.
+    /// Of `world`, nonlinear couplings linearised at `slopes`. Compensating dampers cancel the growth of forward Euler, so there they
+    /// are omitted; under any other method they damp.
     ///
     /// # Errors
     /// [`Error::Value`] for an inertia that is not positive, [`Error::NoSuchBody`].
     pub fn new(world: &World, slopes: &Slopes) -> Result<Ideal, Error> {
         let inertia = inertias_with_puck(world)?;
-        let mut ties = with_puck(&world.bodies, &world.couplings, slopes)?;
-        for tie in &mut ties {
-            tie.fixed += match world.sampling.method {
+        let mut terms = linearise_with_puck(&world.bodies, &world.couplings, slopes)?;
+        for term in &mut terms {
+            term.fixed += match world.sampling.method {
                 Method::ForwardEuler => 0.0,
                 Method::BackwardEuler
                 | Method::SemiImplicitEuler
@@ -55,12 +55,12 @@ impl Ideal {
                 | Method::Zoh
                 | Method::Rk4
                 | Method::Tustin
-                | Method::Foh => world.sampling.period * tie.per_period,
+                | Method::Foh => world.sampling.period * term.per_period,
             };
-            tie.per_period = 0.0;
+            term.per_period = 0.0;
         }
-        // Every part begins with its first member, and the puck is the first of all.
-        let part = parts(&inertia, &ties).swap_remove(0);
+        // The first part contains body 0, the puck.
+        let part = parts(&inertia, &terms).swap_remove(0);
         Ok(Ideal { part })
     }
 
@@ -69,31 +69,31 @@ impl Ideal {
         let own = self.part.inertia.iter().map(|inertia| C::from(-omega * omega * inertia));
         let own: Vec<C> = std::iter::once(C::from(0.0)).chain(own.skip(1)).collect();
         let same: Vec<usize> = (0..own.len()).collect();
-        condensed(own, &same, &self.part.links, |link| C::new(link.stiffness, omega * link.fixed))
+        condense(own, &same, &self.part.links, |link| C::new(link.stiffness, omega * link.fixed))
     }
 
-    /// What a slow hand feels.
-    pub fn tied(&self) -> Tied {
+    /// The low-frequency form.
+    pub fn low_frequency(&self) -> LowFrequency {
         let part = &self.part;
         // The puck's cluster first.
         let mut clusters = part.clusters.clone();
         clusters.sort_by_key(|cluster| !cluster.bodies.contains(&0));
         let inertia =
             |bodies: &mut dyn Iterator<Item = usize>| bodies.filter(|&i| i > 0).map(|i| part.inertia[i]).sum();
-        let Some(own) = clusters.first() else { return Tied::Not(0.0) };
+        let Some(own) = clusters.first() else { return LowFrequency::Free(0.0) };
         if own.anchored {
             let bodies: Vec<usize> = (0..part.inertia.len())
                 .map(|i| own.bodies.iter().position(|&b| b == i).unwrap_or(usize::MAX))
                 .collect();
             let springs: Vec<Link> = part.links.iter().filter(|l| l.stiffness > 0.0).copied().collect();
             let still = vec![C::from(0.0); own.bodies.len()];
-            let found = condensed(still, &bodies, &springs, |link| C::from(link.stiffness));
-            return Tied::Spring(found.map_or(0.0, |k| k.re));
+            let found = condense(still, &bodies, &springs, |link| C::from(link.stiffness));
+            return LowFrequency::Spring(found.map_or(0.0, |k| k.re));
         }
-        if !part.tied {
-            return Tied::Not(inertia(&mut (0..part.inertia.len())));
+        if !part.grounded {
+            return LowFrequency::Free(inertia(&mut (0..part.inertia.len())));
         }
-        // Slowly moved, what springs tie together is one; a cluster that is anchored stands still with the ground.
+        // At low frequency a cluster moves as one body, and an anchored cluster is at rest.
         let of = |body: usize| clusters.iter().position(|c| c.bodies.contains(&body)).unwrap_or(0);
         let moving: Vec<usize> = (0..clusters.len()).filter(|&c| !clusters[c].anchored).collect();
         let node = |body: usize| moving.iter().position(|&c| c == of(body));
@@ -108,14 +108,14 @@ impl Ideal {
         });
         let dampers: Vec<Link> = dampers.collect();
         let same: Vec<usize> = (0..moving.len()).collect();
-        let found = condensed(vec![C::from(0.0); moving.len()], &same, &dampers, |link| C::from(link.fixed));
-        Tied::Damper(found.map_or(0.0, |c| c.re), inertia(&mut own.bodies.iter().copied()))
+        let found = condense(vec![C::from(0.0); moving.len()], &same, &dampers, |link| C::from(link.fixed));
+        LowFrequency::Damper(found.map_or(0.0, |c| c.re), inertia(&mut own.bodies.iter().copied()))
     }
 }
 
-/// K of the module's head: `own` is what each node has by itself, the puck's first, `node` where a link's body is among them,
-/// `of` a link's y. `None` where A is singular.
-fn condensed(own: Vec<C>, node: &[usize], links: &[Link], of: impl Fn(&Link) -> C) -> Option<C> {
+/// K of the module documentation by static condensation. `own` has the inertia of each node, the puck first; `node` maps a body to
+/// its node; `of` is y of a link. `None` where A is singular.
+fn condense(own: Vec<C>, node: &[usize], links: &[Link], of: impl Fn(&Link) -> C) -> Option<C> {
     let n = own.len() - 1;
     let mut g = DVector::from_vec(own);
     let mut p = DVector::<C>::zeros(n);

@@ -1,4 +1,4 @@
-//! The impedance at the puck: of the sampled world, of the loop as the hand feels it, and of the ideal world.
+//! The impedance at the puck: the transfer function of the sampled world, the rendered and the ideal impedance.
 
 pub(crate) mod ideal;
 pub mod rendered;

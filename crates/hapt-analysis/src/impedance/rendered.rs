@@ -1,18 +1,18 @@
-//! What the hand feels against frequency: the torque that resists a hand which moves as e^{jωt}, over its position.
+//! The impedance at the puck against frequency: the torque that resists a motion e^{jωt}, divided by the position.
 //!
 //! ```text
 //! K(jω) = H(e^{jωT}) · (1 - e^{-jωT})/(jωT) · e^{-jω delay}
 //! ```
 //!
-//! H is the port of the loop, from the sampled position to the command, the rest is the fundamental of the held torque. What
-//! the hold makes beside it, at ω ± 2πn/T, is left out; at the Nyquist frequency itself that meets the fundamental, and the
-//! last row is the limit from below. Encoder, levels, limit and Coulomb friction are left out too.
+//! H is the transfer function from the sampled position to the command. The other factors are the fundamental of the held torque.
+//! The images of the hold at ω ± 2πn/T are omitted. At the Nyquist frequency an image coincides with the fundamental, and the last
+//! row is the limit from below. Encoder, levels, limit and Coulomb friction are omitted too.
 //!
-//! A single number is felt as a spring, a damper and a mass: k + jωb - ω²m. Spring and mass cannot be told apart at one frequency,
-//! so each of the three is the one that would do alone: k = Re K, b = Im K/ω, m = -Re K/ω². (Colgate and Brown, "Factors
-//! affecting the Z-width of a haptic display", ICRA 1994, speak of impedance in the same way.)
+//! One complex number is equivalent to a spring, a damper and a mass, k + jωb - ω²m. Spring and mass cannot be distinguished at one
+//! frequency, so each of the three is the value that would render K alone: k = Re K, b = Im K/ω, m = -Re K/ω². (Colgate and Brown, "Factors
+//! affecting the Z-width of a haptic display", ICRA 1994, use impedance in this sense.)
 //!
-//! The ideal is the same of the differential equations: continuous velocities, no hold, no delay.
+//! The ideal is that of the differential equations: continuous velocities, no hold, no delay.
 
 use std::f64::consts::{PI, TAU};
 
@@ -20,30 +20,29 @@ use hapt_model::{Coupling, EstimatorKind, World};
 use nalgebra::Complex;
 use serde::Serialize;
 
-use crate::equations::continuous::{Slopes, bent_anywhere};
+use crate::equations::continuous::{Slopes, piecewise};
 use crate::equations::delay::Delay;
 use crate::equations::estimator::Filter;
 use crate::equations::laws::{Kind, most};
 use crate::error::Error;
-use crate::impedance::ideal::{Ideal, Tied};
-use crate::impedance::{Impedance, Pole, Rule};
+use crate::impedance::ideal::{Ideal, LowFrequency};
+use crate::impedance::{Discretisation, Pole, TransferFunction};
 use crate::numerics::phi::exp_m1;
 use crate::stability::MARGINAL;
 
 type C = Complex<f64>;
 
-/// What is asked for and what is rendered part where they differ by this, relatively.
-pub const APART: f64 = 0.1;
+/// Relative deviation of the rendered from the nominal impedance that counts as a departure.
+pub const TOLERANCE: f64 = 0.1;
 
-/// For so long, as a ratio of frequencies, they have to stay apart; and the steps of its logarithm at which that is looked at.
-const LASTS: f64 = 1.01;
+/// Ratio of frequencies over which a departure has to last, and the step of the logarithm at which it is sampled.
+const MIN_WIDTH: f64 = 1.01;
 const STEP: f64 = 2.5e-3;
 
-/// So far above the springs and dampers at the puck an impedance counts as without bound: a millionth beside a resonance that
-/// nothing damps. Nearer to it, the digits are those of where it is.
-const WITHOUT_BOUND: f64 = 1e6;
+/// Ratio to the springs and dampers at the puck above which an impedance counts as unbounded, near an undamped resonance.
+const UNBOUNDED: f64 = 1e6;
 
-/// One impedance as each of three elements, the one that would do alone: see the module's head.
+/// One impedance as each of three elements alone, see the module documentation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Elements {
     /// Re K, N·m/rad (linear: N/m).
@@ -54,7 +53,7 @@ pub struct Elements {
     pub inertia: f64,
 }
 
-/// The impedances at one frequency; `None` where one is without bound, at a resonance that nothing damps.
+/// The impedances at one frequency; `None` where one is unbounded, at an undamped resonance.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Hz
@@ -63,11 +62,11 @@ pub struct Row {
     pub rendered: Option<Elements>,
     /// By the differential equations.
     pub ideal: Option<Elements>,
-    /// By the loop and the device together, which is all that the hand feels.
+    /// By the loop and the device together: the total impedance.
     pub whole: Option<Elements>,
 }
 
-/// One of the three.
+/// The type of an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Element {
@@ -79,95 +78,123 @@ pub enum Element {
     Inertia,
 }
 
-/// What a slow hand is to feel, and how far up it does.
+/// The nominal element of a world at low frequency, and the frequency up to which the loop renders it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Asked {
-    /// Which of the three.
+pub struct Nominal {
+    /// The type of the element.
     pub element: Element,
-    /// Its size in SI, without the device's own.
+    /// Its value in SI, without the device.
     pub value: f64,
-    /// The lowest frequency from which on the rendered one differs from it by [`APART`]; `None`: nowhere up to Nyquist.
-    pub from_asked_hz: Option<f64>,
-    /// The same beside the ideal at each frequency.
+    /// The lowest frequency at which the rendered element departs from it by [`TOLERANCE`]; `None`: nowhere up to Nyquist.
+    #[serde(rename = "from_asked_hz")]
+    pub from_nominal_hz: Option<f64>,
+    /// The same relative to the ideal at each frequency.
     pub from_ideal_hz: Option<f64>,
 }
 
-/// A swing of the world with the puck held, where little stiffness becomes much.
+/// A resonance of the held world.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Resonance {
-    /// Of the loop's pole, Hz.
+    /// Of the discrete pole, Hz.
     pub frequency_hz: f64,
     /// -cos arg ln λ; 0 within 1e-9 per second of undamped, below 0 when it grows.
     pub damping_ratio: f64,
 }
 
 /// The impedance of a world's loop.
+///
+/// ```
+/// use hapt_analysis::{Impedance, Slopes};
+/// use hapt_model::{Source, World};
+///
+/// let source = r#"
+///     [loop]
+///     period = "1 ms"
+///     [device]
+///     inertia = 6.4e-4
+///     [[couplings]]
+///     kind = "spring"
+///     between = ["puck", "ground"]
+///     stiffness = 2.0
+///     [scenarios.still]
+///     duration = "1 s"
+///     hand = { kind = "step", to = 0.0 }
+/// "#;
+/// let world = World::read(&Source::from_text("spring", source), &[])?;
+/// let impedance = Impedance::new(&world, &Slopes::Steep)?;
+/// // At low frequency the loop renders the spring, and the hold adds a damping of -KT/2.
+/// let row = impedance.row(0.1).rendered.unwrap();
+/// assert!((row.stiffness - 2.0).abs() < 1e-6);
+/// assert!((row.damping + 0.5 * 2.0 * 1e-3).abs() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
-pub struct Felt {
+pub struct Impedance {
     period: f64,
     lag: Delay,
     /// Pole and taps of v = (1 - z⁻¹) W z; `None` for the true velocity.
     slope: Option<(f64, Vec<f64>)>,
-    port: Impedance,
+    transfer: TransferFunction,
     stiffness: f64,
     ideal: Ideal,
-    tied: Tied,
+    low_frequency: LowFrequency,
     device: [f64; 2],
     notes: Vec<String>,
 }
 
 impl Elements {
     fn of(k: C, omega: f64) -> Self {
-        // What is 0 but for rounding is 0, and never -0.
+        // Rounding residues become 0, never -0.
         let exact = |x: f64| if x.abs() < 4.0 * f64::EPSILON * k.norm() { 0.0 } else { x };
         Elements { stiffness: exact(k.re), damping: exact(k.im) / omega, inertia: 0.0 - exact(k.re) / (omega * omega) }
     }
 }
 
-impl Felt {
-    /// The impedance of `world`, nonlinear couplings on `slopes`: [`Slopes::Steep`] as the certificate takes them.
+impl Impedance {
+    /// The impedance of `world`, nonlinear couplings linearised at `slopes`; the certificate uses [`Slopes::Steep`].
     ///
     /// # Errors
     /// As [`crate::passivity()`].
-    pub fn new(world: &World, slopes: &Slopes) -> Result<Felt, Error> {
+    pub fn new(world: &World, slopes: &Slopes) -> Result<Impedance, Error> {
         let sampling = &world.sampling;
         let period = sampling.period;
-        let rule = Rule { method: sampling.method, output: sampling.output, advance: sampling.advance, period };
-        let mut port = Impedance::new(&world.bodies, &world.couplings, slopes, rule)?;
-        if !port.is_finite() {
-            return Err(Error::Eigenvalues { order: port.poles.len() });
+        let rule =
+            Discretisation { method: sampling.method, output: sampling.output, advance: sampling.advance, period };
+        let mut transfer = TransferFunction::new(&world.bodies, &world.couplings, slopes, rule)?;
+        if !transfer.is_finite() {
+            return Err(Error::Eigenvalues { order: transfer.poles.len() });
         }
-        let seen: Vec<Pole> = port.poles.iter().filter(|p| port.has_residue(p, period)).copied().collect();
-        port.poles = seen;
+        let seen: Vec<Pole> = transfer.poles.iter().filter(|p| transfer.has_residue(p, period)).copied().collect();
+        transfer.poles = seen;
         let ideal = Ideal::new(world, slopes)?;
-        let tied = ideal.tied();
-        let notes = notes(world, slopes, &port);
-        let stiffness = if let Tied::Spring(stiffness) = tied { stiffness } else { 0.0 };
+        let low_frequency = ideal.low_frequency();
+        let notes = notes(world, slopes, &transfer);
+        let stiffness = if let LowFrequency::Spring(stiffness) = low_frequency { stiffness } else { 0.0 };
         let device = [world.device.inertia, world.device.damping];
-        Ok(Felt {
+        Ok(Impedance {
             period,
             lag: Delay::of_loop(sampling)?,
             slope: slope(world),
-            port,
+            transfer,
             stiffness,
             ideal,
-            tied,
+            low_frequency,
             device,
             notes,
         })
     }
 
-    /// Half of the sampling rate, Hz: above it a sampled hand cannot be told from a slower one.
+    /// Half of the sampling rate, Hz.
     pub fn nyquist_hz(&self) -> f64 {
         0.5 / self.period
     }
 
-    /// A frequency below which nothing new happens, Hz: a tenth of the world's slowest swing or decay, and no more than a
-    /// thousandth of Nyquist.
+    /// A frequency in Hz below which the impedance has its low-frequency form: a tenth of the slowest mode, and at most a thousandth
+    /// of Nyquist.
     pub fn low_hz(&self) -> f64 {
         let nyquist = self.nyquist_hz();
         let rate = |p: &Pole| p.ln_abs.hypot(p.arg) / (TAU * self.period);
-        let rates = self.port.poles.iter().map(rate).filter(|hz| hz.is_finite() && *hz > 1e-6 * nyquist);
+        let rates = self.transfer.poles.iter().map(rate).filter(|hz| hz.is_finite() && *hz > 1e-6 * nyquist);
         0.1 * rates.fold(1e-2 * nyquist, f64::min)
     }
 
@@ -181,7 +208,7 @@ impl Felt {
     /// The impedances at a frequency in Hz, above 0 and up to Nyquist.
     pub fn row(&self, frequency_hz: f64) -> Row {
         let omega = TAU * frequency_hz;
-        // At the slowest frequencies an inertia leaves double precision.
+        // At very low frequencies the inertia may leave double precision.
         let finite = |e: &Elements| [e.stiffness, e.damping, e.inertia].iter().all(|x| x.is_finite());
         let rendered = self.rendered(omega).map(|k| Elements::of(k, omega)).filter(finite);
         let [inertia, damping] = self.device;
@@ -207,8 +234,8 @@ impl Felt {
             }
         };
         // -F
-        let mut sum = self.port.direct * back * w;
-        for pole in &self.port.poles {
+        let mut sum = self.transfer.direct * back * w;
+        for pole in &self.transfer.poles {
             // 1/(z - λ) = z⁻¹/(1 - λ/z)
             let inverse = -back / exp_m1(C::new(pole.ln_abs, pole.arg - phi));
             let [one, still_back, moving, moving_back] = pole.gains;
@@ -216,7 +243,7 @@ impl Felt {
         }
         let h = self.stiffness - exp_m1(C::new(0.0, phi)) * sum;
         let hold = step / C::new(0.0, phi);
-        let late = C::from_polar(1.0, -phi * (self.lag.samples as f64 + self.lag.part));
+        let late = C::from_polar(1.0, -phi * (self.lag.samples as f64 + self.lag.fraction));
         self.bounded(h * hold * late, omega)
     }
 
@@ -226,8 +253,8 @@ impl Felt {
     }
 
     fn bounded(&self, k: C, omega: f64) -> Option<C> {
-        let [stiffness, damping] = self.port.at_puck;
-        (k.norm() <= WITHOUT_BOUND * (stiffness + omega * damping)).then_some(k)
+        let [stiffness, damping] = self.transfer.at_puck;
+        (k.norm() <= UNBOUNDED * (stiffness + omega * damping)).then_some(k)
     }
 
     /// The device's own inertia and damping, SI: -ω²J + jωb comes to the rendered impedance.
@@ -235,67 +262,73 @@ impl Felt {
         self.device
     }
 
-    /// The springs and dampers at the puck, SI, from which an impedance gets its scale.
+    /// The springs and dampers at the puck, SI: the scale of the impedance.
     pub fn at_puck(&self) -> [f64; 2] {
-        self.port.at_puck
+        self.transfer.at_puck
     }
 
-    /// What a reader of the numbers has to know.
+    /// Conditions that apply to the numbers.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// Swings that are damped by less than a tenth of critical, by frequency.
+    /// Resonances with less than a tenth of critical damping, by frequency.
     pub fn resonances(&self) -> Vec<Resonance> {
         let of = |p: &Pole| {
             let ln_abs = if p.ln_abs.abs() < MARGINAL * self.period { 0.0 } else { p.ln_abs };
             Resonance { frequency_hz: p.arg / (TAU * self.period), damping_ratio: (0.0 - ln_abs) / ln_abs.hypot(p.arg) }
         };
-        let mut all: Vec<Resonance> = self.port.poles.iter().filter(|p| p.arg > 0.0 && p.arg < PI).map(of).collect();
+        let mut all: Vec<Resonance> =
+            self.transfer.poles.iter().filter(|p| p.arg > 0.0 && p.arg < PI).map(of).collect();
         all.retain(|r| r.damping_ratio < 0.1);
         all.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
         all
     }
 
-    /// What a slow hand is to feel, and up to which frequency it does: the stiffness where springs lead to ground; else the
-    /// inertia of the bodies that hang on the puck, and, where dampers lead to ground, their damping.
+    /// The elements that the world has at low frequency, and the frequency up to which the loop renders them: the stiffness where
+    /// springs lead to ground; otherwise the inertia of the bodies coupled to the puck and, where dampers lead to ground, their damping.
     ///
-    /// The ideal is compared by Re K (a damping by Im K) with a tenth of |K|, since Re K passes through 0 at every damped
-    /// resonance. What lasts for less than a hundredth of its frequency is passed over: beside a resonance that nothing
-    /// damps the slightest shift is much. It is looked for at steps of a 400th, from a tenth of [`Felt::low_hz`] up.
-    pub fn asked(&self) -> Vec<Asked> {
-        let (element, value) = match self.tied {
-            Tied::Spring(stiffness) => (Element::Stiffness, stiffness),
-            Tied::Damper(damping, inertia) => {
+    /// The comparison with the ideal is of Re K (Im K for a damping) with a tenth of |K|, since Re K passes through 0 at every damped
+    /// resonance. Departures over less than a hundredth of the frequency are ignored: near an undamped resonance the smallest
+    /// shift is a large deviation. The search has steps of a 400th, from a tenth of [`Impedance::low_hz`] up.
+    pub fn nominal(&self) -> Vec<Nominal> {
+        let (element, value) = match self.low_frequency {
+            LowFrequency::Spring(stiffness) => (Element::Stiffness, stiffness),
+            LowFrequency::Damper(damping, inertia) => {
                 let inertia = Some(inertia).filter(|inertia| *inertia > 0.0);
                 let inertia = inertia.map(|inertia| self.departure(Element::Inertia, inertia));
                 return std::iter::once(self.departure(Element::Damping, damping)).chain(inertia).collect();
             }
-            Tied::Not(inertia) => (Element::Inertia, inertia),
+            LowFrequency::Free(inertia) => (Element::Inertia, inertia),
         };
         if value > 0.0 { vec![self.departure(element, value)] } else { Vec::new() }
     }
 
-    fn departure(&self, element: Element, value: f64) -> Asked {
+    fn departure(&self, element: Element, value: f64) -> Nominal {
         let part = |k: C| if element == Element::Damping { k.im } else { k.re };
-        let asked = |omega: f64| match element {
+        let nominal = |omega: f64| match element {
             Element::Stiffness => value,
             Element::Damping => omega * value,
             Element::Inertia => -omega * omega * value,
         };
-        let from_asked = |omega: f64| {
-            let wanted = asked(omega);
-            Some((part(self.rendered(omega)?) - wanted).abs() > APART * wanted.abs())
+        let from_nominal = |omega: f64| {
+            let wanted = nominal(omega);
+            Some((part(self.rendered(omega)?) - wanted).abs() > TOLERANCE * wanted.abs())
         };
         let from_ideal = |omega: f64| {
             let wanted = self.ideal_at(omega)?;
-            Some(part(self.rendered(omega)? - wanted).abs() > APART * wanted.norm())
+            Some(part(self.rendered(omega)? - wanted).abs() > TOLERANCE * wanted.norm())
         };
-        Asked { element, value, from_asked_hz: self.lowest(&from_asked), from_ideal_hz: self.lowest(&from_ideal) }
+        Nominal {
+            element,
+            value,
+            from_nominal_hz: self.lowest_departure(&from_nominal),
+            from_ideal_hz: self.lowest_departure(&from_ideal),
+        }
     }
 
-    /// The lowest frequency, Hz, from which on `apart` holds for a hundredth of it; where that has no value it is passed over.
-    fn lowest(&self, apart: &dyn Fn(f64) -> Option<bool>) -> Option<f64> {
+    /// The lowest frequency, Hz, from which on `apart` holds for a hundredth of it. Frequencies without a value are skipped.
+    fn lowest_departure(&self, apart: &dyn Fn(f64) -> Option<bool>) -> Option<f64> {
         let (low, high) = (0.1 * TAU * self.low_hz(), PI / self.period);
         let count = ((high / low).ln() / STEP).ceil();
         let mut begun: Option<(f64, f64)> = None;
@@ -304,7 +337,7 @@ impl Felt {
             let omega = low * (high / low).powf(i as f64 / count);
             let Some(is) = apart(omega) else { continue };
             match begun {
-                Some((_, from)) if is && omega >= LASTS * from => break,
+                Some((_, from)) if is && omega >= MIN_WIDTH * from => break,
                 None if is => begun = Some((last, omega)),
                 Some(_) if !is => begun = None,
                 _ => {}
@@ -322,22 +355,22 @@ impl Felt {
     }
 }
 
-/// The estimator as pole and taps of W. FOAW is a difference where the encoder is ideal, and its longest window where it counts.
+/// The estimator as pole and taps of W. FOAW is a difference with an ideal encoder, and its longest window with a real one.
 fn slope(world: &World) -> Option<(f64, Vec<f64>)> {
     let ideal = world.device.encoder.is_none();
     let filters = Filter::of(&world.sampling, world.sampling.period);
     let filter = if ideal { filters.first() } else { filters.last() }?;
     let mut sum = 0.0;
     let mut taps: Vec<f64> = filter.taps.iter().map(|tap| (sum += tap, sum).1).collect();
-    // All of them together are 0.
+    // The taps sum to 0.
     taps.pop()?;
     Some((filter.pole, taps))
 }
 
-fn notes(world: &World, slopes: &Slopes, port: &Impedance) -> Vec<String> {
+fn notes(world: &World, slopes: &Slopes, transfer: &TransferFunction) -> Vec<String> {
     let mut notes = Vec::new();
-    let bent = bent_anywhere(&world.couplings);
-    if !bent.is_empty() {
+    let indices = piecewise(&world.couplings);
+    if !indices.is_empty() {
         let taken = match slopes {
             Slopes::Steep => "on its steepest rise, as the certificate takes it: a wall is touched, a bristle sticks",
             Slopes::Flat | Slopes::Chosen(_) => "flat: no wall is touched, a bristle slides",
@@ -349,12 +382,12 @@ fn notes(world: &World, slopes: &Slopes, port: &Impedance) -> Vec<String> {
         notes.push(format!("couplings.{index}: it has no slope and counts as nothing"));
     }
     let band = MARGINAL * world.sampling.period;
-    if port.poles.iter().any(|p| p.ln_abs >= band) {
+    if transfer.poles.iter().any(|p| p.ln_abs >= band) {
         notes.push(
             "the world grows by itself with the puck held: a hand that swings feels this only until the growth drowns it".into(),
         );
     }
-    if port.at_puck[1] > 0.0 {
+    if transfer.at_puck[1] > 0.0 {
         match world.sampling.estimator {
             EstimatorKind::Exact => notes.push(
                 "dampers at the puck are given its true velocity, which no encoder has: name the estimator of your firmware"

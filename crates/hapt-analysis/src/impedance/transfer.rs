@@ -1,12 +1,12 @@
-//! The world as the puck feels it: from the sampled position to the torque, as a sum of discrete poles.
+//! The transfer function of the world at the puck: from the sampled position to the torque, as a sum of discrete poles.
 //!
-//! Each part of the world, in the coordinates x = (Ωy, ẏ) of `modal`, obeys ẋ = A x + (0, p) z + (0, c) ż, with p and c the
-//! springs and dampers to the puck across each mode. With A = V diag(s) V⁻¹ every method is a closed form in ζ = Ts, one pole
-//! at a time, so that how far a pole is from the circle never comes from subtracting numbers near 1, and an undamped mode is
-//! on it exactly where the method keeps it there.
+//! Each part of the world, in the modal coordinates x = (Ωy, ẏ), obeys ẋ = A x + (0, p) z + (0, c) ż, with p and c the
+//! springs and dampers to the puck across each mode. With A = V diag(s) V⁻¹ every method has a closed form in ζ = Ts, one pole
+//! at a time. The distance of a pole from the unit circle is therefore not computed by subtracting numbers near 1, and an
+//! undamped mode lies on the circle exactly under the methods that preserve it.
 //!
-//! The static shape xₛ = (p/Ω, 0) z is taken off first: A xₛ + (0, p) z = 0, so that the rest e = x - xₛ z is moved by
-//! differences of z alone, and neither z = 1 nor a slow mode costs digits. Per pole, with λ - 1 = ζ f, g = (f - 1)/ζ, and
+//! The static response xₛ = (p/Ω, 0) z is subtracted first: A xₛ + (0, p) z = 0, so that the rest e = x - xₛ z is driven by
+//! differences of z alone. Neither z near 1 nor slow modes lose digits. Per pole, with λ - 1 = ζ f, g = (f - 1)/ζ, and
 //! α, β, σ the coordinates of (0, p), (0, c), xₛ in V:
 //!
 //! ```text
@@ -21,13 +21,13 @@
 //!     end                 t₀ = P λ + Q f, the mean velocity being v f;  n steps ahead: λⁿ t₀
 //! ```
 //!
-//! P = Σ p (Ωy)/Ω and Q = Σ c ẏ of the pole's column of V, K the static stiffness. What b₁ v_k adds to the torque of the same
+//! P = Σ p (Ωy)/Ω and Q = Σ c ẏ of the pole's column of V, K the static stiffness. The contribution of b₁ v_k to the torque of the same
 //! sample is in `direct`.
 
 use hapt_model::{Body, Coupling, End, Method, Output};
 use nalgebra::{Complex, DMatrix, DVector, linalg::Schur};
 
-use crate::equations::continuous::{Slopes, Tie, ties};
+use crate::equations::continuous::{LinearCoupling, Slopes, linearise};
 use crate::equations::modal::{Coupled, Modal};
 use crate::equations::structure::{Part, inertias, parts};
 use crate::error::{Error, positive};
@@ -39,10 +39,10 @@ type C = Complex<f64>;
 
 const ZERO: C = C::new(0.0, 0.0);
 
-/// Modes that move the puck's springs by less than this, relative to all of them, are not seen there.
-const UNSEEN: f64 = 1e-9;
+/// Relative coupling to the puck below which an undamped mode is omitted.
+const NEGLIGIBLE: f64 = 1e-9;
 
-/// Beyond this condition of its eigenvectors a part counts as defective.
+/// Condition number of the eigenvectors above which a part counts as defective.
 const DEFECTIVE: f64 = 3e5;
 
 /// Σ gains·(1, z⁻¹, W, z⁻¹W)/(z - λ), where v = (1 - z⁻¹) W z.
@@ -58,19 +58,19 @@ pub(crate) struct Pole {
 
 /// H z⁻ᵈ without the delay: H = stiffness + (z - 1) F, F = -(Σ gains·(1, z⁻¹, W, z⁻¹W)/(z - λ) + direct z⁻¹ W).
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Impedance {
+pub(crate) struct TransferFunction {
     /// H(1), N·m/rad.
     pub stiffness: f64,
     /// N·m·s/rad
     pub direct: f64,
     pub poles: Vec<Pole>,
-    /// All stiffness and damping at the puck, for what counts as nothing.
+    /// All stiffness and damping at the puck: the scale for negligible residues.
     pub at_puck: [f64; 2],
 }
 
-/// A continuous pole: see the module's head.
+/// A continuous pole, see the module documentation.
 #[derive(Clone, Copy)]
-struct Eigen {
+struct ContinuousPole {
     root: Root,
     position: C,
     velocity: C,
@@ -79,9 +79,9 @@ struct Eigen {
     shape: C,
 }
 
-/// How a loop turns continuous poles into discrete ones.
+/// The discretisation of a loop.
 #[derive(Clone, Copy)]
-pub(crate) struct Rule {
+pub(crate) struct Discretisation {
     pub method: Method,
     pub output: Output,
     pub advance: u32,
@@ -94,44 +94,50 @@ struct Gains {
     damper: DVector<f64>,
 }
 
-impl Impedance {
-    /// The port of bodies tied by couplings.
+impl TransferFunction {
+    /// The transfer function of bodies joined by couplings.
     ///
     /// # Errors
     /// [`Error::Value`] for a period or inertia that is not positive; [`Error::Output`], [`Error::NoSuchBody`];
     /// [`Error::Eigenvalues`] and [`Error::Step`] when numbers leave double precision.
-    pub fn new(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes, rule: Rule) -> Result<Impedance, Error> {
-        let Rule { method, output, advance, period } = rule;
+    pub fn new(
+        bodies: &[Body],
+        couplings: &[Coupling],
+        slopes: &Slopes,
+        rule: Discretisation,
+    ) -> Result<TransferFunction, Error> {
+        let Discretisation { method, output, advance, period } = rule;
         positive("the period", period)?;
         if method.takes_new_sample_first() && (output != Output::Start || advance > 0) {
             return Err(Error::Output { method, output });
         }
         let inertia = inertias(bodies)?;
-        let ties = ties(bodies, couplings, slopes)?;
-        let at_puck = |of: fn(&Tie, f64) -> f64| -> f64 {
-            ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).map(|t| of(t, period)).sum()
+        let terms = linearise(bodies, couplings, slopes)?;
+        let at_puck = |of: fn(&LinearCoupling, f64) -> f64| -> f64 {
+            terms.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).map(|t| of(t, period)).sum()
         };
         let (stiffness, damping) = (at_puck(|t, _| t.stiffness), at_puck(damping));
-        let mut port = Impedance { stiffness, direct: -damping, poles: Vec::new(), at_puck: [stiffness, damping] };
-        for part in parts(&inertia, &ties) {
-            if !part.members.iter().any(|&body| ties.iter().any(|t| to_puck(t, body))) {
+        let mut port =
+            TransferFunction { stiffness, direct: -damping, poles: Vec::new(), at_puck: [stiffness, damping] };
+        for part in parts(&inertia, &terms) {
+            if !part.members.iter().any(|&body| terms.iter().any(|t| is_between_puck_and(t, body))) {
                 continue;
             }
-            port.add(&part, &ties, rule)?;
+            port.add(&part, &terms, rule)?;
         }
         Ok(port)
     }
 
-    /// Whether every number is one.
+    /// Whether all numbers are finite.
     pub fn is_finite(&self) -> bool {
         let number = |g: &C| g.re.is_finite() && g.im.is_finite();
         let pole = |p: &Pole| p.ln_abs < f64::INFINITY && p.arg.is_finite() && p.gains.iter().all(number);
         self.stiffness.is_finite() && self.direct.is_finite() && self.poles.iter().all(pole)
     }
 
-    fn add(&mut self, part: &Part, ties: &[Tie], rule: Rule) -> Result<(), Error> {
+    fn add(&mut self, part: &Part, terms: &[LinearCoupling], rule: Discretisation) -> Result<(), Error> {
         let modal = Modal::new(part)?;
-        let gains = Gains::new(part, &modal, ties, rule.period);
+        let gains = Gains::new(part, &modal, terms, rule.period);
         let size = gains.spring.norm();
         let (u, c) = (modal.undamped.len(), modal.compensated.len());
         // Semi-implicit Euler acts as forward Euler on a world with T K more damping.
@@ -140,7 +146,7 @@ impl Impedance {
             let (spring, compensation) = (gains.spring[i], if i < u { 0.0 } else { 1.0 });
             let damper = if i < u { 0.0 } else { gains.damper[i] };
             self.stiffness -= (spring / omega).powi(2);
-            if spring.abs() > UNSEEN * size || damper != 0.0 {
+            if spring.abs() > NEGLIGIBLE * size || damper != 0.0 {
                 let x = omega * rule.period;
                 self.take(&oscillator(*omega, x, (compensation + implicit) * x * x, spring, damper), rule);
             }
@@ -156,13 +162,13 @@ impl Impedance {
                 let damping = coupled.damping(rule.period, false)[0] * rule.period + implicit * x * x;
                 self.take(&oscillator(omega, x, damping, gains.spring[0], gains.damper[0]), rule);
             }
-            _ => self.take(&eigen(coupled, &gains, rule)?, rule),
+            _ => self.take(&coupled_poles(coupled, &gains, rule)?, rule),
         }
         Ok(())
     }
 
-    fn take(&mut self, eigen: &[Eigen], rule: Rule) {
-        for e in eigen {
+    fn take(&mut self, poles: &[ContinuousPole], rule: Discretisation) {
+        for e in poles {
             let (pole, direct) = discrete(e, rule);
             self.direct += direct;
             self.poles.push(pole);
@@ -177,41 +183,40 @@ impl Impedance {
     }
 }
 
-fn damping(tie: &Tie, period: f64) -> f64 {
-    tie.fixed + period * tie.per_period
+fn damping(term: &LinearCoupling, period: f64) -> f64 {
+    term.fixed + period * term.per_period
 }
 
-fn to_puck(tie: &Tie, body: usize) -> bool {
-    let ends = [tie.first, tie.second];
+fn is_between_puck_and(term: &LinearCoupling, body: usize) -> bool {
+    let ends = [term.first, term.second];
     ends.contains(&End::Puck) && ends.contains(&End::Body(body))
 }
 
 impl Gains {
-    fn new(part: &Part, modal: &Modal, ties: &[Tie], period: f64) -> Gains {
+    fn new(part: &Part, modal: &Modal, terms: &[LinearCoupling], period: f64) -> Gains {
         // On w = M^{-1/2} V y.
-        let across = |of: &dyn Fn(&Tie) -> f64| {
-            let per_body =
-                part.members.iter().zip(&part.inertia).map(|(&body, inertia)| {
-                    ties.iter().filter(|t| to_puck(t, body)).map(of).sum::<f64>() / inertia.sqrt()
-                });
+        let across = |of: &dyn Fn(&LinearCoupling) -> f64| {
+            let per_body = part.members.iter().zip(&part.inertia).map(|(&body, inertia)| {
+                terms.iter().filter(|t| is_between_puck_and(t, body)).map(of).sum::<f64>() / inertia.sqrt()
+            });
             modal.shapes.transpose() * DVector::from_iterator(part.members.len(), per_body)
         };
         Gains { spring: across(&|t| t.stiffness), damper: across(&|t| damping(t, period)) }
     }
 }
 
-/// The two poles of a mode that hangs with no other.
-fn oscillator(omega: f64, x: f64, damping: f64, spring: f64, damper: f64) -> [Eigen; 2] {
+/// The two poles of a mode that is coupled to no other.
+fn oscillator(omega: f64, x: f64, damping: f64, spring: f64, damper: f64) -> [ContinuousPole; 2] {
     let mut roots = pair(x, damping);
     if (roots[0].z - roots[1].z).norm() < 2e-5 * x {
-        // A double pole has no two eigenvectors: 1e-10 of the damping more parts it far enough.
+        // A double pole has only one eigenvector. An increase of the damping by 1e-10 separates it.
         roots = pair(x, damping * (1.0 + 1e-10));
     }
     let [first, second] = roots.map(|r| r.z);
     let of = |root: Root, other: C| {
         let z = root.z;
         let input = z / (z - other);
-        Eigen {
+        ContinuousPole {
             root,
             position: spring / omega * x / z,
             velocity: C::from(damper),
@@ -223,8 +228,8 @@ fn oscillator(omega: f64, x: f64, damping: f64, spring: f64, damper: f64) -> [Ei
     [of(roots[0], second), of(roots[1], first)]
 }
 
-/// The poles of modes that hang together.
-fn eigen(coupled: &Coupled, gains: &Gains, rule: Rule) -> Result<Vec<Eigen>, Error> {
+/// The poles of modes that dampers couple.
+fn coupled_poles(coupled: &Coupled, gains: &Gains, rule: Discretisation) -> Result<Vec<ContinuousPole>, Error> {
     let n = coupled.omega.len() + coupled.order();
     let mut modes = coupled.clone();
     let mut grown = 1.0;
@@ -235,7 +240,7 @@ fn eigen(coupled: &Coupled, gains: &Gains, rule: Rule) -> Result<Vec<Eigen>, Err
                 break (values, v, inverse);
             }
             None if grown > 1.0 + 1e-9 => return Err(Error::Eigenvalues { order: n }),
-            // Equal poles without eigenvectors of their own: a little more damping parts them.
+            // Defective poles: a slight increase of the damping separates them.
             _ => {
                 grown += 1e-10 * (1.0 + 1e9 * (grown - 1.0));
                 modes = more_damped(coupled, grown);
@@ -251,7 +256,7 @@ fn eigen(coupled: &Coupled, gains: &Gains, rule: Rule) -> Result<Vec<Eigen>, Err
     let size = values.iter().map(|z| z.norm()).fold(0.0, f64::max);
     let p = modes.omega.len();
     let columns = values.iter().enumerate().map(|(i, &z)| {
-        // The same eigenvalue, from what keeps the digits of light damping.
+        // The same eigenvalue, refined for light damping.
         let distance = |r: &Root| (r.z - z).norm();
         let nearest = (0..better.len()).min_by(|&a, &b| distance(&better[a]).total_cmp(&distance(&better[b])));
         let root = match nearest {
@@ -259,7 +264,7 @@ fn eigen(coupled: &Coupled, gains: &Gains, rule: Rule) -> Result<Vec<Eigen>, Err
             _ => C::new(z.re.min(0.0), z.im).into(),
         };
         let sum = |terms: &mut dyn Iterator<Item = C>| terms.fold(ZERO, |sum, t| sum + t);
-        Eigen {
+        ContinuousPole {
             root,
             position: sum(&mut (0..p).map(|j| v[(j, i)] * (gains.spring[j] / modes.omega[j]))),
             velocity: sum(&mut (0..n - p).map(|j| v[(p + j, i)] * gains.damper[j])),
@@ -281,19 +286,19 @@ fn more_damped(modes: &Coupled, factor: f64) -> Coupled {
         per_period: &modes.per_period * factor,
         uncovered: &modes.uncovered + &modes.per_period * (factor - 1.0),
         fixed_rows: &modes.fixed_rows * factor.sqrt(),
-        following_rows: &modes.following_rows * factor.sqrt(),
+        per_period_rows: &modes.per_period_rows * factor.sqrt(),
         ..modes.clone()
     }
 }
 
-/// Eigenvalues, eigenvectors and their inverse, from the triangular form. Bounded iterations.
+/// Eigenvalues, eigenvectors and their inverse, from the Schur form. Bounded iterations.
 fn decompose(a: &DMatrix<f64>) -> Option<(Vec<C>, DMatrix<C>, DMatrix<C>)> {
     let n = a.nrows();
     let size = a.amax();
     if !(size.is_finite() && size > 0.0) {
         return None;
     }
-    // As for `eigenvalues`: where all of the diagonal is 0 the solver may wait for ever for something small beside it.
+    // With a zero diagonal the solver may not converge; then it is shifted by 1.
     let a = a.map(|x| C::from(x / size));
     let one = DMatrix::<C>::identity(n, n);
     let (q, mut t) = match Schur::try_new(a.clone(), f64::EPSILON, 100 * n) {
@@ -322,8 +327,8 @@ fn decompose(a: &DMatrix<f64>) -> Option<(Vec<C>, DMatrix<C>, DMatrix<C>)> {
     finite.then(|| ((0..n).map(|i| t[(i, i)]).collect(), v, inverse))
 }
 
-/// The discrete pole, and what it adds to `direct`: the table of the module's head.
-fn discrete(e: &Eigen, Rule { method, output, advance, period }: Rule) -> (Pole, f64) {
+/// The discrete pole, and its contribution to `direct`: the table of the module documentation.
+fn discrete(e: &ContinuousPole, Discretisation { method, output, advance, period }: Discretisation) -> (Pole, f64) {
     let multiplier = multiplier(method, e.root);
     let (z, less) = (e.root.z, multiplier.less_one);
     let f = match method {

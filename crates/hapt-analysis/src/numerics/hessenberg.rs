@@ -1,23 +1,23 @@
-//! Eigenvalues without vectors: Hessenberg form, then Francis's double-shift QR algorithm on the part that is still to split
+//! Eigenvalues without vectors: Hessenberg form, then Francis's double-shift QR algorithm on the active block
 //! (Golub and Van Loan, Matrix Computations, 4th edition, section 7.5; the deflation and the exceptional shifts are EISPACK's
-//! hqr). A Schur decomposition would carry the vectors and the finished rows and columns along, and take several times as long.
+//! hqr). A Schur decomposition also updates the vectors and the deflated rows and columns, and takes several times as long.
 
 use nalgebra::linalg::Hessenberg;
 use nalgebra::{Complex, DMatrix};
 
-/// Steps an eigenvalue may take. Three is the common number.
+/// Largest number of steps per eigenvalue. Three is typical.
 const PATIENCE: usize = 60;
 
-/// The eigenvalues of a square matrix, complex ones as exact conjugates; `None` when the iteration does not end.
+/// The eigenvalues of a square matrix, complex ones as exact conjugates; `None` when the iteration does not converge.
 pub(crate) fn eigenvalues(a: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     let n = a.nrows();
     let mut h = if n > 2 { Hessenberg::new(a).unpack_h() } else { a };
     let norm = h.amax();
     let mut found = Vec::with_capacity(n);
-    // Rows and columns from `end` on are done.
+    // Rows and columns from `end` on are deflated.
     let mut end = n;
     let mut tried = 0;
-    // What exceptional shifts have taken off the diagonal.
+    // The sum of the exceptional shifts, subtracted from the diagonal.
     let mut taken = 0.0;
     while end > 0 {
         let last = end - 1;
@@ -39,14 +39,14 @@ pub(crate) fn eigenvalues(a: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
         // The lower right 2 × 2 block gives both shifts: their sum and their product.
         let (x, y) = (h[(last, last)], h[(last - 1, last - 1)]);
         let mut shifts = (x + y, x * y - h[(last, last - 1)] * h[(last - 1, last)]);
-        // One real shift from each of two clusters of eigenvalues may settle neither: where it takes long, the one nearer to the
-        // last entry counts twice, as in LAPACK's dlahqr.
+        // Real shifts from two clusters of eigenvalues may converge to neither. After ten steps the shift nearer to the last entry
+        // is used twice, as in LAPACK's dlahqr.
         let [one, other] = block(y, h[(last - 1, last)], h[(last, last - 1)], x);
         if tried > 9 && one.im == 0.0 {
             let nearer = if (one.re - x).abs() < (other.re - x).abs() { one.re } else { other.re };
             shifts = (2.0 * nearer, nearer * nearer);
         }
-        // Every now and then others, for matrices that the step turns into themselves.
+        // An exceptional shift every ten steps, for matrices that are invariant under the step.
         if tried % 10 == 9 {
             taken += x;
             (0..end).for_each(|i| h[(i, i)] -= x);

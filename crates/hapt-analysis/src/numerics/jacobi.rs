@@ -1,11 +1,11 @@
 //! One-sided Jacobi: the singular values of a matrix to high relative accuracy (Demmel and Veselić, SIAM J. Matrix Anal.
-//! Appl. 13(4), 1992). A world with springs from 1 to 1e12 N·m/rad keeps all digits of its slow modes, which the usual
-//! symmetric eigenvalue solvers lose: they err by eps of the fastest.
+//! Appl. 13(4), 1992). With springs from 1 to 1e12 N·m/rad in one world, the slow modes keep all digits. The usual
+//! symmetric eigenvalue solvers lose them: their error is eps of the fastest mode.
 
 use nalgebra::DMatrix;
 
-/// Rotates the columns of `g` until they are orthogonal, and those of `v` along: g = U Σ with Σ the columns' lengths. The same
-/// number of columns in both.
+/// Rotates the columns of `g` until they are orthogonal, and the columns of `v` by the same rotations: g = U Σ, with Σ the column
+/// norms. Both have the same number of columns.
 pub(crate) fn orthogonalise(g: &mut DMatrix<f64>, v: &mut DMatrix<f64>) {
     let n = g.ncols();
     for _ in 0..60 {

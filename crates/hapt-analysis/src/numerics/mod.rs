@@ -1,4 +1,4 @@
-//! Numerical methods that know nothing of loops: matrices, eigenvalues, roots, series, searches.
+//! Numerical methods without reference to loops: matrices, eigenvalues, roots, series, searches.
 
 pub(crate) mod balance;
 pub(crate) mod crossing;

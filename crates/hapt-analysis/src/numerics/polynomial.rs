@@ -1,4 +1,4 @@
-//! Real roots of a polynomial, every one of them, without a grid.
+//! All real roots of a polynomial, without a grid.
 
 /// p(x) for coefficients from the constant upwards.
 pub(crate) fn value(p: &[f64], x: f64) -> f64 {

@@ -1,12 +1,11 @@
-//! A simple eigenvalue to more digits than a QR algorithm gives.
+//! Rayleigh quotients: a simple eigenvalue to more digits than the QR algorithm.
 //!
-//! The algorithm's errors are a few eps of the whole matrix. Where memory stands beside slow bodies that is too coarse: an
-//! estimator's last sample has λ - 1 = -1, and at T = 1 µs an error of 1e-15 is a growth of 1e-9 1/s. With the left and right
-//! vectors l and x the quotient lᵀDx/lᵀx errs by the product of both vectors' errors, and by eps Σ|l||D||x|/|lᵀx| from the sums and
-//! entries: memory has little part in those vectors' product, and its rounding little in the quotient.
+//! The error of the QR algorithm is a few eps of the norm of the matrix. That is too coarse for slow bodies beside delays and
+//! estimator memory: the memory has λ - 1 = -1, and at T = 1 µs an error of 1e-15 is a growth of 1e-9 1/s. With the left and right
+//! eigenvectors l and x, the error of the quotient lᵀDx/lᵀx is the product of the errors of both vectors, plus
+//! eps Σ|l||D||x|/|lᵀx| from rounding. The memory contributes little to that sum.
 //!
-//! The vectors come by inverse iteration in Hessenberg form, D = Q H Qᵀ, so that an eigenvalue costs squares of the order and no
-//! cube.
+//! The vectors are computed by inverse iteration in Hessenberg form, D = Q H Qᵀ: O(n²) per eigenvalue.
 
 use nalgebra::linalg::Hessenberg;
 use nalgebra::{Complex, DMatrix, DVector};
@@ -15,7 +14,7 @@ use crate::numerics::balance::{balance, scaled};
 
 type C = Complex<f64>;
 
-/// A matrix whose eigenvalues are looked at again.
+/// A matrix in Hessenberg form, for the refinement of its eigenvalues.
 pub(crate) struct Quotients {
     /// Balanced.
     a: DMatrix<f64>,
@@ -34,7 +33,7 @@ impl Quotients {
     /// The eigenvalue near `mu`, and a bound of its rounding; `None` when the vectors are not found.
     pub fn at(&self, mu: C) -> Option<(C, f64)> {
         let n = self.a.nrows();
-        // Not on the eigenvalue itself, where there is no inverse.
+        // The shift differs from the eigenvalue, where the matrix is singular.
         let factors = Factors::new(&self.h, mu * (1.0 + 1e-14) + f64::EPSILON * self.a.amax());
         let start = DVector::from_fn(n, |i, _| C::new(1.0 + 0.3 * (i as f64).sin(), 0.4 * (2.3 * i as f64).cos()));
         let vector = |solve: &dyn Fn(&mut DVector<C>)| {
@@ -61,17 +60,17 @@ impl Quotients {
         }
         let overlap = l.dot(&x);
         let found = sum / overlap;
-        // A real eigenvalue stays one.
+        // A real eigenvalue remains real.
         let found = if mu.im == 0.0 { C::new(found.re, 0.0) } else { found };
         let error = 2.0 * f64::EPSILON * size / overlap.norm();
         (found.re.is_finite() && found.im.is_finite() && error.is_finite()).then_some((found, error))
     }
 }
 
-/// H - shift as a product: each row is taken off the next, the larger of the two pivots first.
+/// The LU factors of H - shift, with partial pivoting between neighbouring rows.
 struct Factors {
     upper: DMatrix<C>,
-    /// For each row but the last: whether it was exchanged with the next, and how much of it was then taken off that.
+    /// For each row except the last: whether it was exchanged with the next, and the multiple of it that was then subtracted.
     steps: Vec<(bool, C)>,
 }
 

@@ -1,11 +1,11 @@
-//! Short power series with a bound on what they leave out: what a function does over an interval, without a grid
+//! Truncated power series with a bound on the remainder: the range of a function over an interval, without a grid
 //! (Makino and Berz, "Taylor models", Int. J. Pure Appl. Math. 4(4), 2003).
 
 use nalgebra::Complex;
 
 type C = Complex<f64>;
 
-/// Terms kept.
+/// Number of terms.
 pub(crate) const TERMS: usize = 8;
 
 /// f(φ0 + r u) = Σ c\[k\] u^k, to within `rest` for all real |u| ≤ 1.
@@ -71,7 +71,7 @@ impl Series {
     }
 }
 
-/// 1/(q + e^{jru} - 1) over |u| ≤ 1, to be asked for many q at one r.
+/// 1/(q + e^{jru} - 1) over |u| ≤ 1, for many q at one r.
 pub(crate) struct Inverse {
     r: f64,
     /// e^{jru} - 1, from order 1 on.
@@ -97,7 +97,7 @@ impl Inverse {
             let sum = (1..=k).fold(C::new(0.0, 0.0), |sum, j| sum + self.turn.c[j] * s.c[k - j]);
             s.c[k] = -first * sum;
         }
-        // 1 - (q + turn) s is what the product leaves beyond the last term.
+        // 1 - (q + turn) s is the remainder of the product beyond the last term.
         let norms = s.c.map(|c| c.norm());
         let mut left = self.turn.rest * norms.iter().sum::<f64>();
         let mut power = 1.0;
@@ -111,7 +111,7 @@ impl Inverse {
     }
 }
 
-/// A real function over an interval, likewise.
+/// A truncated series of a real function over an interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Real {
     pub c: [f64; TERMS],
@@ -131,14 +131,14 @@ impl Real {
         self.c.iter().rev().fold(0.0, |sum, c| sum * u + c)
     }
 
-    /// Nowhere above this.
+    /// An upper bound over the interval.
     pub fn upper(&self) -> f64 {
         let [c0, c1, c2, ref others @ ..] = self.c;
         let u = self.vertex();
         c0 + (c1 * u + c2 * u * u) + others.iter().map(|c| c.abs()).sum::<f64>() + self.rest
     }
 
-    /// Where in \[-1, 1\] the first three terms have their maximum.
+    /// The argument in \[-1, 1\] at which the first three terms have their maximum.
     pub fn vertex(&self) -> f64 {
         let [_, c1, c2, ..] = self.c;
         if c2 < 0.0 && c1.abs() < -2.0 * c2 {

@@ -1,7 +1,7 @@
-//! The least device damping as a function of frequency.
+//! The required device damping as a function of frequency.
 //!
-//! The motor holds the torque -H z from a fraction a of a sample after the d-th on. Between samples the worst hand may move
-//! as it likes: with τ before and τ' after the motor's change, the device's own losses are least on straight stretches,
+//! The motor applies the torque -H z after a delay of d samples and a fraction a. Between samples the hand is arbitrary. With τ
+//! before and τ' after the change of the torque, the losses of the device are least for uniform motion between the changes,
 //!
 //! ```text
 //! b δ²/T - (a τ + (1 - a) τ') δ - a (1 - a) T (τ' - τ)²/(4b),    δ = z_{k+1} - z_k
@@ -14,13 +14,13 @@
 //! b² - b m - h ≥ 0,   m = -T Re{Z H/(z - 1)},   h = a (1 - a) T² |H|²/4,   Z = z⁻ᵈ (1 - a + a z⁻¹)
 //! ```
 //!
-//! With H = K + (z - 1) F the static part is a sum of cosines, T K (1/2 + Σ Re z⁻ⁱ, i = 1..d), and no digit is lost toward φ = 0.
+//! With H = K + (z - 1) F the static part is a sum of cosines, T K (1/2 + Σ Re z⁻ⁱ, i = 1..d), which is accurate toward φ = 0.
 
 use nalgebra::Complex;
 
 use crate::equations::delay::Delay;
 use crate::equations::estimator::Filter;
-use crate::impedance::{Impedance, Pole};
+use crate::impedance::{Pole, TransferFunction};
 use crate::numerics::phi::exp_m1;
 use crate::numerics::series::{Inverse, Real, Series};
 
@@ -28,7 +28,7 @@ type C = Complex<f64>;
 
 /// W of v = (1 - z⁻¹) W z: Σ taps\[i\] z⁻ⁱ/(1 - pole z⁻¹), in 1/s.
 #[derive(Clone, Debug, PartialEq)]
-struct Slope {
+struct VelocityFilter {
     taps: Vec<f64>,
     pole: f64,
     /// ln pole
@@ -40,25 +40,25 @@ struct Slope {
 pub(crate) struct Curve {
     period: f64,
     lag: Delay,
-    slope: Slope,
+    slope: VelocityFilter,
     stiffness: f64,
     direct: f64,
     /// Of m, N·m·s/rad.
     constant: f64,
-    /// m has Σ taps\[i\] Re z⁻ⁱ more, from i = 1 on.
+    /// m contains Σ taps\[i\] Re z⁻ⁱ, from i = 1 on.
     taps: Vec<f64>,
     poles: Vec<Pole>,
 }
 
-impl Slope {
-    fn of(filter: &Filter, period: f64) -> Slope {
+impl VelocityFilter {
+    fn of(filter: &Filter, period: f64) -> VelocityFilter {
         if filter.taps.is_empty() {
-            // The true velocity counts as the difference.
-            return Slope { taps: vec![1.0 / period], pole: 0.0, ln_pole: f64::NEG_INFINITY };
+            // The true velocity is treated as the difference.
+            return VelocityFilter { taps: vec![1.0 / period], pole: 0.0, ln_pole: f64::NEG_INFINITY };
         }
         if filter.pole > 0.0 {
             let ln_pole = (-period * filter.taps[0]).ln_1p();
-            return Slope { taps: vec![filter.taps[0]], pole: filter.pole, ln_pole };
+            return VelocityFilter { taps: vec![filter.taps[0]], pole: filter.pole, ln_pole };
         }
         let mut sum = 0.0;
         let mut taps: Vec<f64> = filter
@@ -70,7 +70,7 @@ impl Slope {
             })
             .collect();
         taps.pop();
-        Slope { taps, pole: 0.0, ln_pole: f64::NEG_INFINITY }
+        VelocityFilter { taps, pole: 0.0, ln_pole: f64::NEG_INFINITY }
     }
 }
 
@@ -80,38 +80,38 @@ fn power(pole: &Pole, n: f64) -> C {
 }
 
 impl Curve {
-    pub fn new(port: &Impedance, filter: &Filter, lag: Delay, period: f64) -> Curve {
+    pub fn new(transfer: &TransferFunction, filter: &Filter, lag: Delay, period: f64) -> Curve {
         let mut curve = Curve {
             period,
             lag,
-            slope: Slope::of(filter, period),
-            stiffness: port.stiffness,
-            direct: port.direct,
-            constant: 0.5 * period * port.stiffness,
+            slope: VelocityFilter::of(filter, period),
+            stiffness: transfer.stiffness,
+            direct: transfer.direct,
+            constant: 0.5 * period * transfer.stiffness,
             taps: vec![0.0; lag.samples + 2],
-            poles: port.poles.clone(),
+            poles: transfer.poles.clone(),
         };
         // (1 - a) of a delay d and a of d + 1.
-        curve.taps[1..=lag.samples].fill(period * port.stiffness);
-        curve.taps[lag.samples + 1] = lag.part * period * port.stiffness;
+        curve.taps[1..=lag.samples].fill(period * transfer.stiffness);
+        curve.taps[lag.samples + 1] = lag.fraction * period * transfer.stiffness;
         curve
     }
 
-    /// What T K and all dampers at the puck come to: the size of m.
-    pub fn size(port: &Impedance, period: f64) -> f64 {
-        period * port.at_puck[0] + port.at_puck[1]
+    /// The scale of m: T K and all dampers at the puck.
+    pub fn size(transfer: &TransferFunction, period: f64) -> f64 {
+        period * transfer.at_puck[0] + transfer.at_puck[1]
     }
 
-    /// Takes the poles that `chosen` says out of the curve and into its constant and its cosines, with the residue that Z F has
-    /// there: ρλ/(z - λ) has the real part -Re ρ/2 all around the circle, and what is left of the numerator is a polynomial in
-    /// z⁻¹. For whole delays only.
-    pub fn take_out(&mut self, chosen: impl Fn(&Pole) -> bool) -> Vec<(Pole, C)> {
+    /// Moves the `chosen` poles from the curve to its constant and its cosines, and returns their residues in Z F: ρλ/(z - λ) has the
+    /// real part -Re ρ/2 on the whole circle, and the rest of the numerator is a polynomial in z⁻¹. For delays of whole samples
+    /// only.
+    pub fn extract(&mut self, chosen: impl Fn(&Pole) -> bool) -> Vec<(Pole, C)> {
         let (out, rest): (Vec<Pole>, Vec<Pole>) = self.poles.iter().partition(|p| chosen(p));
         self.poles = rest;
-        out.into_iter().map(|pole| (pole, self.without(&pole))).collect()
+        out.into_iter().map(|pole| (pole, self.extract_pole(&pole))).collect()
     }
 
-    fn without(&mut self, pole: &Pole) -> C {
+    fn extract_pole(&mut self, pole: &Pole) -> C {
         let [one, back, slope, slope_back] = pole.gains;
         let lambda = power(pole, 1.0);
         let d = self.lag.samples;
@@ -122,7 +122,7 @@ impl Curve {
         numerator[d] += one;
         numerator[d + 1] += back;
         if moving {
-            // A low-pass, g z/(z - π): its value at λ stays here, the rest hangs on its own pole.
+            // A low-pass, g z/(z - π): its value at λ belongs to this pole, the rest to its own pole.
             let own = if self.slope.pole > 0.0 { 1.0 / (1.0 - self.slope.pole / lambda) } else { C::from(1.0) };
             for (i, tap) in self.slope.taps.iter().enumerate() {
                 numerator[d + i] += slope * own * *tap;
@@ -149,7 +149,7 @@ impl Curve {
         residue
     }
 
-    /// Leaves out poles.
+    /// Omits poles.
     pub fn drop_poles(&mut self, unwanted: impl Fn(&Pole) -> bool) {
         self.poles.retain(|p| !unwanted(p));
     }
@@ -159,7 +159,7 @@ impl Curve {
         self.poles.iter().map(|p| p.arg).filter(|a| *a >= 0.0).collect()
     }
 
-    /// m and h over [φ - r, φ + r]; `None` when that is too long for a series.
+    /// m and h over [φ - r, φ + r]; `None` when the interval is too long for a series.
     pub fn over(&self, phi: f64, r: f64) -> Option<(Real, Real)> {
         let inverse = Inverse::new(r);
         // 1/(z - λ) = z0⁻¹/(e^{jru} - λ/z0)
@@ -197,8 +197,8 @@ impl Curve {
             }
             still.add(C::from(1.0), &moving.times(&slope));
         }
-        // -F now.
-        let a = self.lag.part;
+        // `still` is now -F.
+        let a = self.lag.fraction;
         let lag = turn(-(self.lag.samples as f64));
         let mut lagged = still.times(&lag);
         let mut h = Real { c: [0.0; crate::numerics::series::TERMS], rest: 0.0 };
@@ -244,10 +244,10 @@ mod tests {
         let (mass, period) = (0.3, 2e-3);
         let gain = C::from(mass / (period * period));
         let pole = Pole { ln_abs: f64::NEG_INFINITY, arg: 0.0, gains: [-gain, gain, C::from(0.0), C::from(0.0)] };
-        let port = Impedance { stiffness: 0.0, direct: 0.0, poles: vec![pole], at_puck: [gain.re, 0.0] };
+        let transfer = TransferFunction { stiffness: 0.0, direct: 0.0, poles: vec![pole], at_puck: [gain.re, 0.0] };
         let filter = Filter { pole: 0.0, taps: Vec::new() };
-        let curve = Curve::new(&port, &filter, Delay { samples: 0, part: 0.0 }, period);
-        let found = supremum(&curve, Curve::size(&port, period)).unwrap();
+        let curve = Curve::new(&transfer, &filter, Delay { samples: 0, fraction: 0.0 }, period);
+        let found = supremum(&curve, Curve::size(&transfer, period)).unwrap();
         assert!((found.value / (2.0 * mass / period) - 1.0).abs() < 1e-12, "{found:?}");
         assert_eq!(found.at, Some(std::f64::consts::PI));
     }

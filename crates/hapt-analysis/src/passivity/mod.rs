@@ -1,4 +1,4 @@
-//! Passivity against every passive hand: the damping that it takes, what stays unproved, and the worst hand.
+//! Passivity against every passive hand: required damping, proof, quantisation, worst hand.
 
 pub(crate) mod curve;
 pub(crate) mod proof;

@@ -1,26 +1,26 @@
-//! What a certificate of the linear loop leaves open.
+//! The proof beyond the linear loop, and the reasons where there is none.
 //!
-//! Arguments reach beyond it. τ_k is the torque held while the puck goes from z_k to z_{k+1}, δ = z_{k+1} - z_k; the device
-//! pays for b δ²/T. What none of them names is not proved.
+//! The following arguments extend the certificate. τ_k is the torque held while the puck moves from z_k to z_{k+1}, δ = z_{k+1} - z_k;
+//! the device dissipates at least b δ²/T. All other cases are not proved.
 //!
-//! **Beside a linear loop.** A coupling between puck and ground with a law f(z) that nowhere rises by more than K has the energy
-//! S, S' = f, and f(z_k) δ ≥ S(z_{k+1}) - S(z_k) - K δ²/2, whatever falls. With a wall's damping B the torque is never more than
-//! B |v_k| away from that, |v_k| = |δ before|/T, which costs B (δ² + δ²before)/2T at most. A delay of d samples moves f(z_k) by no
-//! more than K times the d steps between, as long as nothing falls by more than K either. Together T K (1/2 + d) + B, on top of
-//! what the linear rest of the loop asks for by itself. The motor holds 0, and not f(z_0), until the first command arrives: that lends
-//! the hand |f(z_0)| times the way of the first d samples at most, once, beyond the energy S(z_0).
+//! **With a linear loop.** A coupling between puck and ground with a law f(z) of slope at most K has the energy S, S' = f, and
+//! f(z_k) δ ≥ S(z_{k+1}) - S(z_k) - K δ²/2 for any negative slopes. With a wall's damping B the torque is never more than
+//! B |v_k| away from that, |v_k| = |δ before|/T, which costs B (δ² + δ²before)/2T at most. A delay of d samples changes f(z_k) by at
+//! most K times the d steps between, if no slope is below -K either. The sum is T K (1/2 + d) + B, in addition to the requirement
+//! of the linear rest of the loop. The motor holds 0, not f(z_0), until the first command arrives: that gives the hand at most
+//! |f(z_0)| times the path of the first d samples, once, beyond the energy S(z_0).
 //!
-//! **A motor at its limit** with no body is such a law too: the sum of springs, cut, rises by no more than K, and dampers are never more
-//! than B |v_k| away, |v_k| being no more than a mean of steps before over T. A fraction a of a sample of delay makes the
+//! **Saturation of the motor** without bodies is such a law too: the saturated sum of springs has a slope of at most K, and dampers
+//! contribute at most B |v_k|, where |v_k| is at most a mean of earlier steps over T. A fraction a of a sample of delay makes the
 //! bound that of (T32) with m = T K (1/2 + d + a) + B.
 //!
 //! **At bodies** the energy theorem: where the step, puck held, does not raise the energy S(z, x), and the torque is -∂S/∂z at
 //! its end, the hand's work is the change of S less K δ²/2 at most. `zoh`, `trapezoidal` and `backward-euler` with their
-//! discrete-gradient step are such; the torque has to be that of `end`, not of a later step, and not late. A damper at the puck
-//! costs its B, taken with the mean velocity. A wall with damping between puck and body is not covered: its body's damping goes
-//! by the middle of the step and the puck's by its end, and they need not be inside together.
+//! discrete-gradient step satisfy this. The torque must be that of `end`, without advance and delay. A damper at the puck
+//! requires its B, with the mean velocity. A wall with damping between puck and body is not covered: the damping on the body uses the
+//! middle of the step, that on the puck its end, and only one of them may be inside.
 //!
-//! **Counts and levels** with no body are paid for by the device's friction (`counts.rs`). With a body nothing pays for them.
+//! **Counts and levels** without bodies are compensated by the friction of the device (`quantisation`). With a body they are not.
 
 use hapt_model::{Coupling, EstimatorKind, Method, Output, World};
 
@@ -30,11 +30,11 @@ use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, quantisation};
-use crate::passivity::required::{Need, need};
+use crate::passivity::required::{Requirement, requirement};
 use crate::text::short;
 
-/// The reasons why the answer on the linear loop is not one on the whole.
-pub(crate) fn missing(world: &World, found: &Need) -> Result<Vec<String>, Error> {
+/// The reasons why the verdict on the linear loop is not proved for the whole loop.
+pub(crate) fn unproved(world: &World, found: &Requirement) -> Result<Vec<String>, Error> {
     let claimed = claimed(world, found);
     let mut reasons = Vec::new();
     reasons.extend(estimator(world));
@@ -47,7 +47,8 @@ pub(crate) fn missing(world: &World, found: &Need) -> Result<Vec<String>, Error>
             reasons.push("a low-pass delays the velocity, and nonlinear couplings have no proof with that".to_string());
         }
         let bodies: Vec<&Coupling> = nonlinear.iter().copied().filter(|c| laws::at_body(c)).collect();
-        let outside = if bodies.is_empty() { beside(world, claimed)? } else { theorem(world, &bodies, claimed)? };
+        let outside =
+            if bodies.is_empty() { at_puck_only(world, claimed)? } else { energy_theorem(world, &bodies, claimed)? };
         reasons.extend(outside);
     }
     reasons.extend(bristles(world));
@@ -55,7 +56,7 @@ pub(crate) fn missing(world: &World, found: &Need) -> Result<Vec<String>, Error>
     Ok(reasons)
 }
 
-/// A velocity that no argument speaks of.
+/// An estimator that the proof does not cover.
 fn estimator(world: &World) -> Option<String> {
     let sampling = &world.sampling;
     match sampling.estimator {
@@ -75,7 +76,7 @@ fn estimator(world: &World) -> Option<String> {
     }
 }
 
-/// Counts and levels beside bodies: the friction of the puck does not see what moves there.
+/// Quantisation with bodies, whose motion the friction of the puck does not damp.
 fn bodies_and_counts(world: &World) -> Option<String> {
     if world.bodies.is_empty() {
         return None;
@@ -93,7 +94,7 @@ fn bodies_and_counts(world: &World) -> Option<String> {
     }
 }
 
-/// The motor's limit, where it can be reached.
+/// The motor limit, where the loop can reach it.
 fn limit(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> {
     let asked: f64 = world.couplings.iter().filter(|c| laws::at_puck(c)).map(laws::most).sum();
     if world.device.limit.is_none_or(|limit| asked <= limit) {
@@ -106,16 +107,16 @@ fn limit(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> {
                 .to_string(),
         ));
     }
-    let bound = price(at_puck(world, &world.couplings)?, world.sampling.period, Delay::of_loop(&world.sampling)?);
+    let bound = demand(at_puck(world, &world.couplings)?, world.sampling.period, Delay::of_loop(&world.sampling)?);
     Ok(falls_short(claimed, bound)
         .then(|| format!("a motor at its limit is proved passive from a device damping of {} on", short(bound))))
 }
 
-/// What laws of the position that rise and fall by no more than K, with dampings of B, ask for, cut or not.
-fn price([stiffness, damping]: [f64; 2], period: f64, lag: Delay) -> f64 {
-    let late = lag.samples as f64 + lag.part;
+/// The required damping of position laws with slopes within ±K and dampings of B, saturated or not.
+fn demand([stiffness, damping]: [f64; 2], period: f64, lag: Delay) -> f64 {
+    let late = lag.samples as f64 + lag.fraction;
     let even = period * stiffness * (0.5 + late) + damping;
-    0.5 * (even + even.hypot((lag.part * (1.0 - lag.part)).sqrt() * period * stiffness))
+    0.5 * (even + even.hypot((lag.fraction * (1.0 - lag.fraction)).sqrt() * period * stiffness))
 }
 
 /// Constant torques at bodies.
@@ -126,7 +127,7 @@ fn constants(world: &World) -> Option<String> {
     })
 }
 
-/// Bristles that give back more than they took.
+/// LuGre bristles that return more energy than they store.
 fn bristles(world: &World) -> Vec<String> {
     let couplings = world.couplings.iter().enumerate().filter(|(_, coupling)| laws::bristles_give(&coupling.law));
     let reason = |(index, _)| {
@@ -138,7 +139,7 @@ fn bristles(world: &World) -> Vec<String> {
     couplings.map(reason).collect()
 }
 
-/// Friction that counts and levels ask for.
+/// Friction required by quantisation.
 fn friction(world: &World, found: &Quantisation) -> Vec<String> {
     let mut reasons = Vec::new();
     if found.lacks_friction() {
@@ -161,29 +162,29 @@ fn friction(world: &World, found: &Quantisation) -> Vec<String> {
     reasons
 }
 
-/// The damping for which the verdict speaks: what the device has, or what it would need.
-fn claimed(world: &World, found: &Need) -> Option<f64> {
+/// The damping of the verdict: that of the device, or the required one if larger.
+fn claimed(world: &World, found: &Requirement) -> Option<f64> {
     let required = found.damping.ok()?;
     Some(required.max(world.device.damping))
 }
 
 fn falls_short(claimed: Option<f64>, bound: f64) -> bool {
-    // Where no damping will do there is nothing to prove beyond that.
+    // Without a finite required damping there is nothing to prove.
     claimed.is_some_and(|b| b < bound * (1.0 - 1e-9))
 }
 
-/// Nonlinear couplings between puck and ground beside a linear rest.
-fn beside(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> {
+/// Nonlinear couplings between puck and ground in a loop that is linear otherwise.
+fn at_puck_only(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> {
     let lag = Delay::of_loop(&world.sampling)?;
-    if lag.part > 0.0 {
+    if lag.fraction > 0.0 {
         return Ok(Some("nonlinear couplings have no proof under a delay with a fraction of a sample".to_string()));
     }
-    // A compensating damper may stand on one side, and the springs that it follows on the other.
+    // A compensating damper and its springs may fall into different groups.
     let couplings = settled(&world.couplings, world.sampling.period);
-    let (bent, straight): (Vec<Coupling>, Vec<Coupling>) = couplings.into_iter().partition(is_nonlinear);
-    for coupling in &bent {
+    let (indices, straight): (Vec<Coupling>, Vec<Coupling>) = couplings.into_iter().partition(is_nonlinear);
+    for coupling in &indices {
         match Kind::of(coupling) {
-            // Coulomb friction at the puck has been refused: no damping is claimed.
+            // Coulomb friction at the puck has no finite required damping.
             Kind::Potential | Kind::Linear | Kind::Constant | Kind::Coulomb => {}
             Kind::Lugre => {
                 return Ok(Some(
@@ -192,8 +193,8 @@ fn beside(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> 
             }
         }
     }
-    let [stiffness, damping] = at_puck(world, &bent)?;
-    let Ok(rest) = need(world, &straight)?.damping else { return Ok(None) };
+    let [stiffness, damping] = at_puck(world, &indices)?;
+    let Ok(rest) = requirement(world, &straight)?.damping else { return Ok(None) };
     let bound = rest + world.sampling.period * stiffness * (0.5 + lag.samples as f64) + damping;
     Ok(falls_short(claimed, bound).then(|| {
         format!("the nonlinear couplings at the puck are proved passive from a device damping of {} on", short(bound))
@@ -201,10 +202,10 @@ fn beside(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> 
 }
 
 /// Nonlinear couplings at bodies: the conditions of the energy theorem.
-fn theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<Option<String>, Error> {
+fn energy_theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<Option<String>, Error> {
     let sampling = &world.sampling;
     let lag = Delay::of_loop(sampling)?;
-    let outside = |why: &str| Ok(Some(format!("the energy theorem does not cover this nonlinear world: {why}")));
+    let outside = |why: &str| Ok(Some(format!("the energy energy_theorem does not cover this nonlinear world: {why}")));
     match sampling.method {
         Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => {}
         Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => {
@@ -217,23 +218,23 @@ fn theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<
     if sampling.advance > 0 {
         return outside("the torque is that of a later step");
     }
-    if lag.samples > 0 || lag.part > 0.0 {
+    if lag.samples > 0 || lag.fraction > 0.0 {
         return outside("the torque comes late");
     }
     if bodies.iter().any(|c| laws::at_puck(c) && laws::is_damped_wall(&c.law)) {
         return outside("a wall with damping stands between the puck and a body");
     }
-    // The puck feels the damper's law at the end of the step, and the body the torque that was found: only where the step settles are
-    // they one. Clamped springs and dampers and walls do, being the means of convex energies.
+    // The puck receives the torque of the law at the end of the step, the body the torque of the iteration: they agree only where it
+    // converges. Clamped springs and dampers and walls do, being the means of convex energies.
     if bodies.iter().any(|c| laws::at_puck(c) && Kind::of(c) == Kind::Potential && laws::takes_velocity(&c.law))
         && bodies.iter().any(|c| laws::may_not_settle(&c.law))
     {
         return outside(
-            "a damper with a limit stands between the puck and a body, beside detents, friction or damped walls at bodies, whose \
+            "a damper with a limit stands between the puck and a body, at_puck_only detents, friction or damped walls at bodies, whose \
              torques may not agree within a step",
         );
     }
-    // At a body or at the puck: neither has a step that is known to take no more than it gives.
+    // Neither at a body nor at the puck is the step known to be passive.
     if world.couplings.iter().any(|c| Kind::of(c) == Kind::Lugre) {
         return outside("the sampled bristle of LuGre friction has no proof beyond its steepest slope");
     }

@@ -1,43 +1,43 @@
-//! What the encoder's counts and the motor's levels ask of the device, and what they can feed a world.
+//! Encoder and torque quantisation: the friction and damping that they require of the device, and the power that they can feed.
 //!
-//! The loop sees z + e, |e| ≤ Δ/2, and the motor makes the torque to within half a step. Where nothing but the puck moves, all of that
-//! is a torque on the puck of no more than D = KΔ/2 + BΔ/T + step/2, whose work is no more than D times the way: Coulomb friction of
-//! the device takes as much where it is no less than D.
+//! The loop sees z + e, |e| ≤ Δ/2, and the motor rounds the torque to within half a step. Without bodies the sum of both is a
+//! torque on the puck of at most D = KΔ/2 + BΔ/T + step/2, whose work is at most D times the path. Coulomb friction of at least D
+//! dissipates as much.
 //!
-//! At a body it is a torque D_i = K_iΔ/2 + B_iΔ/T that the puck's friction does not see. Over a step that keeps the energy it does a
-//! work of D·|way| at most, and dampers C that the puck does not move take at least wayᵀ C way/T: what is left is no more than
-//! Dᵀ C⁻¹ D/4 times T. For one body with a damper B to ground that is a power of K²Δ²/(16 B).
+//! At a body it is a torque D_i = K_iΔ/2 + B_iΔ/T, which the friction of the puck does not compensate. Over an energy-conserving step
+//! its work is at most D·|path|, and dampers C that the puck does not move dissipate at least pathᵀ C path/T. The difference is at
+//! most Dᵀ C⁻¹ D/4 times T. For one body with a damper B to ground that is a power of K²Δ²/(16 B).
 
 use hapt_model::{Coupling, End, Method, Output, World};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use crate::equations::continuous::{Slopes, Tie, ties};
+use crate::equations::continuous::{LinearCoupling, Slopes, linearise};
 use crate::equations::delay::Delay;
 use crate::equations::laws::{self, Kind};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
 
-/// What the encoder's counts and the motor's levels allow.
+/// The stiffness that encoder and torque quantisation allow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quantisation {
     /// min(2b/T, 2 (friction - ΣB Δ/T - step/2)/Δ), never below 0, N·m/rad (linear: N/m); `None` for ideal counts and levels.
     pub max_stiffness: Option<f64>,
-    /// Whether the stiffness at the puck is no larger, and the friction no less than what dampers and levels ask for.
+    /// Whether the stiffness at the puck is no larger, and the friction no less than dampers and levels require.
     pub ok: bool,
     /// ΣB Δ/T + step/2, N·m (linear: N).
     #[serde(skip)]
     pub least_friction: f64,
-    /// What the device has.
+    /// The friction of the device, in the same unit.
     #[serde(skip)]
     pub friction: f64,
-    /// The stiffness at the puck, on the steepest rises.
+    /// The stiffness at the puck, at the steepest slopes.
     #[serde(skip)]
     pub stiffness: f64,
 }
 
 impl Quantisation {
-    /// Whether the device's friction is less than what dampers and levels ask for, whatever the stiffness.
+    /// Whether the friction is less than dampers and levels require, at any stiffness.
     pub fn lacks_friction(&self) -> bool {
         self.max_stiffness.is_some() && self.friction < self.least_friction
     }
@@ -52,12 +52,12 @@ impl Quantisation {
 pub(crate) fn step(world: &World) -> f64 {
     match (world.device.levels, world.device.limit) {
         (Some(levels), Some(limit)) => 2.0 * limit / f64::from(levels),
-        // Levels divide the range of a limit: without one there are none.
+        // Levels divide the range of the limit.
         (Some(_), None) | (None, Some(_)) | (None, None) => 0.0,
     }
 }
 
-/// What the encoder's counts and the motor's levels allow (Abbott and Okamura, IEEE Trans. Robotics 21(5), 2005, with dampers and
+/// The stiffness that encoder and torque quantisation allow (Abbott and Okamura, IEEE Trans. Robotics 21(5), 2005, with dampers and
 /// levels).
 ///
 /// # Errors
@@ -69,19 +69,19 @@ pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
     let least_friction = count.map_or(0.0, |count| damping * count / period) + 0.5 * step;
     let max_stiffness = (count.is_some() || step > 0.0).then(|| {
         let left = friction - least_friction;
-        let swallowed = match count {
+        let by_friction = match count {
             Some(count) => 2.0 * left / count,
             None if left >= 0.0 => f64::INFINITY,
             None => 0.0,
         };
-        (2.0 * device.damping / period).min(swallowed).max(0.0)
+        (2.0 * device.damping / period).min(by_friction).max(0.0)
     });
     let found = Quantisation { max_stiffness, ok: true, least_friction, friction, stiffness };
     Ok(Quantisation { ok: !found.is_too_stiff() && !found.lacks_friction(), ..found })
 }
 
-/// Whether the step keeps or loses energy while the puck is held, with the torque of its end and at once: what the bound on the power
-/// rests on.
+/// Whether the step does not raise the energy while the puck is held, with the torque at its end and without delay: the assumption
+/// of the power bound.
 fn keeps_energy(world: &World) -> Result<bool, Error> {
     let sampling = &world.sampling;
     let method = match sampling.method {
@@ -89,15 +89,15 @@ fn keeps_energy(world: &World) -> Result<bool, Error> {
         Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
     };
     let lag = Delay::of_loop(sampling)?;
-    Ok(method && sampling.output == Output::End && sampling.advance == 0 && lag.samples == 0 && lag.part == 0.0)
+    Ok(method && sampling.output == Output::End && sampling.advance == 0 && lag.samples == 0 && lag.fraction == 0.0)
 }
 
-/// The largest power in W that counts can feed damped bodies with; `None` where there are no counts or no bodies that they push, and
-/// where nothing bounds it.
+/// An upper bound in W of the power that encoder counts feed into damped bodies; `None` without counts, without bodies at the puck, or
+/// without a bound.
 ///
 /// # Errors
 /// [`Error::NoSuchBody`], [`Error::InFlight`].
-pub(crate) fn power(world: &World) -> Result<Option<f64>, Error> {
+pub(crate) fn count_power(world: &World) -> Result<Option<f64>, Error> {
     let (Some(count), n) = (world.count(), world.bodies.len()) else { return Ok(None) };
     let outside = |c: &Coupling| {
         matches!(Kind::of(c), Kind::Constant | Kind::Lugre)
@@ -107,19 +107,19 @@ pub(crate) fn power(world: &World) -> Result<Option<f64>, Error> {
         return Ok(None);
     }
     let period = world.sampling.period;
-    let damping = |tie: &Tie| tie.fixed + period * tie.per_period;
+    let damping = |term: &LinearCoupling| term.fixed + period * term.per_period;
     let (mut push, mut taken) = (DVector::zeros(n), DMatrix::zeros(n, n));
-    for tie in ties(&world.bodies, &world.couplings, &Slopes::Steep)? {
-        if let (End::Puck, End::Body(i)) | (End::Body(i), End::Puck) = (tie.first, tie.second) {
-            push[i] += 0.5 * tie.stiffness * count + damping(&tie) * count / period;
+    for term in linearise(&world.bodies, &world.couplings, &Slopes::Steep)? {
+        if let (End::Puck, End::Body(i)) | (End::Body(i), End::Puck) = (term.first, term.second) {
+            push[i] += 0.5 * term.stiffness * count + damping(&term) * count / period;
         }
     }
-    // Only what is there at every motion takes.
-    for tie in ties(&world.bodies, &world.couplings, &Slopes::Flat)? {
-        match (tie.first, tie.second) {
-            (End::Ground, End::Body(i)) | (End::Body(i), End::Ground) => taken[(i, i)] += damping(&tie),
+    // Only damping at every motion counts.
+    for term in linearise(&world.bodies, &world.couplings, &Slopes::Flat)? {
+        match (term.first, term.second) {
+            (End::Ground, End::Body(i)) | (End::Body(i), End::Ground) => taken[(i, i)] += damping(&term),
             (End::Body(i), End::Body(j)) => {
-                let damping = damping(&tie);
+                let damping = damping(&term);
                 taken[(i, i)] += damping;
                 taken[(j, j)] += damping;
                 taken[(i, j)] -= damping;

@@ -1,6 +1,6 @@
-//! The largest damping that any frequency asks for, by branch and bound: over each interval of frequency a series with a
-//! bounded remainder says how high the curve can be, and only where that is above the highest value known the interval is
-//! halved. When none is left the value is proved, however narrow the peaks.
+//! The supremum of the required damping over all frequencies, by branch and bound. A series with a bounded remainder gives an upper
+//! bound of the curve over each interval. An interval whose bound exceeds the best known value is halved. When none is left the
+//! value is proved, however narrow the peaks.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -10,14 +10,14 @@ use crate::error::Error;
 use crate::numerics::series::Real;
 use crate::passivity::curve::Curve;
 
-/// The value is proved to this, relatively.
+/// Relative accuracy of the proof.
 const PROVED: f64 = 1e-11;
 
-/// What comes within this of the supremum, relatively, reaches it.
+/// Relative distance within which a value counts as the supremum.
 const REACHED: f64 = 1e-9;
 
-/// Intervals looked at before the search gives up. One body takes some hundred, 32 lightly damped ones some ten thousand.
-const LOOKS: usize = 2_000_000;
+/// Largest number of intervals. One body takes some hundred, 32 lightly damped ones some ten thousand.
+const MAX_INTERVALS: usize = 2_000_000;
 
 /// The supremum of a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,16 +27,16 @@ pub(crate) struct Supremum {
     pub at: Option<f64>,
 }
 
-/// An interval of frequency, φ - r to φ + r, and what is known of it.
+/// An interval of frequency, φ - r to φ + r, with its bounds.
 #[derive(Clone, Copy, Debug)]
 struct Interval {
     phi: f64,
     r: f64,
-    /// The curve is nowhere above this.
+    /// An upper bound of the curve.
     upper: f64,
-    /// By how much the curve may differ from its value in the middle.
+    /// Largest difference of the curve from its value in the middle.
     spread: f64,
-    /// Of the curve at `at`, from below.
+    /// A lower bound of the curve at `at`.
     value: f64,
     at: f64,
 }
@@ -66,9 +66,9 @@ fn damping(m: f64, h: f64) -> f64 {
 struct Search<'a> {
     curve: &'a Curve,
     best: f64,
-    /// What rounding makes of the curve.
+    /// Rounding error of the curve.
     noise: f64,
-    looks: usize,
+    intervals: usize,
 }
 
 impl Search<'_> {
@@ -78,12 +78,12 @@ impl Search<'_> {
         value
     }
 
-    fn look(&mut self, phi: f64, r: f64) -> Result<Interval, Error> {
-        self.looks += 1;
-        if self.looks > LOOKS {
-            return Err(Error::Search { looks: LOOKS });
+    fn bound(&mut self, phi: f64, r: f64) -> Result<Interval, Error> {
+        self.intervals += 1;
+        if self.intervals > MAX_INTERVALS {
+            return Err(Error::Search { intervals: MAX_INTERVALS });
         }
-        // Too narrow for two numbers: the middle is all there is.
+        // Too narrow to halve: the middle is the only number.
         if phi + 0.5 * r <= phi || r < 1e-200 {
             let value = self.at(phi);
             return Ok(Interval { phi, r, upper: value, spread: 0.0, value, at: phi });
@@ -98,7 +98,7 @@ impl Search<'_> {
                 at: phi,
             });
         };
-        // With h > 0, b ≤ γ is m + h/γ ≤ γ; and where that has the bound u above γ, b ≤ u.
+        // With h > 0, b ≤ γ is equivalent to m + h/γ ≤ γ. If the bound u of that is above γ, b ≤ u.
         let gamma = self.best.max(self.noise).max(damping(m.c[0], h.c[0].max(0.0)));
         let sum: Real = if h.c[0] > 0.0 { m.plus(1.0 / gamma, &h) } else { m };
         let u = sum.vertex();
@@ -108,13 +108,13 @@ impl Search<'_> {
         Ok(Interval { phi, r, upper: sum.upper(), spread, value, at: phi + r * u })
     }
 
-    /// Whether an interval may hold more than `level`.
-    fn open(&self, interval: &Interval, level: f64) -> bool {
+    /// Whether the curve may exceed `level` in an interval.
+    fn may_exceed(&self, interval: &Interval, level: f64) -> bool {
         interval.upper > level + self.noise
     }
 
-    /// Uphill from an angle, to where the curve is highest near it.
-    fn summit(&mut self, mut phi: f64, mut r: f64) -> f64 {
+    /// The local maximum near an angle.
+    fn refine_maximum(&mut self, mut phi: f64, mut r: f64) -> f64 {
         let mut value = self.at(phi);
         for _ in 0..60 {
             let Some((m, h)) = self.curve.over(phi, r) else {
@@ -144,7 +144,7 @@ impl Search<'_> {
 /// # Errors
 /// [`Error::Search`].
 pub(crate) fn supremum(curve: &Curve, size: f64) -> Result<Supremum, Error> {
-    let mut search = Search { curve, best: 0.0, noise: 1e-14 * size, looks: 0 };
+    let mut search = Search { curve, best: 0.0, noise: 1e-14 * size, intervals: 0 };
     for phi in curve.angles().into_iter().chain([0.0, PI]) {
         search.at(phi);
     }
@@ -152,16 +152,16 @@ pub(crate) fn supremum(curve: &Curve, size: f64) -> Result<Supremum, Error> {
     let r = 0.5 * PI / f64::from(first);
     let mut heap = BinaryHeap::new();
     for i in 0..first {
-        heap.push(search.look(r * f64::from(2 * i + 1), r)?);
+        heap.push(search.bound(r * f64::from(2 * i + 1), r)?);
     }
     while let Some(top) = heap.pop() {
-        if !search.open(&top, search.best * (1.0 + PROVED)) {
+        if !search.may_exceed(&top, search.best * (1.0 + PROVED)) {
             heap.push(top);
             break;
         }
         let half = 0.5 * top.r;
-        heap.push(search.look(top.phi - half, half)?);
-        heap.push(search.look(top.phi + half, half)?);
+        heap.push(search.bound(top.phi - half, half)?);
+        heap.push(search.bound(top.phi + half, half)?);
     }
     let mut leaves = heap.into_vec();
     let reached = search.best * (1.0 - REACHED) - search.noise;
@@ -173,17 +173,17 @@ pub(crate) fn supremum(curve: &Curve, size: f64) -> Result<Supremum, Error> {
         return Ok(Supremum { value: search.best, at: Some(0.0) });
     }
     leaves.sort_by(|a, b| b.phi.total_cmp(&a.phi));
-    // Lowest last.
+    // The lowest frequency is last.
     while let Some(leaf) = leaves.pop() {
         if leaf.value >= reached {
-            return Ok(Supremum { value: search.best, at: Some(search.summit(leaf.at, leaf.r)) });
+            return Ok(Supremum { value: search.best, at: Some(search.refine_maximum(leaf.at, leaf.r)) });
         }
         if leaf.upper >= reached && leaf.r > 1e-15 * leaf.phi {
             let half = 0.5 * leaf.r;
-            leaves.push(search.look(leaf.phi + half, half)?);
-            leaves.push(search.look(leaf.phi - half, half)?);
+            leaves.push(search.bound(leaf.phi + half, half)?);
+            leaves.push(search.bound(leaf.phi - half, half)?);
         }
     }
-    // All that reached it has been π.
+    // Only π reaches it.
     Ok(Supremum { value: search.best, at: Some(PI) })
 }

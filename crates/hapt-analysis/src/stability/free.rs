@@ -1,26 +1,26 @@
-//! The free loop: world, estimator, delay, hold and device together, no hand on the puck. Levels, encoder, limit and Coulomb
-//! friction are left out; nonlinear couplings count by their slopes.
+//! Stability of the free loop: world, estimator, delay, hold and device together, hands-off. Levels, encoder, limit and Coulomb
+//! friction are omitted; nonlinear couplings enter by their slopes.
 //!
-//! What the puck never feels keeps the eigenvalues it has with the puck held, with their closed forms; the rest is one matrix,
-//! that of stack.rs. Shifts that change no torque never reach an eigenvalue solver. Momentum, where the scheme conserves it, is
-//! then a simple eigenvalue 1, which comes out to a few eps. It is conserved where the torque on a wheel that spins evenly is 0:
+//! Modes decoupled from the puck keep their eigenvalues of the held world, with their closed forms. The rest is one matrix, that of
+//! `closed_loop`. Shifts that change no torque are removed before the eigenvalue solver. Momentum, where the scheme conserves it, is
+//! then a simple eigenvalue 1, accurate to a few eps. It is conserved where the torque on a wheel in uniform rotation is 0:
 //! forward and semi-implicit Euler at START, zoh and the trapezoidal rule at MIDDLE, backward Euler at END, tustin and
-//! foh. Half a sample later the torque pushes the whole loop along, at (KT/2 - b)/(J_z + J_w); a whole sample later at
+//! foh. Half a sample later the torque accelerates the whole loop, at (KT/2 - b)/(J_z + J_w); a whole sample later at
 //! (KT - b)/(J_z + J_w).
 
 use hapt_model::{Method, Output, Sampling, World};
 use nalgebra::Complex;
 
-use crate::equations::closed_loop::stack;
-use crate::equations::continuous::bent_anywhere;
+use crate::equations::closed_loop::closed_loop;
+use crate::equations::continuous::piecewise;
 use crate::equations::estimator::Filter;
 use crate::equations::grip::Grip;
 use crate::equations::modal::Modal;
 use crate::equations::port::Port;
 use crate::equations::slopes::combinations;
-use crate::equations::structure::{Link, Part, inertias_with_puck, parts, with_puck};
+use crate::equations::structure::{Link, Part, inertias_with_puck, linearise_with_puck, parts};
 use crate::error::{Error, positive};
-use crate::numerics::crossing::{Along, Heights, first_rise, floor};
+use crate::numerics::crossing::{Ranked, Spacing, first_crossing, growth_floor};
 use crate::numerics::eigenvalues::eigenvalues_and_scale;
 use crate::numerics::rayleigh::Quotients;
 use crate::stability::critical::{Critical, of_part};
@@ -28,24 +28,23 @@ use crate::stability::held::spectrum;
 use crate::stability::multiplier::{Multiplier, Root, multiplier};
 use crate::stability::{Eigenvalue, MARGINAL, NOT_SEARCHED, Stability, assemble};
 
-/// The critical period is searched from this fraction of the period up, or from this fraction of the delay, whichever is the
-/// longer.
+/// The search for the critical period begins at this fraction of the period, or at this fraction of the delay, whichever is longer.
 const SHORTEST: (f64, f64) = (1e-3, 1.0 / 64.0);
 
-/// And up to this many times the slowest time constant. Beyond it every product of a rate and the period is large, and nothing
-/// new happens.
+/// The search ends at this multiple of the longest time constant. Beyond it every product of a rate and the period is large, and
+/// stability no longer changes.
 const LONGEST: f64 = 100.0;
 
-/// An eigenvalue errs by about this many units in the last place of the matrix's largest entry.
+/// Error of an eigenvalue, relative to the largest entry of the matrix.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// So many times that from the circle it is in doubt.
+/// Distance from the unit circle, as a multiple of the error, below which an eigenvalue is refined.
 const DOUBTFUL: f64 = 100.0;
 
-/// What one part of the world gives.
+/// The result of one part of the world.
 #[derive(Clone, Debug)]
-struct Found {
-    /// Shifts that change no torque: λ = 1, none of `multipliers`.
+struct PartResult {
+    /// Number of shifts that change no torque: λ = 1, not in `multipliers`.
     shifts: usize,
     multipliers: Vec<Multiplier>,
     /// z = Ts of the differential equation's complex pairs, Im z > 0.
@@ -53,10 +52,10 @@ struct Found {
     critical: Critical,
 }
 
-/// Eigenvalues, growth, critical period and modes of the loop with nobody at the puck.
+/// Eigenvalues, growth, critical period and modes of the loop, hands-off.
 ///
-/// Work: for each combination of slopes some cubes of the number of the puck's own modes, memory and commands in flight, and
-/// about a hundred times that for the critical period.
+/// Work, for each combination of slopes: O(n³) in the modes coupled to the puck, estimator memory and commands in flight, and about
+/// a hundred times that for the critical period.
 ///
 /// # Errors
 /// [`Error::Value`] for a period or inertia that is not positive, [`Error::NoSuchBody`], [`Error::InFlight`] for a delay of too
@@ -65,7 +64,7 @@ pub fn free(world: &World) -> Result<Stability, Error> {
     analyse(world, &Grip::default(), Critical::Unbounded)
 }
 
-/// The same without the search for the critical period, whose reason is then [`NOT_SEARCHED`].
+/// As [`free`], without the search for the critical period, whose reason is then [`NOT_SEARCHED`].
 ///
 /// # Errors
 /// As [`free`].
@@ -82,9 +81,8 @@ pub fn free_growth(world: &World) -> Result<Option<f64>, Error> {
     gripped_growth(world, &Grip::default())
 }
 
-/// The growth in 1/s of the loop with a hand on the puck that holds still: its inertia moves with the puck, its spring and damper
-/// stand between the puck and ground. Such a hand is passive, and what grows draws its energy from the loop. No hand, all three
-/// 0: [`free_growth`].
+/// The growth in 1/s of the loop with a hand at rest on the puck: its inertia moves with the puck, its spring and damper act between
+/// puck and ground. Such a hand is passive, so any growth takes its energy from the loop. With all three 0 it is [`free_growth`].
 ///
 /// # Errors
 /// As [`free`].
@@ -92,19 +90,19 @@ pub fn gripped_growth(world: &World, grip: &Grip) -> Result<Option<f64>, Error> 
     Ok(analyse(world, grip, Critical::Never)?.growth_per_s)
 }
 
-/// The growths of all that counts, 1/s, less what a verdict lets pass.
+/// The growths of all eigenvalues without shifts, 1/s, less the margin of the verdict.
 ///
 /// # Errors
 /// As [`free`].
-pub(crate) fn free_heights(world: &World) -> Result<Heights, Error> {
+pub(crate) fn free_growths(world: &World) -> Result<Ranked, Error> {
     let period = world.sampling.period;
     let found = analyse(world, &Grip::default(), Critical::Never)?;
-    // The shifts are among the eigenvalues, and not among what counts.
+    // `eigenvalues` contains the shifts.
     let most = found.growth_per_s.unwrap_or(f64::NEG_INFINITY);
     let growths = found.eigenvalues.iter().filter(|v| v.im >= 0.0).map(|v| v.abs.ln() / period);
     let others = growths.filter(|growth| *growth < most - MARGINAL);
-    let heights = others.chain([most]).map(|growth| growth - MARGINAL);
-    Ok(Heights::new(heights, floor(period, world.sampling.delay_s()), 0.0))
+    let growths = others.chain([most]).map(|growth| growth - MARGINAL);
+    Ok(Ranked::new(growths, growth_floor(period, world.sampling.delay_s()), 0.0))
 }
 
 /// The eigenvalues of [`free`] alone.
@@ -120,19 +118,19 @@ fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stabili
     let period = positive("the period", world.sampling.period)?;
     // The puck is one of the bodies, the first.
     let inertia = inertias_with_puck(world)?;
-    let mut known: Vec<(Part, Found)> = Vec::new();
-    let mut worst: Option<(f64, Vec<Found>)> = None;
-    for slopes in combinations(&bent_anywhere(&world.couplings)) {
-        let mut all: Vec<Found> = Vec::new();
+    let mut known: Vec<(Part, PartResult)> = Vec::new();
+    let mut worst: Option<(f64, Vec<PartResult>)> = None;
+    for slopes in combinations(&piecewise(&world.couplings)) {
+        let mut all: Vec<PartResult> = Vec::new();
         for (index, part) in
-            parts(&inertia, &with_puck(&world.bodies, &world.couplings, &slopes)?).into_iter().enumerate()
+            parts(&inertia, &linearise_with_puck(&world.bodies, &world.couplings, &slopes)?).into_iter().enumerate()
         {
             let found = match known.iter().find(|(p, _)| *p == part) {
                 Some((_, found)) => found.clone(),
                 None => {
                     let found = match index {
-                        0 => of_puck(&part, &world.sampling, world.device.damping, grip, critical)?,
-                        _ => apart(&part, world.sampling.method, period, critical)?,
+                        0 => puck_part(&part, &world.sampling, world.device.damping, grip, critical)?,
+                        _ => decoupled_part(&part, world.sampling.method, period, critical)?,
                     };
                     known.push((part, found.clone()));
                     found
@@ -143,7 +141,7 @@ fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stabili
         }
         let shifts = all.iter().map(|f| f.shifts).sum();
         let multipliers = all.iter().flat_map(|f| f.multipliers.iter().copied()).collect();
-        let most = growth(&counting(multipliers, shifts, period, MARGINAL), period);
+        let most = growth(&without_shifts(multipliers, shifts, period, MARGINAL), period);
         // Of combinations that rounding alone tells apart the first counts, the flat one.
         if worst.as_ref().is_none_or(|(growth, _)| most > growth + MARGINAL) {
             worst = Some((most, all));
@@ -152,48 +150,54 @@ fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stabili
     let found = worst.map(|(_, found)| found).unwrap_or_default();
     let shifts = found.iter().map(|f| f.shifts).sum();
     let moving: Vec<Multiplier> = found.iter().flat_map(|f| f.multipliers.iter().copied()).collect();
-    let counting = counting(moving.clone(), shifts, period, MARGINAL);
+    let without_shifts = without_shifts(moving.clone(), shifts, period, MARGINAL);
     let all: Vec<Multiplier> = std::iter::repeat_n(Multiplier::ONE, shifts).chain(moving).collect();
     let pairs: Vec<Root> = found.iter().flat_map(|f| f.pairs.iter().copied()).collect();
-    // What leaves the circle below the shortest period does so where the rest is not looked at.
+    // A crossing below the shortest period is outside the range of the search.
     let critical = match critical {
         Critical::Period(period) if period <= shortest_period(&world.sampling) => Critical::Never,
         Critical::Period(_) | Critical::Never | Critical::Unbounded => critical,
     };
-    Ok(assemble(&all, &counting, &pairs, critical, period))
+    Ok(assemble(&all, &without_shifts, &pairs, critical, period))
 }
 
-/// From which period up the critical period is searched, in s.
+/// The period in s at which the search for the critical period begins.
 pub fn shortest_period(sampling: &Sampling) -> f64 {
     match sampling.delay {
         hapt_model::Delay::Seconds(delay) => (SHORTEST.0 * sampling.period).max(SHORTEST.1 * delay),
-        // It shrinks with the period.
+        // The delay changes with the period.
         hapt_model::Delay::Samples(_) => SHORTEST.0 * sampling.period,
     }
 }
 
-/// A part that nothing ties to the puck.
-fn apart(part: &Part, method: Method, period: f64, known: Critical) -> Result<Found, Error> {
+/// The result of a part that is decoupled from the puck.
+fn decoupled_part(part: &Part, method: Method, period: f64, known: Critical) -> Result<PartResult, Error> {
     let modal = Modal::new(part)?;
     let (mut multipliers, pairs) = spectrum(&modal, method, period)?;
-    // The first are 1: the shifts, then momentum.
+    // The first are 1: shifts, then momentum.
     let shifts = part.clusters.iter().filter(|c| !c.anchored).count();
-    multipliers.drain(..shifts.min(modal.ones));
-    Ok(Found { shifts, multipliers, pairs, critical: of_part(&modal, method, known)? })
+    multipliers.drain(..shifts.min(modal.unit_count));
+    Ok(PartResult { shifts, multipliers, pairs, critical: of_part(&modal, method, known)? })
 }
 
-/// The part of the puck, its first member.
-fn of_puck(part: &Part, sampling: &Sampling, damping: f64, grip: &Grip, known: Critical) -> Result<Found, Error> {
+/// The result of the part whose first member is the puck.
+fn puck_part(
+    part: &Part,
+    sampling: &Sampling,
+    damping: f64,
+    grip: &Grip,
+    known: Critical,
+) -> Result<PartResult, Error> {
     let period = sampling.period;
     let port = Port::new(part)?.gripped(grip.inertia, grip.stiffness);
     let damping = damping + grip.damping;
-    let (unseen, _) = spectrum(&port.unseen, sampling.method, period)?;
-    let mut critical = of_part(&port.unseen, sampling.method, known)?;
-    // The differential equation has the device's damping too.
+    let (unobservable, _) = spectrum(&port.unobservable, sampling.method, period)?;
+    let mut critical = of_part(&port.unobservable, sampling.method, known)?;
+    // The differential equation includes the device damping.
     let mut whole = part.clone();
     if damping > 0.0 {
         whole.links.push(Link { body: 0, other: None, stiffness: 0.0, fixed: damping, per_period: 0.0 });
-        whole.tied = true;
+        whole.grounded = true;
     }
     let (_, pairs) = spectrum(&Modal::new(&whole)?, Method::Zoh, period)?;
     let mut worst: Option<(f64, Vec<Multiplier>)> = None;
@@ -203,23 +207,22 @@ fn of_puck(part: &Part, sampling: &Sampling, damping: f64, grip: &Grip, known: C
         if multipliers.iter().any(|m| m.ln_abs.is_nan() || m.ln_abs == f64::INFINITY) {
             return Err(Error::Eigenvalues { order: multipliers.len() });
         }
-        let most = growth(&counting(multipliers.clone(), port.shifts, period, MARGINAL), period);
+        let most = growth(&without_shifts(multipliers.clone(), port.shifts, period, MARGINAL), period);
         if worst.as_ref().is_none_or(|(growth, _)| most > growth + MARGINAL) {
             worst = Some((most, multipliers));
         }
-        let conserved = !part.tied && damping == 0.0 && conserves_momentum(sampling, &port);
-        critical = critical.min(search(&port, sampling, damping, index, conserved, known.min(critical))?);
+        let conserved = !part.grounded && damping == 0.0 && conserves_momentum(sampling, &port);
+        critical = critical.min(critical_period(&port, sampling, damping, index, conserved, known.min(critical))?);
         if !port.has_damper() {
-            // Nobody looks at the velocity.
+            // The velocity is not used.
             break;
         }
     }
-    let multipliers = unseen.into_iter().chain(worst.map(|(_, m)| m).unwrap_or_default()).collect();
-    Ok(Found { shifts: port.shifts, multipliers, pairs, critical })
+    let multipliers = unobservable.into_iter().chain(worst.map(|(_, m)| m).unwrap_or_default()).collect();
+    Ok(PartResult { shifts: port.shifts, multipliers, pairs, critical })
 }
 
-/// The eigenvalues of the stacked loop, each with a bound of its error: those so near the circle that a solver's rounding might
-/// decide are looked at again.
+/// The eigenvalues of the closed loop, each with an error bound. Those within rounding of the unit circle are refined.
 pub(crate) fn multipliers(
     port: &Port,
     sampling: &Sampling,
@@ -227,10 +230,10 @@ pub(crate) fn multipliers(
     filter: &Filter,
     period: f64,
 ) -> Result<Vec<(Multiplier, f64)>, Error> {
-    let d = stack(port, sampling, damping, filter, period)?;
+    let d = closed_loop(port, sampling, damping, filter, period)?;
     let (values, size) = eigenvalues_and_scale(&d)?;
     let rounding = ROUNDING * size;
-    // λ = 1 + μ is what forward Euler makes of μ.
+    // Forward Euler maps μ to λ = 1 + μ.
     let of = |mu| multiplier(Method::ForwardEuler, Root::from(mu));
     let mut found: Vec<(Multiplier, f64)> = values.iter().map(|mu| (of(*mu), rounding)).collect();
     let doubtful = |m: &Multiplier| m.ln_abs.abs() < DOUBTFUL * rounding && m.less_one.im >= 0.0;
@@ -248,32 +251,32 @@ pub(crate) fn multipliers(
             found[other] = (of(better.conj()), error.min(rounding));
         }
     }
-    // A low-pass that nobody looks at forgets at its own rate.
+    // A low-pass whose output is not used keeps its own pole.
     if !port.has_damper() && filter.pole > 0.0 {
         found.push((of(Complex::new(-period * filter.taps[0], 0.0)), 0.0));
     }
     Ok(found)
 }
 
-/// Those that count: all but as many as there are shifts that stand within `near`, in 1/s, of 1.
-pub(crate) fn counting(mut all: Vec<Multiplier>, shifts: usize, period: f64, near: f64) -> Vec<Multiplier> {
+/// Removes up to `shifts` eigenvalues within `near`, in 1/s, of 1.
+pub(crate) fn without_shifts(mut all: Vec<Multiplier>, shifts: usize, period: f64, near: f64) -> Vec<Multiplier> {
     all.sort_by_cached_key(|m| from_one(m).to_bits());
     let gone = all.iter().take(shifts).take_while(|m| from_one(m) / period < near).count();
     all.split_off(gone)
 }
 
-/// |ln λ|, whose bits are in its order: it is never below 0.
+/// |ln λ|, which is not negative, so its bits sort in the same order.
 fn from_one(m: &Multiplier) -> f64 {
     m.ln_abs.hypot(m.arg())
 }
 
-/// The largest; -∞ of none.
+/// The largest growth; -∞ for none.
 fn growth(multipliers: &[Multiplier], period: f64) -> f64 {
     multipliers.iter().map(|m| m.growth(period)).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// Whether the torque on a wheel that spins evenly is 0, so that nothing pushes the loop along. A damper at the puck under the
-/// exact hold breaks that at MIDDLE.
+/// Whether the torque on a wheel in uniform rotation is 0, so that momentum is conserved. A damper at the puck under the exact hold
+/// violates that at MIDDLE.
 fn conserves_momentum(sampling: &Sampling, port: &Port) -> bool {
     match (sampling.method, sampling.output) {
         (Method::ForwardEuler | Method::SemiImplicitEuler | Method::Tustin | Method::Foh, Output::Start) => true,
@@ -290,8 +293,8 @@ fn conserves_momentum(sampling: &Sampling, port: &Port) -> bool {
     }
 }
 
-/// The critical period of the stacked loop, the delay staying in s; where it is above `known` that is no matter.
-fn search(
+/// The critical period of the closed loop, with the delay fixed in s. Periods above `known` are not searched.
+fn critical_period(
     port: &Port,
     sampling: &Sampling,
     damping: f64,
@@ -302,35 +305,35 @@ fn search(
     let low = shortest_period(sampling);
     let slowest = port.slowest(damping).max(sampling.period).max(sampling.delay_s());
     let high = (LONGEST * slowest).min(known.period().unwrap_or(f64::INFINITY));
-    if port.is_slack() || known == Critical::Never || high <= low {
+    if port.is_uncoupled() || known == Critical::Never || high <= low {
         return Ok(Critical::Unbounded);
     }
-    let heights = |period: f64| {
+    let growths = |period: f64| {
         let filters = Filter::of(sampling, period);
         let filter = filters.get(filter).or(filters.first()).ok_or(Error::Eigenvalues { order: 0 })?;
         let mut all = match multipliers(port, sampling, damping, filter, period) {
             Ok(found) => found,
-            // A step that leaves double precision has left the circle before.
+            // A step beyond double precision has left the unit circle before.
             Err(Error::Step { .. } | Error::Eigenvalues { .. }) if period > sampling.period => {
-                return Ok(Heights::one(f64::MAX));
+                return Ok(Ranked::one(f64::MAX));
             }
             Err(error) => return Err(error),
         };
-        // Momentum that the scheme conserves: by structure whatever rounding makes of it, else what is no more than rounding.
+        // Conserved momentum is identified by structure with a wide bound, otherwise by the rounding error.
         let bound = |i: usize, error: f64| if i == 0 && conserved { 1e3 * MARGINAL * period } else { 4.0 * error };
         all.sort_by_cached_key(|(m, _)| from_one(m).to_bits());
         let near = |(i, (m, error)): &(usize, &(Multiplier, f64))| from_one(m) <= bound(*i, *error);
         let kept = all.iter().take(port.shifts).enumerate().take_while(near).count();
-        // Of a pair one.
-        let counting = all[kept..].iter().filter(|(m, _)| m.less_one.im >= 0.0);
-        let noise = counting.clone().map(|(_, error)| error / period).fold(0.0, f64::max);
-        Ok(Heights::new(
-            counting.map(|(m, error)| (m.ln_abs - error) / period),
-            floor(period, sampling.delay.seconds(period)),
+        // One of each pair.
+        let without_shifts = all[kept..].iter().filter(|(m, _)| m.less_one.im >= 0.0);
+        let noise = without_shifts.clone().map(|(_, error)| error / period).fold(0.0, f64::max);
+        Ok(Ranked::new(
+            without_shifts.map(|(m, error)| (m.ln_abs - error) / period),
+            growth_floor(period, sampling.delay.seconds(period)),
             noise,
         ))
     };
-    Ok(match first_rise(heights, Along::period(sampling.delay), low, high, 0.0)? {
+    Ok(match first_crossing(growths, Spacing::period(sampling.delay), low, high, 0.0)? {
         Some(period) if period <= low => Critical::Never,
         Some(period) => Critical::Period(period),
         None => Critical::Unbounded,

@@ -1,8 +1,8 @@
-//! The held world: the bodies alone, the puck standing still.
+//! Stability of the held world: the bodies alone, the puck fixed.
 
 use hapt_model::{Body, Coupling, Method};
 
-use crate::equations::continuous::{Slopes, bent, ties};
+use crate::equations::continuous::{Slopes, linearise, piecewise_at_bodies};
 use crate::equations::modal::Modal;
 use crate::equations::slopes::combinations;
 use crate::equations::structure::{Part, inertias, parts};
@@ -10,22 +10,22 @@ use crate::error::{Error, positive};
 use crate::stability::critical::{Critical, of_part};
 use crate::stability::multiplier::{Multiplier, Root, multiplier, pair};
 use crate::stability::roots::{balance_of, roots};
-use crate::stability::single_body::Lone;
+use crate::stability::single_body::SingleBody;
 use crate::stability::{Eigenvalue, MARGINAL, Stability, assemble, growth};
 
-/// What one part of the world gives.
+/// The result of one part of the world.
 #[derive(Clone, Debug)]
-struct Found {
+struct PartResult {
     multipliers: Vec<Multiplier>,
     /// z = Ts of the complex pairs, Im z > 0.
     pairs: Vec<Root>,
     critical: Critical,
 }
 
-/// Eigenvalues, growth, critical period and modes of bodies tied by couplings, the puck held.
+/// Eigenvalues, growth, critical period and modes of bodies joined by couplings, the puck held.
 ///
-/// Work: some cubes of the number of bodies that hang together, some hundred times that for the critical period of forward
-/// Euler and RK4 with dampers that follow the period, and all of it again for each combination of slopes.
+/// Work, for each combination of slopes: O(n³) in the bodies of a part, and some hundred times that for the critical period of
+/// forward Euler and RK4 with compensating dampers.
 ///
 /// # Errors
 /// [`Error::Value`] for a period or inertia that is not positive, [`Error::NoSuchBody`], [`Error::Eigenvalues`] when numbers
@@ -39,8 +39,8 @@ pub fn held(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64
 /// # Errors
 /// As [`held`].
 pub fn held_growth(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64) -> Result<Option<f64>, Error> {
-    // What `analyse` comes to where one body hangs with nothing but springs and dampers.
-    match Lone::of_world(bodies, couplings).and_then(|lone| lone.spectrum(method, period)) {
+    // The result of `analyse` for one body on springs and dampers.
+    match SingleBody::of_world(bodies, couplings).and_then(|body| body.spectrum(method, period)) {
         Some(found) => Ok(growth(&found.multipliers, period)),
         None => Ok(analyse(bodies, couplings, method, period, Critical::Never)?.growth_per_s),
     }
@@ -69,18 +69,18 @@ fn analyse(
 ) -> Result<Stability, Error> {
     positive("the period", period)?;
     let inertia = inertias(bodies)?;
-    // Combinations differ in few parts: each is computed once.
-    let mut known: Vec<(Part, Found)> = Vec::new();
-    let mut worst: Option<(f64, Vec<Found>)> = None;
-    for slopes in combinations(&bent(couplings)) {
+    // Combinations differ in few parts: each part is computed once.
+    let mut known: Vec<(Part, PartResult)> = Vec::new();
+    let mut worst: Option<(f64, Vec<PartResult>)> = None;
+    for slopes in combinations(&piecewise_at_bodies(couplings)) {
         let mut all = Vec::new();
-        for part in parts(&inertia, &ties(bodies, couplings, &slopes)?) {
+        for part in parts(&inertia, &linearise(bodies, couplings, &slopes)?) {
             let found = match known.iter().find(|(p, _)| *p == part) {
                 Some((_, found)) => found.clone(),
                 None => {
                     let modal = Modal::new(&part)?;
                     let (multipliers, pairs) = of_held(&part, &modal, method, period)?;
-                    let found = Found { multipliers, pairs, critical: of_part(&modal, method, critical)? };
+                    let found = PartResult { multipliers, pairs, critical: of_part(&modal, method, critical)? };
                     known.push((part, found.clone()));
                     found
                 }
@@ -90,7 +90,7 @@ fn analyse(
         }
         let growth =
             all.iter().flat_map(|f| &f.multipliers).map(|m| m.growth(period)).fold(f64::NEG_INFINITY, f64::max);
-        // Of combinations that rounding alone tells apart the first counts, the flat one.
+        // Of combinations that differ by rounding alone, the first (flat) one counts.
         if worst.as_ref().is_none_or(|(most, _)| growth > most + MARGINAL) {
             worst = Some((growth, all));
         }
@@ -101,8 +101,8 @@ fn analyse(
     Ok(assemble(&all, &all, &pairs, critical, period))
 }
 
-/// The discrete eigenvalues of bodies tied by couplings, the puck held, nonlinear couplings on the given slopes: 2n of them, in
-/// no order.
+/// The 2n discrete eigenvalues of bodies joined by couplings, the puck held, nonlinear couplings linearised at the given slopes. Not
+/// sorted.
 ///
 /// # Errors
 /// As [`held`].
@@ -115,21 +115,21 @@ pub fn multipliers(
 ) -> Result<Vec<Multiplier>, Error> {
     positive("the period", period)?;
     let mut all = Vec::new();
-    for part in parts(&inertias(bodies)?, &ties(bodies, couplings, slopes)?) {
+    for part in parts(&inertias(bodies)?, &linearise(bodies, couplings, slopes)?) {
         all.extend(of_held(&part, &Modal::new(&part)?, method, period)?.0);
     }
     Ok(all)
 }
 
-/// As [`spectrum`], of a single body in closed form.
+/// As [`spectrum`], in closed form for a single body.
 fn of_held(part: &Part, modal: &Modal, method: Method, period: f64) -> Result<(Vec<Multiplier>, Vec<Root>), Error> {
-    match Lone::of_part(part).and_then(|lone| lone.spectrum(method, period)) {
+    match SingleBody::of_part(part).and_then(|body| body.spectrum(method, period)) {
         Some(found) => Ok((found.multipliers, found.roots.into_iter().filter(swings).collect())),
         None => spectrum(modal, method, period),
     }
 }
 
-/// A double real root comes out of a solver as a pair √eps apart: that is no oscillation.
+/// Whether a root oscillates. A solver returns a double real root as a pair √eps apart, which does not.
 fn swings(root: &Root) -> bool {
     root.z.im > 4.0 * f64::EPSILON.sqrt() * root.z.norm()
 }
@@ -164,9 +164,9 @@ pub(crate) fn spectrum(part: &Modal, method: Method, period: f64) -> Result<(Vec
         }
         continuous.extend(own);
     }
-    let ones = std::iter::repeat_n(Multiplier::ONE, part.ones);
-    let multipliers: Vec<_> = ones.chain(discrete.into_iter().map(|root| multiplier(method, root))).collect();
-    if !multipliers.iter().all(Multiplier::is_sound) {
+    let unit_count = std::iter::repeat_n(Multiplier::ONE, part.unit_count);
+    let multipliers: Vec<_> = unit_count.chain(discrete.into_iter().map(|root| multiplier(method, root))).collect();
+    if !multipliers.iter().all(Multiplier::is_representable) {
         return Err(Error::Eigenvalues { order: multipliers.len() });
     }
     Ok((multipliers, continuous.into_iter().filter(swings).collect()))

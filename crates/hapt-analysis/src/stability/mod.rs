@@ -1,4 +1,4 @@
-//! Stability of the linear loop, with the puck held and hands-off: eigenvalues, growth, modes, critical period.
+//! Stability of the linear loop, held and free: eigenvalues, growth, modes, critical period.
 
 pub mod critical;
 pub mod free;

@@ -1,14 +1,14 @@
 //! Discrete eigenvalues of the methods.
 //!
-//! A method turns an eigenvalue s of the held world's differential equation into λ = R(Ts). What matters is how far |λ| is
-//! from 1: a wheel that grows by 1e-9 per second at 1 ms has |λ| - 1 = 1e-12. So λ is kept as λ - 1 and ln |λ|, each from z = Ts
-//! without subtracting numbers near 1. Where the real part of z is 0 by structure, ln |λ| is then 0 by arithmetic under the
-//! methods that keep a lossless world lossless.
+//! A method maps an eigenvalue s of the differential equation of the held world to λ = R(Ts). The distance of |λ| from 1 decides:
+//! a wheel that grows by 1e-9 per second at 1 ms has |λ| - 1 = 1e-12. λ is therefore stored as λ - 1 and ln |λ|, both computed from
+//! z = Ts without subtracting numbers near 1. Where the real part of z is 0 by structure, ln |λ| is exactly 0 under the methods
+//! that preserve the energy of a lossless world.
 
 use hapt_model::Method;
 use nalgebra::Complex;
 
-/// The roots of z² + d z + x² for x > 0, d ≥ 0: z = Ts of a mode of frequency x/T and damping d/T that hangs with no other.
+/// The roots of z² + d z + x² for x > 0, d ≥ 0: z = Ts of a mode of frequency x/T and damping d/T that is coupled to no other.
 pub(crate) fn pair(x: f64, d: f64) -> [Root; 2] {
     let half = 0.5 * d;
     if half < x {
@@ -23,9 +23,9 @@ pub(crate) fn pair(x: f64, d: f64) -> [Root; 2] {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Root {
     pub z: Complex<f64>,
-    /// |z|², which a mode that hangs with no other has more exactly than its two parts.
+    /// |z|², which is more accurate than its two parts for a mode that is coupled to no other.
     pub square: f64,
-    /// |1 + z|² - 1, where it is known better than as 2 Re z + |z|².
+    /// |1 + z|² - 1, where it is known more accurately than as 2 Re z + |z|².
     pub excess: Option<f64>,
 }
 
@@ -63,8 +63,8 @@ impl Multiplier {
         self.value().arg()
     }
 
-    /// Whether it is in the range of numbers; λ = 0 is.
-    pub(crate) fn is_sound(&self) -> bool {
+    /// Whether all parts are within double precision; λ = 0 is.
+    pub(crate) fn is_representable(&self) -> bool {
         self.less_one.re.is_finite() && self.less_one.im.is_finite() && self.ln_abs < f64::INFINITY
     }
 
@@ -91,12 +91,12 @@ pub(crate) fn multiplier(method: Method, root: Root) -> Multiplier {
         Method::Rk4 => z * (1.0 + 0.5 * z * (1.0 + z / 3.0 * (1.0 + 0.25 * z))),
     };
     let excess = excess(method, root);
-    // Far inside the circle |λ|² - 1 rounds to -1 and λ itself is the better source; far outside both are good.
+    // Far inside the circle |λ|² - 1 rounds to -1, and λ itself is more accurate. Far outside both are accurate.
     let ln_abs = if excess > INSIDE { 0.5 * excess.ln_1p() } else { (less_one + 1.0).norm().ln() };
     Multiplier { less_one, ln_abs }
 }
 
-/// Down to here |λ|² - 1 is as good a source of ln |λ| as λ.
+/// The smallest |λ|² - 1 from which ln |λ| is computed.
 pub(crate) const INSIDE: f64 = -0.5;
 
 /// |λ|² - 1, without the exponential of zoh and foh: 2 ln |λ| for these.

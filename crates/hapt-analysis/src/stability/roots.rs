@@ -15,13 +15,13 @@ pub(crate) fn roots(
     euler: Option<&DMatrix<f64>>,
 ) -> Result<Vec<Root>, Error> {
     let a = modes.step(period, &modes.damping(period, implicit));
-    let mut found = solved(&a)?;
+    let mut found = passive_roots(&a)?;
     refine(modes, period, implicit, euler, &a, &mut found, |_| true);
     Ok(found)
 }
 
-/// The eigenvalues of T A. A passive world has none on the right: what stands there is rounding of one at 0.
-pub(crate) fn solved(a: &DMatrix<f64>) -> Result<Vec<Root>, Error> {
+/// The eigenvalues of T A. A passive world has none in the right half plane: a positive real part is rounding, and becomes 0.
+pub(crate) fn passive_roots(a: &DMatrix<f64>) -> Result<Vec<Root>, Error> {
     Ok(eigenvalues(a)?.into_iter().map(|z| Complex::new(z.re.min(0.0), z.im).into()).collect())
 }
 
@@ -30,12 +30,11 @@ pub(crate) fn balance_of(modes: &Coupled, period: f64, uncovered: &DMatrix<f64>)
     &modes.fixed + uncovered * period
 }
 
-/// Takes the complex pairs that are `wanted` from their eigenvectors, where digits are short. An eigenvalue solver errs by eps
-/// of the world's fastest rate, which may be more than all the damping of a slow mode; a quadratic form in the eigenvector
-/// has no such floor.
+/// Refines the `wanted` complex pairs by their eigenvectors, where the solver is not accurate enough. Its error is eps of the fastest
+/// rate of the world, which may exceed the whole damping of a slow mode. A quadratic form in the eigenvector has no such limit.
 ///
 /// * Lightly damped: Re z is the energy that the vector x = (Ωy, v) loses, -T v*Cv/|x|².
-/// * Near forward Euler's circle, with `euler` = C~: from the pencil of the module's head, Re s = -w*C~w/(2 w*M~w) and
+/// * Near forward Euler's circle, with `euler` = C~: from the pencil in `critical`, Re s = -w*C~w/(2 w*M~w) and
 ///   |s|² = w*Kw/w*M~w, so that |λ|² - 1 = -(|z|²/T) w*C~w/w*Kw, w being v here. Where dampers match springs C~ is 0, and so
 ///   is this, instead of 2 Re z + |z|² by rounding.
 pub(crate) fn refine(
@@ -52,7 +51,7 @@ pub(crate) fn refine(
     let complex = a.map(|x| Complex::new(x, 0.0));
     let start = DVector::from_fn(n, |i, _| Complex::new(1.0 + 0.1 * (i % 7) as f64, 0.3 - 0.1 * (i % 3) as f64));
     for i in 1..n {
-        // Pairs stand side by side.
+        // The roots of a pair are adjacent.
         let Root { z, square, .. } = found[i - 1];
         let light = z.re.abs() < 1e-2 * z.im;
         let near = euler.filter(|_| (2.0 * z.re + square).abs() < 1e-2 * square.sqrt());
@@ -70,7 +69,7 @@ pub(crate) fn refine(
         if light {
             let loss = modes.loss(period, implicit, &re) + modes.loss(period, implicit, &im);
             let quotient = Complex::new(-period * loss, x.dotc(&(&complex * &x)).im);
-            // Far from simple eigenvalues the vector is worth no more than the eigenvalue.
+            // For nearly multiple eigenvalues the vector is no more accurate than the eigenvalue.
             if (quotient - z).norm() < 1e-8 * z.im + 1e-14 * size && quotient.im > 0.5 * z.im {
                 better = Root::from(quotient);
             }

@@ -1,4 +1,4 @@
-//! What is said of a loop's stability, with the puck held or free: eigenvalues, growth, verdict, critical period, modes.
+//! The result of a stability analysis, held or free: eigenvalues, growth, verdict, critical period, modes.
 
 use std::f64::consts::TAU;
 
@@ -8,10 +8,10 @@ use serde::Serialize;
 use crate::stability::critical::Critical;
 use crate::stability::multiplier::{Multiplier, Root, multiplier};
 
-/// Growth of less than this, in 1/s, either way, counts as none.
+/// Growth of smaller magnitude than this, in 1/s, counts as marginal.
 pub const MARGINAL: f64 = 1e-9;
 
-/// Eigenvalues of modulus below this are 0: not listed.
+/// Eigenvalues of smaller modulus count as 0 and are not listed.
 pub const LISTED: f64 = 1e-12;
 
 /// Why a quick check has no critical period.
@@ -28,7 +28,7 @@ pub struct Eigenvalue {
     pub abs: f64,
 }
 
-/// A complex pair of the differential equation, and what the method makes of it.
+/// A complex pair of the differential equation, and its discrete counterpart.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mode {
     /// |s|/2π.
@@ -41,13 +41,13 @@ pub struct Mode {
     pub discrete_damping_ratio: Option<f64>,
 }
 
-/// What becomes of a disturbance.
+/// The behaviour of a disturbance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
     /// It decays.
     Stable,
-    /// It stays: |growth| below [`MARGINAL`].
+    /// It neither decays nor grows: |growth| below [`MARGINAL`].
     Marginal,
     /// It grows.
     Unstable,
@@ -63,7 +63,7 @@ impl Verdict {
         }
     }
 
-    /// The verdict on a growth rate; `None`, everything gone after one sample, is stable.
+    /// The verdict on a growth rate. `None`, all eigenvalues 0, is stable.
     pub fn of(growth_per_s: Option<f64>) -> Verdict {
         match growth_per_s {
             Some(g) if g >= MARGINAL => Verdict::Unstable,
@@ -73,21 +73,21 @@ impl Verdict {
     }
 }
 
-/// What becomes of disturbances of a loop. With nonlinear couplings: of the worst combination of their slopes, but for the critical
-/// period, which is the smallest of all combinations.
+/// The stability of a loop. With nonlinear couplings it is that of the worst combination of their slopes; the critical period is the
+/// smallest of all combinations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Stability {
-    /// Largest |λ| first; equal ones by |arg λ| upwards, positive imaginary part first. Those below [`LISTED`] are left out.
+    /// Largest |λ| first; equal ones by |arg λ| upwards, positive imaginary part first. Those below [`LISTED`] are omitted.
     pub eigenvalues: Vec<Eigenvalue>,
-    /// The largest |λ| of those that count; 0 when there is none.
+    /// The largest |λ|, without shifts that change no torque; 0 when there is none.
     pub spectral_radius: f64,
     /// ln(spectral radius)/T in 1/s; `None` when the radius is 0.
     pub growth_per_s: Option<f64>,
-    /// By the growth.
+    /// The verdict on the growth.
     pub verdict: Verdict,
-    /// The supremum of T0 such that no modulus of those that count is above 1 for all 0 < T ≤ T0, in s.
+    /// The supremum of T0 such that no modulus exceeds 1 for all 0 < T ≤ T0, in s.
     pub critical_period_s: Option<f64>,
-    /// Why there is none: `"never"` or `"unbounded"`; `"not searched"` in a quick check.
+    /// Why there is no critical period: `"never"` or `"unbounded"`; `"not searched"` in a quick check.
     pub critical_period_reason: Option<&'static str>,
     /// The differential equation's complex pairs, by frequency.
     pub modes: Vec<Mode>,
@@ -99,11 +99,11 @@ pub(crate) fn growth(multipliers: &[Multiplier], period: f64) -> Option<f64> {
     multipliers.iter().filter(|m| m.abs() >= LISTED).map(|m| m.growth(period) + 0.0).reduce(f64::max)
 }
 
-/// The answer from all eigenvalues, those of them that count, z = Ts of the differential equation's complex pairs, and the
+/// The result from all eigenvalues, those without shifts, z = Ts of the complex pairs of the differential equation, and the
 /// critical period.
 pub(crate) fn assemble(
     all: &[Multiplier],
-    counting: &[Multiplier],
+    without_shifts: &[Multiplier],
     pairs: &[Root],
     critical: Critical,
     period: f64,
@@ -111,14 +111,14 @@ pub(crate) fn assemble(
     let is_listed = |m: &&Multiplier| m.abs() >= LISTED;
     let mut listed: Vec<Multiplier> = all.iter().filter(is_listed).copied().collect();
     sort(&mut listed);
-    let growth_per_s = growth(counting, period);
-    let counting: Vec<Multiplier> = counting.iter().filter(is_listed).copied().collect();
+    let growth_per_s = growth(without_shifts, period);
+    let without_shifts: Vec<Multiplier> = without_shifts.iter().filter(is_listed).copied().collect();
     // + 0, so that a real one does not print as -0.
     let eigenvalue = |m: &Multiplier| Eigenvalue { re: m.value().re + 0.0, im: m.value().im + 0.0, abs: m.abs() };
     let mut modes: Vec<Mode> = pairs.iter().map(|root| mode(*root, all, period)).collect();
     modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     Stability {
-        spectral_radius: counting.iter().map(Multiplier::abs).fold(0.0, f64::max),
+        spectral_radius: without_shifts.iter().map(Multiplier::abs).fold(0.0, f64::max),
         eigenvalues: listed.iter().map(eigenvalue).collect(),
         growth_per_s,
         verdict: Verdict::of(growth_per_s),
@@ -128,7 +128,7 @@ pub(crate) fn assemble(
     }
 }
 
-/// Largest modulus first; those within 1e-9 of the first of their run by |arg| upwards, positive imaginary part first.
+/// Largest modulus first. Those within 1e-9 are ordered by |arg|, positive imaginary part first.
 fn sort(list: &mut [Multiplier]) {
     list.sort_by(|a, b| b.ln_abs.total_cmp(&a.ln_abs));
     let mut rest = list;
@@ -142,12 +142,12 @@ fn sort(list: &mut [Multiplier]) {
 
 fn mode(root: Root, all: &[Multiplier], period: f64) -> Mode {
     let size = root.z.norm();
-    // e^z - 1: neighbours on the circle are told apart by their distance from 1.
+    // e^z - 1: neighbours on the unit circle differ in their distance from 1.
     let exact = multiplier(Method::Zoh, root).less_one;
     let distance = |m: &Multiplier| (m.less_one - exact).norm();
     let nearest = all.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).filter(|m| m.less_one.im != 0.0);
     let log = nearest.map(|m| (m.ln_abs, m.ln_abs.hypot(m.arg())));
-    // 0 - x, because the negative of 0 is printed with its sign.
+    // 0 - x, so that 0 is not printed as -0.
     let ratio = |re: f64, size: f64| (0.0 - re) / size;
     Mode {
         frequency_hz: size / (TAU * period),

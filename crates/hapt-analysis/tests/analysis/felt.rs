@@ -2,8 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use hapt_analysis::impedance::rendered::{APART, Asked, Element};
-use hapt_analysis::{Continuous, Elements, Felt, Slopes, required_damping};
+use hapt_analysis::impedance::rendered::{Element, Nominal, TOLERANCE};
+use hapt_analysis::{Continuous, Elements, Impedance, Slopes, required_damping};
 use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, World};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
@@ -20,8 +20,8 @@ fn plain(couplings: Vec<Coupling>, period: f64) -> World {
     world(Bench::of(couplings), Method::Zoh, period)
 }
 
-fn felt(world: &World) -> Felt {
-    Felt::new(world, &Slopes::Steep).unwrap()
+fn felt(world: &World) -> Impedance {
+    Impedance::new(world, &Slopes::Steep).unwrap()
 }
 
 fn impedance(of: Option<Elements>, hz: f64) -> C {
@@ -42,7 +42,7 @@ fn hold(phi: f64) -> C {
     C::from_polar((0.5 * phi).sin() / (0.5 * phi), -0.5 * phi)
 }
 
-fn only(asked: &[Asked]) -> Asked {
+fn only(asked: &[Nominal]) -> Nominal {
     assert_eq!(asked.len(), 1, "{asked:?}");
     asked[0]
 }
@@ -155,7 +155,7 @@ proptest! {
     fn it_departs_where_it_says_and_nowhere_below(bench in worlds(Dampers::Mixed, false), log in -4.0..-2.0f64, method in 0..8usize) {
         let world = world(bench, Method::ALL[method], 10f64.powf(log));
         let felt = felt(&world);
-        for asked in felt.asked() {
+        for asked in felt.nominal() {
             let off = |hz: f64, ideal: bool| {
                 let row = felt.row(hz);
                 let (is, ideally) = (row.rendered?, row.ideal?);
@@ -169,13 +169,13 @@ proptest! {
                 let (wanted, size) = if ideal { (part(ideally), ideally.norm()) } else { (asked.value * unit, (asked.value * unit).abs()) };
                 Some((part(is) - wanted).abs() / size)
             };
-            for (from, ideal) in [(asked.from_asked_hz, false), (asked.from_ideal_hz, true)] {
-                let is_off = |hz: f64| off(hz, ideal).is_some_and(|off| off > APART + 1e-6);
+            for (from, ideal) in [(asked.from_nominal_hz, false), (asked.from_ideal_hz, true)] {
+                let is_off = |hz: f64| off(hz, ideal).is_some_and(|off| off > TOLERANCE + 1e-6);
                 if let Some(from) = from {
-                    prop_assert!(off(from, ideal).is_none_or(|off| off >= APART - 1e-6), "{asked:?} {:?}", off(from, ideal));
+                    prop_assert!(off(from, ideal).is_none_or(|off| off >= TOLERANCE - 1e-6), "{asked:?} {:?}", off(from, ideal));
                     // Between two of the points that are looked at it may for a moment not be.
                     let above = (0..20).map(|i| from * (1.0 + 5e-4 * f64::from(i))).filter(|hz| *hz <= felt.nyquist_hz());
-                    let above: Vec<bool> = above.map(|hz| off(hz, ideal).is_some_and(|off| off > APART - 1e-6)).collect();
+                    let above: Vec<bool> = above.map(|hz| off(hz, ideal).is_some_and(|off| off > TOLERANCE - 1e-6)).collect();
                     prop_assert!(2 * above.iter().filter(|off| **off).count() > above.len() - 2, "{asked:?}");
                 }
                 let mut hz = 0.1 * felt.low_hz();
@@ -196,9 +196,9 @@ fn the_notes_wheel_is_felt_as_its_inertia_to_three_tenths_of_its_resonance() {
     let (omega, period) = (TAU, 1e-3);
     let world = world(oscillator(omega, 0.0), Method::Zoh, period);
     let felt = felt(&world);
-    let asked = only(&felt.asked());
+    let asked = only(&felt.nominal());
     assert_eq!((asked.element, asked.value), (Element::Inertia, 1.0));
-    assert!((asked.from_asked_hz.unwrap() * 11f64.sqrt() - 1.0).abs() < 1e-4, "{asked:?}");
+    assert!((asked.from_nominal_hz.unwrap() * 11f64.sqrt() - 1.0).abs() < 1e-4, "{asked:?}");
     // Above the resonance there is the spring, through the hold: Re K = k sin φ/φ at the start of a step.
     let ideal = asked.from_ideal_hz.unwrap();
     assert!(ideal > 10.0, "{asked:?}");
@@ -213,11 +213,11 @@ fn the_notes_wheel_is_felt_as_its_inertia_to_three_tenths_of_its_resonance() {
 #[test]
 fn a_spring_to_ground_is_felt_until_the_hold_has_turned_it() {
     let world = plain(vec![spring(End::Puck, End::Ground, 3.0)], 1e-3);
-    let asked = only(&felt(&world).asked());
+    let asked = only(&felt(&world).nominal());
     assert_eq!((asked.element, asked.value), (Element::Stiffness, 3.0));
-    assert_eq!(asked.from_asked_hz, asked.from_ideal_hz);
+    assert_eq!(asked.from_nominal_hz, asked.from_ideal_hz);
     // sin φ/φ = 0.9
-    let phi = TAU * asked.from_asked_hz.unwrap() * 1e-3;
+    let phi = TAU * asked.from_nominal_hz.unwrap() * 1e-3;
     assert!((phi.sin() / phi - 0.9).abs() < 1e-12);
 }
 
@@ -238,7 +238,7 @@ fn what_is_asked_follows_the_way_to_ground() {
     let (puck, ground, one, two) = (End::Puck, End::Ground, End::Body(0), End::Body(1));
     let asked = |couplings: Vec<Coupling>| {
         let bench = Bench { bodies: vec![body(0.02), body(0.03)], couplings };
-        let found = felt(&world(bench, Method::Zoh, 1e-3)).asked();
+        let found = felt(&world(bench, Method::Zoh, 1e-3)).nominal();
         found.into_iter().map(|a| (a.element, a.value)).collect::<Vec<_>>()
     };
     let close = |found: Vec<(Element, f64)>, wanted: &[(Element, f64)]| {
@@ -269,11 +269,11 @@ fn what_is_asked_follows_the_way_to_ground() {
 fn a_wall_is_felt_touched_or_not_at_all() {
     let law = Law::Wall { side: Side::Above, at: 0.5, stiffness: 2.0, damping: 0.0 };
     let world = plain(vec![Coupling { first: End::Puck, second: End::Ground, law, limit: None }], 1e-3);
-    let at = |slopes: Slopes| Felt::new(&world, &slopes).unwrap();
+    let at = |slopes: Slopes| Impedance::new(&world, &slopes).unwrap();
     assert!((at(Slopes::Steep).row(1.0).rendered.unwrap().stiffness - 2.0).abs() < 1e-4);
     let flat = at(Slopes::Flat);
     assert_eq!(flat.row(1.0).rendered.unwrap(), Elements { stiffness: 0.0, damping: 0.0, inertia: 0.0 });
-    assert!(flat.asked().is_empty());
+    assert!(flat.nominal().is_empty());
     assert_eq!(flat.row(1.0).whole.unwrap().inertia, 6.4e-4);
 }
 

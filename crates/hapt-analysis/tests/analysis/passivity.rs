@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use hapt_analysis::Cause;
-use hapt_analysis::IN_FLIGHT;
+use hapt_analysis::MAX_IN_FLIGHT;
 use hapt_analysis::multipliers;
 use hapt_analysis::{Continuous, Discrete, Error, Passivity, Slopes, passivity, quantisation};
 use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Motion, Output, Side, World};
@@ -217,7 +217,7 @@ fn a_lossless_body_is_passive_only_where_its_torque_is_in_step() {
                         assert_eq!(found.at_hz, None);
                     }
                     _ => {
-                        let Some(Cause::OutOfStep { hz }) = found.cause else {
+                        let Some(Cause::NegativeResidue { hz }) = found.cause else {
                             panic!("{method:?} {output:?} {found:?}")
                         };
                         assert_eq!(found.at_hz, Some(hz));
@@ -231,7 +231,7 @@ fn a_lossless_body_is_passive_only_where_its_torque_is_in_step() {
         let mut world = wheel(ForwardEuler, Start, x);
         world.couplings.push(compensator(End::Body(0), End::Puck));
         let found = passivity(&world).unwrap();
-        assert_eq!(matches!(found.cause, Some(Cause::OutOfStep { .. })), null, "{x} {found:?}");
+        assert_eq!(matches!(found.cause, Some(Cause::NegativeResidue { .. })), null, "{x} {found:?}");
         if !null {
             near(found.required_damping.unwrap(), 0.2, 1e-9);
         }
@@ -251,7 +251,7 @@ fn backward_euler_from_the_start_costs_nine_eighths_and_up() {
 fn rounding_does_not_decide_for_runge_kutta() {
     // |λ| = 1 - x⁶/144 = 1 - 7e-15 at 0.01: 7e-12 per second, within 1e-9 of the circle.
     near(required(&wheel(Method::Rk4, Output::End, 0.01)), 0.05, 1e-9);
-    assert!(matches!(cause(&wheel(Method::Rk4, Output::Start, 0.01)), Some(Cause::OutOfStep { .. })));
+    assert!(matches!(cause(&wheel(Method::Rk4, Output::Start, 0.01)), Some(Cause::NegativeResidue { .. })));
     let far = passivity(&wheel(Method::Rk4, Output::Start, 0.1)).unwrap();
     assert!(far.required_damping.unwrap() > 1e3 && far.cause.is_none());
     assert!(required(&wheel(Method::Rk4, Output::End, 0.1)) <= 0.05 * (1.0 + 1e-9));
@@ -323,10 +323,10 @@ proptest! {
         prop_assert!(required(&world) <= k * period * (0.5 + f64::from(d)) * (1.0 + 1e-9));
         world.sampling.advance = 0;
         let found = cause(&world);
-        prop_assert!(matches!(found, Some(Cause::OutOfStep { .. })), "{found:?}");
+        prop_assert!(matches!(found, Some(Cause::NegativeResidue { .. })), "{found:?}");
         world.sampling.delay = hapt_model::Delay::Seconds((f64::from(d) + 0.3) * period);
         let found = cause(&world);
-        prop_assert!(matches!(found, Some(Cause::Fraction { .. })), "{found:?}");
+        prop_assert!(matches!(found, Some(Cause::FractionalDelay { .. })), "{found:?}");
     }
 
     #[test]
@@ -517,11 +517,11 @@ fn counts_allow_what_damping_and_friction_swallow() {
 #[test]
 fn a_delay_beyond_the_longest_is_named() {
     let mut world = plain(to_ground(10.0, 0.0), 1e-3);
-    world.sampling.delay = hapt_model::Delay::Seconds(1e-3 * IN_FLIGHT as f64);
-    near(required(&world), 0.01 * (IN_FLIGHT as f64 + 0.5), 1e-9);
-    world.sampling.delay = hapt_model::Delay::Seconds(1e-3 * IN_FLIGHT as f64 + 1e-3);
+    world.sampling.delay = hapt_model::Delay::Seconds(1e-3 * MAX_IN_FLIGHT as f64);
+    near(required(&world), 0.01 * (MAX_IN_FLIGHT as f64 + 0.5), 1e-9);
+    world.sampling.delay = hapt_model::Delay::Seconds(1e-3 * MAX_IN_FLIGHT as f64 + 1e-3);
     let error = passivity(&world).unwrap_err();
-    assert!(matches!(error, Error::InFlight { limit: IN_FLIGHT, .. }));
+    assert!(matches!(error, Error::InFlight { limit: MAX_IN_FLIGHT, .. }));
     assert!(error.to_string().contains("501 periods") && error.to_string().contains("500"));
 }
 
@@ -569,7 +569,7 @@ proptest! {
         prop_assume!(held > 1e-6);
         let found = passivity(&world).unwrap();
         prop_assert!(found.required_damping.is_none() && !found.passive, "{held} {found:?}");
-        prop_assert!(matches!(found.cause, Some(Cause::Grows { .. } | Cause::Unseen { .. })), "{found:?}");
+        prop_assert!(matches!(found.cause, Some(Cause::Grows { .. } | Cause::GrowsUnseen { .. })), "{found:?}");
     }
 
     /// (T34): at the puck alone, counts and levels are paid for by friction, or they are not proved.

@@ -57,14 +57,14 @@ impl Wheel {
 fn ask(wheels: &[Wheel], ask: impl Fn(Loops<'_>, &mut [f64])) -> Vec<f64> {
     let column = |of: fn(&Wheel) -> f64| wheels.iter().map(of).collect::<Vec<_>>();
     let (inertia, stiffness) = (column(|w| w.inertia), column(|w| 0.0 + w.springs[0] + w.springs[1]));
-    let following = column(|w| match w.follows {
+    let per_period = column(|w| match w.follows {
         Follows::Nothing => 0.0,
         Follows::Puck => w.springs[0],
         Follows::All => 0.0 + w.springs[0] + w.springs[1],
     });
     let (fixed, period) = (column(|w| w.fixed), column(|w| w.period));
     let loops =
-        Loops { inertia: &inertia, stiffness: &stiffness, fixed: &fixed, following: &following, period: &period };
+        Loops { inertia: &inertia, stiffness: &stiffness, fixed: &fixed, per_period: &per_period, period: &period };
     let mut out = vec![0.0; wheels.len()];
     ask(loops, &mut out);
     out

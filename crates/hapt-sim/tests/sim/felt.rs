@@ -4,7 +4,7 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::common::*;
-use hapt_analysis::{Felt, Slopes, held_growth};
+use hapt_analysis::{Impedance, Slopes, held_growth};
 use hapt_model::*;
 use nalgebra::Complex;
 use proptest::prelude::*;
@@ -100,7 +100,7 @@ proptest! {
         let settle = growth.map_or(0.0, |growth| -40.0 / (growth * sampling.period)) + 200.0;
         prop_assume!(growth.is_none_or(|growth| growth < 0.0) && settle < 2e4);
         let found = fundamental(&world, swings, settle as u64);
-        let felt = Felt::new(&world, &Slopes::Flat).unwrap();
+        let felt = Impedance::new(&world, &Slopes::Flat).unwrap();
         let hz = swings as f64 / (SAMPLES as f64 * sampling.period);
         let wanted = felt.row(hz).rendered.unwrap();
         let wanted = C::new(wanted.stiffness, TAU * hz * wanted.damping);
@@ -121,7 +121,7 @@ fn foaw_on_an_ideal_encoder_is_the_difference() {
         limit: None,
     }];
     world.sampling.estimator = EstimatorKind::Foaw;
-    let felt = Felt::new(&world, &Slopes::Flat).unwrap();
+    let felt = Impedance::new(&world, &Slopes::Flat).unwrap();
     let hz = 7.0 / (SAMPLES as f64 * world.sampling.period);
     let wanted = felt.row(hz).rendered.unwrap();
     let found = fundamental(&world, 7, 100);

@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 
 use hapt_analysis::Slopes;
-use hapt_analysis::continuous::ties;
+use hapt_analysis::continuous::linearise;
 use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand as Model, Scenario, Shape, World};
 use hapt_sim::DesktopLoop;
 use serde::Serialize;
@@ -97,7 +97,7 @@ impl Running {
 pub(crate) fn motions(world: &World, targets: &[f64], samples: usize) -> Result<Vec<Motion>, Error> {
     let (mut stiffness, mut damping, mut pulls) = (0.0, 0.0, Vec::new());
     let period = world.sampling.period;
-    for tie in ties(&world.bodies, &world.couplings, &Slopes::Steep).map_err(Error::Linear)? {
+    for tie in linearise(&world.bodies, &world.couplings, &Slopes::Steep).map_err(Error::Linear)? {
         let own = match (tie.first, tie.second) {
             (End::Puck, other) | (other, End::Puck) => other,
             (End::Ground | End::Body(_), End::Ground | End::Body(_)) => continue,

@@ -3,10 +3,10 @@
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
-use hapt_analysis::continuous::ties;
-use hapt_analysis::nelder_mead::climb;
+use hapt_analysis::continuous::linearise;
+use hapt_analysis::nelder_mead::maximise;
 use hapt_analysis::{
-    Breaking, Grip, Slopes, breaking_damping, gripped_growth, is_certified, required_damping, worst_grip,
+    BreakingGrip, Grip, Slopes, breaking_damping, gripped_growth, is_certified, required_damping, worst_grip,
 };
 use hapt_model::{End, Scenario, World};
 use serde::Serialize;
@@ -67,7 +67,7 @@ pub struct Worst {
     pub certified: bool,
     /// The linear loop's worst hand, or one nearly as bad whose spring gives a better kick, and its growth in 1/s; `None` where none that
     /// was tried makes it grow.
-    pub linear: Option<hapt_analysis::Worst>,
+    pub linear: Option<hapt_analysis::WorstGrip>,
     /// The grip that drew most from the whole loop.
     pub hand: Hand,
     /// Where no grip drew anything: the prescribed motion that did.
@@ -192,7 +192,7 @@ impl Trials<'_> {
     }
 
     /// Up from a hand that was tried, over the logarithms of its numbers.
-    fn climb(&mut self, from: Tried) -> Result<(), Error> {
+    fn maximise(&mut self, from: Tried) -> Result<(), Error> {
         let Grip { inertia, damping, stiffness } = from.hand.grip;
         let mut failed = None;
         let mut height =
@@ -213,11 +213,11 @@ impl Trials<'_> {
         };
         match from.hand.hold_and_open {
             None => {
-                climb([0.0; 3], [0.4, 0.02, 0.4], RUNS, |x| height(self, grip(x), None));
+                maximise([0.0; 3], [0.4, 0.02, 0.4], RUNS, |x| height(self, grip(x), None));
             }
             Some((hold, open)) => {
                 let period = self.world.sampling.period;
-                climb([0.0; 5], [0.4, 0.02, 0.4, 0.2, 0.2], 2 * RUNS, |x| {
+                maximise([0.0; 5], [0.4, 0.02, 0.4, 0.2, 0.2], 2 * RUNS, |x| {
                     let of = |t: f64, x: f64| whole(t * x.clamp(-FAR, FAR).exp(), period);
                     height(self, grip(x), Some((of(hold, x[3]), of(open, x[4]))))
                 });
@@ -234,7 +234,7 @@ fn whole(t: f64, period: f64) -> f64 {
 
 /// The stiffness at the puck, nonlinear couplings on their steepest rise.
 fn stiffness(world: &World) -> Result<f64, Error> {
-    let ties = ties(&world.bodies, &world.couplings, &Slopes::Steep)?;
+    let ties = linearise(&world.bodies, &world.couplings, &Slopes::Steep)?;
     // An empty sum is -0, and nothing can be divided by that.
     Ok(ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).fold(0.0, |sum, t| sum + t.stiffness))
 }
@@ -253,13 +253,13 @@ fn is_linear(world: &World) -> bool {
 /// slowly, and little of it the mode that grows.
 fn with_a_kick(
     world: &World,
-    worst: hapt_analysis::Worst,
+    worst: hapt_analysis::WorstGrip,
     stiffness: f64,
-) -> Result<hapt_analysis::Worst, hapt_analysis::Error> {
+) -> Result<hapt_analysis::WorstGrip, hapt_analysis::Error> {
     for part in STIFFER {
         let grip = Grip { stiffness: worst.grip.stiffness.max(part * stiffness), ..worst.grip };
         if let Some(growth) = gripped_growth(world, &grip)?.filter(|growth| *growth >= 0.5 * worst.growth_per_s) {
-            return Ok(hapt_analysis::Worst { grip, growth_per_s: growth });
+            return Ok(hapt_analysis::WorstGrip { grip, growth_per_s: growth });
         }
     }
     Ok(worst)
@@ -307,7 +307,7 @@ pub fn search_seen(world: &World, seen: &AtomicUsize) -> Result<Worst, Error> {
     let mut held = Vec::new();
     let mut switched = Vec::new();
     let linear = linear.map(|worst| with_a_kick(world, worst, stiffness)).transpose()?;
-    let named = [linear.map(|w| w.grip), breaking.map(|b: Breaking| b.grip)];
+    let named = [linear.map(|w| w.grip), breaking.map(|b: BreakingGrip| b.grip)];
     for grip in named.into_iter().flatten() {
         let grip = Grip { inertia: grip.inertia.max(1e-3 * world.device.inertia), ..grip };
         for &target in &targets {
@@ -334,7 +334,7 @@ pub fn search_seen(world: &World, seen: &AtomicUsize) -> Result<Worst, Error> {
     for tried in [&held, &switched] {
         let best = tried.iter().copied().max_by(|a, b| trials.height(a).total_cmp(&trials.height(b)));
         if let Some(best) = best {
-            trials.climb(best)?;
+            trials.maximise(best)?;
         }
     }
 
