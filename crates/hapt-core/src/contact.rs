@@ -1,58 +1,58 @@
 //! One nonlinear coupling at a body, over one step: the constant torque that keeps its energy.
 //!
-//! With the torques of all others held, the step leaves one coupling the line q' - q = free + G F, where G ≥ 0 is what a unit of
-//! its torque moves it by. Against that line stands its law, F = -(V(q') - V(q))/(q' - q) and what it damps, so that F is the
-//! root of one equation in one unknown. For everything but a steep detent the law never rises, d - G F(d) rises at a slope of 1 at
-//! least, and there is one root: Newton's, inside a bracket that shrinks at every step.
+//! With the torques of all other couplings held constant, the step moves this coupling by q' - q = free + G F: the [`StepResponse`].
+//! G ≥ 0 is the displacement by a unit of its torque. Its law is F = -(V(q') - V(q))/(q' - q), plus damping. Line and law together are
+//! one equation in the one unknown F. For every law but a steep detent or magnet, F(d) never rises, so d - G F(d) rises with a slope of
+//! at least 1 and has one root. Newton's method finds it, inside a bracket that shrinks at every step.
 //!
-//! The quotients are closed forms without a difference of energies: a mean of the torque over the way from q to q'.
+//! The quotients are closed forms without a difference of energies: the mean torque over the displacement from q to q'.
 
 use crate::Real;
 
-/// What the step leaves to one coupling, the torques of all others held.
+/// How the step moves one coupling as a function of its own torque, the torques of all others held constant.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Gap<F> {
-    /// q at the start, with z held.
+pub(crate) struct StepResponse<F> {
+    /// q at the start of the step, with z held.
     pub start: F,
     /// q' - q without the coupling.
     pub free: F,
-    /// G: how far a unit of torque moves q' on.
+    /// G: the change of q' by a unit of torque, rad/(N·m) (linear: m/N).
     pub compliance: F,
     /// q̇' without the coupling, the puck at rest.
     pub rate: F,
-    /// How far a unit of torque moves q̇' on.
+    /// The change of q̇' by a unit of torque.
     pub mobility: F,
-    /// The rate of q by the puck's own measured velocity.
-    pub carried: F,
+    /// The part of q̇ that the puck's measured velocity makes.
+    pub puck_rate: F,
 }
 
-/// A coupling's torque, and how it follows what the others leave to it.
+/// A coupling's torque over the step, and its derivatives by the response.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Answer<F> {
+pub(crate) struct Solution<F> {
     pub torque: F,
-    /// Its derivative by `free`.
+    /// The derivative by `free`.
     pub by_free: F,
-    /// Its derivative by `rate`.
+    /// The derivative by `rate`.
     pub by_rate: F,
 }
 
-impl<F: Real> Answer<F> {
-    /// Whatever the others do.
+impl<F: Real> Solution<F> {
+    /// A torque that does not depend on the response.
     pub fn fixed(torque: F) -> Self {
-        Answer { torque, by_free: F::ZERO, by_rate: F::ZERO }
+        Solution { torque, by_free: F::ZERO, by_rate: F::ZERO }
     }
 
     /// The same within [low, high].
     pub fn within(self, low: F, high: F) -> Self {
         let torque = within(self.torque, low, high);
-        if torque == self.torque { self } else { Answer::fixed(torque) }
+        if torque == self.torque { self } else { Solution::fixed(torque) }
     }
 }
 
-/// More steps of a scalar solve than it can take: every other one halves the bracket.
+/// More steps than a scalar solve can take: every second step halves the bracket.
 const STEPS: usize = 120;
-/// Points at which a law that falls steeply is looked at for the nearest of its solutions.
-const LOOKS: usize = 200;
+/// Points at which the search for the nearest of several solutions evaluates the law.
+const PROBES: usize = 200;
 
 /// x within [low, high]; a NaN stays one.
 pub(crate) fn within<F: Real>(x: F, low: F, high: F) -> F {
@@ -65,85 +65,90 @@ pub(crate) fn within<F: Real>(x: F, low: F, high: F) -> F {
     }
 }
 
-/// The solution nearest to the free motion of a law that may fall; its torque is within ±`most`. `turns` are how far its steepest fall
-/// and its steepest slope of either sign turn the line, G |F'(d)|: below 1 for the fall, there is one solution. Two solutions within
-/// `fine` are not told apart.
-pub(crate) fn meet_any<F: Real>(
-    gap: &Gap<F>,
+/// Solves a law that may have several solutions for the one nearest to the free motion. The torque is within ±`most`. `fall` and
+/// `steepest` are G |F'(d)| at the law's steepest fall and at its steepest slope of either sign: with `fall` below 1 there is one
+/// solution. Two solutions closer than `fine` are not distinguished.
+pub(crate) fn solve_nearest<F: Real>(
+    response: &StepResponse<F>,
     most: F,
     (fall, steepest): (F, F),
     fine: F,
     law: impl Fn(F) -> (F, F),
-) -> Answer<F> {
-    let reach = gap.compliance * most;
+) -> Solution<F> {
+    let reach = response.compliance * most;
     let found = if fall < F::ONE {
-        meet(gap, (gap.free - reach, gap.free + reach), true, law)
+        solve(response, (response.free - reach, response.free + reach), true, law)
     } else {
-        let (ends, rising) = nearest(gap, reach, steepest, fine, &law);
-        meet(gap, ends, rising, law)
+        let (ends, rising) = nearest(response, reach, steepest, fine, &law);
+        solve(response, ends, rising, law)
     };
     found.within(-most, most)
 }
 
-/// Brackets the solution nearest to the free motion, looking to both sides in turn: from a point at which d - free - G F is r
-/// there is none nearer than |r|/(1 + turn), `turn` being G times the steepest slope, and two within `fine` are not told apart. The second answer is whether it rises.
-fn nearest<F: Real>(gap: &Gap<F>, reach: F, turn: F, fine: F, law: impl Fn(F) -> (F, F)) -> ((F, F), bool) {
-    let off = |distance: F| distance - gap.free - gap.compliance * law(distance).0;
-    let first = off(gap.free);
+/// Brackets the solution nearest to the free motion, searching on both sides in turn. From a point with the residual
+/// r = d - free - G F no solution is nearer than |r|/(1 + `steepest`). Also returns whether the residual rises through the bracket.
+fn nearest<F: Real>(
+    response: &StepResponse<F>,
+    reach: F,
+    steepest: F,
+    fine: F,
+    law: impl Fn(F) -> (F, F),
+) -> ((F, F), bool) {
+    let residual = |distance: F| distance - response.free - response.compliance * law(distance).0;
+    let first = residual(response.free);
     let is_above = first > F::ZERO;
-    let (mut above, mut below) = ((gap.free, first), (gap.free, first));
-    for _ in 0..LOOKS {
-        let up = above.0 - gap.free <= gap.free - below.0;
+    let (mut above, mut below) = ((response.free, first), (response.free, first));
+    for _ in 0..PROBES {
+        let up = above.0 - response.free <= response.free - below.0;
         let side = if up { &mut above } else { &mut below };
-        let safe = side.1.abs() / (F::ONE + turn);
+        let safe = side.1.abs() / (F::ONE + steepest);
         let step = if safe > fine { safe } else { fine };
         let next = if up { side.0 + step } else { side.0 - step };
-        let value = off(next);
+        let value = residual(next);
         if (value > F::ZERO) != is_above {
             return if up { ((side.0, next), !is_above) } else { ((next, side.0), is_above) };
         }
         *side = (next, value);
     }
-    // One is there for certain.
-    ((gap.free - reach, gap.free + reach), true)
+    // Within the largest torque's reach there is always one.
+    ((response.free - reach, response.free + reach), true)
 }
 
-/// The solution of a law that never rises: it lies between the free motion and what the torque there would make of it.
-pub(crate) fn meet_falling<F: Real>(gap: &Gap<F>, law: impl Fn(F) -> (F, F)) -> Answer<F> {
-    let far = gap.free + gap.compliance * law(gap.free).0;
-    let ends = if far < gap.free { (far, gap.free) } else { (gap.free, far) };
-    meet(gap, ends, true, law)
+/// Solves a law that never rises. The solution lies between the free motion and the motion under the torque at the free motion.
+pub(crate) fn solve_falling<F: Real>(response: &StepResponse<F>, law: impl Fn(F) -> (F, F)) -> Solution<F> {
+    let far = response.free + response.compliance * law(response.free).0;
+    let ends = if far < response.free { (far, response.free) } else { (response.free, far) };
+    solve(response, ends, true, law)
 }
 
-/// F where d = free + G F and F = law(d) meet, between two ends at which d - free - G F has different signs; `law` gives the
-/// torque and its derivative. Newton's steps, and halves of the bracket wherever they leave it or do not halve.
+/// Solves d = free + G F and F = law(d) for F, between two ends at which d - free - G F has different signs. `law` returns the
+/// torque and its derivative. Takes Newton's steps, and bisects where such a step leaves the bracket or is not half of the one before.
 ///
-/// The torque is the tangent's at the next step, which fits line and law alike to the last bits, however steep the one or the
-/// other is.
-fn meet<F: Real>(gap: &Gap<F>, ends: (F, F), rising: bool, law: impl Fn(F) -> (F, F)) -> Answer<F> {
+/// The torque is the tangent's at the next step: it satisfies both equations to the last bits, however steep either is.
+fn solve<F: Real>(response: &StepResponse<F>, ends: (F, F), rising: bool, law: impl Fn(F) -> (F, F)) -> Solution<F> {
     let (mut low, mut high) = ends;
-    let mut at = within(gap.free, low, high);
+    let mut at = within(response.free, low, high);
     let mut longest = high - low;
-    let mut answer = Answer::fixed(F::ZERO);
+    let mut solution = Solution::fixed(F::ZERO);
     for _ in 0..STEPS {
         let (force, slope) = law(at);
-        let off = at - gap.free - gap.compliance * force;
-        let turn = F::ONE - gap.compliance * slope;
-        let step = off / turn;
-        answer = Answer { torque: force, by_free: slope / turn, by_rate: F::ZERO };
-        // The law sees its place with the bits of q alone.
-        let seen = (turn - F::ONE).abs() * gap.start.abs() / turn.abs();
-        if step.abs() <= (F::EPSILON + F::EPSILON) * (at.abs() + gap.free.abs() + seen) {
-            return Answer { torque: force - slope * step, ..answer };
+        let residual = at - response.free - response.compliance * force;
+        let gradient = F::ONE - response.compliance * slope;
+        let step = residual / gradient;
+        solution = Solution { torque: force, by_free: slope / gradient, by_rate: F::ZERO };
+        // The law's argument is q, so that the rounding of q limits the residual.
+        let rounding = (gradient - F::ONE).abs() * response.start.abs() / gradient.abs();
+        if step.abs() <= (F::EPSILON + F::EPSILON) * (at.abs() + response.free.abs() + rounding) {
+            return Solution { torque: force - slope * step, ..solution };
         }
-        if (off > F::ZERO) == rising {
+        if (residual > F::ZERO) == rising {
             high = at;
         } else {
             low = at;
         }
         let newton = at - step;
         let next = if newton >= low && newton <= high && step.abs() <= longest {
-            // The next of Newton's steps is half as long, or the bracket is halved.
+            // The next of Newton's steps must be at most half as long; else the bracket is halved.
             longest = F::HALF * step.abs();
             newton
         } else {
@@ -155,7 +160,7 @@ fn meet<F: Real>(gap: &Gap<F>, ends: (F, F), rising: bool, law: impl Fn(F) -> (F
         }
         at = next;
     }
-    answer
+    solution
 }
 
 #[cfg(test)]
@@ -168,7 +173,7 @@ mod tests {
         #![proptest_config(hapt_testing::cases(20000))]
 
         #[test]
-        fn line_and_law_meet_at_the_torque_that_is_found(
+        fn the_torque_found_satisfies_both_line_and_law(
             place in (-1.0_f64..2.0, -1.0_f64..2.0), near in prop::option::of((-17_i32..-1, 1.0_f64..10.0)),
             free in (-12_i32..1, -10.0_f64..10.0), stiff in -3.0_f64..3.0, two_sided: bool,
         ) {
@@ -178,14 +183,14 @@ mod tests {
             // On the kinks, and near to them.
             let start = near.map_or(place.0, |(power, digit)| place.0.round() + digit * 10_f64.powi(power));
             let free = free.1 * 10_f64.powi(free.0);
-            let gap = Gap { start, free, compliance: 10_f64.powf(stiff) / stiffness, rate: 0.0, mobility: 1.0, carried: 0.0 };
+            let response = StepResponse { start, free, compliance: 10_f64.powf(stiff) / stiffness, rate: 0.0, mobility: 1.0, puck_rate: 0.0 };
             let law = |distance: f64| {
-                let (mean, slope) = ramp.mean(gap.start, distance);
+                let (mean, slope) = ramp.mean(response.start, distance);
                 (-mean, -slope)
             };
-            let torque = meet_falling(&gap, law).torque;
-            let distance = gap.free + gap.compliance * torque;
-            let noise = 8.0 * f64::EPSILON * (limit + (stiffness + 1.0 / gap.compliance) * (start.abs() + free.abs()));
+            let torque = solve_falling(&response, law).torque;
+            let distance = response.free + response.compliance * torque;
+            let noise = 8.0 * f64::EPSILON * (limit + (stiffness + 1.0 / response.compliance) * (start.abs() + free.abs()));
             prop_assert!((torque - law(distance).0).abs() < noise, "{torque} {} {distance:e} {noise:e}", law(distance).0);
         }
     }

@@ -85,9 +85,9 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
         self.supervisor.step(&mut state.supervisor, &self.world, &mut state.world, reading, request)
     }
 
-    /// The state with which this controller goes on between two samples of `before`, whose state is `state`: the torque fades over. Bodies
-    /// and bristles come from those of [`Loop::carry`].
-    pub fn carry(
+    /// The state with which this controller replaces `before`, whose state is `state`, between two samples: a bumpless transfer. The torque
+    /// fades from the old world's to the new one's. `bodies` and `bristles` are those of [`Loop::transfer`].
+    pub fn transfer(
         &self,
         before: &Self,
         state: &ControllerState<F, B, C, W>,
@@ -96,7 +96,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
     ) -> ControllerState<F, B, C, W> {
         let mut supervisor = state.supervisor;
         supervisor.swap(before.period(), self.period());
-        ControllerState { world: self.world.carry(&before.world, &state.world, bodies, bristles), supervisor }
+        ControllerState { world: self.world.transfer(&before.world, &state.world, bodies, bristles), supervisor }
     }
 }
 

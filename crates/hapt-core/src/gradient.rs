@@ -14,49 +14,49 @@
 //! Abe, J. Comput. Phys. 76, 1988; Gonzalez, J. Nonlinear Sci. 6, 1996).
 //!
 //! The torques are found coupling by coupling (Gauss-Seidel), each by its own scalar equation (`contact.rs`), until a round of
-//! them moves nothing beyond the last bits. A coupling that is alone in contact takes one. Where the laws are mean torques of convex
+//! them changes nothing beyond the last bits. A coupling that is alone in contact takes one round. Where the laws are mean torques of convex
 //! energies (walls, clamped springs and dampers, Coulomb friction that slides or holds), the equations are the conditions of the
-//! least
+//! minimum of
 //!
 //! ```text
 //! Fᵀ G F/2 + d_freeᵀ F + Σ ψ*(-F),    ψ convex, ψ' = -law
 //! ```
 //!
-//! a smooth convex function and a separable one, on which the minimisation one coordinate at a time converges (Tseng, J. Optim.
-//! Theory Appl. 109, 2001). Where couplings pull at each other through light bodies it does so slowly: every fourth round is followed by
-//! a step of Newton's for all at once. Falling slopes of detents are milder than the line as long as (ωT)²/4 < 1, ω being the swing
-//! in the detent. Friction that brings a body to rest within the step, and a wall's damping that ends in it, have no such function;
-//! in the second half of the rounds friction is left to hold or slide, which has.
+//! the sum of a smooth convex function and a separable convex one, for which minimising one coordinate at a time converges (Tseng,
+//! J. Optim. Theory Appl. 109, 2001). Between couplings at light bodies this is slow: a step of Newton's method for all torques follows
+//! every fourth round. The falling slope of a detent keeps the solution unique while (ωT)²/4 < 1, ω being the frequency of the swing in
+//! the detent. Friction that brings a body to rest within the step, and a wall whose damping ends within it, have no such function;
+//! in the second half of the rounds friction may only hold or slide, which has one.
 //!
-//! No bound on the rounds is proved, so there is one, and what is proved is the end: the energy that the torques of the last round
-//! would make, Σ (F d + V(q') - V(q)), is taken from the bodies' motion; if they have less, they stop where they were. Either way the
-//! step gains nothing. [`Contacts`] counts such samples. Over random worlds there is none as long as the stiffest coupling at the
-//! lightest body turns by less than two radians a step.
+//! The number of rounds that this takes has no proved bound, so it is limited. If the torques have not converged by then, the energy that
+//! those of the last round would add, Σ (F d + V(q') - V(q)), is taken from the bodies' motion; if the bodies have less, they stop where
+//! they were. In either case the step gains no energy. [`Contacts`] counts such samples. Over random worlds none occurs as long as
+//! the stiffest coupling at the lightest body oscillates by less than two radians a step.
 
-use crate::contact::Gap;
+use crate::contact::StepResponse;
 use crate::matrix::Vector;
 use crate::nonlinear::{Curve, Nonlinear};
 use crate::{End, Number, Real};
 
-/// Rounds over the couplings before the step is given up.
+/// The most rounds over the couplings.
 const PASSES: usize = 60;
-/// A coupling whose torque is a sum of others' to these digits adds nothing.
+/// Pivots below this are skipped: the coupling's torque is a combination of others' to these digits.
 const LEAST_PIVOT: f64 = 1e-6;
 
-/// What the discrete-gradient step needs beside the couplings and the bodies' response to torques.
+/// The data of the discrete-gradient step, beside the couplings and the bodies' response to torques.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gradient<F, const B: usize> {
     pub inertia: [F; B],
     /// 1/T
     pub rate: F,
-    /// How many nonlinear couplings have a body at an end; at least 1.
+    /// The number of nonlinear couplings with a body at an end; at least 1.
     pub contacts: usize,
 }
 
-/// What a step starts from.
+/// The inputs of a step.
 pub(crate) struct Step<'a, F, const B: usize> {
     pub bodies: usize,
-    /// The bodies' response to a torque held over the step, one a body that it stands on.
+    /// For each body, the motion of all bodies by a unit of torque on it, held over the step.
     pub force: &'a [Vector<F, B>; B],
     pub couplings: &'a [Option<Nonlinear<F>>],
     /// The puck's measured position and velocity.
@@ -64,7 +64,7 @@ pub(crate) struct Step<'a, F, const B: usize> {
     pub x: &'a Vector<F, B>,
 }
 
-/// The step's nonlinear torques at bodies, as found.
+/// The nonlinear torques at bodies that the last step found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(
@@ -76,7 +76,7 @@ pub struct Contacts<F, const C: usize> {
     /// or the method is explicit.
     #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub torques: [F; C],
-    /// In how many steps the torques did not agree within the bounded number of passes; those steps lose energy, if anything.
+    /// The number of steps in which the torques did not converge within the bounded number of passes. Such a step never gains energy.
     pub unsettled: u32,
 }
 
@@ -85,7 +85,7 @@ impl<F: Number, const C: usize> Contacts<F, C> {
 }
 
 impl<F: Real, const B: usize> Gradient<F, B> {
-    /// Takes `change`, the motion of the bodies without nonlinear torques, to the motion with them.
+    /// Adds the nonlinear torques' motion to `change`, the motion of the bodies without them.
     pub fn step<const C: usize>(
         &self,
         step: &Step<'_, F, B>,
@@ -93,58 +93,58 @@ impl<F: Real, const B: usize> Gradient<F, B> {
         contacts: &mut Contacts<F, C>,
     ) {
         contacts.torques = [F::ZERO; C];
-        // How many couplings have not been looked at since another last moved.
-        let mut unsure = self.contacts;
+        // The number of couplings that have not been solved since another last changed.
+        let mut unchecked = self.contacts;
         let mut scale = step.puck.0.abs();
         for pass in 0..PASSES {
             let stops = pass < PASSES / 2;
             for (coupling, torque) in step.couplings.iter().zip(contacts.torques.iter_mut()) {
                 let Some(coupling) = at_body(coupling) else { continue };
-                if self.settle(step, coupling, change, torque, &mut scale, stops) {
-                    unsure = unsure.saturating_sub(1);
+                if self.solve_one(step, coupling, change, torque, &mut scale, stops) {
+                    unchecked = unchecked.saturating_sub(1);
                 } else {
-                    unsure = self.contacts.saturating_sub(1);
+                    unchecked = self.contacts.saturating_sub(1);
                 }
-                if unsure == 0 {
+                if unchecked == 0 {
                     return;
                 }
             }
             if pass % 4 == 3 && pass + 1 < PASSES {
-                self.agree(step, change, &mut contacts.torques, stops);
-                unsure = self.contacts;
+                self.newton(step, change, &mut contacts.torques, stops);
+                unchecked = self.contacts;
             }
         }
         contacts.unsettled = contacts.unsettled.saturating_add(1);
-        self.lose(step, change, &mut contacts.torques);
+        self.dissipate(step, change, &mut contacts.torques);
     }
 
-    /// What the step leaves to one coupling.
+    /// How the step moves one coupling as a function of its torque.
     #[inline]
-    fn gap(
+    fn response(
         &self,
         step: &Step<'_, F, B>,
         coupling: &Nonlinear<F>,
         change: &Vector<F, B>,
         torque: F,
         stops: bool,
-    ) -> Gap<F> {
+    ) -> StepResponse<F> {
         let start = coupling.relative((step.puck.0, F::ZERO), step.x);
         let moved = coupling.relative((F::ZERO, F::ZERO), change);
         let (compliance, mobility) = step.across(coupling, coupling);
-        Gap {
+        StepResponse {
             start: start.position,
             free: moved.position - compliance * torque,
             compliance,
             rate: start.velocity + moved.velocity - mobility * torque,
             mobility: if stops { mobility } else { F::ZERO },
-            carried: coupling.sign_at_puck() * step.puck.1,
+            puck_rate: coupling.sign_at_puck() * step.puck.1,
         }
     }
 
-    /// All torques at once, by a step of Newton's: as if each went on following the others as it does here. The passes between
-    /// such steps see to it that each stays within its law.
+    /// One step of Newton's method for all torques at once, from the derivatives of each solution. The passes between such steps bring
+    /// each torque back to its own law.
     #[inline(never)]
-    fn agree<const C: usize>(
+    fn newton<const C: usize>(
         &self,
         step: &Step<'_, F, B>,
         change: &mut Vector<F, B>,
@@ -157,12 +157,12 @@ impl<F: Real, const B: usize> Gradient<F, B> {
         for i in 0..m {
             rows[i][i] = F::ONE;
             let Some(coupling) = at_body(&step.couplings[i]) else { continue };
-            let answer = coupling.held(&self.gap(step, coupling, change, torques[i], stops), self.rate);
-            steps[i] = answer.torque - torques[i];
+            let solution = coupling.solve(&self.response(step, coupling, change, torques[i], stops), self.rate);
+            steps[i] = solution.torque - torques[i];
             for j in 0..m {
                 if let (Some(other), false) = (at_body(&step.couplings[j]), i == j) {
                     let (position, velocity) = step.across(coupling, other);
-                    rows[i][j] = -(answer.by_free * position + answer.by_rate * velocity);
+                    rows[i][j] = -(solution.by_free * position + solution.by_rate * velocity);
                 }
             }
         }
@@ -171,7 +171,7 @@ impl<F: Real, const B: usize> Gradient<F, B> {
         for k in 0..m {
             let counts = rows[k][k] > least;
             if !counts {
-                // What the others hold already need not be held again; nor does what is no number.
+                // A torque that the others determine already, or a NaN, gets no correction.
                 rows[k] = [F::ZERO; C];
                 rows[k][k] = F::ONE;
                 steps[k] = F::ZERO;
@@ -203,10 +203,10 @@ impl<F: Real, const B: usize> Gradient<F, B> {
         }
     }
 
-    /// One coupling's torque anew, the others' held. Whether it was right already: to the last bits of its own, or of the largest
-    /// position or displacement by a torque, `scale`.
+    /// Solves one coupling's torque, the others' held constant. Returns whether it was converged before: to its own last bits, or to
+    /// those of `scale`, the largest position or displacement by a torque so far.
     #[inline]
-    fn settle(
+    fn solve_one(
         &self,
         step: &Step<'_, F, B>,
         coupling: &Nonlinear<F>,
@@ -222,25 +222,25 @@ impl<F: Real, const B: usize> Gradient<F, B> {
                 return true;
             }
         }
-        let gap = self.gap(step, coupling, change, old, stops);
-        let new = coupling.held(&gap, self.rate).torque;
+        let response = self.response(step, coupling, change, old, stops);
+        let new = coupling.solve(&response, self.rate).torque;
         let by = new - old;
         if by == F::ZERO {
             return true;
         }
         step.push(coupling, by, change);
         *torque = new;
-        for size in [gap.start.abs(), gap.free.abs(), gap.compliance * new.abs()] {
+        for size in [response.start.abs(), response.free.abs(), response.compliance * new.abs()] {
             if size > *scale {
                 *scale = size;
             }
         }
         let bits = F::from_f64(4.0) * F::EPSILON;
-        by.abs() <= bits * new.abs() || gap.compliance * by.abs() <= bits * *scale
+        by.abs() <= bits * new.abs() || response.compliance * by.abs() <= bits * *scale
     }
 
-    /// What torques that do not agree would give is taken from the bodies' motion.
-    fn lose<const C: usize>(&self, step: &Step<'_, F, B>, change: &mut Vector<F, B>, torques: &mut [F; C]) {
+    /// Takes the energy that unconverged torques would add from the bodies' motion.
+    fn dissipate<const C: usize>(&self, step: &Step<'_, F, B>, change: &mut Vector<F, B>, torques: &mut [F; C]) {
         let (mut gain, mut size) = (F::ZERO, F::ZERO);
         for (coupling, torque) in step.couplings.iter().zip(torques.iter()) {
             if let Some(coupling) = at_body(coupling) {
@@ -251,7 +251,7 @@ impl<F: Real, const B: usize> Gradient<F, B> {
                 size += (torque.abs() + slope.abs()) * (start.abs() + distance.abs());
             }
         }
-        // Rounding is no gain.
+        // A gain within rounding counts as none.
         if gain <= F::from_f64(16.0) * F::EPSILON * size {
             return;
         }
@@ -260,7 +260,7 @@ impl<F: Real, const B: usize> Gradient<F, B> {
         for ((v, inertia), dv) in bodies().zip(&change.velocity) {
             moving += F::HALF * *inertia * ((*v + *dv) * (*v + *dv));
         }
-        // (1 - s)² ≤ 1 - s: more than enough.
+        // Scaling velocities by 1 - s leaves (1 - s)² ≤ 1 - s of the energy, which removes at least the gain.
         let kept = if gain < moving { F::ONE - gain / moving } else { F::ZERO };
         if kept <= F::ZERO {
             change.position = [F::ZERO; B];
@@ -285,7 +285,7 @@ impl<F: Real, const B: usize> Step<'_, F, B> {
         }
     }
 
-    /// How far a unit of torque at one coupling moves the ends of another apart, in position and in velocity.
+    /// The change of another coupling's q and q̇ by a unit of torque at this one.
     #[inline]
     fn across(&self, one: &Nonlinear<F>, other: &Nonlinear<F>) -> (F, F) {
         let entry = |i: End, j: End| {

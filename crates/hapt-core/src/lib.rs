@@ -39,14 +39,13 @@
 #![forbid(unsafe_code)]
 // Matrices are read by their indices, as on paper.
 #![allow(clippy::needless_range_loop)]
-// A law, method, reason or end that is new has to be answered for everywhere: no arm takes it by default.
+// A new law, method, reason or end must be handled at every match: there are no default arms.
 #![warn(clippy::wildcard_enum_match_arm)]
 
 mod actuate;
 #[cfg(feature = "serde")]
 mod array;
 mod branches;
-mod carry;
 mod compile;
 mod contact;
 mod controller;
@@ -62,6 +61,7 @@ mod sense;
 pub mod spec;
 mod step;
 mod supervisor;
+mod transfer;
 
 pub use controller::{Controller, ControllerState};
 pub use error::Error;

@@ -1,6 +1,6 @@
 //! The couplings that no matrix holds: wall, detent, the two frictions, and what is clamped.
 
-use crate::contact::{Answer, Gap};
+use crate::contact::{Solution, StepResponse};
 use crate::law::{Coulomb, Damper, DeadBand, Detent, Lugre, Magnet, Spring, Wall, direction};
 use crate::spec::sign_at_puck;
 use crate::{Coupling, Damping, End, Law, Real, Vector};
@@ -155,17 +155,17 @@ impl<F: Real> Nonlinear<F> {
     }
 
     /// The torque on the first end, held over the step of 1/`rate` seconds.
-    pub fn held(&self, gap: &Gap<F>, rate: F) -> Answer<F> {
+    pub fn solve(&self, response: &StepResponse<F>, rate: F) -> Solution<F> {
         match &self.curve {
-            Curve::Wall(wall) => wall.held(gap, rate),
-            Curve::Spring(spring) => spring.held(gap),
-            Curve::Damper(damper) => damper.held(gap, rate),
-            Curve::Detent(detent) => detent.held(gap),
-            Curve::DeadBand(band) => band.held(gap),
-            Curve::Magnet(magnet) => magnet.held(gap),
-            Curve::Coulomb(coulomb) => coulomb.held(gap),
+            Curve::Wall(wall) => wall.solve(response, rate),
+            Curve::Spring(spring) => spring.solve(response),
+            Curve::Damper(damper) => damper.solve(response, rate),
+            Curve::Detent(detent) => detent.solve(response),
+            Curve::DeadBand(band) => band.solve(response),
+            Curve::Magnet(magnet) => magnet.solve(response),
+            Curve::Coulomb(coulomb) => coulomb.solve(response),
             // Refused at bodies when the loop was compiled.
-            Curve::Lugre(_) => Answer::fixed(F::ZERO),
+            Curve::Lugre(_) => Solution::fixed(F::ZERO),
         }
     }
 

@@ -161,7 +161,7 @@ impl Running {
     fn change(&mut self, logged: &Arc<LoggedPlan>) -> Result<(), Error> {
         if !Arc::ptr_eq(&self.logged, logged) {
             let plan = Plan::following(&logged.world, &self.plan).map(Box::new).map_err(world_error)?;
-            (self.state, self.plan, self.logged) = (plan.carry(&self.plan, &self.state), plan, Arc::clone(logged));
+            (self.state, self.plan, self.logged) = (plan.transfer(&self.plan, &self.state), plan, Arc::clone(logged));
         }
         Ok(())
     }

@@ -72,7 +72,7 @@ impl Cycle {
     /// From this sample on the world is another; gives the plan before. Bodies go on as [`Plan::following`] found them, and the torque
     /// fades over. Allocates nothing.
     pub fn swap(&mut self, mut plan: Box<Plan>) -> Box<Plan> {
-        self.state = plan.carry(&self.plan, &self.state);
+        self.state = plan.transfer(&self.plan, &self.state);
         plan.motor.follow(&self.plan.motor);
         self.device.0.adopt(&mut plan);
         self.swaps += 1;

@@ -94,11 +94,11 @@ impl Plan {
         }
     }
 
-    /// The state to go on with where `state` of `before` was, the plan that this one follows; the torque fades over. Allocates nothing.
-    pub fn carry(&self, before: &Plan, state: &PlanState) -> PlanState {
+    /// The state with which this plan replaces `before`, whose state is `state`: see [`Controller::transfer`]. Allocates nothing.
+    pub fn transfer(&self, before: &Plan, state: &PlanState) -> PlanState {
         let at = |list: &[Option<usize>], i: usize| list.get(i).copied().flatten();
         let (body, bristle) = (|i| at(&self.bodies, i), |i| at(&self.bristles, i));
-        self.controller.carry(&before.controller, state, body, bristle)
+        self.controller.transfer(&before.controller, state, body, bristle)
     }
 }
 

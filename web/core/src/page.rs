@@ -128,7 +128,7 @@ impl Page {
             return false;
         }
         let Ok(controller) = compile(&draft) else { return false };
-        let state = controller.carry(&self.controller, &self.state, Some, Some);
+        let state = controller.transfer(&self.controller, &self.state, Some, Some);
         self.device.refit(&mut VirtualDevice::new(&draft.setup.device));
         (self.controller, self.state, self.draft) = (controller, state, draft);
         true

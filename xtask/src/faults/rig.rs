@@ -112,7 +112,7 @@ impl Rig {
     /// Another world from the next sample on, on the same device.
     pub fn swap(&mut self, world: &World, profile: SafetyProfile) -> Result<()> {
         let controller = compiled(world, profile)?;
-        let mut state = controller.carry(&self.controller, &self.state, |_| None, |_| None);
+        let mut state = controller.transfer(&self.controller, &self.state, |_| None, |_| None);
         state.world = controller.world().start();
         state.world.now = self.state.world.now;
         (self.controller, *self.state) = (controller, state);

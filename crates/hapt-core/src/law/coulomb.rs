@@ -1,7 +1,7 @@
 //! Coulomb friction.
 
 use crate::Real;
-use crate::contact::{Answer, Gap};
+use crate::contact::{Solution, StepResponse};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Coulomb<F> {
@@ -26,18 +26,19 @@ impl<F: Real> Coulomb<F> {
     /// Under backward Euler, and for what slides on, or rests already, this is -`torque` · sign(q' - q), or the torque that makes q' - q
     /// 0. Under zoh and the trapezoidal rule that alone would not bring a moving body to rest: it sends it back with -q̇, and so at
     /// every sample from then on.
-    pub fn held(&self, gap: &Gap<F>) -> Answer<F> {
+    pub fn solve(&self, response: &StepResponse<F>) -> Solution<F> {
         let torque = self.torque;
-        if gap.free == F::ZERO {
-            return Answer::fixed(F::ZERO);
+        if response.free == F::ZERO {
+            return Solution::fixed(F::ZERO);
         }
-        let by_free = -(F::ONE / gap.compliance);
-        let most = Answer { torque: -(gap.free / gap.compliance), by_free, by_rate: F::ZERO }.within(-torque, torque);
-        if gap.mobility <= F::ZERO {
+        let by_free = -(F::ONE / response.compliance);
+        let most = Solution { torque: -(response.free / response.compliance), by_free, by_rate: F::ZERO }
+            .within(-torque, torque);
+        if response.mobility <= F::ZERO {
             return most;
         }
-        let by_rate = -(F::ONE / gap.mobility);
-        let stop = Answer { torque: -(gap.rate / gap.mobility), by_free: F::ZERO, by_rate };
+        let by_rate = -(F::ONE / response.mobility);
+        let stop = Solution { torque: -(response.rate / response.mobility), by_free: F::ZERO, by_rate };
         let level = most.torque;
         let beyond = if level > F::ZERO { stop.torque > level } else { stop.torque < level };
         if beyond {

@@ -1,7 +1,7 @@
 //! A damper.
 
 use crate::Real;
-use crate::contact::{Answer, Gap, within};
+use crate::contact::{Solution, StepResponse, within};
 
 /// A damper with a limit; those without are matrices.
 #[derive(Clone, Copy, Debug)]
@@ -19,10 +19,10 @@ impl<F: Real> Damper<F> {
 
     /// The torque over a step of 1/`rate` seconds, from the mean velocity. Straight where it is not limited, so that the straight
     /// solution, limited, is the solution.
-    pub fn held(&self, gap: &Gap<F>, rate: F) -> Answer<F> {
+    pub fn solve(&self, response: &StepResponse<F>, rate: F) -> Solution<F> {
         let drag = self.damping * rate;
-        let whole = F::ONE + drag * gap.compliance;
-        let torque = -(drag * gap.free + self.damping * gap.carried) / whole;
-        Answer { torque, by_free: -(drag / whole), by_rate: F::ZERO }.within(-self.limit, self.limit)
+        let whole = F::ONE + drag * response.compliance;
+        let torque = -(drag * response.free + self.damping * response.puck_rate) / whole;
+        Solution { torque, by_free: -(drag / whole), by_rate: F::ZERO }.within(-self.limit, self.limit)
     }
 }

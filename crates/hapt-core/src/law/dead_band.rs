@@ -1,7 +1,7 @@
 //! A dead band: a spring that begins at a distance from its rest.
 
 use crate::Real;
-use crate::contact::{Answer, Gap, meet_falling, within};
+use crate::contact::{Solution, StepResponse, solve_falling, within};
 use crate::law::spring::{self, Ramp};
 
 #[derive(Clone, Copy, Debug)]
@@ -28,13 +28,13 @@ impl<F: Real> DeadBand<F> {
     }
 
     /// The torque that keeps its energy over a step.
-    pub fn held(&self, gap: &Gap<F>) -> Answer<F> {
-        let gap = Gap { start: gap.start - self.rest, ..*gap };
+    pub fn solve(&self, response: &StepResponse<F>) -> Solution<F> {
+        let response = StepResponse { start: response.start - self.rest, ..*response };
         let law = |distance| {
-            let (mean, slope) = self.mean(gap.start, distance);
+            let (mean, slope) = self.mean(response.start, distance);
             (-mean, -slope)
         };
-        meet_falling(&gap, law).within(-self.limit, self.limit)
+        solve_falling(&response, law).within(-self.limit, self.limit)
     }
 
     /// (V(q + distance) - V(q))/distance

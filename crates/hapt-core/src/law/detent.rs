@@ -1,7 +1,7 @@
 //! A detent: a torque that goes up and down as a sine.
 
 use crate::Real;
-use crate::contact::{Answer, Gap, meet_any};
+use crate::contact::{Solution, StepResponse, solve_nearest};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Detent<F> {
@@ -21,17 +21,17 @@ impl<F: Real> Detent<F> {
     }
 
     /// The torque that keeps its energy over a step, at the solution nearest to the free motion.
-    pub fn held(&self, gap: &Gap<F>) -> Answer<F> {
-        let from = self.turns(gap.start);
-        let gap = &Gap { start: from * self.pitch, ..*gap };
+    pub fn solve(&self, response: &StepResponse<F>) -> Solution<F> {
+        let from = self.turns(response.start);
+        let response = &StepResponse { start: from * self.pitch, ..*response };
         let law = |distance: F| {
             let (mean, slope) = self.mean(from, distance);
             (-mean, -slope)
         };
-        let reach = gap.compliance * self.torque;
+        let reach = response.compliance * self.torque;
         // It falls as steeply as it rises.
         let turn = reach * F::from_f64(core::f64::consts::PI) / self.pitch;
-        meet_any(gap, self.torque, (turn, turn), self.pitch * F::from_f64(1.0 / 64.0), law)
+        solve_nearest(response, self.torque, (turn, turn), self.pitch * F::from_f64(1.0 / 64.0), law)
     }
 
     /// (V(q + distance) - V(q))/distance

@@ -5,7 +5,7 @@
 //! falls by at most 2/e · torque/width, at x = ±√3.
 
 use crate::Real;
-use crate::contact::{Answer, Gap, meet_any};
+use crate::contact::{Solution, StepResponse, solve_nearest};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Magnet<F> {
@@ -32,16 +32,16 @@ impl<F: Real> Magnet<F> {
     }
 
     /// The torque that keeps its energy over a step, at the solution nearest to the free motion.
-    pub fn held(&self, gap: &Gap<F>) -> Answer<F> {
-        let gap = &Gap { start: gap.start - self.at, ..*gap };
+    pub fn solve(&self, response: &StepResponse<F>) -> Solution<F> {
+        let response = &StepResponse { start: response.start - self.at, ..*response };
         let law = |distance: F| {
-            let (mean, slope) = self.mean(gap.start / self.width, distance);
+            let (mean, slope) = self.mean(response.start / self.width, distance);
             (-mean, -slope)
         };
         // A mean torque changes by at most half of the steepest slope.
-        let turn = F::HALF * gap.compliance * self.torque / self.width;
+        let turn = F::HALF * response.compliance * self.torque / self.width;
         let (fall, rise) = (F::from_f64(2.0 / core::f64::consts::E) * turn, F::from_f64(ROOT_E) * turn);
-        meet_any(gap, self.torque, (fall, rise), self.width * F::from_f64(1.0 / 64.0), law)
+        solve_nearest(response, self.torque, (fall, rise), self.width * F::from_f64(1.0 / 64.0), law)
     }
 
     /// (V(q + distance) - V(q))/distance

@@ -1,8 +1,8 @@
-//! A coupling's law: its data, and what follows from them. Each law has a file; this one says what a law is asked for.
+//! A coupling's law: its data, and what follows from them. Each law has a file; this one defines what each law must provide.
 //!
 //! A law with an energy is a function of q alone: its file gives its torque -V'(q), its V, and the mean of V' over a way, which
-//! is what the discrete-gradient step needs ([`crate::gradient`]). Every match here names every law, so that a new one does not
-//! compile before each question has its answer.
+//! is what the discrete-gradient step needs ([`crate::gradient`]). Every match here names every law, so that a new law does not
+//! compile until each function handles it.
 
 mod coulomb;
 mod damper;
@@ -239,7 +239,7 @@ impl Law {
         }
     }
 
-    /// Where it rests, or its face: the q about which it acts. `None` for what takes no notice of q.
+    /// Where it rests, or its face: the q about which it acts. `None` for a law that does not depend on q.
     pub fn center(&self) -> Option<f64> {
         match *self {
             Law::Spring { rest, .. } | Law::DeadBand { rest, .. } => Some(rest),

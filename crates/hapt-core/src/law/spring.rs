@@ -1,7 +1,7 @@
 //! A spring, and the rising torque that levels off at a limit: a spring's, a wall's, a dead band's.
 
 use crate::Real;
-use crate::contact::{Answer, Gap, meet_falling, within};
+use crate::contact::{Solution, StepResponse, solve_falling, within};
 
 /// A spring with a limit; those without are matrices.
 #[derive(Clone, Copy, Debug)]
@@ -23,14 +23,14 @@ impl<F: Real> Spring<F> {
     }
 
     /// The torque that keeps its energy over a step.
-    pub fn held(&self, gap: &Gap<F>) -> Answer<F> {
+    pub fn solve(&self, response: &StepResponse<F>) -> Solution<F> {
         let (ramp, limit) = (self.ramp(), self.limit);
-        let gap = Gap { start: gap.start - self.rest, ..*gap };
+        let response = StepResponse { start: response.start - self.rest, ..*response };
         let law = |distance| {
-            let (mean, slope) = ramp.mean(gap.start, distance);
+            let (mean, slope) = ramp.mean(response.start, distance);
             (-mean, -slope)
         };
-        meet_falling(&gap, law).within(-limit, limit)
+        solve_falling(&response, law).within(-limit, limit)
     }
 
     /// (V(q + distance) - V(q))/distance

@@ -1,7 +1,7 @@
 //! A wall: a spring and a damper on one side of its face, which only push.
 
 use crate::Real;
-use crate::contact::{Answer, Gap, meet_falling, within};
+use crate::contact::{Solution, StepResponse, solve_falling, within};
 use crate::law::spring::{self, Ramp};
 use crate::spec::Side;
 
@@ -55,11 +55,15 @@ impl<F: Real> Wall<F> {
     }
 
     /// The torque that keeps its energy over a step of 1/`rate` seconds, and takes what its damping takes.
-    pub fn held(&self, gap: &Gap<F>, rate: F) -> Answer<F> {
+    pub fn solve(&self, response: &StepResponse<F>, rate: F) -> Solution<F> {
         let direction = self.direction;
-        let inward = Gap { start: direction * (gap.start - self.at), free: direction * gap.free, ..*gap };
-        let answer = push(&inward, &self.ramp(), self.damping * rate, self.limit);
-        Answer { torque: direction * answer.torque, ..answer }
+        let inward = StepResponse {
+            start: direction * (response.start - self.at),
+            free: direction * response.free,
+            ..*response
+        };
+        let solution = push(&inward, &self.ramp(), self.damping * rate, self.limit);
+        Solution { torque: direction * solution.torque, ..solution }
     }
 
     /// (V(q + distance) - V(q))/distance
@@ -74,9 +78,9 @@ impl<F: Real> Wall<F> {
 /// Damping acts where the middle of the way is inside, on one side of d = -2x. From inside, the push falls to its undamped value
 /// there, and of two solutions the damped one, with the smaller change, is nearest to the free motion. From outside it rises
 /// there: where neither side has a solution, it stands at the edge, with the part of the damping that holds it there.
-fn push<F: Real>(gap: &Gap<F>, ramp: &Ramp<F>, drag: F, limit: F) -> Answer<F> {
+fn push<F: Real>(response: &StepResponse<F>, ramp: &Ramp<F>, drag: F, limit: F) -> Solution<F> {
     let push = |drag: F, distance: F| {
-        let (mean, slope) = ramp.mean(gap.start, distance);
+        let (mean, slope) = ramp.mean(response.start, distance);
         let sum = mean + drag * distance;
         if sum > limit {
             (-limit, F::ZERO)
@@ -88,15 +92,15 @@ fn push<F: Real>(gap: &Gap<F>, ramp: &Ramp<F>, drag: F, limit: F) -> Answer<F> {
     };
     let mut damped = F::ZERO;
     if drag > F::ZERO {
-        let edge = -(gap.start + gap.start);
-        let beyond = |drag: F| edge - gap.free - gap.compliance * push(drag, edge).0;
+        let edge = -(response.start + response.start);
+        let beyond = |drag: F| edge - response.free - response.compliance * push(drag, edge).0;
         if beyond(drag) <= F::ZERO {
             damped = drag;
         } else if beyond(F::ZERO) < F::ZERO {
-            let by_free = -(F::ONE / gap.compliance);
-            let torque = (edge - gap.free) / gap.compliance;
-            return Answer { torque, by_free, by_rate: F::ZERO }.within(-limit, F::ZERO);
+            let by_free = -(F::ONE / response.compliance);
+            let torque = (edge - response.free) / response.compliance;
+            return Solution { torque, by_free, by_rate: F::ZERO }.within(-limit, F::ZERO);
         }
     }
-    meet_falling(gap, |distance| push(damped, distance)).within(-limit, F::ZERO)
+    solve_falling(response, |distance| push(damped, distance)).within(-limit, F::ZERO)
 }

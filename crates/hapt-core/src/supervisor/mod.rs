@@ -29,7 +29,7 @@ use ledger::Ledger;
 pub use limits::{Heat, Limits, SafetyProfile};
 use motion::Motion;
 pub use phase::{Phase, Reading, Request, SafeOutput};
-use pulse::{Answer, Pulse, Testing};
+use pulse::{Pulse, SignTest, Testing};
 pub use reason::Reason;
 use standing::Stand;
 pub use state::SupervisorState;
@@ -191,7 +191,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         announced: bool,
     ) {
         if let Some(request) = request {
-            self.answer(state, request, wrong, lost, announced);
+            self.handle(state, request, wrong, lost, announced);
         }
         if !state.phase.is_active() {
             return;
@@ -206,7 +206,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     }
 
     #[inline(never)]
-    fn answer(
+    fn handle(
         &self,
         state: &mut SupervisorState<F>,
         request: Request,
@@ -347,17 +347,17 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         let before = state.gain;
         if state.phase != Phase::Running {
             if !state.phase.is_active() {
-                (state.gain, state.testing, state.carry, state.swapped) = (F::ZERO, None, [F::ZERO; 2], false);
+                (state.gain, state.testing, state.transfer, state.swapped) = (F::ZERO, None, [F::ZERO; 2], false);
                 return F::ZERO;
             }
             if let (Some(testing), Some(pulse), Phase::FadingIn) = (state.testing.as_mut(), &self.pulse, state.phase) {
                 match pulse.sample(testing, state.seen.position) {
-                    Answer::Torque(torque) => return torque,
-                    Answer::Right => {
+                    SignTest::Torque(torque) => return torque,
+                    SignTest::Right => {
                         (state.testing, state.fresh) = (None, true);
                         self.home(state);
                     }
-                    Answer::Wrong(reason) => state.fault(reason),
+                    SignTest::Wrong(reason) => state.fault(reason),
                 }
                 return F::ZERO;
             }
@@ -372,21 +372,21 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             }
         }
         let wanted = state.gain * sample.command;
-        let [carry, part] = state.carry;
+        let [rest, part] = state.transfer;
         if state.swapped {
-            let carry = state.output - wanted;
-            (state.carry, state.swapped) = ([carry, carry * self.fade], false);
-        } else if carry != F::ZERO {
-            let gone = carry.abs() <= part.abs();
-            let left = if gone { F::ZERO } else { carry - part };
-            // It leaves with the torque that fades out.
+            let rest = state.output - wanted;
+            (state.transfer, state.swapped) = ([rest, rest * self.fade], false);
+        } else if rest != F::ZERO {
+            let gone = rest.abs() <= part.abs();
+            let left = if gone { F::ZERO } else { rest - part };
+            // It fades with the torque.
             let left = if state.phase == Phase::FadingOut { left * (state.gain / before) } else { left };
-            state.carry[0] = left;
+            state.transfer[0] = left;
         } else {
             // The command is within it, or has faulted.
             return state.whole(sample.command);
         }
-        (wanted + state.carry[0]).within(self.torque)
+        (wanted + state.transfer[0]).within(self.torque)
     }
 
     /// The torque after a fault: none, or what brings the puck to rest over a fade's time.

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! n is chosen so that a free puck, with its damping and friction, moves by twelve counts. Three counts are more than rounding can
-//! feign (two), and less than that is no answer: the encoder is absent, or a hand is in the way.
+//! feign (two), and less than that is no motion: the encoder is absent, or a hand is in the way.
 
 use crate::supervisor::{Limits, Reason};
 use crate::{Real, Spec};
@@ -23,7 +23,7 @@ pub(crate) struct Pulse<F> {
     samples: u32,
     /// The samples that the motor is behind.
     delay: u32,
-    /// The least motion that is an answer.
+    /// The least motion that counts.
     least: F,
 }
 
@@ -36,9 +36,9 @@ pub(crate) struct Testing<F> {
     marks: [F; 3],
 }
 
-/// What a sample of the test asks for.
-pub(crate) enum Answer<F> {
-    /// This torque.
+/// The outcome of a sample of the test.
+pub(crate) enum SignTest<F> {
+    /// Not yet decided: command this torque.
     Torque(F),
     /// The puck moves the right way.
     Right,
@@ -74,30 +74,30 @@ impl<F: Real> Pulse<F> {
         })
     }
 
-    pub fn sample(&self, testing: &mut Testing<F>, position: F) -> Answer<F> {
+    pub fn sample(&self, testing: &mut Testing<F>, position: F) -> SignTest<F> {
         let (now, n) = (testing.sample, self.samples);
         testing.sample = now.saturating_add(1);
-        // The puck feels what was asked for `delay` samples ago.
-        let felt = now.saturating_sub(self.delay);
+        // The torque that acts on the puck was commanded `delay` samples ago.
+        let acting = now.saturating_sub(self.delay);
         let [start, pulse, back] = testing.marks;
         if now == 0 {
             testing.marks = [position; 3];
-        } else if felt == n {
+        } else if acting == n {
             testing.marks = [start, position, position];
-        } else if felt == n.saturating_mul(2) {
+        } else if acting == n.saturating_mul(2) {
             testing.marks = [start, pulse, position];
-        } else if felt >= n.saturating_mul(3) {
+        } else if acting >= n.saturating_mul(3) {
             // Not before: whichever way it went, the opposite has brought it to rest.
             let moved = (back - pulse) - (pulse - start);
             return if moved > self.least {
-                Answer::Right
+                SignTest::Right
             } else if moved < -self.least {
-                Answer::Wrong(Reason::Reversed)
+                SignTest::Wrong(Reason::Reversed)
             } else {
-                Answer::Wrong(Reason::Stuck)
+                SignTest::Wrong(Reason::Stuck)
             };
         }
-        Answer::Torque(if now < n || now >= n.saturating_mul(3) {
+        SignTest::Torque(if now < n || now >= n.saturating_mul(3) {
             F::ZERO
         } else if now < n.saturating_mul(2) {
             self.torque

@@ -31,8 +31,8 @@ pub struct SupervisorState<F> {
     pub(crate) fresh: bool,
     /// The world is another from the next sample on.
     pub(crate) swapped: bool,
-    /// What is left of the step that a swap would have been, and how much of it goes a sample.
-    pub(crate) carry: [F; 2],
+    /// Bumpless transfer: what is left of the step in torque between two worlds, in N·m (N), and how much of it goes each sample.
+    pub(crate) transfer: [F; 2],
     /// From 1 to 0: what is left of the braking after a fault.
     pub(crate) braking: F,
     /// Samples since something was wrong.
@@ -54,7 +54,7 @@ impl<F: Real> SupervisorState<F> {
         testing: None,
         fresh: true,
         swapped: false,
-        carry: [F::ZERO; 2],
+        transfer: [F::ZERO; 2],
         braking: F::ZERO,
         calm: 0,
     };
@@ -85,14 +85,14 @@ impl<F: Real> SupervisorState<F> {
             && !self.fresh
             && !self.swapped
             && self.testing.is_none()
-            && self.carry[0] == F::ZERO
+            && self.transfer[0] == F::ZERO
             && self.calm >= CALM
     }
 
-    /// The torque of this command where nothing of a swap is left.
+    /// The torque of this command, outside a transfer between worlds.
     #[inline(always)]
     pub(crate) fn whole(&self, command: F) -> F {
-        self.gain * command + self.carry[0]
+        self.gain * command + self.transfer[0]
     }
 
     /// The device itself reports a fault: before the sample that shows it, and again before each sample while it lasts. The supervisor is

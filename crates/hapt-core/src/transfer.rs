@@ -1,13 +1,13 @@
-//! One world going on where another was, between two samples.
+//! The transfer of state from one world to the next, between two samples.
 
 use crate::sense::{Memory, Sensor, Velocity};
 use crate::{Loop, Real, State};
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
-    /// The state before the next sample, which this loop takes in place of `before`, whose state is `state`. Body i goes on where body
-    /// `bodies(i)` was, the bristle of coupling i where that of `bristles(i)` was; `None`: from its start. Where the encoder's counts are the
-    /// same, so does what the sensor remembers.
-    pub fn carry(
+    /// The state with which this loop replaces `before`, whose state is `state`, from the next sample on. Body i continues from body
+    /// `bodies(i)`, the bristle of coupling i from that of `bristles(i)`; `None`: from its initial state. The sensor's memory is kept where
+    /// both have the same encoder.
+    pub fn transfer(
         &self,
         before: &Self,
         state: &State<F, B, C, W>,
@@ -16,8 +16,8 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     ) -> State<F, B, C, W> {
         let mut next = self.start();
         let shorter = before.period - self.period;
-        next.memory = self.sensor.carry(&before.sensor, &state.memory, shorter);
-        // x_k is one old period ago. Who takes the new sample first makes the last step itself, from one new period ago on.
+        next.memory = self.sensor.transfer(&before.sensor, &state.memory, shorter);
+        // x_k is one old period ago. A method that takes the new sample first makes the last step itself, from one new period ago.
         let goes_itself = self.new_sample_first && next.memory.last.is_some();
         let part = if goes_itself { shorter / before.period } else { F::ONE };
         let is_moving = before.new_sample_first && state.memory.last.is_some();
@@ -27,7 +27,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             let (Some(dw), Some(dv)) = (state.change.position.get(from), state.change.velocity.get(from)) else {
                 continue;
             };
-            // x_{k+1} - x_k, where the method knows it already; else at its velocity.
+            // x_{k+1} - x_k where the method has it already, else extrapolated at the velocity.
             let dw = if is_moving { before.period * *v } else { *dw };
             (*position, *velocity) = (*w + part * dw, *v + part * *dv);
         }
@@ -41,10 +41,10 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 }
 
 impl<F: Real> Sensor<F> {
-    /// What it goes on with, periods shorter by so much, in s; nothing where its counts are others.
-    fn carry<const W: usize>(&self, before: &Self, memory: &Memory<F, W>, shorter: F) -> Memory<F, W> {
+    /// The memory with which this sensor continues; `shorter` is how much shorter the period is, in s. Empty for another encoder.
+    fn transfer<const W: usize>(&self, before: &Self, memory: &Memory<F, W>, shorter: F) -> Memory<F, W> {
         let Some(mut last) = memory.last.filter(|_| self.count == before.count) else { return Memory::EMPTY };
-        // Where the puck, at its velocity, was one new period ago.
+        // The puck's position one new period ago, extrapolated at its velocity.
         last.position += shorter * last.velocity;
         let foaw = |sensor: &Self| match sensor.velocity {
             Some(Velocity::Foaw { .. }) => true,
@@ -54,7 +54,7 @@ impl<F: Real> Sensor<F> {
             return Memory { last: Some(last), ..*memory };
         }
         let mut next = Memory { last: Some(last), ..Memory::EMPTY };
-        // The window begins there: counts of another period are no counts of this one.
+        // The window begins anew: its counts are one period apart, of the period that has ended.
         if let (Some(size), Some(newest)) = (self.count, next.counts.first_mut()) {
             *newest = (last.position / size + F::HALF).floor();
         }
