@@ -77,12 +77,12 @@ pub fn parameters(scenario: &str) -> Result<()> {
     let (Some(body), Some(Law::Spring { stiffness, .. })) =
         (world.bodies.first(), world.couplings.first().map(|c| c.law))
     else {
-        bail!("a wheel on a spring is wanted");
+        bail!("expected a wheel on a spring");
     };
     let hapt_model::Drive::Position(hapt_model::Shape::Step { to, .. }) = step.hand.drive else {
-        bail!("a step is wanted");
+        bail!("expected a step");
     };
-    let limit = world.device.limit.context("a limit is wanted")?;
+    let limit = world.device.limit.context("expected a limit")?;
     let device = &world.device;
     println!(
         "{period} {samples} {} {} {limit} {} {stiffness} {to} {release}",

@@ -32,7 +32,7 @@ function faint() {
   const judge = (what, colour, ground, wanted) => {
     seen += 1;
     const got = ratio(over(rgba(colour), ground), ground);
-    if (got < wanted) found.push(`${what}: ${got.toFixed(2)}, and ${wanted} is wanted`);
+    if (got < wanted) found.push(`${what}: ${got.toFixed(2)}, expected ${wanted}`);
   };
   for (const element of document.querySelectorAll("body *")) {
     const style = getComputedStyle(element);

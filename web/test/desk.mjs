@@ -73,7 +73,7 @@ export async function until(read, wanted, seconds = 10) {
   for (const end = Date.now() + 1000 * seconds; Date.now() < end; await new Promise((ok) => setTimeout(ok, 50))) {
     if (wanted((last = await read()))) return last;
   }
-  throw new assert.AssertionError({ message: `${read} stays at ${JSON.stringify(last)}, and ${wanted} is wanted` });
+  throw new assert.AssertionError({ message: `${read} stays at ${JSON.stringify(last)}, expected ${wanted}` });
 }
 
 /** Grabs the wheel at its top and turns it by so many degrees, the button still down. */

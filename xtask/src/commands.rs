@@ -262,7 +262,7 @@ fn judged(line: &Line) -> Result<()> {
     // A run that runs away keeps its file, and says so.
     let ran_away = code == 3 && texts[1].contains("stops being finite");
     ensure!((0..=2).contains(&code) || ran_away, "it ends with {code}: {message}");
-    ensure!(code != 2 || !message.is_empty(), "it refuses and says nothing");
+    ensure!(code != 2 || !message.is_empty(), "it refuses without a message");
     let wrong = |text: &str| {
         text.split(|c: char| !c.is_ascii_alphanumeric()).any(|word| matches!(word, "NaN" | "inf" | "panicked"))
     };

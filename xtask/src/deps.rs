@@ -40,7 +40,7 @@ pub fn oldest_rust() -> Result<()> {
         }
     }
     let ours = ours.context("hapt names no rust-version")?;
-    ensure!(newest.0 <= ours, "{} needs Rust {:?}, the workspace says {ours:?}", newest.1, newest.0);
+    ensure!(newest.0 <= ours, "{} needs Rust {:?}, the workspace requires {ours:?}", newest.1, newest.0);
     core()
 }
 

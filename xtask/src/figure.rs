@@ -89,7 +89,7 @@ const FIGURES: &[Figure] = &[
     },
     Figure {
         name: "released",
-        title: "Stepped to 45°, let go after a quarter of a second",
+        title: "Stepped to 45°, released after a quarter of a second",
         y: ANGLE,
         span: (0.0, 1.5),
         curves: &[

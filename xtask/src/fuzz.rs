@@ -64,7 +64,7 @@ fn targets(corpus: &Path) -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// libFuzzer with coverage and an address sanitiser: `cargo-fuzz` and a nightly toolchain are wanted.
+/// libFuzzer with coverage and an address sanitiser: needs `cargo-fuzz` and a nightly toolchain.
 fn long(minutes: u64, names: &[&str]) -> Result<()> {
     let (commands, names): (Vec<&str>, Vec<&str>) = names.iter().partition(|name| **name == commands::NAME);
     if !commands.is_empty() || names.is_empty() {

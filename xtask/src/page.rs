@@ -117,7 +117,7 @@ fn has_target() -> bool {
 pub fn same_bits() -> Result<()> {
     if !Command::new("node").arg("--version").stdout(Stdio::null()).status().is_ok_and(|status| status.success()) {
         ensure!(std::env::var_os("CI").is_none(), "node is missing");
-        println!("        (skipped: the page's core wants node)");
+        println!("        (skipped: the page's core needs node)");
         return Ok(());
     }
     let file = Path::new("target/page-case");
@@ -156,7 +156,7 @@ pub fn works() -> Result<()> {
     let usual = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
     if std::env::var_os("CHROMIUM").is_none() && !usual.iter().any(|path| Path::new(path).exists()) {
         ensure!(std::env::var_os("CI").is_none(), "no Chromium: apt-get install chromium");
-        println!("        (skipped: the page wants Chromium, apt-get install chromium)");
+        println!("        (skipped: the page needs Chromium, apt-get install chromium)");
         return Ok(());
     }
     npm(&["test", "--silent"])
@@ -177,7 +177,7 @@ fn has_npm() -> Result<bool> {
         return Ok(true);
     }
     ensure!(!ci, "npm is missing");
-    println!("        (skipped: npm ci in web/ first, which wants nodejs and npm)");
+    println!("        (skipped: npm ci in web/ first, which needs nodejs and npm)");
     Ok(false)
 }
 

@@ -10,7 +10,7 @@ pub fn numbers(words: &[&str], places: &mut [(&str, &mut f64)]) -> Result<bool> 
             write = true;
         } else if let Some((_, place)) = places.iter_mut().find(|(name, _)| name == word) {
             let text = words.next().with_context(|| format!("{word} takes a number"))?;
-            **place = text.parse().with_context(|| format!("{text} is no number"))?;
+            **place = text.parse().with_context(|| format!("{text} is not a number"))?;
         } else {
             let known: Vec<String> = places.iter().map(|(name, _)| format!("{name} NUMBER")).collect();
             bail!("there is {} and --write, not {word}", known.join(", "));

@@ -57,7 +57,7 @@ fn missing() -> Result<Option<String>> {
         return Ok(Some(packages().join(" ")));
     }
     for arguments in [vec!["update"], [vec!["install", "-y", "--no-install-recommends"], packages()].concat()] {
-        let said = Command::new("apt-get").args(arguments).output().context("no apt-get: this is no Debian")?;
+        let said = Command::new("apt-get").args(arguments).output().context("no apt-get: this is not Debian")?;
         ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
     }
     Ok(None)

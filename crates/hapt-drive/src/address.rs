@@ -89,13 +89,14 @@ impl FromStr for Address {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let (make, rest) = text.split_once(':').ok_or("a drive is moteus:PATH or odrive:PATH")?;
-        let make = Make::named(make).ok_or_else(|| format!("{make:?} is no drive; moteus and odrive are"))?;
+        let make =
+            Make::named(make).ok_or_else(|| format!("{make:?} is not a known drive; expected moteus or odrive"))?;
         let (place, id) = match rest.rsplit_once('#') {
             None => (rest, 1),
             Some((place, id)) => {
                 let ids = make.ids();
                 let id = id.parse().ok().filter(|id| ids.contains(id)).ok_or_else(|| {
-                    format!("{id:?} is no identifier of {}; they go from {} to {}", make.one(), ids.start(), ids.end())
+                    format!("{id:?} is not an identifier of {}; expected {} to {}", make.one(), ids.start(), ids.end())
                 })?;
                 (place, id)
             }

@@ -98,7 +98,7 @@ pub enum Error {
         error: io::Error,
     },
     /// The port or bus went away.
-    #[error("{name} went away: {error}")]
+    #[error("{name} is gone: {error}")]
     Gone {
         /// The port's path or the interface's name.
         name: String,

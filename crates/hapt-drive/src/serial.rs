@@ -41,7 +41,7 @@ impl Line {
     pub fn open_at(path: &Path, speed: u32) -> io::Result<Self> {
         let fd = open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())?;
         if !rustix::termios::isatty(&fd) {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no serial port"));
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is not a serial port"));
         }
         flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(|error| match error {
             Errno::WOULDBLOCK => io::Error::other("another program holds it"),

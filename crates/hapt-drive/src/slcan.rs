@@ -50,7 +50,7 @@ impl FromStr for Rate {
         let number = number.or((text == "1M").then_some(8));
         number.map(|number| Rate(number as u8)).ok_or_else(|| {
             let all = RATES[..8].iter().map(|kilobits| format!("{kilobits}k, ")).collect::<String>();
-            format!("{text:?} is no rate of an adapter; {all}and 1M are, in bit/s")
+            format!("{text:?} is not a bit rate of the adapter; expected {all}or 1M, in bit/s")
         })
     }
 }

@@ -119,7 +119,7 @@ impl WorldConfig {
     /// As [`WorldConfig::with`].
     pub fn with_all(&self, sets: &[(String, String)]) -> Result<Self, String> {
         if let Some((key, _)) = sets.iter().find(|(key, _)| !may_be_set(&self.world, key)) {
-            return Err(format!("{key:?} is no key that can be set while the loop runs"));
+            return Err(format!("{key:?} cannot be set while the loop runs"));
         }
         if let Some(attached) = &self.attached
             && let Some((key, _)) = sets.iter().find(|(key, _)| !attached.allows(key))

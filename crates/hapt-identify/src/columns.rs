@@ -156,13 +156,13 @@ fn scale(
         Ok(unit) => unit,
         Err(_) => {
             let message =
-                format!("column {name} has no known unit; {wants} is wanted, such as in angle_deg, t_ms or tau_mNm");
+                format!("column {name} has no known unit; expected {wants}, such as in angle_deg, t_ms or tau_mNm");
             return Err(Error::Columns(message));
         }
     };
     let dimension = unit.dimension();
     if !wanted.iter().any(|wanted| wanted.accepts(dimension)) {
-        return Err(Error::Columns(format!("column {name} is {dimension}; {wants} is wanted")));
+        return Err(Error::Columns(format!("column {name} is {dimension}; expected {wants}")));
     }
     let factor = unit.factor() * 10f64.powi(unit.decimal_exponent() as i32);
     Ok((Scale { column, factor }, dimension))

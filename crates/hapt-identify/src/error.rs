@@ -51,7 +51,7 @@ pub enum Error {
         torques: usize,
     },
     /// A number that is none.
-    #[error("sample {sample}: the {what} is {value}; a finite number is wanted")]
+    #[error("sample {sample}: the {what} is {value}; expected a finite number")]
     NotFinite {
         /// From 0.
         sample: usize,
@@ -90,7 +90,7 @@ pub enum Error {
     },
     /// The torque is the same all the time, and is not 0.
     #[error(
-        "there is no excitation: the torque is {torque} throughout; one that steps up and down, or a chirp, is wanted (or none at all, for a coast-down)"
+        "there is no excitation: the torque is {torque} throughout; expected a torque that steps up and down, or a chirp (or none at all, for a coast-down)"
     )]
     Constant {
         /// In N·m (N).

@@ -74,7 +74,7 @@ fn admit(request: &Request<Incoming>, access: &Access, is_socket: bool) -> Resul
 /// The header's value; it may occur once, as text.
 fn only(headers: &HeaderMap, name: HeaderName) -> Result<Option<&str>, String> {
     let mut values = headers.get_all(&name).iter();
-    let first = values.next().map(|value| value.to_str().map_err(|_| format!("{name} is no text"))).transpose()?;
+    let first = values.next().map(|value| value.to_str().map_err(|_| format!("{name} is not text"))).transpose()?;
     match values.next() {
         Some(_) => Err(format!("{name} stands there twice")),
         None => Ok(first),

@@ -166,7 +166,7 @@ impl Live {
         match self.outcome.recv_timeout(most) {
             Ok(Err(message)) => Err(Error::Device(message)),
             Ok(Ok(())) | Err(RecvTimeoutError::Timeout) => Ok(()),
-            Err(RecvTimeoutError::Disconnected) => Err(Error::Device("the session has ended by itself".into())),
+            Err(RecvTimeoutError::Disconnected) => Err(Error::Device("the session has ended unexpectedly".into())),
         }
     }
 }

@@ -31,7 +31,7 @@ pub fn check(world: &World, source: &Source, sets: &[String]) -> Result<(), Stri
     let period = world.sampling.period;
     if !PERIODS.contains(&period) {
         return Err(format!(
-            "loop.period: {period} s is no period for a loop behind a page; 50 us to 100 ms is wanted"
+            "loop.period: {period} s is too short or too long for a live loop; expected 50 us to 100 ms"
         ));
     }
     for Parameter { path, si, .. } in parameters(source, sets).map_err(|error| error.message)? {

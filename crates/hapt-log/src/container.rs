@@ -128,7 +128,7 @@ impl<R: Read> Container<R> {
                 let Some((opcode, range)) = self.inside() else {
                     match self.cut {
                         true => self.chunk = 0..0,
-                        false => self.damaged("a chunk holds what is no record"),
+                        false => self.damaged("a chunk holds something that is not a record"),
                     }
                     continue;
                 };
@@ -147,7 +147,7 @@ impl<R: Read> Container<R> {
                 DATA_END if range.start == 0 => self.end()?,
                 CHANNEL | MESSAGE | ATTACHMENT | METADATA => match self.item(opcode, range) {
                     Some(item) => return Ok(Some(item)),
-                    None => self.damaged("a record is not what it says it is"),
+                    None => self.damaged("a record does not have its stated type"),
                 },
                 _ => {}
             }

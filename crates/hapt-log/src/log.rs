@@ -99,7 +99,7 @@ impl<R: Read> Log<R> {
     pub fn read(from: R) -> Result<Self, Error> {
         let foreign = |words: String| Err(Error::Foreign(words));
         let Some(mut container) = Container::new(from)? else {
-            return foreign("it is no log: it does not begin as an MCAP file does".into());
+            return foreign("it is not a log: it does not begin as an MCAP file does".into());
         };
         let (mut header, mut metadata) = (Header { version: String::new(), ..Header::default() }, None);
         let (mut plans, mut topics, mut snapshot) = (BTreeMap::new(), Vec::new(), None);
@@ -140,12 +140,12 @@ impl<R: Read> Log<R> {
             _ if metadata.is_some() || (topics.is_empty() && ending != Ending::Whole) => {
                 foreign(format!("it holds no sample: {ending}"))
             }
-            _ if topics.is_empty() => foreign("it is an MCAP file, and no log of hapt: it has no topic".into()),
+            _ if topics.is_empty() => foreign("it is an MCAP file, but not a log of hapt: it has no topic".into()),
             _ => {
                 topics.truncate(5);
                 let topics: Vec<String> = topics.iter().map(|topic| topic.chars().take(40).collect()).collect();
                 foreign(format!(
-                    "it is an MCAP file, and no log of hapt: its topics are {topics:?}, and {TOPIC:?} is wanted"
+                    "it is an MCAP file, but not a log of hapt: its topics are {topics:?}, expected {TOPIC:?}"
                 ))
             }
         }
@@ -197,7 +197,7 @@ impl<R: Read> Log<R> {
             self.plan = Arc::clone(plan);
         }
         let Some(()) = self.plan.decode(self.container.data(&message), &mut self.values) else {
-            self.container.damaged("a sample is no message of its channel");
+            self.container.damaged("a sample does not match its channel's schema");
             self.done = self.container.ending().cloned();
             return Ok(None);
         };

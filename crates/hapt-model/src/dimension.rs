@@ -90,7 +90,7 @@ impl Dimension {
         Dimension { angle, length, mass, time }
     }
 
-    /// Whether a quantity of dimension `given` may stand where `self` is wanted: the same one, and for an inertia also
+    /// Whether a quantity of dimension `given` may stand where `self` is expected: the same one, and for an inertia also
     /// the spelling with the angle, N m s²/rad.
     pub fn accepts(self, given: Dimension) -> bool {
         self == given || (self == Dimension::INERTIA && given == Dimension::INERTIA_PER_ANGLE)

@@ -117,7 +117,7 @@ impl Node {
         Node { value, place }
     }
 
-    /// What stands here, for `...; a time (s) is wanted`.
+    /// What stands here, for `...; expected a time (s)`.
     pub fn described(&self) -> String {
         match &self.value {
             Value::Text(text) => format!("{} is text", words::quoted(text)),

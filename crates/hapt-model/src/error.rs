@@ -11,7 +11,7 @@ const MARK: char = '\u{feff}';
 /// The first thing found wrong while reading a world.
 ///
 /// ```text
-/// loop.period: "1 kg" is a mass (kg); a time (s) is wanted, such as "1 ms"
+/// loop.period: "1 kg" is a mass (kg); expected a time (s), such as "1 ms"
 ///  --> wheel.toml:12:13
 ///    |
 /// 12 | period    = "1 kg"

@@ -50,7 +50,7 @@ impl<'a> Fields<'a> {
             Some(Value::Table(entries)) => entries,
             Some(_) => {
                 let given = node.map(Node::described).unwrap_or_default();
-                let message = format!("{given}; a table of keys is wanted");
+                let message = format!("{given}; expected a table of keys");
                 return Err(context.document.error(ErrorKind::Value, context.path, message, &place));
             }
         };
@@ -286,7 +286,7 @@ impl<'a> Fields<'a> {
                 }
             }
             (Takes::Whole { least, most, step }, Value::Number(text)) => match whole(text) {
-                None => given(format!("{} is no whole number", shortened(text))),
+                None => given(format!("{} is not a whole number", shortened(text))),
                 Some(whole) if whole < i128::from(least) || whole > i128::from(most) => {
                     given(format!("{} is out of range", shortened(text)))
                 }
@@ -299,7 +299,7 @@ impl<'a> Fields<'a> {
                     Node { value: Value::Text(first), place: at_first },
                     Node { value: Value::Text(second), place: at_second },
                 ] => Ok(Found::Ends([(first, at_first), (second, at_second)])),
-                [_, _] => given("an end is named by a text".to_string()),
+                [_, _] => given("an end is text in quotes".to_string()),
                 items => given(format!("an array of {} stands here", items.len())),
             },
             (Takes::Table, Value::Table(_)) => Ok(Found::Node(node)),
@@ -358,7 +358,7 @@ fn quantity(measure: Measure, motion: Motion, value: &Value) -> Result<f64, Stri
         _ => {
             let text = number(value);
             let message = || {
-                format!("{} is no finite double; {wanted} is wanted, such as {:?}", shortened(text), wanted.example())
+                format!("{} is not a finite number; expected {wanted}, such as {:?}", shortened(text), wanted.example())
             };
             parse_in_unit(text, Unit::ONE).ok_or_else(message)
         }

@@ -234,7 +234,7 @@ impl Key {
         among(self.kinds, kind) && among(self.hands, hand) && self.motion.is_none_or(|only| only == motion)
     }
 
-    /// What it takes, as the end of an error message: `a time (s) above 0 is wanted, such as "1 ms"`.
+    /// What it takes, as the end of an error message: expected `a time (s) above 0, such as "1 ms"`.
     pub fn wanted(&self, motion: Motion) -> String {
         let quantity = |measure: Measure, range: Range| {
             let range = match range {
@@ -242,11 +242,11 @@ impl Key {
                 Range::ZeroOrMore => " of 0 or more",
                 Range::Positive => " above 0",
             };
-            format!("{}{range} is wanted, such as {:?}", measure.described(motion), measure.example(motion))
+            format!("expected {}{range}, such as {:?}", measure.described(motion), measure.example(motion))
         };
         match self.takes {
-            Takes::Text => "text in quotes is wanted".to_string(),
-            Takes::Name(names) => format!("{} is wanted", words::alternatives(names.iter().copied())),
+            Takes::Text => "expected text in quotes".to_string(),
+            Takes::Name(names) => format!("expected {}", words::alternatives(names.iter().copied())),
             Takes::Quantity(measure, range) => quantity(measure, range),
             Takes::QuantityOr(measure, range, word) => format!("{}, or {word:?}", quantity(measure, range)),
             Takes::TimeOrSamples => {
@@ -258,12 +258,12 @@ impl Key {
             }
             Takes::Whole { least, most, step } => {
                 let even = if step == 2 { "an even" } else { "a" };
-                format!("{even} whole number from {least} to {most} is wanted")
+                format!("expected {even} whole number from {least} to {most}")
             }
-            Takes::Ends => "a pair of ends is wanted, such as [\"puck\", \"wheel\"]".to_string(),
-            Takes::Table => "a table of keys is wanted".to_string(),
-            Takes::Named { what, .. } => format!("a table for each {what} is wanted"),
-            Takes::List { what, .. } => format!("an array of tables, one for each {what}, is wanted"),
+            Takes::Ends => "expected a pair of ends, such as [\"puck\", \"wheel\"]".to_string(),
+            Takes::Table => "expected a table of keys".to_string(),
+            Takes::Named { what, .. } => format!("expected a table for each {what}"),
+            Takes::List { what, .. } => format!("expected an array of tables, one for each {what}"),
         }
     }
 }
@@ -378,7 +378,7 @@ pub const KEYS: &[Key] = &[
     key("device.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The puck's viscous damping."),
     key("device.friction", Quantity(Torque, ZeroOrMore), Number(0.0),
         "The puck's Coulomb friction; it sticks while at rest and |net torque| is no larger."),
-    key("device.limit", Quantity(Torque, Positive), Optional, "The largest torque that the motor may be asked for; absent: any."),
+    key("device.limit", Quantity(Torque, Positive), Optional, "The largest torque that the motor may be commanded; absent: any."),
     key("device.encoder", Whole { least: 1, most: 1 << 53, step: 1 }, Optional, "Counts per revolution; absent: ideal.").only(Motion::Rotary),
     key("device.encoder", Quantity(Position, Positive), Optional, "The size of one count; absent: ideal.").only(Motion::Linear),
     key("device.levels", Whole { least: 2, most: u32::MAX as u64, step: 2 }, Optional,

@@ -20,7 +20,7 @@
 //! let error = World::read(&Source::from_text("wheel.toml", file), &["loop.period=2 kg".to_string()]).unwrap_err();
 //! assert_eq!(
 //!     error.to_string(),
-//!     r#"loop.period: "2 kg" is a mass (kg); a time (s) is wanted, such as "1 ms"
+//!     r#"loop.period: "2 kg" is a mass (kg); expected a time (s), such as "1 ms"
 //!  --> --set:1:13
 //!   |
 //! 1 | loop.period=2 kg

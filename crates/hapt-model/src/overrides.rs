@@ -14,7 +14,7 @@ use crate::words;
 pub(crate) fn apply(document: &mut Document<'_>, index: usize, set: &str) -> Result<(), Error> {
     let place = |span: Range<usize>| Place { set: Some(index), span };
     let Some((path, _)) = set.split_once('=') else {
-        let message = format!("{} is no KEY=VALUE, such as loop.period=2ms", words::quoted(set));
+        let message = format!("{} is not KEY=VALUE, such as loop.period=2ms", words::quoted(set));
         return Err(document.error(ErrorKind::Syntax, "", message, &place(0..set.len())));
     };
     // A tree of a thousand levels would be dropped level by level, each on the stack.
@@ -87,7 +87,7 @@ fn put(root: &mut Node, steps: &[Step<'_>], value: Node) -> Result<(), (usize, E
                     return fail(match count {
                         0 => "there is none to number".to_string(),
                         1 => format!("{} is not 0, the only one there is", words::quoted(step.name)),
-                        _ => format!("{} is no whole number from 0 to {}", words::quoted(step.name), count - 1),
+                        _ => format!("{} is not a whole number from 0 to {}", words::quoted(step.name), count - 1),
                     });
                 };
                 node = item;

@@ -119,14 +119,17 @@ impl<'a> Reader<'a> {
                 return fail(
                     0,
                     first,
-                    format!("{} is no finite number; a time in s is wanted", words::quoted(first.trim())),
+                    format!("{} is not a finite number; expected a time in s", words::quoted(first.trim())),
                 );
             };
             let Some(value) = parse_in_unit(second, unit) else {
                 return fail(
                     column,
                     second,
-                    format!("{} is no finite number; one in the header's unit is wanted", words::quoted(second.trim())),
+                    format!(
+                        "{} is not a finite number; expected one in the header's unit",
+                        words::quoted(second.trim())
+                    ),
                 );
             };
             if let Some((before, _)) = points.last().filter(|(before, _)| *before >= time) {
@@ -162,8 +165,8 @@ impl<'a> Reader<'a> {
         let dimension = self.dimension(carries);
         match Unit::parse(unit) {
             Ok(unit) if dimension.accepts(unit.dimension()) => Ok(unit),
-            Ok(other) => Err(format!("{} is {}; {dimension} is wanted", words::quoted(unit), other.dimension())),
-            Err(fault) => Err(format!("{} {fault}; {dimension} is wanted", words::quoted(unit))),
+            Ok(other) => Err(format!("{} is {}; expected {dimension}", words::quoted(unit), other.dimension())),
+            Err(fault) => Err(format!("{} {fault}; expected {dimension}", words::quoted(unit))),
         }
     }
 
@@ -241,7 +244,7 @@ mod tests {
         let message = |text: &str| positions(text).unwrap_err();
         assert_eq!(
             message("time_s,puck_rad\n0,1\n1, x\n"),
-            "\"x\" is no finite number; one in the header's unit is wanted\n --> p.csv:3:4\n  |\n3 | 1, x\n  |    ^"
+            "\"x\" is not a finite number; expected one in the header's unit\n --> p.csv:3:4\n  |\n3 | 1, x\n  |    ^"
         );
         assert_eq!(
             message("time_s,puck_rad\n0.5,1\n0.5,2\n"),
@@ -258,21 +261,21 @@ mod tests {
         );
         assert_eq!(first_line("0,1\n"), "a path begins with its header: time_s,puck_deg, or another unit");
         assert_eq!(first_line("time_ms,puck_rad\n"), "a path begins with its header: time_s,puck_deg, or another unit");
-        assert_eq!(first_line("time_s,puck_mm\n"), "\"mm\" is a length (m); an angle (rad) is wanted");
+        assert_eq!(first_line("time_s,puck_mm\n"), "\"mm\" is a length (m); expected an angle (rad)");
         assert_eq!(
             first_line("time_s,puck_dge\n"),
-            "\"dge\" has the unknown unit \"dge\"; the nearest known one is \"deg\"; an angle (rad) is wanted"
+            "\"dge\" has the unknown unit \"dge\"; the nearest known one is \"deg\"; expected an angle (rad)"
         );
         assert_eq!(first_line("time_s;puck_rad\n"), "a path has two columns, with a comma between them");
         assert_eq!(first_line("time_s,puck_rad,b\n"), "a path has two columns, with a comma between them");
-        assert_eq!(first_line("time_s,puck_rad\nnan,1"), "\"nan\" is no finite number; a time in s is wanted");
+        assert_eq!(first_line("time_s,puck_rad\nnan,1"), "\"nan\" is not a finite number; expected a time in s");
         assert_eq!(
             first_line("time_s,puck_rad\n0,1e400"),
-            "\"1e400\" is no finite number; one in the header's unit is wanted"
+            "\"1e400\" is not a finite number; expected one in the header's unit"
         );
         assert_eq!(
             first_line("time_s,puck_rad\n0,1 2"),
-            "\"1 2\" is no finite number; one in the header's unit is wanted"
+            "\"1 2\" is not a finite number; expected one in the header's unit"
         );
     }
 

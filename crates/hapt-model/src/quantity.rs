@@ -11,7 +11,7 @@ use crate::words;
 pub struct Quantity {
     /// In rad, m, kg, s and their products; finite.
     pub value: f64,
-    /// Of the unit; `None` when there is none: a bare number, in the SI unit of whatever is wanted.
+    /// Of the unit; `None` when there is none: a bare number, in the SI unit of the expected dimension.
     pub dimension: Option<Dimension>,
 }
 
@@ -47,7 +47,7 @@ pub enum Fault {
     /// In SI nearer to 0 than the smallest double, and not 0.
     #[error("is too small for a double")]
     Underflow,
-    /// A unit of this dimension, where another one is wanted.
+    /// A unit of this dimension, where another one is expected.
     #[error("is {0}")]
     Dimension(Dimension),
 }
@@ -56,7 +56,7 @@ impl fmt::Display for QuantityError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}", words::quoted(&self.text), self.fault)?;
         match self.wanted {
-            Some(wanted) => write!(f, "; {wanted} is wanted, such as {:?}", wanted.example()),
+            Some(wanted) => write!(f, "; expected {wanted}, such as {:?}", wanted.example()),
             None => Ok(()),
         }
     }
@@ -269,20 +269,20 @@ mod tests {
     #[test]
     fn messages_say_what_was_given_and_what_is_wanted() {
         let message = |text: &str, wanted| parse_with_unit(text, wanted).unwrap_err().to_string();
-        assert_eq!(message("1 kg", Dimension::TIME), "\"1 kg\" is a mass (kg); a time (s) is wanted, such as \"1 ms\"");
+        assert_eq!(message("1 kg", Dimension::TIME), "\"1 kg\" is a mass (kg); expected a time (s), such as \"1 ms\"");
         assert_eq!(
             message("5 N m", Dimension::ANGULAR_STIFFNESS),
-            "\"5 N m\" is a torque (N m); a torsional stiffness (N m/rad) is wanted, such as \"20 N mm/deg\""
+            "\"5 N m\" is a torque (N m); expected a torsional stiffness (N m/rad), such as \"20 N mm/deg\""
         );
         assert_eq!(
             message("5 N m/rad", Dimension::TORQUE),
-            "\"5 N m/rad\" is a torsional stiffness (N m/rad); a torque (N m) is wanted, such as \"5 N mm\""
+            "\"5 N m/rad\" is a torsional stiffness (N m/rad); expected a torque (N m), such as \"5 N mm\""
         );
         assert_eq!(
             message("3 kg m/s", Dimension::FORCE),
-            "\"3 kg m/s\" is in kg m/s; a force (N) is wanted, such as \"2 N\""
+            "\"3 kg m/s\" is in kg m/s; expected a force (N), such as \"2 N\""
         );
-        assert_eq!(message("5", Dimension::TIME), "\"5\" has no unit; a time (s) is wanted, such as \"1 ms\"");
+        assert_eq!(message("5", Dimension::TIME), "\"5\" has no unit; expected a time (s), such as \"1 ms\"");
     }
 
     #[test]

@@ -268,7 +268,7 @@ fn end(fields: &Fields<'_>, name: &str, place: &Place, names: &[String]) -> Resu
             hint if hint.is_empty() => format!("; an end is {}", words::alternatives(known())),
             hint => hint,
         };
-        let message = format!("{} is no body of this world{hint}", words::quoted(name));
+        let message = format!("{} is not a body of this world{hint}", words::quoted(name));
         fields.error_at(ErrorKind::Name, "between", message, place)
     })
 }

@@ -154,7 +154,7 @@ impl World {
             Some(time) => time,
         };
 
-        // As fast as the motor's limit throws a puck that a hand has wound up and let go.
+        // As fast as the motor's limit throws a puck that a hand has wound up and released.
         let thrown = (2.0 * limit * WOUND[motion] / device.inertia).sqrt();
         // A simulated encoder does not fail, and a pointer moves a simulated hand as no hand moves.
         let or_any = |key: Option<f64>, default: f64| key.unwrap_or(if real { default } else { f64::INFINITY });

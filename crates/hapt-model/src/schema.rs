@@ -193,7 +193,7 @@ fn examples(wanted: Dimension) -> Vec<String> {
 fn description(row: &Key, motion: Motion) -> String {
     let takes = match row.takes {
         Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples | Takes::Whole { .. } => {
-            let wanted = row.wanted(motion).replace(" is wanted", "");
+            let wanted = row.wanted(motion).replace("expected ", "");
             format!(" Takes {wanted}.")
         }
         _ => String::new(),

@@ -63,7 +63,7 @@ pub enum UnitError {
         nearest: &'static str,
     },
     /// Something other than a unit, or nothing, where a unit belongs.
-    #[error("has {found} where a unit is due")]
+    #[error("has {found} where a unit is expected")]
     Expected {
         /// The character in quotes, or `an end`.
         found: String,
@@ -75,7 +75,7 @@ pub enum UnitError {
     #[error("has a ^ without a whole number after it")]
     Power,
     /// `(` without `)`, or the reverse.
-    #[error("has a parenthesis without its partner")]
+    #[error("has an unmatched parenthesis")]
     Parenthesis,
     /// Parentheses nested more than 16 deep, or a power beyond ±100.
     #[error("has parentheses nested beyond 16, or a power beyond 100")]
@@ -293,10 +293,10 @@ mod tests {
         assert_eq!(message("kg m2"), "has a digit after a unit; a power is written ^2");
         assert_eq!(message("m^"), "has a ^ without a whole number after it");
         assert_eq!(message("m⁻"), "has a ^ without a whole number after it");
-        assert_eq!(message("N/"), "has an end where a unit is due");
-        assert_eq!(message("N/*m"), "has \"*\" where a unit is due");
-        assert_eq!(message("(N m"), "has a parenthesis without its partner");
-        assert_eq!(message("N m)"), "has a parenthesis without its partner");
+        assert_eq!(message("N/"), "has an end where a unit is expected");
+        assert_eq!(message("N/*m"), "has \"*\" where a unit is expected");
+        assert_eq!(message("(N m"), "has an unmatched parenthesis");
+        assert_eq!(message("N m)"), "has an unmatched parenthesis");
         assert_eq!(message("m^101"), "has parentheses nested beyond 16, or a power beyond 100");
         assert_eq!(message("m^99999999"), "has parentheses nested beyond 16, or a power beyond 100");
         assert!(Unit::parse(&format!("{}m{}", "(".repeat(16), ")".repeat(16))).is_ok());

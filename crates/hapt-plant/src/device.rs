@@ -316,7 +316,7 @@ impl VirtualDevice {
         self.puck.advance(length, self.motor.applied, push, &mut self.ledger);
     }
 
-    /// What the hand does at an instant: arrive, let go, or jump. A jump comes before a sample or a motor's change at the same instant,
+    /// What the hand does at an instant: arrive, release, or jump. A jump comes before a sample or a motor's change at the same instant,
     /// and its work is done against the torque held before it.
     fn hand_acts(&mut self, t: f64) {
         if let Holder::Grip(hand) = &mut self.holder {

@@ -26,7 +26,7 @@ pub enum CsvError {
     Wrong {
         /// From 1.
         line: u64,
-        /// What stands there, and what is wanted.
+        /// What the file has there, and what is expected.
         message: String,
     },
 }
@@ -49,7 +49,7 @@ const LONGEST: u64 = 1 << 20;
 /// motion is known. Rows outside of `window`, in s, are read and left out.
 ///
 /// # Errors
-/// The first line that is not as it should be: the header, a missing or surplus field, what is no finite number, time that runs
+/// The first line that is not as it should be: the header, a missing or surplus field, what is not a finite number, time that runs
 /// backward, or no rows at all.
 pub fn read_csv(
     mut from: impl BufRead,
@@ -119,14 +119,14 @@ impl Columns {
         let names: Vec<&str> = header.trim_start_matches('\u{feff}').split(',').map(str::trim).collect();
         let find = |name: &str| {
             names.iter().position(|&column| column == name).ok_or_else(|| {
-                format!("the header has no column {name}; columns as hapt sim --out writes them are wanted")
+                format!("the header has no column {name}; expected the columns that hapt sim --out writes")
             })
         };
         let time = find("time_s")?;
         let rotary = names.contains(&"puck_rad");
         if !rotary && !names.contains(&"puck_m") {
             return Err(
-                "the header has neither puck_rad nor puck_m; columns as hapt sim --out writes them are wanted".into()
+                "the header has neither puck_rad nor puck_m; expected the columns that hapt sim --out writes".into()
             );
         }
         let (motion, position, velocity, asked, applied) = match rotary {

@@ -102,7 +102,7 @@ pub fn z_width(title: &str, found: &ZWidth, motion: Motion) -> Figure {
     }
     let alt = format!(
         "Springs over dampers between puck and ground. Passive: up to {} {stiffness} without a damper, up to {} {damping} without a \
-         spring. Stable let go: up to {} {stiffness}, up to {} {damping} without a spring.{}",
+         spring. Stable hands-off: up to {} {stiffness}, up to {} {damping} without a spring.{}",
         number(passive, 4),
         number(found.passive_damping, 4),
         number(stiffest, 4),
@@ -126,7 +126,7 @@ fn plane(panel: &mut Panel, found: &ZWidth, left: f64, bottom: f64) {
     };
     let stable = edge(|edge| edge.stable, found.stable_damping);
     let passive = edge(|edge| edge.passive, found.passive_damping);
-    panel.region("stable let go", Fill::Fair, vec![below(&stable)]);
+    panel.region("stable hands-off", Fill::Fair, vec![below(&stable)]);
     if found.passive_damping > 0.0 {
         panel.region("passive", Fill::Good, vec![below(&passive)]);
     }
@@ -168,7 +168,7 @@ mod tests {
         assert_eq!(figure.panels.len(), 1);
         assert_eq!(
             figure.panels[0].regions.iter().map(|region| region.name.as_str()).collect::<Vec<_>>(),
-            ["stable let go"]
+            ["stable hands-off"]
         );
         let svg = figure.svg(crate::Width::Narrow, true);
         assert!(svg.contains("damper (N s/m)") && !svg.contains("NaN"), "{svg}");

@@ -102,7 +102,7 @@ fn table(reports: &[Report<'_>]) -> Markup {
     html! {
         table {
             thead {
-                tr { th { "world" } th { "certified" } th { "held" } th { "growth per s" } th { "critical period" } th { "let go" } th { "peak torque" } th { "first clipped" } th { "loop" } }
+                tr { th { "world" } th { "certified" } th { "held" } th { "growth per s" } th { "critical period" } th { "hands-off" } th { "peak torque" } th { "first clipped" } th { "loop" } }
             }
             tbody {
                 @for report in reports {

@@ -171,7 +171,7 @@ impl Report<'_> {
                         (numbers(&self.check.held))
                     }
                     @for drawing in held_figures { (drawing.markup()) }
-                    h2 { "The whole loop, let go" }
+                    h2 { "The whole loop, hands-off" }
                     (numbers(&self.check.free))
                     @for drawing in free_figures { (drawing.markup()) }
                     @for (run, drawings) in self.runs.iter().zip(run_figures.chunks(2)) {
@@ -209,9 +209,9 @@ impl Report<'_> {
                 dd {
                     @match (self.world.device.limit, summary.first_clipped) {
                         (None, _) => "no limit given",
-                        (Some(limit), None) => { "never asked for more than its limit, " (effort(limit)) }
+                        (Some(limit), None) => { "never beyond its limit, " (effort(limit)) }
                         (Some(limit), Some((sample, time))) => {
-                            "asked for more than its limit, " (effort(limit)) ", at " (summary.clipped) " of " (summary.rows)
+                            "beyond its limit, " (effort(limit)) ", at " (summary.clipped) " of " (summary.rows)
                             " samples, first at sample " (sample) " (" (say_time(time)) ")"
                         }
                     }
@@ -292,7 +292,7 @@ fn verdict(check: &Check) -> Markup {
         p class={ "verdict " (colour) } { b { (capital) } (reason) "." }
         dl {
             dt { "held" } dd { (check.sentence()) "." }
-            dt { "let go" } dd { (check.free_sentence()) "." }
+            dt { "hands-off" } dd { (check.free_sentence()) "." }
             dt { "any hand" } dd { (check.passivity_sentence()) "." }
             @for reason in &check.passivity.not_proved { dt { "not proved" } dd { (reason) "." } }
             @if let Some(counts) = check.quantisation_sentence() { dt { "counts" } dd { (counts) "." } }

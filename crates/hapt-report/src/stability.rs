@@ -27,7 +27,7 @@ impl Half {
     fn name(self) -> &'static str {
         match self {
             Half::Held => "the held world",
-            Half::Free => "the loop let go",
+            Half::Free => "the loop hands-off",
         }
     }
 

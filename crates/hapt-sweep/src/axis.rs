@@ -58,8 +58,8 @@ enum Form {
 impl Form {
     fn wanted(self) -> &'static str {
         match self {
-            Form::Grid => "KEY=FROM..TO:N is wanted, such as loop.period=0.1ms..10ms:50:log",
-            Form::Plane => "KEY=FROM..TO is wanted, such as loop.period=0.1ms..10ms or, by ratio, 0.1ms..10ms:log",
+            Form::Grid => "expected KEY=FROM..TO:N, such as loop.period=0.1ms..10ms:50:log",
+            Form::Plane => "expected KEY=FROM..TO, such as loop.period=0.1ms..10ms or, by ratio, 0.1ms..10ms:log",
         }
     }
 }
@@ -208,11 +208,11 @@ fn axis(parts: &Written<'_>, key: &Key, world: &World) -> Result<Axis, String> {
             Err(format!("{text:?} is in samples; an axis takes {} as a time, such as \"1.5 ms\"", parts.key))
         }
         Some((measure, _)) => parse_quantity(text, measure.dimension(world.motion)).map_err(|error| format!("{error}")),
-        None => text.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| format!("{text:?} is no number")),
+        None => text.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| format!("{text:?} is not a number")),
     };
     let unit = key.takes.quantity().map(|(measure, _)| measure.dimension(world.motion).symbol()).unwrap_or_default();
     let count = parts.count.parse::<u64>().ok().filter(|count| *count > 0);
-    let count = count.ok_or_else(|| format!("{:?} is no number of values, such as 50", parts.count))?;
+    let count = count.ok_or_else(|| format!("{:?} is not a number of values, such as 50", parts.count))?;
     let (from, to) = (number(parts.from)?, number(parts.to)?);
     if parts.logarithmic && (from == 0.0 || (from < 0.0) != (to < 0.0) || to == 0.0) {
         return Err(format!("equal ratios need both ends on one side of 0, not {} and {}", parts.from, parts.to));
@@ -231,9 +231,9 @@ fn whole(axis: &Axis, step: u64) -> Result<(), String> {
     match bad {
         None => Ok(()),
         Some(value) if step == 2 => Err(format!(
-            "{value} is no even number; {} values from {} to {} are wanted that are",
+            "{value} is not an even number; expected {} values from {} to {} that are",
             axis.count, axis.from, axis.to
         )),
-        Some(value) => Err(format!("{value} is no whole number: choose N so that all values are")),
+        Some(value) => Err(format!("{value} is not a whole number: choose N so that all values are")),
     }
 }

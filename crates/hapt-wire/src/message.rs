@@ -330,7 +330,7 @@ impl Refusal {
             Refusal::Piece => "a piece of the world was lost on the way",
             Refusal::Hash => "the world did not come as it was sent",
             Refusal::Version => "it reads worlds of another version: its firmware and this hapt do not fit together",
-            Refusal::Bytes => "what came is no world",
+            Refusal::Bytes => "the data received is not a world",
             Refusal::Room => "the world is too large for it",
             Refusal::World => "a number of the world is out of the range of its own numbers",
             Refusal::Period => "its timer does not keep this period: loop.period",

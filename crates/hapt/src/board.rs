@@ -24,7 +24,7 @@ impl Fit {
         let mut sets = sets.to_vec();
         let world = &mut loaded.world;
         if world.device.limit.is_none() {
-            let why = "the world does not say what the motor may be asked for";
+            let why = "the world does not give the largest torque of the motor";
             return Err(Failure::input(format!("device.limit: missing; {why}, such as limit = \"800 N mm\"")));
         }
         if world.sampling.estimator == EstimatorKind::Exact {

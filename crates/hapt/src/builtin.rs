@@ -1,4 +1,4 @@
-//! Worlds that need no file: `@notes/euler` wherever a world is wanted.
+//! Worlds that need no file: `@notes/euler` wherever a command takes a world.
 
 use hapt_model::{Source, did_you_mean};
 

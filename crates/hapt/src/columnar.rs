@@ -103,8 +103,9 @@ pub fn write<W: Write + Send>(columns: &[Column], csv: impl BufRead, out: W) -> 
     let mut writer = Writer::new(columns, out)?;
     for line in csv.lines() {
         let line = line?;
-        let row = table::read(&line, columns.len())
-            .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidData, format!("{line:?} is no row of this sweep")))?;
+        let row = table::read(&line, columns.len()).ok_or_else(|| {
+            io::Error::new(io::ErrorKind::InvalidData, format!("{line:?} is not a row of this sweep"))
+        })?;
         writer.write(row)?;
     }
     writer.finish()

@@ -12,7 +12,7 @@ use crate::{format, log, messages};
 pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     let format = Format::of(&args.out).ok_or_else(|| {
         let out = args.out.display();
-        Failure::input(format!("--out {out}: FILE.csv, FILE.parquet or FILE.mcap is wanted"))
+        Failure::input(format!("--out {out}: expected FILE.csv, FILE.parquet or FILE.mcap"))
     })?;
     let mut opened = log::open(&args.log)?;
     let (header, origin) = (opened.log.header.clone(), opened.log.origin);
@@ -40,7 +40,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     }
     let Some((table, _)) = table else {
         let plan = args.plan.unwrap_or(0);
-        return Err(Failure::input(format!("{}: no sample is of plan {plan}", opened.name)));
+        return Err(Failure::input(format!("{}: it has no samples of plan {plan}", opened.name)));
     };
     let path = table.finish()?;
     opened.say_ending(samples, last);

@@ -51,7 +51,7 @@ impl FromStr for Port {
             None => (text, USUAL),
             Some((path, baud)) => match baud.parse() {
                 Ok(rate @ 300..=20_000_000) => (path, rate),
-                _ => return Err(format!("{baud} baud, where a serial port has 300 to 20000000")),
+                _ => return Err(format!("{baud} baud; expected 300 to 20000000")),
             },
         };
         Ok(Port { path: path.into(), baud })
@@ -124,7 +124,7 @@ impl Spec {
         }
         let missing = |key: &str, why: &str| Failure::input(format!("a real motor needs {key}: {why}"));
         if world.device.limit.is_none() {
-            return Err(missing("device.limit", "the largest torque that it may be asked for"));
+            return Err(missing("device.limit", "the largest torque that it may be commanded"));
         }
         if world.motion == Motion::Linear && world.device.drive.gear.is_none() {
             return Err(missing("device.drive.gear", "how far the puck goes in one revolution of the drive"));
@@ -167,7 +167,7 @@ impl Spec {
             Spec::Drive(address) => Ok((drives::open(address, world)?, None)),
             // Its loop is not on this computer.
             Spec::Board(Port { path, .. }) => {
-                Err(Failure::input(format!("hapt:{}: no loop of this computer's drives a board", path.display())))
+                Err(Failure::input(format!("hapt:{}: a loop on this computer cannot drive a board", path.display())))
             }
         }
     }
@@ -183,7 +183,7 @@ fn within(name: &str, positions: &[Position]) -> Result<(), Failure> {
     if positions.len() < MOST {
         return Ok(());
     }
-    let message = format!("it has more than {} samples; a shorter recording is wanted", format::count(MOST as u64));
+    let message = format!("it has more than {} samples; expected a shorter recording", format::count(MOST as u64));
     Err(Failure::input(format!("{name}: {message}")))
 }
 
@@ -226,7 +226,7 @@ fn positions(path: &Path, motion: Motion) -> Result<Vec<Position>, Failure> {
             LONGEST => return Err(wrong(i + 1, "the line does not end within 1 MiB".into())),
             _ => {}
         }
-        let line = std::str::from_utf8(&text).map_err(|_| wrong(i + 1, "it is no text in UTF-8".into()))?;
+        let line = std::str::from_utf8(&text).map_err(|_| wrong(i + 1, "it is not UTF-8 text".into()))?;
         let fields: Vec<&str> = line.split(',').map(str::trim).collect();
         let Some(places) = places else {
             let place = |column: &str| {
@@ -239,7 +239,7 @@ fn positions(path: &Path, motion: Motion) -> Result<Vec<Position>, Failure> {
         let number = |place: usize| {
             let field = fields.get(place).copied().unwrap_or_default();
             let number = field.parse::<f64>().ok().filter(|number| number.is_finite());
-            number.ok_or_else(|| wrong(i + 1, format!("{field:?} is no finite number")))
+            number.ok_or_else(|| wrong(i + 1, format!("{field:?} is not a finite number")))
         };
         positions.push(Position { position: number(places[0])?, velocity: number(places[1])?, announced: true });
     }

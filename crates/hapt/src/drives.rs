@@ -58,8 +58,9 @@ mod linux {
     }
 
     pub fn simulate(args: &SimulateDriveArgs) -> Result<ExitCode, Failure> {
-        let make = Make::named(&args.make)
-            .ok_or_else(|| Failure::input(format!("no drive {:?} is simulated; moteus and odrive are", args.make)))?;
+        let make = Make::named(&args.make).ok_or_else(|| {
+            Failure::input(format!("cannot simulate a drive {:?}; expected moteus or odrive", args.make))
+        })?;
         if !make.ids().contains(&args.id) {
             let (from, to) = (make.ids().start().to_owned(), make.ids().end().to_owned());
             return Err(Failure::input(format!("--id {}: {}'s go from {from} to {to}", args.id, make.one())));
@@ -90,7 +91,7 @@ mod linux {
         let begun = Instant::now();
         let is_over = || ends_at.is_some_and(|ends_at| begun.elapsed().as_secs_f64() >= ends_at);
         let ran = simulator.run(|| output::signalled().is_some() || is_over());
-        ran.map_err(|error| Failure::System(format!("{name} went away: {error}")))?;
+        ran.map_err(|error| Failure::System(format!("{name} is gone: {error}")))?;
         Ok(output::signalled().map_or(ExitCode::SUCCESS, ExitCode::from))
     }
 }

@@ -33,7 +33,7 @@ pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
     let most = if args.z_width { MOST_DAMPERS } else { MOST };
     if args.points == Some(0) || args.points.is_some_and(|points| points > most) {
         let given = args.points.unwrap_or_default();
-        return Err(Failure::input(format!("--points {given}: 1 to {most} are possible")));
+        return Err(Failure::input(format!("--points {given}: expected 1 to {most}")));
     }
     if let Some(out) = &args.out {
         output::format("--out", out, &["csv"])?;
@@ -158,7 +158,7 @@ fn text(loaded: &Loaded, felt: &Impedance, asked: &[Nominal], resonances: &[Reso
     let units = units(loaded.world.motion);
     let mut text = format!("{}\n\n{}", loaded.title(), loop_line(loaded));
     if asked.is_empty() {
-        text += "asked     nothing: what hangs on the puck is neither felt slowly nor at rest\n";
+        text += "asked     nothing: couplings at the puck are felt neither in slow motion nor at rest\n";
     }
     for asked in asked {
         let (name, unit) = match asked.element {
@@ -293,7 +293,7 @@ fn width_text(loaded: &Loaded, found: &ZWidth) -> String {
     let (most, beside) = stiffest.fold((0.0, 0.0), |best, edge| if edge.0 > best.0 { edge } else { best });
     let _ = writeln!(
         text,
-        "stable    let go, up to {} {k} without a damper, and up to {} {b} without a spring; about {} {k} beside {} {b} at most",
+        "stable    hands-off, up to {} {k} without a damper, and up to {} {b} without a spring; about {} {k} beside {} {b} at most",
         alone(first.and_then(|edge| edge.stable)),
         format::number(found.stable_damping),
         rounded(most),

@@ -78,7 +78,7 @@ pub fn settings(args: &RealtimeArgs, world: &World) -> Result<Settings, Failure>
     if spin > 0.5 * period {
         let (spin, most) = (format::time(spin), format::time(0.5 * period));
         let why =
-            format!("at {} a sample it takes {most} at most, so that others get the core, too", format::time(period));
+            format!("at {} a sample the most is {most}, which leaves time for other threads", format::time(period));
         return Err(Failure::input(format!("--spin: {spin} is too long: {why}")));
     }
     let priority = (args.priority > 0).then_some(args.priority);
@@ -103,7 +103,9 @@ pub fn granted(realtime: &Realtime, stolen: Option<Duration>) -> String {
     let text = text + if realtime.locked { "memory       locked in place\n" } else { "memory       not locked\n" };
     let took = stolen.map(|stolen| {
         let stolen = format::time(stolen.as_secs_f64());
-        format!("host         took each core away for {stolen} (steal): samples were missed then that no setting gives back\n")
+        format!(
+            "host         preempted each core for {stolen} (steal time); no setting avoids the samples missed then\n"
+        )
     });
     text + &took.unwrap_or_default()
 }

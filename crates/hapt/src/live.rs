@@ -87,7 +87,7 @@ fn listen(address: Option<&str>) -> Result<IpAddr, Failure> {
     let number = text.strip_prefix('[').and_then(|text| text.strip_suffix(']')).unwrap_or(text);
     number.parse().map_err(|_| {
         Failure::input(format!(
-            "--listen {text:?} is no address of a machine in numbers, such as 192.168.0.7, or 0.0.0.0 for all of this one's"
+            "--listen {text:?} is not a numeric address, such as 192.168.0.7, or 0.0.0.0 for all of this one's"
         ))
     })
 }

@@ -18,7 +18,7 @@ fn drafts() -> MutexGuard<'static, Vec<PathBuf>> {
     DRAFTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes the unfinished files. No new one appears: the list is never let go of again.
+/// Removes the unfinished files. No new one appears: the list stays locked.
 pub fn remove_drafts() {
     // Whoever holds the list is in a call to the file system, which may itself be stuck.
     for _ in 0..100 {
@@ -160,11 +160,11 @@ fn through(path: &Path) -> io::Result<Option<File>> {
         return Ok(None);
     }
     if kind.is_dir() {
-        return Err(io::Error::other("it is a folder; a file is wanted"));
+        return Err(io::Error::other("it is a folder; expected a file"));
     }
     if kind.is_block_device() || kind.is_socket() {
         let what = if kind.is_socket() { "a socket" } else { "a disk" };
-        return Err(io::Error::other(format!("it is {what}, and no place for a file")));
+        return Err(io::Error::other(format!("it is {what}, not a place for a file")));
     }
     // Opened so that nothing waits: neither a FIFO for its reader nor a serial port for its line.
     let flags = (OFlags::NONBLOCK | OFlags::NOCTTY).bits() as i32;
@@ -187,7 +187,7 @@ fn through(path: &Path) -> io::Result<Option<File>> {
 #[cfg(not(unix))]
 fn through(path: &Path) -> io::Result<Option<File>> {
     match fs::metadata(path) {
-        Ok(there) if there.is_dir() => Err(io::Error::other("it is a folder; a file is wanted")),
+        Ok(there) if there.is_dir() => Err(io::Error::other("it is a folder; expected a file")),
         Ok(there) if !there.is_file() => OpenOptions::new().write(true).open(path).map(Some),
         _ => Ok(None),
     }
@@ -198,7 +198,7 @@ pub fn regular(flag: &str, path: &Path) -> Result<(), Failure> {
     match fs::metadata(path) {
         Ok(there) if !there.is_file() => {
             let what = if there.is_dir() { "a folder" } else { "a device or a FIFO" };
-            Err(Failure::input(format!("{flag} {}: it is {what}; a file is wanted", path.display())))
+            Err(Failure::input(format!("{flag} {}: it is {what}; expected a file", path.display())))
         }
         _ => protected(path).map(drop).map_err(|error| Failure::write(path.display(), error)),
     }
@@ -212,7 +212,7 @@ pub fn apart(outputs: &[(&str, &Path)], inputs: &[(&str, PathBuf)]) -> Result<()
         outputs.iter().filter_map(|(flag, path)| Some((flag, path.display(), place(path)?))).collect();
     for (i, (flag, name, here)) in written.iter().enumerate() {
         if let Some((what, _)) = read.iter().find(|(_, there)| there == here) {
-            return Err(Failure::input(format!("{flag} {name}: that is {what} itself; another name is wanted")));
+            return Err(Failure::input(format!("{flag} {name}: that is {what} itself; expected another name")));
         }
         if let Some((other, ..)) = written[..i].iter().find(|(.., there)| there == here) {
             return Err(Failure::input(format!("{other} and {flag} are the same file, {name}; use two files")));
@@ -249,7 +249,7 @@ pub fn format<'a>(flag: &str, path: &Path, formats: &[&'a str]) -> Result<&'a st
             [all @ .., last] if !all.is_empty() => format!("{} or {last}", all.join(", ")),
             _ => wanted.concat(),
         };
-        Failure::input(format!("{flag} {}: {wanted} is wanted", path.display()))
+        Failure::input(format!("{flag} {}: expected {wanted}", path.display()))
     })
 }
 
@@ -280,16 +280,16 @@ pub fn draft(target: &Path, bytes: &[u8]) -> Result<Draft, Failure> {
 /// The folder for a command's files, made when it is not there.
 pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
     if let Some(file) = path.ancestors().find(|at| at.exists() && !at.is_dir()) {
-        let message = format!("{flag} {}: {} is a file; a folder is wanted", path.display(), file.display());
+        let message = format!("{flag} {}: {} is a file; expected a folder", path.display(), file.display());
         return Err(Failure::input(message));
     }
     if path.is_symlink() && !path.exists() {
-        let message = format!("{flag} {}: it is a link to nothing; a folder is wanted", path.display());
+        let message = format!("{flag} {}: it is a broken link; expected a folder", path.display());
         return Err(Failure::input(message));
     }
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     if ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str())) && !path.exists() {
-        let message = format!("{flag} {}: a folder is wanted, and this is the name of a file", path.display());
+        let message = format!("{flag} {}: expected a folder, and this is the name of a file", path.display());
         return Err(Failure::input(message));
     }
     fs::create_dir_all(path).map_err(|error| Failure::System(format!("cannot make {}: {error}", path.display())))
@@ -308,7 +308,7 @@ mod tests {
         assert_eq!(asked("/dev/null"), Ok("svg"));
         for name in ["e.csv", "e.png.gif", "e.", "e.svg.gz", "a.b/e.svgz"] {
             let refused = asked(name).unwrap_err();
-            assert!(refused.contains("FILE.svg or FILE.png is wanted"), "{refused}");
+            assert!(refused.contains("expected FILE.svg or FILE.png"), "{refused}");
         }
         assert!(format("--log", Path::new("x.csv"), &["mcap"]).is_err());
     }

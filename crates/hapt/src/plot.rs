@@ -40,7 +40,7 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
             return Err(Failure::input(format!("{}: no rows from {}{until}", path.display(), format::time(window.0))));
         }
         if runs.first().is_some_and(|(_, first)| first.motion() != traces.motion()) {
-            return Err(Failure::input(format!("{}: a rotary and a linear run have no common axes", path.display())));
+            return Err(Failure::input(format!("{}: a rotary and a linear run cannot share axes", path.display())));
         }
         runs.push((name, traces));
     }

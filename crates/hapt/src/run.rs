@@ -113,13 +113,13 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         How::Done => Ok(ExitCode::SUCCESS),
         How::Signal(code) => Ok(ExitCode::from(code)),
         How::Fault(reason) => {
-            Err(Failure::System(format!("the torque was taken away. {} {}", reason.sentence(), reason.remedy())))
+            Err(Failure::System(format!("the torque was removed. {} {}", reason.sentence(), reason.remedy())))
         }
         How::Silent => Err(Failure::System(
             "the board shows no samples any more; what it does to the motor is its watchdog's to say".into(),
         )),
         How::Failed(Error::Device(failure)) => {
-            Err(Failure::System(format!("the run ended by itself, the torque off: {failure}")))
+            Err(Failure::System(format!("the run ended early, with the torque off: {failure}")))
         }
         How::Failed(Error::Panicked(_)) => {
             Err(Failure::System("the loop broke off, the torque off: a defect of hapt".into()))
@@ -157,7 +157,7 @@ pub fn judged(world: &World, uncertified: bool) -> Result<SafetyProfile, Failure
         return Ok(SafetyProfile::Uncertified);
     }
     let what = format!("{}; hapt check lists what would certify it", check.verdict_sentence());
-    Err(Failure::input(format!("{what}. --uncertified runs it all the same, with a tighter supervisor")))
+    Err(Failure::input(format!("{what}. --uncertified runs it regardless, with tighter limits")))
 }
 
 /// How a run has ended.
@@ -309,7 +309,7 @@ impl Run {
         let period = format::time(world.sampling.period);
         let peak = format::effort(*peak, world.motion);
         let text = format!(
-            "{} on {on}, {period} a sample\nran          {ran}; {end}\nmotor        asked for {peak} at most",
+            "{} on {on}, {period} a sample\nran          {ran}; {end}\nmotor        commanded {peak} at most",
             loaded.title()
         );
         let Some(realtime) = self.session.realtime() else {

@@ -155,9 +155,9 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
         "motor",
         match (world.device.limit, summary.first_clipped) {
             (None, _) => "no limit given".into(),
-            (Some(limit), None) => format!("never asked for more than its limit, {}", effort(limit)),
+            (Some(limit), None) => format!("never beyond its limit, {}", effort(limit)),
             (Some(limit), Some((sample, time))) => format!(
-                "asked for more than its limit, {}, at {} of {} samples, first at sample {sample} ({})",
+                "beyond its limit, {}, at {} of {} samples, first at sample {sample} ({})",
                 effort(limit),
                 format::count(summary.clipped),
                 format::count(summary.rows),

@@ -47,7 +47,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     let format = match ending.as_deref() {
         Some("csv") => Format::Csv,
         Some("parquet") => Format::Parquet,
-        _ => return Err(Failure::input(format!("--out {}: FILE.csv or FILE.parquet is wanted", args.out.display()))),
+        _ => return Err(Failure::input(format!("--out {}: expected FILE.csv or FILE.parquet", args.out.display()))),
     };
     output::regular("--out", &args.out)?;
     output::figure_format("--plot", args.plot.as_deref())?;
@@ -72,7 +72,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     }
     let threads = match args.threads {
         Some(threads) if threads == 0 || threads > MOST_THREADS => {
-            return Err(Failure::input(format!("--threads {threads}: 1 to {MOST_THREADS} are possible")));
+            return Err(Failure::input(format!("--threads {threads}: expected 1 to {MOST_THREADS}")));
         }
         // 0: rayon's own choice, a thread a core.
         threads => threads.unwrap_or(0),
@@ -184,7 +184,7 @@ impl Partial {
         let header = table::header(columns);
         let there = resume && path.exists();
         if resume && !there {
-            messages::say(format_args!("there is no {}: nothing to go on from", path.display()));
+            messages::say(format_args!("there is no {} to continue from", path.display()));
         }
         let mut file =
             OpenOptions::new().read(true).write(true).create(true).truncate(!there).open(&path).map_err(failed)?;
@@ -208,7 +208,7 @@ impl Partial {
                 format::count(sweep.cells())
             ));
         }
-        let words = format!("the rows so far are in {}; the same command with --resume goes on", path.display());
+        let words = format!("the rows so far are in {}; the same command with --resume continues", path.display());
         output::when_interrupted(Some(words));
         Ok(partial)
     }
@@ -240,7 +240,7 @@ impl Partial {
         self.file.write_all(text.as_bytes()).map_err(|error| {
             Failure::write(
                 self.path.display(),
-                format!("{error}; the rows that fit are there, and --resume goes on behind them"),
+                format!("{error}; the rows that fit are written, and --resume continues after them"),
             )
         })
     }

@@ -26,7 +26,7 @@ pub fn draw(sweep: &Sweep, own: &[Option<f64>], rows: impl BufRead, target: &Pat
     let rows = rows.lines().map(|line| {
         let line = line.map_err(|error| Failure::System(format!("cannot read the rows: {error}")))?;
         let row = table::read(&line, columns);
-        row.ok_or_else(|| Failure::System(format!("cannot read the rows: {line:?} is none")))
+        row.ok_or_else(|| Failure::System(format!("cannot read the rows: {line:?} is not one")))
     });
     let values = rows.map(|row| row.map(|row| row.get(axes).copied().flatten()));
     let figure = match &sweep.grid.axes[..] {

@@ -100,7 +100,7 @@ fn beside(out: &Path) -> PathBuf {
 
 fn begin(path: &Path) -> Result<Draft, Failure> {
     if path.is_dir() {
-        return Err(Failure::input(format!("--out {}: that is a folder; a file is wanted", path.display())));
+        return Err(Failure::input(format!("--out {}: that is a folder; expected a file", path.display())));
     }
     Draft::new(path.to_path_buf()).map_err(|error| Failure::write(path.display(), error))
 }

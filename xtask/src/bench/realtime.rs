@@ -97,7 +97,7 @@ impl Bench {
                 let numbers: Vec<f64> = said.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
                 let (class, rest) = numbers.split_first().context("no numbers")?;
                 classes.push(*class);
-                latencies.0.push(rest.try_into().context("five quantiles are wanted")?);
+                latencies.0.push(rest.try_into().context("expected five quantiles")?);
             }
             ensure!(classes[0] == classes[1], "one runs under SCHED_FIFO, and the other does not");
         }

@@ -47,7 +47,7 @@ impl Bench {
     /// 100 000 worlds of a second, from the command to the file.
     pub(super) fn sweeps(&self) -> Result<String> {
         let mut text = String::from(
-            "\n## A sweep of runs\n\n`hapt sweep` of 100 000 worlds of 1 s at 1 kHz, the notes' wheel held or let go after 0.25 s, two \
+            "\n## A sweep of runs\n\n`hapt sweep` of 100 000 worlds of 1 s at 1 kHz, the notes' wheel held, or released after 0.25 s, two \
              measures, two threads: the whole process with its file, against [C](../bench/c/sweep.c) with OpenMP, sixteen worlds side by \
              side (`-O3 -march=native -ffinite-math-only`). The last column is the largest relative difference of any two numbers in \
              the tables.\n\n\
@@ -57,7 +57,7 @@ impl Bench {
             let parameters = output(&mut self.rust(&format!("parameters {scenario}")))?;
             let words: Vec<&str> = parameters.split_whitespace().collect();
             let [period, _, inertia, damping, limit, _, _, to, release] = words[..] else {
-                anyhow::bail!("nine parameters are wanted: {parameters}");
+                anyhow::bail!("expected nine parameters: {parameters}");
             };
             let [own, other] = ["hapt.csv", "c.csv"].map(|name| self.folder.join(name));
             let (own, other) = (own.to_str().context("a path in UTF-8")?, other.to_str().context("a path in UTF-8")?);

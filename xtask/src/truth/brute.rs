@@ -36,7 +36,7 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u6
         body.velocity = (rng.f64() - 0.5) / (100.0 * period);
     }
     let still = Shape::Step { to: 0.0, at: 0.0 };
-    // Held, the bodies move; let go, the puck is pushed first.
+    // Held: the bodies move. Hands-off: the puck is pushed first.
     let push = world.device.inertia / (100.0 * period) / period;
     let drive = match at {
         At::Held => Drive::Position(still),

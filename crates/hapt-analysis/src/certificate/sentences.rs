@@ -41,7 +41,7 @@ impl Check {
     pub fn verdict_sentence(&self) -> String {
         let reasons = [
             (self.held.verdict == Verdict::Unstable, "it is unstable with the puck held"),
-            (self.free.verdict == Verdict::Unstable, "it is unstable when the puck is let go"),
+            (self.free.verdict == Verdict::Unstable, "it is unstable hands-off"),
             (!self.passivity.passive, "some passive hands can extract energy"),
         ];
         let reasons: Vec<&str> = reasons.into_iter().filter(|(holds, _)| *holds).map(|(_, words)| words).collect();

@@ -42,7 +42,7 @@ fn limit(code: i32) -> Option<DriveFault> {
         99 => ("it holds its torque back at servo.max_current_A: raise it, or lower device.limit", None),
         100 => ("it holds its torque back because its board is near servo.fault_temperature", Some(Reason::DriverHeat)),
         101 => ("it holds its torque back because its motor is near servo.motor_fault_temperature", Some(Reason::Heat)),
-        102 => ("it was asked for more torque than its command allows", Some(Reason::Torque)),
+        102 => ("the torque command exceeded the limit in its own message", Some(Reason::Torque)),
         103 => (
             "it cuts its torque at its position limits: set servopos.position_min and servopos.position_max to nan",
             None,

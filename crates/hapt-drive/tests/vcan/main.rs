@@ -32,7 +32,7 @@ const TERMS: DriveLimits = DriveLimits { watchdog: 0.1, torque: 1.0 };
 /// What each test does for each drive, on the interface that the environment names.
 fn on_the_bus(test: impl Fn(Make, &str)) {
     let Ok(interface) = std::env::var("HAPT_CAN") else {
-        println!("SKIPPED: wants a CAN interface in HAPT_CAN, such as vcan0; cargo xtask guest has one");
+        println!("SKIPPED: needs a CAN interface in HAPT_CAN, such as vcan0; cargo xtask guest has one");
         return;
     };
     let _alone = BUS.lock().unwrap_or_else(|poisoned| poisoned.into_inner());

@@ -107,7 +107,7 @@ impl BoardLoop {
         if let Some(thread) = self.thread.take() {
             self.ended = Some(match thread.join() {
                 Ok(outcome) => outcome.map_err(machine::Error::Board),
-                Err(_) => Err(machine::Error::Panicked("the board's line has been let go by a defect of hapt's own")),
+                Err(_) => Err(machine::Error::Panicked("a defect in hapt has closed the board's line")),
             });
         }
     }

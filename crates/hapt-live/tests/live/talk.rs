@@ -47,7 +47,7 @@ fn a_page_hears_hello_world_verdict_and_a_stream_of_frames() {
     for _ in 0..10 {
         let frame = page.frame();
         assert_eq!((frame.columns.len(), frame.generation), (names.len(), 0));
-        assert!(frame.time > time, "time goes on");
+        assert!(frame.time > time, "time advances");
         time = frame.time;
         for [last, smallest, largest] in frame.columns {
             assert!(smallest <= last && last <= largest);

@@ -33,7 +33,7 @@ fn check(table: &[(&str, &str)], world: impl Fn(&str) -> String) {
 fn a_wrong_dimension_names_both_and_shows_the_place() {
     assert_eq!(
         whole("[loop]\nperiod    = \"1 kg\" # here\n"),
-        "loop.period: \"1 kg\" is a mass (kg); a time (s) is wanted, such as \"1 ms\"\n \
+        "loop.period: \"1 kg\" is a mass (kg); expected a time (s), such as \"1 ms\"\n \
          --> w.toml:2:13\n  |\n2 | period    = \"1 kg\" # here\n  |             ^^^^^^"
     );
 }
@@ -42,17 +42,17 @@ fn a_wrong_dimension_names_both_and_shows_the_place() {
 fn a_missing_key_is_shown_at_its_tables_header() {
     assert_eq!(
         whole("[loop]\nmethod = \"zoh\"\n"),
-        "loop.period: missing; a time (s) above 0 is wanted, such as \"1 ms\"\n --> w.toml:1:1\n  |\n1 | [loop]\n  | ^^^^^^"
+        "loop.period: missing; expected a time (s) above 0, such as \"1 ms\"\n --> w.toml:1:1\n  |\n1 | [loop]\n  | ^^^^^^"
     );
     assert_eq!(
         whole(&format!(
             "{LEAST}[[couplings]]\nkind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nat = 0\nstiffness = 1\n"
         )),
-        "couplings.0.side: missing; \"above\" or \"below\" is wanted\n --> w.toml:3:1\n  |\n3 | [[couplings]]\n  | ^^^^^^^^^^^^^"
+        "couplings.0.side: missing; expected \"above\" or \"below\"\n --> w.toml:3:1\n  |\n3 | [[couplings]]\n  | ^^^^^^^^^^^^^"
     );
     assert_eq!(
         whole(""),
-        "loop.period: missing; a time (s) above 0 is wanted, such as \"1 ms\"\n --> w.toml:1:1\n  |\n1 |\n  | ^"
+        "loop.period: missing; expected a time (s) above 0, such as \"1 ms\"\n --> w.toml:1:1\n  |\n1 |\n  | ^"
     );
 }
 
@@ -74,43 +74,43 @@ fn text_that_is_not_toml_is_shown_in_the_same_way() {
 #[test]
 fn the_loop() {
     let table = [
-        ("period = \"0 s\"", "loop.period: \"0 s\" is not above 0; a time (s) above 0 is wanted, such as \"1 ms\""),
+        ("period = \"0 s\"", "loop.period: \"0 s\" is not above 0; expected a time (s) above 0, such as \"1 ms\""),
         (
             "period = 1e-320",
-            "loop.period: 1e-320 is below anything physical, 1e-30 in SI; a time (s) above 0 is wanted, such as \"1 ms\"",
+            "loop.period: 1e-320 is below anything physical, 1e-30 in SI; expected a time (s) above 0, such as \"1 ms\"",
         ),
         (
             "period = \"1e31 s\"",
-            "loop.period: \"1e31 s\" is beyond anything physical, 1e30 in SI; a time (s) above 0 is wanted, such as \"1 ms\"",
+            "loop.period: \"1e31 s\" is beyond anything physical, 1e30 in SI; expected a time (s) above 0, such as \"1 ms\"",
         ),
         (
             "period = 1\ndelay = 1e-320",
-            "loop.delay: 1e-320 is below anything physical, 1e-30 in SI; a time (s) of 0 or more is wanted, such as \"1 ms\", or a number of samples, such as \"1.5 samples\"",
+            "loop.delay: 1e-320 is below anything physical, 1e-30 in SI; expected a time (s) of 0 or more, such as \"1 ms\", or a number of samples, such as \"1.5 samples\"",
         ),
         (
             "period = 1\ndelay = \"1.5 sampels\"",
             "loop.delay: \"1.5 sampels\" has the unknown unit \"sampels\"; did you mean \"samples\"?",
         ),
-        ("period = -1", "loop.period: -1 is not above 0; a time (s) above 0 is wanted, such as \"1 ms\""),
-        ("period = \"5\"", "loop.period: \"5\" has no unit; a time (s) is wanted, such as \"1 ms\""),
-        ("period = true", "loop.period: true is a boolean; a time (s) above 0 is wanted, such as \"1 ms\""),
-        ("period = [1]", "loop.period: an array stands here; a time (s) above 0 is wanted, such as \"1 ms\""),
-        ("period = 1979-05-27", "loop.period: 1979-05-27 is a date; a time (s) above 0 is wanted, such as \"1 ms\""),
-        ("period = nan", "loop.period: nan is no finite double; a time (s) is wanted, such as \"1 ms\""),
+        ("period = -1", "loop.period: -1 is not above 0; expected a time (s) above 0, such as \"1 ms\""),
+        ("period = \"5\"", "loop.period: \"5\" has no unit; expected a time (s), such as \"1 ms\""),
+        ("period = true", "loop.period: true is a boolean; expected a time (s) above 0, such as \"1 ms\""),
+        ("period = [1]", "loop.period: an array stands here; expected a time (s) above 0, such as \"1 ms\""),
+        ("period = 1979-05-27", "loop.period: 1979-05-27 is a date; expected a time (s) above 0, such as \"1 ms\""),
+        ("period = nan", "loop.period: nan is not a finite number; expected a time (s), such as \"1 ms\""),
         (
             "period = \"1e400 s\"",
-            "loop.period: \"1e400 s\" is too large for a double; a time (s) is wanted, such as \"1 ms\"",
+            "loop.period: \"1e400 s\" is too large for a double; expected a time (s), such as \"1 ms\"",
         ),
         (
             "period = \"1 sec\"",
             "loop.period: \"1 sec\" has the unknown unit \"sec\"; the nearest known one is \"s\"; \
-             a time (s) is wanted, such as \"1 ms\"",
+             expected a time (s), such as \"1 ms\"",
         ),
         ("period = 1\nmethod = \"zho\"", "loop.method: \"zho\" is not known here; did you mean \"zoh\"?"),
         (
             "period = 1\nmethod = \"verlet\"",
-            "loop.method: \"verlet\" is not known here; \"forward-euler\", \"backward-euler\", \"semi-implicit-euler\", \
-             \"trapezoidal\", \"zoh\", \"rk4\", \"tustin\" or \"foh\" is wanted",
+            "loop.method: \"verlet\" is not known here; expected \"forward-euler\", \"backward-euler\", \"semi-implicit-euler\", \
+             \"trapezoidal\", \"zoh\", \"rk4\", \"tustin\" or \"foh\"",
         ),
         (
             "period = 1\nmethod = \"tustin\"\noutput = \"end\"",
@@ -124,25 +124,25 @@ fn the_loop() {
             "period = 1\noutput = \"middle\"\nadvance = 1",
             "loop.advance: an advance goes with output \"end\" only, and the output is \"middle\"",
         ),
-        ("period = 1\nadvance = 1001", "loop.advance: 1001 is out of range; a whole number from 0 to 1000 is wanted"),
-        ("period = 1\nadvance = -1", "loop.advance: -1 is out of range; a whole number from 0 to 1000 is wanted"),
-        ("period = 1\nwindow = 257", "loop.window: 257 is out of range; a whole number from 1 to 256 is wanted"),
-        ("period = 1\nwindow = 0", "loop.window: 0 is out of range; a whole number from 1 to 256 is wanted"),
-        ("period = 1\nwindow = 2.5", "loop.window: 2.5 is no whole number; a whole number from 1 to 256 is wanted"),
-        ("period = 1\nwindow = \"16\"", "loop.window: \"16\" is text; a whole number from 1 to 256 is wanted"),
-        ("period = 1\nwindow = 1e300", "loop.window: 1e300 is out of range; a whole number from 1 to 256 is wanted"),
+        ("period = 1\nadvance = 1001", "loop.advance: 1001 is out of range; expected a whole number from 0 to 1000"),
+        ("period = 1\nadvance = -1", "loop.advance: -1 is out of range; expected a whole number from 0 to 1000"),
+        ("period = 1\nwindow = 257", "loop.window: 257 is out of range; expected a whole number from 1 to 256"),
+        ("period = 1\nwindow = 0", "loop.window: 0 is out of range; expected a whole number from 1 to 256"),
+        ("period = 1\nwindow = 2.5", "loop.window: 2.5 is not a whole number; expected a whole number from 1 to 256"),
+        ("period = 1\nwindow = \"16\"", "loop.window: \"16\" is text; expected a whole number from 1 to 256"),
+        ("period = 1\nwindow = 1e300", "loop.window: 1e300 is out of range; expected a whole number from 1 to 256"),
         ("period = 0.001\ndelay = \"1001 s\"", "loop.delay: 1001.0 s is more than a million periods of 0.001 s"),
         (
             "period = 1\ndelay = \"-1 ms\"",
-            "loop.delay: \"-1 ms\" is negative; a time (s) of 0 or more is wanted, such as \"1 ms\", or a number of samples, such as \"1.5 samples\"",
+            "loop.delay: \"-1 ms\" is negative; expected a time (s) of 0 or more, such as \"1 ms\", or a number of samples, such as \"1.5 samples\"",
         ),
         (
             "period = 1\nestimator = \"low-pass\"",
-            "loop.cutoff: missing; a frequency (Hz) above 0 is wanted, such as \"50 Hz\"",
+            "loop.cutoff: missing; expected a frequency (Hz) above 0, such as \"50 Hz\"",
         ),
         (
             "period = 1\ncutoff = \"50 rad/s\"",
-            "loop.cutoff: \"50 rad/s\" is an angular velocity (rad/s); a frequency (Hz) is wanted, such as \"50 Hz\"",
+            "loop.cutoff: \"50 rad/s\" is an angular velocity (rad/s); expected a frequency (Hz), such as \"50 Hz\"",
         ),
         ("period = 1\npreiod = 1", "loop.preiod: unknown key; did you mean \"period\"?"),
         (
@@ -163,19 +163,19 @@ fn the_device_and_the_top() {
     let table = [
         (
             "device.damping = 1",
-            "device.inertia: missing; an inertia (kg m^2) above 0 is wanted, such as \"6.4e-4 kg m^2\"",
+            "device.inertia: missing; expected an inertia (kg m^2) above 0, such as \"6.4e-4 kg m^2\"",
         ),
         (
             "device.inertia = \"1 kg\"",
-            "device.inertia: \"1 kg\" is a mass (kg); an inertia (kg m^2) is wanted, such as \"6.4e-4 kg m^2\"",
+            "device.inertia: \"1 kg\" is a mass (kg); expected an inertia (kg m^2), such as \"6.4e-4 kg m^2\"",
         ),
         (
             "motion = \"linear\"\ndevice.inertia = \"1 kg m^2\"",
-            "device.inertia: \"1 kg m^2\" is an inertia (kg m^2); a mass (kg) is wanted, such as \"0.5 kg\"",
+            "device.inertia: \"1 kg m^2\" is an inertia (kg m^2); expected a mass (kg), such as \"0.5 kg\"",
         ),
         (
             "device = { inertia = 1, limit = \"1 N m/rad\" }",
-            "device.limit: \"1 N m/rad\" is a torsional stiffness (N m/rad); a torque (N m) is wanted, such as \"5 N mm\"",
+            "device.limit: \"1 N m/rad\" is a torsional stiffness (N m/rad); expected a torque (N m), such as \"5 N mm\"",
         ),
         (
             "device = { inertia = 1, levels = 8 }",
@@ -183,19 +183,19 @@ fn the_device_and_the_top() {
         ),
         (
             "device = { inertia = 1, limit = 1, levels = 7 }",
-            "device.levels: 7 is odd; an even whole number from 2 to 4294967295 is wanted",
+            "device.levels: 7 is odd; expected an even whole number from 2 to 4294967295",
         ),
         (
             "device = { inertia = 1, encoder = \"5 um\" }",
-            "device.encoder: \"5 um\" is text; a whole number from 1 to 9007199254740992 is wanted",
+            "device.encoder: \"5 um\" is text; expected a whole number from 1 to 9007199254740992",
         ),
         (
             "motion = \"linear\"\ndevice = { inertia = 1, encoder = \"5 deg\" }",
-            "device.encoder: \"5 deg\" is an angle (rad); a length (m) is wanted, such as \"5 mm\"",
+            "device.encoder: \"5 deg\" is an angle (rad); expected a length (m), such as \"5 mm\"",
         ),
-        ("device = 5", "device: 5 is a number; a table of keys is wanted"),
-        ("motion = \"spherical\"", "motion: \"spherical\" is not known here; \"rotary\" or \"linear\" is wanted"),
-        ("title = 5", "title: 5 is a number; text in quotes is wanted"),
+        ("device = 5", "device: 5 is a number; expected a table of keys"),
+        ("motion = \"spherical\"", "motion: \"spherical\" is not known here; expected \"rotary\" or \"linear\""),
+        ("title = 5", "title: 5 is a number; expected text in quotes"),
         (
             "period = 1",
             "period: unknown key here; it belongs in loop; \
@@ -218,17 +218,17 @@ fn bodies() {
         ("\"\".inertia = 1", "bodies: \"\" cannot name a body: a letter and then letters, digits, _ and - can"),
         (
             "w.position = 1",
-            "bodies.w.inertia: missing; an inertia (kg m^2) above 0 is wanted, such as \"6.4e-4 kg m^2\"",
+            "bodies.w.inertia: missing; expected an inertia (kg m^2) above 0, such as \"6.4e-4 kg m^2\"",
         ),
         (
             "w.inertia = 0",
-            "bodies.w.inertia: 0 is not above 0; an inertia (kg m^2) above 0 is wanted, such as \"6.4e-4 kg m^2\"",
+            "bodies.w.inertia: 0 is not above 0; expected an inertia (kg m^2) above 0, such as \"6.4e-4 kg m^2\"",
         ),
         (
             "w = { inertia = 1, velocity = \"1 rev\" }",
-            "bodies.w.velocity: \"1 rev\" is an angle (rad); an angular velocity (rad/s) is wanted, such as \"90 deg/s\"",
+            "bodies.w.velocity: \"1 rev\" is an angle (rad); expected an angular velocity (rad/s), such as \"90 deg/s\"",
         ),
-        ("w = 1", "bodies.w: 1 is a number; a table of keys is wanted"),
+        ("w = 1", "bodies.w: 1 is a number; expected a table of keys"),
     ];
     check(&table, |given| format!("{LEAST}[bodies]\n{given}\n"));
     let bodies: String = (0..33).map(|index| format!("b{index}.inertia = 1\n")).collect();
@@ -240,28 +240,28 @@ fn couplings() {
     let table = [
         (
             "",
-            "couplings.0.kind: missing; \"spring\", \"damper\", \"wall\", \"detent\", \"friction\" or \"constant\" is wanted",
+            "couplings.0.kind: missing; expected \"spring\", \"damper\", \"wall\", \"detent\", \"dead-band\", \"magnet\", \"friction\" or \"constant\"",
         ),
         ("kind = \"sprign\"", "couplings.0.kind: \"sprign\" is not known here; did you mean \"spring\"?"),
         (
             "kind = \"spring\"\nstiffness = 1",
-            "couplings.0.between: missing; a pair of ends is wanted, such as [\"puck\", \"wheel\"]",
+            "couplings.0.between: missing; expected a pair of ends, such as [\"puck\", \"wheel\"]",
         ),
         (
             "kind = \"spring\"\nstiffness = 1\nbetween = [\"puck\"]",
-            "couplings.0.between: an array of 1 stands here; a pair of ends is wanted, such as [\"puck\", \"wheel\"]",
+            "couplings.0.between: an array of 1 stands here; expected a pair of ends, such as [\"puck\", \"wheel\"]",
         ),
         (
             "kind = \"spring\"\nstiffness = 1\nbetween = [\"puck\", 1]",
-            "couplings.0.between: an end is named by a text; a pair of ends is wanted, such as [\"puck\", \"wheel\"]",
+            "couplings.0.between: an end is text in quotes; expected a pair of ends, such as [\"puck\", \"wheel\"]",
         ),
         (
             "kind = \"spring\"\nstiffness = 1\nbetween = [\"puck\", \"whel\"]",
-            "couplings.0.between: \"whel\" is no body of this world; did you mean \"wheel\"?",
+            "couplings.0.between: \"whel\" is not a body of this world; did you mean \"wheel\"?",
         ),
         (
             "kind = \"spring\"\nstiffness = 1\nbetween = [\"puck\", \"flap\"]",
-            "couplings.0.between: \"flap\" is no body of this world; an end is \"puck\", \"ground\" or \"wheel\"",
+            "couplings.0.between: \"flap\" is not a body of this world; an end is \"puck\", \"ground\" or \"wheel\"",
         ),
         (
             "kind = \"spring\"\nstiffness = 1\nbetween = [\"puck\", \"puck\"]",
@@ -269,17 +269,17 @@ fn couplings() {
         ),
         (
             "kind = \"spring\"\nbetween = [\"puck\", \"wheel\"]\nstiffness = \"5 N m\"",
-            "couplings.0.stiffness: \"5 N m\" is a torque (N m); a torsional stiffness (N m/rad) is wanted, \
+            "couplings.0.stiffness: \"5 N m\" is a torque (N m); expected a torsional stiffness (N m/rad), \
              such as \"20 N mm/deg\"",
         ),
         (
             "kind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nrest = 0",
-            "couplings.0.rest: not a key of kind \"wall\" but of \"spring\"; \
+            "couplings.0.rest: not a key of kind \"wall\" but of \"spring\" or \"dead-band\"; \
              \"wall\" takes kind, between, stiffness, damping, side, at, limit",
         ),
         (
             "kind = \"damper\"\nbetween = [\"puck\", \"ground\"]",
-            "couplings.0.damping: missing; a torsional damping (N m s/rad) of 0 or more is wanted, \
+            "couplings.0.damping: missing; expected a torsional damping (N m s/rad) of 0 or more, \
              such as \"1.2e-3 N m s/rad\", or \"compensating\"",
         ),
         (
@@ -293,11 +293,11 @@ fn couplings() {
         (
             "kind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nside = \"above\"\nat = 0\nstiffness = 1\ndamping = \"compensating\"",
             "couplings.0.damping: \"compensating\" does not begin with a finite number; \
-             a torsional damping (N m s/rad) is wanted, such as \"1.2e-3 N m s/rad\"",
+             expected a torsional damping (N m s/rad), such as \"1.2e-3 N m s/rad\"",
         ),
         (
             "kind = \"detent\"\nbetween = [\"puck\", \"ground\"]\ntorque = 1\npitch = 0",
-            "couplings.0.pitch: 0 is not above 0; an angle (rad) above 0 is wanted, such as \"45 deg\"",
+            "couplings.0.pitch: 0 is not above 0; expected an angle (rad) above 0, such as \"45 deg\"",
         ),
         (
             "kind = \"friction\"\nbetween = [\"puck\", \"ground\"]",
@@ -310,7 +310,7 @@ fn couplings() {
         ),
         (
             "kind = \"friction\"\nbetween = [\"puck\", \"ground\"]\ncoulomb = 1\nstribeck = 1",
-            "couplings.0.stribeck_velocity: missing; an angular velocity (rad/s) above 0 is wanted, such as \"90 deg/s\"",
+            "couplings.0.stribeck_velocity: missing; expected an angular velocity (rad/s) above 0, such as \"90 deg/s\"",
         ),
         (
             "kind = \"friction\"\nbetween = [\"puck\", \"wheel\"]\ncoulomb = 1\nstribeck = 1\nstribeck_velocity = 1\n\
@@ -320,11 +320,11 @@ fn couplings() {
         ),
         (
             "kind = \"spring\"\nbetween = [\"puck\", \"wheel\"]\nstiffness = 1\nlimit = 0",
-            "couplings.0.limit: 0 is not above 0; a torque (N m) above 0 is wanted, such as \"5 N mm\"",
+            "couplings.0.limit: 0 is not above 0; expected a torque (N m) above 0, such as \"5 N mm\"",
         ),
         (
             "kind = \"detent\"\nbetween = [\"puck\", \"wheel\"]\ntorque = 1\npitch = 1\nlimit = 1",
-            "couplings.0.limit: not a key of kind \"detent\" but of \"spring\", \"damper\" or \"wall\"; \
+            "couplings.0.limit: not a key of kind \"detent\" but of \"spring\", \"damper\", \"wall\" or \"dead-band\"; \
              \"detent\" takes kind, between, torque, pitch, phase",
         ),
     ];
@@ -338,13 +338,13 @@ fn scenarios_and_hands() {
     let table = [
         (
             "hand = { kind = \"step\", to = 1 }",
-            "scenarios.s.duration: missing; a time (s) above 0 is wanted, such as \"1 ms\"",
+            "scenarios.s.duration: missing; expected a time (s) above 0, such as \"1 ms\"",
         ),
-        ("duration = 1", "scenarios.s.hand: missing; a table of keys is wanted"),
+        ("duration = 1", "scenarios.s.hand: missing; expected a table of keys"),
         (
             "duration = \"1 Ms\"\nhand = { kind = \"step\", to = 1 }",
             "scenarios.s.duration: \"1 Ms\" has the unknown unit \"Ms\"; the nearest known one is \"ms\"; \
-             a time (s) is wanted, such as \"1 ms\"",
+             expected a time (s), such as \"1 ms\"",
         ),
         (
             "duration = \"1e7 s\"\nhand = { kind = \"step\", to = 1 }",
@@ -352,11 +352,11 @@ fn scenarios_and_hands() {
         ),
         (
             "duration = 1\nhand = { to = 1 }",
-            "scenarios.s.hand.kind: missing; \"step\", \"ramp\", \"sine\", \"path\", \"torque\" or \"grip\" is wanted",
+            "scenarios.s.hand.kind: missing; expected \"step\", \"ramp\", \"sine\", \"path\", \"torque\" or \"grip\"",
         ),
         (
             "duration = 1\nhand = { kind = \"ramp\", to = 1 }",
-            "scenarios.s.hand.over: missing; a time (s) above 0 is wanted, such as \"1 ms\"",
+            "scenarios.s.hand.over: missing; expected a time (s) above 0, such as \"1 ms\"",
         ),
         (
             "duration = 1\nhand = { kind = \"step\", to = 1, over = 1 }",
@@ -364,24 +364,24 @@ fn scenarios_and_hands() {
         ),
         (
             "duration = 1\nhand = { kind = \"step\", to = 1, release = -1 }",
-            "scenarios.s.hand.release: -1 is negative; a time (s) of 0 or more is wanted, such as \"1 ms\"",
+            "scenarios.s.hand.release: -1 is negative; expected a time (s) of 0 or more, such as \"1 ms\"",
         ),
         (
             "duration = 1\nhand = { kind = \"torque\", to = 1 }",
             "scenarios.s.hand.to: not a key of kind \"torque\" but of \"step\" or \"ramp\"; \"torque\" takes kind, release, moves",
         ),
-        ("duration = 1\nhand = { kind = \"torque\" }", "scenarios.s.hand.moves: missing; a table of keys is wanted"),
+        ("duration = 1\nhand = { kind = \"torque\" }", "scenarios.s.hand.moves: missing; expected a table of keys"),
         (
             "duration = 1\nhand = { kind = \"torque\", moves = { kind = \"step\", to = \"45 deg\" } }",
-            "scenarios.s.hand.moves.to: \"45 deg\" is an angle (rad); a torque (N m) is wanted, such as \"5 N mm\"",
+            "scenarios.s.hand.moves.to: \"45 deg\" is an angle (rad); expected a torque (N m), such as \"5 N mm\"",
         ),
         (
             "duration = 1\nhand = { kind = \"grip\", moves = { kind = \"step\", to = \"1 N m\" } }",
-            "scenarios.s.hand.moves.to: \"1 N m\" is a torque (N m); an angle (rad) is wanted, such as \"45 deg\"",
+            "scenarios.s.hand.moves.to: \"1 N m\" is a torque (N m); expected an angle (rad), such as \"45 deg\"",
         ),
         (
             "duration = 1\nhand = { kind = \"grip\", inertia = 0, moves = { kind = \"step\", to = 1 } }",
-            "scenarios.s.hand.inertia: 0 is not above 0; an inertia (kg m^2) above 0 is wanted, such as \"6.4e-4 kg m^2\"",
+            "scenarios.s.hand.inertia: 0 is not above 0; expected an inertia (kg m^2) above 0, such as \"6.4e-4 kg m^2\"",
         ),
         (
             "duration = 1\nhand = { kind = \"grip\", moves = { kind = \"step\", to = 1, release = 1 } }",
@@ -390,7 +390,7 @@ fn scenarios_and_hands() {
         ),
         (
             "duration = 1\nhand = { kind = \"grip\", moves = { kind = \"torque\" } }",
-            "scenarios.s.hand.moves.kind: \"torque\" is not known here; \"step\", \"ramp\", \"sine\" or \"path\" is wanted",
+            "scenarios.s.hand.moves.kind: \"torque\" is not known here; expected \"step\", \"ramp\", \"sine\" or \"path\"",
         ),
         (
             "duration = 1\nhand = { kind = \"grip\", hold = 1, moves = { kind = \"step\", to = 1 } }",
@@ -402,7 +402,7 @@ fn scenarios_and_hands() {
         ),
         (
             "duration = 1\nhand = { kind = \"grip\", hold = 0, open = 1, moves = { kind = \"step\", to = 1 } }",
-            "scenarios.s.hand.hold: 0 is not above 0; a time (s) above 0 is wanted, such as \"1 ms\"",
+            "scenarios.s.hand.hold: 0 is not above 0; expected a time (s) above 0, such as \"1 ms\"",
         ),
         (
             "duration = 1\nhand = { kind = \"grip\", hold = 1e-12, open = 1e-12, moves = { kind = \"step\", to = 1 } }",

@@ -82,7 +82,7 @@ fn whole_tables_can_be_set_where_the_file_has_none() {
 fn mistakes_are_shown_in_the_override() {
     assert_eq!(
         set(&["loop.method=zoh", "loop.period=1 kg"]).unwrap_err(),
-        "loop.period: \"1 kg\" is a mass (kg); a time (s) is wanted, such as \"1 ms\"\n \
+        "loop.period: \"1 kg\" is a mass (kg); expected a time (s), such as \"1 ms\"\n \
          --> --set:1:13\n  |\n1 | loop.period=1 kg\n  |             ^^^^"
     );
     assert_eq!(
@@ -95,35 +95,35 @@ fn mistakes_are_shown_in_the_override() {
          1 | scenarios.step.hand={kind='step', too=1}\n  |                                   ^^^"
     );
     for (wrong, message) in [
-        ("loop.period", "\"loop.period\" is no KEY=VALUE, such as loop.period=2ms"),
-        ("", "\"\" is no KEY=VALUE, such as loop.period=2ms"),
+        ("loop.period", "\"loop.period\" is not KEY=VALUE, such as loop.period=2ms"),
+        ("", "\"\" is not KEY=VALUE, such as loop.period=2ms"),
         ("=1", "a name is missing between the points of the key"),
         ("loop..period=1", "loop.: a name is missing between the points of the key"),
         ("bodies.whel.inertia=1", "bodies.whel: the world has no body \"whel\"; did you mean \"wheel\"?"),
         ("bodies.x={inertia=1}", "bodies.x: the world has no body \"x\""),
         ("scenarios.stp.duration=1", "scenarios.stp: the world has no scenario \"stp\"; did you mean \"step\"?"),
-        ("couplings.2.stiffness=1", "couplings.2: \"2\" is no whole number from 0 to 1"),
-        ("couplings.-1.stiffness=1", "couplings.-1: \"-1\" is no whole number from 0 to 1"),
-        ("couplings.spring.stiffness=1", "couplings.spring: \"spring\" is no whole number from 0 to 1"),
+        ("couplings.2.stiffness=1", "couplings.2: \"2\" is not a whole number from 0 to 1"),
+        ("couplings.-1.stiffness=1", "couplings.-1: \"-1\" is not a whole number from 0 to 1"),
+        ("couplings.spring.stiffness=1", "couplings.spring: \"spring\" is not a whole number from 0 to 1"),
         (
             "couplings.1.stiffness=1",
-            "couplings.1.stiffness: not a key of kind \"damper\" but of \"spring\" or \"wall\"; \"damper\" takes kind, between, damping, limit",
+            "couplings.1.stiffness: not a key of kind \"damper\" but of \"spring\", \"wall\" or \"dead-band\"; \"damper\" takes kind, between, damping, limit",
         ),
         ("loop.period.x=1", "loop.period.x: \"period\" has no keys below it"),
         (
             "loop.period=",
-            "loop.period: \"\" does not begin with a finite number; a time (s) is wanted, such as \"1 ms\"",
+            "loop.period: \"\" does not begin with a finite number; expected a time (s), such as \"1 ms\"",
         ),
-        ("loop.period={a=1}", "loop.period: a table stands here; a time (s) above 0 is wanted, such as \"1 ms\""),
+        ("loop.period={a=1}", "loop.period: a table stands here; expected a time (s) above 0, such as \"1 ms\""),
         ("a.b.c.d.e.f=1", "\"a.b.c.d.e.f\" has 6 names; no key has more than 5"),
-        ("loop=5", "loop: 5 is a number; a table of keys is wanted"),
+        ("loop=5", "loop: 5 is a number; expected a table of keys"),
         ("lop.period=1", "lop: unknown key; did you mean \"loop\"?"),
         (
             "device.encoder=nan",
-            "device.encoder: nan is no whole number; a whole number from 1 to 9007199254740992 is wanted",
+            "device.encoder: nan is not a whole number; expected a whole number from 1 to 9007199254740992",
         ),
-        ("loop.period=inf", "loop.period: inf is no finite double; a time (s) is wanted, such as \"1 ms\""),
-        ("loop.period=1e-400", "loop.period: 1e-400 is no finite double; a time (s) is wanted, such as \"1 ms\""),
+        ("loop.period=inf", "loop.period: inf is not a finite number; expected a time (s), such as \"1 ms\""),
+        ("loop.period=1e-400", "loop.period: 1e-400 is not a finite number; expected a time (s), such as \"1 ms\""),
     ] {
         assert_eq!(set(&[wrong]).unwrap_err().lines().next(), Some(message), "{wrong}");
     }

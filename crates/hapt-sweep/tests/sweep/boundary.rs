@@ -183,7 +183,7 @@ fn what_is_no_plane_is_said() {
     for (axes, part) in [
         (&[stiffness][..], "2 keys, and 1 are given"),
         (&[stiffness, "loop.delay=0..1ms", "device.damping=0..1"], "3 are given"),
-        (&[stiffness, "loop.delay=0..1ms:40"], "KEY=FROM..TO is wanted"),
+        (&[stiffness, "loop.delay=0..1ms:40"], "expected KEY=FROM..TO"),
         (&[stiffness, "loop.method=zoh..foh"], "zoh..foh"),
         (&[stiffness, "loop.delay=0..1ms:log"], "one side of 0"),
         (&[stiffness, "loop.delay=1ms..1ms"], "both ends are the same"),

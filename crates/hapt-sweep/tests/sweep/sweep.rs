@@ -163,17 +163,17 @@ fn a_run_that_runs_away_has_no_peak_and_is_no_failure() {
 fn what_is_no_axis_is_said_with_what_would_be_right() {
     let held = [Measure::HeldGrowth];
     let cases: &[(&[&str], &str)] = &[
-        (&["loop.period"], "KEY=FROM..TO:N is wanted"),
-        (&["loop.period=1ms..2ms"], "KEY=FROM..TO:N is wanted"),
-        (&["loop.period=1ms:5"], "KEY=FROM..TO:N is wanted"),
-        (&["loop.period=1ms..2ms:0"], "\"0\" is no number of values"),
-        (&["loop.period=1ms..2ms:many"], "\"many\" is no number of values"),
+        (&["loop.period"], "expected KEY=FROM..TO:N"),
+        (&["loop.period=1ms..2ms"], "expected KEY=FROM..TO:N"),
+        (&["loop.period=1ms:5"], "expected KEY=FROM..TO:N"),
+        (&["loop.period=1ms..2ms:0"], "\"0\" is not a number of values"),
+        (&["loop.period=1ms..2ms:many"], "\"many\" is not a number of values"),
         (&["loop.period=0ms..2ms:5"], "is not above 0"),
         (&["loop.period=1ms..2kg:5"], "is a mass"),
         (&["loop.period=1ms..-2ms:5"], "above 0"),
         (&["device.damping=0..1:5:log"], "equal ratios need both ends on one side of 0"),
         (&["bodies.wheel.position=-1..1:5:log"], "equal ratios need both ends on one side of 0"),
-        (&["loop.window=1..2:3"], "1.5 is no whole number"),
+        (&["loop.window=1..2:3"], "1.5 is not a whole number"),
         (&["loop.method=1..2:3"], "method"),
         (&["loop.perod=1ms..2ms:3"], "perod"),
         (&["couplings.7.stiffness=1..2:3"], "couplings.7"),

@@ -1,4 +1,4 @@
-//! The fit over the positions, and what it leaves.
+//! The fit over the positions, and its residuals.
 
 use hapt_identify::Identified;
 use hapt_model::Motion;
@@ -38,17 +38,17 @@ pub fn figure(given: &Given, found: &Identified) -> Figure {
     let mut above = panel("position", unit, &measured);
     above.curve("measured", Style::Beneath, measured);
     above.curve("fit", Style::Signal(0), fitted);
-    let mut middle = panel("what the fit leaves", fine, &left);
+    let mut middle = panel("residual", fine, &left);
     middle.curve("", Style::Signal(1), left);
-    let mut below = panel("torque asked for", effort, &torques);
+    let mut below = panel("commanded torque", effort, &torques);
     below.curve("", Style::Signal(2), torques);
     let alt = format!(
-        "Positions over {} with the fit on them, what it leaves ({} {fine} rms), and the torque that was asked for.",
+        "Positions over {} and the fit, the residuals ({} {fine} rms), and the commanded torque.",
         format::time(times[times.len() - 1] - times[0]),
         format::number((found.residual.rms * finer * 1e3).round() / 1e3)
     );
     Figure {
-        title: format!("{}: the fit and what it leaves", given.name),
+        title: format!("{}: the fit and its residuals", given.name),
         alt,
         panels: vec![above, middle, below],
         columns: 1,

@@ -48,12 +48,10 @@ pub fn experiment(args: &IdentifyArgs, spec: &Spec, world: Option<World>) -> Res
         return Err(Failure::input(format!("{flag} is for logs; {} is a device", args.what)));
     }
     let mut world = world.ok_or_else(|| {
-        Failure::input(
-            "--world FILE.toml is wanted with a device: its period, its limits, and what is known of it so far",
-        )
+        Failure::input("a device needs --world FILE.toml: its period, its limits, and what is known of it so far")
     })?;
     if matches!(spec, Spec::Replay(_)) {
-        return Err(Failure::input("a recording follows no torque; hapt identify takes the log itself"));
+        return Err(Failure::input("a recording does not respond to torque; pass the log itself to hapt identify"));
     }
     if !spec.overrides(&world)?.is_empty() {
         world.sampling.estimator = EstimatorKind::Difference;
@@ -70,7 +68,10 @@ pub fn experiment(args: &IdentifyArgs, spec: &Spec, world: Option<World>) -> Res
     let positions = if spec.has_a_motor() { seen.given } else { seen.counted };
     let name = args.what.clone();
     let record = Record::new(seen.times, positions, seen.torques).map_err(|error| {
-        Failure::input(format!("{name}: {error}; --torque asks for more than {}", format::effort(torque, world.motion)))
+        Failure::input(format!(
+            "{name}: {error}; --torque would need more than {}",
+            format::effort(torque, world.motion)
+        ))
     })?;
     Ok(Given { name, record, motion: world.motion, world: Some(world) })
 }
@@ -80,7 +81,7 @@ fn torque(args: &IdentifyArgs, world: &World) -> Result<f64, Failure> {
     let torque = match &args.torque {
         Some(text) => positive("--torque", text, Measure::Torque, world.motion)?,
         None if limit.is_finite() => PART * limit,
-        None => return Err(Failure::input("--torque Q is wanted: the world has no device.limit to take a tenth of")),
+        None => return Err(Failure::input("the world has no device.limit to take a tenth of: pass --torque Q")),
     };
     if torque > limit {
         let limit = format::effort(limit, world.motion);
@@ -104,7 +105,7 @@ fn bounds(world: &World, torque: f64) -> Bounds {
 /// Nothing moves before somebody has said yes.
 fn ask(what: &str, world: &World, torque: f64, duration: f64) -> Result<(), Failure> {
     if !stdin().is_terminal() {
-        return Err(Failure::input(format!("{what} is going to move: pass --yes once everyone is clear of it")));
+        return Err(Failure::input(format!("{what} will move: pass --yes when everyone is clear of it")));
     }
     let bounds = bounds(world, torque);
     let (torque, duration) = (format::effort(bounds.torque, world.motion), format::time(duration));
@@ -249,7 +250,7 @@ impl Experiment {
             self.seen.counted.push(record.measured);
             self.seen.torques.push(record.output);
             if let (Phase::Faulted, Some(reason)) = (record.phase, record.reason) {
-                let words = format!("the torque was taken away. {} {}", reason.sentence(), reason.remedy());
+                let words = format!("the torque was removed. {} {}", reason.sentence(), reason.remedy());
                 return Err(Failure::System(words));
             }
         }
@@ -259,9 +260,9 @@ impl Experiment {
         match ended {
             None => Ok(()),
             Some(LoopEnd::Device(failure @ DeviceFailure::Gone)) => {
-                Err(Failure::System(format!("the experiment ended by itself, the torque off: {failure}")))
+                Err(Failure::System(format!("the experiment ended early, with the torque off: {failure}")))
             }
-            Some(_) => Err(Failure::System("the experiment ended by itself, the torque off".into())),
+            Some(_) => Err(Failure::System("the experiment ended early, with the torque off".into())),
         }
     }
 }

@@ -38,7 +38,7 @@ pub fn read(args: &IdentifyArgs, world: Option<World>) -> Result<Given, Failure>
         let missing = format!("cannot read {what}: there is no such file");
         return Err(Failure::input(match (suggest::file(path), what.parse::<Spec>()) {
             (none, Err(wrong)) if none.is_empty() && what.contains(':') => format!("{missing}; {wrong}"),
-            (none, _) if none.is_empty() => format!("{missing}, and {what} is no device either"),
+            (none, _) if none.is_empty() => format!("{missing}, and {what} is not a device either"),
             (meant, _) => missing + &meant,
         }));
     }
@@ -69,11 +69,11 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<(Lists, Mot
     if bytes.len() as u64 > LARGEST {
         return Err(Failure::input(format!("{name} is larger than 256 MiB; --from and --to cut a log, not a table")));
     }
-    let text = String::from_utf8(bytes).map_err(|_| Failure::input(format!("{name} is no text in UTF-8")))?;
+    let text = String::from_utf8(bytes).map_err(|_| Failure::input(format!("{name} is not text in UTF-8")))?;
     let mut columns = Columns::parse(args.columns.as_deref().unwrap_or_default())
         .map_err(|error| Failure::input(format!("--columns: {error}")))?;
     if args.counts.is_some_and(|counts| !(counts > 0.0 && counts.is_finite())) {
-        return Err(Failure::input("--counts: a positive number is wanted"));
+        return Err(Failure::input("--counts: expected a positive number"));
     }
     (columns.counts, columns.coasts) = (args.counts, args.coast);
     let spring = |motion| args.spring.as_ref().map(|text| positive("--spring", text, Measure::Stiffness, motion));
@@ -99,7 +99,7 @@ fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lis
         if lists[0].len() == MOST {
             let most = format::count(MOST as u64);
             return Err(Failure::input(format!(
-                "{} has more than {most} samples; a shorter log is wanted",
+                "{} has more than {most} samples; expected a shorter log",
                 opened.name
             )));
         }

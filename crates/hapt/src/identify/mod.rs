@@ -46,7 +46,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     let outputs = [("--write", &args.write), ("--plot", &args.plot), ("--log", &args.log)];
     output::apart(&output::given(&outputs), &inputs)?;
     if world.is_none() && !args.sets.is_empty() {
-        return Err(Failure::input("--set changes the world that --world names, and none is named"));
+        return Err(Failure::input("--set needs --world: it changes a key of that world"));
     }
     let given = match device(&args.what) {
         Some(spec) => match (guided::experiment(args, &spec, world), output::signalled()) {

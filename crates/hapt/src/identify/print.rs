@@ -51,7 +51,7 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
     match (inertia_is_known, found.inertia) {
         (true, Some(known)) => {
             line("inertia", format!("{} {inertia}, as given", format::number(known.value)));
-            line("gain", within(found.gain, 1.0, "of the torque that is asked for"));
+            line("gain", within(found.gain, 1.0, "of the commanded torque"));
         }
         (_, found) => line("inertia", within(found, 1.0, &inertia)),
     }
@@ -78,7 +78,7 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
     let (unit, factor) = if given.motion == Motion::Linear { ("um", 1e6) } else { ("mdeg", 1e3f64.to_degrees()) };
     let counts =
         found.lattice.map_or(String::new(), |lattice| format!(", {:.2} counts", found.residual.rms / lattice.step));
-    line("fit", format!("leaves {} {unit} rms{counts}", digits(found.residual.rms * factor, 3)));
+    line("residual", format!("{} {unit} rms{counts}", digits(found.residual.rms * factor, 3)));
     text
 }
 
@@ -101,7 +101,7 @@ pub fn unmodelled(given: &Given, found: &Identified) -> Option<String> {
         n => format!("{} {effort} {n} times a turn, a motor's cogging", digits(size * per_si, 2)),
     };
     Some(format!(
-        "a torque goes with the position, most like {what}: it explains {:.0} % of what the fit leaves, no number here has it, and the intervals are too narrow",
+        "a torque depends on the position, most like {what}: it explains {:.0} % of the residuals, is in none of these numbers, and makes the intervals too narrow",
         100.0 * explains
     ))
 }

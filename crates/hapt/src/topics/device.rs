@@ -44,7 +44,7 @@ delay, and before the first command the motor gives 0. A delay comes on top of t
 a spring K, released, then needs about K(T/2 + delay) of device damping.
 
   hapt sim @notes/released --set loop.delay=1ms            scenario release
-  hapt check @notes/default --set loop.delay=1ms | grep ^free      unstable: let go
+  hapt check @notes/default --set loop.delay=1ms | grep ^free      unstable: hands-off
 
 The held world is unaffected. Prediction compensates in part for whole periods: see advance. With a
 fraction of a period no device damping makes an undamped oscillation passive: extend the delay to a
@@ -105,7 +105,7 @@ often, and at which sample first: from there on the rendered torque deviates fro
 limit does not act on the virtual bodies: a held world keeps growing behind it.
 
   hapt sim @notes/euler                                    first at sample 1491 (1.491 s)
-  hapt sim @notes/damped                                   never asked for more than its limit
+  hapt sim @notes/damped                                   never beyond its limit
 
 A coupling's own `limit` clamps it on both ends, bodies included: see clamped.
 "#,

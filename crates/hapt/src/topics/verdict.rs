@@ -38,9 +38,9 @@ none.
         name: "verdict",
         aliases: &["verdicts", "certified", "certificate", "not-certified"],
         line: "certified, or not: the answer of `hapt check`",
-        text: r#"certified        stable held and let go, and passive against every passive hand      exit code 0
+        text: r#"certified        stable held and hands-off, and passive against every passive hand      exit code 0
   ... as far as the linear loop goes: the lines `not proved` list what that leaves open
-not certified    unstable held, unstable let go, or not passive                      exit code 1
+not certified    unstable held, unstable hands-off, or not passive                      exit code 1
 
 The sentence names the conditions that fail; `remedies` lists changes that certify it. Encoder
 counts have a separate line and do not change the verdict.
@@ -138,7 +138,7 @@ method. Damping of the device, more than kT/2, or a shorter period compensates f
 encoder, levels and Coulomb friction are left out.
 
   hapt check @notes/default                                            free      stable
-  hapt check @notes/default --set device.damping=0 | grep ^free        unstable: let go
+  hapt check @notes/default --set device.damping=0 | grep ^free        unstable: hands-off
 "#,
     },
     Topic {

@@ -183,7 +183,7 @@ fn a_fifo_and_a_device_are_written_through_and_stay_what_they_are() {
     }
     fs::rename(&fifo, at.path().join("f.csv")).unwrap();
     let sweep = ["sweep", "w.toml", "--vary", "device.damping=0..1:3", "--measure", "certified", "--out", "f.csv"];
-    hapt(at.path(), sweep).refused(2, &["f.csv: it is a device or a FIFO; a file is wanted"]);
+    hapt(at.path(), sweep).refused(2, &["f.csv: it is a device or a FIFO; expected a file"]);
     assert!(fs::metadata(at.path().join("f.csv")).unwrap().file_type().is_fifo());
 
     std::os::unix::fs::symlink("/dev/null", at.path().join("null.svg")).unwrap();
@@ -248,7 +248,7 @@ fn a_recording_without_an_end_is_refused() {
     let mut endless = Command::new("sh");
     endless.args(["-c", "(echo puck_rad,puck_rad_per_s; yes 0,0) | exec \"$0\" run w.toml --device replay:/dev/stdin"]);
     endless.arg(binary()).current_dir(at.path());
-    Running::start(endless).end().refused(2, &["it has more than", "a shorter recording is wanted"]);
+    Running::start(endless).end().refused(2, &["it has more than", "expected a shorter recording"]);
     std::os::unix::fs::symlink("/dev/zero", at.path().join("hapt.schema.json")).unwrap();
     hapt(at.path(), ["init"]).refused(2, &["is there already"]);
 }

@@ -280,7 +280,7 @@ fn completions_and_manual_know_every_command() {
         assert!(own.contains("Examples:") && own.contains(".SH SYNOPSIS"), "{own}");
     }
     assert_eq!(fs::read_to_string(at.path().join("man/hapt.1")).unwrap(), page);
-    hapt(at.path(), ["man", "--out", "man/hapt.1"]).refused(2, &["is a file; a folder is wanted"]);
+    hapt(at.path(), ["man", "--out", "man/hapt.1"]).refused(2, &["is a file; expected a folder"]);
 }
 
 #[test]

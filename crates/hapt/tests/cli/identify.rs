@@ -97,7 +97,7 @@ fn what_is_written_is_a_device_that_a_world_takes() {
     fs::write(at.path().join("found.toml"), world).unwrap();
     hapt(at.path(), ["sim", "found.toml"]).done();
     let svg = fs::read_to_string(at.path().join("fit.svg")).unwrap();
-    for word in ["position (deg)", "what the fit leaves (counts)", "measured", "torque asked for (N mm)"] {
+    for word in ["position (deg)", "residual (counts)", "measured", "commanded torque (N mm)"] {
         assert!(svg.contains(word), "{word}");
     }
 }
@@ -179,7 +179,7 @@ late = "10 s"
         }
         // Where nobody can be asked, nobody is.
         let nobody = hapt(at.path(), ["identify", &device, "--world", "w.toml", "--write", "d.toml"]);
-        nobody.refused(2, &["is going to move: pass --yes once everyone is clear of it"]);
+        nobody.refused(2, &["will move: pass --yes when everyone is clear of it"]);
         assert_eq!(names(at.path()), ["w.toml"]);
         // Not one byte has reached the drive.
         assert_eq!(port.read(&mut [0; 64], Instant::now()).unwrap(), 0);

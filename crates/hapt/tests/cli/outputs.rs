@@ -64,7 +64,7 @@ fn an_ending_that_contradicts_the_format_is_refused_and_nothing_is_written() {
         (with(&["report", "w.toml", "--out"], &["r.html"]), "r.html", "a folder"),
         (with(&["live", "w.toml", "--port", "0", "--log-dir"], &["l.mcap"]), "l.mcap", "a folder"),
     ] {
-        hapt(at.path(), &args).refused(2, &[name, wanted, "is wanted"]);
+        hapt(at.path(), &args).refused(2, &[name, wanted, "expected"]);
         assert_eq!(names(at.path()), before, "{args:?}");
     }
     hapt(at.path(), ["sim", "w.toml", "--format", "csv"]).refused(2, &["--out"]);

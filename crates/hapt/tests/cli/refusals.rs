@@ -338,8 +338,8 @@ fn an_unknown_scenario_is_met_with_the_nearest_name() {
 #[test]
 fn an_out_that_names_a_file_is_refused_and_the_file_stays() {
     let at = folder(&[("w.toml", WHEEL), ("file", "mine")]);
-    hapt(at.path(), ["sim", "w.toml", "--out", "file"]).refused(2, &["--out file", "a folder is wanted"]);
-    hapt(at.path(), ["sim", "w.toml", "--out", "file/below/it"]).refused(2, &["--out file", "a folder is wanted"]);
+    hapt(at.path(), ["sim", "w.toml", "--out", "file"]).refused(2, &["--out file", "expected a folder"]);
+    hapt(at.path(), ["sim", "w.toml", "--out", "file/below/it"]).refused(2, &["--out file", "expected a folder"]);
     assert_eq!(fs::read_to_string(at.path().join("file")).unwrap(), "mine");
     assert_eq!(names(at.path()), ["file", "w.toml"]);
 }
