@@ -2,6 +2,7 @@
 
 use hapt_core::{
     Body, Coupling, Damping, End, Error, Estimator, Law, Loop, Method, Output, Real, Side, Spec, State, Vector,
+    Waveform,
 };
 
 use crate::messages::outcome;
@@ -71,7 +72,7 @@ impl Bits<'_> {
     }
 
     fn end(&mut self) -> End {
-        match self.below(8) {
+        match self.below(11) {
             0 | 1 => End::Puck,
             2 => End::Ground,
             7 => End::Body(self.word() as usize),
@@ -85,7 +86,7 @@ impl Bits<'_> {
     }
 
     fn law(&mut self) -> Law {
-        match self.below(8) {
+        match self.below(11) {
             0 => Law::Spring { stiffness: self.number(), rest: self.number() },
             1 => Law::Damper { damping: Damping::Fixed(self.number()) },
             2 => Law::Damper { damping: Damping::Compensating },
@@ -107,6 +108,15 @@ impl Bits<'_> {
             },
             7 => Law::DeadBand { stiffness: self.number(), rest: self.number(), width: self.number() },
             8 => Law::Magnet { torque: self.number(), width: self.number(), at: self.number() },
+            9 => Law::Texture {
+                torque: self.number(),
+                pitch: self.number(),
+                phase: self.number(),
+                waveform: Waveform {
+                    sine: std::array::from_fn(|_| self.number()),
+                    cosine: std::array::from_fn(|_| self.number()),
+                },
+            },
             _ => Law::Constant { torque: self.number() },
         }
     }

@@ -32,6 +32,8 @@ export interface Geometry {
   nub(gap: Gap, from: 0 | 1): string;
   /** A dent at a position, on the edge of `gap[1]` or `gap[0]`. */
   dent(gap: Gap, at: number, on: 0 | 1): string;
+  /** A line along these positions, on the edge of `gap[1]` or `gap[0]`, as deep as dents where `depth` is 1. */
+  wave(gap: Gap, positions: number[], depth: (position: number) => number, on: 0 | 1): string;
   /** A line at one depth. */
   arc(depth: number, a: number, b: number): string;
   /** A lane's outline at 0, its mark, and things to see it move by. */

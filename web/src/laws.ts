@@ -5,7 +5,7 @@ import type { Coupling } from "./protocol.ts";
 /** The same coupling with ground as its second end, where ground is the first: q and the torque change their signs. */
 export function grounded(coupling: Coupling): Coupling {
   if (coupling.between[0] !== "ground") return coupling;
-  const { kind, between, side, at, rest, phase, torque } = coupling;
+  const { kind, between, side, at, rest, phase, torque, cosine } = coupling;
   return {
     ...coupling,
     between: [between[1], between[0]],
@@ -14,6 +14,8 @@ export function grounded(coupling: Coupling): Coupling {
     rest: -(rest ?? 0),
     phase: -(phase ?? 0),
     torque: kind === "constant" ? -(torque ?? 0) : (torque ?? 0),
+    // Its torque is odd in its sines, and even in its cosines.
+    cosine: cosine?.map((factor) => -factor) ?? null,
   };
 }
 
@@ -42,11 +44,27 @@ export function push(coupling: Coupling, q: number, velocity: number): number {
       const x = coupling.width ? (q - (coupling.at ?? 0)) / coupling.width : 0;
       return -torque * x * Math.exp((1 - x * x) / 2);
     }
+    case "texture":
+      return torque * harmonics(coupling, q).reduce((sum, { sin, cos, sine, cosine }) => sum + sine * sin + cosine * cos, 0);
     case "friction":
       return -torque * Math.tanh(100 * velocity);
     case "constant":
       return torque;
   }
+}
+
+/** A texture's harmonics at q: n, sine and cosine of nθ, and their factors. */
+function harmonics(coupling: Coupling, q: number): { n: number; sin: number; cos: number; sine: number; cosine: number }[] {
+  const angle = coupling.pitch ? (2 * Math.PI * (q - (coupling.phase ?? 0))) / coupling.pitch : 0;
+  return (coupling.sine ?? []).map((sine, i) => {
+    const n = i + 1;
+    return { n, sin: Math.sin(n * angle), cos: Math.cos(n * angle), sine, cosine: coupling.cosine?.[i] ?? 0 };
+  });
+}
+
+/** What a texture stores at q, in parts of torque · pitch/2π, up to a constant. */
+export function energy(coupling: Coupling, q: number): number {
+  return harmonics(coupling, q).reduce((sum, { n, sin, cos, sine, cosine }) => sum + (sine * cos - cosine * sin) / n, 0);
 }
 
 /** From purple (pushes back) past grey to green (pushes on); `share` of the largest, from -1 to 1. */

@@ -55,6 +55,10 @@ export function linear(bodies: number, reach: number): Geometry {
       const [edge, tip] = [gap[on], gap[on] + (gap[1 - on]! - gap[on]) * 0.42];
       return polyline([[x(at) - 6, edge], [x(at), tip], [x(at) + 6, edge]]);
     },
+    wave(gap, positions, depth, on) {
+      const reach = (gap[1 - on]! - gap[on]) * 0.42;
+      return polyline(positions.map((position): [number, number] => [x(position), gap[on] + reach * depth(position)]));
+    },
     arc: (depth, a, b) => polyline([[x(a), depth], [x(b), depth]]),
     body({ outer, inner }, puck) {
       const half = puck ? 34 : 40;

@@ -19,7 +19,7 @@ export type ToServer =
   | { type: "focus"; key: string };
 
 export interface Coupling {
-  kind: "spring" | "damper" | "wall" | "detent" | "dead-band" | "magnet" | "friction" | "constant";
+  kind: "spring" | "damper" | "wall" | "detent" | "dead-band" | "magnet" | "texture" | "friction" | "constant";
   between: [string, string];
   key: string;
   at?: number | null;
@@ -28,6 +28,8 @@ export interface Coupling {
   pitch?: number | null;
   phase?: number | null;
   width?: number | null;
+  sine?: number[] | null;
+  cosine?: number[] | null;
   torque?: number | null;
   stiffness?: number | null;
   damping?: number | null;

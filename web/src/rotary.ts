@@ -65,6 +65,10 @@ export function rotary(bodies: number): Geometry {
       const [edge, tip] = [gap[on], gap[on] + (gap[1 - on]! - gap[on]) * 0.42];
       return polyline([at(edge, position - 0.04), at(tip, position), at(edge, position + 0.04)]);
     },
+    wave(gap, positions, depth, on) {
+      const reach = (gap[1 - on]! - gap[on]) * 0.42;
+      return polyline(positions.map((position) => at(gap[on] + reach * depth(position), position)));
+    },
     arc: (depth, a, b) => polyline(sweep(() => depth, a, Math.max(a - TURN, Math.min(a + TURN, b)))),
     body({ outer, inner }, puck) {
       const thick = outer - inner;

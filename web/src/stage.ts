@@ -2,7 +2,7 @@
 
 import { attribute, html, say, svg } from "./dom.ts";
 import type { Gap, Geometry } from "./geometry.ts";
-import { grounded, push, tint } from "./laws.ts";
+import { energy, grounded, push, tint } from "./laws.ts";
 import { linear, roundUp } from "./linear.ts";
 import { rotary } from "./rotary.ts";
 import { COLUMN, type Coupling, type Frame, type World } from "./protocol.ts";
@@ -213,6 +213,28 @@ export class Stage {
             d += geometry.dent(gap, phase + n * pitch, edge === 0 ? 1 : 0);
           }
           attribute(element, "d", d);
+        };
+      }
+      case "texture": {
+        // As deep as its energy is low: it rests where dents are.
+        const [pitch, phase] = [coupling.pitch ?? 1, coupling.phase ?? 0];
+        const steps = 24;
+        const energies = Array.from({ length: steps }, (_, i) => energy(coupling, phase + (i * pitch) / steps));
+        const [low, high] = [Math.min(...energies), Math.max(...energies)];
+        const depth = (q: number) => (high > low ? (high - energy(coupling, q)) / (high - low) : 0);
+        const nub = svg("path", { class: "nub", d: geometry.nub(gap, edge) });
+        group.after(nub);
+        let drawn = Number.NaN;
+        return (q) => {
+          const nearest = Math.round((q[first]! - q[second]! - phase) / pitch);
+          attribute(group, "transform", geometry.place(q[second]!));
+          attribute(nub, "transform", geometry.place(q[first]!));
+          if (nearest === drawn) return;
+          drawn = nearest;
+          const [from, to] = geometry.view(phase + nearest * pitch);
+          const count = Math.max(1, Math.min(40, Math.floor((to - from) / pitch / 2)));
+          const positions = Array.from({ length: 2 * count * steps + 1 }, (_, i) => phase + (nearest - count + i / steps) * pitch);
+          attribute(element, "d", geometry.wave(gap, positions, depth, edge === 0 ? 1 : 0));
         };
       }
       case "magnet": {

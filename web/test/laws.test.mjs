@@ -6,7 +6,7 @@ import { createServer } from "vite";
 const vite = await createServer({ server: { middlewareMode: true, hmr: false, ws: false, watch: null }, appType: "custom", logLevel: "error" });
 after(() => vite.close());
 const load = (name) => vite.ssrLoadModule(`/src/${name}.ts`);
-const { grounded, push } = await load("laws");
+const { energy, grounded, push } = await load("laws");
 const { decode } = await load("protocol");
 const { History } = await load("history");
 const { rotary } = await load("rotary");
@@ -24,6 +24,7 @@ const couplings = [
   { kind: "detent", between, torque: 0.5, pitch: 0.7, phase: 0.1 },
   { kind: "dead-band", between, stiffness: 2, rest: 0.2, width: 0.3 },
   { kind: "magnet", between, torque: 0.5, width: 0.4, at: 0.3 },
+  { kind: "texture", between, torque: 0.5, pitch: 0.7, phase: 0.1, sine: [0.5, 0, 0.3, 0], cosine: [0.2, -0.4, 0, 0.1] },
   { kind: "friction", between, torque: 0.2 },
   { kind: "constant", between, torque: 0.2 },
 ];
@@ -40,7 +41,17 @@ test("a coupling written from ground's side pushes the other end as much the oth
   }
 });
 
-test("dampers, friction and walls take energy; springs, detents, dead bands and magnets give back what they took", () => {
+test("a texture's torque is the slope of its energy", () => {
+  const texture = couplings.find(({ kind }) => kind === "texture");
+  const scale = (texture.torque * texture.pitch) / (2 * Math.PI);
+  for (let i = 0; i < 200; i++) {
+    const [q, h] = [random(2), 1e-5];
+    const slope = (scale * (energy(texture, q + h) - energy(texture, q - h))) / (2 * h);
+    assert.ok(Math.abs(push(texture, q, 0) + slope) < 1e-6, `at ${q}`);
+  }
+});
+
+test("dampers, friction and walls take energy; springs, detents, dead bands, magnets and textures give back what they took", () => {
   for (const coupling of couplings) {
     // Around a closed path q = sin s, slowly: the work done on the coupling.
     let work = 0;

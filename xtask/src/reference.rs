@@ -143,6 +143,7 @@ fn takes(key: &Key) -> String {
         Takes::Whole { least, most, step } => {
             format!("{} whole number from {least} to {most}", if step == 2 { "an even" } else { "a" })
         }
+        Takes::Numbers { least, most } => format!("an array of {least} to {most} plain numbers"),
         Takes::Ends => "two different ends".to_string(),
         Takes::Table => "a table".to_string(),
         Takes::Named { most, what, reserved, .. } => {

@@ -8,7 +8,7 @@ use crate::rules::Dynamics;
 use crate::sense::Sensor;
 use crate::spec::{Linear, Quantity, Range};
 use crate::step::{Loop, Moment, Port};
-use crate::{Coupling, Damping, End, Error, Method, Output, Real, Spec};
+use crate::{Coupling, Damping, End, Error, Method, Output, Real, Spec, Waveform};
 
 impl Error {
     pub(crate) fn check_positive(what: &'static str, given: f64) -> Result<(), Error> {
@@ -178,6 +178,10 @@ fn check_numbers(coupling: &Coupling) -> Result<(), Error> {
         }
     }
     let mut law = coupling.law;
+    if let Some(Waveform { sine, cosine }) = law.waveform() {
+        let factors = || sine.iter().chain(cosine);
+        factors().try_for_each(|factor| Error::check_finite("waveform", *factor))?;
+    }
     law.quantities().try_for_each(|Quantity { name, range, value }| match range {
         Range::Any => Error::check_finite(name, *value),
         Range::ZeroOrMore => Error::check_not_negative(name, *value),

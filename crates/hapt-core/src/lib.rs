@@ -70,7 +70,7 @@ pub use lanes::Lanes;
 pub use matrix::Vector;
 pub use real::{Number, Real};
 pub use sense::{Memory, Puck};
-pub use spec::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+pub use spec::{Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Method, Output, Side, Spec, Waveform};
 pub use step::{Loop, Sample, State};
 pub use supervisor::{
     Heat, Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, Supervisor, SupervisorState,

@@ -1,7 +1,7 @@
 //! The couplings that no matrix holds: wall, detent, the two frictions, and what is clamped.
 
 use crate::contact::{Solution, StepResponse};
-use crate::law::{Coulomb, Damper, DeadBand, Detent, Lugre, Magnet, Spring, Wall, direction};
+use crate::law::{Coulomb, Damper, DeadBand, Detent, Lugre, Magnet, Spring, Texture, Wall, direction};
 use crate::spec::sign_at_puck;
 use crate::{Coupling, Damping, End, Law, Real, Vector};
 
@@ -16,6 +16,7 @@ pub(crate) enum Curve<F> {
     Detent(Detent<F>),
     DeadBand(DeadBand<F>),
     Magnet(Magnet<F>),
+    Texture(Texture<F>),
     Coulomb(Coulomb<F>),
     Lugre(Lugre<F>),
 }
@@ -69,6 +70,9 @@ impl<F: Real> Nonlinear<F> {
             Law::Magnet { torque, width, at } => {
                 Curve::Magnet(Magnet { torque: f(torque), width: f(width), at: f(at) })
             }
+            Law::Texture { torque, pitch, phase, ref waveform } => {
+                Curve::Texture(Texture::new(torque, pitch, phase, waveform))
+            }
             Law::Coulomb { torque } => Curve::Coulomb(Coulomb { torque: f(torque) }),
             Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
                 Curve::Lugre(Lugre {
@@ -99,6 +103,7 @@ impl<F: Real> Nonlinear<F> {
             | Curve::Detent(_)
             | Curve::DeadBand(_)
             | Curve::Magnet(_)
+            | Curve::Texture(_)
             | Curve::Lugre(_) => false,
         };
         is_found && self.at_body()
@@ -135,6 +140,7 @@ impl<F: Real> Nonlinear<F> {
             | Curve::Detent(_)
             | Curve::DeadBand(_)
             | Curve::Magnet(_)
+            | Curve::Texture(_)
             | Curve::Coulomb(_) => bristle,
         }
     }
@@ -149,6 +155,7 @@ impl<F: Real> Nonlinear<F> {
             Curve::Detent(detent) => detent.torque(q.position),
             Curve::DeadBand(band) => band.torque(q.position),
             Curve::Magnet(magnet) => magnet.torque(q.position),
+            Curve::Texture(texture) => texture.torque(q.position),
             Curve::Coulomb(coulomb) => coulomb.torque(q.velocity),
             Curve::Lugre(lugre) => lugre.torque(bristle, q.velocity),
         }
@@ -163,6 +170,7 @@ impl<F: Real> Nonlinear<F> {
             Curve::Detent(detent) => detent.solve(response),
             Curve::DeadBand(band) => band.solve(response),
             Curve::Magnet(magnet) => magnet.solve(response),
+            Curve::Texture(texture) => texture.solve(response),
             Curve::Coulomb(coulomb) => coulomb.solve(response),
             // Refused at bodies when the loop was compiled.
             Curve::Lugre(_) => Solution::fixed(F::ZERO),
@@ -179,6 +187,7 @@ impl<F: Real> Nonlinear<F> {
             | Curve::Detent(_)
             | Curve::DeadBand(_)
             | Curve::Magnet(_)
+            | Curve::Texture(_)
             | Curve::Coulomb(_)
             | Curve::Lugre(_) => false,
         }
@@ -192,6 +201,7 @@ impl<F: Real> Nonlinear<F> {
             Curve::Detent(detent) => detent.stored_slope(start, distance),
             Curve::DeadBand(band) => band.stored_slope(start, distance),
             Curve::Magnet(magnet) => magnet.stored_slope(start, distance),
+            Curve::Texture(texture) => texture.stored_slope(start, distance),
             Curve::Damper(_) | Curve::Coulomb(_) | Curve::Lugre(_) => F::ZERO,
         }
     }

@@ -281,7 +281,8 @@ pub fn companion(world: &World, key: &str, value: &str) -> Option<(String, Strin
 
 /// Whether the key can be set while the loop runs, also where the file omits it.
 pub fn may_be_set(world: &World, path: &str) -> bool {
-    is_shown(path) && row(world, path).is_some_and(|row| !matches!(row.takes, Takes::Table | Takes::Ends))
+    is_shown(path)
+        && row(world, path).is_some_and(|row| !matches!(row.takes, Takes::Table | Takes::Ends | Takes::Numbers { .. }))
 }
 
 #[cfg(test)]

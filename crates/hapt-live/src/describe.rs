@@ -62,6 +62,9 @@ fn coupling(world: &World, index: usize) -> Value {
     for quantity in law.quantities() {
         info[if quantity.name == "coulomb" { "torque" } else { quantity.name }] = json!(*quantity.value);
     }
+    if let Some(waveform) = coupling.law.waveform() {
+        (info["sine"], info["cosine"]) = (json!(waveform.sine), json!(waveform.cosine));
+    }
     if let Some(side) = coupling.law.side() {
         info["side"] = json!(side.name());
     }

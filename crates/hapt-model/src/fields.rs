@@ -2,7 +2,7 @@
 
 use crate::document::{Document, Entry, Node, Place, Value, shortened};
 use crate::error::{Error, ErrorKind};
-use crate::keys::{self, Key, Measure, PHYSICAL, Presence, Range, Takes};
+use crate::keys::{self, Key, Measure, NUMBERS, PHYSICAL, Presence, Range, Takes};
 use crate::quantity::{parse_in_unit, parse_with_unit};
 use crate::unit::Unit;
 use crate::words;
@@ -37,6 +37,7 @@ enum Found<'a> {
     Number(f64),
     Whole(u64),
     Samples(f64),
+    Numbers(Vec<f64>),
     Ends([(&'a str, &'a Place); 2]),
     Node(&'a Node),
 }
@@ -134,6 +135,14 @@ impl<'a> Fields<'a> {
     pub fn text(&self, name: &str) -> Option<String> {
         match self.found(name) {
             Some(Found::Text(text)) => Some(text.clone()),
+            _ => None,
+        }
+    }
+
+    /// An array of plain numbers; `None` when absent.
+    pub fn numbers(&self, name: &str) -> Option<&[f64]> {
+        match self.found(name) {
+            Some(Found::Numbers(numbers)) => Some(numbers),
             _ => None,
         }
     }
@@ -294,6 +303,17 @@ impl<'a> Fields<'a> {
                 // Between u64s by the arm above.
                 Some(whole) => Ok(Found::Whole(whole as u64)),
             },
+            (Takes::Numbers { least, most }, Value::Array(items)) => {
+                if !(least..=most).contains(&items.len()) {
+                    return given(format!("an array of {} stands here", items.len()));
+                }
+                let read = |item: &Node| {
+                    let found = parse_in_unit(number(&item.value), Unit::ONE).filter(|x| NUMBERS.contains(x));
+                    let fault = || format!("{}; {}", item.described(), row.wanted(motion));
+                    found.ok_or_else(|| self.error_at(ErrorKind::Value, row.name(), fault(), &item.place))
+                };
+                Ok(Found::Numbers(items.iter().map(read).collect::<Result<_, _>>()?))
+            }
             (Takes::Ends, Value::Array(items)) => match items.as_slice() {
                 [
                     Node { value: Value::Text(first), place: at_first },

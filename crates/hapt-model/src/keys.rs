@@ -2,7 +2,7 @@
 //!
 //! The file reader, `--set`, the schema and the book are made from [`KEYS`]; nothing else lists keys, defaults or ranges.
 
-use hapt_core::{Method, Output, Side};
+use hapt_core::{HARMONICS, Method, Output, Side};
 
 use crate::dimension::Dimension;
 use crate::kinds::{CouplingKind, HandKind, ShapeKind};
@@ -51,6 +51,13 @@ pub enum Takes {
         most: u64,
         /// Every value is a multiple of this.
         step: u64,
+    },
+    /// An array of plain numbers from -1000 to 1000.
+    Numbers {
+        /// How many at least.
+        least: usize,
+        /// How many at most.
+        most: usize,
     },
     /// An array of two different ends: `"puck"`, `"ground"` or a body's name.
     Ends,
@@ -181,6 +188,9 @@ impl Measure {
 /// leave double precision.
 pub const PHYSICAL: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
+/// The plain numbers of an array: factors of a quantity, of the size of 1.
+pub const NUMBERS: std::ops::RangeInclusive<f64> = -1e3..=1e3;
+
 impl Range {
     /// Whether `value` is in it.
     pub fn contains(self, value: f64) -> bool {
@@ -201,6 +211,7 @@ impl Takes {
             Takes::Text
             | Takes::Name(_)
             | Takes::Whole { .. }
+            | Takes::Numbers { .. }
             | Takes::Ends
             | Takes::Table
             | Takes::Named { .. }
@@ -259,6 +270,12 @@ impl Key {
             Takes::Whole { least, most, step } => {
                 let even = if step == 2 { "an even" } else { "a" };
                 format!("expected {even} whole number from {least} to {most}")
+            }
+            Takes::Numbers { least, most } => {
+                let largest = NUMBERS.end();
+                format!(
+                    "expected an array of {least} to {most} plain numbers from -{largest} to {largest}, such as [0.5, -1]"
+                )
             }
             Takes::Ends => "expected a pair of ends, such as [\"puck\", \"wheel\"]".to_string(),
             Takes::Table => "expected a table of keys".to_string(),
@@ -339,6 +356,11 @@ const BODIES: Takes =
     Takes::Named { most: 32, what: "body", letter_first: true, reserved: &["puck", "ground", "measured"] };
 const SCENARIOS: Takes = Takes::Named { most: 1000, what: "scenario", letter_first: false, reserved: &[] };
 
+/// The numbers of a texture's harmonics, and of its samples.
+const WAVES: Takes = Takes::Numbers { least: 1, most: HARMONICS };
+pub(crate) const MOST_SAMPLES: usize = 4096;
+const WAVEFORM: Presence = Presence::Depends("a texture has sine and cosine, or samples, or file");
+
 const LUGRE: Presence = Presence::Depends("the six LuGre keys stand together, in place of torque");
 
 /// What stands for a lost link, and for what the world's own ledger finds.
@@ -418,6 +440,14 @@ pub const KEYS: &[Key] = &[
     key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Required, "The largest torque of the detent.").of(&["detent"]),
     key("couplings.*.pitch", Quantity(Position, Positive), Required, "From one rest of the detent to the next.").of(&["detent"]),
     key("couplings.*.phase", Quantity(Position, Any), Number(0.0), "Where one of the detent's rests is.").of(&["detent"]),
+    key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Required, "The texture's torque on the first end where its waveform is 1.").of(&["texture"]),
+    key("couplings.*.pitch", Quantity(Position, Positive), Required, "One period of the texture.").of(&["texture"]),
+    key("couplings.*.phase", Quantity(Position, Any), Number(0.0), "Where a period of the texture begins.").of(&["texture"]),
+    key("couplings.*.sine", WAVES, WAVEFORM, "The waveform's harmonics: of sin θ, sin 2θ and so on, θ = 2π (q - phase)/pitch.").of(&["texture"]),
+    key("couplings.*.cosine", WAVES, WAVEFORM, "The waveform's harmonics: of cos θ, cos 2θ and so on.").of(&["texture"]),
+    key("couplings.*.samples", Takes::Numbers { least: 2, most: MOST_SAMPLES }, WAVEFORM,
+        "The waveform at equal distances over one period, the first at phase; without a mean, and as smooth as 4 harmonics.").of(&["texture"]),
+    key("couplings.*.file", Text, WAVEFORM, "The same samples as a CSV file beside the world file: one column, its header waveform.").of(&["texture"]),
     key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Depends("Coulomb friction; else the six LuGre keys"),
         "The torque of Coulomb friction, against the rate of q.").of(&["friction"]),
     key("couplings.*.coulomb", Quantity(Torque, ZeroOrMore), LUGRE, "LuGre: the level when sliding fast.").of(&["friction"]),

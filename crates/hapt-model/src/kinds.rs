@@ -53,6 +53,8 @@ named! {
         DeadBand = "dead-band",
         /// [`Law::Magnet`]
         Magnet = "magnet",
+        /// [`Law::Texture`]
+        Texture = "texture",
         /// [`Law::Coulomb`] and [`Law::Lugre`]
         Friction = "friction",
         /// [`Law::Constant`]
@@ -102,6 +104,7 @@ impl CouplingKind {
             Law::Detent { .. } => CouplingKind::Detent,
             Law::DeadBand { .. } => CouplingKind::DeadBand,
             Law::Magnet { .. } => CouplingKind::Magnet,
+            Law::Texture { .. } => CouplingKind::Texture,
             Law::Coulomb { .. } | Law::Lugre { .. } => CouplingKind::Friction,
             Law::Constant { .. } => CouplingKind::Constant,
         }
@@ -116,6 +119,7 @@ impl CouplingKind {
             Law::Detent { .. } => "a detent",
             Law::DeadBand { .. } => "a dead band",
             Law::Magnet { .. } => "a magnet",
+            Law::Texture { .. } => "a texture",
             Law::Coulomb { .. } => "Coulomb friction",
             Law::Lugre { .. } => "LuGre friction",
             Law::Constant { .. } => "a constant torque",
@@ -167,12 +171,18 @@ mod tests {
                 Takes::Ends => "[\"puck\", \"ground\"]".into(),
                 Takes::Name(names) => format!("{:?}", names[0]),
                 Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples | Takes::Whole { .. } => "1".into(),
-                Takes::Text | Takes::Table | Takes::Named { .. } | Takes::List { .. } => panic!("{}", row.path),
+                Takes::Text | Takes::Numbers { .. } | Takes::Table | Takes::Named { .. } | Takes::List { .. } => {
+                    panic!("{}", row.path)
+                }
             };
             text += &format!("{} = {value}\n", row.name());
         }
+        // What depends on other keys.
         if kind == CouplingKind::Friction {
             text += "torque = 1\n";
+        }
+        if kind == CouplingKind::Texture {
+            text += "sine = [1]\n";
         }
         text
     }

@@ -48,6 +48,7 @@ mod spelling;
 mod support;
 mod syntax;
 mod unit;
+mod waveform;
 mod words;
 pub mod world;
 mod write;
@@ -55,7 +56,9 @@ mod write;
 pub use dimension::Dimension;
 pub use error::{Error, ErrorKind, Location};
 pub use hapt_core::SafetyProfile;
-pub use hapt_core::spec::{Body, Coupling, Damping, End, Estimator, Law, Linear, Method, Output, Side, Spec};
+pub use hapt_core::spec::{
+    Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,
+};
 pub use hapt_plant::spec::{DeviceSpec, Drive, Hand, Shape, Switching};
 pub use kinds::{CouplingKind, HandKind, ShapeKind};
 pub use parameters::{Parameter, parameters};

@@ -287,6 +287,12 @@ mod tests {
         torque = 1
         width = 0.5
         [[couplings]]
+        kind = "texture"
+        between = ["puck", "ground"]
+        torque = 1
+        pitch = 0.5
+        sine = [1]
+        [[couplings]]
         kind = "friction"
         between = ["puck", "ground"]
         torque = 0.1

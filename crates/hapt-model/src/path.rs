@@ -41,13 +41,20 @@ impl<'a> Reader<'a> {
         Reader { folder, motion, points: 0 }
     }
 
-    /// The points of `file`, in s and in rad, m, N·m or N. An error without a location is about the file's name.
-    pub fn read(&mut self, file: &str, carries: Carries) -> Result<Vec<(f64, f64)>, Error> {
+    /// The text of a file in the world file's folder or below, and its name for messages.
+    pub fn text(&self, file: &str) -> Result<(String, String), Error> {
         let bytes = self.bytes(file)?;
         // Beside standard input or in the current folder, the plain name is the one that the user knows.
         let shown = if self.folder == Path::new(".") { PathBuf::from(file) } else { self.folder.join(file) };
         let shown = shown.display().to_string();
-        let points = self.parse(&shown, &decoded(&shown, bytes)?, carries)?;
+        let text = decoded(&shown, bytes)?;
+        Ok((shown, text))
+    }
+
+    /// The points of `file`, in s and in rad, m, N·m or N. An error without a location is about the file's name.
+    pub fn read(&mut self, file: &str, carries: Carries) -> Result<Vec<(f64, f64)>, Error> {
+        let (shown, text) = self.text(file)?;
+        let points = self.parse(&shown, &text, carries)?;
         self.points += points.len();
         if self.points > MOST_POINTS_IN_ALL {
             return Err(refused(format!(
@@ -57,6 +64,7 @@ impl<'a> Reader<'a> {
         Ok(points)
     }
 
+    /// The bytes of a file in the world file's folder or below.
     fn bytes(&self, file: &str) -> Result<Vec<u8>, Error> {
         let quoted = words::quoted(file);
         if leaves(Path::new(file)) {

@@ -14,6 +14,7 @@ use crate::path::{self, Carries};
 use crate::safety::Safety;
 use crate::source::Source;
 use crate::support;
+use crate::waveform;
 use crate::words;
 use crate::world::{Delay, Device, EstimatorKind, Motion, Mounting, Sampling, Scenario, World};
 
@@ -52,11 +53,12 @@ impl World {
             });
         }
 
+        let mut paths = path::Reader::new(&source.folder, motion);
         let (mut rows, mut couplings) = (Vec::new(), Vec::new());
         for (index, node) in items(&top, "couplings").iter().enumerate() {
             let context = Context { path: format!("couplings.{index}"), pattern: "couplings.*", ..table("couplings") };
             let fields = Fields::new(context, Some(node))?;
-            couplings.push(coupling(&fields, &names)?);
+            couplings.push(coupling(&fields, &names, &paths)?);
             rows.push(fields);
         }
         for (fields, coupling) in rows.iter().zip(&couplings) {
@@ -64,7 +66,6 @@ impl World {
         }
 
         let mut scenarios = Vec::new();
-        let mut paths = path::Reader::new(&source.folder, motion);
         for entry in named(&top, "scenarios") {
             let context =
                 Context { path: format!("scenarios.{}", entry.key), pattern: "scenarios.*", ..table("scenarios") };
@@ -186,7 +187,7 @@ fn mounting(fields: &Fields<'_>) -> Result<Mounting, Error> {
     })
 }
 
-fn coupling(fields: &Fields<'_>, names: &[String]) -> Result<Coupling, Error> {
+fn coupling(fields: &Fields<'_>, names: &[String], files: &path::Reader<'_>) -> Result<Coupling, Error> {
     let [(first_name, first_place), (second_name, second_place)] = fields.ends("between")?;
     let first = end(fields, first_name, first_place, names)?;
     let second = end(fields, second_name, second_place, names)?;
@@ -220,6 +221,12 @@ fn coupling(fields: &Fields<'_>, names: &[String]) -> Result<Coupling, Error> {
         CouplingKind::Magnet => {
             Law::Magnet { torque: fields.number("torque")?, width: fields.number("width")?, at: fields.number("at")? }
         }
+        CouplingKind::Texture => Law::Texture {
+            torque: fields.number("torque")?,
+            pitch: fields.number("pitch")?,
+            phase: fields.number("phase")?,
+            waveform: waveform::read(fields, files)?,
+        },
         CouplingKind::Friction => friction(fields)?,
         CouplingKind::Constant => Law::Constant { torque: fields.number("torque")? },
     };

@@ -10,7 +10,7 @@
 use serde_json::{Map, Value, json};
 
 use crate::dimension::Dimension;
-use crate::keys::{self, KEYS, Key, Measure, PHYSICAL, Presence, Range, Takes};
+use crate::keys::{self, KEYS, Key, Measure, NUMBERS, PHYSICAL, Presence, Range, Takes};
 use crate::spelling;
 use crate::world::Motion;
 
@@ -128,6 +128,10 @@ fn property(row: &'static Key, kinds: Kinds, definitions: &mut Definitions) -> V
         }
         Takes::Whole { least, most, step } => {
             json!({ "type": "integer", "minimum": least, "maximum": most, "multipleOf": step })
+        }
+        Takes::Numbers { least, most } => {
+            let number = json!({ "type": "number", "minimum": NUMBERS.start(), "maximum": NUMBERS.end() });
+            json!({ "type": "array", "items": number, "minItems": least, "maxItems": most })
         }
         Takes::Ends => {
             let end = json!({ "type": "string", "pattern": body_name(), "examples": ["puck", "ground"] });

@@ -4,7 +4,7 @@
 
 use std::fmt::{self, Write};
 
-use hapt_core::{Coupling, End};
+use hapt_core::{Coupling, End, Waveform};
 use hapt_plant::spec::{Drive, Hand, Shape};
 
 use crate::keys::{self, COMPENSATING, DIRECTION, Measure, SAMPLES, Takes};
@@ -76,7 +76,12 @@ impl World {
         if let Some((key, word)) = word {
             writeln!(f, "{key} = {}", text(word))?;
         }
-        lines(f, self.rows("couplings.*", Some(kind), None, slots))
+        lines(f, self.rows("couplings.*", Some(kind), None, slots))?;
+        // Samples are written as the harmonics that they were read as.
+        coupling
+            .law
+            .waveform()
+            .map_or(Ok(()), |Waveform { sine, cosine }| writeln!(f, "sine = {sine:?}\ncosine = {cosine:?}"))
     }
 
     fn hand(&self, hand: &mut Hand) -> String {
@@ -122,6 +127,7 @@ impl World {
                 Takes::Text
                 | Takes::Name(_)
                 | Takes::Whole { .. }
+                | Takes::Numbers { .. }
                 | Takes::Ends
                 | Takes::Table
                 | Takes::Named { .. }

@@ -228,6 +228,14 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
                 go('L', from + 2.0 * half * s, 8.0 * x * (0.5 * (1.0 - x * x)).exp());
             }
         }
+        Law::Texture { waveform, .. } => {
+            // Two periods of its torque.
+            let angle = |s: f64| 2.0 * std::f64::consts::TAU * s;
+            let steps = || (0..=64).map(|i| f64::from(i) / 64.0);
+            let most = steps().map(|s| waveform.at(angle(s)).abs()).fold(f64::MIN_POSITIVE, f64::max);
+            steps().for_each(|s| go('L', from + 2.0 * half * s, 8.0 * waveform.at(angle(s)) / most));
+            go('L', to, 0.0);
+        }
         Law::Coulomb { .. } | Law::Lugre { .. } => {
             // Two brushes on each other.
             go('L', to - 6.0, 0.0);
@@ -271,6 +279,9 @@ fn words(coupling: &Coupling, motion: Motion) -> (&'static str, String) {
         Law::Wall { at, stiffness: k, .. } => ("wall", format!("{}, {}", position(at), stiffness(k))),
         Law::Detent { torque, pitch, .. } => {
             ("detents", format!("{} each {}", say_effort(torque, motion), position(pitch)))
+        }
+        Law::Texture { torque, pitch, .. } => {
+            ("texture", format!("{} each {}", say_effort(torque, motion), position(pitch)))
         }
         Law::DeadBand { stiffness: k, width, .. } => ("dead band", format!("±{}, {}", position(width), stiffness(k))),
         Law::Magnet { torque, width, .. } => ("magnet", format!("{}, {}", say_effort(torque, motion), position(width))),

@@ -3,10 +3,13 @@
 //! The codes are frozen here: boards in the field and logs on disks were written with them. A law that is new comes after the others, with
 //! a code of its own; a law that takes a limit has a second form inside of [`Law::Clamped`].
 
-use hapt_core::{Damping, End, Side};
+use hapt_core::{Damping, End, Side, Waveform};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
+
+/// Harmonics of a texture as they are written.
+const HARMONICS: usize = 4;
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Coupling {
@@ -64,6 +67,13 @@ enum Law {
         width: f64,
         at: f64,
     },
+    Texture {
+        torque: f64,
+        pitch: f64,
+        phase: f64,
+        sine: [f64; HARMONICS],
+        cosine: [f64; HARMONICS],
+    },
 }
 
 /// The laws that take a limit.
@@ -92,6 +102,9 @@ impl Coupling {
             Core::DeadBand { stiffness, rest, width } => clamped(Clampable::DeadBand { stiffness, rest, width })
                 .unwrap_or(Law::DeadBand { stiffness, rest, width }),
             Core::Magnet { torque, width, at } => Law::Magnet { torque, width, at },
+            Core::Texture { torque, pitch, phase, waveform: Waveform { sine, cosine } } => {
+                Law::Texture { torque, pitch, phase, sine, cosine }
+            }
             Core::Coulomb { torque } => Law::Coulomb { torque },
             Core::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
                 Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous }
@@ -111,6 +124,9 @@ impl Coupling {
             Law::Detent { torque, pitch, phase } => (Core::Detent { torque, pitch, phase }, None),
             Law::DeadBand { stiffness, rest, width } => (Core::DeadBand { stiffness, rest, width }, None),
             Law::Magnet { torque, width, at } => (Core::Magnet { torque, width, at }, None),
+            Law::Texture { torque, pitch, phase, sine, cosine } => {
+                (Core::Texture { torque, pitch, phase, waveform: Waveform { sine, cosine } }, None)
+            }
             Law::Coulomb { torque } => (Core::Coulomb { torque }, None),
             Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => (
                 Core::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous },

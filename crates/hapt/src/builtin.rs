@@ -24,6 +24,7 @@ const WORLDS: &[(&str, &str)] = worlds! {
     "notes/pumped-and-damped"
     "devices/eth-wall"
     "devices/smartknob-detents"
+    "devices/grating"
 };
 
 /// The names, each with its `@`.

@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use hapt_model::{
-    Body, Coupling, Damping, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, Side, World,
+    Body, Coupling, Damping, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, Side, Waveform, World,
 };
 
 /// Uniform in the logarithm, between two powers of ten.
@@ -192,7 +192,7 @@ fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bo
 /// A nonlinear law, or a spring with a limit.
 fn nonlinear(rng: &mut Rng, inertia: f64, period: f64) -> (Law, Option<f64>) {
     let stiffness = inertia * (log_uniform(rng, -2.0, 0.0) / period).powi(2);
-    let law = match rng.u8(..5) {
+    let law = match rng.u8(..6) {
         0 => Law::Wall {
             side: one_of(rng, &[Side::Above, Side::Below]),
             at: between(rng, -0.3, 0.3),
@@ -208,6 +208,14 @@ fn nonlinear(rng: &mut Rng, inertia: f64, period: f64) -> (Law, Option<f64>) {
             let width = between(rng, 0.02, 0.5);
             let torque = stiffness * width / std::f64::consts::E.sqrt();
             Law::Magnet { torque, width, at: between(rng, -0.3, 0.3) }
+        }
+        4 => {
+            let pitch = between(rng, 0.05, 1.0);
+            let mut factors = || std::array::from_fn(|_| if rng.bool() { between(rng, -1.0, 1.0) } else { 0.0 });
+            let waveform = Waveform { sine: factors(), cosine: factors() };
+            // So steep at most, and a texture of no harmonic is nothing.
+            let torque = stiffness * pitch / (std::f64::consts::TAU * waveform.slope().max(1e-3));
+            Law::Texture { torque, pitch, phase: between(rng, -1.0, 1.0), waveform }
         }
         _ => return (Law::Spring { stiffness, rest: 0.0 }, Some(stiffness * between(rng, 0.01, 0.3))),
     };

@@ -1,7 +1,7 @@
 //! Properties of the laws that the proofs use. Every match names every law, so that a new law does not compile until it has an entry
 //! here.
 
-use hapt_model::{Coupling, Damping, End, Law};
+use hapt_model::{Coupling, Damping, End, HARMONICS, Law};
 
 /// The class of a law, for the theorems.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,8 @@ impl Kind {
             | Law::Wall { .. }
             | Law::Detent { .. }
             | Law::DeadBand { .. }
-            | Law::Magnet { .. } => Kind::Potential,
+            | Law::Magnet { .. }
+            | Law::Texture { .. } => Kind::Potential,
             Law::Constant { .. } => Kind::Constant,
             Law::Coulomb { .. } => Kind::Coulomb,
             Law::Lugre { .. } => Kind::Lugre,
@@ -72,6 +73,7 @@ pub(crate) fn linear_law(coupling: &Coupling) -> Option<LinearLaw> {
         | Law::Detent { .. }
         | Law::DeadBand { .. }
         | Law::Magnet { .. }
+        | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Lugre { .. } => None,
     }
@@ -89,11 +91,32 @@ pub(crate) fn steepest(law: &Law) -> (f64, f64) {
         Law::DeadBand { stiffness, .. } => (stiffness, 0.0),
         // At its place; it falls by 2/e torque/width at most, less than that.
         Law::Magnet { torque, width, .. } => (std::f64::consts::E.sqrt() * torque / width, 0.0),
+        // It may fall more steeply than it rises: the steeper of both.
+        Law::Texture { torque, pitch, ref waveform, .. } => {
+            let derivative = |(n, sine, cosine): (f64, f64, f64)| (n, -n * cosine, n * sine);
+            (std::f64::consts::TAU * torque / pitch * largest(waveform.harmonics().map(derivative)), 0.0)
+        }
         Law::Lugre { bristle_stiffness, bristle_damping, viscous, .. } => {
             (bristle_stiffness, bristle_damping + viscous)
         }
         Law::Coulomb { .. } | Law::Constant { .. } => (0.0, 0.0),
     }
+}
+
+/// A bound on the size of Σ (sine sin nθ + cosine cos nθ), at most 2^-14 above it. Between points h apart it rises above the larger by no
+/// more than (h/2)²/2 times its second derivative, which is at most N² times its own largest (Bernstein's inequality). The sizes of
+/// the harmonics, added, are a bound too, and of one harmonic the exact one.
+fn largest(harmonics: impl Iterator<Item = (f64, f64, f64)> + Clone) -> f64 {
+    const POINTS: u32 = 2048;
+    let step = std::f64::consts::TAU / f64::from(POINTS);
+    let at = |angle: f64| {
+        let parts = harmonics.clone().map(|(n, sine, cosine)| sine * (n * angle).sin() + cosine * (n * angle).cos());
+        parts.sum::<f64>().abs()
+    };
+    let seen = (0..POINTS).map(|i| at(f64::from(i) * step)).fold(0.0, f64::max);
+    let curvature = (HARMONICS as f64 * step).powi(2) / 8.0;
+    let added: f64 = harmonics.map(|(_, sine, cosine)| sine.hypot(cosine)).sum();
+    added.min(seen / (1.0 - curvature))
 }
 
 /// The same where it is flattest, falling slopes left out.
@@ -106,6 +129,7 @@ pub(crate) fn flattest(law: &Law) -> (f64, f64) {
         | Law::Detent { .. }
         | Law::DeadBand { .. }
         | Law::Magnet { .. }
+        | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Constant { .. } => (0.0, 0.0),
     }
@@ -115,6 +139,7 @@ pub(crate) fn flattest(law: &Law) -> (f64, f64) {
 pub(crate) fn most(coupling: &Coupling) -> f64 {
     let own = match coupling.law {
         Law::Detent { torque, .. } | Law::Magnet { torque, .. } | Law::Coulomb { torque } => torque,
+        Law::Texture { torque, ref waveform, .. } => torque * largest(waveform.harmonics()),
         Law::Constant { torque } => torque.abs(),
         Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::DeadBand { .. } | Law::Lugre { .. } => {
             f64::INFINITY
@@ -129,9 +154,12 @@ pub(crate) fn takes_velocity(law: &Law) -> bool {
         Law::Damper { damping: Damping::Fixed(damping) } | Law::Wall { damping, .. } => damping > 0.0,
         Law::Damper { damping: Damping::Compensating } | Law::Lugre { .. } => true,
         Law::Coulomb { torque } => torque > 0.0,
-        Law::Spring { .. } | Law::Detent { .. } | Law::DeadBand { .. } | Law::Magnet { .. } | Law::Constant { .. } => {
-            false
-        }
+        Law::Spring { .. }
+        | Law::Detent { .. }
+        | Law::DeadBand { .. }
+        | Law::Magnet { .. }
+        | Law::Texture { .. }
+        | Law::Constant { .. } => false,
     }
 }
 
@@ -144,6 +172,7 @@ pub(crate) fn is_damped_wall(law: &Law) -> bool {
         | Law::Detent { .. }
         | Law::DeadBand { .. }
         | Law::Magnet { .. }
+        | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
         | Law::Constant { .. } => false,
@@ -154,7 +183,7 @@ pub(crate) fn is_damped_wall(law: &Law) -> bool {
 /// whose mean torque it is.
 pub(crate) fn may_not_settle(law: &Law) -> bool {
     match *law {
-        Law::Detent { .. } | Law::Magnet { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => true,
+        Law::Detent { .. } | Law::Magnet { .. } | Law::Texture { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => true,
         Law::Wall { damping, .. } => damping > 0.0,
         Law::Spring { .. } | Law::Damper { .. } | Law::DeadBand { .. } | Law::Constant { .. } => false,
     }
@@ -172,6 +201,7 @@ pub(crate) fn bristles_give(law: &Law) -> bool {
         | Law::Detent { .. }
         | Law::DeadBand { .. }
         | Law::Magnet { .. }
+        | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Constant { .. } => false,
     }

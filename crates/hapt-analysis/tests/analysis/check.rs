@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
 use hapt_analysis::closed_form::*;
 use hapt_analysis::{Continuous, Design, Discrete, Slopes, check};
-use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, World};
+use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, Waveform, World};
 use proptest::prelude::*;
 
 use crate::common::*;
@@ -249,7 +249,7 @@ proptest! {
     #[test]
     fn no_finite_world_makes_it_panic_or_lie(
         inertias in prop::collection::vec(any_size(), 1..5),
-        laws in prop::collection::vec((0..10u8, 0..6usize, 0..6usize, any_size(), any_size(), any_size()), 0..10),
+        laws in prop::collection::vec((0..11u8, 0..6usize, 0..6usize, any_size(), any_size(), any_size()), 0..10),
         period in any_size(),
     ) {
         let n = inertias.len();
@@ -265,6 +265,10 @@ proptest! {
                 6 => damper(End::Puck, End::Ground, a).law,
                 7 => Law::DeadBand { stiffness: a, rest: b, width: c },
                 8 => Law::Magnet { torque: a, width: b.max(f64::MIN_POSITIVE), at: c },
+                9 => {
+                    let waveform = Waveform { sine: [a, 0.0, b, 0.0], cosine: [0.0, c, 0.0, a] };
+                    Law::Texture { torque: a, pitch: b.max(f64::MIN_POSITIVE), phase: c, waveform }
+                }
                 _ => Law::Spring { stiffness: a, rest: b },
             };
             Coupling { first: end(first), second: end(second), law, limit: None }

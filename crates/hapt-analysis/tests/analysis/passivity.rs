@@ -6,13 +6,15 @@ use hapt_analysis::Cause;
 use hapt_analysis::MAX_IN_FLIGHT;
 use hapt_analysis::multipliers;
 use hapt_analysis::{Continuous, Discrete, Error, Passivity, Slopes, passivity, quantisation};
-use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Motion, Output, Side, World};
+use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Motion, Output, Side, Waveform, World};
 use nalgebra::{Complex, DMatrix};
 use proptest::prelude::*;
 
 use crate::common::*;
 
 type C = Complex<f64>;
+
+const THIRD: Waveform = Waveform { sine: [0.0, 0.0, 1.0, 0.0], cosine: [0.0; 4] };
 
 /// On a device without damping: what is required is all that there must be.
 fn world(bench: Bench, method: Method, output: Output, period: f64) -> World {
@@ -348,11 +350,13 @@ fn reasons(world: &World) -> Vec<String> {
 #[test]
 fn the_steepest_rise_of_each_law_counts() {
     let (puck, ground) = (End::Puck, End::Ground);
-    let laws: [(Law, f64); 7] = [
+    let laws: [(Law, f64); 8] = [
         (Law::Wall { side: Side::Above, at: 0.1, stiffness: 200.0, damping: 0.3 }, 0.1 + 0.3),
         (Law::Detent { torque: 0.02, pitch: 0.1, phase: 0.0 }, 0.5e-3 * TAU * 0.2),
         (Law::DeadBand { stiffness: 10.0, rest: 0.1, width: 0.2 }, 5e-3),
         (Law::Magnet { torque: 0.02, width: 0.1, at: 0.3 }, 0.5e-3 * 0.5_f64.exp() * 0.2),
+        // Alone, its third harmonic is a detent of a third of the pitch.
+        (Law::Texture { torque: 0.02, pitch: 0.1, phase: 0.3, waveform: THIRD }, 0.5e-3 * 3.0 * TAU * 0.2),
         (Law::Constant { torque: 3.0 }, 0.0),
         (Law::Spring { stiffness: 10.0, rest: 1.0 }, 5e-3),
         (
@@ -373,7 +377,7 @@ fn the_steepest_rise_of_each_law_counts() {
         let proved = reasons(&world).is_empty();
         assert_eq!(proved, !matches!(law, Law::Lugre { .. }), "{law:?} {:?}", reasons(&world));
         world.sampling.delay = hapt_model::Delay::Seconds(2e-3);
-        if let Law::Detent { .. } | Law::DeadBand { .. } | Law::Magnet { .. } = law {
+        if let Law::Detent { .. } | Law::DeadBand { .. } | Law::Magnet { .. } | Law::Texture { .. } = law {
             near(required(&world), 5.0 * wanted, 1e-12);
             assert_eq!(reasons(&world), Vec::<String>::new());
         }
@@ -384,6 +388,25 @@ fn the_steepest_rise_of_each_law_counts() {
         plain(vec![Coupling { first: ground, second: puck, law: Law::Coulomb { torque: 0.1 }, limit: None }], 1e-3);
     let found = passivity(&world).unwrap();
     assert_eq!((found.required_damping, found.passive, found.cause), (None, false, Some(Cause::Coulomb)));
+}
+
+proptest! {
+    /// The certificate's slope of a texture is its steepest one of either sign, to a part in ten thousand.
+    #[test]
+    fn a_texture_asks_for_its_steepest_slope(
+        sine in prop::array::uniform4(-1.0_f64..1.0), cosine in prop::array::uniform4(-1.0_f64..1.0),
+    ) {
+        let waveform = Waveform { sine, cosine };
+        let law = Law::Texture { torque: 1e-3, pitch: TAU, phase: 0.0, waveform };
+        let world = plain(vec![Coupling { first: End::Puck, second: End::Ground, law, limit: None }], 1e-3);
+        let slope = |i: u32| {
+            let (q, h) = (TAU * f64::from(i) / 20_000.0, 1e-6);
+            ((waveform.at(q + h) - waveform.at(q - h)) / (2.0 * h)).abs()
+        };
+        let steepest = (0..20_000).map(slope).fold(0.0, f64::max);
+        let found = required(&world) / 0.5e-6;
+        prop_assert!(found > steepest * (1.0 - 1e-8) - 1e-8 && found < steepest * (1.0 + 1e-4) + 1e-8, "{found} {steepest}");
+    }
 }
 
 #[test]
@@ -667,6 +690,7 @@ fn a_damper_with_a_limit_is_not_proved_beside_what_may_not_settle() {
         (detent, None, false),
         (Law::DeadBand { stiffness: 1.0, rest: 0.0, width: 0.1 }, None, true),
         (Law::Magnet { torque: 0.02, width: 0.1, at: 0.0 }, None, false),
+        (Law::Texture { torque: 0.02, pitch: 0.3, phase: 0.0, waveform: THIRD }, None, false),
         (wall(0.1), None, false),
         (wall(0.1), Some(1.0), false),
         (Law::Coulomb { torque: 0.1 }, None, false),

@@ -11,6 +11,7 @@ mod detent;
 mod lugre;
 mod magnet;
 mod spring;
+mod texture;
 mod wall;
 
 use crate::spec::{Coupling, Damping, End, Method, Side};
@@ -24,6 +25,8 @@ pub(crate) use magnet::Magnet;
 #[cfg(test)]
 pub(crate) use spring::Ramp;
 pub(crate) use spring::Spring;
+pub(crate) use texture::Texture;
+pub use texture::{HARMONICS, Waveform};
 pub(crate) use wall::{Wall, direction};
 
 /// The torque of a coupling on its first end, in N·m (linear: N), for q in rad (linear: m).
@@ -78,6 +81,17 @@ pub enum Law {
         width: f64,
         /// Where it pulls to.
         at: f64,
+    },
+    /// A periodic torque: torque · waveform(2π (q - phase)/pitch).
+    Texture {
+        /// The torque where the waveform is 1, zero or more.
+        torque: f64,
+        /// One period of the waveform, positive.
+        pitch: f64,
+        /// Where one begins.
+        phase: f64,
+        /// Its form over a period.
+        waveform: Waveform,
     },
     /// Coulomb friction: -torque · sign(q̇), 0 at q̇ = 0.
     Coulomb {
@@ -135,7 +149,7 @@ const NUMBERS: usize = 6;
 /// How steep a law is at its steepest, and how large the torque of its dry friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slopes {
-    /// The steepest rise of the torque against q, N·m/rad (linear: N/m).
+    /// The steepest rise of the torque against q, N·m/rad (linear: N/m); of a texture a bound on it.
     pub stiffness: f64,
     /// The steepest rise against q̇.
     pub damping: Damping,
@@ -194,6 +208,14 @@ impl Law {
             Law::Magnet { torque, width, at } => {
                 [of("torque", ZeroOrMore, torque), of("width", Positive, width), of("at", Any, at), None, None, None]
             }
+            Law::Texture { torque, pitch, phase, waveform: _ } => [
+                of("torque", ZeroOrMore, torque),
+                of("pitch", Positive, pitch),
+                of("phase", Any, phase),
+                None,
+                None,
+                None,
+            ],
             Law::Coulomb { torque } => [of("torque", ZeroOrMore, torque), None, None, None, None, None],
             Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => [
                 of("coulomb", ZeroOrMore, coulomb),
@@ -212,7 +234,7 @@ impl Law {
     pub fn strength(&mut self) -> Option<Quantity<'_>> {
         let name = match self {
             Law::Spring { .. } | Law::Wall { .. } | Law::DeadBand { .. } => "stiffness",
-            Law::Detent { .. } | Law::Magnet { .. } => "torque",
+            Law::Detent { .. } | Law::Magnet { .. } | Law::Texture { .. } => "torque",
             Law::Lugre { .. } => "bristle_stiffness",
             Law::Damper { .. } | Law::Coulomb { .. } | Law::Constant { .. } => return None,
         };
@@ -229,6 +251,9 @@ impl Law {
             Law::Detent { torque, pitch, .. } => Slopes { stiffness: core::f64::consts::TAU * torque / pitch, ..none },
             Law::DeadBand { stiffness, .. } => Slopes { stiffness, ..none },
             Law::Magnet { torque, width, .. } => Slopes { stiffness: magnet::ROOT_E * torque / width, ..none },
+            Law::Texture { torque, pitch, ref waveform, .. } => {
+                Slopes { stiffness: core::f64::consts::TAU * torque / pitch * waveform.slope(), ..none }
+            }
             Law::Coulomb { torque } => Slopes { friction: torque, ..none },
             Law::Lugre { coulomb, stribeck, bristle_stiffness, bristle_damping, viscous, .. } => Slopes {
                 stiffness: bristle_stiffness,
@@ -244,7 +269,7 @@ impl Law {
         match *self {
             Law::Spring { rest, .. } | Law::DeadBand { rest, .. } => Some(rest),
             Law::Wall { at, .. } | Law::Magnet { at, .. } => Some(at),
-            Law::Detent { phase, .. } => Some(phase),
+            Law::Detent { phase, .. } | Law::Texture { phase, .. } => Some(phase),
             Law::Damper { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Constant { .. } => None,
         }
     }
@@ -255,6 +280,23 @@ impl Law {
             Law::Wall { side, .. } => Some(side),
             Law::Spring { .. }
             | Law::Damper { .. }
+            | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. }
+            | Law::Texture { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. }
+            | Law::Constant { .. } => None,
+        }
+    }
+
+    /// A texture's waveform; `None` for every other law.
+    pub const fn waveform(&self) -> Option<&Waveform> {
+        match self {
+            Law::Texture { waveform, .. } => Some(waveform),
+            Law::Spring { .. }
+            | Law::Damper { .. }
+            | Law::Wall { .. }
             | Law::Detent { .. }
             | Law::DeadBand { .. }
             | Law::Magnet { .. }
@@ -274,6 +316,7 @@ impl Law {
             | Law::Detent { .. }
             | Law::DeadBand { .. }
             | Law::Magnet { .. }
+            | Law::Texture { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. } => None,
         }
@@ -289,6 +332,7 @@ impl Law {
             | Law::Detent { .. }
             | Law::DeadBand { .. }
             | Law::Magnet { .. }
+            | Law::Texture { .. }
             | Law::Coulomb { .. }
             | Law::Constant { .. } => false,
         }
@@ -300,6 +344,7 @@ impl Law {
             Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::DeadBand { .. } => true,
             Law::Detent { .. }
             | Law::Magnet { .. }
+            | Law::Texture { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Constant { .. } => false,
@@ -315,6 +360,7 @@ impl Law {
             | Law::Detent { .. }
             | Law::DeadBand { .. }
             | Law::Magnet { .. }
+            | Law::Texture { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Constant { .. } => None,
@@ -330,6 +376,7 @@ impl Law {
             | Law::Detent { .. }
             | Law::DeadBand { .. }
             | Law::Magnet { .. }
+            | Law::Texture { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Constant { .. } => None,
@@ -346,6 +393,7 @@ impl Law {
             | Law::Detent { .. }
             | Law::DeadBand { .. }
             | Law::Magnet { .. }
+            | Law::Texture { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Constant { .. } => false,
@@ -373,6 +421,7 @@ impl Coupling {
             | Law::Detent { .. }
             | Law::DeadBand { .. }
             | Law::Magnet { .. }
+            | Law::Texture { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. } => None,
         }
@@ -381,7 +430,7 @@ impl Coupling {
     /// What it stores in J at q, with a friction's bristle as it stands: a spring k (q - rest)²/2, a wall k (q - at)²/2 inside, a
     /// detent torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), a constant -torque · q, bristles σ0 s²/2. With a limit a spring or wall
     /// stores k x²/2 up to the x at which it reaches its limit, and limit · x from there on; a dead band likewise, from its edge on. A
-    /// magnet stores torque · width · √e · (1 - exp(-x²/2)).
+    /// magnet stores torque · width · √e · (1 - exp(-x²/2)), a texture its harmonics' energies, each from its lowest on.
     pub fn stored(&self, q: f64, bristle: f64) -> f64 {
         let limit = self.limit.unwrap_or(f64::INFINITY);
         match self.law {
@@ -390,6 +439,7 @@ impl Coupling {
             Law::Detent { torque, pitch, phase } => Detent { torque, pitch, phase }.energy(q),
             Law::DeadBand { stiffness, rest, width } => dead_band::energy(stiffness, rest, width, q, limit),
             Law::Magnet { torque, width, at } => magnet::energy(torque, width, at, q),
+            Law::Texture { torque, pitch, phase, ref waveform } => texture::energy(torque, pitch, phase, waveform, q),
             Law::Constant { torque } => -torque * q,
             Law::Lugre { bristle_stiffness, .. } => 0.5 * bristle_stiffness * (bristle * bristle),
             Law::Damper { .. } | Law::Coulomb { .. } => 0.0,

@@ -3,6 +3,7 @@
 //! The loop's matrices know torques alone, so that this is derived from the spec a second time, and a check of them.
 
 use crate::compile::compensated;
+use crate::law::HARMONICS;
 use crate::spec::sign_at_puck;
 use crate::supervisor::springs::{Springs, Well};
 use crate::{Coupling, Damping, End, Law, Method, Real, Side, Spec, State};
@@ -40,6 +41,15 @@ enum Potential<F> {
         torque: F,
         width: F,
         at: F,
+    },
+    /// base + Σ (sine cos nθ - cosine sin nθ)/n, θ = 2π(q - phase)/pitch, with torque · pitch/2π in base and factors
+    Texture {
+        pitch: F,
+        phase: F,
+        /// Σ √(sine² + cosine²)/n
+        base: F,
+        sine: [F; HARMONICS],
+        cosine: [F; HARMONICS],
     },
     /// stiffness · s²/2 of the coupling's bristle.
     Bristle {
@@ -256,6 +266,7 @@ impl<F: Real> Part<F> {
             | Potential::Detent { .. }
             | Potential::DeadBand { .. }
             | Potential::Magnet { .. }
+            | Potential::Texture { .. }
             | Potential::Bristle { .. } => None,
         }
     }
@@ -298,6 +309,20 @@ impl<F: Real> Potential<F> {
                 let scale = torque * F::from_f64(ROOT_E);
                 -(scale * width * fall) - scale * x * (F::ONE + fall) * lag
             }
+            Potential::Texture { pitch, phase, base, sine, cosine } => {
+                let turns = (q - phase) / pitch;
+                let turns = turns - (turns + F::HALF).floor();
+                let tau = F::from_f64(core::f64::consts::TAU);
+                let quarter = F::HALF * F::HALF;
+                let (mut well, mut torque, mut n) = (base, F::ZERO, F::ZERO);
+                for (a, b) in sine.into_iter().zip(cosine) {
+                    n += F::ONE;
+                    let (s, c) = ((tau * n * turns).sin(), (tau * (n * turns + quarter)).sin());
+                    well += (a * c - b * s) / n;
+                    torque += a * s + b * c;
+                }
+                well + torque * (tau / pitch) * lag
+            }
             Potential::Bristle { stiffness } => F::HALF * stiffness * (bristle * bristle),
         }
     }
@@ -332,6 +357,18 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
         }
         Law::Magnet { torque, width, at } => {
             (Potential::Magnet { torque: f(torque), width: f(width), at: f(at) }, 0.0, 0.0, 0.0)
+        }
+        Law::Texture { torque, pitch, phase, ref waveform } => {
+            let scale = torque * pitch / core::f64::consts::TAU;
+            let base = waveform.harmonics().map(|(n, sine, cosine)| libm::hypot(sine, cosine) / n).sum::<f64>();
+            let scaled = |factors: [f64; HARMONICS]| factors.map(|factor| f(scale * factor));
+            let (sine, cosine) = (scaled(waveform.sine), scaled(waveform.cosine));
+            (
+                Potential::Texture { pitch: f(pitch), phase: f(phase), base: f(scale * base), sine, cosine },
+                0.0,
+                0.0,
+                0.0,
+            )
         }
         Law::Damper { damping } => (Potential::Nothing, damper(damping), 0.0, 0.0),
         Law::Coulomb { torque } => (Potential::Nothing, 0.0, torque, 0.0),

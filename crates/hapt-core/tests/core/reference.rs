@@ -1,7 +1,7 @@
 //! Random worlds and their differential equation, written down a second time, coupling by coupling.
 #![allow(dead_code)]
 
-use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec, Waveform};
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -98,6 +98,10 @@ impl World {
             Law::Detent { torque, pitch, .. } => (k + 7.0 * torque / pitch, c),
             Law::DeadBand { stiffness, .. } => (k + stiffness, c),
             Law::Magnet { torque, width, .. } => (k + 2.0 * torque / width, c),
+            Law::Texture { torque, pitch, waveform: Waveform { sine, cosine }, .. } => {
+                let sizes = (1..).zip(sine.iter().zip(cosine)).map(|(n, (s, c))| f64::from(n) * (s.abs() + c.abs()));
+                (k + 7.0 * torque / pitch * sizes.sum::<f64>(), c)
+            }
             _ => (k, c),
         })
     }
@@ -118,6 +122,14 @@ pub fn stored(coupling: &Coupling, q: f64) -> f64 {
         Law::DeadBand { stiffness, rest, width } => level_off(stiffness, ((q - rest).abs() - width).max(0.0), limit),
         Law::Magnet { torque, width, at } => {
             torque * width * (0.5_f64.exp() - (0.5 - 0.5 * ((q - at) / width).powi(2)).exp())
+        }
+        Law::Texture { torque, pitch, phase, waveform: Waveform { sine, cosine } } => {
+            let of = |(n, (s, c)): (i32, (f64, f64))| {
+                let (size, turn) = ((s * s + c * c).sqrt(), c.atan2(s));
+                let angle = f64::from(n) * std::f64::consts::TAU * (q - phase) / pitch + turn;
+                size / f64::from(n) * 2.0 * (0.5 * angle).cos().powi(2)
+            };
+            torque * pitch / std::f64::consts::TAU * (1..).zip(sine.into_iter().zip(cosine)).map(of).sum::<f64>()
         }
         Law::Constant { torque } => -torque * q,
         Law::Damper { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => 0.0,
@@ -149,6 +161,13 @@ pub fn torque(coupling: &Coupling, q: f64, qd: f64) -> f64 {
         Law::Magnet { torque, width, at } => {
             let x = (q - at) / width;
             -torque * x * (0.5 - 0.5 * x * x).exp()
+        }
+        Law::Texture { torque, pitch, phase, waveform: Waveform { sine, cosine } } => {
+            let of = |(n, (s, c)): (i32, (f64, f64))| {
+                let angle = f64::from(n) * std::f64::consts::TAU * (q - phase) / pitch;
+                s * angle.sin() + c * angle.cos()
+            };
+            torque * (1..).zip(sine.into_iter().zip(cosine)).map(of).sum::<f64>()
         }
         Law::Coulomb { torque } if qd != 0.0 => -torque * qd.signum(),
         Law::Constant { torque } => torque,
@@ -193,6 +212,12 @@ fn end(i: usize, n: usize) -> End {
     }
 }
 
+/// Harmonics that fall with their number.
+pub fn waveform() -> impl Strategy<Value = Waveform> {
+    let factors = || [-1.0_f64..1.0, -0.5..0.5, -0.3..0.3, -0.2..0.2];
+    (factors(), factors()).prop_map(|(sine, cosine)| Waveform { sine, cosine })
+}
+
 /// A law, and its limit.
 fn law(nonlinear: bool) -> BoxedStrategy<(Law, Option<f64>)> {
     let linear = prop_oneof![
@@ -220,11 +245,13 @@ fn law(nonlinear: bool) -> BoxedStrategy<(Law, Option<f64>)> {
         }),
         band,
         (0.0_f64..1.0, 0.02_f64..1.0, -1.0_f64..1.0).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
+        (0.0_f64..0.5, 0.1_f64..2.0, -1.0_f64..1.0, waveform())
+            .prop_map(|(torque, pitch, phase, waveform)| Law::Texture { torque, pitch, phase, waveform }),
         (0.0_f64..0.5).prop_map(|torque| Law::Coulomb { torque }),
         (-0.5_f64..0.5).prop_map(|torque| Law::Constant { torque }),
     ];
     prop_oneof![
-        7 => free.prop_map(|law| (law, None)),
+        8 => free.prop_map(|law| (law, None)),
         1 => (limited, (0.01_f64..2.0).prop_map(Some)),
     ]
     .boxed()

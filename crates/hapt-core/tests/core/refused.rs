@@ -1,6 +1,8 @@
 //! What a loop cannot be compiled from is refused by name.
 
-use hapt_core::{Body, Coupling, Damping, End, Error, Estimator, Law, Loop, Method, Output, Side, Spec};
+use hapt_core::{Body, Coupling, Damping, End, Error, Estimator, Law, Loop, Method, Output, Side, Spec, Waveform};
+
+const SINE: Waveform = Waveform { sine: [1.0, 0.0, 0.0, 0.0], cosine: [0.0; 4] };
 
 const BODIES: [Body; 2] = [Body { inertia: 0.02, position: 0.0, velocity: 0.0 }; 2];
 const SPRING: Coupling =
@@ -110,6 +112,7 @@ fn a_method_that_takes_the_new_sample_first_refuses_a_nonlinear_torque_on_a_body
         (Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 }, None),
         (Law::DeadBand { stiffness: 1.0, rest: 0.0, width: 1.0 }, None),
         (Law::Magnet { torque: 1.0, width: 1.0, at: 0.0 }, None),
+        (Law::Texture { torque: 1.0, pitch: 1.0, phase: 0.0, waveform: SINE }, None),
         (Law::Coulomb { torque: 1.0 }, None),
         (Law::Constant { torque: 1.0 }, None),
         (SPRING.law, Some(1.0)),

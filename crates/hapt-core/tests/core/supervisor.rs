@@ -2,6 +2,7 @@
 
 mod stuck;
 
+use crate::reference::waveform;
 use hapt_core::{
     Body, Coupling, Damping, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Phase, Reading, Real, Reason,
     Request, SafeOutput, Side, Spec, State, Supervisor, SupervisorState,
@@ -510,11 +511,17 @@ fn network() -> impl Strategy<Value = (Vec<Body>, Vec<Coupling>)> {
         (0.01..0.2, 0.3..2.0).prop_map(|(torque, pitch)| Law::Detent { torque, pitch, phase: 0.1 }),
         (0.1..20.0, -0.2..0.2, 0.0..0.2).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
         (0.01..0.2, 0.1..1.0, -0.2..0.2).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
+        (0.01..0.1, 0.3..2.0, waveform()).prop_map(|(torque, pitch, waveform)| Law::Texture {
+            torque,
+            pitch,
+            phase: 0.1,
+            waveform
+        }),
         (-0.1..0.1).prop_map(|torque| Law::Constant { torque }),
         (0.0..0.05).prop_map(|torque| Law::Coulomb { torque }),
     ];
     let law = prop_oneof![
-        8 => free.prop_map(|law| (law, None)),
+        9 => free.prop_map(|law| (law, None)),
         1 => (0.1..20.0, 0.01..0.5).prop_map(|(stiffness, limit)| (Law::Spring { stiffness, rest: 0.0 }, Some(limit))),
     ];
     let couplings = proptest::collection::vec((0usize..4, law), 2..8).prop_map(move |all| {

@@ -240,7 +240,7 @@ fn couplings() {
     let table = [
         (
             "",
-            "couplings.0.kind: missing; expected \"spring\", \"damper\", \"wall\", \"detent\", \"dead-band\", \"magnet\", \"friction\" or \"constant\"",
+            "couplings.0.kind: missing; expected \"spring\", \"damper\", \"wall\", \"detent\", \"dead-band\", \"magnet\", \"texture\", \"friction\" or \"constant\"",
         ),
         ("kind = \"sprign\"", "couplings.0.kind: \"sprign\" is not known here; did you mean \"spring\"?"),
         (

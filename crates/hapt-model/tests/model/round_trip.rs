@@ -5,7 +5,7 @@ use std::path::Path;
 use hapt_model::keys::PHYSICAL;
 use hapt_model::{
     Body, Coupling, Damping, Delay, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Mounting, Output,
-    Safety, Sampling, Scenario, Shape, Side, Source, Switching, World,
+    Safety, Sampling, Scenario, Shape, Side, Source, Switching, Waveform, World,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -42,6 +42,13 @@ fn plain_law() -> impl Strategy<Value = Law> {
         (zero(), above(), finite()).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
         (zero(), finite(), zero()).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
         (zero(), above(), finite()).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
+        (zero(), above(), finite(), prop::array::uniform4(-1e3_f64..1e3), prop::array::uniform4(-1e3_f64..1e3))
+            .prop_map(|(torque, pitch, phase, sine, cosine)| Law::Texture {
+                torque,
+                pitch,
+                phase,
+                waveform: Waveform { sine, cosine }
+            }),
         zero().prop_map(|torque| Law::Coulomb { torque }),
         (zero(), zero(), above(), zero(), zero(), zero()).prop_map(
             |(coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous)| Law::Lugre {

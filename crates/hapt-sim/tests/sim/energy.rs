@@ -32,6 +32,17 @@ fn plain_law() -> impl Strategy<Value = Law> {
             width
         }),
         (0.0_f64..1.0, 0.05_f64..1.0, -1.0_f64..1.0).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
+        (
+            (0.0_f64..1.0, 0.1_f64..1.0, -1.0_f64..1.0),
+            prop::array::uniform4(-1.0_f64..1.0),
+            prop::array::uniform4(-1.0_f64..1.0)
+        )
+            .prop_map(|((torque, pitch, phase), sine, cosine)| Law::Texture {
+                torque,
+                pitch,
+                phase,
+                waveform: Waveform { sine, cosine }
+            }),
         (-1.0_f64..1.0).prop_map(|torque| Law::Constant { torque }),
     ]
 }

@@ -2,7 +2,9 @@
 
 use crate::common::{bare, spring, wheel};
 use hapt_core::{Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, SupervisorState};
-use hapt_model::{Body, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Side, Source, World};
+use hapt_model::{
+    Body, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Side, Source, Waveform, World,
+};
 use hapt_sim::{DesktopLoop, DesktopSupervisor, Grip, Simulation, VirtualDevice, world_energy};
 use proptest::prelude::*;
 
@@ -170,10 +172,21 @@ fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
         (0.01..0.2, 0.3..2.0, -1.0..1.0).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
         (0.1..20.0, -0.2..0.2, 0.0..0.2).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
         (0.01..0.2, 0.1..1.0, -0.3..0.3).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
+        (
+            (0.01..0.1, 0.3..2.0, -1.0..1.0),
+            [-1.0..1.0, -0.5..0.5, -0.3..0.3, -0.2..0.2],
+            [-1.0..1.0, -0.5..0.5, -0.3..0.3, -0.2..0.2]
+        )
+            .prop_map(|((torque, pitch, phase), sine, cosine)| Law::Texture {
+                torque,
+                pitch,
+                phase,
+                waveform: Waveform { sine, cosine }
+            }),
         (0.0..0.01).prop_map(|torque| Law::Coulomb { torque }),
     ];
     prop_oneof![
-        6 => free.prop_map(|law| (law, None)),
+        7 => free.prop_map(|law| (law, None)),
         1 => (0.1..20.0, 0.01..0.5).prop_map(|(stiffness, limit)| (Law::Spring { stiffness, rest: 0.1 }, Some(limit))),
     ]
 }

@@ -62,6 +62,7 @@ fn torque(world: &World, q: f64) -> f64 {
             Law::Damper { .. }
             | Law::Detent { .. }
             | Law::Magnet { .. }
+            | Law::Texture { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Constant { .. } => 0.0,
@@ -105,6 +106,7 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
             Law::DeadBand { rest, width, .. } => {
                 all.extend([sign * (rest + width + reach), sign * (rest - width - reach)]);
             }
+            Law::Texture { pitch, phase, .. } => all.push(sign * (phase + 0.2 * pitch)),
             Law::Magnet { width, at, .. } => all.push(sign * (at + 0.5 * width)),
             Law::Spring { .. }
             | Law::Damper { .. }

@@ -61,6 +61,7 @@ const EMPTY: Spec<'static> = Spec {
 #[test]
 fn the_code_of_each_law_is_what_it_always_was() {
     let [stiffness, rest, at, torque, pitch, phase, width] = [1.0; 7];
+    let waveform = hapt_core::Waveform::default();
     let [coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous] = [1.0; 6];
     let (damping, side) = (Damping::Fixed(1.0), Side::Above);
     let laws = codes!(Law {
@@ -73,6 +74,7 @@ fn the_code_of_each_law_is_what_it_always_was() {
         6 => Constant { torque },
         8 => DeadBand { stiffness, rest, width },
         9 => Magnet { torque, width, at },
+        10 => Texture { torque, pitch, phase, waveform },
     });
     // One with a limit has code 7, and a second code by its law.
     let mut limited = vec![0, 1, 2, 3].into_iter();

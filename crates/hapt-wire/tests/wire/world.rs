@@ -1,6 +1,6 @@
 //! A world that goes over a wire is the same world, or none.
 
-use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec};
+use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec, Waveform};
 use hapt_wire::{Error, Stored, write};
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -21,6 +21,14 @@ fn laws() -> impl Strategy<Value = Law> {
         (x(), x(), x()).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
         (x(), x(), x()).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
         (x(), x(), x()).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
+        (x(), x(), x(), prop::array::uniform4(x()), prop::array::uniform4(x())).prop_map(
+            |(torque, pitch, phase, sine, cosine)| Law::Texture {
+                torque,
+                pitch,
+                phase,
+                waveform: Waveform { sine, cosine }
+            }
+        ),
         x().prop_map(|torque| Law::Coulomb { torque }),
         x().prop_map(|torque| Law::Constant { torque }),
         prop::array::uniform6(x()).prop_map(|[coulomb, stribeck, stribeck_velocity, a, b, viscous]| Law::Lugre {

@@ -135,6 +135,21 @@ at equal distances, magnets where they are put.
 "#,
     },
     Topic {
+        name: "texture",
+        aliases: &["textures", "grating", "ripple", "cogging", "waveform", "samples", "harmonics"],
+        line: "a periodic torque against position, from harmonics or samples",
+        text: r#"torque = torque · Σ (sine_n sin nθ + cosine_n cos nθ) with θ = 2π (q - phase)/pitch and up to 4
+harmonics: in the file as sine and cosine, or as samples of one period, inline or in a CSV file. Its
+energy is periodic: it gives back what it takes. Its steepest slope counts as its stiffness.
+
+  kind = "texture", torque = "5 N mm", pitch = "10 deg", sine = [-1, 0, 0.3]
+  kind = "texture", torque = "5 N mm", pitch = "10 deg", samples = [0, 1, 0.5, -0.5, -1]
+
+Samples without a mean that 4 harmonics show to a hundredth are read, all others are refused. With
+sine = [-1] it is a detent.
+"#,
+    },
+    Topic {
         name: "friction",
         aliases: &["coulomb", "lugre", "stribeck", "bristle", "stick"],
         line: "a torque against the motion: Coulomb or LuGre",
