@@ -94,7 +94,7 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
     let truth = trial.truth();
     let answer = match identify(&record, &known) {
         Ok(answer) => answer,
-        Err(Error::Left(left)) => {
+        Err(Error::Residual(left)) => {
             return Ok(Outcome::refused(&trial, left.position.map(|position| position.times_a_turn)));
         }
         Err(Error::Unexplained) => return Ok(Outcome::refused(&trial, None)),

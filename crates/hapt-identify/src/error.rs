@@ -2,42 +2,45 @@
 
 use std::fmt;
 
-use crate::position::PositionTorque;
+use crate::identified::PositionTorque;
 
-/// What the best fit leaves, where counts and noise do not explain it.
+/// The residuals of the best fit, where counts and noise do not explain them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Left {
+pub struct LargeResidual {
     /// Root mean square, in rad (linear: m).
     pub rms: f64,
     /// The same in counts, where the positions have them.
     pub counts: Option<f64>,
-    /// A torque that goes with the position, where it explains most of it.
+    /// A torque that depends on the position, where that explains most of them.
     pub position: Option<PositionTorque>,
 }
 
-impl fmt::Display for Left {
+impl fmt::Display for LargeResidual {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the motion does not follow from the torque to within counts and noise: the best fit leaves ")?;
+        write!(
+            f,
+            "the motion does not follow from the torque to within counts and noise: the residuals of the best fit are "
+        )?;
         match self.counts {
             Some(counts) => write!(f, "{counts:.2} counts rms")?,
             None => write!(f, "{:.3e} rms", self.rms)?,
         }
-        write!(f, ", which no independent noise is, and no interval would hold; ")?;
+        write!(f, ", more than independent noise, and no interval would be valid; ")?;
         match self.position.map(|position| position.times_a_turn) {
             None => write!(
                 f,
                 "look at whether a hand, a belt or a spring was on the puck, at the columns and their units, and at the torque's limit"
             ),
-            Some(0) => write!(f, "a torque that grows with the position, as a spring's, explains most of it"),
+            Some(0) => write!(f, "a torque that grows with the position, as a spring's, explains most of them"),
             Some(1) => {
-                write!(f, "a torque that comes once a turn, as of a weight beside the axis, explains most of it")
+                write!(f, "a torque that repeats once a turn, as of an eccentric weight, explains most of them")
             }
-            Some(n) => write!(f, "a torque that comes {n} times a turn, as a motor's cogging, explains most of it"),
+            Some(n) => write!(f, "a torque that repeats {n} times a turn, as a motor's cogging, explains most of them"),
         }
     }
 }
 
-/// Why nothing can be said.
+/// Why a record cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The lists of times, positions and torques are of different lengths.
@@ -50,7 +53,7 @@ pub enum Error {
         /// How many.
         torques: usize,
     },
-    /// A number that is none.
+    /// A number that is not finite.
     #[error("sample {sample}: the {what} is {value}; expected a finite number")]
     NotFinite {
         /// From 0.
@@ -101,9 +104,9 @@ pub enum Error {
         "the motion does not follow from the torque: no inertia, damping, friction and delay up to 50 ms were found that explain it; look at the columns, their units, and at whether a hand was on the puck"
     )]
     Unexplained,
-    /// The fit leaves more than counts and noise.
+    /// The residuals are larger than counts and noise.
     #[error("{0}")]
-    Left(Left),
+    Residual(LargeResidual),
     /// The columns of a table.
     #[error("{0}")]
     Columns(String),

@@ -33,7 +33,6 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod answer;
 mod bound;
 mod columns;
 mod counts;
@@ -42,6 +41,8 @@ mod estimate;
 mod experiment;
 mod explained;
 mod fit;
+mod identified;
+mod intervals;
 mod position;
 mod puck;
 mod quantile;
@@ -52,9 +53,9 @@ mod warnings;
 
 pub use columns::{Columns, Scale};
 pub use counts::{Lattice, lattice};
-pub use error::{Error, Left};
-pub use estimate::{Identified, Interval, Known, Residual, Twins, identify};
+pub use error::{Error, LargeResidual};
+pub use estimate::identify;
 pub use experiment::{Bounds, Push};
-pub use position::PositionTorque;
+pub use identified::{CorrelatedPair, Identified, Interval, Known, PositionTorque, Residual};
 pub use puck::{Puck, Sensitivity};
 pub use record::{LONGEST_DELAY, Record};

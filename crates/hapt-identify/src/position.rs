@@ -1,41 +1,30 @@
-//! A torque that goes with the position, looked for in what the fit leaves: gravity on a weight beside the axis, a motor's cogging, a
-//! spring that nobody knows of.
+//! A torque that depends on the position, searched for in the residuals: gravity on an eccentric weight, a motor's cogging, an unknown
+//! spring.
 //!
-//! Each shape of such a torque moves the puck in its own way. Where the residuals go along with that, beyond what the fitted parameters
-//! can take up, the squares that it would take away over their mean are χ² distributed, with as many degrees of freedom as the shape has
-//! amplitudes, if there is no such torque (the score test; Rao 1948).
+//! Each shape of such a torque moves the puck in its own way. The residuals are projected onto that motion, beyond what the fitted
+//! parameters can absorb. Without such a torque, the squares that the projection removes, over the residuals' mean square, are χ²
+//! distributed with as many degrees of freedom as the shape has amplitudes (the score test; Rao 1948).
 
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
-use crate::estimate::Known;
 use crate::fit::{Fit, Square};
+use crate::identified::PositionTorque;
 use crate::puck::PARAMETERS;
 use crate::record::Record;
 use crate::stretch::Stretch;
 
-/// Of torques that come again so many times a turn and fewer; more average out while the puck turns.
+/// The most periods a turn of a shape; faster ones average out while the puck turns.
 const MOST_TIMES: u32 = 48;
-/// χ² of two degrees of freedom is above this once in 10^8 times. Counted noise is not quite what that supposes: of a thousand random
-/// devices without such a torque two were taken to have one (docs/identify.md).
+/// χ² of two degrees of freedom exceeds this once in 10^8 times. Quantisation noise does not quite follow that distribution: of a thousand
+/// random devices without such a torque two were reported to have one (docs/identify.md).
 const SURELY: f64 = 40.0;
-/// What explains less than this part of the residuals' squares matters to nobody.
+/// A shape that explains less than this part of the residuals' squares is not reported.
 const LEAST: f64 = 0.02;
-
-/// A torque that goes with the position.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PositionTorque {
-    /// How often it comes again in a turn; 0: it grows with the position as a spring's does.
-    pub times_a_turn: u32,
-    /// Its amplitude in N·m of commanded torque; of a spring the stiffness in N·m/rad (linear: N/m).
-    pub size: f64,
-    /// The part of the residuals' squares that it explains.
-    pub explains: f64,
-}
 
 /// One shape: of the position z the weights sin nz and cos nz, or z alone.
 struct Shape {
     times_a_turn: u32,
-    /// What a unit of each weight has done to position and velocity.
+    /// The position and velocity by a unit of each weight.
     dz: Vector2<f64>,
     dv: Vector2<f64>,
     /// Their products with the parameters' sensitivities, with themselves and with the residuals.
@@ -58,7 +47,7 @@ impl Shape {
         Vector2::new(sin, cos)
     }
 
-    /// The torque holds for a stretch; a puck at rest stays so.
+    /// Integrates over a stretch of constant torque; a puck at rest stays at rest.
     fn pass(&mut self, stretch: &Stretch, z: f64, moves: bool) {
         if !moves {
             self.dv = Vector2::zeros();
@@ -80,13 +69,13 @@ impl Shape {
         self.own += self.dz * self.dz.transpose();
     }
 
-    /// The squares that the shape takes away beside the parameters, whose inverse information this is, and its amplitudes.
+    /// The squares that the shape removes beside the parameters, whose inverse information matrix is given, and its amplitudes.
     fn takes(&self, inverse: &Square) -> (f64, Vector2<f64>) {
         let alone = self.own - self.across.transpose() * inverse * self.across;
         let eigen = alone.symmetric_eigen();
         let mut taken = (0.0, Vector2::zeros());
         for (i, value) in eigen.eigenvalues.iter().enumerate() {
-            // What the parameters do too is theirs.
+            // Directions that the parameters span too are theirs.
             if *value > 1e-6 * self.own.trace() {
                 let axis = eigen.eigenvectors.column(i);
                 let along = axis.dot(&self.right);
@@ -98,10 +87,10 @@ impl Shape {
     }
 }
 
-/// The shape that explains most of what a fit leaves; `None` where none surely does.
-pub(crate) fn of_position(record: &Record, fit: &Fit, known: &Known) -> Option<PositionTorque> {
+/// The shape that explains most of the residuals; `None` where none is significant.
+pub(crate) fn position_torque(record: &Record, fit: &Fit, is_linear: bool) -> Option<PositionTorque> {
     let inverse = fit.inverse()?;
-    let most = if known.is_linear { 0 } else { MOST_TIMES };
+    let most = if is_linear { 0 } else { MOST_TIMES };
     let mut shapes: Vec<Shape> = (0..=most).map(Shape::new).collect();
     let mut before: Option<(f64, f64)> = None;
     fit.puck.follow(record.times(), record.torques(), fit.first, |i, z, dz| {

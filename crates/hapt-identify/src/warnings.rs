@@ -1,22 +1,22 @@
-//! What has to be said about an answer before anybody relies on it.
+//! The warnings that go with a result.
 
-use crate::estimate::{Identified, Interval, Twins};
+use crate::identified::{CorrelatedPair, Identified, Interval};
 
 /// The residuals of a model that fits are independent up to this.
 const INDEPENDENT: f64 = 0.1;
-/// What half a count of noise leaves when it is counted, in counts: the root of 1/4 + 1/12, less a little.
+/// The residual in counts of half a count of noise with rounding: the root of 1/4 + 1/12, less a margin.
 const LEAST_NOISE: f64 = 0.55;
 
 impl Identified {
-    /// What has to be said about it before anybody relies on it, a sentence each.
+    /// Reasons to doubt the result, a sentence each.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if self.is_exact {
             return warnings;
         }
-        for Twins { names: [one, other], correlation } in &self.twins {
+        for CorrelatedPair { names: [one, other], correlation } in &self.correlated {
             warnings.push(format!(
-                "this record hardly tells {one} and {other} apart (their estimates are correlated by {correlation:.4}); one that goes through other speeds and accelerations would"
+                "this record hardly separates {one} from {other} (their estimates are correlated by {correlation:.4}); record other speeds and accelerations too"
             ));
         }
         let step = self.lattice.map_or(0.0, |lattice| lattice.step);
@@ -27,24 +27,28 @@ impl Identified {
             ));
         } else if self.residual.rms < LEAST_NOISE * step {
             warnings.push(
-                "the positions carry less than half a count of noise: where the motion is slow, counts are no independent noise, and the intervals may miss the truth more often than once in 20; faster motion or a finer encoder would not"
+                "the positions carry less than half a count of noise: where the motion is slow, counts are not independent noise, and the intervals may miss the true value more often than once in 20; move faster, or use a finer encoder"
                     .into(),
             );
         }
         if self.sign.is_some() && self.offset.is_none() && self.friction.is_none() {
             warnings.push(
-                "a constant torque (a tilted table, a motor's offset) moves the puck, and this record does not tell it from friction: neither is given; motion both ways would tell"
+                "a constant torque (a tilted table, a motor's offset) moves the puck, and this record does not separate it from friction: neither is given; record motion in both directions"
                     .into(),
             );
         } else if self.sign.is_some() && self.offset.is_none() {
             warnings.push(
-                "this record does not tell a constant torque (a tilted table, a motor's offset) from friction: it is taken as none; motion both ways would tell"
+                "this record does not separate a constant torque (a tilted table, a motor's offset) from friction: it is taken as zero; record motion in both directions"
                     .into(),
             );
         }
         let below = [
-            ("damping", self.rates[0].is_none(), "something drives the puck on as it moves"),
-            ("friction", self.friction.is_none() && self.offset.is_some(), "something drives the puck on as it moves"),
+            ("damping", self.rates[0].is_none(), "something drives the puck along its motion"),
+            (
+                "friction",
+                self.friction.is_none() && self.offset.is_some(),
+                "something drives the puck along its motion",
+            ),
             (
                 "delay",
                 self.delay.is_none() && self.sign.is_some(),
@@ -54,14 +58,14 @@ impl Identified {
         for (name, is_below, reason) in below {
             if is_below {
                 warnings.push(format!(
-                    "the fit is best with a {name} below 0, which no device has: none is given; {reason}"
+                    "the fit is best with a {name} below 0, which no device has, so it is not given; {reason}"
                 ));
             }
         }
         let uncertain = |interval: Option<Interval>| interval.is_some_and(|x| x.low == 0.0 && x.high > 0.0);
         for (name, interval) in [("damping", self.damping), ("friction", self.friction)] {
             if uncertain(interval) {
-                warnings.push(format!("the {name} may be none: its interval begins at 0"));
+                warnings.push(format!("the {name} may be zero: its interval begins at 0"));
             }
         }
         warnings

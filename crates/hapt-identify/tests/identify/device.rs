@@ -185,12 +185,12 @@ fn a_push_in_one_direction_does_not_tell_friction_from_inertia() {
         (0..2000).map(|k| if k < 100 { 0.0 } else { 0.1 + 1e-3 * (0.05 * k as f64).sin() }).collect();
     let seen = counted(&motion(&rig, &torques), 4000.0, 0.7, &mut Rng::with_seed(8));
     let found = identify(&Record::new(times(&rig, 2000), seen, torques).unwrap(), &Known::default()).unwrap();
-    let twins: Vec<_> = found.twins.iter().map(|twins| twins.names).collect();
-    assert!(twins.contains(&["inertia", "friction"]), "{found:?}");
-    assert!(found.warnings().iter().any(|line| line.contains("inertia and friction apart")), "{:?}", found.warnings());
+    let pairs: Vec<_> = found.correlated.iter().map(|pair| pair.names).collect();
+    assert!(pairs.contains(&["inertia", "friction"]), "{found:?}");
+    assert!(found.warnings().iter().any(|line| line.contains("separates inertia from friction")), "{:?}", found.warnings());
     // An experiment that goes to and fro does.
     let good = identify(&record(&rig, 1, 3000, 4000.0, 0.7), &Known::default()).unwrap();
-    assert!(good.twins.is_empty() && good.condition < 0.1 * found.condition, "{good:?}");
+    assert!(good.correlated.is_empty() && good.condition < 0.1 * found.condition, "{good:?}");
 }
 
 #[test]
@@ -212,7 +212,7 @@ fn a_spring_that_nobody_knows_of_leaves_more_than_noise() {
     let found = identify(&Record::new(times(&WHEEL, 3000), seen, torques).unwrap(), &Known::default());
     let says = found.map(|found| found.warnings());
     assert!(
-        matches!(says, Err(Error::Unexplained | Error::Left(_)))
+        matches!(says, Err(Error::Unexplained | Error::Residual(_)))
             || says.as_ref().is_ok_and(|lines| lines[0].contains("no independent noise")),
         "{says:?}"
     );

@@ -73,7 +73,7 @@ fn positions_alone_are_enough_beside_a_known_spring() {
     assert_eq!(of(&["--spring", "1 N m/rad", "--json"]).out, of(&["--json"]).out);
     // On a spring alone a delay takes away what damping gives, and no more is claimed.
     let said = of(&[]);
-    assert!(said.err.contains("hardly tells damping and delay apart"), "{}", said.err);
+    assert!(said.err.contains("hardly separates damping from delay"), "{}", said.err);
 }
 
 #[test]

@@ -1,0 +1,105 @@
+//! The result of an identification, as plain data.
+
+use crate::counts::Lattice;
+use crate::puck::Puck;
+
+/// What is known beforehand.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Known {
+    /// J in kg·m² (linear: kg): then the motor's gain is found in its place, and a coast-down gives damping and friction.
+    pub inertia: Option<f64>,
+    /// The positions are linear, so that their lattice is not a part of a turn.
+    pub is_linear: bool,
+}
+
+/// A value with its 95 % interval.
+///
+/// Damping, friction and delay are 0 or more, and so are their values and ends. An interval that begins at 0 means that there may be none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// The most likely value.
+    pub value: f64,
+    /// The lower end.
+    pub low: f64,
+    /// The upper end.
+    pub high: f64,
+}
+
+/// Two parameters whose estimates are so correlated that the record does not determine each alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CorrelatedPair {
+    /// inertia, damping, friction or delay.
+    pub names: [&'static str; 2],
+    /// Of their estimates, from -1 to 1.
+    pub correlation: f64,
+}
+
+/// The residuals of the fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Residual {
+    /// Root mean square, in rad (linear: m).
+    pub rms: f64,
+    /// Correlation of neighbours: about 0 if the residuals are noise.
+    pub correlation: f64,
+}
+
+/// The parameters of a device that a record determines. `None`: not determined. Damping, friction and delay are also `None` where the
+/// whole interval is below 0, which no device has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// J in kg·m² (linear: kg).
+    pub inertia: Option<Interval>,
+    /// b in N·m·s/rad (N·s/m).
+    pub damping: Option<Interval>,
+    /// Coulomb's, in N·m (N).
+    pub friction: Option<Interval>,
+    /// From the sample to the change of the torque, in s.
+    pub delay: Option<Interval>,
+    /// 1 where a positive torque makes the position grow, else -1.
+    pub sign: Option<Interval>,
+    /// A constant torque on the puck that was not commanded, in N·m (N): a motor's offset, a tilted table. `None` where the record does not
+    /// distinguish it from friction.
+    pub offset: Option<Interval>,
+    /// The true torque per commanded torque, where the inertia is known beforehand.
+    pub gain: Option<Interval>,
+    /// The encoder's counts a revolution, a whole number; none for a linear device.
+    pub counts: Option<Interval>,
+    /// The lattice of the positions, in rad (m).
+    pub lattice: Option<Lattice>,
+    /// b/J in 1/s and f/J in rad/s² (m/s²), which a coast-down determines.
+    pub rates: [Option<Interval>; 2],
+    /// The fit itself, with damping, friction and delay of 0 or more wherever that explains the record.
+    pub puck: Puck,
+    /// The first sample that is fitted.
+    pub first: usize,
+    /// Its residuals.
+    pub residual: Residual,
+    /// A torque in the residuals that depends on the position, which the equation does not contain.
+    pub unmodelled: Option<PositionTorque>,
+    /// The positions' standard deviation, in rad (m).
+    pub spread: f64,
+    /// Whether the residuals are rounding alone: a simulation without noise.
+    pub is_exact: bool,
+    /// Largest over smallest eigenvalue of the estimates' correlations.
+    pub condition: f64,
+    /// The pairs of parameters that the record does not separate.
+    pub correlated: Vec<CorrelatedPair>,
+}
+
+/// A torque that depends on the position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PositionTorque {
+    /// Its periods in a turn; 0: it grows with the position as a spring's does.
+    pub times_a_turn: u32,
+    /// Its amplitude in N·m of commanded torque; of a spring the stiffness in N·m/rad (linear: N/m).
+    pub size: f64,
+    /// The part of the residuals' squares that it explains.
+    pub explains: f64,
+}
+
+impl Interval {
+    /// Whether the interval contains a value.
+    pub fn covers(&self, value: f64) -> bool {
+        self.low <= value && value <= self.high
+    }
+}
