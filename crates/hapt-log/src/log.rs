@@ -19,11 +19,21 @@ use crate::state;
 use crate::wire::{self, Value};
 use crate::writer::{Header, Origin, TOPIC};
 
-/// A log: what goes with its samples, and then they, one after the other.
+/// A reader of a log: its header, and then its samples in order.
+///
+/// ```no_run
+/// let mut log = hapt_log::Log::open("run.mcap")?;
+/// println!("recorded on {}", log.header.device);
+/// while let Some(sample) = log.next()? {
+///     // One value for each of the plan's columns.
+///     println!("{} {:?}", sample.log_time, sample.values);
+/// }
+/// # Ok::<(), hapt_log::Error>(())
+/// ```
 pub struct Log<R> {
-    /// What went with the samples.
+    /// The world, the device and the scenario of the samples.
     pub header: Header,
-    /// Where they come from.
+    /// Whether they are of a simulation or of a loop in real time.
     pub origin: Origin,
     container: Container<R>,
     /// By the channel's number.
@@ -55,32 +65,32 @@ pub struct LoggedPlan {
 /// One sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample<'a> {
-    /// Whose it is.
+    /// The plan that made it.
     pub plan: &'a Arc<LoggedPlan>,
     /// In ns: since 1970 for a loop in real time, since the start for a run.
     pub log_time: u64,
     /// Of all columns.
     pub values: &'a [f64],
-    /// How the loop stood before it, where the log says so.
+    /// The loop's state before it, where the log has one.
     pub snapshot: Option<&'a Snapshot>,
 }
 
-/// What the loop was told at a sample.
+/// The inputs of the loop at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inputs {
     /// k.
     pub sample: u64,
     /// Which plan took it, as records count them.
     pub plan: u32,
-    /// What the device and the clock said.
+    /// From the device and the clock.
     pub reading: Reading<f64>,
-    /// What somebody asked for.
+    /// The request of a user, if any.
     pub request: Option<Request>,
     /// The code of the supervisor's phase after the sample.
     pub phase: u64,
     /// The code of its reason, 0 for none.
     pub reason: u64,
-    /// What the motor was asked for, after the supervisor.
+    /// The torque command to the motor, after the supervisor.
     pub output: f64,
 }
 

@@ -25,7 +25,22 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// So many samples in a row without a loss, and a gap is over.
 const CALM: u32 = 256;
 
-/// A log on its way. Whoever feeds it never waits: a record for which there is no room is lost, and counted.
+/// Writes the log of a running loop, on a thread of its own. Sending a record never waits: a record without room in the queue is lost, and
+/// counted.
+///
+/// ```no_run
+/// use hapt_log::{Header, Recorder};
+/// use hapt_model::{Source, World};
+///
+/// let source = Source::open("wheel.toml")?;
+/// let world = World::read(&source, &[])?;
+/// let header = Header { world_text: source.text.clone(), device: "sim".into(), ..Header::default() };
+/// let recorder = Recorder::start("run.mcap", &world, header)?;
+/// // Each record of the loop: recorder.send(&record);
+/// let summary = recorder.finish()?;
+/// println!("{} samples, {} lost", summary.written, summary.lost);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Recorder {
     path: PathBuf,
     queue: Option<SyncSender<Entry>>,

@@ -10,6 +10,14 @@ use crate::error::{Error, ErrorKind, Location, visible};
 pub const LARGEST_SOURCE: u64 = 1 << 20;
 
 /// The text of a world file.
+///
+/// ```
+/// use hapt_model::{Source, World};
+///
+/// let source = Source::from_text("wheel.toml", "loop.period = \"1 kg\"");
+/// let error = World::read(&source, &[]).unwrap_err().to_string();
+/// assert!(error.contains("expected a time (s)") && error.contains("wheel.toml:1:"), "{error}");
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
     /// What errors call it.

@@ -15,7 +15,26 @@ pub enum Motion {
     Linear,
 }
 
-/// A world file, read and checked.
+/// A world file, read and checked. All numbers are in SI.
+///
+/// ```
+/// use hapt_model::{Source, World};
+///
+/// let file = r#"
+/// loop.period = "1 ms"
+/// device.inertia = "6.4e-4 kg m^2"
+/// [[couplings]]
+/// kind = "spring"
+/// between = ["puck", "ground"]
+/// stiffness = "20 N mm/deg"
+/// "#;
+/// // An override replaces a key of the file, as `--set` does on the command line.
+/// let world = World::read(&Source::from_text("spring.toml", file), &["loop.period=2ms".to_string()])?;
+/// assert_eq!(world.sampling.period, 2e-3);
+/// // The file that a world writes reads back to the same world.
+/// assert_eq!(World::read(&Source::from_text("again.toml", world.to_toml()), &[])?, world);
+/// # Ok::<(), hapt_model::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct World {
     /// What the file calls itself.

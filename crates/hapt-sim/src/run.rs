@@ -6,7 +6,7 @@ use crate::control::Control;
 use crate::row::Row;
 use hapt_plant::{Hand, Script, VirtualDevice};
 
-/// Why a run cannot start or go on.
+/// Why a run cannot start or continue.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The world cannot be compiled.
@@ -24,6 +24,28 @@ pub enum Error {
 ///
 /// Between the samples the puck is integrated exactly (no step error): inertia, viscous damping, Coulomb friction with
 /// located stops and starts, the motor's held torque through any delay, and the hand.
+///
+/// ```
+/// use hapt_model::{Source, World};
+/// use hapt_sim::Simulation;
+///
+/// let file = r#"
+/// loop.period = "1 ms"
+/// device.inertia = "1 g cm^2"
+/// [scenarios.push]
+/// duration = "1 s"
+/// hand = { kind = "torque", moves = { kind = "step", to = "1e-7 N m" } }
+/// "#;
+/// let world = World::read(&Source::from_text("push.toml", file), &[])?;
+/// let mut run = Simulation::new(&world, world.scenario("push")?)?;
+/// let mut last = 0.0;
+/// while let Some(row) = run.next() {
+///     last = row?.puck;
+/// }
+/// // A free inertia of 1e-7 kg·m² under 1e-7 N·m: t²/2.
+/// assert!((last - 0.5).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Simulation {
     control: Control,
@@ -107,7 +129,7 @@ impl Simulation {
     }
 }
 
-/// Whether the world's loop can be compiled. Nothing else can keep a scenario of it from beginning.
+/// Compiles the world's loop. Nothing else can prevent one of its scenarios from starting.
 pub fn check(world: &World) -> Result<(), Error> {
     Control::new(&world.spec())?;
     Ok(())

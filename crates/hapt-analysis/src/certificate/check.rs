@@ -46,6 +46,27 @@ pub struct Check {
 
 /// Analyses a world: its loop's period and method, its bodies and couplings.
 ///
+/// ```
+/// use hapt_analysis::check;
+/// use hapt_model::{Source, World};
+///
+/// // A spring of k at the puck is passive up to b >= kT/2 (Colgate and Schenkel): 2.4 N·m/rad for these numbers.
+/// let file = r#"
+/// loop.period = "1 ms"
+/// device = { inertia = "6.4e-4 kg m^2", damping = "1.2e-3 N m s/rad" }
+/// [[couplings]]
+/// kind = "spring"
+/// between = ["puck", "ground"]
+/// stiffness = "2 N m/rad"
+/// "#;
+/// let source = Source::from_text("spring.toml", file);
+/// let soft = check(&World::read(&source, &[])?)?;
+/// assert!(soft.certified && (soft.passivity.required_damping.unwrap() - 1e-3).abs() < 1e-9);
+/// let stiff = check(&World::read(&source, &["couplings.0.stiffness=3 N m/rad".to_string()])?)?;
+/// assert!(!stiff.certified);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// [`Error::Eigenvalues`] and [`Error::Step`] when its numbers go beyond double precision; [`Error::InFlight`] when its delay is
 /// more periods than the analysis carries; [`Error::Value`] and [`Error::NoSuchBody`] for a world
