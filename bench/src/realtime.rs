@@ -5,13 +5,13 @@ use std::time::Duration;
 use anyhow::{Result, ensure};
 use hapt_core::{Request, SafetyProfile};
 use hapt_model::{Source, World};
-use hapt_rt::{Engine, Order, Plan, Settings, Simulated};
+use hapt_rt::{Engine, Order, Plan, Settings, SimulatedDevice};
 
 /// Prints whether the loop runs under SCHED_FIFO, and the quantiles of its latency in ns.
 pub fn time(samples: usize, period: u64, spin: u64) -> Result<()> {
     let source = Source::open("worlds/notes/default.toml")?;
     let world = World::read(&source, &[format!("loop.period={}us", period as f64 * 1e-3)])?;
-    let (device, _hands) = Simulated::new(&world);
+    let (device, _hands) = SimulatedDevice::new(&world);
     let settings = Settings { spin: Duration::from_nanos(spin), ..Settings::default() };
     let mut engine = Engine::start_with(Plan::new(&world, SafetyProfile::Simulated)?, Box::new(device), settings)?;
     let _ = engine.send(Order::Request(Request::Arm));

@@ -172,9 +172,9 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<La
 }
 
 impl<const N: usize, const B: usize, const C: usize, const W: usize> Loop<Lanes<N>, B, C, W> {
-    /// N worlds side by side, which may differ in their numbers. `None` where they differ in anything else (bodies, how the method
-    /// steps, output, advance, estimator, what the device has), where a coupling is nonlinear, and where the velocity is FOAW's.
-    pub fn side_by_side<const C1: usize, const W1: usize>(worlds: &[Loop<f64, B, C1, W1>; N]) -> Option<Self> {
+    /// N worlds as one batch, a world in each lane. They may differ in their numbers. `None` where they differ in anything else (number of
+    /// bodies, kind of method, output, advance, estimator, parts of the device), where a coupling is nonlinear, or with FOAW.
+    pub fn batch<const C1: usize, const W1: usize>(worlds: &[Loop<f64, B, C1, W1>; N]) -> Option<Self> {
         let first = worlds.first()?;
         let alike = |world: &Loop<f64, B, C1, W1>| {
             world.nonlinear_count == 0

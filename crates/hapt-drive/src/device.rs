@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use hapt_model::{Motion, World};
 use hapt_rt::{Device, Failure, Plan, Position};
 
-use crate::drive::{Answer, Drive, DriveError, DriveLimits, Error};
+use crate::drive::{Drive, DriveError, DriveLimits, Error, ShaftState};
 
 /// Periods without a command after which the drive takes the torque away, and the shortest such time in s.
 const WATCHDOG: (f64, f64) = (10.0, 5e-3);
@@ -104,7 +104,7 @@ impl DriveDevice {
 
     fn reading(&mut self) -> Result<Position, Failure> {
         match self.drive.read(self.until(READING)) {
-            Ok(Answer { position, velocity }) => {
+            Ok(ShaftState { position, velocity }) => {
                 self.missed = std::mem::take(&mut self.stale);
                 self.silent = 0;
                 let travel = self.mounting.travel;

@@ -18,13 +18,13 @@ pub trait Drive: Send {
     ///
     /// # Errors
     /// It does not answer, or has a fault that does not clear.
-    fn start(&mut self, limits: &DriveLimits) -> Result<Answer, Error>;
+    fn start(&mut self, limits: &DriveLimits) -> Result<ShaftState, Error>;
 
     /// Reads the shaft. An answer to an earlier question does not count.
     ///
     /// # Errors
     /// See [`DriveError`].
-    fn read(&mut self, until: Instant) -> Result<Answer, DriveError>;
+    fn read(&mut self, until: Instant) -> Result<ShaftState, DriveError>;
 
     /// Sets the torque to hold, and feeds the drive's watchdog. Where questions feed it too, the drive is asked which torque it uses. A stopped
     /// drive stays off, or is stopped again at once.
@@ -60,7 +60,7 @@ pub struct DriveLimits {
 
 /// The state of a drive's shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Answer {
+pub struct ShaftState {
     /// In revolutions, over several turns.
     pub position: f64,
     /// In revolutions per second.

@@ -47,7 +47,7 @@ pub use {
     address::{Address, Make},
     can::{Bus, Socket},
     device::{DriveDevice, Mounting},
-    drive::{Answer, Drive, DriveError, DriveLimits, Error},
+    drive::{Drive, DriveError, DriveLimits, Error, ShaftState},
     frame::Frame,
     ports::{Port, ports},
     text::Lines,

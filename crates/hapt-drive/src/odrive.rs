@@ -25,7 +25,7 @@ use codec::{Command, Heartbeat, PASSTHROUGH, Version, control, state};
 use proof::Proof;
 
 use crate::can::Bus;
-use crate::drive::{Answer, Drive, DriveError, DriveLimits, Error, OTHERS};
+use crate::drive::{Drive, DriveError, DriveLimits, Error, OTHERS, ShaftState};
 use crate::frame::Frame;
 
 pub use simulated::Simulated;
@@ -86,7 +86,7 @@ pub struct Odrive {
 }
 
 impl Drive for Odrive {
-    fn start(&mut self, limits: &DriveLimits) -> Result<Answer, Error> {
+    fn start(&mut self, limits: &DriveLimits) -> Result<ShaftState, Error> {
         self.most = limits.torque;
         self.get_ready()
     }
@@ -111,7 +111,7 @@ impl Drive for Odrive {
         notes
     }
 
-    fn read(&mut self, until: Instant) -> Result<Answer, DriveError> {
+    fn read(&mut self, until: Instant) -> Result<ShaftState, DriveError> {
         let answer = self.reading(until);
         if let Err(DriveError::Fault(_)) = answer {
             self.halt(until);
@@ -158,7 +158,7 @@ impl Drive for Odrive {
 /// What a drive has said.
 enum Said {
     Heartbeat(Heartbeat),
-    Estimates(Answer),
+    Estimates(ShaftState),
     Version(Version),
     /// What is wrong with it now.
     Error(u32),
@@ -197,7 +197,7 @@ impl Odrive {
     }
 
     /// One sample's question and its answer.
-    fn reading(&mut self, until: Instant) -> Result<Answer, DriveError> {
+    fn reading(&mut self, until: Instant) -> Result<ShaftState, DriveError> {
         if self.since_heartbeat == 0.0 {
             self.heartbeat = Instant::now();
         }
@@ -313,7 +313,7 @@ impl Odrive {
             Command::Version => Version::read(data).map(Said::Version),
             Command::Error => data.get(..4).map(|bits| Said::Error(codec::numbers(codec::padded(bits)).0)),
             Command::Estimates => codec::two_floats(data).map(|(position, velocity)| {
-                Said::Estimates(Answer { position: position.into(), velocity: velocity.into() })
+                Said::Estimates(ShaftState { position: position.into(), velocity: velocity.into() })
             }),
             _ if barrier::KINDS.contains(&command) => {
                 let (first, second) = codec::two_floats(data).unwrap_or((f32::NAN, f32::NAN));

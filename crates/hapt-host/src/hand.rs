@@ -108,13 +108,13 @@ pub fn grip(world: &World) -> Grip {
 
 #[cfg(test)]
 mod tests {
-    use hapt_rt::{Device, Simulated};
+    use hapt_rt::{Device, SimulatedDevice};
 
     use super::*;
     use crate::testing::world;
 
     /// The puck after so many periods of 1 ms, the motor off and the hand updated every fourth of them.
-    fn goes(device: &mut Simulated, hand: &mut VirtualHand, periods: u32) -> (f64, f64) {
+    fn goes(device: &mut SimulatedDevice, hand: &mut VirtualHand, periods: u32) -> (f64, f64) {
         for period in 0..periods {
             if period % 4 == 0 {
                 hand.send();
@@ -129,7 +129,7 @@ mod tests {
     #[test]
     fn a_hand_reaches_its_target_and_hands_off_the_puck_coasts() {
         let world = world();
-        let (mut device, hands) = Simulated::new(&world);
+        let (mut device, hands) = SimulatedDevice::new(&world);
         let mut hand = VirtualHand::new(&world, Some(hands));
         assert_eq!(goes(&mut device, &mut hand, 100), (0.0, 0.0));
         hand.move_to(Some(0.2));
@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn a_scenario_is_played_and_a_page_that_grabs_ends_it() {
         let world = world();
-        let (mut device, hands) = Simulated::new(&world);
+        let (mut device, hands) = SimulatedDevice::new(&world);
         let mut hand = VirtualHand::new(&world, Some(hands));
         hand.play(hapt_sim::script(world.scenario("step").unwrap(), world.sampling.period));
         let (position, _) = goes(&mut device, &mut hand, 10);

@@ -4,7 +4,7 @@ use std::io;
 
 use hapt_core::SafetyProfile;
 use hapt_model::World;
-use hapt_rt::{Device, Failure, Hands, Settings, Simulated};
+use hapt_rt::{Device, Failure, Hands, Settings, SimulatedDevice};
 
 use crate::config::WorldConfig;
 use crate::local::LocalLoop;
@@ -55,7 +55,7 @@ impl Backend {
 impl Machine {
     /// The exact simulation of this world's device, with a hand.
     pub fn simulated(world: &World) -> Self {
-        let (device, hands) = Simulated::new(world);
+        let (device, hands) = SimulatedDevice::new(world);
         Machine {
             name: "sim".into(),
             backend: Backend::Local { device: Box::new(device), settings: Settings::default() },

@@ -4,7 +4,7 @@
 use std::time::{Duration, Instant};
 
 use hapt_core::{Phase, SafetyProfile};
-use hapt_host::board::simulate::Simulated;
+use hapt_host::board::simulate::SimulatedBoard;
 use hapt_host::board::{Error, Link, Parameter, Refusal, Telemetry, pty};
 use hapt_model::{DeviceSpec, Source, World};
 use hapt_wire::device::Board;
@@ -74,11 +74,11 @@ fn until(link: &mut Link, mut wanted: impl FnMut(&Telemetry) -> bool) -> Telemet
 }
 
 /// Armed, and at full torque.
-fn running(board: &Simulated) -> Link {
+fn running(board: &SimulatedBoard) -> Link {
     running_with(board, &[])
 }
 
-fn running_with(board: &Simulated, sets: &[&str]) -> Link {
+fn running_with(board: &SimulatedBoard, sets: &[&str]) -> Link {
     let mut link = Link::open(board.path()).unwrap();
     let world = link.load(&packed_with(sets)).unwrap();
     link.set(Parameter::Divider, 10).unwrap();
@@ -90,7 +90,7 @@ fn running_with(board: &Simulated, sets: &[&str]) -> Link {
 
 #[test]
 fn a_world_is_sent_armed_kept_and_disarmed() {
-    let board = Simulated::start(BOARD, rig()).unwrap();
+    let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     let mut link = running(&board);
     assert_eq!((link.board().name.as_str(), link.board().firmware.as_str()), ("table", "1.2.3"));
     assert_eq!((link.board().core, link.board().world), (hapt_core::SOURCE, Some(hash(&packed()))));
@@ -111,14 +111,14 @@ fn a_world_is_sent_armed_kept_and_disarmed() {
 
 #[test]
 fn a_link_that_is_dropped_with_a_torque_on_takes_it_off() {
-    let board = Simulated::start(BOARD, rig()).unwrap();
+    let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     drop(running(&board));
     patiently(|| board.torque() == 0.0);
     let link = Link::open(board.path()).unwrap();
     assert_eq!((link.board().phase, link.board().reason), (Some(Phase::Faulted), Some(hapt_core::Reason::Stop)));
 
     // A panic is a way out, too.
-    let board = Simulated::start(BOARD, rig()).unwrap();
+    let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     let link = running(&board);
     let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(move || {
         let _link = link;
@@ -130,7 +130,7 @@ fn a_link_that_is_dropped_with_a_torque_on_takes_it_off() {
 
 #[test]
 fn a_plug_that_is_pulled_is_an_error_here_and_no_torque_there() {
-    let board = Simulated::start(BOARD, rig()).unwrap();
+    let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     let mut link = running(&board);
     board.unplug();
     let start = Instant::now();
@@ -147,7 +147,7 @@ fn a_plug_that_is_pulled_is_an_error_here_and_no_torque_there() {
 
 #[test]
 fn a_host_that_hangs_loses_the_torque() {
-    let boards = [(); 2].map(|()| Simulated::start(BOARD, rig()).unwrap());
+    let boards = [(); 2].map(|()| SimulatedBoard::start(BOARD, rig()).unwrap());
     let mut links = [running(&boards[0]), running_with(&boards[1], &["safety.link_lost=fault"])];
     for ((board, link), phase) in boards.iter().zip(&mut links).zip([Phase::Disarmed, Phase::Faulted]) {
         patiently(|| board.torque() == 0.0);
@@ -173,7 +173,7 @@ fn a_board_that_restarts_in_the_middle_says_so_whatever_it_is_asked_next() {
         ("armed", |link| link.arm(hash(&packed())).map(drop)),
         ("asked", |link| link.get(Parameter::Missed).map(drop)),
     ];
-    let board = Simulated::start(BOARD, rig()).unwrap();
+    let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     for (what, next) in nexts {
         let mut link = running(&board);
         board.restart();
@@ -196,7 +196,7 @@ fn a_board_that_restarts_in_the_middle_says_so_whatever_it_is_asked_next() {
 
 #[test]
 fn a_fault_of_the_motors_driver_reaches_the_host_and_lasts_until_it_is_cleared() {
-    let board = Simulated::start(BOARD, rig()).unwrap();
+    let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     let mut link = running(&board);
     board.trip();
     let driver = hapt_core::Reason::Driver;
@@ -214,7 +214,7 @@ fn a_fault_of_the_motors_driver_reaches_the_host_and_lasts_until_it_is_cleared()
 
 #[test]
 fn a_line_that_flips_bytes_carries_a_world_whole_or_says_that_it_cannot() {
-    let board = Simulated::start(BOARD, rig()).unwrap();
+    let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     board.disturb(401);
     let mut link = Link::open(board.path()).unwrap();
     match link.load(&packed()) {
@@ -233,7 +233,7 @@ fn a_line_that_flips_bytes_carries_a_world_whole_or_says_that_it_cannot() {
 #[test]
 fn a_fed_board_is_run_in_lockstep() {
     let fed = Board { externally_clocked: true, ..BOARD };
-    let board = Simulated::start(fed, rig()).unwrap();
+    let board = SimulatedBoard::start(fed, rig()).unwrap();
     let mut link = Link::open(board.path()).unwrap();
     let world = link.load(&packed()).unwrap();
     for sample in 0..150 {

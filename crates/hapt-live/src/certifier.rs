@@ -7,11 +7,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use hapt_analysis::{Check, Proposal, Remedy, Verdict as Stands, check, is_certified, quick_check};
+use hapt_analysis::{Check, Proposal, Remedy, Verdict, check, is_certified, quick_check};
 use hapt_host::{SettableKey, WorldConfig};
 use hapt_model::World;
 
-use crate::protocol::{RemedyInfo, Sentence, ServerMessage, Verdict};
+use crate::protocol::{RemedyInfo, Sentence, ServerMessage, VerdictMessage};
 
 /// The places of a slider that are tried before its edges are refined.
 const PLACES: usize = 33;
@@ -132,24 +132,24 @@ impl<T> Latest<T> {
 fn verdict(
     config: &WorldConfig,
     certify: fn(&World) -> Result<Check, hapt_analysis::Error>,
-) -> (Box<Verdict>, Option<Check>) {
+) -> (Box<VerdictMessage>, Option<Check>) {
     let begin = Instant::now();
     let checked = catch_unwind(|| certify(&config.certified_world()));
     let ms = Some(begin.elapsed().as_secs_f64() * 1e3);
     let checked =
         checked.map_or_else(|_| Err(BROKEN.to_string()), |checked| checked.map_err(|error| error.to_string()));
     match checked {
-        Ok(check) => (Box::new(Verdict { ms, ..to_verdict(config, &check) }), Some(check)),
+        Ok(check) => (Box::new(VerdictMessage { ms, ..to_verdict(config, &check) }), Some(check)),
         Err(error) => {
             let sentence = format!("not certified: {error}");
-            (Box::new(Verdict { sentence, remedies: Some(Vec::new()), ms, ..nothing(config) }), None)
+            (Box::new(VerdictMessage { sentence, remedies: Some(Vec::new()), ms, ..nothing(config) }), None)
         }
     }
 }
 
 /// An empty verdict.
-fn nothing(config: &WorldConfig) -> Verdict {
-    Verdict {
+fn nothing(config: &WorldConfig) -> VerdictMessage {
+    VerdictMessage {
         generation: config.generation,
         certified: false,
         sentence: String::new(),
@@ -168,12 +168,12 @@ fn nothing(config: &WorldConfig) -> Verdict {
 }
 
 /// The verdict of a certificate, without remedies.
-pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> Verdict {
+pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage {
     let mut says = nothing(config);
-    let ok = |verdict: Stands| match verdict {
-        Stands::Stable => Some(true),
-        Stands::Marginal => None,
-        Stands::Unstable => Some(false),
+    let ok = |verdict: Verdict| match verdict {
+        Verdict::Stable => Some(true),
+        Verdict::Marginal => None,
+        Verdict::Unstable => Some(false),
     };
     let sentence = |what, ok, text| Sentence { what, ok, text };
     let passive = &check.passivity;

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use crate::assets::{self, CORE};
 use crate::certifier::{proposed, range, to_verdict};
 use crate::describe::describe;
-use crate::protocol::{ServerMessage, Verdict};
+use crate::protocol::{ServerMessage, VerdictMessage};
 use crate::rule;
 
 /// More bytes than a world of all bodies and couplings takes.
@@ -137,7 +137,7 @@ fn data(known: &Known<'_>) -> Value {
         "grip": { "inertia": hand.inertia, "damping": hand.damping, "stiffness": hand.stiffness },
         "command": command,
         "report": report,
-        "verdict": ServerMessage::Verdict(Box::new(Verdict { remedies, ..to_verdict(config, check) })),
+        "verdict": ServerMessage::Verdict(Box::new(VerdictMessage { remedies, ..to_verdict(config, check) })),
         "world": ServerMessage::World(Box::new(info)),
     })
 }

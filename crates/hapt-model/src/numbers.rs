@@ -11,7 +11,7 @@ use crate::safety::Safety;
 use crate::world::{Delay, Device, Mounting, Sampling, World};
 
 /// Where a number stands.
-pub(crate) enum Slot<'a> {
+pub(crate) enum NumberSlot<'a> {
     Number(&'a mut f64),
     Optional(&'a mut Option<f64>),
     Whole(&'a mut u32),
@@ -21,11 +21,11 @@ pub(crate) enum Slot<'a> {
 }
 
 /// A key's name and its number.
-pub(crate) type Slots<'a> = Vec<(&'static str, Slot<'a>)>;
+pub(crate) type NumberSlots<'a> = Vec<(&'static str, NumberSlot<'a>)>;
 
-use Slot::{Number, Optional, OptionalWhole, Whole};
+use NumberSlot::{Number, Optional, OptionalWhole, Whole};
 
-impl Slot<'_> {
+impl NumberSlot<'_> {
     /// `None` where the key is absent.
     pub fn get(&self) -> Option<f64> {
         match self {
@@ -33,7 +33,7 @@ impl Slot<'_> {
             Optional(x) => **x,
             Whole(n) => Some(f64::from(**n)),
             OptionalWhole(n) => n.map(f64::from),
-            Slot::Delay(Delay::Seconds(x) | Delay::Samples(x)) => Some(*x),
+            NumberSlot::Delay(Delay::Seconds(x) | Delay::Samples(x)) => Some(*x),
         }
     }
 
@@ -45,23 +45,23 @@ impl Slot<'_> {
             Optional(x) => *x = Some(value),
             Whole(n) => return whole().map(|whole| *n = whole).is_some(),
             OptionalWhole(n) => return whole().map(|whole| *n = Some(whole)).is_some(),
-            Slot::Delay(delay) => *delay = Delay::Seconds(value),
+            NumberSlot::Delay(delay) => *delay = Delay::Seconds(value),
         }
         true
     }
 }
 
-pub(crate) fn sampling(sampling: &mut Sampling) -> Slots<'_> {
+pub(crate) fn sampling(sampling: &mut Sampling) -> NumberSlots<'_> {
     vec![
         ("period", Number(&mut sampling.period)),
         ("advance", Whole(&mut sampling.advance)),
-        ("delay", Slot::Delay(&mut sampling.delay)),
+        ("delay", NumberSlot::Delay(&mut sampling.delay)),
         ("cutoff", Optional(&mut sampling.cutoff)),
         ("window", Whole(&mut sampling.window)),
     ]
 }
 
-pub(crate) fn device(device: &mut Device) -> Slots<'_> {
+pub(crate) fn device(device: &mut Device) -> NumberSlots<'_> {
     vec![
         ("inertia", Number(&mut device.inertia)),
         ("damping", Number(&mut device.damping)),
@@ -72,11 +72,11 @@ pub(crate) fn device(device: &mut Device) -> Slots<'_> {
     ]
 }
 
-pub(crate) fn mounting(drive: &mut Mounting) -> Slots<'_> {
+pub(crate) fn mounting(drive: &mut Mounting) -> NumberSlots<'_> {
     vec![("gear", Optional(&mut drive.gear)), ("home", Optional(&mut drive.home))]
 }
 
-pub(crate) fn safety(safety: &mut Safety) -> Slots<'_> {
+pub(crate) fn safety(safety: &mut Safety) -> NumberSlots<'_> {
     vec![
         ("fade", Number(&mut safety.fade)),
         ("velocity", Optional(&mut safety.velocity)),
@@ -97,7 +97,7 @@ pub(crate) fn safety(safety: &mut Safety) -> Slots<'_> {
     ]
 }
 
-pub(crate) fn body(body: &mut Body) -> Slots<'_> {
+pub(crate) fn body(body: &mut Body) -> NumberSlots<'_> {
     vec![
         ("inertia", Number(&mut body.inertia)),
         ("position", Number(&mut body.position)),
@@ -106,10 +106,10 @@ pub(crate) fn body(body: &mut Body) -> Slots<'_> {
 }
 
 /// A coupling's kind and its numbers; a compensating damper's damping is none.
-pub(crate) fn coupling(coupling: &mut Coupling) -> (&'static str, Slots<'_>) {
+pub(crate) fn coupling(coupling: &mut Coupling) -> (&'static str, NumberSlots<'_>) {
     let kind = CouplingKind::of(&coupling.law).name();
     let takes_limit = coupling.law.takes_limit();
-    let mut slots: Slots<'_> =
+    let mut slots: NumberSlots<'_> =
         coupling.law.quantities().map(|quantity| (quantity.name, Number(quantity.value))).collect();
     if takes_limit {
         slots.push(("limit", Optional(&mut coupling.limit)));
@@ -118,7 +118,7 @@ pub(crate) fn coupling(coupling: &mut Coupling) -> (&'static str, Slots<'_>) {
 }
 
 /// A hand's kind and its numbers, those of `moves` apart.
-pub(crate) fn hand(hand: &mut Hand) -> (&'static str, Slots<'_>) {
+pub(crate) fn hand(hand: &mut Hand) -> (&'static str, NumberSlots<'_>) {
     let kind = HandKind::of(&hand.drive).name();
     let release = ("release", Optional(&mut hand.release));
     let mut slots = match &mut hand.drive {
@@ -146,7 +146,7 @@ pub(crate) fn moves(hand: &mut Hand) -> Option<&mut Shape> {
 }
 
 /// A shape's kind and its numbers.
-pub(crate) fn shape(shape: &mut Shape) -> (&'static str, Slots<'_>) {
+pub(crate) fn shape(shape: &mut Shape) -> (&'static str, NumberSlots<'_>) {
     let kind = ShapeKind::of(shape).name();
     let slots = match shape {
         Shape::Step { to, at } => vec![("to", Number(to)), ("at", Number(at))],
@@ -164,7 +164,7 @@ struct Table<'a> {
     pattern: &'static str,
     kind: Option<&'static str>,
     hand: Option<&'static str>,
-    slots: Slots<'a>,
+    slots: NumberSlots<'a>,
 }
 
 impl World {

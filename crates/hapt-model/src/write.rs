@@ -8,7 +8,7 @@ use hapt_core::{Coupling, End, Waveform};
 use hapt_plant::spec::{Drive, Hand, Shape};
 
 use crate::keys::{self, COMPENSATING, DIRECTION, Measure, SAMPLES, Takes};
-use crate::numbers::{self, Slot, Slots};
+use crate::numbers::{self, NumberSlot, NumberSlots};
 use crate::safety::Safety;
 use crate::world::{Delay, Motion, Mounting, World};
 
@@ -56,7 +56,7 @@ impl World {
         }
         for scenario in &mut world.scenarios {
             writeln!(f, "\n[scenarios.{}]", scenario.name)?;
-            lines(f, table("scenarios.*", vec![("duration", Slot::Number(&mut scenario.duration))]))?;
+            lines(f, table("scenarios.*", vec![("duration", NumberSlot::Number(&mut scenario.duration))]))?;
             writeln!(f, "hand = {}", self.hand(&mut scenario.hand))?;
         }
         Ok(())
@@ -111,16 +111,16 @@ impl World {
         pattern: &str,
         kind: Option<&str>,
         hand: Option<&str>,
-        slots: Slots<'_>,
+        slots: NumberSlots<'_>,
     ) -> Vec<(&'static str, String)> {
-        let row = |(name, slot): (&'static str, Slot<'_>)| {
+        let row = |(name, slot): (&'static str, NumberSlot<'_>)| {
             let value = slot.get()?;
             let key = keys::rows(pattern).find(|key| key.name() == name && key.belongs(kind, hand, self.motion))?;
             let written = match key.takes {
                 // A number out of its key's range stands for a key that is not there: a grip without inertia.
                 Takes::Quantity(_, range) | Takes::QuantityOr(_, range, _) if !range.contains(value) => return None,
                 Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => quantity(measure, self.motion, value),
-                Takes::TimeOrSamples if matches!(slot, Slot::Delay(Delay::Samples(_))) => {
+                Takes::TimeOrSamples if matches!(slot, NumberSlot::Delay(Delay::Samples(_))) => {
                     format!("\"{value:?} {SAMPLES}\"")
                 }
                 Takes::TimeOrSamples => quantity(Measure::Time, self.motion, value),

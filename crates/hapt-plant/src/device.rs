@@ -1,12 +1,12 @@
 //! The device on its own, period after period: the exact puck, the motor, and whatever hand holds it. Whoever has a loop runs it
 //! beside one: a simulation, a thread in real time, a page.
 
-use crate::curve::Piece;
 use crate::hand::{Hand, grip_push};
 use crate::ledger::Ledger;
 use crate::motor::Motor;
 use crate::puck::{Inertia, Lengths, Puck, Push};
 use crate::spec::{self, DeviceSpec};
+use crate::trajectory::Piece;
 
 /// A hand that takes longer than this from one word to the next has stopped in between, in s.
 const LONGEST_MOVE: f64 = 0.05;

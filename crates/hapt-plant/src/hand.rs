@@ -2,14 +2,14 @@
 
 use crate::spec::{Drive, Hand as Model, Switching};
 
-use crate::curve::{Curve, Form, Piece, snap};
 use crate::puck::{Inertia, Push, Sine};
+use crate::trajectory::{Form, Piece, Trajectory, snap};
 
 /// A hand laid on the loop's samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hand {
-    curve: Curve,
-    /// The curve's piece since the last event.
+    trajectory: Trajectory,
+    /// The trajectory's piece since the last event.
     piece: Piece,
     kind: Kind,
     release: Option<f64>,
@@ -78,9 +78,9 @@ impl Hand {
                 (moves, Kind::Grip(Inertia { inertia, damping, stiffness }), switching)
             }
         };
-        let curve = Curve::new(shape, period);
+        let trajectory = Trajectory::new(shape, period);
         let switch = switching.map(|switching| Switch::new(switching, period));
-        Hand { piece: curve.first(), curve, kind, release: hand.release.map(|t| snap(t, period)), switch }
+        Hand { piece: trajectory.first(), trajectory, kind, release: hand.release.map(|t| snap(t, period)), switch }
     }
 
     /// Whether it opens and takes hold again.
@@ -109,7 +109,7 @@ impl Hand {
 
     /// The push per unit of σ = sin(ωt + phase) and κ = cos(ωt + phase), and ω in rad/s; zeros where there is no sine.
     pub(crate) fn sine(&self) -> Sine {
-        match (self.curve.last().form, self.kind) {
+        match (self.trajectory.last().form, self.kind) {
             (Form::Sine { amplitude, omega, .. }, Kind::Torque) => (amplitude, 0.0, omega),
             (Form::Sine { amplitude, omega, .. }, Kind::Grip(hand)) => {
                 (hand.stiffness * amplitude, hand.damping * amplitude * omega, omega)
@@ -142,15 +142,15 @@ impl Hand {
         }
     }
 
-    /// Goes over to the curve's piece at t, and opens or takes hold of the puck, which is at `position`; gives the first instant after
+    /// Goes over to the trajectory's piece at t, and opens or takes hold of the puck, which is at `position`; gives the first instant after
     /// t at which the hand does something new, and whether it has opened or taken hold now.
     pub fn act(&mut self, t: f64, position: f64) -> (Option<f64>, bool) {
-        self.piece = self.curve.piece(t);
+        self.piece = self.trajectory.piece(t);
         let moves = self.piece.at(t).0;
         let switched = self.switch.as_mut().is_some_and(|switch| switch.act(t, moves, position));
         let release = self.release.filter(|&release| release > t);
         let switch = self.switch.as_ref().map(|switch| switch.next);
-        let next = [self.curve.next_break(t), release, switch].into_iter().flatten().reduce(f64::min);
+        let next = [self.trajectory.next_break(t), release, switch].into_iter().flatten().reduce(f64::min);
         (next, switched)
     }
 
@@ -161,13 +161,13 @@ impl Hand {
 
     /// The last thing the hand does, in s: a step, a ramp's end, a path's last point, or the release. 0 for a sine.
     pub fn last_event(&self) -> f64 {
-        let curve = self.curve.last().from;
-        self.release.map_or(curve, |release| release.max(curve.min(release)))
+        let trajectory = self.trajectory.last().from;
+        self.release.map_or(trajectory, |release| release.max(trajectory.min(release)))
     }
 
     /// Whether the puck stands still, held, from the last event on.
     pub fn holds_still(&self) -> bool {
-        self.prescribed().is_some() && self.release.is_none() && self.curve.last().is_flat()
+        self.prescribed().is_some() && self.release.is_none() && self.trajectory.last().is_flat()
     }
 }
 

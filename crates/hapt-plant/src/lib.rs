@@ -24,7 +24,6 @@
 
 extern crate alloc;
 
-mod curve;
 mod device;
 mod energy;
 mod hand;
@@ -33,8 +32,8 @@ mod motor;
 mod plant;
 mod puck;
 pub mod spec;
+mod trajectory;
 
-pub use curve::Piece;
 pub use device::{Grip, Script, VirtualDevice};
 pub use energy::stored_energy;
 pub use hand::Hand;
@@ -42,3 +41,4 @@ pub use ledger::Ledger;
 pub use motor::Motor;
 pub use plant::under_held_torque;
 pub use puck::Push;
+pub use trajectory::Piece;

@@ -9,10 +9,10 @@
 //! ```no_run
 //! use hapt_core::{SafetyProfile, Request};
 //! use hapt_model::{Source, World};
-//! use hapt_rt::{Engine, Order, Plan, Simulated, Timing};
+//! use hapt_rt::{Engine, Order, Plan, SimulatedDevice, Timing};
 //!
 //! let world = World::read(&Source::open("wheel.toml")?, &[])?;
-//! let (device, _hands) = Simulated::new(&world);
+//! let (device, _hands) = SimulatedDevice::new(&world);
 //! let mut engine = Engine::start(Plan::new(&world, SafetyProfile::Simulated)?, Box::new(device))?;
 //! let _ = engine.send(Order::Request(Request::Arm));
 //! let mut timing = Timing::new();
@@ -46,7 +46,7 @@ pub use handle::{Epoch, LoopHandle};
 pub use plan::{Plan, PlanState};
 pub use replay::Replay;
 pub use scheduling::Realtime;
-pub use simulated::{HandCommand, Hands, Simulated};
+pub use simulated::{HandCommand, Hands, SimulatedDevice};
 pub use snapshot::Snapshot;
 pub use timing::{Bar, Quantiles, Timing};
 

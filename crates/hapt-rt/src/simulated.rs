@@ -43,7 +43,7 @@ impl Hands {
 }
 
 /// A simulated device.
-pub struct Simulated {
+pub struct SimulatedDevice {
     device: VirtualDevice,
     touches: Consumer<HandCommand>,
     back: Producer<Box<Script>>,
@@ -54,7 +54,7 @@ pub struct Simulated {
     asked: f64,
 }
 
-impl Simulated {
+impl SimulatedDevice {
     /// The world's device, and what moves its hand.
     pub fn new(world: &World) -> (Self, Hands) {
         let (producer, touches) = RingBuffer::new(TOUCHES);
@@ -62,7 +62,7 @@ impl Simulated {
         let mut device = VirtualDevice::new(&world.device_spec());
         device.reserve();
         (
-            Simulated { device, touches, back, announced: false, zero: 0.0, asked: 0.0 },
+            SimulatedDevice { device, touches, back, announced: false, zero: 0.0, asked: 0.0 },
             Hands { touches: producer, spent },
         )
     }
@@ -88,7 +88,7 @@ impl Simulated {
     }
 }
 
-impl Device for Simulated {
+impl Device for SimulatedDevice {
     fn read(&mut self) -> Result<Position, Failure> {
         self.is_touched();
         let (position, velocity) = self.device.puck();
@@ -144,8 +144,8 @@ mod tests {
     fn samples_that_are_missed_make_no_delay_longer() {
         let file = "[loop]\nperiod = \"1 ms\"\ndelay = \"2.4 ms\"\n[device]\ninertia = 6.4e-4\n";
         let world = World::read(&Source::from_text("late.toml", file), &[]).unwrap();
-        let (mut steady, _hands) = Simulated::new(&world);
-        let (mut late, _more_hands) = Simulated::new(&world);
+        let (mut steady, _hands) = SimulatedDevice::new(&world);
+        let (mut late, _more_hands) = SimulatedDevice::new(&world);
         for (torque, missed) in [(0.1, 0), (-0.3, 3), (0.2, 1), (0.5, 7), (0.0, 0), (0.4, 2)] {
             late.write(torque).unwrap();
             late.passed(missed + 1);

@@ -1,19 +1,19 @@
-//! The loop with its state, in the smallest room that the world fits into.
+//! The loop with its state, compiled for the smallest capacity that the world fits into.
 //!
-//! The bits are the same in every room; a step of one body that has to carry places for 32 would only take longer.
+//! The bits are the same for every capacity; a smaller one only runs faster.
 
 use hapt_core::{Controller, ControllerState, Coupling, Error, Loop, Sample, Spec, State, Supervisor};
 
-/// The loop with a PC's room: 32 bodies, 64 couplings, a FOAW window of 256.
+/// The loop with a PC's capacity: 32 bodies, 64 couplings, a FOAW window of 256.
 pub type DesktopLoop = Loop<f64, 32, COUPLINGS, COUNTS>;
 
-/// What it remembers.
+/// Its state.
 pub type DesktopState = State<f64, 32, COUPLINGS, COUNTS>;
 
-/// The same under its supervisor.
+/// The same loop with its supervisor.
 pub type DesktopController = Controller<f64, 32, COUPLINGS, COUNTS>;
 
-/// What both remember.
+/// The state of both.
 pub type DesktopControllerState = ControllerState<f64, 32, COUPLINGS, COUNTS>;
 
 /// The supervisor alone.
@@ -26,11 +26,11 @@ const COUNTS: usize = 257;
 pub(crate) struct Running<const B: usize> {
     compiled: Loop<f64, B, COUPLINGS, COUNTS>,
     state: State<f64, B, COUPLINGS, COUNTS>,
-    /// No bristle stands from here on.
+    /// The number of couplings up to the last one with a bristle.
     bristles: usize,
 }
 
-/// A compiled world at work.
+/// A compiled world with its state.
 #[derive(Clone, Debug)]
 pub(crate) enum Control {
     One(Box<Running<1>>),
@@ -38,8 +38,8 @@ pub(crate) enum Control {
     Many(Box<Running<32>>),
 }
 
-/// The same on whatever room.
-macro_rules! in_its_room {
+/// The same code for each capacity.
+macro_rules! for_each_capacity {
     ($control:expr, $running:ident => $do:expr) => {
         match $control {
             Control::One($running) => $do,
@@ -67,7 +67,7 @@ impl Control {
         bodies: &mut [(f64, f64)],
         bristles: &mut [f64],
     ) -> Sample<f64> {
-        in_its_room!(self, running => {
+        for_each_capacity!(self, running => {
             let state = &mut running.state;
             let sample = running.compiled.step(state, position, velocity);
             for (place, (w, v)) in bodies.iter_mut().zip(state.now.position.iter().zip(&state.now.velocity)) {
@@ -82,7 +82,7 @@ impl Control {
 }
 
 impl<const B: usize> Running<B> {
-    /// Out of line, so that a small room is not compiled on the largest one's stack.
+    /// Not inlined, so that a small capacity does not use the stack of the largest.
     #[inline(never)]
     fn new(spec: &Spec) -> Result<Box<Self>, Error> {
         let compiled = Loop::new(spec)?;

@@ -1,38 +1,38 @@
-//! What the world stores, and what a delay lends at the start.
+//! The energy that a world stores, and the work that a delay makes available at the start.
 
 use hapt_model::World;
 
 use crate::Row;
 
-/// What the world stores in J, at the puck's true position and the bodies' state: bodies J v²/2, springs k (q - rest)²/2, walls
+/// The energy that the world stores in J, at the puck's true position and the bodies' state: bodies J v²/2, springs k (q - rest)²/2, walls
 /// k (q - at)²/2 inside, detents torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), constants -torque · q, bristles σ0 s²/2; a
 /// clamped spring or wall k x²/2 up to the x at which it reaches its limit, and limit · x from there on.
 pub fn world_energy(world: &World, puck: f64, bodies: &[(f64, f64)], bristles: &[f64]) -> f64 {
     hapt_plant::stored_energy(&world.bodies, &world.couplings, puck, bodies, bristles)
 }
 
-/// What a delay lends whoever moves the puck at the start of a run: until the first command arrives the motor holds 0, where the world
-/// would have it hold τ_0. Of the work that is missing, no more than |τ_0| times the path length is owed to that. The path of a sample, on
-/// which the puck may turn round, is taken as the larger of its displacement and T times the speeds at its two ends. A loop that begins at
-/// rest without torque lends nothing.
+/// The most work that a hand gains from a delay at the start of a run. Until the first command arrives the motor holds 0 in place of the
+/// world's τ_0, so that the hand saves at most |τ_0| times the length of the puck's path. The path of a sample, on which the puck may
+/// turn round, is taken as the larger of its displacement and T times the speeds at its two ends. It is 0 for a loop that begins without
+/// torque.
 #[derive(Clone, Copy, Debug)]
-pub struct Lent {
-    /// Samples that the first command is still away.
+pub struct DelayWork {
+    /// Samples until the first command arrives.
     left: u64,
     /// T in s.
     period: f64,
     /// |τ_0| in N·m (linear: N), and the puck's position and velocity at the last row.
     from: Option<(f64, [f64; 2])>,
-    /// So far, in J.
+    /// The work so far, in J.
     pub work: f64,
 }
 
-impl Lent {
-    /// Nothing yet.
+impl DelayWork {
+    /// Before the first row.
     pub fn new(world: &World) -> Self {
         // A delay within 1e-6 of a whole number of samples is that number.
         let samples = (world.sampling.delay_s() / world.sampling.period - 1e-6).ceil();
-        Lent { left: samples.max(0.0) as u64, period: world.sampling.period, from: None, work: 0.0 }
+        DelayWork { left: samples.max(0.0) as u64, period: world.sampling.period, from: None, work: 0.0 }
     }
 
     /// The next row, from the first on.

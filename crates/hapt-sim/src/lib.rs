@@ -1,8 +1,8 @@
 //! The exact device between the samples, the hand that moves it, and the run as a stream of rows.
 //!
 //! [`Simulation`] runs one scenario of a world: the loop is hapt-core's own, unchanged, and between its samples the physical
-//! puck moves exactly. [`Row`] is what it says at each sample; [`Summary`] is what remains of a run that is not written down;
-//! [`CsvWriter`] writes it. Names, units and order of all columns come from one table, [`SIGNALS`].
+//! puck moves exactly. [`Row`] holds every signal at a sample. [`Summary`] reduces a run to a few numbers;
+//! [`CsvWriter`] writes the rows. Names, units and order of all columns come from one table, [`SIGNALS`].
 //!
 //! ```
 //! use hapt_model::{Source, World};
@@ -38,22 +38,22 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-// No law, method or estimator falls into an arm for the rest.
+// Matches on laws, methods and estimators are exhaustive: no default arm.
 #![warn(clippy::wildcard_enum_match_arm)]
 
+mod batch;
 mod control;
 mod csv;
 mod energy;
 mod row;
 mod run;
-mod side;
 mod summary;
 
+pub use batch::{LANES, Outcome, run_batch};
 pub use control::{DesktopController, DesktopControllerState, DesktopLoop, DesktopState, DesktopSupervisor};
 pub use csv::CsvWriter;
-pub use energy::{Lent, world_energy};
+pub use energy::{DelayWork, world_energy};
 pub use hapt_plant::{Grip, Ledger, Motor, Script, VirtualDevice};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, Signal, columns};
 pub use run::{Error, Simulation, check, rows, script};
-pub use side::{Outcome, SIDE, side_by_side};
 pub use summary::Summary;

@@ -1,4 +1,4 @@
-//! What a run says at every sample, and the one table that names it.
+//! The signals of a run at every sample, and the one table of their names and units.
 
 use hapt_model::{Motion, World};
 
@@ -15,13 +15,13 @@ pub struct Row {
     pub puck_velocity: f64,
     /// z_k, the encoder's position.
     pub measured: f64,
-    /// v_k, what the estimator says.
+    /// v_k, the estimator's velocity.
     pub measured_velocity: f64,
     /// From the couplings, before levels and limit.
     pub torque: f64,
     /// After levels and limit.
     pub command: f64,
-    /// What the motor holds, just after any change at t_k.
+    /// The torque that the motor holds, just after any change at t_k.
     pub applied: f64,
     /// Position and velocity of each body, in file order.
     pub bodies: Vec<(f64, f64)>,
@@ -32,12 +32,12 @@ pub struct Row {
 }
 
 impl Row {
-    /// Whether every number of the row is one.
+    /// Whether every number of the row is finite.
     #[inline]
     pub fn is_finite(&self) -> bool {
         let own =
             [(self.puck, self.puck_velocity), (self.measured, self.measured_velocity), (self.torque, self.command)];
-        // 0 · x is 0 or NaN, and a NaN stays in a sum: one question instead of one each.
+        // 0 · x is 0 or NaN, and a NaN stays in a sum: one test instead of one for each number.
         let (a, b) = own.iter().chain(&self.bodies).fold((0.0, 0.0), |(a, b), (x, y)| (a + 0.0 * x, b + 0.0 * y));
         a + b == 0.0
     }
@@ -90,7 +90,7 @@ pub struct Signal {
     pub measures: Measures,
     /// One line for people.
     pub doc: &'static str,
-    /// Where it stands in a row.
+    /// Its value in a row.
     pub get: fn(&Row) -> f64,
 }
 
@@ -120,13 +120,13 @@ pub const SIGNALS: [Signal; 8] = [
     Signal {
         stem: "command",
         measures: Measures::Effort,
-        doc: "what the motor is asked for, after levels and limit",
+        doc: "the motor's command, after levels and limit",
         get: |row| row.command,
     },
     Signal {
         stem: "applied",
         measures: Measures::Effort,
-        doc: "what the motor holds, just after any change at this instant",
+        doc: "the torque that the motor holds, just after any change at this instant",
         get: |row| row.applied,
     },
 ];
@@ -150,7 +150,7 @@ pub struct Column {
 pub fn columns(world: &World) -> Vec<Column> {
     let motion = world.motion;
     let column = |stem: &str, measures: Measures, doc| {
-        // A linear world's torque is a force, and is called one.
+        // In a linear world the torque is a force, and the column's name says so.
         let stem = if (stem, motion) == ("torque", Motion::Linear) { "force" } else { stem };
         Column { name: format!("{stem}_{}", measures.suffix(motion)), unit: measures.unit(motion), doc }
     };

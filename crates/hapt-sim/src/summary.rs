@@ -1,4 +1,4 @@
-//! What remains of a run: peaks, clipping, energy, growth.
+//! The summary of a run: peaks, clipping, energy, growth.
 
 use hapt_model::{Coupling, End, World};
 
@@ -12,13 +12,13 @@ use crate::run::Simulation;
 #[derive(Clone, Debug)]
 pub struct Summary<'w> {
     world: &'w World,
-    /// Rows seen.
+    /// The number of rows.
     pub rows: u64,
     /// The largest |torque| in N·m (linear: N), before levels and limit.
     pub peak_torque: f64,
-    /// When it was, in s.
+    /// The time of that torque, in s.
     pub peak_time: f64,
-    /// How many samples asked for more than the motor's limit.
+    /// The number of samples whose torque exceeds the motor's limit.
     pub clipped: u64,
     /// The first of them, k, and its time in s.
     pub first_clipped: Option<(u64, f64)>,
@@ -47,7 +47,7 @@ impl<'w> Summary<'w> {
         }
     }
 
-    /// Takes the next row.
+    /// Adds the next row.
     pub fn add(&mut self, row: &Row) {
         if row.torque.abs() > self.peak_torque {
             (self.peak_torque, self.peak_time) = (row.torque.abs(), row.time);
@@ -66,13 +66,13 @@ impl<'w> Summary<'w> {
         self.ledger = row.ledger;
     }
 
-    /// What the world stores at the last row, in J.
+    /// The energy that the world stores at the last row, in J.
     pub fn final_energy(&self) -> f64 {
         if self.rows == 0 { 0.0 } else { world_energy(self.world, self.last.0, &self.last.1, &self.last.2) }
     }
 
-    /// The exponent of the bodies' motion in 1/s, fitted to the run while the puck is held still; `None` where it never is, or
-    /// nothing moves, or a nonlinear coupling stands at a body (then there is no one exponent).
+    /// The exponent of the bodies' motion in 1/s, fitted to the run while the puck is held still; `None` if it never is, if
+    /// nothing moves, or if a nonlinear coupling is at a body (then there is no single exponent).
     pub fn fitted_growth(&self) -> Option<f64> {
         self.growth.as_ref().and_then(Growth::slope)
     }
@@ -82,7 +82,7 @@ impl<'w> Summary<'w> {
 ///
 /// With the puck still, x_{k+1} - x_k obeys the world's map without its equilibrium, so that the energy of these steps,
 /// Σ J Δv²/2 + Σ k Δq²/2, swings little and grows with twice the exponent: the fit is the least-squares slope of half its
-/// logarithm. The second half of the stretch counts, where the slowest motion is left over, unless it is spent by then; its
+/// logarithm. The second half of the stretch counts, where only the slowest motion is left, unless it has decayed by then; its
 /// ends count little, so that a swing of the energy within each turn does not tilt the line.
 #[derive(Clone, Debug)]
 struct Growth {
@@ -127,7 +127,7 @@ impl Growth {
         if self.first_energy == 0.0 {
             self.first_energy = energy;
         }
-        // Ten digits down, the steps are made of rounding.
+        // Ten digits below the start, the steps are rounding.
         if energy > 1e-20 * self.first_energy && energy.is_finite() {
             let y = 0.5 * energy.ln();
             self.all.add(row.time - self.from, y, 1.0);
@@ -143,7 +143,7 @@ impl Growth {
     }
 }
 
-/// Fewer points make no fit.
+/// The least number of points of a fit.
 const ENOUGH: u64 = 8;
 
 /// The energy of a difference of two states, the puck held.

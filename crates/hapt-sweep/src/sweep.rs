@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use hapt_model::{Source, World};
-use hapt_sim::SIDE;
+use hapt_sim::LANES;
 use rayon::prelude::*;
 
 use crate::axis::Grid;
@@ -109,10 +109,10 @@ impl Sweep {
     pub fn rows(&self, cells: Range<u64>) -> Rows {
         let (width, count) = (self.width(), (cells.end - cells.start) as usize);
         let mut values = vec![None; width * count];
-        values.par_chunks_mut(width * SIDE).enumerate().for_each_init(
+        values.par_chunks_mut(width * LANES).enumerate().for_each_init(
             || Worker::new(self),
             |worker, (block, rows)| {
-                let first = cells.start + (block * SIDE) as u64;
+                let first = cells.start + (block * LANES) as u64;
                 worker.fill(first..first + (rows.len() / width) as u64, rows);
             },
         );

@@ -1,46 +1,46 @@
-//! One thread's share of a sweep: blocks of neighbouring cells, their runs and the held loops of one body side by side where these fit,
-//! and what does not change from cell to cell kept.
+//! One thread's share of a sweep: blocks of neighbouring cells. Runs and held loops of one body are computed in batches where possible, and
+//! values that do not change from cell to cell are kept.
 
 use std::array::from_fn;
 use std::ops::Range;
 
 use hapt_analysis::{Parameter, Variants};
 use hapt_model::World;
-use hapt_sim::{SIDE, side_by_side};
+use hapt_sim::{LANES, run_batch};
 
 use crate::measure::{self, Measure, OfRun};
 use crate::sweep::Sweep;
 
-/// Worlds of the grid, as many as run side by side, and the last answers.
+/// A batch of worlds of the grid, and the last results.
 pub(crate) struct Worker<'s> {
     sweep: &'s Sweep,
-    /// None where wheels are all that is asked for.
-    worlds: Option<Box<[World; SIDE]>>,
+    /// `None` where the sweep measures held loops of one body only.
+    worlds: Option<Box<[World; LANES]>>,
     variants: Option<Held>,
     /// The axes' values in each world.
-    values: [Vec<f64>; SIDE],
-    /// Of each measure of the loop: the values of the axes that it looks at, and what it then was.
+    values: [Vec<f64>; LANES],
+    /// For each measure of the loop: the axis values that it depends on, and its last value at those.
     known: Vec<Option<(Vec<f64>, Option<f64>)>>,
 }
 
-/// The held loops of the one body there is.
+/// The held loops of a world of one body.
 struct Held {
-    variants: Variants<SIDE>,
-    /// Of each axis.
+    variants: Variants<LANES>,
+    /// For each axis.
     numbers: Vec<Option<Parameter>>,
-    growths: [f64; SIDE],
-    verdicts: [f64; SIDE],
+    growths: [f64; LANES],
+    verdicts: [f64; LANES],
 }
 
 impl Held {
     fn new(sweep: &Sweep) -> Option<Self> {
         let variants = Variants::new(&sweep.world)?;
         let numbers = sweep.grid.axes.iter().map(|axis| Parameter::of(&sweep.world, &axis.key)).collect();
-        Some(Held { variants, numbers, growths: [f64::NAN; SIDE], verdicts: [f64::NAN; SIDE] })
+        Some(Held { variants, numbers, growths: [f64::NAN; LANES], verdicts: [f64::NAN; LANES] })
     }
 
-    /// Answers what is asked.
-    fn ask(&mut self, sweep: &Sweep) {
+    /// Computes the measures of the held loops.
+    fn compute(&mut self, sweep: &Sweep) {
         let (loops, method) = (self.variants.loops(), sweep.world.sampling.method);
         if sweep.measures.contains(&Measure::HeldGrowth) {
             loops.growths(method, &mut self.growths);
@@ -55,29 +55,29 @@ impl<'s> Worker<'s> {
     pub fn new(sweep: &'s Sweep) -> Self {
         let variants = sweep.measures.iter().any(|measure| measure.of_held_loop()).then(|| Held::new(sweep)).flatten();
         let others = variants.is_none() || !sweep.measures.iter().all(|measure| measure.of_held_loop());
-        // No value yet is like another one.
+        // NaN differs from every first value.
         let values = from_fn(|_| vec![f64::NAN; sweep.grid.axes.len()]);
         let worlds = others.then(|| Box::new(from_fn(|_| sweep.world.clone())));
         Worker { sweep, worlds, variants, values, known: vec![None; sweep.measures.len()] }
     }
 
-    /// Fills the rows of a block of at most [`SIDE`] cells, one behind the other.
+    /// Fills the rows of a block of at most [`LANES`] cells, in order.
     pub fn fill(&mut self, cells: Range<u64>, rows: &mut [Option<f64>]) {
         let count = (cells.end - cells.start) as usize;
-        for i in 0..SIDE {
-            // Lanes without a cell do what the last one does.
+        for i in 0..LANES {
+            // Lanes beyond the last cell repeat it.
             self.set(i, (cells.start + i as u64).min(cells.end - 1));
         }
         let runs = self.runs(count);
         if let Some(held) = &mut self.variants {
-            held.ask(self.sweep);
+            held.compute(self.sweep);
         }
         for (i, row) in rows.chunks_mut(self.sweep.width()).enumerate().take(count) {
             self.row(i, &runs[i], row);
         }
     }
 
-    /// Makes the i-th world that of the cell.
+    /// Sets the i-th world to the cell's values.
     fn set(&mut self, i: usize, cell: u64) {
         let grid = &self.sweep.grid;
         for (j, value) in grid.values(cell).enumerate() {
@@ -97,13 +97,13 @@ impl<'s> Worker<'s> {
         }
     }
 
-    /// What the first `count` worlds' runs are asked.
-    fn runs(&self, count: usize) -> [OfRun; SIDE] {
-        let none = [OfRun::default(); SIDE];
+    /// The measures of the first `count` worlds' runs.
+    fn runs(&self, count: usize) -> [OfRun; LANES] {
+        let none = [OfRun::default(); LANES];
         let (Some(scenario), Some(worlds)) = (self.sweep.scenario, &self.worlds) else { return none };
         let settling = self.sweep.measures.contains(&Measure::SettlingTime);
-        // A few are no fewer instructions side by side.
-        let outcomes = if settling || count < SIDE / 4 { None } else { side_by_side(worlds, scenario) };
+        // A batch of a few worlds takes no fewer instructions than single runs.
+        let outcomes = if settling || count < LANES / 4 { None } else { run_batch(worlds, scenario) };
         match outcomes {
             Some(outcomes) => outcomes.map(OfRun::of),
             None => from_fn(|i| {

@@ -9,7 +9,7 @@ use std::str::FromStr;
 use hapt_core::SafetyProfile;
 use hapt_host::{Backend, Machine};
 use hapt_model::{EstimatorKind, Motion, World, did_you_mean};
-use hapt_rt::{Device, Hands, Position, Replay, Simulated};
+use hapt_rt::{Device, Hands, Position, Replay, SimulatedDevice};
 
 use crate::args::RealtimeArgs;
 use crate::board;
@@ -160,7 +160,7 @@ impl Spec {
     pub fn open(&self, world: &World) -> Result<(Box<dyn Device>, Option<Hands>), Failure> {
         match self {
             Spec::Sim => {
-                let (device, hands) = Simulated::new(world);
+                let (device, hands) = SimulatedDevice::new(world);
                 Ok((Box::new(device), Some(hands)))
             }
             Spec::Replay(file) => Ok((Box::new(Replay::new(positions(file, world.motion)?)), None)),

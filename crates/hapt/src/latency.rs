@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use hapt_core::{Request, SafetyProfile};
 use hapt_model::{Dimension, World};
-use hapt_rt::{Engine, Order, Plan, Quantiles, Realtime, Settings, Simulated, Timing};
+use hapt_rt::{Engine, Order, Plan, Quantiles, Realtime, Settings, SimulatedDevice, Timing};
 use serde_json::{Value, json};
 
 use crate::args::{LatencyArgs, RealtimeArgs};
@@ -25,7 +25,7 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     let source = world::source(args.world.as_deref().unwrap_or(Path::new("@notes/default")))?;
     let world = World::read(&source, &args.sets)?;
     let duration = time("--duration", &args.duration)?;
-    let (device, _hands) = Simulated::new(&world);
+    let (device, _hands) = SimulatedDevice::new(&world);
     let mut engine = Engine::start_with(
         plan(&world, SafetyProfile::Simulated)?,
         Box::new(device),

@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand, Scenario, Shape, Switching, World};
-use hapt_sim::{Lent, Simulation, world_energy};
+use hapt_sim::{DelayWork, Simulation, world_energy};
 
 /// Below this part of the largest energy there is only rounding.
 const NOTHING: f64 = 1e-20;
@@ -89,7 +89,7 @@ pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
         Drive::Grip { stiffness, .. } => stiffness,
         _ => 0.0,
     };
-    let mut lent = Lent::new(world);
+    let mut lent = DelayWork::new(world);
     // What constant torques at the puck give is left out of the claim.
     let pushed = |puck: f64| -> f64 {
         let of = |c: &Coupling| match (c.law.constant(), c.first, c.second) {

@@ -81,7 +81,7 @@ proptest! {
                 for estimator in [Estimator::Exact, Estimator::Difference, Estimator::LowPass { cutoff: 40.0 }] {
                     for counted in [false, true] {
                         let alone = scales.map(|scale| compiled(method, output, estimator, counted, scale));
-                        let together = Loop::<Lanes<N>, 2, 0, 1>::side_by_side(&alone).unwrap();
+                        let together = Loop::<Lanes<N>, 2, 0, 1>::batch(&alone).unwrap();
                         let mut states = alone.map(|world| world.start());
                         let mut state = together.start();
                         for (k, &(mut z, v)) in inputs.iter().enumerate() {
@@ -108,7 +108,7 @@ proptest! {
 #[test]
 fn worlds_of_different_kinds_do_not_stand_side_by_side() {
     let plain = || compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0);
-    let with = |world| Loop::<Lanes<2>, 2, 0, 1>::side_by_side(&[plain(), world]).is_some();
+    let with = |world| Loop::<Lanes<2>, 2, 0, 1>::batch(&[plain(), world]).is_some();
     assert!(with(compiled(Method::Trapezoidal, Output::End, Estimator::Exact, false, 2.0)));
     assert!(!with(compiled(Method::Tustin, Output::Start, Estimator::Exact, false, 1.0)));
     assert!(!with(compiled(Method::Zoh, Output::Middle, Estimator::Exact, false, 1.0)));

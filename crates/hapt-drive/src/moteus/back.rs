@@ -8,7 +8,7 @@ use super::numbers::Numbers;
 use super::registers::{Parser, Resolution, Subframe, Value, Writer};
 use super::{EVERYBODY, REPLY, mode, register};
 use crate::can::Bus;
-use crate::drive::{Answer, Drive, DriveError, DriveFault, DriveLimits, Error, OTHERS};
+use crate::drive::{Drive, DriveError, DriveFault, DriveLimits, Error, OTHERS, ShaftState};
 use crate::frame::Frame;
 
 /// How long an answer may take before the loop runs, and how often it is asked for.
@@ -71,7 +71,7 @@ struct Sent {
 /// What a frame on the bus is to this host.
 enum Said {
     /// The drive's answer.
-    Answer(Status),
+    ShaftState(Status),
     /// Another host's word to this drive, or this drive's to another host.
     Foreign,
     Nothing,
@@ -187,13 +187,13 @@ impl Moteus {
                 _ => {}
             }
         }
-        Said::Answer(status)
+        Said::ShaftState(status)
     }
 
     /// Takes note of what a frame says.
     fn hear(&mut self, frame: &Frame) -> Option<Status> {
         match self.said(frame) {
-            Said::Answer(status) => {
+            Said::ShaftState(status) => {
                 self.follow(&status);
                 Some(status)
             }
@@ -327,7 +327,7 @@ impl Moteus {
         what
     }
 
-    fn answer(&mut self, status: &Status) -> Result<Answer, DriveError> {
+    fn answer(&mut self, status: &Status) -> Result<ShaftState, DriveError> {
         let mode = status.mode.ok_or(DriveError::Late)?;
         if let Some(fault) = fault(mode, status.fault) {
             return Err(DriveError::Fault(fault));
@@ -337,14 +337,14 @@ impl Moteus {
             return Err(DriveError::Fault(fault::taken(mode)));
         }
         match (status.position, status.velocity) {
-            (Some(position), Some(velocity)) => Ok(Answer { position: position.into(), velocity: velocity.into() }),
+            (Some(position), Some(velocity)) => Ok(ShaftState { position: position.into(), velocity: velocity.into() }),
             _ => Err(DriveError::Late),
         }
     }
 }
 
 impl Drive for Moteus {
-    fn start(&mut self, limits: &DriveLimits) -> Result<Answer, Error> {
+    fn start(&mut self, limits: &DriveLimits) -> Result<ShaftState, Error> {
         (self.limits, self.ran, self.fault) = (*limits, false, None);
         (self.command, self.lost, self.unanswered) = (None, 0, 0);
         // Alone, because a bus that is down says so here.
@@ -379,7 +379,10 @@ impl Drive for Moteus {
                 if position.abs() < FARTHEST {
                     // From now on whoever stops it has stopped it.
                     self.ran = true;
-                    return Ok(Answer { position: position.into(), velocity: status.velocity.unwrap_or(0.0).into() });
+                    return Ok(ShaftState {
+                        position: position.into(),
+                        velocity: status.velocity.unwrap_or(0.0).into(),
+                    });
                 }
                 self.stop();
                 let why = format!(
@@ -397,7 +400,7 @@ impl Drive for Moteus {
         }
     }
 
-    fn read(&mut self, until: Instant) -> Result<Answer, DriveError> {
+    fn read(&mut self, until: Instant) -> Result<ShaftState, DriveError> {
         let question = self.question().frame();
         let status = self.ask(&question, until);
         let answer = self.is_well().and(status).and_then(|status| self.answer(&status));

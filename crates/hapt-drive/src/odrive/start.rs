@@ -6,7 +6,7 @@ use super::barrier::{Barrier, KINDS};
 use super::codec::{self, Command, Heartbeat, PASSTHROUGH, Version, control, state};
 use super::proof::Proof;
 use super::{A_STATE, AN_ANSWER, Odrive, Said};
-use crate::drive::{Answer, Drive, Error, OTHERS};
+use crate::drive::{Drive, Error, OTHERS, ShaftState};
 use crate::frame::Frame;
 
 /// The longest that a drive's watchdog may take.
@@ -25,7 +25,7 @@ const SET_UP: &str = "In odrivetool: odrv0.axis0.config.watchdog_timeout = 0.05,
 
 impl Odrive {
     /// Everything that comes before the loop.
-    pub(super) fn get_ready(&mut self) -> Result<Answer, Error> {
+    pub(super) fn get_ready(&mut self) -> Result<ShaftState, Error> {
         (self.owed, self.chats, self.begun, self.is_armed, self.fault) = (0, false, None, false, None);
         self.since_heartbeat = 0.0;
         // Somebody may have asked before us.

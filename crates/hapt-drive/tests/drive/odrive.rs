@@ -92,7 +92,7 @@ fn in_lockstep_the_loop_on_the_drive_is_the_loop_on_the_exact_device() {
 fn both(firmware: Simulated, world: &World) -> Option<Record> {
     let rig = with(firmware, world, lockstep(world));
     let mut drive = rig.looped(world, PATIENCE);
-    let mut exact = Looped::on(Box::new(hapt_rt::Simulated::new(world).0), world);
+    let mut exact = Looped::on(Box::new(hapt_rt::SimulatedDevice::new(world).0), world);
     // The drive's first command arms it.
     drive.sample(None).ok()?;
     exact.sample(None).unwrap();

@@ -14,7 +14,7 @@ use hapt_drive::moteus::{self, Moteus};
 use hapt_drive::odrive::Odrive;
 use hapt_drive::simulate::{Firmware, Shaft, Simulator, Time};
 use hapt_drive::{
-    Answer, Bus, Drive, DriveDevice, DriveError, DriveLimits, Error, Frame, Line, Make, Socket, pty, slcan,
+    Bus, Drive, DriveDevice, DriveError, DriveLimits, Error, Frame, Line, Make, ShaftState, Socket, pty, slcan,
 };
 use hapt_model::{Source, World};
 use hapt_rt::{Cycle, Failure, Moment, Plan, Record};
@@ -200,11 +200,11 @@ impl Patient {
 }
 
 impl Drive for Patient {
-    fn start(&mut self, limits: &DriveLimits) -> Result<Answer, Error> {
+    fn start(&mut self, limits: &DriveLimits) -> Result<ShaftState, Error> {
         self.0.start(limits)
     }
 
-    fn read(&mut self, until: Instant) -> Result<Answer, DriveError> {
+    fn read(&mut self, until: Instant) -> Result<ShaftState, DriveError> {
         let until = self.until(until);
         self.0.read(until)
     }

@@ -21,7 +21,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 
 /// A simulated board. Dropped, it is gone.
 #[derive(Debug)]
-pub struct Simulated {
+pub struct SimulatedBoard {
     path: PathBuf,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -43,7 +43,7 @@ struct Shared {
     most: AtomicU32,
 }
 
-impl Simulated {
+impl SimulatedBoard {
     /// Puts a board on the table, whose motor turns the puck of `spec`; the world's own period takes the place of the spec's.
     ///
     /// # Errors
@@ -54,7 +54,7 @@ impl Simulated {
         let its = Arc::clone(&shared);
         let thread =
             std::thread::Builder::new().name("board".into()).spawn(move || Table::new(spec, its, line).run(board))?;
-        Ok(Simulated { path, shared, thread: Some(thread) })
+        Ok(SimulatedBoard { path, shared, thread: Some(thread) })
     }
 
     /// Where it is plugged in.
@@ -93,7 +93,7 @@ impl Simulated {
     }
 }
 
-impl Drop for Simulated {
+impl Drop for SimulatedBoard {
     fn drop(&mut self) {
         self.shared.end.store(true, SeqCst);
         if let Some(thread) = self.thread.take() {

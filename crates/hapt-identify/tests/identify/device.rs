@@ -187,7 +187,11 @@ fn a_push_in_one_direction_does_not_tell_friction_from_inertia() {
     let found = identify(&Record::new(times(&rig, 2000), seen, torques).unwrap(), &Known::default()).unwrap();
     let pairs: Vec<_> = found.correlated.iter().map(|pair| pair.names).collect();
     assert!(pairs.contains(&["inertia", "friction"]), "{found:?}");
-    assert!(found.warnings().iter().any(|line| line.contains("separates inertia from friction")), "{:?}", found.warnings());
+    assert!(
+        found.warnings().iter().any(|line| line.contains("separates inertia from friction")),
+        "{:?}",
+        found.warnings()
+    );
     // An experiment that goes to and fro does.
     let good = identify(&record(&rig, 1, 3000, 4000.0, 0.7), &Known::default()).unwrap();
     assert!(good.correlated.is_empty() && good.condition < 0.1 * found.condition, "{good:?}");

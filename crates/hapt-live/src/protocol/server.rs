@@ -36,7 +36,7 @@ pub enum ServerMessage {
     /// The world that runs.
     World(Box<WorldInfo>),
     /// The certificate.
-    Verdict(Box<Verdict>),
+    Verdict(Box<VerdictMessage>),
     /// The certified values of a key.
     Range {
         /// The generation of the world.
@@ -129,7 +129,7 @@ pub struct ColumnInfo {
 
 /// The certificate of one generation.
 #[derive(Clone, Debug, Serialize)]
-pub struct Verdict {
+pub struct VerdictMessage {
     /// The generation of the world.
     pub generation: u32,
     /// Neither held nor free unstable, and passive.

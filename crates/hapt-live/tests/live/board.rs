@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use hapt_core::SafetyProfile;
 use hapt_host::board::Link;
-use hapt_host::board::simulate::Simulated;
+use hapt_host::board::simulate::SimulatedBoard;
 use hapt_host::{Backend, Machine};
 use hapt_live::{Error, Live, Options};
 use hapt_model::{Source, World};
@@ -42,9 +42,9 @@ stiffness = "0.1 N m/rad"
 "#;
 
 /// A board on the table, and a loop behind a page on it.
-fn plugged(folder: &str) -> (Simulated, Live) {
+fn plugged(folder: &str) -> (SimulatedBoard, Live) {
     let source = Source::from_text("push.toml", PUSH);
-    let board = Simulated::start(BOARD, World::read(&source, &[]).unwrap().device_spec()).unwrap();
+    let board = SimulatedBoard::start(BOARD, World::read(&source, &[]).unwrap().device_spec()).unwrap();
     let options = Options { source, sets: Vec::new(), address: "127.0.0.1:0".parse().unwrap(), folder: folder.into() };
     let live = Live::start_on(options, |_| {
         let link = Box::new(Link::open(board.path())?);

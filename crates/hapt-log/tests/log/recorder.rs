@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::common::{self, WHEEL, header, world};
 use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_log::{Ending, Error, Log, Recorder, Summary, columns, phase_name, replay};
-use hapt_rt::{BODIES, Engine, HandCommand, Order, Plan, Record, Simulated};
+use hapt_rt::{BODIES, Engine, HandCommand, Order, Plan, Record, SimulatedDevice};
 use hapt_sim::Grip;
 
 /// Sample k of a loop that stands still.
@@ -47,7 +47,7 @@ fn session(samples: usize, text: &str, other: &str) -> Vec<Record> {
     let world = world(text);
     let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
     let next = Plan::following(&common::world(other), &plan).unwrap();
-    let (device, mut hand) = Simulated::new(&world);
+    let (device, mut hand) = SimulatedDevice::new(&world);
     let mut engine = Engine::start(plan, Box::new(device)).unwrap();
     let grip = Grip { inertia: 0.0, damping: 0.02, stiffness: 5.0 };
     let mut touches = vec![
@@ -134,7 +134,7 @@ fn a_session_through_the_core_again_gives_the_same_bits_over_a_change_of_worlds(
 #[test]
 fn behind_a_gap_the_recorder_orders_the_loops_state_and_the_replay_goes_on_from_there() {
     let world = world(WHEEL);
-    let (device, mut hand) = Simulated::new(&world);
+    let (device, mut hand) = SimulatedDevice::new(&world);
     let mut engine = Engine::start(Plan::new(&world, SafetyProfile::Simulated).unwrap(), Box::new(device)).unwrap();
     engine.send(Order::Request(Request::Arm)).unwrap();
     hand.push(HandCommand::Grab(Grip { inertia: 0.0, damping: 0.02, stiffness: 5.0 })).unwrap();

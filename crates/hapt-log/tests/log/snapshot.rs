@@ -4,7 +4,7 @@ use crate::common::{WHEEL, header, world, worlds};
 use hapt_core::{Reason, Request, SafetyProfile};
 use hapt_log::{Error, Header, Log, LogWriter, Origin, Replay, replay};
 use hapt_model::World;
-use hapt_rt::{Cycle, Device, Failure, HandCommand, Hands, Moment, Plan, Position, Record, Simulated, Snapshot};
+use hapt_rt::{Cycle, Device, Failure, HandCommand, Hands, Moment, Plan, Position, Record, SimulatedDevice, Snapshot};
 use hapt_sim::Grip;
 use proptest::prelude::*;
 
@@ -13,7 +13,7 @@ const LIFE: u64 = 700;
 
 /// A simulated device whose encoder says something else now and then.
 struct Glitching {
-    device: Simulated,
+    device: SimulatedDevice,
     sample: u64,
     glitches: Vec<(u64, f64)>,
 }
@@ -90,7 +90,7 @@ fn hand(hands: &mut Hands, to: Option<f64>, held: &mut bool) {
 /// Lives it, with a snapshot before each sample that `taken` names.
 fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken: &[u64]) -> Life {
     let worlds: Vec<World> = texts.iter().map(|text| world(text)).collect();
-    let (device, mut hands) = Simulated::new(&worlds[0]);
+    let (device, mut hands) = SimulatedDevice::new(&worlds[0]);
     let glitches = events.iter().filter_map(|&(at, event)| match event {
         Event::Glitch(by) => Some((at, by)),
         _ => None,

@@ -14,12 +14,12 @@ use common::{spring, wheel};
 use counting::counted;
 use hapt_core::{Request, SafetyProfile};
 use hapt_model::World;
-use hapt_rt::{Device, Engine, Failure, HandCommand, Hands, Order, Plan, Position, Settings, Simulated};
+use hapt_rt::{Device, Engine, Failure, HandCommand, Hands, Order, Plan, Position, Settings, SimulatedDevice};
 use hapt_sim::{Grip, script};
 
 /// A simulated device that notes how often its thread has allocated or freed, at the first sample and at the last.
 struct Watched {
-    device: Simulated,
+    device: SimulatedDevice,
     first: Option<u64>,
     since: Arc<AtomicU64>,
 }
@@ -83,7 +83,7 @@ fn waits() -> Option<u64> {
 
 #[test]
 fn ten_thousand_samples_with_orders_swaps_snapshots_and_hands_allocate_nothing_and_wait_once_each() {
-    let (device, mut hands) = Simulated::new(&world(0));
+    let (device, mut hands) = SimulatedDevice::new(&world(0));
     let since = Arc::new(AtomicU64::new(0));
     let device = Watched { device, first: None, since: Arc::clone(&since) };
     let mut before = Plan::new(&world(0), SafetyProfile::Simulated).unwrap();

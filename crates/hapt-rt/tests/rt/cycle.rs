@@ -2,7 +2,7 @@
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_model::World;
-use hapt_rt::{Cycle, Failure, HandCommand, Plan, Position, Replay, Simulated};
+use hapt_rt::{Cycle, Failure, HandCommand, Plan, Position, Replay, SimulatedDevice};
 use hapt_sim::{Simulation, script};
 use proptest::prelude::*;
 
@@ -63,7 +63,7 @@ proptest! {
 
     #[test]
     fn the_loop_with_a_scenarios_hand_on_its_device_is_the_simulation_to_the_bit(world in random_world()) {
-        let (device, mut hands) = Simulated::new(&world);
+        let (device, mut hands) = SimulatedDevice::new(&world);
         let mut cycle = on(&world, Box::new(device));
         armed(&mut cycle);
         let scenario = &world.scenarios[0];
@@ -155,7 +155,7 @@ fn the_notes_wheel_let_go_in_real_time_is_the_simulation_to_its_last_row() {
         spring("puck", "wheel", 1.018592)
     );
     let world = wheel("1 ms", &text);
-    let (device, mut hands) = Simulated::new(&world);
+    let (device, mut hands) = SimulatedDevice::new(&world);
     let mut cycle = on(&world, Box::new(device));
     armed(&mut cycle);
     hands.push(HandCommand::Scenario(Box::new(script(&world.scenarios[0], 1e-3)))).unwrap();
@@ -222,7 +222,7 @@ fn a_bristle_goes_on_with_its_coupling() {
 fn another_period_is_another_period_of_the_device_too() {
     let world = |period: &str| wheel(period, &constant(0.01));
     let (slow, fast) = (world("1 ms"), world("0.25 ms"));
-    let (device, _hands) = Simulated::new(&slow);
+    let (device, _hands) = SimulatedDevice::new(&slow);
     let mut cycle = on(&slow, Box::new(device));
     let start = armed(&mut cycle);
     for _ in 0..100 {
@@ -247,7 +247,7 @@ fn another_period_is_another_period_of_the_device_too() {
 #[test]
 fn a_simulation_that_runs_away_is_a_fault_to_clear() {
     let world = wheel("1 ms", &constant(1e305));
-    let (device, _hands) = Simulated::new(&world);
+    let (device, _hands) = SimulatedDevice::new(&world);
     let mut cycle = on(&world, Box::new(device));
     let mut moment = hapt_rt::Moment::default();
     let mut request = Some(Request::Arm);
@@ -275,7 +275,7 @@ fn a_simulation_that_runs_away_is_a_fault_to_clear() {
 #[test]
 fn where_a_simulated_puck_is_armed_is_the_worlds_zero_and_nothing_throws_it() {
     let world = wheel("1 ms", &spring("puck", "ground", 1.0));
-    let (device, mut hands) = Simulated::new(&world);
+    let (device, mut hands) = SimulatedDevice::new(&world);
     let mut cycle = on(&world, Box::new(device));
     armed(&mut cycle);
     for turns in [4.35, -3.0, 0.7] {

@@ -1,5 +1,6 @@
 //! Runs: the real loop on the exact device, in the hand.
 
+mod batch;
 mod closed_forms;
 mod common;
 mod device;
@@ -10,6 +11,5 @@ mod guarded;
 mod linearisation;
 mod notes;
 mod published;
-mod side;
 mod switching;
 mod virtual_device;

@@ -1,54 +1,54 @@
-//! What a hand has had from a loop, by the ledger of a run.
+//! The energy that a hand has drawn from a loop, from the ledger of a run.
 
 use hapt_model::{Coupling, End, Law, Linear, Scenario, World};
-use hapt_sim::{Error, Lent, Row, Simulation, world_energy};
+use hapt_sim::{DelayWork, Error, Row, Simulation, world_energy};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-/// Beyond so many times what a run began with, it has run away, and no more of it is needed.
+/// A run whose energy exceeds this many times the initial one has run away, and ends.
 const RUNAWAY: f64 = 1e6;
 
-/// A part of all energy that goes to and fro which may be rounding.
+/// The part of the energy exchanged that may be rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Where, in a run, the hand had drawn most beyond what the loop was given.
+/// The instant of a run at which the hand had drawn most beyond the energy that was supplied to the loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Drawn {
-    /// What the hand had from the puck, less what it gave, and less `supplied`: J. Not above 0 on a passive loop.
+    /// The net energy from the puck to the hand, less `supplied`, in J. At most 0 for a passive loop.
     pub gain: f64,
-    /// What the world stored at the start, what its delay has lent ([`Lent`]), and what its constant torques did until then: J.
+    /// The energy that the world stored at the start, plus the work of its delay ([`DelayWork`]) and of its constant torques so far, in J.
     pub supplied: f64,
-    /// When that was, s.
+    /// That instant, in s.
     pub at_s: f64,
-    /// All energy that went to and fro until then, J: of it the ledger's rounding is a part.
+    /// The energy exchanged up to that instant, in J; the ledger's rounding is a part of it.
     pub turnover: f64,
-    /// The gain at the last instant looked at, J.
+    /// The gain at the last sample, in J.
     pub end: f64,
-    /// What hand and motor have moved until then and the device has taken, J.
+    /// The work of hand and motor and the device's losses up to the last sample, in J.
     pub moved: f64,
-    /// That instant, s: before the scenario's end where the loop has run away.
+    /// The time of the last sample, in s: before the scenario's end where the loop has run away.
     pub until_s: f64,
 }
 
 impl Drawn {
-    /// Whether the gain is more than rounding, and than `grain`, J: what a count of the encoder is worth.
+    /// Whether the gain exceeds rounding and `grain`, the energy of one count of the encoder, in J.
     pub fn is_gain(&self, grain: f64) -> bool {
         self.gain > ROUNDING * self.turnover + grain
     }
 }
 
-/// The energy that a loop had to give until now.
+/// The energy supplied to a loop so far.
 struct Supply {
     /// The world without its constant torques.
     stored: World,
-    /// Those whose work counts as given.
+    /// Those whose work counts as supplied.
     constants: Vec<(End, End, f64)>,
-    /// What the others have to give beyond what is stored, J.
+    /// The energy that the others can supply beyond the stored one, in J.
     reserve: f64,
     first: f64,
     /// Σ torque · q at the start.
     height: f64,
-    lent: Lent,
+    delay: DelayWork,
 }
 
 impl Supply {
@@ -56,7 +56,7 @@ impl Supply {
         let reserve = reserve(world);
         let mut stored = world.clone();
         let mut constants = Vec::new();
-        // What the ledger of bristles counts by stays in its place.
+        // Couplings keep their places: bristles are counted by index.
         for c in &mut stored.couplings {
             if let Some(torque) = c.law.constant() {
                 c.law = Law::Constant { torque: 0.0 };
@@ -65,7 +65,14 @@ impl Supply {
                 }
             }
         }
-        Supply { stored, constants, reserve: reserve.unwrap_or(0.0), first: 0.0, height: 0.0, lent: Lent::new(world) }
+        Supply {
+            stored,
+            constants,
+            reserve: reserve.unwrap_or(0.0),
+            first: 0.0,
+            height: 0.0,
+            delay: DelayWork::new(world),
+        }
     }
 
     fn work(&self, row: &Row) -> f64 {
@@ -83,17 +90,17 @@ impl Supply {
     }
 
     fn until(&mut self, row: &Row) -> f64 {
-        self.lent.add(row);
-        // Against a constant that the motor's limit cuts the hand has less to give.
+        self.delay.add(row);
+        // If the motor's limit clips a constant, the hand works less against it.
         let work = self.work(row) - self.height;
         let cut = self.stored.device.limit.is_some();
-        self.first + self.lent.work + if cut { work.max(0.0) } else { work }
+        self.first + self.delay.work + if cut { work.max(0.0) } else { work }
     }
 }
 
-/// What constant torques at bodies give in all, in a world of springs and dampers beside: they move it to where it rests with them, and
-/// no further, unless springs leave a way along which they push for ever. That is a source, and nothing of what it does is given: 0.
-/// `None` where the world is not of that kind, or has no such torque.
+/// The energy that constant torques at bodies can supply in a world of springs and dampers, in J: they move it to its equilibrium under
+/// them. If springs leave a direction without equilibrium, the torques are a source without bound, and none of their work counts as
+/// supplied: 0. `None` if the world has other couplings, or no such torque.
 fn reserve(world: &World) -> Option<f64> {
     let pushes = |c: &Coupling| c.is_at_body() && c.law.constant().is_some_and(|torque| torque != 0.0);
     if !world.couplings.iter().all(|c| c.linear().is_some()) || !world.couplings.iter().any(pushes) {
@@ -132,13 +139,13 @@ fn reserve(world: &World) -> Option<f64> {
     if (&matrix * &way - &push).amax() > 1e-9 * push.amax() {
         return Some(0.0);
     }
-    // From the start to where springs alone would rest, and on to where they rest with the push.
+    // From the start to the equilibrium of the springs alone, and on to the equilibrium with the torques.
     let start: f64 = world.bodies.iter().enumerate().map(|(i, body)| push[i] * body.position).sum();
     Some((0.5 * push.dot(&way) + way.dot(&rest) - start).max(0.0))
 }
 
-/// Runs a scenario and looks at each sample how much its hand has drawn. `had` in J is what the hand's spring holds at first: a
-/// gain of a million times that and the world's own ends the run. So does a number that is not finite.
+/// Runs a scenario and computes at each sample the energy that its hand has drawn. `had` in J is the initial energy of the hand's spring. A
+/// gain of a million times that plus the world's own ends the run, and so does a number that is not finite.
 ///
 /// # Errors
 /// When the loop cannot be compiled.

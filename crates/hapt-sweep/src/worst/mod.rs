@@ -1,17 +1,17 @@
 //! The passive hand that draws most energy from a loop: the other side of the certificate.
 //!
-//! A certificate says that no passive hand can draw energy. Here a hand is looked for that does: masses, springs and dampers, and such
-//! that open and take hold again. What the linear loop does with a hand is exact ([`hapt_analysis::worst_grip`]); what the whole loop
-//! does with it, limit, counts, friction and walls among it, is a run on the exact simulation, and its ledger ([`drawn`]).
+//! A certificate states that no passive hand can draw energy. This search tries to find one that does: masses, springs and dampers, also
+//! ones that let go and grip again. For the linear loop with a hand the result is exact ([`hapt_analysis::worst_grip`]). For the whole
+//! loop, with limit, counts, friction and walls, it is a run on the exact simulation, and its ledger ([`drawn`]).
 //!
-//! * [`search`] is the whole answer on one world: a [`Worst`].
+//! * [`search`] runs the whole search on one world and returns a [`Worst`].
 //! * [`Hand`] is a hand with the kick that it begins with, and the scenario that shows it.
-//! * [`Motion`] is what a hand does against counts, levels and samples, where no grip draws anything: a path that it prescribes.
-//! * [`Drawn`] is what a run's ledger says of the energy that the hand has had from the loop.
+//! * [`Motion`] is a prescribed path against counts, levels and samples, for worlds from which no grip draws energy.
+//! * [`Drawn`] is the energy that the hand has drawn from the loop, from a run's ledger.
 //!
-//! A certified world has to survive. A refused one should fall; where it does not, what is between the certificate and the worst
-//! hand found is the gap that [`Worst::gap`] gives.
-// No law, method or estimator falls into an arm for the rest.
+//! No hand may draw energy from a certified world. Some hand should from a refused one; where none does, [`Worst::gap`] is the distance
+//! between the certificate and the worst hand found.
+// Matches on laws, methods and estimators are exhaustive: no default arm.
 #![warn(clippy::wildcard_enum_match_arm)]
 
 mod drawn;

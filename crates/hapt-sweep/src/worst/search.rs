@@ -38,10 +38,10 @@ const STIFFER: [f64; 4] = [1.0, 0.3, 0.1, 0.03];
 /// The most runs of one climb.
 const RUNS: usize = 30;
 
-/// Why there is no answer.
+/// Why the search cannot run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// The linear loop has none.
+    /// The linear loop cannot be analysed.
     #[error("{0}")]
     Linear(#[from] hapt_analysis::Error),
     /// The world cannot be compiled.
@@ -49,21 +49,21 @@ pub enum Error {
     Run(#[from] hapt_sim::Error),
 }
 
-/// What lies between the certificate and the worst hand: device dampings, N·m·s/rad (linear: N·s/m).
+/// The distance between the certificate and the worst hand, as device dampings in N·m·s/rad (linear: N·s/m).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Gap {
-    /// What the certificate asks for; `None`: no finite damping will do.
+    /// The damping that the certificate requires; `None`: no finite damping suffices.
     pub required_damping: Option<f64>,
-    /// Up to which a hand on the linear loop still makes it grow; `None`: at none.
+    /// The largest damping at which a hand still makes the linear loop grow; `None`: none.
     pub breaking_damping: Option<f64>,
-    /// What the device has.
+    /// The device's damping.
     pub device_damping: f64,
 }
 
 /// The worst hand found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Worst {
-    /// Whether the certificate says that there is none.
+    /// Whether the world is certified.
     pub certified: bool,
     /// The linear loop's worst hand, or one nearly as bad whose spring gives a better kick, and its growth in 1/s; `None` where none that
     /// was tried makes it grow.
@@ -72,7 +72,7 @@ pub struct Worst {
     pub hand: Hand,
     /// Where no grip drew anything: the prescribed motion that did.
     pub motion: Option<Motion>,
-    /// What it drew.
+    /// The energy that it drew.
     pub drawn: Drawn,
     /// Whether that is more than rounding and a count of the encoder.
     pub drew: bool,
@@ -128,7 +128,7 @@ pub struct Moved {
     pub motion: Motion,
     /// The run that shows it, under the name `worst`, its path the file [`FILE`].
     pub scenario: Scenario,
-    /// What it drew.
+    /// The energy that it drew.
     pub drawn: Drawn,
 }
 

@@ -1,6 +1,6 @@
 //! `hapt flash` and `hapt run` with a board at a pseudoterminal: the firmware's own station in real time on the exact device.
 
-use hapt_host::board::simulate::Simulated;
+use hapt_host::board::simulate::SimulatedBoard;
 use hapt_model::{Source, World};
 use hapt_wire::device::Board;
 use hapt_wire::{Command, DeviceMessage, Hello, Order};
@@ -38,8 +38,8 @@ fn world(text: &str) -> World {
     World::read(&Source::from_text("w.toml", text), &[]).unwrap()
 }
 
-fn plugged(board: Board) -> (Simulated, String) {
-    let simulated = Simulated::start(board, world(KNOB).device_spec()).unwrap();
+fn plugged(board: Board) -> (SimulatedBoard, String) {
+    let simulated = SimulatedBoard::start(board, world(KNOB).device_spec()).unwrap();
     let spec = format!("hapt:{}", simulated.path().display());
     (simulated, spec)
 }

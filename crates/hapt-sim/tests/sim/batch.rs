@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use hapt_model::*;
-use hapt_sim::{Outcome, SIDE, Simulation, Summary, side_by_side};
+use hapt_sim::{LANES, Outcome, Simulation, Summary, run_batch};
 use proptest::prelude::*;
 
 /// Numbers for worlds that share a seed and differ in a lane.
@@ -109,7 +109,7 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
     world
 }
 
-fn worlds(of: impl Fn(u64) -> World) -> Box<[World; SIDE]> {
+fn worlds(of: impl Fn(u64) -> World) -> Box<[World; LANES]> {
     Box::new(std::array::from_fn(|lane| of(lane as u64)))
 }
 
@@ -133,7 +133,7 @@ proptest! {
     #[test]
     fn a_lane_has_the_bits_of_the_run_alone(seed in any::<u64>(), runaway in any::<bool>()) {
         let worlds = worlds(|lane| world(seed, lane, runaway));
-        let outcomes = side_by_side(&worlds, 0);
+        let outcomes = run_batch(&worlds, 0);
         prop_assert!(outcomes.is_some(), "these worlds fit: {:#?}", worlds[0]);
         for (lane, (world, outcome)) in worlds.iter().zip(outcomes.unwrap()).enumerate() {
             prop_assert_eq!(bits(outcome), bits(alone(world)), "lane {}: {:#?}", lane, world);
@@ -152,7 +152,7 @@ fn a_lane_that_runs_away_leaves_the_others_alone() {
         world
     };
     let worlds = worlds(of);
-    let outcomes = side_by_side(&worlds, 0).unwrap();
+    let outcomes = run_batch(&worlds, 0).unwrap();
     for (lane, (world, outcome)) in worlds.iter().zip(outcomes).enumerate() {
         assert_eq!(outcome.is_none(), lane == 3);
         assert_eq!(bits(outcome), bits(alone(world)), "lane {lane}");
@@ -168,7 +168,7 @@ fn what_looks_at_its_numbers_runs_alone() {
             change(&mut world, lane);
             world
         };
-        side_by_side(&worlds(of), 0).is_some()
+        run_batch(&worlds(of), 0).is_some()
     };
     let of_puck = |law| Coupling { first: End::Puck, second: End::Ground, law, limit: None };
     let lean = Shape::Sine { amplitude: 0.1, frequency: 1.0, phase: 0.0 };

@@ -7,9 +7,9 @@ use crate::spec::Shape;
 
 /// A shape laid on the loop's samples: at least one piece, the first from 0 on, their starts not decreasing.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Curve(Vec<Piece>);
+pub(crate) struct Trajectory(Vec<Piece>);
 
-/// What a curve is from `from` on, until the next piece begins.
+/// What a trajectory is from `from` on, until the next piece begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
     pub(crate) from: f64,
@@ -65,10 +65,10 @@ pub(crate) fn snap(t: f64, period: f64) -> f64 {
     if (t - sample).abs() <= 1e-6 * period { sample } else { t }
 }
 
-impl Curve {
+impl Trajectory {
     pub fn new(shape: &Shape, period: f64) -> Self {
         let rest = Piece::straight(0.0, 0.0, 0.0);
-        Curve(match *shape {
+        Trajectory(match *shape {
             Shape::Step { to, at } => vec![rest, Piece::straight(snap(at, period), to, 0.0)],
             Shape::Ramp { to, at, over } => {
                 let (from, end) = (snap(at, period), snap(at + over, period));
@@ -97,7 +97,7 @@ impl Curve {
         })
     }
 
-    /// The piece that the curve begins with, before whatever happens at 0.
+    /// The piece that the trajectory begins with, before whatever happens at 0.
     pub fn first(&self) -> Piece {
         self.0[0]
     }
@@ -131,19 +131,19 @@ mod tests {
 
     #[test]
     fn a_step_on_a_sample_has_happened_at_it_and_not_before() {
-        let curve = Curve::new(&Shape::Step { to: 2.0, at: 0.3 }, 0.1);
+        let trajectory = Trajectory::new(&Shape::Step { to: 2.0, at: 0.3 }, 0.1);
         let t3 = 3.0 * 0.1;
         assert_ne!(t3, 0.3);
-        assert_eq!(curve.piece(t3).at(t3), (2.0, 0.0));
-        assert_eq!(curve.piece(0.999 * t3).at(t3), (0.0, 0.0));
-        assert_eq!(curve.next_break(0.0), Some(t3));
-        assert_eq!(curve.next_break(t3), None);
+        assert_eq!(trajectory.piece(t3).at(t3), (2.0, 0.0));
+        assert_eq!(trajectory.piece(0.999 * t3).at(t3), (0.0, 0.0));
+        assert_eq!(trajectory.next_break(0.0), Some(t3));
+        assert_eq!(trajectory.next_break(t3), None);
     }
 
     #[test]
     fn a_ramp_runs_straight_and_ends_where_it_should() {
-        let curve = Curve::new(&Shape::Ramp { to: 3.0, at: 0.25, over: 0.5 }, 0.1);
-        let at = |t: f64| curve.piece(t).at(t);
+        let trajectory = Trajectory::new(&Shape::Ramp { to: 3.0, at: 0.25, over: 0.5 }, 0.1);
+        let at = |t: f64| trajectory.piece(t).at(t);
         assert_eq!(at(0.2), (0.0, 0.0));
         assert_eq!(at(0.5), (1.5, 6.0));
         assert_eq!(at(0.74).1, 6.0);
@@ -154,16 +154,16 @@ mod tests {
     fn a_path_stays_before_its_first_point_and_after_its_last() {
         let shape =
             Shape::Path { file: alloc::string::String::new(), points: vec![(1.0, 4.0), (2.0, 6.0), (4.0, 0.0)] };
-        let curve = Curve::new(&shape, 1e-3);
+        let trajectory = Trajectory::new(&shape, 1e-3);
         for (t, value) in [(0.0, 4.0), (0.5, 4.0), (1.5, 5.0), (2.0, 6.0), (3.0, 3.0), (9.0, 0.0)] {
-            assert!((curve.piece(t).at(t).0 - value).abs() < 1e-12);
+            assert!((trajectory.piece(t).at(t).0 - value).abs() < 1e-12);
         }
-        assert_eq!(curve.last().from, 4.0);
+        assert_eq!(trajectory.last().from, 4.0);
     }
 
     #[test]
     fn the_path_of_a_sine_is_four_amplitudes_a_turn() {
-        let sine = Curve::new(&Shape::Sine { amplitude: -0.5, frequency: 1.0, phase: 0.3 }, 1e-3);
+        let sine = Trajectory::new(&Shape::Sine { amplitude: -0.5, frequency: 1.0, phase: 0.3 }, 1e-3);
         let (square, path) = sine.last().travel(0.125, 3.125);
         assert!((path - 3.0 * 4.0 * 0.5).abs() < 1e-12);
         let mean_square = 0.5 * (0.5 * core::f64::consts::TAU) * (0.5 * core::f64::consts::TAU);

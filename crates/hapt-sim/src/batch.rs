@@ -1,9 +1,9 @@
-//! Runs side by side, for whoever wants a few numbers of many runs: a world in each lane, all at the same sample.
+//! Batches of runs, for a few numbers of many runs: one world a lane, all lanes at the same sample.
 //!
-//! The loop is hapt-core's own on [`Lanes`], and the puck moves by the same products and sums as in a run of its own, so that each lane
-//! has the bits of [`crate::Simulation`]. What looks at its numbers has no place here, and [`side_by_side`] then says `None`: nonlinear
-//! couplings, FOAW, Coulomb friction on a puck that the hand lets move, grips, torques that change between their steps, delays that are
-//! no whole samples or not the same everywhere, and whatever a hand does between two samples.
+//! The loop is hapt-core's own on [`Lanes`], and the puck moves by the same products and sums as in a single run, so that each lane
+//! has the bits of [`crate::Simulation`]. Code that branches on its numbers cannot run in lanes. [`run_batch`] returns `None` for it:
+//! nonlinear couplings, FOAW, Coulomb friction on a puck that is not held, grips, torques that change between their steps, delays that
+//! are not whole samples or differ between the worlds, and events of the hand between two samples.
 
 use std::array::from_fn;
 
@@ -15,16 +15,16 @@ use crate::energy::world_energy;
 use crate::run::rows;
 use hapt_plant::{Hand, Motor, Push, under_held_torque};
 
-/// So many worlds run side by side: two of the widest vectors of today, so that one computes while the other waits.
-pub const SIDE: usize = 16;
+/// The number of worlds in a batch: two of today's widest vectors, so that one computes while the other waits.
+pub const LANES: usize = 16;
 /// The most couplings of a world in a lane.
 const COUPLINGS: usize = 8;
 /// The longest delay in samples; its commands are kept for all lanes.
 const LONGEST_DELAY: usize = 4096;
 
-type Side = Lanes<SIDE>;
+type Batch = Lanes<LANES>;
 
-/// What remains of a run in a lane.
+/// The results of a run in a lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
     /// As [`crate::Summary::peak_torque`].
@@ -33,17 +33,17 @@ pub struct Outcome {
     pub final_energy: f64,
 }
 
-/// The scenario `scenario(world)` of each world, all of them side by side. An outcome is `None` where the run stops being finite; all
-/// are `None` together where these worlds do not fit, and have to be run one by one.
-pub fn side_by_side(worlds: &[World; SIDE], scenario: usize) -> Option<[Option<Outcome>; SIDE]> {
+/// Runs scenario number `scenario` of each world, all in one batch. An outcome is `None` where the run stops being finite. Returns `None`
+/// where these worlds cannot run as a batch and must be run one by one.
+pub fn run_batch(worlds: &[World; LANES], scenario: usize) -> Option<[Option<Outcome>; LANES]> {
     match worlds[0].bodies.len() {
-        0 | 1 => in_room::<1>(worlds, scenario),
-        2..=4 => in_room::<4>(worlds, scenario),
+        0 | 1 => with_capacity::<1>(worlds, scenario),
+        2..=4 => with_capacity::<4>(worlds, scenario),
         _ => None,
     }
 }
 
-fn in_room<const B: usize>(worlds: &[World; SIDE], scenario: usize) -> Option<[Option<Outcome>; SIDE]> {
+fn with_capacity<const B: usize>(worlds: &[World; LANES], scenario: usize) -> Option<[Option<Outcome>; LANES]> {
     let run = Run::<B>::new(worlds, scenario)?;
     pulp::Arch::new().dispatch(run)
 }
@@ -54,30 +54,30 @@ struct Lane<'w> {
     hand: Hand,
     period: f64,
     rows: u64,
-    /// The sample at which the hand does something next; never: none.
+    /// The sample of the hand's next event; `u64::MAX`: none.
     next: u64,
-    /// Whether the hand is still there.
+    /// Whether the hand still holds the puck.
     held: bool,
 }
 
-/// How the pucks move until a hand does something next.
+/// How the pucks move until the next event of a hand.
 #[derive(Clone, Copy)]
 struct Motion {
-    /// 1 where the puck is pushed, 0 where it is where its hand wants it.
-    pushed: Side,
-    /// By what, beside the motor.
-    push: Side,
+    /// 1 where a torque moves the puck, 0 where its hand prescribes the position.
+    pushed: Batch,
+    /// The torque beside the motor's.
+    push: Batch,
     any_pushed: bool,
-    /// Whether some hand moves its puck.
-    any_led: bool,
+    /// Whether some hand prescribes a motion.
+    any_prescribed: bool,
 }
 
 struct Run<'w, const B: usize> {
     lanes: Vec<Lane<'w>>,
-    compiled: Loop<Side, B, 0, 1>,
-    /// What velocity and torque do to position and velocity over a period.
-    plant: [[Side; 2]; 2],
-    motor: Motor<Side>,
+    compiled: Loop<Batch, B, 0, 1>,
+    /// The change of position and velocity over a period, by velocity and by torque.
+    plant: [[Batch; 2]; 2],
+    motor: Motor<Batch>,
 }
 
 impl<'w> Lane<'w> {
@@ -90,12 +90,12 @@ impl<'w> Lane<'w> {
         fits.then_some(lane)
     }
 
-    /// Whether the puck is ever left to what pushes it.
+    /// Whether the puck ever moves by its own dynamics.
     fn moves(&self) -> bool {
         self.hand.prescribed().is_none() || self.hand.is_gone((self.rows - 1) as f64 * self.period)
     }
 
-    /// What the hand does at sample k; the puck where it then is, if the hand says so. `None` when its next act is at no sample.
+    /// The hand's event at sample k. Returns the puck, moved where the hand prescribes it; `None` if the next event is not at a sample.
     fn act(&mut self, k: u64, puck: (f64, f64)) -> Option<(f64, f64)> {
         let t = k as f64 * self.period;
         self.next = u64::MAX;
@@ -113,7 +113,7 @@ impl<'w> Lane<'w> {
         Some(self.hand.prescribed().map_or(puck, |piece| piece.at(t)))
     }
 
-    /// What pushes the puck from sample k on; `None` where the hand says where it is.
+    /// The torque on the puck from sample k on; `None` where the hand prescribes its position.
     fn push(&self, k: u64) -> Option<Push> {
         match self.hand.prescribed() {
             _ if !self.held => Some(Default::default()),
@@ -124,23 +124,23 @@ impl<'w> Lane<'w> {
 }
 
 impl<'w, const B: usize> Run<'w, B> {
-    fn new(worlds: &'w [World; SIDE], scenario: usize) -> Option<Self> {
-        let mut lanes = Vec::with_capacity(SIDE);
+    fn new(worlds: &'w [World; LANES], scenario: usize) -> Option<Self> {
+        let mut lanes = Vec::with_capacity(LANES);
         for world in worlds {
             lanes.push(Lane::new(world, world.scenarios.get(scenario)?)?);
         }
-        let motors: Vec<Motor<Side>> =
+        let motors: Vec<Motor<Batch>> =
             lanes.iter().map(|lane| Motor::new(lane.world.sampling.delay_s(), lane.period)).collect();
         let motor = motors.first()?.clone();
         if motor.samples > LONGEST_DELAY || motors.iter().any(|m| m.rest != 0.0 || m.samples != motor.samples) {
             return None;
         }
-        let mut loops = Vec::with_capacity(SIDE);
+        let mut loops = Vec::with_capacity(LANES);
         for lane in &lanes {
             loops.push(Loop::<f64, B, COUPLINGS, 1>::new(&lane.world.spec()).ok()?);
         }
-        let compiled = Loop::side_by_side(loops.as_slice().try_into().ok()?)?;
-        let mut plant = [[Side::ZERO; 2]; 2];
+        let compiled = Loop::batch(loops.as_slice().try_into().ok()?)?;
+        let mut plant = [[Batch::ZERO; 2]; 2];
         for (i, lane) in lanes.iter().enumerate().filter(|(_, lane)| lane.moves()) {
             let device = &lane.world.device;
             let change = under_held_torque(device.inertia, device.damping, lane.period);
@@ -151,10 +151,10 @@ impl<'w, const B: usize> Run<'w, B> {
         Some(Run { lanes, compiled, plant, motor })
     }
 
-    /// What the hands do at sample k; the pucks then, and how they move on.
+    /// The hands' events at sample k. Returns the pucks, and how they move from there.
     #[inline(never)]
-    fn act(&mut self, k: u64, mut puck: [Side; 2]) -> Option<([Side; 2], Motion)> {
-        let mut motion = Motion { pushed: Side::ZERO, push: Side::ZERO, any_pushed: false, any_led: false };
+    fn act(&mut self, k: u64, mut puck: [Batch; 2]) -> Option<([Batch; 2], Motion)> {
+        let mut motion = Motion { pushed: Batch::ZERO, push: Batch::ZERO, any_pushed: false, any_prescribed: false };
         for (i, lane) in self.lanes.iter_mut().enumerate() {
             if lane.next == k {
                 (puck[0].0[i], puck[1].0[i]) = lane.act(k, (puck[0].0[i], puck[1].0[i]))?;
@@ -165,15 +165,15 @@ impl<'w, const B: usize> Run<'w, B> {
                     (motion.pushed.0[i], motion.push.0[i]) = (1.0, push.value);
                 }
                 Some(_) => return None,
-                None => motion.any_led |= lane.hand.prescribed().is_some_and(|piece| !piece.is_flat()),
+                None => motion.any_prescribed |= lane.hand.prescribed().is_some_and(|piece| !piece.is_flat()),
             }
         }
         Some((puck, motion))
     }
 
-    /// Takes the pucks that a hand moves to where they are at sample k.
+    /// Sets the pucks whose motion a hand prescribes to their positions at sample k.
     #[inline(never)]
-    fn lead(&self, k: u64, mut puck: [Side; 2]) -> [Side; 2] {
+    fn prescribe(&self, k: u64, mut puck: [Batch; 2]) -> [Batch; 2] {
         for (i, lane) in self.lanes.iter().enumerate().filter(|(_, lane)| lane.held) {
             if let Some(piece) = lane.hand.prescribed().filter(|piece| !piece.is_flat()) {
                 (puck[0].0[i], puck[1].0[i]) = piece.at(k as f64 * lane.period);
@@ -184,26 +184,26 @@ impl<'w, const B: usize> Run<'w, B> {
 }
 
 impl<const B: usize> WithSimd for Run<'_, B> {
-    type Output = Option<[Option<Outcome>; SIDE]>;
+    type Output = Option<[Option<Outcome>; LANES]>;
 
     /// The whole run, compiled once for each width of vectors.
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
         let compiled = self.compiled;
         let mut state = compiled.start();
-        let mut outcomes = [None; SIDE];
-        let mut puck = [Side::ZERO; 2];
+        let mut outcomes = [None; LANES];
+        let mut puck = [Batch::ZERO; 2];
         for (i, lane) in self.lanes.iter().enumerate() {
             if let Some(piece) = lane.hand.prescribed() {
                 (puck[0].0[i], puck[1].0[i]) = piece.at(0.0);
             }
         }
-        let mut motion = Motion { pushed: Side::ZERO, push: Side::ZERO, any_pushed: false, any_led: false };
-        let (mut applied, mut peak, mut sound) = (Side::ZERO, Side::ZERO, Side::ZERO);
+        let mut motion = Motion { pushed: Batch::ZERO, push: Batch::ZERO, any_pushed: false, any_prescribed: false };
+        let (mut applied, mut peak, mut finite_sum) = (Batch::ZERO, Batch::ZERO, Batch::ZERO);
         let end = self.lanes.iter().map(|lane| lane.rows).max()?;
         let mut k = 0;
         while k < end {
-            // From here to the next act of any hand, or the end of any run.
+            // Up to the next event of any hand, or the end of any run.
             let first = k;
             let mut last = end;
             while k < last {
@@ -211,9 +211,9 @@ impl<const B: usize> WithSimd for Run<'_, B> {
                     if motion.any_pushed {
                         puck = moved(&self.plant, puck, applied + motion.push, motion.pushed);
                     }
-                    if motion.any_led {
-                        puck = self.lead(k, puck);
-                        sound += Side::ZERO * puck[1];
+                    if motion.any_prescribed {
+                        puck = self.prescribe(k, puck);
+                        finite_sum += Batch::ZERO * puck[1];
                     }
                 }
                 if k == first {
@@ -230,13 +230,13 @@ impl<const B: usize> WithSimd for Run<'_, B> {
                 };
                 peak = peak.larger(sample.torque.abs());
                 // 0 · x is 0 or NaN, and a NaN stays in a sum. Bodies and puck, once not finite, stay so.
-                sound += Side::ZERO * sample.torque;
+                finite_sum += Batch::ZERO * sample.torque;
                 k += 1;
             }
             for (i, lane) in self.lanes.iter().enumerate().filter(|(_, lane)| lane.rows == k) {
                 let bodies: [(f64, f64); B] = from_fn(|j| (state.now.position[j].0[i], state.now.velocity[j].0[i]));
                 let bodies = &bodies[..compiled.bodies()];
-                let own = [(puck[0].0[i], puck[1].0[i]), (sound.0[i], 0.0)];
+                let own = [(puck[0].0[i], puck[1].0[i]), (finite_sum.0[i], 0.0)];
                 let finite = own.iter().chain(bodies).all(|(x, v)| x.is_finite() && v.is_finite());
                 outcomes[i] = finite.then(|| Outcome {
                     peak_torque: peak.0[i],
@@ -250,7 +250,7 @@ impl<const B: usize> WithSimd for Run<'_, B> {
 
 /// The puck a period later, where it is pushed.
 #[inline(always)]
-fn moved(plant: &[[Side; 2]; 2], [position, velocity]: [Side; 2], torque: Side, pushed: Side) -> [Side; 2] {
+fn moved(plant: &[[Batch; 2]; 2], [position, velocity]: [Batch; 2], torque: Batch, pushed: Batch) -> [Batch; 2] {
     let [by_position, by_velocity] = plant;
     let travel = by_position[0] * velocity + by_position[1] * torque;
     let gain = by_velocity[0] * velocity + by_velocity[1] * torque;
