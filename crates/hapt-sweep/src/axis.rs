@@ -25,11 +25,16 @@ pub struct Axis {
     pub count: u64,
     /// Whether neighbours have the same ratio instead of the same difference.
     pub logarithmic: bool,
+    /// The values one by one, where they follow no rule; `from` and `to` are then the least and the largest.
+    pub listed: Vec<f64>,
 }
 
 impl Axis {
-    /// The i-th value, FROM + i (TO - FROM)/(N - 1) or FROM (TO/FROM)^(i/(N - 1)); the ends are exact.
+    /// The i-th value, FROM + i (TO - FROM)/(N - 1) or FROM (TO/FROM)^(i/(N - 1)), the ends exact; or the i-th of a list.
     pub fn value(&self, i: u64) -> f64 {
+        if let Some(value) = self.listed.get(i as usize) {
+            return *value;
+        }
         let last = self.count.saturating_sub(1);
         if i == 0 {
             self.from
@@ -42,9 +47,13 @@ impl Axis {
         }
     }
 
-    /// The value at an end of the axis: `from`, or the last one.
+    /// The value at an end of the axis: `from`, or the last one; of a list the least or the largest.
     fn end(&self, last: bool) -> f64 {
-        self.value(if last { self.count - 1 } else { 0 })
+        match (last, self.listed.is_empty()) {
+            (false, false) => self.from,
+            (true, false) => self.to,
+            (last, true) => self.value(if last { self.count - 1 } else { 0 }),
+        }
     }
 }
 
@@ -112,6 +121,42 @@ impl Grid {
         Grid::read(source, sets, axes, Form::Grid)
     }
 
+    /// The same with the values of each axis one by one, in SI.
+    ///
+    /// # Errors
+    /// As [`Grid::new`]; also for an axis without a value, or with one that is not finite.
+    pub fn listed(source: &Source, sets: &[String], axes: &[(String, Vec<f64>)]) -> Result<(Grid, World), Error> {
+        if let Some((key, _)) =
+            axes.iter().find(|(_, values)| values.is_empty() || values.iter().any(|x| !x.is_finite()))
+        {
+            return Err(Error::Axis(format!("{key}: an axis takes finite numbers, at least one")));
+        }
+        let ends = |values: &[f64]| {
+            let from = values.iter().copied().fold(f64::INFINITY, f64::min);
+            (from, values.iter().copied().fold(f64::NEG_INFINITY, f64::max))
+        };
+        let spelled = axes.iter().map(|(key, values)| {
+            let (from, to) = ends(values);
+            format!("{key}={}..{}:1", plain(from), plain(to))
+        });
+        let (mut grid, world) = Grid::new(source, sets, &spelled.collect::<Vec<_>>())?;
+        let mut cells = 1u64;
+        for (axis, (key, values)) in grid.axes.iter_mut().zip(axes) {
+            axis.count = values.len() as u64;
+            axis.listed.clone_from(values);
+            if let Some(Takes::Whole { step, .. }) = world.key(key).map(|key| key.takes) {
+                whole(axis, step).map_err(|message| Error::Axis(format!("{key}: {message}")))?;
+            }
+            cells = cells
+                .checked_mul(axis.count)
+                .filter(|cells| *cells <= MOST_CELLS)
+                .ok_or_else(|| Error::Axis(format!("{key}: the grid has more than {MOST_CELLS} cells")))?;
+        }
+        grid.cells = cells;
+        grid.corners(source, sets)?;
+        Ok((grid, world))
+    }
+
     /// The same for a plane: two axes, each `KEY=FROM..TO[:log]`, with their ends as the only values.
     ///
     /// # Errors
@@ -173,10 +218,8 @@ impl Grid {
     /// grid crosses at a corner or nowhere.
     fn corners(&self, source: &Source, sets: &[String]) -> Result<(), Error> {
         for corner in 1..1u32 << self.axes.len() {
-            let value = |(i, axis): (usize, &Axis)| format!("{}={:?}", axis.key, axis.end(corner >> i & 1 == 1));
+            let value = |(i, axis): (usize, &Axis)| format!("{}={}", axis.key, plain(axis.end(corner >> i & 1 == 1)));
             let values = self.axes.iter().enumerate().map(value);
-            // A whole number's key takes no 4000.0.
-            let values = values.map(|set| set.strip_suffix(".0").map(str::to_string).unwrap_or(set));
             let sets: Vec<String> = sets.iter().cloned().chain(values).collect();
             World::read(source, &sets).map_err(varied)?;
         }
@@ -191,6 +234,12 @@ impl Grid {
             axis.value(cell / below % axis.count)
         })
     }
+}
+
+/// A number that reads back to the same one; a whole number's key takes no 4000.0.
+fn plain(value: f64) -> String {
+    let text = format!("{value:?}");
+    text.strip_suffix(".0").map(str::to_string).unwrap_or(text)
 }
 
 /// The world itself could be read, so the mistake is in what is varied.
@@ -217,7 +266,8 @@ fn axis(parts: &Written<'_>, key: &Key, world: &World) -> Result<Axis, String> {
     if parts.logarithmic && (from == 0.0 || (from < 0.0) != (to < 0.0) || to == 0.0) {
         return Err(format!("equal ratios need both ends on one side of 0, not {} and {}", parts.from, parts.to));
     }
-    let axis = Axis { key: parts.key.into(), unit, from, to, count, logarithmic: parts.logarithmic };
+    let axis =
+        Axis { key: parts.key.into(), unit, from, to, count, logarithmic: parts.logarithmic, listed: Vec::new() };
     if let Takes::Whole { step, .. } = key.takes {
         whole(&axis, step)?;
     }
@@ -226,7 +276,7 @@ fn axis(parts: &Written<'_>, key: &Key, world: &World) -> Result<Axis, String> {
 
 /// Whether all values of a whole number's axis are whole multiples of `step`. With equal steps it is enough to look at two.
 fn whole(axis: &Axis, step: u64) -> Result<(), String> {
-    let looked = if axis.logarithmic { axis.count } else { axis.count.min(2) };
+    let looked = if axis.logarithmic || !axis.listed.is_empty() { axis.count } else { axis.count.min(2) };
     let bad = (0..looked).map(|i| axis.value(i)).find(|value| value % step as f64 != 0.0);
     match bad {
         None => Ok(()),

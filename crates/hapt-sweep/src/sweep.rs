@@ -41,6 +41,14 @@ impl Sweep {
         scenario: Option<&str>,
     ) -> Result<Self, Error> {
         let (grid, world) = Grid::new(source, sets, axes)?;
+        Sweep::of_grid(grid, world, measures, scenario)
+    }
+
+    /// The same over a grid, which may be one of listed values, and the world at its first cell.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub fn of_grid(grid: Grid, world: World, measures: &[Measure], scenario: Option<&str>) -> Result<Self, Error> {
         if measures.is_empty() {
             let names = Measure::ALL.map(Measure::name).join(", ");
             return Err(Error::Measure(format!("nothing to measure: --measure takes {names}")));
