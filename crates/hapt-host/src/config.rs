@@ -261,7 +261,7 @@ mod tests {
             ("couplings.0=1 #.stiffness", "1"),
         ] {
             let refused = config.with(key, value).map(|next| next.sets()).unwrap_err();
-            assert!(refused.contains("is no key that can be set"), "{key}: {refused}");
+            assert!(refused.contains("cannot be set while the loop runs"), "{key}: {refused}");
         }
     }
 

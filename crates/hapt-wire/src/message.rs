@@ -334,7 +334,7 @@ impl Refusal {
             Refusal::Room => "the world is too large for it",
             Refusal::World => "a number of the world is out of the range of its own numbers",
             Refusal::Period => "its timer does not keep this period: loop.period",
-            Refusal::NoLimit => "the world does not say what its motor may be asked for: device.limit",
+            Refusal::NoLimit => "the world does not give the largest torque of its motor: device.limit",
             Refusal::Exact => "an encoder gives no true velocity: loop.estimator",
             Refusal::Armed => "while there may be a torque, it changes no world",
             Refusal::NoWorld => "it runs another world than the one that is meant",

@@ -94,12 +94,12 @@ fn a_key_that_is_wrong_is_refused_in_the_readers_words_and_changes_nothing() {
         ("loop.period", "10 s", "50 us to 100 ms"),
         ("loop.period", "-1 ms", "above 0"),
         ("couplings.0.stiffness", "", "stiffness"),
-        ("couplings.7.stiffness", "1 N m/rad", "no key that can be set"),
-        ("couplings.0.kind", "wall", "no key that can be set"),
-        ("title", "x", "no key that can be set"),
+        ("couplings.7.stiffness", "1 N m/rad", "cannot be set while the loop runs"),
+        ("couplings.0.kind", "wall", "cannot be set while the loop runs"),
+        ("title", "x", "cannot be set while the loop runs"),
         ("loop.method", "newton", "forward-euler"),
-        ("loop.period=1 ms\nloop.method", "zoh", "no key that can be set"),
-        ("scenarios.step.hand.to", "1 rad", "no key that can be set"),
+        ("loop.period=1 ms\nloop.method", "zoh", "cannot be set while the loop runs"),
+        ("scenarios.step.hand.to", "1 rad", "cannot be set while the loop runs"),
     ] {
         page.say(json!({ "type": "set", "key": key, "value": value }));
         let refused = page.hear("refused");
