@@ -222,7 +222,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         let contacts = nonlinear.iter().flatten().filter(|coupling| coupling.at_body()).count();
         let force_on_bodies = contacts > 0;
         // Runge-Kutta is a matrix only where everything is one; beside nonlinear torques it takes four of Euler's stages.
-        let staged = spec.method == Method::Rk4 && force_on_bodies;
+        let staged = spec.method.has_stages() && force_on_bodies;
         let method = if staged { Method::ForwardEuler } else { spec.method };
 
         let dynamics = Dynamics { n, inertia, stiffness: network.stiffness, damping: network.damping };

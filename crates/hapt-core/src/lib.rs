@@ -54,6 +54,7 @@ mod gradient;
 mod lanes;
 mod law;
 mod matrix;
+mod named;
 mod nonlinear;
 mod real;
 mod rules;

@@ -109,55 +109,31 @@ impl Side {
     }
 }
 
-/// The rule that takes the bodies over one period. x = (positions, velocities), u = (z, ż) of the puck.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Method {
-    /// x_{k+1} = x_k + T f(x_k, u_k)
-    ForwardEuler,
-    /// x_{k+1} = x_k + T f(x_{k+1}, u_k)
-    BackwardEuler,
-    /// v_{k+1} = v_k + T a(x_k, v_k, u_k), then positions x_{k+1} = x_k + T v_{k+1}
-    SemiImplicitEuler,
-    /// x_{k+1} = x_k + T/2 (f(x_k, u_k) + f(x_{k+1}, u_k))
-    Trapezoidal,
-    /// Exact for u held at u_k over the step.
-    Zoh,
-    /// Classical Runge-Kutta, u held at u_k.
-    Rk4,
-    /// x_k = x_{k-1} + T/2 (f(x_{k-1}, u_{k-1}) + f(x_k, u_k))
-    Tustin,
-    /// Exact for u running straight from u_{k-1} to u_k.
-    Foh,
+crate::named! {
+    /// The rule that takes the bodies over one period. x = (positions, velocities), u = (z, ż) of the puck.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    pub enum Method {
+        /// x_{k+1} = x_k + T f(x_k, u_k)
+        ForwardEuler => "forward-euler",
+        /// x_{k+1} = x_k + T f(x_{k+1}, u_k)
+        BackwardEuler => "backward-euler",
+        /// v_{k+1} = v_k + T a(x_k, v_k, u_k), then positions x_{k+1} = x_k + T v_{k+1}
+        SemiImplicitEuler => "semi-implicit-euler",
+        /// x_{k+1} = x_k + T/2 (f(x_k, u_k) + f(x_{k+1}, u_k))
+        Trapezoidal => "trapezoidal",
+        /// Exact for u held at u_k over the step.
+        Zoh => "zoh",
+        /// Classical Runge-Kutta, u held at u_k.
+        Rk4 => "rk4",
+        /// x_k = x_{k-1} + T/2 (f(x_{k-1}, u_{k-1}) + f(x_k, u_k))
+        Tustin => "tustin",
+        /// Exact for u running straight from u_{k-1} to u_k.
+        Foh => "foh",
+    }
 }
 
 impl Method {
-    /// All of them, in the order of the documentation.
-    pub const ALL: [Method; 8] = [
-        Method::ForwardEuler,
-        Method::BackwardEuler,
-        Method::SemiImplicitEuler,
-        Method::Trapezoidal,
-        Method::Zoh,
-        Method::Rk4,
-        Method::Tustin,
-        Method::Foh,
-    ];
-
-    /// The method's name in world files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Method::ForwardEuler => "forward-euler",
-            Method::BackwardEuler => "backward-euler",
-            Method::SemiImplicitEuler => "semi-implicit-euler",
-            Method::Trapezoidal => "trapezoidal",
-            Method::Zoh => "zoh",
-            Method::Rk4 => "rk4",
-            Method::Tustin => "tustin",
-            Method::Foh => "foh",
-        }
-    }
-
     /// Whether the method takes the new sample first and the torque from x_k afterwards (`tustin`, `foh`); the others hold
     /// u_k over the coming step.
     pub const fn takes_new_sample_first(self) -> bool {
@@ -169,6 +145,20 @@ impl Method {
             | Method::Trapezoidal
             | Method::Zoh
             | Method::Rk4 => false,
+        }
+    }
+
+    /// Whether a step has stages in between, at which nonlinear torques are taken anew.
+    pub const fn has_stages(self) -> bool {
+        match self {
+            Method::Rk4 => true,
+            Method::ForwardEuler
+            | Method::BackwardEuler
+            | Method::SemiImplicitEuler
+            | Method::Trapezoidal
+            | Method::Zoh
+            | Method::Tustin
+            | Method::Foh => false,
         }
     }
 
@@ -189,29 +179,17 @@ impl Method {
     }
 }
 
-/// Which state of the bodies makes the torque of sample k.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Output {
-    /// x_k, as the notes' diagrams have it.
-    Start,
-    /// (x_k + x_{k+1})/2
-    Middle,
-    /// The positions of x_{k+1} with the mean velocities over the step, (w_{k+1} - w_k)/T.
-    End,
-}
-
-impl Output {
-    /// All of them.
-    pub const ALL: [Output; 3] = [Output::Start, Output::Middle, Output::End];
-
-    /// The output's name in world files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Output::Start => "start",
-            Output::Middle => "middle",
-            Output::End => "end",
-        }
+crate::named! {
+    /// Which state of the bodies makes the torque of sample k.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    pub enum Output {
+        /// x_k, as the notes' diagrams have it.
+        Start => "start",
+        /// (x_k + x_{k+1})/2
+        Middle => "middle",
+        /// The positions of x_{k+1} with the mean velocities over the step, (w_{k+1} - w_k)/T.
+        End => "end",
     }
 }
 

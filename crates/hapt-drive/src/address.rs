@@ -12,13 +12,15 @@ use crate::simulate::Firmware;
 use crate::slcan::{self, Rate};
 use crate::{moteus, odrive};
 
-/// Whose drive it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Make {
-    /// mjbots' moteus.
-    Moteus,
-    /// An ODrive.
-    Odrive,
+hapt_core::named! {
+    /// Whose drive it is.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Make {
+        /// mjbots' moteus.
+        Moteus => "moteus",
+        /// An ODrive.
+        Odrive => "odrive",
+    }
 }
 
 /// A drive on a port or bus.
@@ -35,17 +37,6 @@ pub struct Address {
 }
 
 impl Make {
-    /// Both.
-    pub const ALL: [Make; 2] = [Make::Moteus, Make::Odrive];
-
-    /// Its name on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Make::Moteus => "moteus",
-            Make::Odrive => "odrive",
-        }
-    }
-
     /// Its name with its article.
     pub const fn one(self) -> &'static str {
         match self {
@@ -62,9 +53,12 @@ impl Make {
         }
     }
 
-    /// The one of this name.
-    pub fn named(name: &str) -> Option<Self> {
-        Make::ALL.into_iter().find(|make| make.name() == name)
+    /// The rate of its bus, where it has only one.
+    pub const fn rate(self) -> Option<&'static str> {
+        match self {
+            Make::Moteus => Some("1 Mbit/s with 5 Mbit/s for the data"),
+            Make::Odrive => None,
+        }
     }
 
     /// The inside of a simulated one with this identifier.
@@ -90,7 +84,7 @@ impl FromStr for Address {
     fn from_str(text: &str) -> Result<Self, String> {
         let (make, rest) = text.split_once(':').ok_or("a drive is moteus:PATH or odrive:PATH")?;
         let make =
-            Make::named(make).ok_or_else(|| format!("{make:?} is not a known drive; expected moteus or odrive"))?;
+            Make::from_name(make).ok_or_else(|| format!("{make:?} is not a known drive; expected moteus or odrive"))?;
         let (place, id) = match rest.rsplit_once('#') {
             None => (rest, 1),
             Some((place, id)) => {
@@ -114,14 +108,17 @@ impl FromStr for Address {
             ));
         }
         let address = Address { make, place: place.into(), rate, id };
-        match rate {
-            Some(_) if !address.is_port() => Err(format!(
+        if rate.is_none() {
+            return Ok(address);
+        }
+        if !address.is_port() {
+            return Err(format!(
                 "{place} is an interface of the system's, which sets its rate: ip link set {place} up type can bitrate 250000"
-            )),
-            Some(_) if make == Make::Moteus => {
-                Err("a moteus's bus has one rate, 1 Mbit/s with 5 Mbit/s for the data: leave it out".into())
-            }
-            _ => Ok(address),
+            ));
+        }
+        match make.rate() {
+            Some(own) => Err(format!("{}'s bus has one rate, {own}: leave it out", make.one())),
+            None => Ok(address),
         }
     }
 }

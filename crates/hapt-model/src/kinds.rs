@@ -8,89 +8,62 @@
 use hapt_core::Law;
 use hapt_plant::spec::{Drive, Shape};
 
-/// An enum whose variants have names: one list gives the variants, their names, and the way from one to the other.
-macro_rules! named {
-    ($(#[$about:meta])* $Kind:ident { $($(#[$doc:meta])* $Variant:ident = $name:literal,)* }) => {
-        $(#[$about])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum $Kind {
-            $($(#[$doc])* $Variant,)*
-        }
-
-        impl $Kind {
-            /// All of them, in the order of the documentation.
-            pub const ALL: &'static [$Kind] = &[$($Kind::$Variant),*];
-            /// Their names, in the same order.
-            pub const NAMES: &'static [&'static str] = &[$($name),*];
-
-            /// Its name in world files.
-            pub const fn name(self) -> &'static str {
-                match self {
-                    $($Kind::$Variant => $name,)*
-                }
-            }
-
-            /// The kind of this name.
-            pub fn from_name(name: &str) -> Option<Self> {
-                Self::ALL.iter().copied().find(|kind| kind.name() == name)
-            }
-        }
-    };
-}
-
-named! {
+hapt_core::named! {
     /// The kinds of couplings.
-    CouplingKind {
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum CouplingKind {
         /// [`Law::Spring`]
-        Spring = "spring",
+        Spring => "spring",
         /// [`Law::Damper`]
-        Damper = "damper",
+        Damper => "damper",
         /// [`Law::Wall`]
-        Wall = "wall",
+        Wall => "wall",
         /// [`Law::Detent`]
-        Detent = "detent",
+        Detent => "detent",
         /// [`Law::DeadBand`]
-        DeadBand = "dead-band",
+        DeadBand => "dead-band",
         /// [`Law::Magnet`]
-        Magnet = "magnet",
+        Magnet => "magnet",
         /// [`Law::Texture`]
-        Texture = "texture",
+        Texture => "texture",
         /// [`Law::Coulomb`] and [`Law::Lugre`]
-        Friction = "friction",
+        Friction => "friction",
         /// [`Law::Constant`]
-        Constant = "constant",
+        Constant => "constant",
     }
 }
 
-named! {
+hapt_core::named! {
     /// The kinds of hands: the shapes that prescribe the puck's position, and those that have their shape in `moves`.
-    HandKind {
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum HandKind {
         /// [`Shape::Step`] of the puck.
-        Step = "step",
+        Step => "step",
         /// [`Shape::Ramp`] of the puck.
-        Ramp = "ramp",
+        Ramp => "ramp",
         /// [`Shape::Sine`] of the puck.
-        Sine = "sine",
+        Sine => "sine",
         /// [`Shape::Path`] of the puck.
-        Path = "path",
+        Path => "path",
         /// [`Drive::Torque`]
-        Torque = "torque",
+        Torque => "torque",
         /// [`Drive::Grip`]
-        Grip = "grip",
+        Grip => "grip",
     }
 }
 
-named! {
+hapt_core::named! {
     /// The kinds of shapes.
-    ShapeKind {
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum ShapeKind {
         /// [`Shape::Step`]
-        Step = "step",
+        Step => "step",
         /// [`Shape::Ramp`]
-        Ramp = "ramp",
+        Ramp => "ramp",
         /// [`Shape::Sine`]
-        Sine = "sine",
+        Sine => "sine",
         /// [`Shape::Path`]
-        Path = "path",
+        Path => "path",
     }
 }
 
@@ -189,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_coupling_of_each_kind_is_read_as_a_law_of_that_kind() {
-        for &kind in CouplingKind::ALL {
+        for kind in CouplingKind::ALL {
             let world = World::read(&Source::from_text("w.toml", with(kind)), &[]).unwrap();
             assert_eq!(CouplingKind::of(&world.couplings[0].law), kind);
         }
@@ -199,7 +172,7 @@ mod tests {
     /// The core's own names and ranges are those of the table of keys.
     #[test]
     fn every_number_of_a_law_has_its_key() {
-        for &kind in CouplingKind::ALL {
+        for kind in CouplingKind::ALL {
             let row = |name: &str| {
                 keys::rows("couplings.*")
                     .find(|row| row.name() == name && row.belongs(Some(kind.name()), None, Motion::Rotary))

@@ -56,6 +56,7 @@ mod write;
 pub use dimension::Dimension;
 pub use error::{Error, ErrorKind, Location};
 pub use hapt_core::SafetyProfile;
+pub use hapt_core::named;
 pub use hapt_core::spec::{
     Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,
 };

@@ -5,14 +5,16 @@ use hapt_plant::spec::{DeviceSpec, Hand};
 
 use crate::safety::Safety;
 
-/// Whether the puck turns or slides.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Motion {
-    /// Angles in rad, torques in N·m, inertias in kg·m².
-    #[default]
-    Rotary,
-    /// Positions in m, forces in N, masses in kg.
-    Linear,
+hapt_core::named! {
+    /// Whether the puck turns or slides.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum Motion {
+        /// Angles in rad, torques in N·m, inertias in kg·m².
+        #[default]
+        Rotary => "rotary",
+        /// Positions in m, forces in N, masses in kg.
+        Linear => "linear",
+    }
 }
 
 /// A world file, read and checked. All numbers are in SI.
@@ -87,20 +89,22 @@ pub enum Delay {
     Samples(f64),
 }
 
-/// The estimators by name; their parameters stand beside them, as in the file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum EstimatorKind {
-    /// The true velocity.
-    #[default]
-    Exact,
-    /// The backward difference.
-    Difference,
-    /// The backward difference through a first-order low-pass.
-    LowPass,
-    /// First-order adaptive windowing, end-fit.
-    Foaw,
-    /// First-order adaptive windowing, best fit.
-    FoawBest,
+hapt_core::named! {
+    /// The estimators by name; their parameters stand beside them, as in the file.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum EstimatorKind {
+        /// The true velocity.
+        #[default]
+        Exact => "exact",
+        /// The backward difference.
+        Difference => "difference",
+        /// The backward difference through a first-order low-pass.
+        LowPass => "low-pass",
+        /// First-order adaptive windowing, end-fit.
+        Foaw => "foaw",
+        /// First-order adaptive windowing, best fit.
+        FoawBest => "foaw-best",
+    }
 }
 
 /// The `[device]` table: everything physical.
@@ -144,47 +148,12 @@ pub struct Scenario {
     pub hand: Hand,
 }
 
-impl Motion {
-    /// Both of them, in the order of the documentation.
-    pub const ALL: [Motion; 2] = [Motion::Rotary, Motion::Linear];
-
-    /// The motion's name in world files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Motion::Rotary => "rotary",
-            Motion::Linear => "linear",
-        }
-    }
-}
-
 impl Delay {
     /// The delay in s at this period.
     pub fn seconds(self, period: f64) -> f64 {
         match self {
             Delay::Seconds(seconds) => seconds,
             Delay::Samples(samples) => samples * period,
-        }
-    }
-}
-
-impl EstimatorKind {
-    /// All of them, in the order of the documentation.
-    pub const ALL: [EstimatorKind; 5] = [
-        EstimatorKind::Exact,
-        EstimatorKind::Difference,
-        EstimatorKind::LowPass,
-        EstimatorKind::Foaw,
-        EstimatorKind::FoawBest,
-    ];
-
-    /// The estimator's name in world files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            EstimatorKind::Exact => "exact",
-            EstimatorKind::Difference => "difference",
-            EstimatorKind::LowPass => "low-pass",
-            EstimatorKind::Foaw => "foaw",
-            EstimatorKind::FoawBest => "foaw-best",
         }
     }
 }

@@ -5,58 +5,32 @@ use hapt_analysis::{Verdict, free_growth, held_growth, is_certified, required_da
 use hapt_model::{Motion, Scenario, World};
 use hapt_sim::{Outcome, Simulation, Summary};
 
-/// A number that a world, or a run of it, has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Measure {
-    /// The largest |torque| over the rows, before the limit.
-    PeakTorque,
-    /// What the world stores at the last row.
-    FinalEnergy,
-    /// From the hand's last event until what moves stays within 2 % of where it ends.
-    SettlingTime,
-    /// Growth of the world alone, the puck held.
-    HeldGrowth,
-    /// Growth of the whole loop, nobody at the puck.
-    FreeGrowth,
-    /// The verdict on the world alone, the puck held: -1 stable, 0 marginal, 1 unstable.
-    HeldVerdict,
-    /// The same of the whole loop, nobody at the puck.
-    FreeVerdict,
-    /// The least device damping that makes the loop passive.
-    RequiredDamping,
-    /// 1 for a certified loop, else 0.
-    Certified,
+hapt_model::named! {
+    /// A number that a world, or a run of it, has.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Measure {
+        /// The largest |torque| over the rows, before the limit.
+        PeakTorque => "peak_torque",
+        /// What the world stores at the last row.
+        FinalEnergy => "final_energy",
+        /// From the hand's last event until what moves stays within 2 % of where it ends.
+        SettlingTime => "settling_time",
+        /// Growth of the world alone, the puck held.
+        HeldGrowth => "held_growth_per_s",
+        /// Growth of the whole loop, nobody at the puck.
+        FreeGrowth => "free_growth_per_s",
+        /// The verdict on the world alone, the puck held: -1 stable, 0 marginal, 1 unstable.
+        HeldVerdict => "held_verdict",
+        /// The same of the whole loop, nobody at the puck.
+        FreeVerdict => "free_verdict",
+        /// The least device damping that makes the loop passive.
+        RequiredDamping => "required_damping",
+        /// 1 for a certified loop, else 0.
+        Certified => "certified",
+    }
 }
 
 impl Measure {
-    /// All of them, in the order of the documentation.
-    pub const ALL: [Measure; 9] = [
-        Measure::PeakTorque,
-        Measure::FinalEnergy,
-        Measure::SettlingTime,
-        Measure::HeldGrowth,
-        Measure::FreeGrowth,
-        Measure::HeldVerdict,
-        Measure::FreeVerdict,
-        Measure::RequiredDamping,
-        Measure::Certified,
-    ];
-
-    /// Its name on the command line and in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Measure::PeakTorque => "peak_torque",
-            Measure::FinalEnergy => "final_energy",
-            Measure::SettlingTime => "settling_time",
-            Measure::HeldGrowth => "held_growth_per_s",
-            Measure::FreeGrowth => "free_growth_per_s",
-            Measure::HeldVerdict => "held_verdict",
-            Measure::FreeVerdict => "free_verdict",
-            Measure::RequiredDamping => "required_damping",
-            Measure::Certified => "certified",
-        }
-    }
-
     /// What it is, in a line.
     pub const fn meaning(self) -> &'static str {
         match self {
@@ -70,11 +44,6 @@ impl Measure {
             Measure::RequiredDamping => "the least device damping that makes the loop passive",
             Measure::Certified => "1 for a certified loop, else 0",
         }
-    }
-
-    /// The measure of this name.
-    pub fn named(name: &str) -> Option<Measure> {
-        Measure::ALL.into_iter().find(|measure| measure.name() == name)
     }
 
     /// Its unit in SI; empty for a plain number.
@@ -118,12 +87,29 @@ impl Measure {
 
     /// Whether it is of a run, and needs a scenario.
     pub const fn of_a_run(self) -> bool {
-        matches!(self, Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime)
+        match self {
+            Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => true,
+            Measure::HeldGrowth
+            | Measure::FreeGrowth
+            | Measure::HeldVerdict
+            | Measure::FreeVerdict
+            | Measure::RequiredDamping
+            | Measure::Certified => false,
+        }
     }
 
     /// Whether it is of the loop while the puck is held.
     pub(crate) const fn of_held_loop(self) -> bool {
-        matches!(self, Measure::HeldGrowth | Measure::HeldVerdict)
+        match self {
+            Measure::HeldGrowth | Measure::HeldVerdict => true,
+            Measure::PeakTorque
+            | Measure::FinalEnergy
+            | Measure::SettlingTime
+            | Measure::FreeGrowth
+            | Measure::FreeVerdict
+            | Measure::RequiredDamping
+            | Measure::Certified => false,
+        }
     }
 }
 
@@ -142,6 +128,21 @@ impl OfRun {
             peak_torque: outcome.map(|run| run.peak_torque),
             final_energy: outcome.map(|run| run.final_energy),
             settling_time: None,
+        }
+    }
+
+    /// The value of a measure of a run; `None` of every other measure.
+    pub fn value(&self, measure: Measure) -> Option<f64> {
+        match measure {
+            Measure::PeakTorque => self.peak_torque,
+            Measure::FinalEnergy => self.final_energy,
+            Measure::SettlingTime => self.settling_time,
+            Measure::HeldGrowth
+            | Measure::FreeGrowth
+            | Measure::HeldVerdict
+            | Measure::FreeVerdict
+            | Measure::RequiredDamping
+            | Measure::Certified => None,
         }
     }
 }

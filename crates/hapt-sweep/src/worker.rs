@@ -120,9 +120,7 @@ impl<'s> Worker<'s> {
         values.iter_mut().zip(&self.values[i]).for_each(|(place, value)| *place = Some(*value));
         for ((measure, known), place) in sweep.measures.iter().zip(&mut self.known).zip(measured) {
             let value = match (measure, &self.variants, &self.worlds) {
-                (Measure::PeakTorque, ..) => run.peak_torque,
-                (Measure::FinalEnergy, ..) => run.final_energy,
-                (Measure::SettlingTime, ..) => run.settling_time,
+                (measure, ..) if measure.of_a_run() => run.value(*measure),
                 (Measure::HeldGrowth, Some(held), _) => Some(held.growths[i]),
                 (Measure::HeldVerdict, Some(held), _) => Some(held.verdicts[i]),
                 (_, _, None) => None,

@@ -58,7 +58,7 @@ mod linux {
     }
 
     pub fn simulate(args: &SimulateDriveArgs) -> Result<ExitCode, Failure> {
-        let make = Make::named(&args.make).ok_or_else(|| {
+        let make = Make::from_name(&args.make).ok_or_else(|| {
             Failure::input(format!("cannot simulate a drive {:?}; expected moteus or odrive", args.make))
         })?;
         if !make.ids().contains(&args.id) {

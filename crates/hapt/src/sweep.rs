@@ -97,7 +97,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
 }
 
 fn measure(name: &str) -> Result<Measure, Failure> {
-    Measure::named(name.trim()).ok_or_else(|| {
+    Measure::from_name(name.trim()).ok_or_else(|| {
         let hint = match did_you_mean(name.trim(), Measure::ALL.map(Measure::name)) {
             hint if hint.is_empty() => format!("; there are {}", Measure::ALL.map(Measure::name).join(", ")),
             hint => hint,

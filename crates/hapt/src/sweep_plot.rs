@@ -52,7 +52,7 @@ fn edge(measure: Measure) -> Option<f64> {
         Measure::HeldGrowth | Measure::FreeGrowth => Some(hapt_analysis::MARGINAL),
         // What is not unstable is on the one side.
         Measure::HeldVerdict | Measure::FreeVerdict | Measure::Certified => Some(0.5),
-        _ => None,
+        Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime | Measure::RequiredDamping => None,
     }
 }
 
@@ -127,7 +127,12 @@ fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, own: &[Option<f64>], mut values:
         Measure::HeldVerdict | Measure::FreeVerdict => {
             Scale::Named(&[(1.0, "unstable"), (0.0, "marginal"), (-1.0, "stable")])
         }
-        _ => Scale::of(numbers),
+        Measure::PeakTorque
+        | Measure::FinalEnergy
+        | Measure::SettlingTime
+        | Measure::HeldGrowth
+        | Measure::FreeGrowth
+        | Measure::RequiredDamping => Scale::of(numbers),
     };
     let map = Map { columns, scale, values, edge };
     let mut panel = Panel::new("", spread(slow), spread(fast));

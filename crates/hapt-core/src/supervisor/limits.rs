@@ -2,29 +2,16 @@
 
 use crate::{Error, Spec};
 
-/// How much the supervisor trusts what it guards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SafetyProfile {
-    /// A real device, its world certified: stable and passive.
-    Certified,
-    /// A real device, the world not certified: the energy ledgers are armed tighter.
-    Uncertified,
-    /// The simulated device: nobody can be hurt.
-    Simulated,
-}
-
-impl SafetyProfile {
-    /// All of them.
-    pub const ALL: [SafetyProfile; 3] =
-        [SafetyProfile::Certified, SafetyProfile::Uncertified, SafetyProfile::Simulated];
-
-    /// Its name in logs.
-    pub const fn name(self) -> &'static str {
-        match self {
-            SafetyProfile::Certified => "certified",
-            SafetyProfile::Uncertified => "uncertified",
-            SafetyProfile::Simulated => "simulated",
-        }
+crate::named! {
+    /// How much the supervisor trusts what it guards.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum SafetyProfile {
+        /// A real device, its world certified: stable and passive.
+        Certified => "certified",
+        /// A real device, the world not certified: the energy ledgers are armed tighter.
+        Uncertified => "uncertified",
+        /// The simulated device: nobody can be hurt.
+        Simulated => "simulated",
     }
 }
 

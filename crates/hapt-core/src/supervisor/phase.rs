@@ -3,37 +3,25 @@
 use crate::Sample;
 use crate::supervisor::Reason;
 
-/// Where the supervisor stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Phase {
-    /// No torque; the world waits at its start.
-    Disarmed,
-    /// The torque rises from 0 to the loop's; the sign test comes first, where there is one.
-    FadingIn,
-    /// The loop's torque.
-    Running,
-    /// The torque falls to 0.
-    FadingOut,
-    /// No torque, until the cause is gone and somebody clears it.
-    Faulted,
+crate::named! {
+    /// Where the supervisor stands.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    pub enum Phase {
+        /// No torque; the world waits at its start.
+        Disarmed => "disarmed",
+        /// The torque rises from 0 to the loop's; the sign test comes first, where there is one.
+        FadingIn => "fading-in",
+        /// The loop's torque.
+        Running => "running",
+        /// The torque falls to 0.
+        FadingOut => "fading-out",
+        /// No torque, until the cause is gone and somebody clears it.
+        Faulted => "faulted",
+    }
 }
 
 impl Phase {
-    /// All of them.
-    pub const ALL: [Phase; 5] = [Phase::Disarmed, Phase::FadingIn, Phase::Running, Phase::FadingOut, Phase::Faulted];
-
-    /// Its name in logs and protocols.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Phase::Disarmed => "disarmed",
-            Phase::FadingIn => "fading-in",
-            Phase::Running => "running",
-            Phase::FadingOut => "fading-out",
-            Phase::Faulted => "faulted",
-        }
-    }
-
     /// Whether there may be a torque.
     pub const fn is_active(self) -> bool {
         match self {

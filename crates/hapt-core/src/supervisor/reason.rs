@@ -1,65 +1,47 @@
 //! Why a torque is taken away: codes, names, and sentences for people.
 
-/// Why the torque was taken away. The codes are for wires and logs, and never change their meaning.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[repr(u8)]
-pub enum Reason {
-    /// Stop was pressed.
-    Stop = 1,
-    /// A number is no number.
-    NotFinite = 2,
-    /// The position changed its speed by more in one sample than a hand or the motor could.
-    Jump = 3,
-    /// The position went faster than the device can.
-    Velocity = 4,
-    /// The position stood still under a torque that should have moved it.
-    Stuck = 5,
-    /// The loop asks for more than its limit.
-    Torque = 6,
-    /// The torque changed by more in one sample than this world can change it.
-    Slew = 7,
-    /// The motor would become too hot.
-    Heat = 8,
-    /// The driver would.
-    DriverHeat = 9,
-    /// The puck is faster than hands are, with the motor on.
-    Overspeed = 10,
-    /// A sample came late, or some were missed.
-    Late = 11,
-    /// Whoever holds the link has not been heard.
-    Link = 12,
-    /// The hand was given energy that nobody had put in.
-    PortEnergy = 13,
-    /// The world's integrator made energy.
-    WorldEnergy = 14,
-    /// At the start a small pulse moved the puck the wrong way.
-    Reversed = 15,
-    /// The motor's driver switched itself off.
-    Driver = 16,
+crate::named! {
+    /// Why the torque was taken away. The codes are for wires and logs, and never change their meaning.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum Reason {
+        /// Stop was pressed.
+        Stop = 1 => "stop",
+        /// A number is no number.
+        NotFinite = 2 => "not-finite",
+        /// The position changed its speed by more in one sample than a hand or the motor could.
+        Jump = 3 => "jump",
+        /// The position went faster than the device can.
+        Velocity = 4 => "velocity",
+        /// The position stood still under a torque that should have moved it.
+        Stuck = 5 => "stuck",
+        /// The loop asks for more than its limit.
+        Torque = 6 => "torque",
+        /// The torque changed by more in one sample than this world can change it.
+        Slew = 7 => "slew",
+        /// The motor would become too hot.
+        Heat = 8 => "heat",
+        /// The driver would.
+        DriverHeat = 9 => "driver-heat",
+        /// The puck is faster than hands are, with the motor on.
+        Overspeed = 10 => "overspeed",
+        /// A sample came late, or some were missed.
+        Late = 11 => "late",
+        /// Whoever holds the link has not been heard.
+        Link = 12 => "link",
+        /// The hand was given energy that nobody had put in.
+        PortEnergy = 13 => "port-energy",
+        /// The world's integrator made energy.
+        WorldEnergy = 14 => "world-energy",
+        /// At the start a small pulse moved the puck the wrong way.
+        Reversed = 15 => "reversed",
+        /// The motor's driver switched itself off.
+        Driver = 16 => "driver",
+    }
 }
 
 impl Reason {
-    /// All of them, by their codes.
-    pub const ALL: [Reason; 16] = [
-        Reason::Stop,
-        Reason::NotFinite,
-        Reason::Jump,
-        Reason::Velocity,
-        Reason::Stuck,
-        Reason::Torque,
-        Reason::Slew,
-        Reason::Heat,
-        Reason::DriverHeat,
-        Reason::Overspeed,
-        Reason::Late,
-        Reason::Link,
-        Reason::PortEnergy,
-        Reason::WorldEnergy,
-        Reason::Reversed,
-        Reason::Driver,
-    ];
-
     /// Its number on wires and in logs, 1 and up; 0 is for no reason.
     pub const fn code(self) -> u8 {
         self as u8
@@ -68,28 +50,6 @@ impl Reason {
     /// The reason of a code.
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|reason| reason.code() == code)
-    }
-
-    /// Its name in logs and protocols.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Reason::Stop => "stop",
-            Reason::NotFinite => "not-finite",
-            Reason::Jump => "jump",
-            Reason::Velocity => "velocity",
-            Reason::Stuck => "stuck",
-            Reason::Torque => "torque",
-            Reason::Slew => "slew",
-            Reason::Heat => "heat",
-            Reason::DriverHeat => "driver-heat",
-            Reason::Overspeed => "overspeed",
-            Reason::Late => "late",
-            Reason::Link => "link",
-            Reason::PortEnergy => "port-energy",
-            Reason::WorldEnergy => "world-energy",
-            Reason::Reversed => "reversed",
-            Reason::Driver => "driver",
-        }
     }
 
     /// What happened.

@@ -4,5 +4,6 @@ mod contract;
 mod laws;
 mod mistakes;
 mod overrides;
+mod parts;
 mod round_trip;
 mod schema;
