@@ -19,7 +19,7 @@ use crate::{links, reference, test};
 const CONTENTS: &str = "docs/SUMMARY.md";
 const OUTPUT: &str = "<!-- output -->";
 /// What a line that is not run begins with.
-const NOT_RUN: [&str; 6] = ["cargo ", "cd ", "git ", "mdbook ", "rustup ", "sudo "];
+const NOT_RUN: [&str; 7] = ["cargo ", "cd ", "git ", "mdbook ", "pip ", "rustup ", "sudo "];
 
 /// The pages: README.md and all of docs/.
 pub fn pages() -> Result<Vec<PathBuf>> {

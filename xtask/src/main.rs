@@ -16,6 +16,7 @@ mod marked;
 mod memory;
 mod notes;
 mod page;
+mod python;
 mod reference;
 mod site;
 mod spent;
@@ -48,6 +49,7 @@ cargo xtask bench     speed beside plain C; --write into docs/performance.md; re
 cargo xtask guest     the drives on a CAN bus, in an emulated machine; with a line of shell, that
 cargo xtask fuzz      [--seconds N] random bytes, on stable; --minutes N with libFuzzer; targets by their names, `commands` among them:
                       whole commands on random worlds
+cargo xtask python    the Python package: its wheel, tests, examples and types
 cargo xtask memory N  the memory that streaming N samples to CSV takes, such as 1e8";
 
 fn main() -> Result<()> {
@@ -68,6 +70,7 @@ fn main() -> Result<()> {
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["page"] => page::build(),
+        ["python"] => python::holds(),
         ["licences"] => licences::write(),
         // The step of the tests, which runs beside others.
         ["firmware", "holds"] => firmware::holds(),

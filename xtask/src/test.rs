@@ -17,7 +17,9 @@ use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
 use crate::spent::{Spent, Table};
-use crate::{book, deps, faults, figure, fuzz, identify, licences, links, memory, notes, page, tools, truth, vm};
+use crate::{
+    book, deps, faults, figure, fuzz, identify, licences, links, memory, notes, page, python, tools, truth, vm,
+};
 
 /// The one in which every test is built, xtask too (`.cargo/config.toml`).
 pub const PROFILE: &str = "tested";
@@ -63,6 +65,7 @@ pub fn run() -> Result<()> {
     tally.step("the page's core gives the same bits", page::same_bits());
     tally.step("the page is what its sources build to", page::is_current());
     tally.step("the page works in a browser", page::works());
+    tally.step("the Python package", python::holds());
     tally.step("drives on a CAN bus", vm::drives());
     // Only here: the steps above may install packages, which one alone can do at a time.
     let firmware = Beside::start("target/firmware.log", std::env::current_exe()?, &["firmware", "holds"])?;

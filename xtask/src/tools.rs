@@ -8,10 +8,25 @@ use anyhow::{Context, Result, ensure};
 use crate::test;
 
 /// Environments of Python, by the names under which tests look for them, with what is installed there.
-const PYTHON: [(&str, &[&str]); 3] = [
+const PYTHON: [(&str, &[&str]); 4] = [
     ("mcap", &["mcap==1.6.0", "mcap-protobuf-support==0.6.0"]),
     ("moteus", &["moteus==1.1.1"]),
     ("odrive-can", &["odrive-can==2.1.0", "cantools==45.1.0", "python-can==4.6.1", "pyserial==3.5"]),
+    (
+        "hapt",
+        &[
+            "maturin==1.16.0",
+            "numpy==2.4.6",
+            "pandas==3.1.1",
+            "pandas-stubs==3.1.0.261029",
+            "pytest==9.2.0",
+            "mypy==2.4.1",
+            "control==0.10.2",
+            "cvxopt==1.3.3",
+            "matplotlib==3.11.2",
+            "xarray==2026.9.0",
+        ],
+    ),
 ];
 /// Programs, and Debian's packages of them. A virtual environment needs more than Python: `ensurepip`.
 const PROGRAMS: [(&[&str], &str); 4] = [
@@ -51,7 +66,7 @@ pub fn installed() -> Result<()> {
 }
 
 /// Where the environments are: `CARGO_TARGET_TMPDIR` of the tests.
-fn environments() -> std::path::PathBuf {
+pub fn environments() -> std::path::PathBuf {
     test::target().join("tmp")
 }
 

@@ -207,6 +207,19 @@ fn residual(left: &[f64]) -> Residual {
 }
 
 impl Identified {
+    /// What `hapt identify --json` gives, in its order: the contract's six and the constant torque.
+    pub fn named(&self) -> [(&'static str, Option<crate::Interval>); 7] {
+        [
+            ("inertia", self.inertia),
+            ("damping", self.damping),
+            ("friction", self.friction),
+            ("delay_s", self.delay),
+            ("offset", self.offset),
+            ("sign", self.sign),
+            ("counts_per_rev", self.counts),
+        ]
+    }
+
     /// The residuals with their times, from the first sample that is fitted on.
     pub fn residuals(&self, record: &Record) -> Vec<(f64, f64)> {
         let rows = self.fitted(record).into_iter().zip(&record.positions()[self.first..]);

@@ -29,6 +29,7 @@
 //! # Ok::<(), hapt_model::Error>(())
 //! ```
 
+pub mod builtin;
 mod dimension;
 mod document;
 mod error;

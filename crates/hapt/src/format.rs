@@ -1,8 +1,9 @@
 //! Numbers with their units, as people read and type them.
 
+pub use hapt_analysis::certificate::text::{late, rate, time};
 pub use hapt_analysis::proposal::number;
 use hapt_analysis::proposal::unit;
-use hapt_model::{Dimension, Motion, Parameter, Quantity, Sampling, parse_quantity};
+use hapt_model::{Dimension, Motion, Parameter, Quantity, parse_quantity};
 
 use crate::failure::Failure;
 use crate::messages::say;
@@ -83,23 +84,6 @@ pub fn effort(x: f64, motion: Motion) -> String {
         Motion::Rotary if x.abs() < 10.0 => format!("{} N mm", number(1e3 * x)),
         Motion::Rotary => format!("{} N m", number(x)),
         Motion::Linear => format!("{} N", number(x)),
-    }
-}
-
-/// A time in the unit that suits it.
-pub fn time(x: f64) -> String {
-    match x.abs() {
-        size if size == 0.0 || size >= 1.0 => format!("{} s", number(x)),
-        size if size >= 0.9995e-3 => format!("{} ms", number(1e3 * x)),
-        _ => format!("{} us", number(1e6 * x)),
-    }
-}
-
-/// How late the torque comes, behind what is said of the loop; empty where it comes at once.
-pub fn late(sampling: &Sampling) -> String {
-    match sampling.delay_s() {
-        0.0 => String::new(),
-        delay => format!(", {} late", time(delay)),
     }
 }
 

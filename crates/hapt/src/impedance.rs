@@ -4,7 +4,7 @@ use std::fmt::{Display, Write as _};
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_analysis::impedance::rendered::{Element, Elements, Impedance, Nominal, Resonance, Row};
+use hapt_analysis::impedance::rendered::{Element, Elements, Impedance, Nominal, Resonance, Row, columns, suffixes};
 use hapt_analysis::z_width::WallSearch;
 use hapt_analysis::{Slopes, ZWidth};
 use hapt_model::keys::Measure;
@@ -76,14 +76,6 @@ fn units(motion: Motion) -> [String; 3] {
     [Measure::Stiffness, Measure::Damping, Measure::Inertia].map(|measure| measure.dimension(motion).symbol())
 }
 
-/// The same in the names of columns.
-fn suffixes(motion: Motion) -> [&'static str; 3] {
-    match motion {
-        Motion::Rotary => ["stiffness_Nm_per_rad", "damping_Nms_per_rad", "inertia_kgm2"],
-        Motion::Linear => ["stiffness_N_per_m", "damping_Ns_per_m", "inertia_kg"],
-    }
-}
-
 /// CSV, figure, JSON and text of an impedance against frequency.
 fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Failure> {
     let world = &loaded.world;
@@ -127,20 +119,10 @@ fn frequency(flag: &str, text: Option<&str>) -> Result<Option<f64>, Failure> {
 }
 
 fn csv(rows: &[Row], motion: Motion) -> String {
-    let mut text = String::from("frequency_hz");
-    for of in ["", "ideal_", "whole_"] {
-        suffixes(motion).iter().for_each(|suffix| text += &format!(",{of}{suffix}"));
-    }
-    text += "\n";
+    let mut text = columns(motion).join(",") + "\n";
     for row in rows {
-        let _ = write!(text, "{:?}", row.frequency_hz);
-        for of in [row.rendered, row.ideal, row.whole] {
-            let _ = match of {
-                Some(e) => write!(text, ",{:?},{:?},{:?}", e.stiffness, e.damping, e.inertia),
-                None => write!(text, ",,,"),
-            };
-        }
-        text += "\n";
+        let cells: Vec<String> = row.numbers().map(|x| x.map_or(String::new(), |x| format!("{x:?}"))).collect();
+        text += &(cells.join(",") + "\n");
     }
     text
 }

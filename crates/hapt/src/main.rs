@@ -4,7 +4,6 @@ mod args;
 mod board;
 mod boundary;
 mod boundary_plot;
-mod builtin;
 mod check;
 mod colour;
 #[cfg(feature = "parquet")]

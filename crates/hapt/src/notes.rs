@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use hapt_model::World;
 use hapt_sim::{Simulation, Summary};
 
-use crate::builtin;
 use crate::failure::Failure;
 use crate::format;
-use crate::sim::{rate, rows};
+use crate::sim::rows;
+use hapt_model::builtin;
 
 /// What people call the loops, and the built-in worlds that have them.
 const LOOPS: [(&str, &str); 4] = [
@@ -53,7 +53,7 @@ pub fn run() -> Result<ExitCode, Failure> {
                 Some((sample, time)) => format!("sample {sample} ({})", format::time(time)),
                 None => "never".into(),
             };
-            let growth = rate(held.growth_per_s.unwrap_or(f64::NEG_INFINITY));
+            let growth = format::rate(held.growth_per_s.unwrap_or(f64::NEG_INFINITY));
             let peak = format::effort(summary.peak_torque, world.motion);
             table += &format!("{name:<24} {growth:<16} {peak:<14} {clipped:<22} {}\n", held.verdict.name());
         }

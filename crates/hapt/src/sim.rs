@@ -178,13 +178,8 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
         ),
     );
     if let Some(fitted) = summary.fitted_growth() {
-        let beside = predicted.map_or("none predicted".into(), |growth| format!("{} predicted", rate(growth)));
-        line("growth", format!("{} per second fitted to the run, {beside}", rate(fitted)));
+        let beside = predicted.map_or("none predicted".into(), |growth| format!("{} predicted", format::rate(growth)));
+        line("growth", format!("{} per second fitted to the run, {beside}", format::rate(fitted)));
     }
     lines.join("\n") + "\n"
-}
-
-/// A growth rate; below a billionth it is rounding.
-pub fn rate(growth: f64) -> String {
-    if growth.abs() < 1e-9 { "0".into() } else { format::number(growth) }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hapt_model::did_you_mean;
 
-use crate::builtin;
+use hapt_model::builtin;
 
 /// `; did you mean "wheel.toml"?`: a file beside the missing one, or a world that is built in.
 pub fn file(missing: &Path) -> String {

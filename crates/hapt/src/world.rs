@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use hapt_model::{Drive, Shape, Source, World};
 
 use crate::args::WorldArgs;
-use crate::builtin;
 use crate::failure::Failure;
 use crate::suggest;
+use hapt_model::builtin;
 
 /// A world and what people call it.
 pub struct Loaded {
@@ -27,7 +27,7 @@ pub fn load(args: &WorldArgs) -> Result<Loaded, Failure> {
 pub fn source(path: &Path) -> Result<Source, Failure> {
     match path.to_str() {
         Some("-") => Ok(Source::stdin()?),
-        Some(name) if name.starts_with('@') => builtin::source(name),
+        Some(name) if name.starts_with('@') => Ok(builtin::source(name)?),
         _ => Source::open(path).map_err(|error| Failure::input(format!("{error}{}", suggest::file(path)))),
     }
 }

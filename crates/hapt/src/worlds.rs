@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use hapt_model::World;
 
-use crate::builtin;
 use crate::failure::Failure;
+use hapt_model::builtin;
 
 pub fn run() -> Result<ExitCode, Failure> {
     let mut text = String::new();

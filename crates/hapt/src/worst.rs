@@ -15,7 +15,6 @@ use hapt_analysis::Grip;
 use hapt_model::keys::Measure;
 use hapt_model::{Drive, Shape, World};
 use hapt_sweep::worst::{Gap, Hand, Motion, Trick, Worst};
-use serde_json::json;
 
 use crate::args::WorstArgs;
 use crate::colour;
@@ -49,7 +48,7 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
         write(path, draft, &shown.to_toml())?;
     }
     let text = if args.json {
-        let json = serde_json::to_string_pretty(&json(&worst)).map_err(|error| Failure::System(error.to_string()))?;
+        let json = serde_json::to_string_pretty(&worst).map_err(|error| Failure::System(error.to_string()))?;
         json + "\n"
     } else {
         text(&loaded, &worst, args.out.as_deref(), &shown)
@@ -111,22 +110,6 @@ fn write(path: &Path, mut draft: Draft, text: &str) -> Result<(), Failure> {
     draft.finish().map_err(failed)?;
     messages::say(format_args!("wrote {}", path.display()));
     Ok(())
-}
-
-/// The numbers, in SI.
-fn json(worst: &Worst) -> serde_json::Value {
-    json!({
-        "broken": worst.broken,
-        "certified": worst.certified,
-        "linear": worst.linear,
-        "hand": worst.hand,
-        "motion": worst.motion.as_ref().map(|motion| json!({ "trick": motion.trick, "points": motion.points.len() })),
-        "drew": worst.drew,
-        "drawn": worst.drawn,
-        "duration_s": worst.scenario.duration,
-        "gap": worst.gap,
-        "runs": worst.runs,
-    })
 }
 
 fn text(loaded: &Loaded, worst: &Worst, out: Option<&Path>, shown: &World) -> String {

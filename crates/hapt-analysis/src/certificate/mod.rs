@@ -5,5 +5,6 @@ pub mod check;
 pub mod proposal;
 pub mod remedies;
 mod sentences;
+pub mod text;
 
 pub use certified::*;

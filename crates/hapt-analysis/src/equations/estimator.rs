@@ -4,7 +4,8 @@ use hapt_model::{EstimatorKind, Sampling};
 
 /// v_k = pole v_{k-1} + Σ taps\[i\] z_{k-i}. The taps sum to 0: at rest the velocity is 0.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Filter {
+pub struct Filter {
+    /// Of the last velocity, 0 up to 1.
     pub pole: f64,
     /// In 1/s, the newest sample first; empty for the true velocity.
     pub taps: Vec<f64>,

@@ -4,7 +4,7 @@ pub(crate) mod closed_loop;
 pub mod continuous;
 pub(crate) mod delay;
 pub mod discrete;
-pub(crate) mod estimator;
+pub mod estimator;
 pub(crate) mod grip;
 pub(crate) mod laws;
 pub(crate) mod modal;

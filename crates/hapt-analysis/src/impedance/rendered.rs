@@ -16,7 +16,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use hapt_model::{Coupling, EstimatorKind, World};
+use hapt_model::{Coupling, EstimatorKind, Motion, World};
 use nalgebra::Complex;
 use serde::Serialize;
 
@@ -64,6 +64,30 @@ pub struct Row {
     pub ideal: Option<Elements>,
     /// By the loop and the device together: the total impedance.
     pub whole: Option<Elements>,
+}
+
+/// The columns of impedances as a table: frequency, then rendered, ideal and whole.
+pub fn columns(motion: Motion) -> Vec<String> {
+    let of = |of: &str| suffixes(motion).map(|suffix| format!("{of}{suffix}"));
+    let elements = ["", "ideal_", "whole_"].into_iter().flat_map(of);
+    std::iter::once("frequency_hz".to_string()).chain(elements).collect()
+}
+
+/// Stiffness, damping and inertia in the names of columns.
+pub fn suffixes(motion: Motion) -> [&'static str; 3] {
+    match motion {
+        Motion::Rotary => ["stiffness_Nm_per_rad", "damping_Nms_per_rad", "inertia_kgm2"],
+        Motion::Linear => ["stiffness_N_per_m", "damping_Ns_per_m", "inertia_kg"],
+    }
+}
+
+impl Row {
+    /// The numbers of [`columns`].
+    pub fn numbers(&self) -> impl Iterator<Item = Option<f64>> {
+        let of = |of: Option<Elements>| [of.map(|e| e.stiffness), of.map(|e| e.damping), of.map(|e| e.inertia)];
+        let elements = [self.rendered, self.ideal, self.whole].into_iter().flat_map(of);
+        std::iter::once(Some(self.frequency_hz)).chain(elements)
+    }
 }
 
 /// The type of an element.

@@ -9,7 +9,8 @@ use hapt_analysis::{
     BreakingGrip, Grip, Slopes, breaking_damping, gripped_growth, is_certified, required_damping, worst_grip,
 };
 use hapt_model::{End, Scenario, World};
-use serde::Serialize;
+use serde::ser::SerializeStruct;
+use serde::{Serialize, Serializer};
 
 use super::drawn::{Drawn, drawn};
 use super::hand::{Hand, targets};
@@ -84,6 +85,30 @@ pub struct Worst {
     pub gap: Gap,
     /// How many hands were tried by simulation.
     pub runs: usize,
+}
+
+/// As `hapt worst --json` prints it, in SI.
+impl Serialize for Worst {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Shown {
+            trick: super::motion::Trick,
+            points: usize,
+        }
+        let motion = self.motion.as_ref().map(|motion| Shown { trick: motion.trick, points: motion.points.len() });
+        let mut fields = to.serialize_struct("Worst", 10)?;
+        fields.serialize_field("broken", &self.broken)?;
+        fields.serialize_field("certified", &self.certified)?;
+        fields.serialize_field("linear", &self.linear)?;
+        fields.serialize_field("hand", &self.hand)?;
+        fields.serialize_field("motion", &motion)?;
+        fields.serialize_field("drew", &self.drew)?;
+        fields.serialize_field("drawn", &self.drawn)?;
+        fields.serialize_field("duration_s", &self.scenario.duration)?;
+        fields.serialize_field("gap", &self.gap)?;
+        fields.serialize_field("runs", &self.runs)?;
+        fields.end()
+    }
 }
 
 /// Samples of a prescribed motion: the fewest, the most, and half swings of the slowest body that hangs on the puck.

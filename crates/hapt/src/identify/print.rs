@@ -17,15 +17,7 @@ pub fn json(found: &Identified) -> Result<String, Failure> {
     let value = |interval: Option<Interval>| -> Value {
         interval.map_or(Value::Null, |x| json!({ "value": x.value, "low": x.low, "high": x.high }))
     };
-    let json = json!({
-        "inertia": value(found.inertia),
-        "damping": value(found.damping),
-        "friction": value(found.friction),
-        "delay_s": value(found.delay),
-        "offset": value(found.offset),
-        "sign": value(found.sign),
-        "counts_per_rev": value(found.counts),
-    });
+    let json: Value = found.named().into_iter().map(|(name, interval)| (name, value(interval))).collect();
     let text = serde_json::to_string_pretty(&json).map_err(|error| Failure::System(error.to_string()))?;
     Ok(text + "\n")
 }

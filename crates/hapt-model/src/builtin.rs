@@ -1,8 +1,8 @@
 //! Worlds that need no file: `@notes/euler` wherever a command takes a world.
 
-use hapt_model::{Source, did_you_mean};
-
-use crate::failure::Failure;
+use crate::error::{Error, ErrorKind};
+use crate::source::Source;
+use crate::words::did_you_mean;
 
 macro_rules! worlds {
     ($($name:literal)*) => {
@@ -33,12 +33,16 @@ pub fn names() -> impl Iterator<Item = String> {
 }
 
 /// The world called `name`, its `@` with it. Path files are looked for in the current folder.
-pub fn source(name: &str) -> Result<Source, Failure> {
+///
+/// # Errors
+/// There is none; the message names the nearest.
+pub fn source(name: &str) -> Result<Source, Error> {
     match WORLDS.iter().find(|(known, _)| name.strip_prefix('@') == Some(known)) {
         Some((_, text)) => Ok(Source::from_text(name, *text)),
         None => {
             let hint = meant(name);
-            Err(Failure::input(format!("no world {name:?} is built in{hint} (hapt worlds lists them)")))
+            let message = format!("no world {name:?} is built in{hint} (hapt worlds lists them)");
+            Err(Error { kind: ErrorKind::Name, key: String::new(), message, location: None })
         }
     }
 }

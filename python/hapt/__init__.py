@@ -1,0 +1,75 @@
+"""Haptic rendering for one-axis devices: simulate a virtual world, certify its stability and passivity, run its loop in other simulators.
+
+>>> import hapt
+>>> world = hapt.load("@notes/euler")
+>>> run = world.simulate()
+>>> run["torque_Nm"].shape
+(10001,)
+>>> world.check().certified
+False
+
+All numbers are in SI; strings carry units. The command line and this package are two faces of the same crates.
+"""
+
+from ._analyses import Boundary, Design, Identified, Impedance, Piece, Sweep, Worst
+from ._build import (
+    Constant,
+    Damper,
+    DeadBand,
+    Detent,
+    Friction,
+    Grip,
+    Magnet,
+    Path,
+    Ramp,
+    Sine,
+    Spring,
+    Step,
+    Texture,
+    Torque,
+    Wall,
+)
+from ._check import Check
+from ._control import StateSpaces
+from ._hapt import WorldError
+from ._live import Live
+from ._run import Run
+from ._running import Device, Loop
+from ._world import World, design, identify, load, measures
+
+__all__ = [
+    "Boundary",
+    "Check",
+    "Constant",
+    "Damper",
+    "DeadBand",
+    "Design",
+    "Detent",
+    "Device",
+    "Friction",
+    "Grip",
+    "Identified",
+    "Impedance",
+    "Live",
+    "Loop",
+    "Magnet",
+    "Path",
+    "Piece",
+    "Ramp",
+    "Run",
+    "Sine",
+    "Spring",
+    "StateSpaces",
+    "Step",
+    "Sweep",
+    "Texture",
+    "Torque",
+    "Wall",
+    "World",
+    "WorldError",
+    "Worst",
+    "design",
+    "identify",
+    "load",
+    "measures",
+]

@@ -1,0 +1,189 @@
+"""What is asked of a world without running it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._table import Table, axes_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from ._world import World
+
+
+class Answer(Mapping[str, Any]):
+    """A mapping of the fields that the command's `--json` has."""
+
+    def __init__(self, fields: dict[str, Any]) -> None:
+        self._fields = fields
+
+    def __getitem__(self, name: str) -> Any:
+        return self._fields[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._fields)
+
+    def __len__(self) -> int:
+        return len(self._fields)
+
+    def __repr__(self) -> str:
+        return f"<hapt.{type(self).__name__} {self._fields}>"
+
+
+class Design(Answer):
+    """`stiffness`, `inertia`, `compensating_damping`, `natural_frequency_hz`, `peak_torque` of the notes' wheel, in SI."""
+
+
+class Identified(Answer):
+    """`inertia`, `damping`, `friction`, `delay_s`, `offset`, `sign`, `counts_per_rev`: each `{"value", "low", "high"}` (95 %) or None."""
+
+    def __init__(self, fields: dict[str, Any], warnings: list[str]) -> None:
+        super().__init__(fields)
+        self.warnings = warnings
+
+
+class Worst(Answer):
+    """The passive hand that draws most energy from a loop; `world` has the scenario `worst` that shows it, or is None for a motion."""
+
+    def __init__(self, fields: dict[str, Any], world: Optional[World]) -> None:
+        super().__init__(fields)
+        self.world = world
+
+
+class Impedance(Table):
+    """The impedance at the puck against frequency: rendered by the loop, ideal, and of loop and device together (`whole_`).
+
+    Columns as `hapt impedance --out` writes them, shape (points,), NaN where one is unbounded. `info` has the rest of the command's JSON:
+    `nyquist_hz`, what is `asked`, `resonances`, `device`, `notes`.
+    """
+
+    def __init__(self, columns: dict[str, NDArray[np.float64]], info: dict[str, Any]) -> None:
+        super().__init__(columns)
+        self.info = info
+
+    def plot(self, element: str = "stiffness", ax: Any = None) -> Any:
+        """Draws an element ("stiffness", "damping" or "inertia") over frequency; returns matplotlib's axes."""
+        names = [name for name in self if element in name]
+        if not names:
+            raise ValueError(f'element is {element!r}, but must be "stiffness", "damping" or "inertia"')
+        ax = axes_of(ax)
+        for name in names:
+            ax.semilogx(self["frequency_hz"], self[name], label=name)
+        ax.set_xlabel("frequency_hz")
+        ax.legend()
+        return ax
+
+
+class Piece(NamedTuple):
+    """An edge in one piece: the keys' values of its points in SI, and Hz where an eigenvalue crosses there, else NaN."""
+
+    claim: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    hz: NDArray[np.float64]
+
+
+class Boundary:
+    """Where a loop stops being stable or passive in the plane of two keys.
+
+    `keys` are the two keys, `pieces` the edges. `everywhere` tells of each claim without an edge whether it fails everywhere (True) or
+    nowhere (False), and is None for a claim with an edge.
+    """
+
+    def __init__(self, keys: tuple[str, str], pieces: list[Piece], everywhere: dict[str, Optional[bool]]) -> None:
+        self.keys = keys
+        self.pieces = pieces
+        self.everywhere = everywhere
+
+    def __repr__(self) -> str:
+        return f"<hapt.Boundary over {self.keys[0]} and {self.keys[1]}: {len(self.pieces)} pieces>"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for each point: `edge`, `piece` (from 1 in each claim), the two keys, `hz`."""
+        import pandas as pd
+
+        count: dict[str, int] = {}
+        frames = []
+        for piece in self.pieces:
+            count[piece.claim] = count.get(piece.claim, 0) + 1
+            columns = {"edge": piece.claim, "piece": count[piece.claim], self.keys[0]: piece.x, self.keys[1]: piece.y}
+            frames.append(pd.DataFrame({**columns, "hz": piece.hz}))
+        return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=["edge", "piece", *self.keys, "hz"])
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draws the edges in the plane; returns matplotlib's axes."""
+        ax = axes_of(ax)
+        colours: dict[str, str] = {}
+        for piece in self.pieces:
+            colour = colours.setdefault(piece.claim, f"C{len(colours)}")
+            ax.plot(piece.x, piece.y, color=colour, label=piece.claim)
+        ax.set_xlabel(self.keys[0])
+        ax.set_ylabel(self.keys[1])
+        if colours:
+            ax.legend()
+        return ax
+
+
+class Sweep(Mapping[str, "NDArray[np.float64]"]):
+    """Measures over a grid: `sweep["certified"]` has an axis for each key, in their order; NaN where a measure has no value.
+
+    `axes` maps each key to its values in SI.
+    """
+
+    def __init__(self, axes: dict[str, NDArray[np.float64]], measures: dict[str, NDArray[np.float64]]) -> None:
+        self.axes = axes
+        self._measures = measures
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        try:
+            return self._measures[name]
+        except KeyError:
+            raise KeyError(f"there is no measure {name!r}; there are {', '.join(self._measures)}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._measures)
+
+    def __len__(self) -> int:
+        return len(self._measures)
+
+    def __repr__(self) -> str:
+        shape = " x ".join(f"{key} ({len(values)})" for key, values in self.axes.items())
+        return f"<hapt.Sweep of {', '.join(self)} over {shape}>"
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The table of `hapt sweep`: a column for each key, the last varying fastest, then one for each measure."""
+        import pandas as pd
+
+        grid = np.meshgrid(*self.axes.values(), indexing="ij")
+        columns = {key: values.ravel() for key, values in zip(self.axes, grid)}
+        return pd.DataFrame({**columns, **{name: values.ravel() for name, values in self.items()}})
+
+    def to_xarray(self) -> xr.Dataset:
+        """A Dataset of the measures over the keys."""
+        import xarray as xr
+
+        return xr.Dataset({name: (list(self.axes), values) for name, values in self.items()}, coords=self.axes)
+
+    def plot(self, measure: Optional[str] = None, ax: Any = None) -> Any:
+        """Draws a measure, the first by default: a curve over one key, a map over two; returns matplotlib's axes."""
+        name = measure if measure is not None else next(iter(self))
+        values = self[name]
+        if values.ndim > 2:
+            raise ValueError(f"a curve has one key and a map two, and {values.ndim} are varied")
+        ax = axes_of(ax)
+        keys = list(self.axes)
+        if values.ndim == 1:
+            ax.plot(self.axes[keys[0]], values)
+            ax.set_ylabel(name)
+        else:
+            mesh = ax.pcolormesh(self.axes[keys[0]], self.axes[keys[1]], values.T, shading="nearest")
+            ax.figure.colorbar(mesh, ax=ax, label=name)
+            ax.set_ylabel(keys[1])
+        ax.set_xlabel(keys[0])
+        return ax

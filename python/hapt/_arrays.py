@@ -1,0 +1,26 @@
+"""What comes in as numbers, checked once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def numbers(name: str, values: Any, least: int = 1) -> NDArray[np.float64]:
+    """`values` as a contiguous one-dimensional array of float64.
+
+    Raises TypeError for what are no real numbers, ValueError for a wrong shape, too few, or numbers that are not finite.
+    """
+    array = np.asarray(values)
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"{name}: real numbers are expected, not {array.dtype}")
+    if array.ndim != 1 or array.size < least:
+        raise ValueError(f"{name}: an array of shape (n,) with n >= {least} is expected, not of shape {array.shape}")
+    array = np.ascontiguousarray(array, dtype=np.float64)
+    finite = np.isfinite(array)
+    if not finite.all():
+        index = int(np.argmin(finite))
+        raise ValueError(f"{name}: element {index} is {array[index]}, but must be a finite number")
+    return array

@@ -1,0 +1,113 @@
+"""The certificate."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterator, Mapping
+from typing import Any, Optional, TypedDict, cast
+
+
+class Eigenvalue(TypedDict):
+    """An eigenvalue of one sample's map."""
+
+    re: float
+    im: float
+    abs: float
+
+
+class Mode(TypedDict):
+    """A mode of the continuous system, and the loop's nearest to it."""
+
+    frequency_hz: float
+    damping_ratio: float
+    discrete_frequency_hz: Optional[float]
+    discrete_damping_ratio: Optional[float]
+
+
+class Stability(TypedDict):
+    """The world alone with the puck held, or the loop on its device with no hand."""
+
+    eigenvalues: list[Eigenvalue]
+    spectral_radius: float
+    growth_per_s: Optional[float]
+    verdict: str
+    critical_period_s: Optional[float]
+    critical_period_reason: Optional[str]
+    modes: list[Mode]
+
+
+class Passivity(TypedDict):
+    """The loop against every passive hand; dampings in N·m·s/rad (linear: N·s/m)."""
+
+    required_damping: Optional[float]
+    device_damping: float
+    at_hz: Optional[float]
+    passive: bool
+    proved: bool
+    not_proved: list[str]
+
+
+class Check(Mapping[str, Any]):
+    """The mapping of `hapt check --json` (docs/contract.md, section 7); `print` shows it as `hapt check` does.
+
+    Its truth is whether the loop is certified: `assert world.check()`.
+    """
+
+    def __init__(self, fields: dict[str, Any], text: str) -> None:
+        self._fields = fields
+        self._text = text
+
+    def __getitem__(self, name: str) -> Any:
+        return self._fields[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._fields)
+
+    def __len__(self) -> int:
+        return len(self._fields)
+
+    def __bool__(self) -> bool:
+        return self.certified
+
+    def __str__(self) -> str:
+        return self._text
+
+    def __repr__(self) -> str:
+        return f"<hapt.Check certified={self.certified}>"
+
+    def _repr_html_(self) -> str:
+        colour, word = ("#1a7f37", "certified") if self.certified else ("#b42318", "not certified")
+        return (
+            f'<div><strong style="color:{colour}">{word}</strong>'
+            f'<pre style="margin:0.3em 0">{html.escape(self._text)}</pre></div>'
+        )
+
+    @property
+    def certified(self) -> bool:
+        """Neither held nor free is unstable, and the loop is passive."""
+        return bool(self._fields["certified"])
+
+    @property
+    def held(self) -> Stability:
+        """The world alone, the puck held still."""
+        return cast(Stability, self._fields["held"])
+
+    @property
+    def free(self) -> Stability:
+        """World, estimator, delay, hold and device together, no hand on the puck."""
+        return cast(Stability, self._fields["free"])
+
+    @property
+    def passivity(self) -> Passivity:
+        """The loop against every passive hand."""
+        return cast(Passivity, self._fields["passivity"])
+
+    @property
+    def remedies(self) -> Optional[dict[str, Any]]:
+        """What makes the loop certified, or the margins of a certified one; None where they were not asked for."""
+        return cast("Optional[dict[str, Any]]", self._fields["remedies"])
+
+    @property
+    def notes(self) -> list[str]:
+        """Conditions that apply to the numbers."""
+        return cast("list[str]", self._fields["notes"])

@@ -1,0 +1,131 @@
+"""World, device and loop as state spaces of python-control."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ._world import World
+
+Matrix = NDArray[np.float64]
+
+#: A delay within this part of a period of a whole sample is that sample.
+_WHOLE = 1e-6
+
+
+class StateSpaces(NamedTuple):
+    """What `World.to_control` gives; each is a `control.StateSpace`. Torques in N·m, positions in rad (linear: N, m).
+
+    `world`: from the measured position and velocity to the torque on the puck, a step a period. `device`: from the torque on the puck to its
+    position and velocity, continuous, without delay and Coulomb friction. `loop`: both with estimator, hold and delay, from a hand's torque,
+    held for a period, to the puck's position and velocity. Encoder, levels and limit are left out; nonlinear couplings count with their
+    steepest rise.
+    """
+
+    world: Any
+    device: Any
+    loop: Any
+
+
+def state_spaces(world: World) -> StateSpaces:
+    """Raises ImportError without python-control, ValueError where the analysis has no result."""
+    import control
+
+    parts = json.loads(world._native.state_spaces())
+    period = float(parts["period"])
+    a, b, c, d = _matrices(parts["world"])
+    names = {"inputs": ["position", "velocity"], "outputs": ["torque"], "name": "world"}
+    discrete = control.ss(a, b, c, d, period, **names)
+    device = _matrices(parts["device"])
+    names = {"inputs": ["torque"], "outputs": ["position", "velocity"], "name": "device"}
+    continuous = control.ss(*device, **names)
+    # Of FOAW the longest window.
+    estimator = _estimator(parts["estimators"][-1])
+    names = {"inputs": ["hand_torque"], "outputs": ["position", "velocity"], "name": "loop"}
+    closed = _closed((a, b, c, d), estimator, _sampled(device[0], device[1], period, float(parts["delay"])))
+    return StateSpaces(discrete, continuous, control.ss(*closed, period, **names))
+
+
+def _matrices(part: dict[str, Any]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    d = np.array(part["d"], dtype=float)
+    outputs, inputs = d.shape
+    order = len(part["a"])
+    a = np.array(part["a"], dtype=float).reshape(order, order)
+    b = np.array(part["b"], dtype=float).reshape(order, inputs)
+    return a, b, np.array(part["c"], dtype=float).reshape(outputs, order), d
+
+
+def _estimator(part: dict[str, Any]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """From (z_k, ż_k) to (z_k, v_k): v_k = pole v_{k-1} + Σ taps_i z_{k-i}, the state v_{k-1} and the positions before."""
+    taps, pole = np.array(part["taps"], dtype=float), float(part["pole"])
+    if not len(taps):
+        return np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2)
+    order = len(taps)
+    velocity = np.concatenate([[pole], taps[1:]])
+    a = np.zeros((order, order))
+    a[0] = velocity
+    a[2:, 1:-1] = np.eye(order - 2)
+    b = np.zeros((order, 2))
+    b[0, 0] = taps[0]
+    b[1, 0] = 1.0
+    return a, b, np.vstack([np.zeros(order), velocity]), np.array([[1.0, 0.0], [taps[0], 0.0]])
+
+
+def _sampled(a: Matrix, b: Matrix, period: float, delay: float) -> tuple[Matrix, Matrix]:
+    """The device a period later: (z, ż) and the commands in flight; inputs: this sample's command, and a hand's torque.
+
+    The motor holds the command of n + 1 samples ago for the delay's part of a period, then that of n samples ago.
+    """
+    from scipy.linalg import expm
+
+    def over(h: float) -> tuple[Matrix, Matrix]:
+        whole = expm(h * np.block([[a, b], [np.zeros((1, 3))]]))
+        return whole[:2, :2], whole[:2, 2:]
+
+    samples = delay / period
+    n = int(np.floor(samples + _WHOLE))
+    part = max(samples - n, 0.0) if samples - n > _WHOLE else 0.0
+    old = over((1 - part) * period)[0] @ over(part * period)[1]
+    new = over((1 - part) * period)[1]
+    flying = n + (part > 0)
+    order = 2 + flying
+    out_a, out_b = np.zeros((order, order)), np.zeros((order, 2))
+    out_a[:2, :2], hand = over(period)
+    out_b[:2, 1:] = hand
+    for age, push in ((n, new), (n + 1, old)):
+        if age == 0:
+            out_b[:2, :1] += push
+        elif age <= flying:
+            out_a[:2, 1 + age : 2 + age] += push
+    if flying:
+        out_b[2, 0] = 1.0
+        out_a[3:, 2:-1] = np.eye(flying - 1)
+    return out_a, out_b
+
+
+def _closed(
+    world: tuple[Matrix, Matrix, Matrix, Matrix],
+    estimator: tuple[Matrix, Matrix, Matrix, Matrix],
+    device: tuple[Matrix, Matrix],
+) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """The device's state, the estimator's and the world's, one after the other."""
+    aw, bw, cw, dw = world
+    ae, be, ce, de = estimator
+    ad, bd = device
+    nd, ne, nw = len(ad), len(ae), len(aw)
+    seen = np.hstack([np.eye(2, nd), np.zeros((2, ne + nw))])
+    estimated = de @ seen + np.hstack([np.zeros((2, nd)), ce, np.zeros((2, nw))])
+    torque = dw @ estimated + np.hstack([np.zeros((1, nd + ne)), cw])
+    zeros = np.zeros
+    a = np.vstack(
+        [
+            np.hstack([ad, zeros((nd, ne + nw))]) + bd[:, :1] @ torque,
+            np.hstack([zeros((ne, nd)), ae, zeros((ne, nw))]) + be @ seen,
+            np.hstack([zeros((nw, nd + ne)), aw]) + bw @ estimated,
+        ]
+    )
+    return a, np.vstack([bd[:, 1:], zeros((ne + nw, 1))]), seen, np.zeros((2, 1))

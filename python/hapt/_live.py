@@ -1,0 +1,57 @@
+"""The loop behind a page, from a notebook."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from typing import Any, Optional
+
+
+class Live:
+    """A running `hapt live`; `address` is its page. Ends with `close()`, at the end of a `with` block, or with Python."""
+
+    def __init__(self, world: str, port: int = 0, program: Optional[str] = None) -> None:
+        found = program or shutil.which("hapt")
+        if found is None:
+            raise FileNotFoundError("the program hapt is not on the path: cargo install --path crates/hapt, or name it as program=")
+        file, self._file = tempfile.mkstemp(suffix=".toml")
+        self._process: Optional[subprocess.Popen[str]] = None
+        with os.fdopen(file, "w", encoding="utf-8") as out:
+            out.write(world)
+        command = [found, "live", self._file, "--port", str(int(port))]
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
+        assert self._process.stdout is not None
+        self.address = self._process.stdout.readline().strip()
+        if not self.address:
+            code = self._process.wait()
+            self.close()
+            raise RuntimeError(f"hapt live ends with {code} before it serves a page")
+
+    def close(self) -> None:
+        """Ends the loop and its page."""
+        if self._process is not None:
+            self._process.terminate()
+            self._process.wait()
+            if self._process.stdout is not None:
+                self._process.stdout.close()
+            self._process = None
+        if os.path.exists(self._file):
+            os.unlink(self._file)
+
+    def __enter__(self) -> Live:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        if hasattr(self, "_file"):
+            self.close()
+
+    def __repr__(self) -> str:
+        return f"<hapt.Live {self.address}>"
+
+    def _repr_html_(self) -> str:
+        return f'<iframe src="{self.address}" width="100%" height="640" style="border:0"></iframe>'

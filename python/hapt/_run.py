@@ -1,0 +1,69 @@
+"""A scenario's run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._table import Table, axes_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Run(Table):
+    """A run of a scenario: `run["torque_Nm"]` is the array of that CSV column, shape (rows,), SI.
+
+    `summary` has what `hapt sim` prints, in SI: `rows`, `peak_torque` (before the limit) and `peak_time_s`, `clipped` (samples beyond the
+    motor's limit) and `first_clipped_s`, `final_energy` of the world, the fitted `growth_per_s` or None, and the energies that hand and
+    motor gave and damping and friction took. `ended` says why the run stops before its duration, or is None.
+    """
+
+    def __init__(
+        self, scenario: str, columns: dict[str, NDArray[np.float64]], summary: dict[str, Any], ended: Optional[str]
+    ) -> None:
+        super().__init__(columns)
+        self.scenario = scenario
+        self.summary = summary
+        self.ended = ended
+
+    def __repr__(self) -> str:
+        return f"<hapt.Run {self.scenario}: {self.summary['rows']} rows of {', '.join(self)}>"
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """t_k in s."""
+        return self["time_s"]
+
+    def to_xarray(self) -> xr.Dataset:
+        """A Dataset of the columns over the coordinate `time_s`, the summary as its attributes."""
+        import xarray as xr
+
+        columns = {name: ("time_s", column) for name, column in self.items() if name != "time_s"}
+        attributes = {name: value for name, value in self.summary.items() if value is not None}
+        return xr.Dataset(columns, coords={"time_s": self.time}, attrs={"scenario": self.scenario, **attributes})
+
+    def plot(self, *columns: str, ax: Any = None) -> Any:
+        """Draws columns over time, positions and torque by default, one below the other; returns matplotlib's axes.
+
+        With `ax` everything named goes into these axes.
+        """
+        names = [name for name in self if name != "time_s"]
+        chosen = list(columns) or [n for n in names if n.startswith(("puck_", "torque_", "force_")) and "_per_s" not in n]
+        if ax is not None:
+            for name in chosen:
+                ax.plot(self.time, self[name], label=name)
+            ax.set_xlabel("time_s")
+            ax.legend()
+            return ax
+        import matplotlib.pyplot as plt
+
+        figure, rows = plt.subplots(len(chosen), sharex=True, squeeze=False)
+        for name, place in zip(chosen, rows[:, 0]):
+            axes_of(place).plot(self.time, self[name])
+            place.set_ylabel(name)
+        rows[-1, 0].set_xlabel("time_s")
+        figure.suptitle(self.scenario)
+        return rows[:, 0]

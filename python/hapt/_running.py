@@ -1,0 +1,137 @@
+"""The loop and the device alone, sample by sample, for other simulators."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Optional
+
+from . import _hapt
+
+if TYPE_CHECKING:
+    from ._world import World
+
+
+class Loop:
+    """The loop of a world: `step` once a period with the puck's true position and velocity.
+
+    `copy.copy`, `copy.deepcopy` and `pickle` keep the state to the bit: the copy goes on with the same torques.
+
+    >>> import hapt
+    >>> world = hapt.load('''
+    ... loop.period = "1 ms"
+    ... device.inertia = "6.4e-4 kg m^2"
+    ... [[couplings]]
+    ... kind = "spring"
+    ... between = ["puck", "ground"]
+    ... stiffness = "2 N m/rad"
+    ... ''')
+    >>> loop = world.loop()
+    >>> loop.step(0.1, 0.0)
+    -0.2
+    """
+
+    def __init__(self, world: World, native: Optional[_hapt.Loop] = None) -> None:
+        self._world = world
+        self._native = world._native.running() if native is None else native
+
+    def step(self, position: float, velocity: float = 0.0) -> float:
+        """One sample: the couplings' torque on the puck in N·m (linear: N), before levels and limit, as the column `torque_Nm`.
+
+        `position` in rad (linear: m), `velocity` in rad/s (m/s). Only the estimator "exact" takes the velocity; others derive their own.
+        Raises ValueError for what is not finite, TypeError for what is no number.
+        """
+        return self._native.step(position, velocity)
+
+    def reset(self) -> None:
+        """Back to the bodies' initial state, and nothing remembered."""
+        self._native.reset()
+
+    @property
+    def command(self) -> float:
+        """What the motor is asked for at the last sample, after levels and limit, in N·m (linear: N)."""
+        return self._native.command
+
+    @property
+    def measured(self) -> tuple[float, float]:
+        """The puck's position and velocity as the loop saw them at the last sample."""
+        return self._native.measured
+
+    @property
+    def period(self) -> float:
+        """T in s."""
+        return self._native.period
+
+    @property
+    def bodies(self) -> dict[str, tuple[float, float]]:
+        """Position and velocity of each body at the last sample."""
+        return {name: (position, velocity) for name, position, velocity in self._native.bodies}
+
+    def __copy__(self) -> Loop:
+        return Loop(self._world, self._native.copy())
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Loop:
+        return self.__copy__()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (_loop, (self._world, self._native.get_state()))
+
+
+def _loop(world: World, state: bytes) -> Loop:
+    loop = Loop(world)
+    loop._native.set_state(state)
+    return loop
+
+
+class Device:
+    """The device of a world, exactly: inertia, viscous damping, Coulomb friction, delay, and a scenario's hand or none.
+
+    A copy goes on from the same state. Pickling repeats the torques from the beginning, which gives the same bits.
+    """
+
+    def __init__(self, world: World, scenario: Optional[str] = None) -> None:
+        self._world = world
+        self._scenario = scenario
+        self._native = world._native.device(scenario)
+        self._torques: list[float] = []
+
+    def step(self, torque: float) -> tuple[float, float]:
+        """Asks the motor for `torque` (N·m; linear: N) and lets a period pass: the puck's position and velocity at its end.
+
+        The limit and the levels are the loop's: see `Loop.command`. Raises ValueError for what is not finite.
+        """
+        puck = self._native.step(torque)
+        self._torques.append(float(torque))
+        return puck
+
+    def reset(self) -> None:
+        """Back to the beginning: at rest at 0, or where the scenario's hand begins."""
+        self._native.reset()
+        self._torques.clear()
+
+    @property
+    def puck(self) -> tuple[float, float]:
+        """The puck's true position and velocity, in rad and rad/s (linear: m and m/s)."""
+        return self._native.puck
+
+    @property
+    def applied(self) -> float:
+        """What the motor holds, in N·m (linear: N)."""
+        return self._native.applied
+
+    def __copy__(self) -> Device:
+        copy = Device.__new__(Device)
+        copy._world, copy._scenario = self._world, self._scenario
+        copy._native, copy._torques = self._native.copy(), self._torques.copy()
+        return copy
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Device:
+        return self.__copy__()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (_device, (self._world, self._scenario, self._torques))
+
+
+def _device(world: World, scenario: Optional[str], torques: list[float]) -> Device:
+    device = Device(world, scenario)
+    for torque in torques:
+        device.step(torque)
+    return device

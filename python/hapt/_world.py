@@ -1,0 +1,376 @@
+"""Worlds: read, changed, asked."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Optional, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _hapt, _toml
+from ._analyses import Boundary, Design, Identified, Impedance, Piece, Sweep, Worst
+from ._arrays import numbers
+from ._check import Check
+from ._control import StateSpaces, state_spaces
+from ._live import Live
+from ._run import Run
+from ._running import Device, Loop
+
+Value = Union[str, float, int, bool]
+
+#: A stretch of a sweep takes about so long, in s: between two, the progress bar moves.
+_STRETCH = 0.1
+
+
+class World:
+    """A world: bodies and couplings, the loop that runs them, the device, and scenarios. It never changes; `set` gives a changed copy.
+
+    From keywords, each a table of the world file, through the file's own reader with its units and errors:
+
+    >>> import hapt
+    >>> world = hapt.World(
+    ...     loop={"period": "1 ms"},
+    ...     device={"inertia": "6.4e-4 kg m^2", "damping": "1.2e-3 N m s/rad"},
+    ...     bodies={"wheel": {"inertia": "0.0258 kg m^2"}},
+    ...     couplings=[hapt.Spring(("puck", "wheel"), stiffness="17.8 N mm/deg")],
+    ...     scenarios={"step": {"duration": "1 s", "hand": hapt.Step("45 deg")}},
+    ... )
+    >>> round(float(abs(world.simulate()["torque_Nm"]).max()), 3)
+    0.801
+
+    Raises WorldError for what the reader refuses, TypeError for what has no place in a file.
+    """
+
+    _native: _hapt.World
+
+    def __init__(
+        self,
+        *,
+        loop: Mapping[str, Any],
+        device: Mapping[str, Any],
+        bodies: Optional[Mapping[str, Any]] = None,
+        couplings: Sequence[Any] = (),
+        scenarios: Optional[Mapping[str, Any]] = None,
+        safety: Optional[Mapping[str, Any]] = None,
+        title: Optional[str] = None,
+        motion: Optional[str] = None,
+    ) -> None:
+        tables = {
+            "title": title,
+            "motion": motion,
+            "loop": loop,
+            "device": device,
+            "safety": safety,
+            "bodies": bodies or None,
+            "couplings": list(couplings) or None,
+            "scenarios": scenarios or None,
+        }
+        self._native = _hapt.read("world", _toml.document(_toml.plain(tables, "")))
+
+    @classmethod
+    def _of(cls, native: _hapt.World) -> World:
+        world = cls.__new__(cls)
+        world._native = native
+        return world
+
+    # Keys
+
+    def set(self, key: str, value: Any) -> World:
+        """A copy in which `key`, a dotted path such as "loop.period" or "couplings.0.stiffness", is `value`.
+
+        A string has its unit ("2 ms"), a number is in SI; NumPy's scalars are numbers. Raises WorldError for an unknown key or a value that
+        the world file would refuse, with a caret under the mistake.
+
+        >>> import hapt
+        >>> world = hapt.load('loop.period = "1 ms"\\ndevice.inertia = 6.4e-4')
+        >>> world.set("loop.period", "2 ms").get("loop.period")
+        0.002
+        """
+        value = _toml.plain(value, key)
+        return World._of(self._native.set(_key(key), value if isinstance(value, str) else _toml.inline(value)))
+
+    def get(self, key: str) -> Optional[Value]:
+        """The value of a key: a number in SI, a bool or a str; of an absent key its default, None where it has none.
+
+        Raises KeyError for a key that the world does not have.
+        """
+        for path, si, written, _, _, _ in self._native.parameters():
+            if path == key:
+                return _value(si, written)
+        if self._native.takes(_key(key)):
+            return None
+        raise self._native.no_such_key(key)
+
+    def parameters(self) -> dict[str, Optional[Value]]:
+        """Every key of the world with its value as `get` gives it, in the order of the file."""
+        return {path: _value(si, written) for path, si, written, _, _, _ in self._native.parameters()}
+
+    def to_toml(self) -> str:
+        """The world as the text of a world file, changes applied."""
+        return self._native.to_toml()
+
+    @property
+    def name(self) -> str:
+        """Its title, or else what it was read from."""
+        return self._native.name
+
+    @property
+    def bodies(self) -> list[str]:
+        """The bodies' names in file order."""
+        return self._native.bodies
+
+    @property
+    def scenarios(self) -> list[str]:
+        """The scenarios' names in file order."""
+        return self._native.scenarios
+
+    def __repr__(self) -> str:
+        return f"<hapt.World {self.name!r}>"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, World) and self.to_toml() == other.to_toml()
+
+    def __hash__(self) -> int:
+        return hash(self.to_toml())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (_world, self._native.parts())
+
+    # Answers
+
+    def simulate(self, scenario: Optional[str] = None) -> Run:
+        """Runs a scenario, the only one by default: the loop on the exact device.
+
+        A run that stops being finite keeps its rows up to there, warns, and says why in `Run.ended`. Raises WorldError for an unknown
+        scenario, ValueError when one must be named or the loop cannot be compiled, MemoryError for a run larger than memory.
+        """
+        name = self._scenario(scenario)
+        columns, summary, ended = self._native.simulate(name)
+        if ended is not None:
+            warnings.warn(f"scenario {name}: {ended}", RuntimeWarning, stacklevel=2)
+        return Run(name, columns, json.loads(summary), ended)
+
+    def check(self, remedies: bool = True) -> Check:
+        """The certificate: stability, passivity, and what would make it so; `remedies=False` leaves that out and is quicker.
+
+        Raises ValueError where the analysis has no result.
+        """
+        fields, text = self._native.check(remedies)
+        return Check(json.loads(fields), text)
+
+    def impedance(
+        self, low: Optional[float] = None, high: Optional[float] = None, points: int = 200, slopes: str = "steep"
+    ) -> Impedance:
+        """The impedance at the puck at `points` frequencies from `low` to `high` in Hz, equal ratios apart; half of the sampling rate at most.
+
+        Nonlinear couplings count with their `slopes`: "steep" or "flat". Raises ValueError.
+        """
+        if slopes not in ("steep", "flat"):
+            raise ValueError(f'slopes is {slopes!r}, but must be "steep" or "flat"')
+        columns, info = self._native.impedance(low, high, points, slopes == "steep")
+        return Impedance(columns, json.loads(info))
+
+    def boundary(
+        self, ranges: Mapping[str, Sequence[Any]], claims: Iterable[str] = ("held", "free", "passive"), log: bool = False
+    ) -> Boundary:
+        """The edges of stability ("held", "free") and of passivity ("passive") in the plane of two keys.
+
+        `ranges` maps each of the two keys to its ends, strings with units or numbers in SI; with `log` by ratio. Raises ValueError,
+        and WorldError for ends that the world refuses.
+        """
+        if len(ranges) != 2 or any(isinstance(ends, str) or len(ends) != 2 for ends in ranges.values()):
+            raise ValueError('ranges maps two keys to two ends each, such as {"loop.period": ("1 ms", "10 ms"), ...}')
+        spelled = [
+            f"{_key(key)}={'..'.join(_text(end, key) for end in ends)}{':log' if log else ''}" for key, ends in ranges.items()
+        ]
+        names = [claims] if isinstance(claims, str) else list(claims)
+        pieces, everywhere = self._native.boundary(spelled, names)
+        first, second = ranges
+        return Boundary((first, second), [Piece(claim, x, y, hz) for claim, _, x, y, hz in pieces], dict(everywhere))
+
+    def worst(self) -> Worst:
+        """Searches for the passive hand that draws most energy from the loop. Raises ValueError where there is no answer."""
+        fields, shown = self._native.worst()
+        return Worst(json.loads(fields), None if shown is None else World._of(_hapt.read("worst", shown)))
+
+    def sweep(
+        self,
+        axes: Mapping[str, ArrayLike],
+        measures: Union[str, Sequence[str]],
+        scenario: Optional[str] = None,
+        progress: Optional[bool] = None,
+        threads: int = 0,
+    ) -> Sweep:
+        """Measures the world at every combination of the keys' values, in SI, on all cores (`threads=0`).
+
+        A progress bar shows where tqdm is installed, unless `progress` is False. Measures: see `hapt.measures()`. Those of a run need a
+        scenario. Raises ValueError for an unknown measure or values that are no finite numbers, WorldError for what the world refuses.
+
+        >>> import hapt, numpy as np
+        >>> world = hapt.load("@notes/euler")
+        >>> sweep = world.sweep({"loop.period": np.linspace(1e-3, 4e-3, 4)}, "held_growth_per_s", progress=False)
+        >>> sweep["held_growth_per_s"].shape
+        (4,)
+        """
+        values = {key: numbers(key, array) for key, array in axes.items()}
+        names = [measures] if isinstance(measures, str) else list(measures)
+        grid = self._native.sweep(list(values.items()), names, scenario)
+        shape = tuple(len(array) for array in values.values())
+        if not isinstance(threads, int) or not 0 <= threads <= 1024:
+            raise ValueError(f"threads is {threads!r}, but must be a whole number from 0 (all cores) to 1024")
+        table = _rows(grid, len(names), progress, threads)
+        return Sweep(values, {name: table[:, i].reshape(shape) for i, name in enumerate(names)})
+
+    # Parts
+
+    def loop(self) -> Loop:
+        """The loop alone, for other simulators: `step(position, velocity) -> torque`."""
+        return Loop(self)
+
+    def device(self, scenario: Optional[str] = None) -> Device:
+        """The device alone, with the hand of a scenario or none: `step(torque) -> (position, velocity)`."""
+        return Device(self, scenario)
+
+    def to_control(self) -> StateSpaces:
+        """World, device and loop as state spaces of python-control. Raises ImportError without it."""
+        return state_spaces(self)
+
+    def live(self, port: int = 0, program: Optional[str] = None) -> Live:
+        """The loop in real time behind a page, on the simulated device: `hapt live`, which a notebook shows.
+
+        `program` is the command, found on the path by default. Raises FileNotFoundError without it.
+        """
+        return Live(self.to_toml(), port, program)
+
+    def _scenario(self, name: Optional[str]) -> str:
+        if name is not None:
+            if not isinstance(name, str):
+                raise TypeError(f"scenario must be a name, not {type(name).__name__}")
+            return name
+        names = self.scenarios
+        if len(names) != 1:
+            raise ValueError(f"name a scenario: the world has {', '.join(names)}" if names else "the world has no scenario to run")
+        return names[0]
+
+
+def load(source: Union[str, os.PathLike[str], Mapping[str, Any]]) -> World:
+    """A world from a file, a text or a dict.
+
+    A str with a line's end or an "=" is the text of a world file, another one a path or a built-in world (`"@notes/euler"`); a
+    `pathlib.Path` is always a path; a dict has the tables of the file. Raises WorldError, with line and caret, for what the reader refuses.
+
+    >>> import hapt
+    >>> hapt.load('loop.period = "1 kg"\\ndevice.inertia = 6.4e-4')
+    Traceback (most recent call last):
+        ...
+    hapt.WorldError: loop.period: "1 kg" is a mass (kg); a time (s) is wanted, such as "1 ms"
+     --> text:1:15
+      |
+    1 | loop.period = "1 kg"
+      |               ^^^^^^
+    """
+    if isinstance(source, Mapping):
+        return World._of(_hapt.read("dict", _toml.document(_toml.plain(source, ""))))
+    if isinstance(source, str) and ("\n" in source or "=" in source):
+        return World._of(_hapt.read("text", source))
+    path = os.fspath(source)
+    if not isinstance(path, str):
+        raise TypeError(f"a world is read from a str, a path or a dict, not from {type(source).__name__}")
+    return World._of(_hapt.read(path, path=path))
+
+
+def design(travel: Any, torque: Any, frequency: Any, period: Any = "1 ms") -> Design:
+    """The notes' wheel on a spring (section 2.1): stiffness, inertia and compensating damping of a travel, a torque and a frequency.
+
+    Strings with units or numbers in SI (rad, N·m, Hz, s), all positive. Raises ValueError.
+
+    >>> import hapt
+    >>> round(hapt.design("45 deg", "800 N mm", "1 Hz")["stiffness"], 4)
+    1.0186
+    """
+    wanted = _text(travel, "travel"), _text(torque, "torque"), _text(frequency, "frequency")
+    return Design(json.loads(_hapt.design(*wanted, _text(period, "period"))))
+
+
+def identify(
+    times: ArrayLike, positions: ArrayLike, torques: ArrayLike, inertia: Optional[float] = None, linear: bool = False
+) -> Identified:
+    """What a device is made of, from a record of its motion: arrays of one shape (n,), n >= 200, at least half a second.
+
+    Times in s, rising; positions in rad (linear: m); torques in N·m (N), each commanded at its sample and held until the next. A known
+    `inertia` in kg·m² (kg) gives damping and friction of a coast-down. Raises ValueError for a record that says nothing.
+    """
+    arrays = [numbers(name, values) for name, values in [("times", times), ("positions", positions), ("torques", torques)]]
+    fields, notes = _hapt.identify(arrays[0], arrays[1], arrays[2], None if inertia is None else float(inertia), bool(linear))
+    return Identified(json.loads(fields), notes)
+
+
+def measures() -> dict[str, str]:
+    """What a sweep can measure: names with their meaning."""
+    return {name: f"{meaning} ({unit})" if unit else meaning for name, unit, meaning in _hapt.measures()}
+
+
+def _world(name: str, text: str, folder: Any, sets: list[str]) -> World:
+    return World._of(_hapt.read(name, text, None, folder, sets))
+
+
+def _key(key: object) -> str:
+    if not isinstance(key, str):
+        raise TypeError(f"a key is a dotted path such as 'loop.period', not {type(key).__name__}")
+    if "=" in key:
+        raise ValueError(f"{key!r} is no key: a dotted path such as 'loop.period' has no '='")
+    return key
+
+
+def _text(value: Any, name: str) -> str:
+    value = _toml.plain(value, name)
+    if isinstance(value, (dict, list, bool)):
+        raise TypeError(f"{name}: a string with a unit or a number is expected, not {type(value).__name__}")
+    return value if isinstance(value, str) else repr(value)
+
+
+def _value(si: Optional[float], written: str) -> Value:
+    if si is not None:
+        return si
+    if written in ("true", "false"):
+        return written == "true"
+    for number in (int, float):
+        try:
+            return number(written)
+        except ValueError:
+            continue
+    return written
+
+
+def _rows(grid: _hapt.Sweep, width: int, progress: Optional[bool], threads: int) -> NDArray[np.float64]:
+    """All rows of a grid, stretch by stretch: Ctrl-C works, and a bar moves."""
+    table = np.empty((grid.cells, width))
+    bar = _bar(grid.cells, progress)
+    done, stretch = 0, 16 * (threads or os.cpu_count() or 1)
+    while done < grid.cells:
+        began = time.monotonic()
+        end = min(done + stretch, grid.cells)
+        table[done:end] = grid.rows(done, end, threads).reshape(-1, width)
+        if bar is not None:
+            bar.update(end - done)
+        done = end
+        spent = time.monotonic() - began
+        stretch = min(2 * stretch, 1 << 16) if spent < _STRETCH / 2 else max(stretch // 2, 1) if spent > _STRETCH else stretch
+    if bar is not None:
+        bar.close()
+    return table
+
+
+def _bar(cells: int, progress: Optional[bool]) -> Any:
+    if progress is False:
+        return None
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        return None
+    return tqdm(total=cells, unit="cell", delay=0.0 if progress else 0.5)

@@ -1,0 +1,186 @@
+//! What is asked of a world without running it, what makes one, and the names that the package checks its own against.
+
+use hapt_analysis::equations::estimator::Filter;
+use hapt_analysis::impedance::rendered::columns;
+use hapt_analysis::{Continuous, Design, Discrete, Impedance, Slopes};
+use hapt_identify::{Known, Record};
+use hapt_model::keys::{self, Takes};
+use hapt_model::{CouplingKind, Dimension, HandKind, Motion, World, parse_quantity};
+use hapt_sweep::Measure;
+use hapt_sweep::boundary::Edge;
+use nalgebra::DMatrix;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use serde_json::{Value, json};
+
+use crate::error::{internal, value};
+use crate::interrupt::interruptible;
+
+/// The most rows of an impedance.
+const MOST: usize = 100_000;
+
+/// Columns of equal lengths by name.
+pub type Columns = Vec<(String, Vec<f64>)>;
+
+/// The impedance at the puck; NaN where it is unbounded.
+pub fn impedance(
+    world: &World,
+    slopes: &Slopes,
+    low: Option<f64>,
+    high: Option<f64>,
+    points: usize,
+) -> Result<(Columns, Value), String> {
+    let impedance = Impedance::new(world, slopes).map_err(|error| error.to_string())?;
+    let nyquist = impedance.nyquist_hz();
+    let high = high.unwrap_or(nyquist);
+    let low = low.unwrap_or_else(|| impedance.low_hz().min(0.1 * high));
+    if !(low > 0.0 && low < high && high <= nyquist * (1.0 + 1e-12)) {
+        return Err(format!(
+            "frequencies from {low} to {high} Hz: they must rise from above 0 to at most {nyquist} Hz, half of the sampling rate"
+        ));
+    }
+    if points == 0 || points > MOST {
+        return Err(format!("points is {points}, but must be 1 to {MOST}"));
+    }
+    let mut table: Columns = columns(world.motion).into_iter().map(|name| (name, Vec::with_capacity(points))).collect();
+    for row in impedance.rows(low, high.min(nyquist), points) {
+        for ((_, column), number) in table.iter_mut().zip(row.numbers()) {
+            column.push(number.unwrap_or(f64::NAN));
+        }
+    }
+    let [inertia, damping] = impedance.device();
+    let rest = json!({
+        "period_s": world.sampling.period,
+        "nyquist_hz": nyquist,
+        "asked": impedance.nominal(),
+        "resonances": impedance.resonances(),
+        "device": { "inertia": inertia, "damping": damping },
+        "notes": impedance.notes(),
+    });
+    Ok((table, rest))
+}
+
+/// The claims of these names, each once.
+pub fn edges(names: &[String]) -> PyResult<Vec<Edge>> {
+    let mut edges = Vec::new();
+    for name in names {
+        let edge = Edge::named(name).ok_or_else(|| {
+            let all = Edge::ALL.map(Edge::name).join(", ");
+            PyValueError::new_err(format!("there is no claim {name:?}; there are {all}"))
+        })?;
+        if !edges.contains(&edge) {
+            edges.push(edge);
+        }
+    }
+    Ok(edges)
+}
+
+/// The notes' design as JSON. Quantities as text with units; bare numbers in SI.
+#[pyfunction]
+pub fn design(travel: &str, torque: &str, frequency: &str, period: &str) -> PyResult<String> {
+    let positive = |name: &str, text: &str, dimension: Dimension| {
+        let value = parse_quantity(text, dimension);
+        let value = value.map_err(|error| PyValueError::new_err(format!("{name}: {error}")))?;
+        if value > 0.0 { Ok(value) } else { Err(PyValueError::new_err(format!("{name}: {text} must be positive"))) }
+    };
+    let design = Design::new(
+        positive("travel", travel, Dimension::ANGLE)?,
+        positive("torque", torque, Dimension::TORQUE)?,
+        positive("frequency", frequency, Dimension::FREQUENCY)?,
+        positive("period", period, Dimension::TIME)?,
+    );
+    serde_json::to_string(&design.map_err(value)?).map_err(internal)
+}
+
+/// What a record says of a device, as `(JSON, warnings)`.
+#[pyfunction]
+pub fn identify(
+    py: Python<'_>,
+    times: Vec<f64>,
+    positions: Vec<f64>,
+    torques: Vec<f64>,
+    inertia: Option<f64>,
+    linear: bool,
+) -> PyResult<(String, Vec<String>)> {
+    let work = move || {
+        let record = Record::new(times, positions, torques)?;
+        let found = hapt_identify::identify(&record, &Known { inertia, is_linear: linear })?;
+        Ok::<_, hapt_identify::Error>((found.named(), found.warnings()))
+    };
+    let (named, warnings) = interruptible(py, move |_| work())?.map_err(value)?;
+    let json: Value = named
+        .into_iter()
+        .map(|(name, interval)| {
+            let value = interval.map(|x| json!({ "value": x.value, "low": x.low, "high": x.high }));
+            (name, value.unwrap_or(Value::Null))
+        })
+        .collect();
+    Ok((json.to_string(), warnings.into_iter().map(|warning| warning.to_string()).collect()))
+}
+
+/// `(name, unit, meaning)` of every measure of a sweep; the unit of a rotary world.
+#[pyfunction]
+pub fn measures() -> Vec<(&'static str, &'static str, &'static str)> {
+    Measure::ALL.map(|measure| (measure.name(), measure.unit(Motion::Rotary), measure.meaning())).to_vec()
+}
+
+/// The kinds of couplings with their keys.
+#[pyfunction]
+pub fn coupling_keys() -> Vec<(&'static str, Vec<&'static str>)> {
+    kinds("couplings.*", CouplingKind::NAMES)
+}
+
+/// The kinds of hands with their keys.
+#[pyfunction]
+pub fn hand_keys() -> Vec<(&'static str, Vec<&'static str>)> {
+    kinds("scenarios.*.hand", HandKind::NAMES)
+}
+
+fn kinds(table: &str, names: &[&'static str]) -> Vec<(&'static str, Vec<&'static str>)> {
+    let of = |kind: &'static str| {
+        let rows = keys::rows(table).filter(|row| row.kinds.is_empty() || row.kinds.contains(&kind));
+        let mut found: Vec<&'static str> =
+            rows.filter(|row| !matches!(row.takes, Takes::Named { .. })).map(|row| row.name()).collect();
+        found.dedup();
+        (kind, found)
+    };
+    names.iter().map(|kind| of(kind)).collect()
+}
+
+/// The matrices that state spaces are made of, by rows, as JSON: `world`, from (z_k, v_k) to the torque on the puck, discrete; `device`, from
+/// the torque to (z, ż), continuous; the velocity estimators as filters, v_k = pole v_{k-1} + Σ taps[i] z_{k-i}, no taps for the true velocity;
+/// `period` and `delay` in s.
+///
+/// ```text
+/// s_{k+1} = (1 + d) x_k + previous u_k,    x_k = s_k + current u_k      the methods that take the new sample first
+/// x_{k+1} = (1 + d) x_k + current u_k                                  the others
+/// ```
+///
+/// The constant part (rest positions, constants) is left out. Nonlinear couplings count with their steepest rise.
+pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
+    let continuous = Continuous::new(&world.bodies, &world.couplings, &Slopes::Steep)?;
+    let sampling = &world.sampling;
+    let step = Discrete::new(&continuous, sampling.method, sampling.output, sampling.advance, sampling.period)?;
+    let whole = DMatrix::identity(step.d.nrows(), step.d.ncols()) + &step.d;
+    let state = DMatrix::from_row_slice(1, whole.ncols(), step.torque.state.as_slice());
+    let puck = DMatrix::from_row_slice(1, 2, &step.torque.puck);
+    let (input, direct) = match sampling.method.takes_new_sample_first() {
+        true => (&step.previous + &whole * &step.current, puck + &state * &step.current),
+        false => (step.current.clone(), puck),
+    };
+    let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> { m.row_iter().map(|row| row.iter().copied().collect()).collect() };
+    let (inertia, damping) = (world.device.inertia, world.device.damping);
+    let filters = Filter::of(sampling, sampling.period);
+    Ok(json!({
+        "world": { "a": rows(&whole), "b": rows(&input), "c": rows(&state), "d": rows(&direct) },
+        "device": {
+            "a": [[0.0, 1.0], [0.0, -damping / inertia]],
+            "b": [[0.0], [inertia.recip()]],
+            "c": [[1.0, 0.0], [0.0, 1.0]],
+            "d": [[0.0], [0.0]],
+        },
+        "estimators": filters.iter().map(|f| json!({ "pole": f.pole, "taps": f.taps })).collect::<Vec<_>>(),
+        "period": sampling.period,
+        "delay": sampling.delay_s(),
+    }))
+}

@@ -1,0 +1,48 @@
+//! Errors of the crates as Python's exceptions.
+
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+
+pyo3::create_exception!(
+    hapt,
+    WorldError,
+    PyValueError,
+    "A world, or a change of one, that cannot be read.\n\n\
+     Its text shows the line with a caret under the mistake. `key` is the dotted path of the key or '', `kind` the sort of mistake, \
+     `line` and `column` count from 1 and are None where the mistake stands in no text."
+);
+
+/// A [`WorldError`]; a mistake in an override is shown as one in `change`, the name of the Python call that made it.
+pub fn of_world(py: Python<'_>, mut error: hapt_model::Error, change: &str) -> PyErr {
+    let kind = format!("{:?}", error.kind).to_lowercase();
+    if let Some(location) = error.location.as_mut().filter(|location| location.source.starts_with("--")) {
+        location.source = change.into();
+    }
+    let made = WorldError::new_err(error.to_string());
+    let place = error.location.map(|location| (location.line, location.column));
+    let instance = made.value(py);
+    let set = instance
+        .setattr("key", error.key)
+        .and_then(|()| instance.setattr("kind", kind))
+        .and_then(|()| instance.setattr("line", place.map(|(line, _)| line)))
+        .and_then(|()| instance.setattr("column", place.map(|(_, column)| column)));
+    set.map_or_else(|error| error, |()| made)
+}
+
+/// Of what a sweep or a boundary was asked.
+pub fn of_sweep(py: Python<'_>, error: hapt_sweep::Error) -> PyErr {
+    match error {
+        hapt_sweep::Error::World(error) => of_world(py, error, "sweep"),
+        other => PyValueError::new_err(other.to_string().replace("--vary ", "").replace("--measure", "measures")),
+    }
+}
+
+/// Of an analysis that has no result for this world.
+pub fn value(error: impl std::fmt::Display) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// What cannot happen, said rather than shown as an abort.
+pub fn internal(error: impl std::fmt::Display) -> PyErr {
+    PyRuntimeError::new_err(format!("internal error of hapt: {error}"))
+}

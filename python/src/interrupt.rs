@@ -1,0 +1,62 @@
+//! Long work beside Python: the interpreter's lock is released, and Ctrl-C ends the call.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::thread::Builder;
+use std::time::Duration;
+
+use pyo3::prelude::*;
+use rayon::ThreadPoolBuilder;
+
+use crate::error::internal;
+
+/// How often Python's signals are looked at.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Set once the call has been interrupted: work that looks at it ends early, other work ends unseen.
+#[derive(Clone, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Whether nobody waits for the result any more.
+    pub fn is_set(&self) -> bool {
+        self.0.load(Relaxed)
+    }
+}
+
+/// Runs `work` on a thread of its own.
+///
+/// # Errors
+/// What a signal's handler raises, KeyboardInterrupt by default, within [`LOOK`]; RuntimeError when the work panics.
+pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce(&Stop) -> T + Send + 'static) -> PyResult<T> {
+    let stop = Stop::default();
+    let (give, mut take) = sync_channel(1);
+    let theirs = stop.clone();
+    let run = move || drop(give.send(work(&theirs)));
+    Builder::new().name("hapt".into()).stack_size(8 << 20).spawn(run).map_err(internal)?;
+    loop {
+        let (back, answer) = py.detach(move || {
+            let answer = take.recv_timeout(LOOK);
+            (take, answer)
+        });
+        take = back;
+        match answer {
+            Ok(value) => return Ok(value),
+            Err(RecvTimeoutError::Disconnected) => return Err(internal("a computation panicked")),
+            Err(RecvTimeoutError::Timeout) => py.check_signals().inspect_err(|_| stop.0.store(true, Relaxed))?,
+        }
+    }
+}
+
+/// The same with threads of its own for what runs in parallel: a process that was forked has none of its parent's.
+pub fn in_parallel<T: Send + 'static>(
+    py: Python<'_>,
+    threads: usize,
+    work: impl FnOnce(&Stop) -> T + Send + 'static,
+) -> PyResult<T> {
+    interruptible(py, move |stop| {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().map_err(internal)?;
+        Ok(pool.install(|| work(stop)))
+    })?
+}

@@ -1,0 +1,28 @@
+//! `hapt._hapt`: what the Python package `hapt` computes, by the Rust crates. The package's own modules give it Python's manners.
+//!
+//! Every call that may last runs on a thread of its own with the interpreter's lock released, see [`interrupt`].
+
+mod analyses;
+mod error;
+mod interrupt;
+mod running;
+mod simulate;
+mod sweep;
+mod world;
+
+use pyo3::prelude::*;
+
+/// The native module.
+#[pymodule(gil_used = false)]
+mod _hapt {
+    #[pymodule_export]
+    use super::analyses::{coupling_keys, design, hand_keys, identify, measures};
+    #[pymodule_export]
+    use super::error::WorldError;
+    #[pymodule_export]
+    use super::running::{Device, Loop};
+    #[pymodule_export]
+    use super::sweep::Sweep;
+    #[pymodule_export]
+    use super::world::{World, read};
+}

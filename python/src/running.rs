@@ -1,0 +1,152 @@
+//! The loop and the device alone, sample by sample, for the simulators of others.
+
+use std::sync::Arc;
+
+use hapt_model::{Scenario, World};
+use hapt_sim::{DesktopLoop, DesktopState, VirtualDevice, script};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::error::value;
+
+/// The loop of a world with its state.
+#[pyclass(module = "hapt._hapt")]
+#[derive(Clone)]
+pub struct Loop {
+    world: Arc<World>,
+    compiled: Arc<DesktopLoop>,
+    state: Box<DesktopState>,
+    command: f64,
+    measured: (f64, f64),
+}
+
+impl Loop {
+    pub fn new(world: Arc<World>) -> PyResult<Loop> {
+        let compiled = Arc::new(DesktopLoop::new(&world.spec()).map_err(value)?);
+        let state = Box::new(compiled.start());
+        Ok(Loop { world, compiled, state, command: 0.0, measured: (0.0, 0.0) })
+    }
+
+    fn sample(&mut self, position: f64, velocity: f64) -> f64 {
+        let sample = self.compiled.step(&mut self.state, position, velocity);
+        self.command = sample.command;
+        self.measured = (sample.puck.position, sample.puck.velocity);
+        sample.torque
+    }
+}
+
+#[pymethods]
+impl Loop {
+    /// One sample; the couplings' torque on the puck.
+    #[pyo3(signature = (position, velocity=0.0))]
+    fn step(&mut self, position: f64, velocity: f64) -> PyResult<f64> {
+        let input = [("position", position), ("velocity", velocity)];
+        if let Some((name, value)) = input.iter().find(|(_, value)| !value.is_finite()) {
+            return Err(PyValueError::new_err(format!("{name} is {value}, but must be a finite number")));
+        }
+        Ok(self.sample(position, velocity))
+    }
+
+    /// Back to the world's initial state.
+    fn reset(&mut self) {
+        *self.state = self.compiled.start();
+        (self.command, self.measured) = (0.0, (0.0, 0.0));
+    }
+
+    #[getter]
+    fn command(&self) -> f64 {
+        self.command
+    }
+
+    #[getter]
+    fn measured(&self) -> (f64, f64) {
+        self.measured
+    }
+
+    #[getter]
+    fn period(&self) -> f64 {
+        self.world.sampling.period
+    }
+
+    /// `(name, position, velocity)` of each body at the last sample.
+    #[getter]
+    fn bodies(&self) -> Vec<(String, f64, f64)> {
+        let now = self.state.now.position.iter().zip(&self.state.now.velocity);
+        self.world.names.iter().zip(now).map(|(name, (w, v))| (name.clone(), *w, *v)).collect()
+    }
+
+    fn copy(&self) -> Loop {
+        self.clone()
+    }
+
+    /// The state as bytes, to the bit.
+    fn get_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let state = postcard::to_extend(&(&*self.state, self.command, self.measured), Vec::new());
+        Ok(PyBytes::new(py, &state.map_err(value)?))
+    }
+
+    /// Of the same world and version of hapt.
+    fn set_state(&mut self, bytes: &[u8]) -> PyResult<()> {
+        let wrong = || PyValueError::new_err("the bytes are no state of a loop of this version of hapt");
+        let (read, rest) = postcard::take_from_bytes::<(DesktopState, f64, (f64, f64))>(bytes).map_err(|_| wrong())?;
+        if !rest.is_empty() {
+            return Err(wrong());
+        }
+        let (state, command, measured) = read;
+        *self.state = state;
+        (self.command, self.measured) = (command, measured);
+        Ok(())
+    }
+}
+
+/// The device of a world, exactly, from sample to sample.
+#[pyclass(module = "hapt._hapt")]
+#[derive(Clone)]
+pub struct Device {
+    fresh: Box<VirtualDevice>,
+    now: Box<VirtualDevice>,
+}
+
+impl Device {
+    pub fn new(world: &World, scenario: Option<&Scenario>) -> Device {
+        let mut device = VirtualDevice::new(&world.device_spec());
+        if let Some(scenario) = scenario {
+            device.begin(&mut script(scenario, world.sampling.period));
+        }
+        let fresh = Box::new(device);
+        Device { now: fresh.clone(), fresh }
+    }
+}
+
+#[pymethods]
+impl Device {
+    /// The motor is asked for `torque`, and a period passes; the puck's position and velocity at its end.
+    fn step(&mut self, torque: f64) -> PyResult<(f64, f64)> {
+        if !torque.is_finite() {
+            return Err(PyValueError::new_err(format!("torque is {torque}, but must be a finite number")));
+        }
+        self.now.command(torque);
+        self.now.travel();
+        Ok(self.now.puck())
+    }
+
+    /// Back to the beginning.
+    fn reset(&mut self) {
+        self.now = self.fresh.clone();
+    }
+
+    #[getter]
+    fn puck(&self) -> (f64, f64) {
+        self.now.puck()
+    }
+
+    #[getter]
+    fn applied(&self) -> f64 {
+        self.now.applied()
+    }
+
+    fn copy(&self) -> Device {
+        self.clone()
+    }
+}

@@ -1,0 +1,107 @@
+"""Against python-control, which shares no code with hapt."""
+
+import warnings
+from typing import Any
+
+import hapt
+import numpy as np
+import pytest
+
+control = pytest.importorskip("control")
+
+METHODS = ["zoh", "forward-euler", "backward-euler", "semi-implicit-euler", "trapezoidal", "rk4", "tustin", "foh"]
+
+
+def random_world(rng: np.random.Generator, **loop: Any) -> hapt.World:
+    """A body on a spring and a damper, all tied to ground, so that every mode decays."""
+
+    def log(low: float, high: float) -> float:
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+    return hapt.World(
+        loop={"period": 1e-3, "estimator": "difference", **loop},
+        device={"inertia": 6.4e-4, "damping": log(1e-4, 1e-2)},
+        bodies={"wheel": {"inertia": log(3e-4, 3e-2)}},
+        couplings=[
+            hapt.Spring(("puck", "wheel"), stiffness=log(0.3, 10)),
+            hapt.Damper(("puck", "wheel"), damping=log(1e-5, 1e-3)),
+            hapt.Spring(("wheel", "ground"), stiffness=log(0.03, 1)),
+            hapt.Damper(("wheel", "ground"), damping=log(1e-3, 3e-2)),
+        ],
+    )
+
+
+@pytest.mark.parametrize("estimator", ["exact", "difference", "low-pass", "foaw", "foaw-best"])
+@pytest.mark.parametrize("delay", [0.0, 0.4e-3, 1e-3, 2.7e-3])
+def test_the_loop_s_state_space_has_the_eigenvalues_of_the_check(estimator: str, delay: float) -> None:
+    rng = np.random.default_rng(7)
+    for method in METHODS:
+        loop: dict[str, Any] = {"method": method, "estimator": estimator, "delay": delay, "cutoff": 80.0, "window": 5}
+        world = random_world(rng, **loop)
+        ours = np.abs(np.linalg.eigvals(world.to_control().loop.A))
+        free = world.check(remedies=False).free
+        if estimator.startswith("foaw"):  # The check takes the worse of its windows.
+            assert max(ours) <= free["spectral_radius"] + 1e-9
+            continue
+        theirs = [value["abs"] for value in free["eigenvalues"]]
+        large = np.sort(ours[ours > 1e-3])[::-1]
+        assert large == pytest.approx(theirs[: len(large)], abs=1e-9)
+
+
+def test_the_world_s_state_space_gives_the_torque_of_the_loop() -> None:
+    rng = np.random.default_rng(3)
+    for method in METHODS:
+        world = random_world(rng, method=method, estimator="exact")
+        system = world.to_control().world
+        puck = rng.normal(size=(2, 40))
+        puck[:, 0] = 0.0  # tustin and foh begin at x_0, whatever the first sample
+        loop = world.loop()
+        torque = [loop.step(z, v) for z, v in puck.T]
+        expected = control.forced_response(system, inputs=puck, T=np.arange(40) * 1e-3).outputs
+        assert torque == pytest.approx(np.ravel(expected), abs=1e-9 * np.abs(torque).max())
+
+
+def test_the_device_s_state_space_has_its_step_response() -> None:
+    world = random_world(np.random.default_rng(5))
+    time = np.arange(200) * 1e-3
+    expected = control.forced_response(world.to_control().device, T=time, inputs=np.full(200, 0.01)).outputs
+    device = world.device()
+    rows = [device.puck] + [device.step(0.01) for _ in time[1:]]
+    assert np.array(rows).T == pytest.approx(expected, rel=1e-6, abs=1e-12)
+
+
+def positive_real(world: hapt.World, damping: float) -> Any:
+    """G = b/T + H/(z - 1): passive where the loop is against every passive hand (Colgate and Schenkel 1997).
+
+    H is the torque that resists a sampled position, with the difference as velocity: (z - 1)/(T z). So the world is driven by
+    1/(z - 1) as position and 1/(T z) as velocity.
+    """
+    system = world.to_control().world
+    period = float(world.get("loop.period") or 0.0)
+    order = len(system.A)
+    drive = np.diag([1.0, 1.0 / period])
+    a = np.block([[np.diag([1.0, 0.0]), np.zeros((2, order))], [system.B @ drive, system.A]])
+    b = np.vstack([np.ones((2, 1)), np.zeros((order, 1))])
+    c = -np.hstack([system.D @ drive, system.C])
+    return control.ss(a, b, c, [[damping / period]], period)
+
+
+def test_check_and_python_control_agree_on_passivity() -> None:
+    pytest.importorskip("cvxopt")
+    rng = np.random.default_rng(11)
+    looked, wrong = 0, []
+    while looked < 300:
+        method = METHODS[rng.integers(len(METHODS))]
+        world = random_world(rng, method=method)
+        damping = float(np.exp(rng.uniform(np.log(1e-4), np.log(1e-2))))
+        passivity = world.set("device.damping", damping).check(remedies=False).passivity
+        required = passivity["required_damping"]
+        if required is not None and abs(damping / required - 1) < 0.02:
+            continue
+        looked += 1
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            theirs = bool(control.ispassive(positive_real(world, damping)))
+        if theirs != passivity["passive"]:
+            wrong.append((method, damping, required))
+    assert not wrong

@@ -1,0 +1,375 @@
+"""The package is the crates' face: names, numbers and errors are theirs."""
+
+import copy
+import csv
+import dataclasses
+import io
+import os
+import pickle
+import pathlib
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import hapt
+import numpy as np
+import pytest
+
+WALL = """
+[loop]
+period = "1 ms"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "1.2e-3 N m s/rad"
+[[couplings]]
+kind = "spring"
+between = ["puck", "ground"]
+stiffness = "2 N m/rad"
+[scenarios.step]
+duration = "0.5 s"
+hand = { kind = "step", to = "10 deg", release = "0.1 s" }
+"""
+
+
+@pytest.fixture
+def world() -> hapt.World:
+    return hapt.load(WALL)
+
+
+def test_a_text_a_file_and_a_dict_are_the_same_world(world: hapt.World, tmp_path: pathlib.Path) -> None:
+    file = tmp_path / "wall.toml"
+    file.write_text(WALL)
+    table: dict[str, Any] = {
+        "loop": {"period": "1 ms"},
+        "device": {"inertia": "6.4e-4 kg m^2", "damping": np.float32(0) + np.float64(1.2e-3)},
+        "couplings": [{"kind": "spring", "between": ["puck", "ground"], "stiffness": 2}],
+        "scenarios": {"step": {"duration": 0.5, "hand": hapt.Step("10 deg", release=0.1)}},
+    }
+    assert hapt.load(file) == hapt.load(str(file)) == hapt.load(table) == world
+    built = hapt.World(
+        loop=table["loop"],
+        device=table["device"],
+        couplings=[hapt.Spring(("puck", "ground"), "2 N m/rad")],
+        scenarios={"step": {"duration": "500 ms", "hand": hapt.Step("10 deg", release="100 ms")}},
+    )
+    assert built == world
+
+
+def test_every_kind_of_the_reader_has_its_class_with_the_same_keys() -> None:
+    for classes, keys in [
+        (hapt._build.COUPLINGS, hapt._hapt.coupling_keys()),
+        (hapt._build.HANDS, hapt._hapt.hand_keys()),
+    ]:
+        ours = {made.kind: {field.name for field in dataclasses.fields(made)} for made in classes}
+        assert ours == {kind: set(names) - {"kind"} for kind, names in keys}
+
+
+def test_set_takes_units_and_numbers_and_changes_nothing_else(world: hapt.World) -> None:
+    for value in ["2 ms", 0.002, np.float64(0.002), np.float32(0.002)]:
+        assert world.set("loop.period", value).get("loop.period") == pytest.approx(0.002)
+    assert world.get("loop.period") == 0.001
+    assert world.set("device.encoder", np.int64(4000)).get("device.encoder") == 4000
+    assert world.get("loop.method") == "zoh" and world.get("device.limit") is None
+    many = world
+    for i in range(1100):
+        many = many.set("loop.period", 0.001 + i * 1e-6)
+    assert many.get("loop.period") == pytest.approx(0.002099)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "error"),
+    [
+        ("loop.period", "2 kg", hapt.WorldError),
+        ("loop.perod", "2 ms", hapt.WorldError),
+        ("loop.period", float("nan"), hapt.WorldError),
+        ("loop.period", float("inf"), hapt.WorldError),
+        ("loop.period", [1], hapt.WorldError),
+        ("loop.period", b"1 ms", TypeError),
+        ("loop.period", object(), TypeError),
+        ("loop.period", 1j, TypeError),
+        (3, "2 ms", TypeError),
+        ("loop.period=1ms\nx", "2 ms", ValueError),
+        ("a." * 5000, 1, hapt.WorldError),
+        ("", 1, hapt.WorldError),
+    ],
+)
+def test_a_wrong_change_is_an_error_of_python(world: hapt.World, key: object, value: object, error: type) -> None:
+    with pytest.raises(error):
+        world.set(key, value)  # type: ignore[arg-type]
+
+
+def test_an_error_has_line_and_caret() -> None:
+    with pytest.raises(hapt.WorldError) as caught:
+        hapt.load('[loop]\nperiod = "1 kg"\n')
+    error = caught.value
+    assert isinstance(error, ValueError)
+    assert (error.key, error.line, error.column, error.kind) == ("loop.period", 2, 10, "value")
+    assert '2 | period = "1 kg"\n  |          ^^^^^^' in str(error)
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error) and again.line == 2
+    with pytest.raises(KeyError, match="loop.period"):
+        hapt.load(WALL).get("loop.perod")
+    with pytest.raises(hapt.WorldError, match="cannot read"):
+        hapt.load("no/such/file.toml")
+    for wrong in [3, None, ["a"], b"x"]:
+        with pytest.raises(TypeError):
+            hapt.load(wrong)  # type: ignore[arg-type]
+
+
+def test_a_run_has_the_columns_of_the_csv(world: hapt.World) -> None:
+    run = world.simulate("step")
+    assert list(run) == [
+        "time_s", "puck_rad", "puck_rad_per_s", "measured_rad", "measured_rad_per_s", "torque_Nm", "command_Nm", "applied_Nm",
+    ]  # fmt: skip
+    assert len(run["time_s"]) == 501 and run["torque_Nm"].dtype == np.float64
+    assert run.summary["peak_torque"] == np.abs(run["torque_Nm"]).max() == pytest.approx(2 * np.radians(10))
+    assert run.time[-1] == 0.5 and run["torque_Nm"].flags.c_contiguous
+    assert pickle.loads(pickle.dumps(run)) == run == copy.deepcopy(run)
+    with pytest.raises(KeyError, match="torque_Nm"):
+        run["torque"]
+    with pytest.raises(hapt.WorldError, match="step"):
+        world.simulate("stop")
+
+
+def test_a_run_becomes_a_frame(world: hapt.World) -> None:
+    pandas = pytest.importorskip("pandas")
+    run = world.simulate()
+    frame = run.to_pandas()
+    assert list(frame) == list(run) and isinstance(frame, pandas.DataFrame)
+    read = list(csv.reader(io.StringIO(frame.to_csv(index=False))))
+    assert read[0] == list(run) and float(read[1][1]) == run["puck_rad"][0]
+
+
+def test_a_run_becomes_a_dataset(world: hapt.World) -> None:
+    pytest.importorskip("xarray")
+    data = world.simulate().to_xarray()
+    assert data.sizes == {"time_s": 501} and data.attrs["rows"] == 501
+
+
+def test_a_run_that_runs_away_keeps_its_rows() -> None:
+    world = hapt.load(WALL).set("couplings.0.stiffness", 1e7).set("scenarios.step.duration", "10 s")
+    with pytest.warns(RuntimeWarning, match="stops being finite"):
+        run = world.simulate()
+    assert run.ended is not None and 100 < len(run["time_s"]) < 10001
+    assert all(np.isfinite(column).all() for column in run.values())
+
+
+def test_a_run_larger_than_memory_is_refused() -> None:
+    world = hapt.load(WALL).set("loop.period", 1e-7).set("scenarios.step.duration", 900)
+    try:
+        limit = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError):
+        pytest.skip("this system does not tell its memory")
+    if limit < 9 * 10**9 * 8 * 8:
+        with pytest.raises(MemoryError, match="GiB"):
+            world.simulate()
+
+
+def test_a_check_is_the_contract_s_mapping(world: hapt.World) -> None:
+    check = world.check()
+    assert check.certified and check and check["certified"] is True
+    assert set(check) == {
+        "period_s", "method", "output", "held", "free", "passivity", "quantisation", "remedies", "certified", "notes",
+    }  # fmt: skip
+    assert check.passivity["required_damping"] == pytest.approx(1e-3)  # KT/2
+    assert "passive" in str(check) and "margins" in str(check)
+    assert "certified" in check._repr_html_()
+    assert world.check(remedies=False)["remedies"] is None
+    assert dict(pickle.loads(pickle.dumps(check))) == dict(check)
+    refused = world.set("couplings.0.stiffness", "20 N m/rad").check()
+    assert not refused and "remedies" in str(refused)
+
+
+def test_a_sweep_has_an_axis_for_each_key(world: hapt.World) -> None:
+    stiffness = np.array([3.0, 1.0, 2.5])
+    sweep = world.sweep({"couplings.0.stiffness": stiffness, "loop.period": [1e-3, 2e-3]}, ["required_damping", "certified"])
+    expected = stiffness[:, None] * np.array([1e-3, 2e-3]) / 2
+    assert sweep["required_damping"] == pytest.approx(expected)
+    assert np.array_equal(sweep["certified"], expected <= 1.2e-3)
+    peak = world.sweep({"couplings.0.stiffness": stiffness}, "peak_torque", progress=False, threads=1)
+    alone = [world.set("couplings.0.stiffness", k).simulate().summary["peak_torque"] for k in stiffness]
+    assert np.array_equal(peak["peak_torque"], alone)
+
+
+def test_a_sweep_refuses_what_is_no_axis(world: hapt.World) -> None:
+    frozen = np.linspace(1e-3, 2e-3, 6)
+    frozen.flags.writeable = False
+    assert world.sweep({"loop.period": frozen[::2]}, "certified")["certified"].shape == (3,)
+    refused: list[tuple[Any, type[Exception]]] = [
+        ([1e-3, np.nan], ValueError),
+        ([], ValueError),
+        ([[1e-3]], ValueError),
+        (["1 ms"], TypeError),
+        ([1j], TypeError),
+        ([-1.0], hapt.WorldError),
+    ]
+    for values, error in refused:
+        with pytest.raises(error):
+            world.sweep({"loop.period": values}, "certified")
+    with pytest.raises(ValueError, match="certified"):
+        world.sweep({"loop.period": [1e-3]}, "certifed")
+    with pytest.raises(ValueError):
+        world.sweep({"loop.perod": [1e-3]}, "certified")
+    with pytest.raises(ValueError):
+        world.sweep({"device.encoder": [4000.5]}, "certified")
+
+
+def test_the_loop_and_the_device_together_are_a_run(world: hapt.World) -> None:
+    world = world.set("device.encoder", 4000).set("loop.estimator", "foaw").set("loop.window", 8).set("loop.delay", "0.4 ms")
+    run = world.simulate()
+    loop, device = world.loop(), world.device("step")
+    torques = []
+    position, velocity = device.puck
+    for k in range(len(run.time)):
+        torques.append(loop.step(position, velocity))
+        assert loop.measured[0] == run["measured_rad"][k]
+        position, velocity = device.step(loop.command)
+        if k == 150:
+            loop, device = pickle.loads(pickle.dumps((loop, device)))
+        if k == 250:
+            loop, device = copy.copy(loop), copy.deepcopy(device)
+    assert np.array_equal(torques, run["torque_Nm"])
+    loop.reset()
+    assert loop.step(0.0) == 0.0
+    for wrong in [np.nan, np.inf]:
+        with pytest.raises(ValueError):
+            loop.step(wrong)
+        with pytest.raises(ValueError):
+            device.step(wrong)
+    with pytest.raises(TypeError):
+        loop.step("1")  # type: ignore[arg-type]
+
+
+def test_worlds_pickle_with_their_changes(world: hapt.World) -> None:
+    changed = world.set("loop.period", "2 ms")
+    again = pickle.loads(pickle.dumps(changed))
+    assert again == changed != world and again.get("loop.period") == 0.002
+
+
+def test_the_impedance_of_a_spring_is_its_stiffness(world: hapt.World) -> None:
+    impedance = world.impedance(points=50)
+    assert impedance["stiffness_Nm_per_rad"][0] == pytest.approx(2.0, rel=1e-3)
+    assert impedance.info["nyquist_hz"] == 500 and len(impedance["frequency_hz"]) == 50
+    refused: list[dict[str, Any]] = [{"points": 0}, {"low": 600.0}, {"high": 1e9}, {"low": float("nan")}, {"slopes": "x"}]
+    for wrong in refused:
+        with pytest.raises(ValueError):
+            world.impedance(**wrong)
+
+
+def test_the_boundary_of_a_spring_is_twice_the_damping_over_the_period(world: hapt.World) -> None:
+    ranges = {"couplings.0.stiffness": (1.0, 5.0), "device.damping": ("5e-4 N m s/rad", "3e-3 N m s/rad")}
+    boundary = world.boundary(ranges, "passive")
+    assert len(boundary.pieces) == 1 and boundary.everywhere == {"passive": None}
+    piece = boundary.pieces[0]
+    assert piece.x * 1e-3 / 2 == pytest.approx(piece.y, rel=1e-3)
+    with pytest.raises(ValueError):
+        world.boundary({"loop.period": (1e-3, 2e-3)})
+    with pytest.raises(ValueError):
+        world.boundary(ranges, "pasive")
+
+
+def test_the_worst_hand_breaks_what_is_not_certified(world: hapt.World) -> None:
+    worst = world.set("couplings.0.stiffness", 10).worst()
+    assert worst["broken"] and not worst["certified"]
+    assert worst.world is not None and worst.world.scenarios == ["worst"]
+    worst.world.simulate()
+
+
+def test_a_record_gives_the_device_back(world: hapt.World) -> None:
+    k = np.arange(3000)
+    torques = np.where((k // 170) % 2 == 0, 0.05, -0.04)
+    device = world.device()
+    positions = []
+    for torque in torques:
+        positions.append(device.puck[0])
+        device.step(torque)
+    noisy = np.array(positions) + np.random.default_rng(1).normal(0, 1e-4, len(k))
+    found = hapt.identify(k * 1e-3, noisy, torques)
+    assert found["inertia"]["low"] < 6.4e-4 < found["inertia"]["high"]
+    with pytest.raises(ValueError, match="finite"):
+        hapt.identify(k * 1e-3, np.full(3000, np.nan), torques)
+    with pytest.raises(ValueError):
+        hapt.identify([0.0], [0.0], [0.0])
+
+
+def test_design_takes_units_and_numbers() -> None:
+    assert dict(hapt.design("45 deg", "800 N mm", "1 Hz")) == pytest.approx(dict(hapt.design(np.pi / 4, 0.8, 1, 1e-3)))
+    for wrong in ["0 deg", "45 N", "", float("nan")]:
+        with pytest.raises(ValueError):
+            hapt.design(wrong, "800 N mm", "1 Hz")
+
+
+@pytest.mark.parametrize("call", ["check", "simulate", "sweep", "boundary", "worst"])
+def test_ctrl_c_ends_every_long_call(call: str) -> None:
+    long = hapt.load(WALL).set("loop.period", "1 us").set("scenarios.step.duration", "20 s")
+    calls: dict[str, Callable[[], object]] = {
+        "check": lambda: [long.check() for _ in range(10**6)],
+        "simulate": lambda: long.simulate(),
+        "sweep": lambda: long.sweep({"couplings.0.stiffness": np.linspace(1, 2, 64)}, "settling_time", progress=False),
+        "boundary": lambda: [long.boundary({"couplings.0.stiffness": (1, 2), "loop.period": (1e-3, 2e-3)}) for _ in range(10**6)],
+        "worst": lambda: [long.worst() for _ in range(10**6)],
+    }
+    # A real Ctrl-C: the default handler raises KeyboardInterrupt in the main thread.
+    timer = threading.Timer(0.2, lambda: signal.raise_signal(signal.SIGINT))
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            calls[call]()
+    finally:
+        timer.join()
+
+
+def test_threads_run_beside_each_other(world: hapt.World) -> None:
+    expected = world.simulate()
+    found: list[hapt.Run] = []
+    threads = [threading.Thread(target=lambda: found.append(world.simulate())) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 8 and all(run == expected for run in found)
+
+
+LEAK = """
+import os, pathlib, sys
+import hapt
+def resident():
+    return int(pathlib.Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+world = hapt.load(sys.stdin.read()).set("loop.period", "10 us")  # 50 001 rows of 8 columns: 3.2 MB a run
+for _ in range(5):
+    world.simulate()
+before = resident()
+for _ in range(40):
+    world.simulate()
+print(resident() - before)
+"""
+
+
+@pytest.mark.skipif(not pathlib.Path("/proc/self/statm").exists(), reason="no /proc")
+def test_calls_leave_no_memory_behind() -> None:
+    """In a process of its own: here, searches that were interrupted may still run."""
+    grown = subprocess.run([sys.executable, "-c", LEAK], input=WALL, capture_output=True, text=True, check=True).stdout
+    assert int(grown) < 64e6  # without freeing: 128 MB
+
+
+def test_responses_draw_themselves(world: hapt.World) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    assert world.simulate().plot().shape == (2,)
+    stiffness = {"couplings.0.stiffness": [1.0, 2.0]}
+    assert world.sweep(stiffness, "certified").plot().get_xlabel() == "couplings.0.stiffness"
+    world.sweep({**stiffness, "loop.period": [1e-3, 2e-3, 3e-3]}, "certified").plot()
+    world.impedance().plot("damping")
+    with pytest.raises(ValueError):
+        world.impedance().plot("colour")
+    import matplotlib.pyplot as plt
+
+    plt.close("all")
+
+
+def test_live_needs_the_program(world: hapt.World) -> None:
+    with pytest.raises(FileNotFoundError):
+        world.live(program="/no/such/hapt")
