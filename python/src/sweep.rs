@@ -34,7 +34,7 @@ impl Sweep {
 }
 
 fn measure(name: &str) -> PyResult<Measure> {
-    Measure::named(name).ok_or_else(|| {
+    Measure::from_name(name).ok_or_else(|| {
         let names = Measure::ALL.map(Measure::name);
         let hint = match did_you_mean(name, names) {
             hint if hint.is_empty() => format!("; there are {}", names.join(", ")),
