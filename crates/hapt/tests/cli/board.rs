@@ -225,7 +225,7 @@ fn a_board_that_is_not_there_is_a_device_that_failed() {
     let at = folder(&[("w.toml", WHEEL)]);
     let run = |device: &str| hapt(at.path(), ["run", "w.toml", "--uncertified", "--device", device]);
     run("hapt:/dev/no-such-port").refused(3, &["cannot open /dev/no-such-port", "No such file"]);
-    run("hapt:w.toml").refused(3, &["cannot open w.toml", "no serial port"]);
+    run("hapt:w.toml").refused(3, &["cannot open w.toml", "not a serial port"]);
 }
 
 #[test]

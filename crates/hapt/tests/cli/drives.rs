@@ -81,7 +81,7 @@ fn a_drive_that_is_not_there_is_said_to_be_so() {
     let at = folder(&[("w.toml", &geared())]);
     let run = |device: &str| hapt(at.path(), ["run", "w.toml", "--device", device]);
     run("moteus:/dev/no-such-port").refused(3, &["cannot open /dev/no-such-port", "No such file"]);
-    run("moteus:/dev/null").refused(3, &["no serial port"]);
+    run("moteus:/dev/null").refused(3, &["not a serial port"]);
     run("moteus:no-such-can").refused(3, &["cannot open no-such-can"]);
     hapt(at.path(), ["simulate-drive", "moteus", "--can", "no-such-can"]).refused(3, &["no-such-can"]);
     let (_drive, device) = drive(at.path(), "moteus", &["--id", "9"]);

@@ -153,7 +153,7 @@ fn what_cannot_be_had_is_said_and_leaves_nothing() {
         (&["--from", "0"], &["--from", "positive"]),
         (&["--from", "2 ms"], &["--from"]),
         (&["--from", "20", "--to", "10"], &["--from: 20 Hz must be below --to, which is 10 Hz"]),
-        (&["--points", "0"], &["--points 0: 1 to 100000"]),
+        (&["--points", "0"], &["--points 0: expected 1 to 100000"]),
         (&["--z-width", "--points", "3000"], &["1 to 2000"]),
         (&["--z-width", "--to", "10"], &["--z-width", "--to"]),
         (&["--slopes", "some"], &["steep", "flat"]),

@@ -84,7 +84,7 @@ fn a_replay_ends_with_its_recording() {
     let cut: String = text.lines().take(3).map(|line| format!("{line}\n")).collect();
     fs::write(at.path().join("cut.csv"), cut + "0.003,0.7").unwrap();
     hapt(at.path(), ["run", "w.toml", "--device", "replay:cut.csv"])
-        .refused(2, &["cut.csv, line 4", "no finite number"]);
+        .refused(2, &["cut.csv, line 4", "not a finite number"]);
 }
 
 /// Its log, and the same log written anew, from its first sample on and from the middle of the run.

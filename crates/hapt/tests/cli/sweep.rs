@@ -80,7 +80,7 @@ fn what_cannot_be_swept_is_said_and_leaves_nothing() {
             &["up to 10 000 000 cells", "5 000 000 000", "no --plot"],
         ),
         (&["--out", "t.csv", "--vary", "device.damping=0..1:10000000000"], &["10000000000 cells"]),
-        (&["--out", "t.csv", "--vary", "device.damping=0..1:99999999999999999999"], &["no number of values"]),
+        (&["--out", "t.csv", "--vary", "device.damping=0..1:99999999999999999999"], &["not a number of values"]),
         (&["--out", "t.csv", "--vary", "device.damping=0..1e-3:3:log"], &["on one side of 0"]),
         (&["--out", "t.csv", "--vary", "loop.method=zoh..foh:2"], &["loop.method"]),
         (&["--out", "t.csv", "--vary", "device.encoder=1000..2000:7"], &["whole"]),
