@@ -2,7 +2,7 @@
 
 import { decode, VERSION, type Frame, type FromServer, type ToServer } from "./protocol.ts";
 
-/** A motor is let go 0.3 s after the last message, its fade of 0.1 s included: three of these may be late. */
+/** A motor's torque is off 0.3 s after the last message, its fade of 0.1 s included: three of these may be late. */
 const ALIVE_MS = 50;
 const FIRST_PAUSE_MS = 250;
 const LONGEST_PAUSE_MS = 4000;

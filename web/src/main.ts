@@ -152,7 +152,7 @@ function show(next: World): void {
   knobs.show(next);
   euler.world(next);
   const way = next.motion === "rotary" ? "Clockwise" : "To the right";
-  const grab = next.device === SIMULATED ? "Drag it and let go; on the keyboard hold an arrow key (with Shift, slowly), and H holds on." : `It moves as ${next.device} does.`;
+  const grab = next.device === SIMULATED ? "Drag it and release it; on the keyboard hold an arrow key (with Shift, slowly), and H keeps holding." : `It moves as ${next.device} does.`;
   say(byId("hint"), `${grab} ${way} is positive. Couplings have the colour of their ${shown.what} on this scale.`);
   byId("restart").hidden = next.device !== SIMULATED;
   mayGrab();

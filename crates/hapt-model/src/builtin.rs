@@ -25,6 +25,7 @@ const WORLDS: &[(&str, &str)] = worlds! {
     "devices/eth-wall"
     "devices/smartknob-detents"
     "devices/grating"
+    "devices/magnets"
 };
 
 /// The names, each with its `@`.

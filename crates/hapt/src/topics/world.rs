@@ -117,6 +117,8 @@ dead band asks the device for stiffness · T/2.
 
   kind = "dead-band", stiffness = "1 N m/rad", width = "5 deg"
 
+  hapt sim @devices/magnets --scenario turn                  scenario turn
+
 See spring and wall.
 "#,
     },
@@ -124,11 +126,13 @@ See spring and wall.
         name: "magnet",
         aliases: &["magnets", "attract", "snap", "pull"],
         line: "a pull toward a place, which fades with the distance",
-        text: r#"torque = -torque · x · exp((1 - x²)/2) with x = (q - at)/width: it pulls toward `at`, most at `width`
-from it, and hardly at 3 · width. It is steepest at its place, with √e · torque/width = 1.65 ·
-torque/width. That slope counts as its stiffness.
+        text: r#"torque = -torque · x · exp((1 - x²)/2) with x = (q - at)/width: it pulls toward `at`, most at
+`width` from it, and hardly at 3 · width. It is steepest at `at`, with √e · torque/width, which
+counts as its stiffness.
 
   kind = "magnet", torque = "30 N mm", width = "3 deg", at = "90 deg"
+
+  hapt check @devices/magnets                                verdict   certified
 
 Beyond `width` the pull falls with the distance: a falling slope, which costs nothing. Detents pull
 at equal distances, magnets where they are put.
@@ -144,6 +148,8 @@ energy is periodic: it gives back what it takes. Its steepest slope counts as it
 
   kind = "texture", torque = "5 N mm", pitch = "10 deg", sine = [-1, 0, 0.3]
   kind = "texture", torque = "5 N mm", pitch = "10 deg", samples = [0, 1, 0.5, -0.5, -1]
+
+  hapt sim @devices/grating --scenario stroke                scenario stroke
 
 Samples without a mean that 4 harmonics show to a hundredth are read, all others are refused. With
 sine = [-1] it is a detent.
