@@ -268,7 +268,7 @@ def load(source: Union[str, os.PathLike[str], Mapping[str, Any]]) -> World:
     >>> hapt.load('loop.period = "1 kg"\\ndevice.inertia = 6.4e-4')
     Traceback (most recent call last):
         ...
-    hapt.WorldError: loop.period: "1 kg" is a mass (kg); a time (s) is wanted, such as "1 ms"
+    hapt.WorldError: loop.period: "1 kg" is a mass (kg); expected a time (s), such as "1 ms"
      --> text:1:15
       |
     1 | loop.period = "1 kg"
