@@ -189,7 +189,7 @@ mod tests {
         let (_ours, path) = pty().unwrap();
         let _first = Line::open(&path).unwrap();
         assert!(Line::open(&path).unwrap_err().to_string().contains("another program"));
-        assert!(Line::open(Path::new("/dev/null")).unwrap_err().to_string().contains("no serial port"));
+        assert!(Line::open(Path::new("/dev/null")).unwrap_err().to_string().contains("not a serial port"));
         assert!(Line::open(Path::new("/dev/no-such-port")).is_err());
     }
 
