@@ -1,6 +1,6 @@
 //! `hapt._hapt`: what the Python package `hapt` computes, by the Rust crates. The package's own modules give it Python's manners.
 //!
-//! Every call that may last runs on a thread of its own with the interpreter's lock released, see [`interrupt`].
+//! Every call that may last runs on a thread of its own with the interpreter's lock released, see `interrupt`.
 
 mod analyses;
 mod error;

@@ -178,7 +178,8 @@ fn a_conversion_that_fails_leaves_nothing() {
     run(at.path());
     hapt(at.path(), ["convert", "r/step.mcap", "-o", "no/step.csv"]).refused(3, &["cannot write no/step.csv"]);
     hapt(at.path(), ["convert", "r/step.mcap", "-o", "x.csv", "--plan", "4"]).refused(2, &["no samples of plan 4"]);
-    hapt(at.path(), ["convert", "r/step.mcap", "-o", "x.xlsx"]).refused(2, &["--out x.xlsx", "expected FILE.mcap"]);
+    hapt(at.path(), ["convert", "r/step.mcap", "-o", "x.xlsx"])
+        .refused(2, &["--out x.xlsx", "expected FILE.csv, FILE.parquet or FILE.mcap"]);
     hapt_reads(at.path(), "time_s,puck_rad\n", ["replay", "-"]).refused(2, &["<stdin>: it is no log"]);
     assert_eq!(names(at.path()), ["r", "w.toml"]);
 }

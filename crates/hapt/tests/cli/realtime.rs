@@ -41,7 +41,7 @@ fn a_scenario_in_real_time_asks_for_the_torque_that_it_asks_for_in_the_simulatio
     assert!(ended.out.starts_with("wheel on the simulated device, 1 ms a sample\n"), "{ended:?}");
     assert!(ended.out.contains("at full torque; ended in order"), "{ended:?}");
     // 1.018592 N m/rad over 45 deg, at the first sample.
-    near(between(&ended.out, "asked for", "N mm"), 800.0, 1e-3);
+    near(between(&ended.out, "commanded", "N mm"), 800.0, 1e-3);
     // Two fades of a tenth of a second each, and what was asked for.
     let (taken, missed) = samples(&ended.out);
     assert!(taken + missed >= 500.0 && taken > 100.0, "{ended:?}");
