@@ -113,8 +113,8 @@ impl Bits<'_> {
                 pitch: self.number(),
                 phase: self.number(),
                 waveform: Waveform {
-                    sine: std::array::from_fn(|_| self.number()),
-                    cosine: std::array::from_fn(|_| self.number()),
+                    sine: std::array::from_fn(|_| self.number() as f32),
+                    cosine: std::array::from_fn(|_| self.number() as f32),
                 },
             },
             _ => Law::Constant { torque: self.number() },

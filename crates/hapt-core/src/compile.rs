@@ -180,7 +180,7 @@ fn check_numbers(coupling: &Coupling) -> Result<(), Error> {
     let mut law = coupling.law;
     if let Some(Waveform { sine, cosine }) = law.waveform() {
         let factors = || sine.iter().chain(cosine);
-        factors().try_for_each(|factor| Error::check_finite("waveform", *factor))?;
+        factors().try_for_each(|factor| Error::check_finite("waveform", f64::from(*factor)))?;
     }
     law.quantities().try_for_each(|Quantity { name, range, value }| match range {
         Range::Any => Error::check_finite(name, *value),

@@ -71,8 +71,8 @@ enum Law {
         torque: f64,
         pitch: f64,
         phase: f64,
-        sine: [f64; HARMONICS],
-        cosine: [f64; HARMONICS],
+        sine: [f32; HARMONICS],
+        cosine: [f32; HARMONICS],
     },
 }
 

@@ -211,7 +211,7 @@ fn nonlinear(rng: &mut Rng, inertia: f64, period: f64) -> (Law, Option<f64>) {
         }
         4 => {
             let pitch = between(rng, 0.05, 1.0);
-            let mut factors = || std::array::from_fn(|_| if rng.bool() { between(rng, -1.0, 1.0) } else { 0.0 });
+            let mut factors = || std::array::from_fn(|_| if rng.bool() { between(rng, -1.0, 1.0) as f32 } else { 0.0 });
             let waveform = Waveform { sine: factors(), cosine: factors() };
             // So steep at most, and a texture of no harmonic is nothing.
             let torque = stiffness * pitch / (std::f64::consts::TAU * waveform.slope().max(1e-3));

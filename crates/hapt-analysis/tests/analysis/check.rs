@@ -266,7 +266,8 @@ proptest! {
                 7 => Law::DeadBand { stiffness: a, rest: b, width: c },
                 8 => Law::Magnet { torque: a, width: b.max(f64::MIN_POSITIVE), at: c },
                 9 => {
-                    let waveform = Waveform { sine: [a, 0.0, b, 0.0], cosine: [0.0, c, 0.0, a] };
+                    let [d, e, f] = [a, b, c].map(|x| x as f32);
+                    let waveform = Waveform { sine: [d, 0.0, e, 0.0], cosine: [0.0, f, 0.0, d] };
                     Law::Texture { torque: a, pitch: b.max(f64::MIN_POSITIVE), phase: c, waveform }
                 }
                 _ => Law::Spring { stiffness: a, rest: b },

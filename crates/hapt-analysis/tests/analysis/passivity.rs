@@ -394,7 +394,7 @@ proptest! {
     /// The certificate's slope of a texture is its steepest one of either sign, to a part in ten thousand.
     #[test]
     fn a_texture_asks_for_its_steepest_slope(
-        sine in prop::array::uniform4(-1.0_f64..1.0), cosine in prop::array::uniform4(-1.0_f64..1.0),
+        sine in prop::array::uniform4(-1.0_f32..1.0), cosine in prop::array::uniform4(-1.0_f32..1.0),
     ) {
         let waveform = Waveform { sine, cosine };
         let law = Law::Texture { torque: 1e-3, pitch: TAU, phase: 0.0, waveform };

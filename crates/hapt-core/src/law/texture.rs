@@ -10,19 +10,24 @@ use crate::contact::{Solution, StepResponse, solve_nearest};
 /// Harmonics of a texture: every coupling has room for them, also on boards.
 pub const HARMONICS: usize = 4;
 
-/// One period of a texture as a Fourier sum without a mean: Σ (sineₙ sin nθ + cosineₙ cos nθ), θ from 0 to 2π.
+/// One period of a texture as a Fourier sum without a mean: Σ (sineₙ sin nθ + cosineₙ cos nθ), θ from 0 to 2π. Its factors are f32: a
+/// board of 32 KiB holds several copies of every coupling while it compiles a world.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Waveform {
     /// Of sin θ, sin 2θ, and so on.
-    pub sine: [f64; HARMONICS],
+    pub sine: [f32; HARMONICS],
     /// Of cos θ, cos 2θ, and so on.
-    pub cosine: [f64; HARMONICS],
+    pub cosine: [f32; HARMONICS],
 }
 
 impl Waveform {
     /// The harmonics: n, and the factors of sin nθ and cos nθ.
     pub fn harmonics(&self) -> impl Iterator<Item = (f64, f64, f64)> + Clone + use<> {
-        self.sine.into_iter().zip(self.cosine).enumerate().map(|(i, (sine, cosine))| ((i + 1) as f64, sine, cosine))
+        self.sine
+            .into_iter()
+            .zip(self.cosine)
+            .enumerate()
+            .map(|(i, (sine, cosine))| ((i + 1) as f64, f64::from(sine), f64::from(cosine)))
     }
 
     /// Its value at an angle.
@@ -62,7 +67,7 @@ pub(super) fn energy(torque: f64, pitch: f64, phase: f64, waveform: &Waveform, q
 
 impl<F: Real> Texture<F> {
     pub fn new(torque: f64, pitch: f64, phase: f64, waveform: &Waveform) -> Self {
-        let scaled = |factors: [f64; HARMONICS]| factors.map(|factor| F::from_f64(torque * factor));
+        let scaled = |factors: [f32; HARMONICS]| factors.map(|factor| F::from_f64(torque * f64::from(factor)));
         Texture {
             pitch: F::from_f64(pitch),
             phase: F::from_f64(phase),
@@ -160,7 +165,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn waveform() -> impl Strategy<Value = Waveform> {
-        let factors = || prop::array::uniform4(-1.0_f64..1.0);
+        let factors = || prop::array::uniform4(-1.0_f32..1.0);
         (factors(), factors()).prop_map(|(sine, cosine)| Waveform { sine, cosine })
     }
 

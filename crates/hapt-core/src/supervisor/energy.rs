@@ -361,7 +361,7 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
         Law::Texture { torque, pitch, phase, ref waveform } => {
             let scale = torque * pitch / core::f64::consts::TAU;
             let base = waveform.harmonics().map(|(n, sine, cosine)| libm::hypot(sine, cosine) / n).sum::<f64>();
-            let scaled = |factors: [f64; HARMONICS]| factors.map(|factor| f(scale * factor));
+            let scaled = |factors: [f32; HARMONICS]| factors.map(|factor| f(scale * f64::from(factor)));
             let (sine, cosine) = (scaled(waveform.sine), scaled(waveform.cosine));
             (
                 Potential::Texture { pitch: f(pitch), phase: f(phase), base: f(scale * base), sine, cosine },

@@ -99,7 +99,8 @@ impl World {
             Law::DeadBand { stiffness, .. } => (k + stiffness, c),
             Law::Magnet { torque, width, .. } => (k + 2.0 * torque / width, c),
             Law::Texture { torque, pitch, waveform: Waveform { sine, cosine }, .. } => {
-                let sizes = (1..).zip(sine.iter().zip(cosine)).map(|(n, (s, c))| f64::from(n) * (s.abs() + c.abs()));
+                let sizes =
+                    (1..).zip(sine.iter().zip(cosine)).map(|(n, (s, c))| f64::from(n) * f64::from(s.abs() + c.abs()));
                 (k + 7.0 * torque / pitch * sizes.sum::<f64>(), c)
             }
             _ => (k, c),
@@ -124,7 +125,8 @@ pub fn stored(coupling: &Coupling, q: f64) -> f64 {
             torque * width * (0.5_f64.exp() - (0.5 - 0.5 * ((q - at) / width).powi(2)).exp())
         }
         Law::Texture { torque, pitch, phase, waveform: Waveform { sine, cosine } } => {
-            let of = |(n, (s, c)): (i32, (f64, f64))| {
+            let of = |(n, (s, c)): (i32, (f32, f32))| {
+                let (s, c) = (f64::from(s), f64::from(c));
                 let (size, turn) = ((s * s + c * c).sqrt(), c.atan2(s));
                 let angle = f64::from(n) * std::f64::consts::TAU * (q - phase) / pitch + turn;
                 size / f64::from(n) * 2.0 * (0.5 * angle).cos().powi(2)
@@ -163,9 +165,9 @@ pub fn torque(coupling: &Coupling, q: f64, qd: f64) -> f64 {
             -torque * x * (0.5 - 0.5 * x * x).exp()
         }
         Law::Texture { torque, pitch, phase, waveform: Waveform { sine, cosine } } => {
-            let of = |(n, (s, c)): (i32, (f64, f64))| {
+            let of = |(n, (s, c)): (i32, (f32, f32))| {
                 let angle = f64::from(n) * std::f64::consts::TAU * (q - phase) / pitch;
-                s * angle.sin() + c * angle.cos()
+                f64::from(s) * angle.sin() + f64::from(c) * angle.cos()
             };
             torque * (1..).zip(sine.into_iter().zip(cosine)).map(of).sum::<f64>()
         }
@@ -214,7 +216,7 @@ fn end(i: usize, n: usize) -> End {
 
 /// Harmonics that fall with their number.
 pub fn waveform() -> impl Strategy<Value = Waveform> {
-    let factors = || [-1.0_f64..1.0, -0.5..0.5, -0.3..0.3, -0.2..0.2];
+    let factors = || [-1.0_f32..1.0, -0.5..0.5, -0.3..0.3, -0.2..0.2];
     (factors(), factors()).prop_map(|(sine, cosine)| Waveform { sine, cosine })
 }
 

@@ -42,7 +42,7 @@ fn plain_law() -> impl Strategy<Value = Law> {
         (zero(), above(), finite()).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
         (zero(), finite(), zero()).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
         (zero(), above(), finite()).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
-        (zero(), above(), finite(), prop::array::uniform4(-1e3_f64..1e3), prop::array::uniform4(-1e3_f64..1e3))
+        (zero(), above(), finite(), prop::array::uniform4(-1e3_f32..1e3), prop::array::uniform4(-1e3_f32..1e3))
             .prop_map(|(torque, pitch, phase, sine, cosine)| Law::Texture {
                 torque,
                 pitch,

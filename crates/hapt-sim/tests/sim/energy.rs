@@ -34,8 +34,8 @@ fn plain_law() -> impl Strategy<Value = Law> {
         (0.0_f64..1.0, 0.05_f64..1.0, -1.0_f64..1.0).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
         (
             (0.0_f64..1.0, 0.1_f64..1.0, -1.0_f64..1.0),
-            prop::array::uniform4(-1.0_f64..1.0),
-            prop::array::uniform4(-1.0_f64..1.0)
+            prop::array::uniform4(-1.0_f32..1.0),
+            prop::array::uniform4(-1.0_f32..1.0)
         )
             .prop_map(|((torque, pitch, phase), sine, cosine)| Law::Texture {
                 torque,

@@ -21,7 +21,7 @@ fn laws() -> impl Strategy<Value = Law> {
         (x(), x(), x()).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
         (x(), x(), x()).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
         (x(), x(), x()).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
-        (x(), x(), x(), prop::array::uniform4(x()), prop::array::uniform4(x())).prop_map(
+        (x(), x(), x(), prop::array::uniform4(-1e3_f32..1e3), prop::array::uniform4(-1e3_f32..1e3)).prop_map(
             |(torque, pitch, phase, sine, cosine)| Law::Texture {
                 torque,
                 pitch,
