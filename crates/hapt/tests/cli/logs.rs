@@ -180,7 +180,7 @@ fn a_conversion_that_fails_leaves_nothing() {
     hapt(at.path(), ["convert", "r/step.mcap", "-o", "x.csv", "--plan", "4"]).refused(2, &["no samples of plan 4"]);
     hapt(at.path(), ["convert", "r/step.mcap", "-o", "x.xlsx"])
         .refused(2, &["--out x.xlsx", "expected FILE.csv, FILE.parquet or FILE.mcap"]);
-    hapt_reads(at.path(), "time_s,puck_rad\n", ["replay", "-"]).refused(2, &["<stdin>: it is no log"]);
+    hapt_reads(at.path(), "time_s,puck_rad\n", ["replay", "-"]).refused(2, &["<stdin>: it is not a log"]);
     assert_eq!(names(at.path()), ["r", "w.toml"]);
 }
 
