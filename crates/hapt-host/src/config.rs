@@ -266,6 +266,18 @@ mod tests {
     }
 
     #[test]
+    fn no_setting_names_a_file_or_changes_a_waveform() {
+        let text = "[loop]\nperiod = \"1 ms\"\n[device]\ninertia = 1e-3\n[[couplings]]\nkind = \"texture\"\n\
+                    between = [\"puck\", \"ground\"]\ntorque = 1e-3\npitch = 1\nsine = [1]\n";
+        let config = WorldConfig::new(Source::from_text("w.toml", text), vec![]).unwrap();
+        assert!(config.with("couplings.0.torque", "2 N mm").is_ok());
+        for (key, value) in [("file", "w.csv"), ("samples", "[1, -1]"), ("sine", "[1]"), ("cosine", "[1]")] {
+            let refused = config.with(&format!("couplings.0.{key}"), value).map(|next| next.sets()).unwrap_err();
+            assert!(refused.contains("cannot be set while the loop runs"), "{key}: {refused}");
+        }
+    }
+
+    #[test]
     fn a_choice_brings_along_what_it_cannot_do_without() {
         let config = config();
         let smooth = config.with("loop.estimator", "low-pass").unwrap();

@@ -157,7 +157,9 @@ fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<
             (key.unit, key.factor) = sized.unwrap_or_else(|| (dimension.symbol(), 1.0));
             (key.min, key.max, key.log) = slider(&now.path, measure, range, own.si.unwrap_or(0.0), file);
         }
-        _ => return None,
+        Takes::Text | Takes::Numbers { .. } | Takes::Ends | Takes::Table | Takes::Named { .. } | Takes::List { .. } => {
+            return None;
+        }
     }
     Some(key)
 }
@@ -281,8 +283,19 @@ pub fn companion(world: &World, key: &str, value: &str) -> Option<(String, Strin
 
 /// Whether the key can be set while the loop runs, also where the file omits it.
 pub fn may_be_set(world: &World, path: &str) -> bool {
-    is_shown(path)
-        && row(world, path).is_some_and(|row| !matches!(row.takes, Takes::Table | Takes::Ends | Takes::Numbers { .. }))
+    is_shown(path) && row(world, path).is_some_and(|row| is_setting(row.takes))
+}
+
+/// Whether a key takes a number or a choice. Texts are not settings: one of them names a file, and a page must not choose what is read.
+fn is_setting(takes: Takes) -> bool {
+    match takes {
+        Takes::Name(_) | Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples | Takes::Whole { .. } => {
+            true
+        }
+        Takes::Text | Takes::Numbers { .. } | Takes::Ends | Takes::Table | Takes::Named { .. } | Takes::List { .. } => {
+            false
+        }
+    }
 }
 
 #[cfg(test)]

@@ -309,7 +309,11 @@ impl<'a> Fields<'a> {
                 }
                 let read = |item: &Node| {
                     let found = parse_in_unit(number(&item.value), Unit::ONE).filter(|x| NUMBERS.contains(x));
-                    let fault = || format!("{}; {}", item.described(), row.wanted(motion));
+                    let given = match &item.value {
+                        Value::Number(text) => format!("{} is out of range", shortened(text)),
+                        _ => item.described(),
+                    };
+                    let fault = || format!("{given}; {}", row.wanted(motion));
                     found.ok_or_else(|| self.error_at(ErrorKind::Value, row.name(), fault(), &item.place))
                 };
                 Ok(Found::Numbers(items.iter().map(read).collect::<Result<_, _>>()?))

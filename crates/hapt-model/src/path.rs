@@ -69,7 +69,7 @@ impl<'a> Reader<'a> {
         let quoted = words::quoted(file);
         if leaves(Path::new(file)) {
             return Err(refused(format!(
-                "{quoted} leads out of the world file's folder; a path file stands in it or below"
+                "{quoted} leads out of the world file's folder; a file that a world names must be in that folder or below it"
             )));
         }
         let unreadable =
@@ -79,7 +79,7 @@ impl<'a> Reader<'a> {
         let path = folder.join(file).canonicalize().map_err(unreadable)?;
         if !path.starts_with(&folder) {
             return Err(refused(format!(
-                "{quoted} leads out of the world file's folder; a path file stands in it or below"
+                "{quoted} leads out of the world file's folder; a file that a world names must be in that folder or below it"
             )));
         }
         // Opening anything but a file might wait forever.
@@ -89,7 +89,9 @@ impl<'a> Reader<'a> {
         let mut bytes = Vec::new();
         File::open(&path).map_err(unreadable)?.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(unreadable)?;
         if bytes.len() as u64 > LARGEST_FILE {
-            return Err(refused(format!("{quoted} is larger than 64 MiB, the most that a path file may have")));
+            return Err(refused(format!(
+                "{quoted} is larger than 64 MiB, the most that a file named by a world may have"
+            )));
         }
         Ok(bytes)
     }

@@ -411,7 +411,7 @@ fn scenarios_and_hands() {
         ),
         (
             "duration = 1\nhand = { kind = \"path\", file = \"/etc/passwd\" }",
-            "scenarios.s.hand.file: \"/etc/passwd\" leads out of the world file's folder; a path file stands in it or below",
+            "scenarios.s.hand.file: \"/etc/passwd\" leads out of the world file's folder; a file that a world names must be in that folder or below it",
         ),
         (
             "duration = 1\nhand = { kind = \"path\", file = \"no.csv\" }",
