@@ -94,7 +94,7 @@ impl Plan {
         }
     }
 
-    /// The state with which this plan replaces `before`, whose state is `state`: see [`Controller::transfer`]. Allocates nothing.
+    /// The state with which this plan replaces `before`, whose state is `state`: see [`hapt_core::Controller::transfer`]. Allocates nothing.
     pub fn transfer(&self, before: &Plan, state: &PlanState) -> PlanState {
         let at = |list: &[Option<usize>], i: usize| list.get(i).copied().flatten();
         let (body, bristle) = (|i| at(&self.bodies, i), |i| at(&self.bristles, i));

@@ -159,10 +159,10 @@ pub(crate) fn linear_requirement(world: &World) -> Result<Requirement, Error> {
     Ok(requirement)
 }
 
-/// [`Passivity::required_damping`] alone.
+/// [`crate::passivity::Passivity::required_damping`] alone.
 ///
 /// # Errors
-/// As [`passivity`].
+/// As [`crate::passivity::passivity`].
 pub fn required_damping(world: &World) -> Result<Option<f64>, Error> {
     Ok(linear_requirement(world)?.damping.ok())
 }
