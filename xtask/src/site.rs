@@ -94,7 +94,7 @@ fn framed(page: &str, worlds: &mut Vec<String>) -> Result<String> {
                 let name = world.rsplit('/').next().unwrap_or(world);
                 out += &format!(
                     "<iframe src=\"live/{name}.html\" title=\"{world}, interactive\" loading=\"lazy\" \
-                     style=\"width: 100%; height: 46rem; border: 1px solid #8886\"></iframe>\n\n\
+                     style=\"width: 100%; height: 720px; border: 1px solid #8886\"></iframe>\n\n\
                      [The same world on its own page](live/{name}.html)\n"
                 );
                 if !worlds.contains(&world.to_string()) {
