@@ -4,6 +4,8 @@
 //! takes a [`WorldConfig`] (a world file and what is set over it) and a [`Machine`] (what runs it), and is advanced by [`Session::poll`].
 //! `hapt run` and `hapt live` are both thin layers over it.
 //!
+//! [`PageSession`] is a session with pages: it takes their [`messages`], and gives messages and telemetry [`frames`] for them.
+//!
 //! [`board`] is the host's side of a board: its serial port, its worlds, its torque.
 //!
 //! ```no_run
@@ -28,12 +30,16 @@ mod attached;
 #[cfg(unix)]
 pub mod board;
 mod config;
+pub mod frames;
 mod hand;
 pub mod keys;
 mod local;
 mod machine;
+pub mod messages;
 mod packed;
+mod page;
 mod recording;
+pub mod rule;
 mod runner;
 mod session;
 #[cfg(test)]
@@ -45,6 +51,7 @@ pub use hand::{VirtualHand, grip};
 pub use keys::SettableKey;
 pub use machine::{Backend, Error, Machine};
 pub use packed::packed;
+pub use page::PageSession;
 pub use recording::{Recording, RecordingStatus};
 pub use session::{Event, NotTaken, Sample, Session};
 pub use worker::Task;

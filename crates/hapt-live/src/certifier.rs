@@ -8,10 +8,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use hapt_analysis::{Check, Proposal, Remedy, Verdict, check, is_certified, quick_check};
+use hapt_host::messages::{RemedyInfo, Sentence, ServerMessage, VerdictMessage};
 use hapt_host::{SettableKey, WorldConfig};
 use hapt_model::World;
-
-use crate::protocol::{RemedyInfo, Sentence, ServerMessage, VerdictMessage};
 
 /// The places of a slider that are tried before its edges are refined.
 const PLACES: usize = 33;

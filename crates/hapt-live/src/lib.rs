@@ -13,28 +13,22 @@
 //!
 //! [`standalone`] writes the same page as files, for a folder without a server.
 //!
-//! The messages are in [`protocol`], the telemetry in [`frames`], the admission of requests in [`access`].
+//! The messages are in [`hapt_host::messages`], the telemetry in [`hapt_host::frames`], the admission of requests in [`access`].
 
 pub mod access;
 pub mod assets;
 pub mod certifier;
 pub mod control;
 mod counted;
-mod describe;
-pub mod frames;
 mod http;
 mod live;
-pub mod protocol;
 mod requests;
-pub mod rule;
 pub mod sender;
 pub mod server;
 pub mod session;
 mod socket;
 pub mod standalone;
-mod status;
 #[cfg(test)]
 mod testing;
 
-pub use describe::describe;
 pub use live::{Error, Live, Options, PORT};

@@ -8,16 +8,15 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use hapt_core::SafetyProfile;
-use hapt_host::{Machine, Session, WorldConfig};
+use hapt_host::{Machine, Session, WorldConfig, rule};
 use hapt_model::{Source, World};
 use hapt_rt::LoopHandle;
 
 use crate::access::Access;
 use crate::certifier::Certifier;
-use crate::rule;
 use crate::sender::{self, Event, EventSender};
 use crate::server::{self, Server};
-use crate::session::PageSession;
+use crate::session::SharedSession;
 
 /// The default port.
 pub const PORT: u16 = 4278;
@@ -126,7 +125,7 @@ impl Live {
         let ready = move || drop(ready.try_send(Event::TaskDone));
         let session = Session::start_in(config, machine, folder, ready).map_err(Error::Session)?;
         let sender = EventSender::new(to_session, session.handle());
-        let session = PageSession::new(session, certifier, &sender);
+        let session = SharedSession::new(session, certifier, &sender);
 
         let (report, outcome) = channel();
         let thread = std::thread::Builder::new().name("session".into()).spawn(move || {

@@ -2,18 +2,16 @@
 
 use std::time::Instant;
 
-use hapt_core::Request;
-use hapt_host::{NotTaken, Task};
+use hapt_host::messages::{ClientMessage, Command, ServerMessage, VERSION};
 use hapt_rt::Epoch;
 use tokio::sync::mpsc::Sender;
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::control::Client;
-use crate::protocol::{ClientMessage, Command, ServerMessage, VERSION};
 use crate::sender::Event;
-use crate::session::{PageSession, to_message};
+use crate::session::{SharedSession, to_message};
 
-impl PageSession {
+impl SharedSession {
     /// Handles an event, except the end.
     pub(crate) fn handle_event(&mut self, event: Event) {
         match event {
@@ -21,9 +19,11 @@ impl PageSession {
             Event::Left(client) => self.left(client),
             Event::Message(client, message, epoch, _ticket) => {
                 self.control.heard(client, Instant::now());
-                self.handle_message(client, message, epoch);
+                if let Some(answer) = self.handle_message(client, message, epoch) {
+                    self.tell(client, to_message(&answer));
+                }
             }
-            Event::Certified(generation, answer) if generation == self.session.config().generation => {
+            Event::Certified(generation, answer) if generation == self.page.session.config().generation => {
                 let message = to_message(&answer);
                 match answer {
                     ServerMessage::Range { key, .. } => drop(self.ranges.insert(key, message.clone())),
@@ -45,7 +45,7 @@ impl PageSession {
         let mut messages = vec![
             to_message(&ServerMessage::Hello { v: VERSION, client, control }),
             self.world.clone(),
-            to_message(&self.status()),
+            to_message(&self.page.status(self.clients.len())),
         ];
         messages.extend(self.verdict.iter().chain(self.ranges.values()).cloned());
         messages.into_iter().for_each(|message| self.tell(client, message));
@@ -59,82 +59,32 @@ impl PageSession {
         }
     }
 
-    fn handle_message(&mut self, client: Client, message: ClientMessage, epoch: Epoch) {
-        match &message {
-            ClientMessage::Alive => return,
+    /// The answer to this client, where there is one. What is not about control or certificates goes on to the session.
+    fn handle_message(&mut self, client: Client, message: ClientMessage, epoch: Epoch) -> Option<ServerMessage> {
+        let error = |sentence: &str| Some(ServerMessage::Error { message: sentence.into() });
+        match message {
+            // The sender has passed a stop to the loop.
+            ClientMessage::Alive | ClientMessage::Order { order: Command::Stop } => None,
             ClientMessage::Take => {
                 let from = self.control.holder();
                 // A page that has disconnected takes nothing.
                 if self.clients.contains_key(&client) && self.control.take(client, Instant::now()) {
                     self.control_changed(from);
                 }
-                return;
+                None
             }
-            // The sender has passed it to the loop.
-            ClientMessage::Order { order: Command::Stop } => return,
-            ClientMessage::Hello { .. } => return self.answer_error(client, "hello has been said"),
-            _ if !self.control.is_held_by(client) => {
-                return self.answer_error(client, "another page has control; take it first");
-            }
-            _ => {}
-        }
-        match message {
+            ClientMessage::Hello { .. } => error("hello has been said"),
+            _ if !self.control.is_held_by(client) => error("another page has control; take it first"),
             ClientMessage::Give => {
                 self.control.leave(client);
                 self.control_changed(Some(client));
+                None
             }
-            ClientMessage::Order { order } => {
-                let request = match order {
-                    Command::Arm => Request::Arm,
-                    Command::Disarm => Request::Disarm,
-                    Command::Clear => Request::Clear,
-                    Command::Stop => Request::Stop,
-                };
-                match self.session.request(request, epoch) {
-                    Ok(()) => {}
-                    Err(NotTaken::Outdated) => {
-                        let sentence = "stop was pressed, or control changed, before this was heard; say it again";
-                        self.answer_error(client, sentence);
-                    }
-                    Err(NotTaken::Busy) => self.answer_error(client, "the loop is busy; say it again"),
-                }
+            ClientMessage::Focus { key } => {
+                self.certifier.focus(key);
+                None
             }
-            ClientMessage::Hand { grip, position } => self.session.move_hand(grip.then_some(position)),
-            ClientMessage::Set { key, value } => {
-                self.submit(client, Task::Sets { key: key.clone(), sets: vec![(key, value)] });
-            }
-            ClientMessage::Sets { sets } => self.submit(client, Task::Sets { key: String::new(), sets }),
-            ClientMessage::Reset => self.submit(client, Task::Reset),
-            ClientMessage::Restart => {
-                if let Err(sentence) = self.session.restart(epoch) {
-                    self.refuse(client, "", sentence);
-                }
-            }
-            ClientMessage::Scenario { name: None } => self.session.release(),
-            ClientMessage::Scenario { name: Some(name) } => {
-                if let Err(sentence) = self.session.play(&name) {
-                    self.refuse(client, "scenario", sentence);
-                }
-            }
-            ClientMessage::Record { on: true } => self.submit(client, Task::Record),
-            ClientMessage::Record { on: false } => self.session.end_recording(),
-            ClientMessage::Focus { key } => self.certifier.focus(key),
-            ClientMessage::Alive | ClientMessage::Take | ClientMessage::Hello { .. } => {}
+            message => self.page.handle(client, message, epoch),
         }
-    }
-
-    fn submit(&mut self, client: Client, task: Task) {
-        let key = task.key().to_string();
-        if let Err(sentence) = self.session.submit(client, task) {
-            self.refuse(client, &key, sentence);
-        }
-    }
-
-    fn answer_error(&mut self, client: Client, sentence: &str) {
-        self.tell(client, to_message(&ServerMessage::Error { message: sentence.into() }));
-    }
-
-    fn refuse(&mut self, client: Client, key: &str, message: String) {
-        self.tell(client, to_message(&ServerMessage::Refused { key: key.into(), message }));
     }
 }

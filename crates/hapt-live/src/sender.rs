@@ -5,12 +5,12 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::time::Duration;
 
+use hapt_host::messages::{ClientMessage, Command, ServerMessage};
 use hapt_rt::{Epoch, LoopHandle};
 use tokio::sync::mpsc::Sender;
 use tokio_tungstenite::tungstenite::Message;
 
 use crate::control::Client;
-use crate::protocol::{ClientMessage, Command, ServerMessage};
 
 /// The most messages of one client that wait, and the most events of all.
 const OF_ONE: usize = 256;

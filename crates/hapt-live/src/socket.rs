@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use futures_util::{SinkExt, StreamExt};
+use hapt_host::messages::{ClientMessage, Command, LONGEST, ServerMessage, VERSION};
 use hyper::upgrade::Upgraded;
 use hyper_util::rt::TokioIo;
 use tokio::sync::mpsc;
@@ -16,7 +17,6 @@ use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig
 use tokio_tungstenite::tungstenite::{Error, Message};
 
 use crate::counted::Counted;
-use crate::protocol::{ClientMessage, Command, LONGEST, ServerMessage, VERSION};
 use crate::sender::{Event, EventSender, Waiting};
 use crate::server::ServerState;
 use crate::session::to_message;

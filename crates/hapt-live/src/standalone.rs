@@ -12,16 +12,14 @@ use std::collections::BTreeMap;
 
 use hapt_analysis::{Check, Proposal};
 use hapt_core::{Output, Reason, SafetyProfile};
-use hapt_host::{SettableKey, WorldConfig, grip};
+use hapt_host::messages::{ServerMessage, VerdictMessage, describe};
+use hapt_host::{SettableKey, WorldConfig, grip, rule};
 use hapt_model::{Source, World};
 use hapt_web::{Page, Setup, Slot};
 use serde_json::{Value, json};
 
 use crate::assets::{self, CORE};
 use crate::certifier::{proposed, range, to_verdict};
-use crate::describe::describe;
-use crate::protocol::{ServerMessage, VerdictMessage};
-use crate::rule;
 
 /// More bytes than a world of all bodies and couplings takes.
 const ROOM: usize = 1 << 16;

@@ -1,11 +1,14 @@
-//! The messages between page and server: version 1, text frames of JSON. The telemetry is in [`crate::frames`].
+//! The messages between a page and a session: version 1, text of JSON (docs/live.md). The telemetry is in [`crate::frames`].
 //!
 //! Numbers are SI; a quantity that people read or write is a string with its unit.
 
 mod client;
+mod describe;
 mod server;
+mod status;
 
 pub use client::{ClientMessage, Command, FARTHEST, LONGEST};
+pub use describe::describe;
 pub use server::*;
 
 /// The version in the hello of both sides.

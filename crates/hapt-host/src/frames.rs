@@ -4,12 +4,11 @@
 //! Little-endian: u8 version = 1, u8 kind = 1, u16 columns, u32 generation, f64 time of the last sample in s; then for each column f32
 //! last, f32 smallest, f32 largest.
 
-use bytes::Bytes;
-use hapt_host::Sample;
 use hapt_model::World;
 use hapt_sim::{columns, world_energy};
 
-use crate::protocol::ColumnInfo;
+use crate::messages::ColumnInfo;
+use crate::session::Sample;
 
 /// Bytes before the columns.
 pub const HEAD: usize = 16;
@@ -78,7 +77,7 @@ impl Frames {
     }
 
     /// Takes the frame and starts the next; `None` when there was no sample.
-    pub fn take(&mut self) -> Option<Bytes> {
+    pub fn take(&mut self) -> Option<Vec<u8>> {
         if self.columns.is_empty() {
             return None;
         }
@@ -90,7 +89,7 @@ impl Frames {
         for value in self.columns.drain(..).flatten() {
             frame.extend((value as f32).to_le_bytes());
         }
-        Some(frame.into())
+        Some(frame)
     }
 }
 

@@ -1,13 +1,13 @@
 //! The description of a world for the page.
 
-use hapt_host::WorldConfig;
-use hapt_host::keys::{end, kind};
 use hapt_model::{Drive, Hand, Shape, World};
 use hapt_sim::Measures;
 use serde_json::{Value, json};
 
+use super::{BodyInfo, ScenarioInfo, Units, WorldInfo};
+use crate::config::WorldConfig;
 use crate::frames::columns_of;
-use crate::protocol::{BodyInfo, ScenarioInfo, Units, WorldInfo};
+use crate::keys::{end, kind};
 
 /// Describes the world of a session.
 pub fn describe(config: &WorldConfig) -> WorldInfo {

@@ -1,7 +1,8 @@
 //! The messages of the server.
 
-use hapt_host::SettableKey;
 use serde::Serialize;
+
+use crate::keys::SettableKey;
 
 /// A message of the server.
 #[derive(Clone, Debug, Serialize)]

@@ -1,8 +1,9 @@
 //! The numbers that a loop behind a page accepts. Beyond them there is no real device, and sums, squares and exponentials overflow.
 
-use hapt_host::keys::{PERIODS, row};
 use hapt_model::keys::{Measure, Range, Takes};
 use hapt_model::{Parameter, Source, World, parameters};
+
+use crate::keys::{PERIODS, row};
 
 /// The largest size of a number in SI, and the smallest that is not 0.
 const LARGEST: f64 = 1e9;

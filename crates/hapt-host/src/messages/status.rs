@@ -1,10 +1,10 @@
 //! The loop's state for the page: its phase, the reason of a fault in sentences, and the timing.
 
 use hapt_core::{Phase, Reason};
-use hapt_host::RecordingStatus;
 use hapt_rt::{Quantiles as Times, Timing};
 
-use crate::protocol::{Bars, Quantiles, Realtime, RecordingInfo, Status, TimingInfo};
+use super::{Bars, Quantiles, Realtime, RecordingInfo, Status, TimingInfo};
+use crate::recording::RecordingStatus;
 
 impl Status {
     /// Sets the phase and the reason.

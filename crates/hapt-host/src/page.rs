@@ -1,0 +1,157 @@
+//! A session with what its pages hear of it: their requests become calls, and what happens becomes messages.
+
+use std::time::{Duration, Instant};
+
+use hapt_core::{Phase, Reason, Request};
+use hapt_rt::Epoch;
+
+use crate::frames::Frames;
+use crate::messages::{ClientMessage, Command, Realtime, RecordingInfo, ServerMessage, Status, TimingInfo, describe};
+use crate::session::{Event, NotTaken, Session};
+use crate::worker::Task;
+
+/// The time between two status messages while nothing happens.
+const STATUS: Duration = Duration::from_millis(200);
+
+/// A session with what its pages hear of it. Which client may ask is the caller's matter.
+pub struct PageSession {
+    /// The session.
+    pub session: Session,
+    frames: Frames,
+    /// The instant of the next status, and the state in the last.
+    status: Option<Instant>,
+    state: (Phase, Option<Reason>),
+}
+
+impl PageSession {
+    /// Begins. A simulated device is armed, so that it can be grabbed at once; a motor waits for a page to arm it.
+    pub fn new(mut session: Session) -> Self {
+        if session.is_simulated() {
+            let _ = session.request(Request::Arm, session.handle().epoch());
+        }
+        PageSession { state: session.state(), session, frames: Frames::default(), status: None }
+    }
+
+    /// Handles a request of a client, made in this epoch; the answer to that client, where the request is refused.
+    ///
+    /// Messages about connection, control and certificates are not the session's; they do nothing.
+    pub fn handle(&mut self, client: u64, message: ClientMessage, epoch: Epoch) -> Option<ServerMessage> {
+        let refused = |key: &str, message: String| ServerMessage::Refused { key: key.into(), message };
+        match message {
+            ClientMessage::Order { order } => {
+                let request = match order {
+                    Command::Arm => Request::Arm,
+                    Command::Disarm => Request::Disarm,
+                    Command::Clear => Request::Clear,
+                    Command::Stop => Request::Stop,
+                };
+                let why = self.session.request(request, epoch).err()?;
+                let sentence = match why {
+                    NotTaken::Outdated => {
+                        "stop was pressed, or control changed, before this was heard; say it again".into()
+                    }
+                    NotTaken::Busy => why.to_string(),
+                };
+                return Some(ServerMessage::Error { message: sentence });
+            }
+            ClientMessage::Hand { grip, position } => self.session.move_hand(grip.then_some(position)),
+            ClientMessage::Set { key, value } => {
+                return self.submit(client, Task::Sets { key: key.clone(), sets: vec![(key, value)] });
+            }
+            ClientMessage::Sets { sets } => return self.submit(client, Task::Sets { key: String::new(), sets }),
+            ClientMessage::Reset => return self.submit(client, Task::Reset),
+            ClientMessage::Restart => return self.session.restart(epoch).err().map(|why| refused("", why)),
+            ClientMessage::Scenario { name: None } => self.session.release(),
+            ClientMessage::Scenario { name: Some(name) } => {
+                return self.session.play(&name).err().map(|why| refused("scenario", why));
+            }
+            ClientMessage::Record { on: true } => return self.submit(client, Task::Record),
+            ClientMessage::Record { on: false } => self.session.end_recording(),
+            ClientMessage::Hello { .. }
+            | ClientMessage::Take
+            | ClientMessage::Give
+            | ClientMessage::Focus { .. }
+            | ClientMessage::Alive => {}
+        }
+        None
+    }
+
+    fn submit(&mut self, client: u64, task: Task) -> Option<ServerMessage> {
+        let key = task.key().to_string();
+        self.session.submit(client, task).err().map(|message| ServerMessage::Refused { key, message })
+    }
+
+    /// Advances the session ([`Session::poll`]), and gives each message with its client, or with `None` where it is for every page.
+    pub fn poll(
+        &mut self,
+        now: Instant,
+        mut tell: impl FnMut(Option<u64>, ServerMessage),
+    ) -> Option<Result<(), crate::Error>> {
+        let ended = self.session.poll(now, |sample| self.frames.add(&sample));
+        while let Some(event) = self.session.event() {
+            match event {
+                Event::Changed => tell(None, self.world()),
+                Event::Refused { client, key, message } => tell(Some(client), ServerMessage::Refused { key, message }),
+                Event::Error(error) => tell(None, ServerMessage::Error { message: error.to_string() }),
+                Event::Rejected(error) => {
+                    tell(None, ServerMessage::Refused { key: String::new(), message: error.to_string() });
+                }
+            }
+        }
+        ended
+    }
+
+    /// The telemetry since the last frame, in the form of [`crate::frames`]; `None` where there was no sample.
+    pub fn frame(&mut self) -> Option<Vec<u8>> {
+        self.frames.take()
+    }
+
+    /// The description of the world.
+    pub fn world(&self) -> ServerMessage {
+        ServerMessage::World(Box::new(describe(self.session.config())))
+    }
+
+    /// The status for this number of pages, where it has changed or was last given some time ago.
+    pub fn status_due(&mut self, now: Instant, clients: usize) -> Option<ServerMessage> {
+        let state = self.session.state();
+        if state == self.state && self.status.is_some_and(|next| now < next) {
+            return None;
+        }
+        (self.state, self.status) = (state, Some(now + STATUS));
+        Some(self.status(clients))
+    }
+
+    /// The state of the loop, for this number of pages.
+    pub fn status(&self, clients: usize) -> ServerMessage {
+        let session = &self.session;
+        let mut status = Status {
+            phase: "",
+            code: None,
+            reason: None,
+            sentence: None,
+            clear: None,
+            warnings: self.warnings(),
+            scenario: session.scenario().map(Into::into),
+            recording: session.recording().map(RecordingInfo::from),
+            timing: session.realtime().map(|_| TimingInfo::of(session.timing())),
+            realtime: session.realtime().map(Realtime::of),
+            clients,
+        };
+        let (phase, reason) = session.state();
+        status.explain(phase, reason);
+        ServerMessage::Status(Box::new(status))
+    }
+
+    /// What is unusual and no fault.
+    fn warnings(&self) -> Vec<String> {
+        let session = &self.session;
+        let warning = |reason: Reason| match session.is_simulated() {
+            true => format!("On a real device it would have faulted. {}", reason.sentence()),
+            false => reason.sentence().to_string(),
+        };
+        // A local loop's missed samples are in the timing.
+        let missed = Some(session.timing().missed()).filter(|missed| *missed > 0 && session.realtime().is_none());
+        let missed = missed.map(|missed| format!("The board has missed {missed} samples."));
+        session.warning().map(warning).into_iter().chain(missed).collect()
+    }
+}
