@@ -55,7 +55,7 @@ impl<F: Real> Actuator<F> {
 }
 
 impl<F: Number> Actuator<F> {
-    /// step · floor(τ/step + 1/2 + 1e-9), within ±limit. A torque that is no number commands 0: the only safe answer.
+    /// step · floor(τ/step + 1/2 + 1e-9), within ±limit. A NaN commands 0, the only safe torque.
     #[inline(always)]
     pub fn command(&self, torque: F) -> F {
         let mut command = torque;

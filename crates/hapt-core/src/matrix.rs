@@ -1,7 +1,7 @@
 //! Positions and velocities of up to B bodies, and the matrices that act on them, in blocks of B so that both fit fixed sizes.
 //! Only the first `n` of each block are in use. Every sum runs over those alone, in one order, so that a world gives the same
 //! bits whatever room it is compiled into; the sums of places not in use are zeros, made along where that is quicker than asking.
-//! What is always inlined is compiled with the vectors of whoever calls it: see [`crate::Lanes`].
+//! Functions that are always inlined are compiled with the vector instructions of their caller: see [`crate::Lanes`].
 
 use crate::{Number, Real};
 

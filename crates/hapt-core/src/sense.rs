@@ -1,4 +1,4 @@
-//! What the loop knows of the puck: the encoder's count and a velocity (docs/contract.md, section 3, step 1).
+//! The puck as the loop measures it: the encoder's count and an estimated velocity (docs/contract.md, section 3, step 1).
 
 use crate::{Error, Estimator, Number, Real, Spec};
 

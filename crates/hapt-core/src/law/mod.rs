@@ -88,9 +88,9 @@ pub enum Law {
         torque: f64,
         /// One period of the waveform, positive.
         pitch: f64,
-        /// Where one begins.
+        /// The q at which a period starts.
         phase: f64,
-        /// Its form over a period.
+        /// The torque over one period, relative to `torque`.
         waveform: Waveform,
     },
     /// Coulomb friction: -torque · sign(q̇), 0 at q̇ = 0.
@@ -146,12 +146,29 @@ pub struct Quantity<'a> {
 /// The most numbers that a law has.
 const NUMBERS: usize = 6;
 
-/// How steep a law is at its steepest, and how large the torque of its dry friction.
+/// The numbers of a law, in an array of one length for all laws.
+fn padded<const N: usize>(numbers: [Quantity<'_>; N]) -> [Option<Quantity<'_>>; NUMBERS] {
+    const { assert!(N <= NUMBERS) };
+    let mut numbers = numbers.into_iter();
+    core::array::from_fn(|_| numbers.next())
+}
+
+/// The facts that tell the laws apart, beside their torques.
+struct Traits {
+    /// The q about which it acts.
+    center: Option<f64>,
+    /// The name of the number that its torque is proportional to, as a stiffness.
+    strength: Option<&'static str>,
+    takes_limit: bool,
+    has_bristle: bool,
+}
+
+/// Bounds on the slopes of a law's torque, and the magnitude of its dry friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slopes {
-    /// The steepest rise of the torque against q, N·m/rad (linear: N/m); of a texture a bound on it.
+    /// The largest stiffness -dτ/dq, N·m/rad (linear: N/m); of a texture an upper bound of it.
     pub stiffness: f64,
-    /// The steepest rise against q̇.
+    /// The largest damping -dτ/dq̇.
     pub damping: Damping,
     /// The largest torque of dry friction, N·m (linear: N).
     pub friction: f64,
@@ -169,75 +186,63 @@ pub struct Linear {
 }
 
 impl Law {
-    /// Its numbers in the order of the documentation; a compensating damper's damping is none.
+    /// Its numbers in the order of the documentation; a compensating damper has none.
     pub fn quantities(&mut self) -> impl Iterator<Item = Quantity<'_>> {
         use Range::{Any, Positive, ZeroOrMore};
-        let of = |name, range, value| Some(Quantity { name, range, value });
-        let all: [Option<Quantity<'_>>; NUMBERS] = match self {
-            Law::Spring { stiffness, rest } => {
-                [of("stiffness", ZeroOrMore, stiffness), of("rest", Any, rest), None, None, None, None]
+        let of = |name, range, value| Quantity { name, range, value };
+        let all = match self {
+            Law::Spring { stiffness, rest } => padded([of("stiffness", ZeroOrMore, stiffness), of("rest", Any, rest)]),
+            Law::Damper { damping: Damping::Fixed(damping) } => padded([of("damping", ZeroOrMore, damping)]),
+            Law::Damper { damping: Damping::Compensating } => padded([]),
+            Law::Wall { side: _, at, stiffness, damping } => {
+                padded([of("at", Any, at), of("stiffness", ZeroOrMore, stiffness), of("damping", ZeroOrMore, damping)])
             }
-            Law::Damper { damping: Damping::Fixed(damping) } => {
-                [of("damping", ZeroOrMore, damping), None, None, None, None, None]
+            Law::Detent { torque, pitch, phase } | Law::Texture { torque, pitch, phase, waveform: _ } => {
+                padded([of("torque", ZeroOrMore, torque), of("pitch", Positive, pitch), of("phase", Any, phase)])
             }
-            Law::Damper { damping: Damping::Compensating } => [const { None }; NUMBERS],
-            Law::Wall { side: _, at, stiffness, damping } => [
-                of("at", Any, at),
-                of("stiffness", ZeroOrMore, stiffness),
-                of("damping", ZeroOrMore, damping),
-                None,
-                None,
-                None,
-            ],
-            Law::Detent { torque, pitch, phase } => [
-                of("torque", ZeroOrMore, torque),
-                of("pitch", Positive, pitch),
-                of("phase", Any, phase),
-                None,
-                None,
-                None,
-            ],
-            Law::DeadBand { stiffness, rest, width } => [
-                of("stiffness", ZeroOrMore, stiffness),
-                of("rest", Any, rest),
-                of("width", ZeroOrMore, width),
-                None,
-                None,
-                None,
-            ],
+            Law::DeadBand { stiffness, rest, width } => {
+                padded([of("stiffness", ZeroOrMore, stiffness), of("rest", Any, rest), of("width", ZeroOrMore, width)])
+            }
             Law::Magnet { torque, width, at } => {
-                [of("torque", ZeroOrMore, torque), of("width", Positive, width), of("at", Any, at), None, None, None]
+                padded([of("torque", ZeroOrMore, torque), of("width", Positive, width), of("at", Any, at)])
             }
-            Law::Texture { torque, pitch, phase, waveform: _ } => [
-                of("torque", ZeroOrMore, torque),
-                of("pitch", Positive, pitch),
-                of("phase", Any, phase),
-                None,
-                None,
-                None,
-            ],
-            Law::Coulomb { torque } => [of("torque", ZeroOrMore, torque), None, None, None, None, None],
-            Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => [
-                of("coulomb", ZeroOrMore, coulomb),
-                of("stribeck", ZeroOrMore, stribeck),
-                of("stribeck_velocity", Positive, stribeck_velocity),
-                of("bristle_stiffness", ZeroOrMore, bristle_stiffness),
-                of("bristle_damping", ZeroOrMore, bristle_damping),
-                of("viscous", ZeroOrMore, viscous),
-            ],
-            Law::Constant { torque } => [of("torque", Any, torque), None, None, None, None, None],
+            Law::Coulomb { torque } => padded([of("torque", ZeroOrMore, torque)]),
+            Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
+                padded([
+                    of("coulomb", ZeroOrMore, coulomb),
+                    of("stribeck", ZeroOrMore, stribeck),
+                    of("stribeck_velocity", Positive, stribeck_velocity),
+                    of("bristle_stiffness", ZeroOrMore, bristle_stiffness),
+                    of("bristle_damping", ZeroOrMore, bristle_damping),
+                    of("viscous", ZeroOrMore, viscous),
+                ])
+            }
+            Law::Constant { torque } => padded([of("torque", Any, torque)]),
         };
         all.into_iter().flatten()
     }
 
+    /// One row for each law.
+    const fn traits(&self) -> Traits {
+        let none = Traits { center: None, strength: None, takes_limit: false, has_bristle: false };
+        match *self {
+            Law::Spring { rest, .. } | Law::DeadBand { rest, .. } => {
+                Traits { center: Some(rest), strength: Some("stiffness"), takes_limit: true, ..none }
+            }
+            Law::Damper { .. } => Traits { takes_limit: true, ..none },
+            Law::Wall { at, .. } => Traits { center: Some(at), strength: Some("stiffness"), takes_limit: true, ..none },
+            Law::Detent { phase, .. } | Law::Texture { phase, .. } => {
+                Traits { center: Some(phase), strength: Some("torque"), ..none }
+            }
+            Law::Magnet { at, .. } => Traits { center: Some(at), strength: Some("torque"), ..none },
+            Law::Lugre { .. } => Traits { strength: Some("bristle_stiffness"), has_bristle: true, ..none },
+            Law::Coulomb { .. } | Law::Constant { .. } => none,
+        }
+    }
+
     /// The number that its torque is proportional to, as a stiffness: `None` where it has no slope against q.
     pub fn strength(&mut self) -> Option<Quantity<'_>> {
-        let name = match self {
-            Law::Spring { .. } | Law::Wall { .. } | Law::DeadBand { .. } => "stiffness",
-            Law::Detent { .. } | Law::Magnet { .. } | Law::Texture { .. } => "torque",
-            Law::Lugre { .. } => "bristle_stiffness",
-            Law::Damper { .. } | Law::Coulomb { .. } | Law::Constant { .. } => return None,
-        };
+        let name = self.traits().strength?;
         self.quantities().find(|quantity| quantity.name == name)
     }
 
@@ -264,140 +269,49 @@ impl Law {
         }
     }
 
-    /// Where it rests, or its face: the q about which it acts. `None` for a law that does not depend on q.
-    pub fn center(&self) -> Option<f64> {
-        match *self {
-            Law::Spring { rest, .. } | Law::DeadBand { rest, .. } => Some(rest),
-            Law::Wall { at, .. } | Law::Magnet { at, .. } => Some(at),
-            Law::Detent { phase, .. } | Law::Texture { phase, .. } => Some(phase),
-            Law::Damper { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Constant { .. } => None,
-        }
+    /// The q about which it acts: its rest or its face. `None` for a law that does not depend on q.
+    pub const fn center(&self) -> Option<f64> {
+        self.traits().center
+    }
+
+    /// Whether it has an internal state, a bristle.
+    pub const fn has_bristle(&self) -> bool {
+        self.traits().has_bristle
+    }
+
+    /// Whether its torque can be held within a limit, on both ends.
+    pub const fn takes_limit(&self) -> bool {
+        self.traits().takes_limit
     }
 
     /// On which side a wall pushes; `None` for every other law.
     pub const fn side(&self) -> Option<Side> {
-        match *self {
-            Law::Wall { side, .. } => Some(side),
-            Law::Spring { .. }
-            | Law::Damper { .. }
-            | Law::Detent { .. }
-            | Law::DeadBand { .. }
-            | Law::Magnet { .. }
-            | Law::Texture { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. } => None,
-        }
+        if let Law::Wall { side, .. } = *self { Some(side) } else { None }
     }
 
     /// A texture's waveform; `None` for every other law.
     pub const fn waveform(&self) -> Option<&Waveform> {
-        match self {
-            Law::Texture { waveform, .. } => Some(waveform),
-            Law::Spring { .. }
-            | Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::DeadBand { .. }
-            | Law::Magnet { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. } => None,
-        }
+        if let Law::Texture { waveform, .. } = self { Some(waveform) } else { None }
     }
 
     /// A constant's torque; `None` for every other law.
-    pub fn constant(&self) -> Option<f64> {
-        match *self {
-            Law::Constant { torque } => Some(torque),
-            Law::Spring { .. }
-            | Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::DeadBand { .. }
-            | Law::Magnet { .. }
-            | Law::Texture { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. } => None,
-        }
+    pub const fn constant(&self) -> Option<f64> {
+        if let Law::Constant { torque } = *self { Some(torque) } else { None }
     }
 
-    /// Whether it has a state of its own, a bristle that bends.
-    pub fn has_bristle(&self) -> bool {
-        match self {
-            Law::Lugre { .. } => true,
-            Law::Spring { .. }
-            | Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::DeadBand { .. }
-            | Law::Magnet { .. }
-            | Law::Texture { .. }
-            | Law::Coulomb { .. }
-            | Law::Constant { .. } => false,
-        }
-    }
-
-    /// Whether its torque can be held within a limit, on both ends.
-    pub fn takes_limit(&self) -> bool {
-        match self {
-            Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::DeadBand { .. } => true,
-            Law::Detent { .. }
-            | Law::Magnet { .. }
-            | Law::Texture { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. } => false,
-        }
-    }
-
-    /// The stiffness of a spring in N·m/rad (linear: N/m), what a compensating damper follows; `None` for every other law.
+    /// A spring's stiffness in N·m/rad (linear: N/m), the input of a compensating damper; `None` for every other law.
     pub const fn spring(&self) -> Option<f64> {
-        match *self {
-            Law::Spring { stiffness, .. } => Some(stiffness),
-            Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::DeadBand { .. }
-            | Law::Magnet { .. }
-            | Law::Texture { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. } => None,
-        }
+        if let Law::Spring { stiffness, .. } = *self { Some(stiffness) } else { None }
     }
 
-    /// The damping of a damper; `None` for every other law.
+    /// A damper's damping; `None` for every other law.
     pub const fn damper(&mut self) -> Option<&mut Damping> {
-        match self {
-            Law::Damper { damping } => Some(damping),
-            Law::Spring { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::DeadBand { .. }
-            | Law::Magnet { .. }
-            | Law::Texture { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. } => None,
-        }
+        if let Law::Damper { damping } = self { Some(damping) } else { None }
     }
 
     /// Whether it is a damper whose damping follows the springs beside it.
     pub const fn is_compensating(&self) -> bool {
-        match *self {
-            Law::Damper { damping: Damping::Compensating } => true,
-            Law::Spring { .. }
-            | Law::Damper { damping: Damping::Fixed(_) }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::DeadBand { .. }
-            | Law::Magnet { .. }
-            | Law::Texture { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Constant { .. } => false,
-        }
+        matches!(self, Law::Damper { damping: Damping::Compensating })
     }
 
     /// This law between two ends, without a limit.

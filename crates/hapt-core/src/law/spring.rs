@@ -60,7 +60,7 @@ pub(crate) struct Ramp<F> {
 
 impl<F: Real> Ramp<F> {
     pub fn new(stiffness: F, least: F, most: F) -> Self {
-        // 0/0 of a wall without stiffness would be no number.
+        // Avoids the NaN of 0/0, for a wall without stiffness.
         let low = if least == F::ZERO { least } else { least / stiffness };
         Ramp { stiffness, low, high: most / stiffness }
     }

@@ -114,7 +114,7 @@ impl<F: Real> Sums<F> {
 
     #[inline(always)]
     fn step(&self) -> Step<F> {
-        // Rounding is nobody's doing.
+        // Rounding does not count as generated energy.
         let rounding = F::from_f64(16.0) * F::EPSILON * (self.before.abs() + self.after.abs());
         let made = self.after - self.before - self.given - self.carried - rounding;
         Step { stored: self.after, made, given: self.given }

@@ -1,51 +1,51 @@
-//! What a supervisor holds a loop to, as plain data in SI.
+//! The limits of a supervisor, as plain data in SI.
 
 use crate::{Error, Spec};
 
 crate::named! {
-    /// How much the supervisor trusts what it guards.
+    /// The supervisor's profile for a device and a world.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum SafetyProfile {
         /// A real device, its world certified: stable and passive.
         Certified => "certified",
         /// A real device, the world not certified: the energy ledgers are armed tighter.
         Uncertified => "uncertified",
-        /// The simulated device: nobody can be hurt.
+        /// The simulated device: no risk of injury.
         Simulated => "simulated",
     }
 }
 
-/// The limits of a supervisor and what it must know of the device. An infinite limit is none.
+/// The limits of a supervisor and the parameters of the device. An infinite limit disables the check.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Limits {
-    /// How long a fade takes, in s.
+    /// Duration of a fade, in s.
     pub fade: f64,
-    /// The largest speed that the position can have, in rad/s (linear: m/s).
+    /// The largest speed that the device can reach, in rad/s (linear: m/s).
     pub velocity: f64,
     /// The largest change of the displacement from one sample to the next, in rad (m).
     pub jump: f64,
     /// The largest speed with the motor on, in rad/s (m/s).
     pub overspeed: f64,
-    /// How long the position may stand still, added up, while more than `stuck_torque` asks the puck to move, in s.
+    /// The longest time that the position may stand still under more than `stuck_torque`, added up, in s.
     pub stuck: f64,
-    /// In N·m (N).
+    /// Torque above which the puck should move, in N·m (N).
     pub stuck_torque: f64,
     /// The largest command, in N·m (N).
     pub torque: f64,
     /// The largest change of torque from one sample to the next, in N·m (N).
     pub slew: f64,
-    /// The motor's i²t.
+    /// Thermal limit of the motor.
     pub motor: Heat,
-    /// The driver's.
+    /// Thermal limit of the driver.
     pub driver: Heat,
-    /// The longest that the motor may hold a torque beyond its period, in s.
+    /// The longest time that the motor may hold a torque beyond its period, in s.
     pub late: f64,
-    /// From the last heartbeat of whoever holds the link to torque 0, in s, the fade included.
+    /// Time from the last heartbeat to torque 0, in s, the fade included.
     pub link: f64,
     /// Whether a lost link is a fault; else the torque fades out.
     pub link_faults: bool,
-    /// The most that the hand may be given beyond what is stored, and that the integrator may make, in J.
+    /// The most energy that the hand may receive beyond the stored energy, and that the method may generate, in J.
     pub energy: f64,
     /// Whether the world's own ledger trips; else it warns.
     pub world_trips: bool,
@@ -55,9 +55,9 @@ pub struct Limits {
     pub pulse: f64,
     /// Damping after a fault that leaves the encoder trusted, in N·m·s/rad (N·s/m); 0: none.
     pub brake: f64,
-    /// Whether the position where it is armed is 0.
+    /// Whether arming sets the position to 0.
     pub zero_where_armed: bool,
-    /// Whether announced jumps are believed: a simulated hand's.
+    /// Whether announced jumps are accepted: those of a simulated hand.
     pub announcements: bool,
     /// The puck's inertia in kg·m² (kg), positive.
     pub inertia: f64,
@@ -69,7 +69,7 @@ pub struct Limits {
     pub delay: f64,
 }
 
-/// A first-order thermal model: heat goes as the torque's square, and leaves with one time constant.
+/// A first-order thermal model: the heating is proportional to the square of the torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Heat {

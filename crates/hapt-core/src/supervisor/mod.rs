@@ -1,15 +1,15 @@
-//! The supervisor: what stands between a loop's command and a motor, sample by sample.
+//! The supervisor: it checks every sample between the loop's command and the motor.
 //!
-//! A [`Supervisor`] is the limits, compiled once; a [`SupervisorState`] is everything that it remembers, one `Copy` struct. It runs the loop
-//! itself, so that no torque reaches the motor but through it:
+//! A [`Supervisor`] holds the limits, compiled once; a [`SupervisorState`] is its state, one `Copy` struct. The supervisor runs the
+//! loop, so that every torque passes its checks:
 //!
 //! ```text
 //! disarmed --arm--> fading in --> running --disarm--> fading out --> disarmed
 //!     any of them --fault--> faulted --clear, the cause gone--> disarmed
 //! ```
 //!
-//! Each sample looks at the reading (`motion.rs`), steps the world, books its energies (`energy.rs`, `ledger.rs`), and looks at the
-//! torque. A fault takes the torque away at the sample that shows it.
+//! Each sample checks the reading (`motion.rs`), steps the world, books its energies (`energy.rs`, `ledger.rs`), and checks the
+//! torque. A fault removes the torque at the sample that shows it.
 
 mod energy;
 mod ledger;
@@ -35,21 +35,21 @@ use standing::Stand;
 pub use state::SupervisorState;
 use thermal::Thermal;
 
-/// Samples without anything wrong after which a cause counts as gone.
+/// Faultless samples after which a cause counts as gone.
 const CALM: u32 = 16;
 
-/// Whether all of them are finite: then 0 times all of them is 0, and else it is no number.
+/// Whether all are finite: 0 times a finite number is 0, and 0 times any other is NaN.
 fn are_finite<F: Real, const N: usize>(numbers: [F; N]) -> bool {
     numbers.iter().fold(F::ZERO, |zero, x| zero * *x) == F::ZERO
 }
 
-/// What a reading and a request come to.
+/// The evaluation of a reading and a request.
 #[derive(Clone, Copy)]
 struct Look {
     wrong: Option<Reason>,
-    /// The world waits at its start, and nothing is booked.
+    /// The world stays at its start, and no energy is booked.
     waits: bool,
-    /// The torque may leap.
+    /// The torque may jump.
     leaps: bool,
 }
 
@@ -117,8 +117,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
 
     /// One sample of `world`, guarded.
     ///
-    /// Written for the sample that is like the last: the torque is all there, nobody asks for anything, and nothing is wrong. Whatever
-    /// else there may be is looked at out of line, by all the same rules.
+    /// The fast path is the ordinary sample: fully faded in, without a request, within every limit. Every other sample takes a slower
+    /// path with the same rules.
     pub fn step<const W: usize>(
         &self,
         state: &mut SupervisorState<F>,
@@ -130,7 +130,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         let ordinary =
             request.is_none() && state.is_steady() && self.motion.is_ordinary(&mut state.seen, reading, state.output);
         let look = if ordinary { Look::ORDINARY } else { self.look(state, world, loop_state, reading, request) };
-        // A reading that is no number is not shown to the world.
+        // A NaN never enters the world.
         let velocity = reading.velocity.finite_or_zero();
         let sample = world.sample(loop_state, state.seen.position - state.offset, velocity);
         if !look.waits {
@@ -237,7 +237,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
     }
 
-    /// `announced`: a scenario says where the puck is, from the world's own 0.
+    /// `announced`: the position comes from a scenario and counts from the world's own 0.
     fn arm(&self, state: &mut SupervisorState<F>, announced: bool) {
         (state.reason, state.warning) = (None, None);
         if state.phase == Phase::Disarmed {
@@ -305,7 +305,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
         let torque = sample.torque - self.energy.constant;
         self.ledger.enter(&mut state.books, &step, puck.0, torque, reading.missed);
-        // Written so that what is no number is within nothing.
+        // Written so that a NaN is outside every limit.
         let within = state.books.account >= F::ZERO && state.books.made <= self.ledger.most;
         if !within {
             self.overdraw(state);

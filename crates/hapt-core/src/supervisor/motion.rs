@@ -75,8 +75,8 @@ impl<F: Real> Motion<F> {
         }
     }
 
-    /// Whether a reading is an ordinary one, which nothing is wrong with, the link too: then it has been seen. Else nothing has, and
-    /// [`Motion::wrong`] says what it is.
+    /// Whether a reading is ordinary: within every limit, on time, the link alive. Then it is recorded in `seen`. Otherwise `seen` is
+    /// unchanged, and [`Motion::wrong`] gives the reason.
     #[inline(always)]
     pub fn is_ordinary(&self, seen: &mut Seen<F>, reading: &Reading<F>, held: F) -> bool {
         let (step, within) = (reading.position - seen.position, &self.ordinary);
@@ -84,7 +84,7 @@ impl<F: Real> Motion<F> {
         if reading.missed > 0 || reading.announced {
             return false;
         }
-        // Written so that what is no number is within nothing.
+        // Written so that a NaN is outside every limit.
         let moves =
             step.abs() <= within.distance && (step - *last).abs() <= within.jump && reading.velocity.is_finite();
         if !moves {
@@ -155,7 +155,7 @@ impl<F: Real> Motion<F> {
         }
     }
 
-    /// Whether whoever holds the link has been silent for too long.
+    /// Whether the heartbeat of the client in control has timed out.
     pub fn link_is_lost(&self, reading: &Reading<F>) -> bool {
         reading.silent > self.link
     }

@@ -31,47 +31,47 @@ impl Phase {
     }
 }
 
-/// What somebody asks for, at most one thing a sample. `Stop` counts in every phase.
+/// A request, at most one per sample. `Stop` is accepted in every phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// From disarmed: fade in. Where something is wrong at that sample it faults instead.
+    /// From disarmed: fade in, or fault where that sample exceeds a limit.
     Arm,
     /// Fade out.
     Disarm,
-    /// The torque is 0 now, and the supervisor faulted.
+    /// Fault: the torque is 0 from this sample on.
     Stop,
-    /// From faulted, the cause gone: disarmed.
+    /// From faulted, once the cause is gone: disarm.
     Clear,
 }
 
-/// What the device says at one sample.
+/// The reading of the device at one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading<F> {
     /// The puck's position in rad (linear: m).
     pub position: F,
-    /// Its velocity in rad/s (m/s), where the device knows it, else 0; only the exact estimator looks at it.
+    /// Its velocity in rad/s (m/s) where the device provides it, else 0; only the exact estimator uses it.
     pub velocity: F,
-    /// A prescribed jump of a simulated hand falls on this sample: no fault. Not believed on a real device.
+    /// A prescribed jump of a simulated hand falls on this sample and is no fault. Ignored on a real device.
     pub announced: bool,
-    /// How long after its instant the sample was taken, in s.
+    /// Lateness of the sample, in s.
     pub late: F,
-    /// How many samples were missed since the last; one whose reading was not new counts as missed.
+    /// Samples missed since the last one; a sample with an old reading counts as missed.
     pub missed: u32,
-    /// How long ago whoever holds the link was last heard, in s; 0 where there is no link.
+    /// Time since the last heartbeat of the client in control, in s; 0 without a link.
     pub silent: F,
 }
 
-/// What one guarded sample gives.
+/// The result of one guarded sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafeOutput<F> {
     /// The loop's own sample.
     pub sample: Sample<F>,
-    /// What the motor is to hold: the command, faded, or 0.
+    /// The torque for the motor: the faded command, or 0.
     pub output: F,
     /// After this sample.
     pub phase: Phase,
-    /// Why it is faulted, or has faded out by itself.
+    /// The reason of a fault, or of an automatic fade-out.
     pub reason: Option<Reason>,
-    /// What would have tripped where it only warns, since it was armed.
+    /// The first limit that was exceeded since arming and only warns.
     pub warning: Option<Reason>,
 }

@@ -1,48 +1,48 @@
-//! Why a torque is taken away: codes, names, and sentences for people.
+//! Reasons for removing the torque: codes, names, sentences and remedies.
 
 crate::named! {
-    /// Why the torque was taken away. The codes are for wires and logs, and never change their meaning.
+    /// The reason for removing the torque. The codes are used on wires and in logs, and never change their meaning.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
     pub enum Reason {
         /// Stop was pressed.
         Stop = 1 => "stop",
-        /// A number is no number.
+        /// A position, a velocity, a time or a torque is not finite.
         NotFinite = 2 => "not-finite",
-        /// The position changed its speed by more in one sample than a hand or the motor could.
+        /// The velocity changed by more in one sample than a hand or the motor can cause.
         Jump = 3 => "jump",
-        /// The position went faster than the device can.
+        /// The position changed faster than the device can move.
         Velocity = 4 => "velocity",
         /// The position stood still under a torque that should have moved it.
         Stuck = 5 => "stuck",
-        /// The loop asks for more than its limit.
+        /// The command exceeds its limit.
         Torque = 6 => "torque",
-        /// The torque changed by more in one sample than this world can change it.
+        /// The torque changed by more in one sample than this world can cause.
         Slew = 7 => "slew",
-        /// The motor would become too hot.
+        /// The motor reaches its thermal limit.
         Heat = 8 => "heat",
-        /// The driver would.
+        /// The driver reaches its thermal limit.
         DriverHeat = 9 => "driver-heat",
-        /// The puck is faster than hands are, with the motor on.
+        /// With the motor on, the puck is faster than a hand moves it.
         Overspeed = 10 => "overspeed",
-        /// A sample came late, or some were missed.
+        /// A sample is late, or samples were missed.
         Late = 11 => "late",
-        /// Whoever holds the link has not been heard.
+        /// The heartbeat of the client in control timed out.
         Link = 12 => "link",
-        /// The hand was given energy that nobody had put in.
+        /// The hand received more energy than the loop had stored.
         PortEnergy = 13 => "port-energy",
-        /// The world's integrator made energy.
+        /// The integration method generated energy.
         WorldEnergy = 14 => "world-energy",
-        /// At the start a small pulse moved the puck the wrong way.
+        /// On arming, a test pulse moved the puck the wrong way.
         Reversed = 15 => "reversed",
-        /// The motor's driver switched itself off.
+        /// The motor driver reported a fault and switched itself off.
         Driver = 16 => "driver",
     }
 }
 
 impl Reason {
-    /// Its number on wires and in logs, 1 and up; 0 is for no reason.
+    /// Its code on wires and in logs, 1 and up; 0 stands for no reason.
     pub const fn code(self) -> u8 {
         self as u8
     }
@@ -74,7 +74,7 @@ impl Reason {
         }
     }
 
-    /// How to clear it: what has to be done before, and what would help.
+    /// How to clear it, and what prevents it.
     pub const fn remedy(self) -> &'static str {
         match self {
             Reason::Stop => "Release the stop, then clear.",
@@ -112,7 +112,7 @@ impl Reason {
         }
     }
 
-    /// Whether the puck's velocity can be believed after it, so that damping may bring it to rest.
+    /// Whether the measured velocity is still valid after it, so that damping may bring the puck to rest.
     pub(crate) const fn trusts_the_encoder(self) -> bool {
         match self {
             Reason::Stop | Reason::Overspeed | Reason::Link | Reason::PortEnergy | Reason::WorldEnergy => true,

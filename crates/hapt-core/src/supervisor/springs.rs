@@ -127,7 +127,7 @@ impl<F: Real> Well<F> {
         self.half * (x * x)
     }
 
-    /// Takes another in, and says what both together store at their common rest.
+    /// Adds another well, and returns the energy of both at their common rest.
     fn add(&mut self, other: Self) -> F {
         let apart = self.rest - other.rest;
         let sum = self.half + other.half;

@@ -1,4 +1,4 @@
-//! Whether a position that does not change is an encoder's that is dead: what the torque has asked of the puck meanwhile.
+//! Detection of a dead encoder: a position that does not change although the torque should have moved the puck.
 //!
 //! While the position stands still, a free puck is computed beside it, from rest, under the torque that the motor holds:
 //!
@@ -6,13 +6,14 @@
 //! J dv/dt = τ - b v - r sign(v)      τ = 0 where |τ| is within `stuck_torque`;  r = (stuck_torque + friction)/2
 //! ```
 //!
-//! It has more friction than the puck, and under a torque of one sign it moves less. A torque of the other sign lets it begin anew from rest:
-//! what a puck does that is driven to and fro is nobody's to know, and a friction that is only guessed would make a drift of it.
-//! Each time that it has gone four counts the puck was asked to move and did not: the time since it was asked before, at most a quarter of
-//! `stuck`, is added up, and it begins anew. Four, because a puck that came swinging back by up to a count has then gone one forward
-//! of where it turned: with x the way of the computed puck and τ held, it turned within √(1/4) of the time, and has gone x/4 or more since.
-//! Beyond `stuck` in all the encoder counts as dead. A torque that swings adds up as one that stays, and one that alternates too fast
-//! to move a puck by counts adds nothing. Only motion sets the sum back.
+//! It has more friction than the puck, and under a torque of one sign it moves less. A torque of the other sign restarts it from rest:
+//! the motion under an alternating torque depends on the true friction, and an assumed friction would turn it into a drift.
+//! Each time that the computed puck has moved four counts, the real one should have moved and did not: the time since the last such
+//! event, at most a quarter of `stuck`, is added to a sum, and the computation restarts. Four, because a puck that was swinging back by
+//! up to a count has by then moved one count forward from its turning point: with x the way of the computed puck and τ held, it turned
+//! within √(1/4) of the time, and has moved x/4 or more since. When the sum exceeds `stuck`, the encoder counts as dead. An oscillating
+//! torque adds as much as a constant one, and one that alternates too fast to move a puck by counts adds nothing. Only motion resets
+//! the sum.
 
 use crate::supervisor::Limits;
 use crate::{Real, Spec};

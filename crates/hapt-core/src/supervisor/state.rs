@@ -68,17 +68,17 @@ impl<F: Real> SupervisorState<F> {
         self.books.reopen();
     }
 
-    /// What the hand may still be given beyond what is stored, in J; below 0 it has been given too much.
+    /// The energy that the hand may still receive beyond the stored energy, in J; below 0 it received too much.
     pub fn account(&self) -> F {
         self.books.account
     }
 
-    /// What the world's integrator has made, in J.
+    /// The energy that the integration method has generated, in J.
     pub fn made(&self) -> F {
         self.books.made
     }
 
-    /// Whether this sample goes on as the last did, where nobody asks for anything and nothing is wrong.
+    /// Whether this sample continues the last one: running, without a transfer, a test or a recent fault.
     #[inline(always)]
     pub(crate) fn is_steady(&self) -> bool {
         self.phase == Phase::Running

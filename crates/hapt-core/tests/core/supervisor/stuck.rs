@@ -1,6 +1,15 @@
 //! A position that does not change, under torques that stay, swing and alternate.
 
+use hapt_core::{Body, Reason, Side};
+use proptest::prelude::*;
+
 use super::*;
+
+for_both! {
+    a_puck_that_stands_still_under_torque_is_stuck
+    five_short_pushes_find_a_dead_encoder
+    a_dead_encoder_can_be_cleared_and_is_found_again
+}
 
 /// Beyond this the torque asks the puck to move.
 const ASKS: f64 = LIMITS.stuck_torque;
@@ -125,7 +134,7 @@ proptest! {
 }
 
 /// A body that swings by 1 rad once in a second touches the puck's wall for a fourteenth of it.
-pub fn five_short_pushes_find_a_dead_encoder<F: Real>() {
+fn five_short_pushes_find_a_dead_encoder<F: Real>() {
     let rate = std::f64::consts::TAU;
     let spring = Law::Spring { stiffness: rate * rate, rest: 0.0 };
     let wall = Law::Wall { side: Side::Above, at: 0.97, stiffness: 20.0, damping: 0.0 };
@@ -153,7 +162,7 @@ pub fn five_short_pushes_find_a_dead_encoder<F: Real>() {
 }
 
 /// What it was asked before it was armed is not held against it.
-pub fn a_dead_encoder_can_be_cleared_and_is_found_again<F: Real>() {
+fn a_dead_encoder_can_be_cleared_and_is_found_again<F: Real>() {
     let limits = Limits { stuck: 0.2, ..LIMITS };
     let mut guard = Guard::<F>::running(&limits, &WORLD, 0.5);
     for _ in 0..2 {
@@ -172,5 +181,25 @@ pub fn a_dead_encoder_can_be_cleared_and_is_found_again<F: Real>() {
             guard.at(0.5);
         }
         assert_eq!(guard.watch.phase, Phase::Running);
+    }
+}
+
+fn a_puck_that_stands_still_under_torque_is_stuck<F: Real>() {
+    let limits = Limits { stuck: 0.2, ..LIMITS };
+    let mut guard = Guard::<F>::running(&limits, &WORLD, 0.5);
+    let mut samples = 20;
+    while guard.at(0.5).phase == Phase::Running {
+        samples += 1;
+    }
+    assert_eq!(guard.watch.reason, Some(Reason::Stuck));
+    assert!((199..=205).contains(&samples), "{samples}");
+    // One that moves a little every now and then is held by a hand, and one without torque may rest for ever.
+    let mut guard = Guard::<F>::running(&limits, &WORLD, 0.5);
+    for k in 0..1000 {
+        assert_eq!(guard.at(if k / 100 % 2 == 0 { 0.5 } else { 0.501 }).phase, Phase::Running);
+    }
+    let mut guard = Guard::<F>::running(&limits, &WORLD, 0.05);
+    for _ in 0..1000 {
+        assert_eq!(guard.at(0.05).phase, Phase::Running);
     }
 }

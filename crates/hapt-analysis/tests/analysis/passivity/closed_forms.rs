@@ -1,0 +1,130 @@
+//! The required damping in closed form.
+
+use std::f64::consts::TAU;
+
+use hapt_analysis::{Error, MAX_IN_FLIGHT, Passivity};
+use proptest::prelude::*;
+
+use super::*;
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(32))]
+
+    #[test]
+    fn a_spring_and_a_differenced_damper_to_ground(k in 0.0..1e4f64, b in 0.0..10.0f64, period in 1e-4..1e-2f64) {
+        near(required(&plain(to_ground(k, b), period)), 0.5 * k * period + b, 1e-12);
+    }
+
+    #[test]
+    fn a_low_pass_takes_less(k in 0.0..1e3f64, b in 0.0..10.0f64, period in 1e-4..1e-2f64, cutoff in 0.1..1e4f64) {
+        let mut world = plain(to_ground(k, b), period);
+        world.sampling.estimator = EstimatorKind::LowPass;
+        world.sampling.cutoff = Some(cutoff);
+        let tau = 1.0 / (TAU * cutoff);
+        near(required(&world), 0.5 * k * period + b * period / (period + 2.0 * tau), 1e-10);
+    }
+
+    #[test]
+    fn a_spring_under_a_delay(k in 0.1..1e4f64, d in 0..40u32, a in 0.001..0.999f64, period in 1e-4..1e-2f64) {
+        let mut world = plain(to_ground(k, 0.0), period);
+        world.sampling.delay = hapt_model::Delay::Seconds(f64::from(d) * period);
+        near(required(&world), k * period * (0.5 + f64::from(d)), 1e-11);
+        world.sampling.delay = hapt_model::Delay::Seconds((f64::from(d) + a) * period);
+        let q = 1.0 + 2.0 * (f64::from(d) + a);
+        near(required(&world), 0.25 * k * period * (q + (q * q + 4.0 * a * (1.0 - a)).sqrt()), 1e-9);
+    }
+
+    #[test]
+    fn at_the_end_of_a_lossless_step_any_world_costs_its_bare_springs(bench in worlds(Dampers::None, true), x in 0.01..1.9f64, at in 0..5usize) {
+        let method = [Method::Zoh, Method::Trapezoidal, Method::BackwardEuler, Method::SemiImplicitEuler, Method::Zoh][at];
+        let output = if method == Method::SemiImplicitEuler { Output::Middle } else { Output::End };
+        let period = x / fastest(&bench);
+        let k: f64 = bench.couplings.iter().filter(|c| c.first == End::Puck || c.second == End::Puck).map(|c| match c.law {
+            Law::Spring { stiffness, .. } => stiffness,
+            _ => 0.0,
+        }).sum();
+        let world = world(bench, method, output, period);
+        let found = passivity(&world).unwrap();
+        if method == Method::BackwardEuler {
+            prop_assert!(found.required_damping.unwrap() <= 0.5 * k * period * (1.0 + 1e-9));
+        } else {
+            near(found.required_damping.unwrap(), 0.5 * k * period, 1e-9);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(24))]
+
+    #[test]
+    fn dampers_at_the_puck_cost_their_damping_more_at_most(bench in worlds(Dampers::Fixed, true), x in 0.01..1.9f64, at in 0..3usize) {
+        let method = [Method::Zoh, Method::Trapezoidal, Method::BackwardEuler][at];
+        // Over hours a stiff damper's λ is within 1e-9/s of -1, and counts as on the circle.
+        let period = (x / fastest(&bench)).min(1.0);
+        let at_puck = |of: fn(&Law) -> f64| -> f64 {
+            bench.couplings.iter().filter(|c| c.first == End::Puck || c.second == End::Puck).map(|c| of(&c.law)).sum()
+        };
+        let k = at_puck(|law| if let Law::Spring { stiffness, .. } = law { *stiffness } else { 0.0 });
+        let b = at_puck(|law| if let Law::Damper { damping: Damping::Fixed(b) } = law { *b } else { 0.0 });
+        let found = required(&world(bench, method, Output::End, period));
+        prop_assert!(found <= (0.5 * k * period + b) * (1.0 + 1e-9), "{found} {}", 0.5 * k * period + b);
+    }
+
+    #[test]
+    fn steps_ahead_make_up_for_whole_samples_of_delay(bench in worlds(Dampers::None, false), x in 0.01..1.9f64, d in 1..6u32, trapezoidal: bool) {
+        let period = x / fastest(&bench);
+        let k: f64 = bench.couplings.iter().filter(|c| c.first == End::Puck || c.second == End::Puck).map(|c| match c.law {
+            Law::Spring { stiffness, .. } => stiffness,
+            _ => 0.0,
+        }).sum();
+        prop_assume!(k > 0.0);
+        let method = if trapezoidal { Method::Trapezoidal } else { Method::Zoh };
+        let mut world = world(bench, method, Output::End, period);
+        world.sampling.delay = hapt_model::Delay::Seconds(f64::from(d) * period);
+        world.sampling.advance = d;
+        prop_assert!(required(&world) <= k * period * (0.5 + f64::from(d)) * (1.0 + 1e-9));
+        world.sampling.advance = 0;
+        let found = cause(&world);
+        prop_assert!(matches!(found, Some(Cause::NegativeResidue { .. })), "{found:?}");
+        world.sampling.delay = hapt_model::Delay::Seconds((f64::from(d) + 0.3) * period);
+        let found = cause(&world);
+        prop_assert!(matches!(found, Some(Cause::FractionalDelay { .. })), "{found:?}");
+    }
+
+    #[test]
+    fn foaw_is_the_worse_of_its_windows(k in 0.0..1e3f64, b in 0.01..10.0f64, window in 1..256u32, best: bool) {
+        let mut world = plain(to_ground(k, b), 1e-3);
+        world.sampling.estimator = if best { EstimatorKind::FoawBest } else { EstimatorKind::Foaw };
+        world.sampling.window = window;
+        let found = passivity(&world).unwrap();
+        // The shortest is the difference.
+        near(found.required_damping.unwrap(), 0.5e-3 * k + b, 1e-9);
+        prop_assert!(!found.proved && found.not_proved[0].contains("window"));
+    }
+}
+
+#[test]
+fn backward_euler_from_the_start_costs_nine_eighths_and_up() {
+    for (x, times, digits) in [(1e-3, 1.125, 1e-6), (1.0, 5f64.sqrt() - 1.0, 1e-9), (3.0, 1.69, 5e-3)] {
+        near(required(&wheel(Method::BackwardEuler, Output::Start, x)), 0.05 * times, digits);
+    }
+    // Its own damping spares something at the end: K T/2/(1 + x²/4).
+    near(required(&wheel(Method::BackwardEuler, Output::End, 1.0)), 0.05 / 1.25, 1e-9);
+}
+
+#[test]
+fn a_delay_beyond_the_longest_is_named() {
+    let mut world = plain(to_ground(10.0, 0.0), 1e-3);
+    world.sampling.delay = hapt_model::Delay::Seconds(1e-3 * MAX_IN_FLIGHT as f64);
+    near(required(&world), 0.01 * (MAX_IN_FLIGHT as f64 + 0.5), 1e-9);
+    world.sampling.delay = hapt_model::Delay::Seconds(1e-3 * MAX_IN_FLIGHT as f64 + 1e-3);
+    let error = passivity(&world).unwrap_err();
+    assert!(matches!(error, Error::InFlight { limit: MAX_IN_FLIGHT, .. }));
+    assert!(error.to_string().contains("501 periods") && error.to_string().contains("500"));
+}
+
+#[test]
+fn nothing_at_the_puck_asks_for_nothing() {
+    let Passivity { required_damping, at_hz, passive, proved, .. } = passivity(&plain(vec![], 1e-3)).unwrap();
+    assert_eq!((required_damping, at_hz, passive, proved), (Some(0.0), None, true, true));
+}

@@ -1,0 +1,179 @@
+//! Both energy ledgers in closed form, and over random worlds.
+
+use hapt_core::{Body, Damping, Reason, Side};
+use proptest::prelude::*;
+
+use super::*;
+use crate::reference::waveform;
+
+for_both! {
+    rocking_a_spring_takes_what_the_hold_leaks
+}
+
+/// To d and back: out for nothing, against the torque held before, and back with K d held. Without damping the hand gets K d² each
+/// time, and no more of them than the ledger lets pass.
+fn rocking_a_spring_takes_what_the_hold_leaks<F: Real>() {
+    let (d, most) = (0.02, 0.0101);
+    let limits = Limits { damping: 0.0, energy: most, jump: 1.0, ..LIMITS };
+    let mut guard = Guard::<F>::running(&limits, &WORLD, 0.0);
+    let mut times = 0;
+    loop {
+        guard.at(d);
+        if guard.at(0.0).phase == Phase::Faulted {
+            break;
+        }
+        times += 1;
+        let left = guard.watch.account().to_f64();
+        assert!((left - (most - K * d * d * f64::from(times))).abs() < 1e-6, "{times}: {left}");
+    }
+    assert_eq!((times, guard.watch.reason), ((most / (K * d * d)) as i32, Some(Reason::PortEnergy)));
+}
+
+/// Held still, forward Euler's energy is (1 + x²)^k of the first, and all of it is made.
+#[test]
+fn forward_eulers_growth_is_the_ledgers_residual() {
+    let angle = 0.1_f64;
+    let inertia = K * (T / angle).powi(2);
+    let bodies = [Body { inertia, position: 0.3, velocity: 0.0 }];
+    let couplings = [Coupling { second: End::Body(0), ..SPRING[0] }];
+    let spec =
+        Spec { method: Method::ForwardEuler, output: Output::Start, bodies: &bodies, couplings: &couplings, ..WORLD };
+    let mut guard = Guard::<f64>::new(&Limits { energy: 10.0, world_trips: false, ..LIMITS }, &spec);
+    guard.step(&reading(0.0), Some(Request::Arm));
+    let first = 0.5 * K * 0.3 * 0.3;
+    // The ledger is opened with the first sample, whose step is already taken.
+    for k in 2..300 {
+        guard.at(0.0);
+        let expected = first * ((1.0 + angle * angle).powi(k) - (1.0 + angle * angle));
+        let made = guard.watch.made() - first * angle * angle;
+        assert!((made - expected).abs() < 1e-9 * expected, "{k}: {made} {expected}");
+    }
+    // Where it may make less, it warns or trips.
+    for (world_trips, phase) in [(false, Phase::Running), (true, Phase::Faulted)] {
+        let mut guard = Guard::<f64>::new(&Limits { world_trips, ..LIMITS }, &spec);
+        guard.step(&reading(0.0), Some(Request::Arm));
+        while guard.watch.warning.is_none() && guard.watch.phase != Phase::Faulted {
+            guard.at(0.0);
+        }
+        let over = guard.watch.made();
+        assert!(over > LIMITS.energy && over < 1.05 * LIMITS.energy, "{over}");
+        for _ in 0..20 {
+            guard.at(0.0);
+        }
+        assert_eq!(guard.watch.phase, phase);
+        assert_eq!(guard.watch.reason, world_trips.then_some(Reason::WorldEnergy));
+    }
+}
+
+/// A body on the puck and one on ground, with all that couples them.
+fn network() -> impl Strategy<Value = (Vec<Body>, Vec<Coupling>)> {
+    let body = (1e-4..1e-2, -0.5..0.5, -5.0..5.0).prop_map(|(inertia, position, velocity)| Body {
+        inertia,
+        position,
+        velocity,
+    });
+    let pairs = [
+        (End::Puck, End::Body(0)),
+        (End::Body(0), End::Body(1)),
+        (End::Body(1), End::Ground),
+        (End::Puck, End::Ground),
+    ];
+    let free = prop_oneof![
+        (0.1..20.0, -0.2..0.2).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
+        (0.0..0.02).prop_map(|damping| Law::Damper { damping: Damping::Fixed(damping) }),
+        (0.1..20.0, -0.2..0.2, 0.0..0.01).prop_map(|(stiffness, at, damping)| Law::Wall {
+            side: Side::Above,
+            at,
+            stiffness,
+            damping
+        }),
+        (0.01..0.2, 0.3..2.0).prop_map(|(torque, pitch)| Law::Detent { torque, pitch, phase: 0.1 }),
+        (0.1..20.0, -0.2..0.2, 0.0..0.2).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
+        (0.01..0.2, 0.1..1.0, -0.2..0.2).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
+        (0.01..0.1, 0.3..2.0, waveform()).prop_map(|(torque, pitch, waveform)| Law::Texture {
+            torque,
+            pitch,
+            phase: 0.1,
+            waveform
+        }),
+        (-0.1..0.1).prop_map(|torque| Law::Constant { torque }),
+        (0.0..0.05).prop_map(|torque| Law::Coulomb { torque }),
+    ];
+    let law = prop_oneof![
+        9 => free.prop_map(|law| (law, None)),
+        1 => (0.1..20.0, 0.01..0.5).prop_map(|(stiffness, limit)| (Law::Spring { stiffness, rest: 0.0 }, Some(limit))),
+    ];
+    let couplings = proptest::collection::vec((0usize..4, law), 2..8).prop_map(move |all| {
+        all.into_iter()
+            .map(|(pair, (law, limit))| Coupling { first: pairs[pair].0, second: pairs[pair].1, law, limit })
+            .collect()
+    });
+    (proptest::collection::vec(body, 2), couplings)
+}
+
+proptest! {
+    /// What the methods that find torques make is nothing, whatever is coupled and however the puck moves.
+    #[test]
+    fn an_exact_step_makes_no_energy(
+        (bodies, couplings) in network(),
+        method in proptest::sample::select([Method::Zoh, Method::Trapezoidal, Method::BackwardEuler].to_vec()),
+        steps in proptest::collection::vec(-0.02..0.02f64, 300),
+    ) {
+        let spec = Spec { method, limit: None, bodies: &bodies, couplings: &couplings, ..WORLD };
+        let mut guard = Guard::<f64>::new(&Limits { jump: 1.0, torque: f64::INFINITY, energy: 1e9, ..LIMITS }, &spec);
+        let mut position = 0.0;
+        guard.step(&reading(position), Some(Request::Arm));
+        for step in steps {
+            position += step;
+            guard.at(position);
+            prop_assert!(guard.watch.made() < 1e-9, "{}", guard.watch.made());
+        }
+        prop_assert!(guard.watch.phase == Phase::Running);
+    }
+
+    /// The energy theorem in the ledger's own numbers: springs to the puck under the exact hold, b no less than half of K T, and the
+    /// account stays where it began, wherever the puck is taken.
+    #[test]
+    fn a_theorem_world_never_draws_on_its_account(
+        inertia in 1e-4..1e-2f64, stiffness in 0.1..20.0f64, own in 0.0..20.0f64,
+        steps in proptest::collection::vec(-0.02..0.02f64, 300),
+    ) {
+        let bodies = [Body { inertia, position: 0.3, velocity: -2.0 }];
+        let spring = |second, stiffness| Coupling { first: End::Puck, second, law: Law::Spring { stiffness, rest: 0.0 }, limit: None };
+        let couplings = [spring(End::Body(0), stiffness), spring(End::Ground, own)];
+        let spec = Spec { bodies: &bodies, couplings: &couplings, ..WORLD };
+        let damping = 0.5 * (stiffness + own) * T;
+        let limits = Limits { damping, jump: 1.0, slew: f64::INFINITY, ..LIMITS };
+        let mut guard = Guard::<f64>::new(&limits, &spec);
+        let mut position = 0.0;
+        guard.step(&reading(position), Some(Request::Arm));
+        for step in steps {
+            position += step;
+            prop_assert!(guard.at(position).phase != Phase::Faulted);
+            prop_assert!(guard.watch.account() > limits.energy * (1.0 - 1e-9));
+        }
+    }
+
+    /// The same of a spring behind a delay, whole or not, on the least damping that makes it passive: what the delay has under way is
+    /// not taken off the account.
+    #[test]
+    fn a_passive_spring_behind_a_delay_never_draws_on_its_account(
+        stiffness in 0.1..20.0f64, delay in prop_oneof![0.0..12.0f64, (0..12u8).prop_map(f64::from)], energy in 1e-9..1e-3f64,
+        ways in proptest::collection::vec((-0.02..0.02f64, 1..20u8), 60),
+    ) {
+        let couplings = [Coupling { law: Law::Spring { stiffness, rest: 0.0 }, ..SPRING[0] }];
+        let spec = Spec { couplings: &couplings, limit: Some(1e3), ..WORLD };
+        let damping = (0.5 + delay) * stiffness * T;
+        let limits = Limits { damping, energy, delay: delay * T, torque: 1e3, jump: 1.0, slew: f64::INFINITY, ..LIMITS };
+        let mut guard = Guard::<f64>::new(&limits, &spec);
+        let mut position = 0.0;
+        guard.step(&reading(position), Some(Request::Arm));
+        for (step, samples) in ways {
+            for _ in 0..samples {
+                position += step;
+                prop_assert!(guard.at(position).phase != Phase::Faulted, "{:?}", guard.watch.reason);
+                prop_assert!(guard.watch.account() > energy * (1.0 - 1e-9) - 1e-12);
+            }
+        }
+    }
+}
