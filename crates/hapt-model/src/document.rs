@@ -1,4 +1,4 @@
-//! The tree of a world file, overrides applied, each node with its place.
+//! The tree of a world file, each node with its place.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -8,10 +8,7 @@ use toml::de::{DeTable, DeValue};
 
 use crate::error::{Error, ErrorKind, Location};
 use crate::source::{LARGEST_SOURCE, Source, too_large};
-use crate::{overrides, syntax, words};
-
-/// Overrides of one world; each looks through the tables on its way.
-const MOST_SETS: usize = 1000;
+use crate::{syntax, words};
 
 /// A world file and the overrides of its keys.
 pub(crate) struct Document<'a> {
@@ -56,14 +53,10 @@ pub(crate) struct Entry {
 }
 
 impl<'a> Document<'a> {
-    /// Parses the source and applies the overrides, the last of a key winning.
-    pub fn new(source: &'a Source, sets: &'a [String]) -> Result<Document<'a>, Error> {
+    /// Parses the source, without overrides.
+    pub fn parse(source: &'a Source) -> Result<Document<'a>, Error> {
         if source.text.len() as u64 > LARGEST_SOURCE {
             return Err(too_large(&source.name));
-        }
-        if sets.len() > MOST_SETS {
-            let message = format!("--set: {} overrides are too many: the limit is {MOST_SETS}", sets.len());
-            return Err(Error { kind: ErrorKind::Combination, key: String::new(), message, location: None });
         }
         let table = DeTable::parse(&source.text).map_err(|error| Error {
             kind: ErrorKind::Syntax,
@@ -73,11 +66,7 @@ impl<'a> Document<'a> {
         })?;
         let root =
             Node { value: Value::Table(entries(table.into_inner(), None)), place: Place { set: None, span: 0..0 } };
-        let mut document = Document { source, sets, root };
-        for (index, set) in sets.iter().enumerate() {
-            overrides::apply(&mut document, index, set)?;
-        }
-        Ok(document)
+        Ok(Document { source, sets: &[], root })
     }
 
     /// The text that a place is in.

@@ -3,10 +3,11 @@
 use crate::document::{Document, Entry, Node, Place, Value, shortened};
 use crate::error::{Error, ErrorKind};
 use crate::keys::{self, Key, Measure, NUMBERS, PHYSICAL, Presence, Range, Takes};
+use crate::kinds::Motion;
 use crate::quantity::{parse_in_unit, parse_with_unit};
 use crate::unit::Unit;
 use crate::words;
-use crate::world::{Delay, Motion};
+use crate::world::Delay;
 
 /// Where a table stands, and what decides the meaning of its keys.
 #[derive(Clone)]

@@ -5,9 +5,8 @@
 use hapt_core::{HARMONICS, Method, Output, Side};
 
 use crate::dimension::Dimension;
-use crate::kinds::{CouplingKind, HandKind, ShapeKind};
+use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
 use crate::words;
-use crate::world::{EstimatorKind, Motion};
 
 /// One row of the table. A key that means different things to different kinds has a row for each meaning.
 #[derive(Clone, Copy, Debug, PartialEq)]

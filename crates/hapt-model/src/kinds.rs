@@ -1,4 +1,4 @@
-//! The kinds of couplings, hands and shapes, each with its name in world files.
+//! The kinds of motions, estimators, couplings, hands and shapes, each with its name in world files.
 //!
 //! The table of keys takes its names from here, and the reader, the writer and whoever names a kind match on these: a kind that is new
 //! does not compile before each of them has an arm for it.
@@ -7,6 +7,36 @@
 
 use hapt_core::Law;
 use hapt_plant::spec::{Drive, Shape};
+
+hapt_core::named! {
+    /// Whether the puck turns or slides.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum Motion {
+        /// Angles in rad, torques in N·m, inertias in kg·m².
+        #[default]
+        Rotary => "rotary",
+        /// Positions in m, forces in N, masses in kg.
+        Linear => "linear",
+    }
+}
+
+hapt_core::named! {
+    /// The estimators by name; their parameters stand beside them, as in the file.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum EstimatorKind {
+        /// The true velocity.
+        #[default]
+        Exact => "exact",
+        /// The backward difference.
+        Difference => "difference",
+        /// The backward difference through a first-order low-pass.
+        LowPass => "low-pass",
+        /// First-order adaptive windowing, end-fit.
+        Foaw => "foaw",
+        /// First-order adaptive windowing, best fit.
+        FoawBest => "foaw-best",
+    }
+}
 
 hapt_core::named! {
     /// The kinds of couplings.

@@ -36,6 +36,7 @@ mod error;
 mod fields;
 pub mod keys;
 mod kinds;
+mod limits;
 mod numbers;
 mod overrides;
 mod parameters;
@@ -62,7 +63,7 @@ pub use hapt_core::spec::{
     Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,
 };
 pub use hapt_plant::spec::{DeviceSpec, Drive, Hand, Shape, Switching};
-pub use kinds::{CouplingKind, HandKind, ShapeKind};
+pub use kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
 pub use parameters::{Parameter, parameters};
 pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};
 pub use safety::Safety;
@@ -70,4 +71,4 @@ pub use schema::schema;
 pub use source::{LARGEST_SOURCE, Source};
 pub use unit::{UNITS, Unit, UnitError};
 pub use words::{did_you_mean, nearest};
-pub use world::{Delay, Device, EstimatorKind, Motion, Mounting, Sampling, Scenario, World};
+pub use world::{Delay, Device, Mounting, Sampling, Scenario, World};

@@ -7,11 +7,31 @@ use toml::de::DeValue;
 use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
 use crate::keys;
+use crate::source::Source;
 use crate::words;
+
+/// The most overrides of one world: each takes a search through the tables of its path.
+const MOST_SETS: usize = 1000;
+
+impl<'a> Document<'a> {
+    /// Parses the source and applies the overrides; the last one of a key holds.
+    pub fn new(source: &'a Source, sets: &'a [String]) -> Result<Document<'a>, Error> {
+        let document = Document::parse(source)?;
+        if sets.len() > MOST_SETS {
+            let message = format!("--set: {} overrides are too many: the limit is {MOST_SETS}", sets.len());
+            return Err(Error { kind: ErrorKind::Combination, key: String::new(), message, location: None });
+        }
+        let mut document = Document { sets, ..document };
+        for (index, set) in sets.iter().enumerate() {
+            apply(&mut document, index, set)?;
+        }
+        Ok(document)
+    }
+}
 
 /// Puts the value of `set`, which is `sets[index]`, into the tree. A key that is absent is added; a body, a scenario or a
 /// coupling is not.
-pub(crate) fn apply(document: &mut Document<'_>, index: usize, set: &str) -> Result<(), Error> {
+fn apply(document: &mut Document<'_>, index: usize, set: &str) -> Result<(), Error> {
     let place = |span: Range<usize>| Place { set: Some(index), span };
     let Some((path, _)) = set.split_once('=') else {
         let message = format!("{} is not KEY=VALUE, such as loop.period=2ms", words::quoted(set));

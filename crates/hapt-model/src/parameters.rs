@@ -4,9 +4,10 @@ use crate::dimension::Dimension;
 use crate::document::{Document, Entry, Node, Value};
 use crate::error::Error;
 use crate::keys::{self, Key, Presence, Takes};
+use crate::kinds::Motion;
 use crate::quantity::parse_quantity;
 use crate::source::Source;
-use crate::world::{Motion, World};
+use crate::world::World;
 
 /// A key of a world with its value.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,11 +6,11 @@ use std::path::{Component, Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Location};
 use crate::keys::Measure;
+use crate::kinds::Motion;
 use crate::quantity::parse_in_unit;
 use crate::source::decoded;
 use crate::unit::Unit;
 use crate::words;
-use crate::world::Motion;
 
 /// A path file larger than this is refused: 64 MiB.
 const LARGEST_FILE: u64 = 64 << 20;

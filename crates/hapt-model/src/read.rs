@@ -9,14 +9,14 @@ use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
 use crate::keys;
-use crate::kinds::{CouplingKind, HandKind, ShapeKind};
+use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
 use crate::path::{self, Carries};
 use crate::safety::Safety;
 use crate::source::Source;
 use crate::support;
 use crate::waveform;
 use crate::words;
-use crate::world::{Delay, Device, EstimatorKind, Motion, Mounting, Sampling, Scenario, World};
+use crate::world::{Delay, Device, Mounting, Sampling, Scenario, World};
 
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;
@@ -407,5 +407,30 @@ fn items<'a>(fields: &Fields<'a>, name: &str) -> &'a [Node] {
     match fields.node(name) {
         Some(Node { value: Value::Array(items), .. }) => items,
         _ => &[],
+    }
+}
+
+impl Safety {
+    pub(crate) fn read(fields: &Fields<'_>) -> Result<Safety, Error> {
+        Ok(Safety {
+            fade: fields.number("fade")?,
+            velocity: fields.optional_number("velocity")?,
+            jump: fields.optional_number("jump")?,
+            overspeed: fields.optional_number("overspeed")?,
+            stuck: fields.optional_number("stuck")?,
+            torque: fields.optional_number("torque")?,
+            slew: fields.optional_number("slew")?,
+            rms: fields.optional_number("rms")?,
+            heating: fields.number("heating")?,
+            driver_rms: fields.optional_number("driver_rms")?,
+            driver_heating: fields.number("driver_heating")?,
+            late: fields.optional_number("late")?,
+            link: fields.optional_number("link")?,
+            link_faults: fields.name("link_lost") == Some(keys::LINK_LOST[1]),
+            energy: fields.optional_number("energy")?,
+            world_trips: fields.name("world_ledger").map(|name| name == keys::WORLD_LEDGER[1]),
+            pulse: fields.optional_number("pulse")?,
+            brake: fields.number("brake")?,
+        })
     }
 }

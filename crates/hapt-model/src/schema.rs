@@ -11,8 +11,8 @@ use serde_json::{Map, Value, json};
 
 use crate::dimension::Dimension;
 use crate::keys::{self, KEYS, Key, Measure, NUMBERS, PHYSICAL, Presence, Range, Takes};
+use crate::kinds::Motion;
 use crate::spelling;
-use crate::world::Motion;
 
 /// The schema of world files, as JSON.
 ///

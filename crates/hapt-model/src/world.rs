@@ -3,19 +3,8 @@
 use hapt_core::{Body, Coupling, Estimator, Method, Output, Spec};
 use hapt_plant::spec::{DeviceSpec, Hand};
 
+use crate::kinds::{EstimatorKind, Motion};
 use crate::safety::Safety;
-
-hapt_core::named! {
-    /// Whether the puck turns or slides.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-    pub enum Motion {
-        /// Angles in rad, torques in N·m, inertias in kg·m².
-        #[default]
-        Rotary => "rotary",
-        /// Positions in m, forces in N, masses in kg.
-        Linear => "linear",
-    }
-}
 
 /// A world file, read and checked. All numbers are in SI.
 ///
@@ -87,24 +76,6 @@ pub enum Delay {
     Seconds(f64),
     /// In periods, zero or more: it follows the period.
     Samples(f64),
-}
-
-hapt_core::named! {
-    /// The estimators by name; their parameters stand beside them, as in the file.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-    pub enum EstimatorKind {
-        /// The true velocity.
-        #[default]
-        Exact => "exact",
-        /// The backward difference.
-        Difference => "difference",
-        /// The backward difference through a first-order low-pass.
-        LowPass => "low-pass",
-        /// First-order adaptive windowing, end-fit.
-        Foaw => "foaw",
-        /// First-order adaptive windowing, best fit.
-        FoawBest => "foaw-best",
-    }
 }
 
 /// The `[device]` table: everything physical.

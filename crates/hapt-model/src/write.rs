@@ -8,9 +8,10 @@ use hapt_core::{Coupling, End, Waveform};
 use hapt_plant::spec::{Drive, Hand, Shape};
 
 use crate::keys::{self, COMPENSATING, DIRECTION, Measure, SAMPLES, Takes};
+use crate::kinds::Motion;
 use crate::numbers::{self, NumberSlot, NumberSlots};
 use crate::safety::Safety;
-use crate::world::{Delay, Motion, Mounting, World};
+use crate::world::{Delay, Mounting, World};
 
 impl World {
     /// The world as a TOML file, quantities with their SI units: `"0.001 s"`. Reading it gives an equal world, as long as

@@ -16,7 +16,7 @@ const PARTS: [Part; 4] = [
     Part { what: "method", file: "crates/hapt-core/src/spec.rs", names: &["Method"], words: &["foh", "Method::ALL"] },
     Part {
         what: "estimator",
-        file: "crates/hapt-model/src/world.rs",
+        file: "crates/hapt-model/src/kinds.rs",
         names: &["EstimatorKind", "Estimator", "Kind"],
         words: &["foaw-best", "foawbest"],
     },

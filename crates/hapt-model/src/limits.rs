@@ -1,0 +1,160 @@
+//! The supervisor's limits for a world: its `[safety]` table, and the defaults.
+//!
+//! The defaults depend on the device and the couplings. A certified world in a hand, however rough, does not reach them, and they are no
+//! wider than this requires.
+
+#![warn(clippy::wildcard_enum_match_arm)]
+
+use hapt_core::{Heat, Limits, SafetyProfile};
+
+use crate::kinds::Motion;
+use crate::safety::Safety;
+use crate::world::World;
+use crate::{Coupling, Damping, End};
+
+/// The sign test moves the puck by this many counts, or without an encoder by this way, in rad or m.
+const SEEN_COUNTS: f64 = 12.0;
+const SEEN: f64 = 1e-3;
+/// The longest pulse of the sign test, in s.
+const TEST: f64 = 0.25;
+/// The largest speed of a hand, in rad/s and m/s.
+const FASTEST: [f64; 2] = [50.0, 2.5];
+/// The largest change of the puck's speed that a hit of the hand causes within a sample, as a part of [`FASTEST`].
+const HIT: f64 = 0.5;
+/// The way over which a hand winds up a puck against the motor's limit: half a turn in rad, and in m.
+const WOUND: [f64; 2] = [std::f64::consts::PI, 0.1];
+/// The travel, in rad and m, over which the motor's limit does the work at which the ledgers trip.
+const TRAVEL: [f64; 2] = [0.05, 2.5e-3];
+/// That work without a limit, in J.
+const WORK: f64 = 0.05;
+/// From the last heartbeat to torque 0, in s.
+const LINK: f64 = 0.3;
+
+/// What a world's couplings contribute to the limits.
+struct Reach {
+    /// The sum of the steepest rises at the puck, and of the damping there.
+    stiffness: f64,
+    damping: f64,
+    /// The sum of the frictions at the puck, in N·m (linear: N).
+    friction: f64,
+    /// The largest phase angle by which a body's own oscillation advances in a sample, in rad.
+    angle: f64,
+}
+
+impl World {
+    /// The supervisor's limits for this world on its device: the file's `[safety]`, and the defaults where a key is absent.
+    pub fn limits(&self, profile: SafetyProfile) -> Limits {
+        let Safety { fade, heating, driver_heating, link_faults, brake, .. } = self.safety;
+        let (device, safety, period) = (&self.device, &self.safety, self.sampling.period);
+        let real = profile != SafetyProfile::Simulated;
+        let motion = usize::from(self.motion == Motion::Linear);
+        let limit = device.limit.unwrap_or(f64::INFINITY);
+        let reach = self.reach();
+        let or_never = |key: Option<f64>, default: f64| match key {
+            None if real => default,
+            None | Some(0.0) => f64::INFINITY,
+            Some(time) => time,
+        };
+
+        // The speed to which the motor's limit accelerates a puck that a hand has wound up and released.
+        let thrown = (2.0 * limit * WOUND[motion] / device.inertia).sqrt();
+        // A simulated encoder does not fail, and a pointer can move a simulated hand faster than any hand.
+        let or_any = |key: Option<f64>, default: f64| key.unwrap_or(if real { default } else { f64::INFINITY });
+        let fastest = thrown.max(FASTEST[motion]);
+        let overspeed = or_any(safety.overspeed, fastest);
+        let velocity = or_any(safety.velocity, 2.0 * safety.overspeed.unwrap_or(fastest));
+        // A hit by the hand, and the motor's contribution.
+        let change =
+            HIT * FASTEST[motion] + (limit * period / device.inertia).min(2.0 * safety.overspeed.unwrap_or(fastest));
+        let nudge = 2.0 * device.friction + if limit.is_finite() { 0.05 * limit } else { 0.0 };
+        // On a device with much damping and coarse counts this would not show the direction of the motion.
+        let seen = self.count().map_or(SEEN, |count| SEEN_COUNTS * count);
+        let moves = device.friction + (device.damping + 2.0 * device.inertia / TEST) * seen / TEST;
+        let pulse = nudge.max(moves.min(0.5 * limit));
+        // An explicit method generates energy even in a certified world, and its dampers dissipate it: the certificate accounts for both.
+        let trips = match profile {
+            SafetyProfile::Certified => !self.sampling.method.is_explicit(),
+            SafetyProfile::Uncertified => true,
+            SafetyProfile::Simulated => false,
+        };
+        // The time from the last heartbeat to torque 0 includes the fade, a period and the delay; the rest is the time allowed for a heartbeat.
+        let gone = if link_faults { 0.0 } else { fade } + period + self.sampling.delay_s();
+        let work = safety.energy.unwrap_or(if limit.is_finite() { limit * TRAVEL[motion] } else { WORK });
+        Limits {
+            fade,
+            velocity,
+            jump: or_any(safety.jump, change * period),
+            overspeed,
+            stuck: or_never(safety.stuck, 1.0),
+            stuck_torque: nudge,
+            torque: safety.torque.unwrap_or(limit),
+            slew: or_any(safety.slew, self.slew(&reach, velocity, limit)),
+            motor: Heat { rms: safety.rms.unwrap_or(f64::INFINITY), time: heating },
+            driver: Heat { rms: safety.driver_rms.unwrap_or(f64::INFINITY), time: driver_heating },
+            late: or_never(safety.late, 5.0 * period),
+            link: or_never(safety.link, LINK.max(2.0 * gone)),
+            link_faults,
+            energy: if profile == SafetyProfile::Uncertified { 0.1 * work } else { work },
+            world_trips: safety.world_trips.unwrap_or(trips),
+            port_trips: real || safety.world_trips == Some(true),
+            pulse: safety.pulse.unwrap_or(if real { pulse } else { 0.0 }),
+            brake,
+            zero_where_armed: device.drive.home.is_none(),
+            announcements: !real,
+            inertia: device.inertia,
+            damping: device.damping,
+            friction: device.friction,
+            delay: self.sampling.delay_s(),
+        }
+    }
+
+    /// The largest change of this world's torque in a sample: springs and dampers between ends that move against each other at the
+    /// largest speed, frictions that reverse, the bodies' own oscillation, a level, and the fades. From twice the limit on: none.
+    fn slew(&self, reach: &Reach, velocity: f64, limit: f64) -> f64 {
+        let period = self.sampling.period;
+        let count = self.count().unwrap_or(0.0);
+        let way = 2.0 * (velocity * period + count);
+        let slew = (reach.stiffness + reach.damping / period) * way
+            + 2.0 * reach.friction
+            + if reach.angle > 0.0 { reach.angle * limit } else { 0.0 }
+            + self.device.levels.map_or(0.0, |levels| 2.0 * limit / f64::from(levels))
+            + 2.0 * limit * period / self.safety.fade;
+        if slew < 2.0 * limit { slew } else { f64::INFINITY }
+    }
+
+    fn reach(&self) -> Reach {
+        let mut reach = Reach { stiffness: 0.0, damping: 0.0, friction: 0.0, angle: 0.0 };
+        let mut at_bodies = vec![0.0; self.bodies.len()];
+        for coupling in &self.couplings {
+            let (stiffness, damping, friction) = self.steepest(coupling);
+            for end in [coupling.first, coupling.second] {
+                match end {
+                    End::Puck => {
+                        reach.stiffness += stiffness;
+                        reach.damping += damping;
+                        reach.friction += friction;
+                    }
+                    End::Body(i) => at_bodies[i] += stiffness,
+                    End::Ground => {}
+                }
+            }
+        }
+        for (stiffness, body) in at_bodies.iter().zip(&self.bodies) {
+            reach.angle = reach.angle.max(self.sampling.period * (stiffness / body.inertia).sqrt());
+        }
+        reach
+    }
+
+    /// The steepest rise of a coupling's torque, by position and by velocity, and the largest torque of its friction.
+    fn steepest(&self, coupling: &Coupling) -> (f64, f64, f64) {
+        let slopes = coupling.law.slopes();
+        let damping = match slopes.damping {
+            Damping::Fixed(damping) => damping,
+            Damping::Compensating => {
+                let springs = self.couplings.iter().filter_map(|other| other.law.spring());
+                self.sampling.period * springs.sum::<f64>()
+            }
+        };
+        (slopes.stiffness, damping, slopes.friction)
+    }
+}
