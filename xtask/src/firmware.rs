@@ -190,11 +190,12 @@ fn qemu(machine: &str, program: &Path, cases: &[u8], more: &[&str]) -> Result<St
     Ok(text)
 }
 
-fn has_target() -> bool {
+/// Whether rustup's compiler builds for the boards.
+pub fn has_target() -> bool {
     deps::has_target(TARGET)
 }
 
-/// Whether there is what builds and runs the firmware; with `CI` set what is missing is installed.
+/// Whether there is what builds and runs the firmware; with `CI` set it has to be.
 fn has_tools() -> Result<bool> {
     let there = |program| {
         let said = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
@@ -208,9 +209,6 @@ fn has_tools() -> Result<bool> {
     const PACKAGES: [&str; 6] =
         ["qemu-system-arm", "gcc-arm-none-eabi", "rustc-web", "cargo-web", "rust-web-src", "lld"];
     let ci = std::env::var_os("CI").is_some();
-    if ci && !all() {
-        Command::new("apt-get").args(["install", "-y"]).args(PACKAGES).output()?;
-    }
     if all() {
         return Ok(true);
     }

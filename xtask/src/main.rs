@@ -20,6 +20,7 @@ mod python;
 mod reference;
 mod site;
 mod spent;
+mod steps;
 mod test;
 mod text;
 mod tools;

@@ -5,18 +5,16 @@
 //! the page in a browser, the tests of the command line's first steps and bad inputs, and the book.
 //!
 //! Lints, documentation, tests, xtask and the fuzz targets are built in one profile and with one set of features, so that no
-//! dependency is built twice for them. The table at the end shows what each step took.
+//! dependency is built twice for them. Steps run two at a time; the table at the end shows what each took.
 
-use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::time::Instant;
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-use crate::spent::{Spent, Table};
+use crate::steps::{Step, Tally};
 use crate::{
     book, deps, faults, figure, fuzz, identify, licences, links, memory, notes, page, python, tools, truth, vm,
 };
@@ -27,156 +25,65 @@ pub const PROFILE: &str = "tested";
 /// All that cargo builds for tests. `--all-targets` leaves out the targets that `cargo test` leaves out.
 const TARGETS: &str = "--workspace --lib --bins --examples --test *";
 
-/// What has passed and failed so far.
-struct Tally {
-    passed: u64,
-    failed: u64,
-    /// At the end of the last step.
-    since: Spent,
-    steps: Table,
-    programs: Table,
-}
-
 pub fn run() -> Result<()> {
-    let started = Spent::now();
-    let mut tally = Tally { passed: 0, failed: 0, since: started, steps: Table::default(), programs: Table::default() };
-    tally.step("format", cargo("fmt --all --check", ""));
-    tally.step("nothing is built twice", deps::built_once());
-    tally.step("lints", cargo(&format!("clippy {TARGETS} --profile {PROFILE} -- -D warnings"), ""));
-    tally.step("programs for the tests", tools::installed());
-    // Its last link is one long thread of work: it runs beside the tests, in a folder of its own.
-    let shipped =
-        Beside::start("target/shipped.log", env!("CARGO"), &["build", "--quiet", "--package", "hapt", "--release"])?;
-    let programs = built(&[]);
-    tally.step("the tests build", programs.as_ref().map(drop).map_err(|error| anyhow::anyhow!("{error:#}")));
-    for program in programs.unwrap_or_default() {
-        tally.program(&program)?;
+    let mut tally = Tally::new();
+    // Packages come while the processor compiles. Nothing else installs any.
+    tally.run(vec![
+        Step::check("programs for the tests", tools::installed),
+        Step::check("format", || cargo("fmt --all --check", "")),
+        Step::check("nothing is built twice", deps::built_once),
+        Step::check("lints", || cargo(&format!("clippy {TARGETS} --profile {PROFILE} -- -D warnings"), "")),
+        Step::check("the tests build", || built(&[]).map(drop)),
+    ]);
+    let Ok(programs) = built(&[]) else { std::process::exit(i32::from(!tally.end())) };
+
+    // The shipped program's build ends in one long link on one core: the tests run beside it.
+    let mut shipped = Command::new(env!("CARGO"));
+    shipped.args(["build", "--quiet", "--package", "hapt", "--release"]);
+    let mut steps = vec![Step::command("the program that ships", shipped)];
+    for program in programs {
+        steps.push(Step::tests(program.name(), program.command()));
     }
-    tally.tests("examples in the documentation", &mut cargo_tests(&["--workspace", "--doc", "--profile", PROFILE]))?;
-    tally.step("documentation", cargo(&format!("doc --workspace --no-deps --profile {PROFILE}"), "-D warnings"));
-    tally.step("the program that ships", shipped.end());
-    let program = std::path::absolute(binary("release").get_program())?;
-    let cli = built(&["cli"])?.into_iter().next().context("there is no test cli")?;
-    tally.tests("bad inputs with it", cli.command().arg("bad_inputs").env("HAPT_PROGRAM", program))?;
+    steps.push(Step::tests("examples in the documentation", documented()));
+    steps.push(Step::check("documentation", || {
+        cargo(&format!("doc --workspace --no-deps --profile {PROFILE}"), "-D warnings")
+    }));
+    tally.run(steps);
+
+    let mut firmware = Command::new(std::env::current_exe()?);
+    firmware.args(["firmware", "holds"]);
+    let mut bad_inputs = built(&["cli"])?.into_iter().next().context("there is no test cli")?.command();
+    bad_inputs.arg("bad_inputs").env("HAPT_PROGRAM", std::path::absolute(binary("release").get_program())?);
+    let mut steps = vec![
+        Step::check("the Python package", python::holds),
+        Step::command("the firmware holds on emulated boards", firmware),
+        Step::check("the page works in a browser", page::works),
+        Step::check("drives on a CAN bus", vm::drives),
+        Step::tests("bad inputs with the program that ships", bad_inputs),
+        Step::check("fuzzing finds nothing in a few seconds", fuzz::is_quiet),
+        Step::check("intervals of identified devices cover the truth", identify::holds),
+        Step::check("the supervisor catches faults, and nothing else", faults::are_caught),
+        Step::check("the page's core gives the same bits", page::same_bits),
+        Step::check("the page is what its sources build to", page::is_current),
+        Step::check("the certificate holds against brute force", truth::holds),
+        Step::check("hapt-core cannot panic", cannot_panic),
+        Step::check("memory stays bounded", memory::is_bounded),
+        Step::check("licences and sources", deps::licences),
+        Step::check("licences of the program", licences::is_current),
+        Step::check("the oldest Rust", deps::oldest_rust),
+        Step::check("docs/notes.md is current", notes::is_current),
+        Step::check("docs/notes.md names tests that exist", notes::names_real_tests),
+        Step::check("the pictures are current", figure::is_current),
+        Step::check("links of the documents", links::hold),
+    ];
     for world in worlds(Path::new("worlds"))? {
-        tally.step(&world.display().to_string(), same_bytes(&world));
+        steps.push(Step::check(world.display().to_string(), move || same_bytes(&world)));
     }
-    tally.step("hapt-core cannot panic", cannot_panic());
-    tally.step("the page's core gives the same bits", page::same_bits());
-    tally.step("the page is what its sources build to", page::is_current());
-    tally.step("the page works in a browser", page::works());
-    tally.step("the Python package", python::holds());
-    tally.step("drives on a CAN bus", vm::drives());
-    // Only here: the steps above may install packages, which one alone can do at a time.
-    let firmware = Beside::start("target/firmware.log", std::env::current_exe()?, &["firmware", "holds"])?;
-    tally.step("fuzzing finds nothing in a few seconds", fuzz::is_quiet());
-    tally.step("the certificate holds against brute force", truth::holds());
-    tally.step("the supervisor catches faults, and nothing else", faults::are_caught());
-    tally.step("intervals of identified devices cover the truth", identify::holds());
-    tally.step("memory stays bounded", memory::is_bounded());
-    tally.step("licences and sources", deps::licences());
-    tally.step("licences of the program", licences::is_current());
-    tally.step("the oldest Rust", deps::oldest_rust());
-    tally.step("docs/notes.md is current", notes::is_current());
-    tally.step("docs/notes.md names tests that exist", notes::names_real_tests());
-    tally.step("the pictures are current", figure::is_current());
-    tally.step("links of the documents", links::hold());
     for page in book::pages()? {
-        tally.step(&page.display().to_string(), book::is_current(&page));
+        steps.push(Step::check(page.display().to_string(), move || book::is_current(&page)));
     }
-    tally.step("the firmware holds on emulated boards", firmware.end());
-    println!("\nThe steps:\n{}\nThe slowest test programs:\n{}", tally.steps, tally.programs);
-    println!("{:.0} s, {:.0} s of processor time", started.since().wall, started.since().processor);
-    println!("{} passed, {} failed", tally.passed, tally.failed);
-    // The count is the last word: an error would print after it.
-    std::process::exit(i32::from(tally.failed > 0))
-}
-
-impl Tally {
-    /// One check, counted, with the seconds that it took.
-    fn step(&mut self, name: &str, done: Result<()>) {
-        let took = self.lap(name);
-        match done {
-            Ok(()) => {
-                self.passed += 1;
-                println!("ok     {took:4.0} s  {name}");
-            }
-            Err(error) => {
-                self.failed += 1;
-                println!("FAILED {took:4.0} s  {name}: {error:#}");
-            }
-        }
-    }
-
-    /// Seconds of the step that ends now.
-    fn lap(&mut self, name: &str) -> f64 {
-        let took = self.since.since();
-        self.since = Spent::now();
-        self.steps.row(name, took);
-        took.wall
-    }
-
-    /// A test program, as cargo runs it.
-    fn program(&mut self, program: &Program) -> Result<()> {
-        let name = program.name();
-        let before = Spent::now();
-        self.tests(&name, &mut program.command())?;
-        self.programs.row(&name, before.since());
-        Ok(())
-    }
-
-    /// Tests, each counted; a test program that fails without a count is one failure.
-    fn tests(&mut self, name: &str, command: &mut Command) -> Result<()> {
-        let output = command.stdin(Stdio::null()).stderr(Stdio::inherit()).output()?;
-        let (passed, failed) = (self.passed, self.failed);
-        for line in String::from_utf8_lossy(&output.stdout).lines() {
-            if let Some(result) = line.strip_prefix("test result: ") {
-                self.passed += counted(result, "passed")?;
-                self.failed += counted(result, "failed")?;
-            } else if !line.is_empty() && !line.ends_with("... ok") && !line.starts_with("running ") {
-                println!("{line}");
-            }
-        }
-        if !output.status.success() && self.failed == failed {
-            self.failed += 1;
-        }
-        let verdict = if self.failed == failed { "ok    " } else { "FAILED" };
-        let took = self.lap(name);
-        println!("{verdict} {took:4.0} s  {name}: {} passed, {} failed", self.passed - passed, self.failed - failed);
-        Ok(())
-    }
-}
-
-/// A command beside the steps that follow, which leave a core to it as it leaves one to them. Its output is kept until its end.
-struct Beside {
-    child: Child,
-    log: &'static str,
-    since: Instant,
-}
-
-impl Beside {
-    fn start(log: &'static str, program: impl AsRef<OsStr>, arguments: &[&str]) -> Result<Beside> {
-        fs::create_dir_all("target")?;
-        let said = fs::File::create(log)?;
-        let mut command = Command::new(program);
-        command.args(arguments).stdin(Stdio::null()).stdout(said.try_clone()?).stderr(said);
-        Ok(Beside { child: command.spawn()?, log, since: Instant::now() })
-    }
-
-    fn end(mut self) -> Result<()> {
-        let status = self.child.wait()?;
-        print!("{}", fs::read_to_string(self.log)?);
-        println!("        (it took up to {:.0} s, beside the steps above)", self.since.elapsed().as_secs_f64());
-        ensure!(status.success(), "it ends with {status}");
-        Ok(())
-    }
-}
-
-impl Drop for Beside {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+    tally.run(steps);
+    std::process::exit(i32::from(!tally.end()))
 }
 
 /// A program of tests, and the folder of its crate.
@@ -235,17 +142,11 @@ pub fn program(name: &str) -> Result<Command> {
     Ok(binary_of(PROFILE, name))
 }
 
-/// cargo's own tests, all of them even where one fails.
-fn cargo_tests(arguments: &[&str]) -> Command {
+/// The examples of the documentation, all of them even where one fails.
+fn documented() -> Command {
     let mut command = Command::new(env!("CARGO"));
-    command.args(["test", "--no-fail-fast"]).args(arguments);
+    command.args(["test", "--no-fail-fast", "--workspace", "--doc", "--profile", PROFILE]);
     command
-}
-
-/// The number before `word` in "ok. 5 passed; 0 failed; ...".
-fn counted(result: &str, word: &str) -> Result<u64> {
-    let before = result.split(word).next().context("no count")?;
-    Ok(before.split_whitespace().next_back().context("no count")?.parse()?)
 }
 
 fn cargo(arguments: &str, rustdoc_flags: &str) -> Result<()> {

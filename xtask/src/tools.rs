@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
 
-use crate::test;
+use crate::{firmware, page, test};
 
 /// Environments of Python, by the names under which tests look for them, with what is installed there.
 const PYTHON: [(&str, &[&str]); 4] = [
@@ -28,14 +28,27 @@ const PYTHON: [(&str, &[&str]); 4] = [
         ],
     ),
 ];
-/// Programs, and Debian's packages of them. A virtual environment needs more than Python: `ensurepip`.
-const PROGRAMS: [(&[&str], &str); 4] = [
-    (&["node", "--version"], "nodejs"),
-    (&["npm", "--version"], "npm"),
-    (&["python3", "-c", "import ensurepip"], "python3-venv"),
-    (&["sh", "-c", "test -n \"$CHROMIUM\" || command -v chromium chromium-browser google-chrome"], "chromium"),
+/// Shell tests of what the steps need, and Debian's packages of it. A virtual environment needs more than Python: `ensurepip`.
+const PROGRAMS: [(&str, &str); 13] = [
+    ("node --version", "nodejs"),
+    ("npm --version", "npm"),
+    ("python3 -c 'import ensurepip'", "python3-venv"),
+    ("test -n \"$CHROMIUM\" || command -v chromium chromium-browser google-chrome", "chromium"),
+    ("qemu-system-arm --version", "qemu-system-arm"),
+    ("arm-none-eabi-gcc --version", "gcc-arm-none-eabi"),
+    ("ld.lld --version", "lld"),
+    ("qemu-system-x86_64 --version", "qemu-system-x86"),
+    ("command -v busybox", "busybox-static"),
+    ("command -v cpio", "cpio"),
+    ("command -v modprobe", "kmod"),
+    ("command -v ip", "iproute2"),
+    ("command -v xz", "xz-utils"),
 ];
-/// Node's packages for the look at the reports.
+/// The distribution's compiler for targets that rustup's has no standard library of.
+const CROSS: (&str, [&str; 3]) =
+    ("test -x /usr/bin/rustc && test -e /usr/lib/rustlib/src", ["rustc-web", "cargo-web", "rust-web-src"]);
+/// The page, and the look at the reports: folders with packages of Node's.
+const PAGE: &str = "web";
 const BROWSER: &str = "crates/hapt-report/tests/browser";
 
 /// Installs what is missing.
@@ -44,11 +57,18 @@ pub fn installed() -> Result<()> {
         println!("        (tests skip what is missing; CI=1 installs Chromium, node and Python's packages)");
         return Ok(());
     }
-    let missing: Vec<&str> =
-        PROGRAMS.iter().filter(|(command, _)| !works(command)).map(|&(_, package)| package).collect();
+    let mut missing: Vec<&str> =
+        PROGRAMS.iter().filter(|(test, _)| !holds(test)).map(|&(_, package)| package).collect();
+    let is_cross = firmware::has_target() && page::has_target() || holds(CROSS.0);
+    if !is_cross {
+        missing.extend(CROSS.1);
+    }
     if !missing.is_empty() {
         run(Command::new("apt-get").arg("update"))?;
         run(Command::new("apt-get").args(["install", "--yes", "--no-install-recommends"]).args(missing))?;
+    }
+    if !Path::new(PAGE).join("node_modules").exists() {
+        run(Command::new("npm").args(["ci", "--silent", "--no-audit", "--no-fund"]).current_dir(PAGE))?;
     }
     if !Path::new(BROWSER).join("node_modules").exists() {
         run(Command::new("npm").args(["ci", "--silent", "--no-audit", "--no-fund"]).current_dir(BROWSER))?;
@@ -70,9 +90,11 @@ pub fn environments() -> std::path::PathBuf {
     test::target().join("tmp")
 }
 
-fn works(command: &[&str]) -> bool {
-    let said = Command::new(command[0]).args(&command[1..]).stdout(Stdio::null()).stderr(Stdio::null()).status();
-    said.is_ok_and(|status| status.success())
+/// Whether a line of shell succeeds; the administrator's programs are on its path.
+fn holds(test: &str) -> bool {
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("PATH=$PATH:/usr/sbin:/sbin; {test}")]);
+    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
 }
 
 fn run(command: &mut Command) -> Result<()> {

@@ -1,0 +1,160 @@
+//! The steps of `cargo xtask test`: run two at a time, each counted and timed.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::process::{Command, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+
+use crate::spent;
+
+/// Steps that run at the same time. Many of them wait for a browser, an emulator or a line most of their time.
+const LANES: usize = 2;
+/// Steps that took less than this, in s, share a row of the table.
+const SHOWN: f64 = 1.0;
+
+/// A step that waits for its turn.
+pub struct Step {
+    name: String,
+    run: Box<dyn FnOnce() -> Outcome + Send>,
+}
+
+/// The result of a step.
+struct Outcome {
+    passed: u64,
+    failed: u64,
+    /// What it prints before its line.
+    text: String,
+    /// Why it failed, in its line.
+    error: Option<String>,
+}
+
+impl Step {
+    /// A check, which counts as one test.
+    pub fn check(name: impl Into<String>, check: impl FnOnce() -> Result<()> + Send + 'static) -> Self {
+        let run = move || match check() {
+            Ok(()) => Outcome { passed: 1, failed: 0, text: String::new(), error: None },
+            Err(error) => Outcome { passed: 0, failed: 1, text: String::new(), error: Some(format!("{error:#}")) },
+        };
+        Step { name: name.into(), run: Box::new(run) }
+    }
+
+    /// A command whose exit code is the check; its output appears when it ends.
+    pub fn command(name: impl Into<String>, mut command: Command) -> Self {
+        let run = move || match command.stdin(Stdio::null()).output() {
+            Ok(output) => {
+                let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+                let ok = output.status.success();
+                let error = (!ok).then(|| format!("it ended with {}", output.status));
+                Outcome { passed: ok.into(), failed: (!ok).into(), text: text.concat(), error }
+            }
+            Err(error) => Outcome { passed: 0, failed: 1, text: String::new(), error: Some(error.to_string()) },
+        };
+        Step { name: name.into(), run: Box::new(run) }
+    }
+
+    /// Tests, each counted; a test program that fails without a count is one failure.
+    pub fn tests(name: impl Into<String>, mut command: Command) -> Self {
+        let run = move || match tests(&mut command) {
+            Ok(outcome) => outcome,
+            Err(error) => Outcome { passed: 0, failed: 1, text: String::new(), error: Some(format!("{error:#}")) },
+        };
+        Step { name: name.into(), run: Box::new(run) }
+    }
+}
+
+fn tests(command: &mut Command) -> Result<Outcome> {
+    let output = command.stdin(Stdio::null()).output()?;
+    let mut outcome = Outcome { passed: 0, failed: 0, text: String::new(), error: None };
+    for line in String::from_utf8_lossy(&output.stdout).lines() {
+        if let Some(result) = line.strip_prefix("test result: ") {
+            outcome.passed += counted(result, "passed")?;
+            outcome.failed += counted(result, "failed")?;
+        } else if !line.is_empty() && !line.ends_with("... ok") && !line.starts_with("running ") {
+            outcome.text += &format!("{line}\n");
+        }
+    }
+    if !output.status.success() {
+        outcome.text += &String::from_utf8_lossy(&output.stderr);
+        outcome.failed = outcome.failed.max(1);
+    }
+    Ok(outcome)
+}
+
+/// The number before `word` in "ok. 5 passed; 0 failed; ...".
+fn counted(result: &str, word: &str) -> Result<u64> {
+    let before = result.split(word).next().context("no count")?;
+    Ok(before.split_whitespace().next_back().context("no count")?.parse()?)
+}
+
+/// What has passed and failed so far, and how long each step took.
+pub struct Tally {
+    passed: u64,
+    failed: u64,
+    since: Instant,
+    rows: Vec<(String, f64)>,
+}
+
+impl Tally {
+    pub fn new() -> Self {
+        Tally { passed: 0, failed: 0, since: Instant::now(), rows: Vec::new() }
+    }
+
+    /// Runs steps in this order, as many at a time as there are lanes, until all have ended.
+    pub fn run(&mut self, steps: Vec<Step>) {
+        let queue = Mutex::new(VecDeque::from(steps));
+        let tally = Mutex::new(self);
+        // A step that panics has failed the whole run: the scope passes it on.
+        let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).pop_front();
+        std::thread::scope(|scope| {
+            for _ in 0..LANES {
+                scope.spawn(|| {
+                    while let Some(Step { name, run }) = next() {
+                        let since = Instant::now();
+                        let outcome = run();
+                        let took = since.elapsed().as_secs_f64();
+                        tally.lock().unwrap_or_else(PoisonError::into_inner).add(name, took, &outcome);
+                    }
+                });
+            }
+        });
+    }
+
+    fn add(&mut self, name: String, took: f64, outcome: &Outcome) {
+        let Outcome { passed, failed, text, error } = outcome;
+        self.passed += passed;
+        self.failed += failed;
+        let verdict = if *failed == 0 { "ok    " } else { "FAILED" };
+        let counts = if passed + failed == 1 { String::new() } else { format!(": {passed} passed, {failed} failed") };
+        let error = error.as_ref().map(|error| format!(": {error}")).unwrap_or_default();
+        print!("{text}");
+        println!("{verdict} {took:4.0} s  {name}{counts}{error}");
+        self.rows.push((name, took));
+    }
+
+    /// Prints the times and the counts. Whether all has passed.
+    pub fn end(self) -> bool {
+        println!("\n{self}");
+        self.failed == 0
+    }
+}
+
+/// The slowest first. Steps run beside each other: their times add up to more than the whole.
+impl fmt::Display for Tally {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut rows: Vec<_> = self.rows.iter().collect();
+        rows.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+        let (shown, rest): (Vec<_>, Vec<_>) = rows.into_iter().partition(|(_, took)| *took >= SHOWN);
+        writeln!(f, "The steps, {LANES} at a time, in s:")?;
+        for (name, took) in shown {
+            writeln!(f, "{took:8.1}   {name}")?;
+        }
+        writeln!(f, "{:8.1}   {} others", rest.iter().map(|(_, took)| took).sum::<f64>(), rest.len())?;
+        let processor = spent::processor().map(|took| format!(", {took:.0} s of processor time")).unwrap_or_default();
+        writeln!(f, "{:.0} s{processor}", self.since.elapsed().as_secs_f64())?;
+        // The count is the last line.
+        write!(f, "{} passed, {} failed", self.passed, self.failed)
+    }
+}
