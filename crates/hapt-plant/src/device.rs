@@ -24,6 +24,7 @@ pub struct Grip {
 
 /// A scenario's hand, laid on the samples of a loop; none by default.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Script {
     hand: Option<Hand>,
     /// The sample after which it is over.
@@ -44,6 +45,7 @@ impl Script {
 
 /// Who holds the puck.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum Holder {
     Nobody,
     Script,
@@ -52,6 +54,7 @@ enum Holder {
 
 /// A grip whose intended motion is told as it goes.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Follower {
     grip: Inertia,
     intended: Piece,
@@ -63,6 +66,7 @@ struct Follower {
 
 /// A world's device. Nothing that it does between two samples allocates, once it is made.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct VirtualDevice {
     period: f64,
     device: Inertia,

@@ -7,6 +7,7 @@ use crate::trajectory::{Form, Piece, Trajectory, snap};
 
 /// A hand laid on the loop's samples.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Hand {
     trajectory: Trajectory,
     /// The trajectory's piece since the last event.
@@ -18,6 +19,7 @@ pub struct Hand {
 
 /// A grip that opens and takes hold again.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Switch {
     switching: Switching,
     period: f64,
@@ -62,6 +64,7 @@ impl Switch {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 enum Kind {
     Prescribed,
     Torque,

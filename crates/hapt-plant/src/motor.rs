@@ -9,6 +9,7 @@ const ROOM: usize = 1 << 16;
 
 /// The motor holds a command from t_k + delay on.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Motor<F> {
     /// Whole samples of the delay, and the rest in s.
     pub samples: usize,

@@ -26,6 +26,7 @@ type Leading<const M: usize> = [[f64; M]; M];
 
 /// The constants of the equation.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Plant {
     pub mass: f64,
     pub damping: f64,
@@ -39,6 +40,7 @@ pub(crate) struct Plant {
 
 /// What a stretch of time does to a motion.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Propagator {
     /// exp(N dt) - I
     change: Matrix,

@@ -5,6 +5,7 @@ use crate::plant::{COS, F, Motion, Plant, Propagator, RAMP, SIN, Stretch, V, X};
 
 /// The physical puck and, while it is held, the hand's inertia, damping and stiffness on it.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Puck {
     /// Position in rad and velocity in rad/s (linear: m and m/s).
     pub position: f64,
@@ -19,6 +20,7 @@ pub(crate) struct Puck {
 
 /// The puck with what a hand adds to it, or nothing.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Held {
     /// The hand's share of the plant, where it grips.
     grip: Option<Inertia>,
@@ -35,6 +37,7 @@ pub(crate) type Sine = (f64, f64, f64);
 
 /// Inertia, damping and stiffness of something.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Inertia {
     pub inertia: f64,
     pub damping: f64,

@@ -7,16 +7,19 @@ use crate::spec::Shape;
 
 /// A shape laid on the loop's samples: at least one piece, the first from 0 on, their starts not decreasing.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Trajectory(Vec<Piece>);
 
 /// What a trajectory is from `from` on, until the next piece begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Piece {
     pub(crate) from: f64,
     pub(crate) form: Form,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum Form {
     /// value + slope · (t - from)
     Straight { value: f64, slope: f64 },

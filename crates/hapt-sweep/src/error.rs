@@ -20,4 +20,7 @@ pub enum Error {
         /// Why not.
         error: hapt_analysis::Error,
     },
+    /// It was asked to stop.
+    #[error("interrupted")]
+    Interrupted,
 }

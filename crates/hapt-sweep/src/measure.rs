@@ -5,6 +5,8 @@ use hapt_analysis::{Verdict, free_growth, held_growth, is_certified, required_da
 use hapt_model::{Motion, Scenario, World};
 use hapt_sim::{Outcome, Simulation, Summary};
 
+use crate::sweep::Stop;
+
 hapt_model::named! {
     /// A number that a world, or a run of it, has.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -147,8 +149,11 @@ impl OfRun {
     }
 }
 
-/// Runs the scenario once; nothing of a run that cannot start or stops being finite counts.
-pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool) -> OfRun {
+/// Rows between two questions whether to stop.
+const STRETCH: u64 = 4096;
+
+/// Runs the scenario once; nothing of a run that cannot start, stops being finite or is stopped counts.
+pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool, stop: &Stop<'_>) -> OfRun {
     let run = |world: &World| -> Option<OfRun> {
         let mut run = Simulation::new(world, scenario).ok()?;
         let mut summary = Summary::new(world, &run);
@@ -156,6 +161,9 @@ pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool) -> OfRu
         while let Some(row) = run.next() {
             let row = row.ok()?;
             summary.add(row);
+            if summary.rows.is_multiple_of(STRETCH) && stop() {
+                return None;
+            }
             if let Some(settling) = &mut settling {
                 settling.add(row.time, row.puck, &row.bodies);
             }

@@ -14,6 +14,9 @@ use crate::worker::Worker;
 /// The most samples of one run whose settling is asked for: they are kept until it ends.
 const MOST_KEPT: f64 = 1e8;
 
+/// Whether the work is to stop; asked now and then from all threads.
+pub(crate) type Stop<'a> = dyn Fn() -> bool + Sync + 'a;
+
 /// A world, a grid of its numbers, and measures.
 #[derive(Clone, Debug)]
 pub struct Sweep {
@@ -115,16 +118,30 @@ impl Sweep {
     /// measure without a value. A cell knows neither which thread computes it nor which others are computed beside it, so its bits are
     /// the same on any number of threads.
     pub fn rows(&self, cells: Range<u64>) -> Rows {
+        Rows { width: self.width(), values: self.values(cells, &|| false) }
+    }
+
+    /// As [`Sweep::rows`]; `stop` is asked now and then, and ends the work when true: `None`. A batch of runs under way goes on to
+    /// its end.
+    pub fn rows_until(&self, cells: Range<u64>, stop: &Stop<'_>) -> Option<Rows> {
+        let values = self.values(cells, stop);
+        (!stop()).then(|| Rows { width: self.width(), values })
+    }
+
+    fn values(&self, cells: Range<u64>, stop: &Stop<'_>) -> Vec<Option<f64>> {
         let (width, count) = (self.width(), (cells.end - cells.start) as usize);
         let mut values = vec![None; width * count];
         values.par_chunks_mut(width * LANES).enumerate().for_each_init(
-            || Worker::new(self),
+            || Worker::new(self, stop),
             |worker, (block, rows)| {
+                if stop() {
+                    return;
+                }
                 let first = cells.start + (block * LANES) as u64;
                 worker.fill(first..first + (rows.len() / width) as u64, rows);
             },
         );
-        Rows { width, values }
+        values
     }
 }
 

@@ -9,11 +9,12 @@ use hapt_model::World;
 use hapt_sim::{LANES, run_batch};
 
 use crate::measure::{self, Measure, OfRun};
-use crate::sweep::Sweep;
+use crate::sweep::{Stop, Sweep};
 
 /// A batch of worlds of the grid, and the last results.
 pub(crate) struct Worker<'s> {
     sweep: &'s Sweep,
+    stop: &'s Stop<'s>,
     /// `None` where the sweep measures held loops of one body only.
     worlds: Option<Box<[World; LANES]>>,
     variants: Option<Held>,
@@ -52,13 +53,13 @@ impl Held {
 }
 
 impl<'s> Worker<'s> {
-    pub fn new(sweep: &'s Sweep) -> Self {
+    pub fn new(sweep: &'s Sweep, stop: &'s Stop<'s>) -> Self {
         let variants = sweep.measures.iter().any(|measure| measure.of_held_loop()).then(|| Held::new(sweep)).flatten();
         let others = variants.is_none() || !sweep.measures.iter().all(|measure| measure.of_held_loop());
         // NaN differs from every first value.
         let values = from_fn(|_| vec![f64::NAN; sweep.grid.axes.len()]);
         let worlds = others.then(|| Box::new(from_fn(|_| sweep.world.clone())));
-        Worker { sweep, worlds, variants, values, known: vec![None; sweep.measures.len()] }
+        Worker { sweep, stop, worlds, variants, values, known: vec![None; sweep.measures.len()] }
     }
 
     /// Fills the rows of a block of at most [`LANES`] cells, in order.
@@ -109,7 +110,7 @@ impl<'s> Worker<'s> {
             None => from_fn(|i| {
                 let world = &worlds[i];
                 let run = world.scenarios.get(scenario).filter(|_| i < count);
-                run.map(|scenario| measure::of_run(world, scenario, settling)).unwrap_or_default()
+                run.map(|scenario| measure::of_run(world, scenario, settling, self.stop)).unwrap_or_default()
             }),
         }
     }

@@ -90,6 +90,7 @@ impl From<hapt_sweep::worst::Error> for Failure {
         match error {
             hapt_sweep::worst::Error::Linear(error) => error.into(),
             hapt_sweep::worst::Error::Run(error) => error.into(),
+            error @ hapt_sweep::worst::Error::Interrupted => Failure::System(error.to_string()),
         }
     }
 }

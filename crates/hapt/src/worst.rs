@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::{Write, stdout};
+use std::ops::ControlFlow;
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -68,7 +69,10 @@ fn watched(world: &World) -> Result<Worst, Failure> {
         let search = scope.spawn(move || {
             // Dropped at the end, and on a panic too: what waits below ends at once.
             let _done = done;
-            hapt_sweep::worst::search_seen(world, seen)
+            hapt_sweep::worst::search_watched(world, &|runs| {
+                seen.store(runs, Relaxed);
+                ControlFlow::Continue(())
+            })
         });
         while is_done.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
             match seen.load(Relaxed) {

@@ -89,13 +89,27 @@ impl Boundary {
     /// # Errors
     /// See [`Error`].
     pub fn new(source: &Source, sets: &[String], axes: &[String], claims: &[Edge]) -> Result<Boundary, Error> {
+        Boundary::until(source, sets, axes, claims, &|| false)
+    }
+
+    /// As [`Boundary::new`]; `stop` is asked before each verdict of an edge that is followed, and ends the work when true.
+    ///
+    /// # Errors
+    /// As [`Boundary::new`]; [`Error::Interrupted`].
+    pub fn until(
+        source: &Source,
+        sets: &[String],
+        axes: &[String],
+        claims: &[Edge],
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Boundary, Error> {
         let plane = Plane::new(source, sets, axes)?;
-        let claims = claims.par_iter().map(|edge| claim(&plane, *edge)).collect::<Result<Vec<_>, _>>()?;
+        let claims = claims.par_iter().map(|edge| claim(&plane, *edge, stop)).collect::<Result<Vec<_>, _>>()?;
         Ok(Boundary { plane, claims })
     }
 }
 
-fn claim(plane: &Plane, edge: Edge) -> Result<Claim, Error> {
+fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<Claim, Error> {
     let middle = [0.5, 0.5];
     let failed = |error| plane.failed(middle, error);
     let equations = match edge {
@@ -108,7 +122,8 @@ fn claim(plane: &Plane, edge: Edge) -> Result<Claim, Error> {
         None => Vec::new(),
     };
     let traces: Vec<Trace> = known.iter().map(|found| found.trace.clone()).collect();
-    let more = trace(&|place| plane.beyond(edge, place), &traces)?;
+    let beyond = |place| if stop() { Err(Error::Interrupted) } else { plane.beyond(edge, place) };
+    let more = trace(&beyond, &traces)?;
     let all: Vec<Trace> = traces.iter().chain(&more).cloned().collect();
     let corner = plane.beyond(edge, Plane::inside([0.0, 0.0]))? > 0.0;
     let mut pieces: Vec<Piece> = Vec::new();

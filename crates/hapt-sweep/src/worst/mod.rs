@@ -22,4 +22,4 @@ mod search;
 pub use drawn::{Drawn, drawn};
 pub use hand::Hand;
 pub use motion::{Motion, Trick};
-pub use search::{Error, FILE, Gap, Moved, Worst, best_motion, most_runs, search, search_seen};
+pub use search::{Error, FILE, Gap, Moved, Watch, Worst, best_motion, most_runs, search, search_watched};

@@ -1,7 +1,6 @@
 //! The search: by eigenvalues first, then by simulation.
 
-use std::sync::atomic::AtomicUsize;
-use std::sync::atomic::Ordering::Relaxed;
+use std::ops::ControlFlow;
 
 use hapt_analysis::continuous::linearise;
 use hapt_analysis::nelder_mead::maximise;
@@ -39,7 +38,10 @@ const STIFFER: [f64; 4] = [1.0, 0.3, 0.1, 0.03];
 /// The most runs of one climb.
 const RUNS: usize = 30;
 
-/// Why the search cannot run.
+/// Is given the number of hands tried by simulation so far, [`most_runs`] at the end at most; `Break` ends the search.
+pub type Watch<'a> = dyn Fn(usize) -> ControlFlow<()> + 'a;
+
+/// Why the search has no result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The linear loop cannot be analysed.
@@ -48,6 +50,9 @@ pub enum Error {
     /// The world cannot be compiled.
     #[error("{0}")]
     Run(#[from] hapt_sim::Error),
+    /// The watch ended it.
+    #[error("the search was interrupted")]
+    Interrupted,
 }
 
 /// The distance between the certificate and the worst hand, as device dampings in N·m·s/rad (linear: N·s/m).
@@ -162,13 +167,19 @@ pub struct Moved {
 /// # Errors
 /// [`Error`].
 pub fn best_motion(world: &World, samples: usize) -> Result<(Option<Moved>, usize), Error> {
+    best_motion_watched(world, samples, &|_| ControlFlow::Continue(()))
+}
+
+/// As [`best_motion`]; `watch` is given how many were tried.
+fn best_motion_watched(world: &World, samples: usize, watch: &Watch<'_>) -> Result<(Option<Moved>, usize), Error> {
     let stiffness = stiffness(world)?;
     let period = world.sampling.period;
     let length = samples as f64 * period;
     let all = motions(world, &targets(world, stiffness), samples)?;
     let tried = all.len();
     let mut best: Option<Moved> = None;
-    for motion in all {
+    for (i, motion) in all.into_iter().enumerate() {
+        go_on(watch, i)?;
         let scenario = motion.scenario("worst", FILE, length);
         // What its way is worth: a million times that is enough.
         let had = (stiffness + world.device.damping / period) * motion.reach().powi(2);
@@ -195,8 +206,14 @@ struct Trials<'w> {
     grain: f64,
     runs: usize,
     best: Option<Tried>,
-    /// How many have been run, for whoever watches.
-    seen: &'w AtomicUsize,
+    watch: &'w Watch<'w>,
+}
+
+fn go_on(watch: &Watch<'_>, runs: usize) -> Result<(), Error> {
+    match watch(runs) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(Error::Interrupted),
+    }
 }
 
 impl Trials<'_> {
@@ -204,7 +221,7 @@ impl Trials<'_> {
         let hand = Hand::toward(self.world, grip, target, hold_and_open);
         let drawn = drawn(self.world, &hand.scenario("worst", self.duration), hand.energy())?;
         self.runs += 1;
-        self.seen.store(self.runs, Relaxed);
+        go_on(self.watch, self.runs)?;
         let tried = Tried { hand, target, drawn };
         if self.best.is_none_or(|best| self.height(&tried) > self.height(&best)) {
             self.best = Some(tried);
@@ -312,14 +329,14 @@ pub fn most_runs(world: &World) -> Result<usize, Error> {
 /// # Errors
 /// [`Error`].
 pub fn search(world: &World) -> Result<Worst, Error> {
-    search_seen(world, &AtomicUsize::new(0))
+    search_watched(world, &|_| ControlFlow::Continue(()))
 }
 
-/// As [`search`]; `seen` is how many hands have been tried by simulation, [`most_runs`] at the end at most.
+/// As [`search`], under a watch that may end it.
 ///
 /// # Errors
-/// As [`search`].
-pub fn search_seen(world: &World, seen: &AtomicUsize) -> Result<Worst, Error> {
+/// As [`search`]; [`Error::Interrupted`].
+pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> {
     hapt_sim::check(world)?;
     let (linear, breaking) = (worst_grip(world)?, breaking_damping(world)?);
     let period = world.sampling.period;
@@ -327,7 +344,7 @@ pub fn search_seen(world: &World, seen: &AtomicUsize) -> Result<Worst, Error> {
     let targets = targets(world, stiffness);
     let duration = LONG.clamp(FEWEST * period, ROWS * period);
     let grain = grain(world, stiffness);
-    let mut trials = Trials { world, duration, grain, runs: 0, best: None, seen };
+    let mut trials = Trials { world, duration, grain, runs: 0, best: None, watch };
 
     let mut held = Vec::new();
     let mut switched = Vec::new();
@@ -383,7 +400,7 @@ pub fn search_seen(world: &World, seen: &AtomicUsize) -> Result<Worst, Error> {
     let (mut scenario, mut drawn, mut motion) = (scenario, drawn, None);
     let mut drew = drawn.is_gain(grain);
     if !drew {
-        let (found, tried) = best_motion(world, moved(world, stiffness))?;
+        let (found, tried) = best_motion_watched(world, moved(world, stiffness), &|tried| watch(runs + tried))?;
         runs += tried;
         if let Some(found) = found {
             (scenario, drawn, motion, drew) = (found.scenario, found.drawn, Some(found.motion), true);

@@ -1,5 +1,6 @@
 //! Certified worlds survive their worst hand, refused ones fall.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
@@ -8,7 +9,7 @@ use hapt_analysis::{is_certified, passivity, required_damping};
 use hapt_model::{
     Body, Coupling, Damping, Drive, End, Hand, Law, Method, Output, Scenario, Shape, Side, Source, World,
 };
-use hapt_sweep::worst::{Trick, best_motion, drawn, most_runs, search, search_seen};
+use hapt_sweep::worst::{Trick, best_motion, drawn, most_runs, search, search_watched};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -35,7 +36,11 @@ fn a_sampled_spring_falls_where_it_is_refused_and_survives_where_it_is_certified
     }
     for part in [1.02, 1.5, 4.0] {
         let (world, seen) = (spring(part * limit), AtomicUsize::new(0));
-        let worst = search_seen(&world, &seen).unwrap();
+        let worst = search_watched(&world, &|runs| {
+            seen.store(runs, Relaxed);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
         assert!(!worst.certified && worst.broken, "{worst:?}");
         // No more than whoever watches was told.
         assert!((1..=most_runs(&world).unwrap()).contains(&seen.load(Relaxed)), "{seen:?}");
@@ -44,6 +49,16 @@ fn a_sampled_spring_falls_where_it_is_refused_and_survives_where_it_is_certified
         // Nothing bends, so the run shows it: a million times what the hand began with, unless that takes too long.
         assert!(worst.drew && worst.drawn.gain > worst.hand.energy(), "{worst:?}");
     }
+}
+
+#[test]
+fn a_search_ends_where_its_watch_ends_it() {
+    let seen = AtomicUsize::new(0);
+    let ended = search_watched(&spring(1.0), &|runs| {
+        seen.store(runs, Relaxed);
+        if runs < 5 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    assert_eq!((ended, seen.load(Relaxed)), (Err(hapt_sweep::worst::Error::Interrupted), 5));
 }
 
 #[test]
