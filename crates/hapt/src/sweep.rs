@@ -1,20 +1,21 @@
 //! `hapt sweep`: a grid of a world's numbers, measured, as a table and a picture.
 //!
 //! The rows go to `FILE.HASH.partial` as CSV, flushed as they come; at the end it becomes the CSV, or the Parquet file is made
-//! from it. An interrupted sweep leaves it there, and `--resume` goes on behind its last whole line. The hash is of everything
+//! from it. Of a table in shards each is a table of its own, the CSV's header in the first. An interrupted sweep leaves it there, and `--resume` goes on behind its last whole line. The hash is of everything
 //! that the rows depend on, so that no other sweep's rows are ever taken.
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::hash::Hasher;
 use std::io::{self, BufRead, BufReader, Seek, SeekFrom, Write, stdout};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use hapt_model::{Motion, did_you_mean};
 use hapt_sweep::table::{self, Column};
-use hapt_sweep::{Measure, Sweep};
+use hapt_sweep::{Measure, Shard, Sweep};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::args::SweepArgs;
@@ -81,15 +82,21 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     let pool = pool.map_err(|error| Failure::System(format!("cannot start threads: {error}")))?;
 
     let columns = table::columns(&sweep);
-    let mut partial = Partial::open(&args.out, &sweep, &columns, args.resume)?;
-    let missing = compute(&sweep, &pool, &mut partial)?;
+    let shard = args.shard.unwrap_or(Shard::WHOLE);
+    let cells = shard.cells(sweep.cells());
+    let rows = cells.end - cells.start;
+    // The shards of a CSV can be put together by `cat`.
+    let has_header = format == Format::Parquet || shard.is_first();
+    let header = if has_header { table::header(&columns) } else { String::new() };
+    let mut partial = Partial::open(&args.out, &sweep, cells.clone(), header, &columns, args.resume)?;
+    let missing = compute(&sweep, cells, &pool, &mut partial)?;
     if let Some(plot) = &args.plot {
         let own: Vec<_> = sweep.grid.axes.iter().map(|axis| own(&source, &args.world.sets, &axis.key)).collect();
         crate::sweep_plot::draw(&sweep, &own, partial.rows()?, plot)?;
     }
     partial.finish(format, &columns)?;
 
-    messages::say(format_args!("wrote {}, {} rows", args.out.display(), format::count(sweep.cells())));
+    messages::say(format_args!("wrote {}, {} rows", args.out.display(), format::count(rows)));
     for (measure, count) in measures.iter().zip(missing).filter(|(_, count)| *count > 0) {
         messages::say(format_args!("{} has no value in {} of them", measure.name(), format::count(count)));
     }
@@ -131,20 +138,20 @@ pub fn list_measures() -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Computes the cells that are not there yet; how often each measure has no value, in all of the table.
-fn compute(sweep: &Sweep, pool: &ThreadPool, partial: &mut Partial) -> Result<Vec<u64>, Failure> {
-    let cells = sweep.cells();
+/// Computes the cells that are not there yet; how often each measure has no value, in all of them.
+fn compute(sweep: &Sweep, cells: Range<u64>, pool: &ThreadPool, partial: &mut Partial) -> Result<Vec<u64>, Failure> {
+    let rows = cells.end - cells.start;
     let mut missing = partial.missing.clone();
-    let mut progress = Progress::new("sweep", "cells", cells, partial.done);
+    let mut progress = Progress::new("sweep", "cells", rows, partial.done);
     // Few at first, because a cell may be a run of an hour.
     let mut stretch = pool.current_num_threads() as u64;
     let mut text = String::new();
-    while partial.done < cells {
+    while partial.done < rows {
         let started = Instant::now();
-        let end = (partial.done + stretch).min(cells);
-        let rows = pool.install(|| sweep.rows(partial.done..end));
+        let end = (partial.done + stretch).min(rows);
+        let computed = pool.install(|| sweep.rows(cells.start + partial.done..cells.start + end));
         text.clear();
-        for row in &rows {
+        for row in &computed {
             table::line(row, &mut text);
             let measured = row.iter().skip(sweep.grid.axes.len());
             missing.iter_mut().zip(measured).filter(|(_, value)| value.is_none()).for_each(|(count, _)| *count += 1);
@@ -167,6 +174,8 @@ struct Partial {
     file: File,
     path: PathBuf,
     target: PathBuf,
+    /// The first line; empty: none.
+    header: String,
     /// Rows that are there.
     done: u64,
     /// How often each measure has no value in them.
@@ -175,13 +184,20 @@ struct Partial {
 
 impl Partial {
     /// Begins `FILE.HASH.partial`, or goes on behind its last whole row.
-    fn open(target: &Path, sweep: &Sweep, columns: &[Column], resume: bool) -> Result<Self, Failure> {
+    fn open(
+        target: &Path,
+        sweep: &Sweep,
+        cells: Range<u64>,
+        header: String,
+        columns: &[Column],
+        resume: bool,
+    ) -> Result<Self, Failure> {
         let target = output::followed(target).map_err(|error| Failure::write(target.display(), error))?;
         let mut name = target.file_name().map_or_else(OsString::new, OsString::from);
-        name.push(format!(".{:016x}.partial", fingerprint(sweep)));
+        name.push(format!(".{:016x}.partial", fingerprint(sweep, &cells)));
         let path = target.with_file_name(name);
         let failed = |error| Failure::write(path.display(), error);
-        let header = table::header(columns);
+        let rows = cells.end - cells.start;
         let there = resume && path.exists();
         if resume && !there {
             messages::say(format_args!("there is no {} to continue from", path.display()));
@@ -192,20 +208,21 @@ impl Partial {
             file: file.try_clone().map_err(failed)?,
             path: path.clone(),
             target,
+            header,
             done: 0,
             missing: vec![0; sweep.measures.len()],
         };
-        let length = if there { partial.count(&mut file, &header, sweep, columns).map_err(failed)? } else { 0 };
+        let length = if there { partial.count(&mut file, rows, sweep, columns).map_err(failed)? } else { 0 };
         if length == 0 {
             partial.file.set_len(0).and_then(|()| partial.file.rewind()).map_err(failed)?;
-            partial.write(&header)?;
+            partial.write(&partial.header.clone())?;
         } else {
             partial.file.set_len(length).map_err(failed)?;
             partial.file.seek(SeekFrom::Start(length)).map_err(failed)?;
             messages::say(format_args!(
                 "going on behind {} of {} cells",
                 format::count(partial.done),
-                format::count(sweep.cells())
+                format::count(rows)
             ));
         }
         let words = format!("the rows so far are in {}; the same command with --resume continues", path.display());
@@ -214,14 +231,14 @@ impl Partial {
     }
 
     /// Counts the whole rows of an interrupted sweep; how many bytes they and the header take, 0 where that is not its header.
-    fn count(&mut self, file: &mut File, header: &str, sweep: &Sweep, columns: &[Column]) -> io::Result<u64> {
+    fn count(&mut self, file: &mut File, rows: u64, sweep: &Sweep, columns: &[Column]) -> io::Result<u64> {
         let mut reader = BufReader::new(file);
         let mut line = String::new();
-        if reader.read_line(&mut line)? != header.len() || line != header {
+        if !self.header.is_empty() && (reader.read_line(&mut line)? != self.header.len() || line != self.header) {
             return Ok(0);
         }
-        let mut length = header.len() as u64;
-        while self.done < sweep.cells() {
+        let mut length = self.header.len() as u64;
+        while self.done < rows {
             line.clear();
             let read = reader.read_line(&mut line)?;
             let Some(row) = line.strip_suffix('\n').and_then(|line| table::read(line, columns.len())) else { break };
@@ -249,7 +266,9 @@ impl Partial {
     fn rows(&self) -> Result<BufReader<File>, Failure> {
         let failed = |error| Failure::System(format!("cannot read {}: {error}", self.path.display()));
         let mut reader = BufReader::with_capacity(1 << 16, File::open(&self.path).map_err(failed)?);
-        reader.read_line(&mut String::new()).map_err(failed)?;
+        if !self.header.is_empty() {
+            reader.read_line(&mut String::new()).map_err(failed)?;
+        }
         Ok(reader)
     }
 
@@ -276,9 +295,9 @@ impl Partial {
 }
 
 /// Of everything that the rows depend on.
-fn fingerprint(sweep: &Sweep) -> u64 {
+fn fingerprint(sweep: &Sweep, cells: &Range<u64>) -> u64 {
     let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
-    hash.write(format!("{} {sweep:?}", env!("CARGO_PKG_VERSION")).as_bytes());
+    hash.write(format!("{} {sweep:?} {cells:?}", env!("CARGO_PKG_VERSION")).as_bytes());
     hash.finish()
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
+use hapt_sweep::Shard;
 
 use super::WorldArgs;
 
@@ -113,6 +114,9 @@ pub struct SweepArgs {
     /// Continue an interrupted sweep into the same file.
     #[arg(long)]
     pub resume: bool,
+    /// Compute shard I of N alone, from 0/N to N-1/N: the shards one after the other are the table, the CSV's header in the first.
+    #[arg(long, value_name = "I/N", conflicts_with = "plot")]
+    pub shard: Option<Shard>,
     /// Threads; default: all cores. The bytes do not depend on it.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,

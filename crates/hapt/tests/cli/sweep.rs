@@ -104,6 +104,39 @@ fn a_cell_without_a_value_is_empty_and_counted() {
     assert_eq!(table.lines().filter(|line| line.ends_with(',')).count(), 2, "{table}");
 }
 
+#[test]
+fn the_shards_of_a_table_one_after_the_other_are_the_table() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let table = |more: &[&str]| {
+        sweep(at.path(), more).done();
+        fs::read_to_string(at.path().join(more[1])).unwrap()
+    };
+    let whole = table(&["--out", "whole.csv"]);
+    // Also with more shards than rows.
+    for count in [1, 2, 3, 5, 7] {
+        let shards: Vec<String> =
+            (0..count).map(|i| table(&["--out", "shard.csv", "--shard", &format!("{i}/{count}")])).collect();
+        assert_eq!(shards.concat(), whole, "{count}");
+    }
+    let parquet: Vec<String> = (0..2).map(|i| format!("{i}.parquet")).collect();
+    for (i, name) in parquet.iter().enumerate() {
+        sweep(at.path(), &["--out", name, "--shard", &format!("{i}/2")]).done();
+    }
+    let rows = |name: &str| {
+        let file = fs::File::open(at.path().join(name)).unwrap();
+        let reader = parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder::try_new(file).unwrap();
+        reader.metadata().file_metadata().num_rows()
+    };
+    assert_eq!(parquet.iter().map(|name| rows(name)).collect::<Vec<_>>(), [2, 3]);
+
+    for (wrong, hint) in [("3/3", "2/3"), ("0/0", "I/N"), ("1", "I/N"), ("-1/3", "I/N"), ("a/3", "I/N")] {
+        let ended = sweep(at.path(), &["--out", "t.csv", &format!("--shard={wrong}")]);
+        assert!(ended.code == Some(2) && ended.err.contains(hint), "{wrong}: {ended:?}");
+    }
+    let ended = sweep(at.path(), &["--out", "t.csv", "--shard", "0/2", "--plot", "t.svg"]);
+    assert_eq!(ended.code, Some(2), "{ended:?}");
+}
+
 #[cfg(unix)]
 mod interrupted {
     use super::*;
@@ -140,6 +173,28 @@ mod interrupted {
         let resumed = fs::read(at.path().join("t.csv")).unwrap();
         hapt(at.path(), LONG.split_whitespace()).done();
         assert!(resumed == fs::read(at.path().join("t.csv")).unwrap());
+    }
+
+    #[test]
+    fn an_interrupted_shard_goes_on_as_itself() {
+        let at = folder(&[("w.toml", WHEEL)]);
+        let shard = |i: usize| LONG.split_whitespace().map(String::from).chain(["--shard".into(), format!("{i}/2")]);
+        let mut running = Running::start(program(at.path(), shard(1)));
+        let rows =
+            || partial(at.path()).map_or(0, |name| fs::read_to_string(at.path().join(name)).unwrap().lines().count());
+        running.until("some rows are there", |_, _| rows() > 5);
+        running.signal("INT");
+        assert_eq!(running.end().code, Some(130));
+        let kept = rows();
+        // The other shard does not take its rows.
+        let other = hapt(at.path(), shard(0).chain(["--resume".into()]));
+        assert!(other.code == Some(0) && other.err.contains("to continue from"), "{other:?}");
+        let first = fs::read_to_string(at.path().join("t.csv")).unwrap();
+        let resumed = hapt(at.path(), shard(1).chain(["--resume".into()]));
+        assert!(resumed.err.contains(&format!("going on behind {kept}")), "{resumed:?}");
+        let second = fs::read_to_string(at.path().join("t.csv")).unwrap();
+        hapt(at.path(), LONG.split_whitespace()).done();
+        assert!(first + &second == fs::read_to_string(at.path().join("t.csv")).unwrap());
     }
 
     #[test]
