@@ -11,7 +11,7 @@ False
 All numbers are in SI; strings carry units. The command line and this package are two faces of the same crates.
 """
 
-from ._analyses import Boundary, Design, Identified, Impedance, Piece, Sweep, Worst
+from ._analyses import Boundary, Design, Identified, Impedance, Piece, Worst
 from ._build import (
     Constant,
     Damper,
@@ -31,10 +31,13 @@ from ._build import (
 )
 from ._check import Check
 from ._control import StateSpaces
+from ._hapt import VERSION as __version__
 from ._hapt import WorldError
 from ._live import Live
 from ._run import Run
 from ._running import Device, Loop
+from ._shards import Dataset
+from ._sweep import Sweep
 from ._world import World, design, identify, load, measures
 
 __all__ = [
@@ -42,6 +45,7 @@ __all__ = [
     "Check",
     "Constant",
     "Damper",
+    "Dataset",
     "DeadBand",
     "Design",
     "Detent",
@@ -68,6 +72,7 @@ __all__ = [
     "World",
     "WorldError",
     "Worst",
+    "__version__",
     "design",
     "identify",
     "load",

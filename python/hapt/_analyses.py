@@ -37,7 +37,14 @@ class Answer(Mapping[str, Any]):
 
 
 class Design(Answer):
-    """`stiffness`, `inertia`, `compensating_damping`, `natural_frequency_hz`, `peak_torque` of the notes' wheel, in SI."""
+    """`stiffness`, `inertia`, `compensating_damping`, `natural_frequency_hz`, `peak_torque` of the notes' wheel, in SI.
+
+    `world` is the wheel under forward Euler with the compensating damper, as `hapt design` prints it.
+    """
+
+    def __init__(self, fields: dict[str, Any], world: World) -> None:
+        super().__init__(fields)
+        self.world = world
 
 
 class Identified(Answer):
@@ -127,63 +134,4 @@ class Boundary:
         ax.set_ylabel(self.keys[1])
         if colours:
             ax.legend()
-        return ax
-
-
-class Sweep(Mapping[str, "NDArray[np.float64]"]):
-    """Measures over a grid: `sweep["certified"]` has an axis for each key, in their order; NaN where a measure has no value.
-
-    `axes` maps each key to its values in SI.
-    """
-
-    def __init__(self, axes: dict[str, NDArray[np.float64]], measures: dict[str, NDArray[np.float64]]) -> None:
-        self.axes = axes
-        self._measures = measures
-
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
-        try:
-            return self._measures[name]
-        except KeyError:
-            raise KeyError(f"there is no measure {name!r}; there are {', '.join(self._measures)}") from None
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._measures)
-
-    def __len__(self) -> int:
-        return len(self._measures)
-
-    def __repr__(self) -> str:
-        shape = " x ".join(f"{key} ({len(values)})" for key, values in self.axes.items())
-        return f"<hapt.Sweep of {', '.join(self)} over {shape}>"
-
-    def to_pandas(self) -> pd.DataFrame:
-        """The table of `hapt sweep`: a column for each key, the last varying fastest, then one for each measure."""
-        import pandas as pd
-
-        grid = np.meshgrid(*self.axes.values(), indexing="ij")
-        columns = {key: values.ravel() for key, values in zip(self.axes, grid)}
-        return pd.DataFrame({**columns, **{name: values.ravel() for name, values in self.items()}})
-
-    def to_xarray(self) -> xr.Dataset:
-        """A Dataset of the measures over the keys."""
-        import xarray as xr
-
-        return xr.Dataset({name: (list(self.axes), values) for name, values in self.items()}, coords=self.axes)
-
-    def plot(self, measure: Optional[str] = None, ax: Any = None) -> Any:
-        """Draws a measure, the first by default: a curve over one key, a map over two; returns matplotlib's axes."""
-        name = measure if measure is not None else next(iter(self))
-        values = self[name]
-        if values.ndim > 2:
-            raise ValueError(f"a curve has one key and a map two, and {values.ndim} are varied")
-        ax = axes_of(ax)
-        keys = list(self.axes)
-        if values.ndim == 1:
-            ax.plot(self.axes[keys[0]], values)
-            ax.set_ylabel(name)
-        else:
-            mesh = ax.pcolormesh(self.axes[keys[0]], self.axes[keys[1]], values.T, shading="nearest")
-            ax.figure.colorbar(mesh, ax=ax, label=name)
-            ax.set_ylabel(keys[1])
-        ax.set_xlabel(keys[0])
         return ax

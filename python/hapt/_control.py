@@ -83,7 +83,7 @@ def _sampled(a: Matrix, b: Matrix, period: float, delay: float) -> tuple[Matrix,
     from scipy.linalg import expm
 
     def over(h: float) -> tuple[Matrix, Matrix]:
-        whole = expm(h * np.block([[a, b], [np.zeros((1, 3))]]))
+        whole = np.asarray(expm(h * np.block([[a, b], [np.zeros((1, 3))]])), dtype=np.float64)
         return whole[:2, :2], whole[:2, 2:]
 
     samples = delay / period

@@ -6,11 +6,13 @@ from numpy import float64
 from numpy.typing import NDArray
 
 __all__ = [
+    "VERSION",
     "Device",
     "Loop",
     "Sweep",
     "World",
     "WorldError",
+    "arrow_stream",
     "coupling_keys",
     "design",
     "hand_keys",
@@ -18,6 +20,8 @@ __all__ = [
     "measures",
     "read",
 ]
+
+VERSION: str
 
 class WorldError(ValueError):
     """A world, or a change of one, that cannot be read."""
@@ -94,6 +98,10 @@ class Device:
     @property
     def applied(self) -> float: ...
     def copy(self) -> Device: ...
+    def get_state(self) -> bytes: ...
+    def set_state(self, bytes: bytes) -> None: ...
+
+def arrow_stream(columns: list[tuple[str, NDArray[float64]]]) -> object: ...
 
 def read(
     name: str,

@@ -84,28 +84,24 @@ def _loop(world: World, state: bytes) -> Loop:
 class Device:
     """The device of a world, exactly: inertia, viscous damping, Coulomb friction, delay, and a scenario's hand or none.
 
-    A copy goes on from the same state. Pickling repeats the torques from the beginning, which gives the same bits.
+    `copy.copy`, `copy.deepcopy` and `pickle` keep the state to the bit: the copy goes on with the same motion.
     """
 
-    def __init__(self, world: World, scenario: Optional[str] = None) -> None:
+    def __init__(self, world: World, scenario: Optional[str] = None, native: Optional[_hapt.Device] = None) -> None:
         self._world = world
         self._scenario = scenario
-        self._native = world._native.device(scenario)
-        self._torques: list[float] = []
+        self._native = world._native.device(scenario) if native is None else native
 
     def step(self, torque: float) -> tuple[float, float]:
         """Asks the motor for `torque` (N·m; linear: N) and lets a period pass: the puck's position and velocity at its end.
 
         The limit and the levels are the loop's: see `Loop.command`. Raises ValueError for what is not finite.
         """
-        puck = self._native.step(torque)
-        self._torques.append(float(torque))
-        return puck
+        return self._native.step(torque)
 
     def reset(self) -> None:
         """Back to the beginning: at rest at 0, or where the scenario's hand begins."""
         self._native.reset()
-        self._torques.clear()
 
     @property
     def puck(self) -> tuple[float, float]:
@@ -118,20 +114,16 @@ class Device:
         return self._native.applied
 
     def __copy__(self) -> Device:
-        copy = Device.__new__(Device)
-        copy._world, copy._scenario = self._world, self._scenario
-        copy._native, copy._torques = self._native.copy(), self._torques.copy()
-        return copy
+        return Device(self._world, self._scenario, self._native.copy())
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Device:
         return self.__copy__()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (_device, (self._world, self._scenario, self._torques))
+        return (_device, (self._world, self._scenario, self._native.get_state()))
 
 
-def _device(world: World, scenario: Optional[str], torques: list[float]) -> Device:
+def _device(world: World, scenario: Optional[str], state: bytes) -> Device:
     device = Device(world, scenario)
-    for torque in torques:
-        device.step(torque)
+    device._native.set_state(state)
     return device

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _hapt
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -30,6 +32,9 @@ class Table(Mapping[str, "NDArray[np.float64]"]):
     def __len__(self) -> int:
         return len(self._columns)
 
+    def __repr__(self) -> str:
+        return f"<hapt.{type(self).__name__}: {len(next(iter(self.values())))} rows of {', '.join(self)}>"
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Table):
             return NotImplemented
@@ -42,6 +47,10 @@ class Table(Mapping[str, "NDArray[np.float64]"]):
         import pandas as pd
 
         return pd.DataFrame(self._columns)
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        """The columns as Arrow doubles, null for NaN: `pyarrow.table(run)`, `polars.DataFrame(run)`."""
+        return _hapt.arrow_stream(list(self.items()))
 
 
 def axes_of(ax: Any) -> Any:

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import json
 import os
-import time
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Optional, Union
+from typing import Any, Optional, Union, overload
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import _hapt, _toml
-from ._analyses import Boundary, Design, Identified, Impedance, Piece, Sweep, Worst
+from ._analyses import Boundary, Design, Identified, Impedance, Piece, Worst
 from ._arrays import numbers
 from ._check import Check
 from ._control import StateSpaces, state_spaces
 from ._live import Live
 from ._run import Run
 from ._running import Device, Loop
+from ._shards import Dataset, Job
+from ._sweep import Sweep, here, in_shards
+from ._target import Target
 
 Value = Union[str, float, int, bool]
-
-#: A stretch of a sweep takes about so long, in s: between two, the progress bar moves.
-_STRETCH = 0.1
 
 
 class World:
@@ -198,18 +196,57 @@ class World:
         fields, shown = self._native.worst()
         return Worst(json.loads(fields), None if shown is None else World._of(_hapt.read("worst", shown)))
 
+    @overload
     def sweep(
         self,
         axes: Mapping[str, ArrayLike],
         measures: Union[str, Sequence[str]],
         scenario: Optional[str] = None,
         progress: Optional[bool] = None,
-        threads: int = 0,
-    ) -> Sweep:
-        """Measures the world at every combination of the keys' values, in SI, on all cores (`threads=0`).
+        threads: Optional[int] = None,
+        *,
+        client: Any = None,
+        shards: Optional[int] = None,
+        out: None = None,
+        storage_options: None = None,
+    ) -> Sweep: ...
+    @overload
+    def sweep(
+        self,
+        axes: Mapping[str, ArrayLike],
+        measures: Union[str, Sequence[str]],
+        scenario: Optional[str] = None,
+        progress: Optional[bool] = None,
+        threads: Optional[int] = None,
+        *,
+        client: Any = None,
+        shards: Optional[int] = None,
+        out: Union[str, os.PathLike[str]],
+        storage_options: Optional[Mapping[str, Any]] = None,
+    ) -> Dataset: ...
+    def sweep(
+        self,
+        axes: Mapping[str, ArrayLike],
+        measures: Union[str, Sequence[str]],
+        scenario: Optional[str] = None,
+        progress: Optional[bool] = None,
+        threads: Optional[int] = None,
+        *,
+        client: Any = None,
+        shards: Optional[int] = None,
+        out: Union[str, os.PathLike[str], None] = None,
+        storage_options: Optional[Mapping[str, Any]] = None,
+    ) -> Union[Sweep, Dataset]:
+        """Measures the world at every combination of the keys' values, in SI.
 
         A progress bar shows where tqdm is installed, unless `progress` is False. Measures: see `hapt.measures()`. Those of a run need a
         scenario. Raises ValueError for an unknown measure or values that are no finite numbers, WorldError for what the world refuses.
+
+        `threads` of each process: 0 for all cores, which is the default here; with a client the default is 1. `client` computes the table
+        in shards elsewhere: any `concurrent.futures.Executor`, a Dask client, or the module ray. `out`, a folder or a URL for fsspec with its
+        `storage_options`, takes a Parquet file for each shard, which needs pyarrow; the same call continues one that was interrupted.
+        `shards`: their number, by default such that each takes about a second. The values do not depend on any of this.
+        With `out` raises OSError where it cannot be written and ValueError where it holds another sweep; the shards done stay.
 
         >>> import hapt, numpy as np
         >>> world = hapt.load("@notes/euler")
@@ -219,12 +256,15 @@ class World:
         """
         values = {key: numbers(key, array) for key, array in axes.items()}
         names = [measures] if isinstance(measures, str) else list(measures)
-        grid = self._native.sweep(list(values.items()), names, scenario)
-        shape = tuple(len(array) for array in values.values())
-        if not isinstance(threads, int) or not 0 <= threads <= 1024:
-            raise ValueError(f"threads is {threads!r}, but must be a whole number from 0 (all cores) to 1024")
-        table = _rows(grid, len(names), progress, threads)
-        return Sweep(values, {name: table[:, i].reshape(shape) for i, name in enumerate(names)})
+        for name, number, least, most in [("threads", threads, 0, 1024), ("shards", shards, 1, 10**8)]:
+            if number is not None and (not isinstance(number, int) or not least <= number <= most):
+                raise ValueError(f"{name} is {number!r}, but must be a whole number from {least} to {most}")
+        job = Job(self._native.parts(), values, names, scenario)
+        grid = job.grid()
+        if client is None and out is None:
+            return here(job, grid, progress, threads or 0)
+        target = None if out is None else Target(out, storage_options)
+        return in_shards(job, grid, progress, threads, client, shards, target)
 
     # Parts
 
@@ -294,7 +334,10 @@ def design(travel: Any, torque: Any, frequency: Any, period: Any = "1 ms") -> De
     1.0186
     """
     wanted = _text(travel, "travel"), _text(torque, "torque"), _text(frequency, "frequency")
-    return Design(json.loads(_hapt.design(*wanted, _text(period, "period"))))
+    fields = json.loads(_hapt.design(*wanted, _text(period, "period")))
+    wheel = load("@notes/damped").set("device.encoder", 4000).set("loop.period", period)
+    wheel = wheel.set("bodies.wheel.inertia", fields["inertia"]).set("couplings.0.stiffness", fields["stiffness"])
+    return Design(fields, wheel.set("scenarios.step.hand.to", travel))
 
 
 def identify(
@@ -345,32 +388,3 @@ def _value(si: Optional[float], written: str) -> Value:
         except ValueError:
             continue
     return written
-
-
-def _rows(grid: _hapt.Sweep, width: int, progress: Optional[bool], threads: int) -> NDArray[np.float64]:
-    """All rows of a grid, stretch by stretch: Ctrl-C works, and a bar moves."""
-    table = np.empty((grid.cells, width))
-    bar = _bar(grid.cells, progress)
-    done, stretch = 0, 16 * (threads or os.cpu_count() or 1)
-    while done < grid.cells:
-        began = time.monotonic()
-        end = min(done + stretch, grid.cells)
-        table[done:end] = grid.rows(done, end, threads).reshape(-1, width)
-        if bar is not None:
-            bar.update(end - done)
-        done = end
-        spent = time.monotonic() - began
-        stretch = min(2 * stretch, 1 << 16) if spent < _STRETCH / 2 else max(stretch // 2, 1) if spent > _STRETCH else stretch
-    if bar is not None:
-        bar.close()
-    return table
-
-
-def _bar(cells: int, progress: Optional[bool]) -> Any:
-    if progress is False:
-        return None
-    try:
-        from tqdm.auto import tqdm
-    except ImportError:
-        return None
-    return tqdm(total=cells, unit="cell", delay=0.0 if progress else 0.5)

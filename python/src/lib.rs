@@ -3,6 +3,7 @@
 //! Every call that may last runs on a thread of its own with the interpreter's lock released, see `interrupt`.
 
 mod analyses;
+mod arrow;
 mod error;
 mod interrupt;
 mod running;
@@ -18,6 +19,8 @@ mod _hapt {
     #[pymodule_export]
     use super::analyses::{coupling_keys, design, hand_keys, identify, measures};
     #[pymodule_export]
+    use super::arrow::arrow_stream;
+    #[pymodule_export]
     use super::error::WorldError;
     #[pymodule_export]
     use super::running::{Device, Loop};
@@ -25,4 +28,8 @@ mod _hapt {
     use super::sweep::Sweep;
     #[pymodule_export]
     use super::world::{World, read};
+
+    /// The version of the crates.
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
 }

@@ -7,6 +7,8 @@ use hapt_sim::{DesktopLoop, DesktopState, VirtualDevice, script};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::error::value;
 
@@ -82,21 +84,29 @@ impl Loop {
 
     /// The state as bytes, to the bit.
     fn get_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let state = postcard::to_extend(&(&*self.state, self.command, self.measured), Vec::new());
-        Ok(PyBytes::new(py, &state.map_err(value)?))
+        written(py, &(&*self.state, self.command, self.measured))
     }
 
     /// Of the same world and version of hapt.
     fn set_state(&mut self, bytes: &[u8]) -> PyResult<()> {
-        let wrong = || PyValueError::new_err("the bytes are no state of a loop of this version of hapt");
-        let (read, rest) = postcard::take_from_bytes::<(DesktopState, f64, (f64, f64))>(bytes).map_err(|_| wrong())?;
-        if !rest.is_empty() {
-            return Err(wrong());
-        }
-        let (state, command, measured) = read;
+        let (state, command, measured) = read::<(DesktopState, f64, (f64, f64))>(bytes)?;
         *self.state = state;
         (self.command, self.measured) = (command, measured);
         Ok(())
+    }
+}
+
+/// A state as bytes.
+fn written<'py>(py: Python<'py>, state: &impl Serialize) -> PyResult<Bound<'py, PyBytes>> {
+    let bytes = postcard::to_extend(state, Vec::new());
+    Ok(PyBytes::new(py, &bytes.map_err(value)?))
+}
+
+/// The state in all of the bytes.
+fn read<T: DeserializeOwned>(bytes: &[u8]) -> PyResult<T> {
+    match postcard::take_from_bytes(bytes) {
+        Ok((state, [])) => Ok(state),
+        _ => Err(PyValueError::new_err("the bytes hold no state of this class in this version of hapt")),
     }
 }
 
@@ -148,5 +158,16 @@ impl Device {
 
     fn copy(&self) -> Device {
         self.clone()
+    }
+
+    /// The state as bytes, to the bit.
+    fn get_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        written(py, &*self.now)
+    }
+
+    /// Of the same world, scenario and version of hapt.
+    fn set_state(&mut self, bytes: &[u8]) -> PyResult<()> {
+        *self.now = read(bytes)?;
+        Ok(())
     }
 }

@@ -8,7 +8,7 @@ use numpy::{IntoPyArray, PyArray1};
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::error::of_sweep;
+use crate::error::{internal, of_sweep};
 use crate::interrupt::in_parallel;
 
 /// A grid with its measures.
@@ -59,7 +59,9 @@ impl Sweep {
         }
         let sweep = Arc::clone(&self.sweep);
         let axes = sweep.grid.axes.len();
-        let rows = in_parallel(py, threads, move |_| sweep.rows(start..end))?;
+        // An interrupted call has raised: its rows are not looked at.
+        let rows = in_parallel(py, threads, move |stop| sweep.rows_until(start..end, &|| stop.is_set()))?;
+        let rows = rows.ok_or_else(|| internal("rows are missing"))?;
         let measured = rows.iter().flat_map(|row| row[axes..].iter().map(|value| value.unwrap_or(f64::NAN)));
         Ok(measured.collect::<Vec<f64>>().into_pyarray(py))
     }

@@ -1,5 +1,6 @@
 //! Worlds: read, changed, asked.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -12,7 +13,7 @@ use pyo3::types::{PyDict, PyTuple};
 
 use crate::analyses;
 use crate::error::{internal, of_sweep, of_world, value};
-use crate::interrupt::{in_parallel, interruptible};
+use crate::interrupt::{Stop, in_parallel, interruptible};
 use crate::running::{Device, Loop};
 use crate::simulate::{Failure, simulate};
 use crate::sweep::Sweep;
@@ -199,8 +200,8 @@ impl World {
     ) -> PyResult<(Vec<Bound<'py, PyTuple>>, Vec<(String, Option<bool>)>)> {
         let edges = analyses::edges(&claims)?;
         let (source, sets) = (self.source.clone(), self.sets.clone());
-        let work = move || hapt_sweep::Boundary::new(&source, &sets, &axes, &edges);
-        let found = in_parallel(py, 0, move |_| work())?.map_err(|error| of_sweep(py, error))?;
+        let work = move |stop: &Stop| hapt_sweep::Boundary::until(&source, &sets, &axes, &edges, &|| stop.is_set());
+        let found = in_parallel(py, 0, work)?.map_err(|error| of_sweep(py, error))?;
         let mut pieces = Vec::new();
         let mut everywhere = Vec::new();
         for claim in &found.claims {
@@ -220,8 +221,9 @@ impl World {
     /// The worst hand found, as JSON, and the world with the scenario that shows it where no file is needed beside it.
     fn worst(&self, py: Python<'_>) -> PyResult<(String, Option<String>)> {
         let model = Arc::clone(&self.model);
-        let found = in_parallel(py, 0, move |_| {
-            hapt_sweep::worst::search(&model).map(|worst| (serde_json::to_string(&worst), worst, model))
+        let found = in_parallel(py, 0, move |stop| {
+            let watch = |_| if stop.is_set() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+            hapt_sweep::worst::search_watched(&model, &watch).map(|worst| (serde_json::to_string(&worst), worst, model))
         })?;
         let (json, worst, model) = found.map_err(value)?;
         let shown = Model { scenarios: vec![worst.scenario], ..(*model).clone() };

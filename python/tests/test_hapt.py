@@ -7,37 +7,13 @@ import io
 import os
 import pickle
 import pathlib
-import signal
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable
 from typing import Any
 
 import hapt
 import numpy as np
 import pytest
 
-WALL = """
-[loop]
-period = "1 ms"
-[device]
-inertia = "6.4e-4 kg m^2"
-damping = "1.2e-3 N m s/rad"
-[[couplings]]
-kind = "spring"
-between = ["puck", "ground"]
-stiffness = "2 N m/rad"
-[scenarios.step]
-duration = "0.5 s"
-hand = { kind = "step", to = "10 deg", release = "0.1 s" }
-"""
-
-
-@pytest.fixture
-def world() -> hapt.World:
-    return hapt.load(WALL)
+from conftest import WALL
 
 
 def test_a_text_a_file_and_a_dict_are_the_same_world(world: hapt.World, tmp_path: pathlib.Path) -> None:
@@ -142,6 +118,22 @@ def test_a_run_becomes_a_frame(world: hapt.World) -> None:
     assert list(frame) == list(run) and isinstance(frame, pandas.DataFrame)
     read = list(csv.reader(io.StringIO(frame.to_csv(index=False))))
     assert read[0] == list(run) and float(read[1][1]) == run["puck_rad"][0]
+
+
+def test_tables_go_to_arrow_with_null_for_what_is_missing(world: hapt.World) -> None:
+    arrow = pytest.importorskip("pyarrow")
+    run = world.simulate()
+    table = arrow.table(run)
+    assert table.column_names == list(run)
+    assert all(np.array_equal(table[name].to_numpy(), run[name]) for name in run)
+    sweep = world.sweep(
+        {"couplings.0.stiffness": [1.0, 2.0], "device.damping": [1e-3, 2e-3, 3e-3]}, ["settling_time", "certified"]
+    )
+    table = arrow.table(sweep)
+    assert table.column_names == ["couplings.0.stiffness", "device.damping", "settling_time", "certified"]
+    assert table["device.damping"].to_pylist() == [1e-3, 2e-3, 3e-3] * 2
+    missing = np.isnan(sweep["settling_time"].ravel())
+    assert table["settling_time"].is_null().to_pylist() == missing.tolist() and missing.any()
 
 
 def test_a_run_becomes_a_dataset(world: hapt.World) -> None:
@@ -296,75 +288,18 @@ def test_a_record_gives_the_device_back(world: hapt.World) -> None:
         hapt.identify([0.0], [0.0], [0.0])
 
 
+def test_a_design_is_a_world_with_the_torque_of_its_specification() -> None:
+    design = hapt.design("30 deg", "500 N mm", "2 Hz", "2 ms")
+    world = design.world
+    assert world.get("couplings.0.stiffness") == design["stiffness"] and world.get("loop.period") == 0.002
+    assert world.set("device.encoder", 10**9).simulate().summary["peak_torque"] == pytest.approx(0.5, rel=2e-3)
+
+
 def test_design_takes_units_and_numbers() -> None:
     assert dict(hapt.design("45 deg", "800 N mm", "1 Hz")) == pytest.approx(dict(hapt.design(np.pi / 4, 0.8, 1, 1e-3)))
     for wrong in ["0 deg", "45 N", "", float("nan")]:
         with pytest.raises(ValueError):
             hapt.design(wrong, "800 N mm", "1 Hz")
-
-
-@pytest.mark.parametrize("call", ["check", "simulate", "sweep", "boundary", "worst"])
-def test_ctrl_c_ends_every_long_call(call: str) -> None:
-    long = hapt.load(WALL).set("loop.period", "1 us").set("scenarios.step.duration", "20 s")
-
-    def again_and_again(call: Callable[[], object]) -> None:
-        end = time.monotonic() + 60.0
-        while time.monotonic() < end:
-            call()
-
-    calls: dict[str, Callable[[], object]] = {
-        "check": lambda: again_and_again(long.check),
-        "simulate": lambda: long.simulate(),
-        "sweep": lambda: long.sweep({"couplings.0.stiffness": np.linspace(1, 2, 64)}, "settling_time", progress=False),
-        "boundary": lambda: again_and_again(
-            lambda: long.boundary({"couplings.0.stiffness": (1, 2), "loop.period": (1e-3, 2e-3)})
-        ),
-        "worst": lambda: again_and_again(long.worst),
-    }
-    # A real Ctrl-C: the default handler raises KeyboardInterrupt in the main thread. A shell's background job ignores the signal, and
-    # Python then installs no handler.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    timer = threading.Timer(0.2, lambda: signal.raise_signal(signal.SIGINT))
-    timer.start()
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            calls[call]()
-    finally:
-        timer.join()
-        signal.signal(signal.SIGINT, before)
-
-
-def test_threads_run_beside_each_other(world: hapt.World) -> None:
-    expected = world.simulate()
-    found: list[hapt.Run] = []
-    threads = [threading.Thread(target=lambda: found.append(world.simulate())) for _ in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(found) == 8 and all(run == expected for run in found)
-
-
-LEAK = """
-import os, pathlib, sys
-import hapt
-def resident():
-    return int(pathlib.Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-world = hapt.load(sys.stdin.read()).set("loop.period", "10 us")  # 50 001 rows of 8 columns: 3.2 MB a run
-for _ in range(5):
-    world.simulate()
-before = resident()
-for _ in range(40):
-    world.simulate()
-print(resident() - before)
-"""
-
-
-@pytest.mark.skipif(not pathlib.Path("/proc/self/statm").exists(), reason="no /proc")
-def test_calls_leave_no_memory_behind() -> None:
-    """In a process of its own: here, searches that were interrupted may still run."""
-    grown = subprocess.run([sys.executable, "-c", LEAK], input=WALL, capture_output=True, text=True, check=True).stdout
-    assert int(grown) < 64e6  # without freeing: 128 MB
 
 
 def test_responses_draw_themselves(world: hapt.World) -> None:

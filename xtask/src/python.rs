@@ -37,6 +37,7 @@ pub fn holds() -> Result<()> {
     ]))?;
     let cache = test::target().join("mypy");
     run(module("mypy").arg("--cache-dir").arg(&cache).args(["python/hapt", "python/tests"]))?;
+    run(module("pyright").arg("--pythonpath").arg(&python))?;
     run(module("mypy.stubtest").args(["hapt._hapt", "--ignore-disjoint-bases", "--mypy-config-file", "pyproject.toml"]))
 }
 
