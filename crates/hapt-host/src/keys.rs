@@ -1,9 +1,9 @@
 //! The keys that can be set while the loop runs: their values as written, and a sensible range for each.
 
-use hapt_analysis::proposal::{size, unit};
 use hapt_model::keys::{KEYS, Key, Measure, Range, Takes};
 use hapt_model::{
     Coupling, CouplingKind, End, Error, EstimatorKind, Method, Motion, Output, Parameter, Source, World, parameters,
+    unit, unit_size,
 };
 
 use serde::Serialize;
@@ -152,7 +152,7 @@ fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<
                 key.written = format!("0 {}", usual_unit(measure, world.motion).unwrap_or(&now.unit));
             }
             let named = Some(unit(&key.written)).filter(|unit| !unit.is_empty());
-            let sized = named.and_then(|unit| Some((size(&unit, dimension, world)?, unit)));
+            let sized = named.and_then(|unit| Some((unit_size(&unit, dimension, world)?, unit)));
             let sized = sized.map(|(size, unit)| (unit, size));
             (key.unit, key.factor) = sized.unwrap_or_else(|| (dimension.symbol(), 1.0));
             (key.min, key.max, key.log) = slider(&now.path, measure, range, own.si.unwrap_or(0.0), file);

@@ -6,7 +6,9 @@
 //!
 //! [`PageSession`] is a session with pages: it takes their [`messages`], and gives messages and telemetry [`frames`] for them.
 //!
-//! [`board`] is the host's side of a board: its serial port, its worlds, its torque.
+//! With [`Machine::stepped`] a session needs no thread and no clock: it is what a page without a server runs, as WebAssembly.
+//!
+//! `board` is the host's side of a board: its serial port, its worlds, its torque.
 //!
 //! ```no_run
 //! use std::time::{Duration, Instant};
@@ -19,9 +21,10 @@
 //! let machine = Machine::simulated(&config.world);
 //! let mut session = Session::start(config, machine)?;
 //! session.request(Request::Arm, session.handle().epoch())?;
+//! let begin = Instant::now();
 //! while session.time() < 1.0 {
 //!     std::thread::sleep(Duration::from_millis(5));
-//!     session.poll(Instant::now(), |sample| println!("{} {}", sample.position, sample.record.output));
+//!     session.poll(begin.elapsed(), |sample| println!("{} {}", sample.position, sample.record.output));
 //! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -36,6 +39,7 @@ pub mod keys;
 mod local;
 mod machine;
 pub mod messages;
+#[cfg(not(target_family = "wasm"))]
 mod packed;
 mod page;
 mod recording;
@@ -50,6 +54,7 @@ pub use config::{Rule, WorldConfig};
 pub use hand::{VirtualHand, grip};
 pub use keys::SettableKey;
 pub use machine::{Backend, Error, Machine};
+#[cfg(not(target_family = "wasm"))]
 pub use packed::packed;
 pub use page::PageSession;
 pub use recording::{Recording, RecordingStatus};

@@ -1,18 +1,43 @@
-//! The loop on a thread of this computer.
+//! The loop of this computer: on a thread of its own, or sample by sample.
+
+use std::time::Duration;
 
 use hapt_core::{Request, SafetyProfile};
-use hapt_log::Recorder;
-use hapt_rt::{Device, End, Engine, Epoch, LoopHandle, Order, Plan, Realtime, Record, Settings};
+use hapt_rt::{Device, End, Engine, Epoch, Failure, LoopHandle, Order, Plan, Realtime, Record, Settings, Stepper};
 
 use crate::config::WorldConfig;
 use crate::machine::Error;
+use crate::recording::Recorder;
 use crate::runner::{Runner, RunnerEvent};
 
-/// The loop on a thread of this computer.
+/// The longest time that a loop without a thread catches up at once; a longer pause is no time for it.
+const LONGEST: Duration = Duration::from_millis(100);
+
+/// The loop of this computer.
 pub(crate) struct LocalLoop {
     engine: Engine,
     /// The last plan sent.
     plan: Box<Plan>,
+    /// Without a thread.
+    steps: Option<Steps>,
+}
+
+/// What takes the samples without a thread.
+struct Steps {
+    stepper: Stepper,
+    /// The last instant of the caller's clock, and the loop's time until which samples are due.
+    now: Option<Duration>,
+    until: Duration,
+    failed: Option<Failure>,
+}
+
+impl Steps {
+    /// Takes the next sample, if it is due.
+    fn step(&mut self) {
+        if self.failed.is_none() && u128::from(self.stepper.due()) <= self.until.as_nanos() {
+            self.failed = self.stepper.step().err();
+        }
+    }
 }
 
 impl LocalLoop {
@@ -25,7 +50,15 @@ impl LocalLoop {
     ) -> Result<Self, Error> {
         let plan = Plan::new(&config.world, profile).map_err(|error| Error::World(error.to_string()))?;
         let engine = Engine::start_with(plan.clone(), device, settings)?;
-        Ok(LocalLoop { engine, plan: Box::new(plan) })
+        Ok(LocalLoop { engine, plan: Box::new(plan), steps: None })
+    }
+
+    /// The same without a thread.
+    pub fn stepped(config: &WorldConfig, profile: SafetyProfile, device: Box<dyn Device>) -> Result<Self, Error> {
+        let plan = Plan::new(&config.world, profile).map_err(|error| Error::World(error.to_string()))?;
+        let (engine, stepper) = Engine::stepped(plan.clone(), device)?;
+        let steps = Steps { stepper, now: None, until: Duration::ZERO, failed: None };
+        Ok(LocalLoop { engine, plan: Box::new(plan), steps: Some(steps) })
     }
 }
 
@@ -49,11 +82,24 @@ impl Runner for LocalLoop {
         None
     }
 
+    fn advance(&mut self, now: Duration) {
+        if let Some(steps) = &mut self.steps {
+            let before = steps.now.replace(now).unwrap_or(now);
+            steps.until += now.saturating_sub(before).min(LONGEST);
+        }
+    }
+
     fn record(&mut self) -> Option<Record> {
+        if let Some(steps) = &mut self.steps {
+            steps.step();
+        }
         self.engine.records.pop().ok()
     }
 
     fn ended(&mut self) -> Option<Result<(), Error>> {
+        if let Some(failure) = self.steps.as_ref().and_then(|steps| steps.failed) {
+            return Some(Err(Error::Device(failure)));
+        }
         self.engine.ended().map(|end| match end {
             End::Asked => Ok(()),
             End::Device(failure) => Err(Error::Device(failure)),
@@ -66,7 +112,11 @@ impl Runner for LocalLoop {
     }
 
     fn realtime(&self) -> Option<&Realtime> {
-        Some(self.engine.realtime())
+        self.steps.is_none().then(|| self.engine.realtime())
+    }
+
+    fn can_record(&self) -> bool {
+        self.steps.is_none()
     }
 
     fn begin_log(&mut self) -> bool {

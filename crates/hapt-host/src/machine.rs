@@ -31,6 +31,11 @@ pub enum Backend {
         /// What the thread asks of the system.
         settings: Settings,
     },
+    /// Wherever [`crate::Session::poll`] is called: each call takes the samples that are due then.
+    Stepped {
+        /// Simulated.
+        device: Box<dyn Device>,
+    },
     /// On a board, which receives the world.
     #[cfg(unix)]
     Board {
@@ -46,6 +51,7 @@ impl Backend {
     pub(crate) fn start(self, config: &WorldConfig, profile: SafetyProfile) -> Result<Box<dyn Runner>, Error> {
         Ok(match self {
             Backend::Local { device, settings } => Box::new(LocalLoop::start(config, profile, device, settings)?),
+            Backend::Stepped { device } => Box::new(LocalLoop::stepped(config, profile, device)?),
             #[cfg(unix)]
             Backend::Board { link, every } => Box::new(crate::board::BoardLoop::start(config, profile, *link, every)?),
         })
@@ -55,10 +61,19 @@ impl Backend {
 impl Machine {
     /// The exact simulation of this world's device, with a hand.
     pub fn simulated(world: &World) -> Self {
+        Machine::simulation(world, |device| Backend::Local { device, settings: Settings::default() })
+    }
+
+    /// The same without a thread, for a page: [`Backend::Stepped`].
+    pub fn stepped(world: &World) -> Self {
+        Machine::simulation(world, |device| Backend::Stepped { device })
+    }
+
+    fn simulation(world: &World, backend: impl FnOnce(Box<dyn Device>) -> Backend) -> Self {
         let (device, hands) = SimulatedDevice::new(world);
         Machine {
             name: "sim".into(),
-            backend: Backend::Local { device: Box::new(device), settings: Settings::default() },
+            backend: backend(Box::new(device)),
             hands: Some(hands),
             profile: SafetyProfile::Simulated,
         }

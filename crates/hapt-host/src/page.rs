@@ -1,6 +1,6 @@
 //! A session with what its pages hear of it: their requests become calls, and what happens becomes messages.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use hapt_core::{Phase, Reason, Request};
 use hapt_rt::Epoch;
@@ -19,7 +19,7 @@ pub struct PageSession {
     pub session: Session,
     frames: Frames,
     /// The instant of the next status, and the state in the last.
-    status: Option<Instant>,
+    status: Option<Duration>,
     state: (Phase, Option<Reason>),
 }
 
@@ -84,7 +84,7 @@ impl PageSession {
     /// Advances the session ([`Session::poll`]), and gives each message with its client, or with `None` where it is for every page.
     pub fn poll(
         &mut self,
-        now: Instant,
+        now: Duration,
         mut tell: impl FnMut(Option<u64>, ServerMessage),
     ) -> Option<Result<(), crate::Error>> {
         let ended = self.session.poll(now, |sample| self.frames.add(&sample));
@@ -112,7 +112,7 @@ impl PageSession {
     }
 
     /// The status for this number of pages, where it has changed or was last given some time ago.
-    pub fn status_due(&mut self, now: Instant, clients: usize) -> Option<ServerMessage> {
+    pub fn status_due(&mut self, now: Duration, clients: usize) -> Option<ServerMessage> {
         let state = self.session.state();
         if state == self.state && self.status.is_some_and(|next| now < next) {
             return None;

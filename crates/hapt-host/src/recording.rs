@@ -1,25 +1,15 @@
 //! The recording of a session.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use hapt_core::SafetyProfile;
-use hapt_log::{Header, Recorder};
-use hapt_model::World;
-use hapt_rt::Record;
+#[cfg(not(target_family = "wasm"))]
+mod file;
+#[cfg(target_family = "wasm")]
+#[path = "recording/none.rs"]
+mod file;
 
-use crate::config::WorldConfig;
-use crate::runner::Runner;
-
-/// A recording. Dropped, it is finished, and the caller waits for the disk.
-pub struct Recording {
-    recorder: Recorder,
-    file: PathBuf,
-    /// It waits for the state of the loop, from which a replay can begin.
-    needs_state: bool,
-    /// The instant of its first sample, in ns.
-    begun: Option<u64>,
-    length: u64,
-}
+pub(crate) use file::Recorder;
+pub use file::Recording;
 
 /// The progress of a recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,71 +22,4 @@ pub struct RecordingStatus {
     pub lost: u64,
     /// Why it has ended early.
     pub error: Option<String>,
-}
-
-impl Recording {
-    /// A recording by `recorder`, which writes to `file`, for a session that has taken no sample yet.
-    pub fn from_the_start(recorder: Recorder, file: PathBuf) -> Self {
-        Recording { recorder, file, needs_state: false, begun: None, length: 0 }
-    }
-
-    /// Creates a file that does not exist yet, which takes time. The recording begins with the loop's state at one of the samples after
-    /// [`Runner::begin_log`], so that it can be replayed; a board does not report its state.
-    ///
-    /// # Errors
-    /// In a sentence.
-    pub(crate) fn in_folder(folder: &Path, config: &WorldConfig, profile: SafetyProfile) -> Result<Self, String> {
-        let free = |n: &u32| !folder.join(format!("live-{n:04}.mcap")).exists();
-        let number = (1..10_000)
-            .find(free)
-            .ok_or("there are ten thousand recordings here already; --log-dir names another folder")?;
-        let file = folder.join(format!("live-{number:04}.mcap"));
-        let check = hapt_analysis::check(&config.certified_world()).ok();
-        let header = Header {
-            world_text: config.source().text.clone(),
-            overrides: config.sets(),
-            certificate_json: check.and_then(|check| serde_json::to_string_pretty(&check).ok()),
-            device: config.device().into(),
-            profile,
-            plan: config.generation,
-            ..Header::default()
-        };
-        let recorder = Recorder::start(&file, &config.world, header).map_err(|error| error.to_string())?;
-        Ok(Recording { recorder, file, needs_state: true, begun: None, length: 0 })
-    }
-
-    /// Announces the world of the samples from `generation` on.
-    pub(crate) fn change(&mut self, generation: u32, world: &World) {
-        self.recorder.plan(generation, world);
-    }
-
-    /// Takes a sample, once the log can begin; never blocks.
-    pub(crate) fn follow(&mut self, runner: &mut dyn Runner, record: &Record) {
-        if self.begun.is_some() || !self.needs_state || runner.log_begins(record) {
-            self.length = record.due - *self.begun.get_or_insert(record.due);
-            runner.log(&self.recorder, record);
-        }
-    }
-
-    /// Finishes on a thread of its own, so that no caller waits for a slow disk.
-    pub(crate) fn end(self) {
-        // Without a thread it finishes here.
-        let _ = std::thread::Builder::new().name("finishing".into()).spawn(move || drop(self));
-    }
-
-    /// The recorder, to be finished by the caller.
-    pub fn into_recorder(self) -> Recorder {
-        self.recorder
-    }
-
-    /// The progress.
-    pub fn status(&self) -> RecordingStatus {
-        let state = self.recorder.state();
-        RecordingStatus {
-            file: std::path::absolute(&self.file).unwrap_or_else(|_| self.file.clone()),
-            seconds: self.length as f64 * 1e-9,
-            lost: state.lost,
-            error: state.error,
-        }
-    }
 }

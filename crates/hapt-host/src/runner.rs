@@ -1,11 +1,13 @@
 //! What runs the loop: a thread of this computer, or a board.
 
+use std::time::Duration;
+
 use hapt_core::Request;
-use hapt_log::Recorder;
 use hapt_rt::{Epoch, LoopHandle, Realtime, Record};
 
 use crate::config::WorldConfig;
 use crate::machine::Error;
+use crate::recording::Recorder;
 
 /// What runs the loop. No call blocks, except [`Runner::end`]. Dropped, it leaves no torque on.
 pub(crate) trait Runner: Send {
@@ -21,6 +23,9 @@ pub(crate) trait Runner: Send {
     /// In a sentence; nothing has changed.
     fn change(&mut self, next: &WorldConfig) -> Result<(), String>;
 
+    /// Lets time pass up to `now`, counted from any instant, for a loop without a thread; every other has a clock.
+    fn advance(&mut self, _now: Duration) {}
+
     /// The next event.
     fn event(&mut self) -> Option<RunnerEvent>;
 
@@ -35,6 +40,11 @@ pub(crate) trait Runner: Send {
 
     /// What the system grants the loop; `None`: a board keeps the time.
     fn realtime(&self) -> Option<&Realtime>;
+
+    /// Whether its samples can be recorded.
+    fn can_record(&self) -> bool {
+        true
+    }
 
     /// Prepares the start of a log in the middle of a run; `false`: the queue is full.
     fn begin_log(&mut self) -> bool;

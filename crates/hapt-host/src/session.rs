@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_model::World;
@@ -11,13 +11,15 @@ use hapt_sim::script;
 
 use crate::config::WorldConfig;
 use crate::hand::VirtualHand;
-use crate::machine::{Error, Machine};
+use crate::machine::{Backend, Error, Machine};
 use crate::recording::{Recording, RecordingStatus};
 use crate::runner::{Runner, RunnerEvent};
 use crate::worker::{Done, Job, Made, Task, Worker};
 
 /// The most tasks that wait for the one under way.
 const TASKS: usize = 32;
+/// The refusal of a recording.
+pub(crate) const NO_FILES: &str = "a page without a server writes no files; hapt live WORLD records";
 /// The time between two steps of a restart.
 const RETRY: Duration = Duration::from_millis(50);
 
@@ -47,7 +49,7 @@ pub struct Session {
     /// The task under way was cancelled.
     cancelled: bool,
     /// A restart requested in this epoch, and the instant of its next step.
-    restart: Option<(Epoch, Instant)>,
+    restart: Option<(Epoch, Duration)>,
     /// Where recordings go.
     folder: PathBuf,
     timing: Timing,
@@ -122,7 +124,12 @@ impl Session {
         ready: impl Fn() + Send + 'static,
     ) -> Result<Self, Error> {
         let Machine { name, backend, hands, profile } = machine;
-        let worker = Worker::start(ready)?;
+        let worker = match &backend {
+            Backend::Stepped { .. } => Worker::AtOnce(VecDeque::new()),
+            Backend::Local { .. } => Worker::start(ready)?,
+            #[cfg(unix)]
+            Backend::Board { .. } => Worker::start(ready)?,
+        };
         let config = config.on(name, profile).map_err(Error::World)?;
         let hand = VirtualHand::new(&config.world, hands);
         let runner = backend.start(&config, profile)?;
@@ -274,7 +281,7 @@ impl Session {
             return Err(format!("{} starts where it is armed: disarm it and arm it again", self.config.device()));
         }
         self.release();
-        self.restart = Some((epoch, Instant::now()));
+        self.restart = Some((epoch, Duration::ZERO));
         Ok(())
     }
 
@@ -284,6 +291,9 @@ impl Session {
     /// In a sentence: too many tasks wait.
     pub fn submit(&mut self, client: u64, task: Task) -> Result<(), String> {
         if task == Task::Record {
+            if !self.runner.can_record() {
+                return Err(NO_FILES.into());
+            }
             self.records = true;
             if self.tasks.iter().any(|(_, waiting)| *waiting == Task::Record) {
                 return Ok(());
@@ -331,10 +341,11 @@ impl Session {
     }
 
     /// Takes the new samples and shows each to `each`; moves the hand, takes finished tasks and begins the next. To be called every few
-    /// milliseconds. How the loop has ended, once: on request, or by an error.
-    pub fn poll(&mut self, now: Instant, each: impl FnMut(Sample<'_>)) -> Option<Result<(), Error>> {
+    /// milliseconds, with the time since any instant that stays the same. How the loop has ended, once: on request, or by an error.
+    pub fn poll(&mut self, now: Duration, each: impl FnMut(Sample<'_>)) -> Option<Result<(), Error>> {
         // Asked first: the samples taken next may be its last.
         let ended = self.runner.ended();
+        self.runner.advance(now);
         self.take_samples(each);
         while let Some(event) = self.runner.event() {
             self.take_event(event);
@@ -468,7 +479,7 @@ impl Session {
     }
 
     /// The next step of a restart: no torque, the puck at 0, and armed.
-    fn advance_restart(&mut self, now: Instant) {
+    fn advance_restart(&mut self, now: Duration) {
         let Some((epoch, again)) = self.restart else { return };
         if epoch != self.handle.epoch() {
             // Stopped meanwhile.

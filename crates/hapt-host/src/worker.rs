@@ -1,6 +1,7 @@
-//! Tasks that take long, on a thread beside the session: changed worlds with their certificates, and the files of recordings. Tasks run one
+//! Tasks that take long, on a thread beside the session where there is one: changed worlds with their certificates, and the files of recordings. Tasks run one
 //! at a time, so that each begins with what the one before it has made.
 
+use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -67,10 +68,17 @@ pub(crate) enum Made {
     Recording(Recording),
 }
 
-/// The thread. Dropped, it finishes its task and ends.
-pub(crate) struct Worker {
-    jobs: Sender<Job>,
-    done: Receiver<Done>,
+/// What runs the tasks.
+pub(crate) enum Worker {
+    /// A thread. Dropped, it finishes its task and ends.
+    Thread {
+        /// Tasks on their way to it.
+        jobs: Sender<Job>,
+        /// Those that it has finished.
+        done: Receiver<Done>,
+    },
+    /// The caller, where there is no thread.
+    AtOnce(VecDeque<Done>),
 }
 
 impl Worker {
@@ -83,30 +91,43 @@ impl Worker {
         let (report, done) = channel();
         std::thread::Builder::new().name("worker".into()).spawn(move || {
             for job in incoming {
-                let (client, task, generation) = (job.client, job.task.clone(), job.config.generation);
-                let outcome = catch_unwind(AssertUnwindSafe(|| job.run()));
-                let outcome = outcome.unwrap_or_else(|_| Err("hapt broke off over it, by a defect of its own".into()));
-                if report.send(Done { client, task, generation, outcome }).is_err() {
+                if report.send(job.done()).is_err() {
                     break;
                 }
                 ready();
             }
         })?;
-        Ok(Worker { jobs, done })
+        Ok(Worker::Thread { jobs, done })
     }
 
     /// Begins a task; `false`: the thread is gone.
-    pub fn begin(&self, job: Job) -> bool {
-        self.jobs.send(job).is_ok()
+    pub fn begin(&mut self, job: Job) -> bool {
+        match self {
+            Worker::Thread { jobs, .. } => jobs.send(job).is_ok(),
+            Worker::AtOnce(done) => {
+                done.push_back(job.done());
+                true
+            }
+        }
     }
 
     /// The next finished task.
-    pub fn done(&self) -> Option<Done> {
-        self.done.try_recv().ok()
+    pub fn done(&mut self) -> Option<Done> {
+        match self {
+            Worker::Thread { done, .. } => done.try_recv().ok(),
+            Worker::AtOnce(done) => done.pop_front(),
+        }
     }
 }
 
 impl Job {
+    fn done(self) -> Done {
+        let (client, task, generation) = (self.client, self.task.clone(), self.config.generation);
+        let outcome = catch_unwind(AssertUnwindSafe(|| self.run()));
+        let outcome = outcome.unwrap_or_else(|_| Err("hapt broke off over it, by a defect of its own".into()));
+        Done { client, task, generation, outcome }
+    }
+
     fn run(self) -> Result<Made, String> {
         let Job { task, config, profile, folder, .. } = self;
         let next = match task {
@@ -114,9 +135,20 @@ impl Job {
             Task::Reset => config.reset()?,
             Task::Record => return Recording::in_folder(&folder, &config, profile).map(Made::Recording),
         };
-        if profile == SafetyProfile::Certified && !hapt_analysis::is_certified(&next.certified_world()) {
+        if profile == SafetyProfile::Certified && !is_certified(&next) {
             return Err(UNCERTIFIED.into());
         }
         Ok(Made::World(Box::new(next)))
     }
+}
+
+#[cfg(not(target_family = "wasm"))]
+fn is_certified(config: &WorldConfig) -> bool {
+    hapt_analysis::is_certified(&config.certified_world())
+}
+
+/// In a page there is no motor, and no certificate.
+#[cfg(target_family = "wasm")]
+fn is_certified(_: &WorldConfig) -> bool {
+    false
 }

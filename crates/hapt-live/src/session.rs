@@ -66,7 +66,8 @@ impl SharedSession {
     /// # Errors
     /// The loop has failed.
     pub fn run(mut self, events: &Receiver<Event>) -> Result<(), hapt_host::Error> {
-        let mut frame = Instant::now();
+        let begin = Instant::now();
+        let mut frame = begin;
         loop {
             match events.recv_timeout(TICK) {
                 Ok(first) => {
@@ -85,7 +86,7 @@ impl SharedSession {
                 self.page.session.release();
             }
             let mut messages = Vec::new();
-            let ended = self.page.poll(now, |to, message| messages.push((to, message)));
+            let ended = self.page.poll(now - begin, |to, message| messages.push((to, message)));
             for (to, message) in messages {
                 self.pass_on(to, &message);
             }
@@ -99,7 +100,7 @@ impl SharedSession {
                     self.tell_all(&Message::Binary(bytes.into()));
                 }
             }
-            if let Some(status) = self.page.status_due(now, self.clients.len()) {
+            if let Some(status) = self.page.status_due(now - begin, self.clients.len()) {
                 self.tell_all(&to_message(&status));
             }
             if let Some(outcome) = ended {

@@ -64,7 +64,7 @@ pub use hapt_core::spec::{
 };
 pub use hapt_plant::spec::{DeviceSpec, Drive, Hand, Shape, Switching};
 pub use kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
-pub use parameters::{Parameter, parameters};
+pub use parameters::{Parameter, parameters, unit, unit_size};
 pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};
 pub use safety::Safety;
 pub use schema::schema;

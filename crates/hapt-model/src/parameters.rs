@@ -5,6 +5,7 @@ use crate::document::{Document, Entry, Node, Value};
 use crate::error::Error;
 use crate::keys::{self, Key, Presence, Takes};
 use crate::kinds::Motion;
+use crate::path::Reader;
 use crate::quantity::parse_quantity;
 use crate::source::Source;
 use crate::world::World;
@@ -80,7 +81,7 @@ fn table(list: &mut Vec<Parameter>, motion: Motion, entries: &[Entry], path: &st
         if entries.iter().any(|entry| entry.key == row.name()) {
             continue;
         }
-        let unit = unit(row, motion);
+        let unit = si_unit(row, motion);
         let (written, si) = match row.presence {
             Presence::Number(number) if unit.is_empty() => (number.to_string(), None),
             Presence::Number(number) => (format!("{number} {unit}"), Some(number)),
@@ -105,16 +106,56 @@ fn given(row: &Key, motion: Motion, path: String, node: &Node) -> Parameter {
         Value::Table(_) => String::new(),
     };
     let si = row.takes.quantity().and_then(|(measure, _)| parse_quantity(&written, measure.dimension(motion)).ok());
-    let unit = if si.is_some() { unit(row, motion) } else { String::new() };
+    let unit = if si.is_some() { si_unit(row, motion) } else { String::new() };
     Parameter { path, written, si, unit, doc: row.doc, given: true }
 }
 
-fn unit(row: &Key, motion: Motion) -> String {
+fn si_unit(row: &Key, motion: Motion) -> String {
     row.takes.quantity().map(|(measure, _)| measure.dimension(motion).symbol()).unwrap_or_default()
+}
+
+impl Source {
+    /// The same with the texts of all files that the world names, itself or in `sets`, so that it can be read where they are not.
+    ///
+    /// # Errors
+    /// As [`crate::World::read`].
+    pub fn with_files(&self, sets: &[String]) -> Result<Source, Error> {
+        let mut whole = self.clone();
+        for parameter in parameters(self, sets)? {
+            if parameter.given && parameter.path.ends_with(".file") {
+                let (_, text) = Reader::new(self, Motion::Rotary).text(&parameter.written)?;
+                whole.files.insert(parameter.written, text);
+            }
+        }
+        Ok(whole)
+    }
+}
+
+/// The size of 1 `unit` in SI; `None` where it has another dimension. A sample is one period of the world.
+pub fn unit_size(unit: &str, dimension: Dimension, world: &World) -> Option<f64> {
+    let one = format!("1 {unit}");
+    match keys::in_samples(&one) {
+        Some(samples) => (dimension == Dimension::TIME).then_some(samples * world.sampling.period),
+        None => parse_quantity(&one, dimension).ok(),
+    }
+}
+
+/// The unit in "17.8 N mm/deg".
+pub fn unit(written: &str) -> String {
+    let number = |c: char| c.is_ascii_digit() || matches!(c, '.' | '+' | '-' | '_');
+    let rest = written.trim().trim_start_matches(number);
+    // The exponent of "1.2e-3 N".
+    let rest = match rest.strip_prefix(['e', 'E']) {
+        Some(exponent) if exponent.starts_with(|c: char| number(c)) => exponent.trim_start_matches(number),
+        _ => rest,
+    };
+    rest.trim().to_string()
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
 
     #[test]
@@ -135,5 +176,23 @@ mod tests {
         assert_eq!(said("loop.method"), ("zoh", None, ""));
         assert!(!find("loop.method").given && find("loop.period").given);
         assert!(list.iter().all(|p| p.path != "couplings.0.rest"), "a damper has no rest");
+    }
+
+    #[test]
+    fn with_its_files_a_world_reads_where_they_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("wave.csv"), "waveform\n1\n-1\n").unwrap();
+        std::fs::write(folder.path().join("path.csv"), "time_s,puck_rad\n0,0\n1,2\n").unwrap();
+        std::fs::write(folder.path().join("push.csv"), "time_s,torque_Nm\n0,0\n1,2\n").unwrap();
+        let text = "loop.period = 1e-3\ndevice.inertia = 1e-3\n[[couplings]]\nkind = \"texture\"\nbetween = [\"puck\", \"ground\"]\n\
+                    torque = 1\npitch = 1\nfile = \"wave.csv\"\n[scenarios.a]\nduration = 1\n\
+                    hand = { kind = \"path\", file = \"path.csv\" }\n[scenarios.b]\nduration = 1\n\
+                    hand = { kind = \"torque\", moves = { kind = \"path\", file = \"push.csv\" } }\n";
+        let here = Source { folder: folder.path().into(), ..Source::from_text("w.toml", text) };
+        let whole = here.with_files(&[]).unwrap();
+        let elsewhere = Source { folder: "nowhere".into(), ..whole.clone() };
+        assert_eq!(whole.files.len(), 3);
+        assert_eq!(World::read(&elsewhere, &[]), World::read(&here, &[]));
+        assert!(World::read(&Source { files: BTreeMap::new(), ..elsewhere }, &[]).is_err());
     }
 }

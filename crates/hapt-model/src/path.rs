@@ -8,7 +8,7 @@ use crate::error::{Error, ErrorKind, Location};
 use crate::keys::Measure;
 use crate::kinds::Motion;
 use crate::quantity::parse_in_unit;
-use crate::source::decoded;
+use crate::source::{Source, decoded};
 use crate::unit::Unit;
 use crate::words;
 
@@ -30,22 +30,26 @@ pub(crate) enum Carries {
 
 /// Reads the path files of one world.
 pub(crate) struct Reader<'a> {
-    folder: &'a Path,
+    source: &'a Source,
     motion: Motion,
     points: usize,
 }
 
 impl<'a> Reader<'a> {
-    /// For files inside of `folder`.
-    pub fn new(folder: &'a Path, motion: Motion) -> Reader<'a> {
-        Reader { folder, motion, points: 0 }
+    /// For the files that come with `source`, and those in its folder.
+    pub fn new(source: &'a Source, motion: Motion) -> Reader<'a> {
+        Reader { source, motion, points: 0 }
     }
 
     /// The text of a file in the world file's folder or below, and its name for messages.
     pub fn text(&self, file: &str) -> Result<(String, String), Error> {
+        if let Some(text) = self.source.files.get(file) {
+            return Ok((file.to_string(), text.clone()));
+        }
+        let folder = &self.source.folder;
         let bytes = self.bytes(file)?;
         // Beside standard input or in the current folder, the plain name is the one that the user knows.
-        let shown = if self.folder == Path::new(".") { PathBuf::from(file) } else { self.folder.join(file) };
+        let shown = if folder == Path::new(".") { PathBuf::from(file) } else { folder.join(file) };
         let shown = shown.display().to_string();
         let text = decoded(&shown, bytes)?;
         Ok((shown, text))
@@ -74,7 +78,7 @@ impl<'a> Reader<'a> {
         }
         let unreadable =
             |error: std::io::Error| refused(format!("cannot read {quoted} beside the world file: {error}"));
-        let folder = self.folder.canonicalize().map_err(unreadable)?;
+        let folder = self.source.folder.canonicalize().map_err(unreadable)?;
         // A symbolic link inside may lead outside all the same.
         let path = folder.join(file).canonicalize().map_err(unreadable)?;
         if !path.starts_with(&folder) {
@@ -220,7 +224,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn parse(text: &str, carries: Carries, motion: Motion) -> Result<Vec<(f64, f64)>, String> {
-        let reader = Reader::new(Path::new("."), motion);
+        let source = Source::from_text("w.toml", "");
+        let reader = Reader::new(&source, motion);
         reader.parse("p.csv", text, carries).map_err(|error| error.to_string())
     }
 
@@ -309,7 +314,8 @@ mod tests {
         for file in ["secret.csv", "worlds/a.csv", "worlds/below/b.csv"] {
             std::fs::write(outside.path().join(file), csv).unwrap();
         }
-        let mut reader = Reader::new(&folder, Motion::Rotary);
+        let source = Source { folder: folder.clone(), ..Source::from_text("w.toml", "") };
+        let mut reader = Reader::new(&source, Motion::Rotary);
         let mut read = |file: &str| reader.read(file, Carries::Position).map_err(|error| error.message);
         for file in ["a.csv", "./a.csv", "below/b.csv", "below/../a.csv"] {
             assert_eq!(read(file), Ok(vec![(0.0, 1.0)]), "{file}");

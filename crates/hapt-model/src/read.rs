@@ -53,7 +53,7 @@ impl World {
             });
         }
 
-        let mut paths = path::Reader::new(&source.folder, motion);
+        let mut paths = path::Reader::new(source, motion);
         let (mut rows, mut couplings) = (Vec::new(), Vec::new());
         for (index, node) in items(&top, "couplings").iter().enumerate() {
             let context = Context { path: format!("couplings.{index}"), pattern: "couplings.*", ..table("couplings") };

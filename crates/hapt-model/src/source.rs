@@ -1,5 +1,6 @@
 //! A world file's text, and the folder that its path files are relative to.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -26,6 +27,8 @@ pub struct Source {
     pub text: String,
     /// What the path files in it are relative to, and must stay inside of.
     pub folder: PathBuf,
+    /// The texts of files that come with the world, by the names that it has for them. They are not looked for in the folder.
+    pub files: BTreeMap<String, String>,
 }
 
 impl Source {
@@ -62,12 +65,12 @@ impl Source {
         if bytes.len() as u64 > LARGEST_SOURCE {
             return Err(too_large(&name));
         }
-        Ok(Source { text: decoded(&name, bytes)?, name, folder: PathBuf::from(".") })
+        Ok(Source::from_text(name.clone(), decoded(&name, bytes)?))
     }
 
     /// A text that is there already; its folder is the current one.
     pub fn from_text(name: impl Into<String>, text: impl Into<String>) -> Source {
-        Source { name: name.into(), text: text.into(), folder: PathBuf::from(".") }
+        Source { name: name.into(), text: text.into(), folder: PathBuf::from("."), files: BTreeMap::new() }
     }
 }
 

@@ -46,8 +46,10 @@ impl Clock {
 
 #[cfg(target_os = "linux")]
 use linux::Origin;
-#[cfg(not(target_os = "linux"))]
+#[cfg(not(any(target_os = "linux", target_family = "wasm")))]
 use other::Origin;
+#[cfg(target_family = "wasm")]
+use wasm::Origin;
 
 #[cfg(target_os = "linux")]
 mod linux {
@@ -84,7 +86,7 @@ mod linux {
 }
 
 /// Where there is no sleep until an instant, one that is as long as the way there.
-#[cfg(not(target_os = "linux"))]
+#[cfg(not(any(target_os = "linux", target_family = "wasm")))]
 mod other {
     use std::time::{Duration, Instant};
 
@@ -103,5 +105,24 @@ mod other {
         pub fn sleep_until(&self, at: u64) {
             std::thread::sleep(Duration::from_nanos(at.saturating_sub(self.elapsed())));
         }
+    }
+}
+
+/// In a page there is no clock and no thread: its samples are taken by a [`crate::Stepper`].
+#[cfg(target_family = "wasm")]
+mod wasm {
+    #[derive(Clone, Copy, Debug)]
+    pub struct Origin;
+
+    impl Origin {
+        pub fn new() -> Self {
+            Origin
+        }
+
+        pub fn elapsed(&self) -> u64 {
+            0
+        }
+
+        pub fn sleep_until(&self, _at: u64) {}
     }
 }

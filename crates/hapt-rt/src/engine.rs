@@ -19,6 +19,8 @@ pub const SHORTEST_PERIOD: f64 = 1e-5;
 const ORDERS: usize = 64;
 /// Records on their way: half a minute at 1 kHz.
 const RECORDS: usize = 1 << 15;
+/// The same without a thread: they are taken sample by sample.
+const STEPPED: usize = 4;
 /// Requests of an epoch that is over, of which one sample drops no more.
 const A_SAMPLE: usize = 4;
 
@@ -76,7 +78,7 @@ pub struct Engine {
     realtime: Realtime,
     handle: LoopHandle,
     thread: Option<JoinHandle<End>>,
-    ended: End,
+    ended: Option<End>,
 }
 
 impl Engine {
@@ -87,13 +89,33 @@ impl Engine {
 
     /// The same with what `settings` ask for.
     pub fn start_with(plan: Plan, device: Box<dyn Device>, settings: Settings) -> Result<Self, Error> {
+        let (mut engine, mut stepper) = Engine::connect(plan, device, RECORDS)?;
+        let (say, hear) = mpsc::sync_channel(1);
+        let clock = engine.handle.clock().spinning(settings.spin);
+        engine.thread = Some(std::thread::Builder::new().name("loop".into()).spawn(move || {
+            let _ = say.send(scheduling::prepare(&settings));
+            // Freed here and not at the end, so that nothing is freed while the loop runs.
+            drop(say);
+            stepper.schedule = Schedule::new(clock.now(), stepper.cycle.period());
+            run(stepper, clock)
+        })?);
+        // A thread that has ended before it said anything says so in `ended`.
+        engine.realtime = hear.recv().unwrap_or_default();
+        Ok(engine)
+    }
+
+    /// Runs `plan` on `device` without a thread, disarmed: each sample is taken by [`Stepper::step`].
+    pub fn stepped(plan: Plan, device: Box<dyn Device>) -> Result<(Self, Stepper), Error> {
+        Engine::connect(plan, device, STEPPED)
+    }
+
+    fn connect(plan: Plan, device: Box<dyn Device>, room: usize) -> Result<(Self, Stepper), Error> {
         check(&plan)?;
         let (orders, incoming) = RingBuffer::new(ORDERS);
-        let (outgoing, records) = RingBuffer::new(RECORDS);
+        let (outgoing, records) = RingBuffer::new(room);
         let (back, spent) = RingBuffer::new(ORDERS);
         let (taken, snapshots) = RingBuffer::new(ORDERS);
         let handle = LoopHandle::default();
-        let (say, hear) = mpsc::sync_channel(1);
         let rings = Rings {
             orders: incoming,
             records: outgoing,
@@ -102,21 +124,14 @@ impl Engine {
             seen: handle.epoch(),
             handle: handle.clone(),
         };
-        let clock = handle.clock().spinning(settings.spin);
+        let schedule = Schedule::new(0, plan.period());
         let cycle = Cycle::new(Box::new(plan), device);
-        let thread = std::thread::Builder::new().name("loop".into()).spawn(move || {
-            let _ = say.send(scheduling::prepare(&settings));
-            // Freed here and not at the end, so that nothing is freed while the loop runs.
-            drop(say);
-            run(cycle, rings, clock)
-        })?;
-        // A thread that has ended before it said anything says so in `ended`.
-        let realtime = hear.recv().unwrap_or_default();
-        let ended = End::Asked;
-        Ok(Engine { records, snapshots, orders, spent, realtime, handle, thread: Some(thread), ended })
+        let realtime = Realtime::default();
+        let engine = Engine { records, snapshots, orders, spent, realtime, handle, thread: None, ended: None };
+        Ok((engine, Stepper { cycle, rings, schedule, start: None }))
     }
 
-    /// What the system has granted.
+    /// What the system has granted; without a thread nothing.
     pub fn realtime(&self) -> &Realtime {
         &self.realtime
     }
@@ -160,19 +175,19 @@ impl Engine {
         if self.thread.as_ref().is_some_and(|thread| thread.is_finished()) {
             self.join();
         }
-        self.thread.is_none().then_some(self.ended)
+        self.ended
     }
 
     /// Ends the loop, and waits until the torque is off.
     pub fn end(&mut self) -> End {
         self.handle.end();
         self.join();
-        self.ended
+        *self.ended.get_or_insert(End::Asked)
     }
 
     fn join(&mut self) {
         if let Some(thread) = self.thread.take() {
-            self.ended = thread.join().unwrap_or(End::Panicked);
+            self.ended = Some(thread.join().unwrap_or(End::Panicked));
         }
     }
 }
@@ -199,37 +214,70 @@ struct Rings {
     seen: Epoch,
 }
 
-/// The loop. From its first sample to its last it calls nothing of the system's but the clock and the device.
-fn run(mut cycle: Cycle, mut rings: Rings, clock: Clock) -> End {
-    let handle = rings.handle.clone();
-    let ends = || handle.is_ended();
-    let mut schedule = Schedule::new(clock.now(), cycle.period());
-    // The instant of sample 0.
-    let mut start = None;
-    loop {
-        clock.wait(schedule.due(), ends);
-        if ends() {
-            return End::Asked;
-        }
-        let woken = clock.now();
-        let taken = schedule.take(woken);
+/// The loop's side of an [`Engine`]: what takes the samples.
+pub struct Stepper {
+    cycle: Cycle,
+    rings: Rings,
+    schedule: Schedule,
+    /// The instant of sample 0.
+    start: Option<u64>,
+}
+
+impl Stepper {
+    /// The instant of the next sample, in ns from the first.
+    pub fn due(&self) -> u64 {
+        self.schedule.due()
+    }
+
+    /// Takes the next sample, on time. Its record is lost where four are waiting.
+    ///
+    /// # Errors
+    /// The device fails; it is asked for no torque then.
+    pub fn step(&mut self) -> Result<(), Failure> {
+        let due = self.schedule.due();
+        let record = self.sample(due)?;
+        self.leave(record, due);
+        Ok(())
+    }
+
+    /// The sample whose instant is the last before `now`.
+    fn sample(&mut self, now: u64) -> Result<Record, Failure> {
+        let Stepper { cycle, rings, schedule, start } = self;
+        let taken = schedule.take(now);
         cycle.pass(taken.periods);
-        let request = rings.orders(&mut cycle, &mut schedule);
+        let request = rings.orders(cycle, schedule);
         let moment = Moment {
             due: taken.due - *start.get_or_insert(taken.due),
             late: taken.late as f64 * 1e-9,
             periods: taken.periods,
-            silent: rings.handle.silent_at(woken),
+            silent: rings.handle.silent_at(now),
         };
-        let mut record = match cycle.sample(&moment, request) {
+        cycle.sample(&moment, request)
+    }
+
+    /// Passes a record on that was done at `now`. A record without room is lost; the loop waits for nothing.
+    fn leave(&mut self, record: Record, now: u64) {
+        let _ = self.rings.records.push(record);
+        self.schedule.done(now);
+    }
+}
+
+/// The loop on its thread. From its first sample to its last it calls nothing of the system's but the clock and the device.
+fn run(mut stepper: Stepper, clock: Clock) -> End {
+    let handle = stepper.rings.handle.clone();
+    let ends = || handle.is_ended();
+    loop {
+        clock.wait(stepper.schedule.due(), ends);
+        if ends() {
+            return End::Asked;
+        }
+        let woken = clock.now();
+        let mut record = match stepper.sample(woken) {
             Ok(record) => record,
             Err(failure) => return End::Device(failure),
         };
-        let done = clock.now();
-        record.computation = u32::try_from(done - woken).unwrap_or(u32::MAX);
-        // Whoever does not take the records loses them; the loop waits for nobody.
-        let _ = rings.records.push(record);
-        schedule.done(clock.now());
+        record.computation = u32::try_from(clock.now() - woken).unwrap_or(u32::MAX);
+        stepper.leave(record, clock.now());
     }
 }
 

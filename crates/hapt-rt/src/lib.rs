@@ -3,8 +3,8 @@
 //! [`Engine::start`] takes a [`Plan`] (a world compiled) and a [`Device`], and takes one sample a period on a thread of its own.
 //! [`Order`]s reach that thread and [`Record`]s leave it through bounded rings without locks; a [`LoopHandle`] stops it from any other
 //! thread, past all orders. The thread itself never allocates,
-//! locks, prints, opens or waits on anything but the clock and the device. [`Cycle`] is the same loop without clock and thread, for
-//! whoever has a time of their own; [`Timing`] is what the records say about the clock.
+//! locks, prints, opens or waits on anything but the clock and the device. [`Engine::stepped`] is the same without clock and thread, for a
+//! program that has a time of its own, and [`Cycle`] without rings; [`Timing`] is what the records say about the clock.
 //!
 //! ```no_run
 //! use hapt_core::{SafetyProfile, Request};
@@ -41,7 +41,7 @@ mod timing;
 use hapt_core::{Phase, Reason, Request};
 
 pub use cycle::{Cycle, Moment};
-pub use engine::{End, Engine, Error, SHORTEST_PERIOD, Settings};
+pub use engine::{End, Engine, Error, SHORTEST_PERIOD, Settings, Stepper};
 pub use handle::{Epoch, LoopHandle};
 pub use plan::{Plan, PlanState};
 pub use replay::Replay;

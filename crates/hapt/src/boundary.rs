@@ -4,8 +4,7 @@ use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_analysis::proposal::unit;
-use hapt_model::parse_quantity;
+use hapt_model::{parse_quantity, unit};
 use hapt_sweep::boundary::{Boundary, Edge, Piece, Plane, Point, Way};
 use hapt_sweep::{Axis, table};
 

@@ -2,7 +2,7 @@
 
 pub use hapt_analysis::certificate::text::{late, rate, time};
 pub use hapt_analysis::proposal::number;
-use hapt_analysis::proposal::unit;
+use hapt_model::unit;
 use hapt_model::{Dimension, Motion, Parameter, Quantity, parse_quantity};
 
 use crate::failure::Failure;

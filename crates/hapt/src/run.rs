@@ -207,12 +207,13 @@ impl Run {
         // When the time began to count, in ns from the start.
         let mut begun = None;
         let mut is_over = false;
-        let mut heard = Instant::now();
+        let begin = Instant::now();
+        let mut heard = begin;
         loop {
             std::thread::sleep(LOOK);
             self.keep();
             let before = self.seen.records;
-            let ended = self.session.poll(Instant::now(), |sample: Sample<'_>| self.seen.add(sample.record));
+            let ended = self.session.poll(begin.elapsed(), |sample: Sample<'_>| self.seen.add(sample.record));
             if let Some(how) = self.how(ended, is_over) {
                 return Ok(how);
             }

@@ -1,7 +1,7 @@
 //! Remedies as lines to paste into the world file, in the file's own units.
 
-use hapt_model::keys::{Measure, in_samples};
-use hapt_model::{Coupling, Dimension, Error, Parameter, Source, World, parameters, parse_quantity};
+use hapt_model::keys::Measure;
+use hapt_model::{Coupling, Error, Parameter, Source, World, parameters, unit, unit_size};
 
 use crate::certificate::check::Check;
 use crate::certificate::remedies::Remedies;
@@ -151,32 +151,11 @@ impl File<'_> {
         let written = self.parameters.iter().find(|parameter| parameter.path == path).map(|p| unit(&p.written));
         let own = written
             .filter(|unit| !unit.is_empty())
-            .and_then(|unit| Some((size(&unit, dimension, self.world)?, unit)))
+            .and_then(|unit| Some((unit_size(&unit, dimension, self.world)?, unit)))
             .map(|(size, unit)| (unit, size));
         let (unit, size) = own.unwrap_or_else(|| (dimension.symbol(), 1.0));
         format!("{} {unit}", rounded(si / size, rounding))
     }
-}
-
-/// The size of 1 `unit` in SI; `None` where it has another dimension. A sample is one period of the world.
-pub fn size(unit: &str, dimension: Dimension, world: &World) -> Option<f64> {
-    let one = format!("1 {unit}");
-    match in_samples(&one) {
-        Some(samples) => (dimension == Dimension::TIME).then_some(samples * world.sampling.period),
-        None => parse_quantity(&one, dimension).ok(),
-    }
-}
-
-/// The unit in "17.8 N mm/deg".
-pub fn unit(written: &str) -> String {
-    let number = |c: char| c.is_ascii_digit() || matches!(c, '.' | '+' | '-' | '_');
-    let rest = written.trim().trim_start_matches(number);
-    // The exponent of "1.2e-3 N".
-    let rest = match rest.strip_prefix(['e', 'E']) {
-        Some(exponent) if exponent.starts_with(|c: char| number(c)) => exponent.trim_start_matches(number),
-        _ => rest,
-    };
-    rest.trim().to_string()
 }
 
 /// Six significant digits, no trailing zeros.

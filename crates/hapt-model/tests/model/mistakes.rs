@@ -429,7 +429,7 @@ fn a_mistake_in_a_path_file_is_shown_there() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("p.csv"), "time_s,puck_deg\n0,0\n0,1\n").unwrap();
     let text = format!("{LEAST}[scenarios.s]\nduration = 1\nhand = {{ kind = \"path\", file = \"p.csv\" }}\n");
-    let source = Source { name: "w.toml".into(), text, folder: folder.path().into() };
+    let source = Source { folder: folder.path().into(), ..Source::from_text("w.toml", text) };
     let shown = folder.path().join("p.csv").display().to_string();
     assert_eq!(
         World::read(&source, &[]).unwrap_err().to_string().replace(&shown, "p.csv"),

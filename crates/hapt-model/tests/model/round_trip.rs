@@ -210,7 +210,7 @@ fn world() -> impl Strategy<Value = World> {
 }
 
 fn read_in(folder: &Path, text: &str) -> Result<World, String> {
-    let source = Source { name: "w.toml".to_string(), text: text.to_string(), folder: folder.to_path_buf() };
+    let source = Source { folder: folder.to_path_buf(), ..Source::from_text("w.toml", text) };
     World::read(&source, &[]).map_err(|error| format!("{error}\n{text}"))
 }
 

@@ -1,0 +1,46 @@
+//! In a page there are no files: no recording exists, and no value of these types.
+
+use std::path::Path;
+
+use hapt_core::SafetyProfile;
+use hapt_model::World;
+use hapt_rt::{Engine, Record};
+
+use super::RecordingStatus;
+use crate::config::WorldConfig;
+use crate::runner::Runner;
+
+/// No recording.
+pub enum Recording {}
+
+/// No log.
+pub(crate) enum Recorder {}
+
+impl Recording {
+    pub(crate) fn in_folder(_: &Path, _: &WorldConfig, _: SafetyProfile) -> Result<Self, String> {
+        Err(crate::session::NO_FILES.into())
+    }
+
+    pub(crate) fn change(&mut self, _: u32, _: &World) {
+        match *self {}
+    }
+
+    pub(crate) fn follow(&mut self, _: &mut dyn Runner, _: &Record) {
+        match *self {}
+    }
+
+    pub(crate) fn end(self) {
+        match self {}
+    }
+
+    /// The progress.
+    pub fn status(&self) -> RecordingStatus {
+        match *self {}
+    }
+}
+
+impl Recorder {
+    pub fn follow(&self, _: &mut Engine, _: &Record) {
+        match *self {}
+    }
+}
