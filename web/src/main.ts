@@ -209,7 +209,7 @@ function alone({ command, report }: Recorded): void {
   byId("alone").append(
     "hapt’s own core runs in this page, and no server. ",
     html("code", {}, `hapt live ${command}`),
-    " has one: it makes a certificate of whatever you change, changes every key, records, and keeps real time. ",
+    " has one: it makes a certificate of whatever you change, records, and keeps real time. ",
     html("a", { href: report }, "The report"),
   );
 }

@@ -104,6 +104,20 @@ visit(
   { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true },
 );
 
+visit("every key takes any unit, and a world brings the files that it names", world("texture"), "texture", async (page) => {
+  for (const [key, value, shown] of [
+    ["couplings.0.torque", "2e-3 N m", "2e-3 N m"],
+    ["couplings.0.pitch", "0.2 rad", "0.2 rad"],
+    ["loop.delay", "1.5 samples", "1.5 samples"],
+  ]) {
+    await set(page, key, value);
+    await until(() => page.locator(`[data-key="${key}"] input[type=text]`).inputValue(), (text) => text === shown);
+  }
+  await page.selectOption('[data-key="loop.estimator"] select', "foaw");
+  await until(() => page.locator('[data-key="loop.window"]').count(), (count) => count === 1);
+  await until(() => page.locator(".command").textContent(), (text) => text.includes("--set loop.estimator=foaw"));
+});
+
 visit("a linear world runs there too", world("rail"), "rail", async (page) => {
   await page.locator("#stage").focus();
   await page.keyboard.down("ArrowRight");

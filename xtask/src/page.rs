@@ -3,13 +3,16 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use fastrand::Rng;
-use hapt_core::{Method, Phase, Request, SafetyProfile};
-use hapt_model::{Drive, Hand, Shape};
-use hapt_sim::{DesktopLoop, Grip};
-use hapt_web::{OWN, Page, Setup, Slot};
+use hapt_core::Method;
+use hapt_host::messages::WorldFile;
+use hapt_model::{Drive, Hand, Scenario, Shape};
+use hapt_sim::DesktopLoop;
+use hapt_web::Page;
+use serde_json::json;
 
 use crate::truth::worlds;
 
@@ -18,12 +21,20 @@ const BUILT: &str = "web/core/hapt.wasm";
 /// What it was built of, and with which compiler.
 const STAMP: &str = "web/core/hapt.wasm.txt";
 /// Whatever goes into it.
-const SOURCES: [&str; 4] = ["crates/hapt-core", "crates/hapt-plant", "crates/hapt-wire", CORE];
+const SOURCES: [&str; 7] = [
+    "crates/hapt-core",
+    "crates/hapt-plant",
+    "crates/hapt-model",
+    "crates/hapt-sim",
+    "crates/hapt-rt",
+    "crates/hapt-host",
+    CORE,
+];
 const TARGET: &str = "wasm32-unknown-unknown";
 /// Samples of each method.
 const EACH: u32 = 100_000;
-/// What is loaded with a page, and what a page without a server loads beside it, stays small.
-const LARGEST: usize = 200_000;
+/// What a page without a server loads beside its files, in bytes: much of it reads world files.
+const LARGEST: usize = 900_000;
 
 /// Builds the core for the browser: with rustup's target where it is installed, else with the distribution's compiler and sources.
 pub fn build() -> Result<()> {
@@ -50,7 +61,7 @@ pub fn build() -> Result<()> {
         TARGET,
     ]);
     if !has_target() {
-        command.arg("-Zbuild-std=core,alloc");
+        command.arg("-Zbuild-std=std,panic_abort");
     }
     command.args(["--target-dir", folder]);
     // Where this machine keeps its sources is nobody's business, and would make other bytes on every machine.
@@ -189,109 +200,75 @@ fn program() -> PathBuf {
     PathBuf::from(crate::test::binary("release").get_program())
 }
 
-/// What is done to a page between two samples, beside its hand.
-struct Deed {
-    sample: u32,
-    /// A [`Slot`], or [`BEGIN`].
-    slot: u32,
-    index: u32,
-    value: f64,
-}
-
-/// A scenario begins.
-const BEGIN: u32 = u32::MAX;
-/// Where the hand means to be: nowhere, it lets go.
-const LETS_GO: f64 = f64::NEG_INFINITY;
-/// Nowhere: a scenario's hand has the puck.
-const LEAVES: f64 = f64::INFINITY;
-
 /// A random world of this method in hands, all that is done to it, and every number that it gives; `None` where it does not stay finite.
 /// Its form is check.mjs's.
 fn case(method: Method, rng: &mut Rng) -> Result<Option<Vec<u8>>> {
     let bent = rng.bool();
-    let world = worlds::random(rng, bent);
+    let mut world = worlds::random(rng, bent);
     // Not every random world can be compiled.
     if world.sampling.method != method || world.bodies.is_empty() || DesktopLoop::new(&world.spec()).is_err() {
         return Ok(None);
     }
     let period = world.sampling.period;
     let sine = Drive::Position(Shape::Sine { amplitude: 0.3, frequency: 0.01 / period, phase: 0.0 });
-    let setup = Setup {
-        device: world.device_spec(),
-        limits: world.limits(SafetyProfile::Simulated),
-        output: world.sampling.output,
-        scenarios: vec![(Hand { drive: sine, release: None }, 3000.0 * period)],
-    };
-    let mut room = [0; 8192];
-    let bytes = hapt_wire::write(&world.spec(), &mut room)?;
-    let setup = postcard::to_allocvec(&setup)?;
-    let Some(mut page) = Page::new(bytes, &setup) else { bail!("a page refuses its own world") };
-    let deed = |sample, slot, index, value| Deed { sample, slot, index, value };
-    let other =
-        Method::ALL.iter().position(|other| *other == method).map_or(0, |place| (place + 1) % Method::ALL.len());
+    let hand = Hand { drive: sine, release: None };
+    world.scenarios = vec![Scenario { name: "sine".into(), hand, duration: 3000.0 * period }];
+    let file =
+        WorldFile { name: "random.toml".into(), text: world.to_toml(), files: Default::default(), sets: Vec::new() };
+    let file = json!(file).to_string();
+    // Nor can every one run behind a page.
+    let Ok(mut page) = Page::new(&file) else { return Ok(None) };
+    let other = Method::ALL.iter().cycle().skip_while(|other| **other != method).nth(1).copied().unwrap_or(method);
+    let set = |key: &str, value: String| json!({ "type": "set", "key": key, "value": value }).to_string();
+    let body = format!("bodies.{}.inertia", world.names[0]);
     let deeds = [
-        deed(20_000, Slot::Period as u32, 0, 1.05 * period),
-        deed(30_000, Slot::Inertia as u32, 0, 1.5 * world.bodies[0].inertia),
-        deed(40_000, Slot::PuckDamping as u32, 0, 1.5 * world.device.damping),
-        deed(50_000, BEGIN, 0, 0.0),
-        deed(95_000, Slot::Method as u32, 0, other as f64),
+        (20_000, set("loop.period", format!("{} s", 1.05 * period))),
+        (30_000, set(&body, (1.5 * world.bodies[0].inertia).to_string())),
+        (40_000, set("device.damping", (1.5 * world.device.damping).to_string())),
+        (50_000, json!({ "type": "scenario", "name": "sine" }).to_string()),
+        (95_000, set("loop.method", other.name().to_string())),
     ];
 
     let mut case = Vec::new();
-    let count = |case: &mut Vec<u8>, number: usize| case.extend((number as u32).to_le_bytes());
-    for part in [bytes, setup.as_slice()] {
-        count(&mut case, part.len());
-        case.extend(part);
-    }
-    let inertia = 2.0 * world.device.inertia;
-    let swing = (0.1 / period).min(60.0);
-    let grip = Grip { inertia, damping: 3.0 * inertia * swing, stiffness: 1.5 * inertia * swing * swing };
-    case.extend([grip.inertia, grip.damping, grip.stiffness].iter().flat_map(|x| x.to_le_bytes()));
-    let columns = OWN + 2 * world.bodies.len();
-    for number in [deeds.len(), EACH as usize, columns] {
-        count(&mut case, number);
-    }
-    let at = case.len();
-    for Deed { sample, slot, index, value } in &deeds {
-        [*sample, *slot, *index].iter().for_each(|number| case.extend(number.to_le_bytes()));
-        case.extend(value.to_le_bytes());
-        // Whether it was done, once that is known.
-        count(&mut case, 0);
-    }
-    page.ask(Request::Arm);
-    let (mut target, mut holds) = (0.0, false);
+    let text = |case: &mut Vec<u8>, text: &str| {
+        case.extend((text.len() as u32).to_le_bytes());
+        case.extend(text.as_bytes());
+    };
+    text(&mut case, &file);
+    case.extend(EACH.to_le_bytes());
+    let (mut target, mut runs) = (0.0, false);
     for sample in 0..EACH {
-        for (place, deed) in deeds.iter().enumerate().filter(|(_, deed)| deed.sample == sample) {
-            let index = deed.index as usize;
-            let done = match Slot::ALL.get(deed.slot as usize) {
-                Some(slot) => page.set(*slot, index, deed.value),
-                None => page.begin(index),
-            };
-            case[at + 24 * place + 20] = done.into();
-        }
         target += 0.02 * (rng.f64() - 0.5) - 1e-4 * target;
-        let intended = match sample {
-            50_000..54_000 => LEAVES,
-            _ if sample / 2_000 % 4 == 3 => LETS_GO,
-            _ => target,
+        let message = match deeds.iter().find(|(at, _)| *at == sample) {
+            Some((_, message)) => message.clone(),
+            // The scenario's hand has the puck.
+            None if (50_000..54_000).contains(&sample) => String::new(),
+            None if sample / 2_000 % 4 == 3 => json!({ "type": "hand", "grip": false }).to_string(),
+            None => json!({ "type": "hand", "grip": true, "position": target }).to_string(),
         };
-        if intended.is_finite() {
-            if !holds {
-                page.hold(Some(grip));
-            }
-            page.intend(intended);
-        } else if intended == LETS_GO && holds {
-            page.hold(None);
+        if !message.is_empty() {
+            page.send(&message);
         }
-        holds = intended.is_finite();
-        page.run(1);
-        let [row, ..] = page.frame();
-        let row = &row[..columns];
+        // Somewhat more than a period, so that some frames have two samples.
+        let now = 1e3 * 1.001 * period * f64::from(sample);
+        page.poll(Duration::try_from_secs_f64(now / 1e3)?);
+        let columns = page.columns().as_flattened();
         // What is no number has no bits that machines agree on.
-        if !row.iter().all(|x| x.is_finite()) {
+        if !columns.iter().all(|x| x.is_finite()) {
             return Ok(None);
         }
-        case.extend(std::iter::once(&intended).chain(row).flat_map(|x| x.to_le_bytes()));
+        text(&mut case, &message);
+        case.extend(now.to_le_bytes());
+        case.extend((columns.len() as u32).to_le_bytes());
+        case.extend(columns.iter().flat_map(|x| x.to_le_bytes()));
+        while let Some(message) = page.next_message() {
+            if let hapt_web::Message::Text(text) = message {
+                ensure!(!text.contains("\"type\":\"error\""), "{text}");
+                if text.contains("\"type\":\"status\"") {
+                    runs = text.contains("\"phase\":\"running\"");
+                }
+            }
+        }
     }
-    Ok((page.phase().0 == Phase::Running).then_some(case))
+    Ok(runs.then_some(case))
 }

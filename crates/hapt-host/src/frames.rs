@@ -76,6 +76,11 @@ impl Frames {
         }
     }
 
+    /// The last, the smallest and the largest value of each column, as they go into the frame.
+    pub fn columns(&self) -> &[[f64; 3]] {
+        &self.columns
+    }
+
     /// Takes the frame and starts the next; `None` when there was no sample.
     pub fn take(&mut self) -> Option<Vec<u8>> {
         if self.columns.is_empty() {

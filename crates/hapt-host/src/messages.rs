@@ -6,10 +6,12 @@ mod client;
 mod describe;
 mod server;
 mod status;
+mod world_file;
 
 pub use client::{ClientMessage, Command, FARTHEST, LONGEST};
 pub use describe::describe;
 pub use server::*;
+pub use world_file::WorldFile;
 
 /// The version in the hello of both sides.
 pub const VERSION: u32 = 1;

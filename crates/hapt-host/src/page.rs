@@ -101,6 +101,11 @@ impl PageSession {
         ended
     }
 
+    /// The columns since the last frame ([`Frames::columns`]).
+    pub fn columns(&self) -> &[[f64; 3]] {
+        self.frames.columns()
+    }
+
     /// The telemetry since the last frame, in the form of [`crate::frames`]; `None` where there was no sample.
     pub fn frame(&mut self) -> Option<Vec<u8>> {
         self.frames.take()

@@ -10,6 +10,7 @@ use crate::machine::Error;
 use crate::recording::Recorder;
 
 /// What runs the loop. No call blocks, except [`Runner::end`]. Dropped, it leaves no torque on.
+#[cfg_attr(target_family = "wasm", allow(dead_code))]
 pub(crate) trait Runner: Send {
     /// Stop, heartbeats and the withdrawal of control, from any thread, ahead of all requests.
     fn handle(&self) -> LoopHandle;

@@ -1,4 +1,4 @@
-//! A world as bytes, for whatever runs a loop without a file system: a microcontroller, a browser; and the frames in which bytes travel.
+//! A world as bytes, for a microcontroller, which has no file system; and the frames in which bytes travel.
 //!
 //! [`write()`] makes the bytes of a [`Spec`], [`Stored::read`] checks them and holds the world in fixed room. The form is postcard's, behind a
 //! version and before a checksum; what is cut, flipped or of another version is refused, and never half read. [`frame()`] and [`Reader`]

@@ -6,8 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_analysis::{Check, Proposal};
-use hapt_host::WorldConfig;
-use hapt_live::standalone::{self, Known};
+use hapt_live::standalone::{self, Known, PageWorld};
 use hapt_model::{Parameter, World};
 use hapt_report::{Drawing, Report, Run, index_drawings, index_page};
 use hapt_sim::Simulation;
@@ -31,7 +30,7 @@ struct Ready {
     /// What it is called on the command line, with its overrides.
     command: String,
     /// For the page on which it runs, or why it has none.
-    config: Result<WorldConfig, String>,
+    live: Result<PageWorld, String>,
 }
 
 /// Where the pages are on which the worlds run.
@@ -86,13 +85,13 @@ fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
         hapt_sim::check(&world)?;
         let stem = stem(path, &world, &mut taken);
         let title = world.title.clone().filter(|title| !title.trim().is_empty()).unwrap_or_else(|| stem.clone());
-        let config = standalone::config(source.clone(), args.sets.clone());
+        let live = PageWorld::new(&source, args.sets.clone());
         let loaded = Loaded { name: source.name.clone(), world, source };
         let remedies = hapt_analysis::remedies(&loaded.world)?;
         let proposal = hapt_analysis::proposal(&loaded.world, &loaded.source, &args.sets, &check, &remedies)?;
         let lines = proposal.as_ref().map_or(Vec::new(), Proposal::lines);
         let command = command(path, &args.sets);
-        worlds.push(Ready { title, stem, world: loaded.world, parameters, check, proposal, lines, command, config });
+        worlds.push(Ready { title, stem, world: loaded.world, parameters, check, proposal, lines, command, live });
     }
     Ok(worlds)
 }
@@ -121,9 +120,9 @@ fn stem(path: &Path, world: &World, taken: &mut HashSet<String>) -> String {
 
 /// Runs every scenario of a world. One that stops being finite is shown up to there.
 fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
-    let Ready { title, stem, world, parameters, check, proposal, lines, config, .. } = ready;
+    let Ready { title, stem, world, parameters, check, proposal, lines, live, .. } = ready;
     let proposal = proposal.as_ref().map(|proposal| (proposal.heading, lines.as_slice()));
-    let live = config.is_ok().then(|| format!("{LIVE}/{stem}.html"));
+    let live = live.is_ok().then(|| format!("{LIVE}/{stem}.html"));
     let mut runs = Vec::new();
     for scenario in &world.scenarios {
         let simulation = Simulation::new(world, scenario)?;
@@ -141,15 +140,15 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
 /// Writes the page on which a world runs, and what all of them share.
 fn live(folder: &Path, ready: &Ready) -> Result<(), Failure> {
     let Ready { title, stem, check, proposal, command, .. } = ready;
-    let config = match &ready.config {
-        Ok(config) => config,
+    let world = match &ready.live {
+        Ok(world) => world,
         Err(why) => {
             messages::say(format_args!("{title} has no page to grab it on: {why}"));
             return Ok(());
         }
     };
     let report = format!("../{stem}.html");
-    let known = Known { config, check, proposal: proposal.as_ref(), command, report: &report };
+    let known = Known { world, check, proposal: proposal.as_ref(), command, report: &report };
     let folder = folder.join(LIVE);
     output::folder("--out", &folder.join("assets"))?;
     for (name, bytes) in standalone::shared().into_iter().chain(standalone::world(stem, &known)) {

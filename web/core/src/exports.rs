@@ -1,161 +1,102 @@
-//! The functions for JavaScript, on the one page that there is. Without a loaded world they do nothing.
+//! The functions for JavaScript, on the one page that there is.
 //!
-//! JavaScript asks for [`room`], writes a world's bytes and a setup's into it, and calls [`load`]. Then it calls [`run`] for the samples of
-//! each frame, and reads them from [`frame`].
-#![allow(unsafe_code)] // Exported names, one static, and a panic that traps.
+//! JavaScript asks for [`room`], writes text into it, and calls [`load`] or [`send`]. It calls [`poll`] for each frame that the browser
+//! draws, and after each of these [`next`] until there is no message left.
+#![allow(unsafe_code)] // Exported names.
 
-use alloc::boxed::Box;
-use alloc::vec::Vec;
-use core::cell::UnsafeCell;
+use std::cell::RefCell;
+use std::time::Duration;
 
-use hapt_core::{Reason, Request};
-use hapt_plant::Grip;
+use crate::{Message, Page};
 
-use crate::{COLUMNS, Page, Slot};
-
-#[global_allocator]
-static HEAP: dlmalloc::GlobalDlmalloc = dlmalloc::GlobalDlmalloc;
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo) -> ! {
-    core::arch::wasm32::unreachable()
-}
-
-struct Alone {
+#[derive(Default)]
+struct Exchange {
     room: Vec<u8>,
-    page: Option<Box<Page>>,
+    page: Option<Page>,
+    message: Vec<u8>,
 }
 
-/// A page runs on one thread: its WebAssembly has no other.
-struct Thread(UnsafeCell<Alone>);
-
-// SAFETY: see above.
-unsafe impl Sync for Thread {}
-
-static ALONE: Thread = Thread(UnsafeCell::new(Alone { room: Vec::new(), page: None }));
-
-fn alone() -> &'static mut Alone {
-    // SAFETY: one thread; no exported function calls another, and no reference outlives the one that took it.
-    unsafe { &mut *ALONE.0.get() }
+thread_local! {
+    static EXCHANGE: RefCell<Exchange> = RefCell::default();
 }
 
-fn page() -> Option<&'static mut Page> {
-    alone().page.as_deref_mut()
+fn with<T>(act: impl FnOnce(&mut Exchange) -> T) -> T {
+    EXCHANGE.with_borrow_mut(act)
 }
 
-/// Room for so many bytes.
+/// Room for so many bytes of UTF-8.
 #[unsafe(no_mangle)]
 pub extern "C" fn room(length: usize) -> *mut u8 {
-    let room = &mut alone().room;
-    room.clear();
-    room.resize(length, 0);
-    room.as_mut_ptr()
-}
-
-/// Loads the world in the first `world` bytes of the room and the setup in the rest, in place of what ran: how many bodies it has, or -1
-/// where it is none.
-#[unsafe(no_mangle)]
-pub extern "C" fn load(world: usize) -> i32 {
-    let Alone { room, page } = alone();
-    let Some((world, setup)) = room.split_at_checked(world) else { return -1 };
-    *page = Page::new(world, setup);
-    page.as_ref().map_or(-1, |page| page.bodies() as i32)
-}
-
-/// Takes so many samples.
-#[unsafe(no_mangle)]
-pub extern "C" fn run(samples: u32) {
-    if let Some(page) = page() {
-        page.run(samples);
-    }
-}
-
-/// Where the frame stands: of each of [`columns`] the last value; then the least of each; then the greatest.
-#[unsafe(no_mangle)]
-pub extern "C" fn frame() -> *const f64 {
-    page().map_or(core::ptr::null(), |page| page.frame().as_ptr().cast())
-}
-
-/// How many columns a frame has room for; a world of fewer bodies leaves the last ones 0.
-#[unsafe(no_mangle)]
-pub extern "C" fn columns() -> usize {
-    COLUMNS
-}
-
-/// 1: arm, 2: disarm, 3: stop, 4: clear.
-#[unsafe(no_mangle)]
-pub extern "C" fn order(code: usize) {
-    let requests = [Request::Arm, Request::Disarm, Request::Stop, Request::Clear];
-    if let (Some(page), Some(&request)) = (page(), requests.get(code.wrapping_sub(1))) {
-        page.ask(request);
-    }
-}
-
-/// The supervisor's phase, counted from 0; in the second byte the code of its reason, in the third that of its warning, 0 for none.
-#[unsafe(no_mangle)]
-pub extern "C" fn phase() -> u32 {
-    let code = |reason: Option<Reason>| reason.map_or(0, |reason| u32::from(reason.code()));
-    page().map_or(0, |page| {
-        let (phase, reason, warning) = page.phase();
-        phase as u32 | code(reason) << 8 | code(warning) << 16
+    with(|exchange| {
+        exchange.room.clear();
+        exchange.room.resize(length, 0);
+        exchange.room.as_mut_ptr()
     })
 }
 
-/// The output, counted from 0.
+/// Runs the world in the room, in place of what ran: 1, or 0 with the reason as [`message`].
 #[unsafe(no_mangle)]
-pub extern "C" fn output() -> u32 {
-    page().map_or(0, |page| page.output() as u32)
+pub extern "C" fn load() -> u32 {
+    with(|exchange| match Page::new(&String::from_utf8_lossy(&exchange.room)) {
+        Ok(page) => {
+            exchange.page = Some(page);
+            1
+        }
+        Err(reason) => {
+            exchange.message = reason.into_bytes();
+            0
+        }
+    })
 }
 
-/// The visitor's hand takes hold.
+/// Takes the page's message in the room.
 #[unsafe(no_mangle)]
-pub extern "C" fn hold(inertia: f64, damping: f64, stiffness: f64) {
-    if let Some(page) = page() {
-        page.hold(Some(Grip { inertia, damping, stiffness }));
-    }
+pub extern "C" fn send() {
+    with(|Exchange { room, page, .. }| {
+        if let Some(page) = page {
+            page.send(&String::from_utf8_lossy(room));
+        }
+    });
 }
 
-/// It means to be here, in rad (linear: m).
+/// Takes the samples that are due, at a time in ms that never goes back.
 #[unsafe(no_mangle)]
-pub extern "C" fn intend(position: f64) {
-    if let Some(page) = page() {
-        page.intend(position);
-    }
+pub extern "C" fn poll(now: f64) {
+    with(|exchange| {
+        if let (Some(page), Ok(now)) = (&mut exchange.page, Duration::try_from_secs_f64(now / 1e3)) {
+            page.poll(now);
+        }
+    });
 }
 
-/// Whoever holds the puck lets go.
+/// The next message to the page: 1 for text, 2 for a frame, 0 where there is none.
 #[unsafe(no_mangle)]
-pub extern "C" fn release() {
-    if let Some(page) = page() {
-        page.hold(None);
-    }
+pub extern "C" fn next() -> u32 {
+    with(|exchange| {
+        let (bytes, kind) = match exchange.page.as_mut().and_then(Page::next_message) {
+            Some(Message::Text(text)) => (text.into_bytes(), 1),
+            Some(Message::Frame(bytes)) => (bytes, 2),
+            None => (Vec::new(), 0),
+        };
+        exchange.message = bytes;
+        kind
+    })
 }
 
-/// The puck at rest at 0, the world at its start, and no torque.
+/// Where that message is.
 #[unsafe(no_mangle)]
-pub extern "C" fn restart() {
-    if let Some(page) = page() {
-        page.restart();
-    }
+pub extern "C" fn message() -> *const u8 {
+    with(|exchange| exchange.message.as_ptr())
 }
 
-/// A scenario's hand takes hold: 1, or 0 where there is none.
+/// Its length in bytes.
 #[unsafe(no_mangle)]
-pub extern "C" fn begin(scenario: usize) -> u32 {
-    page().is_some_and(|page| page.begin(scenario)).into()
+pub extern "C" fn length() -> usize {
+    with(|exchange| exchange.message.len())
 }
 
-/// Whether anybody holds the puck.
+/// The columns of the last frame as doubles, for comparison with other machines: last, smallest, largest of each.
 #[unsafe(no_mangle)]
-pub extern "C" fn held() -> u32 {
-    page().is_some_and(|page| page.is_held()).into()
-}
-
-/// Changes a number of the world ([`Slot`]): 1, or 0 where it is refused and nothing has changed.
-#[unsafe(no_mangle)]
-pub extern "C" fn set(slot: usize, index: usize, value: f64) -> u32 {
-    match (page(), Slot::ALL.get(slot)) {
-        (Some(page), Some(&slot)) => page.set(slot, index, value).into(),
-        _ => 0,
-    }
+pub extern "C" fn columns() -> *const f64 {
+    with(|exchange| exchange.page.as_ref().map_or(std::ptr::null(), |page| page.columns().as_ptr().cast()))
 }

@@ -1,16 +1,11 @@
-//! Loop, supervisor, exact device and a visitor's hand as one program: what the page runs where there is no server.
+//! A session on a simulated device as one program: what the page runs where there is no server.
 //!
-//! A [`Page`] is made of a world's bytes ([`hapt_wire::write()`]) and a [`Setup`]'s, and takes as many samples as are due. It uses no clock,
-//! thread or browser, so that its bits are those of every other machine. [`Slot`] names what can be changed while it runs. For WebAssembly,
-//! `exports` is what JavaScript calls.
-#![cfg_attr(target_arch = "wasm32", no_std)]
+//! A [`Page`] is made of a world's text ([`hapt_host::messages::WorldFile`]). It takes the messages that a page sends to `hapt live`, and
+//! gives those that it gets from there, by the same session ([`hapt_host::PageSession`]). It uses no clock, thread or file, so that its bits
+//! are those of every other machine. For WebAssembly, `exports` is what JavaScript calls.
 
-extern crate alloc;
-
-#[cfg(target_arch = "wasm32")]
+#[cfg(target_family = "wasm")]
 mod exports;
 mod page;
-mod slot;
 
-pub use page::{COLUMNS, OWN, Page, Setup};
-pub use slot::{PERIODS, Slot};
+pub use page::{Message, Page};

@@ -1,10 +1,14 @@
-//! A page runs as the simulation does, and a number that is changed in it is the world with that number.
+//! A page runs as the simulation does, and answers as `hapt live` does.
 
-use hapt_core::{Phase, Request, SafetyProfile};
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use hapt_host::messages::{ServerMessage, WorldFile, describe};
+use hapt_host::{WorldConfig, rule};
 use hapt_model::{Source, World};
-use hapt_plant::Grip;
 use hapt_sim::{Simulation, world_energy};
-use hapt_web::{COLUMNS, OWN, Page, Setup, Slot};
+use hapt_web::{Message, Page};
+use serde_json::{Value, json};
 
 const WHEEL: &str = r#"
 [loop]
@@ -51,168 +55,227 @@ duration = "2 s"
 hand = { kind = "step", to = "45 deg", at = "0.3 s", release = "1 s" }
 "#;
 
-fn world(sets: &[&str]) -> World {
-    let sets: Vec<String> = sets.iter().map(|set| set.to_string()).collect();
-    World::read(&Source::from_text("wheel.toml", WHEEL), &sets).unwrap()
+/// A page whose time passes in ms.
+struct Run {
+    page: Page,
+    ms: u64,
 }
 
-fn bytes(world: &World) -> (Vec<u8>, Vec<u8>) {
-    let setup = Setup {
-        device: world.device_spec(),
-        limits: world.limits(SafetyProfile::Simulated),
-        output: world.sampling.output,
-        scenarios: world.scenarios.iter().map(|scenario| (scenario.hand.clone(), scenario.duration)).collect(),
-    };
-    let mut room = [0; 8192];
-    (hapt_wire::write(&world.spec(), &mut room).unwrap().to_vec(), postcard::to_allocvec(&setup).unwrap())
-}
-
-fn page(world: &World) -> Box<Page> {
-    let (world, setup) = bytes(world);
-    Page::new(&world, &setup).unwrap()
-}
-
-/// So many samples, each with all of its columns; a hand swings the puck about in the middle of them.
-fn run(page: &mut Page, samples: u32) -> Vec<[f64; COLUMNS]> {
-    let mut rows = Vec::new();
-    // Disarmed, it forgets that its numbers were changed: there is nothing to fade over.
-    page.run(1);
-    page.ask(Request::Arm);
-    for sample in 0..samples {
-        if sample == samples / 4 {
-            page.hold(Some(Grip { inertia: 1e-3, damping: 0.2, stiffness: 6.0 }));
-        }
-        if (samples / 4..samples / 2).contains(&sample) {
-            page.intend(1.5 * (f64::from(sample) * 5e-3).sin());
-        }
-        if sample == samples / 2 {
-            page.hold(None);
-        }
-        page.run(1);
-        rows.push(page.frame()[0]);
+impl Run {
+    fn new(sets: &[&str]) -> Run {
+        let sets = sets.iter().map(|set| set.to_string()).collect();
+        let file = WorldFile { name: "wheel.toml".into(), text: WHEEL.into(), files: BTreeMap::new(), sets };
+        Run { page: Page::new(&json!(file).to_string()).unwrap(), ms: 0 }
     }
-    rows
+
+    fn send(&mut self, message: &Value) {
+        self.page.send(&message.to_string());
+    }
+
+    /// The next ms: the columns at its last sample, if it has one.
+    fn step(&mut self) -> Option<Vec<f64>> {
+        self.page.poll(Duration::from_millis(self.ms));
+        self.ms += 1;
+        let columns = self.page.columns();
+        (!columns.is_empty()).then(|| columns.iter().map(|[last, ..]| *last).collect())
+    }
+
+    /// So many ms, each with its columns; a hand swings the puck about in the middle of them.
+    fn swing(&mut self, length: u32) -> Vec<Option<Vec<f64>>> {
+        let ms = |k: u32| {
+            if (length / 4..length / 2).contains(&k) {
+                self.send(&json!({ "type": "hand", "grip": true, "position": 1.5 * (f64::from(k) * 5e-3).sin() }));
+            } else if k == length / 2 {
+                self.send(&json!({ "type": "hand", "grip": false }));
+            }
+            self.step()
+        };
+        (0..length).map(ms).collect()
+    }
+
+    /// The messages that wait; frames are left out.
+    fn heard(&mut self) -> Vec<Value> {
+        let messages = std::iter::from_fn(|| self.page.next_message());
+        let text = |message| match message {
+            Message::Text(text) => Some(serde_json::from_str(&text).unwrap()),
+            Message::Frame(_) => None,
+        };
+        messages.filter_map(text).collect()
+    }
+
+    fn refused(&mut self) -> String {
+        let heard = self.heard();
+        let refused = heard.iter().find(|message| message["type"] == "refused" || message["type"] == "error");
+        refused.unwrap_or_else(|| panic!("nothing was refused: {heard:?}"))["message"].as_str().unwrap().to_string()
+    }
 }
 
 #[test]
 fn a_scenario_in_a_page_is_the_simulations_once_it_has_faded_in() {
     // The page's torque fades in over 0.1 s, in which nothing happens here: the step comes at 0.3 s.
-    let world = world(&["couplings.5.torque=0 N m"]);
-    let mut page = page(&world);
-    page.ask(Request::Arm);
-    assert!(page.begin(0) && !page.begin(1) && page.is_held());
+    let set = "couplings.5.torque=0 N m";
+    let world = World::read(&Source::from_text("wheel.toml", WHEEL), &[set.to_string()]).unwrap();
+    let mut run = Run::new(&[set]);
+    run.send(&json!({ "type": "scenario", "name": "step" }));
+    // The hand is sent at the end of the first poll: the scenario begins with the next sample.
+    run.step();
     let mut simulation = Simulation::new(&world, &world.scenarios[0]).unwrap();
     let mut moved = 0.0_f64;
     while let Some(row) = simulation.next() {
         let row = row.unwrap();
-        page.run(1);
-        let [last, ..] = *page.frame();
-        let energy = world_energy(&world, row.puck, &row.bodies, &row.bristles);
+        let last = run.step().unwrap();
+        let energy = world_energy(&world, row.puck, &row.bodies, &[]);
         let own = [row.puck, row.puck_velocity, row.measured, row.measured_velocity, row.torque, row.command];
         assert_eq!(last[..6], own, "at {} s", row.time);
-        assert_eq!(last[7..OWN + 2], [energy, row.bodies[0].0, row.bodies[0].1], "at {} s", row.time);
+        assert_eq!(last[7..], [energy, row.bodies[0].0, row.bodies[0].1], "at {} s", row.time);
         moved = moved.max(row.bodies[0].0);
     }
-    assert!(moved > 0.5 && page.phase() == (Phase::Running, None, page.phase().2));
+    assert!(moved > 0.5);
+    let heard = run.heard();
+    let status = heard.iter().rfind(|message| message["type"] == "status").unwrap();
+    assert_eq!((&status["phase"], &status["reason"]), (&json!("running"), &Value::Null));
 }
 
 #[test]
-fn a_number_changed_in_a_page_is_the_world_with_that_number() {
-    let changes: [(Slot, usize, f64, &str); 14] = [
-        (Slot::Period, 0, 2e-3, "loop.period=2 ms"),
-        (Slot::Method, 0, 3.0, "loop.method=trapezoidal"),
-        (Slot::Output, 0, 1.0, "loop.output=middle"),
-        (Slot::Delay, 0, 1.5e-3, "loop.delay=1.5 ms"),
-        (Slot::Stiffness, 0, 2.0, "couplings.0.stiffness=2 N m/rad"),
-        (Slot::Stiffness, 2, 0.5, "couplings.2.stiffness=0.5 N m/rad"),
-        (Slot::Damping, 1, 0.0, "couplings.1.damping=0 N m s/rad"),
-        (Slot::Damping, 2, 0.25, "couplings.2.damping=0.25 N m s/rad"),
-        (Slot::Compensating, 1, 0.0, "couplings.1.damping=compensating"),
-        (Slot::Torque, 3, 0.0625, "couplings.3.torque=62.5 N mm"),
-        (Slot::Torque, 5, -0.125, "couplings.5.torque=-125 N mm"),
-        (Slot::Inertia, 0, 0.0625, "bodies.wheel.inertia=0.0625 kg m^2"),
-        (Slot::PuckInertia, 0, 1e-3, "device.inertia=1e-3 kg m^2"),
-        (Slot::PuckDamping, 0, 0.0078125, "device.damping=0.0078125 N m s/rad"),
-    ];
-    let unchanged = run(&mut page(&world(&[])), 4000);
-    for (slot, index, value, set) in changes {
-        let mut changed = page(&world(&[]));
-        assert!(changed.set(slot, index, value), "{set}");
-        let rows = run(&mut changed, 4000);
-        assert_eq!(rows, run(&mut page(&world(&[set])), 4000), "{set}");
-        assert_ne!(rows, unchanged, "{set} does something");
+fn every_key_is_set_or_refused_as_by_hapt_live() {
+    let mut run = Run::new(&[]);
+    let mut config = WorldConfig::checked(Source::from_text("wheel.toml", WHEEL), Vec::new(), rule::check).unwrap();
+    let (mut tried, mut refused) = (0, 0);
+    for key in config.keys().to_vec() {
+        let ends = [key.min, key.max].map(|end| match key.kind {
+            "whole" => format!("{}", end.round()),
+            _ => format!("{} {}", end / key.factor, key.unit),
+        });
+        let numbers = ends.iter().filter(|_| key.kind != "choice").map(String::as_str);
+        for value in numbers.chain(key.choices.iter().copied()) {
+            run.heard();
+            run.send(&json!({ "type": "set", "key": key.path, "value": value }));
+            (0..2).for_each(|_| drop(run.step()));
+            tried += 1;
+            match config.with(&key.path, value) {
+                Ok(next) => {
+                    let expected = ServerMessage::World(Box::new(describe(&next))).json();
+                    let expected: Value = serde_json::from_str(&expected).unwrap();
+                    assert!(run.heard().contains(&expected), "{} = {value}", key.path);
+                    config = next.reset().unwrap();
+                    run.send(&json!({ "type": "reset" }));
+                    (0..2).for_each(|_| drop(run.step()));
+                }
+                Err(message) => {
+                    assert_eq!(run.refused(), message, "{} = {value}", key.path);
+                    refused += 1;
+                }
+            }
+        }
     }
+    assert!(tried > 60 && refused < tried / 4, "{tried} tried, {refused} refused");
 }
 
 #[test]
 fn what_is_changed_while_it_runs_goes_on_where_it_is_and_without_a_step_of_torque() {
-    let mut page = page(&world(&[]));
-    run(&mut page, 3000);
-    for (slot, index, value) in [(Slot::Period, 0, 1.3e-3), (Slot::Stiffness, 0, 3.0), (Slot::Method, 0, 1.0)] {
-        let [before, ..] = *page.frame();
-        assert!(page.set(slot, index, value));
-        page.run(1);
-        let [after, ..] = *page.frame();
+    let mut run = Run::new(&[]);
+    run.swing(3000);
+    for (key, value) in
+        [("couplings.0.stiffness", "3 N m/rad"), ("loop.method", "backward-euler"), ("loop.period", "1.3 ms")]
+    {
+        let before = run.step().unwrap();
+        run.heard();
+        run.send(&json!({ "type": "set", "key": key, "value": value }));
+        let after = std::iter::repeat_with(|| run.step()).flatten().next().unwrap();
         // Within one sample nothing goes far: a speed of v, and a fade of 100 samples.
         let way = 2e-3 * (before[1].abs() + before[9].abs() + 1.0);
-        assert!((after[0] - before[0]).abs() < way && (after[8] - before[8]).abs() < way, "{slot:?}");
-        assert!((after[6] - before[6]).abs() < 0.05, "{slot:?}: from {} to {} N m", before[6], after[6]);
+        assert!((after[0] - before[0]).abs() < way && (after[8] - before[8]).abs() < way, "{key}");
+        assert!((after[6] - before[6]).abs() < 0.05, "{key}: from {} to {} N m", before[6], after[6]);
+        let heard = std::iter::repeat_with(|| (run.step(), run.heard()).1).take(5).flatten();
+        let world = heard.into_iter().find(|message| message["type"] == "world").unwrap();
+        let keys = world["keys"].as_array().unwrap();
+        let key = keys.iter().find(|own| own["path"] == key).unwrap();
+        assert!(key["written"] == value && key["changed"] == true && key["fixed"] == false, "{key}");
     }
 }
 
 #[test]
-fn what_cannot_run_is_refused_and_what_ran_goes_on() {
-    let world = world(&[]);
-    let (mut refused, mut other) = (page(&world), page(&world));
-    for (slot, index, value) in [
-        (Slot::Period, 0, 0.0),
-        (Slot::Period, 0, 1e-6),
-        (Slot::Period, 0, f64::NAN),
-        (Slot::Method, 0, 8.0),
+fn what_cannot_run_is_refused_in_a_sentence_and_what_ran_goes_on() {
+    let (mut run, mut other) = (Run::new(&[]), Run::new(&[]));
+    for (key, value, word) in [
+        ("loop.period", "0 ms", "period"),
+        ("loop.period", "1 us", "50 us to 100 ms"),
         // Nothing is found over these steps, and a wall stands at a body.
-        (Slot::Method, 0, 6.0),
-        (Slot::Output, 0, 3.0),
-        (Slot::Stiffness, 0, -1.0),
-        (Slot::Stiffness, 1, 1.0),
-        (Slot::Stiffness, 6, 1.0),
-        (Slot::Damping, 0, 1.0),
-        (Slot::Compensating, 2, 0.0),
-        (Slot::Torque, 3, f64::INFINITY),
-        (Slot::Inertia, 0, 0.0),
-        (Slot::Inertia, 1, 1.0),
-        (Slot::PuckInertia, 0, 0.0),
-        (Slot::PuckFriction, 0, -1e-3),
-        (Slot::Delay, 0, -1e-3),
+        ("loop.method", "tustin", "tustin"),
+        ("couplings.0.stiffness", "-1 N m/rad", "stiffness"),
+        ("couplings.0.stiffness", "3 bananas", "bananas"),
+        ("couplings.6.stiffness", "1 N m/rad", "cannot be set"),
+        ("bodies.wheel.inertia", "0 kg m^2", "inertia"),
+        ("scenarios.step.duration", "1 s", "cannot be set"),
     ] {
-        assert!(!refused.set(slot, index, value), "{slot:?} {index} {value}");
+        run.heard();
+        run.send(&json!({ "type": "set", "key": key, "value": value }));
+        for run in [&mut run, &mut other] {
+            (0..2).for_each(|_| drop(run.step()));
+        }
+        let message = run.refused();
+        assert!(message.contains(word), "{key} = {value}: {message}");
     }
-    assert_eq!(run(&mut refused, 2000), run(&mut other, 2000));
-    let (mut bytes, setup) = bytes(&world);
-    assert!(Page::new(&bytes, &setup[..setup.len() - 1]).is_none());
-    bytes[3] ^= 1;
-    assert!(Page::new(&bytes, &setup).is_none());
+    for (message, word) in [
+        (json!({ "type": "record", "on": true }), "hapt live"),
+        (json!({ "type": "scenario", "name": "none" }), "none"),
+        (json!({ "type": "fly" }), "fly"),
+    ] {
+        run.send(&message);
+        let refused = run.refused();
+        assert!(refused.contains(word), "{message}: {refused}");
+        other.send(&json!({ "type": "scenario", "name": null }));
+    }
+    assert_eq!(run.swing(2000), other.swing(2000));
 }
 
 #[test]
-fn a_frame_keeps_the_extremes_of_its_samples() {
-    let (mut whole, mut single) = (page(&world(&[])), page(&world(&[])));
-    for page in [&mut whole, &mut single] {
-        page.ask(Request::Arm);
-        page.begin(0);
+fn a_stop_takes_the_torque_away_until_it_is_cleared_and_armed() {
+    let mut run = Run::new(&[]);
+    run.swing(1000);
+    let phase = |run: &mut Run| {
+        (0..150).for_each(|_| drop(run.step()));
+        let heard = run.heard();
+        heard.iter().rfind(|message| message["type"] == "status").map(|status| status["phase"].clone())
+    };
+    for (order, then) in [("stop", "faulted"), ("clear", "disarmed"), ("arm", "running")] {
+        run.send(&json!({ "type": "order", "order": order }));
+        assert_eq!(phase(&mut run), Some(json!(then)), "{order}");
     }
-    for _ in 0..40 {
-        whole.run(17);
-        let mut rows = Vec::new();
-        for _ in 0..17 {
-            single.run(1);
-            rows.push(single.frame()[0]);
-        }
-        let [last, least, greatest] = whole.frame();
-        assert_eq!(last, rows.last().unwrap());
-        for column in 0..COLUMNS {
-            let values = || rows.iter().map(|row| row[column]);
-            assert_eq!(least[column], values().fold(f64::INFINITY, f64::min));
-            assert_eq!(greatest[column], values().fold(f64::NEG_INFINITY, f64::max));
-        }
-    }
+}
+
+#[test]
+fn a_page_that_was_asleep_lets_go_and_catches_up_no_more_than_a_tenth_of_a_second() {
+    let mut run = Run::new(&[]);
+    run.send(&json!({ "type": "hand", "grip": true, "position": 0.5 }));
+    (0..500).for_each(|_| drop(run.step()));
+    assert!((run.step().unwrap()[0] - 0.5).abs() < 0.15);
+    run.ms += 60_000;
+    run.step();
+    let frames = std::iter::from_fn(|| run.page.next_message());
+    let frames = frames.filter_map(|message| match message {
+        Message::Frame(bytes) => Some(f64::from_le_bytes(bytes[8..16].try_into().unwrap())),
+        Message::Text(_) => None,
+    });
+    let times: Vec<f64> = frames.collect();
+    let [.., last, after] = times[..] else { panic!("{times:?}") };
+    assert!((after - last - 0.1).abs() < 1e-9, "from {last} to {after} s");
+    // In no hand, the spring and its wheel pull the puck away.
+    let farthest = (0..500).map(|_| (run.step().unwrap()[0] - 0.5).abs()).fold(0.0, f64::max);
+    assert!(farthest > 0.2, "{farthest}");
+}
+
+#[test]
+fn a_world_that_names_a_file_brings_it_along() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR"));
+    std::fs::write(folder.join("wave.csv"), "waveform\n1\n-1\n").unwrap();
+    let texture = "[[couplings]]\nkind = \"texture\"\nbetween = [\"puck\", \"ground\"]\ntorque = \"1 N mm\"\n\
+                   pitch = \"1 deg\"\nfile = \"wave.csv\"\n";
+    let source = Source { folder: folder.into(), ..Source::from_text("wheel.toml", format!("{WHEEL}{texture}")) };
+    let file = WorldFile::new(&source, Vec::new()).unwrap();
+    assert_eq!(file.files["wave.csv"], "waveform\n1\n-1\n");
+    std::fs::remove_file(folder.join("wave.csv")).unwrap();
+    assert!(Page::new(&json!(file).to_string()).is_ok());
+    let missing = WorldFile { files: BTreeMap::new(), ..file };
+    assert!(Page::new(&json!(missing).to_string()).is_err_and(|error| error.contains("wave.csv")));
 }

@@ -1,4 +1,5 @@
-//! In a page there are no files: no recording exists, and no value of these types.
+//! In a page there are no files: no recording exists, and no value of these types. The signatures are those of file.rs.
+#![allow(dead_code)]
 
 use std::path::Path;
 

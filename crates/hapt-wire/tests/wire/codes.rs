@@ -150,7 +150,6 @@ fn the_code_of_each_method_output_and_estimator_is_what_it_always_was() {
         6 => Tustin {},
         7 => Foh {},
     });
-    // The page knows a method and an output by its place among all of them.
     are_all(&methods, &Method::ALL);
     are_on_the_wire(methods);
     let outputs = codes!(Output { 0 => Start {}, 1 => Middle {}, 2 => End {}, });
