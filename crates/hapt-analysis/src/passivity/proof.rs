@@ -205,7 +205,7 @@ fn at_puck_only(world: &World, claimed: Option<f64>) -> Result<Option<String>, E
 fn energy_theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<Option<String>, Error> {
     let sampling = &world.sampling;
     let lag = Delay::of_loop(sampling)?;
-    let outside = |why: &str| Ok(Some(format!("the energy energy_theorem does not cover this nonlinear world: {why}")));
+    let outside = |why: &str| Ok(Some(format!("the energy theorem does not cover this nonlinear world: {why}")));
     match sampling.method {
         Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => {}
         Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => {
@@ -230,7 +230,7 @@ fn energy_theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> 
         && bodies.iter().any(|c| laws::may_not_settle(&c.law))
     {
         return outside(
-            "a damper with a limit stands between the puck and a body, at_puck_only detents, friction or damped walls at bodies, whose \
+            "a damper with a limit stands between the puck and a body, beside detents, friction or damped walls at bodies, whose \
              torques may not agree within a step",
         );
     }
