@@ -132,6 +132,7 @@ class Boundary:
             ax.plot(piece.x, piece.y, color=colour, label=piece.claim)
         ax.set_xlabel(self.keys[0])
         ax.set_ylabel(self.keys[1])
+        ax.ticklabel_format(scilimits=(-2, 4))
         if colours:
             ax.legend()
         return ax

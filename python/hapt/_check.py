@@ -76,10 +76,12 @@ class Check(Mapping[str, Any]):
         return f"<hapt.Check certified={self.certified}>"
 
     def _repr_html_(self) -> str:
+        # The notebook's own style sets no fixed width, and breaks lines.
+        style = "margin:0.3em 0;font-family:monospace;white-space:pre;overflow-x:auto;line-height:1.35"
         colour, word = ("#1a7f37", "certified") if self.certified else ("#b42318", "not certified")
         return (
             f'<div><strong style="color:{colour}">{word}</strong>'
-            f'<pre style="margin:0.3em 0">{html.escape(self._text)}</pre></div>'
+            f'<pre style="{style}">{html.escape(self._text)}</pre></div>'
         )
 
     @property

@@ -31,6 +31,7 @@ const PYTHON: [(&str, &[&str]); 4] = [
             "cvxopt==1.3.3",
             "s3fs==2026.9.0",
             "matplotlib==3.11.2",
+            "mujoco==4.0.0",
             "xarray==2026.9.0",
         ],
     ),
