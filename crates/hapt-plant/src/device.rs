@@ -1,6 +1,8 @@
 //! The device on its own, period after period: the exact puck, the motor, and whatever hand holds it. Whoever has a loop runs it
 //! beside one: a simulation, a thread in real time, a page.
 
+use alloc::vec::Vec;
+
 use crate::hand::{Hand, grip_push};
 use crate::ledger::Ledger;
 use crate::motor::Motor;
@@ -50,6 +52,8 @@ enum Holder {
     Nobody,
     Script,
     Grip(Follower),
+    /// A torque in N·m (linear: N), held until the next one.
+    Torque(f64),
 }
 
 /// A grip whose intended motion is told as it goes.
@@ -62,6 +66,22 @@ struct Follower {
     target: f64,
     /// The sample at which that was said.
     said: u64,
+}
+
+/// Everything of a device that changes while no scenario's hand holds it, apart from the works.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct DeviceState {
+    /// The puck's true position in rad (linear: m).
+    pub position: f64,
+    /// Its velocity in rad/s (linear: m/s).
+    pub velocity: f64,
+    /// What the motor holds, in N·m (linear: N).
+    pub applied: f64,
+    /// The commands on their way to the motor, the oldest first, in N·m (linear: N).
+    pub commands: Vec<f64>,
+    /// Time since the last sample in s, 0 to a period.
+    pub elapsed: f64,
 }
 
 /// A world's device. Nothing that it does between two samples allocates, once it is made.
@@ -84,6 +104,8 @@ pub struct VirtualDevice {
     next_event: f64,
     announced: bool,
     ledger: Ledger,
+    /// Seconds since this sample, where [`VirtualDevice::travel_to`] has gone on from it.
+    elapsed: f64,
 }
 
 impl VirtualDevice {
@@ -107,6 +129,7 @@ impl VirtualDevice {
             next_event: f64::INFINITY,
             announced: false,
             ledger: Ledger::default(),
+            elapsed: 0.0,
         }
     }
 
@@ -172,6 +195,14 @@ impl VirtualDevice {
         self.holder = Holder::Grip(Follower { grip, intended: Piece::straight(0.0, target, 0.0), target, said: 0 });
     }
 
+    /// A hand pushes with this torque in N·m (linear: N) from now on, in place of whatever held the puck.
+    pub fn push(&mut self, torque: f64) {
+        if !matches!(self.holder, Holder::Torque(_)) {
+            self.let_go();
+        }
+        self.holder = Holder::Torque(torque);
+    }
+
     /// The grip means to be at `position` in rad (linear: m), and goes there straight: for as long as its word before this one is ago,
     /// but 50 ms at most, so that words at a steady rate make one steady motion. Without a grip nothing happens.
     pub fn intend(&mut self, position: f64) {
@@ -206,6 +237,22 @@ impl VirtualDevice {
         self.motor.clear();
         (self.announced, self.ledger) = (false, Ledger::default());
         self.restart_clock();
+        self.elapsed = 0.0;
+    }
+
+    /// What changes. A scenario's hand and a grip are no part of it.
+    pub fn state(&self) -> DeviceState {
+        let (position, velocity) = self.puck();
+        let commands = self.motor.commands().collect();
+        DeviceState { position, velocity, applied: self.applied(), commands, elapsed: self.elapsed }
+    }
+
+    /// Goes on from `state` of a device of this delay and period, hands off; its works count from 0.
+    pub fn resume(&mut self, state: &DeviceState) {
+        self.restart();
+        (self.puck.position, self.puck.velocity) = (state.position, state.velocity);
+        self.motor.resume(state.applied, &state.commands);
+        self.elapsed = state.elapsed;
     }
 
     /// The loop's command, in N·m (linear: N).
@@ -222,9 +269,11 @@ impl VirtualDevice {
         if key(self) == key(to) {
             return;
         }
-        to.motor.follow(&self.motor);
-        core::mem::swap(&mut self.motor, &mut to.motor);
-        core::mem::swap(&mut self.delay, &mut to.delay);
+        if (self.period, self.delay) != (to.period, to.delay) {
+            to.motor.follow(&self.motor);
+            core::mem::swap(&mut self.motor, &mut to.motor);
+            core::mem::swap(&mut self.delay, &mut to.delay);
+        }
         core::mem::swap(&mut self.device, &mut to.device);
         core::mem::swap(&mut self.friction, &mut to.friction);
         if self.period != to.period {
@@ -242,6 +291,32 @@ impl VirtualDevice {
 
     fn restart_clock(&mut self) {
         (self.now, self.origin, self.sample) = (0.0, 0.0, 0);
+    }
+
+    /// Goes on to `elapsed` s after this sample, at most a period, without reaching the next sample. Only for a puck that is pushed
+    /// ([`VirtualDevice::push`]) or free; [`VirtualDevice::travel_on`] goes from there to the next sample.
+    pub fn travel_to(&mut self, elapsed: f64) {
+        let rest = self.motor.rest;
+        if rest > 0.0 && self.elapsed < rest && rest <= elapsed {
+            self.stretch(self.now, self.now, rest - self.elapsed);
+            self.motor.change();
+            self.elapsed = rest;
+        }
+        if self.elapsed < elapsed {
+            self.stretch(self.now, self.now, elapsed - self.elapsed);
+            self.elapsed = elapsed;
+        }
+    }
+
+    /// From wherever [`VirtualDevice::travel_to`] has gone to the next sample; from a sample the same as [`VirtualDevice::travel`].
+    pub fn travel_on(&mut self) {
+        if self.elapsed == 0.0 {
+            return self.travel();
+        }
+        self.travel_to(self.period);
+        self.elapsed = 0.0;
+        self.sample += 1;
+        self.now = self.origin + self.sample as f64 * self.period;
     }
 
     /// From this sample to the next.
@@ -315,7 +390,8 @@ impl VirtualDevice {
                 let (intended, velocity) = hand.intended.at(from);
                 grip_push(hand.grip, intended, velocity)
             }
-            _ => Push::default(),
+            (&Holder::Torque(value), _) => Push { value, ..Push::default() },
+            (Holder::Nobody, _) | (Holder::Script, None) => Push::default(),
         };
         self.puck.advance(length, self.motor.applied, push, &mut self.ledger);
     }

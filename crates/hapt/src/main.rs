@@ -16,6 +16,7 @@ mod design;
 mod device;
 mod drives;
 mod explain;
+mod export;
 mod failure;
 mod flash;
 mod format;
@@ -73,6 +74,7 @@ fn main() -> ExitCode {
         Some(Command::Plot(args)) => plot::run(args),
         Some(Command::Replay(args)) => replay::run(args),
         Some(Command::Convert(args)) => convert::run(args),
+        Some(Command::Export { command }) => export::run(command),
         Some(Command::Sweep(args)) => sweep::run(args),
         Some(Command::Impedance(args)) => impedance::run(args),
         Some(Command::Boundary(args)) => boundary::run(args),

@@ -89,6 +89,14 @@ Examples:
   hapt convert runs/step.mcap -o step.csv            the bytes of hapt sim's own
   hapt convert runs/step.mcap -o step.parquet        units as metadata")]
     Convert(ConvertArgs),
+    /// Export a world for the simulators of others.
+    #[command(after_help = "\
+Examples:
+  hapt export fmu wheel.toml -o wheel.fmu            the loop as an FMU")]
+    Export {
+        #[command(subcommand)]
+        command: ExportCommand,
+    },
     /// Measure every combination of a few numbers of a world, as a table and a picture.
     #[command(after_help = "\
 Examples:

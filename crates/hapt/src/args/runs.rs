@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
+use clap::{Subcommand, ValueEnum};
 use hapt_sweep::Shard;
 
 use super::WorldArgs;
@@ -120,4 +120,33 @@ pub struct SweepArgs {
     /// Threads; default: all cores. The bytes do not depend on it.
     #[arg(long, value_name = "N")]
     pub threads: Option<usize>,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum ExportCommand {
+    /// Write an FMU: the loop, or with --whole the loop on its device, for co-simulation.
+    #[command(after_help = "\
+Examples:
+  hapt export fmu wheel.toml -o wheel.fmu            the loop, by FMI 2.0
+  hapt export fmu wheel.toml -o wheel3.fmu --fmi 3   by FMI 3.0
+  hapt export fmu wheel.toml -o whole.fmu --whole    with its exact device")]
+    Fmu(FmuArgs),
+}
+
+#[derive(Debug, clap::Args)]
+pub struct FmuArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// The output: FILE.fmu.
+    #[arg(short, long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// The version of the standard.
+    #[arg(long, value_name = "2|3", value_parser = ["2", "3"], default_value = "2")]
+    pub fmi: String,
+    /// The loop on its device: from the hand's torque to the columns of a run.
+    #[arg(long)]
+    pub whole: bool,
+    /// Add a library that was built for another platform, such as hapt_fmi.dll; repeatable.
+    #[arg(long = "platform", value_name = "LIBRARY")]
+    pub platforms: Vec<PathBuf>,
 }

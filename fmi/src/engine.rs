@@ -1,0 +1,240 @@
+//! The loop, alone or on its device, from one communication point to the next.
+
+use std::sync::Arc;
+
+use hapt_core::spec::{Coupling, Estimator, Law, Output, Spec};
+use hapt_core::{Body, Error};
+use hapt_model::World;
+use hapt_plant::DeviceState;
+use hapt_sim::{DesktopLoop, DesktopState, Row, VirtualDevice};
+use serde::{Deserialize, Serialize};
+
+use crate::Kind;
+use crate::clock::Clock;
+
+/// The loop with its state, and the device where it is a part of the FMU.
+#[derive(Clone, Debug)]
+pub struct Engine {
+    compiled: Arc<DesktopLoop>,
+    state: Box<DesktopState>,
+    device: Option<VirtualDevice>,
+    /// How many samples have been taken.
+    taken: u64,
+    /// The last sample, and the puck's motion now.
+    row: Row,
+}
+
+/// What an engine remembers, as data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Memory {
+    state: Box<DesktopState>,
+    device: Option<DeviceState>,
+    taken: u64,
+    /// Puck, measured, torque, command, applied.
+    signals: [f64; 7],
+    bodies: Vec<(f64, f64)>,
+}
+
+impl Engine {
+    /// Before sample 0.
+    ///
+    /// # Errors
+    /// The core does not take the world.
+    pub fn new(kind: Kind, world: &World) -> Result<Engine, Error> {
+        let compiled = DesktopLoop::new(&world.spec())?;
+        Ok(Engine {
+            state: Box::new(compiled.start()),
+            compiled: Arc::new(compiled),
+            device: (kind == Kind::Whole).then(|| VirtualDevice::new(&world.device_spec())),
+            taken: 0,
+            row: Row {
+                bodies: world.bodies.iter().map(|body| (body.position, body.velocity)).collect(),
+                ..Row::default()
+            },
+        })
+    }
+
+    /// T in s.
+    pub fn period(&self) -> f64 {
+        self.compiled.period()
+    }
+
+    /// The last sample, and the puck's motion now.
+    pub fn row(&self) -> &Row {
+        &self.row
+    }
+
+    /// The row that these inputs make at an instant whose sample is not taken yet; the engine stays as it is.
+    pub fn preview(&self, inputs: [f64; 2]) -> Row {
+        let mut ahead = self.clone();
+        ahead.sample(inputs);
+        ahead.row
+    }
+
+    /// Whether the sample of this instant is not taken yet.
+    pub fn is_due(&self, clock: &Clock) -> bool {
+        clock.part == 0.0 && self.taken == clock.sample
+    }
+
+    /// One sample: at the device's puck, or at the puck that the inputs say.
+    fn sample(&mut self, inputs: [f64; 2]) {
+        let (position, velocity) = self.device.as_ref().map_or(inputs.into(), VirtualDevice::puck);
+        let sample = self.compiled.step(&mut self.state, position, velocity);
+        let row = &mut self.row;
+        for (place, body) in row.bodies.iter_mut().zip(self.state.now.position.iter().zip(&self.state.now.velocity)) {
+            *place = (*body.0, *body.1);
+        }
+        (row.puck, row.puck_velocity) = (position, velocity);
+        (row.measured, row.measured_velocity) = (sample.puck.position, sample.puck.velocity);
+        (row.torque, row.command, row.applied) = (sample.torque, sample.command, sample.command);
+        if let Some(device) = &mut self.device {
+            device.command(sample.command);
+            row.applied = device.applied();
+        }
+        self.taken += 1;
+    }
+
+    /// Sample 0 of a loop on its device, whose torque its hand cannot change any more. A loop alone takes each sample when the step that
+    /// begins with it is made, for its puck is an input.
+    pub fn begin(&mut self) {
+        if self.device.is_some() {
+            self.sample([0.0; 2]);
+        }
+    }
+
+    /// Goes on from `from` to `to` with held inputs. A loop alone takes every sample from `from` up to `to`, without that of `to`.
+    ///
+    /// # Errors
+    /// The instant in s at which a number is no longer finite.
+    pub fn advance(&mut self, from: &Clock, to: &Clock, inputs: [f64; 2]) -> Result<(), f64> {
+        if self.device.is_none() {
+            let end = to.sample + u64::from(to.part > 0.0);
+            while self.taken < end {
+                self.sample(inputs);
+                self.finite(to)?;
+            }
+            return Ok(());
+        }
+        if let Some(device) = &mut self.device {
+            device.push(inputs[0]);
+        }
+        for _ in from.sample..to.sample {
+            if let Some(device) = &mut self.device {
+                device.travel_on();
+            }
+            self.sample(inputs);
+            self.finite(to)?;
+        }
+        if to.part > 0.0
+            && let Some(device) = &mut self.device
+        {
+            device.travel_to(to.part);
+            (self.row.puck, self.row.puck_velocity) = device.puck();
+            self.row.applied = device.applied();
+        }
+        self.finite(to)
+    }
+
+    fn finite(&self, clock: &Clock) -> Result<(), f64> {
+        let last = self.taken.saturating_sub(1);
+        if self.row.is_finite() { Ok(()) } else { Err(Clock { sample: last, part: 0.0, ..*clock }.time()) }
+    }
+
+    /// Goes on in a world with other numbers, between two samples: a bumpless transfer.
+    ///
+    /// # Errors
+    /// The core does not take the world; the engine stays as it is.
+    pub fn change(&mut self, world: &World) -> Result<(), Error> {
+        let compiled = DesktopLoop::new(&world.spec())?;
+        *self.state = compiled.transfer(&self.compiled, &self.state, Some, Some);
+        self.compiled = Arc::new(compiled);
+        if let Some(device) = &mut self.device {
+            device.refit(&mut VirtualDevice::new(&world.device_spec()));
+        }
+        Ok(())
+    }
+
+    /// What it remembers.
+    pub fn memory(&self) -> Memory {
+        let Row { puck, puck_velocity, measured, measured_velocity, torque, command, applied, .. } = self.row;
+        Memory {
+            state: self.state.clone(),
+            device: self.device.as_ref().map(VirtualDevice::state),
+            taken: self.taken,
+            signals: [puck, puck_velocity, measured, measured_velocity, torque, command, applied],
+            bodies: self.row.bodies.clone(),
+        }
+    }
+
+    /// Goes on from what another engine of the same world remembers.
+    pub fn resume(&mut self, memory: &Memory) {
+        self.state.clone_from(&memory.state);
+        if let (Some(device), Some(state)) = (&mut self.device, &memory.device) {
+            device.resume(state);
+        }
+        self.taken = memory.taken;
+        let [puck, puck_velocity, measured, measured_velocity, torque, command, applied] = memory.signals;
+        let mut bodies = self.row.bodies.clone();
+        bodies.iter_mut().zip(&memory.bodies).for_each(|(place, body)| *place = *body);
+        self.row = Row {
+            puck,
+            puck_velocity,
+            measured,
+            measured_velocity,
+            torque,
+            command,
+            applied,
+            bodies,
+            ..Row::default()
+        };
+    }
+}
+
+/// What the linear part of a loop alone, at rest, makes of a puck at `motion`: the outputs' derivatives in that direction. Encoder, levels,
+/// limits and nonlinear couplings are left out; FOAW counts with its shortest window.
+///
+/// # Errors
+/// The core does not take the linear part.
+pub fn linear_response(world: &World, motion: [f64; 2]) -> Result<Row, Error> {
+    let rest = |body: &Body| Body { position: 0.0, velocity: 0.0, ..*body };
+    let bodies: Vec<Body> = world.bodies.iter().map(rest).collect();
+    let couplings: Vec<Coupling> = world.couplings.iter().filter_map(linear).collect();
+    let estimator = match world.sampling.velocity_estimator() {
+        Estimator::Foaw { .. } | Estimator::FoawBest { .. } => Estimator::Difference,
+        linear @ (Estimator::Exact | Estimator::Difference | Estimator::LowPass { .. }) => linear,
+    };
+    let spec = Spec {
+        estimator,
+        count: None,
+        limit: None,
+        levels: None,
+        bodies: &bodies,
+        couplings: &couplings,
+        output: if world.sampling.method.takes_new_sample_first() { Output::Start } else { world.sampling.output },
+        ..world.spec()
+    };
+    let compiled = DesktopLoop::new(&spec)?;
+    let state = Box::new(compiled.start());
+    let row = Row { bodies: vec![(0.0, 0.0); bodies.len()], ..Row::default() };
+    let mut engine = Engine { compiled: Arc::new(compiled), state, device: None, taken: 0, row };
+    engine.sample([0.0; 2]);
+    Ok(engine.preview(motion))
+}
+
+/// The coupling's linear part about its own rest.
+fn linear(coupling: &Coupling) -> Option<Coupling> {
+    let law = match coupling.law {
+        _ if coupling.limit.is_some() => return None,
+        Law::Spring { stiffness, .. } => Law::Spring { stiffness, rest: 0.0 },
+        damper @ Law::Damper { .. } => damper,
+        Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::DeadBand { .. }
+        | Law::Magnet { .. }
+        | Law::Texture { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Constant { .. } => return None,
+    };
+    Some(Coupling { law, ..*coupling })
+}

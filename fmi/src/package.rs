@@ -1,0 +1,155 @@
+//! An FMU as a file: model description, world and libraries in a ZIP archive, with the same bytes for the same content.
+
+use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+
+use hapt_model::{Parameter, World};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+use crate::Kind;
+use crate::description::{IDENTIFIER, description};
+use crate::model::{Model, WORLD};
+use crate::variable::{Value, Variable};
+
+/// The versions of the standard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Version {
+    /// FMI 2.0
+    Two,
+    /// FMI 3.0
+    Three,
+}
+
+impl Version {
+    /// As a model description has it.
+    pub fn number(self) -> &'static str {
+        match self {
+            Version::Two => "2.0",
+            Version::Three => "3.0",
+        }
+    }
+
+    /// Whether it has numbers for the variable: whole numbers have 32 bits in FMI 2.0.
+    pub(crate) fn takes(self, variable: &Variable) -> bool {
+        match (self, &variable.start) {
+            (Version::Two, Value::Whole(start)) => i32::try_from(*start).is_ok(),
+            (Version::Two, Value::Real(_) | Value::Text(_)) | (Version::Three, _) => true,
+        }
+    }
+}
+
+/// What a library runs on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Platform {
+    /// The processor's name in FMI 3.0.
+    processor: &'static str,
+    /// The system's name in FMI 3.0.
+    system: &'static str,
+}
+
+impl Platform {
+    /// What a library runs on, from its header.
+    ///
+    /// # Errors
+    /// In a sentence: no library, or not hapt's.
+    pub fn of(library: &[u8]) -> Result<Platform, String> {
+        let word = |at: usize| Some(u16::from_le_bytes(library.get(at..at + 2)?.try_into().ok()?));
+        let long = |at: usize| Some(u32::from_le_bytes(library.get(at..at + 4)?.try_into().ok()?));
+        let (system, machine) = match library {
+            [0x7f, b'E', b'L', b'F', 2, ..] => ("linux", word(0x12).map(u32::from)),
+            [b'M', b'Z', ..] => {
+                let header = long(0x3c).map(|at| at as usize).filter(|at| library.get(*at..at + 4) == Some(b"PE\0\0"));
+                ("windows", header.and_then(|at| word(at + 4)).map(u32::from))
+            }
+            [0xcf, 0xfa, 0xed, 0xfe, ..] => ("darwin", long(4)),
+            _ => return Err("it is no library for Linux, Windows or macOS of 64 bits".into()),
+        };
+        let processor = match (system, machine) {
+            ("linux", Some(0x3e)) | ("windows", Some(0x8664)) | ("darwin", Some(0x0100_0007)) => "x86_64",
+            ("linux", Some(0xb7)) | ("windows", Some(0xaa64)) | ("darwin", Some(0x0100_000c)) => "aarch64",
+            _ => return Err("it is for a processor that is neither x86-64 nor aarch64".into()),
+        };
+        if !library.windows(10).any(|bytes| bytes == b"fmi3DoStep") {
+            return Err(format!("it has no fmi3DoStep: it is not {IDENTIFIER}"));
+        }
+        Ok(Platform { processor, system })
+    }
+
+    /// The folder of its libraries below `binaries`.
+    pub fn folder(self, version: Version) -> String {
+        match (version, self.system, self.processor) {
+            (Version::Two, "linux", "x86_64") => "linux64".into(),
+            (Version::Two, "windows", "x86_64") => "win64".into(),
+            (Version::Two, "darwin", _) => "darwin64".into(),
+            _ => format!("{}-{}", self.processor, self.system),
+        }
+    }
+
+    fn suffix(self) -> &'static str {
+        match self.system {
+            "windows" => "dll",
+            "darwin" => "dylib",
+            _ => "so",
+        }
+    }
+}
+
+/// The library's file as cargo builds it here.
+pub const LIBRARY: &str = match (DLL_PREFIX.is_empty(), DLL_SUFFIX.as_bytes()) {
+    (true, _) => "hapt_fmi.dll",
+    (false, [b'.', b'd', ..]) => "libhapt_fmi.dylib",
+    (false, _) => "libhapt_fmi.so",
+};
+
+/// The places where the library may be for a program at `program`: beside it, where cargo builds it, where it is installed.
+pub fn places(program: &Path) -> [PathBuf; 3] {
+    ["", "deps", "../lib/hapt"].map(|place| program.parent().unwrap_or(Path::new("")).join(place).join(LIBRARY))
+}
+
+/// An FMU called `name` of a world, with libraries for at least one platform. `written` are the keys as the world's file has them, for their
+/// units.
+///
+/// # Errors
+/// In a sentence: a world that the core does not take, a file that is no library, two for one platform.
+pub fn write(
+    world: &World,
+    written: &[Parameter],
+    name: &str,
+    kind: Kind,
+    version: Version,
+    libraries: &[(PathBuf, Vec<u8>)],
+) -> Result<Vec<u8>, String> {
+    let model = Model::new(kind, version, world)?;
+    let mut files = vec![
+        ("modelDescription.xml".to_string(), description(&model, name, written, version)),
+        (format!("resources/{WORLD}"), model.source.text.clone().into_bytes()),
+    ];
+    if libraries.is_empty() {
+        return Err("an FMU needs a library for at least one platform".into());
+    }
+    for (path, library) in libraries {
+        let platform = Platform::of(library).map_err(|why| format!("{}: {why}", path.display()))?;
+        let file = format!("binaries/{}/{IDENTIFIER}.{}", platform.folder(version), platform.suffix());
+        if files.iter().any(|(other, _)| *other == file) {
+            return Err(format!("{}: there is another library for {}", path.display(), platform.folder(version)));
+        }
+        files.push((file, library.clone()));
+    }
+    archive(&files).map_err(|error| format!("cannot pack the FMU: {error}"))
+}
+
+fn archive(files: &[(String, Vec<u8>)]) -> zip::result::ZipResult<Vec<u8>> {
+    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+    // One instant for all files: 1980-01-01.
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(DateTime::default())
+        .unix_permissions(0o644);
+    for (name, bytes) in files {
+        archive.start_file(name.as_str(), options)?;
+        archive.write_all(bytes)?;
+    }
+    Ok(archive.finish()?.into_inner())
+}
