@@ -5,7 +5,6 @@ use std::sync::Arc;
 use hapt_core::spec::{Coupling, Estimator, Law, Output, Spec};
 use hapt_core::{Body, Error};
 use hapt_model::World;
-use hapt_plant::DeviceState;
 use hapt_sim::{DesktopLoop, DesktopState, Row, VirtualDevice};
 use serde::{Deserialize, Serialize};
 
@@ -25,10 +24,10 @@ pub struct Engine {
 }
 
 /// What an engine remembers, as data.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Memory {
     state: Box<DesktopState>,
-    device: Option<DeviceState>,
+    device: Option<VirtualDevice>,
     taken: u64,
     /// Puck, measured, torque, command, applied.
     signals: [f64; 7],
@@ -159,7 +158,7 @@ impl Engine {
         let Row { puck, puck_velocity, measured, measured_velocity, torque, command, applied, .. } = self.row;
         Memory {
             state: self.state.clone(),
-            device: self.device.as_ref().map(VirtualDevice::state),
+            device: self.device.clone(),
             taken: self.taken,
             signals: [puck, puck_velocity, measured, measured_velocity, torque, command, applied],
             bodies: self.row.bodies.clone(),
@@ -169,9 +168,7 @@ impl Engine {
     /// Goes on from what another engine of the same world remembers.
     pub fn resume(&mut self, memory: &Memory) {
         self.state.clone_from(&memory.state);
-        if let (Some(device), Some(state)) = (&mut self.device, &memory.device) {
-            device.resume(state);
-        }
+        self.device.clone_from(&memory.device);
         self.taken = memory.taken;
         let [puck, puck_velocity, measured, measured_velocity, torque, command, applied] = memory.signals;
         let mut bodies = self.row.bodies.clone();

@@ -43,7 +43,7 @@ impl Phase {
 }
 
 /// Everything of an instance that changes, as data: an FMU state.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Saved {
     phase: Phase,
     start: f64,

@@ -1,6 +1,6 @@
 //! A world as an FMU (Functional Mock-up Unit) for co-simulation, by FMI 2.0 and FMI 3.0: <https://fmi-standard.org>.
 //!
-//! [`write`] makes an FMU of a world. The same crate, built as a library for C, is the FMU's binary: `fmi2.rs` and `fmi3.rs` are the
+//! [`write()`] makes an FMU of a world. The same crate, built as a library for C, is the FMU's binary: `fmi2.rs` and `fmi3.rs` are the
 //! functions of the two standards over one [`Instance`], which reads the world from the FMU's resources.
 //!
 //! An FMU is a [`Kind`]: the loop alone, whose inputs are the puck's motion and whose output is the torque on it; or the loop on its exact

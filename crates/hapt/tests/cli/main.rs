@@ -12,6 +12,7 @@ mod common;
 mod contract;
 mod drives;
 mod endings;
+mod export;
 mod first_steps;
 mod help;
 mod identify;

@@ -1,0 +1,53 @@
+//! FMUs: their library needs no other one and exports the standard's functions alone; importers of others judge them.
+
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, Result, ensure};
+
+use crate::{test, tools};
+
+/// What the library may need at run time: the C library and the compiler's, which are on every Linux.
+const LIBRARIES: [&str; 5] =
+    ["libc.so.6", "libm.so.6", "libgcc_s.so.1", "ld-linux-x86-64.so.2", "ld-linux-aarch64.so.1"];
+
+/// In the environment that [`tools::installed`] makes; without it the importers are skipped.
+pub fn holds() -> Result<()> {
+    let hapt = test::program("hapt")?.get_program().to_os_string();
+    if cfg!(target_os = "linux") {
+        stands_alone(&test::target().join(test::PROFILE).join("deps/libhapt_fmi.so"))?;
+    }
+    let python = std::path::absolute(tools::environments().join("fmi"))?.join("bin/python");
+    if !python.exists() {
+        println!("        (importers skipped: no environment of Python; CI=1 installs it)");
+        return Ok(());
+    }
+    let mut importers = Command::new(python);
+    importers.arg("fmi/tests/importers.py").arg(hapt).arg(test::target().join("fmus"));
+    let said = importers.env("PYTHONDONTWRITEBYTECODE", "1").output()?;
+    let [out, errors] = [&said.stdout, &said.stderr].map(|text| String::from_utf8_lossy(text));
+    ensure!(said.status.success(), "{out}{errors}");
+    println!("        ({})", out.lines().last().unwrap_or_default());
+    Ok(())
+}
+
+fn stands_alone(library: &Path) -> Result<()> {
+    let listed = |arguments: &[&str]| -> Result<String> {
+        let program = arguments[0];
+        let said = Command::new(program).args(&arguments[1..]).arg(library).output();
+        Ok(String::from_utf8(said.with_context(|| format!("binutils: {program}"))?.stdout)?)
+    };
+    let needed = listed(&["objdump", "-p"])?;
+    let needed = needed.lines().filter_map(|line| line.trim().strip_prefix("NEEDED")).map(str::trim);
+    let needed: Vec<&str> = needed.collect();
+    ensure!(!needed.is_empty() && needed.iter().all(|name| LIBRARIES.contains(name)), "it needs {needed:?}");
+    let symbols = listed(&["nm", "--dynamic", "--defined-only"])?;
+    let names: Vec<&str> = symbols.lines().filter_map(|line| line.split_whitespace().last()).collect();
+    let other = names.iter().find(|name| !(name.starts_with("fmi2") || name.starts_with("fmi3")));
+    ensure!(other.is_none(), "it exports {other:?}");
+    for (version, count) in [("fmi2", 44), ("fmi3", 75)] {
+        let exported = names.iter().filter(|name| name.starts_with(version)).count();
+        ensure!(exported == count, "it exports {exported} functions of {version}, and the standard has {count}");
+    }
+    Ok(())
+}
