@@ -195,7 +195,7 @@ function draw(now: number): void {
   if (now - drawn < quick) return;
   drawn = now;
   const { position } = shown;
-  const places = [COLUMN.position, ...world.bodies.map((_, i) => COLUMN.bodies + 2 * i)].map((column) => frame!.last[column]! * position.per);
+  const places = [COLUMN.puck, ...world.bodies.map((_, i) => COLUMN.bodies + 2 * i)].map((column) => frame!.last[column]! * position.per);
   legend.frame(places.map((place) => `${steady(place, 90)}\u2009${position.name}`));
   attribute(stage.svg, "aria-valuenow", Math.round(places[0]!));
   attribute(stage.svg, "aria-valuetext", `${steady(places[0]!, 100)} ${position.name}${hand.intended === null ? "" : ", held"}`);

@@ -6,7 +6,7 @@ import type { Units } from "./units.ts";
 
 export function panels(world: World, units: Units): Panel[] {
   const moving = (shift: 0 | 1) => [
-    { name: "puck", column: COLUMN.position + shift, colour: "c0" },
+    { name: "puck", column: COLUMN.puck + shift, colour: "c0" },
     ...world.bodies.map(({ name }, i) => ({ name, column: COLUMN.bodies + 2 * i + shift, colour: `c${(i % 6) + 1}` })),
   ];
   const limit = world.limit === null ? [] : [world.limit * units.effort.per, -world.limit * units.effort.per];

@@ -158,10 +158,10 @@ export interface Frame {
   high: Float32Array;
 }
 
-/** Columns before those of the bodies, which take two each: position and velocity. */
+/** The columns that `world` names, in their order (crates/hapt-host/src/frames.rs); before those of the bodies, which take two each: position and velocity. */
 export const COLUMN = {
-  position: 0,
-  velocity: 1,
+  puck: 0,
+  puckVelocity: 1,
   measured: 2,
   measuredVelocity: 3,
   torque: 4,

@@ -57,8 +57,8 @@ export class Stage {
     if (!world || frame.last.length < COLUMN.bodies + 2 * bodies) return;
     const q = new Float64Array(bodies + 2);
     const v = new Float64Array(bodies + 2);
-    q[0] = frame.last[COLUMN.position]!;
-    v[0] = frame.last[COLUMN.velocity]!;
+    q[0] = frame.last[COLUMN.puck]!;
+    v[0] = frame.last[COLUMN.puckVelocity]!;
     for (let i = 0; i < bodies; i++) {
       q[i + 1] = frame.last[COLUMN.bodies + 2 * i]!;
       v[i + 1] = frame.last[COLUMN.bodies + 2 * i + 1]!;

@@ -5,33 +5,34 @@
 //! last, f32 smallest, f32 largest.
 
 use hapt_model::World;
-use hapt_sim::{columns, world_energy};
+use hapt_sim::{Signal, body_columns, world_energy};
 
 use crate::messages::ColumnInfo;
 use crate::session::Sample;
 
 /// Bytes before the columns.
 pub const HEAD: usize = 16;
-/// Of the puck, the loop and the world, before the bodies: see [`columns_of`].
-const OWN: usize = 8;
-/// What column 7 is: the first six are those of the CSV, then what the motor was asked for, then this.
-const ENERGY: &str = "energy_J";
+/// Where a sample has a signal.
+pub type Get = fn(&Sample<'_>) -> f64;
+
+/// The columns before those of the bodies, which take two each: position and velocity.
+///
+/// They are a run's columns without the time, and with the output in place of the applied torque, which a board does not tell; then the energy.
+pub const COLUMNS: [(Signal, Get); 8] = [
+    (Signal::PUCK, |sample| sample.position),
+    (Signal::PUCK_VELOCITY, |sample| sample.record.velocity),
+    (Signal::MEASURED, |sample| sample.record.measured),
+    (Signal::MEASURED_VELOCITY, |sample| sample.record.measured_velocity),
+    (Signal::TORQUE, |sample| sample.record.torque),
+    (Signal::COMMAND, |sample| sample.record.command),
+    (Signal::OUTPUT, |sample| sample.record.output),
+    (Signal::ENERGY, |sample| world_energy(sample.world, sample.position, sample.bodies(), &[])),
+];
 
 /// The columns of a world's telemetry.
 pub fn columns_of(world: &World) -> Vec<ColumnInfo> {
-    // As in the CSV, without the time, and with the output in place of the applied torque, which a loop does not know.
-    let (mut list, mut bodies) = (Vec::new(), Vec::new());
-    for (i, column) in columns(world).into_iter().enumerate() {
-        let to = if i < OWN { &mut list } else { &mut bodies };
-        to.push(ColumnInfo { name: column.name, unit: column.unit });
-    }
-    list.remove(0);
-    if let Some(applied) = list.last_mut() {
-        applied.name = applied.name.replace("applied", "output");
-    }
-    list.push(ColumnInfo { name: ENERGY.into(), unit: "J" });
-    list.extend(bodies);
-    list
+    let own = COLUMNS.iter().map(|(signal, _)| signal.column(world.motion));
+    own.chain(body_columns(world)).map(|column| ColumnInfo { name: column.name, unit: column.unit }).collect()
 }
 
 /// The columns since the last frame.
@@ -47,19 +48,9 @@ pub struct Frames {
 impl Frames {
     /// Adds a sample.
     pub fn add(&mut self, sample: &Sample<'_>) {
-        let Sample { world, generation, time, position, record } = *sample;
-        let bodies = &record.bodies[..world.bodies.len().min(record.bodies.len())];
-        let own = [
-            position,
-            record.velocity,
-            record.measured,
-            record.measured_velocity,
-            record.torque,
-            record.command,
-            record.output,
-            world_energy(world, position, bodies, &[]),
-        ];
-        let values = own.into_iter().chain(bodies.iter().flat_map(|&(position, velocity)| [position, velocity]));
+        let Sample { generation, time, .. } = *sample;
+        let own = COLUMNS.iter().map(|(_, get)| get(sample));
+        let values = own.chain(sample.bodies().iter().flat_map(|&(position, velocity)| [position, velocity]));
         if generation != self.generation {
             self.columns.clear();
         }
@@ -101,6 +92,7 @@ impl Frames {
 #[cfg(test)]
 mod tests {
     use hapt_rt::Record;
+    use hapt_sim::Measures;
 
     use super::*;
     use crate::testing::{record, world};
@@ -155,9 +147,39 @@ mod tests {
 
     #[test]
     fn the_columns_name_what_is_in_them() {
-        let names: Vec<String> = columns_of(&world()).into_iter().map(|column| column.name).collect();
-        assert_eq!(names[ENERGY_AT], ENERGY);
-        assert_eq!(names[6], "output_Nm");
-        assert_eq!(names[8..], ["wheel_rad", "wheel_rad_per_s"]);
+        let columns = columns_of(&world());
+        let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+        assert_eq!(
+            names,
+            [
+                "puck_rad",
+                "puck_rad_per_s",
+                "measured_rad",
+                "measured_rad_per_s",
+                "torque_Nm",
+                "command_Nm",
+                "output_Nm",
+                "energy_J",
+                "wheel_rad",
+                "wheel_rad_per_s",
+            ]
+        );
+        assert_eq!((columns[1].unit, columns[ENERGY_AT].unit), ("rad/s", "J"));
+    }
+
+    #[test]
+    fn the_page_finds_each_signal_in_its_column() {
+        // web/src/protocol.ts: `export const COLUMN = { puck: 0, ... }`.
+        let script = include_str!("../../../web/src/protocol.ts");
+        let list = script.split_once("export const COLUMN = {").unwrap().1.split_once('}').unwrap().0;
+        let names = list.split(',').filter_map(|row| row.split_once(':')).map(|(name, place)| {
+            assert!(!place.trim().is_empty());
+            (name.trim().to_string(), place.trim().parse::<usize>().unwrap())
+        });
+        let own = COLUMNS.iter().enumerate().map(|(place, (signal, _))| {
+            let velocity = if signal.measures == Measures::Velocity { "Velocity" } else { "" };
+            (format!("{}{velocity}", signal.stem), place)
+        });
+        assert_eq!(names.collect::<Vec<_>>(), own.chain([("bodies".into(), COLUMNS.len())]).collect::<Vec<_>>());
     }
 }

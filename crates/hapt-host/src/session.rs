@@ -73,6 +73,14 @@ pub struct Sample<'a> {
     pub record: &'a Record,
 }
 
+impl Sample<'_> {
+    /// Position and velocity of each body of the world.
+    pub fn bodies(&self) -> &[(f64, f64)] {
+        let all = &self.record.bodies;
+        &all[..self.world.bodies.len().min(all.len())]
+    }
+}
+
 /// What has happened beside the samples.
 #[derive(Debug)]
 pub enum Event {

@@ -3,7 +3,7 @@
 use hapt_core::{Phase, Reason, Request};
 use hapt_model::World;
 use hapt_rt::Record;
-use hapt_sim::{Row, SIGNALS};
+use hapt_sim::{Row, SIGNALS, Signal};
 
 /// A column of a log: a field of its messages, a column of the CSV or Parquet file that it is converted to.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,9 +84,9 @@ struct Live {
 /// They stand behind the bodies, in this order.
 static LIVE: [Live; 12] = [
     Live {
-        name: OUTPUT,
+        name: Signal::OUTPUT.stem,
         unit: "",
-        doc: "what the motor is asked for, after the supervisor",
+        doc: Signal::OUTPUT.doc,
         kind: Kind::Number,
         get: |record| record.output,
     },
@@ -169,13 +169,9 @@ static LIVE: [Live; 12] = [
     },
 ];
 
-/// The one of them that is a torque: its unit is the world's.
-const OUTPUT: &str = "output";
-
 /// Places of the torques among a sample's values, the same in every log.
 pub(crate) const TORQUE: usize = 5;
 pub(crate) const COMMAND: usize = 6;
-const APPLIED: usize = 7;
 
 /// How many columns a loop in real time adds.
 pub(crate) const LIVE_COLUMNS: usize = LIVE.len();
@@ -185,10 +181,14 @@ pub fn columns(world: &World, live: bool) -> Vec<Column> {
     let run = hapt_sim::columns(world).into_iter();
     let run = run.map(|column| Column { name: column.name, unit: column.unit, doc: column.doc, kind: Kind::Number });
     let mut columns: Vec<Column> = run.collect();
-    let applied = columns[APPLIED].clone();
-    columns.extend(LIVE.iter().filter(|_| live).map(|&Live { name, unit, doc, kind, .. }| match name {
-        OUTPUT => Column { name: applied.name.replacen("applied", name, 1), doc, ..applied.clone() },
-        _ => Column { name: name.into(), unit, doc, kind },
+    columns.extend(LIVE.iter().filter(|_| live).map(|&Live { name, unit, doc, kind, .. }| {
+        // The one of them that is a torque: its unit is the world's.
+        let output = Some(Signal::OUTPUT).filter(|output| output.stem == name);
+        let own = output.map(|output| output.column(world.motion));
+        own.map_or_else(
+            || Column { name: name.into(), unit, doc, kind },
+            |own| Column { name: own.name, unit: own.unit, doc, kind },
+        )
     }));
     columns
 }

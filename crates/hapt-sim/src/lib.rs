@@ -2,7 +2,8 @@
 //!
 //! [`Simulation`] runs one scenario of a world: the loop is hapt-core's own, unchanged, and between its samples the physical
 //! puck moves exactly. [`Row`] holds every signal at a sample. [`Summary`] reduces a run to a few numbers;
-//! [`CsvWriter`] writes the rows. Names, units and order of all columns come from one table, [`SIGNALS`].
+//! [`CsvWriter`] writes the rows. Names, units and meanings of all columns come from one list,
+//! [`Signal`]; [`SIGNALS`] are those of a run, in the order of the columns.
 //!
 //! ```
 //! use hapt_model::{Source, World};
@@ -54,6 +55,6 @@ pub use control::{DesktopController, DesktopControllerState, DesktopLoop, Deskto
 pub use csv::CsvWriter;
 pub use energy::{DelayWork, world_energy};
 pub use hapt_plant::{Grip, Ledger, Motor, Script, VirtualDevice};
-pub use row::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, Signal, columns};
+pub use row::{BODY_SIGNALS, Column, Measures, Row, RowSignal, SIGNALS, Signal, body_columns, columns};
 pub use run::{Error, Simulation, check, rows, script};
 pub use summary::Summary;

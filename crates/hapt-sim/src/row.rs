@@ -54,6 +54,8 @@ pub enum Measures {
     Velocity,
     /// N·m, or N
     Effort,
+    /// J
+    Energy,
 }
 
 impl Measures {
@@ -67,6 +69,7 @@ impl Measures {
             (Measures::Velocity, Motion::Linear) => "m/s",
             (Measures::Effort, Motion::Rotary) => "N m",
             (Measures::Effort, Motion::Linear) => "N",
+            (Measures::Energy, _) => "J",
         }
     }
 
@@ -81,8 +84,8 @@ impl Measures {
     }
 }
 
-/// A signal of the loop: one column of every format.
-#[derive(Clone, Copy, Debug)]
+/// A signal of the loop: its name, its unit and its meaning in every format that has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signal {
     /// The column's name without its unit.
     pub stem: &'static str,
@@ -90,45 +93,67 @@ pub struct Signal {
     pub measures: Measures,
     /// One line for people.
     pub doc: &'static str,
+}
+
+impl Signal {
+    const fn new(stem: &'static str, measures: Measures, doc: &'static str) -> Self {
+        Signal { stem, measures, doc }
+    }
+
+    /// t_k.
+    pub const TIME: Signal = Signal::new("time", Measures::Time, "t_k = k T");
+    /// The puck's position.
+    pub const PUCK: Signal = Signal::new("puck", Measures::Position, "the puck's true position");
+    /// The puck's velocity.
+    pub const PUCK_VELOCITY: Signal = Signal::new("puck", Measures::Velocity, "the puck's true velocity");
+    /// z_k.
+    pub const MEASURED: Signal = Signal::new("measured", Measures::Position, "the encoder's position");
+    /// v_k.
+    pub const MEASURED_VELOCITY: Signal = Signal::new("measured", Measures::Velocity, "the estimated velocity");
+    /// The world's torque.
+    pub const TORQUE: Signal =
+        Signal::new("torque", Measures::Effort, "from the couplings on the puck, before levels and limit");
+    /// The loop's command.
+    pub const COMMAND: Signal = Signal::new("command", Measures::Effort, "the motor's command, after levels and limit");
+    /// The motor's torque.
+    pub const APPLIED: Signal = Signal::new(
+        "applied",
+        Measures::Effort,
+        "the torque that the motor holds, just after any change at this instant",
+    );
+    /// What a supervised loop asks of its motor.
+    pub const OUTPUT: Signal =
+        Signal::new("output", Measures::Effort, "what the motor is asked for, after the supervisor");
+    /// The world's energy.
+    pub const ENERGY: Signal = Signal::new("energy", Measures::Energy, "the energy that the world stores");
+
+    /// Its column in worlds of this motion.
+    pub fn column(&self, motion: Motion) -> Column {
+        // In a linear world the torque is a force, and the column's name says so.
+        let stem = if (*self, motion) == (Signal::TORQUE, Motion::Linear) { "force" } else { self.stem };
+        column(stem, self.measures, self.doc, motion)
+    }
+}
+
+/// A signal of a run, and where a row has it.
+#[derive(Clone, Copy, Debug)]
+pub struct RowSignal {
+    /// Which.
+    pub signal: Signal,
     /// Its value in a row.
     pub get: fn(&Row) -> f64,
 }
 
 /// The signals of every run, in the order of the columns.
-pub const SIGNALS: [Signal; 8] = [
-    Signal { stem: "time", measures: Measures::Time, doc: "t_k = k T", get: |row| row.time },
-    Signal { stem: "puck", measures: Measures::Position, doc: "the puck's true position", get: |row| row.puck },
-    Signal {
-        stem: "puck",
-        measures: Measures::Velocity,
-        doc: "the puck's true velocity",
-        get: |row| row.puck_velocity,
-    },
-    Signal { stem: "measured", measures: Measures::Position, doc: "the encoder's position", get: |row| row.measured },
-    Signal {
-        stem: "measured",
-        measures: Measures::Velocity,
-        doc: "the estimated velocity",
-        get: |row| row.measured_velocity,
-    },
-    Signal {
-        stem: "torque",
-        measures: Measures::Effort,
-        doc: "from the couplings on the puck, before levels and limit",
-        get: |row| row.torque,
-    },
-    Signal {
-        stem: "command",
-        measures: Measures::Effort,
-        doc: "the motor's command, after levels and limit",
-        get: |row| row.command,
-    },
-    Signal {
-        stem: "applied",
-        measures: Measures::Effort,
-        doc: "the torque that the motor holds, just after any change at this instant",
-        get: |row| row.applied,
-    },
+pub const SIGNALS: [RowSignal; 8] = [
+    RowSignal { signal: Signal::TIME, get: |row| row.time },
+    RowSignal { signal: Signal::PUCK, get: |row| row.puck },
+    RowSignal { signal: Signal::PUCK_VELOCITY, get: |row| row.puck_velocity },
+    RowSignal { signal: Signal::MEASURED, get: |row| row.measured },
+    RowSignal { signal: Signal::MEASURED_VELOCITY, get: |row| row.measured_velocity },
+    RowSignal { signal: Signal::TORQUE, get: |row| row.torque },
+    RowSignal { signal: Signal::COMMAND, get: |row| row.command },
+    RowSignal { signal: Signal::APPLIED, get: |row| row.applied },
 ];
 
 /// The signals of each body, after those: its position and its velocity.
@@ -146,16 +171,18 @@ pub struct Column {
     pub doc: &'static str,
 }
 
+fn column(stem: &str, measures: Measures, doc: &'static str, motion: Motion) -> Column {
+    Column { name: format!("{stem}_{}", measures.suffix(motion)), unit: measures.unit(motion), doc }
+}
+
 /// The columns of a world's runs, in order.
 pub fn columns(world: &World) -> Vec<Column> {
+    SIGNALS.iter().map(|row| row.signal.column(world.motion)).chain(body_columns(world)).collect()
+}
+
+/// The columns of a world's bodies, in order: two each, after all others.
+pub fn body_columns(world: &World) -> impl Iterator<Item = Column> {
     let motion = world.motion;
-    let column = |stem: &str, measures: Measures, doc| {
-        // In a linear world the torque is a force, and the column's name says so.
-        let stem = if (stem, motion) == ("torque", Motion::Linear) { "force" } else { stem };
-        Column { name: format!("{stem}_{}", measures.suffix(motion)), unit: measures.unit(motion), doc }
-    };
-    let own = SIGNALS.iter().map(|signal| column(signal.stem, signal.measures, signal.doc));
-    let bodies =
-        world.names.iter().flat_map(|name| BODY_SIGNALS.iter().map(|&(measures, doc)| column(name, measures, doc)));
-    own.chain(bodies).collect()
+    let pair = move |name: &String| BODY_SIGNALS.map(|(measures, doc)| column(name, measures, doc, motion));
+    world.names.iter().flat_map(pair)
 }

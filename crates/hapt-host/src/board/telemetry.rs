@@ -96,7 +96,56 @@ pub(super) fn phase(telemetry: &Telemetry) -> Phase {
 
 #[cfg(test)]
 mod tests {
+    use hapt_sim::Signal;
+
     use super::*;
+    use crate::frames::COLUMNS;
+    use crate::session::Sample;
+    use crate::testing::world;
+
+    #[test]
+    fn every_signal_that_a_board_sends_is_the_same_signal_on_the_page() {
+        let sent = Telemetry {
+            position: 1.0,
+            measured: 2.0,
+            velocity: 3.0,
+            torque: 4.0,
+            command: 5.0,
+            output: 6.0,
+            ..Telemetry::default()
+        };
+        // A field that is new has to be a signal, or stand among the others here.
+        let Telemetry {
+            sequence: _,
+            sample: _,
+            phase: _,
+            reason: _,
+            warning: _,
+            position,
+            measured,
+            velocity,
+            torque,
+            command,
+            output,
+            missed: _,
+            used: _,
+            bodies: _,
+        } = sent;
+        let signals = [
+            (Signal::PUCK, position),
+            (Signal::MEASURED, measured),
+            (Signal::MEASURED_VELOCITY, velocity),
+            (Signal::TORQUE, torque),
+            (Signal::COMMAND, command),
+            (Signal::OUTPUT, output),
+        ];
+        let (record, world) = (TelemetryDecoder::new(0, 1e-3).record(&sent), world());
+        let sample = Sample { world: &world, generation: 0, time: 0.0, position: record.position, record: &record };
+        for (signal, value) in signals {
+            let (_, shown) = COLUMNS.iter().find(|(own, _)| *own == signal).unwrap();
+            assert_eq!(shown(&sample), f64::from(value), "{signal:?}");
+        }
+    }
 
     #[test]
     fn instants_go_on_over_a_change_of_the_period() {
