@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: hapt beside plain C, in turns, each in a process of its own that times its inner loop; and what makes
 //! docs/performance.md. The workloads are in `bench`.
 
+mod package;
 mod realtime;
 mod sweep;
 
@@ -28,9 +29,16 @@ pub fn command(words: &[String]) -> Result<()> {
         ["realtime", "--write"] => realtime::alone(true),
         ["--guards"] => guards(false),
         ["--guards", "--write"] => guards(true),
+        ["python"] => package::alone(25),
+        ["python", "--short"] => package::alone(2),
+        ["scale"] => package::scale("1e8", false),
+        ["scale", "--short"] => package::scale("1e6", false),
+        ["scale", "--write"] => package::scale("1e8", true),
         ["drive"] => drive("python3"),
         ["drive", python] => drive(python),
-        _ => bail!("cargo xtask bench [realtime] [--write], or [--guards [--write]], or drive [PYTHON]"),
+        _ => bail!(
+            "cargo xtask bench [realtime] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short], or scale [--short|--write]"
+        ),
     }
 }
 
@@ -53,6 +61,7 @@ fn run(write: bool) -> Result<()> {
         Bench::csv,
         Bench::instructions,
         Bench::python,
+        Bench::package,
         Bench::sweeps,
         Bench::loops,
         Bench::checks,

@@ -1,6 +1,6 @@
 //! Programs of others that the tests need, installed with `CI` set: tests install nothing.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
@@ -85,7 +85,7 @@ pub fn installed() -> Result<()> {
     for (name, packages) in PYTHON {
         let folder = environments().join(name);
         let done = folder.join("installed");
-        if !done.exists() {
+        if !is_current(&done, packages) {
             run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
             run(Command::new(folder.join("bin/python")).args(["-m", "pip", "install", "--quiet"]).args(packages))?;
             std::fs::write(&done, packages.join("\n"))?;
@@ -94,8 +94,19 @@ pub fn installed() -> Result<()> {
     Ok(())
 }
 
+/// The environment of this name, where everything in it is of the versions above.
+pub fn environment(name: &str) -> Option<PathBuf> {
+    let folder = environments().join(name);
+    let (_, packages) = PYTHON.iter().find(|(known, _)| *known == name)?;
+    is_current(&folder.join("installed"), packages).then_some(folder)
+}
+
+fn is_current(done: &Path, packages: &[&str]) -> bool {
+    std::fs::read_to_string(done).is_ok_and(|installed| installed == packages.join("\n"))
+}
+
 /// Where the environments are: `CARGO_TARGET_TMPDIR` of the tests.
-pub fn environments() -> std::path::PathBuf {
+pub fn environments() -> PathBuf {
     test::target().join("tmp")
 }
 

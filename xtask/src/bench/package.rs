@@ -1,0 +1,69 @@
+//! The Python package beside the crates and beside other tools: `bench/python/package.py` in an environment of its own.
+
+use std::fs;
+use std::path::{Path, PathBuf, absolute};
+use std::process::Command;
+
+use anyhow::Result;
+
+use super::{Bench, PAIRS, output};
+
+const SCALE: &str = "docs/scale.md";
+
+/// What is installed beside the package; Drake has no wheel for some systems.
+const NEEDED: [&str; 4] = ["maturin==1.16.0", "numpy==2.4.6", "pyarrow==26.0.1", "scipy==1.17.1"];
+const BESIDE: [&str; 4] = ["control==0.10.2", "pathsim==0.27.1", "mujoco==4.0.0", "drake==1.51.1"];
+
+/// Prints the tables alone, of so many rounds.
+pub(super) fn alone(rounds: usize) -> Result<()> {
+    let bench = Bench::of_one("package")?;
+    output(Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt"]))?;
+    println!("{}", bench.tables(rounds)?);
+    Ok(())
+}
+
+/// A sweep of `loops` in shards, end to end; with `write`, into the page.
+pub(super) fn scale(loops: &str, write: bool) -> Result<()> {
+    let python = environment(&Bench::of_one("package")?.folder)?;
+    let processes = std::thread::available_parallelism()?.to_string();
+    let text = output(Command::new(python).arg("bench/python/scale.py").args([loops, &processes]))?;
+    println!("{text}");
+    if write {
+        let page = fs::read_to_string(SCALE)?;
+        fs::write(SCALE, crate::marked::replaced(&page, "cargo xtask bench scale", text.trim_end())?)?;
+    }
+    Ok(())
+}
+
+/// The Python of an environment with the package and what it is compared with.
+fn environment(folder: &Path) -> Result<PathBuf> {
+    let environment = absolute(folder.join("package"))?;
+    let python = environment.join("bin/python");
+    if !python.exists() {
+        output(Command::new("python3").args(["-m", "venv"]).arg(&environment))?;
+    }
+    let install = |packages: &[&str]| {
+        output(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(packages)).map(drop)
+    };
+    install(&NEEDED)?;
+    for package in BESIDE {
+        if let Err(error) = install(&[package]) {
+            eprintln!("without {package}: {error}");
+        }
+    }
+    crate::python::install(&environment, "release")?;
+    Ok(python)
+}
+
+impl Bench {
+    /// The tables as a part of the page.
+    pub(super) fn package(&self) -> Result<String> {
+        Ok(format!("\n## The Python package\n\n{}", self.tables(PAIRS)?))
+    }
+
+    fn tables(&self, rounds: usize) -> Result<String> {
+        let mut script = Command::new(environment(&self.folder)?);
+        script.arg("bench/python/package.py").arg(self.release.join("hapt-bench")).arg(self.release.join("hapt"));
+        output(script.arg(rounds.to_string()))
+    }
+}
