@@ -5,6 +5,7 @@ A quantity is a string with a unit, or a number in SI. A field that is None is l
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Optional, Union
@@ -13,9 +14,12 @@ Quantity = Union[str, float]
 
 
 class Table:
-    """A table with a `kind`."""
+    """A table of the world file with a `kind`: the name of its class, as the file spells it."""
 
     kind: ClassVar[str]
+
+    def __init_subclass__(cls) -> None:
+        cls.kind = re.sub(r"(?<!^)(?=[A-Z])", "-", cls.__name__).lower()
 
     def to_table(self) -> dict[str, Any]:
         """The table of the world file."""
@@ -24,32 +28,37 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Spring(Table):
+class Coupling(Table):
+    """An element `between` two ends, each "puck", "ground" or a body."""
+
+    between: Sequence[str]
+
+
+class Hand(Table):
+    """What moves the puck."""
+
+
+@dataclass(frozen=True)
+class Spring(Coupling):
     """-stiffness · (q - rest) on the first of the two ends, q = q_first - q_second."""
 
-    kind: ClassVar[str] = "spring"
-    between: Sequence[str]
     stiffness: Quantity
     rest: Optional[Quantity] = None
     limit: Optional[Quantity] = None
 
 
 @dataclass(frozen=True)
-class Damper(Table):
+class Damper(Coupling):
     """-damping · q̇; "compensating" is the period times the stiffness of the springs between the same ends."""
 
-    kind: ClassVar[str] = "damper"
-    between: Sequence[str]
     damping: Quantity
     limit: Optional[Quantity] = None
 
 
 @dataclass(frozen=True)
-class Wall(Table):
+class Wall(Coupling):
     """A spring and a damper while q is beyond `at` on its `side`, "above" or "below", never pulling."""
 
-    kind: ClassVar[str] = "wall"
-    between: Sequence[str]
     stiffness: Quantity
     side: str
     at: Quantity
@@ -58,22 +67,18 @@ class Wall(Table):
 
 
 @dataclass(frozen=True)
-class Detent(Table):
+class Detent(Coupling):
     """-torque · sin(2π (q - phase)/pitch)."""
 
-    kind: ClassVar[str] = "detent"
-    between: Sequence[str]
     torque: Quantity
     pitch: Quantity
     phase: Optional[Quantity] = None
 
 
 @dataclass(frozen=True)
-class DeadBand(Table):
+class DeadBand(Coupling):
     """A spring that begins `width` from `rest`, on both sides."""
 
-    kind: ClassVar[str] = "dead-band"
-    between: Sequence[str]
     stiffness: Quantity
     width: Quantity
     rest: Optional[Quantity] = None
@@ -81,22 +86,18 @@ class DeadBand(Table):
 
 
 @dataclass(frozen=True)
-class Magnet(Table):
+class Magnet(Coupling):
     """Pulls to `at`, most at the distance `width`, with `torque`."""
 
-    kind: ClassVar[str] = "magnet"
-    between: Sequence[str]
     torque: Quantity
     width: Quantity
     at: Optional[Quantity] = None
 
 
 @dataclass(frozen=True)
-class Texture(Table):
+class Texture(Coupling):
     """torque · waveform over θ = 2π (q - phase)/pitch: harmonics (`sine`, `cosine`), `samples` over one period, or a `file` of them."""
 
-    kind: ClassVar[str] = "texture"
-    between: Sequence[str]
     torque: Quantity
     pitch: Quantity
     phase: Optional[Quantity] = None
@@ -107,11 +108,9 @@ class Texture(Table):
 
 
 @dataclass(frozen=True)
-class Friction(Table):
+class Friction(Coupling):
     """Coulomb friction of a `torque`, or LuGre friction of the other six."""
 
-    kind: ClassVar[str] = "friction"
-    between: Sequence[str]
     torque: Optional[Quantity] = None
     coulomb: Optional[Quantity] = None
     stribeck: Optional[Quantity] = None
@@ -122,29 +121,25 @@ class Friction(Table):
 
 
 @dataclass(frozen=True)
-class Constant(Table):
+class Constant(Coupling):
     """A constant torque on the first end."""
 
-    kind: ClassVar[str] = "constant"
-    between: Sequence[str]
     torque: Quantity
 
 
 @dataclass(frozen=True)
-class Step(Table):
+class Step(Hand):
     """The puck at 0, from `at` on at `to`; the hand is gone from `release` on."""
 
-    kind: ClassVar[str] = "step"
     to: Quantity
     at: Optional[Quantity] = None
     release: Optional[Quantity] = None
 
 
 @dataclass(frozen=True)
-class Ramp(Table):
+class Ramp(Hand):
     """From 0 to `to` at constant velocity, beginning `at`, taking `over`."""
 
-    kind: ClassVar[str] = "ramp"
     to: Quantity
     over: Quantity
     at: Optional[Quantity] = None
@@ -152,10 +147,9 @@ class Ramp(Table):
 
 
 @dataclass(frozen=True)
-class Sine(Table):
+class Sine(Hand):
     """amplitude · sin(2π frequency t + phase)."""
 
-    kind: ClassVar[str] = "sine"
     amplitude: Quantity
     frequency: Quantity
     phase: Optional[Quantity] = None
@@ -163,29 +157,26 @@ class Sine(Table):
 
 
 @dataclass(frozen=True)
-class Path(Table):
+class Path(Hand):
     """A CSV of time and position, straight between the points; relative to the current folder."""
 
-    kind: ClassVar[str] = "path"
     file: str
     release: Optional[Quantity] = None
 
 
 @dataclass(frozen=True)
-class Torque(Table):
+class Torque(Hand):
     """The puck moves by itself, pushed by a torque of the shape `moves`."""
 
-    kind: ClassVar[str] = "torque"
-    moves: Table
+    moves: Hand
     release: Optional[Quantity] = None
 
 
 @dataclass(frozen=True)
-class Grip(Table):
+class Grip(Hand):
     """The puck in a hand of inertia, damping and stiffness around the intended motion `moves`."""
 
-    kind: ClassVar[str] = "grip"
-    moves: Table
+    moves: Hand
     inertia: Optional[Quantity] = None
     damping: Optional[Quantity] = None
     stiffness: Optional[Quantity] = None
@@ -194,23 +185,5 @@ class Grip(Table):
     release: Optional[Quantity] = None
 
 
-COUPLINGS = (Spring, Damper, Wall, Detent, DeadBand, Magnet, Texture, Friction, Constant)
-HANDS = (Step, Ramp, Sine, Path, Torque, Grip)
-
-__all__ = [
-    "Constant",
-    "Damper",
-    "DeadBand",
-    "Detent",
-    "Friction",
-    "Grip",
-    "Magnet",
-    "Path",
-    "Ramp",
-    "Sine",
-    "Spring",
-    "Step",
-    "Texture",
-    "Torque",
-    "Wall",
-]
+COUPLINGS: tuple[Any, ...] = tuple(Coupling.__subclasses__())
+HANDS: tuple[Any, ...] = tuple(Hand.__subclasses__())

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import tempfile
 from typing import Any, Optional
+
+from ._program import found
 
 
 class Live:
     """A running `hapt live`; `address` is its page. Ends with `close()`, at the end of a `with` block, or with Python."""
 
     def __init__(self, world: str, port: int = 0, program: Optional[str] = None) -> None:
-        found = program or shutil.which("hapt")
-        if found is None:
-            raise FileNotFoundError("the program hapt is not on the path: cargo install --path crates/hapt, or name it as program=")
+        path = found(program)
         file, self._file = tempfile.mkstemp(suffix=".toml")
         self._process: Optional[subprocess.Popen[str]] = None
         with os.fdopen(file, "w", encoding="utf-8") as out:
             out.write(world)
-        command = [found, "live", self._file, "--port", str(int(port))]
+        command = [path, "live", self._file, "--port", str(int(port))]
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
         assert self._process.stdout is not None
         self.address = self._process.stdout.readline().strip()

@@ -16,6 +16,7 @@ from ._arrays import numbers
 from ._check import Check
 from ._control import StateSpaces, state_spaces
 from ._live import Live
+from ._program import ran
 from ._run import Run
 from ._running import Device, Loop
 from ._shards import Dataset, Job
@@ -286,6 +287,19 @@ class World:
         `program` is the command, found on the path by default. Raises FileNotFoundError without it.
         """
         return Live(self.to_toml(), port, program)
+
+    def export_fmu(
+        self, path: Union[str, os.PathLike[str]], fmi: int = 2, whole: bool = False, program: Optional[str] = None
+    ) -> None:
+        """Writes the loop as an FMU for other simulators, with `whole` on its device: `hapt export fmu`.
+
+        `fmi` is 2 or 3; `program` is the command, found on the path by default. Raises FileNotFoundError without it, ValueError for what
+        cannot be exported, OSError where the file cannot be written.
+        """
+        if fmi not in (2, 3):
+            raise ValueError(f"fmi is {fmi!r}, but must be 2 or 3")
+        words = ["export", "fmu", "-", "-o", os.fspath(path), "--fmi", str(fmi), *(["--whole"] if whole else [])]
+        ran(program, words, self.to_toml())
 
     def _scenario(self, name: Optional[str]) -> str:
         if name is not None:

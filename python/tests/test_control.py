@@ -57,14 +57,14 @@ def test_the_world_s_state_space_gives_the_torque_of_the_loop() -> None:
         puck[:, 0] = 0.0  # tustin and foh begin at x_0, whatever the first sample
         loop = world.loop()
         torque = [loop.step(z, v) for z, v in puck.T]
-        expected = control.forced_response(system, inputs=puck, T=np.arange(40) * 1e-3).outputs
+        expected = control.forced_response(system, np.arange(40) * 1e-3, puck).outputs
         assert torque == pytest.approx(np.ravel(expected), abs=1e-9 * np.abs(torque).max())
 
 
 def test_the_device_s_state_space_has_its_step_response() -> None:
     world = random_world(np.random.default_rng(5))
     time = np.arange(200) * 1e-3
-    expected = control.forced_response(world.to_control().device, T=time, inputs=np.full(200, 0.01)).outputs
+    expected = control.forced_response(world.to_control().device, time, np.full(200, 0.01)).outputs
     device = world.device()
     rows = [device.puck] + [device.step(0.01) for _ in time[1:]]
     assert np.array(rows).T == pytest.approx(expected, rel=1e-6, abs=1e-12)

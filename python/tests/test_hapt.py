@@ -7,6 +7,8 @@ import io
 import os
 import pickle
 import pathlib
+import shutil
+import zipfile
 from typing import Any
 
 import hapt
@@ -317,6 +319,24 @@ def test_responses_draw_themselves(world: hapt.World) -> None:
     plt.close("all")
 
 
-def test_live_needs_the_program(world: hapt.World) -> None:
+def test_live_and_export_need_the_program(world: hapt.World, tmp_path: pathlib.Path) -> None:
     with pytest.raises(FileNotFoundError):
         world.live(program="/no/such/hapt")
+    with pytest.raises(FileNotFoundError):
+        world.export_fmu(tmp_path / "w.fmu", program="/no/such/hapt")
+    with pytest.raises(ValueError, match="2 or 3"):
+        world.export_fmu(tmp_path / "w.fmu", fmi=1)
+
+
+@pytest.mark.skipif(shutil.which("hapt") is None, reason="the program hapt is not on the path")
+def test_an_fmu_is_the_command_s(world: hapt.World, tmp_path: pathlib.Path) -> None:
+    try:
+        world.export_fmu(tmp_path / "w.fmu", fmi=3, whole=True)
+    except ValueError as error:
+        if "library" in str(error):
+            pytest.skip(str(error))
+        raise
+    with zipfile.ZipFile(tmp_path / "w.fmu") as fmu:
+        assert "modelDescription.xml" in fmu.namelist()
+    with pytest.raises(OSError):
+        world.export_fmu("/proc/w.fmu")

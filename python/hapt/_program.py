@@ -1,0 +1,24 @@
+"""The program hapt, for what the package does not hold itself."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Sequence
+from typing import Optional
+
+
+def found(program: Optional[str]) -> str:
+    """`program`, or hapt on the path. Raises FileNotFoundError."""
+    path = program or shutil.which("hapt")
+    if path is None:
+        raise FileNotFoundError("the program hapt is not on the path: cargo install --path crates/hapt, or name it as program=")
+    return path
+
+
+def ran(program: Optional[str], words: Sequence[str], world: str) -> None:
+    """Runs a command on a world. Raises ValueError for bad input, OSError for what failed, with the command's own message."""
+    ended = subprocess.run([found(program), *words], input=world, capture_output=True, text=True)
+    if ended.returncode:
+        message = ended.stderr.strip() or f"hapt ends with {ended.returncode}"
+        raise ValueError(message) if ended.returncode == 2 else OSError(message)
