@@ -206,37 +206,56 @@ def test_an_object_store_takes_the_same_files(world: hapt.World, tmp_path: pathl
         world.sweep(AXES, MEASURES[:1], out="s3://bucket/sweep", storage_options=bucket, progress=False)
 
 
-def test_dask_s_workers_may_die_and_its_scheduler_may_be_another(world: hapt.World, tmp_path: pathlib.Path) -> None:
+class Cluster:
+    """A scheduler of Dask and workers, each a process of its own."""
+
+    def __init__(self, at: pathlib.Path, workers: int) -> None:
+        self.file = at / f"scheduler-{time.monotonic_ns()}.json"
+        self.scheduler = self._begun("dask_scheduler", "--port", "0", "--host", "127.0.0.1")
+        self.workers = [self._begun("dask_worker", "--nthreads", "1", "--no-nanny") for _ in range(workers)]
+
+    def _begun(self, part: str, *words: str) -> "subprocess.Popen[bytes]":
+        command = [sys.executable, "-m", f"distributed.cli.{part}", "--scheduler-file", str(self.file), "--no-dashboard"]
+        process = subprocess.Popen([*command, *words], stderr=subprocess.DEVNULL)
+        while part == "dask_scheduler" and not self.file.exists():
+            assert process.poll() is None
+            time.sleep(0.01)
+        return process
+
+    def __enter__(self) -> "Cluster":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in [self.scheduler, *self.workers]:
+            process.kill()
+            process.wait()
+
+
+def test_dask_s_workers_and_its_scheduler_may_be_killed(world: hapt.World, tmp_path: pathlib.Path) -> None:
     distributed = pytest.importorskip("distributed")
     pytest.importorskip("pyarrow")
     slow = world.set("scenarios.step.duration", "20 s")
     measures = ["peak_torque", "settling_time"]
-    quiet = {"dashboard_address": None, "threads_per_worker": 1, "processes": True}
     whole = slow.sweep(AXES, measures, shards=40, out=tmp_path / "whole", progress=False)
     at = tmp_path / "spread"
 
-    def noted() -> int:
+    def there() -> int:
         return len(list(at.glob("part-*")))
 
-    def when(count: int, act: Any) -> threading.Thread:
-        def look() -> None:
-            while noted() < count:
-                time.sleep(0.01)
-            act()
+    with Cluster(tmp_path, 2) as cluster, distributed.Client(scheduler_file=str(cluster.file)) as client:
 
-        thread = threading.Thread(target=look)
-        thread.start()
-        return thread
+        def kill() -> None:
+            for count, process in [(2, cluster.workers[0]), (10, cluster.scheduler)]:
+                while there() < count:
+                    time.sleep(0.01)
+                process.kill()
 
-    with distributed.LocalCluster(n_workers=3, **quiet) as cluster, distributed.Client(cluster) as client:
-        victim = next(iter(client.run(os.getpid).values()))
-        killer = when(2, lambda: os.kill(victim, signal.SIGKILL))
-        ender = when(15, lambda: client.close())  # as a scheduler that is gone
-        with pytest.raises(RuntimeError, match="scheduler"):
+        killer = threading.Thread(target=kill)
+        killer.start()
+        with pytest.raises(RuntimeError, match="scheduler is gone"):
             slow.sweep(AXES, measures, client=client, shards=40, out=at, progress=False)
         killer.join()
-        ender.join()
-    assert 15 <= noted() < 40
-    with distributed.LocalCluster(n_workers=2, **quiet) as cluster, distributed.Client(cluster) as client:
+    assert 10 <= there() < 40
+    with Cluster(tmp_path, 2) as cluster, distributed.Client(scheduler_file=str(cluster.file)) as client:
         slow.sweep(AXES, measures, client=client, out=at, progress=False)
     assert files(at) == files(pathlib.Path(whole.place))
