@@ -64,7 +64,7 @@ pub fn impedance(
 pub fn edges(names: &[String]) -> PyResult<Vec<Edge>> {
     let mut edges = Vec::new();
     for name in names {
-        let edge = Edge::named(name).ok_or_else(|| {
+        let edge = Edge::from_name(name).ok_or_else(|| {
             let all = Edge::ALL.map(Edge::name).join(", ");
             PyValueError::new_err(format!("there is no claim {name:?}; there are {all}"))
         })?;

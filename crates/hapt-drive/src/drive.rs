@@ -133,10 +133,9 @@ pub enum Error {
 
 /// The remedy for a port without permission.
 fn may(error: &io::Error) -> &'static str {
-    match error.kind() {
-        io::ErrorKind::PermissionDenied => {
-            "; on most systems ports are for the group dialout: sudo usermod -aG dialout $USER, and log in anew"
-        }
-        _ => "",
+    if error.kind() == io::ErrorKind::PermissionDenied {
+        "; on most systems ports are for the group dialout: sudo usermod -aG dialout $USER, and log in anew"
+    } else {
+        ""
     }
 }

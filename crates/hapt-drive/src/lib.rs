@@ -13,6 +13,8 @@
 //! ```
 //!
 //! What is called on the loop's thread allocates nothing, and waits until an instant that it is given, no longer.
+// Every match names all variants, so that a new one does not compile by default.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 #[cfg(unix)]
 pub mod serial;

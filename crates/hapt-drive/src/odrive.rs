@@ -243,7 +243,13 @@ impl Odrive {
                 // What is owed from before is lost.
                 Said::Passed if past => (past, self.owed) = (false, 1),
                 Said::Nothing => {}
-                _ => trouble = DriveError::Late,
+                Said::Heartbeat(_)
+                | Said::Estimates(_)
+                | Said::Version(_)
+                | Said::Error(_)
+                | Said::Other(..)
+                | Said::Passed
+                | Said::Foreign => trouble = DriveError::Late,
             }
         }
         self.is_well()?;
@@ -271,7 +277,7 @@ impl Odrive {
                 self.fault.get_or_insert(DOUBLED);
             }
             Said::Estimates(_) => self.owed = self.owed.saturating_sub(1),
-            _ => {}
+            Said::Version(_) | Said::Error(_) | Said::Passed | Said::Nothing => {}
         }
         said
     }
@@ -315,11 +321,20 @@ impl Odrive {
             Command::Estimates => codec::two_floats(data).map(|(position, velocity)| {
                 Said::Estimates(ShaftState { position: position.into(), velocity: velocity.into() })
             }),
-            _ if barrier::KINDS.contains(&command) => {
+            Command::Current | Command::Warmth | Command::Bus | Command::Torques | Command::Powers => {
                 let (first, second) = codec::two_floats(data).unwrap_or((f32::NAN, f32::NAN));
                 Some(Said::Other(command, [first, second]))
             }
-            _ => None,
+            Command::Estop
+            | Command::State
+            | Command::Mode
+            | Command::Position
+            | Command::Velocity
+            | Command::Torque
+            | Command::Limits
+            | Command::Reboot
+            | Command::Clear
+            | Command::Absolute => None,
         };
         said.unwrap_or(Said::Nothing)
     }

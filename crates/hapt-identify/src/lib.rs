@@ -32,6 +32,8 @@
 //! # Ok::<(), hapt_identify::Error>(())
 //! ```
 #![forbid(unsafe_code)]
+// Every match names all variants, so that a new one does not compile by default.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 mod bound;
 mod columns;

@@ -42,6 +42,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![forbid(unsafe_code)]
+// Every match names all variants, so that a new one does not compile by default.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 mod board;
 mod complete;

@@ -145,19 +145,16 @@ impl<R: Read> Log<R> {
             }
         }
         let ending = container.ending().cloned().unwrap_or(Ending::Whole);
-        match ending {
-            Ending::Whole if metadata.is_some() => foreign("it holds no sample".into()),
-            _ if metadata.is_some() || (topics.is_empty() && ending != Ending::Whole) => {
-                foreign(format!("it holds no sample: {ending}"))
-            }
-            _ if topics.is_empty() => foreign("it is an MCAP file, but not a log of hapt: it has no topic".into()),
-            _ => {
-                topics.truncate(5);
-                let topics: Vec<String> = topics.iter().map(|topic| topic.chars().take(40).collect()).collect();
-                foreign(format!(
-                    "it is an MCAP file, but not a log of hapt: its topics are {topics:?}, expected {TOPIC:?}"
-                ))
-            }
+        if ending == Ending::Whole && metadata.is_some() {
+            foreign("it holds no sample".into())
+        } else if metadata.is_some() || (topics.is_empty() && ending != Ending::Whole) {
+            foreign(format!("it holds no sample: {ending}"))
+        } else if topics.is_empty() {
+            foreign("it is an MCAP file, but not a log of hapt: it has no topic".into())
+        } else {
+            topics.truncate(5);
+            let topics: Vec<String> = topics.iter().map(|topic| topic.chars().take(40).collect()).collect();
+            foreign(format!("it is an MCAP file, but not a log of hapt: its topics are {topics:?}, expected {TOPIC:?}"))
         }
     }
 

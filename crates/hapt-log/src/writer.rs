@@ -263,10 +263,7 @@ impl<W: Write> LogWriter<W> {
     }
 }
 
-/// The system's own words where it was the system.
+/// The system's own error where the cause is one.
 fn failed(error: McapError) -> io::Error {
-    match error {
-        McapError::Io(error) => error,
-        error => io::Error::other(error),
-    }
+    if let McapError::Io(error) = error { error } else { io::Error::other(error) }
 }

@@ -7,6 +7,8 @@
 //!
 //! A run is reduced to its [`Extremes`] while it streams: the same memory however long it is, and no peak disappears.
 #![forbid(unsafe_code)]
+// Every match names all variants, so that a new one does not compile by default.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 mod csv;
 mod diagram;

@@ -75,7 +75,7 @@ impl Scale {
     fn weight(&self, value: f64) -> f64 {
         match self {
             Scale::Named(names) => -(place(names, value) as f64),
-            _ => value.abs(),
+            Scale::Sequential(_) | Scale::Signed(_) => value.abs(),
         }
     }
 

@@ -275,9 +275,10 @@ impl<'a> Layout<'a> {
             let mut d = String::new();
             for &point in &mark.points {
                 let (a, b) = to(point);
-                let _ = match mark.shape {
-                    Shape::Line => write!(d, "M{a:.1} 0v{height:.1}"),
-                    shape => write!(d, "{}", symbol(shape, a, b)),
+                let _ = if mark.shape == Shape::Line {
+                    write!(d, "M{a:.1} 0v{height:.1}")
+                } else {
+                    write!(d, "{}", symbol(mark.shape, a, b))
                 };
             }
             if matches!(mark.style, Style::Edge(_)) {

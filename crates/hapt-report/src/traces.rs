@@ -27,28 +27,16 @@ pub struct Traces {
     window: (f64, f64),
 }
 
-/// A quantity that [`Traces::overlay`] draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Signal {
-    /// Of puck and bodies.
-    Position,
-    /// Of puck and bodies.
-    Velocity,
-    /// Asked of the motor, and applied by it; linear: the force.
-    Torque,
-}
-
-impl Signal {
-    /// All of them, from the top down.
-    pub const ALL: [Signal; 3] = [Signal::Position, Signal::Velocity, Signal::Torque];
-
-    /// Its name on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Signal::Position => "position",
-            Signal::Velocity => "velocity",
-            Signal::Torque => "torque",
-        }
+hapt_model::named! {
+    /// A quantity that [`Traces::overlay`] draws, from the top down. Its name is that of the command line.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Signal {
+        /// Of puck and bodies.
+        Position => "position",
+        /// Of puck and bodies.
+        Velocity => "velocity",
+        /// The motor's command and its applied torque; linear: the force.
+        Torque => "torque",
     }
 }
 

@@ -155,7 +155,7 @@ impl Engine {
         match &mut order {
             Order::Swap(plan) if check(plan).is_err() => return Err(order),
             Order::Swap(plan) => plan.reserve(),
-            _ => {}
+            Order::Request(_) | Order::Snapshot(_) => {}
         }
         self.orders.push((epoch, order)).map_err(|rtrb::PushError::Full((_, order))| order)
     }

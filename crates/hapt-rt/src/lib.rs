@@ -25,6 +25,8 @@
 //! println!("{timing}");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+// Every match names all variants, so that a new one does not compile by default.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 mod clock;
 mod cycle;

@@ -33,6 +33,8 @@
 //! # Ok::<(), hapt_sweep::Error>(())
 //! ```
 #![forbid(unsafe_code)]
+// Every match names all variants, so that a new one does not compile by default.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 mod axis;
 pub mod boundary;

@@ -101,27 +101,26 @@ pub enum Order<'a> {
     },
 }
 
-/// What can be read, and in part set, while a board runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Parameter {
-    /// Samples from one telemetry to the next, 1 to 65 535; 0: none. 0 until it is set.
-    Divider = 0,
-    /// Frames that were none since the start; read only.
-    Refused = 1,
-    /// Samples missed since the start; read only.
-    Missed = 2,
-    /// The most that a sample has taken, in the board's unit of [`Telemetry::used`]; set, it begins anew from there.
-    MostUsed = 3,
+hapt_core::named! {
+    /// A parameter of a running board. Some are read only.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[repr(u8)]
+    pub enum Parameter {
+        /// Samples from one telemetry to the next, 1 to 65 535; 0: none. 0 until it is set.
+        Divider = 0 => "divider",
+        /// Invalid frames since the start; read only.
+        Refused = 1 => "refused",
+        /// Samples missed since the start; read only.
+        Missed = 2 => "missed",
+        /// The longest sample so far, in the board's unit of [`Telemetry::used`]; setting it restarts the maximum from that value.
+        MostUsed = 3 => "most-used",
+    }
 }
 
 impl Parameter {
-    /// All of them, by their codes.
-    pub const ALL: [Parameter; 4] = [Parameter::Divider, Parameter::Refused, Parameter::Missed, Parameter::MostUsed];
-
     /// The parameter of a code.
     pub fn from_code(code: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(code)).copied()
+        Self::ALL.into_iter().find(|parameter| *parameter as u8 == code)
     }
 }
 
@@ -320,6 +319,27 @@ pub enum Refusal {
 }
 
 impl Refusal {
+    /// Whether the cause is a key of the world, which an edit of its file removes.
+    pub const fn is_about_the_world(self) -> bool {
+        match self {
+            Refusal::Room | Refusal::World | Refusal::Period | Refusal::NoLimit | Refusal::Exact => true,
+            Refusal::Hello
+            | Refusal::Sequence
+            | Refusal::Late
+            | Refusal::Busy
+            | Refusal::Piece
+            | Refusal::Hash
+            | Refusal::Version
+            | Refusal::Bytes
+            | Refusal::Armed
+            | Refusal::NoWorld
+            | Refusal::Phase
+            | Refusal::NotExternallyClocked
+            | Refusal::Sample
+            | Refusal::Parameter => false,
+        }
+    }
+
     /// What a person may make of it.
     pub const fn sentence(self) -> &'static str {
         match self {

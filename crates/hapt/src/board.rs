@@ -69,7 +69,7 @@ mod other {
 #[cfg(unix)]
 mod unix {
     use hapt_core::{Phase, Reason};
-    use hapt_host::board::{Error, Link, Refusal};
+    use hapt_host::board::{Error, Link};
     use hapt_host::{Backend, Machine};
 
     use crate::device::Port;
@@ -112,13 +112,8 @@ mod unix {
 
     impl From<Error> for Failure {
         fn from(error: Error) -> Self {
-            match error {
-                Error::Refused {
-                    why: Refusal::Room | Refusal::World | Refusal::Period | Refusal::NoLimit | Refusal::Exact,
-                    ..
-                } => Failure::input(error),
-                _ => Failure::System(error.to_string()),
-            }
+            let is_input = matches!(&error, Error::Refused { why, .. } if why.is_about_the_world());
+            if is_input { Failure::input(error) } else { Failure::System(error.to_string()) }
         }
     }
 }

@@ -99,7 +99,7 @@ pub fn within(axis: &Axis, value: Option<f64>) -> Option<f64> {
 fn claims(names: &[String]) -> Result<Vec<Edge>, Failure> {
     let mut claims = Vec::new();
     for name in names {
-        let edge = Edge::named(name.trim()).ok_or_else(|| {
+        let edge = Edge::from_name(name.trim()).ok_or_else(|| {
             let names = Edge::ALL.map(Edge::name).join(", ");
             Failure::input(format!("--of: there is no {name:?}; there are {names}"))
         })?;

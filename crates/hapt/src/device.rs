@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use hapt_core::SafetyProfile;
+#[cfg(target_os = "linux")]
+use hapt_drive::Make;
 use hapt_host::{Backend, Machine};
 use hapt_model::{EstimatorKind, Motion, World, did_you_mean};
 use hapt_rt::{Device, Hands, Position, Replay, SimulatedDevice};
@@ -58,8 +60,24 @@ impl FromStr for Port {
     }
 }
 
-/// Words that mean a drive.
+/// The drives' names, also for builds without drives.
 const DRIVES: [&str; 2] = ["moteus", "odrive"];
+
+#[cfg(target_os = "linux")]
+const _: () = {
+    assert!(DRIVES.len() == Make::NAMES.len(), "DRIVES lacks a drive");
+    let mut i = 0;
+    while i < DRIVES.len() {
+        let (here, there) = (DRIVES[i].as_bytes(), Make::NAMES[i].as_bytes());
+        assert!(here.len() == there.len(), "DRIVES differs from the drives' names");
+        let mut j = 0;
+        while j < here.len() {
+            assert!(here[j] == there[j], "DRIVES differs from the drives' names");
+            j += 1;
+        }
+        i += 1;
+    }
+};
 
 impl FromStr for Spec {
     type Err = String;
@@ -147,7 +165,7 @@ impl Spec {
                 let (backend, on) = board::backend(port, every)?;
                 (backend, None, on)
             }
-            _ => {
+            Spec::Sim | Spec::Replay(_) | Spec::Drive(_) => {
                 let settings = settings(realtime, world)?;
                 let (device, hands) = self.open(world)?;
                 (Backend::Local { device, settings }, hands, self.to_string())

@@ -59,7 +59,7 @@ mod linux {
 
     pub fn simulate(args: &SimulateDriveArgs) -> Result<ExitCode, Failure> {
         let make = Make::from_name(&args.make).ok_or_else(|| {
-            Failure::input(format!("cannot simulate a drive {:?}; expected moteus or odrive", args.make))
+            Failure::input(format!("cannot simulate a drive {:?}; expected {}", args.make, Make::NAMES.join(" or ")))
         })?;
         if !make.ids().contains(&args.id) {
             let (from, to) = (make.ids().start().to_owned(), make.ids().end().to_owned());

@@ -29,9 +29,10 @@ impl Failure {
 
     /// A failed write to standard output.
     pub fn stdout(error: io::Error) -> Self {
-        match error.kind() {
-            io::ErrorKind::BrokenPipe => Failure::Closed,
-            _ => Failure::write("to standard output", error),
+        if error.kind() == io::ErrorKind::BrokenPipe {
+            Failure::Closed
+        } else {
+            Failure::write("to standard output", error)
         }
     }
 

@@ -71,10 +71,11 @@ pub fn missing(path: &Path, error: &std::io::Error) -> Failure {
 
 /// What is wrong with the log of this name.
 pub fn failure(name: &str, error: Error) -> Failure {
-    match error {
-        Error::Unreadable(error) => Failure::input(format!("cannot read {name}: {error}")),
-        error => Failure::input(format!("{name}: {error}")),
-    }
+    Failure::input(if let Error::Unreadable(error) = error {
+        format!("cannot read {name}: {error}")
+    } else {
+        format!("{name}: {error}")
+    })
 }
 
 impl Opened {

@@ -1,4 +1,6 @@
 //! The command line: wires between the crates, and nothing else.
+// Every match names all variants, so that a new one does not compile by default.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 mod args;
 mod board;

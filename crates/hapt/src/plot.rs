@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use hapt_log::Log;
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, did_you_mean};
-use hapt_report::{Signal, Traces, Width, read_csv};
+use hapt_report::{CsvError, Signal, Traces, Width, read_csv};
 use hapt_sim::Row;
 
 use crate::args::PlotArgs;
@@ -100,7 +100,7 @@ fn signals(names: &[String]) -> Result<Vec<Signal>, Failure> {
     }
     let named = |name: &String| {
         let name = if name.trim() == "force" { "torque" } else { name.trim() };
-        Signal::ALL.into_iter().find(|signal| signal.name() == name).ok_or_else(|| {
+        Signal::from_name(name).ok_or_else(|| {
             let known = Signal::ALL.map(Signal::name);
             let hint = did_you_mean(name, known);
             Failure::input(format!("--signals: there is no {name:?}{hint} (there are {})", known.join(", ")))
@@ -129,9 +129,11 @@ fn read(path: &Path, limit: Option<&str>, window: (f64, f64)) -> Result<(String,
         return Ok((title, logged(Opened { name, log }, limit, window)?));
     }
     let said = |motion| limit(motion).map_err(Failure::message);
-    let traces = read_csv(from, said, window).map_err(|error| match error {
-        hapt_report::CsvError::Limit(message) => Failure::input(message),
-        error => Failure::input(format!("{name}, {error}")),
+    let traces = read_csv(from, said, window).map_err(|error| {
+        Failure::input(match error {
+            CsvError::Limit(message) => message,
+            CsvError::Unreadable { .. } | CsvError::Wrong { .. } => format!("{name}, {error}"),
+        })
     })?;
     Ok((title, traces))
 }

@@ -57,7 +57,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
             (loaded, sets) = (fit.loaded, fit.sets);
             fit.profile
         }
-        _ => {
+        Spec::Sim | Spec::Replay(_) | Spec::Drive(_) => {
             let profile = profile(args.uncertified, &spec, &loaded.world)?;
             // What the core refuses is refused before a device is opened.
             plan(&loaded.world, profile)?;

@@ -37,7 +37,9 @@ pub fn files(path: &Path, world: &World) -> Vec<(&'static str, PathBuf)> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let paths = world.scenarios.iter().filter_map(|scenario| match &scenario.hand.drive {
         Drive::Position(Shape::Path { file, .. }) => Some(("the path of a hand", folder.join(file))),
-        _ => None,
+        Drive::Position(Shape::Step { .. } | Shape::Ramp { .. } | Shape::Sine { .. })
+        | Drive::Torque(_)
+        | Drive::Grip { .. } => None,
     });
     [("the world", path.to_path_buf())].into_iter().chain(paths).collect()
 }

@@ -8,90 +8,38 @@ use hapt_sim::Grip;
 
 use crate::faults::rig::Rig;
 
-/// A kind of fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// None, to compare with.
-    None,
-    Dropped,
-    Doubled,
-    Swapped,
-    Frozen,
-    FrozenSwinging,
-    Flipped,
-    Jump,
-    EncoderReversed,
-    Delay,
-    Jitter,
-    NotANumber,
-    MotorGain,
-    MotorReversed,
-    Hit,
-    Unstable,
-    Link,
-    Stalled,
-    Clock,
-    Stop,
-    ArmedReversed,
-    ArmedDead,
+hapt_core::named! {
+    /// A kind of fault, with its name in the table.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Kind {
+        None => "none, to compare with",
+        Dropped => "one sample lost",
+        Doubled => "one sample twice",
+        Swapped => "two samples in the wrong order",
+        Frozen => "encoder frozen",
+        FrozenSwinging => "encoder frozen beside a body that swings on",
+        Flipped => "one bit of the position flipped, once",
+        Jump => "position jumps and stays there (up to a turn)",
+        EncoderReversed => "encoder runs the other way",
+        Delay => "positions 1 to 8 samples old",
+        Jitter => "positions 0 to 3 samples old, at random",
+        NotANumber => "NaN or infinite",
+        MotorGain => "motor 0.1 to 5 times as strong",
+        MotorReversed => "motor pushes the other way",
+        Hit => "a hammer hits the puck",
+        Unstable => "world swapped to an unstable one",
+        Link => "link lost",
+        Stalled => "process stalled for 6 to 300 samples",
+        Clock => "clock stepped by 10 ms to an hour",
+        Stop => "stop",
+        ArmedReversed => "encoder or motor reversed before arming",
+        ArmedDead => "encoder dead before arming",
+    }
 }
 
 use Reason::{Jump, Late, Link, NotFinite, Overspeed, PortEnergy, Reversed, Slew, Stop, Stuck, Velocity, WorldEnergy};
 
 impl Kind {
-    pub const ALL: [Kind; 22] = [
-        Kind::None,
-        Kind::Dropped,
-        Kind::Doubled,
-        Kind::Swapped,
-        Kind::Frozen,
-        Kind::FrozenSwinging,
-        Kind::Flipped,
-        Kind::Jump,
-        Kind::EncoderReversed,
-        Kind::Delay,
-        Kind::Jitter,
-        Kind::NotANumber,
-        Kind::MotorGain,
-        Kind::MotorReversed,
-        Kind::Hit,
-        Kind::Unstable,
-        Kind::Link,
-        Kind::Stalled,
-        Kind::Clock,
-        Kind::Stop,
-        Kind::ArmedReversed,
-        Kind::ArmedDead,
-    ];
-
-    /// In the table.
-    pub fn name(self) -> &'static str {
-        match self {
-            Kind::None => "none, to compare with",
-            Kind::Dropped => "one sample lost",
-            Kind::Doubled => "one sample twice",
-            Kind::Swapped => "two samples in the wrong order",
-            Kind::Frozen => "encoder frozen",
-            Kind::FrozenSwinging => "encoder frozen beside a body that swings on",
-            Kind::Flipped => "one bit of the position flipped, once",
-            Kind::Jump => "position jumps and stays there (up to a turn)",
-            Kind::EncoderReversed => "encoder runs the other way",
-            Kind::Delay => "positions 1 to 8 samples old",
-            Kind::Jitter => "positions 0 to 3 samples old, at random",
-            Kind::NotANumber => "NaN or infinite",
-            Kind::MotorGain => "motor 0.1 to 5 times as strong",
-            Kind::MotorReversed => "motor pushes the other way",
-            Kind::Hit => "a hammer hits the puck",
-            Kind::Unstable => "world swapped to an unstable one",
-            Kind::Link => "link lost",
-            Kind::Stalled => "process stalled for 6 to 300 samples",
-            Kind::Clock => "clock stepped by 10 ms to an hour",
-            Kind::Stop => "stop",
-            Kind::ArmedReversed => "encoder or motor reversed before arming",
-            Kind::ArmedDead => "encoder dead before arming",
-        }
-    }
-
     /// Whether every such fault has to be caught.
     pub fn must_trip(self) -> bool {
         matches!(

@@ -6,17 +6,19 @@
 use super::NOP;
 use crate::frame::Frame;
 
-/// The type in which a register travels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Resolution {
-    /// 8 bits.
-    Int8,
-    /// 16 bits.
-    Int16,
-    /// 32 bits.
-    Int32,
-    /// An f32.
-    Float,
+hapt_core::named! {
+    /// The type of a register's value in a frame, by the code of its subframe.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Resolution {
+        /// 8 bits.
+        Int8 => "int8",
+        /// 16 bits.
+        Int16 => "int16",
+        /// 32 bits.
+        Int32 => "int32",
+        /// An f32.
+        Float => "float",
+    }
 }
 
 /// A register's value as it travels. The smallest number of an integer type is for "no number".
@@ -45,10 +47,6 @@ pub enum Subframe {
     Error(u32, u32),
     /// Bytes of the diagnostic stream on this channel, or a question for them.
     Stream(u32),
-}
-
-impl Resolution {
-    const ALL: [Resolution; 4] = [Resolution::Int8, Resolution::Int16, Resolution::Int32, Resolution::Float];
 }
 
 impl Value {

@@ -275,7 +275,7 @@ impl Firmware for Simulated {
         for part in Parser::new(frame.data()) {
             let read = match part {
                 Subframe::Read(register, resolution) => Some((register, self.read(register, resolution, shaft))),
-                _ => None,
+                Subframe::Write(..) | Subframe::Reply(..) | Subframe::Error(..) | Subframe::Stream(_) => None,
             };
             match read {
                 Some((register, Ok(value))) if values.takes(register, first, value) => values.push(value),

@@ -33,74 +33,53 @@ pub mod control {
 /// The input goes to the controller as it is.
 pub const PASSTHROUGH: u32 = 1;
 
-/// What a frame is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Command {
-    /// Which firmware it is; 0.5 is silent.
-    Version = 0x00,
-    /// Every 100 ms unless configured otherwise.
-    Heartbeat = 0x01,
-    /// Disarms, with an error.
-    Estop = 0x02,
-    /// What is wrong, and why it was disarmed last. In 0.5: what is wrong with the motor.
-    Error = 0x03,
-    /// Asks for an axis state.
-    State = 0x07,
-    /// Position and velocity.
-    Estimates = 0x09,
-    /// What is controlled, and what becomes of the input.
-    Mode = 0x0b,
-    /// The position to go to.
-    Position = 0x0c,
-    /// The velocity to keep.
-    Velocity = 0x0d,
-    /// The torque to hold.
-    Torque = 0x0e,
-    /// How fast and with how much current it may turn.
-    Limits = 0x0f,
-    /// The motor's current, wanted and measured.
-    Current = 0x14,
-    /// How warm it is. Before 0.6: what it takes the rotor for without an encoder.
-    Warmth = 0x15,
-    /// Restarts the drive.
-    Reboot = 0x16,
-    /// The supply's voltage and current.
-    Bus = 0x17,
-    /// Forgets errors.
-    Clear = 0x18,
-    /// What the position is from now on.
-    Absolute = 0x19,
-    /// From 0.6 on: the torque, wanted and estimated.
-    Torques = 0x1c,
-    /// From 0.6 on: electrical and mechanical power. Before: what is wrong with the controller.
-    Powers = 0x1d,
+hapt_core::named! {
+    /// The command of a frame, its last five bits.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[repr(u8)]
+    pub enum Command {
+        /// Which firmware it is; 0.5 is silent.
+        Version = 0x00 => "version",
+        /// Every 100 ms unless configured otherwise.
+        Heartbeat = 0x01 => "heartbeat",
+        /// Disarms, with an error.
+        Estop = 0x02 => "estop",
+        /// What is wrong, and why it was disarmed last. In 0.5: what is wrong with the motor.
+        Error = 0x03 => "error",
+        /// Asks for an axis state.
+        State = 0x07 => "state",
+        /// Position and velocity.
+        Estimates = 0x09 => "estimates",
+        /// What is controlled, and what becomes of the input.
+        Mode = 0x0b => "mode",
+        /// The position to go to.
+        Position = 0x0c => "position",
+        /// The velocity to keep.
+        Velocity = 0x0d => "velocity",
+        /// The torque to hold.
+        Torque = 0x0e => "torque",
+        /// How fast and with how much current it may turn.
+        Limits = 0x0f => "limits",
+        /// The motor's current, wanted and measured.
+        Current = 0x14 => "current",
+        /// How warm it is. Before 0.6: what it takes the rotor for without an encoder.
+        Warmth = 0x15 => "temperature",
+        /// Restarts the drive.
+        Reboot = 0x16 => "reboot",
+        /// The supply's voltage and current.
+        Bus = 0x17 => "bus",
+        /// Forgets errors.
+        Clear = 0x18 => "clear",
+        /// What the position is from now on.
+        Absolute = 0x19 => "absolute",
+        /// From 0.6 on: the torque, wanted and estimated.
+        Torques = 0x1c => "torques",
+        /// From 0.6 on: electrical and mechanical power. Before: what is wrong with the controller.
+        Powers = 0x1d => "powers",
+    }
 }
 
 impl Command {
-    /// All of them.
-    pub const ALL: [Command; 19] = [
-        Command::Version,
-        Command::Heartbeat,
-        Command::Estop,
-        Command::Error,
-        Command::State,
-        Command::Estimates,
-        Command::Mode,
-        Command::Position,
-        Command::Velocity,
-        Command::Torque,
-        Command::Limits,
-        Command::Current,
-        Command::Warmth,
-        Command::Reboot,
-        Command::Bus,
-        Command::Clear,
-        Command::Absolute,
-        Command::Torques,
-        Command::Powers,
-    ];
-
     /// The frame's identifier.
     pub fn id(self, node: u8) -> u16 {
         u16::from(node & LARGEST_NODE) << 5 | self as u16

@@ -140,7 +140,17 @@ impl Simulated {
             }
             // At a standstill none; in 0.5 no error of the controller's.
             Command::Powers => [0; 8],
-            _ => return None,
+            Command::Heartbeat
+            | Command::Estop
+            | Command::State
+            | Command::Mode
+            | Command::Position
+            | Command::Velocity
+            | Command::Torque
+            | Command::Limits
+            | Command::Reboot
+            | Command::Clear
+            | Command::Absolute => return None,
         })
     }
 

@@ -43,10 +43,8 @@ impl Odrive {
             self.barrier.is_passed_by(kind);
         }
         // Before 0.6 there is no position until the drive has been armed once.
-        let answer = self.answer(Command::Estimates, |said| match said {
-            Said::Estimates(answer) => Some(answer),
-            _ => None,
-        })?;
+        let answer = self
+            .answer(Command::Estimates, |said| if let Said::Estimates(answer) = said { Some(answer) } else { None })?;
         let answer = answer.ok_or_else(|| self.silent("; its heartbeat is there, positions are not"))?;
         if answer.position.abs() >= FARTHEST {
             return Err(self.refused(format!(
@@ -84,10 +82,8 @@ impl Odrive {
             };
             return Err(self.silent(&hint));
         }
-        let version = self.answer(Command::Version, |said| match said {
-            Said::Version(version) => Some(version),
-            _ => None,
-        })?;
+        let version =
+            self.answer(Command::Version, |said| if let Said::Version(version) = said { Some(version) } else { None })?;
         self.version = version.unwrap_or(Version::SILENT);
         self.who_answers()
     }
@@ -109,7 +105,12 @@ impl Odrive {
                         unasked[kind.unwrap_or(now)] = true;
                     }
                     Said::Foreign => is_foreign = true,
-                    _ => {}
+                    Said::Heartbeat(_)
+                    | Said::Estimates(_)
+                    | Said::Version(_)
+                    | Said::Error(_)
+                    | Said::Passed
+                    | Said::Nothing => {}
                 }
                 None
             })?;
@@ -153,10 +154,7 @@ impl Odrive {
             }
             left
         } else {
-            self.answer(Command::Error, |said| match said {
-                Said::Error(bits) => Some(bits),
-                _ => None,
-            })?
+            self.answer(Command::Error, |said| if let Said::Error(bits) = said { Some(bits) } else { None })?
         };
         match left {
             Some(0) => Ok(()),
@@ -181,12 +179,10 @@ impl Odrive {
         self.tell(Command::Torque, [0; 8])?;
         self.tell(Command::State, codec::pair(state::CLOSED_LOOP, 0))?;
         let mut last = Heartbeat::default();
-        let armed = self.until(A_STATE, true, |_, said| match said {
-            Said::Heartbeat(heartbeat) => {
-                last = heartbeat;
-                (u32::from(heartbeat.state) == state::CLOSED_LOOP).then_some(())
-            }
-            _ => None,
+        let armed = self.until(A_STATE, true, |_, said| {
+            let Said::Heartbeat(heartbeat) = said else { return None };
+            last = heartbeat;
+            (u32::from(heartbeat.state) == state::CLOSED_LOOP).then_some(())
         })?;
         if armed.is_none() {
             let fault = self.version.fault(last.error);
@@ -194,9 +190,9 @@ impl Odrive {
             return Err(self.refused(why));
         }
         let (silence, longest) = (Instant::now(), LONGEST_WATCHDOG + HEARTBEAT);
-        let disarmed = self.until(longest, false, |_, said| match said {
-            Said::Heartbeat(heartbeat) if u32::from(heartbeat.state) != state::CLOSED_LOOP => Some(heartbeat.error),
-            _ => None,
+        let disarmed = self.until(longest, false, |_, said| {
+            let Said::Heartbeat(heartbeat) = said else { return None };
+            (u32::from(heartbeat.state) != state::CLOSED_LOOP).then_some(heartbeat.error)
         })?;
         match disarmed {
             // Heard too late to prove anything.

@@ -9,35 +9,20 @@ use crate::axis::{Axis, Grid};
 use crate::boundary::continuation::{INSET, Place};
 use crate::error::Error;
 
-/// A claim that holds on one side of an edge and fails beyond it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Edge {
-    /// The world alone, the puck held: not unstable.
-    Held,
-    /// The whole loop, nobody at the puck: not unstable.
-    Free,
-    /// The loop against any passive hand.
-    Passive,
+hapt_model::named! {
+    /// A claim that holds on one side of an edge and fails beyond it. Its name is that of the command line and of tables.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Edge {
+        /// The world alone, with the puck held, is not unstable.
+        Held => "held",
+        /// The whole loop, with the puck free, is not unstable.
+        Free => "free",
+        /// The loop is passive against every passive hand.
+        Passive => "passive",
+    }
 }
 
 impl Edge {
-    /// All of them.
-    pub const ALL: [Edge; 3] = [Edge::Held, Edge::Free, Edge::Passive];
-
-    /// Its name on the command line and in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Edge::Held => "held",
-            Edge::Free => "free",
-            Edge::Passive => "passive",
-        }
-    }
-
-    /// The edge of this name.
-    pub fn named(name: &str) -> Option<Edge> {
-        Edge::ALL.into_iter().find(|edge| edge.name() == name)
-    }
-
     /// What a loop beyond it is.
     pub const fn beyond(self) -> &'static str {
         match self {
