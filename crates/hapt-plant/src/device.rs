@@ -1,5 +1,5 @@
-//! The device on its own, period after period: the exact puck, the motor, and whatever hand holds it. Whoever has a loop runs it
-//! beside one: a simulation, a thread in real time, a page.
+//! The simulated device, advanced period by period: the exact puck, the motor, and the hand that holds it. A simulation, a real-time
+//! thread or a page runs it with a loop.
 
 use crate::hand::{Hand, grip_push};
 use crate::ledger::Ledger;
@@ -8,10 +8,10 @@ use crate::puck::{Inertia, Lengths, Puck, Push};
 use crate::spec::{self, DeviceSpec};
 use crate::trajectory::Piece;
 
-/// A hand that takes longer than this from one word to the next has stopped in between, in s.
+/// A hand whose target is older than this has stopped, in s.
 const LONGEST_MOVE: f64 = 0.05;
 
-/// A hand on the puck: its inertia moves with the puck, spring and damper stand between the puck and what it intends.
+/// A hand on the puck: its inertia moves with the puck, a spring and a damper connect the puck to the intended position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grip {
     /// kg·m² (linear: kg), zero or more.
@@ -22,12 +22,12 @@ pub struct Grip {
     pub stiffness: f64,
 }
 
-/// A scenario's hand, laid on the samples of a loop; none by default.
+/// A scenario's hand, aligned with the samples of a loop; none by default.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Script {
     hand: Option<Hand>,
-    /// The sample after which it is over.
+    /// The last sample of the scenario.
     last: u64,
 }
 
@@ -43,30 +43,30 @@ impl Script {
     }
 }
 
-/// Who holds the puck.
+/// The hand that holds the puck.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-enum Holder {
-    Nobody,
+enum HandMode {
+    Free,
     Script,
-    Grip(Follower),
+    Grip(InteractiveGrip),
     /// A torque in N·m (linear: N), held until the next one.
     Torque(f64),
 }
 
-/// A grip whose intended motion is told as it goes.
+/// A grip whose target arrives while it moves.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Follower {
+struct InteractiveGrip {
     grip: Inertia,
     intended: Piece,
-    /// Where it is on the way to.
+    /// The target, in the same unit.
     target: f64,
-    /// The sample at which that was said.
-    said: u64,
+    /// The sample at which the target was set.
+    updated: u64,
 }
 
-/// A world's device. Nothing that it does between two samples allocates, once it is made.
+/// A world's device. After construction nothing between two samples allocates.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct VirtualDevice {
@@ -77,12 +77,12 @@ pub struct VirtualDevice {
     motor: Motor<f64>,
     puck: Puck,
     script: Script,
-    holder: Holder,
-    /// The instant of this sample by the hand's own clock in s, origin + sample · T.
+    mode: HandMode,
+    /// The time of this sample on the hand's clock in s, origin + sample · T.
     now: f64,
     origin: f64,
     sample: u64,
-    /// When the hand does something next, in s; infinite when never.
+    /// The time of the hand's next event in s; infinite if there is none.
     next_event: f64,
     announced: bool,
     ledger: Ledger,
@@ -91,7 +91,7 @@ pub struct VirtualDevice {
 }
 
 impl VirtualDevice {
-    /// The puck at rest at 0, nobody's hand on it.
+    /// The puck at rest at 0, free.
     pub fn new(spec: &DeviceSpec) -> Self {
         let &DeviceSpec { period, delay, inertia, damping, friction } = spec;
         let device = Inertia { inertia, damping, stiffness: 0.0 };
@@ -104,7 +104,7 @@ impl VirtualDevice {
             puck: Puck::new(device, friction, lengths(&motor, period)),
             motor,
             script: Script::default(),
-            holder: Holder::Nobody,
+            mode: HandMode::Free,
             now: 0.0,
             origin: 0.0,
             sample: 0,
@@ -115,7 +115,7 @@ impl VirtualDevice {
         }
     }
 
-    /// Makes room for all commands that the motor's delay keeps on their way (up to 65 536), for a thread that must not.
+    /// Reserves memory for the motor's delay line (up to 65 536 commands), for a thread that must not allocate.
     pub fn reserve(&mut self) {
         self.motor.reserve();
     }
@@ -126,39 +126,39 @@ impl VirtualDevice {
         (self.puck.position, self.puck.velocity)
     }
 
-    /// What the motor holds, in N·m (linear: N).
+    /// The torque that the motor holds, in N·m (linear: N).
     #[inline]
     pub fn applied(&self) -> f64 {
         self.motor.applied
     }
 
-    /// The device's works up to here.
+    /// The works so far.
     #[inline]
     pub fn ledger(&self) -> Ledger {
         self.ledger
     }
 
-    /// Whether a hand has prescribed the puck a jump, or a corner of its motion, since the last sample.
+    /// Whether a hand prescribed a jump of the puck's position or velocity since the last sample.
     pub fn announced(&self) -> bool {
         self.announced
     }
 
-    /// Whether anybody holds the puck.
+    /// Whether a hand holds the puck.
     pub fn is_held(&self) -> bool {
-        !matches!(self.holder, Holder::Nobody)
+        !matches!(self.mode, HandMode::Free)
     }
 
-    /// The scenario's hand that has taken hold last.
+    /// The last scenario's hand.
     pub fn script(&self) -> &Script {
         &self.script
     }
 
-    /// A scenario's hand takes hold now, at its t = 0, and lets go when the scenario is over; `script` is then the one before it.
+    /// Starts a scenario's hand at its t = 0; it releases at the scenario's end. `script` receives the previous one.
     pub fn begin(&mut self, script: &mut Script) {
         core::mem::swap(&mut self.script, script);
         self.restart_clock();
         let Some(hand) = &self.script.hand else { return self.let_go() };
-        self.holder = Holder::Script;
+        self.mode = HandMode::Script;
         self.puck.take(hand.grip(), hand.sine(), hand.switches());
         if let Some(piece) = hand.prescribed() {
             self.prescribe(piece.at(0.0), 0.0, 0.0);
@@ -166,7 +166,7 @@ impl VirtualDevice {
         self.hand_acts(0.0);
     }
 
-    /// A hand takes hold where the puck is, without a push, or whoever holds it lets go.
+    /// Grips the puck at its present position, without a push; `None` releases it.
     pub fn hold(&mut self, grip: Option<Grip>) {
         let Some(Grip { inertia, damping, stiffness }) = grip else { return self.let_go() };
         let grip = Inertia { inertia, damping, stiffness };
@@ -174,45 +174,46 @@ impl VirtualDevice {
         self.next_event = f64::INFINITY;
         self.puck.take(Some(grip), (0.0, 0.0, 0.0), false);
         let target = self.puck.position;
-        self.holder = Holder::Grip(Follower { grip, intended: Piece::straight(0.0, target, 0.0), target, said: 0 });
+        self.mode =
+            HandMode::Grip(InteractiveGrip { grip, intended: Piece::straight(0.0, target, 0.0), target, updated: 0 });
     }
 
-    /// A hand pushes with this torque in N·m (linear: N) from now on, in place of whatever held the puck.
+    /// A hand pushes with this torque in N·m (linear: N) from now on, instead of the previous hand.
     pub fn push(&mut self, torque: f64) {
-        if !matches!(self.holder, Holder::Torque(_)) {
+        if !matches!(self.mode, HandMode::Torque(_)) {
             self.let_go();
         }
-        self.holder = Holder::Torque(torque);
+        self.mode = HandMode::Torque(torque);
     }
 
-    /// The grip means to be at `position` in rad (linear: m), and goes there straight: for as long as its word before this one is ago,
-    /// but 50 ms at most, so that words at a steady rate make one steady motion. Without a grip nothing happens.
+    /// Sets the grip's target to `position` in rad (linear: m). The grip moves there at constant velocity, over the time since the previous
+    /// target, 50 ms at most, so that targets at a steady rate give a steady motion. Without a grip nothing happens.
     pub fn intend(&mut self, position: f64) {
-        let Holder::Grip(hand) = &mut self.holder else { return };
+        let HandMode::Grip(hand) = &mut self.mode else { return };
         if !position.is_finite() {
             return;
         }
         let longest = (LONGEST_MOVE / self.period).max(1.0) as u64;
-        let samples = (self.sample - hand.said).clamp(1, longest);
+        let samples = (self.sample - hand.updated).clamp(1, longest);
         let from = hand.intended.at(self.now).0;
         let slope = (position - from) / (samples as f64 * self.period);
         hand.intended = Piece::straight(self.now, from, slope);
-        (hand.target, hand.said) = (position, self.sample);
+        (hand.target, hand.updated) = (position, self.sample);
         self.next_event = self.origin + (self.sample + samples) as f64 * self.period;
     }
 
-    /// The puck's coordinate, and that of the grip's intention, counts from `by` rad (linear: m) further on: nothing moves. A scenario's
-    /// positions are from the new 0. Allocates nothing.
+    /// Moves the origin of the puck's and the grip's coordinates by `by` rad (linear: m); nothing moves. A scenario's positions count from
+    /// the new 0. Allocates nothing.
     pub fn shift(&mut self, by: f64) {
         self.puck.position -= by;
-        if let Holder::Grip(hand) = &mut self.holder {
+        if let HandMode::Grip(hand) = &mut self.mode {
             let (intended, slope) = hand.intended.at(self.now);
             hand.intended = Piece::straight(self.now, intended - by, slope);
             hand.target -= by;
         }
     }
 
-    /// The puck at rest at 0, nobody's hand on it, and no torque on its way. Allocates nothing.
+    /// Resets the puck to rest at 0, free, with an empty delay line. Allocates nothing.
     pub fn restart(&mut self) {
         (self.puck.position, self.puck.velocity) = (0.0, 0.0);
         self.let_go();
@@ -222,13 +223,13 @@ impl VirtualDevice {
         self.elapsed = 0.0;
     }
 
-    /// The loop's command, in N·m (linear: N).
+    /// Sets the loop's command, in N·m (linear: N).
     #[inline]
     pub fn command(&mut self, torque: f64) {
         self.motor.command(torque);
     }
 
-    /// Goes on as the device `to`, with the puck where and as it is, in the same hand; `to` takes the place of what was.
+    /// Continues as the device `to`, with the same state of puck and hand; the old device is exchanged into `to`.
     pub fn refit(&mut self, to: &mut VirtualDevice) {
         let key = |device: &Self| {
             (device.period, device.device.inertia, device.device.damping, device.friction, device.delay)
@@ -246,9 +247,9 @@ impl VirtualDevice {
         if self.period != to.period {
             let ratio = self.period / to.period;
             core::mem::swap(&mut self.period, &mut to.period);
-            // The hand's clock goes on, in other samples.
-            if let Holder::Grip(hand) = &mut self.holder {
-                hand.said = 0;
+            // The hand's clock continues, in samples of the new period.
+            if let HandMode::Grip(hand) = &mut self.mode {
+                hand.updated = 0;
             }
             self.script.last = (self.script.last.saturating_sub(self.sample) as f64 * ratio) as u64;
             (self.origin, self.sample) = (self.now, 0);
@@ -260,8 +261,8 @@ impl VirtualDevice {
         (self.now, self.origin, self.sample) = (0.0, 0.0, 0);
     }
 
-    /// Goes on to `elapsed` s after this sample, at most a period, without reaching the next sample. Only for a puck that is pushed
-    /// ([`VirtualDevice::push`]) or free; [`VirtualDevice::travel_on`] goes from there to the next sample.
+    /// Advances to `elapsed` s after this sample, at most a period, without reaching the next sample. Only for a puck that is pushed
+    /// ([`VirtualDevice::push`]) or free; [`VirtualDevice::travel_on`] advances from there to the next sample.
     pub fn travel_to(&mut self, elapsed: f64) {
         let rest = self.motor.rest;
         if rest > 0.0 && self.elapsed < rest && rest <= elapsed {
@@ -275,7 +276,7 @@ impl VirtualDevice {
         }
     }
 
-    /// From wherever [`VirtualDevice::travel_to`] has gone to the next sample; from a sample the same as [`VirtualDevice::travel`].
+    /// Advances from the time of [`VirtualDevice::travel_to`] to the next sample; from a sample the same as [`VirtualDevice::travel`].
     pub fn travel_on(&mut self) {
         if self.elapsed == 0.0 {
             return self.travel();
@@ -286,7 +287,7 @@ impl VirtualDevice {
         self.now = self.origin + self.sample as f64 * self.period;
     }
 
-    /// From this sample to the next.
+    /// Advances from this sample to the next.
     #[inline]
     pub fn travel(&mut self) {
         let from = self.now;
@@ -300,15 +301,15 @@ impl VirtualDevice {
             self.travel_by_events(from, to);
         }
         self.now = to;
-        if self.sample > self.script.last && matches!(self.holder, Holder::Script) {
+        if self.sample > self.script.last && matches!(self.mode, HandMode::Script) {
             self.let_go();
         }
     }
 
-    /// The same from event to event: the hand's, and the motor's change within the period.
+    /// Advances from event to event: those of the hand, and the motor's change within the period.
     fn travel_by_events(&mut self, from: f64, to: f64) {
         let mut now = from;
-        // Seconds since `from`: these, and not the difference of absolute times, are the lengths that come again.
+        // Seconds since `from`: these lengths repeat to the bit, unlike differences of absolute times.
         let mut elapsed = 0.0;
         let mut change_at = (self.motor.rest > 0.0).then_some(self.motor.rest);
         loop {
@@ -342,10 +343,10 @@ impl VirtualDevice {
     /// A stretch of `length` seconds without an event.
     #[inline]
     fn stretch(&mut self, from: f64, to: f64, length: f64) {
-        let push = match (&self.holder, &self.script.hand) {
-            (Holder::Script, Some(hand)) => match hand.prescribed() {
+        let push = match (&self.mode, &self.script.hand) {
+            (HandMode::Script, Some(hand)) => match hand.prescribed() {
                 None => hand.push(from),
-                // It is there already.
+                // It has arrived.
                 Some(piece) if piece.is_flat() => return,
                 Some(piece) => {
                     let (square, path) = piece.travel(from, to);
@@ -353,20 +354,20 @@ impl VirtualDevice {
                     return;
                 }
             },
-            (Holder::Grip(hand), _) => {
+            (HandMode::Grip(hand), _) => {
                 let (intended, velocity) = hand.intended.at(from);
                 grip_push(hand.grip, intended, velocity)
             }
-            (&Holder::Torque(value), _) => Push { value, ..Push::default() },
-            (Holder::Nobody, _) | (Holder::Script, None) => Push::default(),
+            (&HandMode::Torque(value), _) => Push { value, ..Push::default() },
+            (HandMode::Free, _) | (HandMode::Script, None) => Push::default(),
         };
         self.puck.advance(length, self.motor.applied, push, &mut self.ledger);
     }
 
-    /// What the hand does at an instant: arrive, release, or jump. A jump comes before a sample or a motor's change at the same instant,
+    /// The hand's event at an instant: arrival, release or jump. A jump comes before a sample or a motor's change at the same instant,
     /// and its work is done against the torque held before it.
     fn hand_acts(&mut self, t: f64) {
-        if let Holder::Grip(hand) = &mut self.holder {
+        if let HandMode::Grip(hand) = &mut self.mode {
             hand.intended = Piece::straight(t, hand.target, 0.0);
             self.next_event = f64::INFINITY;
             return;
@@ -391,10 +392,10 @@ impl VirtualDevice {
         if self.is_held() {
             self.puck.release();
         }
-        (self.holder, self.next_event) = (Holder::Nobody, f64::INFINITY);
+        (self.mode, self.next_event) = (HandMode::Free, f64::INFINITY);
     }
 
-    /// The puck is where the hand wants it; the hand's work is whatever the others leave over.
+    /// Moves the puck with the hand; the hand's work is the remainder of the energy balance.
     fn prescribe(&mut self, (position, velocity): (f64, f64), damping: f64, friction: f64) {
         let motor = self.motor.applied * (position - self.puck.position);
         let before = self.puck.velocity;

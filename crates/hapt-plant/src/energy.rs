@@ -1,8 +1,8 @@
-//! What a world's bodies and couplings store.
+//! The energy stored in a world's bodies and couplings.
 
 use hapt_core::{Body, Coupling, End};
 
-/// What they store in J, at the puck's true position and the bodies' state: bodies J v²/2, and couplings by their laws
+/// The stored energy in J, at the puck's true position and the bodies' state: bodies J v²/2, and couplings by their laws
 /// ([`Coupling::stored`]).
 pub fn stored_energy(
     bodies: &[Body],

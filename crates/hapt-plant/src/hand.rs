@@ -1,11 +1,11 @@
-//! The hand: what it prescribes or pushes, and when it lets go.
+//! The hand: its prescribed motion or push, and its release.
 
 use crate::spec::{Drive, Hand as Model, Switching};
 
 use crate::puck::{Inertia, Push, Sine};
 use crate::trajectory::{Form, Piece, Trajectory, snap};
 
-/// A hand laid on the loop's samples.
+/// A hand aligned with the loop's samples.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Hand {
@@ -17,18 +17,18 @@ pub struct Hand {
     switch: Option<Switch>,
 }
 
-/// A grip that opens and takes hold again.
+/// A grip that alternately opens and closes.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Switch {
     switching: Switching,
     period: f64,
-    /// How often it has taken hold before.
+    /// The number of earlier closings.
     cycle: u64,
     is_open: bool,
-    /// When it opens or takes hold next, in s.
+    /// The time of the next opening or closing, in s.
     next: f64,
-    /// Where its intention stands above the `moves`.
+    /// The offset of its intended position from `moves`.
     offset: f64,
 }
 
@@ -40,15 +40,14 @@ impl Switch {
         switch
     }
 
-    /// When it opens, if it holds, or takes hold again.
+    /// The time at which it opens if it is closed, else closes.
     fn instant(&self) -> f64 {
         let Switching { hold, open } = self.switching;
         let more = if self.is_open { hold + open } else { hold };
         snap(self.cycle as f64 * (hold + open) + more, self.period)
     }
 
-    /// Goes on to t, where the intended motion is at `moves` and the puck at `position`; whether it holds, or has opened, otherwise
-    /// than before.
+    /// Advances to t, with the intended motion at `moves` and the puck at `position`; returns whether it opened or closed.
     fn act(&mut self, t: f64, moves: f64, position: f64) -> bool {
         let before = self.is_open;
         while self.next <= t {
@@ -72,7 +71,7 @@ enum Kind {
 }
 
 impl Hand {
-    /// Laid on the samples of this period, in s.
+    /// The hand on the samples of this period, in s.
     pub fn new(hand: &Model, period: f64) -> Self {
         let (shape, kind, switching) = match &hand.drive {
             Drive::Position(shape) => (shape, Kind::Prescribed, None),
@@ -86,7 +85,7 @@ impl Hand {
         Hand { piece: trajectory.first(), trajectory, kind, release: hand.release.map(|t| snap(t, period)), switch }
     }
 
-    /// Whether it opens and takes hold again.
+    /// Whether it alternately opens and closes.
     pub(crate) fn switches(&self) -> bool {
         self.switch.is_some()
     }
@@ -102,7 +101,7 @@ impl Hand {
         self.grip().is_some()
     }
 
-    /// What the hand adds to the puck while it is there.
+    /// The inertia, damping and stiffness that the hand adds to the puck.
     pub(crate) fn grip(&self) -> Option<Inertia> {
         match self.kind {
             Kind::Grip(inertia) => Some(inertia),
@@ -145,8 +144,8 @@ impl Hand {
         }
     }
 
-    /// Goes over to the trajectory's piece at t, and opens or takes hold of the puck, which is at `position`; gives the first instant after
-    /// t at which the hand does something new, and whether it has opened or taken hold now.
+    /// Continues with the trajectory's piece at t, and opens or closes on the puck at `position`; returns the time of the next event after
+    /// t, and whether it opened or closed now.
     pub fn act(&mut self, t: f64, position: f64) -> (Option<f64>, bool) {
         self.piece = self.trajectory.piece(t);
         let moves = self.piece.at(t).0;
@@ -157,12 +156,12 @@ impl Hand {
         (next, switched)
     }
 
-    /// Whether the hand is gone at t; the instant of release is the first at which it is.
+    /// Whether the hand has released the puck at t, the instant of release included.
     pub fn is_gone(&self, t: f64) -> bool {
         self.release.is_some_and(|release| release <= t)
     }
 
-    /// The last thing the hand does, in s: a step, a ramp's end, a path's last point, or the release. 0 for a sine.
+    /// The time of the last event in s: a step, a ramp's end, a path's last point, or the release. 0 for a sine.
     pub fn last_event(&self) -> f64 {
         let trajectory = self.trajectory.last().from;
         self.release.map_or(trajectory, |release| release.max(trajectory.min(release)))
@@ -174,7 +173,7 @@ impl Hand {
     }
 }
 
-/// What a grip's spring and damper push while the intended motion is at `value`, and goes on with `slope`.
+/// The push of a grip's spring and damper while the intended motion is at `value` with velocity `slope`.
 pub(crate) fn grip_push(hand: Inertia, value: f64, slope: f64) -> Push {
     Push { value: hand.stiffness * value + hand.damping * slope, slope: hand.stiffness * slope, ..Push::default() }
 }

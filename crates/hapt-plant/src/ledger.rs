@@ -1,6 +1,6 @@
-//! Where the device's energy goes.
+//! The energy balance of the device.
 
-/// Works since t = 0 in J. Hand and motor give, damping and friction take, and the rest moves:
+/// Works since t = 0 in J. Hand and motor supply energy, damping and friction dissipate it, and the rest is kinetic:
 /// hand + motor = damping + friction + change of J_z ż²/2.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -9,8 +9,8 @@ pub struct Ledger {
     pub hand: f64,
     /// Done by the motor on the puck.
     pub motor: f64,
-    /// Taken by the device's viscous damping.
+    /// Dissipated by the device's viscous damping.
     pub damping: f64,
-    /// Taken by the device's Coulomb friction.
+    /// Dissipated by the device's Coulomb friction.
     pub friction: f64,
 }

@@ -1,14 +1,14 @@
-//! The physical device between the samples, exactly: the puck with its friction, the motor, and whatever hand holds it.
+//! The physical device between the samples, exactly: the puck with its friction, the motor, and the hand that holds it.
 //!
-//! A [`VirtualDevice`] is made from a [`spec::DeviceSpec`]. Whoever runs a loop reads its puck, gives it the command, and lets it travel a
-//! period: no step size, no error of integration, every stop and start of Coulomb friction located.
+//! A [`VirtualDevice`] is made from a [`spec::DeviceSpec`]. A loop reads its puck, sets the command, and advances it by a period: no step
+//! size, no integration error, every stop and start of Coulomb friction located.
 //!
 //! ```
 //! use hapt_plant::{Grip, VirtualDevice, spec::DeviceSpec};
 //!
 //! let spec = DeviceSpec { period: 1e-3, delay: 0.0, inertia: 6.4e-4, damping: 1.2e-3, friction: 0.0 };
 //! let mut device = VirtualDevice::new(&spec);
-//! // A hand takes hold of the wheel and means to have it at half a radian, against a spring.
+//! // A hand grips the wheel and moves its target to half a radian, against a spring.
 //! device.hold(Some(Grip { inertia: 1e-4, damping: 0.02, stiffness: 3.0 }));
 //! for _ in 0..2000 {
 //!     device.intend(0.5);

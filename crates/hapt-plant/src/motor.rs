@@ -4,7 +4,7 @@ use alloc::collections::VecDeque;
 
 use hapt_core::Number;
 
-/// More commands on their way than this get no room before they are there.
+/// The longest delay line that is reserved in advance, in commands.
 const ROOM: usize = 1 << 16;
 
 /// The motor holds a command from t_k + delay on.
@@ -15,14 +15,14 @@ pub struct Motor<F> {
     pub samples: usize,
     /// In s.
     pub rest: f64,
-    /// Commands on their way.
+    /// The delay line.
     flying: VecDeque<F>,
-    /// What it holds.
+    /// The torque that it holds.
     pub applied: F,
 }
 
 impl<F: Number> Motor<F> {
-    /// With this delay and period, in s; it holds 0.
+    /// A motor with this delay and period, in s; it holds 0.
     pub fn new(delay: f64, period: f64) -> Self {
         let ratio = delay / period;
         let whole = libm::round(ratio);
@@ -35,12 +35,12 @@ impl<F: Number> Motor<F> {
         Motor { samples: samples as usize, rest, flying: VecDeque::new(), applied: F::ZERO }
     }
 
-    /// Room for all commands that will ever be on their way at once, so that none has to be made later.
+    /// Reserves the delay line, so that no command allocates.
     pub fn reserve(&mut self) {
         self.flying.reserve(self.samples.saturating_add(2).min(ROOM));
     }
 
-    /// What `before` holds, and the newest of what is on its way there, as far as there is room.
+    /// Takes over the held torque and the newest commands in the delay line of `before`, as far as there is room.
     pub fn follow(&mut self, before: &Self) {
         self.applied = before.applied;
         let kept = self.samples.min(self.flying.capacity());
@@ -49,7 +49,7 @@ impl<F: Number> Motor<F> {
         self.flying.extend(before.flying.iter().skip(old).copied());
     }
 
-    /// It holds 0, and nothing is on its way.
+    /// Sets the torque to 0 and empties the delay line.
     pub fn clear(&mut self) {
         self.flying.clear();
         self.applied = F::ZERO;

@@ -5,15 +5,15 @@
 //! ḟ = f',   σ̇ = ω κ,   κ̇ = -ω σ
 //! ```
 //!
-//! The drives are states too, so that one exponential carries the puck through every torque that a motor (held), a ramp (f')
-//! or a sine (σ, κ) can put on it. The works are integrals of products of these states, and exact in the same way.
+//! The torques are states too, so that one matrix exponential covers a held torque, a ramp (f') and a sine (σ, κ). The works are
+//! integrals of products of these states, and exact in the same way.
 //!
-//! The states stand in the order in which they are needed, so that the first few do where the others have no part: v and f for a
-//! free puck under a held torque, x where a spring pulls, f' under a ramp, σ and κ under a sine.
+//! The states are in the order in which they are needed, so that the first few suffice in simple cases: v and f for a free puck
+//! under a held torque, x for a spring, f' for a ramp, σ and κ for a sine.
 
 /// v, f, x, f', σ, κ.
 pub(crate) type Motion = [f64; 6];
-/// Where they stand.
+/// Their indices.
 pub(crate) const V: usize = 0;
 pub(crate) const F: usize = 1;
 pub(crate) const X: usize = 2;
@@ -21,7 +21,7 @@ pub(crate) const RAMP: usize = 3;
 pub(crate) const SIN: usize = 4;
 pub(crate) const COS: usize = 5;
 type Matrix = [[f64; 6]; 6];
-/// The first M states alone, where the others have no part in them.
+/// The first M states alone, where the others are 0.
 type Leading<const M: usize> = [[f64; M]; M];
 
 /// The constants of the equation.
@@ -38,7 +38,7 @@ pub(crate) struct Plant {
     pub omega: f64,
 }
 
-/// What a stretch of time does to a motion.
+/// The map of a motion over a time step.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Propagator {
@@ -48,21 +48,21 @@ pub(crate) struct Propagator {
     speed: Matrix,
     /// ∫ (drive - f) v dt, where drive = f + sine σ + cosine κ, and f is that at the start; as well.
     varying: Matrix,
-    /// Whether x, and whether σ and κ have a part in it.
+    /// Whether x, and whether σ and κ, occur.
     spring: bool,
     sine: bool,
 }
 
-/// Where a stretch ends, and the works over it.
+/// The end of a time step, and the works over it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stretch {
-    /// Position and velocity; the drives' ends are known without it.
+    /// Position and velocity.
     pub end: [f64; 2],
-    /// How far that is from the start.
+    /// The displacement from the start.
     pub travel: f64,
     /// ∫ v² dt
     pub speed: f64,
-    /// ∫ (drive - f) v dt: what the drive does beyond the f of the start, whose work is f · travel.
+    /// ∫ (drive - f) v dt: the work beyond that of the initial f, which is f · travel.
     pub varying: f64,
 }
 
@@ -96,7 +96,7 @@ impl Plant {
         (self.damping / self.mass).max(self.swing())
     }
 
-    /// The fastest rate at which anything can swing, in rad/s; damping alone only decays.
+    /// The highest frequency of oscillation, in rad/s; damping alone only decays.
     pub fn swing(&self) -> f64 {
         libm::sqrt(self.stiffness / self.mass).max(self.omega)
     }
@@ -111,7 +111,7 @@ impl Plant {
         (self.drive(y) - self.stiffness * y[X] - self.damping * y[V]) / self.mass
     }
 
-    /// The motion after `dt`, for looking ahead; [`Propagator`] is for keeps.
+    /// The motion after `dt`, for predictions; [`Propagator`] advances.
     pub fn after(&self, y: &Motion, dt: f64) -> Motion {
         let (n, h, halvings) = self.start(dt);
         let mut change = series(&n, h);
@@ -121,7 +121,7 @@ impl Plant {
         applied(&change, y)
     }
 
-    /// exp(N dt) - I, the rows of x and v on v and f: all that a held torque does to a puck without a spring. The bits are those of
+    /// exp(N dt) - I, the rows of x and v on v and f: the case of a held torque without a spring. The bits are those of
     /// a [`Propagator`], whose other states only add zeros.
     fn under_held_torque(&self, dt: f64) -> [[f64; 2]; 2] {
         let (n, h, halvings) = self.start(dt);
@@ -205,13 +205,13 @@ impl Propagator {
         }
     }
 
-    /// The same under a drive that is not held.
+    /// The same for a torque that is not held.
     #[inline(never)]
     fn varying_stretch(&self, y: Motion) -> Stretch {
         if self.sine { self.of_states::<6>(&y) } else { self.of_states::<4>(&y) }
     }
 
-    /// The same, when only the first N states have a part in it.
+    /// The same, when only the first N states occur.
     #[inline(always)]
     fn of_states<const N: usize>(&self, y: &Motion) -> Stretch {
         let row = |row: &[f64; 6]| (0..N).map(|j| row[j] * y[j]).sum::<f64>();

@@ -1,4 +1,4 @@
-//! The puck on its own: pushed by motor and hand, held by Coulomb friction, every stop and start located.
+//! The puck alone: pushed by motor and hand, held by Coulomb friction, every stop and start located.
 
 use crate::ledger::Ledger;
 use crate::plant::{COS, F, Motion, Plant, Propagator, RAMP, SIN, Stretch, V, X};
@@ -14,28 +14,28 @@ pub(crate) struct Puck {
     friction: f64,
     lengths: Lengths,
     now: Held,
-    /// With a hand that opens and takes hold again: open now, or holding.
+    /// Of a hand that alternately opens and closes: whether it is open.
     other: Option<Held>,
 }
 
-/// The puck with what a hand adds to it, or nothing.
+/// The puck, with the inertia, damping and stiffness of a grip where there is one.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 struct Held {
     /// The hand's share of the plant, where it grips.
     grip: Option<Inertia>,
     plant: Plant,
-    /// The propagators of the lengths that come again and again: a period (twice), or its parts around a delay.
+    /// The propagators of the recurring time steps: a period (twice), or its parts around a delay.
     usual: [(f64, Propagator); 2],
 }
 
-/// The stretches that come again and again, in s; the second is the first where there is one.
+/// The recurring time steps, in s; equal where there is one.
 pub(crate) type Lengths = [f64; 2];
 
 /// A hand's push per unit of σ and of κ, and its ω in rad/s; zeros where there is no sine.
 pub(crate) type Sine = (f64, f64, f64);
 
-/// Inertia, damping and stiffness of something.
+/// Inertia, damping and stiffness.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Inertia {
@@ -44,7 +44,7 @@ pub(crate) struct Inertia {
     pub stiffness: f64,
 }
 
-/// What pushes the puck over a stretch: value + slope · t, and the sine's σ and κ at its start.
+/// The push on the puck over a time step: value + slope · t, and the sine's σ and κ at its start.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Push {
     /// N·m (N)
@@ -80,14 +80,14 @@ impl Held {
 }
 
 impl Puck {
-    /// At rest at 0, in nobody's hand.
+    /// Resets it to rest at 0, free.
     pub fn new(device: Inertia, friction: f64, lengths: Lengths) -> Self {
         let now = Held::new(device, None, NO_SINE, lengths);
         Puck { position: 0.0, velocity: 0.0, device, friction, lengths, now, other: None }
     }
 
-    /// A hand takes hold, with this `grip` and `sine`. One that `switches` opens and takes hold again: open, it leaves its inertia on the
-    /// puck, and nothing else. Allocates nothing.
+    /// A hand grips the puck, with this `grip` and `sine`. One that `switches` alternately opens and closes: open, only its inertia stays
+    /// on the puck. Allocates nothing.
     pub fn take(&mut self, grip: Option<Inertia>, sine: Sine, switches: bool) {
         self.now = Held::new(self.device, grip, sine, self.lengths);
         let open = grip.filter(|_| switches).map(|grip| Inertia { damping: 0.0, stiffness: 0.0, ..grip });
@@ -139,7 +139,7 @@ impl Puck {
         [y[X], y[V]]
     }
 
-    /// Which way the puck slides, ±1; `None` while friction holds it: at rest and |net torque| ≤ friction, but for rounding.
+    /// The direction in which the puck slides, ±1; `None` while friction holds it: at rest and |net torque| ≤ friction, up to rounding.
     fn direction(&self, y: &Motion) -> Option<f64> {
         let net = self.net(y);
         if y[V] != 0.0 {
@@ -157,7 +157,7 @@ impl Puck {
     }
 
     /// The most net torque that holds the puck at rest: friction, and what rounding can leave of the torques that balance there.
-    /// Without that a slip that only rounding sees is undone by it in no time at all, again and again.
+    /// Without that margin, rounding alone would start and stop the slip in an endless sequence.
     fn hold(&self, y: &Motion) -> f64 {
         let Plant { stiffness, sine, cosine, .. } = self.now.plant;
         let torques = y[F].abs() + (sine * y[SIN]).abs() + (cosine * y[COS]).abs() + (stiffness * y[X]).abs();
@@ -189,7 +189,7 @@ impl Puck {
         ledger.damping += self.device.damping * speed;
         ledger.hand += push * travel + varying;
         if let Some(grip) = self.now.grip {
-            // The hand's torque on the puck is what its intention, spring, damper and inertia leave over.
+            // The hand's torque on the puck follows from its intended motion, spring, damper and inertia.
             let square = |x: f64| x * x;
             ledger.hand -= grip.damping * speed
                 + 0.5 * grip.stiffness * (end[0] + y[X]) * travel
@@ -223,14 +223,14 @@ impl Puck {
         }
     }
 
-    /// A hand that switches opens, or takes hold again.
+    /// Opens or closes a switching hand.
     pub fn switch(&mut self) {
         if let Some(other) = &mut self.other {
             core::mem::swap(&mut self.now, other);
         }
     }
 
-    /// The hand lets go: its inertia, damping and stiffness are gone, position and velocity stay.
+    /// Releases the puck: the inertia, damping and stiffness of the hand go, position and velocity stay.
     pub fn release(&mut self) {
         self.take(None, NO_SINE, false);
     }

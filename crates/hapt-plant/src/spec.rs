@@ -3,7 +3,7 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// A device and the loop's times: what a [`crate::VirtualDevice`] is made from.
+/// The parameters of a [`crate::VirtualDevice`]: the device and the loop's times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DeviceSpec {
@@ -13,23 +13,23 @@ pub struct DeviceSpec {
     pub delay: f64,
     /// The puck's J_z in kg·m² (linear: kg), positive.
     pub inertia: f64,
-    /// Viscous, in N·m·s/rad (linear: N·s/m), zero or more.
+    /// Viscous damping, in N·m·s/rad (linear: N·s/m), zero or more.
     pub damping: f64,
-    /// Coulomb, in N·m (linear: N), zero or more.
+    /// Coulomb friction, in N·m (linear: N), zero or more.
     pub friction: f64,
 }
 
-/// What drives the puck, and until when.
+/// A hand on the puck, and its release.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Hand {
-    /// How it drives.
+    /// Its effect on the puck.
     pub drive: Drive,
-    /// From this instant on the hand is gone; in s, zero or more.
+    /// Time of the release in s, zero or more; `None`: the hand holds to the end.
     pub release: Option<f64>,
 }
 
-/// How a hand drives the puck.
+/// The effect of a hand on the puck.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Drive {
@@ -47,20 +47,20 @@ pub enum Drive {
         stiffness: f64,
         /// The intended motion.
         moves: Shape,
-        /// A hand that opens and takes hold again; `None`: it holds on.
+        /// A hand that alternately opens and closes; `None`: it stays closed.
         switching: Option<Switching>,
     },
 }
 
-/// A grip that holds, opens and takes hold again, from t = 0 on. Open, it has no spring and no damper, and what its spring held is
-/// lost; its inertia stays with the puck. Each time it takes hold where the puck is: what it intends is the puck's position at that
-/// instant, and what its `moves` does from then on.
+/// A grip that alternately closes and opens, from t = 0 on. Open, it has no spring and no damper, and the energy of its spring is
+/// lost; its inertia stays with the puck. It closes at the puck's position: its intended position is that one, plus the change of
+/// `moves` from then on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Switching {
-    /// How long it holds, s, positive.
+    /// Duration of a closed interval in s, positive.
     pub hold: f64,
-    /// How long it is open, s, positive.
+    /// Duration of an open interval in s, positive.
     pub open: f64,
 }
 

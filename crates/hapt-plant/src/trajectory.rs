@@ -5,12 +5,12 @@ use alloc::vec::Vec;
 
 use crate::spec::Shape;
 
-/// A shape laid on the loop's samples: at least one piece, the first from 0 on, their starts not decreasing.
+/// A shape aligned with the loop's samples: at least one piece, the first from 0 on, with starts that do not decrease.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Trajectory(Vec<Piece>);
 
-/// What a trajectory is from `from` on, until the next piece begins.
+/// A trajectory from `from` on, until the next piece starts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Piece {
@@ -100,7 +100,7 @@ impl Trajectory {
         })
     }
 
-    /// The piece that the trajectory begins with, before whatever happens at 0.
+    /// The first piece, before any event at 0.
     pub fn first(&self) -> Piece {
         self.0[0]
     }

@@ -1,11 +1,11 @@
-//! The loop's clock: it never goes back, nobody can set it, and it wakes the thread at an instant, not after a while.
+//! The loop's clock: monotonic, cannot be set, and wakes the thread at an absolute instant.
 
 use std::time::Duration;
 
-/// So long at most is slept at once, so that the end of a loop with a long period is seen.
+/// The longest single sleep, so that a loop with a long period sees its end.
 const NAP: u64 = 100_000_000;
 
-/// A monotonic clock in ns, and how early to wake up and watch it.
+/// A monotonic clock in ns. It polls for the last part of a wait instead of sleeping.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Clock {
     origin: Origin,
@@ -13,12 +13,12 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// A clock that stands at 0 now, and watches the time for the last `spin` before each instant instead of sleeping.
+    /// A clock that starts at 0 now, and polls for the last `spin` ns before each instant instead of sleeping.
     pub fn new(spin: Duration) -> Self {
         Clock { origin: Origin::new(), spin: u64::try_from(spin.as_nanos()).unwrap_or(u64::MAX) }
     }
 
-    /// The same clock, watched for so long before each instant.
+    /// The same clock with this polling time before each instant.
     pub fn spinning(self, spin: Duration) -> Self {
         Clock { spin: u64::try_from(spin.as_nanos()).unwrap_or(u64::MAX), ..self }
     }
@@ -29,7 +29,7 @@ impl Clock {
         self.origin.elapsed()
     }
 
-    /// Waits until `due`; before that it looks every tenth of a second whether it `ends`.
+    /// Waits until `due`, and checks every tenth of a second whether the loop `ends`.
     pub fn wait(&self, due: u64, ends: impl Fn() -> bool) {
         let wake = due.saturating_sub(self.spin);
         let mut now = self.now();
@@ -56,13 +56,13 @@ mod linux {
     use rustix::thread::{ClockId, clock_nanosleep_absolute};
     use rustix::time::{Timespec, clock_gettime};
 
-    /// Where CLOCK_MONOTONIC stood, in ns.
+    /// The value of CLOCK_MONOTONIC at the start, in ns.
     #[derive(Clone, Copy, Debug)]
     pub struct Origin(u64);
 
     fn monotonic() -> u64 {
         let Timespec { tv_sec, tv_nsec } = clock_gettime(rustix::time::ClockId::Monotonic);
-        // Since the machine was started: neither is negative.
+        // Times since boot: neither is negative.
         tv_sec as u64 * 1_000_000_000 + tv_nsec as u64
     }
 
@@ -85,7 +85,7 @@ mod linux {
     }
 }
 
-/// Where there is no sleep until an instant, one that is as long as the way there.
+/// Systems without an absolute sleep: a relative one of the remaining time.
 #[cfg(not(any(target_os = "linux", target_family = "wasm")))]
 mod other {
     use std::time::{Duration, Instant};

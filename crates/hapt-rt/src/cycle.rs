@@ -1,4 +1,4 @@
-//! One sample after the other, without a clock.
+//! The loop sample by sample, without a clock.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -7,16 +7,16 @@ use hapt_core::{Reading, Request, SafeOutput};
 use crate::plan::PlanState;
 use crate::{BODIES, Device, Failure, Plan, Record, Snapshot};
 
-/// When a sample is taken, for whoever keeps the time.
+/// The time of a sample, as the caller's clock gives it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moment {
     /// The sample's instant in ns from the start; only the record shows it.
     pub due: u64,
-    /// How long ago that is, in s.
+    /// The lateness of the sample, in s.
     pub late: f64,
     /// Periods since the last sample: 1, or more when samples were missed; 0 at the first.
     pub periods: u32,
-    /// How long ago whoever holds the link was last heard, in s; 0 where there is no link.
+    /// Time since the last heartbeat of the client in control, in s; 0 without a link.
     pub silent: f64,
 }
 
@@ -31,12 +31,12 @@ pub struct Cycle {
     swaps: u32,
 }
 
-/// A device that is left without torque, also where a panic comes by.
+/// A device that is left without torque, also after a panic.
 struct Safe(Box<dyn Device>);
 
 impl Drop for Safe {
     fn drop(&mut self) {
-        // A device that panics has had its chance; a panic in a panic would end the process.
+        // A second panic while unwinding would abort the process.
         let _ = catch_unwind(AssertUnwindSafe(|| self.0.write(0.0)));
     }
 }
@@ -55,7 +55,7 @@ impl Cycle {
         self.plan.period()
     }
 
-    /// Periods pass: 1 between two samples, or more when samples were missed. None before the first.
+    /// Lets periods pass: 1 between two samples, more when samples were missed; none before the first.
     pub fn pass(&mut self, periods: u32) {
         if periods > 0 {
             self.sample += u64::from(periods);
@@ -64,12 +64,12 @@ impl Cycle {
         }
     }
 
-    /// How the loop stands before its next sample. Allocates nothing.
+    /// Copies the loop's state before its next sample. Allocates nothing.
     pub fn snapshot(&self, into: &mut Snapshot) {
         *into = Snapshot { sample: self.sample, plan: self.swaps, state: self.state };
     }
 
-    /// From this sample on the world is another; gives the plan before. Bodies go on as [`Plan::following`] found them, and the torque
+    /// Replaces the world from this sample on; returns the previous plan. Bodies keep the states that [`Plan::following`] matched, and the torque
     /// fades over. Allocates nothing.
     pub fn swap(&mut self, mut plan: Box<Plan>) -> Box<Plan> {
         self.state = plan.transfer(&self.plan, &self.state);
@@ -79,7 +79,7 @@ impl Cycle {
         std::mem::replace(&mut self.plan, plan)
     }
 
-    /// The sample itself. Errors where the device fails, which then is asked for no torque.
+    /// Takes the sample. Errors where the device fails; its torque is then set to 0.
     pub fn sample(&mut self, moment: &Moment, request: Option<Request>) -> Result<Record, Failure> {
         let record = self.guarded(moment, request);
         if record.is_err() {

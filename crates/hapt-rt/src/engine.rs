@@ -13,24 +13,24 @@ use crate::handle::{Epoch, LoopHandle};
 use crate::schedule::Schedule;
 use crate::{Device, Failure, Order, Plan, Realtime, Record, Snapshot, scheduling};
 
-/// The shortest period of a loop in real time, in s: a PC's clock wakes nobody more often.
+/// The shortest period of a loop in real time, in s: a PC cannot wake a thread more often.
 pub const SHORTEST_PERIOD: f64 = 1e-5;
-/// Orders on their way, and old plans on their way back.
+/// Capacity of the rings of orders and of old plans.
 const ORDERS: usize = 64;
-/// Records on their way: half a minute at 1 kHz.
+/// Capacity of the ring of records: half a minute at 1 kHz.
 const RECORDS: usize = 1 << 15;
 /// The same without a thread: they are taken sample by sample.
 const STEPPED: usize = 4;
-/// Requests of an epoch that is over, of which one sample drops no more.
+/// Requests of a past epoch that one sample drops at most.
 const A_SAMPLE: usize = 4;
 
-/// Why the loop cannot start.
+/// The reason that a loop does not start.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The system gives no thread.
-    #[error("the system gives no thread for the loop: {0}")]
+    /// The system cannot create a thread.
+    #[error("the system cannot create a thread for the loop: {0}")]
     Thread(#[from] std::io::Error),
-    /// Nothing keeps such a period.
+    /// The period is too short.
     #[error("a loop in real time needs a period of 10 us or more; this one is {} us", given * 1e6)]
     Period {
         /// In s.
@@ -38,14 +38,14 @@ pub enum Error {
     },
 }
 
-/// What the loop's thread asks of the system.
+/// What the loop's thread requests of the system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// The priority under SCHED_FIFO, from 1 to 99; `None`: as everybody else.
+    /// The priority under SCHED_FIFO, from 1 to 99; `None`: normal scheduling.
     pub priority: Option<u8>,
     /// Whether to lock the process's memory in place.
     pub lock: bool,
-    /// The last so long before each instant the thread watches the clock instead of sleeping: a core's time for exact instants.
+    /// The thread polls the clock for this long before each instant instead of sleeping: more load on the core, less jitter.
     pub spin: Duration,
 }
 
@@ -55,25 +55,25 @@ impl Default for Settings {
     }
 }
 
-/// How a loop has ended. The torque is off in each case.
+/// How a loop ended. The torque is off in each case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// Its owner wanted it.
+    /// It was stopped by its owner.
     Asked,
     /// The device failed.
     Device(Failure),
-    /// A defect of this program.
+    /// A panic, a defect of this program.
     Panicked,
 }
 
-/// A loop at work. Dropped, it stops, with no torque on.
+/// A running loop. Dropping it stops the loop, without torque.
 pub struct Engine {
-    /// From the loop, sample by sample. It holds half a minute at 1 kHz; what finds no room is lost.
+    /// The records of the loop, one per sample. The ring holds half a minute at 1 kHz; records beyond that are lost.
     pub records: Consumer<Record>,
-    /// From the loop, as they were ordered. The snapshot before a sample is there when that sample's record is.
+    /// The snapshots, in the order of their requests. The snapshot before a sample arrives before that sample's record.
     pub snapshots: Consumer<Box<Snapshot>>,
     orders: Producer<(Epoch, Order)>,
-    /// Plans that are no longer used, to be freed here.
+    /// Plans that the loop no longer uses, to be freed on this side.
     spent: Consumer<Box<Plan>>,
     realtime: Realtime,
     handle: LoopHandle,
@@ -82,24 +82,24 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Runs `plan` on `device` from now on, disarmed, with the system's best.
+    /// Runs `plan` on `device`, disarmed, with the best scheduling that the system grants.
     pub fn start(plan: Plan, device: Box<dyn Device>) -> Result<Self, Error> {
         Engine::start_with(plan, device, Settings::default())
     }
 
-    /// The same with what `settings` ask for.
+    /// As [`Engine::start`], with these settings.
     pub fn start_with(plan: Plan, device: Box<dyn Device>, settings: Settings) -> Result<Self, Error> {
         let (mut engine, mut stepper) = Engine::connect(plan, device, RECORDS)?;
         let (say, hear) = mpsc::sync_channel(1);
         let clock = engine.handle.clock().spinning(settings.spin);
         engine.thread = Some(std::thread::Builder::new().name("loop".into()).spawn(move || {
             let _ = say.send(scheduling::prepare(&settings));
-            // Freed here and not at the end, so that nothing is freed while the loop runs.
+            // Freed before the loop runs, so that it frees nothing.
             drop(say);
             stepper.schedule = Schedule::new(clock.now(), stepper.cycle.period());
             run(stepper, clock)
         })?);
-        // A thread that has ended before it said anything says so in `ended`.
+        // A thread that ended before it reported its grant is in `ended`.
         engine.realtime = hear.recv().unwrap_or_default();
         Ok(engine)
     }
@@ -136,20 +136,20 @@ impl Engine {
         &self.realtime
     }
 
-    /// A handle for any thread, past all orders.
+    /// A handle for any thread; its requests do not queue.
     pub fn handle(&self) -> &LoopHandle {
         &self.handle
     }
 
-    /// An order for the next sample; it comes back where 64 are on their way already, or where the plan's period is too short. A plan is
+    /// Sends an order for the next sample. It is returned where 64 are queued, or where the plan's period is too short. A plan is
     /// made by [`Plan::following`] the one that was sent before it.
     pub fn send(&mut self, order: Order) -> Result<(), Order> {
         let epoch = self.handle.epoch();
         self.send_of(order, epoch)
     }
 
-    /// The same of an order that was made in `epoch`: where the loop has been stopped since, or control withdrawn, arming and clearing
-    /// count no more.
+    /// As [`Engine::send`], for an order made in `epoch`: if the loop was stopped or control withdrawn since, arming and clearing
+    /// are ignored.
     pub fn send_of(&mut self, mut order: Order, epoch: Epoch) -> Result<(), Order> {
         while self.spent.pop().is_ok() {}
         match &mut order {
@@ -160,7 +160,7 @@ impl Engine {
         self.orders.push((epoch, order)).map_err(|rtrb::PushError::Full((_, order))| order)
     }
 
-    /// Orders a snapshot before the next sample; it comes by [`Engine::snapshots`]. False where there is no room for the order.
+    /// Requests a snapshot before the next sample; it arrives in [`Engine::snapshots`]. False where the queue is full.
     pub fn snapshot(&mut self) -> bool {
         self.send(Order::Snapshot(Box::new(Snapshot::EMPTY))).is_ok()
     }
@@ -170,7 +170,7 @@ impl Engine {
         self.handle.stop();
     }
 
-    /// How the loop has ended, if it has.
+    /// How the loop ended; `None` while it runs.
     pub fn ended(&mut self) -> Option<End> {
         if self.thread.as_ref().is_some_and(|thread| thread.is_finished()) {
             self.join();
@@ -282,7 +282,7 @@ fn run(mut stepper: Stepper, clock: Clock) -> End {
 }
 
 impl Rings {
-    /// What the orders come to at this sample: one request, one swap, or one snapshot. Two swaps at one sample would leave a world
+    /// Applies the orders of this sample: one request, one swap, or one snapshot. Two swaps at one sample would leave a world
     /// that never ran, of which no record tells.
     fn orders(&mut self, cycle: &mut Cycle, schedule: &mut Schedule) -> Option<Request> {
         let (now, before) = (self.handle.epoch(), self.seen);
@@ -301,7 +301,7 @@ impl Rings {
                 _ => {}
             }
             match self.orders.pop() {
-                // Of before a stop: whoever made it did not know.
+                // From before a stop: obsolete.
                 Ok((made, Order::Request(Request::Arm | Request::Clear))) if made != now => {}
                 Ok((_, Order::Request(request))) => return Some(request),
                 Ok((_, Order::Swap(plan))) => {

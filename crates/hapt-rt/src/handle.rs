@@ -1,4 +1,4 @@
-//! What reaches a loop from any thread, past every queue: stop, heartbeats, and the withdrawal of whoever has control.
+//! Requests to a loop from any thread that do not queue: stop, heartbeats, and the withdrawal of control.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -9,19 +9,19 @@ use crate::clock::Clock;
 /// A stop, in the upper half of [`Epoch`]; a withdrawal is 1.
 const STOP: u64 = 1 << 32;
 
-/// How often the loop has been stopped, or its control withdrawn. A request to arm or to clear counts only in the epoch in which it was
-/// made: no queue brings a torque back that somebody has taken away.
+/// The number of stops and withdrawals of control so far. A request to arm or to clear is valid only in the epoch in which it was
+/// made, so that no queued request restores a torque after a stop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Epoch(u64);
 
 impl Epoch {
-    /// Whether somebody has pressed stop between `before` and this.
+    /// Whether the loop was stopped between `before` and this epoch.
     pub fn stopped_since(self, before: Epoch) -> bool {
         self.0 / STOP != before.0 / STOP
     }
 }
 
-/// A handle on a loop for any thread. Nothing here waits, and nothing waits in a queue: the loop looks at it at every sample.
+/// A handle on a loop for any thread. Nothing here blocks or queues: the loop reads it at every sample.
 #[derive(Clone, Debug)]
 pub struct LoopHandle(Arc<Shared>);
 
@@ -29,7 +29,7 @@ pub struct LoopHandle(Arc<Shared>);
 struct Shared {
     clock: Clock,
     epoch: AtomicU64,
-    /// When the last heartbeat came, in ns of the clock and 1 at least; 0: there is no link.
+    /// Time of the last heartbeat in ns of the clock, at least 1; 0: no link.
     heard: AtomicU64,
     end: AtomicBool,
 }
@@ -52,27 +52,27 @@ impl LoopHandle {
         self.0.epoch.fetch_add(STOP, Ordering::AcqRel);
     }
 
-    /// The loop ends with the torque off, at its next instant; nobody waits for that here.
+    /// Ends the loop with the torque off, at its next instant; does not wait for it.
     pub fn end(&self) {
         self.0.end.store(true, Ordering::Release);
     }
 
-    /// Whether the loop is to end.
+    /// Whether the loop has to end.
     pub fn is_ended(&self) -> bool {
         self.0.end.load(Ordering::Acquire)
     }
 
-    /// Whoever had control has it no longer: the torque fades out from the next sample on, and what he asked for counts no more.
+    /// Withdraws control: the torque fades out from the next sample on, and earlier requests are void.
     pub fn withdraw(&self) {
         self.0.epoch.fetch_add(1, Ordering::AcqRel);
     }
 
-    /// Whoever has control is there. After the first heartbeat the loop has a link, which the supervisor watches.
+    /// A heartbeat of the client in control. From the first heartbeat on the supervisor monitors the link.
     pub fn heartbeat(&self) {
         self.0.heard.store(self.0.clock.now().max(1), Ordering::Release);
     }
 
-    /// When the last heartbeat came; two of them differ.
+    /// A mark of the last heartbeat, different for each.
     pub fn heard(&self) -> u64 {
         self.0.heard.load(Ordering::Acquire)
     }
@@ -82,12 +82,12 @@ impl LoopHandle {
         Epoch(self.0.epoch.load(Ordering::Acquire))
     }
 
-    /// How long ago the last heartbeat came, in s; 0 where there is no link.
+    /// Time since the last heartbeat, in s; 0 without a link.
     pub fn silent(&self) -> f64 {
         self.silent_at(self.0.clock.now())
     }
 
-    /// The same at an instant of the clock, in ns.
+    /// As [`LoopHandle::silent`], at an instant of the clock in ns.
     pub(crate) fn silent_at(&self, now: u64) -> f64 {
         match self.heard() {
             0 => 0.0,
@@ -95,7 +95,7 @@ impl LoopHandle {
         }
     }
 
-    /// The clock by which heartbeats are told.
+    /// The clock of the heartbeats.
     pub(crate) fn clock(&self) -> Clock {
         self.0.clock
     }

@@ -1,4 +1,4 @@
-//! The loop in real time: a thread that knows clock, device and core, and nothing else.
+//! The loop in real time: a thread that depends on the clock, the device and the core alone.
 //!
 //! [`Engine::start`] takes a [`Plan`] (a world compiled) and a [`Device`], and takes one sample a period on a thread of its own.
 //! [`Order`]s reach that thread and [`Record`]s leave it through bounded rings without locks; a [`LoopHandle`] stops it from any other
@@ -55,70 +55,71 @@ pub use timing::{Bar, Quantiles, Timing};
 /// Bodies that a record has room for.
 pub const BODIES: usize = 32;
 
-/// Something with an encoder and a motor. Called on the loop's thread: it never allocates, and waits on nothing but itself.
+/// A device with an encoder and a motor. Its functions run on the loop's thread: they do not allocate, and wait for nothing but the
+/// hardware.
 pub trait Device: Send {
-    /// What it says about the puck at a sample.
+    /// Reads the puck's position and velocity at a sample.
     fn read(&mut self) -> Result<Position, Failure>;
 
-    /// The torque to hold from now on, in N·m (linear: N).
+    /// Sets the torque to hold from now on, in N·m (linear: N).
     fn write(&mut self, torque: f64) -> Result<(), Failure>;
 
     /// Periods have passed since the last sample: 1, or more when samples were missed.
     fn passed(&mut self, _periods: u32) {}
 
-    /// How many readings in a row up to the last one were not new: they count as missed samples. At a new one, those before it.
+    /// The number of consecutive stale readings up to the last one, which count as missed samples. At a new reading, those before it.
     fn missed(&self) -> u32 {
         0
     }
 
-    /// What the motor holds now, in N·m (linear: N), where the device knows it; else it is what was written before the world's delay.
+    /// The torque that the motor holds now, in N·m (linear: N), where the device measures it; else the torque written one delay ago.
     fn applied(&self) -> Option<f64> {
         None
     }
 
-    /// The supervisor has set the world's 0 to this position, as [`Device::read`] gives it.
+    /// Called when the supervisor sets the world's 0 to this position, as [`Device::read`] returns it.
     fn homed(&mut self, _zero: f64) {}
 
-    /// The loop begins with `plan`, or goes on with it from this sample on.
+    /// Called when the loop starts with `plan`, or changes to it at this sample.
     fn adopt(&mut self, _plan: &mut Plan) {}
 }
 
-/// The puck as a device sees it.
+/// The puck's position and velocity, as a device measures them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Position {
     /// In rad (linear: m), before the loop's own rounding to counts.
     pub position: f64,
-    /// In rad/s (m/s) where the device knows it, else 0.
+    /// In rad/s (m/s) where the device measures it, else 0.
     pub velocity: f64,
     /// A prescribed jump of a simulated hand falls on this sample.
     pub announced: bool,
 }
 
-/// Why a device could not be read or written.
+/// The reason that a device could not be read or written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Failure {
-    /// It says nothing more.
+    /// It no longer answers.
     #[error("the device no longer answers")]
     Gone,
     /// Its recording has ended.
     #[error("the recording has ended")]
     Ended,
-    /// Its port or bus is gone.
+    /// Its port or bus was removed.
     #[error("the device is no longer there: its port or bus is gone")]
     Unplugged,
-    /// Its drive has stopped by itself.
+    /// Its drive stopped with a fault.
     #[error("{0}")]
     Drive(DriveFault),
 }
 
-/// Why a motor drive has stopped by itself, in its maker's terms and, where there is one, the supervisor's.
+/// The fault of a motor drive, in its manufacturer's terms and, where there is one, the supervisor's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DriveFault {
-    /// The maker's number.
+    /// The manufacturer's code.
     pub code: u32,
-    /// What it stands for.
+    /// The meaning of the code.
     pub what: &'static str,
-    /// The supervisor's word for it.
+    /// The corresponding reason of the supervisor.
     pub reason: Option<Reason>,
 }
 
@@ -131,64 +132,64 @@ impl std::fmt::Display for DriveFault {
     }
 }
 
-/// What reaches the loop between two samples.
+/// An order to the loop, applied between two samples.
 #[derive(Debug)]
 pub enum Order {
-    /// To the supervisor.
+    /// A request to the supervisor.
     Request(Request),
-    /// Another world, compiled; whole, or not at all.
+    /// Another world, compiled. The swap is atomic.
     Swap(Box<Plan>),
-    /// How the loop stands before its next sample, into what is given; it comes back by [`Engine::snapshots`].
+    /// Copies the loop's state before its next sample into this snapshot, which returns by [`Engine::snapshots`].
     Snapshot(Box<Snapshot>),
 }
 
-/// One sample, as it leaves the loop.
+/// The record of one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Record {
-    /// k, counted from the start, missed ones too.
+    /// k, counted from the start; missed samples count.
     pub sample: u64,
-    /// The instant of the sample, in ns from the start; sample · T while nobody changes the period.
+    /// The instant of the sample, in ns from the start; sample · T while the period is constant.
     pub due: u64,
-    /// Which plan made it: counted from 0 with each swap.
+    /// The number of the plan, counted from 0 with each swap.
     pub plan: u32,
-    /// The puck's position as the device gave it, rad (linear: m).
+    /// The puck's position as the device measured it, rad (linear: m).
     pub position: f64,
-    /// And velocity.
+    /// The velocity as the device measured it, rad/s (linear: m/s).
     pub velocity: f64,
     /// The position at which the world's is 0; the supervisor sets it when it arms.
     pub zero: f64,
     /// A prescribed jump of a simulated hand fell on this sample.
     pub announced: bool,
-    /// How long after its instant the sample was taken, in s, as the supervisor was told.
+    /// The lateness of the sample in s, the supervisor's input.
     pub late: f64,
-    /// Samples missed since the last.
+    /// Samples missed since the last one.
     pub missed: u32,
-    /// How long ago whoever holds the link was last heard, in s; 0 where there is no link.
+    /// Time since the last heartbeat of the client in control, in s; 0 without a link.
     pub silent: f64,
-    /// What somebody asked of the supervisor at this sample.
+    /// The request to the supervisor at this sample.
     pub request: Option<Request>,
     /// z_k, after the encoder.
     pub measured: f64,
     /// v_k, by the estimator.
     pub measured_velocity: f64,
-    /// From the couplings, before levels and limit.
+    /// The torque of the couplings, before levels and limit.
     pub torque: f64,
-    /// After levels and limit.
+    /// The command: that torque after levels and limit.
     pub command: f64,
-    /// What the motor was asked for: after the supervisor.
+    /// The output of the supervisor, the torque sent to the motor.
     pub output: f64,
-    /// What the motor holds at this sample, just after any change: what it was asked for the world's delay ago.
+    /// The torque that the motor holds at this sample, just after any change: the output of one delay ago.
     pub applied: f64,
-    /// The supervisor's.
+    /// The phase of the supervisor.
     pub phase: Phase,
-    /// Why it is faulted, or has faded out by itself.
+    /// The reason of a fault, or of an automatic fade-out.
     pub reason: Option<Reason>,
-    /// What would have tripped where it only warns, since it was armed.
+    /// The first limit that was exceeded since arming and only warns.
     pub warning: Option<Reason>,
-    /// From the sample's instant to when it was taken, in ns.
+    /// From the sample's instant to its reading, in ns.
     pub latency: u32,
-    /// From there to when the device had its command, in ns.
+    /// From the reading to the completed write to the device, in ns.
     pub computation: u32,
-    /// x_k: positions and velocities of the bodies; those beyond the world's are 0.
+    /// x_k: positions and velocities of the bodies; unused entries are 0.
     pub bodies: [(f64, f64); BODIES],
 }

@@ -1,38 +1,38 @@
-//! A world compiled for the loop's thread, with everything that it will need there.
+//! A world compiled for the loop's thread, with all memory that it needs there.
 
 use hapt_core::{Reading, Request, SafeOutput, SafetyProfile};
 use hapt_model::{End, World};
 use hapt_sim::{DesktopController, DesktopControllerState, Motor, VirtualDevice};
 
-/// Everything that a plan's controller remembers from sample to sample.
+/// The state of a plan's controller between samples.
 pub type PlanState = DesktopControllerState;
 
-/// A world compiled, with its supervisor, and its device for whoever simulates one.
+/// A compiled world with its supervisor, and its device for simulations.
 #[derive(Clone, Debug)]
 pub struct Plan {
     pub(crate) controller: DesktopController,
     pub(crate) device: VirtualDevice,
-    /// When its motor takes which torque.
+    /// The delay line of the motor's torque.
     pub(crate) motor: Motor<f64>,
     profile: SafetyProfile,
-    /// What it is known by to the plan that follows it.
+    /// The names by which the following plan matches its parts.
     names: Names,
-    /// Where each body's state comes from in the plan before; `None`: from its start.
+    /// The index of each body in the previous plan; `None`: the body starts from its initial state.
     bodies: Vec<Option<usize>>,
     /// The same for each bristle.
     bristles: Vec<Option<usize>>,
 }
 
-/// Whatever can be found again in another world.
+/// The parts of a world that another world can match.
 #[derive(Clone, Debug, PartialEq)]
 struct Names {
     bodies: Vec<String>,
-    /// The ends of each LuGre friction, and which one it is between them; `None` where it is another coupling.
+    /// The ends of each LuGre friction and its number between them; `None` for other couplings.
     bristles: Vec<Option<(String, String, usize)>>,
 }
 
 impl Plan {
-    /// Compiles a world, to be guarded so. Errors where the core does.
+    /// Compiles a world for this safety profile. Errors where the core does.
     pub fn new(world: &World, profile: SafetyProfile) -> Result<Self, hapt_core::Error> {
         let spec = world.spec();
         let mut plan = Plan {
@@ -48,14 +48,14 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Makes room for all torques on their way to the motor, which a copy of a plan has not.
+    /// Reserves the delay line, which a clone of a plan lacks.
     pub(crate) fn reserve(&mut self) {
         self.device.reserve();
         self.motor.reserve();
     }
 
-    /// The same, to follow `before`: bodies of the same name go on where they are, and so do the bristles of LuGre friction between the
-    /// same two ends. It is guarded as that was.
+    /// Compiles a world that replaces `before`: bodies of the same name keep their states, and so do the bristles of LuGre friction between
+    /// the same two ends. The safety profile stays.
     pub fn following(world: &World, before: &Plan) -> Result<Self, hapt_core::Error> {
         let mut plan = Plan::new(world, before.profile)?;
         let (now, then) = (&plan.names, &before.names);
@@ -75,14 +75,14 @@ impl Plan {
         self.controller.start()
     }
 
-    /// One sample, guarded: what the loop's thread does between its device's two calls, and a replay again.
+    /// One guarded sample: the computation between reading and writing the device, also used by replays.
     pub fn step(&self, state: &mut PlanState, reading: &Reading<f64>, request: Option<Request>) -> SafeOutput<f64> {
         self.controller.step(state, reading, request)
     }
 
-    /// Periods pass, in which the motor is asked for `torque`, as it was at the last sample.
+    /// Lets periods pass with the command `torque`, that of the last sample.
     pub(crate) fn hold(&mut self, periods: u32, torque: f64) {
-        // After as many as are on their way it holds that and nothing else.
+        // Once the delay line is full of it, further periods change nothing.
         let longest = u32::try_from(self.motor.samples + 2).unwrap_or(u32::MAX);
         for period in 0..periods.min(longest) {
             if period > 0 {

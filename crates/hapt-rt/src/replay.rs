@@ -1,4 +1,4 @@
-//! A recording as a device: it says what was said, and feels nothing.
+//! A recording as a device: it returns recorded positions and ignores torques.
 
 use crate::{Device, Failure, Position};
 

@@ -1,4 +1,4 @@
-//! Which sample falls on which instant. All times are whole ns of one clock that never goes back.
+//! The assignment of samples to instants. All times are whole ns of one monotonic clock.
 
 /// The instants origin + k · T, each taken once at most and never two in a burst.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +18,7 @@ pub(crate) struct Schedule {
 pub(crate) struct Taken {
     /// Its own instant in ns.
     pub due: u64,
-    /// How long that is ago, less than a period.
+    /// Time since that instant, less than a period.
     pub late: u64,
     /// Periods since the last sample; 0 at the first.
     pub periods: u32,
@@ -47,7 +47,7 @@ impl Schedule {
         }
     }
 
-    /// When to wake up.
+    /// The next instant to wake up at.
     pub fn due(&self) -> u64 {
         self.instant(self.next)
     }
@@ -72,7 +72,7 @@ impl Schedule {
         }
     }
 
-    /// From the sample that was taken last the period is another, in s.
+    /// Changes the period, in s, from the last sample on.
     pub fn change_period(&mut self, period: f64) {
         let origin = self.instant(self.last.unwrap_or(0));
         *self = Schedule { origin, period: period * 1e9, next: 1, last: Some(0) };

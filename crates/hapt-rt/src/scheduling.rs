@@ -1,15 +1,15 @@
-//! What makes a thread a real-time one: a priority above all ordinary work, memory that stays in place, a stack that is there.
+//! Real-time scheduling of a thread: priority, locked memory, a stack that is paged in.
 
 use crate::Settings;
 
-/// What the system has granted to the loop's thread.
+/// The scheduling that the system granted to the loop's thread.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Realtime {
-    /// Its priority under SCHED_FIFO, from 1 to 99; `None`: it waits in line with everybody else.
+    /// Its priority under SCHED_FIFO, from 1 to 99; `None`: normal scheduling.
     pub priority: Option<u8>,
-    /// Whether the process's memory is locked in place, so that no page has to be fetched.
+    /// Whether the process's memory is locked, so that no page fault occurs.
     pub locked: bool,
-    /// What was asked for and refused, and what would grant it.
+    /// The settings that the system refused, with remedies.
     pub warnings: Vec<String>,
 }
 
@@ -23,7 +23,7 @@ pub(crate) fn prepare(settings: &Settings) -> Realtime {
     realtime
 }
 
-/// Writes to every page of the stack that the loop may reach, so that the system puts memory behind it now.
+/// Writes to every page of the stack that the loop may reach, so that the system maps it now.
 #[inline(never)]
 fn touch_the_stack() {
     let mut pages = [0_u8; STACK];
@@ -45,7 +45,7 @@ mod system {
     use crate::Settings;
 
     pub fn prepare(settings: &Settings) -> Realtime {
-        // Threads in line are woken in groups, 50 us late, unless they ask for better.
+        // The default timer slack of normal threads delays wake-ups by 50 us.
         let _ = set_current_timer_slack(NonZeroU64::new(1));
         let mut realtime = Realtime::default();
         if let Some(priority) = settings.priority {
@@ -89,7 +89,7 @@ mod system {
 
     fn no_fifo(priority: u8, error: &std::io::Error) -> String {
         format!(
-            "no real-time priority: the system refuses SCHED_FIFO {priority} ({error}), so that anything that runs here may delay the \
+            "no real-time priority: the system refuses SCHED_FIFO {priority} ({error}), so that any other process may delay the \
              loop; to allow it, write `@realtime - rtprio {priority}` and `@realtime - memlock unlimited` into \
              /etc/security/limits.d/realtime.conf, run `sudo groupadd -f realtime && sudo usermod -aG realtime $USER`, and log in anew \
              (or, for this program alone: sudo setcap cap_sys_nice,cap_ipc_lock=ep \"$(command -v hapt)\")"
@@ -98,7 +98,7 @@ mod system {
 
     fn no_lock(why: &str) -> String {
         format!(
-            "memory is not locked: {why}, so that a page that the system takes away delays the loop when it is fetched; to allow it, \
+            "memory is not locked: {why}, so that a page fault may delay the loop; to allow it, \
              write `@realtime - memlock unlimited` into /etc/security/limits.d/realtime.conf, with your user in the group realtime, and \
              log in anew (or, for this program alone: sudo setcap cap_sys_nice,cap_ipc_lock=ep \"$(command -v hapt)\")"
         )
@@ -112,8 +112,8 @@ mod system {
 
     pub fn prepare(settings: &Settings) -> Realtime {
         let asked = settings.priority.is_some() || settings.lock;
-        let warning = "no real-time priority: on this system the loop runs as any other thread, and is woken when it suits; Linux can \
-                       do better";
+        let warning = "no real-time priority: on this system the loop runs as an ordinary thread with larger jitter; Linux offers real-time \
+                       scheduling";
         Realtime { warnings: asked.then(|| warning.into()).into_iter().collect(), ..Realtime::default() }
     }
 }

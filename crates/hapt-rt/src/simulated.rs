@@ -1,4 +1,4 @@
-//! The exact simulation as a device in real time, with a hand that somebody moves from outside.
+//! The exact simulation as a device in real time, with a hand that commands move.
 
 use hapt_model::World;
 use hapt_sim::{Grip, Script, VirtualDevice};
@@ -6,36 +6,36 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::{Device, Failure, Plan, Position};
 
-/// Touches on their way, and old scripts on their way back.
+/// Capacity of the rings of hand commands and of old scripts.
 const TOUCHES: usize = 64;
-/// After a longer pause than so many periods the simulation does not catch up: it has stood still.
+/// After a longer pause than this many periods the simulation does not catch up; its time stops meanwhile.
 const LONGEST_PAUSE: u32 = 1 << 20;
 
-/// What a hand on the simulated puck does.
+/// A command to the hand on the simulated puck.
 #[derive(Debug, PartialEq)]
 pub enum HandCommand {
-    /// Takes hold where the puck is.
+    /// Grip the puck at its present position.
     Grab(Grip),
-    /// Means to be at this position, in rad (linear: m).
+    /// Move the target of the hand to this position, in rad (linear: m).
     Move(f64),
-    /// Lets go, whoever holds it.
+    /// Release the puck.
     Release,
-    /// The puck is at rest at 0 again, in nobody's hand.
+    /// Reset the puck to rest at 0, released.
     Restart,
-    /// A scenario's hand takes hold, at its t = 0.
+    /// Start a scenario's hand at its t = 0.
     Scenario(Box<Script>),
 }
 
-/// Where the hands on a simulated puck are told what to do.
+/// The sender of commands to the hand on a simulated puck.
 pub struct Hands {
-    /// Toward the device.
+    /// Commands to the device.
     pub touches: Producer<HandCommand>,
-    /// Scripts that are over, to be freed on this side; with 64 of them here no further one begins.
+    /// Finished scripts, to be freed on this side; while 64 of them are here, no further script starts.
     pub spent: Consumer<Box<Script>>,
 }
 
 impl Hands {
-    /// A touch for the next sample; it comes back where 64 are on their way already.
+    /// Sends a command for the next sample; it is returned where 64 are queued.
     pub fn push(&mut self, touch: HandCommand) -> Result<(), HandCommand> {
         while self.spent.pop().is_ok() {}
         self.touches.push(touch).map_err(|rtrb::PushError::Full(touch)| touch)
@@ -50,12 +50,12 @@ pub struct SimulatedDevice {
     announced: bool,
     /// The world's 0 in what is read, rad (linear: m); hands count from there.
     zero: f64,
-    /// What the motor was last asked for, in N·m (linear: N).
+    /// The last command of the motor, in N·m (linear: N).
     asked: f64,
 }
 
 impl SimulatedDevice {
-    /// The world's device, and what moves its hand.
+    /// The world's device, and the sender of commands to its hand.
     pub fn new(world: &World) -> (Self, Hands) {
         let (producer, touches) = RingBuffer::new(TOUCHES);
         let (back, spent) = RingBuffer::new(TOUCHES);
@@ -68,7 +68,7 @@ impl SimulatedDevice {
     }
 
     fn is_touched(&mut self) {
-        // An old script is not freed here: without room on the way back the new one waits.
+        // The loop frees no script: while the ring back is full, the new one waits.
         while !matches!(self.touches.peek(), Ok(HandCommand::Scenario(_))) || !self.back.is_full() {
             match self.touches.pop() {
                 Ok(HandCommand::Grab(grip)) => self.device.hold(Some(grip)),
@@ -93,12 +93,12 @@ impl Device for SimulatedDevice {
         self.is_touched();
         let (position, velocity) = self.device.puck();
         if !(position.is_finite() && velocity.is_finite()) {
-            // It has run away. That is shown once, for the supervisor to fault; the simulation itself begins anew.
+            // The simulation diverged. The supervisor sees it once, and faults; the simulation restarts.
             self.device.restart();
             return Ok(Position { position: f64::NAN, velocity: 0.0, announced: false });
         }
         let announced = std::mem::take(&mut self.announced) || self.device.announced();
-        // A zero that was never moved takes no digit.
+        // An offset of 0 leaves the position exact.
         let position = if self.zero == 0.0 { position } else { self.zero + position };
         Ok(Position { position, velocity, announced })
     }
@@ -116,7 +116,7 @@ impl Device for SimulatedDevice {
     fn passed(&mut self, periods: u32) {
         for period in 0..periods.min(LONGEST_PAUSE) {
             if period > 0 {
-                // At an instant that was missed it is asked for what it was: a delay is a time, and no number of commands.
+                // At a missed instant the last command is repeated: the delay is a time, not a number of commands.
                 self.device.command(self.asked);
             }
             self.device.travel();

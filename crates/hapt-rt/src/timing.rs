@@ -1,4 +1,4 @@
-//! What the records say about the clock: period, latency and computation, as histograms.
+//! The timing statistics of the records: period, latency and computation, as histograms.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use hdrhistogram::Histogram;
 
 use crate::Record;
 
-/// The times of a loop, from its records, on whatever thread takes them. All in ns.
+/// The times of a loop, from its records. All in ns.
 #[derive(Clone, Debug)]
 pub struct Timing {
     /// From the instant at which a sample was due to when one was taken: behind missed ones, from the first of them.
@@ -46,19 +46,19 @@ pub struct Quantiles {
     pub max: u64,
 }
 
-/// One bar of a histogram: so many in [from, to), in ns.
+/// One bar of a histogram: the count in [from, to), in ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bar {
     /// The lower edge.
     pub from: u64,
     /// The upper edge, which is the next bar's lower one.
     pub to: u64,
-    /// How many.
+    /// The count.
     pub count: u64,
 }
 
 impl Timing {
-    /// Nothing yet.
+    /// Empty statistics.
     pub fn new() -> Self {
         // Up to a minute, to a thousandth; longer is a minute.
         let histogram = || Histogram::new_with_bounds(1, 60_000_000_000, 3).expect("these bounds are good");
@@ -86,7 +86,7 @@ impl Timing {
         let mut latency = late;
         if let Some(last) = self.last {
             let steps = sample.saturating_sub(last.sample).max(1);
-            // What the loop did not miss and is not here has found no room.
+            // A sample that is neither missed nor here is a lost record.
             let lost = steps.saturating_sub(1 + u64::from(record.missed));
             self.lost += lost;
             // The next sample was due one period after the last. A device's old readings count as missed, too, but at their own instants.
@@ -102,12 +102,12 @@ impl Timing {
         self.last = Some(Last { sample, due, taken });
     }
 
-    /// Samples that were taken and seen here.
+    /// Samples whose records arrived.
     pub fn samples(&self) -> u64 {
         self.latency.len()
     }
 
-    /// How often the loop came too late for at least one instant.
+    /// The number of times that the loop missed at least one instant.
     pub fn overruns(&self) -> u64 {
         self.overruns
     }
@@ -117,7 +117,7 @@ impl Timing {
         self.missed
     }
 
-    /// Samples whose records found no room.
+    /// Samples whose records were lost.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -127,7 +127,7 @@ impl Timing {
         self.gap.0
     }
 
-    /// That samples were missed, and for how long at worst; `None` where none was.
+    /// A warning with the number of missed samples and the longest gap; `None` where none was missed.
     pub fn warning(&self) -> Option<String> {
         (self.missed > 0).then(|| {
             let samples = if self.missed == 1 { "sample was" } else { "samples were" };
@@ -195,7 +195,7 @@ impl Quantiles {
     }
 }
 
-/// A table for people, in microseconds.
+/// As a table, in microseconds.
 impl fmt::Display for Timing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "             {:>9} {:>9} {:>9} {:>9} {:>9}", "p50", "p90", "p99", "p99.9", "max")?;

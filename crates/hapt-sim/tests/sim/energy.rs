@@ -102,7 +102,7 @@ proptest! {
             for pair in held.windows(2) {
                 prop_assert!(energy(&pair[1]) - energy(&pair[0]) < 1e-13 * size, "{}", method.name());
             }
-            // Let go at once: what motor and damping do to the puck is all its motion.
+            // Released at once: motor and damping alone move the puck.
             let free = rows(&world, &scenario(0.5, step(0.0, 0.0), Some(0.0)));
             let last = &free[free.len() - 1];
             let moving = 0.5 * world.device.inertia * last.puck_velocity * last.puck_velocity;

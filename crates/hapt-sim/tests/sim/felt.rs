@@ -1,4 +1,4 @@
-//! What the laboratory says a hand feels, and what the shipped loop does to a hand that swings: the fundamental of the motor's
+//! The computed impedance, and the shipped loop under a hand that swings: the fundamental of the motor's
 //! torque over whole periods of the hand.
 
 use std::f64::consts::{PI, TAU};

@@ -1,4 +1,4 @@
-//! The supervisor on the exact device: the notes' runs pass, what runs away is caught, signs are told, energies agree.
+//! The supervisor on the exact device: the notes' runs pass, runaway loops are caught, signs are detected, energies agree.
 
 use crate::common::{bare, spring, wheel};
 use hapt_core::{Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, SupervisorState};
@@ -20,7 +20,7 @@ struct Guard {
 impl Guard {
     fn new(world: &World, profile: SafetyProfile) -> Self {
         let core = DesktopLoop::new(&world.spec()).unwrap();
-        // The puck is where the run says, also where it is armed elsewhere than at 0.
+        // The puck is at the run's position, also where it is armed elsewhere than at 0.
         let limits = Limits { zero_where_armed: false, ..world.limits(profile) };
         let supervisor = DesktopSupervisor::new(&limits, &world.spec()).unwrap();
         Guard { state: core.start(), core, supervisor, watch: SupervisorState::START }
@@ -139,7 +139,7 @@ fn the_sign_test_tells_a_reversed_motor_a_hand_in_the_way_and_none() {
     }
 }
 
-/// A constant that nobody holds takes the puck beyond what hands do, and is taken away.
+/// A constant torque on a free puck accelerates it beyond the speed of hands, and is removed.
 #[test]
 fn a_puck_that_nobody_holds_is_stopped_before_it_is_too_fast() {
     let mut world = bare();

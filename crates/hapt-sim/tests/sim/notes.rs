@@ -96,7 +96,7 @@ fn loops() -> impl Iterator<Item = World> {
     methods.into_iter().flat_map(|method| Output::ALL.map(|output| common::wheel(method, output)))
 }
 
-/// 45° at 0, let go after a quarter of a period.
+/// 45° at 0, released after a quarter of a period.
 fn let_go() -> Scenario {
     scenario(3.0, step(FRAC_PI_4, 0.0), Some(0.25))
 }

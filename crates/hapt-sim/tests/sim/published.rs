@@ -79,7 +79,7 @@ proptest! {
 
     #[test]
     fn within_the_limit_the_puck_comes_to_rest(friction in 1e-3..0.1f64, counts in 200.0..1e4f64, start in 1.0..100.0f64) {
-        // Held back at `start` counts, then let go. With half of the stiffness, so that it does not take for ever.
+        // Held at `start` counts, then released. Half of the stiffness keeps the run short.
         let mut world = wall(0.5, friction, counts, true);
         world.device.damping *= 2.0;
         let from = start * TAU / counts;

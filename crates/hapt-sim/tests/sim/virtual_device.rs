@@ -1,4 +1,4 @@
-//! The device on its own, with a hand that is told what to do as it goes.
+//! The device alone, with a hand that commands move.
 
 use crate::common::{bare, rows, scenario};
 use hapt_model::{Drive, Shape, World};
@@ -66,7 +66,7 @@ proptest! {
     fn words_at_a_steady_rate_are_the_path_between_them_one_word_behind(
         world in devices(), grip in grips(), every in 1_usize..20, points in prop::collection::vec(-0.5_f64..0.5, 1..8),
     ) {
-        // Told a point every so many samples, the hand is there as many samples later.
+        // With a target every n samples, the hand arrives n samples later.
         let spacing = every as f64 * 1e-3;
         let mut path = vec![(spacing, 0.0)];
         path.extend(points.iter().enumerate().map(|(i, point)| ((i + 2) as f64 * spacing, *point)));
@@ -167,7 +167,7 @@ fn a_prescribed_jump_is_announced_and_nothing_else_is() {
         device.travel();
         assert_eq!(device.announced(), k == 5, "{k}");
         assert_eq!(device.puck().0, if k < 5 { 0.0 } else { 0.5 });
-        // Over after its duration: the hand lets go.
+        // After the scenario's duration the hand releases.
         assert_eq!(device.is_held(), k <= 20, "{k}");
     }
 }
