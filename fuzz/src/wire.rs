@@ -5,7 +5,7 @@
 
 use hapt_core::SafetyProfile;
 use hapt_model::{Source, World};
-use hapt_wire::device::{Board, Endpoint, Measurement, Slot};
+use hapt_wire::device::{Board, Endpoint, Measurement, WorldStorage};
 use hapt_wire::{Command, DeviceMessage, LONGEST, Order, PROTOCOL, Parameter, Reader, frame, hash, pack};
 
 use crate::messages::outcome;
@@ -34,7 +34,7 @@ fn packed() -> Vec<u8> {
 /// # Panics
 /// When there is a torque that nobody has armed, one beyond every limit, or the board does not answer, or stop, in the end.
 pub fn run(bytes: &[u8]) -> u64 {
-    let (mut one, mut other) = (Slot::EMPTY, Slot::EMPTY);
+    let (mut one, mut other) = (WorldStorage::EMPTY, WorldStorage::EMPTY);
     let (kind, mut rest) = bytes.split_first().map_or((0, bytes), |(kind, rest)| (*kind, rest));
     let mut station = Endpoint::new(if kind & 1 == 0 { BOARD } else { FED }, &mut one, &mut other);
     let (mut answers, mut armed) = (0_u64, false);

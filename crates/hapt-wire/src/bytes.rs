@@ -1,11 +1,11 @@
-//! Messages out of bytes. A board links this: nothing here can panic, and every compiler sees that. postcard's own reader copies slices
-//! whose length some compilers lose sight of, and a check with a panic behind it stays.
+//! Deserialisation of messages. A board links this: nothing here can panic, and every compiler proves that. postcard's own reader copies
+//! slices of a length that some compilers do not track, so that a bounds check with a panic remains.
 
 use postcard::de_flavors::Flavor;
 use postcard::{Deserializer, Error, Result};
 use serde::Deserialize;
 
-/// What is still to be read.
+/// The bytes that are still to be read.
 struct Rest<'de>(&'de [u8]);
 
 impl<'de> Flavor<'de> for Rest<'de> {

@@ -1,21 +1,21 @@
-//! Consistent overhead byte stuffing: no 0 in what is stuffed (Cheshire and Baker, IEEE/ACM Transactions on Networking 7(2), 1999).
+//! Consistent overhead byte stuffing: the encoded message contains no 0 (Cheshire and Baker, IEEE/ACM Transactions on Networking 7(2), 1999).
 //!
-//! Each block is a code from 1 to 255 and one byte less than that of the message, none of them 0. Behind a block stands a 0 of the message,
-//! but not behind one of code 255, nor behind the last. A board links this: nothing here can panic.
+//! Each block is a code n from 1 to 255 and n - 1 bytes of the message, none of them 0. Each block stands for its bytes and a 0 of the
+//! message, except one of code 255 and the last. A board links this: nothing here can panic.
 
 use postcard::ser_flavors::Flavor;
 use postcard::{Error, Result};
 
-/// The code of a block that no 0 ends.
+/// The code of a block without a 0 at its end.
 const FULL: u8 = 255;
 
 /// Stuffs a message as its bytes come, and ends it with a 0.
 pub(crate) struct Stuffed<'a> {
     room: &'a mut [u8],
-    /// Where the block's code stands, and what it would be.
+    /// The index of the block's code, and its value so far.
     place: usize,
     code: u8,
-    /// Where the next byte goes.
+    /// The index of the next byte.
     at: usize,
 }
 
@@ -40,7 +40,7 @@ impl<'a> Stuffed<'a> {
 impl<'a> Flavor for Stuffed<'a> {
     type Output = &'a [u8];
 
-    // Every number of every message comes by here: one copy keeps the firmware small.
+    // Every number of every message passes here: one copy keeps the firmware small.
     #[inline(never)]
     fn try_push(&mut self, byte: u8) -> Result<()> {
         if byte == 0 {
@@ -59,7 +59,7 @@ impl<'a> Flavor for Stuffed<'a> {
     }
 }
 
-/// Turns what was stuffed, without its last 0, into the message in the same place; `None` where it is cut.
+/// Decodes a frame without its last 0 in place; `None` where it is incomplete.
 pub(crate) fn unstuff(bytes: &mut [u8]) -> Option<&[u8]> {
     let (mut from, mut to) = (0, 0);
     while let Some(&code) = bytes.get(from) {

@@ -1,7 +1,7 @@
-//! A coupling as it stands on the wire.
+//! The wire format of a coupling.
 //!
-//! The codes are frozen here: boards in the field and logs on disks were written with them. A law that is new comes after the others, with
-//! a code of its own; a law that takes a limit has a second form inside of [`Law::Clamped`].
+//! The codes are frozen: boards in the field and logs on disks use them. A new law comes after the others, with a code of its own; a law
+//! that takes a limit has a second form inside of [`Law::Clamped`].
 
 use hapt_core::{Damping, End, Side, Waveform};
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 //! COBS( message in postcard   CRC-16/IBM-3740 of it, little-endian )   0
 //! ```
 //!
-//! No byte of a frame is 0 but its last, so that a reader that has lost its place finds it again at the next 0.
+//! Only the last byte of a frame is 0, so that a reader resynchronises at the next 0.
 
 use postcard::ser_flavors::crc::CrcModifier;
 use serde::{Deserialize, Serialize};
@@ -11,18 +11,18 @@ use crate::bytes::read;
 use crate::cobs::{Stuffed, unstuff};
 use crate::{Error, SUM};
 
-/// Writes a message as one frame into `room`, and gives what it takes of it: the message, and 4 bytes and one in 254 more.
+/// Writes a message as one frame into `room`, and returns the used part: the message, 4 bytes, and one more for each 254.
 pub fn frame<'a, T: Serialize>(message: &T, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
     postcard::serialize_with_flavor(message, CrcModifier::new(Stuffed::new(room), SUM.digest()))
         .map_err(|_| Error::NoRoom)
 }
 
-/// Finds frames of at most N bytes in a stream of bytes. What is cut, flipped, too long or nothing of ours is passed over, and counted.
+/// Finds frames of at most N bytes in a stream of bytes. Incomplete, corrupted, too long and unknown frames are skipped and counted.
 #[derive(Clone, Copy, Debug)]
 pub struct Reader<const N: usize> {
     bytes: [u8; N],
     length: usize,
-    /// Frames that were none.
+    /// The number of invalid frames.
     pub refused: u32,
 }
 
@@ -33,12 +33,12 @@ impl<const N: usize> Default for Reader<N> {
 }
 
 impl<const N: usize> Reader<N> {
-    /// At the beginning of a frame.
+    /// A reader at the start of a frame.
     pub const fn new() -> Self {
         Reader { bytes: [0; N], length: 0, refused: 0 }
     }
 
-    /// Takes a byte; a frame's last gives its message.
+    /// Takes a byte; the last one of a frame returns its message.
     pub fn push<'a, T: Deserialize<'a>>(&'a mut self, byte: u8) -> Option<T> {
         if byte != 0 {
             // One that is too long is refused at its end.
@@ -50,7 +50,7 @@ impl<const N: usize> Reader<N> {
         }
         let length = core::mem::take(&mut self.length);
         if length == 0 {
-            // A 0 after a 0: how a writer makes sure that its frame begins.
+            // A 0 after a 0: a writer sends one to start its frame afresh.
             return None;
         }
         let message = self.bytes.get_mut(..length).and_then(|stuffed| {

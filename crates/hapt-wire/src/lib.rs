@@ -1,9 +1,9 @@
-//! A world as bytes, for a microcontroller, which has no file system; and the frames in which bytes travel.
+//! A world as bytes for a microcontroller, which has no file system, and the frames that carry bytes.
 //!
-//! [`write()`] makes the bytes of a [`Spec`], [`Stored::read`] checks them and holds the world in fixed room. The form is postcard's, behind a
-//! version and before a checksum; what is cut, flipped or of another version is refused, and never half read. [`frame()`] and [`Reader`]
-//! carry any message over a line that loses and flips bytes; [`Command`] and [`DeviceMessage`] are the messages between a host and a board
-//! (docs/wire.md), [`pack`] the world and its limits as a board takes them.
+//! [`write()`] makes the bytes of a [`Spec`], [`Stored::read`] checks them and holds the world in memory of fixed size. The format is
+//! postcard's, after a version and before a checksum; incomplete or corrupted bytes and other versions are refused as a whole. [`frame()`]
+//! and [`Reader`] carry any message over a line that loses and corrupts bytes; [`Command`] and [`DeviceMessage`] are the messages between a
+//! host and a board (docs/wire.md), [`pack`] is the world with its limits for a board.
 //!
 //! ```
 //! use hapt_core::{Body, Coupling, End, Estimator, Law, Loop, Method, Output, Spec};
@@ -48,7 +48,7 @@ mod world;
 
 use crc::{CRC_16_IBM_3740, Crc};
 
-/// The checksum of everything: polynomial 0x1021, from 0xffff.
+/// The checksum of worlds and frames: polynomial 0x1021, from 0xffff.
 const SUM: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 
 pub use frame::{Reader, frame};

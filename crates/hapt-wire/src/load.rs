@@ -8,18 +8,18 @@ use hapt_core::{Limits, Spec};
 use crate::world::{put, take};
 use crate::{Crc, Error, Stored, VERSION, write};
 
-/// The most that [`pack`] makes of 4 bodies and 8 couplings.
+/// The largest size of a packed world of 4 bodies and 8 couplings.
 pub const LARGEST: usize = 1024;
 
-/// Of zlib, PNG and Ethernet: polynomial 0x04c11db7 reflected, from 0xffffffff, inverted.
+/// The checksum of zlib, PNG and Ethernet: polynomial 0x04c11db7 reflected, from 0xffffffff, inverted.
 const HASH: Crc<u32> = Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
-/// What a packed world is known by: the CRC-32 of its bytes.
+/// The identity of a packed world: the CRC-32 of its bytes.
 pub fn hash(bytes: &[u8]) -> u32 {
     HASH.checksum(bytes)
 }
 
-/// Writes a world and its supervisor's limits into `room`, for a board to compile, and gives what they take of it.
+/// Writes a world and its supervisor's limits into `room`, for a board to compile, and returns the used part.
 ///
 /// Errors as [`write()`] does.
 pub fn pack<'a>(spec: &Spec, limits: &Limits, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
@@ -30,7 +30,7 @@ pub fn pack<'a>(spec: &Spec, limits: &Limits, room: &'a mut [u8]) -> Result<&'a 
     room.get(..at).ok_or(Error::NoRoom)
 }
 
-/// Reads what [`pack`] has written. Whether its numbers are in range is for the core to say.
+/// Reads the bytes of [`pack`]. The core checks the ranges of the numbers when it compiles them.
 pub fn unpack<const B: usize, const C: usize>(bytes: &[u8]) -> Result<(Limits, Stored<B, C>), Error> {
     let (version, mut rest) = bytes.split_first().ok_or(Error::Cut)?;
     if *version != VERSION {

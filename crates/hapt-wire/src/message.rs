@@ -1,25 +1,25 @@
-//! What a host and a board say to each other. The number of a variant is its code on the wire, and never changes; a new one comes last.
+//! The messages between a host and a board. The number of a variant is its code on the wire, and never changes; a new one comes last.
 //!
 //! ```text
 //! host:  sequence u32   not_after u64   code   the order's fields
 //! board: code   the answer's fields
 //! ```
 //!
-//! Everything is postcard's: u16, u32, u64 and codes as varints (LEB128), u8 and bool one byte, f32 four bytes little-endian, an option
-//! a byte 0 or 1 before what is there, a string or a list its length before it.
+//! The encoding is postcard's: u16, u32, u64 and codes as varints (LEB128), u8 and bool one byte, f32 four bytes little-endian, an option
+//! a byte 0 or 1 and its value, a string or a list its length and its content.
 
 use core::fmt;
 
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// The version of everything said here. Only [`Order::Hello`] and [`DeviceMessage::Hello`] keep their form in every version.
+/// The version of the protocol. Only [`Order::Hello`] and [`DeviceMessage::Hello`] keep their form in every version.
 pub const PROTOCOL: u16 = 1;
 /// The longest frame to a board, its 0 too.
 pub const LONGEST: usize = 256;
 /// The most bytes of a [`Order::Piece`] that fit into one.
 pub const PIECE: usize = 224;
-/// Bodies and couplings that a board has room for, and counts that its sensor remembers (a FOAW window and one).
+/// Capacity of a board: bodies, couplings, and counts of its velocity estimator (a FOAW window and one).
 pub const ROOM: [usize; 3] = [4, 8, 17];
 /// Bodies that [`Telemetry`] has room for.
 pub const BODIES: usize = ROOM[0];
@@ -27,66 +27,66 @@ pub const BODIES: usize = ROOM[0];
 /// A frame from the host.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Command<'a> {
-    /// One more than that of the command before. It never begins anew: a board says in its [`Hello`] how far it is.
+    /// One more than that of the previous command. It never restarts: a board reports the last one in its [`Hello`].
     pub sequence: u32,
-    /// The sample after which it is refused.
+    /// The last sample at which it is accepted.
     pub not_after: u64,
-    /// What is to be done.
+    /// The order.
     #[serde(borrow)]
     pub order: Order<'a>,
 }
 
-/// What a host may ask for. Each is answered by [`DeviceMessage::Done`], [`DeviceMessage::Refused`] or what stands beside it.
+/// An order of a host. The answer is [`DeviceMessage::Done`], [`DeviceMessage::Refused`] or the message that its documentation names.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Order<'a> {
-    /// The first word, answered by [`DeviceMessage::Hello`]. It counts with any sequence and at any time, as `Stop` does.
+    /// The handshake, answered by [`DeviceMessage::Hello`]. Valid with any sequence and at any time, as `Stop`.
     Hello {
         /// [`PROTOCOL`]
         protocol: u16,
     },
-    /// The torque is 0 from the next sample on, and the supervisor faulted. Ahead of all other orders.
+    /// Fault: the torque is 0 from the next sample on. Executed before all other orders.
     Stop,
-    /// The host is there. `Arm` says so too, and nothing else does: without either for the world's `safety.link`, the torque goes away.
+    /// A heartbeat. `Arm` counts as one too, and no other order does: without a heartbeat for the world's `safety.link` the torque is removed.
     Heartbeat,
     /// Fade in.
     Arm {
-        /// The hash of the world that is meant: no other is armed.
+        /// The hash of the world to arm: a board that runs another one refuses.
         world: u32,
     },
     /// Fade out.
     Disarm,
     /// From faulted, the cause gone: disarmed. After a lost link it is gone when `Alive` has come within the world's `safety.link`.
     Clear,
-    /// A world is about to come, in place of one that has come in part.
+    /// Starts the upload of a world; discards an unfinished upload.
     Begin {
         /// Its bytes, as [`crate::pack`] makes them.
         length: u16,
         /// Their [`crate::hash`].
         hash: u32,
     },
-    /// The next bytes of it.
+    /// The next bytes of the upload.
     Piece {
-        /// How many came before.
+        /// The number of bytes before these.
         at: u16,
         /// At most [`PIECE`].
         bytes: &'a [u8],
     },
-    /// All of it is there: check it, compile it, and run it from now on. Done when it runs; refused while there may be a torque.
+    /// Ends the upload: the board checks, compiles and runs the world. Done when it runs; refused while there may be a torque.
     Commit,
     /// Answered by [`DeviceMessage::Value`].
     Get {
         /// The code of a [`Parameter`].
         parameter: u8,
     },
-    /// Answered by [`DeviceMessage::Value`], with the value as it is then.
+    /// Answered by [`DeviceMessage::Value`] with the new value.
     Set {
         /// The code of a [`Parameter`].
         parameter: u8,
         /// In the parameter's unit.
         value: u32,
     },
-    /// A sample for a board without an encoder of its own, which takes one sample at each: answered by [`DeviceMessage::Telemetry`]. It does not
-    /// say that the host is there.
+    /// A measurement for an externally clocked board, which takes one sample for each: answered by [`DeviceMessage::Telemetry`]. It is no
+    /// heartbeat.
     Sample {
         /// Its number, greater than that of the last; those between count as missed.
         sample: u64,
@@ -94,9 +94,9 @@ pub enum Order<'a> {
         position: f32,
         /// Its velocity in rad/s (m/s), for the exact estimator only.
         velocity: f32,
-        /// How long after its instant the sample is taken, in s.
+        /// Lateness of the sample, in s.
         late: f32,
-        /// A prescribed jump of a simulated hand falls on this sample; believed where the world's limits say so.
+        /// A prescribed jump of a simulated hand falls on this sample; accepted where the world's limits allow it.
         announced: bool,
     },
 }
@@ -127,71 +127,71 @@ impl Parameter {
 /// A frame from the board.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum DeviceMessage<'a> {
-    /// To a hello.
+    /// The answer to a hello.
     #[serde(borrow)]
     Hello(Hello<'a>),
-    /// It is done.
+    /// The order is executed.
     Done {
-        /// The command's.
+        /// The sequence of the command.
         sequence: u32,
     },
-    /// It is not, and nothing has changed.
+    /// The order is refused, and nothing has changed.
     Refused {
-        /// The command's.
+        /// The sequence of the command.
         sequence: u32,
-        /// Why not.
+        /// The reason.
         why: Refusal,
     },
-    /// A parameter.
+    /// The value of a parameter.
     Value {
-        /// The command's.
+        /// The sequence of the command.
         sequence: u32,
-        /// Its code.
+        /// The parameter's code.
         parameter: u8,
-        /// In its unit.
+        /// In the parameter's unit.
         value: u32,
     },
-    /// A sample.
+    /// The telemetry of a sample.
     Telemetry(Telemetry),
 }
 
-/// What a board is, and how far it is.
+/// A board's identity, capacity and state.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hello<'a> {
     /// The board's [`PROTOCOL`].
     pub protocol: u16,
     /// The firmware's version.
     pub firmware: &'a str,
-    /// What the board is called.
+    /// The name of the board.
     pub board: &'a str,
     /// The hash of the core's source that it was built from.
     pub core: u32,
     /// The hash of the world that it runs.
     pub world: Option<u32>,
-    /// Bodies that a world may have here.
+    /// The largest number of bodies of a world.
     pub bodies: u8,
-    /// Couplings.
+    /// The largest number of couplings.
     pub couplings: u8,
     /// The longest FOAW window, in samples.
     pub window: u8,
-    /// Whether it has no encoder, and waits for [`Order::Sample`].
+    /// Whether it has no encoder and takes its samples from [`Order::Sample`].
     pub externally_clocked: bool,
-    /// The last command's.
+    /// The sequence of the last command.
     pub sequence: u32,
-    /// The number of the sample that comes next.
+    /// The number of the next sample.
     pub sample: u64,
     /// The period, in ns.
     pub period: u32,
-    /// The supervisor's, as in [`Telemetry::phase`].
+    /// The supervisor's phase, as in [`Telemetry::phase`].
     pub phase: u8,
-    /// As in [`Telemetry::reason`].
+    /// The supervisor's reason, as in [`Telemetry::reason`].
     pub reason: u8,
 }
 
-/// One sample.
+/// The telemetry of one sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Telemetry {
-    /// One more than that of the telemetry before: a gap is what was lost on the way.
+    /// One more than that of the previous telemetry: a gap counts lost messages.
     pub sequence: u32,
     /// k
     pub sample: u64,
@@ -199,23 +199,23 @@ pub struct Telemetry {
     pub phase: u8,
     /// The code of a [`hapt_core::Reason`]; 0: none.
     pub reason: u8,
-    /// What would have tripped where the supervisor only warns; 0: nothing.
+    /// The code of the first limit that was exceeded and only warns; 0: none.
     pub warning: u8,
-    /// The puck's position as the device gave it, in rad (linear: m).
+    /// The puck's position as the device measured it, in rad (linear: m).
     pub position: f32,
-    /// z_k, as the world saw it.
+    /// z_k, the position in the world.
     pub measured: f32,
     /// v_k, by the estimator, in rad/s (m/s).
     pub velocity: f32,
-    /// From the couplings, in N·m (N).
+    /// The torque of the couplings, in N·m (N).
     pub torque: f32,
-    /// After levels and limit.
+    /// The command: that torque after levels and limit.
     pub command: f32,
-    /// What the motor was asked for: after the supervisor.
+    /// The output of the supervisor, the torque of the motor.
     pub output: f32,
     /// Samples missed since the start.
     pub missed: u32,
-    /// What the sample before took, in a unit of the board's: cycles, or instructions; 0 where nobody counts.
+    /// The cost of the previous sample in a unit of the board: cycles, or instructions; 0 where the board does not count.
     pub used: u32,
     /// x_k
     pub bodies: States,
@@ -229,7 +229,7 @@ pub struct States {
 }
 
 impl States {
-    /// The first [`BODIES`] of these.
+    /// The states of the first [`BODIES`] bodies.
     pub fn new(given: impl IntoIterator<Item = (f32, f32)>) -> Self {
         let mut states = States::default();
         for (place, state) in states.states.iter_mut().zip(given) {
@@ -275,44 +275,44 @@ impl<'de> Deserialize<'de> for States {
     }
 }
 
-/// Why a command is refused.
+/// The reason of a refused command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Refusal {
-    /// No hello of this version came before it, since the board has started.
+    /// No hello of this protocol version since the board's start.
     Hello,
-    /// Its sequence is not after the last one's, or far beyond it.
+    /// Its sequence is not after the last one, or far beyond it.
     Sequence,
-    /// The sample after which it does not count is over, or more than 65 536 samples ahead.
+    /// Its last valid sample is over, or more than 65 536 samples ahead.
     Late,
-    /// Others are still waiting.
+    /// The queue of commands is full.
     Busy,
     /// The piece is not the next one.
     Piece,
-    /// The bytes are not all there, or not those that were announced.
+    /// The upload is incomplete, or its hash differs.
     Hash,
-    /// They are of another version.
+    /// The uploaded bytes are of another version.
     Version,
-    /// They are no world.
+    /// The uploaded bytes are not a world.
     Bytes,
-    /// The world has more bytes, bodies, couplings or a longer window than there is room for.
+    /// The world exceeds the capacity: bytes, bodies, couplings or window.
     Room,
-    /// The core refuses it: a number out of range.
+    /// The core refuses the world: a number is out of range.
     World,
-    /// Its period is none that the board's timer keeps.
+    /// The board's timer does not support the period.
     Period,
-    /// Its motor has no limit: `device.limit`.
+    /// The motor has no limit: `device.limit`.
     NoLimit,
-    /// Its estimator wants a true velocity, which an encoder does not give.
+    /// The estimator needs the true velocity, which an encoder does not provide.
     Exact,
-    /// While there may be a torque, no world is changed.
+    /// The world cannot change while there may be a torque.
     Armed,
-    /// There is no world, or another one than is meant.
+    /// The board runs no world, or another one than named.
     NoWorld,
-    /// The supervisor does not go there from where it is: telemetry says why.
+    /// The supervisor cannot change from its phase to the requested one; telemetry has the reason.
     Phase,
     /// The board has an encoder of its own.
     NotExternallyClocked,
-    /// The sample is not after the last.
+    /// The sample's number is not after the last one.
     Sample,
     /// No such parameter, or it is read only, or the value is out of its range.
     Parameter,
@@ -340,28 +340,28 @@ impl Refusal {
         }
     }
 
-    /// What a person may make of it.
+    /// The reason as a sentence, without a full stop.
     pub const fn sentence(self) -> &'static str {
         match self {
             Refusal::Hello => "handshake missing: it has restarted, or the protocol versions differ",
             Refusal::Sequence => "the command is not the next one: it was doubled, or came too late",
-            Refusal::Late => "the command's time was over when it came",
-            Refusal::Busy => "it is still busy with commands that came before",
-            Refusal::Piece => "a piece of the world was lost on the way",
-            Refusal::Hash => "the world did not come as it was sent",
-            Refusal::Version => "it reads worlds of another version: its firmware and this hapt do not fit together",
+            Refusal::Late => "the command arrived too late",
+            Refusal::Busy => "its queue of commands is full",
+            Refusal::Piece => "a piece of the world was lost in transmission",
+            Refusal::Hash => "the world was corrupted in transmission",
+            Refusal::Version => "it reads worlds of another version: its firmware and this hapt are incompatible",
             Refusal::Bytes => "the data received is not a world",
             Refusal::Room => "the world is too large for it",
-            Refusal::World => "a number of the world is out of the range of its own numbers",
-            Refusal::Period => "its timer does not keep this period: loop.period",
+            Refusal::World => "a number of the world exceeds the range of its single-precision numbers",
+            Refusal::Period => "its timer does not support this period: loop.period",
             Refusal::NoLimit => "the world does not give the largest torque of its motor: device.limit",
-            Refusal::Exact => "an encoder gives no true velocity: loop.estimator",
-            Refusal::Armed => "while there may be a torque, it changes no world",
-            Refusal::NoWorld => "it runs another world than the one that is meant",
+            Refusal::Exact => "an encoder does not measure the true velocity: loop.estimator",
+            Refusal::Armed => "the world cannot change while there may be a torque",
+            Refusal::NoWorld => "it runs another world than the one named",
             Refusal::Phase => "its supervisor does not allow that in its phase, or the cause of its fault still lasts",
             Refusal::NotExternallyClocked => "it has an encoder of its own",
             Refusal::Sample => "the sample is not after the last one",
-            Refusal::Parameter => "it has no such parameter, or not that value of it",
+            Refusal::Parameter => "it has no such parameter, or the value is out of range",
         }
     }
 }

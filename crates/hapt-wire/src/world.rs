@@ -10,40 +10,40 @@ use serde::{Deserialize, Serialize};
 
 use crate::{SUM, coupling};
 
-/// The first byte of a world. It changes whenever the bytes after it mean something else.
+/// The first byte of a world, the version of the format.
 pub const VERSION: u8 = 1;
 
 const SUM_BYTES: usize = 2;
 
-/// Why bytes are no world, or a world does not fit.
+/// The reason that bytes are not a world, or that a world does not fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Error {
     /// The room for the bytes is too small.
     NoRoom,
-    /// Cut, or nothing of ours.
+    /// The bytes are incomplete.
     Cut,
-    /// Another version's.
+    /// The bytes are of another version.
     Version {
         /// The first byte.
         given: u8,
     },
-    /// A byte is not as it was written.
+    /// The checksum is wrong: a byte is corrupted.
     Checksum,
-    /// The checksum holds, and yet it is no world: written by something else.
+    /// The checksum is right, but the bytes are not a world.
     NotAWorld,
     /// More bodies than there is room for.
     TooManyBodies {
-        /// In the bytes.
+        /// The number in the bytes.
         given: usize,
-        /// Here.
+        /// The capacity.
         room: usize,
     },
     /// More couplings than there is room for.
     TooManyCouplings {
-        /// In the bytes.
+        /// The number in the bytes.
         given: usize,
-        /// Here.
+        /// The capacity.
         room: usize,
     },
 }
@@ -52,10 +52,10 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Error::NoRoom => f.write_str("the world's bytes do not fit into the room given for them"),
-            Error::Cut => f.write_str("the bytes end before a world does"),
+            Error::Cut => f.write_str("the bytes end before the world is complete"),
             Error::Version { given } => write!(f, "a world of version {given}, where this reads version {VERSION}"),
-            Error::Checksum => f.write_str("the checksum does not hold: a byte is not as it was written"),
-            Error::NotAWorld => f.write_str("the bytes are no world"),
+            Error::Checksum => f.write_str("the checksum is wrong: a byte is corrupted"),
+            Error::NotAWorld => f.write_str("the bytes are not a world"),
             Error::TooManyBodies { given, room } => write!(f, "{given} bodies, where there is room for {room}"),
             Error::TooManyCouplings { given, room } => write!(f, "{given} couplings, where there is room for {room}"),
         }
@@ -64,7 +64,7 @@ impl fmt::Display for Error {
 
 impl core::error::Error for Error {}
 
-/// All of a spec but its lists, which come after it.
+/// A spec without its lists, which follow it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Settings {
     period: f64,
@@ -79,7 +79,7 @@ struct Settings {
     couplings: u8,
 }
 
-/// A world read from bytes, in room for B bodies and C couplings.
+/// A world read from bytes, with a capacity of B bodies and C couplings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stored<const B: usize, const C: usize> {
     settings: Settings,
@@ -87,7 +87,7 @@ pub struct Stored<const B: usize, const C: usize> {
     couplings: [Coupling; C],
 }
 
-/// Writes a world into `room` and gives what it takes of it: about 20 bytes, 25 for each body and 20 for each coupling.
+/// Writes a world into `room` and returns the used part: about 20 bytes, 25 for each body and 20 for each coupling.
 ///
 /// Errors: [`Error::NoRoom`]; more than 255 bodies or couplings; [`Error::NotAWorld`] for a limit on a law that takes none.
 pub fn write<'a>(spec: &Spec, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
@@ -119,7 +119,7 @@ pub(crate) fn put<T: Serialize>(room: &mut [u8], at: &mut usize, value: &T) -> R
 }
 
 impl<const B: usize, const C: usize> Stored<B, C> {
-    /// Reads what [`write()`] has written. Whether its numbers are in range is [`hapt_core::Loop::new`]'s to say.
+    /// Reads the bytes of [`write()`]. [`hapt_core::Loop::new`] checks the ranges of the numbers.
     pub fn read(bytes: &[u8]) -> Result<Self, Error> {
         let version = *bytes.first().ok_or(Error::Cut)?;
         if version != VERSION {

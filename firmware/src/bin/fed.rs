@@ -10,7 +10,7 @@ use hapt_firmware::Here;
 use hapt_firmware::board::{Board, Line};
 use hapt_firmware::halt::halt;
 use hapt_wire::LONGEST;
-use hapt_wire::device::{Endpoint, Slot};
+use hapt_wire::device::{Endpoint, WorldStorage};
 
 const BOARD: hapt_wire::device::Board = hapt_wire::device::Board {
     name: Here::NAME,
@@ -21,7 +21,7 @@ const BOARD: hapt_wire::device::Board = hapt_wire::device::Board {
 
 #[entry]
 fn main() -> ! {
-    static mut SLOTS: [Slot; 2] = [Slot::EMPTY; 2];
+    static mut SLOTS: [WorldStorage; 2] = [WorldStorage::EMPTY; 2];
     let [one, other] = SLOTS;
     let (mut line, _) = Here::start();
     let mut station = Endpoint::new(BOARD, one, other);

@@ -10,7 +10,7 @@ use hapt_firmware::halt::halt;
 use hapt_firmware::shared::Shared;
 use hapt_firmware::{Here, ticks};
 use hapt_wire::LONGEST;
-use hapt_wire::device::{CommandHandler, Mailbox, Measurement, Sampler, Slot};
+use hapt_wire::device::{CommandHandler, Mailbox, Measurement, Sampler, WorldStorage};
 
 const BOARD: hapt_wire::device::Board = hapt_wire::device::Board {
     name: Here::NAME,
@@ -30,7 +30,7 @@ static LOOP: Shared<Loop> = Shared::new();
 
 #[entry]
 fn main() -> ! {
-    static mut SLOTS: [Slot; 2] = [Slot::EMPTY; 2];
+    static mut SLOTS: [WorldStorage; 2] = [WorldStorage::EMPTY; 2];
     let [one, other] = SLOTS;
     let (mut line, device) = Here::start();
     let mut desk = CommandHandler::new(BOARD, one);

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::DeviceSpec;
 use hapt_wire::LONGEST;
-use hapt_wire::device::{Board, Endpoint, Measurement, Slot};
+use hapt_wire::device::{Board, Endpoint, Measurement, WorldStorage};
 
 use super::{Line, pty};
 
@@ -126,7 +126,7 @@ impl Table {
     }
 
     fn until_it_restarts(&mut self, board: Board) {
-        let (mut one, mut other) = (Slot::EMPTY, Slot::EMPTY);
+        let (mut one, mut other) = (WorldStorage::EMPTY, WorldStorage::EMPTY);
         let mut station = Endpoint::new(board, &mut one, &mut other);
         let mut due = Instant::now();
         while !self.shared.end.load(SeqCst) && !self.shared.restarted.swap(false, SeqCst) {

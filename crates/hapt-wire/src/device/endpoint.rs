@@ -1,9 +1,9 @@
 //! Both halves in one thread: for externally clocked boards, emulators and tests.
 
-use super::{Board, CommandHandler, Mailbox, Measurement, Motor, Sampler, Slot};
+use super::{Board, CommandHandler, Mailbox, Measurement, Motor, Sampler, WorldStorage};
 use crate::LONGEST;
 
-/// CommandHandler, sampler, and the mailbox between them.
+/// Command handler, sampler, and the mailbox between them.
 #[derive(Debug)]
 pub struct Endpoint<'w> {
     handler: CommandHandler<'w>,
@@ -12,8 +12,8 @@ pub struct Endpoint<'w> {
 }
 
 impl<'w> Endpoint<'w> {
-    /// A board that begins.
-    pub fn new(board: Board, one: &'w mut Slot, other: &'w mut Slot) -> Self {
+    /// A board after a reset.
+    pub fn new(board: Board, one: &'w mut WorldStorage, other: &'w mut WorldStorage) -> Self {
         let sampler = Sampler::new(&board, other);
         Endpoint { handler: CommandHandler::new(board, one), sampler, mailbox: Mailbox::new() }
     }
@@ -49,7 +49,7 @@ impl<'w> Endpoint<'w> {
         self.sampler.next()
     }
 
-    /// What the sample just taken has cost, in a unit of the board's.
+    /// Sets the cost of the last sample, in a unit of the board.
     pub fn used(&mut self, used: u32) {
         self.sampler.used(used);
     }

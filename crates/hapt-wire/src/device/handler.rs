@@ -1,4 +1,4 @@
-//! The half in the main loop: bytes come in, answers go out, worlds are upload and compiled.
+//! The half in the main loop: it receives bytes, sends answers, and uploads and compiles worlds.
 
 use crate::{
     Command, DeviceMessage, Error, Hello, LARGEST, LONGEST, Order, PROTOCOL, Parameter, ROOM, Reader, Refusal,
@@ -7,42 +7,42 @@ use crate::{
 use hapt_core::{Estimator, Phase, Request};
 
 use super::mailbox::{Action, Outcome, Pending, Progress, Queue, Response};
-use super::{Mailbox, Measurement, Slot};
+use super::{Mailbox, Measurement, WorldStorage};
 
-/// A command may be so far behind the next one.
+/// The largest distance of a command's sequence behind the next one.
 const AHEAD: u32 = 4096;
-/// And count for so many samples at most.
+/// The largest number of samples for which a command is valid.
 const HORIZON: u64 = 65_536;
 
-/// What a board is.
+/// The description of a board.
 #[derive(Clone, Copy, Debug)]
 pub struct Board {
-    /// What it is called.
+    /// Its name.
     pub name: &'static str,
     /// Its firmware's version.
     pub firmware: &'static str,
-    /// Whether it has no encoder and no motor, and takes a sample whenever it is shown one.
+    /// Whether it has no encoder and no motor, and takes its samples from the host.
     pub externally_clocked: bool,
-    /// The shortest and the longest period that its timer keeps, in s.
+    /// The shortest and the longest period of its timer, in s.
     pub periods: [f64; 2],
 }
 
-/// Takes bytes, gives answers; gathers worlds and compiles them.
+/// Receives bytes and answers commands; receives worlds and compiles them.
 #[derive(Debug)]
 pub struct CommandHandler<'w> {
     reader: Reader<LONGEST>,
     state: State<'w>,
 }
 
-/// Who does what the reader has read.
+/// The state of the handler beside its reader.
 #[derive(Debug)]
 struct State<'w> {
     board: Board,
-    /// Whether a host of this version has outcome hello.
+    /// Whether a host of this protocol version has completed the handshake.
     greeted: bool,
-    /// A hello waits for its answer.
+    /// A hello has not been answered yet.
     greet: bool,
-    /// The last command's.
+    /// The sequence of the last command.
     sequence: u32,
     stop: Option<u32>,
     pending: Queue<Pending<'w>>,
@@ -51,20 +51,20 @@ struct State<'w> {
     progress: Progress,
     upload: Upload,
     /// `None` while the sampler has it.
-    spare: Option<&'w mut Slot>,
+    spare: Option<&'w mut WorldStorage>,
 }
 
-/// What a command comes to at the handler.
+/// The result of a command in the handler.
 enum Handled {
     Outcome(Outcome),
-    /// The sampler next_message.
+    /// The sampler executes it.
     Later,
     Seen(Measurement),
 }
 
 impl<'w> CommandHandler<'w> {
-    /// `spare` is the first of the board's two slots.
-    pub const fn new(board: Board, spare: &'w mut Slot) -> Self {
+    /// `spare` is the first of the board's two storages.
+    pub const fn new(board: Board, spare: &'w mut WorldStorage) -> Self {
         let state = State {
             board,
             greeted: false,
@@ -81,15 +81,16 @@ impl<'w> CommandHandler<'w> {
         CommandHandler { reader: Reader::new(), state }
     }
 
-    /// Takes a byte of the line. A command's last one has it done here and now, as far as it is the handler's: [`Order::Commit`] compiles, and
-    /// takes milliseconds. On an externally clocked board an [`Order::Sample`] gives what it shows: exchange, take that sample, exchange, before the next byte.
+    /// Takes a byte of the line. The last byte of a command executes the handler's part of it at once: [`Order::Commit`] compiles, which takes
+    /// milliseconds. On an externally clocked board an [`Order::Sample`] returns its measurement: exchange, take that sample, exchange,
+    /// before the next byte.
     pub fn push(&mut self, byte: u8) -> Option<Measurement> {
         let refused = self.reader.refused;
         let command = self.reader.push::<Command<'_>>(byte)?;
         self.state.handle(&command, refused)
     }
 
-    /// Leaves the pending, and takes what there is to respond.
+    /// Passes the pending commands to the sampler, and takes its responses.
     pub fn exchange(&mut self, mailbox: &mut Mailbox<'w>) {
         let state = &mut self.state;
         if let Some(sequence) = state.stop.take() {
@@ -103,8 +104,8 @@ impl<'w> CommandHandler<'w> {
             let Some(response) = mailbox.responses.pop() else { break };
             let _ = state.responses.push(response);
         }
-        if let Some(slot) = mailbox.back.take() {
-            state.spare = Some(slot);
+        if let Some(storage) = mailbox.back.take() {
+            state.spare = Some(storage);
         }
         if let Some(telemetry) = mailbox.telemetry.take() {
             state.telemetry = Some(telemetry);
@@ -130,10 +131,10 @@ impl<'w> State<'w> {
             }
             Order::Stop => {
                 self.stop = Some(sequence);
-                // What was asked for before counts no more.
+                // Earlier commands are void.
                 while let Some(pending) = self.pending.pop() {
-                    if let Action::Swap(slot) = pending.what {
-                        self.spare = Some(slot);
+                    if let Action::Swap(storage) = pending.what {
+                        self.spare = Some(storage);
                     }
                     self.respond(pending.sequence, Outcome::Refused(Refusal::Late));
                 }
@@ -159,7 +160,7 @@ impl<'w> State<'w> {
         None
     }
 
-    /// Whether a command is the next one, and in time.
+    /// Whether a command is the next one and still valid.
     fn accept(&mut self, sequence: u32, not_after: u64) -> Result<(), Refusal> {
         if !self.greeted {
             return Err(Refusal::Hello);
@@ -212,35 +213,35 @@ impl<'w> State<'w> {
         match self.pending.push(pending) {
             Ok(()) => Ok(Handled::Later),
             Err(pending) => {
-                if let Action::Swap(slot) = pending.what {
-                    self.spare = Some(slot);
+                if let Action::Swap(storage) = pending.what {
+                    self.spare = Some(storage);
                 }
                 Err(Refusal::Busy)
             }
         }
     }
 
-    /// The spare slot, with the upload world in it.
-    fn compiled(&mut self) -> Result<&'w mut Slot, Refusal> {
+    /// The spare storage, with the uploaded world.
+    fn compiled(&mut self) -> Result<&'w mut WorldStorage, Refusal> {
         let active = Phase::ALL.get(usize::from(self.progress.phase)).is_some_and(|phase| phase.is_active());
         if active {
             return Err(Refusal::Armed);
         }
-        let slot = self.spare.take().ok_or(Refusal::Busy)?;
-        match self.upload.whole().and_then(|bytes| compile(slot, bytes, &self.board)) {
+        let storage = self.spare.take().ok_or(Refusal::Busy)?;
+        match self.upload.whole().and_then(|bytes| compile(storage, bytes, &self.board)) {
             Ok(()) => {
                 self.upload.forget();
-                Ok(slot)
+                Ok(storage)
             }
             Err(why) => {
-                self.spare = Some(slot);
+                self.spare = Some(storage);
                 Err(why)
             }
         }
     }
 
     fn respond(&mut self, sequence: u32, outcome: Outcome) {
-        // A host that does not listen misses it.
+        // Without a reading host it is lost.
         let _ = self.responses.push(Response { sequence, outcome });
     }
 
@@ -278,7 +279,7 @@ impl<'w> State<'w> {
 
 /// Checks a world, and compiles it for a board.
 #[allow(clippy::wildcard_enum_match_arm)] // Any other error, a new one too, is a refusal all the same.
-fn compile(slot: &mut Slot, bytes: &[u8], board: &Board) -> Result<(), Refusal> {
+fn compile(storage: &mut WorldStorage, bytes: &[u8], board: &Board) -> Result<(), Refusal> {
     let (limits, stored) = unpack::<{ ROOM[0] }, { ROOM[1] }>(bytes).map_err(|error| match error {
         Error::Version { .. } => Refusal::Version,
         Error::TooManyBodies { .. } | Error::TooManyCouplings { .. } => Refusal::Room,
@@ -295,7 +296,7 @@ fn compile(slot: &mut Slot, bytes: &[u8], board: &Board) -> Result<(), Refusal> 
     if !board.externally_clocked && spec.estimator == Estimator::Exact {
         return Err(Refusal::Exact);
     }
-    slot.compile(hash(bytes), &spec, &limits).map_err(|error| match error {
+    storage.compile(hash(bytes), &spec, &limits).map_err(|error| match error {
         hapt_core::Error::TooManyBodies { .. }
         | hapt_core::Error::TooManyCouplings { .. }
         | hapt_core::Error::WindowTooLong { .. } => Refusal::Room,
@@ -303,11 +304,11 @@ fn compile(slot: &mut Slot, bytes: &[u8], board: &Board) -> Result<(), Refusal> 
     })
 }
 
-/// A world's bytes, as far as they have come.
+/// The bytes of an upload so far.
 #[derive(Debug)]
 struct Upload {
     bytes: [u8; LARGEST],
-    /// How many have come, and how many were announced.
+    /// The numbers of received and announced bytes.
     so_far: usize,
     length: usize,
     hash: u32,
@@ -340,7 +341,7 @@ impl Upload {
         Ok(())
     }
 
-    /// All of it, as it was announced.
+    /// The whole upload, if its length and hash are right.
     fn whole(&self) -> Result<&[u8], Refusal> {
         let bytes = self.bytes.get(..self.length).filter(|bytes| !bytes.is_empty() && self.so_far == self.length);
         bytes.filter(|bytes| hash(bytes) == self.hash).ok_or(Refusal::Hash)

@@ -1,14 +1,14 @@
-//! Where the two halves meet.
+//! The mailbox between command handler and sampler.
 
 use crate::{Refusal, Telemetry};
 use hapt_core::Request;
 
-use super::Slot;
+use super::WorldStorage;
 
 /// T before there is a world, in s.
 pub(crate) const FIRST_PERIOD: f32 = 1e-3;
 
-/// Orders and responses on their way.
+/// Capacity of the queues of orders and of responses.
 pub(crate) const WAITING: usize = 8;
 
 /// A short queue.
@@ -23,7 +23,7 @@ impl<T> Queue<T> {
         Queue { items: [const { None }; WAITING] }
     }
 
-    /// Puts one at the end; it comes back where there is no room.
+    /// Appends an entry; returns it where the queue is full.
     pub fn push(&mut self, item: T) -> Result<(), T> {
         match self.items.iter_mut().find(|place| place.is_none()) {
             Some(place) => {
@@ -34,7 +34,7 @@ impl<T> Queue<T> {
         }
     }
 
-    /// The oldest.
+    /// Removes the oldest entry.
     pub fn pop(&mut self) -> Option<T> {
         let item = self.items.first_mut()?.take();
         self.items.rotate_left(1);
@@ -57,14 +57,14 @@ pub(crate) struct Pending<'w> {
 #[derive(Debug)]
 pub(crate) enum Action<'w> {
     Heartbeat,
-    /// To the supervisor; to arm, the hash of the world that is meant.
+    /// A request to the supervisor; to arm, with the hash of the world.
     Ask(Request, Option<u32>),
-    Swap(&'w mut Slot),
+    Swap(&'w mut WorldStorage),
     Divide(u16),
     CountUseFrom(u32),
 }
 
-/// What has become of a command.
+/// The outcome of a command.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Response {
     pub sequence: u32,
@@ -78,7 +78,7 @@ pub(crate) enum Outcome {
     Value(u8, u32),
 }
 
-/// How far the sampler is.
+/// The progress of the sampler.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Progress {
     /// The number of the next sample.
@@ -106,15 +106,15 @@ impl Progress {
     };
 }
 
-/// What passes between the halves. Whoever holds it works with it for microseconds at most.
+/// The data shared by both halves, each of which holds it for microseconds at most.
 #[derive(Debug)]
 pub struct Mailbox<'w> {
     pub(crate) pending: Queue<Pending<'w>>,
-    /// The sequence of a stop, which waits for no order.
+    /// The sequence of a stop, which does not queue.
     pub(crate) stop: Option<u32>,
     pub(crate) responses: Queue<Response>,
-    /// The world that runs no more, or was not taken.
-    pub(crate) back: Option<&'w mut Slot>,
+    /// The storage of the previous world, or of a refused one.
+    pub(crate) back: Option<&'w mut WorldStorage>,
     pub(crate) telemetry: Option<Telemetry>,
     pub(crate) progress: Progress,
 }

@@ -3,7 +3,7 @@
 //! Two halves, so that compiling a world, which takes milliseconds, never delays a sample:
 //!
 //! - The [`CommandHandler`] runs in the main loop. It takes the line's bytes, sends responses, receives worlds and compiles them into a
-//!   spare [`Slot`].
+//!   spare [`WorldStorage`].
 //! - The [`Sampler`] runs in the timer's interrupt. It takes one sample a period under the supervisor and gives the motor's torque.
 //!
 //! They share a [`Mailbox`]: commands go one way, responses and telemetry the other, and a world as a reference that changes hands.
@@ -19,7 +19,7 @@
 //! # fn motor(_: Motor) {}
 //! # fn timer(_: f32) {}
 //! # fn cycles() -> u32 { 0 }
-//! # let (mut one, mut other, mut mailbox) = (Slot::EMPTY, Slot::EMPTY, Mailbox::new());
+//! # let (mut one, mut other, mut mailbox) = (WorldStorage::EMPTY, WorldStorage::EMPTY, Mailbox::new());
 //! let board = Board { name: "my-board", firmware: "0.1.0", externally_clocked: false, periods: [50e-6, 10e-3] };
 //! let mut handler = CommandHandler::new(board, &mut one);
 //! let mut sampler = Sampler::new(&board, &mut other);
@@ -51,10 +51,10 @@ mod endpoint;
 mod handler;
 mod mailbox;
 mod sampler;
-mod slot;
+mod storage;
 
 pub use endpoint::Endpoint;
 pub use handler::{Board, CommandHandler};
 pub use mailbox::Mailbox;
 pub use sampler::{Measurement, Motor, Sampler};
-pub use slot::Slot;
+pub use storage::WorldStorage;

@@ -4,18 +4,18 @@ use crate::{ROOM, Refusal, States, Telemetry};
 use hapt_core::{ControllerState, Phase, Reading, Reason, Request, SafeOutput, State, SupervisorState};
 
 use super::mailbox::{Action, FIRST_PERIOD, Outcome, Pending, Progress, Response};
-use super::{Board, Mailbox, Slot};
+use super::{Board, Mailbox, WorldStorage};
 
-/// What the device says about the puck at a sample.
+/// The measurement of the puck at a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
     /// In rad (linear: m).
     pub position: f32,
-    /// In rad/s (m/s), where the device knows it; only the exact estimator looks at it, which only an externally clocked board takes.
+    /// In rad/s (m/s) where the device measures it; used by the exact estimator only, which requires an externally clocked board.
     pub velocity: f32,
-    /// How long after its instant the sample is taken, in s.
+    /// Lateness of the sample, in s.
     pub late: f32,
-    /// Samples missed since the last.
+    /// Samples missed since the last one.
     pub missed: u32,
     /// A prescribed jump of a simulated hand falls on this sample.
     pub announced: bool,
@@ -23,25 +23,25 @@ pub struct Measurement {
     pub fault: bool,
 }
 
-/// What the motor is to do until the next sample.
+/// The command of the motor until the next sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motor {
-    /// To be held, in N·m (linear: N).
+    /// The torque to hold, in N·m (linear: N).
     pub torque: f32,
-    /// Whether its driver is to be on at all. Off, the torque is 0.
+    /// Whether the driver is on. Off, the torque is 0.
     pub on: bool,
 }
 
-/// One guarded sample a period. It owns what runs; orders and worlds reach it by [`Sampler::exchange`] alone.
+/// Takes one guarded sample a period. It owns the running world; orders and worlds arrive by [`Sampler::exchange`] alone.
 #[derive(Debug)]
 pub struct Sampler<'w> {
-    slot: &'w mut Slot,
+    storage: &'w mut WorldStorage,
     state: ControllerState<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>,
     /// The number of the next sample.
     next: u64,
-    /// The number of the sample before which somebody was last heard.
+    /// The number of the sample before which the last heartbeat arrived.
     heard: Option<u64>,
-    /// For the next sample, with the sequence of who asks.
+    /// The request for the next sample, with its command's sequence.
     request: Option<(u32, Request)>,
     response: Option<Response>,
     divider: u16,
@@ -49,7 +49,7 @@ pub struct Sampler<'w> {
     countdown: u16,
     externally_clocked: bool,
     telemetry: Option<Telemetry>,
-    /// Of the telemetry.
+    /// The sequence of the telemetry.
     sequence: u32,
     missed: u32,
     used: u32,
@@ -57,11 +57,11 @@ pub struct Sampler<'w> {
 }
 
 impl<'w> Sampler<'w> {
-    /// Disarmed, and with nothing to run: `slot` is the second of the board's two, and comes empty.
-    pub fn new(board: &Board, slot: &'w mut Slot) -> Self {
-        *slot = Slot::EMPTY;
+    /// Disarmed, and with nothing to run: `storage` is the second of the board's two, and comes empty.
+    pub fn new(board: &Board, storage: &'w mut WorldStorage) -> Self {
+        *storage = WorldStorage::EMPTY;
         Sampler {
-            slot,
+            storage,
             state: ControllerState { world: State::EMPTY, supervisor: SupervisorState::START },
             next: 0,
             heard: None,
@@ -80,7 +80,7 @@ impl<'w> Sampler<'w> {
 
     /// T in s: 1 ms before there is a world.
     pub fn period(&self) -> f32 {
-        self.slot.0.as_ref().map_or(FIRST_PERIOD, |compiled| compiled.controller.period())
+        self.storage.0.as_ref().map_or(FIRST_PERIOD, |compiled| compiled.controller.period())
     }
 
     /// The number of the next sample, when none is missed.
@@ -88,7 +88,7 @@ impl<'w> Sampler<'w> {
         self.next
     }
 
-    /// One sample. The torque is 0 whenever nobody has armed the world that runs.
+    /// Takes one sample. The torque is 0 unless the running world is armed.
     pub fn sample(&mut self, measurement: &Measurement) -> Motor {
         let sample = self.next.saturating_add(u64::from(measurement.missed));
         self.next = sample.saturating_add(1);
@@ -105,7 +105,7 @@ impl<'w> Sampler<'w> {
             missed: measurement.missed,
             silent: self.silent(sample),
         };
-        let Some(compiled) = &self.slot.0 else {
+        let Some(compiled) = &self.storage.0 else {
             if let Some((sequence, _)) = asked {
                 self.respond(sequence, Outcome::Refused(Refusal::NoWorld));
             }
@@ -144,13 +144,14 @@ impl<'w> Sampler<'w> {
         Motor { torque: output, on: phase.is_active() || output != 0.0 }
     }
 
-    /// What the sample just taken has cost, in a unit of the board's; telemetry shows it.
+    /// Sets the cost of the last sample for the telemetry, in a unit of the board.
     pub fn used(&mut self, used: u32) {
         self.used = used;
         self.most_used = self.most_used.max(used);
     }
 
-    /// Leaves what there is to say, and takes orders for the next sample. True where the world is another now: the timer's period may be.
+    /// Passes on responses and telemetry, and takes orders for the next sample. True where the world has changed, and so perhaps the
+    /// timer's period.
     pub fn exchange(&mut self, mailbox: &mut Mailbox<'w>) -> bool {
         if let Some(response) = self.response.take() {
             let _ = mailbox.responses.push(response);
@@ -160,23 +161,23 @@ impl<'w> Sampler<'w> {
         }
         let mut swapped = false;
         if let Some(sequence) = mailbox.stop.take() {
-            // What was asked for before counts no more.
+            // Earlier orders are void.
             if let Some((sequence, _)) = self.request.replace((sequence, Request::Stop)) {
                 refuse(mailbox, sequence, Refusal::Late);
             }
             while let Some(Pending { sequence, what, .. }) = mailbox.pending.pop() {
-                if let Action::Swap(slot) = what {
-                    mailbox.back = Some(slot);
+                if let Action::Swap(storage) = what {
+                    mailbox.back = Some(storage);
                 }
                 refuse(mailbox, sequence, Refusal::Late);
             }
         }
-        // At most one request a sample; what comes after it waits.
+        // At most one request per sample; later ones wait.
         while self.request.is_none() && !mailbox.responses.is_full() {
             let Some(Pending { sequence, not_after, what }) = mailbox.pending.pop() else { break };
             let outcome = if not_after < self.next {
-                if let Action::Swap(slot) = what {
-                    mailbox.back = Some(slot);
+                if let Action::Swap(storage) = what {
+                    mailbox.back = Some(storage);
                 }
                 Some(Outcome::Refused(Refusal::Late))
             } else {
@@ -191,7 +192,7 @@ impl<'w> Sampler<'w> {
             period: self.period(),
             phase: self.state.supervisor.phase as u8,
             reason: code(self.state.supervisor.reason),
-            world: self.slot.hash(),
+            world: self.storage.hash(),
             divider: self.divider,
             missed: self.missed,
             most_used: self.most_used,
@@ -199,7 +200,7 @@ impl<'w> Sampler<'w> {
         swapped
     }
 
-    /// Does an order in time; `None` where its response comes with the next sample.
+    /// Executes a valid order; `None` where its response comes with the next sample.
     fn take(
         &mut self,
         sequence: u32,
@@ -212,7 +213,7 @@ impl<'w> Sampler<'w> {
                 self.heard = Some(self.next);
                 Outcome::Done
             }
-            Action::Ask(Request::Arm, world) if world.is_none() || world != self.slot.hash() => {
+            Action::Ask(Request::Arm, world) if world.is_none() || world != self.storage.hash() => {
                 Outcome::Refused(Refusal::NoWorld)
             }
             Action::Ask(request, _) => {
@@ -222,15 +223,15 @@ impl<'w> Sampler<'w> {
                 self.request = Some((sequence, request));
                 return None;
             }
-            Action::Swap(slot) if self.state.supervisor.phase.is_active() => {
-                mailbox.back = Some(slot);
+            Action::Swap(storage) if self.state.supervisor.phase.is_active() => {
+                mailbox.back = Some(storage);
                 Outcome::Refused(Refusal::Armed)
             }
-            Action::Swap(slot) => {
+            Action::Swap(storage) => {
                 let before = self.period();
-                mailbox.back = Some(core::mem::replace(&mut self.slot, slot));
+                mailbox.back = Some(core::mem::replace(&mut self.storage, storage));
                 self.state.supervisor.swap(before, self.period());
-                if let Some(compiled) = &self.slot.0 {
+                if let Some(compiled) = &self.storage.0 {
                     self.state.world = compiled.controller.world().start();
                 }
                 *swapped = true;
@@ -247,7 +248,7 @@ impl<'w> Sampler<'w> {
         })
     }
 
-    /// How long ago somebody was heard, at this sample; for ever where nobody was.
+    /// Time since the last heartbeat at this sample, in s; infinite without one.
     fn silent(&self, sample: u64) -> f32 {
         self.heard.map_or(f32::INFINITY, |heard| sample.saturating_sub(heard) as f32 * self.period())
     }

@@ -22,7 +22,7 @@ use register::{
     TIM4_COUNT,
 };
 
-use crate::common::{BOARD, Heard, Table, WHEEL, slots};
+use crate::common::{BOARD, Received, TestHost, WHEEL, storage};
 
 fn current(too_much: bool) {
     CHIP.with_borrow_mut(|chip| chip.current(too_much));
@@ -37,112 +37,112 @@ fn register(at: usize) -> u32 {
 }
 
 /// A sample as the firmware's interrupt takes it.
-fn sample(table: &mut Table, motor: &mut Motor) {
-    table.keep();
-    table.seen = Measurement { fault: motor.fault(), position: motor.position(), ..Measurement::default() };
-    let told = table.sample();
+fn sample(host: &mut TestHost, motor: &mut Motor) {
+    host.heartbeat();
+    host.seen = Measurement { fault: motor.fault(), position: motor.position(), ..Measurement::default() };
+    let told = host.sample();
     motor.hold(told.torque, told.on);
     motor.feed();
 }
 
 /// The board, running WHEEL.
-fn running(table: &mut Table) -> (Motor, u32) {
-    running_world(table, WHEEL)
+fn running(host: &mut TestHost) -> (Motor, u32) {
+    running_world(host, WHEEL)
 }
 
-fn running_world(table: &mut Table, text: &str) -> (Motor, u32) {
+fn running_world(host: &mut TestHost, text: &str) -> (Motor, u32) {
     let (_, mut motor) = Here::start();
-    let world = table.run(text);
-    sample(table, &mut motor);
+    let world = host.run(text);
+    sample(host, &mut motor);
     assert!(is_on());
     (motor, world)
 }
 
 #[test]
 fn too_much_current_is_a_fault_that_nothing_but_a_clear_ends() {
-    let mut slots = slots();
-    let mut table = Table::new(BOARD, &mut slots);
-    let (mut motor, world) = running(&mut table);
-    table.ask(Order::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
+    let mut storage = storage();
+    let mut host = TestHost::new(BOARD, &mut storage);
+    let (mut motor, world) = running(&mut host);
+    host.ask(Order::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
 
-    // For less than a sample, and then it is over.
+    // The overcurrent lasts less than a sample.
     current(true);
     assert!(!is_on(), "the chip's own break");
     current(false);
-    table.heard.clear();
-    sample(&mut table, &mut motor);
-    let told = table.heard.iter().find_map(|heard| match heard {
-        Heard::Telemetry(telemetry) => Some((telemetry.phase, telemetry.reason, telemetry.output)),
+    host.received.clear();
+    sample(&mut host, &mut motor);
+    let told = host.received.iter().find_map(|received| match received {
+        Received::Telemetry(telemetry) => Some((telemetry.phase, telemetry.reason, telemetry.output)),
         _ => None,
     });
     assert_eq!(told, Some((Phase::Faulted as u8, Reason::Driver.code(), 0.0)));
     for k in 0..100 {
-        sample(&mut table, &mut motor);
+        sample(&mut host, &mut motor);
         assert!(!is_on(), "{k} samples later");
-        // Asked to arm again, it does not.
-        assert_eq!(table.ask(Order::Arm { world }), Err(Refusal::Phase), "{k}");
+        // It refuses to arm again.
+        assert_eq!(host.ask(Order::Arm { world }), Err(Refusal::Phase), "{k}");
     }
-    assert_eq!(table.state(), (Phase::Faulted, Some(world)));
-    table.ask(Order::Clear).unwrap();
+    assert_eq!(host.state(), (Phase::Faulted, Some(world)));
+    host.ask(Order::Clear).unwrap();
     for _ in 0..10 {
-        sample(&mut table, &mut motor);
+        sample(&mut host, &mut motor);
         assert!(!is_on(), "a clear arms nothing");
     }
-    table.ask(Order::Arm { world }).unwrap();
-    sample(&mut table, &mut motor);
+    host.ask(Order::Arm { world }).unwrap();
+    sample(&mut host, &mut motor);
     assert!(is_on());
 }
 
 #[test]
 fn a_current_that_stays_too_large_cannot_be_cleared_and_disarmed_it_cannot_be_armed() {
-    let mut slots = slots();
-    let mut table = Table::new(BOARD, &mut slots);
-    let (mut motor, world) = running(&mut table);
+    let mut storage = storage();
+    let mut host = TestHost::new(BOARD, &mut storage);
+    let (mut motor, world) = running(&mut host);
     current(true);
     for _ in 0..50 {
-        sample(&mut table, &mut motor);
-        table.send(Order::Clear);
-        sample(&mut table, &mut motor);
+        sample(&mut host, &mut motor);
+        host.send(Order::Clear);
+        sample(&mut host, &mut motor);
         assert!(!is_on());
     }
-    assert_eq!(table.state().0, Phase::Faulted);
+    assert_eq!(host.state().0, Phase::Faulted);
     current(false);
     for _ in 0..20 {
-        sample(&mut table, &mut motor);
+        sample(&mut host, &mut motor);
     }
-    table.ask(Order::Clear).unwrap();
+    host.ask(Order::Clear).unwrap();
     // Disarmed, and at the very sample that is to arm it.
     current(true);
-    table.send(Order::Arm { world });
-    sample(&mut table, &mut motor);
+    host.send(Order::Arm { world });
+    sample(&mut host, &mut motor);
     assert!(!is_on());
-    assert_eq!(table.state().0, Phase::Faulted);
+    assert_eq!(host.state().0, Phase::Faulted);
 }
 
 #[test]
 fn a_fault_while_the_puck_is_braked_ends_the_braking() {
-    let mut slots = slots();
-    let mut table = Table::new(BOARD, &mut slots);
-    let (mut motor, _) = running_world(&mut table, &WHEEL.replace("[safety]", "[safety]\nbrake = 5e-3"));
+    let mut storage = storage();
+    let mut host = TestHost::new(BOARD, &mut storage);
+    let (mut motor, _) = running_world(&mut host, &WHEEL.replace("[safety]", "[safety]\nbrake = 5e-3"));
     // Its puck turns, three counts a sample.
-    let mut turn = |table: &mut Table| {
+    let mut turn = |host: &mut TestHost| {
         CHIP.with_borrow_mut(|chip| *chip.registers.entry(TIM4_COUNT).or_default() += 3);
-        sample(table, &mut motor);
+        sample(host, &mut motor);
     };
     for _ in 0..20 {
-        turn(&mut table);
+        turn(&mut host);
     }
-    table.send(Order::Stop);
+    host.send(Order::Stop);
     for _ in 0..5 {
-        turn(&mut table);
+        turn(&mut host);
     }
-    assert!(is_on() && table.motor.torque < 0.0, "{:?}", table.motor);
+    assert!(is_on() && host.motor.torque < 0.0, "{:?}", host.motor);
     current(true);
     current(false);
     for _ in 0..200 {
-        turn(&mut table);
+        turn(&mut host);
         assert!(!is_on());
-        assert_eq!(table.motor.torque, 0.0);
+        assert_eq!(host.motor.torque, 0.0);
     }
 }
 

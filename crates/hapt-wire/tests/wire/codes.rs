@@ -1,5 +1,5 @@
-//! Every code on the wire by its name. Boards in the field and logs on disks were written with these: none of them changes, and what is
-//! new comes after them. A variant without a row here does not compile.
+//! Every code on the wire by its name. Boards in the field and logs on disks use these codes: none of them changes, and new ones come
+//! after them. A variant without a row here does not compile.
 
 use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Phase, Reason, Side, Spec};
 use hapt_plant::spec::{Drive, Shape};
@@ -23,7 +23,7 @@ macro_rules! codes {
     }};
 }
 
-/// The first byte of what a value is on the wire.
+/// The first byte of a value on the wire.
 fn are_on_the_wire<T: Serialize + std::fmt::Debug>(rows: Vec<(u8, T)>) {
     for (code, value) in rows {
         let mut room = [0; 256];
@@ -89,7 +89,7 @@ fn the_code_of_each_law_is_what_it_always_was() {
     assert_eq!(limited.next(), None);
 }
 
-/// The bytes of a world as they were written when a limit was a law of its own.
+/// The bytes of a world from the time when a limit was a law of its own.
 const LAWS: &str = "\
      01fca9f1d24d62503f0402000100019a9999999999e93f00010ab37bf2b0506b9a3f0000000000000000000000000000000000020000000000000000\
      f83f000000000000d0bf00020001010002000201000000000000e0bf00000000000034407b14ae47e17a843f000200039a9999999999b93f9a999999\

@@ -1,17 +1,17 @@
-//! A board on the table, and a host that speaks to it.
-#![allow(dead_code)] // Each test takes what it wants of it.
+//! A simulated board and its host.
+#![allow(dead_code)] // Each test module uses a part of it.
 
 use hapt_core::{Phase, SafetyProfile};
 use hapt_model::{Source, World};
-use hapt_wire::device::{Board, Endpoint, Measurement, Motor, Slot};
+use hapt_wire::device::{Board, Endpoint, Measurement, Motor, WorldStorage};
 use hapt_wire::{
     Command, DeviceMessage, LONGEST, Order, PIECE, PROTOCOL, Reader, Refusal, Telemetry, frame, hash, pack,
 };
 
 /// With an encoder.
-pub const BOARD: Board = Board { name: "table", firmware: "1.2.3", externally_clocked: false, periods: [5e-5, 1e-2] };
+pub const BOARD: Board = Board { name: "bench", firmware: "1.2.3", externally_clocked: false, periods: [5e-5, 1e-2] };
 /// Without one.
-pub const FED: Board = Board { externally_clocked: true, ..BOARD };
+pub const EXTERNALLY_CLOCKED: Board = Board { externally_clocked: true, ..BOARD };
 
 pub const WHEEL: &str = r#"
 [loop]
@@ -42,9 +42,9 @@ pub fn packed(world: &World) -> Vec<u8> {
     pack(&world.spec(), &world.limits(SafetyProfile::Certified), &mut [0; 4096]).unwrap().to_vec()
 }
 
-/// What a board has said.
+/// A message from the board.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Heard {
+pub enum Received {
     Hello { world: Option<u32>, sequence: u32, sample: u64, phase: Phase },
     Done(u32),
     Refused(u32, Refusal),
@@ -52,39 +52,39 @@ pub enum Heard {
     Telemetry(Telemetry),
 }
 
-/// A host, on a line that loses nothing unless a test makes it.
-pub struct Table<'w> {
-    pub station: Endpoint<'w>,
+/// A host with a board on a perfect line; tests corrupt bytes themselves.
+pub struct TestHost<'w> {
+    pub endpoint: Endpoint<'w>,
     pub sequence: u32,
     reader: Reader<512>,
-    /// The puck.
+    /// The measurement of the next samples.
     pub seen: Measurement,
-    /// All that the board has said and nobody has taken.
-    pub heard: Vec<Heard>,
-    /// Of the last sample.
+    /// The messages from the board that no test has taken.
+    pub received: Vec<Received>,
+    /// The motor command of the last sample.
     pub motor: Motor,
 }
 
-impl<'w> Table<'w> {
-    pub fn new(board: Board, slots: &'w mut [Slot; 2]) -> Self {
-        let [one, other] = slots;
-        let mut table = Table {
-            station: Endpoint::new(board, one, other),
+impl<'w> TestHost<'w> {
+    pub fn new(board: Board, storage: &'w mut [WorldStorage; 2]) -> Self {
+        let [one, other] = storage;
+        let mut host = TestHost {
+            endpoint: Endpoint::new(board, one, other),
             sequence: 0,
             reader: Reader::new(),
             seen: Measurement::default(),
-            heard: Vec::new(),
+            received: Vec::new(),
             motor: Motor::default(),
         };
-        table.send(Order::Hello { protocol: PROTOCOL });
-        assert!(matches!(table.heard.pop(), Some(Heard::Hello { .. })));
-        table
+        host.send(Order::Hello { protocol: PROTOCOL });
+        assert!(matches!(host.received.pop(), Some(Received::Hello { .. })));
+        host
     }
 
-    /// The frame of an order that counts for the next 100 samples.
+    /// The frame of an order that is valid for the next 100 samples.
     pub fn framed(&mut self, order: Order) -> Vec<u8> {
         self.sequence += 1;
-        self.framed_as(self.sequence, self.station.next() + 100, order)
+        self.framed_as(self.sequence, self.endpoint.next() + 100, order)
     }
 
     pub fn framed_as(&self, sequence: u32, not_after: u64, order: Order) -> Vec<u8> {
@@ -96,61 +96,61 @@ impl<'w> Table<'w> {
         self.put(&bytes);
     }
 
-    /// Bytes on the line, whatever they are.
+    /// Puts any bytes on the line.
     pub fn put(&mut self, bytes: &[u8]) {
         for byte in bytes {
-            if let Some(motor) = self.station.push(*byte) {
+            if let Some(motor) = self.endpoint.push(*byte) {
                 self.motor = motor;
             }
             self.listen();
         }
     }
 
-    /// A sample.
+    /// Takes a sample.
     pub fn sample(&mut self) -> Motor {
         let seen = self.seen;
-        self.motor = self.station.sample(&seen);
+        self.motor = self.endpoint.sample(&seen);
         self.listen();
         self.motor
     }
 
     fn listen(&mut self) {
         let mut room = [0; LONGEST];
-        while let Some(bytes) = self.station.answer(&mut room) {
+        while let Some(bytes) = self.endpoint.answer(&mut room) {
             for byte in bytes {
-                self.heard.extend(self.reader.push::<DeviceMessage>(*byte).map(|says| match says {
+                self.received.extend(self.reader.push::<DeviceMessage>(*byte).map(|message| match message {
                     DeviceMessage::Hello(hello) => {
                         assert_eq!((hello.board, hello.firmware), (BOARD.name, BOARD.firmware));
                         let phase = Phase::ALL[usize::from(hello.phase)];
                         let (world, sequence, sample) = (hello.world, hello.sequence, hello.sample);
-                        Heard::Hello { world, sequence, sample, phase }
+                        Received::Hello { world, sequence, sample, phase }
                     }
-                    DeviceMessage::Done { sequence } => Heard::Done(sequence),
-                    DeviceMessage::Refused { sequence, why } => Heard::Refused(sequence, why),
-                    DeviceMessage::Value { sequence, parameter, value } => Heard::Value(sequence, parameter, value),
-                    DeviceMessage::Telemetry(telemetry) => Heard::Telemetry(telemetry),
+                    DeviceMessage::Done { sequence } => Received::Done(sequence),
+                    DeviceMessage::Refused { sequence, why } => Received::Refused(sequence, why),
+                    DeviceMessage::Value { sequence, parameter, value } => Received::Value(sequence, parameter, value),
+                    DeviceMessage::Telemetry(telemetry) => Received::Telemetry(telemetry),
                 }));
             }
         }
     }
 
-    /// What has become of an order; where it is the supervisor's, a sample is taken for it.
+    /// The outcome of an order; a supervisor's request gets a sample.
     #[track_caller]
     pub fn ask(&mut self, order: Order) -> Result<(), Refusal> {
-        self.heard.clear();
+        self.received.clear();
         self.send(order);
-        if matches!(order, Order::Arm { .. } | Order::Disarm | Order::Clear | Order::Stop) && self.heard.is_empty() {
+        if matches!(order, Order::Arm { .. } | Order::Disarm | Order::Clear | Order::Stop) && self.received.is_empty() {
             self.sample();
         }
-        match self.heard.iter().find(|heard| !matches!(heard, Heard::Telemetry(_))) {
-            Some(Heard::Done(sequence) | Heard::Value(sequence, ..)) if *sequence == self.sequence => Ok(()),
-            Some(Heard::Refused(sequence, why)) if *sequence == self.sequence => Err(*why),
+        match self.received.iter().find(|received| !matches!(received, Received::Telemetry(_))) {
+            Some(Received::Done(sequence) | Received::Value(sequence, ..)) if *sequence == self.sequence => Ok(()),
+            Some(Received::Refused(sequence, why)) if *sequence == self.sequence => Err(*why),
             other => panic!("{order:?} was answered by {other:?}"),
         }
     }
 
     /// Sends a world's bytes, up to the commit.
-    pub fn gather(&mut self, bytes: &[u8]) -> Result<(), Refusal> {
+    pub fn upload(&mut self, bytes: &[u8]) -> Result<(), Refusal> {
         self.ask(Order::Begin { length: bytes.len() as u16, hash: hash(bytes) })?;
         for (i, piece) in bytes.chunks(PIECE).enumerate() {
             self.ask(Order::Piece { at: (i * PIECE) as u16, bytes: piece })?;
@@ -159,17 +159,17 @@ impl<'w> Table<'w> {
     }
 
     pub fn load(&mut self, bytes: &[u8]) -> Result<u32, Refusal> {
-        self.gather(bytes)?;
+        self.upload(bytes)?;
         self.ask(Order::Commit)?;
         Ok(hash(bytes))
     }
 
-    /// Where it stands, and the world it runs.
+    /// The supervisor's phase, and the hash of the running world.
     pub fn state(&mut self) -> (Phase, Option<u32>) {
-        self.heard.clear();
+        self.received.clear();
         self.send(Order::Hello { protocol: PROTOCOL });
-        match self.heard[..] {
-            [Heard::Hello { phase, world, .. }] => (phase, world),
+        match self.received[..] {
+            [Received::Hello { phase, world, .. }] => (phase, world),
             ref other => panic!("{other:?}"),
         }
     }
@@ -180,18 +180,18 @@ impl<'w> Table<'w> {
         let hash = self.load(&packed(&world(text, &[]))).unwrap();
         self.ask(Order::Arm { world: hash }).unwrap();
         for _ in 0..300 {
-            self.keep();
+            self.heartbeat();
             self.sample();
         }
         assert_eq!(self.state().0, Phase::Running);
         hash
     }
 
-    pub fn keep(&mut self) {
+    pub fn heartbeat(&mut self) {
         self.send(Order::Heartbeat);
     }
 }
 
-pub fn slots() -> [Slot; 2] {
-    [Slot::EMPTY, Slot::EMPTY]
+pub fn storage() -> [WorldStorage; 2] {
+    [WorldStorage::EMPTY, WorldStorage::EMPTY]
 }

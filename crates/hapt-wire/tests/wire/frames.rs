@@ -1,4 +1,4 @@
-//! After whatever noise the next frame is read, and noise is never taken for one.
+//! After any noise the next frame is read, and noise never passes as a frame.
 
 use hapt_wire::{Error, Reader, frame};
 use postcard::ser_flavors::crc::{CrcModifier, to_slice_u16};
@@ -42,7 +42,7 @@ proptest! {
     fn frames_are_stuffed_as_others_do(bytes in prop::collection::vec(prop_oneof![1 => Just(0), 200 => 1..=255u8], 0..520)) {
         let message = Message::Bytes(&bytes);
         let crc = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740);
-        // By postcard's own flavours, byte for byte; room for one byte less is none.
+        // As postcard's own flavours, byte for byte; a buffer shorter by one byte is refused.
         let ours = framed(&message);
         let mut room = [0; 1024];
         let stuffed = Cobs::try_new(Slice::new(&mut room)).unwrap();
@@ -55,7 +55,7 @@ proptest! {
         let checked = to_slice_u16(&message, &mut room, crc.digest()).unwrap();
         let mut theirs = [0; 1024];
         let length = cobs::encode(checked, &mut theirs);
-        // What stands behind it in its room is not part of it.
+        // The bytes after it in the buffer are not part of it.
         theirs[length] = 0;
         prop_assert_eq!(read(&theirs[..=length]), (vec![format!("{message:?}")], 0));
     }
@@ -63,7 +63,7 @@ proptest! {
     #[test]
     fn after_any_noise_the_next_frame_is_read(noise in prop::collection::vec(any::<u8>(), 0..1500), number in any::<(u32, f32)>()) {
         let message = Message::Number(number.0, number.1);
-        // Two: the first may end what the noise has begun.
+        // Two frames: the first may end a frame that the noise started.
         let stream = [noise, framed(&message), framed(&message)].concat();
         let (messages, _) = read(&stream);
         prop_assert_eq!(messages.last(), Some(&format!("{message:?}")));
@@ -75,7 +75,7 @@ proptest! {
         let mut flipped = framed(&message);
         let at = at.index(flipped.len());
         flipped[at] ^= 1 << bit;
-        // A 0 ends whatever a flipped end has left open.
+        // A 0 ends a frame whose own end was corrupted.
         let stream = [flipped, vec![0], framed(&message)].concat();
         let (messages, refused) = read(&stream);
         prop_assert_eq!(messages, vec![format!("{message:?}")]);

@@ -1,4 +1,4 @@
-//! What a host and a board say to each other: as docs/wire.md shows it, and after whatever noise.
+//! The messages of host and board: the examples of docs/wire.md, and messages after noise.
 
 use hapt_core::{
     Body, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Phase, SafetyProfile, Spec, Supervisor,

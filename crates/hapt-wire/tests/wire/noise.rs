@@ -1,4 +1,4 @@
-//! Lines that lose, double, reorder, flip and cut bytes never make a torque.
+//! Lines that lose, double, reorder, corrupt and cut frames never cause a torque.
 
 use hapt_core::Phase;
 use hapt_wire::{Order, PROTOCOL, Parameter, hash};
@@ -6,9 +6,9 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-use crate::common::{BOARD, Heard, Table, WHEEL, packed, slots, world};
+use crate::common::{BOARD, Received, TestHost, WHEEL, packed, storage, world};
 
-/// What a bad line does to a frame.
+/// The effect of a bad line on a frame.
 #[derive(Clone, Debug)]
 enum Fate {
     Whole,
@@ -40,14 +40,14 @@ impl Fate {
                 frame[at] ^= bits;
                 frame
             }
-            // The 0 alone does not count: the next frame's end makes up for it.
+            // A lost 0 alone is no loss: the end of the next frame replaces it.
             Fate::Cut(at) => frame[..at.index(frame.len() - 1)].to_vec(),
             Fate::Late(noise) => [noise.clone(), vec![0], frame].concat(),
         }
     }
 }
 
-/// Everything that a host says but to arm, as numbers choose.
+/// Everything that a host message but to arm, as numbers choose.
 fn harmless(choice: u8, number: u32) -> Order<'static> {
     match choice % 8 {
         0 => Order::Heartbeat,
@@ -64,25 +64,25 @@ fn harmless(choice: u8, number: u32) -> Order<'static> {
 proptest! {
     #![proptest_config(hapt_testing::cases(400))]
 
-    /// The puck is turned all the while, a world is loaded, and only the word is missing.
+    /// The puck turns, a world is loaded, and only the order to arm is missing.
     #[test]
     fn nothing_but_arm_makes_a_torque(
         spoken in vec((any::<u8>(), any::<u32>(), fates(), vec(any::<u8>(), 0..60)), 1..40),
     ) {
-        let mut slots = slots();
-        let mut table = Table::new(BOARD, &mut slots);
-        table.load(&packed(&world(WHEEL, &[]))).unwrap();
+        let mut storage = storage();
+        let mut host = TestHost::new(BOARD, &mut storage);
+        host.load(&packed(&world(WHEEL, &[]))).unwrap();
         for (choice, number, fate, noise) in spoken {
-            let frame = table.framed(harmless(choice, number));
-            table.put(&fate.of(&frame));
-            table.put(&noise);
+            let frame = host.framed(harmless(choice, number));
+            host.put(&fate.of(&frame));
+            host.put(&noise);
             for _ in 0..3 {
-                table.seen.position += 3e-3;
-                prop_assert_eq!(table.sample(), Default::default());
+                host.seen.position += 3e-3;
+                prop_assert_eq!(host.sample(), Default::default());
             }
         }
-        table.put(&[0]);
-        prop_assert_ne!(table.state().0, Phase::Running);
+        host.put(&[0]);
+        prop_assert_ne!(host.state().0, Phase::Running);
     }
 
     /// A session that arms and disarms, its frames in any order, any number of times, in any state.
@@ -90,10 +90,10 @@ proptest! {
     fn an_arm_counts_at_most_once_and_never_after_what_came_later(
         delivered in vec((0..9_usize, fates(), 0..30_u8), 1..60),
     ) {
-        let mut slots = slots();
-        let mut table = Table::new(BOARD, &mut slots);
+        let mut storage = storage();
+        let mut host = TestHost::new(BOARD, &mut storage);
         let bytes = packed(&world(WHEEL, &[]));
-        let world = table.load(&bytes).unwrap();
+        let world = host.load(&bytes).unwrap();
         let orders = [
             Order::Heartbeat,
             Order::Arm { world },
@@ -105,23 +105,23 @@ proptest! {
             Order::Stop,
             Order::Hello { protocol: PROTOCOL },
         ];
-        let first = table.sequence + 1;
-        let frames: Vec<Vec<u8>> = orders.iter().map(|order| table.framed(*order)).collect();
+        let first = host.sequence + 1;
+        let frames: Vec<Vec<u8>> = orders.iter().map(|order| host.framed(*order)).collect();
         let (arm, stop) = (1, 7);
-        // Whether an arm came whole; whether what was said after it, or stop, came before.
+        // Whether an arm arrived whole; whether a later order, or a stop, arrived before it.
         let (mut said, mut over, mut rises, mut was_on) = (false, false, 0, false);
         for (which, fate, samples) in delivered {
-            table.heard.clear();
-            // What was cut before may have begun this one.
-            table.put(&[0]);
-            table.put(&fate.of(&frames[which]));
+            host.received.clear();
+            // An earlier cut frame may have started this one.
+            host.put(&[0]);
+            host.put(&fate.of(&frames[which]));
             let whole = matches!(fate, Fate::Whole | Fate::Late(_));
             said |= whole && which == arm && !over;
             over |= whole && which > arm && which != 8;
             let stopped = whole && which == stop;
             for _ in 0..samples.max(1) {
-                table.seen.position += 1e-4;
-                let motor = table.sample();
+                host.seen.position += 1e-4;
+                let motor = host.sample();
                 prop_assert!(motor.on || motor.torque == 0.0);
                 prop_assert!(!motor.on || said, "nobody has armed it");
                 prop_assert!(!(motor.on && stopped), "it was stopped");
@@ -132,15 +132,15 @@ proptest! {
         prop_assert!(rises <= 1, "armed {} times by one word of sequence {}", rises, first + 1);
     }
 
-    /// A session that arms, stops and clears over a bad line, and a driver that switches itself off: from then on there is no torque before
-    /// a clear and then an arm have come whole.
+    /// A session that arms, stops and clears over a bad line, with a driver fault: from then on there is no torque before a clear and then
+    /// an arm have arrived whole.
     #[test]
     fn a_drivers_fault_ends_the_torque_until_a_clear_and_an_arm(
         delivered in vec((0..6_u8, fates(), 1..40_u8, prop::bool::weighted(0.1)), 1..80),
     ) {
-        let mut slots = slots();
-        let mut table = Table::new(BOARD, &mut slots);
-        let world = table.load(&packed(&world(WHEEL, &[]))).unwrap();
+        let mut storage = storage();
+        let mut host = TestHost::new(BOARD, &mut storage);
+        let world = host.load(&packed(&world(WHEEL, &[]))).unwrap();
         let (mut cleared, mut armed) = (true, false);
         for (which, fate, samples, fault) in delivered {
             let order = match which {
@@ -150,11 +150,11 @@ proptest! {
                 4 => Order::Hello { protocol: PROTOCOL },
                 _ => Order::Heartbeat,
             };
-            let frame = table.framed(order);
-            table.put(&[0]);
-            table.put(&fate.of(&frame));
+            let frame = host.framed(order);
+            host.put(&[0]);
+            host.put(&fate.of(&frame));
             let whole = matches!(fate, Fate::Whole | Fate::Late(_));
-            table.seen.fault = fault;
+            host.seen.fault = fault;
             if fault {
                 (cleared, armed) = (false, false);
             } else {
@@ -162,65 +162,65 @@ proptest! {
                 armed |= whole && which < 2 && cleared;
             }
             for _ in 0..samples {
-                table.seen.position += 1e-4;
-                let motor = table.sample();
+                host.seen.position += 1e-4;
+                let motor = host.sample();
                 prop_assert!(!motor.on && motor.torque == 0.0 || armed, "{which} {fate:?}");
-                prop_assert!(!(motor.on && table.seen.fault), "in the sample of the fault");
-                table.seen.fault = false;
+                prop_assert!(!(motor.on && host.seen.fault), "in the sample of the fault");
+                host.seen.fault = false;
             }
         }
     }
 
     #[test]
     fn after_any_noise_and_a_zero_the_next_command_is_done(noise in vec(any::<u8>(), 0..600)) {
-        let mut slots = slots();
-        let mut table = Table::new(BOARD, &mut slots);
-        table.put(&noise);
-        table.put(&[0]);
-        table.heard.clear();
-        table.keep();
-        prop_assert_eq!(&table.heard, &[Heard::Done(table.sequence)]);
+        let mut storage = storage();
+        let mut host = TestHost::new(BOARD, &mut storage);
+        host.put(&noise);
+        host.put(&[0]);
+        host.received.clear();
+        host.heartbeat();
+        prop_assert_eq!(&host.received, &[Received::Done(host.sequence)]);
     }
 
-    /// Pieces that are lost, doubled, flipped: either the world that was meant runs, or the one before.
+    /// Lost, doubled and corrupted pieces: either the uploaded world runs, or the previous one.
     #[test]
     fn a_world_that_comes_over_a_bad_line_is_the_one_that_was_sent_or_none(
         fates in vec(fates(), 12), twice in vec(any::<bool>(), 12),
     ) {
-        let mut slots = slots();
-        let mut table = Table::new(BOARD, &mut slots);
-        let before = table.load(&packed(&world(WHEEL, &[]))).unwrap();
+        let mut storage = storage();
+        let mut host = TestHost::new(BOARD, &mut storage);
+        let before = host.load(&packed(&world(WHEEL, &[]))).unwrap();
         let bytes = packed(&world(WHEEL, &["couplings.0.stiffness=3"]));
         let mut orders = vec![Order::Begin { length: bytes.len() as u16, hash: hash(&bytes) }];
         orders.extend(bytes.chunks(60).enumerate().map(|(i, bytes)| Order::Piece { at: 60 * i as u16, bytes }));
         orders.push(Order::Commit);
         let mut all_well = true;
         for ((order, fate), twice) in orders.iter().zip(&fates).zip(twice) {
-            let frame = table.framed(*order);
+            let frame = host.framed(*order);
             all_well &= matches!(fate, Fate::Whole | Fate::Late(_));
             for _ in 0..=u8::from(twice) {
-                table.put(&[0]);
-                table.put(&fate.of(&frame));
+                host.put(&[0]);
+                host.put(&fate.of(&frame));
             }
         }
-        table.put(&[0]);
-        let (phase, runs) = table.state();
+        host.put(&[0]);
+        let (phase, runs) = host.state();
         prop_assert_eq!(phase, Phase::Disarmed);
         prop_assert_eq!(runs, Some(if all_well { hash(&bytes) } else { before }));
     }
 
-    /// Whenever a command comes, it counts up to its sample and not after it.
+    /// A command is valid up to its last sample and not after it.
     #[test]
     fn a_command_is_refused_exactly_when_its_sample_is_over(within in 0..200_u64, comes in 0..200_u64) {
-        let mut slots = slots();
-        let mut table = Table::new(BOARD, &mut slots);
-        let world = table.load(&packed(&world(WHEEL, &[]))).unwrap();
-        let not_after = table.station.next() + within;
-        let arm = table.framed_as(table.sequence + 1, not_after, Order::Arm { world });
+        let mut storage = storage();
+        let mut host = TestHost::new(BOARD, &mut storage);
+        let world = host.load(&packed(&world(WHEEL, &[]))).unwrap();
+        let not_after = host.endpoint.next() + within;
+        let arm = host.framed_as(host.sequence + 1, not_after, Order::Arm { world });
         for _ in 0..comes {
-            table.sample();
+            host.sample();
         }
-        table.put(&arm);
-        prop_assert_eq!(table.sample().on, comes <= within);
+        host.put(&arm);
+        prop_assert_eq!(host.sample().on, comes <= within);
     }
 }

@@ -1,4 +1,4 @@
-//! A world that goes over a wire is the same world, or none.
+//! A world sent over a wire arrives unchanged or is refused.
 
 use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec, Waveform};
 use hapt_wire::{Error, Stored, write};
@@ -42,7 +42,7 @@ fn laws() -> impl Strategy<Value = Law> {
     ]
 }
 
-/// Every kind of world, its numbers anything that bits can be.
+/// Every kind of world, with numbers of any bits.
 #[derive(Clone, Debug)]
 struct Any {
     numbers: (f64, Option<f64>, Option<f64>, Option<u32>, u32),

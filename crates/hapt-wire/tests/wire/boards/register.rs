@@ -50,7 +50,7 @@ const BROKEN: u32 = 1 << 7;
 #[derive(Debug, Default)]
 pub struct Chip {
     pub registers: BTreeMap<usize, u32>,
-    /// A comparator sees too much current.
+    /// A comparator detects overcurrent.
     too_much: bool,
 }
 
@@ -58,7 +58,7 @@ impl Chip {
     fn read(&mut self, at: usize) -> u32 {
         let value = self.registers.get(&at).copied().unwrap_or(0);
         match at {
-            // Crystal and PLL are ready, and the processor runs from what it is told.
+            // Crystal and PLL are ready, and the processor runs from the selected clock.
             RCC_CONTROL => value | (value & (1 << 16 | 1 << 24)) << 1,
             RCC_CONFIGURATION => value & !(3 << 2) | (value & 3) << 2,
             _ => value,
@@ -67,9 +67,9 @@ impl Chip {
 
     fn write(&mut self, at: usize, value: u32) {
         let value = match at {
-            // A flag is cleared by 0, and set by nothing but the chip.
+            // Writing 0 clears a flag, and only the chip sets it.
             TIM1_STATE => value & self.read(at),
-            // While there is a break nothing enables the outputs.
+            // A break keeps the outputs disabled.
             TIM1_BREAK if self.too_much => value & !OUTPUTS,
             _ => value,
         };
@@ -77,7 +77,7 @@ impl Chip {
         self.look();
     }
 
-    /// From now on a comparator sees too much current, or no longer.
+    /// Sets or ends an overcurrent at a comparator.
     pub fn current(&mut self, too_much: bool) {
         self.too_much = too_much;
         self.look();

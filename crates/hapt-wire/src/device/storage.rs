@@ -1,4 +1,4 @@
-//! A compiled world's place.
+//! Storage of a compiled world.
 
 use hapt_core::{Controller, Error, Limits, Spec};
 
@@ -8,11 +8,11 @@ const B: usize = ROOM[0];
 const C: usize = ROOM[1];
 const W: usize = ROOM[2];
 
-/// Room for a compiled world and its supervisor. A board has two: the one that runs, and a spare one.
+/// Storage of a compiled world and its supervisor. A board has two: one runs, the other is spare.
 #[derive(Clone, Debug)]
-pub struct Slot(pub(crate) Option<Compiled>);
+pub struct WorldStorage(pub(crate) Option<Compiled>);
 
-/// A controller with a board's room.
+/// A controller with a board's capacity.
 pub(crate) type BoardController = Controller<f32, B, C, W>;
 
 /// A world that can run.
@@ -22,11 +22,11 @@ pub(crate) struct Compiled {
     pub controller: BoardController,
 }
 
-impl Slot {
-    /// Nothing in it.
-    pub const EMPTY: Slot = Slot(None);
+impl WorldStorage {
+    /// Empty.
+    pub const EMPTY: WorldStorage = WorldStorage(None);
 
-    /// The hash of the world in it.
+    /// The hash of its world.
     pub fn hash(&self) -> Option<u32> {
         self.0.as_ref().map(|compiled| compiled.hash)
     }
