@@ -1,4 +1,4 @@
-//! Where a drive is: `moteus:/dev/ttyACM0`, `odrive:can0#3`, `odrive:/dev/ttyACM0@250k`.
+//! Addresses of drives: `moteus:/dev/ttyACM0`, `odrive:can0#3`, `odrive:/dev/ttyACM0@250k`.
 
 use std::fmt;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::slcan::{self, Rate};
 use crate::{moteus, odrive};
 
 hapt_core::named! {
-    /// Whose drive it is.
+    /// The make of a drive.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Make {
         /// mjbots' moteus.
@@ -26,13 +26,13 @@ hapt_core::named! {
 /// A drive on a port or bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Address {
-    /// Whose it is.
+    /// Its make.
     pub make: Make,
     /// The path of a serial port, or the name of a CAN interface.
     pub place: String,
-    /// What an slcan adapter's bus is to be set to; `None`: nothing is said about it.
+    /// The bit rate of an slcan adapter's bus; `None`: not given.
     pub rate: Option<Rate>,
-    /// Its identifier there.
+    /// Its identifier on the bus.
     pub id: u8,
 }
 
@@ -45,7 +45,7 @@ impl Make {
         }
     }
 
-    /// The identifiers that it may have.
+    /// The range of its identifiers.
     pub const fn ids(self) -> std::ops::RangeInclusive<u8> {
         match self {
             Make::Moteus => 1..=126,
@@ -61,7 +61,7 @@ impl Make {
         }
     }
 
-    /// The inside of a simulated one with this identifier.
+    /// The firmware of a simulated drive with this identifier.
     pub fn simulated(self, id: u8) -> Box<dyn Firmware> {
         match self {
             Make::Moteus => Box::new(moteus::Simulated::new(id)),
@@ -69,7 +69,7 @@ impl Make {
         }
     }
 
-    /// What a simulated one has at its end of a serial line.
+    /// The adapter of a simulated drive on a serial line.
     pub fn adapter(self, line: Line) -> Box<dyn Bus> {
         match self {
             Make::Moteus => Box::new(moteus::Adapter::new(line)),
@@ -95,7 +95,7 @@ impl FromStr for Address {
                 (place, id)
             }
         };
-        // A path may have an @ of its own: a rate begins with a digit.
+        // A path may contain an @: a rate starts with a digit.
         let (place, rate) =
             match place.rsplit_once('@').filter(|(_, rate)| rate.starts_with(|c: char| c.is_ascii_digit())) {
                 None => (place, None),
@@ -104,7 +104,7 @@ impl FromStr for Address {
         if place.is_empty() {
             let name = make.name();
             return Err(format!(
-                "where? {name}:/dev/ttyACM0, or {name}:can0 on a CAN interface; hapt devices lists them"
+                "the port is missing: {name}:/dev/ttyACM0, or {name}:can0 on a CAN interface; hapt devices lists them"
             ));
         }
         let address = Address { make, place: place.into(), rate, id };
@@ -113,7 +113,7 @@ impl FromStr for Address {
         }
         if !address.is_port() {
             return Err(format!(
-                "{place} is an interface of the system's, which sets its rate: ip link set {place} up type can bitrate 250000"
+                "{place} is a network interface, and the system sets its rate: ip link set {place} up type can bitrate 250000"
             ));
         }
         match make.rate() {
@@ -134,12 +134,12 @@ impl fmt::Display for Address {
 }
 
 impl Address {
-    /// Whether its place is a port, and not an interface of the system's.
+    /// Whether its place is a serial port, not a CAN interface.
     pub fn is_port(&self) -> bool {
         self.place.contains('/')
     }
 
-    /// Opens the port or interface. Nothing is said to the drive yet.
+    /// Opens the port or interface. Sends nothing to the drive.
     ///
     /// # Errors
     /// The port or interface cannot be opened.
@@ -150,7 +150,7 @@ impl Address {
                 let bus: Box<dyn Bus> = if self.is_port() {
                     let path = Path::new(&self.place);
                     let line = Line::open(path).map_err(wrong)?;
-                    // Only an fdcanusb does without a CRC.
+                    // Only an fdcanusb works without a CRC.
                     Box::new(moteus::Client::new(line, !is_adapter(path)))
                 } else {
                     Box::new(Socket::open(&self.place).map_err(wrong)?)

@@ -1,4 +1,4 @@
-//! CAN buses: what drives and simulations send frames through.
+//! CAN buses for drives and simulations.
 
 use std::io;
 use std::time::Instant;
@@ -12,22 +12,22 @@ use socketcan::{
 use crate::frame::Frame;
 use crate::serial::wait;
 
-/// A way to a CAN bus. Neither call allocates.
+/// Access to a CAN bus. Neither function allocates.
 pub trait Bus: Send {
     /// Sends a frame.
     ///
     /// # Errors
-    /// The bus is gone, or has not taken it until that instant.
+    /// The bus is gone, or has not accepted the frame until that instant.
     fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()>;
 
-    /// The next frame; `None` when none has come until that instant. An instant that is over gives what is there already.
+    /// Receives the next frame; `None` if none arrives until that instant. With an instant in the past it only returns a frame already there.
     ///
     /// # Errors
     /// The bus is gone.
     fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>>;
 }
 
-/// An interface of the system's, such as `can0`.
+/// A CAN interface of the system, such as `can0`.
 #[derive(Debug)]
 pub struct Socket(CanFdSocket);
 
@@ -39,7 +39,7 @@ impl Socket {
     pub fn open(interface: &str) -> io::Result<Self> {
         let socket = CanFdSocket::open(interface)?;
         socket.set_nonblocking(true)?;
-        // What the controller says about the bus's health; frames come without.
+        // Error frames of the controller are not needed.
         socket.set_error_filter_drop_all()?;
         Ok(Socket(socket))
     }
@@ -96,7 +96,7 @@ fn outgoing(frame: &Frame) -> Option<CanAnyFrame> {
     })
 }
 
-/// `None` for what the controller says about itself.
+/// `None` for error frames of the controller.
 fn incoming(frame: &CanAnyFrame) -> Option<Frame> {
     let id = frame.raw_id();
     let extended = frame.is_extended();

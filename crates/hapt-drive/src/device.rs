@@ -1,4 +1,4 @@
-//! A drive as the loop's device: which way it turns, what stands between it and the puck, and no torque on any way out.
+//! A drive as the loop's device: its direction, the transmission to the puck, and no torque on any exit.
 
 use std::f64::consts::{PI, TAU};
 use std::time::{Duration, Instant};
@@ -8,41 +8,41 @@ use hapt_rt::{Device, Failure, Plan, Position};
 
 use crate::drive::{Drive, DriveError, DriveLimits, Error, ShaftState};
 
-/// Periods without a command after which the drive takes the torque away, and the shortest such time in s.
+/// The drive's watchdog: periods without a command, and the shortest time in s.
 const WATCHDOG: (f64, f64) = (10.0, 5e-3);
-/// So many samples in a row without a word from the drive, and it counts as gone.
+/// Consecutive samples without an answer after which the drive counts as gone.
 const SILENT: u32 = 5;
-/// The parts of a period that reading and commanding may take at most.
+/// The largest parts of a period for reading and for commanding.
 const READING: f64 = 0.6;
 const COMMANDING: f64 = 0.2;
 
-/// How the puck hangs on the drive.
+/// The transmission between drive and puck.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mounting {
-    /// How far the puck goes in one revolution of the drive, in rad (linear: m); negative where they run against each other.
+    /// The puck's displacement for one revolution of the drive, in rad (linear: m); negative for opposite directions.
     pub travel: f64,
-    /// The puck's position, by the drive's own zero, that is the world's 0; `None`: where it is armed.
+    /// The puck's position, from the drive's zero, at the world's 0; `None`: the position at arming.
     pub home: Option<f64>,
-    /// Whether positions come again after a turn of the puck.
+    /// Whether positions repeat after a turn of the puck.
     pub turns: bool,
     /// The largest torque at the puck, in N·m (linear: N).
     pub limit: f64,
 }
 
 impl Mounting {
-    /// By the world's `[device]` and `[device.drive]`.
+    /// The transmission of the world's `[device]` and `[device.drive]`.
     pub fn new(world: &World) -> Self {
         let drive = &world.device.drive;
         let (travel, turns) = match world.motion {
             Motion::Rotary => (TAU / drive.gear.unwrap_or(1.0), true),
-            // Whoever drives one has to say; a simulation need not.
+            // Required for a real drive, optional in a simulation.
             Motion::Linear => (drive.gear.unwrap_or(1e-3), false),
         };
         let travel = if drive.reversed { -travel } else { travel };
         Mounting { travel, home: drive.home, turns, limit: world.device.limit.unwrap_or(f64::INFINITY) }
     }
 
-    /// N·m at the drive's shaft for N·m (linear: N) at the puck: both do the same work.
+    /// The torque at the drive's shaft in N·m for 1 N·m (linear: 1 N) at the puck: both do the same work.
     fn torque(&self, puck: f64) -> f64 {
         puck.clamp(-self.limit, self.limit) * self.travel / TAU
     }
@@ -56,20 +56,20 @@ pub struct DriveDevice {
     offset: f64,
     period: f64,
     last: Position,
-    /// Samples in a row whose reading was not new, and those of them at which nothing at all was heard.
+    /// Consecutive samples with a stale reading, and those of them without any frame of the drive.
     stale: u32,
     silent: u32,
-    /// What the supervisor is told.
+    /// The stale readings reported to the supervisor.
     missed: u32,
-    /// How it has failed: a bus that comes back brings no torque back.
+    /// Its failure, which persists: a bus that returns does not restore the torque.
     failed: Option<Failure>,
 }
 
 impl DriveDevice {
     /// Starts the drive, with its watchdog on: ten periods, 5 ms at least.
     ///
-    /// The world's 0 is where the loop is armed, unless there is a home. With a home a puck that turns is taken to be within half a turn
-    /// of it when it is started; from then on turns count.
+    /// The world's 0 is the position at arming, unless there is a home. With a home, a rotary puck has to be within half a turn of it at the
+    /// start; from then on turns are counted.
     ///
     /// # Errors
     /// See [`Drive::start`].
@@ -93,7 +93,7 @@ impl DriveDevice {
         Ok(DriveDevice { drive, mounting, offset, period, last, stale: 0, silent: 0, missed: 0, failed: None })
     }
 
-    /// What whoever starts it has to know of its drive.
+    /// The drive's notes for the user.
     pub fn notes(&self) -> Vec<String> {
         self.drive.notes()
     }
@@ -153,13 +153,13 @@ impl Device for DriveDevice {
             self.drive.halt(self.until(COMMANDING));
             return Err(failure);
         }
-        // A torque that is no number is none.
+        // A NaN commands no torque.
         let torque = if torque.is_finite() { self.mounting.torque(torque) } else { 0.0 };
         let failure = match self.drive.command(torque, self.until(COMMANDING)) {
             Ok(()) => None,
             Err(DriveError::Fault(fault)) => Some(Failure::Drive(fault)),
             Err(DriveError::Gone) => Some(Failure::Unplugged),
-            // A line that takes nothing for so long has nobody at its other end.
+            // A line that accepts nothing for this long has no peer.
             Err(DriveError::Silent | DriveError::Late) => Some(Failure::Gone),
         };
         self.failed = failure;

@@ -1,35 +1,35 @@
-//! A CAN frame, classic or FD, in fixed room.
+//! A CAN frame, classic or FD, of fixed size in memory.
 
-/// Data bytes that a CAN FD frame may have; in between there is nothing.
+/// The data lengths of CAN FD frames, in bytes.
 const SIZES: [usize; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64];
 
 /// A frame on a CAN bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame {
-    /// 11 bits, or 29 where it is extended.
+    /// The identifier: 11 bits, or 29 where it is extended.
     pub id: u32,
     /// Whether the identifier has 29 bits.
     pub extended: bool,
     /// CAN FD: up to 64 bytes, sent at the faster rate; else 8 at most.
     pub fd: bool,
-    /// It asks for the frame of its identifier, and has a length but no data.
+    /// A remote frame, the request for a frame with its identifier: it has a length but no data.
     pub remote: bool,
     length: u8,
     data: [u8; 64],
 }
 
 impl Frame {
-    /// A classic frame with an 11-bit identifier; of more than 8 bytes the first 8.
+    /// A classic frame with an 11-bit identifier and the first 8 bytes of `data`.
     pub fn classic(id: u32, data: &[u8]) -> Self {
         Frame::filled(id, false, false, data, 8)
     }
 
-    /// A classic frame that asks for the one of its identifier, of `length` bytes.
+    /// A remote frame for `length` bytes.
     pub fn remote(id: u32, length: u8) -> Self {
         Frame { length: length.min(8), remote: true, ..Frame::classic(id, &[]) }
     }
 
-    /// A CAN FD frame, its identifier of 29 bits where 11 do not hold it; of more than 64 bytes the first 64.
+    /// A CAN FD frame with the first 64 bytes of `data`; its identifier has 29 bits where 11 are too few.
     pub fn fd(id: u32, data: &[u8]) -> Self {
         Frame::filled(id, id > 0x7ff, true, data, 64)
     }
@@ -47,7 +47,7 @@ impl Frame {
         frame
     }
 
-    /// One byte more; `false` where there is no room.
+    /// Appends a byte; `false` where the frame is full.
     pub fn push(&mut self, byte: u8) -> bool {
         let most = if self.fd { 64 } else { 8 };
         let at = usize::from(self.length);
@@ -64,12 +64,12 @@ impl Frame {
         if self.remote { &[] } else { &self.data[..usize::from(self.length)] }
     }
 
-    /// The length that it has or asks for, in bytes.
+    /// The length of its data or of its request, in bytes.
     pub fn length(&self) -> u8 {
         self.length
     }
 
-    /// The same, made as long as a frame can be with bytes of `with`.
+    /// The same frame, padded with `with` to the next valid length.
     pub fn padded(mut self, with: u8) -> Self {
         let length = usize::from(self.length);
         let wanted = SIZES.into_iter().find(|size| *size >= length).unwrap_or(64);

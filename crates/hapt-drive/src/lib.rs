@@ -12,7 +12,7 @@
 //!   Bus: socket, fdcanusb, slcan  <--->  Bus
 //! ```
 //!
-//! What is called on the loop's thread allocates nothing, and waits until an instant that it is given, no longer.
+//! Functions on the loop's thread allocate nothing, and wait until a given instant at most.
 // Every match names all variants, so that a new one does not compile by default.
 #![warn(clippy::wildcard_enum_match_arm)]
 

@@ -1,13 +1,13 @@
-//! ODrive's drives by CANSimple, on a CAN interface or behind an slcan adapter.
+//! ODrive's drives with CANSimple, on a CAN interface or behind an slcan adapter.
 //!
-//! The drive's watchdog is off as shipped, and CANSimple has no word to set it. So [`Odrive`] does not believe that it is on: each start
-//! gives the drive a torque of zero, falls silent, and wants to see it disarm. Any frame to the node feeds the watchdog, whoever sends
-//! it; another host's frame to our drive is a fault therefore. Our own questions feed it too: so the drive is asked which torque it uses,
-//! and its heartbeat has to come.
+//! The drive's watchdog is off by default, and CANSimple has no command to set it. [`Odrive`] therefore tests it: each start commands zero
+//! torque, sends nothing, and requires the drive to disarm. Any frame to the node feeds the watchdog, from any host; a frame of another
+//! host to this drive is therefore a fault. The requests of this host feed it too: so the drive's torque is requested and compared,
+//! and its heartbeat is required.
 //!
-//! A position is asked for by a remote frame. Answers carry no number. They are counted: one that nobody has asked for is a second
-//! drive's. After a question without an answer the next one comes behind a question of another kind: what arrives before that one's
-//! answer belongs to the past. A drive that says its position unasked too, as ODrives are shipped, is asked so in every sample.
+//! A remote frame requests the position. Answers have no sequence number. They are counted: a surplus answer comes from a second drive.
+//! After a request without an answer the next one follows a request of another kind: positions that arrive before that one's answer are
+//! stale. A drive that also sends its position cyclically, the factory setting, gets both requests in every sample.
 
 mod barrier;
 pub mod codec;
@@ -31,57 +31,54 @@ use crate::frame::Frame;
 pub use simulated::Simulated;
 pub use start::LONGEST_WATCHDOG;
 
-/// How long it may take to answer when nothing is urgent.
+/// Timeout of an answer outside the loop.
 const AN_ANSWER: Duration = Duration::from_millis(50);
-/// How long a drive may take for a state, with the heartbeat that shows it.
+/// Timeout of a change of state, including the heartbeat that reports it.
 const A_STATE: Duration = Duration::from_secs(1);
-/// How long its heartbeat may stay away, in s of the loop's time and by the clock: three of those that it is shipped with.
+/// Timeout of its heartbeat, in s of the loop's time and of the clock: three periods of the factory setting.
 const HEARTBEATS: f64 = 0.3;
-/// How long a frame may take to find room when nothing is urgent.
+/// Timeout of sending a frame outside the loop.
 const A_FRAME: Duration = Duration::from_millis(20);
-/// Frames that only a host sends have come from somewhere else.
+/// Frames of another host to this drive.
 const FOREIGN: DriveFault =
     DriveFault { code: 0, what: "another host addresses it, and feeds its watchdog", reason: Some(Reason::Link) };
-/// An answer that nobody has asked for.
+/// An answer without a request.
 const DOUBLED: DriveFault = DriveFault {
     code: 0,
-    what: "another drive answers in its place, or it sends its position unasked less than five times a second",
+    what: "another drive answers in its place, or it sends its position cyclically less than five times a second",
     reason: Some(Reason::Link),
 };
-/// No state and no error can be seen.
-const HEARTLESS: DriveFault = DriveFault {
-    code: Command::Heartbeat as u32,
-    what: "its heartbeat has stayed away for 0.3 s",
-    reason: Some(Reason::Link),
-};
+/// The drive's state and errors are unknown.
+const HEARTLESS: DriveFault =
+    DriveFault { code: Command::Heartbeat as u32, what: "no heartbeat for 0.3 s", reason: Some(Reason::Link) };
 
 /// A drive at a node of a bus.
 pub struct Odrive {
     bus: Box<dyn Bus>,
     node: u8,
-    /// How people know it.
+    /// Its name in messages.
     name: String,
     version: Version,
-    /// Questions for the position that have no answer yet.
+    /// Unanswered requests for the position.
     owed: u32,
-    /// When it was asked for its position last, and whether it says it unasked too.
+    /// The time of the last request for its position, and whether it also sends it cyclically.
     asked: Option<Instant>,
     chats: bool,
     barrier: Barrier,
     proof: Proof,
-    /// Of the loop, s.
+    /// The loop's period, s.
     period: f64,
-    /// In s of the loop's time, and at the first sample since then.
+    /// Time since the last heartbeat, in s of the loop's time, and the clock at the first sample since then.
     since_heartbeat: f64,
     heartbeat: Instant,
-    /// The time within which its watchdog was seen to take the torque away.
+    /// The measured time of its watchdog.
     bitten: Duration,
-    /// The largest torque that the loop asks for, N·m.
+    /// The largest command of the loop, N·m.
     most: f64,
-    /// Since when it is to be armed, and whether it has been seen so.
+    /// The time of arming, and whether a heartbeat has confirmed it.
     begun: Option<Instant>,
     is_armed: bool,
-    /// What it has been found in: nothing but a start gets it out of that.
+    /// Its fault, which only a start clears.
     fault: Option<DriveFault>,
 }
 
@@ -98,11 +95,11 @@ impl Drive for Odrive {
     fn notes(&self) -> Vec<String> {
         let (name, bitten, most) = (&self.name, self.bitten.as_millis(), self.most);
         let mut notes = vec![format!(
-            "{name}: its watchdog took the torque away within {bitten} ms of silence when it was tried; CANSimple cannot set that time"
+            "{name}: in a test its watchdog removed the torque after {bitten} ms without frames; CANSimple cannot set that time"
         )];
         notes.push(if most.is_finite() {
             format!(
-                "{name}: CANSimple cannot set its largest torque; hapt asks for {most:.3} N m at most, and the drive allows what is stored in \
+                "{name}: CANSimple cannot set its largest torque; hapt requests_position for {most:.3} N m at most, and the drive allows what is stored in \
                  it: set axis0.config.torque_soft_max, before 0.6 axis0.motor.config.torque_lim, to that in odrivetool"
             )
         } else {
@@ -128,7 +125,7 @@ impl Drive for Odrive {
         let mut tell =
             |command: Command, data: [u8; 8]| self.bus.send(&Frame::classic(command.id(node).into(), &data), until);
         if self.begun.is_none() {
-            // A watchdog that runs out on a disarmed drive too leaves an error. No other error is cleared unseen.
+            // The watchdog may also expire on a disarmed drive and leave an error. No other error is cleared unseen.
             if self.version.is_old() {
                 tell(Command::Clear, [0; 8])?;
             }
@@ -144,7 +141,7 @@ impl Drive for Odrive {
     }
 
     fn halt(&mut self, until: Instant) {
-        // Each by itself: the one may find room where the other has not.
+        // Each is sent on its own: one may succeed where the other fails.
         for (command, data) in [(Command::Torque, [0; 8]), (Command::State, codec::pair(state::IDLE, 0))] {
             let _ = self.bus.send(&Frame::classic(command.id(self.node).into(), &data), until);
         }
@@ -155,24 +152,24 @@ impl Drive for Odrive {
     }
 }
 
-/// What a drive has said.
-enum Said {
+/// A decoded frame of the drive, or of another host to it.
+enum Received {
     Heartbeat(Heartbeat),
     Estimates(ShaftState),
     Version(Version),
-    /// What is wrong with it now.
+    /// Its present errors.
     Error(u32),
-    /// Something that it says when it is asked, and its two numbers.
+    /// An answer of another kind, and its two numbers.
     Other(Command, [f32; 2]),
-    /// The answer that parts the past from this sample.
+    /// The barrier's answer: later positions belong to this sample.
     Passed,
-    /// Somebody else speaks to it.
+    /// A frame of another host.
     Foreign,
     Nothing,
 }
 
 impl Odrive {
-    /// The drive at `node`, from 0 to 63, of `bus`, which people know by `name`.
+    /// The drive at `node`, from 0 to 63, of `bus`, with the bus's `name` for messages.
     pub fn new(bus: Box<dyn Bus>, node: u8, name: &str) -> Self {
         let name = format!("the ODrive with node_id {node} at {name}");
         Odrive {
@@ -196,17 +193,17 @@ impl Odrive {
         }
     }
 
-    /// One sample's question and its answer.
+    /// The request of one sample and its answer.
     fn reading(&mut self, until: Instant) -> Result<ShaftState, DriveError> {
         if self.since_heartbeat == 0.0 {
             self.heartbeat = Instant::now();
         }
         self.since_heartbeat += self.period;
-        // What has come since the last sample.
+        // Frames since the last sample.
         let over = Instant::now();
         for _ in 0..OTHERS {
             let Some(frame) = self.bus.receive(over)? else { break };
-            self.hear(&frame, false);
+            self.receive(&frame, false);
         }
         self.barrier.pass();
         let is_proven = self.proof.pass(self.period);
@@ -235,49 +232,49 @@ impl Odrive {
         let mut trouble = DriveError::Silent;
         for _ in 0..OTHERS {
             let Some(frame) = self.bus.receive(until)? else { break };
-            match self.hear(&frame, true) {
-                Said::Estimates(answer) if !past => {
+            match self.receive(&frame, true) {
+                Received::Estimates(answer) if !past => {
                     self.is_well()?;
                     return Ok(answer);
                 }
-                // What is owed from before is lost.
-                Said::Passed if past => (past, self.owed) = (false, 1),
-                Said::Nothing => {}
-                Said::Heartbeat(_)
-                | Said::Estimates(_)
-                | Said::Version(_)
-                | Said::Error(_)
-                | Said::Other(..)
-                | Said::Passed
-                | Said::Foreign => trouble = DriveError::Late,
+                // Earlier answers are lost.
+                Received::Passed if past => (past, self.owed) = (false, 1),
+                Received::Nothing => {}
+                Received::Heartbeat(_)
+                | Received::Estimates(_)
+                | Received::Version(_)
+                | Received::Error(_)
+                | Received::Other(..)
+                | Received::Passed
+                | Received::Foreign => trouble = DriveError::Late,
             }
         }
         self.is_well()?;
         Err(trouble)
     }
 
-    /// Takes note of what a frame says, heard after this sample's questions or before.
-    fn hear(&mut self, frame: &Frame, is_asked: bool) -> Said {
-        let said = self.said(frame);
+    /// Evaluates a frame that arrived after this sample's requests, or before them.
+    fn receive(&mut self, frame: &Frame, is_asked: bool) -> Received {
+        let said = self.decode(frame);
         match said {
-            Said::Other(command, [uses, makes]) => {
+            Received::Other(command, [uses, makes]) => {
                 let is_passed = self.barrier.is_passed_by(command);
                 if command == self.proof.kind && self.is_armed {
-                    self.proof.hear(uses.into(), makes.into(), is_passed && is_asked);
+                    self.proof.receive(uses.into(), makes.into(), is_passed && is_asked);
                 }
                 if is_passed {
-                    return Said::Passed;
+                    return Received::Passed;
                 }
             }
-            Said::Heartbeat(heartbeat) => self.look_at(heartbeat),
-            Said::Foreign => {
+            Received::Heartbeat(heartbeat) => self.look_at(heartbeat),
+            Received::Foreign => {
                 self.fault.get_or_insert(FOREIGN);
             }
-            Said::Estimates(_) if self.owed == 0 && !self.chats => {
+            Received::Estimates(_) if self.owed == 0 && !self.chats => {
                 self.fault.get_or_insert(DOUBLED);
             }
-            Said::Estimates(_) => self.owed = self.owed.saturating_sub(1),
-            Said::Version(_) | Said::Error(_) | Said::Passed | Said::Nothing => {}
+            Received::Estimates(_) => self.owed = self.owed.saturating_sub(1),
+            Received::Version(_) | Received::Error(_) | Received::Passed | Received::Nothing => {}
         }
         said
     }
@@ -286,11 +283,11 @@ impl Odrive {
         self.since_heartbeat = 0.0;
         let is_armed = u32::from(heartbeat.state) == state::CLOSED_LOOP;
         self.is_armed |= is_armed && self.begun.is_some();
-        // An error of before is cleared by nobody but a start; the old watchdog's runs out on a drive that waits.
+        // Only a start clears earlier errors; the watchdog of 0.5 expires on a disarmed drive too.
         let waits = if self.version.is_old() { self.version.watchdog() } else { 0 };
         let is_wrong = match self.begun {
             None => heartbeat.error & !waits != 0,
-            // Until it has been seen armed, a heartbeat may tell of the time before.
+            // Before arming is confirmed, a heartbeat may be older than the command.
             Some(begun) if !self.is_armed => begun.elapsed() > A_STATE,
             Some(_) => !is_armed || heartbeat.error != 0,
         };
@@ -303,27 +300,27 @@ impl Odrive {
         self.fault.map_or(Ok(()), |fault| Err(DriveError::Fault(fault)))
     }
 
-    /// What a frame on the bus says about this drive.
-    fn said(&self, frame: &Frame) -> Said {
+    /// Decodes a frame of the bus with respect to this drive.
+    fn decode(&self, frame: &Frame) -> Received {
         let Some(id) = u16::try_from(frame.id).ok().filter(|id| !frame.extended && codec::node(*id) == self.node)
         else {
-            return Said::Nothing;
+            return Received::Nothing;
         };
-        let Some(command) = Command::of(id) else { return Said::Nothing };
+        let Some(command) = Command::of(id) else { return Received::Nothing };
         if frame.data().is_empty() || !command.is_a_drives() {
-            return Said::Foreign;
+            return Received::Foreign;
         }
         let data = frame.data();
         let said = match command {
-            Command::Heartbeat => Heartbeat::read(data).map(Said::Heartbeat),
-            Command::Version => Version::read(data).map(Said::Version),
-            Command::Error => data.get(..4).map(|bits| Said::Error(codec::numbers(codec::padded(bits)).0)),
+            Command::Heartbeat => Heartbeat::read(data).map(Received::Heartbeat),
+            Command::Version => Version::read(data).map(Received::Version),
+            Command::Error => data.get(..4).map(|bits| Received::Error(codec::numbers(codec::padded(bits)).0)),
             Command::Estimates => codec::two_floats(data).map(|(position, velocity)| {
-                Said::Estimates(ShaftState { position: position.into(), velocity: velocity.into() })
+                Received::Estimates(ShaftState { position: position.into(), velocity: velocity.into() })
             }),
             Command::Current | Command::Warmth | Command::Bus | Command::Torques | Command::Powers => {
                 let (first, second) = codec::two_floats(data).unwrap_or((f32::NAN, f32::NAN));
-                Some(Said::Other(command, [first, second]))
+                Some(Received::Other(command, [first, second]))
             }
             Command::Estop
             | Command::State
@@ -336,7 +333,7 @@ impl Odrive {
             | Command::Clear
             | Command::Absolute => None,
         };
-        said.unwrap_or(Said::Nothing)
+        said.unwrap_or(Received::Nothing)
     }
 
     fn gone(&self, error: std::io::Error) -> Error {

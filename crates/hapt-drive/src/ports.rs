@@ -1,4 +1,4 @@
-//! What is plugged in, as far as the system's own files say: serial ports on USB and CAN interfaces.
+//! The connected ports by the system's own files: serial ports on USB and CAN interfaces.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,16 +8,16 @@ use std::path::{Path, PathBuf};
 pub struct Port {
     /// The port's path or the interface's name.
     pub name: String,
-    /// What it says about itself: product and serial number, or whether it is up.
+    /// Its description: product and serial number, or whether the interface is up.
     pub says: String,
-    /// What it may be named after `--device`; empty where it looks like no drive.
+    /// The possible values of `--device`; empty where no known drive matches.
     pub specs: Vec<String>,
 }
 
-/// USB vendor and product of adapters for drives, and the word before their path.
+/// USB vendor and product of adapters for drives, and the make in their address.
 const ADAPTERS: [(&str, &str, &str); 4] =
     [("0483", "5740", "moteus"), ("1209", "2323", "moteus"), ("16d0", "117e", "odrive"), ("ad50", "60c4", "odrive")];
-/// The kernel's number for CAN among the kinds of network interfaces.
+/// The kernel's number of CAN among the types of network interfaces.
 const CAN: &str = "280";
 
 /// All of them, by name: CAN interfaces first.
@@ -38,7 +38,7 @@ fn ports_in(sys: &Path) -> Vec<Port> {
         }
     }
     for (name, path) in entries(&sys.join("class/tty")) {
-        // Ports without a bus behind them are the console's.
+        // Ports without a device are consoles.
         let Some(usb) = path.join("device").canonicalize().ok().and_then(|device| usb(&device)) else { continue };
         let name = format!("/dev/{name}");
         let says = [usb.product, usb.serial].into_iter().flatten().collect::<Vec<_>>().join(", ");

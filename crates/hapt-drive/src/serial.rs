@@ -1,7 +1,7 @@
 //! Serial ports and pseudoterminals: raw bytes, read and written until an instant, without allocating.
 //!
-//! The crate `serial2` sets a port: 8 data bits, no parity, one stop bit, any speed of the system's. Reading and writing are ours: its
-//! timeouts count whole milliseconds, and an exchange with a drive takes a fraction of one.
+//! The crate `serial2` configures a port: 8 data bits, no parity, one stop bit, any speed. Reading and writing are implemented here: its
+//! timeouts are whole milliseconds, and an exchange with a drive takes a fraction of one.
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -14,7 +14,7 @@ use rustix::io::{Errno, FdFlags, fcntl_setfd};
 use rustix::pty::{OpenptFlags, openpt, ptsname, unlockpt};
 use serial2::SerialPort;
 
-/// The usual speed of a UART between a computer and a board or a drive, in bits per second. USB ports take any.
+/// The usual speed of a UART between a computer and a board or a drive, in bits per second. USB ports accept any.
 pub const SPEED: u32 = 921_600;
 
 /// An open serial port, or one end of a pseudoterminal. Reading and writing do not allocate.
@@ -29,7 +29,7 @@ impl Line {
     /// Opens the port at `path` raw and exclusively, at [`SPEED`].
     ///
     /// # Errors
-    /// There is none, it is no terminal, or another program holds it.
+    /// It does not exist, is not a serial port, or is in use by another program.
     pub fn open(path: &Path) -> io::Result<Self> {
         Line::open_at(path, SPEED)
     }
@@ -37,14 +37,14 @@ impl Line {
     /// The same at another speed, in bits per second.
     ///
     /// # Errors
-    /// As [`Line::open`], or the port has no such speed.
+    /// As [`Line::open`], or the port does not support the speed.
     pub fn open_at(path: &Path, speed: u32) -> io::Result<Self> {
         let fd = open(path, OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC, Mode::empty())?;
         if !rustix::termios::isatty(&fd) {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is not a serial port"));
         }
         flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(|error| match error {
-            Errno::WOULDBLOCK => io::Error::other("another program holds it"),
+            Errno::WOULDBLOCK => io::Error::other("it is in use by another program"),
             error => error.into(),
         })?;
         let fd = configured(fd, speed)?;
@@ -52,7 +52,7 @@ impl Line {
         Ok(Line { fd, _other: None })
     }
 
-    /// Reads at least one byte, or 0 when none has come until that instant.
+    /// Reads at least one byte; returns 0 if none arrives until that instant.
     ///
     /// # Errors
     /// The port is gone.
@@ -75,7 +75,7 @@ impl Line {
     /// Writes all bytes.
     ///
     /// # Errors
-    /// The port is gone, or has not taken them until that instant.
+    /// The port is gone, or has not accepted them until that instant.
     pub fn write(&mut self, mut bytes: &[u8], until: Instant) -> io::Result<()> {
         while !bytes.is_empty() {
             match rustix::io::write(&self.fd, bytes) {
@@ -96,7 +96,7 @@ impl Line {
 /// A new pseudoterminal: one end for a simulated board or drive, and the path that others open as a serial port.
 ///
 /// # Errors
-/// The system provides none.
+/// The system has none.
 pub fn pty() -> io::Result<(Line, PathBuf)> {
     let fd = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
     fcntl_setfd(&fd, FdFlags::CLOEXEC)?;
@@ -119,18 +119,18 @@ fn configured(fd: OwnedFd, speed: u32) -> io::Result<OwnedFd> {
     Ok(port.into())
 }
 
-/// Sets the latency timer of a USB serial chip from up to 16 ms to 1 ms. Without the permission, or without such a timer, the port works
-/// all the same, and an exchange takes longer.
+/// Sets the latency timer of a USB serial chip from up to 16 ms to 1 ms. Without permission, or without such a timer, the port works
+/// too, with slower exchanges.
 fn shorten_latency(path: &Path) {
     let Ok(path) = path.canonicalize() else { return };
     let Some(name) = path.file_name() else { return };
     let _ = std::fs::write(Path::new("/sys/class/tty").join(name).join("device/latency_timer"), "1");
 }
 
-/// Waits for `what` on `fd`; `false`: not until that instant.
+/// Waits for `what` on `fd`; `false` on a timeout.
 ///
 /// # Errors
-/// The system's.
+/// Those of the system.
 pub fn wait(fd: impl AsFd, what: PollFlags, until: Instant) -> io::Result<bool> {
     let fd = fd.as_fd();
     loop {

@@ -1,4 +1,4 @@
-//! A drive and its wheel, simulated: the exact puck, the drive's protocol, and its watchdog, at the end of a bus.
+//! A simulated drive with its wheel: the exact puck, the drive's protocol and its watchdog, at the end of a bus.
 
 use std::f64::consts::TAU;
 use std::io;
@@ -12,31 +12,31 @@ use crate::can::Bus;
 use crate::device::Mounting;
 use crate::frame::Frame;
 
-/// The longest step of the simulation, in s: torques change and watchdogs run out on its instants.
+/// The longest step of the simulation, in s: torques change and watchdogs expire at its instants.
 const STEP: f64 = 50e-6;
 /// After a longer pause the simulation does not catch up: the machine has stood still. In lockstep that is no silence of the loop's.
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 const LONGEST_PAUSE_IN_LOCKSTEP: Duration = Duration::from_millis(20);
-/// From one look whether to end to the next.
+/// The interval between two checks of the end.
 const LOOK: Duration = Duration::from_millis(1);
-/// Lockstep ends when nobody has spoken for so long.
+/// Lockstep changes to real time after this long without a frame.
 const QUIET: Duration = Duration::from_millis(50);
-/// An answer that nobody takes for so long is lost.
+/// An answer that the bus does not accept for this long is lost.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// What is inside of a simulated drive: its protocol, its state, its watchdog.
+/// The firmware of a simulated drive: its protocol, its state, its watchdog.
 pub trait Firmware: Send {
-    /// Whether the frame asks this drive where its shaft is: a period of lockstep is over then.
-    fn asks(&self, frame: &Frame) -> bool;
+    /// Whether the frame requests_position this drive for its position, which ends a period of lockstep.
+    fn requests_position(&self, frame: &Frame) -> bool;
 
-    /// A frame is on the bus, for this drive or for another; what it says to that goes to `say`.
-    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame));
+    /// Receives a frame of the bus, for this drive or another; answers go to `send`.
+    fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame));
 
-    /// So many seconds pass; the torque at the shaft, in N·m, from now on. What it says by itself goes to `say`.
-    fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64;
+    /// Advances by this many seconds; returns the torque at the shaft from now on, in N·m. Unsolicited frames go to `send`.
+    fn pass(&mut self, seconds: f64, shaft: Shaft, send: &mut dyn FnMut(Frame)) -> f64;
 }
 
-/// What a drive's own encoder says.
+/// The reading of a drive's own encoder.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Shaft {
     /// In revolutions.
@@ -45,32 +45,32 @@ pub struct Shaft {
     pub velocity: f64,
 }
 
-/// Whose time the simulation runs in.
+/// The clock of the simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Time {
-    /// Everybody's.
+    /// Real time.
     Real,
-    /// The loop's: a period of so many seconds passes each time that it is asked for its position, and none otherwise. Where nobody
-    /// speaks to it for 50 ms, it goes on in real time, so that heartbeats and watchdogs stay what they are.
+    /// In lockstep with the loop: each request for the position advances the time by this many seconds. After 50 ms without a frame it
+    /// runs in real time, so that heartbeats and watchdogs keep their behaviour.
     Lockstep(f64),
 }
 
 /// A drive with a wheel on it.
 pub struct Simulator {
     bus: Box<dyn Bus>,
-    inside: Inside,
+    inside: DriveModel,
     time: Time,
-    /// Up to where the simulation has come, in real time.
+    /// The real time up to which the simulation has advanced.
     now: Instant,
 }
 
-/// Everything but bus and clock.
-struct Inside {
+/// The drive and its puck, without bus and clock.
+struct DriveModel {
     firmware: Box<dyn Firmware>,
     puck: VirtualDevice,
     travel: f64,
     step: f64,
-    /// Seconds that are over and not simulated yet: less than a step.
+    /// Elapsed time that is not simulated yet, in s: less than a step.
     rest: f64,
 }
 
@@ -83,10 +83,10 @@ impl Simulator {
         };
         let puck = VirtualDevice::new(&DeviceSpec { period: step, delay: 0.0, ..world.device_spec() });
         let travel = Mounting::new(world).travel;
-        Simulator { bus, inside: Inside { firmware, puck, travel, step, rest: 0.0 }, time, now: Instant::now() }
+        Simulator { bus, inside: DriveModel { firmware, puck, travel, step, rest: 0.0 }, time, now: Instant::now() }
     }
 
-    /// The hand of the scenario of this name takes the puck, at its t = 0; `false`: there is none.
+    /// Starts the hand of the scenario of this name at its t = 0; `false`: there is no such scenario.
     pub fn play(&mut self, world: &World, scenario: &str) -> bool {
         let Some(scenario) = world.scenarios.iter().find(|known| known.name == scenario) else { return false };
         let mut script = Script::new(&scenario.hand, scenario.duration, self.inside.step);
@@ -94,7 +94,7 @@ impl Simulator {
         true
     }
 
-    /// Runs until `ends` says so.
+    /// Runs until `ends` returns true.
     ///
     /// # Errors
     /// The bus is gone.
@@ -104,40 +104,40 @@ impl Simulator {
         while !ends() {
             let frame = self.bus.receive(Instant::now() + LOOK)?;
             let Simulator { bus, inside, time, now } = self;
-            // An answer that finds no room is lost, as on a real bus.
-            let mut say = |frame: Frame| drop(bus.send(&frame, Instant::now() + PATIENCE));
+            // An answer that the bus does not accept is lost, as on a real bus.
+            let mut send = |frame: Frame| drop(bus.send(&frame, Instant::now() + PATIENCE));
             let then = std::mem::replace(now, Instant::now());
             let longest = if *time == Time::Real { LONGEST_PAUSE } else { LONGEST_PAUSE_IN_LOCKSTEP };
             let passed = (*now - then).min(longest);
             quiet = if frame.is_some() { Duration::ZERO } else { quiet + passed };
             if *time == Time::Real || quiet > QUIET {
-                inside.travel(passed.as_secs_f64(), &mut say);
+                inside.travel(passed.as_secs_f64(), &mut send);
             }
             if let Some(frame) = frame {
-                if let (Time::Lockstep(period), true) = (*time, inside.firmware.asks(&frame)) {
-                    inside.travel(period, &mut say);
+                if let (Time::Lockstep(period), true) = (*time, inside.firmware.requests_position(&frame)) {
+                    inside.travel(period, &mut send);
                 }
                 let shaft = inside.shaft();
-                inside.firmware.hear(&frame, shaft, &mut say);
+                inside.firmware.receive(&frame, shaft, &mut send);
             }
         }
         Ok(())
     }
 }
 
-impl Inside {
+impl DriveModel {
     fn shaft(&self) -> Shaft {
         let (position, velocity) = self.puck.puck();
         Shaft { position: position / self.travel, velocity: velocity / self.travel }
     }
 
-    /// Step by step, as many as fit.
-    fn travel(&mut self, seconds: f64, say: &mut dyn FnMut(Frame)) {
+    /// Advances by whole steps.
+    fn travel(&mut self, seconds: f64, send: &mut dyn FnMut(Frame)) {
         // Less than a thousandth of a step is rounding.
         let steps = ((self.rest + seconds) / self.step + 1e-3).floor();
         self.rest += seconds - steps * self.step;
         for _ in 0..steps as u64 {
-            let torque = self.firmware.pass(self.step, self.shaft(), say);
+            let torque = self.firmware.pass(self.step, self.shaft(), send);
             self.puck.command(torque * TAU / self.travel);
             self.puck.travel();
         }

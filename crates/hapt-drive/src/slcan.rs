@@ -1,5 +1,5 @@
-//! slcan: classic CAN frames as lines of text over a serial port, as the Lawicel adapters brought it up and Linux, python-can and most
-//! USB adapters speak it.
+//! slcan: classic CAN frames as lines of text over a serial port, the protocol of the Lawicel adapters that Linux, python-can and most
+//! USB adapters use.
 //!
 //! ```text
 //! t 029 8 0000803f00000000 \r      a frame: 11-bit identifier, length, data, in hexadecimal digits (without the spaces)
@@ -7,8 +7,8 @@
 //! r 029 8 \r                       a remote frame: a length, no data
 //! ```
 //!
-//! The adapter answers commands by `\r`, and what it cannot do by the bell; some answer each frame by `z\r`. A host passes over all of
-//! that: whether frames arrive is seen by their answers.
+//! The adapter answers commands by `\r`, and refuses them by the bell; some answer each frame by `z\r`. A host ignores all of that: the
+//! drive's answers prove that frames arrive.
 
 use std::fmt;
 use std::io;
@@ -23,15 +23,15 @@ use crate::text::Lines;
 
 /// The rates that an adapter can be set to, in kbit/s, by their numbers.
 const RATES: [u32; 9] = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
-/// How an adapter says yes and no.
+/// An adapter's positive and negative answers.
 const YES: &[u8] = b"\r";
 const NO: &[u8] = b"\x07";
-/// How long an adapter may take for a word that is no part of the loop.
+/// The longest time of an adapter for a command outside the loop.
 const A_WORD: Duration = Duration::from_millis(200);
 /// The longest line: the kind, 8 digits of identifier, the length, 16 digits of data, the end.
 const LONGEST: usize = 1 + 8 + 1 + 16 + 1;
 
-/// How fast the bus behind an adapter is: 1 Mbit/s unless somebody says otherwise, as at less an exchange with a drive takes long.
+/// The bit rate of the bus behind an adapter; 1 Mbit/s by default, as exchanges take longer at lower rates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate(u8);
 
@@ -64,7 +64,7 @@ impl fmt::Display for Rate {
     }
 }
 
-/// A bus behind an adapter on a serial port. It stays open when this is dropped: to close it could lose the last frames, which stop a drive.
+/// A bus behind an adapter on a serial port. It stays open when this is dropped: closing it could lose the last frames, which stop a drive.
 #[derive(Debug)]
 pub struct Client(Lines);
 
@@ -98,7 +98,7 @@ impl Bus for Client {
     }
 }
 
-/// The adapter's end: the bus of whoever simulates a drive behind one.
+/// The adapter's side, the bus of a simulated drive behind an adapter.
 #[derive(Debug)]
 pub struct Adapter {
     lines: Lines,
@@ -113,7 +113,7 @@ impl Adapter {
 }
 
 impl Bus for Adapter {
-    /// A closed bus carries nothing, and that is no error.
+    /// A closed bus discards frames without an error.
     fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()> {
         if !self.is_open {
             return Ok(());
@@ -130,18 +130,18 @@ impl Bus for Adapter {
                 return Ok(frame);
             }
             let answer = match command(line) {
-                Said::Open => {
+                HostCommand::Open => {
                     self.is_open = true;
                     YES
                 }
-                Said::Close => {
+                HostCommand::Close => {
                     self.is_open = false;
                     YES
                 }
-                Said::Setting => YES,
-                Said::Version => b"V1013\r",
-                Said::Number => b"NHAPT\r",
-                Said::Unknown => NO,
+                HostCommand::Setting => YES,
+                HostCommand::Version => b"V1013\r",
+                HostCommand::Number => b"NHAPT\r",
+                HostCommand::Unknown => NO,
             };
             self.lines.write(answer, Instant::now() + A_WORD)?;
         }
@@ -149,7 +149,7 @@ impl Bus for Adapter {
     }
 }
 
-/// Writes a frame as a line, and gives how long it is; `None`: it is CAN FD, or its identifier is out of range.
+/// Writes a frame as a line, and returns its length; `None`: it is CAN FD, or its identifier is out of range.
 fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> Option<usize> {
     let (kind, digits) = match (frame.extended, frame.remote) {
         (false, false) => (b't', 3),
@@ -178,7 +178,7 @@ fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> Option<usize> {
     Some(length)
 }
 
-/// The frame of a line without its end; `None`: it is something else. A time stamp behind the data is passed over.
+/// The frame of a line without its end; `None`: it is not a frame. A time stamp after the data is ignored.
 fn read(line: &[u8]) -> Option<Frame> {
     let (kind, rest) = line.split_first()?;
     let (extended, remote) = match kind {
@@ -213,26 +213,26 @@ fn value(digit: u8) -> Option<u8> {
     char::from(digit).to_digit(16).map(|value| value as u8)
 }
 
-/// What a host said to an adapter in a line that is no frame.
+/// A command of a host to an adapter, a line that is not a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Said {
+enum HostCommand {
     Open,
     Close,
-    /// Of no consequence for a simulated bus: its speed, filters, time stamps.
+    /// Without effect on a simulated bus: speed, filters, time stamps.
     Setting,
     Version,
     Number,
     Unknown,
 }
 
-fn command(line: &[u8]) -> Said {
+fn command(line: &[u8]) -> HostCommand {
     match line {
-        [b'O' | b'L', ..] => Said::Open,
-        [b'C', ..] => Said::Close,
-        [b'V', ..] => Said::Version,
-        [b'N', ..] => Said::Number,
-        [] | [b'S' | b's' | b'Y' | b'F' | b'Z' | b'M' | b'm' | b'X', ..] => Said::Setting,
-        _ => Said::Unknown,
+        [b'O' | b'L', ..] => HostCommand::Open,
+        [b'C', ..] => HostCommand::Close,
+        [b'V', ..] => HostCommand::Version,
+        [b'N', ..] => HostCommand::Number,
+        [] | [b'S' | b's' | b'Y' | b'F' | b'Z' | b'M' | b'm' | b'X', ..] => HostCommand::Setting,
+        _ => HostCommand::Unknown,
     }
 }
 
@@ -255,11 +255,11 @@ mod tests {
         long.extended = true;
         assert_eq!(line(&long), b"T000080012AABB\r");
         assert_eq!(read(b"T000080012aabb"), Some(long));
-        // With the time at which the adapter had it, in ms.
+        // With the adapter's time stamp, in ms.
         assert_eq!(read(b"T000080012aabb03E7"), Some(long));
     }
 
-    /// The numbers are the adapters' own.
+    /// The numbers are those of the adapters' manuals.
     #[test]
     fn a_rate_goes_to_the_adapter_by_its_number() {
         for (text, opens) in

@@ -1,37 +1,37 @@
-//! Lines of text out of bytes.
+//! Lines of text from a stream of bytes.
 
 use std::io;
 use std::time::Instant;
 
 use crate::serial::Line;
 
-/// Longer lines are garbage.
+/// Longer lines are discarded.
 const LONGEST: usize = 512;
-/// How often more is read when the time is over. Whoever talks without end does not hold the loop.
+/// The number of reads after the deadline, so that an endless stream does not delay the loop.
 const READS: usize = 64;
-/// They end a line: both newlines, and the bell by which slcan says no.
+/// The bytes that end a line: both newlines, and the bell of a negative slcan answer.
 const ENDS: [u8; 3] = [b'\r', b'\n', 0x07];
 
-/// A line of bytes, read line by line. No reading or writing allocates.
+/// A serial line, read as lines of text. Reading and writing do not allocate.
 #[derive(Debug)]
 pub struct Lines {
     line: Line,
     room: [u8; LONGEST],
-    /// What is filled, and what of it has been given away.
+    /// The filled part of the buffer, and the part already returned.
     filled: usize,
     given: usize,
-    /// The line was too long: everything up to its end is left out.
+    /// The line was too long: it is discarded up to its end.
     skips: bool,
 }
 
 impl Lines {
-    /// Reads `line`.
+    /// Reads lines of text from `line`.
     pub fn new(line: Line) -> Self {
         Lines { line, room: [0; LONGEST], filled: 0, given: 0, skips: false }
     }
 
-    /// The next line with the byte that ended it, none empty but by a bell; `None` when none has come until that instant, or only
-    /// garbage without end. Half a line waits for its other half.
+    /// The next line with the byte that ended it, empty only before a bell; `None` if none is complete until that instant. An incomplete
+    /// line stays in the buffer.
     ///
     /// # Errors
     /// The port is gone.
@@ -64,10 +64,10 @@ impl Lines {
         }
     }
 
-    /// Writes all of it.
+    /// Writes all bytes.
     ///
     /// # Errors
-    /// The port is gone, or has not taken it until that instant.
+    /// The port is gone, or has not accepted them until that instant.
     pub fn write(&mut self, bytes: &[u8], until: Instant) -> io::Result<()> {
         self.line.write(bytes, until)
     }

@@ -1,4 +1,4 @@
-//! A moteus as a drive of the loop's.
+//! A moteus as a [`Drive`].
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -11,76 +11,76 @@ use crate::can::Bus;
 use crate::drive::{Drive, DriveError, DriveFault, DriveLimits, Error, OTHERS, ShaftState};
 use crate::frame::Frame;
 
-/// How long an answer may take before the loop runs, and how often it is asked for.
+/// Timeout of an answer before the loop runs, and the number of attempts.
 const PATIENCE: Duration = Duration::from_millis(50);
 const TRIES: usize = 5;
-/// How long a drive may take to switch its motor on.
+/// Timeout of switching the motor on.
 const READY: Duration = Duration::from_secs(2);
 /// The watchdog's time between start and the first command, in s.
 const BEFORE: f32 = 1.0;
-/// The register map that this is written for.
+/// The supported register map.
 const MAP: i32 = 5;
-/// Farther from its zero, in revolutions, a float's last digit is more than 1/65 536 of a revolution.
+/// Beyond this position, in revolutions, the resolution of a float is coarser than 1/65 536 of a revolution.
 const FARTHEST: f32 = 256.0;
-/// Commands in a row that the drive has not taken, and commands in a row without an answer, that are too many.
+/// Consecutive commands that the drive has not executed, and consecutive commands without an answer, that fail.
 const LOST: u32 = 8;
 const UNANSWERED: u32 = 10;
-/// What stops it.
+/// The mode of a stopped drive.
 const STOP: Value = Value::Int8(mode::STOPPED as i8);
 
 /// A moteus on a bus.
 ///
-/// The loop's sample is two frames, both answered: a question and a command. A command carries the torque, its largest value and the
-/// watchdog's time. Both gains and the limit of the integrator are 0, and no trajectory has a limit of its own, so that nothing else makes
-/// torque, however the drive is tuned.
+/// A sample of the loop is two frames, both answered: a request and a command. A command carries the torque, its largest value and the
+/// watchdog's time. Both gains and the limit of the integrator are 0, and trajectories have no limits, so that the torque is the commanded
+/// one for every tuning of the drive.
 ///
 /// Each frame writes its number into a register that the mode in use does not look at, and reads what stood there before and what stands
-/// there now. The second tells to which frame an answer belongs: a late one is never taken for the one that is waited for. The first tells
-/// which frame the drive took last: any command of another host sets it to 0, and a command of this host that is lost or comes again
-/// leaves another number. A drive that is found stopped when a command reaches it is stopped again at once.
+/// there now. The second assigns the answer to its frame, so that a late answer is recognised. The first is the number of the drive's
+/// previous frame: a command of another host sets it to 0, and a lost or repeated command of this host leaves another number. A drive
+/// that was stopped when a command arrived is stopped again at once.
 ///
-/// Nobody else may command the drive: a frame of another host on the bus is a fault too.
+/// No other host may command the drive: a frame of another host on the bus is a fault too.
 pub struct Moteus {
     bus: Box<dyn Bus>,
-    /// What people know it by.
+    /// The bus's name in messages.
     name: String,
     id: u8,
     limits: DriveLimits,
     numbers: Numbers,
     /// The last command.
     command: Option<Sent>,
-    /// Commands in a row that it has not taken, and that it has not answered.
+    /// Consecutive commands not executed, and not answered.
     lost: u32,
     unanswered: u32,
-    /// It has been in position mode since it was started.
+    /// Whether it has been in position mode since the start.
     ran: bool,
-    /// What it has been found in: nothing but a start gets it out of that.
+    /// Its fault, which only a start clears.
     fault: Option<DriveFault>,
 }
 
-/// A command, and what is known of it.
+/// A command and its state.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
     number: u32,
-    /// The drive goes by it.
+    /// The drive executes it.
     is_taken: bool,
-    /// It has said in which mode the command found it.
+    /// Its answer with the previous mode has arrived.
     is_answered: bool,
 }
 
-/// What a frame on the bus is to this host.
-enum Said {
+/// A decoded frame of the bus.
+enum Received {
     /// The drive's answer.
     ShaftState(Status),
-    /// Another host's word to this drive, or this drive's to another host.
+    /// A frame of another host to this drive, or its answer to another host.
     Foreign,
     Nothing,
 }
 
-/// What a question or a command brings back.
+/// The drive's answer to a request or a command.
 #[derive(Clone, Copy, Debug, Default)]
 struct Status {
-    /// The number of the frame before this one, and of this one.
+    /// The numbers of the previous frame and of this one.
     before: Option<f32>,
     number: Option<f32>,
     mode: Option<i32>,
@@ -91,7 +91,7 @@ struct Status {
 }
 
 impl Moteus {
-    /// The drive with this identifier, from 1 to 126, on `bus`, which people know by `name`.
+    /// The drive with this identifier, from 1 to 126, on `bus`, with the bus's `name` for messages.
     pub fn new(bus: Box<dyn Bus>, id: u8, name: String) -> Self {
         Moteus {
             bus,
@@ -111,7 +111,7 @@ impl Moteus {
         format!("the moteus with id {} at {}", self.id, self.name)
     }
 
-    /// The question; the drive's answer gives its number back, and the number before it.
+    /// The request; the drive's answer returns its number, and the previous number.
     fn question(&mut self) -> Writer {
         Writer::new(REPLY | u32::from(self.id))
             .read(register::VOLTAGE_PHASE_A, 1, Resolution::Float)
@@ -122,20 +122,20 @@ impl Moteus {
             .read(register::FAULT, 1, Resolution::Int8)
     }
 
-    /// A stop alone, which wants no answer. It leaves no number behind.
+    /// A stop without an answer. It leaves no number in the register.
     fn stopping(&mut self) -> Frame {
         self.numbers.forget();
         Writer::new(self.id.into()).write(register::MODE, &[STOP]).frame()
     }
 
-    /// A question that stops it. The number that it writes is gone with the mode.
+    /// A request that stops the drive. The mode change clears its number.
     fn asking_and_stopping(&mut self) -> Writer {
         self.numbers.forget();
         self.question().write(register::MODE, &[STOP])
     }
 
-    /// A command of this torque in N·m, held to `limits`, that is good for `watchdog` s. Its answer tells the mode in which the drive was
-    /// when it came.
+    /// A command of this torque in N·m within `limits`, valid for `watchdog` s. Its answer contains the mode of the drive before the
+    /// command.
     fn torque(&mut self, torque: f32, watchdog: f32) -> Frame {
         let most = if self.limits.torque.is_finite() { self.limits.torque as f32 } else { f32::NAN };
         let number = self.numbers.next();
@@ -144,7 +144,7 @@ impl Moteus {
             .read(register::VOLTAGE_PHASE_A, 1, Resolution::Float)
             .read(register::MODE, 1, Resolution::Int8)
             .write(register::MODE, &[Value::Int8(mode::POSITION as i8)])
-            // From where it is, at no velocity, with no gains, no integrator and no limits of a trajectory.
+            // From the present position, at velocity 0, without gains, integrator and limits of a trajectory.
             .write(register::COMMAND_POSITION, &[Value::Int8(i8::MIN), Value::Int8(0)])
             .write(register::COMMAND_TORQUE, &[Value::Float(torque)])
             .write(register::COMMAND_KP_SCALE, &[Value::Int8(0), Value::Int8(0)])
@@ -157,20 +157,20 @@ impl Moteus {
             .frame()
     }
 
-    /// What a frame is to this host, which is number 0 on the bus.
-    fn said(&self, frame: &Frame) -> Said {
+    /// Decodes a frame for this host, which is number 0 on the bus.
+    fn decode(&self, frame: &Frame) -> Received {
         let (to, from) = (frame.id & 0x7f, frame.id >> 8 & 0x7f);
         if frame.id >> 16 != 0 {
-            return Said::Nothing;
+            return Received::Nothing;
         }
         if to == u32::from(self.id) || to == EVERYBODY {
-            return Said::Foreign;
+            return Received::Foreign;
         }
         if frame.id & REPLY != 0 || from != u32::from(self.id) {
-            return Said::Nothing;
+            return Received::Nothing;
         }
         if to != 0 {
-            return Said::Foreign;
+            return Received::Foreign;
         }
         let mut status = Status::default();
         for part in Parser::new(frame.data()) {
@@ -187,32 +187,32 @@ impl Moteus {
                 _ => {}
             }
         }
-        Said::ShaftState(status)
+        Received::ShaftState(status)
     }
 
-    /// Takes note of what a frame says.
-    fn hear(&mut self, frame: &Frame) -> Option<Status> {
-        match self.said(frame) {
-            Said::ShaftState(status) => {
+    /// Evaluates an answer.
+    fn receive(&mut self, frame: &Frame) -> Option<Status> {
+        match self.decode(frame) {
+            Received::ShaftState(status) => {
                 self.follow(&status);
                 Some(status)
             }
-            Said::Foreign => {
+            Received::Foreign => {
                 self.fault.get_or_insert(fault::FOREIGN);
                 None
             }
-            Said::Nothing => None,
+            Received::Nothing => None,
         }
     }
 
-    /// Which frames it has taken, and whether somebody else's were among them.
+    /// Registers the executed frames, and detects those of other hosts.
     fn follow(&mut self, status: &Status) {
         let (Some(before), Some(number)) = (status.before, status.number) else { return };
         let taken = self.numbers.take(before, number);
         if !taken.is_new {
             return;
         }
-        // Found stopped, by a command maybe, which switches it on again. A fault and the watchdog's end are left by no command.
+        // It was stopped, and a command may have switched it on again. No command clears a fault or an expired watchdog.
         let ended = [mode::POSITION, mode::FAULT, mode::TIMEOUT];
         if let Some(mode) = status.mode.filter(|mode| self.ran && !ended.contains(mode)) {
             self.fault.get_or_insert(fault::taken(mode));
@@ -227,7 +227,7 @@ impl Moteus {
         }
     }
 
-    /// The command before this one: whether it has arrived, and its answer.
+    /// Evaluates the previous command: its arrival and its answer.
     fn count_lost(&mut self) {
         let Some(sent) = self.command else { return };
         self.lost = if sent.is_taken { 0 } else { self.lost + 1 };
@@ -237,11 +237,11 @@ impl Moteus {
         }
     }
 
-    /// Waits for the last command's answer. One that does not come in time is read in the next sample.
+    /// Waits for the last command's answer. A late one is read in the next sample.
     fn is_taken(&mut self, until: Instant) -> Result<(), DriveError> {
         for _ in 0..OTHERS {
             let Some(frame) = self.bus.receive(until)? else { break };
-            self.hear(&frame);
+            self.receive(&frame);
             if self.fault.is_some() || self.command.is_some_and(|sent| sent.is_answered) {
                 break;
             }
@@ -253,19 +253,19 @@ impl Moteus {
         self.fault.map_or(Ok(()), |fault| Err(DriveError::Fault(fault)))
     }
 
-    /// Sends a question and waits for its answer; `Late` where other answers of this drive have come instead. However full the bus is
-    /// of others' frames, it waits until that instant and looks at so many of those that are there then.
+    /// Sends a request and waits for its answer; `Late` where only other answers of this drive arrive. On a busy bus it waits until that
+    /// instant, and then reads a limited number of the frames that have arrived.
     fn ask(&mut self, question: &Frame, until: Instant) -> Result<Status, DriveError> {
         let mut heard = false;
         let over = Instant::now();
         for _ in 0..OTHERS {
             let Some(frame) = self.bus.receive(over)? else { break };
-            heard |= self.hear(&frame).is_some();
+            heard |= self.receive(&frame).is_some();
         }
         self.bus.send(question, until)?;
         for _ in 0..OTHERS {
             let Some(frame) = self.bus.receive(until)? else { break };
-            if let Some(status) = self.hear(&frame) {
+            if let Some(status) = self.receive(&frame) {
                 heard = true;
                 if status.number == Some(self.numbers.last() as f32) {
                     return Ok(status);
@@ -275,7 +275,7 @@ impl Moteus {
         Err(if heard { DriveError::Late } else { DriveError::Silent })
     }
 
-    /// The same with patience, before the loop runs.
+    /// The same with a longer timeout, before the loop runs.
     fn ask_again(&mut self, question: fn(&mut Moteus) -> Writer) -> Result<Status, Error> {
         for _ in 0..TRIES {
             let frame = question(self).frame();
@@ -292,7 +292,7 @@ impl Moteus {
         Error::Gone { name: self.name.clone(), error: io::ErrorKind::NotConnected.into() }
     }
 
-    /// Who is there instead, as the end of a sentence.
+    /// The other drives on the bus, as the end of a sentence.
     fn others(&mut self) -> String {
         let everybody = Writer::new(REPLY | EVERYBODY).read(register::MODE, 1, Resolution::Int8).frame();
         let until = Instant::now() + PATIENCE;
@@ -309,16 +309,16 @@ impl Moteus {
             }
         }
         match seen.as_slice() {
-            [] => "; is it powered, and are the cable and its termination right?".into(),
-            [one] => format!("; there is one with id {one}: moteus:{}#{one}", self.name),
+            [] => "; check its supply, the cable and its termination".into(),
+            [one] => format!("; a drive with id {one} answers: moteus:{}#{one}", self.name),
             several => {
                 let ids: Vec<String> = several.iter().map(u32::to_string).collect();
-                format!("; there are some with the ids {}", ids.join(", "))
+                format!("; drives with the ids {} answer", ids.join(", "))
             }
         }
     }
 
-    /// What has failed stays so, and the drive is stopped before anything else happens.
+    /// Latches a failure, and stops the drive first.
     fn halted<T>(&mut self, what: Result<T, DriveError>, until: Instant) -> Result<T, DriveError> {
         if let Err(DriveError::Fault(fault)) = what {
             self.fault.get_or_insert(fault);
@@ -355,10 +355,10 @@ impl Drive for Moteus {
         self.numbers.forget();
         let map = status.map.unwrap_or(0);
         if map != MAP {
-            let why = format!("speaks register map {map}, and this is written for {MAP}: update its firmware");
+            let why = format!("has register map {map}, expected {MAP}: update its firmware");
             return Err(Error::Refused { drive: self.called(), why });
         }
-        // A fault that is still there comes back at once.
+        // A persistent fault returns at once.
         let until = Instant::now() + READY;
         loop {
             let ready = self.torque(0.0, BEFORE);
@@ -371,13 +371,13 @@ impl Drive for Moteus {
             }
             if self.fault.is_some() {
                 self.stop();
-                let why = "is spoken to by another host, which has to end first".into();
+                let why = "receives frames of another host, which has to stop first".into();
                 return Err(Error::Refused { drive: self.called(), why });
             }
             if mode == mode::POSITION {
                 let position = status.position.unwrap_or(f32::NAN);
                 if position.abs() < FARTHEST {
-                    // From now on whoever stops it has stopped it.
+                    // From now on a stopped mode comes from elsewhere.
                     self.ran = true;
                     return Ok(ShaftState {
                         position: position.into(),
@@ -386,7 +386,7 @@ impl Drive for Moteus {
                 }
                 self.stop();
                 let why = format!(
-                    "stands {position:.0} revolutions from its zero, where its answers are too coarse to feel: set its zero, or switch it off \
+                    "is {position:.0} revolutions from its zero, where the resolution of its positions is too coarse: set its zero, or switch it off \
                      and on"
                 );
                 return Err(Error::Refused { drive: self.called(), why });
@@ -419,7 +419,7 @@ impl Drive for Moteus {
 
     fn halt(&mut self, until: Instant) {
         let stop = self.stopping();
-        // Whether or not it finds room: the drive's watchdog is the last to act.
+        // If sending fails, the drive's watchdog acts.
         let _ = self.bus.send(&stop, until);
     }
 
@@ -428,7 +428,7 @@ impl Drive for Moteus {
             let frame = self.asking_and_stopping().frame();
             match self.ask(&frame, Instant::now() + PATIENCE) {
                 Err(DriveError::Silent | DriveError::Late) => {}
-                // It has heard it, or there is nobody to hear it.
+                // It has stopped, or it is absent.
                 _ => return,
             }
         }

@@ -1,53 +1,51 @@
-//! A moteus's faults, and what the supervisor calls them.
+//! The faults of a moteus, and the corresponding reasons of the supervisor.
 
 use hapt_core::Reason;
 
 use super::mode;
 use crate::drive::DriveFault;
 
-/// Another host commands the drive, or asks it something: it may command it next.
+/// Another host commands the drive, or requests data, and may command it next.
 pub const FOREIGN: DriveFault = DriveFault { code: 0, what: "another host addresses it", reason: Some(Reason::Link) };
 
-/// Commands go to it, and it goes by others, or does not say that it has heard them.
+/// The drive does not execute the commands, or does not confirm them.
 pub const UNHEARD: DriveFault = DriveFault {
     code: 0,
     what: "commands do not reach it, or their answers do not come back",
     reason: Some(Reason::Late),
 };
 
-/// What a mode and a fault register say, where the drive gives no torque by its own decision, or another one than it was asked for.
+/// The meaning of mode and fault register, where the drive gives no torque, or another one than commanded.
 pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
     match mode {
         mode::FAULT => Some(named(code)),
         mode::TIMEOUT => Some(DriveFault {
             code: mode::TIMEOUT as u32,
-            what: "its watchdog has run out, no command came in time",
+            what: "its watchdog expired: no command arrived in time",
             reason: Some(Reason::Late),
         }),
         _ => limit(code),
     }
 }
 
-/// Something of the drive's own configuration holds its torque back: the motor is not the one that the world is certified on.
+/// The drive's own configuration limits its torque: the motor differs from the certified one.
 ///
 /// Flux braking (104) and field weakening (105) put current where it makes no torque.
 fn limit(code: i32) -> Option<DriveFault> {
     let (what, reason) = match code {
         i32::MIN..=95 | 104 | 105 => return None,
-        96 => {
-            ("it holds its torque back above servo.max_velocity: set it above the fastest that the wheel turns", None)
-        }
-        97 => ("it holds its torque back at servo.max_power_W: raise it, or lower device.limit", None),
+        96 => ("it limits its torque above servo.max_velocity: set it above the largest velocity of the wheel", None),
+        97 => ("it limits its torque at servo.max_power_W: raise it, or lower device.limit", None),
         98 => ("its supply's voltage is too low for this torque at this speed: raise it, or lower device.limit", None),
-        99 => ("it holds its torque back at servo.max_current_A: raise it, or lower device.limit", None),
+        99 => ("it limits its torque at servo.max_current_A: raise it, or lower device.limit", None),
         100 => ("it holds its torque back because its board is near servo.fault_temperature", Some(Reason::DriverHeat)),
         101 => ("it holds its torque back because its motor is near servo.motor_fault_temperature", Some(Reason::Heat)),
         102 => ("the torque command exceeded the limit in its own message", Some(Reason::Torque)),
         103 => (
-            "it cuts its torque at its position limits: set servopos.position_min and servopos.position_max to nan",
+            "it limits its torque at its position limits: set servopos.position_min and servopos.position_max to nan",
             None,
         ),
-        _ => ("it limits its output, for a reason that is not known here", None),
+        _ => ("it limits its output for an unknown reason", None),
     };
     Some(DriveFault { code: u32::try_from(code).unwrap_or(0), what, reason })
 }
@@ -55,10 +53,10 @@ fn limit(code: i32) -> Option<DriveFault> {
 /// By the number in register 0x00f.
 fn named(code: i32) -> DriveFault {
     let (what, reason) = match code {
-        32 => ("calibration fault, the encoder saw no magnet", Some(Reason::Jump)),
-        33 => ("motor driver fault, most often the supply breaks down", None),
+        32 => ("calibration fault: the encoder detected no magnet", Some(Reason::Jump)),
+        33 => ("motor driver fault, usually a voltage drop of the supply", None),
         34 => ("over voltage", None),
-        35 => ("encoder fault, no magnet to be seen", Some(Reason::Jump)),
+        35 => ("encoder fault: no magnet detected", Some(Reason::Jump)),
         36 => ("the motor is not configured: calibrate it with moteus_tool", None),
         37 => ("its control cycle took too long", Some(Reason::Late)),
         38 => ("over temperature", Some(Reason::DriverHeat)),
@@ -66,14 +64,14 @@ fn named(code: i32) -> DriveFault {
             ("started outside of its position limits: set servopos.position_min and servopos.position_max to nan", None)
         }
         40 => ("under voltage", None),
-        41 => ("its configuration was changed under way", None),
+        41 => ("its configuration was changed while running", None),
         42 => ("its commutation angle is not valid: calibrate it with moteus_tool", Some(Reason::Jump)),
         43 => ("its position is not valid", Some(Reason::Jump)),
-        44 => ("its driver does not switch on", None),
-        45 => ("a stop position went with a velocity", None),
+        44 => ("its motor driver does not switch on", None),
+        45 => ("a stop position was combined with a velocity", None),
         46 => ("its timing was violated", Some(Reason::Late)),
         47 => ("servo.bemf_feedforward without a limit of acceleration: set it to 0", None),
-        48 => ("servopos.position_min or servopos.position_max lies beyond what it can count: set both to nan", None),
+        48 => ("servopos.position_min or servopos.position_max is out of range: set both to nan", None),
         49 => ("its position control error was larger than servo.fault_position_error: set that to nan", None),
         50 => ("its velocity control error was larger than servo.fault_velocity_error: set that to nan", None),
         _ => ("an unknown fault", None),
@@ -81,7 +79,7 @@ fn named(code: i32) -> DriveFault {
     DriveFault { code: u32::try_from(code).unwrap_or(0), what, reason }
 }
 
-/// The drive is in a mode that the loop has not put it into.
+/// The drive is in another mode than the loop has set.
 pub fn taken(mode: i32) -> DriveFault {
     DriveFault {
         code: u32::try_from(mode).unwrap_or(0),

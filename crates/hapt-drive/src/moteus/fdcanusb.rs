@@ -28,15 +28,15 @@ pub struct Client {
     checked: bool,
 }
 
-/// What is at the other end: an adapter, or a drive with a UART.
+/// The peer on the port: an adapter, or a drive with a UART.
 pub struct Adapter {
     lines: Lines,
-    /// The last line carried a CRC, so that the answers do.
+    /// Whether the last line carried a CRC: then the answers do.
     checked: bool,
 }
 
 impl Client {
-    /// The port `line`; `checked`: its lines carry a CRC, which an fdcanusb does not ask for.
+    /// The port `line`; `checked`: its lines carry a CRC, which an fdcanusb does not require.
     pub fn new(line: Line, checked: bool) -> Self {
         Client { lines: Lines::new(line), checked }
     }
@@ -56,7 +56,7 @@ impl Bus for Client {
     fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
         for _ in 0..OTHERS {
             let Some((line, _)) = self.lines.next(until)? else { break };
-            // OK is not waited for: what counts is whether the drive answers. A line that is wrong is as good as none.
+            // OK is ignored: the drive's answer matters. An invalid line counts as none.
             let Some((line, checked)) = unchecked(line) else { continue };
             let frame = line.strip_prefix(b"rcv ").and_then(frame);
             if frame.is_some() && (checked || !self.checked) {
@@ -68,13 +68,13 @@ impl Bus for Client {
 }
 
 impl Adapter {
-    /// Hears and answers on `line`.
+    /// An adapter on `line`.
     pub fn new(line: Line) -> Self {
         Adapter { lines: Lines::new(line), checked: false }
     }
 
-    /// To somebody who sends and does not read it is lost.
-    fn say(&mut self, what: &[u8], until: Instant) -> io::Result<()> {
+    /// A host that sends without reading loses it.
+    fn reply(&mut self, what: &[u8], until: Instant) -> io::Result<()> {
         let mut text = Text::new();
         text.put(what);
         match self.lines.write(text.line(self.checked, b"\r\n"), until) {
@@ -101,13 +101,13 @@ impl Bus for Adapter {
             let Some((line, _)) = self.lines.next(until)? else { return Ok(None) };
             let Some((line, checked)) = unchecked(line) else {
                 self.checked = true;
-                self.say(b"ERR invalid checksum", until)?;
+                self.reply(b"ERR invalid checksum", until)?;
                 continue;
             };
             let sent = line.strip_prefix(b"can send ").and_then(frame);
             let knows = sent.is_some() || line.starts_with(b"can ") || line.starts_with(b"conf ");
             self.checked = checked;
-            self.say(if knows { b"OK" } else { b"ERR unknown command" }, until)?;
+            self.reply(if knows { b"OK" } else { b"ERR unknown command" }, until)?;
             if sent.is_some() {
                 return Ok(sent);
             }
@@ -115,7 +115,7 @@ impl Bus for Adapter {
     }
 }
 
-/// A line without its CRC, and whether it had one; `None`: a wrong one.
+/// A line without its CRC, and whether it had one; `None`: the CRC is wrong.
 fn unchecked(line: &[u8]) -> Option<(&[u8], bool)> {
     let (before, digits) = line.split_at(line.len().saturating_sub(2));
     let Some(content) = before.strip_suffix(b"*") else { return Some((line, false)) };
@@ -150,7 +150,7 @@ fn byte(digits: [u8; 2]) -> Option<u8> {
     u8::try_from(digit(digits[0])? << 4 | digit(digits[1])?).ok()
 }
 
-/// A line in the making, in fixed room.
+/// A line under construction, of fixed size in memory.
 struct Text {
     room: [u8; ROOM],
     length: usize,
@@ -163,7 +163,7 @@ impl Text {
         Text { room: [0; ROOM], length: 0 }
     }
 
-    /// What is too long is cut, and then no line that anybody takes.
+    /// A line that is too long is cut, and thereby invalid.
     fn put(&mut self, bytes: &[u8]) {
         for byte in bytes {
             if let Some(place) = self.room.get_mut(self.length) {
@@ -205,7 +205,7 @@ mod tests {
     use super::*;
     use crate::serial::pty;
 
-    /// Some rows of the table of half bytes that the drive's makers give.
+    /// Some rows of the manufacturer's table of half bytes.
     #[test]
     fn the_crc_is_the_drives() {
         assert_eq!(crc(&[]), 0);

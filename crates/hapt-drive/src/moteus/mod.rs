@@ -16,11 +16,11 @@ pub use registers::{Parser, Resolution, Subframe, Value, Writer};
 pub use simulated::Simulated;
 pub use tuning::Tuning;
 
-/// What fills a frame up to a length that the bus can carry.
+/// Pads a frame to a valid length.
 pub const NOP: u8 = 0x50;
-/// In a frame's identifier: the receiver is to answer.
+/// The bit of a frame's identifier that requests an answer.
 const REPLY: u32 = 0x8000;
-/// The identifier to which every drive listens.
+/// The broadcast identifier.
 const EVERYBODY: u32 = 0x7f;
 
 /// Registers by their numbers.
@@ -39,7 +39,7 @@ mod register {
     pub const VOLTAGE: u32 = 0x00d;
     pub const TEMPERATURE: u32 = 0x00e;
     pub const FAULT: u32 = 0x00f;
-    /// Of voltage mode, which nobody here uses: it keeps what is written there until the next command.
+    /// A register of voltage mode, which is unused here: it keeps its value until the next command.
     pub const VOLTAGE_PHASE_A: u32 = 0x014;
     pub const COMMAND_POSITION: u32 = 0x020;
     pub const COMMAND_VELOCITY: u32 = 0x021;
@@ -49,7 +49,7 @@ mod register {
     pub const COMMAND_MAX_TORQUE: u32 = 0x025;
     pub const COMMAND_STOP_POSITION: u32 = 0x026;
     pub const COMMAND_TIMEOUT: u32 = 0x027;
-    /// With the one after it: of internally made trajectories. A negative number is no limit.
+    /// This and the next register limit internal trajectories. A negative number means no limit.
     pub const COMMAND_VELOCITY_LIMIT: u32 = 0x028;
     pub const COMMAND_ILIMIT_SCALE: u32 = 0x02b;
     pub const COMMAND_IGNORE_BOUNDS: u32 = 0x02d;
@@ -75,6 +75,6 @@ mod mode {
     pub const TIMEOUT: i32 = 11;
     pub const ZERO_VELOCITY: i32 = 12;
     pub const BRAKE: i32 = 15;
-    /// From here on numbers stand for nothing.
+    /// The first unused number.
     pub const END: i32 = 16;
 }

@@ -1,23 +1,23 @@
-//! Which of this host's frames the drive took last, by the numbers that stand in one of its registers.
+//! The last frame that the drive executed, by sequence numbers in one of its registers.
 
-/// Numbers go from 1 up to this one, all exact in a float; 0 is what a command without a number leaves.
+/// Numbers range from 1 to this one, all exact in a float; 0 is left by a command without a number.
 const LARGEST: u32 = (1 << 24) - 1;
 
-/// The numbers that were given, and the newest of which the drive is known to have taken the frame.
+/// The last number sent, and the newest one that the drive has confirmed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Numbers {
     last: u32,
     known: u32,
-    /// What stood in the register before `known` is checked from the next answer on.
+    /// Whether the previous number in the register is known, so that the next answer can be checked.
     is_checked: bool,
 }
 
-/// What an answer says about the frames before it.
+/// The meaning of an answer for the previous frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Taken {
-    /// It is no answer of the past.
+    /// The answer is new.
     pub is_new: bool,
-    /// The drive has taken a frame in between that is another host's, or one of this host's a second time.
+    /// In between the drive executed a frame of another host, or a frame of this host twice.
     pub is_foreign: bool,
 }
 
@@ -33,16 +33,16 @@ impl Numbers {
         self.last
     }
 
-    /// A frame without a number was sent: what stands in the register is not known until the next answer to a later one.
+    /// Registers a frame without a number: the register's value is unknown until the next answer to a later frame.
     pub fn forget(&mut self) {
         (self.known, self.is_checked) = (self.last, false);
     }
 
-    /// Of an answer: what stood in the register before its frame, and that frame's own number.
+    /// Evaluates an answer: the register's value before its frame, and that frame's own number.
     pub fn take(&mut self, before: f32, own: f32) -> Taken {
         let old = Taken { is_new: false, is_foreign: false };
         let Some(own) = whole(own).filter(|own| self.age(*own) < self.age(self.known)) else { return old };
-        // Frames may be lost. None comes in twice, nor before one that was sent earlier.
+        // Frames may be lost, but neither doubled nor reordered.
         let ages = self.age(own)..=self.age(self.known);
         let is_mine = whole(before).is_some_and(|before| ages.contains(&self.age(before)));
         let is_foreign = self.is_checked && !is_mine;
@@ -50,7 +50,7 @@ impl Numbers {
         Taken { is_new: true, is_foreign }
     }
 
-    /// How many numbers were given after this one.
+    /// The number of later frames.
     fn age(self, number: u32) -> u32 {
         (self.last + LARGEST - number) % LARGEST
     }
@@ -66,15 +66,15 @@ mod tests {
 
     use super::*;
 
-    /// A drive's register, as frames reach it.
+    /// A drive's register after a frame.
     fn reach(register: &mut f32, number: u32) -> (f32, f32) {
         let before = std::mem::replace(register, number as f32);
         (before, number as f32)
     }
 
     proptest! {
-        /// However many frames and answers are lost, nobody else is suspected; and whoever else commands the drive is seen with the next
-        /// answer. So is a frame of this host's that comes a second time.
+        /// Any losses of frames and answers are not mistaken for another host; another host, and a doubled frame of this one, are detected
+        /// with the next answer.
         #[test]
         fn others_are_seen_and_losses_are_not_taken_for_others(
             from in prop_oneof![Just(0), Just(LARGEST - 20), 0..LARGEST],
@@ -93,11 +93,11 @@ mod tests {
                     let (before, own) = reach(&mut register, number);
                     if !answer {
                         prop_assert_eq!(numbers.take(before, own), Taken { is_new: true, is_foreign: false });
-                        prop_assert!(!numbers.take(before, own).is_new, "an answer that comes twice");
+                        prop_assert!(!numbers.take(before, own).is_new, "a doubled answer");
                     }
                 }
             }
-            // One is answered, and then somebody else speaks, or an older frame comes again.
+            // After an answer another host sends a frame, or an older frame is repeated.
             let number = numbers.next();
             let (before, own) = reach(&mut register, number);
             prop_assert!(!numbers.take(before, own).is_foreign);

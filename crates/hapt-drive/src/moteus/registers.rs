@@ -1,7 +1,7 @@
 //! Registers in a frame: subframes that write, read and answer, as bytes.
 //!
-//! A subframe is a byte for what it does and the type of its values, how many registers (in that byte's last two bits, or after it),
-//! the number of the first, and for writing and answering the values. Numbers are varuints, values little-endian.
+//! A subframe is a byte for its operation and the type of its values, the count of registers (in that byte's last two bits, or after it),
+//! the number of the first register, and for writing and answering the values. Numbers are varuints, values little-endian.
 
 use super::NOP;
 use crate::frame::Frame;
@@ -21,7 +21,7 @@ hapt_core::named! {
     }
 }
 
-/// A register's value as it travels. The smallest number of an integer type is for "no number".
+/// A register's value in a frame. The smallest number of an integer type stands for NaN.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
     /// An integer in 8 bits.
@@ -34,18 +34,18 @@ pub enum Value {
     Float(f32),
 }
 
-/// What one register's part of a frame says.
+/// One register's part of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Subframe {
-    /// The register is to have this value.
+    /// Writes the register.
     Write(u32, Value),
-    /// The register is asked for, in this type.
+    /// Requests the register in this type.
     Read(u32, Resolution),
-    /// The register has this value.
+    /// Answers with the register's value.
     Reply(u32, Value),
-    /// The register could not be written or read, with the drive's number for why.
+    /// The register could not be written or read, with the drive's error number.
     Error(u32, u32),
-    /// Bytes of the diagnostic stream on this channel, or a question for them.
+    /// Bytes of the diagnostic stream on this channel, or a request for them.
     Stream(u32),
 }
 
@@ -64,7 +64,7 @@ impl Value {
     /// `x` in the type of `resolution`, held within its range.
     pub fn from_scaled(x: f32, scales: [f32; 3], resolution: Resolution) -> Self {
         let steps = |scale: f32, most: f32| (x / scale).clamp(-most, most);
-        // NaN is the smallest number; a float that becomes an integer is cut off, as in the drive.
+        // NaN is the smallest number; floats are truncated to integers, as in the drive.
         match resolution {
             Resolution::Int8 if x.is_nan() => Value::Int8(i8::MIN),
             Resolution::Int16 if x.is_nan() => Value::Int16(i16::MIN),
@@ -78,7 +78,7 @@ impl Value {
         }
     }
 
-    /// A plain number; a float is cut off.
+    /// As an integer; a float is truncated.
     pub fn whole(self) -> i32 {
         match self {
             Value::Int8(x) => x.into(),
@@ -88,7 +88,7 @@ impl Value {
         }
     }
 
-    /// A plain number in the type of `resolution`, cut off where it does not fit.
+    /// An integer in the type of `resolution`, clamped to its range.
     pub fn from_whole(x: i32, resolution: Resolution) -> Self {
         match resolution {
             Resolution::Int8 => Value::Int8(x as i8),
@@ -108,16 +108,16 @@ impl Value {
     }
 }
 
-/// What a frame says, register by register. It ends at the first byte that makes no sense.
+/// The subframes of a frame, register by register. It ends at the first invalid byte.
 #[derive(Clone, Debug)]
 pub struct Parser<'a> {
     rest: &'a [u8],
-    /// The subframe that it is in: what it does, its type, its next register, and how many are left.
+    /// The present subframe: its operation, its type, its next register, and the remaining count.
     within: Option<(u8, Resolution, u32, u32)>,
 }
 
 impl<'a> Parser<'a> {
-    /// Of a frame's data.
+    /// The parser of a frame's data.
     pub fn new(data: &'a [u8]) -> Self {
         Parser { rest: data, within: None }
     }
@@ -172,7 +172,7 @@ const WRITE: u8 = 0x00;
 const READ: u8 = 0x10;
 const ANSWER: u8 = 0x20;
 const ERRORS: [u8; 2] = [0x30, 0x31];
-/// Bytes to the drive and from it, and the question for some: a channel and how many.
+/// Codes of the stream to and from the drive, and of the request: a channel and a count follow.
 const STREAM: [u8; 3] = [0x40, 0x41, 0x42];
 
 impl Iterator for Parser<'_> {
@@ -214,7 +214,7 @@ impl Iterator for Parser<'_> {
     }
 }
 
-/// Makes a frame's data, subframe by subframe. What finds no room is left out whole.
+/// Builds a frame's data, subframe by subframe. A subframe that does not fit is omitted.
 #[derive(Clone, Copy, Debug)]
 pub struct Writer {
     frame: Frame,
@@ -227,22 +227,22 @@ impl Writer {
         Writer { frame: Frame::fd(id, &[]), fits: true }
     }
 
-    /// Registers from `register` on are to have these values, all of one type.
+    /// Writes registers from `register` on, with values of one type.
     pub fn write(self, register: u32, values: &[Value]) -> Self {
         self.values(WRITE, register, values)
     }
 
-    /// Registers from `register` on have these values, all of one type.
+    /// Answers with registers from `register` on, with values of one type.
     pub fn reply(self, register: u32, values: &[Value]) -> Self {
         self.values(ANSWER, register, values)
     }
 
-    /// Asks for `count` registers from `register` on.
+    /// Requests `count` registers from `register` on.
     pub fn read(self, register: u32, count: u8, resolution: Resolution) -> Self {
         self.whole(|frame| frame.header(READ, resolution, register, count))
     }
 
-    /// A register could not be written (0) or read (1).
+    /// Reports an error of writing (0) or reading (1) a register.
     pub fn error(self, which: usize, register: u32, code: u32) -> Self {
         self.whole(|frame| {
             frame.push(ERRORS[which.min(1)]);
@@ -251,7 +251,7 @@ impl Writer {
         })
     }
 
-    /// Nothing is on the stream of `channel`.
+    /// Answers that the stream of `channel` is empty.
     pub fn empty_stream(self, channel: u32) -> Self {
         self.whole(|frame| {
             frame.push(STREAM[1]);
@@ -260,12 +260,12 @@ impl Writer {
         })
     }
 
-    /// The frame, as long as a bus carries it.
+    /// The frame, padded to a valid length.
     pub fn frame(self) -> Frame {
         self.frame.padded(NOP)
     }
 
-    /// Whether anything is in it.
+    /// Whether it is empty.
     pub fn is_empty(&self) -> bool {
         self.frame.data().is_empty()
     }
@@ -285,7 +285,7 @@ impl Writer {
         })
     }
 
-    /// All that `fill` puts there, or nothing.
+    /// Appends the bytes of `fill`, or nothing if they do not fit.
     fn whole(self, fill: impl FnOnce(&mut Writer)) -> Self {
         let mut next = Writer { fits: true, ..self };
         fill(&mut next);
@@ -356,7 +356,7 @@ mod tests {
             prop_assert_eq!(Parser::new(written.data()).collect::<Vec<_>>(), wanted);
         }
 
-        /// A frame of garbage ends, and never says more than it has bytes for.
+        /// Parsing random bytes ends, with no more subframes than bytes.
         #[test]
         fn garbage_is_no_danger(data in proptest::collection::vec(any::<u8>(), 0..=64)) {
             let answers = Parser::new(&data).take(1 << 17).filter(|part| !matches!(part, Subframe::Read(..)));

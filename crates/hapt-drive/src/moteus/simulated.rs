@@ -1,7 +1,7 @@
-//! The inside of a simulated moteus: its registers, modes and watchdog.
+//! The firmware of a simulated moteus: its registers, modes and watchdog.
 //!
-//! Simulated: stopped, position mode with its gains, its integrator, limits of torque and watchdog, what comes after the watchdog
-//! (`servo.timeout_mode` 0, 12 and 15), zero velocity, brake, faults, what holds its torque back with its code, the setting of its zero.
+//! Simulated: stopped, position mode with its gains, its integrator, limits of torque and watchdog, the mode after the watchdog
+//! (`servo.timeout_mode` 0, 12 and 15), zero velocity, brake, faults, torque limits with their codes, the setting of its zero.
 //! Not simulated: trajectories (stop position, limits of velocity and acceleration), the diagnostic stream, which is always empty. Its
 //! motor makes 0.1 N·m per A.
 
@@ -11,16 +11,16 @@ use super::{EVERYBODY, REPLY, mode, register};
 use crate::frame::Frame;
 use crate::simulate::{Firmware, Shaft};
 
-/// What the drive's makers set: the watchdog in s, torque per revolution and per revolution per second, the largest torque while its
-/// watchdog has run out, in N·m.
+/// The factory settings: the watchdog in s, torque per revolution and per revolution per second, the largest torque after an expired
+/// watchdog, in N·m.
 const DEFAULT_TIMEOUT: f32 = 0.1;
 const KP: f32 = 4.0;
 const KD: f32 = 0.05;
 const TIMEOUT_TORQUE: f32 = 5.0;
-/// How long it takes to switch its motor on, in s.
+/// Time to switch its motor on, in s.
 const ENABLING: f64 = 3e-3;
 const ENABLING_MODE: i32 = 2;
-/// Its serial number, and what its UUID is made of.
+/// Its serial number, and the bytes of its UUID.
 const SERIAL: i32 = 0x6861_7074;
 const COMMANDS: usize = (register::LAST_COMMAND - register::COMMAND_POSITION + 1) as usize;
 
@@ -42,29 +42,29 @@ pub struct Simulated {
     id: u8,
     mode: i32,
     fault: i32,
-    /// What has been written from 0x010 to 0x01f and from 0x020 on, and waits for a mode.
+    /// Values written from 0x010 to 0x01f and from 0x020 on, pending until a mode is written.
     other: [f32; 16],
     written: [f32; COMMANDS],
-    /// What it goes by.
+    /// The active values.
     active: [f32; COMMANDS],
-    /// Where position mode wants it, in revolutions.
+    /// The setpoint of position mode, in revolutions.
     wanted: Option<f64>,
-    /// Until its watchdog runs out, and until its motor is on, in s.
+    /// Time until its watchdog expires, and until its motor is on, in s.
     left: f64,
     enabling: f64,
     after_enabling: i32,
-    /// Its position is the shaft's and this.
+    /// The offset of its position from the shaft's.
     zero: f64,
     torque: f32,
-    /// What its integrator makes, in N·m.
+    /// The torque of its integrator, in N·m.
     integral: f32,
     tuning: Tuning,
-    /// What it does when its watchdog has run out: the mode's number, as in `servo.timeout_mode`.
+    /// The mode after an expired watchdog, as in `servo.timeout_mode`.
     after_timeout: i32,
 }
 
 impl Simulated {
-    /// A drive with this identifier, stopped, and tuned as [`Tuning::TUNED`] says.
+    /// A drive with this identifier, stopped, with [`Tuning::TUNED`].
     pub fn new(id: u8) -> Self {
         Simulated {
             id,
@@ -85,7 +85,7 @@ impl Simulated {
         }
     }
 
-    /// The same, which does this mode's when its watchdog has run out: 0, it lets go; 12, zero velocity, as it is shipped; 15, it brakes.
+    /// The same with this mode after an expired watchdog: 0, no torque; 12, zero velocity, the factory setting; 15, brake.
     pub fn with_timeout_mode(self, mode: i32) -> Self {
         Simulated { after_timeout: mode, ..self }
     }
@@ -95,7 +95,7 @@ impl Simulated {
         Simulated { tuning, ..self }
     }
 
-    /// The fault of this number strikes it.
+    /// Injects the fault of this number.
     pub fn fail(&mut self, code: u8) {
         (self.mode, self.fault, self.torque) = (mode::FAULT, code.into(), 0.0);
     }
@@ -104,13 +104,13 @@ impl Simulated {
         self.active[(register - register::COMMAND_POSITION) as usize]
     }
 
-    /// A mode has been written, with what was written after it.
+    /// Executes a written mode with the values written after it.
     fn commit(&mut self, wanted: i32, shaft: Shaft) {
         match (wanted, self.mode) {
             (mode::STOPPED, _) => {
                 (self.mode, self.fault, self.wanted, self.integral) = (mode::STOPPED, 0, None, 0.0);
             }
-            // Latched until it is stopped.
+            // Latched until a stop.
             (_, mode::FAULT | mode::TIMEOUT) => {}
             (mode::POSITION | mode::CURRENT | mode::ZERO_VELOCITY | mode::BRAKE, before) => {
                 self.active = self.written;
@@ -137,7 +137,7 @@ impl Simulated {
         }
     }
 
-    /// Position mode is not begun beyond the limits of the position.
+    /// Whether position mode may start: not beyond the limits of the position.
     fn enter(&mut self, wanted: i32, shaft: Shaft) {
         let position = (shaft.position + self.zero) as f32;
         let (least, most) = self.tuning.position;
@@ -150,7 +150,7 @@ impl Simulated {
     /// The torque in this mode at this shaft.
     fn torque(&mut self, seconds: f64, shaft: Shaft) -> f32 {
         let velocity = shaft.velocity as f32;
-        // No more of its damping than the command in force asks for.
+        // The damping is scaled by the active command.
         let kept = -KD * self.command(register::COMMAND_KD_SCALE) * velocity;
         match self.mode {
             mode::POSITION => {
@@ -160,7 +160,7 @@ impl Simulated {
                 *wanted += f64::from(goes) * seconds;
                 let away = (*wanted - shaft.position - self.zero) as f32;
                 let (rate, most) = self.tuning.integrator;
-                // Only its limit is scaled, by whatever the command says.
+                // Only its limit is scaled by the command.
                 let most = most * self.command(register::COMMAND_ILIMIT_SCALE);
                 self.integral = (self.integral + rate * away * seconds as f32).max(-most).min(most);
                 let asked = KP * self.command(register::COMMAND_KP_SCALE) * away
@@ -251,26 +251,26 @@ impl Simulated {
         }
     }
 
-    /// What tells it from others: a part of its serial number or UUID.
+    /// Its identity: a part of its serial number or UUID.
     fn uuid(&self, register: u32) -> i32 {
         SERIAL ^ i32::from(self.id) << 8 ^ (register & 3) as i32
     }
 }
 
 impl Firmware for Simulated {
-    fn asks(&self, frame: &Frame) -> bool {
+    fn requests_position(&self, frame: &Frame) -> bool {
         let is_mine = frame.id & 0x7f == u32::from(self.id) && frame.id & REPLY != 0;
         is_mine && Parser::new(frame.data()).any(|part| matches!(part, Subframe::Read(register::POSITION, _)))
     }
 
-    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
+    fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame)) {
         let (to, source) = (frame.id & 0x7f, frame.id >> 8 & 0x7f);
         if frame.id >> 16 != 0 || ![u32::from(self.id), EVERYBODY].contains(&to) {
             return;
         }
         let mut answer = Writer::new(u32::from(self.id) << 8 | source);
         let mut wanted = None;
-        // Registers that are read one after the other are answered as one.
+        // Consecutive registers are answered in one subframe.
         let (mut first, mut values) = (0, Run::default());
         for part in Parser::new(frame.data()) {
             let read = match part {
@@ -292,7 +292,7 @@ impl Firmware for Simulated {
                 }
             }
             match part {
-                // Meant for one of several with the same identifier.
+                // Selects one of several drives with the same identifier.
                 Subframe::Write(register @ register::UUID_MASK..register::UUID_MASK_CAPABLE, mask) => {
                     if mask.whole() != self.uuid(register) {
                         return;
@@ -311,7 +311,7 @@ impl Firmware for Simulated {
             self.commit(wanted, shaft);
         }
         if frame.id & REPLY != 0 && !answer.is_empty() {
-            say(answer.frame());
+            send(answer.frame());
         }
     }
 
@@ -334,14 +334,14 @@ impl Firmware for Simulated {
     }
 }
 
-/// Values of one type in a row.
+/// Consecutive values of one type.
 #[derive(Default)]
 struct Run {
     values: Vec<Value>,
 }
 
 impl Run {
-    /// Whether `register` follows those that are there, in the same type.
+    /// Whether `register` follows the last one, in the same type.
     fn takes(&self, register: u32, first: u32, value: Value) -> bool {
         let same = |other: &Value| std::mem::discriminant(other) == std::mem::discriminant(&value);
         self.values.first().is_some_and(same) && register == first + self.values.len() as u32
@@ -358,7 +358,7 @@ impl Run {
     }
 }
 
-/// A command in which nothing is said: both gains as they are, no limits, the usual watchdog.
+/// The default command: full gains, no limits, the default watchdog.
 fn fresh() -> [f32; COMMANDS] {
     let mut command = [f32::NAN; COMMANDS];
     let says = [

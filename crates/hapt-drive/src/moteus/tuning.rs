@@ -1,11 +1,11 @@
-//! What a simulated moteus is configured to: its integrator, and everything that holds its torque back, with the code that tells of it.
+//! The configuration of a simulated moteus: its integrator, and the limits of its torque with their codes.
 
 /// N·m per A, and V per rev/s.
 pub(super) const MOTOR: f32 = 0.1;
 const BACK_EMF: f32 = 0.42;
 /// In Ω.
 const RESISTANCE: f32 = 0.1;
-/// The part of the supply's voltage that a phase can have.
+/// The usable part of the supply's voltage at a phase.
 const PHASE: f32 = 0.577;
 
 /// A part of a moteus's configuration, in the drive's own units.
@@ -15,7 +15,7 @@ pub struct Tuning {
     pub integrator: (f32, f32),
     /// `servopos.position_min` and `servopos.position_max`, in revolutions; NaN: none.
     pub position: (f32, f32),
-    /// `servo.position_derate`: where the torque has gone to 0 beyond these, in revolutions.
+    /// `servo.position_derate`: the distance beyond these at which the torque reaches 0, in revolutions.
     pub position_derate: f32,
     /// `servo.max_velocity` and `servo.max_velocity_derate`, rev/s.
     pub velocity: (f32, f32),
@@ -23,15 +23,15 @@ pub struct Tuning {
     pub current: f32,
     /// `servo.max_power_W`.
     pub power: f32,
-    /// Of its supply, V.
+    /// The voltage of its supply, V.
     pub voltage: f32,
-    /// How far into its temperature's margin its board and its motor are; at 1 there is no current left.
+    /// The used part of the temperature margin of board and motor; at 1 the current is 0.
     pub heat: (f32, f32),
 }
 
 impl Tuning {
-    /// No limit near, and an integrator as whoever wants positions without a standing error sets it. Shipped are an `ilimit` of 0 and
-    /// limits of the position at ±0.01.
+    /// No active limit, and an integrator as for position control without a steady-state error. The factory settings are an `ilimit` of 0
+    /// and limits of the position at ±0.01.
     pub const TUNED: Tuning = Tuning {
         integrator: (1.0, 0.3),
         position: (f32::NAN, f32::NAN),
@@ -43,7 +43,7 @@ impl Tuning {
         heat: (0.0, 0.0),
     };
 
-    /// What becomes of a torque in N·m at this position and velocity, and the code of what has held it back last; 0: nothing.
+    /// The limited torque in N·m at this position and velocity, and the code of the last active limit; 0: none.
     pub(super) fn limited(&self, torque: f32, position: Option<f32>, velocity: f32) -> (f32, i32) {
         let (mut torque, mut code) = (torque, 0);
         let mut hold = |wanted: f32, torque: &mut f32, because: i32| {
@@ -52,7 +52,7 @@ impl Tuning {
             }
         };
         if let Some(position) = position {
-            // Only what pushes outwards.
+            // Only outward torque.
             let beyond = if torque > 0.0 { position - self.position.1 } else { self.position.0 - position };
             if beyond > 0.0 && torque != 0.0 {
                 hold(torque * (1.0 - beyond / self.position_derate).max(0.0), &mut torque, 103);
@@ -76,7 +76,7 @@ impl Tuning {
         let most = PHASE * self.voltage;
         let volts = RESISTANCE * torque / MOTOR + BACK_EMF * velocity;
         if volts.abs() > most {
-            // The motor cannot brake harder than it does at no current.
+            // The motor cannot brake harder than at zero current.
             let left = (volts.clamp(-most, most) - BACK_EMF * velocity) * MOTOR / RESISTANCE;
             hold(if left * torque > 0.0 { left } else { 0.0 }, &mut torque, 98);
         }

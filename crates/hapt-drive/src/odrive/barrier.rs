@@ -1,30 +1,30 @@
-//! Telling an answer from an answer to an earlier question, where answers carry no number.
+//! Separation of answers from earlier ones, for a protocol without sequence numbers.
 
 use super::codec::Command;
 
-/// Questions of other kinds than the position's. They yield to a position on the bus, so that none overtakes one.
+/// Requests of other kinds than the position. They have a lower priority on the bus, so that none overtakes a position.
 pub(super) const KINDS: [Command; 5] =
     [Command::Current, Command::Warmth, Command::Bus, Command::Torques, Command::Powers];
-/// After so many samples without an answer a question counts as lost, and its kind may be asked again. A drive that has been silent for
-/// half as many is gone.
+/// After this many samples without an answer a request counts as lost, and its kind may be used again. A drive without an answer for
+/// half as many samples is gone.
 const LOST: u32 = 10;
 
-/// A question of another kind, right before the one for the position: a drive answers in order, so that every position that comes before
-/// its answer is one of the past, and every one after it is new. A kind that waits for an answer is not asked again, so that no answer
-/// can be taken for another one of its kind.
+/// A request of another kind directly before the one for the position: a drive answers in order, so that every position before the
+/// barrier's answer is stale, and every one after it is new. A kind with an open request is not used again, so that its answers are
+/// unambiguous.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Barrier {
-    /// Of each of [`KINDS`]: whether it is answered, and said at no other time.
+    /// For each of [`KINDS`]: whether it is answered, and never sent cyclically.
     serves: [bool; KINDS.len()],
-    /// Of each: the sample at which it was asked, where the answer is still to come.
+    /// For each: the sample of its open request.
     asked: [Option<u32>; KINDS.len()],
-    /// The one that was asked last.
+    /// The last kind used.
     last: usize,
     sample: u32,
 }
 
 impl Barrier {
-    /// Of those kinds that serve.
+    /// A barrier of the usable kinds.
     pub fn new(serves: [bool; KINDS.len()]) -> Self {
         Barrier { serves, ..Barrier::default() }
     }
@@ -34,21 +34,21 @@ impl Barrier {
         self.sample = self.sample.wrapping_add(1);
     }
 
-    /// What to ask in this sample; `None`: every kind waits for an answer.
+    /// The kind for this sample; `None`: every kind has an open request.
     pub fn ask(&mut self) -> Option<Command> {
         let kind = (1..=KINDS.len()).map(|next| (self.last + next) % KINDS.len()).find(|kind| self.may(*kind))?;
         (self.last, self.asked[kind]) = (kind, Some(self.sample));
         Some(KINDS[kind])
     }
 
-    /// Asks this kind in this sample; `false`: it does not serve, or waits for an answer.
+    /// Uses this kind in this sample; `false`: it is not usable, or has an open request.
     pub fn ask_for(&mut self, kind: Command) -> bool {
         let Some(kind) = KINDS.iter().position(|one| *one == kind).filter(|kind| self.may(*kind)) else { return false };
         self.asked[kind] = Some(self.sample);
         true
     }
 
-    /// Whether this kind is answered, and said at no other time.
+    /// Whether this kind is answered, and never sent cyclically.
     pub fn serves(&self, kind: Command) -> bool {
         KINDS.iter().position(|one| *one == kind).is_some_and(|kind| self.serves[kind])
     }
@@ -58,11 +58,11 @@ impl Barrier {
         self.serves[kind] && !waits
     }
 
-    /// An answer has come; `true`: it is that to this sample's question.
+    /// Registers an answer; `true`: it answers this sample's request.
     pub fn is_passed_by(&mut self, answer: Command) -> bool {
         let Some(kind) = KINDS.iter().position(|kind| *kind == answer) else { return false };
         let asked = self.asked[kind].take();
-        // What comes unasked once comes so again.
+        // A kind that arrives unrequested is sent cyclically.
         self.serves[kind] &= asked.is_some();
         asked == Some(self.sample)
     }
@@ -79,7 +79,7 @@ mod tests {
     const ALL: [bool; KINDS.len()] = [true; KINDS.len()];
 
     proptest! {
-        /// However late the answers are and whichever of them are lost: only this sample's own answer passes.
+        /// With any delay and any losses, only the answer of this sample passes.
         #[test]
         fn no_answer_passes_but_that_to_this_samples_question(late in 0_usize..8, lost in proptest::collection::vec(0_u8..4, 200)) {
             let mut barrier = Barrier::new(ALL);

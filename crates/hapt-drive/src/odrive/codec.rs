@@ -1,10 +1,10 @@
 //! CANSimple: the messages of ODrive's drives, as the DBC files of firmware 0.5.6 and 0.6.10 have them.
 //!
 //! A frame's 11-bit identifier is `node << 5 | command`, its data up to 8 bytes, numbers little-endian, floats of 32 bits. Positions
-//! are in revolutions, torques in N·m. What a host asks for it asks by a remote frame of the same identifier.
+//! are in revolutions, torques in N·m. A host requests data by a remote frame of the same identifier.
 //!
-//! We send 8 bytes always. A host's short frame reads as if zeros followed, as the drive has it; a drive's frame without a field that
-//! stands here is none of ours.
+//! This host always sends 8 bytes. A short frame of a host is padded with zeros, as in the drive; a frame of the drive that lacks a field
+//! is ignored.
 
 use hapt_core::Reason;
 use hapt_rt::DriveFault;
@@ -12,25 +12,25 @@ use hapt_rt::DriveFault;
 /// The largest number of a node.
 pub const LARGEST_NODE: u8 = 63;
 
-/// The axis states of a drive that matter here.
+/// The axis states that are used here.
 pub mod state {
     /// Disarmed: no current in the motor.
     pub const IDLE: u32 = 1;
-    /// The controller has the motor.
+    /// The controller is active.
     pub const CLOSED_LOOP: u32 = 8;
 }
 
-/// What the controller controls.
+/// The control modes.
 pub mod control {
-    /// The torque.
+    /// Torque control.
     pub const TORQUE: u32 = 1;
-    /// The velocity.
+    /// Velocity control.
     pub const VELOCITY: u32 = 2;
-    /// The position.
+    /// Position control.
     pub const POSITION: u32 = 3;
 }
 
-/// The input goes to the controller as it is.
+/// The input mode without filter.
 pub const PASSTHROUGH: u32 = 1;
 
 hapt_core::named! {
@@ -38,43 +38,43 @@ hapt_core::named! {
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     #[repr(u8)]
     pub enum Command {
-        /// Which firmware it is; 0.5 is silent.
+        /// The firmware's version; 0.5 does not answer.
         Version = 0x00 => "version",
         /// Every 100 ms unless configured otherwise.
         Heartbeat = 0x01 => "heartbeat",
         /// Disarms, with an error.
         Estop = 0x02 => "estop",
-        /// What is wrong, and why it was disarmed last. In 0.5: what is wrong with the motor.
+        /// The present errors, and the reason of the last disarming. In 0.5: the motor's errors.
         Error = 0x03 => "error",
-        /// Asks for an axis state.
+        /// Requests an axis state.
         State = 0x07 => "state",
         /// Position and velocity.
         Estimates = 0x09 => "estimates",
-        /// What is controlled, and what becomes of the input.
+        /// The control mode and the input mode.
         Mode = 0x0b => "mode",
-        /// The position to go to.
+        /// The position setpoint.
         Position = 0x0c => "position",
-        /// The velocity to keep.
+        /// The velocity setpoint.
         Velocity = 0x0d => "velocity",
-        /// The torque to hold.
+        /// The torque setpoint.
         Torque = 0x0e => "torque",
-        /// How fast and with how much current it may turn.
+        /// The limits of velocity and current.
         Limits = 0x0f => "limits",
-        /// The motor's current, wanted and measured.
+        /// The motor's current, setpoint and measurement.
         Current = 0x14 => "current",
-        /// How warm it is. Before 0.6: what it takes the rotor for without an encoder.
+        /// The temperatures. Before 0.6: the sensorless estimates.
         Warmth = 0x15 => "temperature",
         /// Restarts the drive.
         Reboot = 0x16 => "reboot",
         /// The supply's voltage and current.
         Bus = 0x17 => "bus",
-        /// Forgets errors.
+        /// Clears the errors.
         Clear = 0x18 => "clear",
-        /// What the position is from now on.
+        /// Sets the present position.
         Absolute = 0x19 => "absolute",
-        /// From 0.6 on: the torque, wanted and estimated.
+        /// From 0.6 on: the torque, setpoint and estimate.
         Torques = 0x1c => "torques",
-        /// From 0.6 on: electrical and mechanical power. Before: what is wrong with the controller.
+        /// From 0.6 on: electrical and mechanical power. Before: the controller's errors.
         Powers = 0x1d => "powers",
     }
 }
@@ -85,14 +85,14 @@ impl Command {
         u16::from(node & LARGEST_NODE) << 5 | self as u16
     }
 
-    /// Whether drives send it, with data. All others are a host's.
+    /// Whether drives send it with data; all other commands come from a host.
     pub fn is_a_drives(self) -> bool {
         let of_drives = [Command::Version, Command::Heartbeat, Command::Error, Command::Estimates];
         let when_asked = [Command::Current, Command::Warmth, Command::Bus, Command::Torques, Command::Powers];
         of_drives.contains(&self) || when_asked.contains(&self)
     }
 
-    /// What an identifier stands for; `None`: a command that is not spoken of here.
+    /// The command of an identifier; `None`: an unknown command.
     pub fn of(id: u16) -> Option<Self> {
         Command::ALL.into_iter().find(|command| *command as u16 == id & 0x1f)
     }
@@ -116,7 +116,7 @@ pub fn floats(first: f32, second: f32) -> [u8; 8] {
     pair(first.to_bits(), second.to_bits())
 }
 
-/// A host's data, filled up with zeros.
+/// A host's data, padded with zeros.
 pub fn padded(data: &[u8]) -> [u8; 8] {
     let mut whole = [0; 8];
     for (to, from) in whole.iter_mut().zip(data) {
@@ -140,19 +140,19 @@ pub fn two_floats(data: &[u8]) -> Option<(f32, f32)> {
 /// A drive's heartbeat.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Heartbeat {
-    /// What is wrong; from 0.6 on also why it was disarmed last.
+    /// The present errors; from 0.6 on also the reason of the last disarming.
     pub error: u32,
     /// The axis state.
     pub state: u8,
 }
 
 impl Heartbeat {
-    /// The data of a heartbeat of 0.6, nothing else going on.
+    /// The data of a heartbeat of 0.6.
     pub fn data(self) -> [u8; 8] {
         pair(self.error, u32::from(self.state))
     }
 
-    /// From 5 bytes on. What follows differs from firmware to firmware.
+    /// Reads the first 5 bytes; the rest differs between versions.
     pub fn read(data: &[u8]) -> Option<Self> {
         let &[a, b, c, d, state, ..] = data else { return None };
         Some(Heartbeat { error: u32::from_le_bytes([a, b, c, d]), state })
@@ -164,40 +164,40 @@ impl Heartbeat {
 pub struct Version {
     /// 0 so far.
     pub major: u8,
-    /// 6, or 5 where it is silent.
+    /// 6, or 5 where it does not answer.
     pub minor: u8,
     /// Counted from 0.
     pub revision: u8,
 }
 
 impl Version {
-    /// Of the last firmware that does not answer when it is asked.
+    /// The last version that does not answer the request.
     pub const SILENT: Version = Version { major: 0, minor: 5, revision: 6 };
-    /// Of one that does.
+    /// A version that answers.
     pub const LATE: Version = Version { major: 0, minor: 6, revision: 10 };
 
-    /// The data of an answer: protocol 2, a board of no kind.
+    /// The data of an answer: protocol 2, an unknown board.
     pub fn data(self) -> [u8; 8] {
         [2, 0, 0, 0, self.major, self.minor, self.revision, 0]
     }
 
-    /// From 7 bytes on.
+    /// Reads 7 bytes or more.
     pub fn read(data: &[u8]) -> Option<Self> {
         let &[_, _, _, _, major, minor, revision, ..] = data else { return None };
         Some(Version { major, minor, revision })
     }
 
-    /// The bit that says that the watchdog has expired.
+    /// The bit of an expired watchdog.
     pub fn watchdog(self) -> u32 {
         if self.is_old() { 0x800 } else { 0x0100_0000 }
     }
 
-    /// The bit that says that somebody has asked for an emergency stop.
+    /// The bit of a requested emergency stop.
     pub fn estop(self) -> u32 {
         if self.is_old() { 0x4000 } else { 0x0200_0000 }
     }
 
-    /// What an error means: the first of its bits that has a name.
+    /// The meaning of an error: the first of its bits that has a name.
     pub fn fault(self, error: u32) -> DriveFault {
         let table = if self.is_old() { OLD_ERRORS } else { ERRORS };
         let named = table.iter().find(|(bit, ..)| error & bit != 0);
@@ -205,18 +205,18 @@ impl Version {
         DriveFault { code: error, what, reason }
     }
 
-    /// Before 0.6 errors had other numbers, and a drive's heartbeat told what is wrong and nothing else.
+    /// Before 0.6 errors had other numbers, and the heartbeat contained only the present errors.
     pub fn is_old(self) -> bool {
         (self.major, self.minor) < (0, 6)
     }
 }
 
-/// A bit of an axis's error, its name, and the supervisor's word for it, where it has one.
+/// A bit of an axis's error, its name, and the corresponding reason of the supervisor, if any.
 type Named = (u32, &'static str, Option<Reason>);
 
 /// From 0.6 on.
 const ERRORS: &[Named] = &[
-    // What tells most comes first: a drive in trouble often has several.
+    // The most specific errors come first: a fault often sets several bits.
     (0x0100_0000, "WATCHDOG_TIMER_EXPIRED", Some(Reason::Late)),
     (0x0200_0000, "ESTOP_REQUESTED", Some(Reason::Stop)),
     (0x2000, "MOTOR_OVER_TEMP", Some(Reason::Heat)),

@@ -1,14 +1,14 @@
-//! An ODrive, as its host sees it from the bus: its messages, states, errors and watchdog, around whatever moves the wheel.
+//! A simulated ODrive as seen from the bus: its messages, states, errors and watchdog.
 //!
-//! Firmware 0.6, or 0.5 after its published source: that one is silent about its version, its watchdog runs out while it is disarmed too,
-//! its heartbeat tells of errors that stand and not of why it was disarmed, and it has no position until it has been armed once.
+//! Firmware 0.6, or 0.5 after its published source: 0.5 does not report its version, its watchdog also expires while disarmed, its
+//! heartbeat contains present errors and not the reason of the last disarming, and it has no position until it has been armed once.
 
 use super::barrier::KINDS;
 use super::codec::{self, Command, Heartbeat, PASSTHROUGH, Version, control, state};
 use crate::frame::Frame;
 use crate::simulate::{Firmware, Shaft};
 
-/// How long it bears not to be fed, where nobody says otherwise, s.
+/// Default time of its watchdog, s.
 const WATCHDOG: f64 = 0.05;
 /// From one heartbeat to the next, as shipped, s.
 const HEARTBEAT: f64 = 0.1;
@@ -16,20 +16,20 @@ const HEARTBEAT: f64 = 0.1;
 const POSITION_GAIN: f64 = 20.0;
 const VELOCITY_GAIN: f64 = 1.0 / 6.0;
 const INTEGRATOR_GAIN: f64 = 1.0 / 3.0;
-/// What is faster than so much of its limit is an error.
+/// The part of its velocity limit above which it reports an error.
 const OVERSPEED: f64 = 1.2;
 const VELOCITY_LIMIT_VIOLATION: u32 = 0x8000;
 const MISSING_INPUT: u32 = 0x40;
-/// What 0.5 says for both.
+/// The value of 0.5 for both.
 const CONTROLLER_FAILED: u32 = 0x200;
-/// In 0.5, where a heartbeat says that it is where it was sent.
+/// In 0.5, the byte of the heartbeat for a reached setpoint.
 const DONE: u8 = 0x80;
 /// N·m per A.
 const MOTOR: f64 = 0.05;
 /// Volts and amperes of its supply.
 const BUS: (f32, f32) = (24.0, 0.0);
 
-/// What a host has asked the controller for, in revolutions.
+/// The setpoints of the controller, in revolutions.
 #[derive(Clone, Copy, Debug, Default)]
 struct Input {
     position: f64,
@@ -37,14 +37,14 @@ struct Input {
     torque: f64,
 }
 
-/// The drive without its wheel: whoever has one gives it the frames and the time, and takes the torque.
+/// The drive without its wheel: the caller passes frames and time, and takes the torque.
 #[derive(Clone, Debug)]
 pub struct Simulated {
     node: u8,
     version: Version,
-    /// How long it bears not to be fed, s; `None`: for ever.
+    /// Time of its watchdog, s; `None`: off.
     watchdog: Option<f64>,
-    /// Since it was fed last, s.
+    /// Time since the watchdog was fed, s.
     hungry: f64,
     is_armed: bool,
     was_armed: bool,
@@ -52,22 +52,22 @@ pub struct Simulated {
     disarm_reason: u32,
     control: u32,
     input: Input,
-    /// Of the velocity's error, N·m.
+    /// The integral of the velocity's error, N·m.
     integral: f64,
     /// rev/s.
     fastest: f64,
-    /// What is added to the wheel's revolutions.
+    /// The offset added to the wheel's revolutions.
     offset: f64,
-    /// From one position that it says unasked to the next, s; `None`: it is asked.
+    /// Period of its cyclic position messages, s; `None`: on request only.
     estimates: Option<f64>,
     since_heartbeat: f64,
     since_estimates: f64,
-    /// A question of another kind has been asked since the last one for the position.
+    /// A request of another kind has arrived since the last one for the position.
     was_asked: bool,
 }
 
 impl Simulated {
-    /// Disarmed and without an error, set up as hapt wants it: a watchdog of 50 ms, and no position unasked.
+    /// Disarmed and without an error, configured for hapt: a watchdog of 50 ms, and no cyclic position.
     pub fn new(node: u8) -> Self {
         Simulated {
             node,
@@ -90,7 +90,7 @@ impl Simulated {
         }
     }
 
-    /// The same with a watchdog of so many seconds; `None`: as ODrives are shipped, without.
+    /// The same with a watchdog of this time in s; `None`: without, the factory setting.
     pub fn with_watchdog(self, watchdog: Option<f64>) -> Self {
         Simulated { watchdog, ..self }
     }
@@ -100,32 +100,32 @@ impl Simulated {
         Simulated { version, ..self }
     }
 
-    /// The same, saying its position every so many seconds; as ODrives are shipped, every 10 ms.
+    /// The same with cyclic position messages of this period in s; the factory setting is 10 ms.
     pub fn with_estimates(self, every: Option<f64>) -> Self {
         Simulated { estimates: every, ..self }
     }
 
-    /// Whether its motor has current.
+    /// Whether it is armed.
     pub fn is_armed(&self) -> bool {
         self.is_armed
     }
 
-    /// Something breaks in it: it disarms, with these bits for a reason.
+    /// Injects a fault: it disarms, with these bits for a reason.
     pub fn fail(&mut self, error: u32) {
         self.error |= error;
         self.disarm(error);
     }
 
-    /// The data of what it says when it is asked.
+    /// The data of its answer to a request.
     fn answer(&self, command: Command, shaft: Shaft) -> Option<[u8; 8]> {
         Some(match command {
             Command::Version if self.version.is_old() => return None,
             Command::Version => self.version.data(),
-            // In 0.5 the motor's.
+            // In 0.5 the errors of the motor.
             Command::Error if self.version.is_old() => [0; 8],
             Command::Error => codec::pair(self.error, self.disarm_reason),
             Command::Estimates => self.estimates(shaft),
-            // A cool day.
+            // 20 °C.
             Command::Current => {
                 let current = (self.torque(shaft) / MOTOR) as f32;
                 codec::floats(current, current)
@@ -133,12 +133,12 @@ impl Simulated {
             Command::Warmth => codec::floats(20.0, 20.0),
             Command::Bus => codec::floats(BUS.0, BUS.1),
             Command::Torques if self.version.is_old() => return None,
-            // What its controller wants, and what its motor makes.
+            // The setpoint and the motor's torque.
             Command::Torques => {
                 let made = self.torque(shaft);
                 codec::floats(if self.is_armed { made } else { self.input.torque } as f32, made as f32)
             }
-            // At a standstill none; in 0.5 no error of the controller's.
+            // No power at standstill; in 0.5 no error of the controller.
             Command::Powers => [0; 8],
             Command::Heartbeat
             | Command::Estop
@@ -167,7 +167,7 @@ impl Simulated {
                     self.input.position = self.position(shaft);
                 }
             }
-            // It calibrates nothing.
+            // Calibration is not simulated.
             Command::State => self.is_armed = false,
             Command::Mode if second == PASSTHROUGH => self.control = first,
             Command::Mode => {}
@@ -199,7 +199,7 @@ impl Simulated {
         }
     }
 
-    /// What its motor makes, N·m.
+    /// The motor's torque, N·m.
     fn torque(&self, shaft: Shaft) -> f64 {
         if !self.is_armed {
             return 0.0;
@@ -268,8 +268,8 @@ impl Simulated {
 }
 
 impl Firmware for Simulated {
-    /// Questions of other kinds, where some stand before that for the position, are the sample's first.
-    fn asks(&self, frame: &Frame) -> bool {
+    /// Requests of other kinds before the one for the position start the sample.
+    fn requests_position(&self, frame: &Frame) -> bool {
         frame.data().is_empty()
             && match self.command(frame) {
                 Some(Command::Estimates) => !self.was_asked,
@@ -278,9 +278,9 @@ impl Firmware for Simulated {
             }
     }
 
-    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
+    fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame)) {
         if self.id(frame).is_some() {
-            // Whatever it is about.
+            // Any frame feeds the watchdog.
             self.hungry = 0.0;
         }
         let Some(command) = self.command(frame) else { return };
@@ -288,13 +288,13 @@ impl Firmware for Simulated {
             self.was_asked = KINDS.contains(&command);
         }
         match self.answer(command, shaft).filter(|_| frame.data().is_empty()) {
-            Some(data) => say(self.frame(command, data)),
+            Some(data) => send(self.frame(command, data)),
             None if frame.remote => {}
             None => self.obey(command, codec::padded(frame.data()), shaft),
         }
     }
 
-    fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64 {
+    fn pass(&mut self, seconds: f64, shaft: Shaft, send: &mut dyn FnMut(Frame)) -> f64 {
         self.hungry += seconds;
         if self.watchdog.is_some_and(|watchdog| self.hungry > watchdog) && (self.is_armed || self.version.is_old()) {
             self.fail(self.version.watchdog());
@@ -310,16 +310,16 @@ impl Firmware for Simulated {
             }
         }
         if is_due(&mut self.since_heartbeat, seconds, HEARTBEAT) {
-            say(self.frame(Command::Heartbeat, self.heartbeat()));
+            send(self.frame(Command::Heartbeat, self.heartbeat()));
         }
         if self.estimates.is_some_and(|every| is_due(&mut self.since_estimates, seconds, every)) {
-            say(self.frame(Command::Estimates, self.estimates(shaft)));
+            send(self.frame(Command::Estimates, self.estimates(shaft)));
         }
         self.torque(shaft)
     }
 }
 
-/// Whether something that is said every so many seconds is due again. A host that was not there is not told what it has missed.
+/// Whether a cyclic message is due. Missed ones are skipped.
 fn is_due(since: &mut f64, seconds: f64, every: f64) -> bool {
     *since += seconds;
     let is_due = *since >= every;

@@ -1,122 +1,126 @@
-//! Getting a drive ready: whether it is there, alone, without a fault, and held by its watchdog.
+//! The start of a drive: its presence, uniqueness, faults and watchdog are checked.
 
 use std::time::{Duration, Instant};
 
 use super::barrier::{Barrier, KINDS};
 use super::codec::{self, Command, Heartbeat, PASSTHROUGH, Version, control, state};
 use super::proof::Proof;
-use super::{A_STATE, AN_ANSWER, Odrive, Said};
+use super::{A_STATE, AN_ANSWER, Odrive, Received};
 use crate::drive::{Drive, Error, OTHERS, ShaftState};
 use crate::frame::Frame;
 
-/// The longest that a drive's watchdog may take.
+/// The longest accepted time of a drive's watchdog.
 pub const LONGEST_WATCHDOG: Duration = Duration::from_millis(100);
-/// From one heartbeat to the next, as shipped, and something for a busy bus.
+/// The factory period of heartbeats, with a margin for a busy bus.
 const HEARTBEAT: Duration = Duration::from_millis(200);
-/// Farther from its zero, in revolutions, a float's last digit is more than 1/65 536 of a revolution.
+/// Beyond this position, in revolutions, the resolution of a float is coarser than 1/65 536 of a revolution.
 const FARTHEST: f64 = 256.0;
-/// How often something is asked before nobody is there to answer.
+/// Attempts of a request before the drive counts as absent.
 const TRIES: u32 = 8;
-/// How often it is fed while something is waited for.
+/// Period of feeding the watchdog while waiting.
 const FEEDING: Duration = Duration::from_millis(2);
-/// What a drive is shipped without.
+/// The settings that differ from the factory's.
 const SET_UP: &str = "In odrivetool: odrv0.axis0.config.watchdog_timeout = 0.05, odrv0.axis0.config.enable_watchdog = True, \
                       odrv0.save_configuration()";
 
 impl Odrive {
-    /// Everything that comes before the loop.
+    /// The checks before the loop.
     pub(super) fn get_ready(&mut self) -> Result<ShaftState, Error> {
         (self.owed, self.chats, self.begun, self.is_armed, self.fault) = (0, false, None, false, None);
         self.since_heartbeat = 0.0;
-        // Somebody may have asked before us.
+        // Answers to earlier requests may be pending.
         self.asked = Some(Instant::now());
         self.is_there()?;
         self.clear()?;
         self.bites()?;
         self.clear()?;
-        // Answers of the time before come before this one.
+        // Earlier answers arrive before this one.
         if let Some(kind) = self.barrier.ask() {
             self.ask(kind)?;
             self.until(AN_ANSWER, false, |_, said| {
-                matches!(said, Said::Other(answer, _) if answer == kind).then_some(())
+                matches!(said, Received::Other(answer, _) if answer == kind).then_some(())
             })?;
             self.barrier.is_passed_by(kind);
         }
         // Before 0.6 there is no position until the drive has been armed once.
-        let answer = self
-            .answer(Command::Estimates, |said| if let Said::Estimates(answer) = said { Some(answer) } else { None })?;
-        let answer = answer.ok_or_else(|| self.silent("; its heartbeat is there, positions are not"))?;
+        let answer =
+            self.answer(
+                Command::Estimates,
+                |said| if let Received::Estimates(answer) = said { Some(answer) } else { None },
+            )?;
+        let answer = answer.ok_or_else(|| self.silent("; its heartbeat arrives, but no position"))?;
         if answer.position.abs() >= FARTHEST {
             return Err(self.refused(format!(
-                "stands {:.0} revolutions from its zero, where its answers are too coarse to feel: switch it off and on",
+                "is {:.0} revolutions from its zero, where the resolution of its positions is too coarse: switch it off and on",
                 answer.position
             )));
         }
         Ok(answer)
     }
 
-    /// Waits for a heartbeat, asks for the version, and counts who answers.
+    /// Waits for a heartbeat, requests the version, and counts the answering drives.
     fn is_there(&mut self) -> Result<(), Error> {
         self.stop();
         let node = self.node;
         let mut others = [false; 64];
         let heartbeat = self.until(A_STATE, false, |frame, said| {
-            if let (Said::Nothing, false) = (&said, frame.extended)
+            if let (Received::Nothing, false) = (&said, frame.extended)
                 && frame.id & 0x1f == Command::Heartbeat as u32
                 && let Some(other) = others.get_mut((frame.id >> 5) as usize)
             {
                 *other = true;
             }
-            matches!(said, Said::Heartbeat(_)).then_some(())
+            matches!(said, Received::Heartbeat(_)).then_some(())
         })?;
         if heartbeat.is_none() {
             let heard: Vec<String> =
                 others.iter().enumerate().filter(|(_, heard)| **heard).map(|(node, _)| node.to_string()).collect();
             let hint = match &heard[..] {
-                [] => {
-                    ": no heartbeat. Look at its supply, at the bus's two ends, at its baud rate and at its node_id; \
+                [] => ": no heartbeat. Check its supply, the bus's termination, its baud rate and its node_id; \
                        heartbeat_msg_rate_ms must not be 0"
-                        .into()
-                }
+                    .into(),
                 heard => format!(": no heartbeat from node {node}, but from {}. #ID names the drive", heard.join(", ")),
             };
             return Err(self.silent(&hint));
         }
         let version =
-            self.answer(Command::Version, |said| if let Said::Version(version) = said { Some(version) } else { None })?;
+            self.answer(
+                Command::Version,
+                |said| if let Received::Version(version) = said { Some(version) } else { None },
+            )?;
         self.version = version.unwrap_or(Version::SILENT);
         self.who_answers()
     }
 
-    /// Asks for everything that it says when it is asked, one kind after the other. What comes twice right then comes from two drives, and
-    /// what comes at other times is said unasked, and serves for no barrier.
+    /// Requests every kind of answer, one after the other. Two answers to one request come from two drives, and answers without a request are
+    /// cyclic messages, which are unusable as a barrier.
     fn who_answers(&mut self) -> Result<(), Error> {
         let (mut answers, mut unasked, mut is_foreign) = ([0_u32; KINDS.len()], [false; KINDS.len()], false);
         for (now, kind) in KINDS.into_iter().enumerate() {
-            // In 0.5 its number was for a voltage, and wanted to be told which.
+            // In 0.5 its number belonged to a voltage, with an argument.
             if kind != Command::Torques || !self.version.is_old() {
                 self.ask(kind)?;
             }
             self.until::<()>(AN_ANSWER, false, |_, said| {
                 match said {
-                    Said::Other(answer, _) if answer == kind => answers[now] += 1,
-                    Said::Other(answer, _) => {
+                    Received::Other(answer, _) if answer == kind => answers[now] += 1,
+                    Received::Other(answer, _) => {
                         let kind = KINDS.iter().position(|kind| *kind == answer);
                         unasked[kind.unwrap_or(now)] = true;
                     }
-                    Said::Foreign => is_foreign = true,
-                    Said::Heartbeat(_)
-                    | Said::Estimates(_)
-                    | Said::Version(_)
-                    | Said::Error(_)
-                    | Said::Passed
-                    | Said::Nothing => {}
+                    Received::Foreign => is_foreign = true,
+                    Received::Heartbeat(_)
+                    | Received::Estimates(_)
+                    | Received::Version(_)
+                    | Received::Error(_)
+                    | Received::Passed
+                    | Received::Nothing => {}
                 }
                 None
             })?;
         }
         if is_foreign {
-            return Err(self.refused("is spoken to by another host, which has to end first".into()));
+            return Err(self.refused("receives frames of another host, which has to stop first".into()));
         }
         let once = |kind: usize| !unasked[kind] && answers[kind] == 1;
         let twice = (0..KINDS.len()).filter(|kind| !unasked[*kind]).map(|kind| answers[kind]).max().unwrap_or(0);
@@ -129,23 +133,23 @@ impl Odrive {
         match twice {
             2.. => Err(self.refused(format!("is {twice} drives: give each its own node_id"))),
             1 if proof.is_none() => Err(self.refused(
-                "says neither which torque it uses (0x01c) nor its current (0x014): nothing would tell whether torques reach it".into(),
+                "reports neither its torque (0x01c) nor its current (0x014), so that lost torque commands would go unnoticed".into(),
             )),
             1 => Ok(()),
             _ if answers != [0; KINDS.len()] => Err(self.refused(
-                "says everything unasked, so that no answer is known for one: leave iq_msg_rate_ms or another one at 0"
+                "sends every message cyclically, so that answers cannot be recognised: set iq_msg_rate_ms or another rate to 0"
                     .into(),
             )),
-            _ => Err(self.silent("; its heartbeat is there, answers are not: does the adapter send remote frames?")),
+            _ => Err(self.silent("; its heartbeat arrives, but no answers: does the adapter send remote frames?")),
         }
     }
 
-    /// Forgets what the drive has latched; an error where something stays.
+    /// Clears latched errors; an error where one remains.
     fn clear(&mut self) -> Result<(), Error> {
         self.tell(Command::Clear, [0; 8])?;
         let left = if self.version.is_old() {
             let mut left = self.last_error()?;
-            // Where this machine stands still, the watchdog of a disarmed drive runs out anew.
+            // If this machine pauses, the watchdog of a disarmed drive expires again.
             for _ in 1..TRIES {
                 if left == Some(self.version.watchdog()) {
                     self.tell(Command::Clear, [0; 8])?;
@@ -154,33 +158,33 @@ impl Odrive {
             }
             left
         } else {
-            self.answer(Command::Error, |said| if let Said::Error(bits) = said { Some(bits) } else { None })?
+            self.answer(Command::Error, |said| if let Received::Error(bits) = said { Some(bits) } else { None })?
         };
         match left {
             Some(0) => Ok(()),
             Some(bits) => Err(Error::Fault { drive: self.name.clone(), fault: self.version.fault(bits) }),
-            None => Err(self.silent("; its heartbeat is there, answers are not")),
+            None => Err(self.silent("; its heartbeat arrives, but no answers")),
         }
     }
 
-    /// What the second heartbeat from now on says, or the first that tells of no error: the first may be from before.
+    /// The error of the second heartbeat from now on, or of the first one without an error: the first may be old.
     fn last_error(&mut self) -> Result<Option<u32>, Error> {
         let mut seen = 0;
         self.until(A_STATE, true, |_, said| {
-            let Said::Heartbeat(heartbeat) = said else { return None };
+            let Received::Heartbeat(heartbeat) = said else { return None };
             seen += 1;
             (heartbeat.error == 0 || seen == 2).then_some(heartbeat.error)
         })
     }
 
-    /// Whether the drive's watchdog takes the torque away: armed with a torque of zero it has to disarm when nobody feeds it.
+    /// Tests the drive's watchdog: armed with a torque of zero, the drive has to disarm when it receives no frames.
     fn bites(&mut self) -> Result<(), Error> {
         self.tell(Command::Mode, codec::pair(control::TORQUE, PASSTHROUGH))?;
         self.tell(Command::Torque, [0; 8])?;
         self.tell(Command::State, codec::pair(state::CLOSED_LOOP, 0))?;
         let mut last = Heartbeat::default();
         let armed = self.until(A_STATE, true, |_, said| {
-            let Said::Heartbeat(heartbeat) = said else { return None };
+            let Received::Heartbeat(heartbeat) = said else { return None };
             last = heartbeat;
             (u32::from(heartbeat.state) == state::CLOSED_LOOP).then_some(())
         })?;
@@ -191,13 +195,13 @@ impl Odrive {
         }
         let (silence, longest) = (Instant::now(), LONGEST_WATCHDOG + HEARTBEAT);
         let disarmed = self.until(longest, false, |_, said| {
-            let Said::Heartbeat(heartbeat) = said else { return None };
+            let Received::Heartbeat(heartbeat) = said else { return None };
             (u32::from(heartbeat.state) != state::CLOSED_LOOP).then_some(heartbeat.error)
         })?;
         match disarmed {
-            // Heard too late to prove anything.
+            // Received too late to be conclusive.
             Some(_) if silence.elapsed() > longest => Err(self
-                .refused("was not watched while its watchdog was tried: this machine stood still. Try again".into())),
+                .refused("could not be observed while its watchdog was tested: this machine paused. Try again".into())),
             Some(error) if error & self.version.watchdog() != 0 => {
                 self.bitten = silence.elapsed();
                 Ok(())
@@ -212,13 +216,13 @@ impl Odrive {
         }
     }
 
-    /// Asks until it answers; `None`: it does not.
-    fn answer<T>(&mut self, command: Command, take: impl Fn(Said) -> Option<T>) -> Result<Option<T>, Error> {
+    /// Repeats a request until it is answered; `None`: no answer.
+    fn answer<T>(&mut self, command: Command, take: impl Fn(Received) -> Option<T>) -> Result<Option<T>, Error> {
         for tried in 0..TRIES {
             self.ask(command)?;
             let answer = self.until(AN_ANSWER, false, |_, said| take(said))?;
             if answer.is_some() {
-                // The others may still be under way.
+                // Answers to the other attempts may still arrive.
                 self.owed = if command == Command::Estimates { tried } else { self.owed };
                 return Ok(answer);
             }
@@ -226,16 +230,16 @@ impl Odrive {
         Ok(None)
     }
 
-    /// Waits for what `take` wants, fed or not in the meantime; `None`: it has not come in so long.
+    /// Waits until `take` returns a value, feeding the watchdog or not; `None`: a timeout.
     fn until<T>(
         &mut self,
         time: Duration,
         fed: bool,
-        mut take: impl FnMut(&Frame, Said) -> Option<T>,
+        mut take: impl FnMut(&Frame, Received) -> Option<T>,
     ) -> Result<Option<T>, Error> {
         let end = Instant::now() + time;
         let mut feeding = Instant::now();
-        // When the time is over, what is there already counts still.
+        // After the timeout, frames that have arrived are still read.
         let mut left = OTHERS;
         loop {
             let now = Instant::now();
@@ -250,9 +254,9 @@ impl Odrive {
                 }
                 continue;
             };
-            let said = self.said(&frame);
+            let said = self.decode(&frame);
             let is_answer = self.asked.is_some_and(|asked| asked.elapsed() <= AN_ANSWER);
-            self.chats |= matches!(said, Said::Estimates(_)) && !is_answer;
+            self.chats |= matches!(said, Received::Estimates(_)) && !is_answer;
             if let Some(taken) = take(&frame, said) {
                 return Ok(Some(taken));
             }

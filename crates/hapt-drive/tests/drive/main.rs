@@ -1,8 +1,8 @@
-//! Motor drives, simulated, over a serial line: the loop on them, and what goes wrong there.
+//! Simulated motor drives over a serial line: the loop on them, and its faults.
 #![cfg(target_os = "linux")]
 
+mod bench;
 mod middle;
 mod moteus;
 mod odrive;
 mod others;
-mod rig;

@@ -1,5 +1,5 @@
-//! Somebody in the middle, between a drive and its host: frames of one kind are lost, come late, come again, are forged. However it is
-//! done, no torque stays that the loop has not asked for.
+//! Interception between a drive and its host: frames of one kind are lost, delayed, repeated or forged. In every case no torque remains
+//! that the loop has not commanded.
 
 use std::collections::VecDeque;
 
@@ -12,11 +12,11 @@ use hapt_rt::{Device as _, DriveFault, Failure};
 
 use codec::Command;
 
-use crate::rig::{Looped, Rig, Way, lockstep, world};
+use crate::bench::{Direction, Looped, TestBench, lockstep, world};
 
-/// Longer than it takes to answer, ms, and less than what ends lockstep.
+/// Longer than an answer takes and shorter than the timeout of lockstep, ms.
 const PATIENCE: u64 = 30;
-/// Of the world's limit: what a torque of 32 bits may differ by.
+/// The rounding of a torque of 32 bits, relative to the world's limit.
 const SAME: f64 = 1e-6;
 
 fn odrives() -> [odrive::Simulated; 3] {
@@ -28,28 +28,28 @@ fn moteus() -> moteus::Simulated {
     moteus::Simulated::new(1)
 }
 
-/// How the loop on this drive ends when somebody stands in the middle, once it runs: again where the machine stands still meanwhile. It
-/// has to end within so many samples, and nobody in the middle keeps a torque on.
+/// The end of the loop on this drive after an interceptor is installed; repeated if the machine pauses. The loop has to end within this
+/// many samples, and no interceptor keeps a torque on.
 fn ends<F, M>(make: Make, firmware: &F, within: u32, middle: impl Fn() -> M) -> Result<Reason, Failure>
 where
     F: Firmware + Clone + 'static,
-    M: FnMut(Way, Frame) -> Vec<Frame> + Send + 'static,
+    M: FnMut(Direction, Frame) -> Vec<Frame> + Send + 'static,
 {
     let world = world(&[]);
     for _ in 0..20 {
-        let rig = Rig::new(make, None, Box::new(firmware.clone()), &world, lockstep(&world));
-        let mut looped = rig.running(&world, PATIENCE);
-        rig.faults.between(middle());
+        let bench = TestBench::new(make, None, Box::new(firmware.clone()), &world, lockstep(&world));
+        let mut looped = bench.running(&world, PATIENCE);
+        bench.faults.intercept(middle());
         let (ends, stood_still) = looped.ends_or_stands_still(within);
         if stood_still && make == Make::Odrive {
             continue;
         }
         let ends = ends.unwrap_or_else(|| panic!("it goes on for {within} samples"));
-        // The loop's last word, and its silence.
+        // The loop's last frame, and its silence.
         let _ = looped.sample(None);
-        rig.torque_goes_off();
+        bench.torque_goes_off();
         drop(looped);
-        assert_eq!(rig.faults.torque(), 0.0);
+        assert_eq!(bench.faults.torque(), 0.0);
         return ends;
     }
     panic!("the machine stands still");
@@ -67,15 +67,15 @@ fn is(frame: &Frame, command: Command) -> bool {
     frame.id == u32::from(command.id(1))
 }
 
-fn torque(way: Way, frame: &Frame) -> bool {
-    way == Way::Heard && is(frame, Command::Torque)
+fn torque(way: Direction, frame: &Frame) -> bool {
+    way == Direction::ToDrive && is(frame, Command::Torque)
 }
 
 #[test]
 fn torque_frames_that_are_lost_alone_end_the_loop_though_questions_feed_the_drives_watchdog() {
     for firmware in odrives() {
         let ended = fault(ends(Make::Odrive, &firmware, 60, || {
-            |way: Way, frame: Frame| if torque(way, &frame) { vec![] } else { vec![frame] }
+            |way: Direction, frame: Frame| if torque(way, &frame) { vec![] } else { vec![frame] }
         }));
         assert!(ended.what.contains("torque frames are lost"), "{ended}");
     }
@@ -86,7 +86,7 @@ fn torque_frames_that_are_late_or_changed_end_the_loop() {
     for late in [1, 4] {
         let ended = fault(ends(Make::Odrive, &odrives()[0], 200, || {
             let mut held = VecDeque::new();
-            move |way: Way, frame: Frame| {
+            move |way: Direction, frame: Frame| {
                 if !torque(way, &frame) {
                     return vec![frame];
                 }
@@ -98,7 +98,7 @@ fn torque_frames_that_are_late_or_changed_end_the_loop() {
     }
     for (part, firmware) in [-1.0, 0.5, 20.0].into_iter().zip(odrives()) {
         let _ = ends(Make::Odrive, &firmware, 400, || {
-            move |way: Way, frame: Frame| {
+            move |way: Direction, frame: Frame| {
                 let Some((torque, _)) = codec::two_floats(frame.data()).filter(|_| torque(way, &frame)) else {
                     return vec![frame];
                 };
@@ -112,34 +112,34 @@ fn torque_frames_that_are_late_or_changed_end_the_loop() {
 fn a_heartbeat_that_stays_away_ends_the_loop() {
     for firmware in odrives() {
         let ended = fault(ends(Make::Odrive, &firmware, 100_000, || {
-            |_: Way, frame: Frame| if is(&frame, Command::Heartbeat) { vec![] } else { vec![frame] }
+            |_: Direction, frame: Frame| if is(&frame, Command::Heartbeat) { vec![] } else { vec![frame] }
         }));
         assert_eq!((ended.code, ended.reason), (Command::Heartbeat as u32, Some(Reason::Link)), "{ended}");
     }
 }
 
-/// Whether its heartbeat is missing, or an old one is repeated: an idle drive is noticed, and never switched on again.
+/// With a missing or a repeated old heartbeat an idle drive is detected, and never switched on again.
 #[test]
 fn a_drive_that_is_made_idle_ends_the_loop_though_no_heartbeat_says_so() {
     for firmware in odrives() {
         for repeated in [false, true] {
             ends(Make::Odrive, &firmware, 100_000, || {
                 let mut is_idle = false;
-                move |way: Way, frame: Frame| match way {
-                    Way::Said if is(&frame, Command::Heartbeat) && repeated => {
+                move |way: Direction, frame: Frame| match way {
+                    Direction::FromDrive if is(&frame, Command::Heartbeat) && repeated => {
                         let armed = codec::Heartbeat { error: 0, state: 8 };
                         vec![Frame::classic(frame.id, &armed.data())]
                     }
-                    Way::Said if is(&frame, Command::Heartbeat) => vec![],
-                    Way::Heard if !is_idle => {
+                    Direction::FromDrive if is(&frame, Command::Heartbeat) => vec![],
+                    Direction::ToDrive if !is_idle => {
                         is_idle = true;
                         vec![Frame::classic(Command::State.id(1).into(), &codec::pair(1, 0)), frame]
                     }
-                    Way::Heard => {
+                    Direction::ToDrive => {
                         assert!(!(is(&frame, Command::State) && frame.data()[0] == 8), "it is switched on again");
                         vec![frame]
                     }
-                    Way::Said => vec![frame],
+                    Direction::FromDrive => vec![frame],
                 }
             })
             .unwrap_err();
@@ -150,7 +150,7 @@ fn a_drive_that_is_made_idle_ends_the_loop_though_no_heartbeat_says_so() {
 #[test]
 fn an_error_in_the_heartbeat_of_an_armed_drive_ends_the_loop_by_name() {
     let ended = fault(ends(Make::Odrive, &odrives()[0], 1000, || {
-        |_: Way, frame: Frame| {
+        |_: Direction, frame: Frame| {
             let hot = codec::Heartbeat { error: 0x2000, state: 8 };
             vec![if is(&frame, Command::Heartbeat) { Frame::classic(frame.id, &hot.data()) } else { frame }]
         }
@@ -162,7 +162,9 @@ fn an_error_in_the_heartbeat_of_an_armed_drive_ends_the_loop_by_name() {
 fn a_drive_that_does_not_say_which_torque_it_uses_is_not_driven_on() {
     for (firmware, kind) in odrives().iter().zip([Command::Torques, Command::Torques, Command::Current]) {
         let ended = fault(ends(Make::Odrive, firmware, 100, || {
-            move |way: Way, frame: Frame| if way == Way::Said && is(&frame, kind) { vec![] } else { vec![frame] }
+            move |way: Direction, frame: Frame| {
+                if way == Direction::FromDrive && is(&frame, kind) { vec![] } else { vec![frame] }
+            }
         }));
         assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
     }
@@ -172,10 +174,10 @@ fn a_drive_that_does_not_say_which_torque_it_uses_is_not_driven_on() {
 fn answers_with_their_identifiers_swapped_end_the_loop() {
     for (one, other) in [(0x29, 0x3c), (0x29, 0x21), (0x3c, 0x21)] {
         let _ = ends(Make::Odrive, &odrives()[0], 100_000, || {
-            move |way: Way, frame: Frame| {
+            move |way: Direction, frame: Frame| {
                 let id = match frame.id {
-                    id if way == Way::Said && id == one => other,
-                    id if way == Way::Said && id == other => one,
+                    id if way == Direction::FromDrive && id == one => other,
+                    id if way == Direction::FromDrive && id == other => one,
                     id => id,
                 };
                 vec![if frame.remote { frame } else { Frame::classic(id, frame.data()) }]
@@ -184,60 +186,60 @@ fn answers_with_their_identifiers_swapped_end_the_loop() {
     }
 }
 
-/// What a moteus's frame is to its drive: a command writes a mode, a question does not.
-fn commands(way: Way, frame: &Frame) -> bool {
-    way == Way::Heard && Parser::new(frame.data()).any(|part| matches!(part, Subframe::Write(0x000, _)))
+/// The kind of a moteus's frame: a command writes a mode, a request does not.
+fn commands(way: Direction, frame: &Frame) -> bool {
+    way == Direction::ToDrive && Parser::new(frame.data()).any(|part| matches!(part, Subframe::Write(0x000, _)))
 }
 
-/// An answer to a command: it tells no position.
-fn answers_a_command(way: Way, frame: &Frame) -> bool {
-    way == Way::Said && !Parser::new(frame.data()).any(|part| matches!(part, Subframe::Reply(0x001, _)))
+/// An answer to a command, which contains no position.
+fn answers_a_command(way: Direction, frame: &Frame) -> bool {
+    way == Direction::FromDrive && !Parser::new(frame.data()).any(|part| matches!(part, Subframe::Reply(0x001, _)))
 }
 
-/// As another host says it.
+/// The frame of another host.
 fn stop() -> Frame {
     Frame::fd(1, &[0x01, 0x00, 0x00])
 }
 
-/// In a period that is long enough to switch the motor on again unseen.
+/// In a period that is long enough to switch the motor on again undetected.
 #[test]
 fn a_moteus_that_is_stopped_once_between_question_and_command_stays_stopped() {
     let world = world(&["loop.period=20 ms", "couplings.0.stiffness=0.02", "safety.pulse=0", "safety.late=1"]);
-    let rig = Rig::new(Make::Moteus, None, Box::new(moteus()), &world, lockstep(&world));
-    let mut looped = rig.running(&world, PATIENCE);
+    let bench = TestBench::new(Make::Moteus, None, Box::new(moteus()), &world, lockstep(&world));
+    let mut looped = bench.running(&world, PATIENCE);
     let mut is_stopped = false;
-    rig.faults.between(move |way, frame| {
+    bench.faults.intercept(move |way, frame| {
         let is_first = commands(way, &frame) && !is_stopped;
         is_stopped |= is_first;
         if is_first { vec![stop(), frame] } else { vec![frame] }
     });
-    // The command that comes after the stop finds it.
+    // The command after the stop detects it.
     let ended = fault(looped.sample(None).map(|record| record.reason.unwrap_or(Reason::Late)));
     assert_eq!(ended.reason, Some(Reason::Stop), "{ended}");
-    rig.torque_goes_off();
+    bench.torque_goes_off();
     for _ in 0..20 {
         assert_eq!(looped.sample(None).unwrap_err(), Failure::Drive(ended), "it is switched on again");
         std::thread::sleep(std::time::Duration::from_millis(5));
-        assert_eq!(rig.faults.torque(), 0.0);
+        assert_eq!(bench.faults.torque(), 0.0);
     }
 }
 
 #[test]
 fn a_moteus_whose_commands_or_their_answers_are_lost_ends_the_loop() {
     let _ = ends(Make::Moteus, &moteus(), 40, || {
-        |way: Way, frame: Frame| if commands(way, &frame) { vec![] } else { vec![frame] }
+        |way: Direction, frame: Frame| if commands(way, &frame) { vec![] } else { vec![frame] }
     });
-    // Few enough arrive to feed its watchdog.
+    // Enough frames arrive to feed its watchdog.
     let ended = fault(ends(Make::Moteus, &moteus(), 40, || {
         let mut k = 0;
-        move |way: Way, frame: Frame| {
+        move |way: Direction, frame: Frame| {
             k += u32::from(commands(way, &frame));
             if commands(way, &frame) && k % 9 != 0 { vec![] } else { vec![frame] }
         }
     }));
     assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
     let ended = fault(ends(Make::Moteus, &moteus(), 40, || {
-        |way: Way, frame: Frame| if answers_a_command(way, &frame) { vec![] } else { vec![frame] }
+        |way: Direction, frame: Frame| if answers_a_command(way, &frame) { vec![] } else { vec![frame] }
     }));
     assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
 }
@@ -247,7 +249,7 @@ fn an_old_command_that_comes_late_or_again_ends_the_loop() {
     for (late, again) in [(1, false), (3, false), (0, true)] {
         let ended = fault(ends(Make::Moteus, &moteus(), 20, || {
             let mut held = VecDeque::new();
-            move |way: Way, frame: Frame| {
+            move |way: Direction, frame: Frame| {
                 if !commands(way, &frame) {
                     return vec![frame];
                 }
@@ -268,33 +270,33 @@ fn an_old_command_that_comes_late_or_again_ends_the_loop() {
 fn an_old_answer_of_a_moteus_is_never_taken_for_a_new_one() {
     let ends = ends(Make::Moteus, &moteus(), 40, || {
         let mut first = None;
-        move |way: Way, frame: Frame| {
-            let is_answer = way == Way::Said && !answers_a_command(way, &frame);
+        move |way: Direction, frame: Frame| {
+            let is_answer = way == Direction::FromDrive && !answers_a_command(way, &frame);
             vec![if is_answer { *first.get_or_insert(frame) } else { frame }]
         }
     });
     assert!(matches!(ends, Ok(Reason::Late) | Err(Failure::Gone | Failure::Drive(_))), "{ends:?}");
 }
 
-/// However it is tuned: no torque but the one that is asked for, or the end by the name of what holds it back.
+/// For every tuning: no torque but the commanded one, or an end that names the active limit.
 #[test]
 fn a_tuned_moteus_makes_the_torque_that_it_is_asked_for_and_no_other() {
     let world = world(&["safety.pulse=0", "couplings.0.stiffness=0"]);
     for integrator in [(1.0, 0.3), (10.0, 5.0), (400.0, 50.0)] {
         let firmware = moteus().with_tuning(Tuning { integrator, ..Tuning::TUNED });
-        let rig = Rig::new(Make::Moteus, None, Box::new(firmware), &world, lockstep(&world));
-        rig.wait_for(PATIENCE);
-        let mut wheel = rig.wheel(&world);
+        let bench = TestBench::new(Make::Moteus, None, Box::new(firmware), &world, lockstep(&world));
+        bench.wait_for(PATIENCE);
+        let mut wheel = bench.wheel(&world);
         let mut hold = |torque: f64| wheel.read().and_then(|_| wheel.write(torque)).unwrap();
-        // A push, and then none is asked for: the wheel turns on, away from where position mode has begun.
+        // A push, then no torque: the wheel turns on, away from the initial position of position mode.
         (0..100).for_each(|_| hold(0.05));
-        let from = rig.faults.position();
+        let from = bench.faults.position();
         (0..5).for_each(|_| hold(0.0));
         for _ in 0..200 {
             hold(0.0);
-            assert_eq!(rig.faults.torque(), 0.0, "at 0 asked");
+            assert_eq!(bench.faults.torque(), 0.0, "at 0 asked");
         }
-        assert!((rig.faults.position() - from).abs() > 0.1, "it does not turn");
+        assert!((bench.faults.position() - from).abs() > 0.1, "it does not turn");
     }
 }
 
@@ -313,20 +315,20 @@ fn whatever_holds_a_moteus_torque_back_ends_the_loop_by_its_code() {
     for (code, tuning) in limits {
         let world = world(&["safety.pulse=0"]);
         let firmware = moteus().with_tuning(tuning);
-        let rig = Rig::new(Make::Moteus, None, Box::new(firmware), &world, lockstep(&world));
-        rig.wait_for(PATIENCE);
-        let mut looped = Looped::on(Box::new(rig.wheel(&world)), &world);
+        let bench = TestBench::new(Make::Moteus, None, Box::new(firmware), &world, lockstep(&world));
+        bench.wait_for(PATIENCE);
+        let mut looped = Looped::on(Box::new(bench.wheel(&world)), &world);
         let mut request = Some(hapt_core::Request::Arm);
         let ended = (0..2000).find_map(|_| looped.sample(request.take()).err());
         match ended {
             Some(Failure::Drive(fault)) => assert_eq!(fault.code, code, "{fault}"),
             other => panic!("{code}: {other:?}"),
         }
-        rig.torque_goes_off();
+        bench.torque_goes_off();
     }
 }
 
-/// What one frame in the middle becomes, from a sample on.
+/// The effect on one intercepted frame, from a sample on.
 #[derive(Clone, Copy, Debug)]
 enum Act {
     Lost,
@@ -335,12 +337,18 @@ enum Act {
     Frozen,
 }
 
-/// Every kind of frame, lost, late, doubled or frozen: in the end there is no torque, or the one that the loop asks for.
+/// Every kind of frame, lost, late, doubled or frozen: in the end there is no torque, or the commanded one.
 #[test]
 fn whatever_is_done_to_frames_of_one_kind_no_torque_stays_that_nobody_asks_for() {
     let acts = [Act::Lost, Act::Late(1), Act::Late(3), Act::Again, Act::Frozen];
-    let kinds = [(Way::Heard, 0x0e), (Way::Heard, 0x1c), (Way::Heard, 0x09), (Way::Said, 0x1c), (Way::Said, 0x01)];
-    // Most of the time goes into waiting for heartbeats.
+    let kinds = [
+        (Direction::ToDrive, 0x0e),
+        (Direction::ToDrive, 0x1c),
+        (Direction::ToDrive, 0x09),
+        (Direction::FromDrive, 0x1c),
+        (Direction::FromDrive, 0x01),
+    ];
+    // Waiting for heartbeats takes most of the time.
     for (way, kind) in kinds {
         std::thread::scope(|scope| {
             for act in acts {
@@ -351,18 +359,25 @@ fn whatever_is_done_to_frames_of_one_kind_no_torque_stays_that_nobody_asks_for()
     }
     for act in acts {
         is_safe(Make::Moteus, Box::new(moteus()), act, commands);
-        is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| way == Way::Heard && !commands(way, frame));
+        is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| way == Direction::ToDrive && !commands(way, frame));
         is_safe(Make::Moteus, Box::new(moteus()), act, answers_a_command);
-        is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| way == Way::Said && !answers_a_command(way, frame));
+        is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| {
+            way == Direction::FromDrive && !answers_a_command(way, frame)
+        });
     }
 }
 
-fn is_safe(make: Make, firmware: Box<dyn Firmware>, act: Act, is_kind: impl Fn(Way, &Frame) -> bool + Send + 'static) {
+fn is_safe(
+    make: Make,
+    firmware: Box<dyn Firmware>,
+    act: Act,
+    is_kind: impl Fn(Direction, &Frame) -> bool + Send + 'static,
+) {
     let world = world(&[]);
-    let rig = Rig::new(make, None, firmware, &world, lockstep(&world));
-    let mut looped = rig.running(&world, PATIENCE);
+    let bench = TestBench::new(make, None, firmware, &world, lockstep(&world));
+    let mut looped = bench.running(&world, PATIENCE);
     let mut past = VecDeque::new();
-    rig.faults.between(move |way, frame| {
+    bench.faults.intercept(move |way, frame| {
         if !is_kind(way, &frame) {
             return vec![frame];
         }
@@ -383,7 +398,7 @@ fn is_safe(make: Make, firmware: Box<dyn Firmware>, act: Act, is_kind: impl Fn(W
     for _ in 0..400 {
         match looped.sample(None) {
             Ok(record) if record.phase.is_active() => {
-                let torque = rig.faults.torque();
+                let torque = bench.faults.torque();
                 let is_asked = asked.iter().any(|asked| (asked - torque).abs() < SAME);
                 strange = if is_asked { 0 } else { strange + 1 };
                 assert!(strange < 60, "{make:?} {act:?}: {torque} N m, and {asked:?} were asked for");
@@ -391,11 +406,11 @@ fn is_safe(make: Make, firmware: Box<dyn Firmware>, act: Act, is_kind: impl Fn(W
             }
             _ => {
                 let _ = looped.sample(None);
-                rig.torque_goes_off();
+                bench.torque_goes_off();
                 return;
             }
         }
     }
     drop(looped);
-    rig.torque_goes_off();
+    bench.torque_goes_off();
 }

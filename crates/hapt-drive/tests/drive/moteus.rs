@@ -1,4 +1,4 @@
-//! The loop on a simulated moteus, over a serial line: a certified world is quiet, and whatever goes wrong takes the torque away.
+//! The loop on a simulated moteus over a serial line: a certified world is quiet, and every fault removes the torque.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::SeqCst};
@@ -11,7 +11,7 @@ use hapt_drive::{DriveError, DriveLimits, Error, Frame, Make};
 use hapt_model::World;
 use hapt_rt::Failure;
 
-use crate::rig::{Looped, Rig, lockstep, read, soon};
+use crate::bench::{Looped, TestBench, lockstep, read, soon};
 
 /// A spring to ground that this device certifies, through a gear that turns the other way. The period is long, so that a busy machine
 /// answers in time; in lockstep it takes no longer.
@@ -43,36 +43,36 @@ fn world(sets: &[&str]) -> World {
     read(WORLD, sets)
 }
 
-/// A drive that a fault of this number strikes.
-struct Struck(Simulated, Arc<AtomicU32>);
+/// A drive with an injected fault of this number.
+struct WithFaults(Simulated, Arc<AtomicU32>);
 
-impl Firmware for Struck {
-    fn asks(&self, frame: &Frame) -> bool {
-        self.0.asks(frame)
+impl Firmware for WithFaults {
+    fn requests_position(&self, frame: &Frame) -> bool {
+        self.0.requests_position(frame)
     }
 
-    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
-        self.0.hear(frame, shaft, say);
+    fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame)) {
+        self.0.receive(frame, shaft, send);
     }
 
-    fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64 {
+    fn pass(&mut self, seconds: f64, shaft: Shaft, send: &mut dyn FnMut(Frame)) -> f64 {
         let code = self.1.swap(0, SeqCst);
         if code > 0 {
             self.0.fail(code as u8);
         }
-        self.0.pass(seconds, shaft, say)
+        self.0.pass(seconds, shaft, send)
     }
 }
 
-fn rig(world: &World, id: u8, time: Time) -> Rig {
-    Rig::new(Make::Moteus, None, Box::new(Simulated::new(id)), world, time)
+fn bench(world: &World, id: u8, time: Time) -> TestBench {
+    TestBench::new(Make::Moteus, None, Box::new(Simulated::new(id)), world, time)
 }
 
-fn looped(rig: &Rig, world: &World) -> Looped {
-    rig.looped(world, 0)
+fn looped(bench: &TestBench, world: &World) -> Looped {
+    bench.looped(world, 0)
 }
 
-/// Until it fails or faults, which has to come.
+/// Runs until a failure or fault, which has to occur.
 fn end(looped: &mut Looped) -> Result<Reason, Failure> {
     looped.ends(200).expect("it ends")
 }
@@ -83,8 +83,8 @@ fn end(looped: &mut Looped) -> Result<Reason, Failure> {
 fn a_certified_world_brings_the_puck_to_rest_through_gear_and_drive() {
     let world = world(&[]);
     assert!(hapt_analysis::check(&world).unwrap().certified);
-    let rig = rig(&world, 1, lockstep(&world));
-    let mut looped = looped(&rig, &world);
+    let bench = bench(&world, 1, lockstep(&world));
+    let mut looped = looped(&bench, &world);
     looped.run();
     let (mut last, mut missed) = (Vec::new(), 0);
     for _ in 0..1500 {
@@ -93,38 +93,38 @@ fn a_certified_world_brings_the_puck_to_rest_through_gear_and_drive() {
         missed += u32::from(record.missed > 0);
         last.push(record.measured);
     }
-    // Where the machine stands still, and nowhere else.
+    // Only if the machine paused.
     assert!(missed < 30, "{missed} of 1500");
     let end = &last[1400..];
     assert!(end.iter().all(|position| (position - 0.3).abs() < 0.01), "{end:?}");
 }
 
-/// What the loop asks for at the puck does the same work at the drive's shaft: a third of it, the other way.
+/// The command at the puck does the same work at the drive's shaft: a third of the torque, the other way.
 #[test]
 fn torque_and_position_do_the_same_work_on_both_sides_of_the_gear() {
     let world = world(&["safety.pulse=0"]);
-    let rig = rig(&world, 1, lockstep(&world));
-    let mut looped = looped(&rig, &world);
+    let bench = bench(&world, 1, lockstep(&world));
+    let mut looped = looped(&bench, &world);
     looped.run();
     let before = looped.sample(None).unwrap();
     looped.sample(None).unwrap();
     // The period before the last sample passed under the torque of the one before it.
     let wanted = -before.output / 3.0;
     assert!(
-        (rig.faults.torque() - wanted).abs() < 1e-6 && before.output.abs() > 1e-4,
+        (bench.faults.torque() - wanted).abs() < 1e-6 && before.output.abs() > 1e-4,
         "{} {wanted}",
-        rig.faults.torque()
+        bench.faults.torque()
     );
 }
 
 #[test]
 fn a_drive_that_dies_is_gone_within_five_samples() {
     let world = world(&[]);
-    let rig = rig(&world, 1, lockstep(&world));
-    let mut looped = looped(&rig, &world);
+    let bench = bench(&world, 1, lockstep(&world));
+    let mut looped = looped(&bench, &world);
     looped.run();
     let before = looped.samples;
-    rig.faults.dead.store(true, SeqCst);
+    bench.faults.dead.store(true, SeqCst);
     assert_eq!(end(&mut looped), Err(Failure::Gone));
     assert_eq!(looped.samples - before, 5);
 }
@@ -132,13 +132,13 @@ fn a_drive_that_dies_is_gone_within_five_samples() {
 #[test]
 fn answers_that_come_late_are_never_taken_for_new_ones() {
     let world = world(&[]);
-    let rig = rig(&world, 1, lockstep(&world));
-    let mut looped = looped(&rig, &world);
+    let bench = bench(&world, 1, lockstep(&world));
+    let mut looped = looped(&bench, &world);
     looped.run();
-    rig.faults.held.store(1, SeqCst);
+    bench.faults.held.store(1, SeqCst);
     assert_eq!(end(&mut looped), Ok(Reason::Late));
-    // On time again, it can be cleared and armed, and by nothing else.
-    rig.faults.held.store(0, SeqCst);
+    // On time again, only clear and arm restore the torque.
+    bench.faults.held.store(0, SeqCst);
     for _ in 0..20 {
         assert_eq!(looped.sample(None).unwrap().phase, Phase::Faulted);
     }
@@ -149,15 +149,15 @@ fn answers_that_come_late_are_never_taken_for_new_ones() {
 /// One answer lost now and then is a missed sample, and no more.
 #[test]
 fn a_lost_answer_is_a_missed_sample() {
-    // So long a period that a busy machine loses none by itself.
+    // A period long enough for a busy machine to lose none.
     let world = world(&["loop.period=0.3 s", "couplings.0.stiffness=5e-3", "safety.pulse=0"]);
-    let rig = rig(&world, 1, lockstep(&world));
-    let mut looped = looped(&rig, &world);
+    let bench = bench(&world, 1, lockstep(&world));
+    let mut looped = looped(&bench, &world);
     looped.run();
     for _ in 0..3 {
-        rig.faults.held.store(1, SeqCst);
+        bench.faults.held.store(1, SeqCst);
         assert_eq!(looped.sample(None).unwrap().missed, 1);
-        rig.faults.held.store(0, SeqCst);
+        bench.faults.held.store(0, SeqCst);
         assert_eq!(looped.sample(None).unwrap().missed, 1);
         for _ in 0..5 {
             let record = looped.sample(None).unwrap();
@@ -169,11 +169,11 @@ fn a_lost_answer_is_a_missed_sample() {
 #[test]
 fn garbage_is_no_answer() {
     let world = world(&[]);
-    let rig = rig(&world, 1, lockstep(&world));
-    let mut looped = looped(&rig, &world);
+    let bench = bench(&world, 1, lockstep(&world));
+    let mut looped = looped(&bench, &world);
     looped.run();
-    rig.faults.garbage.store(true, SeqCst);
-    // It says something, and nothing that answers the question.
+    bench.faults.garbage.store(true, SeqCst);
+    // It sends frames, but no answer to the request.
     assert_eq!(end(&mut looped), Ok(Reason::Late));
 }
 
@@ -182,42 +182,42 @@ fn a_fault_of_the_drive_ends_the_loop_by_name() {
     let world = world(&[]);
     for (code, reason) in [(38, Some(Reason::DriverHeat)), (35, Some(Reason::Jump)), (40, None)] {
         let strikes = Arc::new(AtomicU32::new(0));
-        let firmware = Box::new(Struck(Simulated::new(1), Arc::clone(&strikes)));
-        let rig = Rig::new(Make::Moteus, None, firmware, &world, lockstep(&world));
-        let mut first = looped(&rig, &world);
+        let firmware = Box::new(WithFaults(Simulated::new(1), Arc::clone(&strikes)));
+        let bench = TestBench::new(Make::Moteus, None, firmware, &world, lockstep(&world));
+        let mut first = looped(&bench, &world);
         first.run();
         strikes.store(code, SeqCst);
         match end(&mut first) {
             Err(Failure::Drive(fault)) => assert_eq!((fault.code, fault.reason), (code, reason)),
             other => panic!("{other:?}"),
         }
-        // Starting again is an explicit clear.
+        // A new start is an explicit clear.
         drop(first);
-        looped(&rig, &world).run();
+        looped(&bench, &world).run();
     }
 }
 
 #[test]
 fn a_cable_that_is_pulled_out_ends_the_loop() {
     let world = world(&[]);
-    let mut rig = rig(&world, 1, lockstep(&world));
-    let mut looped = looped(&rig, &world);
+    let mut bench = bench(&world, 1, lockstep(&world));
+    let mut looped = looped(&bench, &world);
     looped.run();
-    rig.unplug();
+    bench.unplug();
     assert_eq!(end(&mut looped), Err(Failure::Unplugged));
 }
 
-/// The way out of every end that this program sees: dropped, the loop leaves the drive stopped, which then makes no torque.
+/// On every regular end, the dropped loop leaves the drive stopped, without torque.
 #[test]
 fn a_loop_that_ends_leaves_the_drive_stopped() {
     let world = world(&[]);
-    let rig = rig(&world, 1, Time::Real);
-    let mut looped = looped(&rig, &world);
+    let bench = bench(&world, 1, Time::Real);
+    let mut looped = looped(&bench, &world);
     for _ in 0..10 {
         let _ = looped.sample(None);
     }
     drop(looped);
-    let mut after = rig.drive(1);
+    let mut after = bench.drive(1);
     after.read(soon()).unwrap();
     // Stopped, not timed out: a stopped drive starts again, a timed-out one does not.
     after.command(0.0, soon()).unwrap();
@@ -232,12 +232,12 @@ fn a_loop_that_ends_leaves_the_drive_stopped() {
     panic!("it never answered");
 }
 
-/// Nobody takes the torque off after a kill -9 but the drive's own watchdog. It stays off until somebody stops the drive.
+/// After a kill -9 only the drive's own watchdog removes the torque. It stays off until a stop.
 #[test]
 fn the_drives_watchdog_latches_and_only_a_stop_clears_it() {
     let world = world(&[]);
-    let rig = rig(&world, 1, Time::Real);
-    let mut drive = rig.drive(1);
+    let bench = bench(&world, 1, Time::Real);
+    let mut drive = bench.drive(1);
     drive.start(&DriveLimits { watchdog: 0.05, torque: 1.0 }).unwrap();
     drive.command(0.02, soon()).unwrap();
     std::thread::sleep(Duration::from_millis(300));
@@ -246,11 +246,11 @@ fn the_drives_watchdog_latches_and_only_a_stop_clears_it() {
         other => panic!("{other:?}"),
     };
     assert_eq!((silent.code, silent.reason), (11, Some(Reason::Late)));
-    // Commands do not bring it back.
+    // Commands do not restore it.
     for _ in 0..5 {
         assert_eq!(drive.command(0.02, soon()), Err(DriveError::Fault(silent)));
         assert_eq!(drive.read(soon()), Err(DriveError::Fault(silent)));
-        assert_eq!(rig.faults.torque(), 0.0);
+        assert_eq!(bench.faults.torque(), 0.0);
     }
     drive.start(&DriveLimits { watchdog: 10.0, torque: 1.0 }).unwrap();
     drive.command(0.02, soon()).unwrap();
@@ -261,21 +261,21 @@ fn the_drives_watchdog_latches_and_only_a_stop_clears_it() {
 #[test]
 fn a_wrong_identifier_says_which_one_is_there() {
     let world = world(&[]);
-    let rig = rig(&world, 7, Time::Real);
-    let mut drive = rig.drive(1);
+    let bench = bench(&world, 7, Time::Real);
+    let mut drive = bench.drive(1);
     match drive.start(&DriveLimits { watchdog: 1.0, torque: 1.0 }) {
         Err(error @ Error::Silent { .. }) => assert!(error.to_string().contains("#7"), "{error}"),
         other => panic!("{other:?}"),
     }
 }
 
-/// With a home the world's 0 is a place, and the puck is within half a turn of it.
+/// With a home the world's 0 is a fixed position, and the puck is within half a turn of it.
 #[test]
 fn with_a_home_positions_are_counted_from_it() {
     for (home, at) in [("1 rad", -1.0), ("-200 deg", 200_f64.to_radians() - std::f64::consts::TAU), ("720 deg", 0.0)] {
         let world = world(&[&format!("device.drive.home={home}"), "safety.pulse=0"]);
-        let rig = rig(&world, 1, lockstep(&world));
-        let mut looped = looped(&rig, &world);
+        let bench = bench(&world, 1, lockstep(&world));
+        let mut looped = looped(&bench, &world);
         let record = looped.sample(None).unwrap();
         assert!((record.measured - at).abs() < 1e-6, "{home}: {} {at}", record.measured);
     }

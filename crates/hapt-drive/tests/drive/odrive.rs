@@ -1,4 +1,4 @@
-//! The loop on a simulated ODrive behind a serial adapter: a certified world is quiet, and whatever goes wrong takes the torque away.
+//! The loop on a simulated ODrive behind a serial adapter: a certified world is quiet, and every fault removes the torque.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::SeqCst};
@@ -12,74 +12,74 @@ use hapt_drive::{Bus, Drive, DriveError, DriveLimits, Error, Frame, Line, Make, 
 use hapt_model::World;
 use hapt_rt::{DriveFault, Failure, Record};
 
-use crate::rig::{Looped, Rig, lockstep, soon, world};
+use crate::bench::{Looped, TestBench, lockstep, soon, world};
 
-/// Longer than a busy machine takes to answer, ms.
+/// Longer than a busy machine needs to answer, ms.
 const PATIENCE: u64 = 200;
-/// Less than what ends lockstep.
+/// Shorter than the timeout of lockstep.
 const STILL: Duration = Duration::from_millis(30);
 const TERMS: DriveLimits = DriveLimits { watchdog: 0.01, torque: 1.0 };
 
-fn rig(world: &World, time: Time) -> Rig {
+fn bench(world: &World, time: Time) -> TestBench {
     with(Simulated::new(1), world, time)
 }
 
-fn with(firmware: Simulated, world: &World, time: Time) -> Rig {
-    Rig::new(Make::Odrive, None, Box::new(firmware), world, time)
+fn with(firmware: Simulated, world: &World, time: Time) -> TestBench {
+    TestBench::new(Make::Odrive, None, Box::new(firmware), world, time)
 }
 
-/// As most are shipped: it says its position every 10 ms.
+/// The factory setting: it sends its position every 10 ms.
 fn chatty() -> Simulated {
     Simulated::new(1).with_estimates(Some(0.01))
 }
 
-/// With the last firmware of the old kind.
+/// With the last firmware before 0.6.
 fn old() -> Simulated {
     Simulated::new(1).with_version(Version::SILENT)
 }
 
-/// The back end, ready; again where the machine stands still meanwhile, and the drive's watchdog runs out.
-fn started(rig: &Rig) -> Box<dyn Drive> {
-    let mut drive = rig.drive(1);
+/// The started back end; repeated if the machine pauses and the drive's watchdog expires.
+fn started(bench: &TestBench) -> Box<dyn Drive> {
+    let mut drive = bench.drive(1);
     let started = (0..20).any(|_| drive.start(&TERMS).is_ok());
     assert!(started, "{:?}", drive.start(&TERMS));
     drive
 }
 
-/// A drive that is struck by an error from outside, and again as long as it stands.
-struct Struck(Simulated, Arc<AtomicU32>);
+/// A drive with an injected error, injected again as long as it is set.
+struct WithFaults(Simulated, Arc<AtomicU32>);
 
-impl Firmware for Struck {
-    fn asks(&self, frame: &Frame) -> bool {
-        self.0.asks(frame)
+impl Firmware for WithFaults {
+    fn requests_position(&self, frame: &Frame) -> bool {
+        self.0.requests_position(frame)
     }
 
-    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
-        self.0.hear(frame, shaft, say);
+    fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame)) {
+        self.0.receive(frame, shaft, send);
         let error = self.1.load(SeqCst);
         if error != 0 {
             self.0.fail(error);
         }
     }
 
-    fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64 {
-        self.0.pass(seconds, shaft, say)
+    fn pass(&mut self, seconds: f64, shaft: Shaft, send: &mut dyn FnMut(Frame)) -> f64 {
+        self.0.pass(seconds, shaft, send)
     }
 }
 
-fn struck(world: &World, time: Time) -> (Rig, Arc<AtomicU32>) {
+fn struck(world: &World, time: Time) -> (TestBench, Arc<AtomicU32>) {
     let error = Arc::new(AtomicU32::new(0));
-    let firmware = Box::new(Struck(Simulated::new(1), Arc::clone(&error)));
-    (Rig::new(Make::Odrive, None, firmware, world, time), error)
+    let firmware = Box::new(WithFaults(Simulated::new(1), Arc::clone(&error)));
+    (TestBench::new(Make::Odrive, None, firmware, world, time), error)
 }
 
-/// Through floats of 32 bits and a line of text the loop is what it is on the exact device, sample by sample; whether the drive says its
-/// position unasked or not, and how often, what the loop takes is new in every sample.
+/// Through floats of 32 bits and a line of text the loop agrees with the exact device, sample by sample; with any cyclic position
+/// messages or none, the loop's readings are new in every sample.
 #[test]
 fn in_lockstep_the_loop_on_the_drive_is_the_loop_on_the_exact_device() {
     let world = world(&[]);
     assert!(hapt_analysis::check(&world).unwrap().certified);
-    // Where the machine stands still for longer than lockstep bears, the run says nothing.
+    // If the machine pauses for longer than the timeout of lockstep, the run is inconclusive.
     for firmware in [Simulated::new(1), old(), chatty(), Simulated::new(1).with_estimates(Some(7e-4))] {
         let run = |_| both(firmware.clone(), &world);
         let last = (0..20).find_map(run).expect("a run in which the machine does not stand still");
@@ -88,10 +88,10 @@ fn in_lockstep_the_loop_on_the_drive_is_the_loop_on_the_exact_device() {
     }
 }
 
-/// The loop on both devices from rest, and its last sample; `None`: the machine has stood still.
+/// The loop on both devices from rest, and its last sample; `None`: the machine paused.
 fn both(firmware: Simulated, world: &World) -> Option<Record> {
-    let rig = with(firmware, world, lockstep(world));
-    let mut drive = rig.looped(world, PATIENCE);
+    let bench = with(firmware, world, lockstep(world));
+    let mut drive = bench.looped(world, PATIENCE);
     let mut exact = Looped::on(Box::new(hapt_rt::SimulatedDevice::new(world).0), world);
     // The drive's first command arms it.
     drive.sample(None).ok()?;
@@ -102,7 +102,7 @@ fn both(firmware: Simulated, world: &World) -> Option<Record> {
         let before = Instant::now();
         let ours = drive.sample(request).ok()?;
         let theirs = exact.sample(request.take()).unwrap();
-        // An answer that is missed is one that the machine has held up; one that never comes fails every run.
+        // The machine may delay an answer; a missing one fails every run.
         if before.elapsed() > STILL || ours.missed > 0 {
             return None;
         }
@@ -120,12 +120,12 @@ fn both(firmware: Simulated, world: &World) -> Option<Record> {
 #[test]
 fn a_drive_that_dies_is_gone_within_five_samples() {
     let world = world(&[]);
-    let rig = rig(&world, lockstep(&world));
-    let mut looped = rig.running(&world, PATIENCE);
-    rig.faults.dead.store(true, SeqCst);
+    let bench = bench(&world, lockstep(&world));
+    let mut looped = bench.running(&world, PATIENCE);
+    bench.faults.dead.store(true, SeqCst);
     assert_eq!(looped.ends(5), Some(Err(Failure::Gone)));
-    // Its own watchdog does what nobody else can.
-    rig.torque_goes_off();
+    // Only its own watchdog can remove the torque.
+    bench.torque_goes_off();
 }
 
 #[test]
@@ -133,9 +133,9 @@ fn answers_that_come_late_are_never_taken_for_new_ones() {
     let world = world(&[]);
     // By less than two samples, by more than three, by more than four, at 20 ms a sample.
     for (late, firmware) in [(35, Simulated::new(1)), (67, Simulated::new(1)), (67, chatty()), (88, old())] {
-        let rig = with(firmware, &world, lockstep(&world));
-        let mut looped = rig.running(&world, 20);
-        rig.faults.late.store(late, SeqCst);
+        let bench = with(firmware, &world, lockstep(&world));
+        let mut looped = bench.running(&world, 20);
+        bench.faults.late.store(late, SeqCst);
         let ends = looped.ends(200);
         let is_right = match ends {
             Some(Ok(reason)) => reason == Reason::Late,
@@ -151,9 +151,9 @@ fn a_few_lost_frames_are_missed_samples_and_half_of_them_are_the_end() {
     for (loss, survives) in [(0, true), (2, true), (500, false)] {
         let world = world(&[]);
         let ends = (0..20).find_map(|_| {
-            let rig = rig(&world, lockstep(&world));
-            let mut looped = rig.running(&world, 30);
-            rig.faults.loss.store(loss, SeqCst);
+            let bench = bench(&world, lockstep(&world));
+            let mut looped = bench.running(&world, 30);
+            bench.faults.loss.store(loss, SeqCst);
             let (ends, stood_still) = looped.ends_or_stands_still(600);
             (!stood_still || !survives).then_some(ends)
         });
@@ -169,13 +169,13 @@ fn a_few_lost_frames_are_missed_samples_and_half_of_them_are_the_end() {
 
 #[test]
 fn an_error_of_the_drive_ends_the_loop_by_name_and_only_a_new_start_clears_it() {
-    // Where it is armed again the puck moves still: no sign test.
+    // When it is armed again the puck still moves: no sign test.
     let world = world(&["safety.pulse=0"]);
-    let (rig, error) = struck(&world, lockstep(&world));
+    let (bench, error) = struck(&world, lockstep(&world));
     for (bits, reason) in [(0x2000, Some(Reason::Heat)), (0x8000, Some(Reason::Overspeed)), (0x200, None)] {
-        let mut looped = rig.running(&world, PATIENCE);
+        let mut looped = bench.running(&world, PATIENCE);
         error.store(bits, SeqCst);
-        // A heartbeat tells of it, every 100 ms.
+        // A heartbeat reports it, every 100 ms.
         match looped.ends(150) {
             Some(Err(Failure::Drive(fault))) => assert_eq!((fault.code, fault.reason), (bits, reason)),
             other => panic!("{other:?}"),
@@ -184,94 +184,94 @@ fn an_error_of_the_drive_ends_the_loop_by_name_and_only_a_new_start_clears_it() 
         for _ in 0..20 {
             assert!(matches!(looped.sample(None), Err(Failure::Drive(_))), "it has come back by itself");
         }
-        rig.torque_goes_off();
+        bench.torque_goes_off();
     }
 }
 
 #[test]
 fn a_drive_whose_error_stays_is_not_started() {
     let world = world(&[]);
-    let (rig, error) = struck(&world, Time::Real);
+    let (bench, error) = struck(&world, Time::Real);
     error.store(0x200, SeqCst);
-    match rig.drive(1).start(&TERMS) {
+    match bench.drive(1).start(&TERMS) {
         Err(Error::Fault { fault: DriveFault { code: 0x200, what: "DC_BUS_UNDER_VOLTAGE", .. }, .. }) => {}
         other => panic!("{other:?}"),
     }
 }
 
-/// Somebody has pressed the drive's own stop after it was started: no command of the loop's clears that, or switches it on.
+/// The drive's own stop was pressed after the start: no command of the loop clears that, or switches the drive on.
 #[test]
 fn an_error_between_start_and_first_command_is_not_cleared() {
     let world = world(&[]);
-    let (rig, error) = struck(&world, Time::Real);
-    let mut drive = started(&rig);
+    let (bench, error) = struck(&world, Time::Real);
+    let mut drive = started(&bench);
     error.store(0x0200_0000, SeqCst);
     let end = soon();
     let fault = loop {
         assert!(Instant::now() < end, "it goes on");
-        assert_eq!(rig.faults.torque(), 0.0);
+        assert_eq!(bench.faults.torque(), 0.0);
         match drive.read(soon()).and_then(|_| drive.command(0.01, soon())) {
             Err(DriveError::Fault(fault)) => break fault,
             _ => std::thread::sleep(Duration::from_millis(1)),
         }
-        // It strikes once: from now on nothing but a clear would take it away.
+        // It occurs once: from now on only a clear would remove it.
         error.store(0, SeqCst);
     };
     assert_eq!((fault.what, fault.reason), ("ESTOP_REQUESTED", Some(Reason::Stop)));
-    assert_eq!(rig.faults.torque(), 0.0);
+    assert_eq!(bench.faults.torque(), 0.0);
 }
 
-/// CANSimple cannot set them, so that whoever starts the drive is told.
+/// CANSimple cannot set them: the drive's notes report them.
 #[test]
 fn a_started_drive_says_what_it_cannot_be_told() {
     let world = world(&[]);
-    let rig = rig(&world, Time::Real);
-    let notes = rig.wheel(&world).notes().join("\n");
+    let bench = bench(&world, Time::Real);
+    let notes = bench.wheel(&world).notes().join("\n");
     for word in ["watchdog took the torque away within", "cannot set that time", "0.100 N m", "torque_soft_max"] {
         assert!(notes.contains(word), "{word}: {notes}");
     }
 }
 
-/// As an ODrive is shipped its torque stays for ever. No program may drive it so, and no drive is believed to be otherwise.
+/// With the factory settings an ODrive's torque stays for ever. No program may drive it so, and the watchdog of every drive is tested.
 #[test]
 fn a_drive_that_is_not_set_up_is_not_started() {
     let world = world(&[]);
     for (firmware, watchdog) in
         [(Simulated::new(1), None), (Simulated::new(1), Some(2.0)), (old(), None), (chatty(), None)]
     {
-        let rig = with(firmware.with_watchdog(watchdog), &world, Time::Real);
-        match rig.drive(1).start(&TERMS) {
+        let bench = with(firmware.with_watchdog(watchdog), &world, Time::Real);
+        match bench.drive(1).start(&TERMS) {
             Err(error @ Error::Refused { .. }) => {
                 assert!(error.to_string().contains("enable_watchdog = True"), "{error}");
             }
             other => panic!("{other:?}"),
         }
-        assert_eq!(rig.faults.torque(), 0.0);
+        assert_eq!(bench.faults.torque(), 0.0);
     }
 }
 
-/// Before 0.6 a watchdog runs out while the drive is disarmed too, a heartbeat tells of errors that stand and of nothing else, and there
-/// is no position until the drive has been armed once.
+/// Before 0.6 the watchdog also expires while the drive is disarmed, a heartbeat contains only present errors, and there is no position
+/// until the drive has been armed once.
 #[test]
 fn a_drive_of_the_old_firmware_starts_out_of_its_own_watchdogs_error_and_from_where_it_is() {
     let world = world(&["couplings.0.stiffness=0"]);
-    let rig = with(old(), &world, Time::Real);
-    let bus = bus(&rig);
+    let bench = with(old(), &world, Time::Real);
+    let bus = bus(&bench);
     assert_eq!(heartbeat(bus, |heartbeat| heartbeat.error != 0).error, Version::SILENT.watchdog());
-    started(&rig).stop();
+    started(&bench).stop();
     // A push, and the wheel turns.
     let end = soon();
-    while rig.faults.position() < 0.25 {
+    while bench.faults.position() < 0.25 {
         assert!(Instant::now() < end, "it does not turn");
-        let mut drive = started(&rig);
-        while rig.faults.position() < 0.25 && drive.read(soon()).is_ok() && drive.command(0.02, soon()).is_ok() {
+        let mut drive = started(&bench);
+        while bench.faults.position() < 0.25 && drive.read(soon()).is_ok() && drive.command(0.02, soon()).is_ok() {
             std::thread::sleep(Duration::from_millis(1));
         }
         drive.stop();
     }
-    rig.torque_goes_off();
-    let before = rig.faults.position();
-    let answer = started(&rig).read(soon()).unwrap();
+    bench.torque_goes_off();
+    let before = bench.faults.position();
+    let answer = started(&bench).read(soon()).unwrap();
     assert!(answer.position > 0.99 * before, "{before} {answer:?}");
 }
 
@@ -279,20 +279,21 @@ fn a_drive_of_the_old_firmware_starts_out_of_its_own_watchdogs_error_and_from_wh
 fn an_error_of_the_old_firmware_has_its_own_number() {
     let world = world(&["safety.pulse=0"]);
     let error = Arc::new(AtomicU32::new(0));
-    let rig = Rig::new(Make::Odrive, None, Box::new(Struck(old(), Arc::clone(&error))), &world, lockstep(&world));
+    let bench =
+        TestBench::new(Make::Odrive, None, Box::new(WithFaults(old(), Arc::clone(&error))), &world, lockstep(&world));
     for (bits, reason) in [(0x4_0000, Some(Reason::DriverHeat)), (0x40, None)] {
-        let mut looped = rig.running(&world, PATIENCE);
+        let mut looped = bench.running(&world, PATIENCE);
         error.store(bits, SeqCst);
         match looped.ends(150) {
             Some(Err(Failure::Drive(fault))) => assert_eq!((fault.code, fault.reason), (bits, reason)),
             other => panic!("{other:?}"),
         }
         error.store(0, SeqCst);
-        rig.torque_goes_off();
+        bench.torque_goes_off();
     }
 }
 
-/// The first heartbeat of node 1 that is so.
+/// The first heartbeat of node 1 that satisfies a condition.
 fn heartbeat(mut bus: impl Bus, is_so: impl Fn(&codec::Heartbeat) -> bool) -> codec::Heartbeat {
     let end = soon();
     loop {
@@ -309,17 +310,17 @@ fn heartbeat(mut bus: impl Bus, is_so: impl Fn(&codec::Heartbeat) -> bool) -> co
 #[test]
 fn the_watchdog_bites_whoever_is_killed_and_torques_alone_do_not_bring_the_drive_back() {
     let world = world(&["couplings.0.stiffness=0"]);
-    let rig = rig(&world, Time::Real);
-    let mut drive = started(&rig);
+    let bench = bench(&world, Time::Real);
+    let mut drive = started(&bench);
     drive.command(0.01, soon()).unwrap();
     let end = soon();
-    while rig.faults.torque() == 0.0 {
+    while bench.faults.torque() == 0.0 {
         assert!(Instant::now() < end, "it was never armed");
         drive.command(0.01, soon()).unwrap();
         std::thread::sleep(Duration::from_millis(1));
     }
-    // As after a kill -9: nobody says anything.
-    rig.torque_goes_off();
+    // As after a kill -9: no frame is sent.
+    bench.torque_goes_off();
     let fault = loop {
         drive.command(0.01, soon()).unwrap();
         match drive.read(soon()) {
@@ -329,7 +330,7 @@ fn the_watchdog_bites_whoever_is_killed_and_torques_alone_do_not_bring_the_drive
         }
     };
     assert_eq!((fault.what, fault.reason), ("WATCHDOG_TIMER_EXPIRED", Some(Reason::Late)));
-    assert_eq!(rig.faults.torque(), 0.0);
+    assert_eq!(bench.faults.torque(), 0.0);
     assert_eq!(drive.command(0.01, soon()), Err(DriveError::Fault(fault)));
     let started = |_| drive.start(&TERMS).is_ok() && drive.read(soon()).is_ok();
     assert!((0..20).any(started), "a new start does not clear it");
@@ -338,21 +339,21 @@ fn the_watchdog_bites_whoever_is_killed_and_torques_alone_do_not_bring_the_drive
 #[test]
 fn a_loop_that_is_dropped_leaves_the_drive_disarmed_at_once() {
     let world = world(&[]);
-    let rig = rig(&world, lockstep(&world));
-    drop(rig.running(&world, PATIENCE));
-    rig.torque_goes_off();
-    // Disarmed, and not bitten: no error is left.
-    let bus = bus(&rig);
+    let bench = bench(&world, lockstep(&world));
+    drop(bench.running(&world, PATIENCE));
+    bench.torque_goes_off();
+    // Disarmed before the watchdog expired: no error is left.
+    let bus = bus(&bench);
     assert_eq!(error(bus), 0);
 }
 
-/// Where it is, without a back end.
-fn bus(rig: &Rig) -> slcan::Client {
-    let crate::rig::Place::Port(path) = &rig.place else { unreachable!("it is behind a port") };
+/// Its position, without a back end.
+fn bus(bench: &TestBench) -> slcan::Client {
+    let crate::bench::Place::Port(path) = &bench.place else { unreachable!("it is behind a port") };
     slcan::Client::open(Line::open(path).unwrap(), slcan::Rate::default()).unwrap()
 }
 
-/// What the drive says that is wrong with it.
+/// The drive's error.
 fn error(mut bus: impl Bus) -> u32 {
     use hapt_drive::odrive::codec::{Command, numbers, padded};
     bus.send(&Frame::remote(Command::Error.id(1).into(), 8), soon()).unwrap();
@@ -367,17 +368,17 @@ fn error(mut bus: impl Bus) -> u32 {
 #[test]
 fn a_cable_that_is_pulled_out_ends_the_loop() {
     let world = world(&[]);
-    let mut rig = rig(&world, lockstep(&world));
-    let mut looped = rig.running(&world, PATIENCE);
-    rig.unplug();
+    let mut bench = bench(&world, lockstep(&world));
+    let mut looped = bench.running(&world, PATIENCE);
+    bench.unplug();
     assert_eq!(looped.ends(2), Some(Err(Failure::Unplugged)));
 }
 
 #[test]
 fn a_wrong_node_says_which_one_is_there() {
     let world = world(&[]);
-    let rig = rig(&world, Time::Real);
-    match rig.drive(5).start(&TERMS) {
+    let bench = bench(&world, Time::Real);
+    match bench.drive(5).start(&TERMS) {
         Err(error @ Error::Silent { .. }) => {
             let text = error.to_string();
             assert!(text.contains("node_id 5") && text.contains("but from 1"), "{text}");

@@ -1,4 +1,4 @@
-//! Others on the bus: whoever else speaks to the drive ends the loop, and a bus that is full of others' frames does not hold it.
+//! Other hosts on the bus: their frames to the drive end the loop, and a busy bus does not delay it.
 
 use std::collections::VecDeque;
 use std::io;
@@ -14,15 +14,15 @@ use hapt_drive::{Bus, Drive, DriveError, Frame, Make};
 use hapt_rt::Failure;
 use proptest::prelude::*;
 
-use crate::rig::{Rig, lockstep, soon, world};
+use crate::bench::{TestBench, lockstep, soon, world};
 
-/// Both back ends, for the drive with identifier 1, on a bus in a script.
+/// Both back ends, for the drive with identifier 1, on a scripted bus.
 fn drives<B: Bus + 'static>(bus: impl Fn() -> B) -> [Box<dyn Drive>; 2] {
     let name = "nowhere";
     [Box::new(Moteus::new(Box::new(bus()), 1, name.into())), Box::new(Odrive::new(Box::new(bus()), 1, name))]
 }
 
-/// A bus in a script: what is on it is a list, and nobody hears what is sent.
+/// A scripted bus: it delivers a list of frames and discards sent ones.
 struct Listed(VecDeque<Frame>);
 
 impl Bus for Listed {
@@ -36,8 +36,8 @@ impl Bus for Listed {
 }
 
 proptest! {
-    /// A moteus's frames have the number of the sender and of the receiver: nobody but host 0 speaks to our drive, and nobody but host 0
-    /// is answered by it. What goes on between others is their affair.
+    /// A moteus's frames contain the numbers of sender and receiver: only host 0 may address the drive, and the drive may answer only
+    /// host 0. Other traffic is ignored.
     #[test]
     fn a_frame_of_another_host_to_a_moteus_is_a_fault(from in 0_u32..0x7f, to in 0_u32..0x80, reply: bool, prefix in 0_u32..2) {
         let frame = Frame::fd(prefix << 16 | u32::from(reply) << 15 | from << 8 | to, &[0x01, 0x00, 0x0a]);
@@ -54,30 +54,30 @@ proptest! {
     }
 }
 
-/// A drive that hears another host where we do not: behind its own UART, while that one is on CAN.
+/// A drive with another host on a line that this host does not see: this one on the UART, the other on CAN.
 struct Elsewhere(moteus::Simulated, Arc<AtomicBool>);
 
 impl Firmware for Elsewhere {
-    fn asks(&self, frame: &Frame) -> bool {
-        self.0.asks(frame)
+    fn requests_position(&self, frame: &Frame) -> bool {
+        self.0.requests_position(frame)
     }
 
-    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
-        // Before a question: what comes before our command is overridden by it.
-        if self.0.asks(frame) && self.1.swap(false, SeqCst) {
-            // Mode 10, from where it is, with all gains and a torque.
+    fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame)) {
+        // Before a request: a frame before the command would be overridden by it.
+        if self.0.requests_position(frame) && self.1.swap(false, SeqCst) {
+            // Mode 10, from the present position, with all gains and a torque.
             let command = Writer::new(1)
                 .write(0x000, &[Value::Int8(10)])
                 .write(0x020, &[Value::Int8(i8::MIN)])
                 .write(0x022, &[Value::Float(0.05)])
                 .frame();
-            self.0.hear(&command, shaft, &mut |_| {});
+            self.0.receive(&command, shaft, &mut |_| {});
         }
-        self.0.hear(frame, shaft, say);
+        self.0.receive(frame, shaft, send);
     }
 
-    fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64 {
-        self.0.pass(seconds, shaft, say)
+    fn pass(&mut self, seconds: f64, shaft: Shaft, send: &mut dyn FnMut(Frame)) -> f64 {
+        self.0.pass(seconds, shaft, send)
     }
 }
 
@@ -86,18 +86,18 @@ fn a_command_of_another_host_that_we_do_not_hear_is_known_by_the_drives_answer()
     let world = world(&[]);
     let speaks = Arc::new(AtomicBool::new(false));
     let firmware = Box::new(Elsewhere(moteus::Simulated::new(1), Arc::clone(&speaks)));
-    let rig = Rig::new(Make::Moteus, None, firmware, &world, lockstep(&world));
-    let mut looped = rig.running(&world, 200);
+    let bench = TestBench::new(Make::Moteus, None, firmware, &world, lockstep(&world));
+    let mut looped = bench.running(&world, 200);
     speaks.store(true, SeqCst);
-    // At the next answer: the command has come before the question.
+    // At the next answer: the command arrived before the request.
     match looped.ends(2) {
         Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Link), "{fault}"),
         other => panic!("{other:?}"),
     }
-    rig.torque_goes_off();
+    bench.torque_goes_off();
 }
 
-/// Of others' frames there is no end; each takes a while.
+/// An endless stream of other frames; each takes some time.
 struct Flood {
     frame: Frame,
     pause: Duration,
@@ -114,14 +114,14 @@ impl Bus for Flood {
     }
 }
 
-/// To a drive, from one, and none of either's: as a moteus says it and as an ODrive does.
+/// Frames to a drive, from a drive, and others, of a moteus and of an ODrive.
 const OTHERS: [u32; 4] = [0x8002, 0x0200, 0x049, 0x5ff];
 
 #[test]
 fn a_bus_that_is_full_of_others_frames_ends_the_sample_and_not_the_loop() {
     for id in OTHERS {
         for mut drive in drives(|| Flood { frame: Frame::fd(id, &[0; 8]), pause: Duration::ZERO }) {
-            // Until a time that never comes, by their number.
+            // With an instant that never comes, by their number.
             let _ = drive.read(Instant::now() + Duration::from_secs(1_000_000)).unwrap_err();
         }
     }
@@ -130,7 +130,7 @@ fn a_bus_that_is_full_of_others_frames_ends_the_sample_and_not_the_loop() {
     }
 }
 
-/// Answers a moteus's question behind so many frames of others.
+/// Answers a moteus's request after this many other frames.
 struct Busy {
     others: usize,
     frames: VecDeque<Frame>,
@@ -168,8 +168,8 @@ fn an_answer_behind_many_frames_of_others_is_found() {
     }
 }
 
-/// What hapt's own commands leave behind when nobody speaks any more: by every one of the drive's settings a torque that takes energy
-/// out of the wheel or none, and with the one that it is shipped with none.
+/// After the last command of hapt: for each of the drive's settings the torque removes energy from the wheel or is 0, and with the factory
+/// setting it is 0.
 #[test]
 fn after_its_watchdog_a_moteus_takes_energy_and_gives_none() {
     for mode in [0, 12, 15] {
@@ -183,7 +183,7 @@ fn after_its_watchdog_a_moteus_takes_energy_and_gives_none() {
             .write(0x02b, &[Value::Int8(0)])
             .write(0x027, &[Value::Float(0.01)])
             .frame();
-        firmware.hear(&sent, shaft(0.0), &mut |_| {});
+        firmware.receive(&sent, shaft(0.0), &mut |_| {});
         let mut pass = |velocity| firmware.pass(1e-3, shaft(velocity), &mut |_| {});
         let during: Vec<f64> = (0..9).map(|_| pass(0.0)).collect();
         assert!((during[8] - f64::from(0.2_f32)).abs() < 1e-9, "{during:?}");
@@ -197,12 +197,12 @@ fn after_its_watchdog_a_moteus_takes_energy_and_gives_none() {
         }
         let mut says = None;
         let question = Writer::new(0x8001).read(0x000, 1, Resolution::Int8).frame();
-        firmware.hear(&question, shaft(0.0), &mut |frame| says = moteus::Parser::new(frame.data()).next());
+        firmware.receive(&question, shaft(0.0), &mut |frame| says = moteus::Parser::new(frame.data()).next());
         assert_eq!(says, Some(moteus::Subframe::Reply(0x000, Value::Int8(11))));
     }
 }
 
-/// Whoever asks the drive for anything feeds its watchdog, and whoever tells it anything drives it.
+/// Every request to the drive feeds its watchdog, and every command moves it.
 #[test]
 fn a_frame_of_another_host_to_an_odrive_is_a_fault() {
     use codec::{Command, floats};
@@ -218,7 +218,7 @@ fn a_frame_of_another_host_to_an_odrive_is_a_fault() {
             other => panic!("{frame:?}: {other:?}"),
         }
         assert!(drive.command(0.0, soon()).is_err(), "it goes on all the same");
-        // To another drive it may say what it likes.
+        // It may send anything to another drive.
         let mut other = Odrive::new(Box::new(Listed([frame].into())), 2, "nowhere");
         assert_eq!(other.read(soon()), Err(DriveError::Silent));
     }
@@ -227,7 +227,7 @@ fn a_frame_of_another_host_to_an_odrive_is_a_fault() {
 #[test]
 fn an_answer_that_nobody_has_asked_for_is_another_drives() {
     let answer = Frame::classic(codec::Command::Estimates.id(1).into(), &codec::floats(0.1, 0.0));
-    // One before the question, and one as its answer.
+    // One before the request, and one as its answer.
     let mut drive = Odrive::new(Box::new(Listed([answer; 2].into())), 1, "nowhere");
     assert!(matches!(drive.read(soon()), Err(DriveError::Fault(fault)) if fault.what.contains("another drive")));
 }

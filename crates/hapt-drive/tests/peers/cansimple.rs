@@ -1,4 +1,4 @@
-//! Our frames mean what ODrive's own DBC files say, read and written by cantools.
+//! The frames agree with ODrive's own DBC files, as read and written by cantools.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Lines, Write};
@@ -9,7 +9,7 @@ use hapt_rt::DriveFault;
 
 use crate::python::{ODRIVE_CAN, python};
 
-/// What the DBC files say, asked line by line.
+/// The contents of the DBC files, requested line by line.
 struct Oracle {
     asked: ChildStdin,
     said: Lines<BufReader<ChildStdout>>,
@@ -38,7 +38,7 @@ impl Oracle {
         self.said.next().unwrap_or_else(|| panic!("{line}: the DBC says nothing")).unwrap()
     }
 
-    /// The identifier, and the signals of our data.
+    /// The identifier, and the signals of the data.
     fn decode(&mut self, version: &str, name: &str, data: &[u8]) -> (u16, BTreeMap<String, f64>) {
         let hex: String = data.iter().map(|byte| format!("{byte:02x}")).collect();
         let said = self.ask(&format!("{version} decode {name} {hex}"));
@@ -117,7 +117,7 @@ fn what_the_dbc_writes_for_a_drive_is_what_we_read() {
             assert_eq!(codec::two_floats(&data), Some((position, velocity)));
         }
         for state in [0_u8, 1, 4, 8] {
-            // Whatever else a heartbeat says.
+            // With any other fields of a heartbeat.
             let done = [("Axis_Error", 2048.0), ("Axis_State", f64::from(state)), ("Trajectory_Done_Flag", 1.0)];
             let (id, data) = oracle.encode(version, "Heartbeat", &done);
             assert_eq!(id, Command::Heartbeat.id(NODE));

@@ -1,9 +1,9 @@
-//! Somebody else's client on the simulated ODrive: odrive-can over python-can's slcan, unchanged.
+//! An independent client on the simulated ODrive: odrive-can over python-can's slcan, unchanged.
 
 use std::process::Command;
 
+use crate::bench::{Place, TestBench, world};
 use crate::python::{ODRIVE_CAN, python};
-use crate::rig::{Place, Rig, world};
 use hapt_drive::Make;
 use hapt_drive::odrive::Simulated;
 use hapt_drive::simulate::Time;
@@ -12,10 +12,10 @@ use hapt_drive::simulate::Time;
 fn odrive_can_drives_the_simulated_drive() {
     let Some(python) = python(ODRIVE_CAN) else { return };
     let world = world(&["device.damping=0"]);
-    // As the client wants it: it polls ten times a second, and waits to be told the position.
+    // The setting that the client requires: it polls ten times a second, and waits for cyclic positions.
     let firmware = Simulated::new(1).with_watchdog(Some(0.5)).with_estimates(Some(0.01));
-    let rig = Rig::new(Make::Odrive, None, Box::new(firmware), &world, Time::Real);
-    let Place::Port(port) = &rig.place else { unreachable!("it is behind a port") };
+    let bench = TestBench::new(Make::Odrive, None, Box::new(firmware), &world, Time::Real);
+    let Place::Port(port) = &bench.place else { unreachable!("it is behind a port") };
     let said = Command::new(python)
         .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/odrive_client.py"))
         .arg(port)
@@ -24,5 +24,5 @@ fn odrive_can_drives_the_simulated_drive() {
         .unwrap();
     let text = [&said.stdout, &said.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned()).join("\n");
     assert!(said.status.success() && text.starts_with("done"), "{text}");
-    assert_eq!(rig.faults.torque(), 0.0);
+    assert_eq!(bench.faults.torque(), 0.0);
 }

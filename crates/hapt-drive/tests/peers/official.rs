@@ -1,4 +1,4 @@
-//! The makers' own Python library on the simulated moteus, unchanged: its protocol is theirs.
+//! The manufacturer's Python library on the simulated moteus, unchanged.
 
 use std::path::Path;
 use std::process::Command;
@@ -12,7 +12,7 @@ use hapt_model::{Source, World};
 
 use crate::python::{MOTEUS, python};
 
-/// The wheel that official.py knows.
+/// The wheel that official.py assumes.
 const WORLD: &str = r#"
     [loop]
     period = "1 ms"

@@ -1,12 +1,12 @@
-//! Python with packages of others.
+//! Python with third-party packages.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// ODrive's DBC files and a client of theirs, over python-can: the environment, and what Python imports of it.
+/// ODrive's DBC files and a client, over python-can: the environment, and the imported module.
 pub const ODRIVE_CAN: (&str, &str) = ("odrive-can", "can, cantools, odrive_can, serial");
-/// The makers' library for the moteus.
+/// The manufacturer's library for the moteus.
 pub const MOTEUS: (&str, &str) = ("moteus", "moteus");
 
 /// A Python that has the packages: of the environment that `cargo xtask test` makes with `CI` set (`xtask/src/tools.rs`), or the

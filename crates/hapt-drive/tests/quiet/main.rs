@@ -1,24 +1,24 @@
-//! A sample on a drive allocates nothing and frees nothing, whether the drive answers, says more than it is asked, is silent, or is gone.
+//! A sample on a drive allocates nothing and frees nothing, whether the drive answers, sends other frames, does not answer, or is gone.
 //!
 //! A test program of its own, for its allocator counts.
 
 #![cfg(target_os = "linux")]
 
+#[path = "../drive/bench.rs"]
+mod bench;
 #[path = "../../../hapt-rt/tests/quiet/counting.rs"]
 mod counting;
-#[path = "../drive/rig.rs"]
-mod rig;
 
 use std::sync::atomic::Ordering::SeqCst;
 
+use bench::{TestBench, lockstep, world};
 use counting::counted;
 use hapt_drive::odrive::codec::Version;
 use hapt_drive::simulate::Firmware;
 use hapt_drive::{Make, moteus, odrive};
 use hapt_rt::{Device, Failure};
-use rig::{Rig, lockstep, world};
 
-/// Of each make, and of each way to ask it.
+/// Of each make, with each way of requests.
 fn firmwares() -> [(Make, Box<dyn Firmware>); 4] {
     let odrive = odrive::Simulated::new(1);
     [
@@ -31,13 +31,13 @@ fn firmwares() -> [(Make, Box<dyn Firmware>); 4] {
 
 #[test]
 fn a_sample_allocates_nothing() {
-    // So long a period that a busy machine answers within it, and no longer than a drive's watchdog bears.
+    // A period long enough for a busy machine to answer, and shorter than a drive's watchdog.
     let world = world(&["loop.period=20 ms"]);
     for (make, firmware) in firmwares() {
-        let mut rig = Rig::new(make, None, firmware, &world, lockstep(&world));
-        // Where the machine stands still the drive ends it by a fault, and that allocates nothing either.
+        let mut bench = TestBench::new(make, None, firmware, &world, lockstep(&world));
+        // If the machine pauses, the drive ends the loop by a fault, which allocates nothing either.
         let answered = (0..20).any(|_| {
-            let mut wheel = rig.wheel(&world);
+            let mut wheel = bench.wheel(&world);
             let before = counted();
             assert!(before > 0, "the allocator counts");
             let mut fresh = 0;
@@ -50,8 +50,8 @@ fn a_sample_allocates_nothing() {
         });
         assert!(answered, "{make:?} does not answer");
 
-        let mut wheel = rig.wheel(&world);
-        rig.faults.dead.store(true, SeqCst);
+        let mut wheel = bench.wheel(&world);
+        bench.faults.dead.store(true, SeqCst);
         let before = counted();
         for _ in 0..3 {
             let _ = wheel.read();
@@ -59,7 +59,7 @@ fn a_sample_allocates_nothing() {
         }
         assert_eq!(counted(), before, "while it is silent: {make:?}");
 
-        rig.unplug();
+        bench.unplug();
         let before = counted();
         let failure = wheel.read();
         assert_eq!(counted(), before, "when it is gone: {make:?}");

@@ -1,35 +1,34 @@
-//! Both drives on a CAN bus of the system's, and everything that can happen there: no torque, for the right reason, and no way back
-//! without a new start. A test program of its own: `cargo xtask guest` runs it in an emulated
-//! machine, which has the interface that it needs for itself alone.
+//! Both drives on a CAN bus of the system, with its faults: the torque is removed for the right reason, and returns only after a new
+//! start. A test program of its own: `cargo xtask guest` runs it in an emulated machine, which has the interface for itself alone.
 //!
-//! Time is the loop's (1 ms a sample), whatever the machine takes for it.
+//! Time is that of the loop (1 ms a sample), at any speed of the machine.
 
 #![cfg(target_os = "linux")]
 
-#[path = "../drive/rig.rs"]
-mod rig;
+#[path = "../drive/bench.rs"]
+mod bench;
 
 use std::process::Command;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 
+use bench::{Looped, TestBench, lockstep, soon, world};
 use hapt_core::{Phase, Reason, Request};
 use hapt_drive::odrive::codec;
 use hapt_drive::simulate::{Firmware, Time};
 use hapt_drive::{Bus, DriveLimits, Error, Frame, Make, Socket, moteus, odrive};
 use hapt_model::World;
 use hapt_rt::Failure;
-use rig::{Looped, Rig, lockstep, soon, world};
 
-/// One test at a time has the bus.
+/// One test at a time uses the bus.
 static BUS: Mutex<()> = Mutex::new(());
-/// Longer than it takes to answer, ms, and less than what ends lockstep.
+/// Longer than an answer takes and shorter than the timeout of lockstep, ms.
 const PATIENCE: u64 = 40;
-/// As long as may be: an emulated machine stands still now and then, s.
+/// The longest accepted time in s: an emulated machine pauses now and then.
 const WATCHDOG: f64 = 0.095;
 const TERMS: DriveLimits = DriveLimits { watchdog: 0.1, torque: 1.0 };
 
-/// What each test does for each drive, on the interface that the environment names.
+/// Runs a test for each drive, on the interface that the environment names.
 fn on_the_bus(test: impl Fn(Make, &str)) {
     let Ok(interface) = std::env::var("HAPT_CAN") else {
         println!("SKIPPED: needs a CAN interface in HAPT_CAN, such as vcan0; cargo xtask guest has one");
@@ -49,31 +48,31 @@ fn firmware(make: Make, id: u8) -> Box<dyn Firmware> {
     }
 }
 
-fn rig(make: Make, interface: &str, world: &World, time: Time) -> Rig {
-    Rig::new(make, Some(interface), firmware(make, 1), world, time)
+fn bench(make: Make, interface: &str, world: &World, time: Time) -> TestBench {
+    TestBench::new(make, Some(interface), firmware(make, 1), world, time)
 }
 
-/// A loop that runs on such a drive.
-fn running(make: Make, interface: &str, world: &World, firmware: Box<dyn Firmware>) -> (Rig, Looped) {
-    let rig = Rig::new(make, Some(interface), firmware, world, lockstep(world));
-    let looped = rig.running(world, PATIENCE);
-    (rig, looped)
+/// A running loop on such a drive.
+fn running(make: Make, interface: &str, world: &World, firmware: Box<dyn Firmware>) -> (TestBench, Looped) {
+    let bench = TestBench::new(make, Some(interface), firmware, world, lockstep(world));
+    let looped = bench.running(world, PATIENCE);
+    (bench, looped)
 }
 
-/// It is over: without a torque, and it stays so though the bus is as it was.
-fn stays_over(looped: &mut Looped, rig: &Rig) {
-    rig.torque_goes_off();
+/// Checks the end: no torque, also when the bus has recovered.
+fn stays_over(looped: &mut Looped, bench: &TestBench) {
+    bench.torque_goes_off();
     for _ in 0..20 {
         match looped.sample(Some(Request::Arm)) {
             Ok(record) => assert_eq!((record.phase, record.output), (Phase::Faulted, 0.0)),
             Err(Failure::Ended) => panic!("that is no reason"),
             Err(_) => {}
         }
-        assert_eq!(rig.faults.torque(), 0.0);
+        assert_eq!(bench.faults.torque(), 0.0);
     }
 }
 
-/// Of each make, and of each way to ask it.
+/// Of each make, with each way of requests.
 fn kinds(make: Make) -> Vec<Box<dyn Firmware>> {
     let shipped = odrive::Simulated::new(1).with_watchdog(Some(WATCHDOG)).with_estimates(Some(0.01));
     let old = shipped.clone().with_version(codec::Version::SILENT);
@@ -89,7 +88,7 @@ fn a_certified_world_comes_to_rest() {
         let world = world(&[]);
         assert!(hapt_analysis::check(&world).unwrap().certified);
         for firmware in kinds(make) {
-            let (rig, mut looped) = running(make, interface, &world, firmware);
+            let (bench, mut looped) = running(make, interface, &world, firmware);
             let (mut last, mut missed) = (Vec::new(), 0);
             for _ in 0..3000 {
                 let record = looped.sample(None).unwrap();
@@ -100,7 +99,7 @@ fn a_certified_world_comes_to_rest() {
             println!("{missed} samples of 3000 missed");
             assert!(last[2900..].iter().all(|position| (position - 0.3).abs() < 0.01), "{:?}", &last[2900..]);
             drop(looped);
-            rig.torque_goes_off();
+            bench.torque_goes_off();
         }
     });
 }
@@ -109,11 +108,11 @@ fn a_certified_world_comes_to_rest() {
 fn a_drive_that_is_killed_is_gone() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
-        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
-        rig.faults.dead.store(true, SeqCst);
+        let (bench, mut looped) = running(make, interface, &world, firmware(make, 1));
+        bench.faults.dead.store(true, SeqCst);
         assert_eq!(looped.ends(8), Some(Err(Failure::Gone)));
-        rig.faults.dead.store(false, SeqCst);
-        stays_over(&mut looped, &rig);
+        bench.faults.dead.store(false, SeqCst);
+        stays_over(&mut looped, &bench);
     });
 }
 
@@ -126,15 +125,15 @@ fn link(interface: &str, how: &str) {
 fn a_bus_that_goes_down_and_up_again_brings_no_torque_back() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
-        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+        let (bench, mut looped) = running(make, interface, &world, firmware(make, 1));
         link(interface, "down");
         let ends = looped.ends(8);
         link(interface, "up");
         assert!(matches!(ends, Some(Err(Failure::Unplugged | Failure::Gone))), "{ends:?}");
-        stays_over(&mut looped, &rig);
-        // A new start is somebody's wish.
+        stays_over(&mut looped, &bench);
+        // A new start is a deliberate request.
         drop(looped);
-        rig.looped(&world, PATIENCE).sample(None).unwrap();
+        bench.looped(&world, PATIENCE).sample(None).unwrap();
     });
 }
 
@@ -143,24 +142,24 @@ fn lost_frames_are_missed_samples_and_too_many_are_the_end() {
     on_the_bus(|make, interface| {
         for (loss, must_end) in [(10, false), (100, false), (500, true)] {
             let world = world(&[]);
-            let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+            let (bench, mut looped) = running(make, interface, &world, firmware(make, 1));
             // Two of them in a row do not end lockstep.
-            rig.wait_for(PATIENCE / 2);
-            rig.faults.loss.store(loss, SeqCst);
+            bench.wait_for(PATIENCE / 2);
+            bench.faults.loss.store(loss, SeqCst);
             let before = looped.samples;
             let (ends, stood_still) = looped.ends_or_stands_still(1000);
             println!("{} % lost: {ends:?} after {} samples", f64::from(loss) / 10.0, looped.samples - before);
             match ends {
                 None => assert!(!must_end, "{loss} of 1000"),
-                // Its own watchdog, or the loop's patience.
+                // Its own watchdog, or the loop's timeout.
                 Some(Ok(reason)) => assert!(reason == Reason::Late || stood_still, "{reason:?}"),
                 Some(Err(Failure::Gone)) => {}
                 Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Late)),
                 Some(Err(failure)) => panic!("{failure}"),
             }
-            rig.faults.loss.store(0, SeqCst);
+            bench.faults.loss.store(0, SeqCst);
             if ends.is_some() {
-                stays_over(&mut looped, &rig);
+                stays_over(&mut looped, &bench);
             }
         }
     });
@@ -170,8 +169,8 @@ fn lost_frames_are_missed_samples_and_too_many_are_the_end() {
 fn a_drive_that_answers_late_is_late() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
-        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
-        rig.faults.late.store(PATIENCE * 3 / 2, SeqCst);
+        let (bench, mut looped) = running(make, interface, &world, firmware(make, 1));
+        bench.faults.late.store(PATIENCE * 3 / 2, SeqCst);
         let ends = looped.ends(100);
         let by_drive = |fault: hapt_rt::DriveFault| fault.reason == Some(Reason::Late);
         let is_right = match ends {
@@ -180,8 +179,8 @@ fn a_drive_that_answers_late_is_late() {
             other => other == Some(Err(Failure::Gone)),
         };
         assert!(is_right, "{ends:?}");
-        rig.faults.late.store(0, SeqCst);
-        stays_over(&mut looped, &rig);
+        bench.faults.late.store(0, SeqCst);
+        stays_over(&mut looped, &bench);
     });
 }
 
@@ -189,12 +188,12 @@ fn a_drive_that_answers_late_is_late() {
 fn a_drive_with_another_identifier_is_none_and_is_named() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
-        let rig = Rig::new(make, Some(interface), firmware(make, 7), &world, Time::Real);
-        match rig.drive(1).start(&TERMS) {
+        let bench = TestBench::new(make, Some(interface), firmware(make, 7), &world, Time::Real);
+        match bench.drive(1).start(&TERMS) {
             Err(error @ Error::Silent { .. }) => assert!(error.to_string().contains('7'), "{error}"),
             other => panic!("{other:?}"),
         }
-        assert_eq!(rig.faults.torque(), 0.0);
+        assert_eq!(bench.faults.torque(), 0.0);
     });
 }
 
@@ -202,7 +201,7 @@ fn a_drive_with_another_identifier_is_none_and_is_named() {
 fn two_odrives_with_one_identifier_are_not_driven() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
-        let (first, second) = (rig(make, interface, &world, Time::Real), rig(make, interface, &world, Time::Real));
+        let (first, second) = (bench(make, interface, &world, Time::Real), bench(make, interface, &world, Time::Real));
         if make == Make::Odrive {
             match first.drive(1).start(&TERMS) {
                 Err(error @ Error::Refused { .. }) => assert!(error.to_string().contains("2 drives"), "{error}"),
@@ -213,35 +212,35 @@ fn two_odrives_with_one_identifier_are_not_driven() {
     });
 }
 
-/// Whoever tells our drive anything drives it, and whoever asks it something may tell it something next.
+/// Every command of another host moves the drive, and every request may precede a command.
 #[test]
 fn another_speaker_on_the_bus_ends_the_loop() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
         let frames = match make {
-            // A torque, and a question.
+            // A torque, and a request.
             Make::Odrive => [Frame::classic(0x2e, &codec::floats(0.5, 0.0)), Frame::remote(0x29, 8)],
-            // A stop, which takes our torque away, and a question.
+            // A stop, which removes the torque, and a request.
             Make::Moteus => [Frame::fd(0x0001, &[0x01, 0x00, 0x00]), Frame::fd(0x8501, &[0x11, 0x00])],
         };
         for frame in frames {
-            let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+            let (bench, mut looped) = running(make, interface, &world, firmware(make, 1));
             Socket::open(interface).unwrap().send(&frame, soon()).unwrap();
             match looped.ends(20) {
                 Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Link), "{fault}"),
                 other => panic!("{other:?}"),
             }
-            stays_over(&mut looped, &rig);
+            stays_over(&mut looped, &bench);
         }
     });
 }
 
-/// A bus that is full of what others say to others may make the loop late, and does not hold it.
+/// Other traffic on the bus may make the loop late, but does not block it.
 #[test]
 fn a_crowded_bus_does_not_hold_the_loop() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
-        let (rig, mut looped) = running(make, interface, &world, firmware(make, 1));
+        let (bench, mut looped) = running(make, interface, &world, firmware(make, 1));
         let is_over = AtomicBool::new(false);
         let ends = std::thread::scope(|scope| {
             scope.spawn(|| {
@@ -266,6 +265,6 @@ fn a_crowded_bus_does_not_hold_the_loop() {
             Some(Err(failure)) => panic!("{failure}"),
         }
         drop(looped);
-        rig.torque_goes_off();
+        bench.torque_goes_off();
     });
 }

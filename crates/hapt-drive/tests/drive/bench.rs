@@ -1,4 +1,4 @@
-//! A simulated drive at work on a thread of its own, everything that can go wrong on its bus, and a loop on it.
+//! A simulated drive on a thread of its own, with injected bus faults, and a loop on it.
 #![allow(dead_code)]
 
 use std::collections::VecDeque;
@@ -19,9 +19,9 @@ use hapt_drive::{
 use hapt_model::{Source, World};
 use hapt_rt::{Cycle, Failure, Moment, Plan, Record};
 
-/// How often something is begun that a machine may break off by standing still.
+/// Attempts of tests that a pause of the machine may interrupt.
 const TRIES: u32 = 20;
-/// Less than what ends lockstep.
+/// Shorter than the timeout of lockstep.
 pub const STILL: Duration = Duration::from_millis(40);
 
 /// A wheel on a spring to ground that this device certifies.
@@ -59,33 +59,33 @@ pub fn soon() -> Instant {
     Instant::now() + Duration::from_secs(10)
 }
 
-/// Which way a frame goes.
+/// The direction of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
-    /// The drive says it.
-    Said,
-    /// The drive hears it.
-    Heard,
+pub enum Direction {
+    /// From the drive to the host.
+    FromDrive,
+    /// From the host to the drive.
+    ToDrive,
 }
 
-/// Who stands in the middle: what becomes of each frame.
-pub type Middle = Box<dyn FnMut(Way, Frame) -> Vec<Frame> + Send>;
+/// Replaces each frame by others.
+pub type Interceptor = Box<dyn FnMut(Direction, Frame) -> Vec<Frame> + Send>;
 
-/// What is done to the frames between a drive and its host, and what is seen of the drive from outside.
+/// The faults between a drive and its host, and the observed state of the drive.
 #[derive(Default)]
 pub struct Faults {
-    /// The drive is dead: it hears and says nothing more.
+    /// The drive neither receives nor sends.
     pub dead: AtomicBool,
-    /// So many frames of 1000 are lost, either way.
+    /// Lost frames of 1000, in both directions.
     pub loss: AtomicU32,
-    /// What it says is so many ms under way.
+    /// Delay of the drive's frames, ms.
     pub late: AtomicU64,
-    /// What it says waits until it has said so much more.
+    /// The drive's frames wait for this many later ones.
     pub held: AtomicUsize,
-    /// What it says is garbage.
+    /// The drive's frames are random bytes.
     pub garbage: AtomicBool,
-    /// Somebody stands in the middle.
-    pub middle: Mutex<Option<Middle>>,
+    /// The interceptor.
+    pub middle: Mutex<Option<Interceptor>>,
     /// The torque at its shaft, N·m, and its position in revolutions, as bits.
     torque: AtomicU64,
     position: AtomicU64,
@@ -96,8 +96,8 @@ impl Faults {
         f64::from_bits(self.torque.load(SeqCst))
     }
 
-    /// From now on somebody stands in the middle.
-    pub fn between(&self, middle: impl FnMut(Way, Frame) -> Vec<Frame> + Send + 'static) {
+    /// Installs an interceptor.
+    pub fn intercept(&self, middle: impl FnMut(Direction, Frame) -> Vec<Frame> + Send + 'static) {
         *self.middle.lock().unwrap() = Some(Box::new(middle));
     }
 
@@ -106,27 +106,27 @@ impl Faults {
     }
 }
 
-/// A firmware that is looked at from outside.
-struct Watched(Box<dyn Firmware>, Arc<Faults>);
+/// A firmware whose torque and position are observed.
+struct Observed(Box<dyn Firmware>, Arc<Faults>);
 
-impl Firmware for Watched {
-    fn asks(&self, frame: &Frame) -> bool {
-        self.0.asks(frame)
+impl Firmware for Observed {
+    fn requests_position(&self, frame: &Frame) -> bool {
+        self.0.requests_position(frame)
     }
 
-    fn hear(&mut self, frame: &Frame, shaft: Shaft, say: &mut dyn FnMut(Frame)) {
-        self.0.hear(frame, shaft, say);
+    fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame)) {
+        self.0.receive(frame, shaft, send);
     }
 
-    fn pass(&mut self, seconds: f64, shaft: Shaft, say: &mut dyn FnMut(Frame)) -> f64 {
-        let torque = self.0.pass(seconds, shaft, say);
+    fn pass(&mut self, seconds: f64, shaft: Shaft, send: &mut dyn FnMut(Frame)) -> f64 {
+        let torque = self.0.pass(seconds, shaft, send);
         self.1.torque.store(torque.to_bits(), SeqCst);
         self.1.position.store(shaft.position.to_bits(), SeqCst);
         torque
     }
 }
 
-/// A bus on which all of that happens.
+/// A bus with these faults.
 struct Faulty {
     bus: Box<dyn Bus>,
     faults: Arc<Faults>,
@@ -144,7 +144,7 @@ impl Faulty {
         self.faults.dead.load(SeqCst) || self.dice % 1000 < self.faults.loss.load(SeqCst).into()
     }
 
-    fn pass(&mut self, way: Way, frame: Frame) -> Vec<Frame> {
+    fn pass(&mut self, way: Direction, frame: Frame) -> Vec<Frame> {
         match &mut *self.faults.middle.lock().unwrap() {
             Some(middle) => middle(way, frame),
             None => vec![frame],
@@ -169,7 +169,7 @@ impl Bus for Faulty {
             let late = Duration::from_millis(self.faults.late.load(SeqCst));
             let inverted: Vec<u8> = frame.data().iter().map(|byte| !byte).collect();
             let frame = if self.faults.garbage.load(SeqCst) { Frame::fd(frame.id, &inverted) } else { *frame };
-            for frame in self.pass(Way::Said, frame) {
+            for frame in self.pass(Direction::FromDrive, frame) {
                 self.under_way.push_back((Instant::now() + late, frame));
             }
         }
@@ -182,18 +182,18 @@ impl Bus for Faulty {
             && let Some(frame) = self.bus.receive(until)?
             && !self.is_lost()
         {
-            let frames = self.pass(Way::Heard, frame);
+            let frames = self.pass(Direction::ToDrive, frame);
             self.heard.extend(frames);
         }
         Ok(self.heard.pop_front())
     }
 }
 
-/// A drive whose host waits for so many ms longer than it is told: a busy machine answers in time. In lockstep it takes no longer.
+/// A drive whose host waits longer by this many ms, so that a busy machine answers in time. In lockstep this takes no longer.
 struct Patient(Box<dyn Drive>, Arc<AtomicU64>);
 
 impl Patient {
-    /// Also where the machine has stood still until the time was over.
+    /// Also where the machine paused until the deadline.
     fn until(&self, until: Instant) -> Instant {
         until.max(Instant::now()) + Duration::from_millis(self.1.load(SeqCst))
     }
@@ -231,24 +231,24 @@ impl Drive for Patient {
     }
 }
 
-/// Where drive and host meet.
+/// The connection of drive and host.
 #[derive(Clone, Debug)]
 pub enum Place {
     Port(PathBuf),
     Can(String),
 }
 
-pub struct Rig {
+pub struct TestBench {
     pub faults: Arc<Faults>,
     pub place: Place,
     make: Make,
-    /// How much longer than they want hosts wait, ms.
+    /// The additional waiting time of hosts, ms.
     patience: Arc<AtomicU64>,
     ends: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Rig {
+impl TestBench {
     /// `firmware` on a CAN interface, or behind a new serial port.
     pub fn new(make: Make, can: Option<&str>, firmware: Box<dyn Firmware>, world: &World, time: Time) -> Self {
         let (bus, place): (Box<dyn Bus>, Place) = match can {
@@ -266,20 +266,20 @@ impl Rig {
             heard: VecDeque::new(),
             dice: 0x9e37_79b9_7f4a_7c15,
         };
-        let firmware = Watched(firmware, Arc::clone(&faults));
+        let firmware = Observed(firmware, Arc::clone(&faults));
         let mut simulator = Simulator::new(Box::new(bus), Box::new(firmware), world, time);
         let ends = Arc::new(AtomicBool::new(false));
         let thread = std::thread::spawn({
             let ends = Arc::clone(&ends);
             move || {
-                // A bus that is down is down for the drive too, which goes on.
+                // A bus that is down is down for the drive too, which continues.
                 while !ends.load(SeqCst) {
                     let _ = simulator.run(|| ends.load(SeqCst));
                     std::thread::sleep(Duration::from_millis(1));
                 }
             }
         });
-        Rig { faults, place, make, patience: Arc::default(), ends, thread: Some(thread) }
+        TestBench { faults, place, make, patience: Arc::default(), ends, thread: Some(thread) }
     }
 
     /// The back end for the drive with this identifier.
@@ -301,7 +301,7 @@ impl Rig {
         Box::new(Patient(drive, Arc::clone(&self.patience)))
     }
 
-    /// A loop on the drive with identifier 1, which waits for answers for so many ms, however short its period.
+    /// A loop on the drive with identifier 1, which waits this many ms for answers, for any period.
     pub fn looped(&self, world: &World, patience: u64) -> Looped {
         self.wait_for(0);
         let wheel = self.wheel(world);
@@ -309,8 +309,8 @@ impl Rig {
         Looped::on(Box::new(wheel), world)
     }
 
-    /// The drive with identifier 1, started. Where the machine stands still meanwhile, the drive's watchdog runs out, and it is started
-    /// anew; one that is not well fails every time.
+    /// The drive with identifier 1, started. If the machine pauses, the drive's watchdog expires and the start is repeated; a faulty drive
+    /// fails every time.
     pub fn wheel(&self, world: &World) -> DriveDevice {
         let mut last = None;
         for _ in 0..TRIES {
@@ -322,7 +322,7 @@ impl Rig {
         panic!("{last:?}");
     }
 
-    /// The same loop, at full torque; again where the machine stands still, and the drive's watchdog takes the torque away.
+    /// The same loop at full torque; repeated if the machine pauses and the drive's watchdog expires.
     pub fn running(&self, world: &World, patience: u64) -> Looped {
         let mut last = None;
         for _ in 0..TRIES {
@@ -335,12 +335,12 @@ impl Rig {
         panic!("{last:?}");
     }
 
-    /// From now on hosts wait for answers for so many ms.
+    /// Sets the waiting time of hosts, ms.
     pub fn wait_for(&self, patience: u64) {
         self.patience.store(patience, SeqCst);
     }
 
-    /// The other end is gone.
+    /// Removes the other end.
     pub fn unplug(&mut self) {
         self.ends.store(true, SeqCst);
         if let Some(thread) = self.thread.take() {
@@ -348,7 +348,7 @@ impl Rig {
         }
     }
 
-    /// Real time goes by until the torque is off.
+    /// Waits in real time until the torque is off.
     pub fn torque_goes_off(&self) {
         let end = soon();
         while self.faults.torque() != 0.0 {
@@ -358,13 +358,13 @@ impl Rig {
     }
 }
 
-impl Drop for Rig {
+impl Drop for TestBench {
     fn drop(&mut self) {
         self.unplug();
     }
 }
 
-/// A loop on it, its time that of its own samples.
+/// A loop on the drive, with the time of its own samples.
 pub struct Looped {
     pub cycle: Cycle,
     pub samples: u32,
@@ -388,7 +388,7 @@ impl Looped {
         self.runs().unwrap()
     }
 
-    /// The same, or what ends it before.
+    /// The same, or the reason of an earlier end.
     fn runs(&mut self) -> Result<Record, String> {
         let mut record = self.sample(Some(Request::Arm)).map_err(|failure| failure.to_string())?;
         while record.phase != Phase::Running {
@@ -400,8 +400,8 @@ impl Looped {
         Ok(record)
     }
 
-    /// The same as [`Looped::ends`], and whether the machine has stood still meanwhile: time then passes for the drive and not for the
-    /// loop, and it ends for any reason.
+    /// As [`Looped::ends`], and whether the machine paused meanwhile: time then passes for the drive and not for the loop, which may end
+    /// for any reason.
     pub fn ends_or_stands_still(&mut self, within: u32) -> (Option<Result<Reason, Failure>>, bool) {
         let mut stood_still = false;
         for _ in 0..within {
@@ -415,7 +415,7 @@ impl Looped {
         (None, stood_still)
     }
 
-    /// Until it fails or faults, in so many samples; `None`: it goes on. A fault has no torque, and goes on having none.
+    /// Runs until a failure or fault, for this many samples at most; `None`: neither. After a fault the torque is 0 and stays so.
     pub fn ends(&mut self, within: u32) -> Option<Result<Reason, Failure>> {
         for _ in 0..within {
             let record = match self.sample(None) {
