@@ -16,7 +16,7 @@ struct Figure {
     y: Axis,
     /// The stretch of the run that is shown, in s.
     span: (f64, f64),
-    curves: &'static [Curve],
+    curves: &'static [PlottedCurve],
     /// Whether the motor's limit of the course's wheel, [`LIMIT`] to either side, is shown.
     limit: bool,
 }
@@ -29,7 +29,7 @@ struct Axis {
 }
 
 /// A column of the run of a world of the notes.
-struct Curve {
+struct PlottedCurve {
     legend: &'static str,
     /// Which of the palette's colours.
     signal: usize,
@@ -49,8 +49,8 @@ const TORQUE: Axis = Axis { name: "torque asked of the motor", unit: "N·mm", pe
 const ANGLE: Axis = Axis { name: "angle", unit: "deg", per_si: 180.0 / std::f64::consts::PI };
 const WHEEL_ANGLE: Axis = Axis { name: "virtual wheel", ..ANGLE };
 
-const fn curve(legend: &'static str, signal: usize, world: &'static str, column: &'static str) -> Curve {
-    Curve { legend, signal, world, scenario: "step", sets: &[], column }
+const fn curve(legend: &'static str, signal: usize, world: &'static str, column: &'static str) -> PlottedCurve {
+    PlottedCurve { legend, signal, world, scenario: "step", sets: &[], column }
 }
 
 const FIGURES: &[Figure] = &[
@@ -93,8 +93,8 @@ const FIGURES: &[Figure] = &[
         y: ANGLE,
         span: (0.0, 1.5),
         curves: &[
-            Curve { scenario: "release", ..curve("haptic wheel", RED, "released", "puck_rad") },
-            Curve { scenario: "release", ..curve("virtual wheel", BLUE, "released", "wheel_rad") },
+            PlottedCurve { scenario: "release", ..curve("haptic wheel", RED, "released", "puck_rad") },
+            PlottedCurve { scenario: "release", ..curve("virtual wheel", BLUE, "released", "wheel_rad") },
         ],
         limit: false,
     },
@@ -104,8 +104,11 @@ const FIGURES: &[Figure] = &[
         y: TORQUE,
         span: (0.0, 3.0),
         curves: &[
-            Curve { sets: &["device.damping=0", LET_GO], ..curve("no device damping", RED, "wheel", "torque_Nm") },
-            Curve { sets: &[LET_GO], ..curve("the course's damping", BLUE, "wheel", "torque_Nm") },
+            PlottedCurve {
+                sets: &["device.damping=0", LET_GO],
+                ..curve("no device damping", RED, "wheel", "torque_Nm")
+            },
+            PlottedCurve { sets: &[LET_GO], ..curve("the course's damping", BLUE, "wheel", "torque_Nm") },
         ],
         limit: true,
     },
@@ -115,8 +118,8 @@ const FIGURES: &[Figure] = &[
         y: ANGLE,
         span: (0.0, 10.0),
         curves: &[
-            Curve { scenario: "excite", ..curve("virtual wheel", BLUE, "resonance", "wheel_rad") },
-            Curve { scenario: "excite", ..curve("haptic wheel", GREEN, "resonance", "puck_rad") },
+            PlottedCurve { scenario: "excite", ..curve("virtual wheel", BLUE, "resonance", "wheel_rad") },
+            PlottedCurve { scenario: "excite", ..curve("haptic wheel", GREEN, "resonance", "puck_rad") },
         ],
         limit: false,
     },
@@ -126,8 +129,8 @@ const FIGURES: &[Figure] = &[
         y: WHEEL_ANGLE,
         span: (0.0, 3.0),
         curves: &[
-            Curve { scenario: "pump", ..curve("it lags the hand", RED, "pumped-and-damped", "wheel_rad") },
-            Curve {
+            PlottedCurve { scenario: "pump", ..curve("it lags the hand", RED, "pumped-and-damped", "wheel_rad") },
+            PlottedCurve {
                 scenario: "damp",
                 sets: &["scenarios.damp.duration=3s"],
                 ..curve("it leads the hand", GREEN, "pumped-and-damped", "wheel_rad")
@@ -166,7 +169,7 @@ const LET_GO: &str = "scenarios.step.hand.release=0.25s";
 type Points = Vec<(f64, f64)>;
 
 /// Runs the curve's scenario with the command line and reads back its column within the span.
-fn points(curve: &Curve, figure: &Figure) -> Result<Points> {
+fn points(curve: &PlottedCurve, figure: &Figure) -> Result<Points> {
     let out = Path::new("target/figure").join(figure.name).join(curve.world);
     let status = Command::new(env!("CARGO"))
         .args(["run", "--quiet", "--release", "--package", "hapt", "--", "sim"])

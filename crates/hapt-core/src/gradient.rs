@@ -35,7 +35,7 @@
 
 use crate::contact::StepResponse;
 use crate::matrix::Vector;
-use crate::nonlinear::{Curve, Nonlinear};
+use crate::nonlinear::{LoopLaw, Nonlinear};
 use crate::{End, Number, Real};
 
 /// The most rounds over the couplings.
@@ -216,7 +216,7 @@ impl<F: Real, const B: usize> Gradient<F, B> {
         stops: bool,
     ) -> bool {
         let old = *torque;
-        if old == F::ZERO && matches!(coupling.curve, Curve::Wall(_)) {
+        if old == F::ZERO && matches!(coupling.curve, LoopLaw::Wall(_)) {
             let start = coupling.relative((step.puck.0, F::ZERO), step.x).position;
             if coupling.is_clear(start, coupling.relative((F::ZERO, F::ZERO), change).position) {
                 return true;

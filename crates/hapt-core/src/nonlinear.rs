@@ -7,7 +7,7 @@ use crate::{Coupling, Damping, End, Law, Real, Vector};
 
 /// A law as a loop runs it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Curve<F> {
+pub(crate) enum LoopLaw<F> {
     Wall(Wall<F>),
     /// With a limit; the others are matrices.
     Spring(Spring<F>),
@@ -26,7 +26,7 @@ pub(crate) enum Curve<F> {
 pub(crate) struct Nonlinear<F> {
     pub first: End,
     pub second: End,
-    pub curve: Curve<F>,
+    pub curve: LoopLaw<F>,
 }
 
 /// q and q̇ of a coupling.
@@ -46,15 +46,17 @@ impl<F: Real> Nonlinear<F> {
         let limit = f(coupling.limit.unwrap_or(f64::INFINITY));
         let curve = match coupling.law {
             Law::Constant { .. } => return None,
-            Law::Spring { stiffness, rest } => Curve::Spring(Spring { stiffness: f(stiffness), rest: f(rest), limit }),
+            Law::Spring { stiffness, rest } => {
+                LoopLaw::Spring(Spring { stiffness: f(stiffness), rest: f(rest), limit })
+            }
             Law::Damper { damping } => {
                 let damping = match damping {
                     Damping::Fixed(damping) => damping,
                     Damping::Compensating => compensating,
                 };
-                Curve::Damper(Damper { damping: f(damping), limit })
+                LoopLaw::Damper(Damper { damping: f(damping), limit })
             }
-            Law::Wall { side, at, stiffness, damping } => Curve::Wall(Wall {
+            Law::Wall { side, at, stiffness, damping } => LoopLaw::Wall(Wall {
                 direction: f(direction(side)),
                 at: f(at),
                 stiffness: f(stiffness),
@@ -62,20 +64,20 @@ impl<F: Real> Nonlinear<F> {
                 limit,
             }),
             Law::Detent { torque, pitch, phase } => {
-                Curve::Detent(Detent { torque: f(torque), pitch: f(pitch), phase: f(phase) })
+                LoopLaw::Detent(Detent { torque: f(torque), pitch: f(pitch), phase: f(phase) })
             }
             Law::DeadBand { stiffness, rest, width } => {
-                Curve::DeadBand(DeadBand { stiffness: f(stiffness), rest: f(rest), width: f(width), limit })
+                LoopLaw::DeadBand(DeadBand { stiffness: f(stiffness), rest: f(rest), width: f(width), limit })
             }
             Law::Magnet { torque, width, at } => {
-                Curve::Magnet(Magnet { torque: f(torque), width: f(width), at: f(at) })
+                LoopLaw::Magnet(Magnet { torque: f(torque), width: f(width), at: f(at) })
             }
             Law::Texture { torque, pitch, phase, ref waveform } => {
-                Curve::Texture(Texture::new(torque, pitch, phase, waveform))
+                LoopLaw::Texture(Texture::new(torque, pitch, phase, waveform))
             }
-            Law::Coulomb { torque } => Curve::Coulomb(Coulomb { torque: f(torque) }),
+            Law::Coulomb { torque } => LoopLaw::Coulomb(Coulomb { torque: f(torque) }),
             Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
-                Curve::Lugre(Lugre {
+                LoopLaw::Lugre(Lugre {
                     coulomb: f(coulomb),
                     stribeck: f(stribeck),
                     stribeck_velocity: f(stribeck_velocity),
@@ -96,15 +98,15 @@ impl<F: Real> Nonlinear<F> {
     /// Whether the law alone does not say its torque: Coulomb friction at a body, whose torque a discrete-gradient step finds.
     pub fn is_found(&self) -> bool {
         let is_found = match self.curve {
-            Curve::Coulomb(_) => true,
-            Curve::Wall(_)
-            | Curve::Spring(_)
-            | Curve::Damper(_)
-            | Curve::Detent(_)
-            | Curve::DeadBand(_)
-            | Curve::Magnet(_)
-            | Curve::Texture(_)
-            | Curve::Lugre(_) => false,
+            LoopLaw::Coulomb(_) => true,
+            LoopLaw::Wall(_)
+            | LoopLaw::Spring(_)
+            | LoopLaw::Damper(_)
+            | LoopLaw::Detent(_)
+            | LoopLaw::DeadBand(_)
+            | LoopLaw::Magnet(_)
+            | LoopLaw::Texture(_)
+            | LoopLaw::Lugre(_) => false,
         };
         is_found && self.at_body()
     }
@@ -133,15 +135,15 @@ impl<F: Real> Nonlinear<F> {
     #[inline]
     pub fn bend(&self, bristle: F, q: Relative<F>, t: F) -> F {
         match self.curve {
-            Curve::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
-            Curve::Wall(_)
-            | Curve::Spring(_)
-            | Curve::Damper(_)
-            | Curve::Detent(_)
-            | Curve::DeadBand(_)
-            | Curve::Magnet(_)
-            | Curve::Texture(_)
-            | Curve::Coulomb(_) => bristle,
+            LoopLaw::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
+            LoopLaw::Wall(_)
+            | LoopLaw::Spring(_)
+            | LoopLaw::Damper(_)
+            | LoopLaw::Detent(_)
+            | LoopLaw::DeadBand(_)
+            | LoopLaw::Magnet(_)
+            | LoopLaw::Texture(_)
+            | LoopLaw::Coulomb(_) => bristle,
         }
     }
 
@@ -149,31 +151,31 @@ impl<F: Real> Nonlinear<F> {
     #[inline]
     pub fn torque(&self, q: Relative<F>, bristle: F) -> F {
         match &self.curve {
-            Curve::Wall(wall) => wall.torque(q.position, q.velocity),
-            Curve::Spring(spring) => spring.torque(q.position),
-            Curve::Damper(damper) => damper.torque(q.velocity),
-            Curve::Detent(detent) => detent.torque(q.position),
-            Curve::DeadBand(band) => band.torque(q.position),
-            Curve::Magnet(magnet) => magnet.torque(q.position),
-            Curve::Texture(texture) => texture.torque(q.position),
-            Curve::Coulomb(coulomb) => coulomb.torque(q.velocity),
-            Curve::Lugre(lugre) => lugre.torque(bristle, q.velocity),
+            LoopLaw::Wall(wall) => wall.torque(q.position, q.velocity),
+            LoopLaw::Spring(spring) => spring.torque(q.position),
+            LoopLaw::Damper(damper) => damper.torque(q.velocity),
+            LoopLaw::Detent(detent) => detent.torque(q.position),
+            LoopLaw::DeadBand(band) => band.torque(q.position),
+            LoopLaw::Magnet(magnet) => magnet.torque(q.position),
+            LoopLaw::Texture(texture) => texture.torque(q.position),
+            LoopLaw::Coulomb(coulomb) => coulomb.torque(q.velocity),
+            LoopLaw::Lugre(lugre) => lugre.torque(bristle, q.velocity),
         }
     }
 
     /// The torque on the first end, held over the step of 1/`rate` seconds.
     pub fn solve(&self, response: &StepResponse<F>, rate: F) -> Solution<F> {
         match &self.curve {
-            Curve::Wall(wall) => wall.solve(response, rate),
-            Curve::Spring(spring) => spring.solve(response),
-            Curve::Damper(damper) => damper.solve(response, rate),
-            Curve::Detent(detent) => detent.solve(response),
-            Curve::DeadBand(band) => band.solve(response),
-            Curve::Magnet(magnet) => magnet.solve(response),
-            Curve::Texture(texture) => texture.solve(response),
-            Curve::Coulomb(coulomb) => coulomb.solve(response),
+            LoopLaw::Wall(wall) => wall.solve(response, rate),
+            LoopLaw::Spring(spring) => spring.solve(response),
+            LoopLaw::Damper(damper) => damper.solve(response, rate),
+            LoopLaw::Detent(detent) => detent.solve(response),
+            LoopLaw::DeadBand(band) => band.solve(response),
+            LoopLaw::Magnet(magnet) => magnet.solve(response),
+            LoopLaw::Texture(texture) => texture.solve(response),
+            LoopLaw::Coulomb(coulomb) => coulomb.solve(response),
             // Refused at bodies when the loop was compiled.
-            Curve::Lugre(_) => Solution::fixed(F::ZERO),
+            LoopLaw::Lugre(_) => Solution::fixed(F::ZERO),
         }
     }
 
@@ -181,28 +183,28 @@ impl<F: Real> Nonlinear<F> {
     #[inline]
     pub fn is_clear(&self, start: F, distance: F) -> bool {
         match &self.curve {
-            Curve::Wall(wall) => wall.is_clear(start, distance),
-            Curve::Spring(_)
-            | Curve::Damper(_)
-            | Curve::Detent(_)
-            | Curve::DeadBand(_)
-            | Curve::Magnet(_)
-            | Curve::Texture(_)
-            | Curve::Coulomb(_)
-            | Curve::Lugre(_) => false,
+            LoopLaw::Wall(wall) => wall.is_clear(start, distance),
+            LoopLaw::Spring(_)
+            | LoopLaw::Damper(_)
+            | LoopLaw::Detent(_)
+            | LoopLaw::DeadBand(_)
+            | LoopLaw::Magnet(_)
+            | LoopLaw::Texture(_)
+            | LoopLaw::Coulomb(_)
+            | LoopLaw::Lugre(_) => false,
         }
     }
 
     /// (V(q + distance) - V(q))/distance of what the coupling stores, its limit at 0; 0 for what only takes.
     pub fn stored_slope(&self, start: F, distance: F) -> F {
         match &self.curve {
-            Curve::Wall(wall) => wall.stored_slope(start, distance),
-            Curve::Spring(spring) => spring.stored_slope(start, distance),
-            Curve::Detent(detent) => detent.stored_slope(start, distance),
-            Curve::DeadBand(band) => band.stored_slope(start, distance),
-            Curve::Magnet(magnet) => magnet.stored_slope(start, distance),
-            Curve::Texture(texture) => texture.stored_slope(start, distance),
-            Curve::Damper(_) | Curve::Coulomb(_) | Curve::Lugre(_) => F::ZERO,
+            LoopLaw::Wall(wall) => wall.stored_slope(start, distance),
+            LoopLaw::Spring(spring) => spring.stored_slope(start, distance),
+            LoopLaw::Detent(detent) => detent.stored_slope(start, distance),
+            LoopLaw::DeadBand(band) => band.stored_slope(start, distance),
+            LoopLaw::Magnet(magnet) => magnet.stored_slope(start, distance),
+            LoopLaw::Texture(texture) => texture.stored_slope(start, distance),
+            LoopLaw::Damper(_) | LoopLaw::Coulomb(_) | LoopLaw::Lugre(_) => F::ZERO,
         }
     }
 }

@@ -99,7 +99,7 @@ impl Drive for Odrive {
         )];
         notes.push(if most.is_finite() {
             format!(
-                "{name}: CANSimple cannot set its largest torque; hapt requests_position for {most:.3} N m at most, and the drive allows what is stored in \
+                "{name}: CANSimple cannot set its largest torque; hapt commands {most:.3} N m at most, and the drive allows what is stored in \
                  it: set axis0.config.torque_soft_max, before 0.6 axis0.motor.config.torque_lim, to that in odrivetool"
             )
         } else {

@@ -26,7 +26,7 @@ const PATIENCE: Duration = Duration::from_millis(20);
 
 /// The firmware of a simulated drive: its protocol, its state, its watchdog.
 pub trait Firmware: Send {
-    /// Whether the frame requests_position this drive for its position, which ends a period of lockstep.
+    /// Whether the frame requests the position of this drive, which ends a period of lockstep.
     fn requests_position(&self, frame: &Frame) -> bool;
 
     /// Receives a frame of the bus, for this drive or another; answers go to `send`.

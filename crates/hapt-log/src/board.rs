@@ -1,7 +1,7 @@
-//! The log of a board, replayed: its loop is one of f32 in a small room, and what it was told is what its phases show.
+//! Replay of a board's log: its loop is one of f32 and small capacity, and its inputs follow from its phases.
 //!
-//! Telemetry does not say what the board's supervisor was told at a sample, or how late the sample was: [`told`] says it from the phases on
-//! either side. A disarmed world stands at its start, so that the replay can begin wherever it was armed.
+//! Telemetry contains neither the requests to the board's supervisor nor the lateness of a sample: [`inputs`] infers them from the
+//! phases before and after. A disarmed world stays at its start, so that the replay can begin at every arming.
 
 use std::io::Read;
 
@@ -12,25 +12,25 @@ use crate::log::{Log, LoggedPlan};
 use crate::replay::{Replay, world_error};
 use crate::schema::{COMMAND, LIVE_COLUMNS, TORQUE};
 
-/// The board's room: bodies, couplings, remembered counts (docs/wire.md).
+/// The capacity of a board: bodies, couplings, stored counts (docs/wire.md).
 const B: usize = 4;
 const C: usize = 8;
 const W: usize = 17;
 
-/// How a log's device begins that is a board.
+/// The prefix of a board's device name.
 const BOARD: &str = "hapt:";
 
-/// Later, and longer silent, than any limit.
+/// A lateness, and a time since the last heartbeat, beyond every limit.
 const TOO_LATE: f64 = f32::MAX as f64;
 
-/// What a board's supervisor must have been told at a sample: its request, how late it was, and how long nobody had been heard, in s; from
-/// the phase before it and from the phase and reason after it.
-pub fn told(before: Phase, after: Phase, reason: Option<Reason>) -> (Option<Request>, f64, f64) {
+/// The inputs of a board's supervisor at a sample: the request, the lateness, and the time since the last heartbeat, in s; from the phase
+/// before it and from the phase and reason after it.
+pub fn inputs(before: Phase, after: Phase, reason: Option<Reason>) -> (Option<Request>, f64, f64) {
     use Phase::{Disarmed, FadingIn, FadingOut, Faulted, Running};
     let lost = reason == Some(Reason::Link);
     let request = match (before, after) {
         (_, Faulted) if reason == Some(Reason::Stop) && before != Faulted => Some(Request::Stop),
-        // It was not armed: its motor's driver has a fault.
+        // Arming failed: its motor's driver has a fault.
         (Disarmed, Faulted) if reason == Some(Reason::Driver) => None,
         (Disarmed, FadingIn | Running | Faulted) | (FadingOut, FadingIn | Running) => Some(Request::Arm),
         (FadingIn | Running, FadingOut | Disarmed) if !lost => Some(Request::Disarm),
@@ -48,9 +48,9 @@ pub(crate) fn is_boards<R>(log: &Log<R>) -> bool {
     log.header.device.starts_with(BOARD)
 }
 
-/// A board's loop at work.
+/// A running loop of a board.
 struct Running {
-    /// Its plan's number.
+    /// The number of its plan.
     plan: u32,
     controller: Controller<f32, B, C, W>,
     state: ControllerState<f32, B, C, W>,
@@ -64,7 +64,7 @@ impl Running {
     }
 }
 
-/// Replays it from every sample on at which it was armed, as far as samples follow one another.
+/// Replays it from every arming on, as long as samples are consecutive.
 pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
     let profile = log.header.profile;
     let mut running: Option<Box<Running>> = None;
@@ -78,7 +78,7 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
             running = None;
         }
         next = Some(inputs.sample + 1);
-        // A board takes another world only while it is disarmed.
+        // A board changes its world only while it is disarmed.
         running = running.filter(|running| running.plan == sample.plan.number);
         if running.is_none() && inputs.request == Some(Request::Arm) {
             running = Some(Running::start(sample.plan, profile)?);
@@ -96,7 +96,7 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
             silent: silent as f32,
         };
         let Running { controller, state, .. } = &mut **running;
-        // What the board's own driver has reported is in no reading.
+        // A fault of the board's driver is not part of a reading.
         if state.supervisor.phase != Phase::Faulted && inputs.reason == u64::from(Reason::Driver.code()) {
             state.trip(Reason::Driver);
         }
@@ -105,7 +105,7 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
         let torques = [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];
         result.compare(&sample, inputs.sample, &torques.map(|(place, torque)| (place, f64::from(torque))));
     }
-    // Not even two samples in a row: the board was asked for every so many.
+    // No two consecutive samples: telemetry was set to every nth one.
     if result.gaps > 0 && result.compared <= result.gaps {
         return Err(Error::NoReplay(
             "a board's log can be replayed only where every sample is in it, and this one skips some between each two: record it over a \
@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn what_a_board_was_told_follows_from_its_phases() {
         use Phase::{Disarmed, FadingIn, FadingOut, Faulted, Running};
-        let asked = |before, after, reason| told(before, after, reason).0;
+        let asked = |before, after, reason| inputs(before, after, reason).0;
         assert_eq!(asked(Disarmed, FadingIn, None), Some(Request::Arm));
         assert_eq!(asked(Disarmed, Faulted, Some(Reason::Jump)), Some(Request::Arm));
         assert_eq!(asked(Disarmed, Faulted, Some(Reason::Driver)), None);
@@ -135,11 +135,11 @@ mod tests {
         for (before, after, reason) in
             [(FadingIn, Running, None), (FadingOut, Disarmed, None), (Running, Faulted, Some(Reason::Slew))]
         {
-            assert_eq!(told(before, after, reason), (None, 0.0, 0.0));
+            assert_eq!(inputs(before, after, reason), (None, 0.0, 0.0));
         }
-        // Nobody asked for a torque that a lost link or a late sample took away.
-        assert_eq!(told(Running, FadingOut, Some(Reason::Link)), (None, 0.0, TOO_LATE));
-        assert_eq!(told(Running, Faulted, Some(Reason::Link)), (None, 0.0, TOO_LATE));
-        assert_eq!(told(Running, Faulted, Some(Reason::Late)), (None, TOO_LATE, 0.0));
+        // No request: a lost link or a late sample removed the torque.
+        assert_eq!(inputs(Running, FadingOut, Some(Reason::Link)), (None, 0.0, TOO_LATE));
+        assert_eq!(inputs(Running, Faulted, Some(Reason::Link)), (None, 0.0, TOO_LATE));
+        assert_eq!(inputs(Running, Faulted, Some(Reason::Late)), (None, TOO_LATE, 0.0));
     }
 }

@@ -1,11 +1,11 @@
-//! A file that is complete at every moment: behind what was flushed last stands the end of an MCAP file, which the next flush replaces.
+//! A file that is complete at every moment: the end of an MCAP file follows the last flush, and the next flush replaces it.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 
 use crate::container::{DATA_END, FOOTER, MAGIC};
 
-/// The end of a file without an index: DataEnd without a checksum, a Footer that names no summary, and the magic bytes. Readers that begin at
+/// The end of a file without an index: DataEnd without a checksum, a Footer without a summary, and the magic bytes. Readers that start at
 /// the end then read from the beginning.
 fn end() -> Vec<u8> {
     let mut end = Vec::new();
@@ -18,17 +18,17 @@ fn end() -> Vec<u8> {
     end
 }
 
-/// Writes whole flushes, each in one call of the system's together with the end behind it.
+/// Writes each flush together with the end of the file in one system call.
 pub(crate) struct Complete {
     file: File,
-    /// Since the last flush.
+    /// Bytes since the last flush.
     waiting: Vec<u8>,
     /// Bytes of the file before its end.
     length: u64,
 }
 
 impl Complete {
-    /// On an empty file.
+    /// A writer on an empty file.
     pub fn new(file: File) -> Self {
         Complete { file, waiting: Vec::new(), length: 0 }
     }
@@ -45,7 +45,7 @@ impl Write for Complete {
         if added == 0 {
             return Ok(());
         }
-        // The writer's own end, with its index, is longer than ours and covers it.
+        // The final end with its index is longer and overwrites this one.
         if !self.waiting.ends_with(&MAGIC) {
             self.waiting.extend(end());
         }
@@ -55,7 +55,7 @@ impl Write for Complete {
         if written.is_ok() {
             self.length += added as u64;
         } else {
-            // A full disk: what was flushed before stays complete.
+            // A full disk: the file stays complete up to the last flush.
             self.file.set_len(self.length)?;
             self.file.seek(SeekFrom::Start(self.length))?;
             let _ = self.file.write_all(&end());

@@ -1,16 +1,15 @@
-//! MCAP read from the beginning, record by record, as far as it goes: <https://mcap.dev/spec>.
+//! Reads MCAP files from the beginning, record by record: <https://mcap.dev/spec>.
 //!
-//! A log may have been cut by a full disk or a killed process, and a file may be anything. The crate that writes logs panics on some
-//! bytes that are no record, so what comes from outside is read here, with every length looked at. A chunk counts when it is there
-//! whole and its checksum is right; what stands behind the first that is not is left alone. Of a chunk in which the file ends, the
-//! whole records count.
+//! A log may have been cut by a full disk or a killed process, and a file may contain any bytes. The crate that writes logs panics on
+//! some invalid records, so files are read here, with every length checked. A chunk is valid when it is complete and its checksum is
+//! right; everything after the first invalid one is ignored. Of a chunk in which the file ends, the complete records are valid.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, Read};
 use std::ops::Range;
 
-/// How every MCAP file begins and ends.
+/// The first and last bytes of every MCAP file.
 pub const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 
 /// Opcodes.
@@ -22,17 +21,17 @@ const METADATA: u8 = 0x0c;
 pub(crate) const FOOTER: u8 = 0x02;
 pub(crate) const DATA_END: u8 = 0x0f;
 
-/// No record of a log is longer, by far: its chunks have a quarter of a MiB.
+/// The longest accepted record, far beyond those of a log: its chunks have a quarter of a MiB.
 const LONGEST: u64 = 1 << 26;
 
-/// Where a log ends.
+/// The end of a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// Where its writer ended it.
+    /// It is complete.
     Whole,
-    /// It was cut off behind this many bytes.
+    /// It was cut off after this many bytes.
     Cut(u64),
-    /// Behind this many bytes something is wrong.
+    /// It is damaged after this many bytes.
     Damaged(u64, String),
 }
 
@@ -46,7 +45,7 @@ impl fmt::Display for Ending {
     }
 }
 
-/// A record that matters here.
+/// A record that is used here.
 #[derive(Debug)]
 pub(crate) enum Item {
     Channel(Channel),
@@ -55,7 +54,7 @@ pub(crate) enum Item {
     Metadata { name: String, values: BTreeMap<String, String> },
 }
 
-/// Of what the messages are.
+/// A channel of messages.
 #[derive(Debug)]
 pub(crate) struct Channel {
     pub id: u16,
@@ -64,7 +63,7 @@ pub(crate) struct Channel {
     pub metadata: BTreeMap<String, String>,
 }
 
-/// One of them; its data are in [`Container::data`].
+/// A message; its data are in [`Container::data`].
 #[derive(Clone, Debug)]
 pub(crate) struct Message {
     pub channel: u16,
@@ -72,17 +71,17 @@ pub(crate) struct Message {
     pub data: Range<usize>,
 }
 
-/// A file's records, one after the other.
+/// A reader of a file's records.
 pub(crate) struct Container<R> {
     from: R,
     /// Bytes read.
     read: u64,
-    /// Bytes up to the end of the last good record of the file.
+    /// Bytes up to the end of the last valid record of the file.
     good: u64,
     checksum: crc32fast::Hasher,
-    /// The record at hand.
+    /// The present record.
     body: Vec<u8>,
-    /// What is left of it, where it is a chunk.
+    /// The unread part of it, where it is a chunk.
     chunk: Range<usize>,
     /// The file ends in it.
     cut: bool,
@@ -90,7 +89,7 @@ pub(crate) struct Container<R> {
 }
 
 impl<R: Read> Container<R> {
-    /// The first bytes. `None` where they are not MCAP's.
+    /// Reads the first bytes. `None` where they are not those of MCAP.
     pub fn new(from: R) -> io::Result<Option<Self>> {
         let mut container = Container {
             from,
@@ -111,17 +110,17 @@ impl<R: Read> Container<R> {
         Ok(Some(container))
     }
 
-    /// Where and how the file ended, once it has.
+    /// The end of the file, once it is reached.
     pub fn ending(&self) -> Option<&Ending> {
         self.ending.as_ref()
     }
 
-    /// What a message holds, until the next is asked for.
+    /// The content of the last message.
     pub fn data(&self, message: &Message) -> &[u8] {
         self.body.get(message.data.clone()).unwrap_or_default()
     }
 
-    /// The next record that matters; `None` at the end, which is then known.
+    /// The next used record; `None` at the end of the file.
     pub fn next(&mut self) -> io::Result<Option<Item>> {
         while self.ending.is_none() {
             let (opcode, range) = if !self.chunk.is_empty() {
@@ -155,15 +154,15 @@ impl<R: Read> Container<R> {
         Ok(None)
     }
 
-    /// The file goes no further: this is wrong with it.
+    /// Ends the reading with this damage.
     pub fn damaged(&mut self, what: &str) {
         self.ending = Some(Ending::Damaged(self.good, what.into()));
     }
 
-    /// Reads so many bytes, or what there is.
+    /// Reads this many bytes, or fewer at the end.
     fn fill(&mut self, length: u64) -> io::Result<bool> {
         self.body.clear();
-        // It takes no more memory than there are bytes, whatever the length says.
+        // It allocates no more memory than there are bytes, for any length field.
         let read = (&mut self.from).take(length).read_to_end(&mut self.body)? as u64;
         self.read += read;
         Ok(read == length)
@@ -202,7 +201,7 @@ impl<R: Read> Container<R> {
         Some((opcode, start..end))
     }
 
-    /// Goes into the chunk at hand.
+    /// Enters the present chunk.
     fn open_chunk(&mut self) {
         let mut head = Bytes(&self.body);
         let header = (|| {
@@ -211,7 +210,7 @@ impl<R: Read> Container<R> {
         })();
         let start = self.body.len() - head.0.len();
         match header {
-            // Without its end there is no size and no checksum to look at.
+            // Without its end neither size nor checksum can be checked.
             Some((_, compression, _)) if self.cut && compression.is_empty() => self.chunk = start..self.body.len(),
             None if self.cut => {}
             Some((checksum, compression, size)) if size == head.0.len() as u64 => {
@@ -229,7 +228,7 @@ impl<R: Read> Container<R> {
         }
     }
 
-    /// The end of the data: what stands behind it is an index. A recorder whose process was killed has left an end without one.
+    /// The end of the data: an index follows. The file of a killed recorder ends without one.
     fn end(&mut self) -> io::Result<()> {
         let wanted = Bytes(&self.body).u32().unwrap_or(0);
         if wanted != 0 && wanted != self.checksum.clone().finalize() {

@@ -1,7 +1,7 @@
-//! The schema of a log's messages: a Protocol Buffers `FileDescriptorSet`, made for the world at hand.
+//! The schema of a log's messages: a Protocol Buffers `FileDescriptorSet` for the world.
 //!
-//! A field's name is the column's with `_` for what Protocol Buffers allow in no name; its JSON name is the column's own. Units and
-//! words for people are the comments on the fields.
+//! A field's name is that of its column, with `_` for characters that Protocol Buffers do not allow; its JSON name is the column's own.
+//! Units and descriptions are comments on the fields.
 
 use std::collections::BTreeSet;
 
@@ -39,7 +39,7 @@ pub fn descriptor(columns: &[Column]) -> Vec<u8> {
         text(&mut field, 10, &column.name);
         bytes(&mut message, 2, &field);
 
-        // The comment on message 0's field, at a line of its own in a source that nobody has.
+        // The comment on a field of message 0, at a line of its own in a source without text.
         let mut location = Vec::new();
         counts(&mut location, 1, &[4, 0, 2, place]);
         counts(&mut location, 2, &[place, 0, 0]);
@@ -53,7 +53,7 @@ pub fn descriptor(columns: &[Column]) -> Vec<u8> {
         text(&mut enumeration, 1, choice.name);
         for (name, code) in choice.values {
             let mut value = Vec::new();
-            // The names of all of a message's codes share one room.
+            // The names of all codes of a message share one namespace.
             text(&mut value, 1, &format!("{}_{name}", choice.name).to_uppercase().replace('-', "_"));
             count(&mut value, 2, *code);
             bytes(&mut enumeration, 2, &value);

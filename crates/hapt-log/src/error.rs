@@ -1,28 +1,28 @@
-//! Why a log cannot be written or read.
+//! Errors of writing and reading logs.
 
 use std::io;
 
-/// What is wrong with a log.
+/// An error of a log.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The system would not write it.
+    /// It cannot be written.
     #[error("cannot write {path}: {error}")]
     Write {
         /// The file.
         path: String,
-        /// The system's, or the format's.
+        /// The error of the system or of the format.
         error: String,
     },
-    /// The system would not read it.
+    /// It cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[from] io::Error),
-    /// It is something else.
+    /// It is not a log of hapt.
     #[error("{0}")]
     Foreign(String),
-    /// The world that it carries is none, or cannot be compiled.
+    /// Its world is invalid, or cannot be compiled.
     #[error("the world in the log: {0}")]
     World(String),
-    /// Nothing in it can be replayed.
+    /// It contains nothing that can be replayed.
     #[error("{0}")]
     NoReplay(String),
 }

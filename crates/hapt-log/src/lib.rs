@@ -1,13 +1,13 @@
 //! Logs of haptic loops, as MCAP files that Foxglove and PlotJuggler open as they are.
 //!
 //! A log is one channel, `/hapt/sample`, with one message a sample: a Protocol Buffers message whose fields are the columns of the
-//! CSV files ([`columns`]), doubles with all of their bits. The world goes with it, and for a loop in real time everything that the
-//! loop was told, so that [`replay`] can run the same inputs through today's core and compare the torques bit by bit. A log that begins
-//! in the middle of a loop's life has the loop's state there.
+//! CSV files ([`columns`]), doubles with all of their bits. It includes the world, and for a loop in real time all inputs of the loop, so
+//! that [`replay`] can run them through the present core and compare the torques bit by bit. A log that begins in the middle of a
+//! session contains the loop's state there.
 //!
-//! * [`LogWriter`] writes runs of the simulation and records of the loop, in chunks that are whole or not there.
-//! * [`Recorder`] does that on a thread below the loop, which never waits for it.
-//! * [`Log`] reads a log back, up to wherever it was cut.
+//! * [`LogWriter`] writes runs of the simulation and records of the loop, in chunks that are complete or absent.
+//! * [`Recorder`] does that on a thread of lower priority, for which the loop never waits.
+//! * [`Log`] reads a log, up to its end or to the point where it was cut.
 //!
 //! ```
 //! use hapt_log::{Header, Log, LogWriter, Origin, replay};
@@ -58,7 +58,7 @@ mod state;
 mod wire;
 mod writer;
 
-pub use board::told;
+pub use board::inputs;
 pub use container::Ending;
 pub use descriptor::descriptor;
 pub use error::Error;

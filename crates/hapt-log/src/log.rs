@@ -1,4 +1,4 @@
-//! A log, read back.
+//! Reading a log.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -33,32 +33,32 @@ use crate::writer::{Header, Origin, TOPIC};
 pub struct Log<R> {
     /// The world, the device and the scenario of the samples.
     pub header: Header,
-    /// Whether they are of a simulation or of a loop in real time.
+    /// Whether the samples come from a simulation or from a loop in real time.
     pub origin: Origin,
     container: Container<R>,
-    /// By the channel's number.
+    /// The plans by their channel's number.
     plans: BTreeMap<u16, Arc<LoggedPlan>>,
     plan: Arc<LoggedPlan>,
-    /// Read with the header, not yet given.
+    /// The first message, read with the header.
     first: Option<Message>,
     values: Vec<f64>,
-    /// The last that stood before a sample.
+    /// The last snapshot before a sample.
     snapshot: Option<Snapshot>,
     done: Option<Ending>,
 }
 
-/// A world whose samples a log holds.
+/// A world with samples in a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoggedPlan {
-    /// As records count them.
+    /// Its number, as in records.
     pub number: u32,
-    /// Of a loop in real time.
+    /// Whether the samples are those of a loop in real time.
     pub live: bool,
-    /// Without its scenarios.
+    /// The world, without its scenarios.
     pub world: World,
-    /// Of its samples' values.
+    /// The columns of its samples.
     pub columns: Vec<Column>,
-    /// The column of each field, from field 1 on; none for a column that this version does not know.
+    /// The column of each field, from field 1 on; `None` for an unknown column.
     places: Vec<Option<usize>>,
 }
 
@@ -69,9 +69,9 @@ pub struct Sample<'a> {
     pub plan: &'a Arc<LoggedPlan>,
     /// In ns: since 1970 for a loop in real time, since the start for a run.
     pub log_time: u64,
-    /// Of all columns.
+    /// The values of all columns.
     pub values: &'a [f64],
-    /// The loop's state before it, where the log has one.
+    /// The loop's state before it, where the log contains one.
     pub snapshot: Option<&'a Snapshot>,
 }
 
@@ -80,9 +80,9 @@ pub struct Sample<'a> {
 pub struct Inputs {
     /// k.
     pub sample: u64,
-    /// Which plan took it, as records count them.
+    /// The number of its plan.
     pub plan: u32,
-    /// From the device and the clock.
+    /// The reading of the device and the clock.
     pub reading: Reading<f64>,
     /// The request of a user, if any.
     pub request: Option<Request>,
@@ -95,17 +95,17 @@ pub struct Inputs {
 }
 
 impl Log<BufReader<File>> {
-    /// Opens a log and reads what goes with its samples.
+    /// Opens a log and reads its header.
     ///
     /// # Errors
-    /// [`Error::Unreadable`], [`Error::Foreign`] for what is no log of hapt or was cut before its first sample, [`Error::World`].
+    /// [`Error::Unreadable`], [`Error::Foreign`] for a file that is not a log of hapt or was cut before its first sample, [`Error::World`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
         Log::read(BufReader::with_capacity(1 << 16, File::open(path)?))
     }
 }
 
 impl<R: Read> Log<R> {
-    /// The same from anywhere.
+    /// Reads a log from any reader.
     pub fn read(from: R) -> Result<Self, Error> {
         let foreign = |words: String| Err(Error::Foreign(words));
         let Some(mut container) = Container::new(from)? else {
@@ -135,7 +135,7 @@ impl<R: Read> Log<R> {
                 }
                 Item::Message(message) => {
                     let Some(plan) = plans.get(&message.channel).cloned() else { continue };
-                    // Other programs that write a log anew may put the metadata behind the samples: then they stay unknown.
+                    // A program that rewrites a log may put the metadata after the samples: then they stay unknown.
                     header.fill(&metadata.unwrap_or_default(), plan.number);
                     let origin = if plan.live { Origin::Live(message.log_time) } else { Origin::Run };
                     let (first, values) = (Some(message), Vec::new());
@@ -163,17 +163,17 @@ impl<R: Read> Log<R> {
         &self.plan
     }
 
-    /// Whether the samples are a real-time loop's.
+    /// Whether the samples are those of a loop in real time.
     pub fn is_live(&self) -> bool {
         self.origin != Origin::Run
     }
 
-    /// Where the log ended, once [`Log::next`] has said so.
+    /// The end of the log, once [`Log::next`] has returned `None`.
     pub fn ending(&self) -> &Ending {
         self.done.as_ref().unwrap_or(&Ending::Whole)
     }
 
-    /// The next sample; `None` at the end of what can be read. A plan that changes between the samples changes with them.
+    /// The next sample; `None` at the end of the readable part. The plan follows the samples.
     ///
     /// # Errors
     /// [`Error::Unreadable`] and, for another world, [`Error::World`].
@@ -229,7 +229,7 @@ impl Header {
 }
 
 impl LoggedPlan {
-    /// What a channel holds; `None` for one that is not ours.
+    /// The plan of a channel; `None` for one of another program.
     fn new(channel: &Channel) -> Result<Option<Self>, Error> {
         if channel.topic != TOPIC || channel.encoding != "protobuf" {
             return Ok(None);
@@ -275,7 +275,7 @@ impl LoggedPlan {
 }
 
 impl Sample<'_> {
-    /// The sample as a row of a run; what no log holds stays as it is.
+    /// Writes the sample into a row of a run; fields that a log lacks stay unchanged.
     pub fn fill(&self, row: &mut Row) {
         let at = |place: usize| self.values.get(place).copied().unwrap_or(0.0);
         row.time = at(0);
@@ -287,7 +287,7 @@ impl Sample<'_> {
         row.bodies.extend((0..bodies).map(|body| (at(SIGNALS.len() + 2 * body), at(SIGNALS.len() + 2 * body + 1))));
     }
 
-    /// What a loop in real time was told; `None` in the log of a run.
+    /// The inputs of a loop in real time; `None` in the log of a run.
     pub fn inputs(&self) -> Option<Inputs> {
         let live = self.values.last_chunk::<LIVE_COLUMNS>();
         let live = live.filter(|_| self.values.len() > SIGNALS.len() + 2 * self.plan.world.bodies.len())?;

@@ -1,4 +1,4 @@
-//! The recorder: a thread below the loop that writes down what the loop did.
+//! The recorder: a thread of lower priority that writes the log of a loop.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -18,11 +18,11 @@ use crate::Error;
 use crate::complete::Complete;
 use crate::writer::{Header, LogWriter, Origin};
 
-/// Records that may wait for the disk: 16 s of a loop at 1 kHz, some 12 MB.
+/// The queue's capacity in records: 16 s of a loop at 1 kHz, some 12 MB.
 const WAITING: usize = 1 << 14;
-/// What is not written by then is, however little it is.
+/// The longest time between flushes.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// So many samples in a row without a loss, and a gap is over.
+/// The number of consecutive samples without a loss that ends a gap.
 const CALM: u32 = 256;
 
 /// Writes the log of a running loop, on a thread of its own. Sending a record never waits: a record without room in the queue is lost, and
@@ -46,39 +46,39 @@ pub struct Recorder {
     queue: Option<SyncSender<Entry>>,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
-    /// The sample after the last that was sent.
+    /// The sample after the last one sent.
     next: Cell<Option<u64>>,
-    /// Samples sent since the last gap, where no snapshot has come behind it; else `None`.
+    /// Samples sent since the last gap, while no snapshot has followed it; else `None`.
     since_gap: Cell<Option<u32>>,
 }
 
-/// What waits to be written.
-#[allow(clippy::large_enum_variant)] // Nearly all are records: a box for each would be an allocation a sample.
+/// An entry of the queue.
+#[allow(clippy::large_enum_variant)] // Nearly all are records: a box for each would be an allocation per sample.
 enum Entry {
     Record(Record),
     /// Before the record of its sample.
     Snapshot(Box<Snapshot>),
 }
 
-/// How a recorder is doing.
+/// The state of a recorder.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecorderState {
-    /// Samples that the system has taken: whatever happens to this process, they stay.
+    /// Samples written to the system: they survive a crash of this process.
     pub written: u64,
-    /// Samples that are in no file.
+    /// Lost samples.
     pub lost: u64,
-    /// Why nothing is written any more.
+    /// The error that ended the writing.
     pub error: Option<String>,
 }
 
-/// A log that has been finished.
+/// A finished log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Summary {
     /// The file.
     pub path: PathBuf,
-    /// Its samples.
+    /// The number of its samples.
     pub written: u64,
-    /// Those that are not in it.
+    /// The number of lost samples.
     pub lost: u64,
 }
 
@@ -87,7 +87,7 @@ struct Shared {
     written: AtomicU64,
     lost: AtomicU64,
     error: Mutex<Option<String>>,
-    /// Worlds whose samples are to come.
+    /// Worlds of later samples.
     plans: Mutex<BTreeMap<u32, World>>,
 }
 
@@ -99,20 +99,20 @@ impl Recorder {
     /// Starts a log of `world`, the plan of number [`Header::plan`], in a new file at `path`.
     ///
     /// # Errors
-    /// [`Error::Write`] for a file that cannot be made or takes nothing.
+    /// [`Error::Write`] for a file that cannot be created or written.
     pub fn start(path: impl AsRef<Path>, world: &World, header: Header) -> Result<Self, Error> {
         let path = path.as_ref();
         let failed = |error: io::Error| Error::Write { path: path.display().to_string(), error: error.to_string() };
         Recorder::start_in(File::create(path).map_err(failed)?, path, world, header)
     }
 
-    /// The same in a file that is open, and empty; `path` is what it is called. At every moment between two writes it ends as an MCAP file
-    /// does, so that any reader reads it, whatever becomes of this process.
+    /// Starts a log in an open, empty file of the name `path`. Between any two writes it ends as a complete MCAP file, so that it stays
+    /// readable after a crash of this process.
     ///
     /// # Errors
-    /// [`Error::Write`] for a file that takes nothing.
+    /// [`Error::Write`] for a file that cannot be written.
     pub fn start_in(file: File, path: impl AsRef<Path>, world: &World, header: Header) -> Result<Self, Error> {
-        // Only what is on a disk can be gone back in.
+        // Only regular files can seek.
         if file.metadata().is_ok_and(|there| there.is_file()) {
             Recorder::start_on(Complete::new(file), path, world, header)
         } else {
@@ -120,7 +120,7 @@ impl Recorder {
         }
     }
 
-    /// The same on anything that takes bytes; `path` is what it is called.
+    /// Starts a log on any writer; `path` is its name in messages.
     pub fn start_on<W: Write + Send + 'static>(
         out: W,
         path: impl AsRef<Path>,
@@ -133,14 +133,14 @@ impl Recorder {
         let (queue, records) = sync_channel(WAITING);
         let shared = Arc::new(Shared::default());
         let mut writer = LogWriter::new(out, world, &header, Origin::Live(epoch)).map_err(failed)?;
-        // What cannot be written at all is known before the first sample.
+        // An output that cannot be written fails before the first sample.
         writer.flush().map_err(failed)?;
         let (to, name) = (Arc::clone(&shared), path.display().to_string());
         let thread = std::thread::Builder::new().name("recorder".into()).spawn(move || {
             stand_back();
             if let Err(error) = write(writer, &records, &to) {
                 *lock(&to.error) = Some(format!("cannot write {name}: {error}"));
-                // Nobody waits for room that nothing will make.
+                // Unblocks senders after an error.
                 while let Ok(entry) = records.recv() {
                     to.lost.fetch_add(u64::from(matches!(entry, Entry::Record(_))), Ordering::Relaxed);
                 }
@@ -151,12 +151,12 @@ impl Recorder {
         Ok(Recorder { queue: Some(queue), shared, thread, path, next, since_gap })
     }
 
-    /// Says whose samples those of plan `number` are; before the first of them is sent.
+    /// Announces the world of plan `number`, before its first sample is sent.
     pub fn plan(&self, number: u32, world: &World) {
         lock(&self.shared.plans).insert(number, world.clone());
     }
 
-    /// Takes a record; false where there is no room, or no file any more. Never waits for the disk.
+    /// Queues a record; false where the queue is full, or the writing has ended. Never waits for the disk.
     pub fn send(&self, record: &Record) -> bool {
         let sent = self.push(Entry::Record(*record));
         if !sent {
@@ -172,7 +172,7 @@ impl Recorder {
         sent && lock(&self.shared.error).is_none()
     }
 
-    /// Takes a snapshot, before the record of its sample is sent: a replay can begin there. Never waits for the disk.
+    /// Queues a snapshot, before the record of its sample: a replay can begin there. Never waits for the disk.
     pub fn send_snapshot(&self, snapshot: Box<Snapshot>) -> bool {
         let sent = self.push(Entry::Snapshot(snapshot));
         if sent {
@@ -181,8 +181,8 @@ impl Recorder {
         sent
     }
 
-    /// Takes a record that has just left `engine`, and the snapshots that have. Behind a gap it orders one, once samples come through
-    /// again: a replay goes on from there.
+    /// Queues a record of `engine`, and its snapshots. After a gap it requests a snapshot, once samples are consecutive again: a replay
+    /// continues from there.
     pub fn follow(&self, engine: &mut Engine, record: &Record) {
         while let Ok(snapshot) = engine.snapshots.pop() {
             self.send_snapshot(snapshot);
@@ -197,7 +197,7 @@ impl Recorder {
         self.queue.as_ref().is_some_and(|queue| queue.try_send(entry).is_ok())
     }
 
-    /// How it is doing.
+    /// Its state.
     pub fn state(&self) -> RecorderState {
         RecorderState {
             written: self.shared.written.load(Ordering::Relaxed),
@@ -206,10 +206,10 @@ impl Recorder {
         }
     }
 
-    /// Writes what waits, and the end of the log.
+    /// Writes the queue and the end of the log.
     ///
     /// # Errors
-    /// [`Error::Write`]: what was written before stays, and can be read.
+    /// [`Error::Write`]: earlier samples stay readable.
     pub fn finish(mut self) -> Result<Summary, Error> {
         self.join();
         let RecorderState { written, lost, error } = self.state();
@@ -228,7 +228,7 @@ impl Recorder {
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
         {
-            lock(&self.shared.error).get_or_insert_with(|| "the recorder has ended early".into());
+            lock(&self.shared.error).get_or_insert_with(|| "the recorder's thread has ended early".into());
         }
     }
 }
@@ -239,10 +239,10 @@ impl Drop for Recorder {
     }
 }
 
-/// Writes what comes, until nobody sends any more.
+/// Writes the queue until all senders are gone.
 fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: &Shared) -> io::Result<()> {
     let mut waiting = 0;
-    // By their samples, whose records are still to come.
+    // Snapshots by their samples, whose records follow.
     let mut snapshots = BTreeMap::new();
     let mut due = Instant::now() + PATIENCE;
     let end = loop {
@@ -254,7 +254,7 @@ fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: 
             Ok(Entry::Record(record)) => Ok(record),
             Err(error) => Err(error),
         };
-        // Those of a plan before are still on their way when a log begins just after a change.
+        // Records of the previous plan may still arrive when a log begins just after a change.
         if let Ok(record) = &next
             && record.plan >= writer.plan()
         {
@@ -269,7 +269,7 @@ fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: 
                 }
             }
             waiting += 1;
-            // Those of samples before it were lost with them.
+            // Snapshots of earlier samples were lost with their records.
             snapshots.retain(|sample, _| *sample >= record.sample);
             let snapshot = snapshots.remove(&record.sample);
             if let Err(error) = writer.write_record(record, snapshot.as_deref()) {
@@ -296,11 +296,11 @@ fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: 
     end
 }
 
-/// The recorder runs when nobody else wants to.
+/// Gives the recorder the lowest priority.
 fn stand_back() {
     #[cfg(target_os = "linux")]
     {
-        // Whoever may not step back stays where everybody is.
+        // Without the permission it keeps the normal priority.
         let _ = rustix::process::setpriority_process(Some(rustix::thread::gettid()), 10);
     }
 }

@@ -1,4 +1,4 @@
-//! The recorded inputs through today's core: are the torques the same bits?
+//! Replay: runs the recorded inputs through the present core and compares the bits of the torques.
 
 use std::io::Read;
 use std::sync::Arc;
@@ -11,43 +11,43 @@ use crate::log::{Inputs, Log, LoggedPlan, Sample};
 use crate::schema::{COMMAND, LIVE_COLUMNS, TORQUE};
 use crate::{Error, board};
 
-/// What came of a replay.
+/// The result of a replay.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Replay {
-    /// Samples that were run again and compared.
+    /// Samples that were repeated and compared.
     pub compared: u64,
-    /// How many of them differ in a bit.
+    /// The number of them that differ in a bit.
     pub different: u64,
-    /// The first that does.
+    /// The first difference.
     pub first: Option<Difference>,
-    /// Samples that could not be run again: the log does not say in what state the loop was.
+    /// Samples that could not be repeated, as the log lacks the loop's state.
     pub skipped: u64,
-    /// Stretches of samples that were lost while recording.
+    /// Gaps: sequences of samples that were lost while recording.
     pub gaps: u64,
 }
 
-/// Two torques that should be one.
+/// Two torques that should be equal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     /// Its sample, from 0.
     pub sample: u64,
     /// Its time in s.
     pub time: f64,
-    /// The column in which they stand.
+    /// Their column.
     pub column: String,
-    /// What the log has.
+    /// The torque in the log.
     pub logged: f64,
-    /// What today's core gives.
+    /// The torque of the present core.
     pub replayed: f64,
 }
 
-/// Runs a log's inputs through today's core, from its first sample to its last.
+/// Runs a log's inputs through the present core, from its first sample to its last.
 ///
 /// A run begins in the world's state at the start. The state of a loop in real time is known at its sample 0, and where the log has a
-/// snapshot of it: samples before the first of these are skipped, and so are those behind a gap.
+/// snapshot of it: samples before the first of these are skipped, and so are those after a gap.
 ///
 /// # Errors
-/// Those of reading, [`Error::World`] for a world that today's core does not take, and [`Error::NoReplay`] where no sample could be
+/// Those of reading, [`Error::World`] for a world that the present core refuses, and [`Error::NoReplay`] where no sample could be
 /// compared.
 pub fn replay<R: Read>(log: &mut Log<R>) -> Result<Replay, Error> {
     let mut result = Replay::default();
@@ -106,10 +106,10 @@ fn run<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
     Ok(())
 }
 
-/// A plan at work.
+/// A running plan.
 struct Running {
     logged: Arc<LoggedPlan>,
-    /// A plan is large for a stack.
+    /// Boxed, as a plan is large for a stack.
     plan: Box<Plan>,
     state: PlanState,
 }
@@ -121,7 +121,7 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
     let mut before: Option<Inputs> = None;
     while let Some(sample) = log.next()? {
         let Some(inputs) = sample.inputs() else { continue };
-        // A reading may count as missed where its sample was taken: the device had nothing new to say.
+        // A reading may count as missed although its sample was taken: the device had no new one.
         let next = |before: &Inputs| before.sample + 1..=before.sample + 1 + u64::from(inputs.reading.missed);
         let follows = before.as_ref().is_some_and(|before| next(before).contains(&inputs.sample));
         if before.is_some() && !follows {
@@ -131,7 +131,7 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
         if running.is_none() && (sample.snapshot.is_some() || inputs.sample == 0) {
             running = Some(Box::new(Running::start(sample.plan, profile, sample.snapshot)?));
         }
-        // The first column behind the run's.
+        // The first column after those of a run.
         let output = sample.values.len() - LIVE_COLUMNS;
         before = Some(inputs);
         match &mut running {
@@ -150,14 +150,14 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
 }
 
 impl Running {
-    /// From a snapshot on, or else from the world's start, disarmed.
+    /// Starts from a snapshot, or else from the world's start, disarmed.
     fn start(logged: &Arc<LoggedPlan>, profile: SafetyProfile, from: Option<&Snapshot>) -> Result<Self, Error> {
         let plan = Plan::new(&logged.world, profile).map(Box::new).map_err(world_error)?;
         let state = from.map_or_else(|| plan.start(), |from| from.state);
         Ok(Running { logged: Arc::clone(logged), plan, state })
     }
 
-    /// Goes on in the world of `logged`, as the loop did.
+    /// Changes to the world of `logged`, as the loop did.
     fn change(&mut self, logged: &Arc<LoggedPlan>) -> Result<(), Error> {
         if !Arc::ptr_eq(&self.logged, logged) {
             let plan = Plan::following(&logged.world, &self.plan).map(Box::new).map_err(world_error)?;

@@ -1,4 +1,4 @@
-//! What a sample holds: the columns of every run, and behind them those of the loop in real time.
+//! The columns of a sample: those of every run, and after them those of the loop in real time.
 
 use hapt_core::{Phase, Reason, Request};
 use hapt_model::World;
@@ -10,15 +10,15 @@ use hapt_sim::{Row, SIGNALS, Signal};
 pub struct Column {
     /// As in the CSV's header.
     pub name: String,
-    /// As people write it; empty for what is counted or named.
+    /// The unit as written in text; empty for counts and names.
     pub unit: &'static str,
     /// One line for people.
     pub doc: &'static str,
-    /// How it is written.
+    /// Its encoding.
     pub kind: Kind,
 }
 
-/// How a column is written. In memory each is a double, which holds whole numbers up to 2⁵³.
+/// The encoding of a column. In memory each is a double, which holds whole numbers up to 2⁵³.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// A double with all of its bits.
@@ -32,9 +32,9 @@ pub enum Kind {
 /// The names of a column's codes.
 #[derive(Debug, PartialEq)]
 pub struct Choice {
-    /// As a type: `Phase`.
+    /// The name of the type: `Phase`.
     pub name: &'static str,
-    /// Each with its code; 0 is among them.
+    /// The names with their codes; 0 is among them.
     pub values: &'static [(&'static str, u64)],
 }
 
@@ -58,7 +58,7 @@ static REASONS: Choice = Choice {
     },
 };
 
-/// What was asked of the supervisor.
+/// The request to the supervisor.
 static REQUESTS: Choice =
     Choice { name: "Request", values: &[("none", 0), ("arm", 1), ("disarm", 2), ("stop", 3), ("clear", 4)] };
 
@@ -81,7 +81,7 @@ struct Live {
     get: fn(&Record) -> f64,
 }
 
-/// They stand behind the bodies, in this order.
+/// The columns after those of the bodies, in this order.
 static LIVE: [Live; 12] = [
     Live {
         name: Signal::OUTPUT.stem,
@@ -107,21 +107,21 @@ static LIVE: [Live; 12] = [
     Live {
         name: "phase",
         unit: "",
-        doc: "where the supervisor stands after the sample",
+        doc: "the supervisor's phase after the sample",
         kind: Kind::Choice(&PHASES),
         get: |record| phase_code(record.phase),
     },
     Live {
         name: "reason",
         unit: "",
-        doc: "why it is faulted",
+        doc: "the reason of a fault",
         kind: Kind::Choice(&REASONS),
         get: |record| record.reason.map_or(0.0, |reason| f64::from(reason as u8)),
     },
     Live {
         name: "request",
         unit: "",
-        doc: "what the supervisor was asked for at this sample",
+        doc: "the request to the supervisor at this sample",
         kind: Kind::Choice(&REQUESTS),
         get: |record| request_code(record.request),
     },
@@ -135,7 +135,7 @@ static LIVE: [Live; 12] = [
     Live {
         name: "late_s",
         unit: "s",
-        doc: "how late the supervisor was told that the sample was",
+        doc: "the lateness of the sample, an input of the supervisor",
         kind: Kind::Number,
         get: |record| record.late,
     },
@@ -156,24 +156,24 @@ static LIVE: [Live; 12] = [
     Live {
         name: "latency_s",
         unit: "s",
-        doc: "from the sample's instant to when it was taken",
+        doc: "from the sample's instant to its reading",
         kind: Kind::Number,
         get: |record| f64::from(record.latency) / 1e9,
     },
     Live {
         name: "computation_s",
         unit: "s",
-        doc: "from there to when the device had its command",
+        doc: "from the reading to the completed write to the device",
         kind: Kind::Number,
         get: |record| f64::from(record.computation) / 1e9,
     },
 ];
 
-/// Places of the torques among a sample's values, the same in every log.
+/// Indices of the torques among a sample's values, the same in every log.
 pub(crate) const TORQUE: usize = 5;
 pub(crate) const COMMAND: usize = 6;
 
-/// How many columns a loop in real time adds.
+/// The number of columns that a loop in real time adds.
 pub(crate) const LIVE_COLUMNS: usize = LIVE.len();
 
 /// The columns of a world's log, in order; `live`: of a loop in real time.
@@ -200,7 +200,7 @@ pub(crate) fn row_values(row: &Row, values: &mut Vec<f64>) {
     values.extend(row.bodies.iter().flat_map(|&(position, velocity)| [position, velocity]));
 }
 
-/// The values of a record of the loop at `time`, in a world of so many bodies.
+/// The values of a record of the loop at `time`, in a world of this many bodies.
 pub(crate) fn record_values(record: &Record, time: f64, bodies: usize, row: &mut Row, values: &mut Vec<f64>) {
     row.time = time;
     (row.puck, row.puck_velocity) = (record.position, record.velocity);
@@ -232,7 +232,7 @@ fn request_code(request: Option<Request>) -> f64 {
     }
 }
 
-/// What a code asked for.
+/// The request of a code.
 pub(crate) fn request(code: f64) -> Option<Request> {
     match code as u64 {
         1 => Some(Request::Arm),

@@ -1,4 +1,4 @@
-//! The little of Protocol Buffers that a log needs: varints, doubles and nested bytes.
+//! The part of Protocol Buffers that a log needs: varints, doubles and nested bytes.
 //! <https://protobuf.dev/programming-guides/encoding/>
 
 /// An encoded field's value.
@@ -8,7 +8,7 @@ pub(crate) enum Value {
     Varint(u64),
     /// Wire type 1.
     Double(f64),
-    /// Wire types 2 and 5: nothing of ours.
+    /// Wire types 2 and 5, which samples do not use.
     Other,
 }
 
@@ -30,7 +30,7 @@ pub(crate) fn count(out: &mut Vec<u8>, field: u32, x: u64) {
     varint(out, x);
 }
 
-/// A double, 0 too: a field left out would read as 0 and lose the sign of -0.
+/// A double, 0 too: an omitted field would read as 0 and lose the sign of -0.
 pub(crate) fn number(out: &mut Vec<u8>, field: u32, x: f64) {
     tag(out, field, 1);
     out.extend_from_slice(&x.to_le_bytes());
@@ -50,7 +50,7 @@ pub(crate) fn counts(out: &mut Vec<u8>, field: u32, numbers: &[u64]) {
     bytes(out, field, &packed);
 }
 
-/// Takes the first field off a message: its number, and what it holds. `None` where the bytes are no field.
+/// Removes the first field of a message: its number and its content. `None` where the bytes are not a field.
 pub(crate) fn take(message: &mut &[u8]) -> Option<(u64, Value)> {
     let tag = take_varint(message)?;
     let value = match tag & 7 {

@@ -1,4 +1,4 @@
-//! A log, written.
+//! Writing a log.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -19,27 +19,27 @@ use crate::{state, wire};
 /// The one topic of a log.
 pub const TOPIC: &str = "/hapt/sample";
 
-/// Bytes of samples at which a chunk is ended.
+/// Bytes of samples per chunk.
 const CHUNK: usize = 256 << 10;
 
-/// What goes with the samples.
+/// The header of a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Header {
     /// The world file as it was read.
     pub world_text: String,
-    /// What was set over it, each as `KEY=VALUE`.
+    /// Its overrides, each as `KEY=VALUE`.
     pub overrides: Vec<String>,
-    /// The certificate as `hapt check --json` prints it, where there is one.
+    /// The certificate in the format of `hapt check --json`, where there is one.
     pub certificate_json: Option<String>,
-    /// As on the command line: `sim`.
+    /// The device as on the command line: `sim`.
     pub device: String,
-    /// How the supervisor guarded it.
+    /// The profile of the supervisor.
     pub profile: SafetyProfile,
-    /// The scenario that ran, where one did.
+    /// The scenario, where one ran.
     pub scenario: Option<String>,
-    /// hapt's, whose core made the numbers.
+    /// The version of hapt whose core computed the samples.
     pub version: String,
-    /// The number of the world that it begins with, as records count them.
+    /// The number of its first plan, as in records.
     pub plan: u32,
 }
 
@@ -58,16 +58,16 @@ impl Default for Header {
     }
 }
 
-/// Where the samples come from.
+/// The origin of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// A run of the simulation: times count from its start.
     Run,
-    /// A loop in real time: its first sample here was taken so many nanoseconds after 1970 began.
+    /// A loop in real time: the time of its first sample in ns since 1970.
     Live(u64),
 }
 
-/// Writes a log. Each chunk reaches `out` whole, and in one piece of time: what was flushed can be read, whatever comes.
+/// Writes a log. Each chunk reaches `out` in one write: everything up to the last flush stays readable.
 pub struct LogWriter<W: Write> {
     mcap: mcap::Writer<NoSeek<W>>,
     origin: Origin,
@@ -76,7 +76,7 @@ pub struct LogWriter<W: Write> {
     bodies: usize,
     plan: u32,
     period: f64,
-    /// A record's sample and its time, from which the others of its plan count.
+    /// The sample and time from which the times of the present plan count.
     since: (u64, f64),
     /// The time of the first record.
     first: Option<f64>,
@@ -89,7 +89,7 @@ pub struct LogWriter<W: Write> {
 }
 
 impl<W: Write> LogWriter<W> {
-    /// Writes what goes with the samples, to be followed by those of `world`.
+    /// Writes the header; samples of `world` follow.
     ///
     /// # Errors
     /// Those of `out`, here and below.
@@ -97,7 +97,7 @@ impl<W: Write> LogWriter<W> {
         let options = WriteOptions::new()
             .compression(None)
             .chunk_size(None)
-            // A chunk is held in memory and written when it is whole.
+            // A chunk is kept in memory and written when it is complete.
             .disable_seeking(true)
             .library(format!("hapt {}", env!("CARGO_PKG_VERSION")));
         let mut mcap = mcap::Writer::with_options(NoSeek::new(out), options).map_err(failed)?;
@@ -147,12 +147,12 @@ impl<W: Write> LogWriter<W> {
         Ok(writer)
     }
 
-    /// From here on the samples are those of another world: a channel of its own, on the same topic.
+    /// Starts the samples of another world: a channel of its own, on the same topic.
     pub fn begin(&mut self, plan: u32, world: &World) -> io::Result<()> {
         let live = self.origin != Origin::Run;
         let columns = columns(world, live);
         let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
-        // What the loop was compiled from, in SI: it needs no file and no override beside it.
+        // The world of the loop in SI, without files and overrides.
         let text = World { scenarios: Vec::new(), ..world.clone() }.to_toml();
         let metadata = BTreeMap::from([
             ("plan".to_string(), plan.to_string()),
@@ -176,7 +176,7 @@ impl<W: Write> LogWriter<W> {
         written
     }
 
-    /// Writes a record of the loop, which is of the plan that was begun last; before it `snapshot`, where one was taken just then.
+    /// Writes a record of the loop, of the last started plan; before it `snapshot`, if there is one of this sample.
     pub fn write_record(&mut self, record: &Record, snapshot: Option<&Snapshot>) -> io::Result<()> {
         let Origin::Live(epoch) = self.origin else {
             return Err(io::Error::other("a record of the loop in the log of a run"));
@@ -193,11 +193,11 @@ impl<W: Write> LogWriter<W> {
         written
     }
 
-    /// Writes how the loop stood before the sample that is written next, which is taken at `log_time`.
+    /// Writes the loop's state before the next sample, which is taken at `log_time`.
     pub fn write_snapshot(&mut self, log_time: u64, snapshot: &Snapshot) -> io::Result<()> {
         let data = state::write(snapshot).map_err(io::Error::other)?.into();
         let (name, media_type) = (format!("{}{}", state::NAME, snapshot.sample), "application/octet-stream".into());
-        // What stands before it in the file is handed on with it.
+        // Earlier samples are flushed with it.
         self.flush()?;
         let attachment = Attachment { log_time, create_time: log_time, name, media_type, data };
         self.mcap.attach(&attachment).map_err(failed)
@@ -208,14 +208,14 @@ impl<W: Write> LogWriter<W> {
         self.plan
     }
 
-    /// The same as [`LogWriter::begin`], from the sample `sample` on: times go on from there, with the new period.
+    /// As [`LogWriter::begin`], from the sample `sample` on: times continue from there, with the new period.
     pub fn begin_at(&mut self, sample: u64, plan: u32, world: &World) -> io::Result<()> {
         let (from, time) = self.since;
         self.since = (sample, time + sample.saturating_sub(from) as f64 * self.period);
         self.begin(plan, world)
     }
 
-    /// Writes a sample of another log, with its world where that is another, and with the snapshot before it.
+    /// Copies a sample of another log, with its world where it differs, and with the snapshot before it.
     pub fn write_sample(&mut self, sample: &Sample) -> io::Result<()> {
         if self.plan != sample.plan.number {
             self.begin(sample.plan.number, &sample.plan.world)?;
@@ -243,18 +243,18 @@ impl<W: Write> LogWriter<W> {
         if self.pending >= CHUNK { self.flush() } else { Ok(()) }
     }
 
-    /// Ends the chunk and hands it to the system.
+    /// Ends the chunk and writes it.
     pub fn flush(&mut self) -> io::Result<()> {
         self.pending = 0;
         self.mcap.flush().map_err(failed)
     }
 
-    /// Bytes of samples that no flush has handed on.
+    /// Bytes of samples since the last flush.
     pub fn pending(&self) -> usize {
         self.pending
     }
 
-    /// Writes the index and gives the output back.
+    /// Writes the index and returns the output.
     pub fn finish(mut self) -> io::Result<W> {
         self.mcap.finish().map_err(failed)?;
         let mut out = self.mcap.into_inner().into_inner();

@@ -1,4 +1,4 @@
-//! A run read back from its CSV, to be drawn again.
+//! Reads the CSV of a run, for figures.
 
 use std::io::BufRead;
 
@@ -7,31 +7,31 @@ use hapt_model::Motion;
 use crate::extremes::Point;
 use crate::traces::Traces;
 
-/// What is wrong with a CSV, and where.
+/// An error of a CSV, and its line.
 #[derive(Debug, thiserror::Error)]
 pub enum CsvError {
-    /// It cannot be read on.
+    /// It cannot be read.
     #[error("line {line}: {error}")]
     Unreadable {
         /// From 1.
         line: u64,
-        /// The system's.
+        /// The error of the system.
         error: std::io::Error,
     },
-    /// The motor's limit is not one of this motion.
+    /// The motor's limit has the wrong unit for this motion.
     #[error("{0}")]
     Limit(String),
-    /// It is not a run's.
+    /// It is not the CSV of a run.
     #[error("line {line}: {message}")]
     Wrong {
         /// From 1.
         line: u64,
-        /// What the file has there, and what is expected.
+        /// The content of the line, and what is expected.
         message: String,
     },
 }
 
-/// Which columns hold what.
+/// The meaning of the columns.
 struct Columns {
     motion: Motion,
     count: usize,
@@ -42,15 +42,14 @@ struct Columns {
     applied: usize,
 }
 
-/// A longer line is no run's: 64 bodies in full digits take a tenth of it.
+/// The longest accepted line: 64 bodies in full digits take a tenth of it.
 const LONGEST: u64 = 1 << 20;
 
-/// Reads what `hapt sim --out` writes, a line at a time; `limit` is the motor's in SI, which no CSV says, asked for when the
-/// motion is known. Rows outside of `window`, in s, are read and left out.
+/// Reads the CSV of `hapt sim --out`, a line at a time; `limit` returns the motor's limit in SI, which a CSV lacks, once the motion is
+/// known. Rows outside of `window`, in s, are read and omitted.
 ///
 /// # Errors
-/// The first line that is not as it should be: the header, a missing or surplus field, what is not a finite number, time that runs
-/// backward, or no rows at all.
+/// The first invalid line: the header, a missing or surplus field, a number that is not finite, decreasing time, or no rows.
 pub fn read_csv(
     mut from: impl BufRead,
     limit: impl Fn(Motion) -> Result<Option<f64>, String>,

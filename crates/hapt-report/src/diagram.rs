@@ -1,7 +1,7 @@
 //! A world as a drawing: puck, bodies, ground, and the couplings between them, as the notes' figures 2 and 4 have it.
 //!
-//! The bodies stand in a row, each as near to the puck as its couplings allow; couplings of neighbours lie between them, those
-//! to ground stand below, and those that pass over a body run above.
+//! The bodies are in a row, each as near to the puck as its couplings allow; couplings of neighbours are between them, those to ground
+//! below, and those that pass a body above.
 
 use std::fmt::Write as _;
 
@@ -19,16 +19,16 @@ const GAP: f64 = 138.0;
 const LANE: f64 = 44.0;
 const DOWN: f64 = 118.0;
 
-/// The drawing, and what it shows in words.
+/// The drawing, and its description.
 #[derive(Clone, Debug)]
 pub struct Diagram {
     /// SVG.
     pub svg: String,
-    /// What is seen.
+    /// The alternative text.
     pub alt: String,
 }
 
-/// Draws a world; as a file of its own, with its styles, or for a page that has them.
+/// Draws a world, as a file of its own with its styles, or for a page that includes them.
 pub fn diagram(world: &World, own_file: bool) -> Diagram {
     let order = order(world);
     let place = |end: End| match end {
@@ -84,7 +84,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
         for (lane, coupling) in list.iter().enumerate() {
             let at = centres[i] + DOWN * (lane as f64 - 0.5 * (list.len() as f64 - 1.0))
                 - if list.len() > 1 { 30.0 } else { 0.0 };
-            // Beyond the node's edge the coupling hangs on an arm.
+            // Beyond the node's edge an arm carries the coupling.
             if (at - centres[i]).abs() > 0.5 * NODE {
                 let _ = write!(body, "<path class=\"ink\" d=\"M{:.1} {:.1}H{at:.1}\"/>", centres[i], top + tall - 8.0);
                 let _ = write!(body, "<path class=\"ink\" d=\"M{at:.1} {:.1}V{:.1}\"/>", top + tall - 8.0, top + tall);
@@ -131,7 +131,7 @@ fn push<'a>(lists: &mut [Vec<&'a Coupling>], at: usize, coupling: &'a Coupling) 
     }
 }
 
-/// The bodies by how many couplings they are from the puck; those that hang on nothing come last.
+/// The bodies by their distance from the puck in couplings; uncoupled ones come last.
 fn order(world: &World) -> Vec<usize> {
     let mut order: Vec<usize> = Vec::new();
     let mut ends = vec![End::Puck];
@@ -207,7 +207,7 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
             }
         }
         Law::DeadBand { .. } => {
-            // A spring that is slack for a while.
+            // A spring with a slack interval.
             for i in 0..5 {
                 let s = from + half * (f64::from(i) + 0.5) / 5.0;
                 go('L', s, if i % 2 == 0 { -8.0 } else { 8.0 });
@@ -260,7 +260,7 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
     let _ = write!(svg, "<path class=\"ink\" d=\"{d}\"/>");
 }
 
-/// A coupling in a few words of the units that people use.
+/// A coupling's numbers in usual units.
 fn words(coupling: &Coupling, motion: Motion) -> (&'static str, String) {
     let rotary = motion == Motion::Rotary;
     let stiffness = |k: f64| match rotary {
@@ -339,7 +339,7 @@ fn inertia_text(inertia: f64, motion: Motion) -> String {
     }
 }
 
-/// An arrow into the puck, under what drives it.
+/// An arrow into the puck, with the name of the hand above it.
 fn hand(svg: &mut String, world: &World, x: f64, y: f64) {
     let grips = world.scenarios.iter().any(|scenario| matches!(scenario.hand.drive, Drive::Grip { .. }));
     let _ = write!(

@@ -1,15 +1,15 @@
-//! A run made small enough to draw, without losing a peak.
+//! Reduction of a run for drawing, without losing a peak.
 
-/// A signal over time, reduced while it streams: of each stretch of rows the smallest and the largest value, in time order.
+/// A signal over time, reduced while it streams: the smallest and the largest value of each interval of rows, in time order.
 ///
-/// The stretches double whenever there are too many, so that the memory is the same for ten rows and ten thousand million.
+/// The intervals double whenever there are too many, so that the memory does not depend on the number of rows.
 #[derive(Clone, Debug)]
 pub struct Extremes {
-    /// The most stretches there may be; at least 2.
+    /// The largest number of intervals; at least 2.
     room: usize,
-    /// Rows a stretch.
+    /// Rows per interval.
     rows: u64,
-    /// Rows in the last stretch.
+    /// Rows in the last interval.
     filled: u64,
     stretches: Vec<Stretch>,
     ends: Option<(Point, Point)>,
@@ -25,7 +25,7 @@ struct Stretch {
 }
 
 impl Stretch {
-    /// With `other`, which is later. Of equal values the first stays.
+    /// Joins it with the later `other`. Of equal values the first stays.
     fn with(self, other: Stretch) -> Stretch {
         Stretch {
             low: if other.low.1 < self.low.1 { other.low } else { self.low },
@@ -34,19 +34,19 @@ impl Stretch {
     }
 }
 
-/// Each two neighbours made one.
+/// Joins pairs of neighbours.
 fn halve(stretches: &mut Vec<Stretch>) {
     let merge = |pair: &[Stretch]| pair.iter().copied().reduce(Stretch::with);
     *stretches = stretches.chunks(2).filter_map(merge).collect();
 }
 
 impl Extremes {
-    /// For a drawing of up to `room` stretches.
+    /// For a drawing of up to `room` intervals.
     pub fn new(room: usize) -> Self {
         Extremes { room: room.max(2), rows: 1, filled: 0, stretches: Vec::new(), ends: None }
     }
 
-    /// Takes the next row; a value that is not finite is left out.
+    /// Adds the next row; a value that is not finite is omitted.
     pub fn add(&mut self, time: f64, value: f64) {
         if !value.is_finite() {
             return;
@@ -59,7 +59,7 @@ impl Extremes {
             _ => {
                 if self.stretches.len() == self.room {
                     halve(&mut self.stretches);
-                    // An odd one out at the end is half full, and the new row goes into it.
+                    // An unpaired last interval is half full and takes the new row.
                     let odd = self.room % 2 == 1;
                     self.filled = if odd { self.rows } else { 2 * self.rows };
                     self.rows *= 2;
@@ -78,7 +78,7 @@ impl Extremes {
         self.filled += 1;
     }
 
-    /// The curve to draw, of at most `room` stretches: first row, extremes in time order, last row.
+    /// The curve to draw, of at most `room` intervals: first row, extremes in time order, last row.
     pub fn points(&self, room: usize) -> Vec<Point> {
         let mut stretches = self.stretches.clone();
         while stretches.len() > room.max(1) {
@@ -107,12 +107,12 @@ impl Extremes {
     }
 }
 
-/// The stretches of time in which something holds, such as clipping; those nearest to each other are joined when there are too
-/// many, so that what is marked is never less than what was.
+/// The time intervals in which a condition holds, such as clipping; the nearest ones are joined when there are too many, so that the
+/// marked time always includes the true one.
 #[derive(Clone, Debug)]
 pub struct Stretches {
     room: usize,
-    /// Stretches this close in time are one.
+    /// The largest gap of joined intervals.
     gap: f64,
     open: bool,
     list: Vec<(f64, f64)>,
@@ -124,7 +124,7 @@ impl Stretches {
         Stretches { room: room.max(1), gap: 0.0, open: false, list: Vec::new() }
     }
 
-    /// Takes the next row.
+    /// Adds the next row.
     pub fn add(&mut self, time: f64, holds: bool) {
         if holds {
             match self.list.last_mut() {

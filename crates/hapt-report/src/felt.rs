@@ -1,4 +1,4 @@
-//! What the hand feels, drawn: an impedance against frequency, and the Z-width of a device.
+//! Figures of the rendered impedance against frequency, and of the Z-width of a device.
 
 use hapt_analysis::impedance::rendered::{Elements, Resonance, Row};
 use hapt_analysis::z_width::{Edge, ZWidth};
@@ -69,7 +69,7 @@ pub fn impedance(title: &str, rows: &[Row], resonances: &[Resonance], device: [f
     Figure { title: format!("{title}: what the hand feels"), alt, panels, columns: 1 }
 }
 
-/// An axis for the sizes of values, what stands out far above them cut off.
+/// An axis for the magnitudes, with outliers cut off.
 fn sizes(name: &str, unit: &str, values: impl Iterator<Item = f64>) -> Axis {
     let mut sizes: Vec<f64> = values.map(f64::abs).filter(|size| *size > 0.0).collect();
     sizes.sort_by(f64::total_cmp);
@@ -78,7 +78,7 @@ fn sizes(name: &str, unit: &str, values: impl Iterator<Item = f64>) -> Axis {
     Axis::logarithmic(name, unit, least, most)
 }
 
-/// The springs and dampers that a device can stand for: near 0, where passivity ends, and all of them.
+/// The springs and dampers that a device can render: near 0, where passivity ends, and all of them.
 pub fn z_width(title: &str, found: &ZWidth, motion: Motion) -> Figure {
     let stiffness = Measure::Stiffness.dimension(motion).symbol();
     let damping = Measure::Damping.dimension(motion).symbol();

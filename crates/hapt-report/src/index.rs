@@ -10,9 +10,9 @@ use crate::stability::{Half, growth_by_period, period_panel};
 use crate::svg::Width;
 use crate::units::{say_effort, say_time};
 
-/// More worlds than this are not drawn beside each other.
+/// The most worlds in one figure.
 const PANELS: usize = 12;
-/// More than this have no colours of their own.
+/// The most worlds with colours of their own.
 const CURVES: usize = 7;
 
 /// What the index draws, from the worlds of the pages.
@@ -84,7 +84,7 @@ fn clipped(text: &str, most: usize) -> String {
     }
 }
 
-/// The page that lays the worlds side by side, each with a link to its own.
+/// The page that compares the worlds, with links to their pages.
 pub fn index_page(reports: &[Report<'_>], drawings: &[Drawing]) -> String {
     document(
         "Worlds side by side",

@@ -2,10 +2,10 @@
 //!
 //! * [`Report`] is one world's page: diagram, verdict, eigenvalues, growth against period, and for each [`Run`] motion, torque
 //!   and energy over time. Its figures are also files ([`Drawing`]), and several worlds have an index ([`index_page`]).
-//! * [`Traces`] is what a run's motion is drawn from, whether its rows come from the simulation or, by [`read_csv`], from a file.
-//! * [`Figure`](figure::Figure) is what is drawn, as plain data; it turns itself into SVG.
+//! * [`Traces`] holds a run's signals for drawing, from the simulation or, by [`read_csv`], from a file.
+//! * [`Figure`](figure::Figure) is a figure as plain data; [`svg`](figure::Figure::svg) renders it.
 //!
-//! A run is reduced to its [`Extremes`] while it streams: the same memory however long it is, and no peak disappears.
+//! A run is reduced to its [`Extremes`] while it streams: the memory does not depend on its length, and no peak disappears.
 #![forbid(unsafe_code)]
 // Every match names all variants, so that a new one does not compile by default.
 #![warn(clippy::wildcard_enum_match_arm)]

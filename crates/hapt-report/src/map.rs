@@ -7,13 +7,13 @@ use crate::ticks::number;
 /// Cells in rows from the bottom up and columns from the left, all of one size.
 #[derive(Clone, Debug)]
 pub struct Map {
-    /// How many columns.
+    /// The number of columns.
     pub columns: usize,
     /// Row after row, the lowest first; `None` where there is no value.
     pub values: Vec<Option<f64>>,
-    /// How values become colours.
+    /// The colours of values.
     pub scale: Scale,
-    /// The value whose two sides are told apart by a line.
+    /// The value at which a line separates two regions.
     pub edge: Option<f64>,
 }
 
@@ -24,12 +24,12 @@ pub enum Scale {
     Sequential(Vec<f64>),
     /// Blue below 0 and orange above, each darker beyond these sizes, upwards; at most 3.
     Signed(Vec<f64>),
-    /// A few values, the worst first, three at most, each with a name and the colour that such a region of a boundary has.
+    /// A few values, the worst first, three at most, each with a name and the colour of such a region of a boundary.
     Named(&'static [(f64, &'static str)]),
 }
 
 impl Scale {
-    /// For values of one meaning: signed when some are below 0 and some above, and then by powers of ten from the largest down.
+    /// The scale for values of one kind: signed when some are below 0 and some above, by powers of ten from the largest down.
     pub fn of(values: impl Iterator<Item = f64> + Clone) -> Scale {
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
         if low < 0.0 && high > 0.0 {
@@ -38,7 +38,7 @@ impl Scale {
             let power = 10f64.powf((0.5 * top).log10().floor());
             return Scale::Signed(vec![0.01 * power, 0.1 * power, power]);
         }
-        // Of no value, or of one.
+        // No values, or only one.
         if low >= high {
             return Scale::Sequential(Vec::new());
         }
@@ -62,7 +62,7 @@ impl Scale {
                 let level = sizes.iter().filter(|size| value.abs() >= **size).count();
                 format!("{}{level}", if value > 0.0 { "p" } else { "n" })
             }
-            // The colours of a boundary's regions: the worst, what lies between, the best.
+            // The colours of a boundary's regions: the worst, the middle, the best.
             Scale::Named(names) => match place(names, value) {
                 0 => "p2".into(),
                 i if i + 1 == names.len() => "n1".into(),
@@ -71,7 +71,7 @@ impl Scale {
         }
     }
 
-    /// How much a value is what has to be seen where one cell shows several.
+    /// The priority of a value where one drawn cell stands for several.
     fn weight(&self, value: f64) -> f64 {
         match self {
             Scale::Named(names) => -(place(names, value) as f64),
@@ -79,7 +79,7 @@ impl Scale {
         }
     }
 
-    /// The legend: each colour's class and the values that it stands for.
+    /// The legend: each colour's class and its values.
     pub(crate) fn legend(&self) -> Vec<(String, String)> {
         let said = |x: f64| number(x, 3);
         match self {
@@ -104,7 +104,7 @@ impl Scale {
     }
 }
 
-/// Where a value stands among those with names; with the worst where it has none.
+/// The index of a value among those with names; that of the worst where it has none.
 fn place(names: &[(f64, &str)], value: f64) -> usize {
     names.iter().position(|(named, _)| *named == value).unwrap_or(0)
 }
@@ -118,7 +118,7 @@ impl Map {
         self.values.get(row * self.columns + column).copied().flatten()
     }
 
-    /// Colours and what they stand for, and what stands for no value where there are such cells.
+    /// The colours and their meaning, with an entry for cells without a value where there are any.
     pub(crate) fn legend(&self) -> Vec<(String, String)> {
         let mut legend = self.scale.legend();
         let used = |class: &str| self.values.iter().flatten().any(|value| self.scale.class(*value) == class);
@@ -129,7 +129,7 @@ impl Map {
         legend
     }
 
-    /// Fewer cells, for a drawing of at most so many columns and rows: of each block the value that is largest in size, or the worst of those with
+    /// Fewer cells, for a drawing of at most this many columns and rows: of each block the value of largest magnitude, or the worst of those with
     /// names.
     pub fn reduced(&self, columns: usize, rows: usize) -> Map {
         let step = |have: usize, room: usize| have.div_ceil(room.max(1)).max(1);
@@ -170,7 +170,7 @@ impl Map {
                     paths.push((colour, String::new()));
                     paths.len() - 1
                 });
-                // A little over the neighbour, so that no gap shines through.
+                // With a small overlap, so that no gap is visible.
                 let _ = write!(paths[at].1, "M{x:.2} {y:.2}h{:.2}v{:.2}h-{:.2}z", wide + 0.3, dy + 0.3, wide + 0.3);
                 start = end;
             }
@@ -195,7 +195,7 @@ impl Map {
             }
         }
         if !d.is_empty() {
-            // Light below dark, so that it is seen on every colour.
+            // Light below dark, so that it is visible on every colour.
             let _ = write!(svg, "<path class=\"halo\" d=\"{d}\"/><path class=\"edge\" d=\"{d}\"/>");
         }
     }
@@ -235,7 +235,7 @@ mod tests {
         let map = Map { columns: 8, values, scale, edge: Some(0.5) }.reduced(2, 2);
         assert_eq!(map.values.iter().filter(|v| **v == Some(1.0)).count(), 1);
         let legend = map.legend();
-        // Of the names those that the map has.
+        // The names that occur in the map.
         assert_eq!(legend.iter().map(|(_, name)| name.as_str()).collect::<Vec<_>>(), ["unstable", "stable"]);
         assert_ne!(legend[0].0, legend[1].0);
     }

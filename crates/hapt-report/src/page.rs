@@ -1,4 +1,4 @@
-//! One world as one page: no network, no scripts, nothing from elsewhere.
+//! One world as one page, without network, scripts or other external content.
 
 use hapt_analysis::{Check, Stability, Verdict};
 use hapt_model::{Parameter, World};
@@ -12,7 +12,7 @@ use crate::svg::{STYLE, Width};
 use crate::ticks::number;
 use crate::units::{effort_name, say_effort, say_energy, say_time};
 
-/// Of the page; figures have [`STYLE`].
+/// The style of the page; figures have [`STYLE`].
 const PAGE_STYLE: &str = "\
 :root{color-scheme:light dark;--ink:#1b1e22;--soft:#565d66;--paper:#fff;--line:#d9dde2;--well:#f5f6f8;--link:#00588f;\
 --good:#00704f;--even:#5a5f00;--bad:#a33c00}\
@@ -40,24 +40,24 @@ dl{display:grid;grid-template-columns:max-content 1fr;gap:.15em 1em;margin:.6em 
 td.key{font-size:.8em}th,td{padding-right:.5em}.parameters{table-layout:fixed}dl{grid-template-columns:1fr}dd{margin-bottom:.4em}}\
 @media print{.scroll svg.hapt{min-width:0!important}.scroll table{min-width:0}main{max-width:none;padding:0}figure,tr,.verdict{break-inside:avoid}h2{break-after:avoid}body{font-size:11pt}}";
 
-/// About how large the figures of a page may be together.
+/// The approximate total size of a page's figures.
 const BUDGET: usize = 620_000;
 
-/// A figure that stands in a page and in a file of its own.
+/// A figure in a page and in a file of its own.
 #[derive(Clone, Debug)]
 pub struct Drawing {
-    /// What its file is called, after the world's name.
+    /// The name of its file, after the world's name.
     pub name: String,
     /// The file.
     pub file: String,
     caption: String,
     wide: String,
-    /// Where one drawing is laid out for every width, none.
+    /// The layout for narrow pages; `None` where one layout fits every width.
     narrow: Option<String>,
 }
 
 impl Drawing {
-    /// From the figure as it is for each width.
+    /// The drawing of a figure for both widths.
     pub(crate) fn new(name: &str, figure: impl Fn(Width) -> Figure) -> Self {
         let wide = figure(Width::Wide);
         Drawing {
@@ -94,15 +94,15 @@ pub struct Report<'w> {
     pub stem: String,
     /// In SI.
     pub world: &'w World,
-    /// As its file says it.
+    /// The text of its file.
     pub parameters: &'w [Parameter],
-    /// Whether it holds.
+    /// Its certificate.
     pub check: &'w Check,
-    /// What would make it hold, or how far it does: a heading, and lines to paste into the world file.
+    /// Remedies, or margins: a heading, and lines to paste into the world file.
     pub proposal: Option<(&'w str, &'w [String])>,
-    /// The scenarios, run.
+    /// The runs of the scenarios.
     pub runs: Vec<Run<'w>>,
-    /// The page on which the world runs, where there is one.
+    /// The link to the page that runs the world, where there is one.
     pub live: Option<String>,
 }
 
@@ -133,10 +133,10 @@ impl Report<'_> {
         list
     }
 
-    /// Stretches a curve, so that a page of many scenarios and bodies stays small.
+    /// The number of intervals per curve, so that a page of many scenarios and bodies stays small.
     fn room(&self) -> usize {
         let curves = self.runs.len().max(1) * (2 * (self.world.bodies.len() + 1) + 2 + 5);
-        // Two points a stretch of some seven bytes each, drawn wide and narrow.
+        // Two points per interval of some seven bytes each, drawn wide and narrow.
         let each = BUDGET / curves / (2 * 7 + 2 * 7 * 2 / 5);
         each.clamp(12, Width::Wide.stretches())
     }
@@ -282,7 +282,7 @@ pub(crate) fn verdict_name(of: &Stability) -> &'static str {
     }
 }
 
-/// The certificate: whether there is one, and what it rests on.
+/// The certificate: the verdict and its reasons.
 fn verdict(check: &Check) -> Markup {
     let sentence = check.verdict_sentence();
     let (name, capital) = if check.certified { ("certified", "Certified") } else { ("not certified", "Not certified") };
@@ -325,7 +325,7 @@ pub(crate) fn document(title: &str, body: Markup) -> String {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
-                // Should anything of a world's text ever reach beyond its place, it can still load and run nothing.
+                // Even if a world's text escaped its element, it could load and run nothing.
                 meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'";
                 meta name="generator" content={ "hapt " (env!("CARGO_PKG_VERSION")) };
                 title { (title) }

@@ -1,4 +1,4 @@
-//! A figure as PNG: its SVG rendered by resvg, with the program's own fonts, so that it looks the same on a machine that has none.
+//! A figure as PNG: its SVG rendered by resvg with the program's own fonts, so that it looks the same on every machine.
 
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree};
@@ -6,7 +6,7 @@ use resvg::usvg::{Options, Tree};
 use crate::svg::STYLE;
 
 const FONTS: [&[u8]; 2] = [include_bytes!("../fonts/DejaVuSans.ttf"), include_bytes!("../fonts/DejaVuSans-Bold.ttf")];
-/// The characters that they have.
+/// The characters of the fonts.
 const COVERED: [(char, char); 11] = [
     (' ', '~'),
     ('\u{a0}', '\u{17f}'),
@@ -26,9 +26,9 @@ const SCALE: f32 = 2.0;
 /// A drawing of a file of its own ([`crate::figure::Figure::svg`]) as PNG, in the colours of paper.
 ///
 /// # Errors
-/// What resvg does not take, which would be a defect.
+/// SVG that resvg refuses, which would be a defect.
 pub fn png(svg: &str) -> Result<Vec<u8>, String> {
-    // No dark colours, whatever the screen has.
+    // No dark colours.
     let paper = STYLE.split("@media").next().unwrap_or_default();
     let svg = svg.replacen(STYLE, paper, 1);
     let mut options = Options { font_family: "DejaVu Sans".into(), ..Options::default() };
@@ -36,7 +36,7 @@ pub fn png(svg: &str) -> Result<Vec<u8>, String> {
     FONTS.iter().for_each(|font| fonts.load_font_data(font.to_vec()));
     fonts.set_sans_serif_family("DejaVu Sans");
     if !svg.chars().all(|c| COVERED.iter().any(|&(from, to)| (from..=to).contains(&c))) {
-        // A title in another script is drawn with the machine's fonts, where it has them.
+        // A title in another script uses the machine's fonts, where there are any.
         fonts.load_system_fonts();
     }
     let tree = Tree::from_str(&svg, &options).map_err(|error| format!("the figure cannot be drawn: {error}"))?;
@@ -64,7 +64,7 @@ mod tests {
         Pixmap::decode_png(&png(svg).unwrap()).unwrap()
     }
 
-    /// The title's and the labels' ink is there without any font of the machine's, on white paper, and the curve in its colour.
+    /// Title and labels are drawn without any font of the machine, on white paper, and the curve in its colour.
     #[test]
     fn a_figure_has_paper_its_curves_colour_and_text() {
         let with = drawn(&figure("Σ of the wheel: 45°, ½ µs").svg(Width::Wide, true));

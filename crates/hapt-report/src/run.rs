@@ -1,4 +1,4 @@
-//! A scenario's run, gathered while it streams.
+//! A scenario's run, collected while it streams.
 
 use hapt_analysis::continuous::piecewise_at_bodies;
 use hapt_analysis::{Check, Continuous, Slopes};
@@ -11,19 +11,19 @@ use crate::svg::Width;
 use crate::traces::{Envelope, Traces, scaled};
 use crate::units;
 
-/// What a page shows of one scenario, of the same size however long it runs.
+/// The data of one scenario for a page; their size does not depend on its length.
 #[derive(Clone, Debug)]
 pub struct Run<'w> {
     world: &'w World,
     /// The scenario's name.
     pub name: String,
-    /// How long it was to be, in s.
+    /// The scenario's duration, in s.
     pub duration: f64,
     /// The run in a few numbers.
     pub summary: Summary<'w>,
     /// Its signals.
     pub traces: Traces,
-    /// Why it ended early, where it did.
+    /// The reason of an early end, if any.
     pub failure: Option<String>,
     energies: [Extremes; 5],
     swing: Option<Swing>,
@@ -58,7 +58,7 @@ impl<'w> Run<'w> {
         }
     }
 
-    /// Takes the next row.
+    /// Adds the next row.
     pub fn add(&mut self, row: &Row) {
         self.summary.add(row);
         let puck = std::iter::once((row.puck, row.puck_velocity));
@@ -90,7 +90,7 @@ impl<'w> Run<'w> {
         )
     }
 
-    /// What the world stores, and the works of hand, motor, damping and friction, over time.
+    /// The stored energy of the world, and the works of hand, motor, damping and friction, over time.
     pub fn energy(&self, width: Width, room: usize) -> Figure {
         let ranges: Vec<(f64, f64)> = self.energies.iter().map(|signal| signal.range().unwrap_or((0.0, 0.0))).collect();
         let size = |&(low, high): &(f64, f64)| low.abs().max(high.abs());

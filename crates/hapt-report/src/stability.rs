@@ -10,20 +10,20 @@ use crate::figure::{Axis, Figure, Panel, Shape, Style};
 use crate::ticks::number;
 use crate::units;
 
-/// Growth below this is none.
+/// Growth below this counts as zero.
 const NONE: f64 = hapt_analysis::MARGINAL;
 
 /// The two halves of a certificate's stability.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Half {
-    /// The bodies, the puck held still.
+    /// The bodies, with the puck held.
     Held,
-    /// The whole loop, nobody at the puck.
+    /// The whole loop, with the puck free.
     Free,
 }
 
 impl Half {
-    /// What it is, in a sentence.
+    /// Its description, as a sentence.
     fn name(self) -> &'static str {
         match self {
             Half::Held => "the held world",
@@ -31,7 +31,7 @@ impl Half {
         }
     }
 
-    /// Its file's name, of the figure `name`.
+    /// The name of its file for the figure `name`.
     pub fn file(self, name: &str) -> String {
         match self {
             Half::Held => name.to_string(),
@@ -39,7 +39,7 @@ impl Half {
         }
     }
 
-    /// What the certificate says of it.
+    /// Its part of the certificate.
     pub fn of(self, check: &Check) -> &Stability {
         match self {
             Half::Held => &check.held,
@@ -47,7 +47,7 @@ impl Half {
         }
     }
 
-    /// Its growth at another period, delays staying in seconds.
+    /// Its growth at another period, with unchanged delays in seconds.
     fn growth(self, world: &World, period: f64) -> Option<f64> {
         match self {
             Half::Held => held_growth(&world.bodies, &world.couplings, world.sampling.method, period).ok()?,
@@ -64,8 +64,7 @@ fn or_none(growth: f64) -> f64 {
     if growth.abs() < NONE { 0.0 } else { growth }
 }
 
-/// Eigenvalues beside the unit circle, and with a lens near 1, where ln λ/T is growth and frequency; `None` where there are
-/// none.
+/// Eigenvalues with the unit circle, and magnified near 1, where ln λ/T is growth and frequency; `None` where there are none.
 pub fn eigenvalues(half: Half, check: &Check) -> Option<Figure> {
     let stability = half.of(check);
     let list = &stability.eigenvalues;
@@ -79,7 +78,7 @@ pub fn eigenvalues(half: Half, check: &Check) -> Option<Figure> {
     circle.curve("|λ| = 1", Style::Guide, (0..=180).map(|i| (TAU * i as f64 / 180.0).sin_cos()).collect());
     circle.mark("eigenvalues", Shape::Cross, Style::Signal(0), list.iter().map(|e| (e.re, e.im)).collect());
 
-    // Near 1, λ = e^{sT}: growth and frequency stand apart there, where λ itself differs in the sixth digit.
+    // Near 1, λ = e^{sT}: growth and frequency separate there, where λ itself differs in the sixth digit.
     let period = check.period_s;
     let near: Vec<Point> = list
         .iter()
@@ -119,7 +118,7 @@ pub fn eigenvalues(half: Half, check: &Check) -> Option<Figure> {
     Some(Figure { title: format!("Eigenvalues of {}", half.name()), alt, panels, columns: 2 })
 }
 
-/// Periods worth a look, in s: around the present one, and as far as the critical one.
+/// The range of periods, in s: around the present one, and up to the critical one.
 fn periods_of_interest(half: Half, check: &Check) -> (f64, f64) {
     let present = check.period_s;
     let critical =

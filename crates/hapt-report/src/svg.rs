@@ -1,8 +1,7 @@
 //! A figure as SVG.
 //!
-//! kuva draws well, but paints its colours into every element and knows one size; here a page has to turn dark with its reader
-//! and stay readable on a phone. So colours are classes, which one style sheet ([`STYLE`]) sets for light, dark and paper, and a
-//! figure is laid out anew for each width instead of being shrunk until its text is dust.
+//! Pages have dark colours and have to be readable on a phone, which plotting libraries do not support. Colours are therefore classes,
+//! which one style sheet ([`STYLE`]) sets for light, dark and paper, and a figure is laid out for each width instead of being scaled.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -11,10 +10,10 @@ use crate::extremes::Point;
 use crate::figure::{Axis, Figure, Fill, Panel, Shape, Style};
 use crate::ticks;
 
-/// The width that a figure is laid out for.
+/// The width of a figure's layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
-    /// A desk, or paper.
+    /// A desktop screen, or paper.
     Wide,
     /// A phone.
     Narrow,
@@ -62,7 +61,7 @@ impl Width {
         }
     }
 
-    /// Stretches of a reduced curve that the width can show.
+    /// The number of intervals of a reduced curve for this width.
     pub fn stretches(self) -> usize {
         match self {
             Width::Wide => 400,
@@ -71,23 +70,23 @@ impl Width {
     }
 }
 
-/// For text and for attributes.
+/// Escapes text for content and for attributes.
 pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// About how wide a text of 12 px is: no less than it will be, for the fonts of [`STYLE`].
+/// An upper estimate of a text's width at 12 px, for the fonts of [`STYLE`].
 pub(crate) fn text_width(text: &str) -> f64 {
     7.6 * text.chars().count() as f64
 }
 
-/// The opening of an SVG, its alternative text said.
+/// The opening of an SVG, with its alternative text.
 pub(crate) fn open(width: f64, height: f64, title: &str, alt: &str, own_file: bool) -> String {
     let (w, h) = (width.ceil(), height.ceil());
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"hapt\" style=\"min-width:{:.0}px\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" \
          role=\"img\" aria-label=\"{}\">",
-        // Scaled down further its text could not be read; whoever shows it lets it scroll instead.
+        // Scaled down further its text would be unreadable; pages scroll it instead.
         0.74 * w,
         escaped(alt)
     );
@@ -110,7 +109,7 @@ impl Figure {
     pub fn svg(&self, width: Width, own_file: bool) -> String {
         let columns = if width == Width::Narrow { 1 } else { self.columns.max(1) };
         let each = (width.pixels() + 14.0) / columns as f64 - 14.0;
-        // Frames below each other begin at the same place, so that their times stand above each other.
+        // Frames below each other are aligned, so that their times coincide.
         let left = self.panels.iter().map(|panel| Layout::new(panel, each, columns, 0.0).left).fold(0.0, f64::max);
         let layouts: Vec<Layout<'_>> =
             self.panels.iter().map(|panel| Layout::new(panel, each, columns, left)).collect();
@@ -138,7 +137,7 @@ impl Figure {
 /// A panel with the sizes of its parts, in pixels.
 struct Layout<'a> {
     panel: &'a Panel,
-    /// Of the whole, and of the frame.
+    /// The sizes of the panel and of its frame.
     total: f64,
     left: f64,
     width: f64,
@@ -185,7 +184,7 @@ impl<'a> Layout<'a> {
             (false, _) => (0.62 * width).clamp(170.0, 330.0),
         };
         let mut x_ticks = ticks(&panel.x, (width / 80.0).clamp(2.0, 10.0) as usize);
-        // Labels that would touch are thinned out.
+        // Labels that would touch are omitted.
         let need = tick_labels(&panel.x, &x_ticks).iter().map(|l| text_width(l) + 8.0).fold(0.0, f64::max);
         while x_ticks.len() > 2 && need * x_ticks.len() as f64 > 1.15 * width {
             x_ticks = x_ticks.into_iter().step_by(2).collect();
@@ -205,7 +204,7 @@ impl<'a> Layout<'a> {
         }
     }
 
-    /// Its texts begin at `start`, its frame at `top`.
+    /// Draws it with its texts at `start` and its frame at `top`.
     fn draw(&self, svg: &mut String, x0: f64, start: f64, top: f64) {
         let Layout { panel, left, width, height, .. } = self;
         let (left, right, bottom) = (x0 + left, x0 + left + width, top + height);
@@ -234,7 +233,7 @@ impl<'a> Layout<'a> {
             let _ = write!(svg, "<path class=\"zero\" d=\"M{left:.1} {:.1}H{right:.1}\"/>", y(0.0));
         }
         for (tick, label) in self.x_ticks.iter().zip(tick_labels(&panel.x, &self.x_ticks)) {
-            // Kept inside of the panel.
+            // Clamped to the panel.
             let half = 0.5 * text_width(&label);
             let at = x(*tick).min(x0 + self.total - half).max(x0 + half);
             text(svg, at, bottom + 15.0, "middle", "soft", &label);
@@ -244,7 +243,7 @@ impl<'a> Layout<'a> {
         }
         text(svg, right, bottom + 31.0, "end", "soft", &panel.x.label());
 
-        // What lies outside of the axes is cut off at the frame.
+        // Clipped at the frame.
         let view = format!("<svg x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\">");
         *svg += &view;
         let to = |(a, b): Point| (x(a) - left, y(b) - top);
@@ -368,7 +367,7 @@ fn symbol(shape: Shape, x: f64, y: f64) -> String {
 pub(crate) fn class(style: Style) -> String {
     match style {
         Style::Signal(n) if n < COLOURS => format!("s{n}"),
-        // A colour that comes again comes with another dash.
+        // A repeated colour has another dash.
         Style::Signal(n) => format!("s{} d{}", n % COLOURS, (n / COLOURS).min(3)),
         Style::Beneath => "beneath".into(),
         Style::Limit => "limit".into(),
@@ -379,7 +378,7 @@ pub(crate) fn class(style: Style) -> String {
     }
 }
 
-/// The colours of a map of signed values: safe, and worse and worse.
+/// The colours of a map of signed values: good, and increasingly bad.
 fn fill(fill: Fill) -> &'static str {
     match fill {
         Fill::Good => "n1",

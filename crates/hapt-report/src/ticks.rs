@@ -1,4 +1,4 @@
-//! Sane ticks, and numbers as people read them.
+//! Ticks of axes, and formatting of numbers.
 
 /// Values at which an axis from `low` to `high` is marked, about `wanted` of them and no fewer than three: 1, 2 or 5 times a
 /// power of ten apart.
@@ -41,7 +41,7 @@ pub fn logarithmic(low: f64, high: f64, wanted: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The ticks' labels, all with the digits that their step needs.
+/// The labels of ticks, with the digits that their step needs.
 pub fn labels(ticks: &[f64]) -> Vec<String> {
     let largest = ticks.iter().fold(0.0, |most: f64, t| most.max(t.abs()));
     let step = ticks.windows(2).map(|w| (w[1] - w[0]).abs()).fold(f64::INFINITY, f64::min);
@@ -61,7 +61,7 @@ pub fn labels(ticks: &[f64]) -> Vec<String> {
     ticks.iter().map(label).collect()
 }
 
-/// A number by itself, as on a logarithmic axis or in a sentence: `digits` significant ones, no trailing zeros.
+/// A single number, as on a logarithmic axis or in a sentence: with `digits` significant digits and without trailing zeros.
 pub fn number(x: f64, digits: usize) -> String {
     if x == 0.0 {
         return "0".into();
@@ -103,7 +103,7 @@ fn power(text: &str) -> String {
     }
 }
 
-/// With a minus sign that is as wide as a plus.
+/// With a typographic minus sign.
 fn minus(text: &str) -> String {
     text.replace('-', "−")
 }

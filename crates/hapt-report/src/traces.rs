@@ -8,10 +8,10 @@ use crate::svg::Width;
 use crate::ticks::number;
 use crate::units;
 
-/// More clipped stretches than this are joined.
+/// The largest number of clipped intervals; more are joined.
 const CLIPPED: usize = 200;
 
-/// What a run's three figures are drawn from, of the same size however long the run is.
+/// The data of a run's figures; their size does not depend on its length.
 #[derive(Clone, Debug)]
 pub struct Traces {
     motion: Motion,
@@ -23,7 +23,7 @@ pub struct Traces {
     applied: Extremes,
     clipped: Stretches,
     span: Option<(f64, f64)>,
-    /// Rows outside of it are left out, in s.
+    /// Rows outside of this interval are omitted, in s.
     window: (f64, f64),
 }
 
@@ -40,7 +40,7 @@ hapt_model::named! {
     }
 }
 
-/// The predicted bounds of a swing about `centre`: ± `size` e^{growth (t - from)}.
+/// The predicted bounds of an oscillation about `centre`: ± `size` e^{growth (t - from)}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Envelope {
     /// N·m; linear: N.
@@ -91,7 +91,7 @@ fn overlaid(signal: Signal, runs: &[(String, Traces)], room: usize) -> Panel {
 }
 
 impl Traces {
-    /// Of a puck and these bodies; `limit` is the motor's.
+    /// The traces of a puck and these bodies; `limit` is the motor's.
     pub fn new(motion: Motion, bodies: &[String], limit: Option<f64>) -> Self {
         let names: Vec<String> = std::iter::once("puck".to_string()).chain(bodies.iter().cloned()).collect();
         let room = Width::Wide.stretches();
@@ -110,7 +110,7 @@ impl Traces {
         }
     }
 
-    /// Of the rows from the first of these times to the second, both inclusive, in s.
+    /// Keeps the rows from the first of these times to the second, both inclusive, in s.
     pub fn within(self, window: (f64, f64)) -> Self {
         Traces { window, ..self }
     }
@@ -120,7 +120,7 @@ impl Traces {
         self.span.is_none()
     }
 
-    /// Turning or sliding.
+    /// Rotary or linear.
     pub fn motion(&self) -> Motion {
         self.motion
     }
@@ -146,7 +146,7 @@ impl Traces {
         Figure { title: title.into(), alt, panels, columns: 1 }
     }
 
-    /// The next row in SI: position and velocity of the puck and each body, the torque asked for and the one that is applied.
+    /// Adds a row in SI: position and velocity of the puck and each body, the command and the applied torque.
     pub fn add(&mut self, time: f64, states: impl IntoIterator<Item = Point>, asked: f64, applied: f64) {
         if !(self.window.0..=self.window.1).contains(&time) {
             return;
@@ -183,7 +183,7 @@ impl Traces {
     pub fn torque_panel(&self, title: &str, size: f64, width: Width) -> Panel {
         let mut panel = self.efforts(None, width.stretches());
         let unit = units::effort(self.motion, self.largest_effort());
-        // On the scale of torques ten times as large nothing would be seen.
+        // With ten times larger torques the bounds would be invisible.
         if size <= 10.0 * self.largest_effort() {
             let least = 1.06 * size * unit.per_si;
             (panel.y.low, panel.y.high) = (panel.y.low.min(-least), panel.y.high.max(least));
@@ -194,7 +194,7 @@ impl Traces {
         panel
     }
 
-    /// The largest |torque| asked for, or the motor's limit, in SI.
+    /// The largest |command|, or the motor's limit, in SI.
     pub fn largest_effort(&self) -> f64 {
         largest([&self.asked, &self.applied]).max(self.limit.unwrap_or(0.0))
     }
@@ -225,7 +225,7 @@ impl Traces {
         let axis = Axis::around(units::effort_name(self.motion), unit.name, values.map(|x| x * unit.per_si));
         let mut panel = Panel::new("", time, axis);
         let (from, to) = self.span();
-        // Where nothing is clipped the two are one: the broad one shows behind the other.
+        // Without clipping both coincide: the broad one is visible behind the other.
         panel.curve("applied", Style::Beneath, scaled(self.applied.points(room), seconds, unit.per_si));
         panel.curve("asked for", Style::Signal(0), scaled(self.asked.points(room), seconds, unit.per_si));
         if let Some(limit) = self.limit {

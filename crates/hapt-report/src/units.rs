@@ -1,8 +1,8 @@
-//! The units in which a run is drawn: those that such devices are spoken of in.
+//! The units of a run's figures, those usual for such devices.
 
 use hapt_model::Motion;
 
-/// A unit's name, and how many of it one SI unit is.
+/// A unit's name, and its number per SI unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Unit {
     pub name: &'static str,
@@ -15,7 +15,7 @@ const fn unit(name: &'static str, per_si: f64) -> Unit {
 
 pub(crate) const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
-/// For positions of up to this size in SI.
+/// The unit for positions of up to this size in SI.
 pub(crate) fn position(motion: Motion, size: f64) -> Unit {
     match motion {
         Motion::Rotary => unit("°", DEGREES),
@@ -57,7 +57,7 @@ pub(crate) fn time(size: f64) -> Unit {
 }
 
 impl Unit {
-    /// A value in SI, said in this unit.
+    /// A value in SI, written in this unit.
     pub fn say(self, si: f64, digits: usize) -> String {
         format!("{} {}", crate::ticks::number(si * self.per_si, digits), self.name)
     }
@@ -77,7 +77,7 @@ pub(crate) fn say_effort(si: f64, motion: Motion) -> String {
     effort(motion, si.abs()).say(si, 6)
 }
 
-/// What a torque is called in this motion.
+/// The name of a torque in this motion.
 pub(crate) fn effort_name(motion: Motion) -> &'static str {
     match motion {
         Motion::Rotary => "torque",

@@ -10,7 +10,7 @@ const MOST_AXES: usize = 8;
 /// The most cells of a grid: as many as a scenario has samples at most.
 const MOST_CELLS: u64 = 10_000_000_000;
 
-/// A key and the values that it takes, in SI.
+/// A key and its values, in SI.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// The dotted path: `loop.period`.
@@ -21,11 +21,11 @@ pub struct Axis {
     pub from: f64,
     /// The last value.
     pub to: f64,
-    /// How many, at least 1; one alone is `from`.
+    /// The number of values, at least 1; a single one is `from`.
     pub count: u64,
     /// Whether neighbours have the same ratio instead of the same difference.
     pub logarithmic: bool,
-    /// The values one by one, where they follow no rule; `from` and `to` are then the least and the largest.
+    /// A list of values instead of a rule; `from` and `to` are then the least and the largest.
     pub listed: Vec<f64>,
 }
 
@@ -57,7 +57,7 @@ impl Axis {
     }
 }
 
-/// What is varied: a grid's axes have a number of values, a plane's have ends only.
+/// The form of axes: those of a grid have a number of values, those of a plane only ends.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Form {
     Grid,
@@ -102,7 +102,7 @@ fn written(text: &str, form: Form) -> Option<Written<'_>> {
 pub struct Grid {
     /// Slowest first.
     pub axes: Vec<Axis>,
-    /// How many cells.
+    /// The number of cells.
     pub cells: u64,
 }
 
@@ -111,7 +111,7 @@ impl Grid {
     /// cell. Every corner of the grid is read as a world file is, with all its checks.
     ///
     /// # Errors
-    /// [`Error::Axis`] for what is no axis of this world, [`Error::World`] for a world, or a corner, that cannot be read.
+    /// [`Error::Axis`] for an invalid axis, [`Error::World`] for a world, or a corner, that cannot be read.
     pub fn new(source: &Source, sets: &[String], axes: &[String]) -> Result<(Grid, World), Error> {
         if axes.is_empty() || axes.len() > MOST_AXES {
             let message =
@@ -172,7 +172,7 @@ impl Grid {
 
     fn read(source: &Source, sets: &[String], axes: &[String], form: Form) -> Result<(Grid, World), Error> {
         let wrong = |text: &str, message: String| Error::Axis(format!("--vary {text}: {message}"));
-        // What is wrong with the world itself is said before what is wrong with an axis.
+        // Errors of the world come before those of an axis.
         World::read(source, sets)?;
         let mut all = Vec::new();
         let mut base = sets.to_vec();
@@ -214,8 +214,8 @@ impl Grid {
         Ok((grid, world))
     }
 
-    /// Reads the world at every corner but the first. What a key may be, and what two keys may be together, are bounds that a
-    /// grid crosses at a corner or nowhere.
+    /// Reads the world at every corner but the first. The ranges of keys, and conditions between two keys, are bounds that a grid
+    /// violates at a corner or nowhere.
     fn corners(&self, source: &Source, sets: &[String]) -> Result<(), Error> {
         for corner in 1..1u32 << self.axes.len() {
             let value = |(i, axis): (usize, &Axis)| format!("{}={}", axis.key, plain(axis.end(corner >> i & 1 == 1)));
@@ -226,7 +226,7 @@ impl Grid {
         Ok(())
     }
 
-    /// The values of a cell, one an axis.
+    /// The values of a cell, one per axis.
     pub fn values(&self, cell: u64) -> impl Iterator<Item = f64> {
         let mut below = self.cells;
         self.axes.iter().map(move |axis| {
@@ -242,7 +242,7 @@ fn plain(value: f64) -> String {
     text.strip_suffix(".0").map(str::to_string).unwrap_or(text)
 }
 
-/// The world itself could be read, so the mistake is in what is varied.
+/// The world itself is valid, so the error is in the axis.
 fn varied(mut error: hapt_model::Error) -> hapt_model::Error {
     if let Some(location) = &mut error.location {
         location.source = "--vary".into();
@@ -274,7 +274,7 @@ fn axis(parts: &Written<'_>, key: &Key, world: &World) -> Result<Axis, String> {
     Ok(axis)
 }
 
-/// Whether all values of a whole number's axis are whole multiples of `step`. With equal steps it is enough to look at two.
+/// Whether all values of a whole number's axis are whole multiples of `step`. With equal steps two values suffice.
 fn whole(axis: &Axis, step: u64) -> Result<(), String> {
     let looked = if axis.logarithmic || !axis.listed.is_empty() { axis.count } else { axis.count.min(2) };
     let bad = (0..looked).map(|i| axis.value(i)).find(|value| value % step as f64 != 0.0);

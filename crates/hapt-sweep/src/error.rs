@@ -1,6 +1,6 @@
-//! Why there is nothing to sweep.
+//! Errors of sweeps.
 
-/// What is wrong with a sweep's axes or measures.
+/// An error of a sweep's axes or measures.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The world, or the world at a corner of the grid.
@@ -17,7 +17,7 @@ pub enum Error {
     At {
         /// The keys and their values.
         at: String,
-        /// Why not.
+        /// The cause.
         error: hapt_analysis::Error,
     },
     /// It was asked to stop.

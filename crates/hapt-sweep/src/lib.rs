@@ -1,7 +1,7 @@
-//! Every combination of a few numbers of a world, measured.
+//! Parameter studies: grids of a world's numbers, boundaries in the plane of two keys, and the worst passive hand.
 //!
-//! * [`Grid`] is the axes, each a key of the world file with its values, and what they make together, cell by cell.
-//! * [`Measure`] is what a cell is asked: peaks, energies and settling of a run, growth and damping of the loop.
+//! * [`Grid`] holds the axes, each a key of the world file with its values, and their combinations, the cells.
+//! * [`Measure`] is a number of a cell: peaks, energies and settling of a run, growth and damping of the loop.
 //! * [`Sweep`] is a grid of a world with its measures: [`Sweep::rows`] computes a stretch of cells on all cores, in the order of
 //!   the table, with the same bits whatever the number of threads.
 //! * [`boundary`] finds where in the plane of two keys a loop stops being stable or passive, without a grid.

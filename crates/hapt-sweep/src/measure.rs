@@ -1,4 +1,4 @@
-//! What a cell is asked.
+//! The measures of a cell.
 
 use hapt_analysis::sign;
 use hapt_analysis::{Verdict, free_growth, held_growth, is_certified, required_damping};
@@ -8,22 +8,22 @@ use hapt_sim::{Outcome, Simulation, Summary};
 use crate::sweep::Stop;
 
 hapt_model::named! {
-    /// A number that a world, or a run of it, has.
+    /// A number of a world, or of a run of it.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Measure {
         /// The largest |torque| over the rows, before the limit.
         PeakTorque => "peak_torque",
-        /// What the world stores at the last row.
+        /// The energy stored in the world at the last row.
         FinalEnergy => "final_energy",
-        /// From the hand's last event until what moves stays within 2 % of where it ends.
+        /// Time from the hand's last event until all motion stays within 2 % of its final value.
         SettlingTime => "settling_time",
         /// Growth of the world alone, the puck held.
         HeldGrowth => "held_growth_per_s",
-        /// Growth of the whole loop, nobody at the puck.
+        /// Growth of the whole loop, with the puck free.
         FreeGrowth => "free_growth_per_s",
         /// The verdict on the world alone, the puck held: -1 stable, 0 marginal, 1 unstable.
         HeldVerdict => "held_verdict",
-        /// The same of the whole loop, nobody at the puck.
+        /// The verdict on the whole loop, with the puck free.
         FreeVerdict => "free_verdict",
         /// The least device damping that makes the loop passive.
         RequiredDamping => "required_damping",
@@ -33,7 +33,7 @@ hapt_model::named! {
 }
 
 impl Measure {
-    /// What it is, in a line.
+    /// Its meaning, in one line.
     pub const fn meaning(self) -> &'static str {
         match self {
             Measure::PeakTorque => "the largest torque of the run, before the motor's limit",
@@ -62,8 +62,8 @@ impl Measure {
         }
     }
 
-    /// Whether the number under this key, a dotted path, can change it. A run looks at everything; no measure of the loop looks at
-    /// a scenario, at where bodies start, or at the encoder; and with the puck held there is no device, no delay and no estimator.
+    /// Whether the key of this dotted path can change it. A run depends on every key; measures of the loop do not depend on a scenario, on
+    /// initial states of bodies, or on the encoder; with the puck held they do not depend on device, delay and estimator.
     pub(crate) fn depends_on(self, key: &str) -> bool {
         let mut names = key.split('.');
         let (table, last) = (names.next().unwrap_or_default(), names.next_back().unwrap_or_default());
@@ -77,7 +77,7 @@ impl Measure {
             Measure::FreeGrowth | Measure::FreeVerdict => {
                 matches!((table, last), ("device", "inertia" | "damping")) || self.is_in_loop(table, last)
             }
-            // The device's damping pays for what is required, and has no part in it.
+            // The required damping does not depend on the device's damping.
             Measure::RequiredDamping => self.is_in_loop(table, last),
             Measure::Certified => matches!((table, last), ("device", _)) || self.is_in_loop(table, last),
         }
@@ -87,7 +87,7 @@ impl Measure {
         matches!((table, last), ("loop" | "couplings", _) | ("bodies", "inertia"))
     }
 
-    /// Whether it is of a run, and needs a scenario.
+    /// Whether it needs a run, and so a scenario.
     pub const fn of_a_run(self) -> bool {
         match self {
             Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => true,
@@ -100,7 +100,7 @@ impl Measure {
         }
     }
 
-    /// Whether it is of the loop while the puck is held.
+    /// Whether it belongs to the loop with the puck held.
     pub(crate) const fn of_held_loop(self) -> bool {
         match self {
             Measure::HeldGrowth | Measure::HeldVerdict => true,
@@ -115,7 +115,7 @@ impl Measure {
     }
 }
 
-/// What a run is asked, all at once.
+/// All measures of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct OfRun {
     pub peak_torque: Option<f64>,
@@ -124,7 +124,7 @@ pub(crate) struct OfRun {
 }
 
 impl OfRun {
-    /// Of a run in a lane; nothing of one that stops being finite counts.
+    /// The measures of a run in a lane; none of one that stops being finite.
     pub fn of(outcome: Option<Outcome>) -> Self {
         OfRun {
             peak_torque: outcome.map(|run| run.peak_torque),
@@ -149,10 +149,10 @@ impl OfRun {
     }
 }
 
-/// Rows between two questions whether to stop.
+/// Rows between two checks of the stop.
 const STRETCH: u64 = 4096;
 
-/// Runs the scenario once; nothing of a run that cannot start, stops being finite or is stopped counts.
+/// Runs the scenario once; no measures of a run that cannot start, stops being finite or is stopped.
 pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool, stop: &Stop<'_>) -> OfRun {
     let run = |world: &World| -> Option<OfRun> {
         let mut run = Simulation::new(world, scenario).ok()?;
@@ -177,7 +177,7 @@ pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool, stop: &
     run(world).unwrap_or_default()
 }
 
-/// What the loop itself is asked; `None` where it has no such number, or none that can be computed.
+/// A measure of the loop; `None` where it does not exist or cannot be computed.
 pub(crate) fn of_loop(world: &World, measure: Measure) -> Option<f64> {
     let held = || held_growth(&world.bodies, &world.couplings, world.sampling.method, world.sampling.period);
     let verdict = |growth| sign(Verdict::of(growth));
@@ -192,19 +192,19 @@ pub(crate) fn of_loop(world: &World, measure: Measure) -> Option<f64> {
     }
 }
 
-/// The first row from which on everything stays within 2 % of its largest distance from where it ends.
+/// The first row from which on all motion stays within 2 % of its largest distance from its final value.
 struct Settling {
     /// The hand's last event.
     from: f64,
     duration: f64,
-    /// Whether the hand holds the puck to the end, so that the bodies count.
+    /// Whether the hand holds the puck to the end, so that the bodies' motion counts.
     held: bool,
     times: Vec<f64>,
-    /// One a moving thing, over the times.
+    /// One series for each moving part, over the times.
     tracks: Vec<Vec<f64>>,
 }
 
-/// What counts as there.
+/// The settling band.
 const BAND: f64 = 0.02;
 
 impl Settling {

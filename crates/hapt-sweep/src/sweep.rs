@@ -1,4 +1,4 @@
-//! A grid of a world with what its cells are asked.
+//! A grid of a world with the measures of its cells.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::measure::Measure;
 use crate::worker::Worker;
 
-/// The most samples of one run whose settling is asked for: they are kept until it ends.
+/// The most samples of a run with a settling time: they are kept until its end.
 const MOST_KEPT: f64 = 1e8;
 
 /// Whether the work is to stop; asked now and then from all threads.
@@ -22,11 +22,11 @@ pub(crate) type Stop<'a> = dyn Fn() -> bool + Sync + 'a;
 pub struct Sweep {
     /// The grid.
     pub grid: Grid,
-    /// What each cell is asked, in the order of the columns.
+    /// The measures, in the order of the columns.
     pub measures: Vec<Measure>,
     /// The world at the grid's first cell.
     pub world: World,
-    /// Which of the world's scenarios is run, where a measure is of a run.
+    /// The index of the scenario, where a measure needs a run.
     pub(crate) scenario: Option<usize>,
 }
 
@@ -104,19 +104,19 @@ impl Sweep {
         Ok(())
     }
 
-    /// How many rows the table has.
+    /// The number of rows of the table.
     pub fn cells(&self) -> u64 {
         self.grid.cells
     }
 
-    /// How many numbers a row has.
+    /// The number of columns.
     pub(crate) fn width(&self) -> usize {
         self.grid.axes.len() + self.measures.len()
     }
 
     /// The rows of these cells, in their order, on rayon's current pool: the axes' values, then the measures; `None` for a
-    /// measure without a value. A cell knows neither which thread computes it nor which others are computed beside it, so its bits are
-    /// the same on any number of threads.
+    /// measure without a value. A cell's result does not depend on its thread or on other cells, so its bits are the same on any number of
+    /// threads.
     pub fn rows(&self, cells: Range<u64>) -> Rows {
         Rows { width: self.width(), values: self.values(cells, &|| false) }
     }
@@ -171,7 +171,7 @@ impl<'a> IntoIterator for &'a Rows {
 impl std::ops::Index<usize> for Rows {
     type Output = [Option<f64>];
 
-    /// The row of the so-manieth of the cells asked for, which has to be one of them.
+    /// The row of cell i of the requested ones.
     fn index(&self, row: usize) -> &Self::Output {
         &self.values[row * self.width..][..self.width]
     }

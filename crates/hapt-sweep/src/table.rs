@@ -28,8 +28,7 @@ pub fn header(columns: &[Column]) -> String {
     names.join(",") + "\n"
 }
 
-/// A row's line, with its end; nothing stands between the commas where there is no value. Numbers read back to the same
-/// double.
+/// A row's line, with its end; a missing value is empty. Numbers read back to the same double.
 pub fn line(row: &[Option<f64>], out: &mut String) {
     let mut buffer = zmij::Buffer::new();
     for (i, value) in row.iter().enumerate() {
@@ -43,7 +42,7 @@ pub fn line(row: &[Option<f64>], out: &mut String) {
     out.push('\n');
 }
 
-/// A line back as a row of so many columns; `None` for what [`line()`] has not written.
+/// Parses a line as a row of this many columns; `None` for text that [`line()`] has not written.
 pub fn read(line: &str, columns: usize) -> Option<Vec<Option<f64>>> {
     let row: Option<Vec<Option<f64>>> = line
         .split(',')

@@ -37,7 +37,7 @@ struct VelocityFilter {
 
 /// m and h.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Curve {
+pub(crate) struct DampingCurve {
     period: f64,
     lag: Delay,
     slope: VelocityFilter,
@@ -79,9 +79,9 @@ fn power(pole: &Pole, n: f64) -> C {
     C::new(pole.ln_abs * n, pole.arg * n).exp()
 }
 
-impl Curve {
-    pub fn new(transfer: &TransferFunction, filter: &Filter, lag: Delay, period: f64) -> Curve {
-        let mut curve = Curve {
+impl DampingCurve {
+    pub fn new(transfer: &TransferFunction, filter: &Filter, lag: Delay, period: f64) -> DampingCurve {
+        let mut curve = DampingCurve {
             period,
             lag,
             slope: VelocityFilter::of(filter, period),
@@ -246,8 +246,8 @@ mod tests {
         let pole = Pole { ln_abs: f64::NEG_INFINITY, arg: 0.0, gains: [-gain, gain, C::from(0.0), C::from(0.0)] };
         let transfer = TransferFunction { stiffness: 0.0, direct: 0.0, poles: vec![pole], at_puck: [gain.re, 0.0] };
         let filter = Filter { pole: 0.0, taps: Vec::new() };
-        let curve = Curve::new(&transfer, &filter, Delay { samples: 0, fraction: 0.0 }, period);
-        let found = supremum(&curve, Curve::size(&transfer, period)).unwrap();
+        let curve = DampingCurve::new(&transfer, &filter, Delay { samples: 0, fraction: 0.0 }, period);
+        let found = supremum(&curve, DampingCurve::size(&transfer, period)).unwrap();
         assert!((found.value / (2.0 * mass / period) - 1.0).abs() < 1e-12, "{found:?}");
         assert_eq!(found.at, Some(std::f64::consts::PI));
     }

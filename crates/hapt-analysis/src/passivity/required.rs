@@ -24,7 +24,7 @@ use crate::equations::estimator::Filter;
 use crate::equations::laws::{self, Kind, most};
 use crate::error::Error;
 use crate::impedance::{Discretisation, Pole, TransferFunction};
-use crate::passivity::curve::Curve;
+use crate::passivity::curve::DampingCurve;
 use crate::passivity::supremum::supremum;
 use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
@@ -120,7 +120,7 @@ fn of_filter(transfer: &TransferFunction, filter: &Filter, lag: Delay, period: f
     {
         return never(Cause::FractionalDelay { hz });
     }
-    let mut curve = Curve::new(transfer, filter, lag, period);
+    let mut curve = DampingCurve::new(transfer, filter, lag, period);
     curve.drop_poles(|p| p.ln_abs > -band && !(neutral(p) && seen(p)));
     if !transfer.is_finite() {
         return Err(Error::Eigenvalues { order: transfer.poles.len() });
@@ -130,7 +130,7 @@ fn of_filter(transfer: &TransferFunction, filter: &Filter, lag: Delay, period: f
     if let Some(hz) = not_positive.map(|(pole, _)| hz(pole)).reduce(f64::min) {
         return never(Cause::NegativeResidue { hz });
     }
-    let found = supremum(&curve, Curve::size(transfer, period))?;
+    let found = supremum(&curve, DampingCurve::size(transfer, period))?;
     let at_hz = found.at.map(|angle| angle / std::f64::consts::TAU / period);
     Ok(Requirement { damping: Ok(found.value.max(0.0)), at_hz })
 }

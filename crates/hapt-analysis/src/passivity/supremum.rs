@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use crate::error::Error;
 use crate::numerics::series::Real;
-use crate::passivity::curve::Curve;
+use crate::passivity::curve::DampingCurve;
 
 /// Relative accuracy of the proof.
 const PROVED: f64 = 1e-11;
@@ -64,7 +64,7 @@ fn damping(m: f64, h: f64) -> f64 {
 }
 
 struct Search<'a> {
-    curve: &'a Curve,
+    curve: &'a DampingCurve,
     best: f64,
     /// Rounding error of the curve.
     noise: f64,
@@ -143,7 +143,7 @@ impl Search<'_> {
 ///
 /// # Errors
 /// [`Error::Search`].
-pub(crate) fn supremum(curve: &Curve, size: f64) -> Result<Supremum, Error> {
+pub(crate) fn supremum(curve: &DampingCurve, size: f64) -> Result<Supremum, Error> {
     let mut search = Search { curve, best: 0.0, noise: 1e-14 * size, intervals: 0 };
     for phi in curve.angles().into_iter().chain([0.0, PI]) {
         search.at(phi);

@@ -227,7 +227,7 @@ fn a_started_drive_says_what_it_cannot_be_told() {
     let world = world(&[]);
     let bench = bench(&world, Time::Real);
     let notes = bench.wheel(&world).notes().join("\n");
-    for word in ["watchdog took the torque away within", "cannot set that time", "0.100 N m", "torque_soft_max"] {
+    for word in ["watchdog removed the torque after", "cannot set that time", "0.100 N m", "torque_soft_max"] {
         assert!(notes.contains(word), "{word}: {notes}");
     }
 }

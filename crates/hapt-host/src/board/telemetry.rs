@@ -54,7 +54,7 @@ impl TelemetryDecoder {
         let next = |before: &Telemetry| before.sample + 1 + u64::from(missed);
         let behind = before.filter(|before| next(before) == sample);
         let (request, late, silent) =
-            behind.map_or((None, 0.0, 0.0), |before| hapt_log::told(phase(&before), now, reason));
+            behind.map_or((None, 0.0, 0.0), |before| hapt_log::inputs(phase(&before), now, reason));
         let mut bodies = [(0.0, 0.0); BODIES];
         for (place, (position, velocity)) in bodies.iter_mut().zip(telemetry.bodies.as_slice()) {
             *place = (f64::from(*position), f64::from(*velocity));

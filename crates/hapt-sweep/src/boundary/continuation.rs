@@ -1,8 +1,7 @@
 //! The zero set of a function on the square, traced from its sign alone.
 //!
-//! The square is [`INSET`] smaller than the frame on each side: what a key means at the very end of its range, such as no damping
-//! at all, may be a world of its own. A function is above 0 on the one side of its edge, and may jump there, have a corner, or be
-//! infinite.
+//! The square is [`INSET`] smaller than the frame on each side: the end of a key's range, such as no damping, may be a special case. A
+//! function is above 0 on one side of its edge, and may jump there, have a corner, or be infinite.
 //!
 //! From a point on the edge the next one is where a circle about it changes its sign, near the direction that the last steps
 //! predict. Where the circle leaves the square, the square's side takes its place, so that an edge ends there by the same rule. The
@@ -12,20 +11,20 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-/// So much of the frame is left out along each side.
+/// The margin along each side of the frame.
 pub(crate) const INSET: f64 = 1e-6;
 /// Steps, in parts of the frame.
 const LONGEST: f64 = 0.02;
 const SHORTEST: f64 = 1e-5;
-/// The most that the edge may turn against a step, in rad, unless that is the shortest.
+/// The largest angle between the edge and a step, in rad, except for the shortest step.
 const TURN: f64 = 0.12;
-/// A point is on the edge to this.
+/// The accuracy of a point.
 const ON_EDGE: f64 = 1e-13;
-/// Points of an edge, at most.
+/// The most points of an edge.
 const MOST: usize = 20_000;
-/// Stretches of each side of the square, and of each line through it, that are looked at for a change of sign.
+/// Intervals of each side of the square, and of each line through it, that are searched for a change of sign.
 const STRETCHES: usize = 48;
-/// And so near to their ends.
+/// The distance from their ends.
 const NEAR_ENDS: [f64; 3] = [1e-5, 1e-4, 2e-3];
 /// Lines through the square, each way.
 const LINES: usize = 5;
@@ -33,11 +32,11 @@ const LINES: usize = 5;
 /// A point of the frame: 0 to 1 to the right, and up.
 pub type Place = [f64; 2];
 
-/// An edge, beyond which the function is above 0: on the left of who walks along the points.
+/// An edge, beyond which the function is above 0: on the left in the direction of the points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Trace {
     pub points: Vec<Place>,
-    /// Whether the last point is tied to the first.
+    /// Whether it is closed.
     pub closed: bool,
 }
 
@@ -100,7 +99,7 @@ struct Seed {
     inward: Option<f64>,
 }
 
-/// Every edge that meets a side of the square, or one of a few lines through it, but those that lie along `known`. An island that
+/// Every edge that intersects a side of the square, or one of a few lines through it, except those along `known`. An island that
 /// fits between the lines is not found.
 pub(crate) fn trace<E: Send>(f: &(impl Fn(Place) -> Result<f64, E> + Sync), known: &[Trace]) -> Result<Vec<Trace>, E> {
     let mut found: Vec<Trace> = Vec::new();
@@ -184,8 +183,8 @@ fn from_seed<E>(f: &impl Fn(Place) -> Result<f64, E>, seed: Seed) -> Result<Trac
     Ok(back)
 }
 
-/// Walks from `start`, first about in the direction of `heading`, with what is beyond the edge to the left or to the right, to the
-/// square's side, or to the start again where that may be.
+/// Traces from `start`, initially near the direction of `heading`, with the region beyond the edge to the left or to the right, to the
+/// square's side, or back to the start where that is allowed.
 fn follow<E>(
     f: &impl Fn(Place) -> Result<f64, E>,
     start: Place,
@@ -211,14 +210,14 @@ fn follow<E>(
         for width in widths {
             let path = |x: f64| star(p, heading + width * (2.0 * x - 1.0), step);
             let ends = [f(path(0.0))?, f(path(1.0))?];
-            // Beyond at the end of the arc that is on its side, and only there.
+            // Above 0 only at the end of the arc on its side.
             let [right, left_of_it] = ends.map(|value| value > 0.0);
             if right != left_of_it && left_of_it == left {
                 next = Some(crossing(f, path, ends)?);
                 break;
             }
         }
-        // A step's direction, and by how much the edge has turned since the last one.
+        // A step's direction, and the turn of the edge since the last one.
         let step_to = |q: Place| {
             let towards = (q[1] - p[1]).atan2(q[0] - p[0]);
             (q, towards, last.map_or(0.0, |last| (towards - last + PI).rem_euclid(2.0 * PI) - PI))
@@ -230,7 +229,7 @@ fn follow<E>(
                 if on_frame(q) {
                     break;
                 }
-                // It goes on turning, but for a corner.
+                // The curvature continues, except at a corner.
                 heading = if turn.abs() <= TURN { towards + turn } else { towards };
                 if turn.abs() < 0.3 * TURN {
                     step = (2.0 * step).min(LONGEST);

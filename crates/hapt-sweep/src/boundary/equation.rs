@@ -1,4 +1,4 @@
-//! The stretches of the D-decomposition's curves that are the edge: those at which the verdict differs on the two sides.
+//! The parts of the D-decomposition's curves that are the edge: those at which the verdict differs on the two sides.
 //!
 //! The curves are followed by their own parameter, φ or the place on a line, halving it until the chords lie on the curve. Where
 //! a stretch begins or ends, at the frame or where two curves cross, is found by halving too; stretches that meet there are put
@@ -13,14 +13,14 @@ use crate::boundary::continuation::{INSET, Place, Trace, distance, on_frame};
 use crate::boundary::plane::{Edge, Plane};
 use crate::error::Error;
 
-/// How far to both sides a point of an edge is looked at, in parts of the frame.
+/// The distance of the verdicts on both sides of a point, in parts of the frame.
 pub(crate) const BESIDE: f64 = 1e-6;
-/// Chords leave the curve by no more than this, and are no longer than that, in parts of the frame.
+/// The largest distance of a chord from the curve, and its largest length, in parts of the frame.
 const CHORD: f64 = 1e-4;
 const LONGEST: f64 = 0.01;
-/// Ends of stretches no farther apart meet.
+/// The largest distance of joined ends.
 const MEETS: f64 = 1e-3;
-/// The least φ, and distance of φ from π or of a place from its line's end, in parts of all.
+/// The smallest φ, and the smallest distance of φ from π or of a place from its line's end, relative to the range.
 const LEAST: f64 = 1e-7;
 /// Halvings of a stretch between neighbouring parameters.
 const DEEPEST: usize = 24;
@@ -32,7 +32,7 @@ pub(crate) struct Found {
     pub known: Vec<(f64, [f64; 2])>,
 }
 
-/// On which side of a curve it is beyond the edge, for who walks along it.
+/// The side of a curve beyond the edge, in its direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Side {
     Left,
@@ -40,19 +40,19 @@ pub(crate) enum Side {
 }
 
 /// A curve of the plane, over its parameter from 0 to 1.
-struct Curve<'a> {
+struct BoundaryCurve<'a> {
     plane: &'a Plane,
     edge: Edge,
     at: Box<dyn Fn(f64) -> Option<[f64; 2]> + 'a>,
     hz: Box<dyn Fn(f64) -> f64 + 'a>,
 }
 
-impl Curve<'_> {
+impl BoundaryCurve<'_> {
     fn place(&self, t: f64) -> Option<Place> {
         (self.at)(t).map(|values| self.plane.place(values)).filter(|p| p.iter().all(|x| x.is_finite()))
     }
 
-    /// What the curve is at a parameter; `None` where it is no edge.
+    /// The edge at a parameter; `None` where the curve is no edge.
     fn side(&self, t: f64) -> Result<Option<Side>, Error> {
         let inside = |p: &Place| p.iter().all(|x| *x >= INSET && *x <= 1.0 - INSET);
         let Some(p) = self.place(t).filter(inside) else { return Ok(None) };
@@ -60,7 +60,7 @@ impl Curve<'_> {
         side(self.plane, self.edge, p, along)
     }
 
-    /// Its direction there, from a stretch that is short beside all that can be seen.
+    /// Its direction there, from a chord below the resolution.
     fn along(&self, t: f64) -> Option<[f64; 2]> {
         let mut directions = (5..12).step_by(2).filter_map(|power| {
             let dt = 10f64.powi(-power) * t.min(1.0 - t);
@@ -106,7 +106,7 @@ impl Curve<'_> {
         }
     }
 
-    /// The stretches that are the edge, what is beyond it on their left.
+    /// The parts that are the edge, with the region beyond it on their left.
     fn stretches(&self, base: &[f64]) -> Result<Vec<Found>, Error> {
         let parameters = self.parameters(base);
         let mut all: Vec<Found> = Vec::new();
@@ -132,7 +132,7 @@ impl Curve<'_> {
         Ok(all)
     }
 
-    /// The last parameter from `here` toward `there` at which the curve is what it is here.
+    /// The last parameter from `here` toward `there` with the same edge as here.
     fn end(&self, mut here: f64, mut there: f64, side: Option<Side>) -> Result<f64, Error> {
         for _ in 0..60 {
             let middle = 0.5 * (here + there);
@@ -158,13 +158,13 @@ impl Curve<'_> {
     }
 }
 
-/// Across a direction, to its left or right, of length 1.
+/// The unit vector across a direction, to its left or right.
 pub(crate) fn normal(along: [f64; 2], side: Side) -> [f64; 2] {
     let length = along[0].hypot(along[1]) * if side == Side::Left { 1.0 } else { -1.0 };
     [-along[1] / length, along[0] / length]
 }
 
-/// Looks at both sides of a place on a curve with this direction; `None` where the verdict is the same.
+/// Compares the verdicts on both sides of a place on a curve with this direction; `None` where they agree.
 pub(crate) fn side(plane: &Plane, edge: Edge, p: Place, along: [f64; 2]) -> Result<Option<Side>, Error> {
     let is_beyond = |side: Side| -> Result<Option<bool>, Error> {
         let to = normal(along, side);
@@ -181,12 +181,12 @@ pub(crate) fn side(plane: &Plane, edge: Edge, p: Place, along: [f64; 2]) -> Resu
     })
 }
 
-/// The edge as the equations say it; `None` where the stretches found do not close it, so that it has to be followed otherwise.
+/// The edge by the equations; `None` where the parts do not close it, so that it has to be traced.
 pub(crate) fn edges(plane: &Plane, edge: Edge, equations: &[Decomposition]) -> Result<Option<Vec<Found>>, Error> {
     let mut stretches = Vec::new();
     for equation in equations {
         let period = plane.world.sampling.period;
-        let curve = Curve {
+        let curve = BoundaryCurve {
             plane,
             edge,
             at: Box::new(move |t| equation.at(PI * t)),
@@ -197,7 +197,7 @@ pub(crate) fn edges(plane: &Plane, edge: Edge, equations: &[Decomposition]) -> R
             let Some([from, to]) = line.and_then(|line| through(plane, line)) else { continue };
             // A little beyond both ends, so that the frame is crossed.
             let at = move |t: f64| Some([0, 1].map(|i| from[i] + (1.02 * t - 0.01) * (to[i] - from[i])));
-            let curve = Curve { plane, edge, at: Box::new(at), hz: Box::new(move |_| hz) };
+            let curve = BoundaryCurve { plane, edge, at: Box::new(at), hz: Box::new(move |_| hz) };
             stretches.extend(curve.stretches(&base(&[]))?);
         }
     }
@@ -249,7 +249,7 @@ fn through(plane: &Plane, line: Line) -> Option<[[f64; 2]; 2]> {
     (far(&first, &last) > BESIDE).then_some([first, last])
 }
 
-/// Stretches that meet put together; `None` where one then ends neither at the frame nor where it began.
+/// Joins adjacent parts; `None` where the result ends neither at the frame nor at its start.
 fn together(mut stretches: Vec<Found>) -> Option<Vec<Found>> {
     let mut whole = Vec::new();
     while let Some(mut chain) = stretches.pop() {
@@ -258,7 +258,7 @@ fn together(mut stretches: Vec<Found>) -> Option<Vec<Found>> {
             if on_frame(start) && on_frame(end) {
                 break;
             }
-            // What goes on behind the end, or before the start.
+            // A part that continues at the end, or before the start.
             let gap = |found: &Found| {
                 let ends = found.trace.points.first().zip(found.trace.points.last());
                 let (first, last) = ends.map_or((f64::INFINITY, f64::INFINITY), |(first, last)| {

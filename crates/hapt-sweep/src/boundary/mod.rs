@@ -1,8 +1,8 @@
 //! The exact edge of stability and of passivity in the plane of two keys.
 //!
 //! Where the keys are a stiffness and a damping at one place the edge of stability comes from its equation
-//! ([`hapt_analysis::boundary::d_decomposition`]), point by point in closed form; elsewhere, and for passivity, it is followed by the change
-//! of the verdict. Every point is looked at on both of its sides.
+//! ([`hapt_analysis::boundary::d_decomposition`]), point by point in closed form; elsewhere, and for passivity, it is traced by the change
+//! of the verdict. The verdict is computed on both sides of every point.
 
 mod continuation;
 mod equation;
@@ -20,12 +20,12 @@ use equation::{BESIDE, Found, Side, edges, normal, side};
 pub use continuation::Place;
 pub use plane::{Edge, Plane};
 
-/// How an edge was found.
+/// The method that found an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     /// By its equation.
     Equation,
-    /// Followed by the change of the verdict.
+    /// Traced by the change of the verdict.
     Continuation,
 }
 
@@ -36,37 +36,37 @@ pub struct Point {
     pub place: Place,
     /// The keys' values, in SI.
     pub values: [f64; 2],
-    /// Of the eigenvalue that crosses the circle here, or where most damping is asked for; `None` where there is no such one.
+    /// Frequency in Hz of the eigenvalue that crosses the unit circle here, or of the largest required damping; `None` where there is none.
     pub hz: Option<f64>,
     /// The direction beyond the edge, of length 1, in parts of the frame.
     pub beyond: [f64; 2],
 }
 
-/// An edge in one piece: what is beyond it is on the left of who walks along the points.
+/// A connected edge: the region beyond it is on the left in the direction of the points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piece {
-    /// Of which claim.
+    /// The claim.
     pub edge: Edge,
-    /// How it was found.
+    /// The method that found it.
     pub way: Way,
-    /// One after the other.
+    /// The points in their order.
     pub points: Vec<Point>,
-    /// Whether the last is tied to the first; else both ends are at the frame.
+    /// Whether it is closed; else both ends are at the frame.
     pub closed: bool,
-    /// Points at which the verdict was the same on both sides: they are left out.
+    /// The number of points with the same verdict on both sides, which are omitted.
     pub failed: usize,
 }
 
-/// What one claim is in the plane.
+/// One claim in the plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Claim {
     /// Which.
     pub edge: Edge,
     /// Its edge.
     pub pieces: Vec<Piece>,
-    /// What is beyond the edge, as polygons: even-odd, in parts of the frame.
+    /// The region beyond the edge as polygons: even-odd, in parts of the frame.
     pub beyond: Vec<Vec<Place>>,
-    /// Whether all of the plane is beyond it, or nothing; `None` where there is an edge.
+    /// Whether the whole plane is beyond it, or nothing; `None` where there is an edge.
     pub everywhere: Option<bool>,
 }
 
@@ -83,8 +83,8 @@ impl Boundary {
     /// Finds the edges of `claims` in the plane of the axes, each `KEY=FROM..TO[:log]`, of the world in `source` with the
     /// overrides `sets`.
     ///
-    /// Work: some thousand verdicts for each edge, on rayon's current pool. An island of a claim between the lines on which edges
-    /// are looked for, five each way and the frame, is not found.
+    /// Work: some thousand verdicts for each edge, on rayon's current pool. An island of a claim between the searched lines, five each
+    /// way and the frame, is not found.
     ///
     /// # Errors
     /// See [`Error`].
@@ -137,8 +137,8 @@ fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<
     Ok(Claim { edge, pieces, beyond: outline::beyond(&all, corner), everywhere })
 }
 
-/// A trace with what is known of each point. Of a trace that was followed each is looked at on both sides, across the neighbours on
-/// either side, or across one of them where a corner is near; of an equation's every point has been.
+/// A trace with the data of its points. At each point of a traced edge the verdict is computed on both sides, across both neighbours, or
+/// across one of them near a corner; points of an equation have been checked.
 fn piece(plane: &Plane, edge: Edge, way: Way, found: Found) -> Result<Option<Piece>, Error> {
     let Found { trace: Trace { points, closed }, known } = found;
     let n = points.len();

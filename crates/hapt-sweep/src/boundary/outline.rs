@@ -5,14 +5,14 @@ use crate::boundary::continuation::{Place, Trace};
 /// The corners of the frame, counterclockwise from the lower left.
 const CORNERS: [Place; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 
-/// Where on the frame a place is, counterclockwise from the lower left corner: 0 to 4.
+/// The position of a place along the frame, counterclockwise from the lower left corner: 0 to 4.
 fn around([x, y]: Place) -> f64 {
     let sides = [(y, x), (1.0 - x, 1.0 + y), (1.0 - y, 3.0 - x), (x, 4.0 - y)];
     sides.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, at)| at)
 }
 
-/// What is on the left of all edges, as polygons whose even-odd sum it is. Behind the end of an edge at the frame its left goes on
-/// along the frame, counterclockwise, to where the next edge begins. `all`: whether the frame itself is on their left, where no edge
+/// The region on the left of all edges, as polygons with the even-odd rule. From the end of an edge at the frame its outline continues
+/// along the frame, counterclockwise, to the start of the next edge. `all`: whether the frame itself is in the region, where no edge
 /// reaches it.
 pub(crate) fn beyond(edges: &[Trace], all: bool) -> Vec<Vec<Place>> {
     let closed = edges.iter().filter(|edge| edge.closed).map(|edge| edge.points.clone());
@@ -27,7 +27,7 @@ pub(crate) fn beyond(edges: &[Trace], all: bool) -> Vec<Vec<Place>> {
         let mut polygon = first.points.clone();
         let mut at = end(first);
         loop {
-            // How far along the frame an edge begins.
+            // The start of an edge along the frame.
             let ahead = |edge: &Trace| (start(edge) - at).rem_euclid(4.0);
             let next = (0..open.len()).min_by(|&a, &b| ahead(open[a]).total_cmp(&ahead(open[b])));
             let next = next.filter(|&i| ahead(open[i]) < ahead(first));

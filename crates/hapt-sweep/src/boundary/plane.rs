@@ -1,4 +1,4 @@
-//! The plane of two keys, and what a world of it is asked.
+//! The plane of two keys, and the claims about its worlds.
 
 use hapt_analysis::Keys;
 use hapt_analysis::MARGINAL;
@@ -23,7 +23,7 @@ hapt_model::named! {
 }
 
 impl Edge {
-    /// What a loop beyond it is.
+    /// The state of a loop beyond it.
     pub const fn beyond(self) -> &'static str {
         match self {
             Edge::Held | Edge::Free => "unstable",
@@ -35,7 +35,7 @@ impl Edge {
 /// Two keys of a world, each over a range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
-    /// To the right and upwards; both rise.
+    /// The axes to the right and upwards; both rise.
     pub axes: [Axis; 2],
     /// The world at the corner where both begin.
     pub world: World,
@@ -73,7 +73,7 @@ impl Plane {
         })
     }
 
-    /// The place of the keys' values; NaN where a logarithmic axis never comes to.
+    /// The place of the keys' values; NaN where a logarithmic axis cannot reach one.
     pub fn place(&self, values: [f64; 2]) -> Place {
         [0, 1].map(|i| {
             let (axis, value) = (&self.axes[i], values[i]);
@@ -94,15 +94,15 @@ impl Plane {
         world
     }
 
-    /// Above 0 beyond an edge: the growth in 1/s above what counts as none, or the damping that the device lacks, infinite where
-    /// none is enough.
+    /// Above 0 beyond an edge: the growth in 1/s above the marginal one, or the damping that the device lacks, infinite where no damping
+    /// suffices.
     ///
     /// # Errors
     /// [`Error::At`].
     pub fn beyond(&self, edge: Edge, place: Place) -> Result<f64, Error> {
         let world = self.at(place);
         let sampling = &world.sampling;
-        // A growth of just that counts.
+        // The marginal growth itself counts.
         let above = |growth: Option<f64>| match growth {
             Some(growth) if growth == MARGINAL => f64::MIN_POSITIVE,
             Some(growth) => growth - MARGINAL,
@@ -117,8 +117,8 @@ impl Plane {
         value.map_err(|error| self.failed(place, error))
     }
 
-    /// The frequency at which a claim fails, in Hz, at a place beyond its edge: of the eigenvalue that is farthest out, or the
-    /// one that asks for most damping. `None` where there is no such one.
+    /// The frequency at which a claim fails, in Hz, at a place beyond its edge: that of the outermost eigenvalue, or of the largest required
+    /// damping. `None` where there is none.
     ///
     /// # Errors
     /// [`Error::At`].
@@ -146,7 +146,7 @@ impl Plane {
         Keys { paths: [&x.key, &y.key], ranges: [[x.from, x.to], [y.from, y.to]] }
     }
 
-    /// A place no nearer to the frame than a claim is looked at.
+    /// The place, moved inside the margin of the frame.
     pub(crate) fn inside(place: Place) -> Place {
         place.map(|x| x.clamp(INSET, 1.0 - INSET))
     }

@@ -11,7 +11,7 @@ const RUNAWAY: f64 = 1e6;
 /// The part of the energy exchanged that may be rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// The instant of a run at which the hand had drawn most beyond the energy that was supplied to the loop.
+/// The instant of a run at which the hand had drawn most energy beyond the supplied one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Drawn {
     /// The net energy from the puck to the hand, less `supplied`, in J. At most 0 for a passive loop.

@@ -1,30 +1,30 @@
-//! A hand, and the kick that it begins with.
+//! A hand and its initial kick.
 
 use hapt_analysis::Grip;
 use hapt_model::{Coupling, Drive, End, Hand as Model, Law, Motion, Scenario, Shape, Side, Switching, World};
 use serde::Serialize;
 
-/// A passive hand that has drawn its spring at t = 0 and means to stand still from then on.
+/// A passive hand with a stretched spring at t = 0 and a fixed intended position from then on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Hand {
     /// Its mass, damper and spring.
     pub grip: Grip,
-    /// Where its spring would be slack: rad (linear: m).
+    /// The rest position of its spring: rad (linear: m).
     pub to: f64,
-    /// A hand that opens and takes hold again: how long it holds and is open, s; `None`: it holds on.
+    /// A hand that alternately opens and closes: its closed and open times, s; `None`: it stays closed.
     pub hold_and_open: Option<(f64, f64)>,
 }
 
 impl Hand {
-    /// A hand that would come to rest on the puck at `target`, were it to hold on. Its spring has to hold there against the world.
+    /// A hand that comes to rest with the puck at `target` if it stays closed. Its spring has to hold there against the world.
     pub fn toward(world: &World, grip: Grip, target: f64, hold_and_open: Option<(f64, f64)>) -> Hand {
-        // And against twice the device's friction, which would hold the puck where it is.
+        // And against twice the device's friction, which would hold the puck.
         let force = -torque(world, target) + 2.0 * world.device.friction * target.signum();
         let to = target + force / grip.stiffness;
         Hand { grip, to, hold_and_open }
     }
 
-    /// What its spring holds at first, J.
+    /// The initial energy of its spring, J.
     pub fn energy(&self) -> f64 {
         0.5 * self.grip.stiffness * self.to * self.to
     }
@@ -43,7 +43,7 @@ impl Hand {
     }
 }
 
-/// What springs and walls between puck and ground do to a puck that rests at q, within the motor's limit: N·m (linear: N).
+/// The torque of springs and walls between puck and ground on a puck at rest at q, within the motor's limit: N·m (linear: N).
 fn torque(world: &World, q: f64) -> f64 {
     let limit = world.device.limit.unwrap_or(f64::INFINITY);
     let of = |c: &Coupling| {
@@ -80,14 +80,14 @@ fn plain(world: &World) -> f64 {
     }
 }
 
-/// How far a kick may move the puck, rad (linear: m): to a quarter of the motor's limit, or a tenth of a radian (linear: 1 cm), but
+/// The largest displacement by a kick, rad (linear: m): to a quarter of the motor's limit, or a tenth of a radian (linear: 1 cm), but
 /// by ten counts at least.
 fn reach(world: &World, stiffness: f64) -> f64 {
     let within = world.device.limit.map_or(f64::INFINITY, |limit| 0.25 * limit / stiffness);
     plain(world).min(within).max(world.count().map_or(0.0, |count| 10.0 * count))
 }
 
-/// Where hands try to rest, one place at least: a little beside the start, at each wall's face, and some way inside. `stiffness` is that at the puck.
+/// The targets of hands, at least one: a little beside the start, at each wall's face, and some way inside. `stiffness` is that at the puck.
 pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
     let reach = reach(world, stiffness);
     let mut all = vec![reach];
@@ -120,7 +120,7 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
     if all.is_empty() {
         all.push(plain(world));
     }
-    // A world of many walls is not looked at behind every one.
+    // In a world of many walls not every one is a target.
     all.truncate(5);
     all
 }

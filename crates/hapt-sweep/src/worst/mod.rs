@@ -1,11 +1,11 @@
 //! The passive hand that draws most energy from a loop: the other side of the certificate.
 //!
 //! A certificate states that no passive hand can draw energy. This search tries to find one that does: masses, springs and dampers, also
-//! ones that let go and grip again. For the linear loop with a hand the result is exact ([`hapt_analysis::worst_grip`]). For the whole
+//! ones that release and grip again. For the linear loop with a hand the result is exact ([`hapt_analysis::worst_grip`]). For the whole
 //! loop, with limit, counts, friction and walls, it is a run on the exact simulation, and its ledger ([`drawn`]).
 //!
 //! * [`search`] runs the whole search on one world and returns a [`Worst`].
-//! * [`Hand`] is a hand with the kick that it begins with, and the scenario that shows it.
+//! * [`Hand`] is a hand with its initial kick, and the scenario that shows it.
 //! * [`Motion`] is a prescribed path against counts, levels and samples, for worlds from which no grip draws energy.
 //! * [`Drawn`] is the energy that the hand has drawn from the loop, from a run's ledger.
 //!

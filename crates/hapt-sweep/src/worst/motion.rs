@@ -1,8 +1,8 @@
-//! Hands that prescribe the puck's motion, against what rounds and what samples: dithering across a count or a level, pumping a body
-//! by its counts, turning round within a sample, going along with a constant torque.
+//! Hands that prescribe the puck's motion and exploit quantisation and sampling: dithering across a count or a level, pumping a body
+//! by counts, reversing within a sample, moving with a constant torque.
 //!
-//! A loop is passive when no motion of the puck draws energy from it without end, whoever makes the motion; so that such a hand's gain
-//! is as good a counterexample as a grip's. Each motion is found by running the loop beside it, and is then a path like any other.
+//! A loop is passive when no motion of the puck draws unbounded energy from it; so that such a hand's gain is as good a counterexample
+//! as a grip's. Each motion is found by running the loop beside it, and is then a path like any other.
 
 use std::collections::VecDeque;
 
@@ -14,24 +14,24 @@ use serde::Serialize;
 
 use super::search::Error;
 
-/// What a motion does.
+/// The kind of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Trick {
-    /// It goes along with the error that counts and levels make in the held torque, sample by sample.
+    /// It moves with the quantisation error of the held torque, sample by sample.
     Dither,
-    /// It crosses a count to and fro in step with a body's swing, and gives way when the swing is at its end.
+    /// It crosses a count in both directions in phase with a body's oscillation, and yields at the end of the oscillation.
     Pump,
-    /// At each sample it moves one way, and between the samples it goes the other.
+    /// At each sample it moves one way, and between samples the other way.
     Reverse,
-    /// It goes along with a constant torque at a steady pace.
+    /// It moves with a constant torque at constant velocity.
     Follow,
 }
 
 /// A motion that the hand prescribes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
-    /// What it does.
+    /// Its kind.
     pub trick: Trick,
     /// Times in s and positions in rad (linear: m), straight in between.
     pub points: Vec<(f64, f64)>,
@@ -44,7 +44,7 @@ impl Motion {
         Scenario { name: name.into(), duration, hand: Model { drive: Drive::Position(shape), release: None } }
     }
 
-    /// How far it goes from where it begins.
+    /// Its largest distance from its start.
     pub fn reach(&self) -> f64 {
         let first = self.points.first().map_or(0.0, |point| point.1);
         self.points.iter().map(|point| (point.1 - first).abs()).fold(0.0, f64::max)
@@ -61,21 +61,21 @@ impl Motion {
     }
 }
 
-/// What a world is to these hands.
+/// The data of a world for these hands.
 struct Bench<'w> {
     world: &'w World,
     period: f64,
     samples: usize,
-    /// Of all couplings at the puck, on their steepest rises.
+    /// Stiffness and damping of all couplings at the puck, at their steepest slopes.
     stiffness: f64,
     damping: f64,
-    /// A body and what ties it to the puck.
+    /// A body and its coupling to the puck.
     pulls: Vec<(usize, f64)>,
-    /// The first command arrives so many samples late, and so large a part of one more.
+    /// The delay of the first command, in whole samples and the rest.
     late: (usize, f64),
 }
 
-/// A loop at work.
+/// A running loop.
 struct Running {
     compiled: Box<DesktopLoop>,
     state: Box<hapt_sim::DesktopState>,
@@ -141,7 +141,7 @@ pub(crate) fn motions(world: &World, targets: &[f64], samples: usize) -> Result<
     Ok(all)
 }
 
-/// Where to begin: where springs are slack, so that little is stored, then the targets of grips.
+/// Starting places: where springs are slack, so that little energy is stored, then the targets of grips.
 fn places(world: &World, targets: &[f64]) -> Vec<f64> {
     let rest = |c: &Coupling| {
         let sign = match (c.first, c.second) {
@@ -163,20 +163,20 @@ fn places(world: &World, targets: &[f64]) -> Vec<f64> {
 
 /// The most places.
 const PLACES: usize = 6;
-/// How far a dither goes a sample, in counts, or in steps of the levels over the stiffness.
+/// The dither per sample, in counts, or in steps of the levels over the stiffness.
 const DITHERS: [f64; 6] = [0.5, 0.15, 0.04, 0.01, 0.002, 4e-4];
-/// How many half swings a body is pumped, and which part of a swing's end a hand takes a sample.
+/// The number of half periods for which a body is pumped, and the part of the final amplitude that a hand takes per sample.
 const SWINGS: [u32; 5] = [3, 6, 12, 30, 80];
 const YIELDING: [f64; 2] = [0.1, 0.3];
-/// How far a reversal goes back in a sample, over what the velocity at the sample would have gone.
+/// The backward motion of a reversal within a sample, relative to the way at the sampled velocity.
 const BACKS: [f64; 6] = [0.4, 0.2, 0.1, 0.04, 0.015, 0.005];
-/// For how much of a sample it moves that way.
+/// The part of a sample for which it moves backward.
 const FORTH: f64 = 2e-5;
-/// A reversal goes this many samples one way and then as many the other.
+/// A reversal moves this many samples one way and then as many the other.
 const BLOCK: usize = 32;
 
 impl Bench<'_> {
-    /// What one step of a dither is measured by; `None` where nothing rounds a position.
+    /// The unit of a dither; `None` where no position is quantised.
     fn grain(&self) -> Option<f64> {
         let device = &self.world.device;
         self.world.count().or_else(|| {
@@ -200,13 +200,13 @@ impl Bench<'_> {
         Motion { trick, points }
     }
 
-    /// With the error of the held torque, which a loop without counts and levels beside this one shows. Bodies' errors are not of that
-    /// kind: theirs is [`Bench::pump`].
+    /// With the error of the held torque, from the comparison with a loop without counts and levels. [`Bench::pump`] exploits the errors at
+    /// bodies.
     fn dither(&self, place: f64, part: f64) -> Result<Option<Motion>, Error> {
         let Some(step) = self.grain().map(|grain| part * grain) else { return Ok(None) };
         let mut ideal = self.world.clone();
         (ideal.device.encoder, ideal.device.levels) = (None, None);
-        // Through its bodies the ideal loop would drift away from the other: without them only what the puck itself makes is compared.
+        // With bodies the ideal loop would drift away from the other: only the couplings at the puck are compared.
         let mut world = self.world.clone();
         if world.device.encoder.is_some() && !world.bodies.is_empty() {
             let held = |world: &mut World| {
@@ -229,14 +229,14 @@ impl Bench<'_> {
             let velocity = (z - before) / self.period;
             errors.push_back(real.step(z, velocity) - ideal.step(z, velocity));
             before = z;
-            // Where there is none yet, on to where there is.
+            // Without an error yet, move on until there is one.
             z += if errors.pop_front().unwrap_or(0.0) < 0.0 { -step } else { step };
         }
         Ok(Some(self.path(Trick::Dither, &positions)))
     }
 
-    /// Crosses a count so that the bodies swing up, and when they have swung `swings` times to a side gives way at the end of the swing,
-    /// by `yielding` of what the torque asks for a sample.
+    /// Crosses a count so that the bodies' oscillation grows, and after `swings` half periods yields at its end, by `yielding` of the
+    /// torque's demand per sample.
     fn pump(&self, place: f64, swings: u32, yielding: f64) -> Result<Option<Motion>, Error> {
         let (Some(count), true) = (self.world.count(), self.stiffness > 0.0) else { return Ok(None) };
         let friction = self.world.device.friction;
@@ -271,7 +271,7 @@ impl Bench<'_> {
             if (pace > 0.0) != rising && pace != 0.0 {
                 rising = pace > 0.0;
                 turned += 1;
-                // Only where there is something to be had.
+                // Only where energy is available.
                 giving = turned >= swings && torque.abs() > 1.1 * friction;
             }
             if !giving {
@@ -281,7 +281,7 @@ impl Bench<'_> {
         Ok(Some(self.path(Trick::Pump, &positions)))
     }
 
-    /// The velocity at each sample is the other way than that in between.
+    /// The velocity at each sample is opposite to that in between.
     fn reverse(&self, place: f64, back: f64) -> Option<Motion> {
         let device = &self.world.device;
         // The damper's torque is well above friction, and within the motor's limit.
@@ -300,13 +300,13 @@ impl Bench<'_> {
             let start = k as f64 * self.period;
             let way = |k: usize| if (k / BLOCK).is_multiple_of(2) { velocity } else { -velocity };
             points.extend([(start, z), (start + forth, z + way(k) * forth)]);
-            // Against the torque that is held: that of the sample that many before.
+            // Against the held torque: that of one delay ago.
             z -= back * way(k.saturating_sub(self.late.0)) * self.period;
         }
         Some(Motion { trick: Trick::Reverse, points })
     }
 
-    /// Along with the constant torques at bodies, at the pace that leaves the puck's damping least to take.
+    /// With the constant torques at bodies, at the velocity of least dissipation at the puck.
     fn follow(&self) -> Option<Motion> {
         let torque: f64 = self.world.couplings.iter().filter_map(constant).sum();
         let device = &self.world.device;
@@ -321,7 +321,7 @@ impl Bench<'_> {
     }
 }
 
-/// The torque toward larger positions of a constant with a body at an end, on what the hand can go along with.
+/// The torque toward larger positions of a constant with a body at an end, with which the hand can move.
 pub(crate) fn constant(coupling: &Coupling) -> Option<f64> {
     let torque = coupling.law.constant()?;
     match (coupling.first, coupling.second) {
@@ -329,7 +329,7 @@ pub(crate) fn constant(coupling: &Coupling) -> Option<f64> {
         (End::Ground, End::Body(_)) => Some(-torque),
         (End::Puck, End::Body(_)) => Some(torque),
         (End::Body(_), End::Puck) => Some(-torque),
-        // Between two bodies there is no motion along: they part.
+        // Between two bodies no common motion does work: they separate.
         (End::Body(_), End::Body(_)) => None,
         (End::Puck | End::Ground, End::Puck | End::Ground) => None,
     }

@@ -15,33 +15,33 @@ use super::drawn::{Drawn, drawn};
 use super::hand::{Hand, targets};
 use super::motion::{Motion, motions};
 
-/// The most rows of a run; the fewest; and how long it shall be otherwise, s.
+/// The most and the fewest rows of a run, and its duration otherwise, s.
 const ROWS: f64 = 4_000.0;
 const FEWEST: f64 = 2_000.0;
 const LONG: f64 = 2.0;
-/// The most rows of the run that shows a hand, where runs are fast, and where friction or bends make them slow; so many times its
-/// growth's time constant shows what a slow hand does.
+/// The most rows of the run that shows a hand, where runs are fast, and where friction or nonlinear laws make them slow; the multiple of
+/// the growth's time constant that shows a slow hand.
 const SHOWN: [f64; 2] = [3e6, 2e5];
 const GROWN: f64 = 12.0;
 
-/// Masses over the device's inertia, and ωT, of the hands that are tried whatever the linear loop says.
+/// Masses over the device's inertia, and ωT, of the hands that are always tried.
 const MASSES: [f64; 3] = [0.3, 3.0, 30.0];
 const ANGLES: [f64; 4] = [0.01, 0.06, 0.35, 2.0];
 /// The damping ratio of a hand's own swing.
 const DAMPED: f64 = 0.01;
-/// How long a hand that opens holds and is open, over the period of its own swing.
+/// The closed and open times of a switching hand, over the period of its own oscillation.
 const SWITCHED: [(f64, f64); 3] = [(0.25, 0.05), (0.25, 0.25), (0.5, 0.1)];
-/// How far a climb goes, as a logarithm.
+/// The range of a climb, as a logarithm.
 const FAR: f64 = 5.0;
 /// Springs of a hand to be kicked, over those at the puck.
 const STIFFER: [f64; 4] = [1.0, 0.3, 0.1, 0.03];
 /// The most runs of one climb.
 const RUNS: usize = 30;
 
-/// Is given the number of hands tried by simulation so far, [`most_runs`] at the end at most; `Break` ends the search.
+/// Receives the number of hands tried by simulation so far, [`most_runs`] at most; `Break` ends the search.
 pub type Watch<'a> = dyn Fn(usize) -> ControlFlow<()> + 'a;
 
-/// Why the search has no result.
+/// The reason that the search has no result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// The linear loop cannot be analysed.
@@ -71,24 +71,24 @@ pub struct Gap {
 pub struct Worst {
     /// Whether the world is certified.
     pub certified: bool,
-    /// The linear loop's worst hand, or one nearly as bad whose spring gives a better kick, and its growth in 1/s; `None` where none that
-    /// was tried makes it grow.
+    /// The linear loop's worst hand, or one nearly as bad with a stronger kick, and its growth in 1/s; `None` where no tried hand makes
+    /// it grow.
     pub linear: Option<hapt_analysis::WorstGrip>,
-    /// The grip that drew most from the whole loop.
+    /// The grip that drew most energy from the whole loop.
     pub hand: Hand,
-    /// Where no grip drew anything: the prescribed motion that did.
+    /// Where no grip drew energy: the prescribed motion that did.
     pub motion: Option<Motion>,
     /// The energy that it drew.
     pub drawn: Drawn,
-    /// Whether that is more than rounding and a count of the encoder.
+    /// Whether that exceeds rounding and a count of the encoder.
     pub drew: bool,
     /// The run that shows it, under the name `worst`.
     pub scenario: Scenario,
     /// Whether a hand draws energy: from the whole loop by a run, or from one that is linear all through, by its growth.
     pub broken: bool,
-    /// How near the linear loop comes to the certificate.
+    /// The gap between the linear loop and the certificate.
     pub gap: Gap,
-    /// How many hands were tried by simulation.
+    /// The number of hands tried by simulation.
     pub runs: usize,
 }
 
@@ -130,8 +130,8 @@ struct Tried {
 }
 
 impl Tried {
-    /// A gain stands above any loss: by its joules, and by how soon a loop ran away. A loss counts by its share of all that went to and
-    /// fro, so that doing nothing is not best.
+    /// A gain ranks above any loss: by its energy, and by the time until the loop ran away. A loss ranks by its share of the exchanged
+    /// energy, so that no motion is not best.
     fn height(&self, duration: f64, grain: f64) -> f64 {
         let Drawn { gain, end, until_s, moved, .. } = self.drawn;
         if self.drawn.is_gain(grain) {
@@ -143,7 +143,7 @@ impl Tried {
     }
 }
 
-/// How many samples a prescribed motion has.
+/// The number of samples of a prescribed motion.
 fn moved(world: &World, stiffness: f64) -> usize {
     let heaviest = world.bodies.iter().map(|body| body.inertia).fold(0.0, f64::max);
     let swing = std::f64::consts::PI * (heaviest / stiffness.max(f64::MIN_POSITIVE)).sqrt() / world.sampling.period;
@@ -162,7 +162,7 @@ pub struct Moved {
     pub drawn: Drawn,
 }
 
-/// The prescribed motion of at most `samples` samples that draws most, if any draws something; and how many were tried.
+/// The prescribed motion of at most `samples` samples that draws most energy, if any does; and the number of tried ones.
 ///
 /// # Errors
 /// [`Error`].
@@ -181,7 +181,7 @@ fn best_motion_watched(world: &World, samples: usize, watch: &Watch<'_>) -> Resu
     for (i, motion) in all.into_iter().enumerate() {
         go_on(watch, i)?;
         let scenario = motion.scenario("worst", FILE, length);
-        // What its way is worth: a million times that is enough.
+        // The energy of its way: a million times that suffices.
         let had = (stiffness + world.device.damping / period) * motion.reach().powi(2);
         let drawn = drawn(world, &scenario, had)?;
         let gains = drawn.is_gain(4.0 * grain(world, stiffness));
@@ -194,7 +194,7 @@ fn best_motion_watched(world: &World, samples: usize, watch: &Watch<'_>) -> Resu
     Ok((best, tried))
 }
 
-/// What a count is worth, J.
+/// The energy of a count, J.
 fn grain(world: &World, stiffness: f64) -> f64 {
     world.count().map_or(0.0, |count| 0.5 * stiffness * count * count)
 }
@@ -233,7 +233,7 @@ impl Trials<'_> {
         tried.height(self.duration, self.grain)
     }
 
-    /// Up from a hand that was tried, over the logarithms of its numbers.
+    /// Climbs from a tried hand, over the logarithms of its numbers.
     fn maximise(&mut self, from: Tried) -> Result<(), Error> {
         let Grip { inertia, damping, stiffness } = from.hand.grip;
         let mut failed = None;
@@ -246,7 +246,7 @@ impl Trials<'_> {
                     f64::NEG_INFINITY
                 }
             };
-        // The damper in parts of what stops its swing.
+        // The damper relative to critical damping.
         let stops = 2.0 * (stiffness * (inertia + self.world.device.inertia)).sqrt();
         let grip = |x: &[f64]| Grip {
             inertia: inertia * x[0].clamp(-FAR, FAR).exp(),
@@ -281,8 +281,7 @@ fn stiffness(world: &World) -> Result<f64, Error> {
     Ok(ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).fold(0.0, |sum, t| sum + t.stiffness))
 }
 
-/// Whether nothing bends at small motions, so that the growth of the linear loop is that of the whole as long as the motor's limit is
-/// not reached.
+/// Whether the loop is linear at small motions, so that its growth is that of the linear loop up to the motor's limit.
 fn is_linear(world: &World) -> bool {
     let device = &world.device;
     world.couplings.iter().all(|c| c.linear().is_some())
@@ -291,8 +290,8 @@ fn is_linear(world: &World) -> bool {
         && device.levels.is_none()
 }
 
-/// The same hand with a stiffer spring, where that leaves half of the growth: the first push of a soft one sets the whole loop swinging
-/// slowly, and little of it the mode that grows.
+/// The same hand with a stiffer spring, where that keeps half of the growth: a soft one excites mainly a slow oscillation of the whole
+/// loop, and little the growing mode.
 fn with_a_kick(
     world: &World,
     worst: hapt_analysis::WorstGrip,
@@ -307,7 +306,7 @@ fn with_a_kick(
     Ok(worst)
 }
 
-/// How many hands [`search`] tries by simulation, at most: two of the linear loop's and those of the grid at each target, one that
+/// The largest number of hands that [`search`] tries by simulation: two of the linear loop and those of the grid at each target, one that
 /// switches for each of the grid, and both climbs, each with the round that it ends.
 ///
 /// # Errors
@@ -318,11 +317,11 @@ pub fn most_runs(world: &World) -> Result<usize, Error> {
     Ok((2 + grid) * targets + grid + climbs)
 }
 
-/// Looks for the passive hand that draws most energy from a world's loop.
+/// Searches for the passive hand that draws most energy from a world's loop.
 ///
-/// The linear loop's worst hand comes first; then hands of three masses on four springs, holding on and switching, each kicked toward
-/// a few places, run on the exact simulation with all that the device has; then a climb from the best of either kind. Where none of
-/// them draws anything, motions against counts, levels, samples and constant torques ([`Motion`]). Deterministic.
+/// The linear loop's worst hand comes first; then hands of three masses on four springs, closed and switching, each kicked toward a few
+/// places, on the exact simulation of the whole device; then a climb from the best of either kind. Where none of them draws energy,
+/// motions against counts, levels, samples and constant torques ([`Motion`]). Deterministic.
 ///
 /// Work: some 250 runs of up to 12 000 samples, and the eigenvalues of [`breaking_damping`].
 ///
@@ -366,7 +365,7 @@ pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> 
             for &target in &targets {
                 held.push(trials.run(grip, target, None)?);
             }
-            // Each in its turn.
+            // One number after the other.
             let ((hold, open), target) =
                 (SWITCHED[switched.len() % SWITCHED.len()], targets[switched.len() % targets.len()]);
             let times = (whole(hold * swing, period), whole(open * swing, period));
@@ -384,7 +383,7 @@ pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> 
     let gains = |tried: &Tried| tried.drawn.is_gain(grain);
     let mut shown = Vec::new();
     let longest = period * SHOWN[usize::from(!is_linear(world))];
-    // The linear loop's hand, as long as it takes to see its growth; where there is none, the one that comes nearest to it.
+    // The linear loop's hand, for long enough to show its growth; where none grows, the one nearest to growth.
     if let Some(first) = held.first() {
         let length = linear.map_or(duration, |w| (GROWN / w.growth_per_s).clamp(duration, longest.max(duration)));
         shown.push(show(world, first.hand, (length / period).round() * period)?);
@@ -432,7 +431,7 @@ struct Shown {
     drawn: Drawn,
 }
 
-/// A run of `length`, or until the loop has run away.
+/// A run of `length`, or until the loop runs away.
 fn show(world: &World, hand: Hand, length: f64) -> Result<Shown, Error> {
     let drawn = drawn(world, &hand.scenario("worst", length), hand.energy())?;
     let length = if drawn.until_s < length - world.sampling.period { drawn.until_s } else { length };
