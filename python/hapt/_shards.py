@@ -44,16 +44,17 @@ class Job:
     axes: dict[str, NDArray[np.float64]]
     measures: list[str]
     scenario: Optional[str]
+    version: str = _hapt.VERSION
 
     def grid(self) -> _hapt.Sweep:
         """The grid with all of the reader's checks."""
         name, text, folder, sets = self.world
         return _hapt.read(name, text, None, folder, sets).sweep(list(self.axes.items()), self.measures, self.scenario)
 
-    def fingerprint(self, version: str) -> str:
+    def fingerprint(self) -> str:
         """Of everything that the rows depend on."""
         name, text, folder, sets = self.world
-        parts = [version, text, sets, {key: values.tolist() for key, values in self.axes.items()}, self.measures, self.scenario]
+        parts = [self.version, text, sets, {key: values.tolist() for key, values in self.axes.items()}, self.measures, self.scenario]
         return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
     def columns(self, start: int, rows: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
@@ -65,6 +66,8 @@ class Job:
 
 def compute(job: Job, start: int, end: int, threads: int, target: Optional[Target], name: str) -> Any:
     """A shard's measures, shape (cells, measures); with a target its rows as a Parquet file there, and None."""
+    if job.version != _hapt.VERSION:
+        raise RuntimeError(f"this worker has hapt {_hapt.VERSION}, and the sweep is one of hapt {job.version}")
     grid, width = job.grid(), len(job.measures)
     stretches = ((first, min(first + GROUP, end)) for first in range(start, end, GROUP))
     rows = ((first, grid.rows(first, last, threads).reshape(-1, width)) for first, last in stretches)
@@ -206,12 +209,12 @@ class Manifest:
         self._noted = 0.0
 
     @classmethod
-    def open(cls, target: Target, job: Job, version: str, cells: int, shards: Optional[int], default: Callable[[], int]) -> Manifest:
+    def open(cls, target: Target, job: Job, cells: int, shards: Optional[int], default: Callable[[], int]) -> Manifest:
         """The target's manifest, or a new one. Raises ValueError for that of another sweep or of other shards, OSError."""
-        text, fingerprint = target.read(MANIFEST), job.fingerprint(version)
+        text, fingerprint = target.read(MANIFEST), job.fingerprint()
         if text is None:
             count = shards or default()
-            fields = {"hapt": version, "fingerprint": fingerprint, "cells": cells, "shards": count, "done": []}
+            fields = {"hapt": job.version, "fingerprint": fingerprint, "cells": cells, "shards": count, "done": []}
             made = cls(target, fields)
             made.write()
             return made

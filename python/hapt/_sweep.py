@@ -69,7 +69,7 @@ def in_shards(
         return Sweep.of_table(job, table)
     import pyarrow  # noqa: F401 - before anything is written
 
-    manifest = Manifest.open(target, job, _hapt.VERSION, cells, shards, default)
+    manifest = Manifest.open(target, job, cells, shards, default)
     count, todo = manifest.shards, manifest.missing
     with _bar(cells, progress) as advance:
         advance(cells - sum(end - start for start, end in (ends(cells, count, shard) for shard in todo)))

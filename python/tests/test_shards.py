@@ -1,5 +1,6 @@
 """A sweep beyond one process gives the rows and the bytes of one."""
 
+import dataclasses
 import json
 import os
 import pathlib
@@ -16,6 +17,7 @@ from typing import Any
 import hapt
 import numpy as np
 import pytest
+from hapt._shards import Job, compute
 
 from conftest import WALL
 
@@ -116,6 +118,12 @@ def test_another_sweep_is_refused(world: hapt.World, tmp_path: pathlib.Path) -> 
     with pytest.raises(ValueError, match="no manifest"):
         world.sweep(AXES, MEASURES, out=tmp_path, progress=False)
     assert files(tmp_path) == before
+
+
+def test_a_worker_of_another_version_is_an_error(world: hapt.World) -> None:
+    job = dataclasses.replace(Job(world._native.parts(), AXES, MEASURES, None), version="0.0.1")
+    with pytest.raises(RuntimeError, match="0.0.1"):
+        compute(job, 0, 1, 1, None, "")
 
 
 def test_what_is_no_client_or_number_is_refused(world: hapt.World) -> None:
