@@ -54,8 +54,8 @@ impl Clock {
         Ok(if is_later { next } else { *self })
     }
 
-    /// How far the importer's count of this instant may be off, in s: a thousandth of a period, and what adding up billions of steps rounds.
+    /// How far a step may begin from the end of the one before, in s: a thousandth of a period, and what a few operations round.
     pub fn tolerance(&self) -> f64 {
-        1e-3 * self.period + 1e-7 * self.time().abs()
+        1e-3 * self.period + 1e-12 * self.time().abs()
     }
 }

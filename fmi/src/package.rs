@@ -11,7 +11,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 use crate::Kind;
 use crate::description::{IDENTIFIER, description};
 use crate::model::{Model, WORLD};
-use crate::variable::{Value, Variable};
+use crate::variable::{Role, Value, Variable};
 
 /// The versions of the standard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,9 +31,11 @@ impl Version {
         }
     }
 
-    /// Whether it has numbers for the variable: whole numbers have 32 bits in FMI 2.0.
+    /// Whether its model description lists the variable. In FMI 2.0 whole numbers have 32 bits, and time need not be there: the FMI Library
+    /// demands a start value of it, which the standard forbids.
     pub(crate) fn takes(self, variable: &Variable) -> bool {
         match (self, &variable.start) {
+            (Version::Two, _) if variable.role == Role::Time => false,
             (Version::Two, Value::Whole(start)) => i32::try_from(*start).is_ok(),
             (Version::Two, Value::Real(_) | Value::Text(_)) | (Version::Three, _) => true,
         }
