@@ -7,10 +7,10 @@ import csv
 import shutil
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import fmpy
-import libcosimpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
@@ -264,8 +264,8 @@ def main():
     changed(wheel)
     coupled(wheel)
     scheduled(wheel)
-    versions = f"FMPy {fmpy.__version__}, libcosimpy {libcosimpy.__about__.__version__}"
-    print(f"{len(pushed)} worlds in both versions: {versions}, pathsim-fmi")
+    versions = ", ".join(f"{name} {version(name)}" for name in ("fmpy", "libcosimpy", "pathsim", "pathsim-fmi"))
+    print(f"{len(pushed)} worlds in both versions: {versions}")
 
 
 main()
