@@ -39,7 +39,7 @@ enum Sent {
 }
 
 impl VirtualHand {
-    /// A hand that suits the puck of this world ([`grip`]).
+    /// A hand that suits the puck of this world: critically damped with it at 10 Hz, so that it follows a pointer and feels walls.
     pub fn new(world: &World, hands: Option<Hands>) -> Self {
         VirtualHand { hands, grip: grip(world), wanted: Wanted::Release, sent: Sent::Released }
     }
@@ -99,8 +99,8 @@ impl VirtualHand {
     }
 }
 
-/// A grip that suits the puck: critically damped with it at 10 Hz, so that it follows a pointer and feels walls.
-pub fn grip(world: &World) -> Grip {
+/// See [`VirtualHand::new`].
+fn grip(world: &World) -> Grip {
     let inertia = INERTIA_RATIO * world.device.inertia;
     let (mass, swing) = (world.device.inertia + inertia, std::f64::consts::TAU * FREQUENCY);
     Grip { inertia, damping: 2.0 * mass * swing, stiffness: mass * swing * swing }

@@ -51,7 +51,7 @@ mod testing;
 mod worker;
 
 pub use config::{Rule, WorldConfig};
-pub use hand::{VirtualHand, grip};
+pub use hand::VirtualHand;
 pub use keys::SettableKey;
 pub use machine::{Backend, Error, Machine};
 #[cfg(not(target_family = "wasm"))]
