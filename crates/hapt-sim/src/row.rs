@@ -123,7 +123,7 @@ impl Signal {
     );
     /// What a supervised loop asks of its motor.
     pub const OUTPUT: Signal =
-        Signal::new("output", Measures::Effort, "what the motor is asked for, after the supervisor");
+        Signal::new("output", Measures::Effort, "the output of the supervisor, the torque of the motor");
     /// The world's energy.
     pub const ENERGY: Signal = Signal::new("energy", Measures::Energy, "the energy that the world stores");
 

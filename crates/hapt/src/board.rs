@@ -10,10 +10,10 @@ use crate::world::Loaded;
 pub struct Fit {
     /// As the board runs it.
     pub loaded: Loaded,
-    /// What was set over the file for that.
+    /// The overrides for that.
     pub sets: Vec<String>,
     pub profile: SafetyProfile,
-    /// As it goes over the wire.
+    /// The bytes for the wire.
     pub packed: Vec<u8>,
 }
 
@@ -87,7 +87,7 @@ mod unix {
         Ok(link)
     }
 
-    /// The board at a port, to run a loop, and what it is called. It needs an encoder and a motor.
+    /// The board at a port, to run a loop, and its name. It needs an encoder and a motor.
     pub fn backend(port: &Port, every: f64) -> Result<(Backend, String), Failure> {
         let link = open(port)?;
         if link.board().externally_clocked {
@@ -103,7 +103,7 @@ mod unix {
         if let Backend::Board { link, .. } = &mut machine.backend
             && link.board().phase == Some(Phase::Faulted)
         {
-            let why = link.board().reason.map_or("It does not say why.", Reason::sentence);
+            let why = link.board().reason.map_or("The board reports no reason.", Reason::sentence);
             messages::say(format_args!("the board was faulted, and is cleared: {why}"));
             link.clear()?;
         }

@@ -28,7 +28,7 @@ pub struct Shown {
 }
 
 impl Shown {
-    /// A value for people, without its unit: what is less than a picture's pixel of the range is rounding.
+    /// A value without its unit, rounded to a pixel of the range.
     fn value(&self, si: f64) -> String {
         let step = if self.logarithmic {
             10f64.powf((si / self.size).abs().log10().floor() - 4.0)
@@ -127,7 +127,7 @@ fn shown(plane: &Plane, typed: &[String]) -> [Shown; 2] {
     })
 }
 
-/// The side on which it is beyond the edge: the key that says it best, and whether larger or smaller.
+/// The side beyond the edge: the most significant key, and whether larger or smaller.
 fn toward(point: &Point) -> (usize, bool) {
     let axis = usize::from(point.beyond[1].abs() > point.beyond[0].abs());
     (axis, point.beyond[axis] > 0.0)
@@ -151,7 +151,7 @@ fn csv(boundary: &Boundary) -> String {
     text
 }
 
-/// What was found, for people.
+/// The result as text.
 fn summary(boundary: &Boundary, axes: &[Shown; 2]) -> String {
     let mut text = format!("plane     {}\n          {}\n", axes[0].range(), axes[1].range());
     for claim in &boundary.claims {
@@ -180,7 +180,7 @@ fn summary(boundary: &Boundary, axes: &[Shown; 2]) -> String {
     text
 }
 
-/// A piece in a sentence: where, how found, and which side is which.
+/// A sentence about a connected edge: its place, its method, and its sides.
 fn about(piece: &Piece, axes: &[Shown; 2]) -> String {
     let place = |point: &Point| format!("({}, {})", axes[0].value(point.values[0]), axes[1].value(point.values[1]));
     let way = match piece.way {

@@ -6,7 +6,7 @@ use hapt_sweep::boundary::{Boundary, Edge, Place};
 
 use crate::boundary::Shown;
 
-/// What the mark of the file's own values is called.
+/// The name of the mark at the file's own values.
 pub const OWN: &str = "the file's own world";
 
 /// The whole figure as SVG.
@@ -38,7 +38,7 @@ pub fn svg(boundary: &Boundary, axes: &[Shown; 2], own: Option<[f64; 2]>, title:
         (stable, true) => format!("{stable} and passive"),
         (stable, false) => stable.into(),
     };
-    // What is worse covers what is better.
+    // Worse regions cover better ones.
     let frame = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let polygons = |polygons: &[Vec<Place>]| polygons.iter().map(|p| p.iter().map(|&q| point(q)).collect()).collect();
     panel.region(&all, Fill::Good, polygons(&[frame]));

@@ -1,4 +1,4 @@
-//! `hapt check`: the certificate, and what would make it so.
+//! `hapt check`: the certificate, and remedies.
 
 use std::io::{Write, stdout};
 use std::process::ExitCode;

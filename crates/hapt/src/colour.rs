@@ -11,7 +11,7 @@ enum Colour {
     Red,
 }
 
-/// What a line's answer begins with, and its colour. The first that fits counts.
+/// Prefixes of a line's value, and their colours. The first match counts.
 const ANSWERS: &[(&str, Colour)] = &[
     ("not certified", Colour::Red),
     ("certified", Colour::Green),

@@ -25,7 +25,7 @@ pub struct Writer<W: Write + Send> {
     rows: usize,
 }
 
-/// What a column has in the group at hand.
+/// The values of a column in the present group.
 #[derive(Clone, Default)]
 struct Values {
     values: Vec<f64>,
@@ -83,7 +83,7 @@ impl<W: Write + Send> Writer<W> {
         group.close().map(drop)
     }
 
-    /// Writes what waits, and the end; gives the output back.
+    /// Writes the last group and the end; returns the output.
     ///
     /// # Errors
     /// Those of the output.

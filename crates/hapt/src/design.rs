@@ -22,7 +22,7 @@ pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
         ("--torque", &args.torque, Dimension::TORQUE),
         ("--period", &args.period, Dimension::TIME),
     ] {
-        // A program that reads JSON says what it means in SI.
+        // JSON is in SI.
         if let Some(line) = format::assumed(flag, text, dimension).filter(|_| !args.json) {
             messages::say(line);
         }

@@ -1,4 +1,4 @@
-//! What `--device SPEC` stands for.
+//! The devices of `--device SPEC`.
 
 use std::fmt::{self, Display, Formatter};
 use std::fs::File;
@@ -91,9 +91,9 @@ impl FromStr for Spec {
             _ => {
                 let word = text.split_once(':').map_or(text, |(word, _)| word);
                 let hint = match text.trim_start().starts_with('/') {
-                    // A serial port, and nobody can see from outside what is on it.
+                    // A serial port does not show what is connected to it.
                     true => format!("; did you mean \"hapt:{text}\", \"moteus:{text}\" or \"odrive:{text}\"?"),
-                    // A word that is right lacks what follows it.
+                    // A known word without its argument.
                     false if ["sim", "replay", "hapt"].into_iter().chain(DRIVES).any(|known| known == word) => {
                         String::new()
                     }
@@ -120,7 +120,7 @@ impl Display for Spec {
 }
 
 impl Spec {
-    /// What `--device` says.
+    /// Parses the value of `--device`.
     pub fn named(text: &str) -> Result<Self, Failure> {
         text.parse().map_err(|wrong| Failure::input(format!("--device {text}: {wrong}")))
     }
@@ -133,7 +133,7 @@ impl Spec {
         }
     }
 
-    /// What a real device asks of the world file beyond what a simulated one does: the overrides that it comes to. The velocity is
+    /// The additional conditions of a real device on the world file, and the resulting overrides. The velocity is
     /// differenced from positions, as it is certified.
     pub fn overrides(&self, world: &World) -> Result<Vec<String>, Failure> {
         // A board brings its own.
@@ -145,13 +145,13 @@ impl Spec {
             return Err(missing("device.limit", "the largest torque that it may be commanded"));
         }
         if world.motion == Motion::Linear && world.device.drive.gear.is_none() {
-            return Err(missing("device.drive.gear", "how far the puck goes in one revolution of the drive"));
+            return Err(missing("device.drive.gear", "the displacement of the puck for one revolution of the drive"));
         }
         let exact = world.sampling.estimator == EstimatorKind::Exact;
         Ok(exact.then(|| "loop.estimator=difference".into()).into_iter().collect())
     }
 
-    /// What runs the loop of `world`, and how the summary of a run names it. A board shows a sample every `every` s.
+    /// The machine that runs the loop of `world`, and its name in the summary of a run. A board sends a sample every `every` s.
     pub fn machine(
         &self,
         name: &str,
@@ -174,7 +174,7 @@ impl Spec {
         Ok((Machine { name: name.into(), backend, hands, profile }, on))
     }
 
-    /// The device for `world`, and what moves its hand, where it is a simulated one.
+    /// The device for `world`, and the commands of its hand, where it is a simulated one.
     pub fn open(&self, world: &World) -> Result<(Box<dyn Device>, Option<Hands>), Failure> {
         match self {
             Spec::Sim => {

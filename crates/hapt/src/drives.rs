@@ -13,9 +13,9 @@ pub use linux::{Address, devices, open, simulate};
 #[cfg(not(target_os = "linux"))]
 pub use other::{Address, devices, open, simulate};
 
-/// What a certificate does not know of a real motor; printed wherever one is driven.
-pub const NOT_CERTIFIED: &str = "the certificate takes a motor that makes its torque at once, or a fixed loop.delay later: an amplifier's \
-                                 lag and jitter are not in it; put the lag that you measure into loop.delay";
+/// The assumption of a certificate about a real motor; printed wherever one is driven.
+pub const NOT_CERTIFIED: &str = "the certificate assumes a motor without lag, or with a fixed loop.delay: an amplifier's \
+                                 lag and jitter are not included; add the measured lag to loop.delay";
 
 #[cfg(target_os = "linux")]
 mod linux {
@@ -96,7 +96,7 @@ mod linux {
     }
 }
 
-/// Serial ports and CAN are Linux's so far.
+/// Serial ports and CAN are supported on Linux only.
 #[cfg(not(target_os = "linux"))]
 mod other {
     use super::*;

@@ -1,4 +1,4 @@
-//! `hapt explain`: what a word in a message or a verdict means.
+//! `hapt explain`: the meaning of a term in a message or a verdict.
 
 use std::io::{Write, stdout};
 use std::process::ExitCode;
@@ -28,7 +28,7 @@ fn list() -> String {
 }
 
 fn find(name: &str) -> Result<&'static Topic, Failure> {
-    // As people type what they have read: critical period, Forward Euler.
+    // Any spelling: critical period, Forward Euler.
     let plain = name.trim().to_lowercase().replace([' ', '_'], "-");
     let called = |topic: &&Topic| topic.name == plain || topic.aliases.contains(&plain.as_str());
     topics().find(called).ok_or_else(|| {
@@ -41,7 +41,7 @@ fn find(name: &str) -> Result<&'static Topic, Failure> {
     })
 }
 
-/// The topics in whose texts the word stands, three at most.
+/// The topics whose texts contain the word, three at most.
 fn mentioned(word: &str) -> String {
     let word = word.replace('-', " ");
     let names =

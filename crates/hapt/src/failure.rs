@@ -1,4 +1,4 @@
-//! How a command ends when it does not succeed: a message, and the contract's exit code.
+//! The end of a command that fails: a message, and the contract's exit code.
 
 use std::fmt::Display;
 use std::io;
@@ -13,7 +13,7 @@ pub enum Failure {
     Input(String),
     /// The device or the system failed: exit code 3.
     System(String),
-    /// Who reads our standard output has seen enough: a quiet 0.
+    /// The reader of standard output has closed it: exit code 0, without a message.
     Closed,
 }
 
@@ -36,7 +36,7 @@ impl Failure {
         }
     }
 
-    /// What it says.
+    /// Its message.
     pub fn message(self) -> String {
         match self {
             Failure::Input(message) | Failure::System(message) => message,
@@ -59,7 +59,7 @@ impl Failure {
     }
 }
 
-/// What clap has to say instead of arguments: the help asked for, which is a result, or what is wrong with them.
+/// The output of clap instead of arguments: the requested help, or an error.
 pub fn usage(usage: &clap::Error) -> ExitCode {
     match usage.print() {
         Err(error) if !usage.use_stderr() => Failure::stdout(error).report(),

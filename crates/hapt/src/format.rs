@@ -8,7 +8,7 @@ use hapt_model::{Dimension, Motion, Parameter, Quantity, parse_quantity};
 use crate::failure::Failure;
 use crate::messages::say;
 
-/// The value of `flag` in SI. One without a unit is taken as SI, and a line on standard error says so.
+/// The value of `flag` in SI. One without a unit is taken as SI, with a note on standard error.
 pub fn quantity(flag: &str, text: &str, wanted: Dimension) -> Result<f64, Failure> {
     let value = parse_quantity(text, wanted).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
     if let Some(line) = assumed(flag, text, wanted) {
@@ -25,11 +25,11 @@ pub fn positive(flag: &str, text: &str, wanted: Dimension) -> Result<f64, Failur
     }
 }
 
-/// What a number without a unit was taken as, and how the unit that was perhaps meant is written.
+/// The assumed unit of a number without one, and the spelling of the probably intended unit.
 pub fn assumed(flag: &str, text: &str, wanted: Dimension) -> Option<String> {
     let bare = Quantity::parse(text).ok().filter(|quantity| quantity.dimension.is_none() && quantity.value != 0.0)?;
     let unit = wanted.symbol();
-    // Of what is always said in its SI unit nothing is in doubt.
+    // Quantities that are always given in SI need no note.
     let usual = match wanted {
         Dimension::ANGLE => "deg",
         Dimension::TIME => "ms",
@@ -44,7 +44,7 @@ pub fn assumed(flag: &str, text: &str, wanted: Dimension) -> Option<String> {
     ))
 }
 
-/// The unit in which a world's file speaks of torques (linear: forces), and how many of it one SI unit is.
+/// The unit of torques (linear: forces) in a world's file, and its number per SI unit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Effort {
     unit: String,
@@ -61,7 +61,7 @@ impl Effort {
         let direct = |parameter: &&Parameter| parameter.given && parameter.unit == wanted.symbol();
         let limit = parameters.iter().find(|parameter| parameter.path == "device.limit").filter(direct);
         let first = limit.or_else(|| parameters.iter().find(direct)).map(|parameter| unit(&parameter.written));
-        // Of "17.8 N mm/deg" what stands before the angle.
+        // The part of "17.8 N mm/deg" before the angle.
         let stiffness = |parameter: &&Parameter| parameter.given && parameter.path.ends_with(".stiffness");
         let through = || {
             let written = unit(&parameters.iter().find(stiffness)?.written);
@@ -78,7 +78,7 @@ impl Effort {
     }
 }
 
-/// A torque in N mm up to 10 N m, as such devices are spoken of; or a force in N. For where no file says its own unit.
+/// A torque in N mm up to 10 N m, as usual for such devices; or a force in N. For values without a unit of a file.
 pub fn effort(x: f64, motion: Motion) -> String {
     match motion {
         Motion::Rotary if x.abs() < 10.0 => format!("{} N mm", number(1e3 * x)),

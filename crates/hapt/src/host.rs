@@ -7,7 +7,7 @@ const STEAL: usize = 7;
 /// The kernel's unit in `/proc/stat` on every architecture that Linux runs programs on.
 const TICKS_PER_S: f64 = 100.0;
 
-/// What had been taken from each core when it was asked, at the mean; `None` where the system does not say.
+/// The mean steal time of a core so far; `None` where the system does not report it.
 #[derive(Clone, Copy, Debug)]
 pub struct Stolen(Option<Duration>);
 
@@ -16,7 +16,7 @@ impl Stolen {
         Stolen(std::fs::read_to_string("/proc/stat").ok().as_deref().and_then(mean))
     }
 
-    /// What was taken since; `None` where nothing was, or nobody knows.
+    /// The steal time since then; `None` where it is 0 or unknown.
     pub fn since(self) -> Option<Duration> {
         let taken = Stolen::until_now().0?.checked_sub(self.0?)?;
         (!taken.is_zero()).then_some(taken)

@@ -1,4 +1,4 @@
-//! `hapt impedance`: what the hand feels against frequency, and the Z-width of a device.
+//! `hapt impedance`: the rendered impedance against frequency, and the Z-width of a device.
 
 use std::fmt::{Display, Write as _};
 use std::io::{Write, stdout};
@@ -26,7 +26,7 @@ use crate::world::{Loaded, files, load};
 const MOST: usize = 100_000;
 /// The most dampers of a Z-width, each of which is a search.
 const MOST_DAMPERS: usize = 2_000;
-/// About so many rows are printed.
+/// The approximate number of printed rows.
 const PRINTED: usize = 14;
 
 pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
@@ -89,7 +89,7 @@ fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Fai
     if high > nyquist * (1.0 + 1e-12) {
         let (high, nyquist) = (format::number(high), format::number(nyquist));
         return Err(Failure::input(format!(
-            "--to: {high} Hz is beyond {nyquist} Hz, half of the sampling rate, where frequencies can no longer be told apart"
+            "--to: {high} Hz is beyond {nyquist} Hz, half of the sampling rate, where frequencies are ambiguous"
         )));
     }
     let low = frequency("--from", args.from.as_deref())?.unwrap_or(felt.low_hz().min(0.1 * high));

@@ -37,7 +37,7 @@ pub fn run(args: &InitArgs) -> Result<ExitCode, Failure> {
     let folder = if args.folder == Path::new(".") { Path::new("") } else { &args.folder };
     let (world_path, schema_path) = (folder.join("world.toml"), folder.join("hapt.schema.json"));
     refuse_existing(&world_path)?;
-    // The one of this hapt may stay: a second world in the folder goes by it too.
+    // An equal schema stays: a second world in the folder uses it too.
     let schema_is_there = is_there(&schema_path, schema.as_bytes());
     if !schema_is_there {
         refuse_existing(&schema_path)?;
@@ -50,7 +50,7 @@ pub fn run(args: &InitArgs) -> Result<ExitCode, Failure> {
     }
     finish(world, &world_path)?;
     let shown = world_path.display();
-    messages::say(format_args!("next: hapt sim {shown}, hapt check {shown}, and what its comments say"));
+    messages::say(format_args!("next: hapt sim {shown}, hapt check {shown}, and read its comments"));
     Ok(ExitCode::SUCCESS)
 }
 

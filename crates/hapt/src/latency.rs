@@ -1,4 +1,4 @@
-//! `hapt latency`: how well this machine keeps a loop's time.
+//! `hapt latency`: the timing of a loop on this machine.
 
 use std::fmt::Write as _;
 use std::io::{Write, stdout};
@@ -16,7 +16,7 @@ use crate::failure::Failure;
 use crate::host::Stolen;
 use crate::{format, output, world};
 
-/// How often the records are taken.
+/// The polling period of records.
 pub const LOOK: Duration = Duration::from_millis(5);
 /// The longest bar of the histogram, in characters.
 const WIDEST: u64 = 50;
@@ -52,7 +52,7 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     let printed = out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
     match output::signalled() {
-        // The terminal may be gone, and with it whoever reads.
+        // The terminal may be closed.
         Some(code) => Ok(ExitCode::from(code)),
         None => printed.map(|()| ExitCode::SUCCESS),
     }
@@ -68,7 +68,7 @@ pub fn plan(world: &World, profile: SafetyProfile) -> Result<Plan, Failure> {
     Plan::new(world, profile).map_err(Failure::input)
 }
 
-/// What the thread is to ask of the system.
+/// The scheduling of the thread.
 pub fn settings(args: &RealtimeArgs, world: &World) -> Result<Settings, Failure> {
     let spin = match args.spin.as_deref() {
         None => 0.0,
@@ -94,7 +94,7 @@ impl From<hapt_rt::Error> for Failure {
     }
 }
 
-/// What the system has granted, a line each, and what its host took.
+/// The granted scheduling, a line each, and the steal time of its host.
 pub fn granted(realtime: &Realtime, stolen: Option<Duration>) -> String {
     let text = match realtime.priority {
         Some(priority) => format!("priority     SCHED_FIFO {priority}\n"),

@@ -1,4 +1,4 @@
-//! `hapt licences`: what the program is made of, and on which terms.
+//! `hapt licences`: the dependencies of the program and their licences.
 
 use std::io::{Write, stdout};
 use std::process::ExitCode;

@@ -19,7 +19,7 @@ use crate::output;
 use crate::run::profile;
 use crate::world::{Loaded, source};
 
-/// What runs where no world is named: the notes' wheel under the default method, which is certified.
+/// The default world: the notes' wheel under the default method, which is certified.
 const WHEEL: &str = "@notes/default";
 /// From one look for a signal to the next.
 const MOMENT: Duration = Duration::from_millis(20);
@@ -72,10 +72,10 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     }
 }
 
-/// How often a board shows a sample, in s, where the line carries it: no peak of a loop at 1 kHz is lost.
+/// The period of a board's telemetry in s, where the line allows it: no peak of a loop at 1 kHz is lost.
 const SHOWN: f64 = 1e-3;
 
-/// What runs the world.
+/// The machine that runs the world.
 fn machine(args: &LiveArgs, spec: &Spec, world: &World) -> Result<Machine, Failure> {
     let profile = profile(args.uncertified, spec, world)?;
     spec.machine(&args.device, &args.realtime, world, profile, SHOWN).map(|(machine, _)| machine)
@@ -92,7 +92,7 @@ fn listen(address: Option<&str>) -> Result<IpAddr, Failure> {
     })
 }
 
-/// Opens the link in the browser that the system knows of; where it knows none, the link is there to be clicked.
+/// Opens the link in the system's browser; without one, the link is printed.
 fn open(link: &str) {
     let (program, before): (&str, &[&str]) = match () {
         () if cfg!(target_os = "macos") => ("open", &[]),

@@ -13,13 +13,13 @@ use crate::messages;
 use crate::output::{self, Draft};
 use crate::suggest;
 
-/// A log and what people call it.
+/// A log and its name in messages.
 pub struct Opened {
     pub name: String,
     pub log: Log<Box<dyn Read>>,
 }
 
-/// The log of a loop in real time that is about to begin: until then it stands beside its place, so that a run that is refused leaves an
+/// The log of a loop in real time before its start: until then it is a file beside the target, so that a refused run leaves an
 /// older log as it was.
 pub struct Recording {
     recording: hapt_host::Recording,
@@ -27,7 +27,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Starts what `--log` names, where it names something.
+    /// Starts the log of `--log`, if given.
     pub fn start(file: Option<&Path>, world: &World, header: impl FnOnce() -> Header) -> Result<Option<Self>, Failure> {
         let Some(file) = file else { return Ok(None) };
         output::format("--log", file, &["mcap"])?;
@@ -40,7 +40,7 @@ impl Recording {
         Ok(Some(Recording { recording, draft }))
     }
 
-    /// The loop has begun: the log goes into its place, and grows there.
+    /// Moves the log to its target once the loop has started.
     pub fn begin(self) -> Result<hapt_host::Recording, Failure> {
         self.draft.finish().map_err(|error| Failure::System(format!("--log: cannot write the log: {error}")))?;
         Ok(self.recording)
@@ -54,7 +54,7 @@ pub fn open(path: &Path) -> Result<Opened, Failure> {
     Ok(Opened { name, log })
 }
 
-/// What a file is called, and its bytes.
+/// A file's name and its bytes.
 pub fn reader(path: &Path) -> Result<(String, Box<dyn Read>), Failure> {
     if path.as_os_str() == "-" {
         return Ok(("<stdin>".into(), Box::new(stdin().lock())));
@@ -69,7 +69,7 @@ pub fn missing(path: &Path, error: &std::io::Error) -> Failure {
     Failure::input(format!("cannot read {}: {error}{}", path.display(), suggest::file(path)))
 }
 
-/// What is wrong with the log of this name.
+/// The error of the log of this name.
 pub fn failure(name: &str, error: Error) -> Failure {
     Failure::input(if let Error::Unreadable(error) = error {
         format!("cannot read {name}: {error}")
@@ -79,7 +79,7 @@ pub fn failure(name: &str, error: Error) -> Failure {
 }
 
 impl Opened {
-    /// Says where it ended, where that is not its writer's end; after the last sample.
+    /// Reports an incomplete end, after the last sample.
     pub fn say_ending(&self, samples: u64, last: f64) {
         if *self.log.ending() != Ending::Whole {
             let (samples, last) = (format::count(samples), format::time(last));

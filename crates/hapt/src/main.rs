@@ -1,4 +1,4 @@
-//! The command line: wires between the crates, and nothing else.
+//! The command line, which connects the crates.
 // Every match names all variants, so that a new one does not compile by default.
 #![warn(clippy::wildcard_enum_match_arm)]
 
@@ -98,7 +98,7 @@ fn main() -> ExitCode {
     };
     let code = match done {
         Ok(code) => code,
-        // What a signal has broken off fails in many ways.
+        // A command that a signal interrupted may fail in any way.
         Err(failure) => {
             let code = failure.report();
             signals::signalled().map_or(code, ExitCode::from)

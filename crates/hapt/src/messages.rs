@@ -11,7 +11,7 @@ use std::time::Duration;
 static QUEUE: OnceLock<SyncSender<Message>> = OnceLock::new();
 /// The most messages that wait; further ones are dropped.
 const WAITING: usize = 1024;
-/// How long the end of the program waits for messages to be printed.
+/// The time that the program waits at its end for messages to be printed.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 enum Message {
@@ -20,7 +20,7 @@ enum Message {
     Settled(SyncSender<()>),
 }
 
-/// From now on [`say`] never blocks: the program holds a torque.
+/// From now on [`say`] never blocks: the motor may hold a torque.
 pub fn never_block() {
     if QUEUE.get().is_some() {
         return;

@@ -1,4 +1,4 @@
-//! What stands for `columnar.rs` in a program without Parquet: every table is refused.
+//! Replaces `columnar.rs` in a program without Parquet: every table is refused.
 
 use std::convert::Infallible;
 use std::io::{self, BufRead, Write};

@@ -11,7 +11,7 @@ use crate::format;
 use crate::sim::rows;
 use hapt_model::builtin;
 
-/// What people call the loops, and the built-in worlds that have them.
+/// The names of the loops, and their built-in worlds.
 const LOOPS: [(&str, &str); 4] = [
     ("forward Euler", "@notes/euler"),
     ("forward Euler, b = Tk", "@notes/damped"),

@@ -1,4 +1,4 @@
-//! Where results go: files that are there whole or not at all, devices that are written through, and what a file's ending asks for.
+//! Outputs: files that appear complete or not at all, devices that are written directly, and the formats of file endings.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -20,7 +20,7 @@ fn drafts() -> MutexGuard<'static, Vec<PathBuf>> {
 
 /// Removes the unfinished files. No new one appears: the list stays locked.
 pub fn remove_drafts() {
-    // Whoever holds the list is in a call to the file system, which may itself be stuck.
+    // The list may be locked during a call to the file system, which may block.
     for _ in 0..100 {
         let list = match DRAFTS.try_lock() {
             Ok(list) => list,
@@ -38,7 +38,7 @@ pub fn remove_drafts() {
     }
 }
 
-/// What is written to a target: a file under another name until [`Draft::finish`] puts it in its place, so that dropped before it is gone
+/// The output to a target: a file under another name until [`Draft::finish`] moves it to its place; dropped earlier it is removed
 /// and an older file is as it was; or a device, a pipe or a FIFO, which takes the bytes as they come.
 #[derive(Debug)]
 pub struct Draft {
@@ -67,7 +67,7 @@ impl Draft {
         builder.prefix(&prefix).suffix(".partial");
         #[cfg(unix)]
         {
-            // As any other file: what the umask allows.
+            // The permissions of the umask, as for any other file.
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
@@ -77,18 +77,18 @@ impl Draft {
         list.push(path.to_path_buf());
         drop(list);
         if let Some(there) = there {
-            // Who may read the old file may read the new one. A file system without such rights has none to keep.
+            // The new file has the permissions of the old one. A file system without permissions has none to keep.
             let _ = file.set_permissions(there);
         }
         Ok(Draft { file: BufWriter::with_capacity(1 << 16, file), place: Place::Beside { path, target, named } })
     }
 
-    /// The file behind it, for whoever goes on writing when it is in its place.
+    /// The file, for writing after it is in its place.
     pub fn handle(&self) -> io::Result<File> {
         self.file.get_ref().try_clone()
     }
 
-    /// Puts the file in its place; what it is called.
+    /// Moves the file to its place; returns its name.
     pub fn finish(self) -> io::Result<PathBuf> {
         let Draft { file, place } = self;
         file.into_inner().map_err(io::IntoInnerError::into_error)?;
@@ -114,7 +114,7 @@ impl Write for Draft {
     }
 }
 
-/// Who may read and write the file that is there; an error where nobody may write it.
+/// The permissions of the existing file; an error where it is write-protected.
 pub fn protected(target: &Path) -> io::Result<Option<fs::Permissions>> {
     match fs::metadata(target) {
         Ok(there) if there.permissions().readonly() => Err(io::Error::other("the file is write-protected")),
@@ -137,7 +137,7 @@ pub fn followed(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("too many links"))
 }
 
-/// What is there at `path`, opened, where it is no file but takes bytes; `None` where a file is or may be.
+/// Opens a target at `path` that is not a regular file, such as a device; `None` where a file is or may be.
 #[cfg(unix)]
 fn through(path: &Path) -> io::Result<Option<File>> {
     use std::os::fd::AsFd;
@@ -147,11 +147,11 @@ fn through(path: &Path) -> io::Result<Option<File>> {
     use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
     use rustix::io::Errno;
 
-    /// So long a FIFO waits for whoever reads it.
+    /// The time that a FIFO waits for a reader.
     const PATIENCE: Duration = Duration::from_secs(2);
 
     if [Path::new("/dev/stdout"), Path::new("/dev/fd/1")].contains(&path) {
-        // The same open file, so that it goes on where it stands.
+        // The same open file, so that it continues at its offset.
         return Ok(Some(io::stdout().as_fd().try_clone_to_owned()?.into()));
     }
     let Ok(there) = fs::metadata(path) else { return Ok(None) };
@@ -221,12 +221,12 @@ pub fn apart(outputs: &[(&str, &Path)], inputs: &[(&str, PathBuf)]) -> Result<()
     Ok(())
 }
 
-/// The outputs that are asked for.
+/// The requested outputs.
 pub fn given<'a>(outputs: &[(&'a str, &'a Option<PathBuf>)]) -> Vec<(&'a str, &'a Path)> {
     outputs.iter().filter_map(|(flag, path)| Some((*flag, path.as_deref()?))).collect()
 }
 
-/// Where a file is or will be, whatever it is called; `None` of what is no file.
+/// The canonical place of a file, existing or not; `None` of a target that is not a file.
 fn place(path: &Path) -> Option<PathBuf> {
     let path = followed(path).ok()?;
     if fs::metadata(&path).is_ok_and(|there| !there.is_file()) {
@@ -239,7 +239,7 @@ fn place(path: &Path) -> Option<PathBuf> {
 /// Endings that are of files, and of no folder that a command makes.
 const ENDINGS: [&str; 9] = ["csv", "parquet", "mcap", "svg", "png", "html", "json", "toml", "txt"];
 
-/// The format that a file's ending asks for, of those that `flag` writes; the first of them where the name has no ending.
+/// The format of a file's ending, of those that `flag` writes; the first of them without an ending.
 pub fn format<'a>(flag: &str, path: &Path, formats: &[&'a str]) -> Result<&'a str, Failure> {
     let Some(ending) = path.extension() else { return Ok(formats[0]) };
     let ending = ending.to_string_lossy().to_lowercase();
@@ -258,7 +258,7 @@ pub fn figure_format(flag: &str, path: Option<&Path>) -> Result<(), Failure> {
     path.map_or(Ok(()), |path| format(flag, path, &FIGURES).map(drop))
 }
 
-/// What a figure can be written as.
+/// The formats of figures.
 const FIGURES: [&str; 2] = ["svg", "png"];
 
 /// A figure's draft, given as SVG, as SVG or as PNG by its name's ending.
@@ -269,7 +269,7 @@ pub fn figure(flag: &str, target: &Path, svg: &str) -> Result<Draft, Failure> {
     }
 }
 
-/// These bytes on their way to `target`.
+/// A draft of these bytes for `target`.
 pub fn draft(target: &Path, bytes: &[u8]) -> Result<Draft, Failure> {
     let failed = |error| Failure::write(target.display(), error);
     let mut draft = Draft::new(target.to_path_buf()).map_err(failed)?;

@@ -17,14 +17,14 @@ use crate::log::{self, Opened};
 use crate::messages;
 use crate::output;
 
-/// Runs drawn over each other: more could not be told apart.
+/// The most runs drawn over each other: more are not distinguishable.
 const MOST_RUNS: usize = 12;
 
 pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
     output::figure_format("--out", args.out.as_deref())?;
     if args.runs.len() > MOST_RUNS {
         return Err(Failure::input(format!(
-            "{} runs in one figure: at most {MOST_RUNS} can be told apart",
+            "{} runs in one figure: at most {MOST_RUNS} are distinguishable",
             args.runs.len()
         )));
     }
@@ -44,7 +44,7 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
         }
         runs.push((name, traces));
     }
-    // Two of one name are told apart by their paths.
+    // Runs of the same name are labelled with their paths.
     let names: Vec<String> = runs.iter().map(|(name, _)| name.clone()).collect();
     for ((name, _), path) in runs.iter_mut().zip(&args.runs) {
         if names.iter().filter(|other| *other == name).count() > 1 {
@@ -93,7 +93,7 @@ fn window(args: &PlotArgs) -> Result<(f64, f64), Failure> {
     Ok((from, to))
 }
 
-/// What is drawn, in the order asked for; all of it where nothing is.
+/// The signals to draw, in the given order; all of them by default.
 fn signals(names: &[String]) -> Result<Vec<Signal>, Failure> {
     if names.is_empty() {
         return Ok(Signal::ALL.to_vec());
@@ -109,7 +109,7 @@ fn signals(names: &[String]) -> Result<Vec<Signal>, Failure> {
     names.iter().map(named).collect()
 }
 
-/// A run and what it is called.
+/// A run and its name.
 fn read(path: &Path, limit: Option<&str>, window: (f64, f64)) -> Result<(String, Traces), Failure> {
     let piped = path.as_os_str() == "-";
     let (name, from) = log::reader(path)?;

@@ -1,4 +1,4 @@
-//! How far a long run is, on standard error.
+//! The progress of a long run, on standard error.
 
 use std::io::{IsTerminal, stderr};
 use std::time::{Duration, Instant};
@@ -12,16 +12,16 @@ use crate::messages;
 const EVERY: u64 = 1 << 14;
 /// A run that is done by then needs no bar.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Where nobody watches a terminal, a line now and then.
+/// The period of progress lines without a terminal.
 const LINES: Duration = Duration::from_secs(5);
 
-/// Says how far it is: a bar on a terminal, a line now and then elsewhere, nothing for a short run.
+/// Shows the progress: a bar on a terminal, a line now and then elsewhere, nothing for a short run.
 pub struct Progress {
     name: String,
-    /// What is counted.
+    /// The name of the counted items.
     things: &'static str,
     all: u64,
-    /// What was there at the start.
+    /// The number of items at the start.
     before: u64,
     started: Instant,
     last_line: Option<Instant>,
@@ -29,7 +29,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Of `all` things, of which so many are there already.
+    /// The progress of `all` items, of which this many are done.
     pub fn new(name: &str, things: &'static str, all: u64, before: u64) -> Self {
         Progress { name: name.into(), things, all, before, started: Instant::now(), last_line: None, bar: None }
     }
@@ -41,7 +41,7 @@ impl Progress {
         }
     }
 
-    /// Before the first is done: what comes before it.
+    /// Shows a text before the first item is done.
     pub fn begins(&mut self, what: &str) {
         if self.started.elapsed() >= PATIENCE && self.last_line.is_none_or(|last| last.elapsed() > LINES) {
             self.last_line = Some(Instant::now());
@@ -49,7 +49,7 @@ impl Progress {
         }
     }
 
-    /// With so many done.
+    /// Sets the number of done items.
     pub fn reached(&mut self, done: u64) {
         let elapsed = self.started.elapsed();
         if elapsed < PATIENCE {

@@ -53,7 +53,7 @@ fn text(name: &str, replay: &Replay, header: &Header) -> String {
     };
     if replay.skipped > 0 {
         let skipped = format::count(replay.skipped);
-        let _ = writeln!(text, "skipped    {skipped} samples, before which the log does not know the loop's state");
+        let _ = writeln!(text, "skipped    {skipped} samples, as the log lacks the loop's state before them");
     }
     if replay.gaps > 0 {
         let _ = writeln!(text, "gaps       {}, where samples were lost while recording", format::count(replay.gaps));

@@ -27,7 +27,7 @@ struct Ready {
     check: Check,
     proposal: Option<Proposal>,
     lines: Vec<String>,
-    /// What it is called on the command line, with its overrides.
+    /// Its name on the command line, with its overrides.
     command: String,
     /// For the page on which it runs, or why it has none.
     live: Result<PageWorld, String>,
@@ -37,7 +37,7 @@ struct Ready {
 const LIVE: &str = "live";
 
 pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
-    // Whatever is wrong with a world is said before the first file is begun.
+    // All errors of worlds come before the first file is written.
     let worlds = read(args)?;
     output::folder("--out", &args.out)?;
     let mut reports = Vec::new();
@@ -137,7 +137,7 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
     Ok(Report { title: title.clone(), stem: stem.clone(), world, parameters, check, proposal, runs, live })
 }
 
-/// Writes the page on which a world runs, and what all of them share.
+/// Writes the page that runs a world, and the shared files of all pages.
 fn live(folder: &Path, ready: &Ready) -> Result<(), Failure> {
     let Ready { title, stem, check, proposal, command, .. } = ready;
     let world = match &ready.live {
@@ -157,7 +157,7 @@ fn live(folder: &Path, ready: &Ready) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What a world is called on the command line, for a shell.
+/// A world's name on the command line, quoted for a shell.
 fn command(path: &Path, sets: &[String]) -> String {
     let plain = |c: char| c.is_alphanumeric() || "@%+=:,./_-".contains(c);
     let quoted = |word: &str| match word.chars().all(plain) {

@@ -25,7 +25,7 @@ use crate::output;
 use crate::sim;
 use crate::world::{Loaded, files, load};
 
-/// How often a board shows a sample, in s, where no log needs them all.
+/// The period of a board's telemetry in s, where no log needs every sample.
 const SHOWN: f64 = 0.02;
 /// A board that shows no sample for so long, though it answers, has stopped its loop.
 const SILENT: Duration = Duration::from_secs(2);
@@ -59,7 +59,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         }
         Spec::Sim | Spec::Replay(_) | Spec::Drive(_) => {
             let profile = profile(args.uncertified, &spec, &loaded.world)?;
-            // What the core refuses is refused before a device is opened.
+            // The core's errors come before a device is opened.
             plan(&loaded.world, profile)?;
             profile
         }
@@ -101,7 +101,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let text = run.summary(&loaded, &on, &how) + logged_line;
     let printed = out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
     if let How::Signal(code) = how {
-        // The terminal may be gone, and with it whoever reads.
+        // The terminal may be closed.
         return Ok(ExitCode::from(code));
     }
     printed?;
@@ -116,7 +116,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
             Err(Failure::System(format!("the torque was removed. {} {}", reason.sentence(), reason.remedy())))
         }
         How::Silent => Err(Failure::System(
-            "the board shows no samples any more; what it does to the motor is its watchdog's to say".into(),
+            "the board sends no samples any more; its own watchdog removes the torque if its loop has stopped".into(),
         )),
         How::Failed(Error::Device(failure)) => {
             Err(Failure::System(format!("the run ended early, with the torque off: {failure}")))
@@ -128,13 +128,13 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     }
 }
 
-/// What goes into the log beside the samples.
+/// The header of the log.
 fn header(args: &RunArgs, loaded: &Loaded, sets: &[String], profile: SafetyProfile) -> Header {
     let (device, scenario) = (args.device.clone(), args.scenario.clone());
     Header { device, scenario, profile, ..sim::header(loaded, sets, true) }
 }
 
-/// Its last second, and what has become of it.
+/// The last second of the run, and its end.
 pub fn finish(recorder: Recorder) -> Result<String, Failure> {
     let Summary { path, written, lost } =
         recorder.finish().map_err(|error| Failure::System(format!("the log has ended early: {error}")))?;
@@ -142,12 +142,12 @@ pub fn finish(recorder: Recorder) -> Result<String, Failure> {
     Ok(format!("log          {} samples{lost}: {}\n", format::count(written), path.display()))
 }
 
-/// On a motor only what is certified runs, unless somebody says otherwise.
+/// On a motor only certified worlds run, unless `--uncertified` is given.
 pub fn profile(uncertified: bool, spec: &Spec, world: &World) -> Result<SafetyProfile, Failure> {
     if spec.has_a_motor() { judged(world, uncertified) } else { Ok(SafetyProfile::Simulated) }
 }
 
-/// How the supervisor is to guard a motor from a world.
+/// The supervisor's profile for a world on this device.
 pub fn judged(world: &World, uncertified: bool) -> Result<SafetyProfile, Failure> {
     let check = hapt_analysis::check(world)?;
     if check.certified {
@@ -160,7 +160,7 @@ pub fn judged(world: &World, uncertified: bool) -> Result<SafetyProfile, Failure
     Err(Failure::input(format!("{what}. --uncertified runs it regardless, with tighter limits")))
 }
 
-/// How a run has ended.
+/// The end of a run.
 enum How {
     Done,
     Signal(u8),
@@ -170,7 +170,7 @@ enum How {
     Failed(Error),
 }
 
-/// What the records have shown.
+/// The statistics of the records.
 #[derive(Default)]
 struct Seen {
     timing: Timing,
@@ -238,7 +238,7 @@ impl Run {
         }
     }
 
-    /// Tells a board that this program is there. A loop of this computer ends with the program.
+    /// Sends a heartbeat to a board. A loop on this computer ends with the program.
     fn keep(&self) {
         if self.is_board {
             self.session.handle().heartbeat();
@@ -255,7 +255,7 @@ impl Run {
         }
     }
 
-    /// How it has ended, if it has.
+    /// The end of the run; `None` while it runs.
     fn how(&mut self, ended: Option<Result<(), Error>>, is_over: bool) -> Option<How> {
         if let Some(signal) = output::signalled() {
             return Some(How::Signal(signal));
@@ -275,7 +275,7 @@ impl Run {
             Some(Err(error)) => return Some(How::Failed(error)),
         }
         let last = self.seen.last.filter(|record| record.phase == Phase::Disarmed && self.seen.was_active)?;
-        // It has faded out by itself, or as it was asked to.
+        // It has faded out, by itself or on request.
         Some(last.reason.filter(|_| !is_over).map_or(How::Done, How::Fault))
     }
 

@@ -1,4 +1,4 @@
-//! `hapt completions` and `hapt man`: what shells and manuals know of the command line, from its one definition.
+//! `hapt completions` and `hapt man`: shell completions and manual pages from the definition of the command line.
 
 use std::io::{self, Write, stdout};
 use std::path::Path;

@@ -1,37 +1,37 @@
 //! Signals end every command with no torque on and no unfinished file left, whatever the rest of the program waits for.
 //!
 //! SIGINT (Ctrl-C), SIGTERM, SIGHUP (the terminal was closed) and SIGQUIT are handled on a thread of their own, which prints nothing
-//! itself and waits for nobody: another thread may be blocked in a write to a terminal that was stopped (Ctrl-S), or to a full pipe.
+//! itself and waits for no other thread, which may be blocked in a write to a terminal that was stopped (Ctrl-S), or to a full pipe.
 
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use crate::messages;
 
-/// A file that an interruption leaves where it is, so that the work can be taken up again, and what is said of it then.
+/// A file that an interruption keeps, so that the work can be resumed, and the message about it.
 static KEPT: Mutex<Option<String>> = Mutex::new(None);
 
-/// From now on an interruption says `words`; with `None` it has nothing to say.
+/// Sets the message of an interruption; `None`: no message.
 pub fn when_interrupted(words: Option<String>) {
     *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = words;
 }
 
-/// Whether a command ends in order by itself when a signal comes, and the exit code that the signal asks for.
+/// Whether a command handles signals by itself, and the exit code of the received signal.
 static IN_ORDER: AtomicBool = AtomicBool::new(false);
 static SIGNALLED: AtomicU8 = AtomicU8::new(0);
 
-/// What takes the torque off at a signal.
+/// The function that removes the torque at a signal.
 type Stop = Box<dyn Fn() + Send>;
 static STOP: Mutex<Option<Stop>> = Mutex::new(None);
 
 /// From now on the first signal shows in [`signalled`], and the program has three seconds: the command takes the torque off, finishes its
-/// files, and ends. A second signal ends the program at once. Messages no longer wait for whoever reads them.
+/// files, and ends. A second signal ends the program at once. Messages no longer wait for a reader.
 pub fn end_in_order() {
     messages::never_block();
     IN_ORDER.store(true, Ordering::SeqCst);
 }
 
-/// The first signal calls `stop`, from the signals' own thread: it sets flags, and waits for nobody.
+/// The first signal calls `stop`, from the signals' own thread: it sets flags, and never waits.
 pub fn stop_with(stop: impl Fn() + Send + 'static) {
     let mut slot = STOP.lock().unwrap_or_else(PoisonError::into_inner);
     if signalled().is_some() {
@@ -40,7 +40,7 @@ pub fn stop_with(stop: impl Fn() + Send + 'static) {
     *slot = Some(Box::new(stop));
 }
 
-/// The exit code that a signal has asked for.
+/// The exit code of the received signal.
 pub fn signalled() -> Option<u8> {
     Some(SIGNALLED.load(Ordering::SeqCst)).filter(|code| *code != 0)
 }
@@ -65,7 +65,7 @@ mod unix {
     const GRACE: Duration = Duration::from_secs(3);
     /// So long at a second signal: enough for the loop's last sample, whose torque is 0.
     const AT_ONCE: Duration = Duration::from_millis(200);
-    /// So long somebody may take to read the last words.
+    /// The time for printing the last messages.
     const WORDS: Duration = Duration::from_millis(200);
 
     /// Ends the program with 128 and the signal's number (SIGINT 130, SIGTERM 143, SIGHUP 129, SIGQUIT 131); unfinished files are removed.
@@ -98,7 +98,7 @@ mod unix {
                     exit(code)
                 });
             }
-            // The kernel and the shell each say that the terminal is gone.
+            // Both the kernel and the shell send a signal when the terminal closes.
             Err(_) if signal == SIGHUP => {}
             Err(first) => {
                 sleep(AT_ONCE);
@@ -123,7 +123,7 @@ mod unix {
         signal_hook::low_level::exit(code.into())
     }
 
-    /// Whether the program was started with this signal ignored; only Linux says so without a call that is unsafe.
+    /// Whether the program was started with this signal ignored; only Linux reports it without an unsafe call.
     fn is_ignored(signal: i32) -> bool {
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
         let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -20,7 +20,7 @@ use crate::world::{Loaded, files, load};
 pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
     let loaded = load(&args.world)?;
     let scenarios = named(&loaded.world, &args.scenarios)?;
-    // Whatever is wrong is said before the first file is begun.
+    // All errors come before the first file is written.
     hapt_sim::check(&loaded.world)?;
     match &args.out {
         Some(folder) => write_all(&loaded, &scenarios, folder, args)?,
@@ -96,7 +96,7 @@ fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &Sim
     first_failure.map_or(Ok(()), Err)
 }
 
-/// What goes into a log beside the rows; the certificate only where it is asked for.
+/// The header of a log; with the certificate only on request.
 pub fn header(loaded: &Loaded, sets: &[String], certified: bool) -> Header {
     let check = certified.then(|| hapt_analysis::check(&loaded.world).ok()).flatten();
     Header {

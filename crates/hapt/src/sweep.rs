@@ -27,16 +27,16 @@ use crate::output::{self, Draft};
 use crate::progress::Progress;
 use crate::world::{files, own, source};
 
-/// The most threads that can be asked for.
+/// The largest number of threads.
 const MOST_THREADS: usize = 1024;
 /// The most cells of a map: each is a number in memory until it is drawn.
 const MOST_DRAWN: u64 = 10_000_000;
-/// How long a stretch of cells may take before its rows are written.
+/// The longest time of a block of cells before its rows are written.
 const STRETCH: Duration = Duration::from_millis(250);
 /// The most cells of a stretch, whose rows are in memory together.
 const MOST_AT_ONCE: u64 = 1 << 16;
 
-/// What the table becomes.
+/// The output of the table.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Format {
     Csv,
@@ -113,7 +113,7 @@ fn measure(name: &str) -> Result<Measure, Failure> {
     })
 }
 
-/// `hapt sweep --measure help`: asked before what a sweep needs is asked for.
+/// `hapt sweep --measure help`: handled before the required arguments of a sweep.
 pub fn asks_for_measures(arguments: impl Iterator<Item = std::ffi::OsString>) -> bool {
     let arguments: Vec<_> = arguments.skip(1).collect();
     let is_help = |pair: &[std::ffi::OsString]| pair[0] == "--measure" && pair[1] == "help";
@@ -138,7 +138,7 @@ pub fn list_measures() -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Computes the cells that are not there yet; how often each measure has no value, in all of them.
+/// Computes the missing cells; returns the number of cells without a value for each measure, over all cells.
 fn compute(sweep: &Sweep, cells: Range<u64>, pool: &ThreadPool, partial: &mut Partial) -> Result<Vec<u64>, Failure> {
     let rows = cells.end - cells.start;
     let mut missing = partial.missing.clone();
@@ -169,7 +169,7 @@ fn compute(sweep: &Sweep, cells: Range<u64>, pool: &ThreadPool, partial: &mut Pa
     Ok(missing)
 }
 
-/// The rows on their way.
+/// The partial file of rows.
 struct Partial {
     file: File,
     path: PathBuf,
@@ -178,12 +178,12 @@ struct Partial {
     header: String,
     /// Rows that are there.
     done: u64,
-    /// How often each measure has no value in them.
+    /// The number of rows without a value, for each measure.
     missing: Vec<u64>,
 }
 
 impl Partial {
-    /// Begins `FILE.HASH.partial`, or goes on behind its last whole row.
+    /// Starts `FILE.HASH.partial`, or continues after its last complete row.
     fn open(
         target: &Path,
         sweep: &Sweep,
@@ -230,7 +230,7 @@ impl Partial {
         Ok(partial)
     }
 
-    /// Counts the whole rows of an interrupted sweep; how many bytes they and the header take, 0 where that is not its header.
+    /// Counts the complete rows of an interrupted sweep; returns the bytes of them and the header, 0 where that is not its header.
     fn count(&mut self, file: &mut File, rows: u64, sweep: &Sweep, columns: &[Column]) -> io::Result<u64> {
         let mut reader = BufReader::new(file);
         let mut line = String::new();
@@ -278,7 +278,7 @@ impl Partial {
         match format {
             Format::Csv => {
                 if let Some(there) = output::protected(&self.target).map_err(failed)? {
-                    // As a draft's: who may read the old file may read the new one.
+                    // As for a draft: the new file has the permissions of the old one.
                     let _ = self.file.set_permissions(there);
                 }
                 fs::rename(&self.path, &self.target).map_err(failed)?;

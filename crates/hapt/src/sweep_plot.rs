@@ -50,7 +50,7 @@ fn measured(sweep: &Sweep) -> (String, &'static str) {
 fn edge(measure: Measure) -> Option<f64> {
     match measure {
         Measure::HeldGrowth | Measure::FreeGrowth => Some(hapt_analysis::MARGINAL),
-        // What is not unstable is on the one side.
+        // Stable and marginal are on one side.
         Measure::HeldVerdict | Measure::FreeVerdict | Measure::Certified => Some(0.5),
         Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime | Measure::RequiredDamping => None,
     }

@@ -12,7 +12,7 @@ use crate::columnar;
 use crate::failure::Failure;
 use crate::output::Draft;
 
-/// A table on its way to its file.
+/// A table that is being written.
 pub struct Table {
     target: PathBuf,
     to: To,
@@ -27,7 +27,7 @@ enum To {
 }
 
 impl Format {
-    /// How its files' names end.
+    /// The ending of its files.
     pub fn ending(self) -> &'static str {
         match self {
             Format::Csv => "csv",
@@ -36,7 +36,7 @@ impl Format {
         }
     }
 
-    /// The format that a file's name asks for.
+    /// The format of a file's ending.
     pub fn of(path: &Path) -> Option<Format> {
         let ending = path.extension().and_then(|ending| ending.to_str())?.to_lowercase();
         [Format::Csv, Format::Mcap, Format::Parquet].into_iter().find(|format| format.ending() == ending)
@@ -44,7 +44,7 @@ impl Format {
 }
 
 impl Table {
-    /// Begins a table of `world`; `header` goes into a log.
+    /// Starts a table of `world`; `header` is that of a log.
     pub fn new(
         format: Format,
         target: PathBuf,

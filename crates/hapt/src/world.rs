@@ -9,7 +9,7 @@ use crate::failure::Failure;
 use crate::suggest;
 use hapt_model::builtin;
 
-/// A world and what people call it.
+/// A world and its name in messages.
 pub struct Loaded {
     pub name: String,
     pub world: World,
@@ -23,7 +23,7 @@ pub fn load(args: &WorldArgs) -> Result<Loaded, Failure> {
     Ok(Loaded { name: source.name.clone(), world, source })
 }
 
-/// What WORLD stands for: a file, standard input for `-`, a built-in world for `@NAME`.
+/// The source of WORLD: a file, standard input for `-`, a built-in world for `@NAME`.
 pub fn source(path: &Path) -> Result<Source, Failure> {
     match path.to_str() {
         Some("-") => Ok(Source::stdin()?),

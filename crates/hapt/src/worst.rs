@@ -37,7 +37,7 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     if let Some(path) = &args.out {
         output::apart(&[("--out", path), ("--out", &beside(path))], &files(&args.world.path, &loaded.world))?;
     }
-    // A file that cannot be is said before the search.
+    // An invalid output file is reported before the search.
     let draft = args.out.as_deref().map(begin).transpose()?;
     let worst = watched(&loaded.world)?;
     let shown = with_scenario(&loaded.world, &worst, args.out.as_deref());
@@ -59,7 +59,7 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     Ok(if worst.broken { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
-/// The search, and how far it is on standard error.
+/// The search, with its progress on standard error.
 fn watched(world: &World) -> Result<Worst, Failure> {
     let seen = AtomicUsize::new(0);
     let mut progress = Progress::new("worst", "hands", hapt_sweep::worst::most_runs(world)? as u64, 0);
@@ -67,7 +67,7 @@ fn watched(world: &World) -> Result<Worst, Failure> {
     thread::scope(|scope| {
         let seen = &seen;
         let search = scope.spawn(move || {
-            // Dropped at the end, and on a panic too: what waits below ends at once.
+            // Dropped at the end, and on a panic too: the waiting thread below ends at once.
             let _done = done;
             hapt_sweep::worst::search_watched(world, &|runs| {
                 seen.store(runs, Relaxed);
@@ -233,7 +233,7 @@ fn motion(world: &World, motion: &Motion) -> String {
         Trick::Reverse => {
             "it turns round within each sample, so that the exact velocity of the instant is not that of the way"
         }
-        Trick::Follow => "it goes along with the constant torque at a steady pace",
+        Trick::Follow => "it moves with the constant torque at a steady pace",
     };
     let reach = match world.motion {
         hapt_model::Motion::Rotary => format!("{} deg", format::number(motion.reach().to_degrees())),
@@ -260,7 +260,7 @@ fn shown_run(worst: &Worst) -> String {
     }
 }
 
-/// What the numbers leave out.
+/// The assumptions of the numbers.
 fn notes(world: &World, worst: &Worst) -> Vec<String> {
     let mut notes = Vec::new();
     if worst.motion.as_ref().is_none_or(|motion| motion.trick != Trick::Follow)

@@ -1,4 +1,4 @@
-//! What the commands take that speak to a device, or are one.
+//! Arguments of the commands that use or simulate a device.
 
 use std::path::PathBuf;
 
@@ -148,7 +148,7 @@ pub struct LatencyArgs {
     pub json: bool,
 }
 
-// What the loop's thread asks of the system. (A doc comment would be the command's own description.)
+// Scheduling of the loop's thread. (A doc comment would become the command's own description.)
 #[derive(Debug, clap::Args)]
 pub struct RealtimeArgs {
     /// Poll the clock for this time before each sample instead of sleeping, such as 100us.

@@ -1,4 +1,4 @@
-//! What the commands take that run a world on the exact simulation, and show what came of it.
+//! Arguments of the commands that simulate a world and show the results.
 
 use std::path::PathBuf;
 

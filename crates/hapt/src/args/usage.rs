@@ -1,4 +1,4 @@
-//! What the commands take that say how hapt is used.
+//! Arguments of the commands about the usage of hapt.
 
 use std::path::PathBuf;
 

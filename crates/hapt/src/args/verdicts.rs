@@ -1,4 +1,4 @@
-//! What the commands take that judge a loop, or make one.
+//! Arguments of the commands that analyse a loop, or create one.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! The experiment: steps and a chirp of a small torque, asked of the device through the loop and its supervisor.
+//! The experiment: steps and a chirp of a small torque, applied through the loop and its supervisor.
 //!
 //! Each push is a world of its own, with one constant torque on the puck and nothing else; a swap fades it over to the next. The chirp is
 //! made of pushes too short to be held. Nothing in it depends on the position, so that it stays what it is when the motor's sign or the
@@ -22,14 +22,14 @@ use crate::latency::{LOOK, plan, settings, time};
 use crate::log::Recording;
 use crate::{format, messages, output};
 
-/// The longest time between two looks at what comes.
+/// The polling period of records.
 const MOMENT: Duration = Duration::from_millis(20);
-/// Of the motor's limit, where --torque says nothing.
+/// The part of the motor's limit, without --torque.
 const PART: f64 = 0.1;
 /// Of the speed at which the supervisor takes the torque away the experiment uses this part.
 const CALM: f64 = 0.5;
 
-/// What the loop said, sample by sample.
+/// The records of the loop.
 #[derive(Default)]
 struct Seen {
     times: Vec<f64>,
@@ -90,7 +90,7 @@ fn torque(args: &IdentifyArgs, world: &World) -> Result<f64, Failure> {
     Ok(torque)
 }
 
-/// What the experiment may do: within the world's own safety limits, where those are narrower.
+/// The limits of the experiment, within the world's own safety limits.
 fn bounds(world: &World, torque: f64) -> Bounds {
     let is_linear = world.motion == Motion::Linear;
     let safety = &world.safety;
@@ -102,7 +102,7 @@ fn bounds(world: &World, torque: f64) -> Bounds {
     bounds
 }
 
-/// Nothing moves before somebody has said yes.
+/// Asks for confirmation before any motion.
 fn ask(what: &str, world: &World, torque: f64, duration: f64) -> Result<(), Failure> {
     if !stdin().is_terminal() {
         return Err(Failure::input(format!("{what} will move: pass --yes when everyone is clear of it")));
@@ -144,7 +144,7 @@ impl Experiment {
         (bare.names, bare.bodies, bare.couplings, bare.scenarios) = Default::default();
         let bounds = bounds(world, torque);
         (bare.safety.fade, bare.safety.torque) = (bounds.fade, Some(bounds.torque));
-        // A constant torque cannot run away by its sign, which is what is to be found; and it may well be smaller than the friction.
+        // A constant torque is safe with either sign, which is unknown here; and it may be smaller than the friction.
         (bare.safety.pulse, bare.safety.stuck) = (Some(0.0), Some(0.0));
         let profile = if spec.has_a_motor() { SafetyProfile::Certified } else { SafetyProfile::Simulated };
         let settings = settings(&args.realtime, world)?;
@@ -224,7 +224,7 @@ impl Experiment {
         self.engine.send(order).map_err(|_| Failure::System("the loop takes no orders".into()))
     }
 
-    /// Goes on for so many s, and looks at what comes.
+    /// Runs for this many s, and reads the records.
     fn wait(&mut self, seconds: f64) -> Result<(), Failure> {
         let until = Instant::now() + Duration::from_secs_f64(seconds);
         loop {
@@ -237,7 +237,7 @@ impl Experiment {
         }
     }
 
-    /// Takes what has come.
+    /// Reads the records.
     fn look(&mut self) -> Result<(), Failure> {
         let ended = self.engine.ended();
         while let Ok(record) = self.engine.records.pop() {

@@ -88,7 +88,7 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<(Lists, Mot
     Ok((lists, motion))
 }
 
-/// A log of hapt's: of a run, the commands; of a loop in real time, what the motor was asked for after the supervisor.
+/// A log of hapt: the commands of a run; the output of the supervisor of a loop in real time.
 fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lists, Motion, Option<World>), Failure> {
     let plan = std::sync::Arc::clone(opened.log.plan());
     let is_real = opened.log.is_live() && opened.log.header.device != "sim";
@@ -113,7 +113,7 @@ fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lis
     Ok((lists, plan.world.motion, Some(world)))
 }
 
-/// What lies between --from and --to.
+/// The part between --from and --to.
 fn cut(args: &IdentifyArgs, lists: Lists) -> Result<Lists, Failure> {
     let bound = |flag: &str, text: &Option<String>| text.as_deref().map(|text| time(flag, text)).transpose();
     let from = bound("--from", &args.from)?.unwrap_or(f64::NEG_INFINITY);

@@ -1,4 +1,4 @@
-//! `hapt identify`: what a device is made of, from a log, or from an experiment on it.
+//! `hapt identify`: the parameters of a device, from a log, or from an experiment on it.
 
 mod figure;
 mod guided;
@@ -95,7 +95,7 @@ fn named_world(args: &IdentifyArgs) -> Result<Option<World>, Failure> {
     args.world.as_ref().map(read).transpose()
 }
 
-/// What --inertia says.
+/// The value of --inertia.
 fn inertia(args: &IdentifyArgs, motion: Motion) -> Result<Option<f64>, Failure> {
     let Some(text) = &args.inertia else { return Ok(None) };
     positive("--inertia", text, Measure::Inertia, motion).map(Some)

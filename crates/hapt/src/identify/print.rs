@@ -83,7 +83,7 @@ fn encoder(motion: Motion, found: &Identified) -> String {
     }
 }
 
-/// What moves the puck with its position, in the file's units; nothing where nothing does.
+/// Torques that depend on the position, in the file's units; empty without any.
 pub fn unmodelled(given: &Given, found: &Identified) -> Option<String> {
     let PositionTorque { times_a_turn, size, explains } = found.unmodelled?;
     let (effort, per_si) = effort(given.motion);
@@ -98,7 +98,7 @@ pub fn unmodelled(given: &Given, found: &Identified) -> Option<String> {
     ))
 }
 
-/// What the certificate says of the world with this device; nothing where no world is known.
+/// The certificate of the world with this device; empty without a world.
 pub fn certificate(given: &Given, found: &Identified) -> Result<String, Failure> {
     let Some(before) = &given.world else { return Ok(String::new()) };
     let (Some(inertia), Some(damping)) = (found.inertia, found.damping) else { return Ok(String::new()) };
@@ -195,7 +195,7 @@ fn units(motion: Motion) -> [String; 2] {
     [Measure::Inertia, Measure::Damping].map(|measure| measure.dimension(motion).symbol())
 }
 
-/// The unit of torques, and how many of it a N m (linear: N) has.
+/// The unit of torques, and its number per N m (linear: N).
 fn effort(motion: Motion) -> (&'static str, f64) {
     if motion == Motion::Linear { ("N", 1.0) } else { ("N mm", 1e3) }
 }
@@ -221,7 +221,7 @@ fn to(x: f64, half: f64) -> String {
     if whole == 0.0 { "0".into() } else { format::number(format!("{:.6e}", whole * step).parse().unwrap_or(x)) }
 }
 
-/// With so many digits.
+/// With this many digits.
 fn digits(x: f64, digits: usize) -> String {
     format!("{x:.*e}", digits - 1).parse().map_or_else(|_| x.to_string(), format::number)
 }

@@ -1,4 +1,4 @@
-//! What else can be asked of a loop.
+//! Further analyses of a loop.
 
 use super::Topic;
 

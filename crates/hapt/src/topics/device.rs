@@ -1,4 +1,4 @@
-//! The loop and its device: what comes before the world, and behind it.
+//! The loop and its device: the input of the world, and its output.
 
 use super::Topic;
 

@@ -1,4 +1,4 @@
-//! What messages say, and how a world is written.
+//! Terms of messages, and of world files.
 
 use super::Topic;
 

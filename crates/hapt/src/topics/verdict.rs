@@ -1,4 +1,4 @@
-//! The verdict, what it rests on, and what would mend it.
+//! The verdict, its reasons and its remedies.
 
 use super::Topic;
 

@@ -1,4 +1,4 @@
-//! The basic words: what a world is made of, and what it hangs on.
+//! The basic terms: the parts of a world.
 
 use super::Topic;
 
