@@ -6,7 +6,7 @@ use hapt_sim::{Row, Simulation};
 
 use crate::timed;
 
-/// The wheel stepped and held, or let go after a quarter of a second.
+/// The wheel stepped and held, or released after a quarter of a second.
 pub fn world(scenario: &str) -> Result<World> {
     let release = "scenarios.step.hand.release=0.25 s".to_owned();
     let overrides = match scenario {

@@ -102,7 +102,7 @@ fn time_in<const B: usize>(n: usize, repeats: usize) -> Result<()> {
 }
 
 /// The same step for C: T, limit, the puck's own gains, the bodies' gains on it, the start, the response to z and ż, the matrix
-/// by columns, and the inputs. The step itself says what its matrices are: it is affine, and asked with one 1 at a time.
+/// by columns, and the inputs. The matrices follow from the step itself: it is affine, and evaluated at unit vectors.
 pub fn matrices(n: usize, file: &str) -> Result<()> {
     let chain = Chain::new(n);
     let compiled = chain.compiled::<32>()?;

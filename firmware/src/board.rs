@@ -4,7 +4,7 @@
 pub trait Line {
     /// A byte that has come in.
     fn receive(&mut self) -> Option<u8>;
-    /// Takes a byte on its way, or says that it has to wait.
+    /// Sends a byte, or returns that it has to wait.
     fn send(&mut self, byte: u8) -> bool;
 }
 
@@ -13,12 +13,12 @@ pub trait Device {
     /// The puck's position in rad (linear: m).
     fn position(&mut self) -> f32;
     /// Whether the motor's driver has reported a fault since it was last asked: too much current, heat, supply. Asked once before each
-    /// sample. The supervisor latches it; a board with no such report says that there is none.
+    /// sample. The supervisor latches it; a board without such a report returns false.
     fn fault(&mut self) -> bool;
-    /// Has the motor hold a torque in N·m (linear: N) until the next; off, its driver lets go. A driver that has switched itself off stays
+    /// Sets the motor's torque in N·m (linear: N) until the next call; off, its driver disconnects. A driver that has switched itself off stays
     /// off for as long as `on` is true: only `on` after off turns it on.
     fn hold(&mut self, torque: f32, on: bool);
-    /// Tells the watchdog that the loop runs. When nobody does for a few periods, it takes the motor's power away, whatever the
+    /// Feeds the watchdog. Without feeding for a few periods it removes the motor's power, whatever the
     /// processor is doing by then.
     fn feed(&mut self);
 }

@@ -12,7 +12,7 @@ const EXIT: usize = 0x20;
 /// One operation of "Semihosting for AArch32 and AArch64" (ARM, 2.0): its number in r0, its parameters' address in r1.
 fn call(operation: usize, parameters: &[usize]) -> usize {
     let result;
-    // SAFETY: the breakpoint reads the parameters, and writes only where they say: see each of the callers.
+    // SAFETY: the breakpoint reads the parameters, and writes only to their addresses: see each of the callers.
     unsafe { asm!("bkpt 0xab", inlateout("r0") operation => result, in("r1") parameters.as_ptr()) };
     result
 }
@@ -35,7 +35,7 @@ impl File {
         File(call(OPEN, &[name.as_ptr() as usize, mode, name.count_bytes()]))
     }
 
-    /// Fills the whole room, or says that the file ends before that.
+    /// Fills the whole buffer, or returns that the file ends earlier.
     pub fn fill(&mut self, room: &mut [u8]) -> bool {
         // The host writes into the room, no further than its length.
         call(READ, &[self.0, room.as_mut_ptr() as usize, room.len()]) == 0

@@ -2,7 +2,7 @@
 
 use core::arch::asm;
 
-/// Stops the loop's interrupt too, so that nobody feeds the watchdog.
+/// Stops the loop's interrupt too, so that the watchdog expires.
 pub fn halt() -> ! {
     // SAFETY: interrupts are turned off.
     unsafe { asm!("cpsid i") };

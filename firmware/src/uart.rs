@@ -3,7 +3,7 @@
 use super::board::Line;
 use super::register::Register;
 
-/// Its registers, and what its state says.
+/// Its registers, and the bits of its state.
 pub struct Uart {
     /// Its state.
     pub state: Register,

@@ -1,7 +1,7 @@
-//! One function a target: bytes that nobody meant go in, and whatever must not happen is a panic.
+//! One function per target: arbitrary bytes are the input, and a violated property is a panic.
 //!
 //! libFuzzer drives the targets for as long as one likes, on nightly; `bounded` drives them on stable for a few seconds each.
-//! Every input has a second of processor time and a bound on its memory (`limits.rs`), whoever drives.
+//! Every input has a second of processor time and a bound on its memory (`limits.rs`), with every driver.
 
 mod core;
 mod dictionary;
@@ -25,7 +25,7 @@ pub use mutate::Mutator;
 pub struct Target {
     /// As typed.
     pub name: &'static str,
-    /// Takes an input; the number tells one outcome from another, so that an input with a new one is kept and built upon.
+    /// Runs an input; the number identifies the outcome, so that an input with a new one is kept and mutated.
     pub run: fn(&[u8]) -> u64,
     /// Good inputs, and contrived ones that once were slow or wrong.
     pub seeds: fn() -> Vec<Vec<u8>>,

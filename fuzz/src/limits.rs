@@ -62,7 +62,7 @@ pub fn judged(target: &Target, input: &[u8]) -> u64 {
     let most = MOST.load(Relaxed).saturating_sub(held);
     let allowed = MEMORY + MEMORY_PER_BYTE * input.len();
     assert!(most <= allowed, "{} bytes of input held {most} bytes at once; {allowed} are allowed", input.len());
-    // A busy machine lends the processor to others: whoever is slow is so every time.
+    // On a busy machine a single slow run proves nothing: a slow input is slow every time.
     if took > SECOND {
         let quickest = (0..4).map(|_| timed(target, input).1).min().unwrap_or(took);
         assert!(quickest <= SECOND, "{} bytes of input took {quickest:?}", input.len());

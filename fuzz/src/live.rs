@@ -7,7 +7,7 @@ use hapt_model::Source;
 use crate::messages;
 use crate::set::EVERYTHING;
 
-/// So many messages of an input are heard: each that sets a key reads a world.
+/// The most messages of an input: each one that sets a key reads a world.
 const HEARD: usize = 64;
 
 /// The messages on a world with a row of every sort.

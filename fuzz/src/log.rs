@@ -4,7 +4,7 @@ use hapt_log::{Ending, Error, Log, replay};
 
 use crate::messages::outcome;
 
-/// The input is the file. Every sample has a value for each column; what is wrong is said in a line or, for its world, as for others.
+/// The input is the file. Every sample has a value for each column; an error is one line or, for its world, as for others.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut log = match Log::read(bytes) {
         Ok(log) => log,

@@ -16,7 +16,7 @@ static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     folder
 });
 
-/// The first byte says whether positions or torques, rotary or linear; the others are the file. Times increase, and every
+/// The first byte selects positions or torques, rotary or linear; the others are the file. Times increase, and every
 /// number is finite.
 pub fn run(bytes: &[u8]) -> u64 {
     let (&first, rest) = bytes.split_first().unwrap_or((&0, &[]));

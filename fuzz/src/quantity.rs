@@ -18,7 +18,7 @@ const WANTED: [Dimension; 9] = [
     Dimension::LENGTH,
 ];
 
-/// What reads is finite, and its dimension's own symbol reads as that dimension; what does not says why, shortly.
+/// A parsed quantity is finite, and its dimension's own symbol parses as that dimension; an error is short.
 pub fn run(bytes: &[u8]) -> u64 {
     let (&first, rest) = bytes.split_first().unwrap_or((&0, &[]));
     let text = String::from_utf8_lossy(rest);

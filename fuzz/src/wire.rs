@@ -29,10 +29,10 @@ fn packed() -> Vec<u8> {
     bytes.unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A board with a world, disarmed, hears the input; a number says which answers it gave.
+/// A board with a world, disarmed, receives the input; the number identifies its answers.
 ///
 /// # Panics
-/// When there is a torque that nobody has armed, one beyond every limit, or the board does not answer, or stop, in the end.
+/// When there is a torque without arming, one beyond every limit, or the board does not answer, or stop, in the end.
 pub fn run(bytes: &[u8]) -> u64 {
     let (mut one, mut other) = (WorldStorage::EMPTY, WorldStorage::EMPTY);
     let (kind, mut rest) = bytes.split_first().map_or((0, bytes), |(kind, rest)| (*kind, rest));
@@ -65,7 +65,7 @@ pub fn run(bytes: &[u8]) -> u64 {
     before
 }
 
-/// A host's reader, and one that hears what the board hears.
+/// A host's reader, and one that receives the board's input.
 struct Ears {
     host: Reader<512>,
     board: Reader<LONGEST>,
@@ -111,7 +111,7 @@ fn framed(sequence: u32, not_after: u64, order: Order) -> Vec<u8> {
     frame(&command, &mut [0; LONGEST]).map(<[u8]>::to_vec).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// What a host says: greets, loads, and with `whole` arms, disarms, looks and stops.
+/// A host's commands: hello, upload, and with `whole` arm, disarm, get and stop.
 fn session(bytes: &[u8], whole: bool) -> Vec<Vec<u8>> {
     let mut orders = vec![Order::Hello { protocol: PROTOCOL }];
     orders.push(Order::Begin { length: bytes.len() as u16, hash: hash(bytes) });

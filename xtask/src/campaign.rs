@@ -1,4 +1,4 @@
-//! What the campaigns on random devices and loops are told on the command line.
+//! The arguments of the campaigns on random devices and loops.
 
 use std::fs;
 use std::time::Instant;

@@ -259,7 +259,7 @@ fn judged(line: &Line) -> Result<()> {
     let texts = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     let message = texts[1].lines().next().unwrap_or_default().to_string();
     let code = output.status.code().with_context(|| format!("{}: {message}", output.status))?;
-    // A run that runs away keeps its file, and says so.
+    // A run that diverges keeps its file, with a message.
     let ran_away = code == 3 && texts[1].contains("stops being finite");
     ensure!((0..=2).contains(&code) || ran_away, "it ends with {code}: {message}");
     ensure!(code != 2 || !message.is_empty(), "it refuses without a message");

@@ -22,7 +22,7 @@ pub fn licences() -> Result<()> {
     Ok(())
 }
 
-/// No dependency needs a newer Rust than the workspace says, and the core builds with the one that it says, where that is
+/// No dependency needs a newer Rust than the workspace's `rust-version`, and the core builds with its own one, where that is
 /// installed. What our own code uses of a newer standard library is clippy's to find, by the same number (incompatible_msrv).
 pub fn oldest_rust() -> Result<()> {
     let said = Command::new(env!("CARGO")).args(["metadata", "--format-version", "1", "--locked"]).output()?;

@@ -26,7 +26,7 @@ const PAGE: &str = "docs/safety.md";
 const WINDOW: f64 = 3.0;
 const LEAST_SAMPLES: u32 = 2000;
 const MOST_SAMPLES: u32 = 10_000;
-/// A frozen encoder is found after a second of asking, and a body that swings by slowly asks for a part of the time, s.
+/// A frozen encoder is found after a second of sufficient torque, and a slowly swinging body supplies it for a part of the time, s.
 const FROZEN_WINDOW: f64 = 15.0;
 /// Samples after a fault for which the torque has to stay away.
 const AFTER: u32 = 50;
@@ -168,7 +168,7 @@ fn trial(seed: u64, i: u64) -> Result<Option<Trial>> {
     } else {
         let armed = rig.arm();
         ensure!(armed.phase == Phase::Running, "did not arm: {:?}\n{}", armed.reason, world.to_toml());
-        // A hand damps a swing until it asks nothing of the puck: where it has to be caught, the encoder freezes at once.
+        // A hand damps a swing until its torque is too small: where the fault has to be caught, the encoder freezes at once.
         let honest = if swings { 0 } else { rng.u32(200..3000) };
         for _ in 0..honest {
             hand.act(&mut rng, &world, &mut rig.device);

@@ -148,7 +148,7 @@ fn program(board: &str, name: &str, c_step: Option<&Path>) -> Result<PathBuf> {
     let mut command = compiler();
     let folder = std::env::current_dir()?.join(BUILT);
     fs::create_dir_all(&folder)?;
-    // Nobody's own settings: they change sizes.
+    // Without the user's own settings, which change sizes.
     command.current_dir(FOLDER).env_remove("RUSTFLAGS").env_remove("CARGO_INCREMENTAL");
     let profile = if ["b-g431b-esc1", "my-board"].contains(&board) { "small" } else { "release" };
     command.args(["build", "--quiet", "--profile", profile, "--locked", "--bin", binary]).args(target_arguments());
@@ -175,7 +175,7 @@ fn on_all_boards<R: Send>(name: &str, run: impl Fn(&str, &Path) -> Result<R> + S
     })
 }
 
-/// What a program says on the emulated board, given a file of cases.
+/// The output of a program on the emulated board, given a file of cases.
 fn qemu(machine: &str, program: &Path, cases: &[u8], more: &[&str]) -> Result<String> {
     let folder = Path::new(BUILT).join(machine);
     fs::create_dir_all(&folder)?;

@@ -1,4 +1,4 @@
-//! `cargo xtask fuzz`: bytes that nobody meant, on stable for seconds, and by libFuzzer for as long as one likes; and whole commands
+//! `cargo xtask fuzz`: arbitrary bytes, on stable for seconds, and by libFuzzer for any time; and whole commands
 //! on random worlds, for as long ([`crate::commands`]).
 
 use std::fs;
@@ -117,7 +117,7 @@ fn nightly(what: &str) -> Command {
     command
 }
 
-/// The last line that libFuzzer says of its coverage, and how often it ran.
+/// libFuzzer's last line about its coverage, and the number of its runs.
 fn row(name: &str, log: &str) -> Option<String> {
     let after = |line: &str, word: &str| Some(line.split_once(word)?.1.split_whitespace().next()?.to_string());
     let executions = log.lines().find_map(|line| after(line, "stat::number_of_executed_units:"))?;

@@ -114,7 +114,7 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
             ensure!(i >= PROMISED || i == 2 || kind == Kind::Offset, "no {}: {trial:?}", NAMES[i]);
             continue;
         };
-        // A constant torque that is taken as none is in the friction, and the answer says so.
+        // A constant torque that is taken as none is part of the friction, and the result notes that.
         if kind == Kind::Offset && i == 2 && answer.offset.is_none() {
             continue;
         }

@@ -187,7 +187,7 @@ fn tidy(text: &str) -> String {
     text.replace('\r', "").lines().map(str::trim_end).collect::<Vec<_>>().join("\n").trim_matches('\n').to_string()
 }
 
-/// The MIT licence of somebody else: ours with another copyright.
+/// The MIT licence of another project: this one's with another copyright.
 fn mit(copyright: &str) -> Result<String> {
     let ours = tidy(&fs::read_to_string("LICENSE-MIT")?);
     let lines = ours.lines().map(|line| if line.starts_with("Copyright") { copyright } else { line });

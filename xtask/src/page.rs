@@ -64,7 +64,7 @@ pub fn build() -> Result<()> {
         command.arg("-Zbuild-std=std,panic_abort");
     }
     command.args(["--target-dir", folder]);
-    // Where this machine keeps its sources is nobody's business, and would make other bytes on every machine.
+    // Paths of this machine's sources would make other bytes on every machine.
     let home = std::env::var("CARGO_HOME").or_else(|_| std::env::var("HOME").map(|home| format!("{home}/.cargo")))?;
     let here = std::env::current_dir()?;
     // A world is compiled on the stack, in the room of 32 bodies.

@@ -22,7 +22,7 @@ use rayon::prelude::*;
 use crate::campaign::Campaign;
 
 const PAGE: &str = "docs/truth.md";
-/// So many loops at a time; between them a campaign says how far it is, and looks at the clock.
+/// The number of loops at a time; between them a campaign reports its progress, and checks the clock.
 const BATCH: u64 = 1000;
 
 /// Samples of a motion; ten times as many where the first do not decide.
@@ -160,7 +160,7 @@ fn one(seed: u64, i: u64, against: &Mutex<Vec<String>>) -> Found {
     let mut rng = Rng::with_seed(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(i));
     let bent = i % 2 == 1;
     let mut world = worlds::random(&mut rng, bent);
-    // A third of them with what the certificate asks for, and hardly more: the sharpest claim on passivity.
+    // A third of them with the required damping, and hardly more: the sharpest claim on passivity.
     if i.is_multiple_of(3)
         && let Ok(Some(required)) = required_damping(&world)
     {

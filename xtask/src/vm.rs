@@ -1,6 +1,6 @@
 //! The guest: Debian's stock kernel in an emulated machine, for what the kernel here may lack: a virtual CAN bus.
 //!
-//! It has this machine's root below a layer in memory, so that whatever is built here runs there. It says nothing about speed.
+//! It has this machine's root below a layer in memory, so that programs built here run there. It does not measure speed.
 
 use std::process::Command;
 

@@ -3,6 +3,8 @@
 //! Here it is a motor computed in a few lines, so that the example runs anywhere, and [`Cycle`] takes the samples one after the other.
 //! With hardware, `read` asks the encoder, `write` sets the current, and [`hapt_rt::Engine`] takes the samples on a thread of its own.
 //!
+//! A microcontroller that runs the loop itself has a template of its own: `firmware/template`.
+//!
 //! `cargo run -p hapt-rt --example own_device`
 
 use std::error::Error;

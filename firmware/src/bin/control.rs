@@ -1,4 +1,4 @@
-//! A program with a way to panic, for whoever looks for such ways in the others: the look has to find this one.
+//! A program with a possible panic, a control of the search for panics in the others: the search has to find this one.
 #![no_std]
 #![no_main]
 

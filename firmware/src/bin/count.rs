@@ -1,6 +1,6 @@
 //! Instructions a sample: hapt's loop bare and supervised, and the same loop in C (bench/step.c), on the worlds of a file.
 //!
-//! Under QEMU's `-icount` every instruction takes the same virtual time, and SysTick tells it. Each number is the difference of a long
+//! Under QEMU's `-icount` every instruction takes the same virtual time, and SysTick measures it. Each number is the difference of a long
 //! run and a short one, less that of a run that does nothing.
 #![no_std]
 #![no_main]
@@ -150,7 +150,7 @@ unsafe extern "C" {
     fn hapt_c_4(world: &CWorld, state: &mut CState, z: f32, zdot: f32) -> f32;
 }
 
-/// C's loop: for as many bodies as the world says, and for as many as the compiler was told.
+/// C's loop: for the world's number of bodies, and for a number fixed at compile time.
 fn in_c(spec: &Spec) -> [f32; 2] {
     let Ok(world) = Loop::<f32, BODIES, COUPLINGS, COUNTS>::new(spec) else { exit(4) };
     let c = matrices(spec, &world);
@@ -181,7 +181,7 @@ fn agree(world: &Loop<f32, BODIES, COUPLINGS, COUNTS>, mut step: impl FnMut(f32,
     }
 }
 
-/// The loop says what its matrices are: it is affine, and asked with one 1 at a time.
+/// The matrices follow from the loop itself: it is affine, and evaluated at unit vectors.
 fn matrices(spec: &Spec, world: &Loop<f32, BODIES, COUPLINGS, COUNTS>) -> CWorld {
     let zero = world.start();
     let change = |state: &State<f32, BODIES, COUPLINGS, COUNTS>, z, v| {

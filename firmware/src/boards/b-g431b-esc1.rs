@@ -38,7 +38,7 @@ const SHUNT: f32 = 3e-3;
 ///
 /// 128.6 mV without a current, and 1.714 mV more for each A at 3 mΩ. (The board's amplifiers, 16 times this, give its well known gain of
 /// 64/7.) DAC and bias share their 3.3 V, which cancels. A step of the DAC is 0.47 A, and a millivolt of the comparator's own offset
-/// 0.58 A: with some millivolts of that and resistors of 1 %, 10 A may be 4 to 16 A until somebody measures it.
+/// 0.58 A: with some millivolts of that and resistors of 1 %, 10 A may be 4 to 16 A without a calibration.
 const LIMIT: u32 = ((0.9 + 4.0 * SHUNT * MOST_CURRENT) / 7.0 * (4096.0 / 3.3) + 0.5) as u32;
 
 /// The board.
@@ -68,7 +68,7 @@ impl Board for Here {
     }
 }
 
-/// Its line, which stops at an overrun until it is told to go on.
+/// Its line, which stops at an overrun until the flag is cleared.
 pub struct Usart(Uart);
 
 impl Line for Usart {
@@ -145,7 +145,7 @@ fn clock() {
     RCC_PLL.change(|x| x & !(3 << 25 | 0x7f << 8 | 0xf << 4 | 3) | 1 << 24 | 85 << 8 | 1 << 4 | 3);
     RCC_CONTROL.change(|x| x | 1 << 24);
     while RCC_CONTROL.get() & 1 << 25 == 0 {}
-    // Half the speed first, for a microsecond, as the manual asks.
+    // Half the speed first, for a microsecond, as the manual requires.
     const PRESCALERS: u32 = 7 << 11 | 7 << 8 | 0xf << 4;
     RCC_CONFIGURATION.change(|x| x & !(PRESCALERS | 3) | 8 << 4 | 3);
     while RCC_CONFIGURATION.get() >> 2 & 3 != 3 {}
@@ -210,7 +210,7 @@ fn pwm() {
     PWM_BREAK.set(0xf << 16 | 1 << 13 | 1 << 12 | 1 << 11 | 1 << 10 | 0x84);
     PWM_EVENT.set(1);
     PWM_CONTROL.set(1 << 7 | 1 << 5 | 1);
-    // What the comparators said before they had settled.
+    // The comparators' outputs before they settled.
     PWM_STATE.set(!BREAK);
 }
 

@@ -13,7 +13,7 @@ fn log(rng: &mut Rng, from: f64, to: f64) -> f64 {
     from * (to / from).powf(rng.f64())
 }
 
-/// Devices that nobody could turn are left out, in N·m·s/rad.
+/// The largest damping of a device that a hand can turn, in N·m·s/rad.
 const DAMPED: f64 = 0.2;
 
 /// A world that is certified on a real device: a motor with a limit, mostly an encoder, friction, whole delays. Half of them bend.
@@ -46,7 +46,7 @@ fn is_proved(world: &World) -> bool {
     passivity(&ideal).is_ok_and(|found| found.proved)
 }
 
-/// A world that is certified, whose body swings on without end and pulls at the puck beyond what asks it to move.
+/// A certified world whose undamped body oscillates and pulls at the puck with more than `stuck_torque`.
 pub fn swinging(rng: &mut Rng) -> World {
     loop {
         let mut world = world(rng);
@@ -59,7 +59,7 @@ pub fn swinging(rng: &mut Rng) -> World {
         // Beside a puck that stands still the body swings on both springs.
         let stiffness = torque / way;
         let grounded = inertia * rate * rate - stiffness;
-        // A free puck under the least torque that asks it to move goes four counts within a push, and the swing throws it no faster
+        // A free puck under the least torque that counts moves four counts within a push, and the swing throws it no faster
         // than a hand does.
         let (net, push) = (0.5 * (asks - device.friction), (1.0 / rate).min(0.1));
         let quick = 4.0 * count < net * push * (0.5 * push / device.inertia).min(0.5 / device.damping)
@@ -147,7 +147,7 @@ impl Hand {
 
     fn change(&mut self, rng: &mut Rng, world: &World, device: &mut VirtualDevice) {
         let period = world.sampling.period;
-        // Nobody catches what flies faster.
+        // A hand does not catch a faster puck.
         let flies = self.grip.is_none() && device.puck().1.abs() > FASTEST;
         let open = flies || rng.u8(..4) == 0;
         // Holding what it holds, or taking hold anew: now and then with all its mass.

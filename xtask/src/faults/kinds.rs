@@ -67,7 +67,7 @@ impl Kind {
             Kind::Dropped | Kind::Doubled | Kind::Swapped | Kind::Flipped | Kind::Jump => {
                 &[Jump, Velocity, Overspeed, Slew]
             }
-            // The puck runs away unseen, or stands where nobody believes it.
+            // The puck runs away unseen, or jumps when the encoder recovers.
             Kind::Frozen => &[Stuck, Jump],
             Kind::FrozenSwinging => &[Stuck],
             Kind::EncoderReversed | Kind::MotorReversed | Kind::MotorGain => {
@@ -87,7 +87,7 @@ impl Kind {
         }
     }
 
-    /// Sets in, or goes on, `age` samples after it began; what somebody asks for at this sample.
+    /// Applies the fault `age` samples after its start; returns the request at this sample.
     pub fn act(self, rng: &mut Rng, rig: &mut Rig, age: u32) -> Option<Request> {
         let first = age == 0;
         let period = rig.world.sampling.period;

@@ -99,7 +99,7 @@ impl Rig {
         }
     }
 
-    /// The same, then armed with nobody's hand on the puck, until it has faded in or faulted.
+    /// The same, then armed with a free puck, until it has faded in or faulted.
     pub fn arm(&mut self) -> SafeOutput<f64> {
         self.rest();
         let mut guarded = self.sample(Some(Request::Arm));

@@ -93,7 +93,7 @@ impl Code {
         Ok(Code { functions })
     }
 
-    /// The panic routines, each with who calls it.
+    /// The panic routines, each with its callers.
     fn panics(&self) -> Vec<(&str, Vec<&str>)> {
         let routines =
             self.functions.iter().filter(|(_, f)| f.name.contains("panicking") || f.name.contains("begin_unwind"));

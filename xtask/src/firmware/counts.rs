@@ -21,7 +21,7 @@ struct Row {
     bodies: u32,
     /// In room for 4 bodies, and in its own: bare, supervised, and supervised with a look at everything.
     hapt: [[f64; 3]; 2],
-    /// For as many bodies as the world says, and for as many as the compiler was told.
+    /// For the world's number of bodies, and for a number fixed at compile time.
     c: [f64; 2],
 }
 
@@ -63,7 +63,7 @@ pub fn table() -> Result<String> {
     Ok(table)
 }
 
-/// What `count` says of each world.
+/// The output of `count` for each world.
 fn rows(said: &str) -> Result<Vec<Row>> {
     let lines = said.lines().filter(|line| !line.starts_with("stack"));
     let row = |line: &str| {

@@ -1,4 +1,4 @@
-//! An emulated board, and what a host says to it over its UART.
+//! An emulated board, and a host on its UART.
 
 use std::fs;
 use std::io::{BufReader, ErrorKind, Read, Write};
@@ -24,7 +24,7 @@ pub struct Board {
     sequence: u32,
     /// The number of the next sample.
     pub sample: u64,
-    /// Bytes that nobody meant, before each frame.
+    /// Random bytes before each frame.
     pub noise: Option<Rng>,
 }
 
@@ -128,7 +128,7 @@ impl Board {
         Ok(None)
     }
 
-    /// Asks, and waits until it is done.
+    /// Sends an order, and waits until it is executed.
     pub fn done(&mut self, order: Order<'_>) -> Result<()> {
         let asked = self.ask(order)?;
         let said = self.hear(PATIENCE, |says| match says {

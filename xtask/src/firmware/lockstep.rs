@@ -1,5 +1,5 @@
 //! Hardware in the loop, in lockstep: the emulated board is the loop, this is the hardware. Each sample is shown to it over its UART, and
-//! its torque turns the exact device. Time is what the samples say, so that every run is the same.
+//! its torque turns the exact device. Time is that of the samples, so that every run is the same.
 
 use anyhow::{Context, Result, bail, ensure};
 use fastrand::Rng;
@@ -112,12 +112,12 @@ impl Board {
         bail!("it does not fade out")
     }
 
-    /// From here on, bytes that nobody meant come between the frames.
+    /// From here on, random bytes come between the frames.
     pub fn disturb(&mut self) {
         self.noise = Some(Rng::with_seed(11));
     }
 
-    /// Nobody says that the host is there: the torque is gone when the link's time is over, and not before.
+    /// Without heartbeats the torque is 0 when the link's time is over, and not before.
     pub fn misses_a_silent_host(&mut self) -> Result<()> {
         let world = world("default")?;
         let limits = Limits { link: LINK, link_faults: true, ..world.limits(SafetyProfile::Simulated) };

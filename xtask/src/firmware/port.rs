@@ -76,7 +76,7 @@ impl Board {
     }
 }
 
-/// Worlds are sent, run, logged and replayed; a board that goes away, or is another, is an error that says so.
+/// Worlds are sent, run, logged and replayed; a disconnected board, or another one, is an error with that message.
 pub fn holds() -> Result<()> {
     if !has_tools()? {
         return Ok(());
@@ -99,7 +99,7 @@ pub fn holds() -> Result<()> {
     let run = ["run", "w.toml", "--device", &device, "--duration", "0.5 s", "--log", "run.mcap"];
     hapt(&run)?.with(0, &["on the board mps2", "at full torque; ended in order", "none missed"])?;
     hapt(&["replay", "run.mcap"])?.with(0, &["same       all torques of", " samples, to the bit"])?;
-    // Of every twentieth sample nobody can say what was between.
+    // From every twentieth sample the ones in between cannot be inferred.
     let slow = format!("{device}@57600");
     hapt(&["run", "w.toml", "--device", &slow, "--duration", "0.2 s", "--log", "slow.mcap"])?
         .with(0, &["ended in order"])?;
@@ -142,7 +142,7 @@ fn half_a_world(port: &str) -> Result<()> {
         Order::Piece { at: 0, bytes: &bytes },
     ];
     for (i, order) in orders.into_iter().enumerate() {
-        // Far enough behind whatever was said before.
+        // Far enough after earlier commands.
         let command = Said { sequence: 1000 + i as u32, not_after: 60_000, order };
         line.write_all(frame(&command, &mut [0; 256])?)?;
     }

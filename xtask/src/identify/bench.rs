@@ -158,7 +158,7 @@ impl Trial {
         commands.iter().map(step).collect()
     }
 
-    /// What the encoder says.
+    /// The reading of the encoder.
     pub fn seen(&self, positions: &[f64]) -> Vec<f64> {
         let mut rng = Rng::with_seed(self.seed.rotate_left(32));
         // Box and Muller.

@@ -163,7 +163,7 @@ pub fn hand(rng: &mut Rng, world: &World) -> Hand {
     Hand { drive, release: None }
 }
 
-/// The loop that the certificate of passivity speaks of: the exact estimator counts as the difference.
+/// The loop of the certificate of passivity: the exact estimator counts as the difference.
 pub fn as_certified(world: &World) -> World {
     let mut world = world.clone();
     if world.sampling.estimator == EstimatorKind::Exact {

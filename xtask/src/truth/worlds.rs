@@ -1,4 +1,4 @@
-//! Random loops, over all that the certificate speaks of.
+//! Random loops, over the whole scope of the certificate.
 
 use fastrand::Rng;
 use hapt_model::{
@@ -19,7 +19,7 @@ fn between(rng: &mut Rng, from: f64, to: f64) -> f64 {
 }
 
 /// A loop of up to three bodies: every method, output and estimator; delays with and without a fraction; periods from 0.1 to
-/// 10 ms; ωT up to about 3; a device whose damping is near what its stiffness asks for. `bent` puts walls, detents and clamped springs
+/// 10 ms; ωT up to about 3; a device with a damping near the required one. `bent` puts walls, detents and clamped springs
 /// in, constant torques, and encoder, levels, limit and Coulomb friction into the device, in all combinations.
 pub fn random(rng: &mut Rng, bent: bool) -> World {
     let period = log_uniform(rng, -4.0, -2.0);
