@@ -23,6 +23,26 @@ pub struct Moment {
 /// The loop on its device, sample after sample, for any thread and any clock: [`crate::Engine`]'s, a test's, a campaign's.
 ///
 /// A sample is [`Cycle::pass`], then [`Cycle::swap`] where the world changes, then [`Cycle::sample`]. Dropped, it leaves no torque on.
+///
+/// ```
+/// use hapt_core::{Phase, Request, SafetyProfile};
+/// use hapt_model::{Source, World};
+/// use hapt_rt::{Cycle, Moment, Plan, SimulatedDevice};
+///
+/// let file = "loop.period = \"1 ms\"\ndevice.inertia = \"6.4e-4 kg m^2\"\n";
+/// let world = World::read(&Source::from_text("free.toml", file), &[])?;
+/// let (device, _hands) = SimulatedDevice::new(&world);
+/// let mut cycle = Cycle::new(Box::new(Plan::new(&world, SafetyProfile::Simulated)?), Box::new(device));
+/// let mut phase = Phase::Disarmed;
+/// for sample in 0..2000 {
+///     let periods = u32::from(sample > 0);
+///     cycle.pass(periods);
+///     let request = (sample == 20).then_some(Request::Arm);
+///     phase = cycle.sample(&Moment { periods, ..Moment::default() }, request)?.phase;
+/// }
+/// assert_eq!(phase, Phase::Running);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Cycle {
     plan: Box<Plan>,
     device: Safe,
