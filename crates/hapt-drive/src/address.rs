@@ -24,6 +24,15 @@ hapt_core::named! {
 }
 
 /// A drive on a port or bus.
+///
+/// ```
+/// use hapt_drive::{Address, Make};
+///
+/// let address: Address = "odrive:/dev/ttyACM0@250k#3".parse()?;
+/// assert_eq!((address.make, address.place.as_str(), address.id), (Make::Odrive, "/dev/ttyACM0", 3));
+/// assert!("odrive:can0#99".parse::<Address>().is_err());
+/// # Ok::<(), String>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Address {
     /// Its make.

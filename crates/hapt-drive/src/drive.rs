@@ -5,13 +5,67 @@ use std::time::Instant;
 
 pub use hapt_rt::DriveFault;
 
-/// The most foreign frames read before a sample's question, and after it: a full bus does not delay the loop.
+/// The most foreign frames read before a sample's request, and after it: a busy bus does not delay the loop.
 pub(crate) const OTHERS: usize = 256;
 
 /// A motor drive, whatever its protocol. Angles are revolutions and torques N·m, both at the drive's own shaft.
 ///
 /// [`Drive::read`] and [`Drive::command`] are called on the loop's thread, one after the other in every sample: they allocate nothing,
 /// and wait until the instant that they are given, no longer.
+///
+/// A drive with a protocol of its own implements this trait; [`crate::DriveDevice`] makes it the loop's device:
+///
+/// ```
+/// use std::time::Instant;
+///
+/// use hapt_core::SafetyProfile;
+/// use hapt_drive::{Drive, DriveDevice, DriveError, DriveLimits, Error, ShaftState};
+/// use hapt_model::{Source, World};
+/// use hapt_rt::{Cycle, Moment, Plan};
+///
+/// /// A drive whose shaft is blocked at a quarter of a revolution.
+/// struct Blocked {
+///     most: f64,
+///     torque: f64,
+/// }
+///
+/// impl Drive for Blocked {
+///     fn start(&mut self, limits: &DriveLimits) -> Result<ShaftState, Error> {
+///         self.most = limits.torque;
+///         Ok(ShaftState { position: 0.25, velocity: 0.0 })
+///     }
+///     fn read(&mut self, _until: Instant) -> Result<ShaftState, DriveError> {
+///         Ok(ShaftState { position: 0.25, velocity: 0.0 })
+///     }
+///     fn command(&mut self, torque: f64, _until: Instant) -> Result<(), DriveError> {
+///         self.torque = torque.clamp(-self.most, self.most);
+///         Ok(())
+///     }
+///     fn halt(&mut self, _until: Instant) {
+///         self.torque = 0.0;
+///     }
+///     fn stop(&mut self) {
+///         self.torque = 0.0;
+///     }
+/// }
+///
+/// let file = r#"
+/// loop.period = "1 ms"
+/// device = { inertia = "6.4e-4 kg m^2", limit = "0.1 N m" }
+/// [[couplings]]
+/// kind = "spring"
+/// between = ["puck", "ground"]
+/// stiffness = "0.5 N m/rad"
+/// "#;
+/// let world = World::read(&Source::from_text("spring.toml", file), &[])?;
+/// let device = DriveDevice::start(Box::new(Blocked { most: 0.0, torque: 0.0 }), &world)?;
+/// let plan = Plan::new(&world, SafetyProfile::Uncertified)?;
+/// let mut cycle = Cycle::new(Box::new(plan), Box::new(device));
+/// let record = cycle.sample(&Moment::default(), None)?;
+/// assert!((record.position - 0.25 * std::f64::consts::TAU).abs() < 1e-12);
+/// assert_eq!(record.output, 0.0, "disarmed");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Drive: Send {
     /// Stops the drive, clears latched faults, checks its state and sets its limits. It is ready afterwards, without torque, and waits for its
     /// first command for a second at least. May take some seconds.
@@ -20,14 +74,14 @@ pub trait Drive: Send {
     /// It does not answer, or has a fault that does not clear.
     fn start(&mut self, limits: &DriveLimits) -> Result<ShaftState, Error>;
 
-    /// Reads the shaft. An answer to an earlier question does not count.
+    /// Reads the shaft. An answer to an earlier request does not count.
     ///
     /// # Errors
     /// See [`DriveError`].
     fn read(&mut self, until: Instant) -> Result<ShaftState, DriveError>;
 
-    /// Sets the torque to hold, and feeds the drive's watchdog. Where questions feed it too, the drive is asked which torque it uses. A stopped
-    /// drive stays off, or is stopped again at once.
+    /// Sets the torque to hold, and feeds the drive's watchdog. Where requests feed it too, the drive's torque is requested and compared. A
+    /// stopped drive stays off, or is stopped again at once.
     ///
     /// # Errors
     /// See [`DriveError`].
@@ -37,7 +91,7 @@ pub trait Drive: Send {
     /// start switches it on again.
     fn halt(&mut self, until: Instant);
 
-    /// Stops the drive without torque, as far as it is reachable. Called on every way out, possibly more than once.
+    /// Stops the drive without torque, as far as it is reachable. Called on every exit, possibly more than once.
     fn stop(&mut self);
 
     /// Sets the loop's period, in s.
@@ -67,14 +121,14 @@ pub struct ShaftState {
     pub velocity: f64,
 }
 
-/// Why a drive fails at one sample.
+/// The failure of a drive at one sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriveError {
-    /// Nothing has come in time.
+    /// No frame arrived in time.
     Silent,
-    /// Something has come in time, but no answer to this question.
+    /// Frames arrived in time, but no answer to this request.
     Late,
-    /// The drive has stopped by itself, with a code.
+    /// The drive stopped with a fault.
     Fault(DriveFault),
     /// The port or bus is gone.
     Gone,
@@ -86,7 +140,7 @@ impl From<io::Error> for DriveError {
     }
 }
 
-/// Why a drive cannot be started.
+/// The reason that a drive cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The port or interface cannot be opened.
@@ -110,7 +164,7 @@ pub enum Error {
     Silent {
         /// The drive and its address.
         drive: String,
-        /// What came instead, or what to check; begins with its own punctuation.
+        /// The frames that arrived instead, or what to check; starts with its own punctuation.
         hint: String,
     },
     /// The drive has a fault that does not clear.
@@ -126,7 +180,7 @@ pub enum Error {
     Refused {
         /// The drive and its address.
         drive: String,
-        /// What is wrong with it, and what would be right.
+        /// The cause, and the remedy.
         why: String,
     },
 }
