@@ -4,6 +4,17 @@ use crate::extremes::Point;
 use crate::map::Map;
 
 /// A figure: panels, with a caption and an alternative text.
+///
+/// ```
+/// use hapt_report::Width;
+/// use hapt_report::figure::{Axis, Figure, Panel, Style};
+///
+/// let mut panel = Panel::new("", Axis::from_to("time", "s", 0.0, 1.0), Axis::from_to("torque", "N m", -1.0, 1.0));
+/// panel.curve("puck", Style::Signal(0), vec![(0.0, 0.0), (1.0, 0.5)]);
+/// let figure = Figure { title: "A ramp".into(), alt: "The torque rises.".into(), panels: vec![panel], columns: 1 };
+/// let svg = figure.svg(Width::Wide, true);
+/// assert!(svg.starts_with("<svg") && svg.contains("torque (N m)"));
+/// ```
 #[derive(Clone, Debug)]
 pub struct Figure {
     /// The caption, without a full stop.

@@ -71,6 +71,32 @@ pub struct Claim {
 }
 
 /// The edges of a world's claims in the plane of two keys.
+///
+/// ```
+/// use hapt_model::Source;
+/// use hapt_sweep::boundary::{Boundary, Edge};
+///
+/// let file = r#"
+/// loop.period = "1 ms"
+/// device = { inertia = "6.4e-4 kg m^2", damping = "1.2e-3 N m s/rad" }
+/// [[couplings]]
+/// kind = "spring"
+/// between = ["puck", "ground"]
+/// stiffness = "1 N m/rad"
+/// [[couplings]]
+/// kind = "damper"
+/// between = ["puck", "ground"]
+/// damping = 0
+/// "#;
+/// let axes = ["couplings.0.stiffness=0.1..10".to_string(), "device.damping=0..0.01".to_string()];
+/// let found = Boundary::new(&Source::from_text("spring.toml", file), &[], &axes, &[Edge::Passive])?;
+/// // A spring is passive up to b = K T/2.
+/// for point in &found.claims[0].pieces[0].points {
+///     let [stiffness, damping] = point.values;
+///     assert!((damping - 0.5e-3 * stiffness).abs() < 1e-5);
+/// }
+/// # Ok::<(), hapt_sweep::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boundary {
     /// The plane.
