@@ -5,7 +5,7 @@
 
 mod bench;
 mod kinds;
-mod rig;
+mod test_bench;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use crate::{marked, text};
 use bench::Hand;
 use kinds::Kind;
-use rig::Rig;
+use test_bench::TestBench;
 
 const PAGE: &str = "docs/safety.md";
 /// A fault that is not caught within this time is not caught, s; and samples.
@@ -128,15 +128,16 @@ fn clean_run(seed: u64, i: u64) -> Result<Clean> {
     let mut rng = generator(seed, i);
     // Every fourth one swings, in the same hands.
     let world = if i % 4 == 3 { bench::swinging(&mut rng) } else { bench::world(&mut rng) };
-    let mut rig = Rig::new(&world, SafetyProfile::Certified)?;
-    let armed = rig.arm();
+    let mut test_bench = TestBench::new(&world, SafetyProfile::Certified)?;
+    let armed = test_bench.arm();
     ensure!(armed.phase == Phase::Running, "did not arm: {:?}\n{}", armed.reason, world.to_toml());
     let mut hand = Hand::new();
     for k in 0..CLEAN {
-        hand.act(&mut rng, &world, &mut rig.device);
-        let guarded = rig.sample(None);
+        hand.act(&mut rng, &world, &mut test_bench.device);
+        let guarded = test_bench.sample(None);
         if guarded.phase != Phase::Running {
-            let (account, made, speed) = (rig.supervisor().account(), rig.supervisor().made(), rig.device.puck().1);
+            let (account, made, speed) =
+                (test_bench.supervisor().account(), test_bench.supervisor().made(), test_bench.device.puck().1);
             let limits = world.limits(SafetyProfile::Certified);
             if guarded.reason == Some(Reason::Overspeed) && speed.abs() > limits.overspeed {
                 return Ok(Clean { samples: k, overspeeds: 1 });
@@ -159,37 +160,38 @@ fn trial(seed: u64, i: u64) -> Result<Option<Trial>> {
     // What the sign test is to show is shown where there is one.
     let swings = kind == Kind::FrozenSwinging;
     let world = if swings { bench::swinging(&mut rng) } else { bench::world(&mut rng) };
-    let mut rig = Rig::new(&world, SafetyProfile::Certified)?;
+    let mut test_bench = TestBench::new(&world, SafetyProfile::Certified)?;
     let mut hand = Hand::new();
     let mut request = None;
     if kind.before_arming() {
-        rig.rest();
+        test_bench.rest();
         request = Some(hapt_core::Request::Arm);
     } else {
-        let armed = rig.arm();
+        let armed = test_bench.arm();
         ensure!(armed.phase == Phase::Running, "did not arm: {:?}\n{}", armed.reason, world.to_toml());
         // A hand damps a swing until its torque is too small: where the fault has to be caught, the encoder freezes at once.
         let honest = if swings { 0 } else { rng.u32(200..3000) };
         for _ in 0..honest {
-            hand.act(&mut rng, &world, &mut rig.device);
-            if rig.sample(None).phase != Phase::Running {
+            hand.act(&mut rng, &world, &mut test_bench.device);
+            if test_bench.sample(None).phase != Phase::Running {
                 break;
             }
         }
         let fastest = world.limits(SafetyProfile::Certified).overspeed;
-        if rig.supervisor().reason == Some(Reason::Overspeed) && rig.device.puck().1.abs() > 0.8 * fastest {
+        if test_bench.supervisor().reason == Some(Reason::Overspeed) && test_bench.device.puck().1.abs() > 0.8 * fastest
+        {
             // The hand has thrown the puck faster than it may be: no fault, and as it should end.
             return Ok(None);
         }
         ensure!(
-            rig.supervisor().phase == Phase::Running,
+            test_bench.supervisor().phase == Phase::Running,
             "tripped without a fault: {:?}\n{}",
-            rig.supervisor().reason,
+            test_bench.supervisor().reason,
             world.to_toml()
         );
     }
     let limit = world.device.limit.unwrap_or(f64::INFINITY);
-    let (period, begin) = (world.sampling.period, rig.device.ledger().hand);
+    let (period, begin) = (world.sampling.period, test_bench.device.ledger().hand);
     let window = if swings {
         (FROZEN_WINDOW / period) as u32
     } else {
@@ -199,14 +201,14 @@ fn trial(seed: u64, i: u64) -> Result<Option<Trial>> {
     let (mut ended, mut samples) = (None, 0);
     for age in 0..window {
         if !kind.before_arming() && kind != Kind::Hit {
-            hand.act(&mut rng, &world, &mut rig.device);
+            hand.act(&mut rng, &world, &mut test_bench.device);
         }
-        let asked = kind.act(&mut rng, &mut rig, age).or(request.take());
-        let missed = rig.wires.missed;
-        let guarded = rig.sample(asked);
+        let asked = kind.act(&mut rng, &mut test_bench, age).or(request.take());
+        let missed = test_bench.wires.missed;
+        let guarded = test_bench.sample(asked);
         samples += 1 + missed;
         trial.peak = trial.peak.max(guarded.output.abs() / limit);
-        trial.given = trial.given.max(begin - rig.device.ledger().hand);
+        trial.given = trial.given.max(begin - test_bench.device.ledger().hand);
         let over = matches!(guarded.phase, Phase::Faulted | Phase::Disarmed);
         if let (None, true, Some(reason)) = (ended, over, guarded.reason) {
             ensure!(kind.right().contains(&reason), "{}: {}\n{}", kind.name(), reason.name(), world.to_toml());

@@ -6,7 +6,7 @@ use hapt_core::{Reason, Request, SafetyProfile};
 use hapt_model::{Body, Coupling, Device, End, Law, Method, Output, World};
 use hapt_sim::Grip;
 
-use crate::faults::rig::Rig;
+use crate::faults::test_bench::TestBench;
 
 hapt_core::named! {
     /// A kind of fault, with its name in the table.
@@ -88,11 +88,11 @@ impl Kind {
     }
 
     /// Applies the fault `age` samples after its start; returns the request at this sample.
-    pub fn act(self, rng: &mut Rng, rig: &mut Rig, age: u32) -> Option<Request> {
+    pub fn act(self, rng: &mut Rng, test_bench: &mut TestBench, age: u32) -> Option<Request> {
         let first = age == 0;
-        let period = rig.world.sampling.period;
+        let period = test_bench.world.sampling.period;
         let log = |rng: &mut Rng, from: f64, to: f64| from * (to / from).powf(rng.f64());
-        let wires = &mut rig.wires;
+        let wires = &mut test_bench.wires;
         match self {
             Kind::Dropped if first => wires.missed = 1,
             Kind::Doubled => wires.frozen = first,
@@ -100,7 +100,7 @@ impl Kind {
             Kind::Frozen | Kind::FrozenSwinging | Kind::ArmedDead => wires.frozen = true,
             Kind::Flipped if first => wires.flipped = Some(rng.u32(0..20)),
             Kind::Jump if first => wires.offset = log(rng, 1e-4, 6.0) * if rng.bool() { 1.0 } else { -1.0 },
-            Kind::EncoderReversed if first => (wires.scale, wires.offset) = (-1.0, 2.0 * rig.device.puck().0),
+            Kind::EncoderReversed if first => (wires.scale, wires.offset) = (-1.0, 2.0 * test_bench.device.puck().0),
             Kind::Delay if first => wires.age = rng.usize(1..9),
             Kind::Jitter => wires.age = rng.usize(0..4),
             Kind::NotANumber if first => {
@@ -118,16 +118,16 @@ impl Kind {
             Kind::Hit if first => {
                 let inertia = log(rng, 1e-4, 1e-2);
                 let stiffness = (log(rng, 0.1, 1.0) / period).powi(2) * inertia;
-                rig.device.hold(Some(Grip { inertia, damping: 0.0, stiffness }));
-                let place = rig.device.puck().0;
-                rig.device.intend(place + log(rng, 0.1, 3.0));
+                test_bench.device.hold(Some(Grip { inertia, damping: 0.0, stiffness }));
+                let place = test_bench.device.puck().0;
+                test_bench.device.intend(place + log(rng, 0.1, 3.0));
             }
             // It bounces off.
-            Kind::Hit if age == 5 => rig.device.hold(None),
+            Kind::Hit if age == 5 => test_bench.device.hold(None),
             Kind::Unstable if first => {
-                let world = unstable(rng, &rig.world);
+                let world = unstable(rng, &test_bench.world);
                 // Such a world has room: it compiles.
-                let _ = rig.swap(&world, SafetyProfile::Uncertified);
+                let _ = test_bench.swap(&world, SafetyProfile::Uncertified);
             }
             Kind::Link => wires.cut = true,
             Kind::Stalled if first => wires.missed = log(rng, 6.0, 300.0) as u32,

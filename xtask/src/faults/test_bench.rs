@@ -54,7 +54,7 @@ impl Wires {
 /// Positions that the wires may hold back.
 const AGES: usize = 32;
 
-pub struct Rig {
+pub struct TestBench {
     pub world: World,
     pub device: VirtualDevice,
     pub wires: Wires,
@@ -64,10 +64,10 @@ pub struct Rig {
     count: f64,
 }
 
-impl Rig {
+impl TestBench {
     pub fn new(world: &World, profile: SafetyProfile) -> Result<Self> {
         let controller = compiled(world, profile)?;
-        Ok(Rig {
+        Ok(TestBench {
             device: VirtualDevice::new(&world.device_spec()),
             wires: Wires::WHOLE,
             state: Box::new(controller.start()),
