@@ -130,7 +130,8 @@ fn takes(key: &Key) -> String {
             Range::ZeroOrMore => ", 0 or more",
             Range::Positive => ", above 0",
         };
-        format!("{dimension}{range}")
+        let tolerance = if key.tolerance { ", also with a tolerance (`± 20 %`)" } else { "" };
+        format!("{dimension}{range}{tolerance}")
     };
     match key.takes {
         Takes::Text => "text".to_string(),

@@ -104,6 +104,7 @@ fn absent(list: &mut Vec<Parameter>, world: &World) {
         path: "loop.output".into(),
         written: world.sampling.output.name().into(),
         si: None,
+        tolerance: 0.0,
         unit: String::new(),
         doc,
         given: false,
@@ -230,7 +231,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
     if path == "loop.period" {
         return ((about / DECADE).max(*PERIODS.start()), (about * DECADE).min(*PERIODS.end()), true);
     }
-    if path == "loop.delay" {
+    if path == "loop.delay" || path == "loop.delay_max" {
         return (0.0, (4.0 * about).max(5.0 * file.sampling.period), false);
     }
     if range != Range::Any && about > 0.0 {

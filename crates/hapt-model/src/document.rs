@@ -31,6 +31,8 @@ pub(crate) struct Place {
 pub(crate) struct Node {
     pub value: Value,
     pub place: Place,
+    /// What stood here before an override: a tolerance of it goes over to a number without one.
+    pub before: Option<Box<Node>>,
 }
 
 /// TOML's values; numbers as decimal text, so that nothing is rounded before its unit is known.
@@ -64,8 +66,11 @@ impl<'a> Document<'a> {
             message: syntax::message(error.message(), &source.text, error.span().as_ref()),
             location: Some(Box::new(Location::new(&source.name, &source.text, error.span().unwrap_or(0..0)))),
         })?;
-        let root =
-            Node { value: Value::Table(entries(table.into_inner(), None)), place: Place { set: None, span: 0..0 } };
+        let root = Node {
+            value: Value::Table(entries(table.into_inner(), None)),
+            place: Place { set: None, span: 0..0 },
+            before: None,
+        };
         Ok(Document { source, sets: &[], root })
     }
 
@@ -103,7 +108,7 @@ impl Node {
             DeValue::Array(array) => Value::Array(array.into_iter().map(|item| Node::new(item, set, offset)).collect()),
             DeValue::Table(table) => Value::Table(entries_at(table, set, offset)),
         };
-        Node { value, place }
+        Node { value, place, before: None }
     }
 
     /// What stands here, for `...; expected a time (s)`.

@@ -4,7 +4,7 @@ use crate::document::{Document, Entry, Node, Place, Value, shortened};
 use crate::error::{Error, ErrorKind};
 use crate::keys::{self, Key, Measure, NUMBERS, PHYSICAL, Presence, Range, Takes};
 use crate::kinds::Motion;
-use crate::quantity::{parse_in_unit, parse_with_unit};
+use crate::quantity::{parse_in_unit, parse_with_unit, percent, split_tolerance, tolerance};
 use crate::unit::Unit;
 use crate::words;
 use crate::world::Delay;
@@ -36,6 +36,8 @@ enum Found<'a> {
     Text(String),
     Name(&'static str),
     Number(f64),
+    /// A number in SI and its tolerance, a fraction of it.
+    Within(f64, f64),
     Whole(u64),
     Samples(f64),
     Numbers(Vec<f64>),
@@ -96,7 +98,7 @@ impl<'a> Fields<'a> {
     /// The same, `None` when absent and without a default.
     pub fn optional_number(&self, name: &str) -> Result<Option<f64>, Error> {
         match self.found(name) {
-            Some(Found::Number(number)) => Ok(Some(*number)),
+            Some(Found::Number(number) | Found::Within(number, _)) => Ok(Some(*number)),
             Some(Found::Whole(whole)) => Ok(Some(*whole as f64)),
             _ => Ok(match self.row(name).map(|row| row.presence) {
                 Some(Presence::Number(default)) => Some(default),
@@ -105,12 +107,22 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// The tolerance of a quantity, as a fraction of it; 0 without one.
+    pub fn tolerance(&self, name: &str) -> f64 {
+        if let Some(Found::Within(_, tolerance)) = self.found(name) { *tolerance } else { 0.0 }
+    }
+
     /// A time in s, or a number of samples; the row's default when absent.
     pub fn delay(&self, name: &str) -> Result<Delay, Error> {
         match self.found(name) {
             Some(Found::Samples(samples)) => Ok(Delay::Samples(*samples)),
             _ => Ok(Delay::Seconds(self.number(name)?)),
         }
+    }
+
+    /// The same, `None` when absent.
+    pub fn optional_delay(&self, name: &str) -> Result<Option<Delay>, Error> {
+        if self.has(name) { self.delay(name).map(Some) } else { Ok(None) }
     }
 
     /// A whole number that its row bounds to 32 bits; the row's default when absent.
@@ -238,6 +250,56 @@ impl<'a> Fields<'a> {
         self.context.document.error(ErrorKind::Name, key, message, &entry.place)
     }
 
+    /// The middle of a quantity with a tolerance, where it is another text than the value, and the tolerance, where there is one; or the
+    /// whole message.
+    fn tolerated(
+        &self,
+        row: &Key,
+        measure: Measure,
+        range: Range,
+        node: &Node,
+    ) -> Result<(Option<Value>, Option<f64>), String> {
+        let split = |node: &'_ Node| match &node.value {
+            Value::Text(text) => {
+                split_tolerance(text).map(|(middle, width)| (text.clone(), middle.to_string(), width.to_string()))
+            }
+            _ => None,
+        };
+        // A number that is overridden without a tolerance keeps the one before.
+        let own = split(node);
+        let before = if own.is_none() && row.tolerance { node.before.as_deref().and_then(split) } else { None };
+        let is_own = own.is_some();
+        let Some((text, middle, width)) = own.or(before) else { return Ok((None, None)) };
+        let text = words::quoted(&text);
+        if !row.tolerance {
+            let takers: Vec<&str> = keys::KEYS.iter().filter(|key| key.tolerance).map(|key| key.path).collect();
+            return Err(format!("{text} has a tolerance, which only these take: {}", takers.join(", ")));
+        }
+        let wanted = measure.dimension(self.context.motion);
+        let example = wanted.example();
+        let Some((middle, tolerance)) = tolerance(&middle, &width, wanted) else {
+            // A mistake in the number itself says more than one in its tolerance.
+            if let (true, Err(message)) =
+                (width.ends_with('%'), quantity(measure, self.context.motion, &Value::Text(middle)))
+            {
+                return Err(message);
+            }
+            return Err(format!(
+                "{text} has a tolerance that does not read; expected one such as \"{example} ± 20 %\""
+            ));
+        };
+        let percent = || format!("{} %", percent(tolerance));
+        if tolerance < 0.0 {
+            Err(format!("{text} has the negative tolerance {}; expected 0 to 100 %", percent()))
+        } else if !(tolerance <= 1.0) {
+            Err(format!("{text} has a tolerance beyond 100 %: the number could be negative"))
+        } else if range == Range::Positive && tolerance == 1.0 {
+            Err(format!("{text} has a tolerance of 100 %: the number could be 0; expected less"))
+        } else {
+            Ok((is_own.then_some(Value::Text(middle)), Some(tolerance)))
+        }
+    }
+
     /// Checks a value against its row.
     fn check(&self, row: &'static Key, node: &'a Node) -> Result<Found<'a>, Error> {
         let motion = self.context.motion;
@@ -272,7 +334,14 @@ impl<'a> Fields<'a> {
             (Takes::QuantityOr(_, _, word), Value::Text(text)) if text == word => Ok(Found::Name(word)),
             (Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples, Value::Text(_) | Value::Number(_)) => {
                 let (measure, range) = row.takes.quantity().unwrap_or((Measure::Ratio, Range::Any));
-                match quantity(measure, motion, &node.value) {
+                let (value, tolerance) = match self.tolerated(row, measure, range, node) {
+                    Ok(parts) => parts,
+                    Err(message) => return fail(ErrorKind::Value, message),
+                };
+                match quantity(measure, motion, value.as_ref().unwrap_or(&node.value)) {
+                    Ok(value) if range.contains(value) && tolerance.is_some() => {
+                        Ok(Found::Within(value, tolerance.unwrap_or(0.0)))
+                    }
                     Ok(value) if range.contains(value) => Ok(Found::Number(value)),
                     Ok(value) => given(format!("{} {}", written(&node.value), fault(range, value))),
                     Err(_) if matches!(&node.value, Value::Text(text) if keys::in_samples(text).is_some()) => {
@@ -321,8 +390,8 @@ impl<'a> Fields<'a> {
             }
             (Takes::Ends, Value::Array(items)) => match items.as_slice() {
                 [
-                    Node { value: Value::Text(first), place: at_first },
-                    Node { value: Value::Text(second), place: at_second },
+                    Node { value: Value::Text(first), place: at_first, .. },
+                    Node { value: Value::Text(second), place: at_second, .. },
                 ] => Ok(Found::Ends([(first, at_first), (second, at_second)])),
                 [_, _] => given("an end is text in quotes".to_string()),
                 items => given(format!("an array of {} stands here", items.len())),

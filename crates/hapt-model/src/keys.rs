@@ -25,6 +25,8 @@ pub struct Key {
     pub hands: &'static [&'static str],
     /// The motion that it belongs to; `None`: both.
     pub motion: Option<Motion>,
+    /// Whether its quantity may carry a tolerance: `"1.2e-3 N m s/rad ± 20 %"`.
+    pub tolerance: bool,
     /// What it means, with units, in a line or three.
     pub doc: &'static str,
 }
@@ -307,7 +309,7 @@ const fn key(path: &'static str, takes: Takes, presence: Presence, doc: &'static
     while name_at > 0 && path.as_bytes()[name_at - 1] != b'.' {
         name_at -= 1;
     }
-    Key { path, name_at, takes, presence, kinds: &[], hands: &[], motion: None, doc }
+    Key { path, name_at, takes, presence, kinds: &[], hands: &[], motion: None, tolerance: false, doc }
 }
 
 impl Key {
@@ -321,6 +323,10 @@ impl Key {
 
     const fn only(self, motion: Motion) -> Key {
         Key { motion: Some(motion), ..self }
+    }
+
+    const fn tolerated(self) -> Key {
+        Key { tolerance: true, ..self }
     }
 }
 
@@ -369,16 +375,22 @@ pub const KEYS: &[Key] = &[
         "With output \"end\" only: how many further samples ahead the world is taken for the torque, the puck held still."),
     key("loop.delay", Takes::TimeOrSamples, Number(0.0),
         "From the sample to the moment the motor torque changes, in a unit of time or in samples (\"1.5 samples\" follows the period); at most a million periods."),
+    key("loop.delay_max", Takes::TimeOrSamples, Depends("loop.delay"),
+        "The largest delay, where it varies from one command to the next; no shorter than the delay, which is the least."),
+    key("loop.interval_max", Quantity(Time, Positive), Depends("loop.period"),
+        "The longest true time between two samples, in whatever pattern; no shorter than the period, which is the nominal one."),
     key("loop.estimator", Takes::Name(EstimatorKind::NAMES), Name("exact"), "Where the loop has the puck's velocity from."),
     key("loop.cutoff", Quantity(Frequency, Positive), Depends("required with the estimator low-pass"),
         "The cutoff of the low-pass estimator, in Hz."),
     key("loop.window", Whole { least: 1, most: 256, step: 1 }, Number(16.0), "The largest window of the FOAW estimators, in samples."),
 
     key("device", Table, Required, "Everything physical: the puck, its encoder and its motor."),
-    key("device.inertia", Quantity(Inertia, Positive), Required, "The puck's inertia (linear: mass)."),
-    key("device.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The puck's viscous damping."),
+    key("device.inertia", Quantity(Inertia, Positive), Required, "The puck's inertia (linear: mass).").tolerated(),
+    key("device.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The puck's viscous damping.").tolerated(),
     key("device.friction", Quantity(Torque, ZeroOrMore), Number(0.0),
-        "The puck's Coulomb friction; it sticks while at rest and |net torque| is no larger."),
+        "The puck's Coulomb friction; it sticks while at rest and |net torque| is no larger.").tolerated(),
+    key("device.lag", Quantity(Time, ZeroOrMore), Number(0.0),
+        "The motor torque follows its command by a first-order lag with this time constant.").tolerated(),
     key("device.limit", Quantity(Torque, Positive), Optional, "The largest torque that the motor may be commanded; absent: any."),
     key("device.encoder", Whole { least: 1, most: 1 << 53, step: 1 }, Optional, "Counts per revolution; absent: ideal.").only(Motion::Rotary),
     key("device.encoder", Quantity(Position, Positive), Optional, "The size of one count; absent: ideal.").only(Motion::Linear),

@@ -71,4 +71,4 @@ pub use schema::schema;
 pub use source::{LARGEST_SOURCE, Source};
 pub use unit::{UNITS, Unit, UnitError};
 pub use words::{did_you_mean, nearest};
-pub use world::{Delay, Device, Mounting, Sampling, Scenario, World};
+pub use world::{Delay, Device, Mounting, Sampling, Scenario, Tolerances, World};

@@ -18,6 +18,7 @@ pub(crate) enum NumberSlot<'a> {
     OptionalWhole(&'a mut Option<u32>),
     /// In s, or in samples. What is put there is in s.
     Delay(&'a mut Delay),
+    OptionalDelay(&'a mut Option<Delay>),
 }
 
 /// A key's name and its number.
@@ -34,6 +35,16 @@ impl NumberSlot<'_> {
             Whole(n) => Some(f64::from(**n)),
             OptionalWhole(n) => n.map(f64::from),
             NumberSlot::Delay(Delay::Seconds(x) | Delay::Samples(x)) => Some(*x),
+            NumberSlot::OptionalDelay(delay) => delay.map(|(Delay::Seconds(x) | Delay::Samples(x))| x),
+        }
+    }
+
+    /// Whether it is a number of periods.
+    pub fn is_in_samples(&self) -> bool {
+        match self {
+            NumberSlot::Delay(delay) => matches!(delay, Delay::Samples(_)),
+            NumberSlot::OptionalDelay(delay) => matches!(delay, Some(Delay::Samples(_))),
+            Number(_) | Optional(_) | Whole(_) | OptionalWhole(_) => false,
         }
     }
 
@@ -46,6 +57,7 @@ impl NumberSlot<'_> {
             Whole(n) => return whole().map(|whole| *n = whole).is_some(),
             OptionalWhole(n) => return whole().map(|whole| *n = Some(whole)).is_some(),
             NumberSlot::Delay(delay) => *delay = Delay::Seconds(value),
+            NumberSlot::OptionalDelay(delay) => *delay = Some(Delay::Seconds(value)),
         }
         true
     }
@@ -56,6 +68,8 @@ pub(crate) fn sampling(sampling: &mut Sampling) -> NumberSlots<'_> {
         ("period", Number(&mut sampling.period)),
         ("advance", Whole(&mut sampling.advance)),
         ("delay", NumberSlot::Delay(&mut sampling.delay)),
+        ("delay_max", NumberSlot::OptionalDelay(&mut sampling.delay_max)),
+        ("interval_max", Optional(&mut sampling.interval_max)),
         ("cutoff", Optional(&mut sampling.cutoff)),
         ("window", Whole(&mut sampling.window)),
     ]
@@ -66,6 +80,7 @@ pub(crate) fn device(device: &mut Device) -> NumberSlots<'_> {
         ("inertia", Number(&mut device.inertia)),
         ("damping", Number(&mut device.damping)),
         ("friction", Number(&mut device.friction)),
+        ("lag", Number(&mut device.lag)),
         ("limit", Optional(&mut device.limit)),
         ("encoder", Optional(&mut device.encoder)),
         ("levels", OptionalWhole(&mut device.levels)),
@@ -235,6 +250,8 @@ mod tests {
         [loop]
         period = "1 ms"
         delay = "0.5 ms"
+        delay_max = "0.7 ms"
+        interval_max = "1.5 ms"
         estimator = "low-pass"
         cutoff = "50 Hz"
         [device]

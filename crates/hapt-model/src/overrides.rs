@@ -7,6 +7,7 @@ use toml::de::DeValue;
 use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
 use crate::keys;
+use crate::quantity::split_tolerance;
 use crate::source::Source;
 use crate::words;
 
@@ -47,7 +48,8 @@ fn apply(document: &mut Document<'_>, index: usize, set: &str) -> Result<(), Err
     let steps: Vec<Step> = steps(path).map(|(name, span)| Step { name, place: place(span) }).collect();
 
     // The tree is changed apart from the document, which shows the errors.
-    let mut root = std::mem::replace(&mut document.root, Node { value: Value::Boolean(false), place: place(0..0) });
+    let mut root =
+        std::mem::replace(&mut document.root, Node { value: Value::Boolean(false), place: place(0..0), before: None });
     let put = put(&mut root, &steps, value);
     document.root = root;
     put.map_err(|(depth, kind, message)| {
@@ -83,6 +85,7 @@ fn value(set: &str, start: usize, index: usize) -> Node {
     let plain = || Node {
         value: Value::Text(text.to_string()),
         place: Place { set: Some(index), span: start..start + text.len() },
+        before: None,
     };
     match DeValue::parse(text) {
         Ok(value) if value.span() == (0..text.len()) => Node::new(value, Some(index), start),
@@ -129,7 +132,7 @@ fn put(root: &mut Node, steps: &[Step<'_>], value: Node) -> Result<(), (usize, E
                         });
                     }
                     (None, None) => {
-                        let node = Node { value: Value::Table(Vec::new()), place: step.place.clone() };
+                        let node = Node { value: Value::Table(Vec::new()), place: step.place.clone(), before: None };
                         entries.push(Entry { key: step.name.to_string(), place: step.place.clone(), node });
                         entries.len() - 1
                     }
@@ -151,6 +154,13 @@ fn put(root: &mut Node, steps: &[Step<'_>], value: Node) -> Result<(), (usize, E
             }
         }
     }
-    *node = value;
+    let before = std::mem::replace(node, value);
+    // Of several overrides of a key the last with a tolerance counts, so one text before is enough.
+    node.before = match (&before.value, before.before) {
+        (Value::Text(text), older) if split_tolerance(text).is_none() => older,
+        (Value::Text(_), _) => Some(Box::new(Node { before: None, ..before })),
+        (Value::Number(_), older) => older,
+        (Value::Boolean(_) | Value::Date(_) | Value::Array(_) | Value::Table(_), _) => None,
+    };
     Ok(())
 }

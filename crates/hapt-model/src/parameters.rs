@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::keys::{self, Key, Presence, Takes};
 use crate::kinds::Motion;
 use crate::path::Reader;
-use crate::quantity::parse_quantity;
+use crate::quantity::{parse_quantity, split_tolerance, tolerance};
 use crate::source::Source;
 use crate::world::World;
 
@@ -15,8 +15,10 @@ use crate::world::World;
 pub struct Parameter {
     /// The dotted path: `couplings.0.stiffness`.
     pub path: String,
-    /// The value as it is written in the file or its override, without quotes; of an absent key its default.
+    /// The value as it is written in the file or its override, without quotes and tolerance; of an absent key its default.
     pub written: String,
+    /// The tolerance of a quantity, a fraction of it; 0 without one.
+    pub tolerance: f64,
     /// A quantity in SI.
     pub si: Option<f64>,
     /// The SI unit of a quantity; empty for what is none.
@@ -39,8 +41,11 @@ pub fn parameters(source: &Source, sets: &[String]) -> Result<Vec<Parameter>, Er
         table(&mut list, motion, entries, "", "", None);
     }
     // A delay in samples is as many seconds as the period makes it.
-    if let Some(delay) = list.iter_mut().find(|parameter| keys::in_samples(&parameter.written).is_some()) {
-        (delay.si, delay.unit) = (Some(sampling.delay_s()), Dimension::TIME.symbol());
+    for delay in list.iter_mut().filter(|parameter| ["loop.delay", "loop.delay_max"].contains(&parameter.path.as_str()))
+    {
+        if let Some(samples) = keys::in_samples(&delay.written) {
+            (delay.si, delay.unit) = (Some(samples * sampling.period), Dimension::TIME.symbol());
+        }
     }
     Ok(list)
 }
@@ -88,7 +93,8 @@ fn table(list: &mut Vec<Parameter>, motion: Motion, entries: &[Entry], path: &st
             Presence::Name(name) => (name.to_string(), None),
             _ => continue,
         };
-        list.push(Parameter { path: join(path, row.name()), written, si, unit, doc: row.doc, given: false });
+        let path = join(path, row.name());
+        list.push(Parameter { path, written, tolerance: 0.0, si, unit, doc: row.doc, given: false });
     }
 }
 
@@ -105,9 +111,27 @@ fn given(row: &Key, motion: Motion, path: String, node: &Node) -> Parameter {
         }
         Value::Table(_) => String::new(),
     };
+    let (written, tolerance) = tolerated(row, motion, written, node);
     let si = row.takes.quantity().and_then(|(measure, _)| parse_quantity(&written, measure.dimension(motion)).ok());
     let unit = if si.is_some() { si_unit(row, motion) } else { String::new() };
-    Parameter { path, written, si, unit, doc: row.doc, given: true }
+    Parameter { path, written, tolerance, si, unit, doc: row.doc, given: true }
+}
+
+/// A quantity's text without its tolerance, and that: its own, or that of the number which an override has replaced.
+fn tolerated(row: &Key, motion: Motion, written: String, node: &Node) -> (String, f64) {
+    let Some((measure, _)) = row.takes.quantity().filter(|_| row.tolerance) else { return (written, 0.0) };
+    let parts = |text: &str| {
+        let (middle, width) = split_tolerance(text)?;
+        tolerance(middle, width, measure.dimension(motion))
+    };
+    match (parts(&written), node.before.as_ref().map(|before| &before.value)) {
+        (Some(parts), _) => parts,
+        (None, Some(Value::Text(before))) => {
+            let tolerance = parts(before).map_or(0.0, |(_, tolerance)| tolerance);
+            (written, tolerance)
+        }
+        (None, _) => (written, 0.0),
+    }
 }
 
 fn si_unit(row: &Key, motion: Motion) -> String {

@@ -122,6 +122,44 @@ pub(crate) fn parse_in_unit(text: &str, unit: Unit) -> Option<f64> {
     if rest.is_empty() { number.times(unit).ok() } else { None }
 }
 
+/// The two sides of a quantity's `±`, which `+-` and `+/-` stand for too; `None` where there is none.
+pub(crate) fn split_tolerance(text: &str) -> Option<(&str, &str)> {
+    let (at, sign) = ["±", "+/-", "+-"].iter().filter_map(|sign| Some((text.find(sign)?, sign))).min()?;
+    Some((text.get(..at)?.trim(), text.get(at + sign.len()..)?.trim()))
+}
+
+/// A quantity with its tolerance, as [`split_tolerance`] parted them: the middle, with its unit, and the half width as a fraction of it.
+/// `None` where it does not read; the middle's own mistakes are left to whoever reads it.
+pub(crate) fn tolerance(middle: &str, width: &str, wanted: Dimension) -> Option<(String, f64)> {
+    if let Some(percent) = width.strip_suffix('%') {
+        return Some((middle.to_string(), parse_percent(percent)?));
+    }
+    let unit = Number::split(width)?.1;
+    // "1.2 ± 0.2 N": the unit after the tolerance is that of both.
+    let middle = if Number::split(middle)?.1.is_empty() { format!("{middle} {unit}") } else { middle.to_string() };
+    let (value, width) = (parse_with_unit(&middle, wanted).ok()?, parse_with_unit(width, wanted).ok()?);
+    Some((middle, if width == 0.0 { 0.0 } else { width / value.abs() }))
+}
+
+/// A percentage as a fraction.
+fn parse_percent(text: &str) -> Option<f64> {
+    match Number::split(text.trim())? {
+        (Number { mantissa, exponent }, "") => {
+            format!("{mantissa}e{}", exponent - 2).parse().ok().filter(|fraction: &f64| fraction.is_finite())
+        }
+        _ => None,
+    }
+}
+
+/// A fraction as a percentage that reads back to it.
+pub(crate) fn percent(fraction: f64) -> String {
+    let digits = format!("{fraction:e}");
+    let (mantissa, exponent) = digits.split_once('e').unwrap_or((&digits, "0"));
+    let exact = format!("{mantissa}e{}", exponent.parse::<i64>().unwrap_or(0) + 2);
+    let short = exact.parse::<f64>().map_or(String::new(), |percent| percent.to_string());
+    if parse_percent(&short) == Some(fraction) { short } else { exact }
+}
+
 /// A decimal number as text, so that a decimal unit can move its point before anything is rounded.
 struct Number<'a> {
     /// Sign, digits and point.
@@ -298,7 +336,40 @@ mod tests {
         assert!(parse_with_unit("2 N m s/rad", Dimension::INERTIA).is_err());
     }
 
+    #[test]
+    fn a_tolerance_is_a_fraction_of_the_middle_however_it_is_written() {
+        let read = |text: &str| {
+            let (middle, width) = split_tolerance(text)?;
+            let (middle, fraction) = tolerance(middle, width, Dimension::ANGULAR_DAMPING)?;
+            Some((parse_with_unit(&middle, Dimension::ANGULAR_DAMPING).ok()?, fraction))
+        };
+        for text in [
+            "1.2e-3 N m s/rad ± 25 %",
+            "1.2e-3 N m s/rad±25%",
+            "1.2e-3 N m s/rad +- 25 %",
+            "1.2e-3 N m s/rad +/- 25 %",
+            "1.2e-3 ± 0.3e-3 N m s/rad",
+            "1.2e-3 N m s/rad ± 0.3 N mm s/rad",
+        ] {
+            let (middle, fraction) = read(text).unwrap_or_else(|| panic!("{text}"));
+            assert!(middle == 1.2e-3 && (fraction - 0.25).abs() < 1e-15, "{text}: {middle} {fraction}");
+        }
+        assert_eq!(read("0 N m s/rad ± 0 %"), Some((0.0, 0.0)));
+        for text in
+            ["1 N m s/rad ±", "± 20 %", "1 N m s/rad ± 1 s", "1 N m s/rad ± 0.2", "1 N m s/rad ± 2 % N", "1 ± 20 %"]
+        {
+            assert_eq!(read(text), None, "{text}");
+        }
+        assert_eq!(split_tolerance("-1.5e-3 N m"), None);
+    }
+
     proptest! {
+        #[test]
+        fn every_fraction_reads_back_from_its_percentage(fraction in 0.0f64..=1.0) {
+            prop_assert_eq!(parse_percent(&percent(fraction)), Some(fraction));
+            prop_assert_eq!(percent(0.2), "20");
+        }
+
         #[test]
         fn every_double_reads_back(value in any::<f64>().prop_filter("finite", |value| value.is_finite())) {
             prop_assert_eq!(si(&format!("{value:?} N m/rad")), value);

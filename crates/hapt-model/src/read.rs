@@ -16,7 +16,7 @@ use crate::source::Source;
 use crate::support;
 use crate::waveform;
 use crate::words;
-use crate::world::{Delay, Device, Mounting, Sampling, Scenario, World};
+use crate::world::{Delay, Device, Mounting, Sampling, Scenario, Tolerances, World};
 
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;
@@ -124,7 +124,9 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
         method,
         output,
         advance: fields.whole("advance")?,
+        interval_max: fields.optional_number("interval_max")?,
         delay: fields.delay("delay")?,
+        delay_max: fields.optional_delay("delay_max")?,
         estimator,
         cutoff: fields.optional_number("cutoff")?,
         window: fields.whole("window")?,
@@ -145,16 +147,30 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
             format!("an advance goes with output \"end\" only, and the output is {given:?}"),
         );
     }
-    let longest = LONGEST_DELAY * sampling.period;
-    match sampling.delay {
-        Delay::Seconds(delay) if delay > longest => {
-            let period = sampling.period;
-            return combination("delay", format!("{delay:?} s is more than a million periods of {period:?} s"));
+    let period = sampling.period;
+    for (key, delay) in [("delay", Some(sampling.delay)), ("delay_max", sampling.delay_max)] {
+        match delay {
+            Some(Delay::Seconds(delay)) if delay > LONGEST_DELAY * period => {
+                return combination(key, format!("{delay:?} s is more than a million periods of {period:?} s"));
+            }
+            Some(Delay::Samples(samples)) if samples > LONGEST_DELAY => {
+                return combination(key, format!("{samples:?} samples are more than a million"));
+            }
+            Some(Delay::Seconds(_) | Delay::Samples(_)) | None => {}
         }
-        Delay::Samples(samples) if samples > LONGEST_DELAY => {
-            return combination("delay", format!("{samples:?} samples are more than a million"));
-        }
-        Delay::Seconds(_) | Delay::Samples(_) => {}
+    }
+    let (least, largest) = (sampling.delay_s(), sampling.delay_max.map(|delay| delay.seconds(period)));
+    if let Some(largest) = largest.filter(|largest| *largest < least) {
+        let message = format!(
+            "{largest:?} s is below loop.delay, {least:?} s, which is the least delay; expected {least:?} s or more"
+        );
+        return combination("delay_max", message);
+    }
+    if let Some(longest) = sampling.interval_max.filter(|longest| *longest < period) {
+        let message = format!(
+            "{longest:?} s is below loop.period, {period:?} s, which the samples have on average; expected {period:?} s or more"
+        );
+        return combination("interval_max", message);
     }
     if estimator == EstimatorKind::LowPass && sampling.cutoff.is_none() {
         return Err(fields.missing("cutoff"));
@@ -167,6 +183,13 @@ fn device(fields: &Fields<'_>) -> Result<Device, Error> {
         inertia: fields.number("inertia")?,
         damping: fields.number("damping")?,
         friction: fields.number("friction")?,
+        lag: fields.number("lag")?,
+        tolerances: Tolerances {
+            inertia: fields.tolerance("inertia"),
+            damping: fields.tolerance("damping"),
+            friction: fields.tolerance("friction"),
+            lag: fields.tolerance("lag"),
+        },
         limit: fields.optional_number("limit")?,
         encoder: fields.optional_number("encoder")?,
         levels: fields.optional_whole("levels")?,

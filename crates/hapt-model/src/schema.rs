@@ -118,7 +118,10 @@ fn property(row: &'static Key, kinds: Kinds, definitions: &mut Definitions) -> V
     let mut takes = match row.takes {
         Takes::Text => json!({ "type": "string" }),
         Takes::Name(names) => json!({ "enum": names }),
-        Takes::Quantity(measure, range) => quantity(measure, range, None, kinds.motion, definitions),
+        Takes::Quantity(measure, range) => {
+            let tolerated = row.tolerance.then(|| json!({ "type": "string", "pattern": spelling::tolerated() }));
+            quantity(measure, range, tolerated, kinds.motion, definitions)
+        }
         Takes::QuantityOr(measure, range, word) => {
             quantity(measure, range, Some(json!({ "enum": [word] })), kinds.motion, definitions)
         }
@@ -198,7 +201,8 @@ fn description(row: &Key, motion: Motion) -> String {
     let takes = match row.takes {
         Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples | Takes::Whole { .. } => {
             let wanted = row.wanted(motion).replace("expected ", "");
-            format!(" Takes {wanted}.")
+            let tolerance = if row.tolerance { ", also with a tolerance, \"± 20 %\"" } else { "" };
+            format!(" Takes {wanted}{tolerance}.")
         }
         _ => String::new(),
     };

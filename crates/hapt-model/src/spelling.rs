@@ -77,6 +77,11 @@ pub(crate) fn samples() -> String {
     format!(r"{number}\s*samples?\s*$")
 }
 
+/// What takes a quantity with a tolerance; its units are left to the reader.
+pub(crate) fn tolerated() -> String {
+    format!(r"{NUMBER}.*(?:±|\+/?-)\s*\+?[0-9.]")
+}
+
 /// What takes texts whose number, at their beginning, is in this range; `None`: all are.
 pub(crate) fn number_in(range: Range) -> Option<&'static str> {
     match range {

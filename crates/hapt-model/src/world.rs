@@ -59,8 +59,12 @@ pub struct Sampling {
     pub output: Output,
     /// Further steps ahead for the torque, with `output = "end"`.
     pub advance: u32,
-    /// From the sample to the moment the motor torque changes.
+    /// The longest true time between two samples in s, no shorter than the period; `None`: the period, whatever it is.
+    pub interval_max: Option<f64>,
+    /// From the sample to the moment the motor torque changes; the least where it varies.
     pub delay: Delay,
+    /// The largest delay, where it varies; no shorter than `delay`. `None`: the delay, whatever it is.
+    pub delay_max: Option<Delay>,
     /// The velocity estimator's name.
     pub estimator: EstimatorKind,
     /// The low-pass estimator's cutoff in Hz; always there with `low-pass`, kept when given with another.
@@ -87,6 +91,10 @@ pub struct Device {
     pub damping: f64,
     /// Coulomb, in N·m (linear: N), zero or more.
     pub friction: f64,
+    /// The time constant in s with which the motor torque follows its command, zero or more; 0: at once.
+    pub lag: f64,
+    /// How exactly the four numbers above are known. Simulations take the numbers themselves.
+    pub tolerances: Tolerances,
     /// The largest torque the motor may be asked for; `None`: any.
     pub limit: Option<f64>,
     /// Counts per revolution (linear: the count's size in m); `None`: ideal.
@@ -95,6 +103,20 @@ pub struct Device {
     pub levels: Option<u32>,
     /// The `[device.drive]` table.
     pub drive: Mounting,
+}
+
+/// The half widths within which numbers of the device are known, as fractions of them from 0 to 1: 0.2 is ± 20 %. A number that is
+/// changed takes its tolerance along.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tolerances {
+    /// Of the inertia; below 1.
+    pub inertia: f64,
+    /// Of the viscous damping.
+    pub damping: f64,
+    /// Of the Coulomb friction.
+    pub friction: f64,
+    /// Of the lag.
+    pub lag: f64,
 }
 
 /// The `[device.drive]` table: how the puck hangs on a motor drive.
@@ -135,6 +157,22 @@ impl Sampling {
         self.delay.seconds(self.period)
     }
 
+    /// The longest true time between two samples in s. Never below the period, which the samples have on average.
+    pub fn interval_max_s(&self) -> f64 {
+        self.interval_max.map_or(self.period, |longest| longest.max(self.period))
+    }
+
+    /// The largest delay in s, at this loop's period. Never below the delay.
+    pub fn delay_max_s(&self) -> f64 {
+        let least = self.delay_s();
+        self.delay_max.map_or(least, |largest| largest.seconds(self.period).max(least))
+    }
+
+    /// Whether all intervals are the period, and all delays the same.
+    pub fn is_even(&self) -> bool {
+        self.interval_max_s() == self.period && self.delay_max_s() == self.delay_s()
+    }
+
     /// The estimator with its parameters.
     pub fn velocity_estimator(&self) -> Estimator {
         match self.estimator {
@@ -148,11 +186,38 @@ impl Sampling {
     }
 }
 
+impl Device {
+    /// The least and the largest inertia within its tolerance.
+    pub fn inertia_range(&self) -> [f64; 2] {
+        within(self.inertia, self.tolerances.inertia)
+    }
+
+    /// The least and the largest damping within its tolerance.
+    pub fn damping_range(&self) -> [f64; 2] {
+        within(self.damping, self.tolerances.damping)
+    }
+
+    /// The least and the largest friction within its tolerance.
+    pub fn friction_range(&self) -> [f64; 2] {
+        within(self.friction, self.tolerances.friction)
+    }
+
+    /// The least and the largest lag within its tolerance.
+    pub fn lag_range(&self) -> [f64; 2] {
+        within(self.lag, self.tolerances.lag)
+    }
+}
+
+/// `middle` less and plus the fraction `tolerance` of it.
+fn within(middle: f64, tolerance: f64) -> [f64; 2] {
+    [middle - middle * tolerance, middle + middle * tolerance]
+}
+
 impl World {
     /// What a device in simulation is made from.
     pub fn device_spec(&self) -> DeviceSpec {
-        let Device { inertia, damping, friction, .. } = self.device;
-        DeviceSpec { period: self.sampling.period, delay: self.sampling.delay_s(), inertia, damping, friction }
+        let Device { inertia, damping, friction, lag, .. } = self.device;
+        DeviceSpec { period: self.sampling.period, delay: self.sampling.delay_s(), lag, inertia, damping, friction }
     }
 
     /// What the loop is compiled from.

@@ -10,8 +10,9 @@ use hapt_plant::spec::{Drive, Hand, Shape};
 use crate::keys::{self, COMPENSATING, DIRECTION, Measure, SAMPLES, Takes};
 use crate::kinds::Motion;
 use crate::numbers::{self, NumberSlot, NumberSlots};
+use crate::quantity::percent;
 use crate::safety::Safety;
-use crate::world::{Delay, Mounting, World};
+use crate::world::{Mounting, Tolerances, World};
 
 impl World {
     /// The world as a TOML file, quantities with their SI units: `"0.001 s"`. Reading it gives an equal world, as long as
@@ -106,6 +107,13 @@ impl World {
         inline(&rows)
     }
 
+    /// The tolerance of the device's number `name`.
+    fn tolerance(&self, name: &str) -> f64 {
+        let Tolerances { inertia, damping, friction, lag } = self.device.tolerances;
+        let all = [("inertia", inertia), ("damping", damping), ("friction", friction), ("lag", lag)];
+        all.into_iter().find(|(own, _)| *own == name).map_or(0.0, |(_, tolerance)| tolerance)
+    }
+
     /// The keys of a table with their values, by the table of keys.
     fn rows(
         &self,
@@ -120,8 +128,12 @@ impl World {
             let written = match key.takes {
                 // A number out of its key's range stands for a key that is not there: a grip without inertia.
                 Takes::Quantity(_, range) | Takes::QuantityOr(_, range, _) if !range.contains(value) => return None,
+                Takes::Quantity(measure, _) if key.tolerance && self.tolerance(name) != 0.0 => {
+                    let (unit, percent) = (measure.dimension(self.motion).symbol(), percent(self.tolerance(name)));
+                    format!("\"{value:?} {unit} ± {percent} %\"")
+                }
                 Takes::Quantity(measure, _) | Takes::QuantityOr(measure, ..) => quantity(measure, self.motion, value),
-                Takes::TimeOrSamples if matches!(slot, NumberSlot::Delay(Delay::Samples(_))) => {
+                Takes::TimeOrSamples if slot.is_in_samples() => {
                     format!("\"{value:?} {SAMPLES}\"")
                 }
                 Takes::TimeOrSamples => quantity(Measure::Time, self.motion, value),

@@ -74,7 +74,11 @@ pub struct VirtualDevice {
     device: Inertia,
     friction: f64,
     delay: f64,
+    /// The time constant in s with which the motor's torque follows what it holds; 0: at once.
+    lag: f64,
     motor: Motor<f64>,
+    /// The motor's torque less what it holds; it decays with the lag, and is 0 without one.
+    gap: f64,
     puck: Puck,
     script: Script,
     mode: HandMode,
@@ -93,7 +97,7 @@ pub struct VirtualDevice {
 impl VirtualDevice {
     /// The puck at rest at 0, free.
     pub fn new(spec: &DeviceSpec) -> Self {
-        let &DeviceSpec { period, delay, inertia, damping, friction } = spec;
+        let &DeviceSpec { period, delay, lag, inertia, damping, friction } = spec;
         let device = Inertia { inertia, damping, stiffness: 0.0 };
         let motor = Motor::new(delay, period);
         VirtualDevice {
@@ -101,8 +105,10 @@ impl VirtualDevice {
             device,
             friction,
             delay,
-            puck: Puck::new(device, friction, lengths(&motor, period)),
+            lag,
+            puck: Puck::new(device, friction, lag, lengths(&motor, period)),
             motor,
+            gap: 0.0,
             script: Script::default(),
             mode: HandMode::Free,
             now: 0.0,
@@ -126,10 +132,10 @@ impl VirtualDevice {
         (self.puck.position, self.puck.velocity)
     }
 
-    /// The torque that the motor holds, in N·m (linear: N).
+    /// The motor's torque now, in N·m (linear: N): what it holds, or, with a lag, how far it has come toward that.
     #[inline]
     pub fn applied(&self) -> f64 {
-        self.motor.applied
+        if self.lag > 0.0 { self.motor.applied + self.gap } else { self.motor.applied }
     }
 
     /// The works so far.
@@ -161,7 +167,7 @@ impl VirtualDevice {
         self.mode = HandMode::Script;
         self.puck.take(hand.grip(), hand.sine(), hand.switches());
         if let Some(piece) = hand.prescribed() {
-            self.prescribe(piece.at(0.0), 0.0, 0.0);
+            self.jump(piece.at(0.0));
         }
         self.hand_acts(0.0);
     }
@@ -218,6 +224,7 @@ impl VirtualDevice {
         (self.puck.position, self.puck.velocity) = (0.0, 0.0);
         self.let_go();
         self.motor.clear();
+        self.gap = 0.0;
         (self.announced, self.ledger) = (false, Ledger::default());
         self.restart_clock();
         self.elapsed = 0.0;
@@ -226,13 +233,31 @@ impl VirtualDevice {
     /// Sets the loop's command, in N·m (linear: N).
     #[inline]
     pub fn command(&mut self, torque: f64) {
+        let before = self.motor.applied;
         self.motor.command(torque);
+        self.lag_behind(before);
+    }
+
+    /// What the motor holds changes, as a command arrives.
+    fn change(&mut self) {
+        let before = self.motor.applied;
+        self.motor.change();
+        self.lag_behind(before);
+    }
+
+    /// What the motor held before a change: with a lag its torque goes on from there.
+    #[inline]
+    fn lag_behind(&mut self, before: f64) {
+        if self.lag > 0.0 {
+            self.gap += before - self.motor.applied;
+        }
     }
 
     /// Continues as the device `to`, with the same state of puck and hand; the old device is exchanged into `to`.
     pub fn refit(&mut self, to: &mut VirtualDevice) {
         let key = |device: &Self| {
-            (device.period, device.device.inertia, device.device.damping, device.friction, device.delay)
+            let Inertia { inertia, damping, .. } = device.device;
+            (device.period, inertia, damping, device.friction, device.delay, device.lag)
         };
         if key(self) == key(to) {
             return;
@@ -244,6 +269,10 @@ impl VirtualDevice {
         }
         core::mem::swap(&mut self.device, &mut to.device);
         core::mem::swap(&mut self.friction, &mut to.friction);
+        core::mem::swap(&mut self.lag, &mut to.lag);
+        if self.lag == 0.0 {
+            self.gap = 0.0;
+        }
         if self.period != to.period {
             let ratio = self.period / to.period;
             core::mem::swap(&mut self.period, &mut to.period);
@@ -254,7 +283,7 @@ impl VirtualDevice {
             self.script.last = (self.script.last.saturating_sub(self.sample) as f64 * ratio) as u64;
             (self.origin, self.sample) = (self.now, 0);
         }
-        self.puck.refit(self.device, self.friction, lengths(&self.motor, self.period));
+        self.puck.refit(self.device, self.friction, self.lag, lengths(&self.motor, self.period));
     }
 
     fn restart_clock(&mut self) {
@@ -267,7 +296,7 @@ impl VirtualDevice {
         let rest = self.motor.rest;
         if rest > 0.0 && self.elapsed < rest && rest <= elapsed {
             self.stretch(self.now, self.now, rest - self.elapsed);
-            self.motor.change();
+            self.change();
             self.elapsed = rest;
         }
         if self.elapsed < elapsed {
@@ -328,7 +357,7 @@ impl VirtualDevice {
                 self.hand_acts(now);
             }
             if change_now {
-                self.motor.change();
+                self.change();
                 change_at = None;
             }
             if !(event_now || change_now) {
@@ -343,6 +372,15 @@ impl VirtualDevice {
     /// A stretch of `length` seconds without an event.
     #[inline]
     fn stretch(&mut self, from: f64, to: f64, length: f64) {
+        self.move_puck(from, to, length);
+        if self.gap != 0.0 {
+            self.gap *= libm::exp(-length / self.lag);
+        }
+    }
+
+    /// The puck's part in it.
+    #[inline]
+    fn move_puck(&mut self, from: f64, to: f64, length: f64) {
         let push = match (&self.mode, &self.script.hand) {
             (HandMode::Script, Some(hand)) => match hand.prescribed() {
                 None => hand.push(from),
@@ -350,7 +388,9 @@ impl VirtualDevice {
                 Some(piece) if piece.is_flat() => return,
                 Some(piece) => {
                     let (square, path) = piece.travel(from, to);
-                    self.prescribe(piece.at(to), self.device.damping * square, self.friction * path);
+                    let lagging =
+                        if self.gap != 0.0 { self.gap * piece.decaying_travel(from, to, self.lag) } else { 0.0 };
+                    self.prescribe(piece.at(to), lagging, self.device.damping * square, self.friction * path);
                     return;
                 }
             },
@@ -361,7 +401,7 @@ impl VirtualDevice {
             (&HandMode::Torque(value), _) => Push { value, ..Push::default() },
             (HandMode::Free, _) | (HandMode::Script, None) => Push::default(),
         };
-        self.puck.advance(length, self.motor.applied, push, &mut self.ledger);
+        self.puck.advance(length, self.motor.applied, self.gap, push, &mut self.ledger);
     }
 
     /// The hand's event at an instant: arrival, release or jump. A jump comes before a sample or a motor's change at the same instant,
@@ -384,7 +424,7 @@ impl VirtualDevice {
         }
         if let Some(motion) = prescribed {
             self.announced = true;
-            self.prescribe(motion, 0.0, 0.0);
+            self.jump(motion);
         }
     }
 
@@ -395,9 +435,15 @@ impl VirtualDevice {
         (self.mode, self.next_event) = (HandMode::Free, f64::INFINITY);
     }
 
-    /// Moves the puck with the hand; the hand's work is the remainder of the energy balance.
-    fn prescribe(&mut self, (position, velocity): (f64, f64), damping: f64, friction: f64) {
-        let motor = self.motor.applied * (position - self.puck.position);
+    /// The puck jumps with the hand, against the motor's torque before.
+    fn jump(&mut self, to: (f64, f64)) {
+        self.prescribe(to, self.gap * (to.0 - self.puck.position), 0.0, 0.0);
+    }
+
+    /// Moves the puck with the hand; the hand's work is the remainder of the energy balance. `lagging` is the work of what the motor's
+    /// torque is beyond the held one.
+    fn prescribe(&mut self, (position, velocity): (f64, f64), lagging: f64, damping: f64, friction: f64) {
+        let motor = self.motor.applied * (position - self.puck.position) + lagging;
         let before = self.puck.velocity;
         let moving = 0.5 * self.device.inertia * (velocity - before) * (velocity + before);
         (self.puck.position, self.puck.velocity) = (position, velocity);

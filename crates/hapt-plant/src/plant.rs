@@ -1,18 +1,21 @@
 //! The puck between two events, exactly: a linear differential equation and its matrix exponential.
 //!
 //! ```text
-//! ẋ = v,    mass v̇ = -stiffness x - damping v + f + sine σ + cosine κ
-//! ḟ = f',   σ̇ = ω κ,   κ̇ = -ω σ
+//! ẋ = v,    mass v̇ = -stiffness x - damping v + f + sine σ + cosine κ + d
+//! ḟ = f',   σ̇ = ω κ,   κ̇ = -ω σ,   ḋ = -decay d
 //! ```
 //!
-//! The torques are states too, so that one matrix exponential covers a held torque, a ramp (f') and a sine (σ, κ). The works are
-//! integrals of products of these states, and exact in the same way.
+//! The torques are states too, so that one matrix exponential covers a held torque, a ramp (f'), a sine (σ, κ), and what a motor that lags
+//! still lacks of its command (d), also where rates coincide. The works are integrals of products of these states, and exact in the same
+//! way.
 //!
 //! The states are in the order in which they are needed, so that the first few suffice in simple cases: v and f for a free puck
-//! under a held torque, x for a spring, f' for a ramp, σ and κ for a sine.
+//! under a held torque, x for a spring, f' for a ramp, σ and κ for a sine, d for a lag.
 
-/// v, f, x, f', σ, κ.
-pub(crate) type Motion = [f64; 6];
+/// How many states there are.
+const STATES: usize = 7;
+/// v, f, x, f', σ, κ, d.
+pub(crate) type Motion = [f64; STATES];
 /// Their indices.
 pub(crate) const V: usize = 0;
 pub(crate) const F: usize = 1;
@@ -20,7 +23,8 @@ pub(crate) const X: usize = 2;
 pub(crate) const RAMP: usize = 3;
 pub(crate) const SIN: usize = 4;
 pub(crate) const COS: usize = 5;
-type Matrix = [[f64; 6]; 6];
+pub(crate) const GAP: usize = 6;
+type Matrix = [[f64; STATES]; STATES];
 /// The first M states alone, where the others are 0.
 type Leading<const M: usize> = [[f64; M]; M];
 
@@ -36,6 +40,8 @@ pub(crate) struct Plant {
     pub cosine: f64,
     /// rad/s; 0 where there is no sine.
     pub omega: f64,
+    /// 1/s; 0 where the motor does not lag.
+    pub decay: f64,
 }
 
 /// The map of a motion over a time step.
@@ -48,6 +54,8 @@ pub(crate) struct Propagator {
     speed: Matrix,
     /// ∫ (drive - f) v dt, where drive = f + sine σ + cosine κ, and f is that at the start; as well.
     varying: Matrix,
+    /// ∫ d v dt for d = 1 at the start, on the motion at the start.
+    lagging: Motion,
     /// Whether x, and whether σ and κ, occur.
     spring: bool,
     sine: bool,
@@ -64,6 +72,8 @@ pub(crate) struct Stretch {
     pub speed: f64,
     /// ∫ (drive - f) v dt: the work beyond that of the initial f, which is f · travel.
     pub varying: f64,
+    /// ∫ d v dt
+    pub lagging: f64,
 }
 
 /// Gauss and Legendre's 8 nodes and weights on [0, 1]: exact to degree 15, and to the last bit over a quarter radian.
@@ -82,18 +92,19 @@ impl Plant {
     /// ẏ = N y; rows of N by state.
     fn generator(&self) -> Matrix {
         let m = self.mass;
-        let mut n = [[0.0; 6]; 6];
+        let mut n = [[0.0; STATES]; STATES];
         n[X][V] = 1.0;
-        n[V] = [-self.damping / m, 1.0 / m, -self.stiffness / m, 0.0, self.sine / m, self.cosine / m];
+        n[V] = [-self.damping / m, 1.0 / m, -self.stiffness / m, 0.0, self.sine / m, self.cosine / m, 1.0 / m];
         n[F][RAMP] = 1.0;
         n[SIN][COS] = self.omega;
         n[COS][SIN] = -self.omega;
+        n[GAP][GAP] = -self.decay;
         n
     }
 
     /// The fastest rate in it, in 1/s.
     fn rate(&self) -> f64 {
-        (self.damping / self.mass).max(self.swing())
+        (self.damping / self.mass).max(self.swing()).max(self.decay)
     }
 
     /// The highest frequency of oscillation, in rad/s; damping alone only decays.
@@ -101,9 +112,9 @@ impl Plant {
         libm::sqrt(self.stiffness / self.mass).max(self.omega)
     }
 
-    /// The drive in N·m (linear: N): everything but the puck's own spring and damper.
+    /// Motor and hand in N·m (linear: N): everything but the puck's own spring and damper.
     pub fn drive(&self, y: &Motion) -> f64 {
-        y[F] + self.sine * y[SIN] + self.cosine * y[COS]
+        y[F] + self.sine * y[SIN] + self.cosine * y[COS] + y[GAP]
     }
 
     /// v̇
@@ -147,14 +158,16 @@ impl Plant {
 
 /// x and v after `dt` s less those before, on v and the held torque: of a free puck of `inertia` and `damping`.
 pub fn under_held_torque(inertia: f64, damping: f64, dt: f64) -> [[f64; 2]; 2] {
-    Plant { mass: inertia, damping, stiffness: 0.0, sine: 0.0, cosine: 0.0, omega: 0.0 }.under_held_torque(dt)
+    Plant { mass: inertia, damping, stiffness: 0.0, sine: 0.0, cosine: 0.0, omega: 0.0, decay: 0.0 }
+        .under_held_torque(dt)
 }
 
 impl Propagator {
     pub fn new(plant: &Plant, dt: f64) -> Self {
         let (n, h, halvings) = plant.start(dt);
-        let output = [0.0, 1.0, 0.0, 0.0, plant.sine, plant.cosine];
-        let (mut speed, mut drive) = ([[0.0; 6]; 6], [[0.0; 6]; 6]);
+        let output = [0.0, 1.0, 0.0, 0.0, plant.sine, plant.cosine, 0.0];
+        let (mut speed, mut drive) = ([[0.0; STATES]; STATES], [[0.0; STATES]; STATES]);
+        let mut lagging = [0.0; STATES];
         for (node, weight) in GAUSS {
             let change = series(&n, node * h);
             let mut v = change[V];
@@ -165,11 +178,12 @@ impl Propagator {
                     *f += gain * x;
                 }
             }
-            for i in 0..6 {
-                for j in 0..6 {
+            for i in 0..STATES {
+                for j in 0..STATES {
                     speed[i][j] += weight * h * v[i] * v[j];
                     drive[i][j] += weight * h * f[i] * v[j];
                 }
+                lagging[i] += weight * h * (1.0 + change[GAP][GAP]) * v[i];
             }
         }
         let mut change = series(&n, h);
@@ -183,6 +197,14 @@ impl Propagator {
                     }
                 }
             }
+            let later = lagging;
+            for (i, (row, later_i)) in change.iter().zip(later).enumerate() {
+                let left = 1.0 + change[GAP][GAP];
+                for (sum, x) in lagging.iter_mut().zip(row) {
+                    *sum += left * later_i * x;
+                }
+                lagging[i] += left * later_i;
+            }
             change = doubled(&change);
         }
         let mut varying = folded(&drive);
@@ -190,13 +212,13 @@ impl Propagator {
             varying[F.min(j)][F.max(j)] -= travel;
         }
         let (spring, sine) = (plant.stiffness != 0.0, plant.sine != 0.0 || plant.cosine != 0.0);
-        Propagator { change, speed: folded(&speed), varying, spring, sine }
+        Propagator { change, speed: folded(&speed), varying, lagging, spring, sine }
     }
 
     /// The stretch from `y` on.
     #[inline(always)] // So that the few states of a held drive never leave the registers.
     pub fn stretch(&self, y: Motion) -> Stretch {
-        if self.sine || y[RAMP] != 0.0 {
+        if self.sine || y[RAMP] != 0.0 || y[GAP] != 0.0 {
             self.varying_stretch(y)
         } else if self.spring {
             self.of_states::<3>(&y)
@@ -208,13 +230,17 @@ impl Propagator {
     /// The same for a torque that is not held.
     #[inline(never)]
     fn varying_stretch(&self, y: Motion) -> Stretch {
-        if self.sine { self.of_states::<6>(&y) } else { self.of_states::<4>(&y) }
+        match (y[GAP] != 0.0, self.sine) {
+            (true, _) => self.of_states::<STATES>(&y),
+            (false, true) => self.of_states::<6>(&y),
+            (false, false) => self.of_states::<4>(&y),
+        }
     }
 
     /// The same, when only the first N states occur.
     #[inline(always)]
     fn of_states<const N: usize>(&self, y: &Motion) -> Stretch {
-        let row = |row: &[f64; 6]| (0..N).map(|j| row[j] * y[j]).sum::<f64>();
+        let row = |row: &Motion| (0..N).map(|j| row[j] * y[j]).sum::<f64>();
         let form = |form: &Matrix| (0..N).map(|i| y[i] * (i..N).map(|j| form[i][j] * y[j]).sum::<f64>()).sum();
         let travel = row(&self.change[X]);
         Stretch {
@@ -222,16 +248,17 @@ impl Propagator {
             travel,
             speed: form(&self.speed),
             varying: if N > RAMP { form(&self.varying) } else { 0.0 },
+            lagging: if N > GAP { y[GAP] * row(&self.lagging) } else { 0.0 },
         }
     }
 }
 
 /// A quadratic form's lower triangle added to its upper.
 fn folded(form: &Matrix) -> Matrix {
-    let mut out = [[0.0; 6]; 6];
-    for i in 0..6 {
+    let mut out = [[0.0; STATES]; STATES];
+    for i in 0..STATES {
         out[i][i] = form[i][i];
-        for j in i + 1..6 {
+        for j in i + 1..STATES {
             out[i][j] = form[i][j] + form[j][i];
         }
     }
@@ -294,7 +321,7 @@ fn congruent(change: &Matrix, form: &Matrix) -> Matrix {
         row[i] += 1.0;
     }
     let right = product(form, &phi);
-    let mut out = [[0.0; 6]; 6];
+    let mut out = [[0.0; STATES]; STATES];
     for (phi, right) in phi.iter().zip(&right) {
         for (out, phi) in out.iter_mut().zip(phi) {
             for (out, right) in out.iter_mut().zip(right) {

@@ -1,7 +1,7 @@
 //! The puck alone: pushed by motor and hand, held by Coulomb friction, every stop and start located.
 
 use crate::ledger::Ledger;
-use crate::plant::{COS, F, Motion, Plant, Propagator, RAMP, SIN, Stretch, V, X};
+use crate::plant::{COS, F, GAP, Motion, Plant, Propagator, RAMP, SIN, Stretch, V, X};
 
 /// The physical puck and, while it is held, the hand's inertia, damping and stiffness on it.
 #[derive(Clone, Debug)]
@@ -12,6 +12,8 @@ pub(crate) struct Puck {
     pub velocity: f64,
     device: Inertia,
     friction: f64,
+    /// The rate in 1/s at which the motor approaches its command; 0: at once.
+    decay: f64,
     lengths: Lengths,
     now: Held,
     /// Of a hand that alternately opens and closes: whether it is open.
@@ -58,7 +60,7 @@ pub struct Push {
 }
 
 impl Held {
-    fn new(device: Inertia, grip: Option<Inertia>, sine: Sine, [first, second]: Lengths) -> Self {
+    fn new(device: Inertia, grip: Option<Inertia>, sine: Sine, decay: f64, [first, second]: Lengths) -> Self {
         let hand = grip.unwrap_or_default();
         let plant = Plant {
             mass: device.inertia + hand.inertia,
@@ -67,6 +69,7 @@ impl Held {
             sine: sine.0,
             cosine: sine.1,
             omega: sine.2,
+            decay,
         };
         let long = Propagator::new(&plant, first);
         let short = if second == first { long.clone() } else { Propagator::new(&plant, second) };
@@ -74,37 +77,39 @@ impl Held {
     }
 
     /// The same on another device.
-    fn refitted(&self, device: Inertia, lengths: Lengths) -> Self {
-        Held::new(device, self.grip, (self.plant.sine, self.plant.cosine, self.plant.omega), lengths)
+    fn refitted(&self, device: Inertia, decay: f64, lengths: Lengths) -> Self {
+        Held::new(device, self.grip, (self.plant.sine, self.plant.cosine, self.plant.omega), decay, lengths)
     }
 }
 
 impl Puck {
     /// Resets it to rest at 0, free.
-    pub fn new(device: Inertia, friction: f64, lengths: Lengths) -> Self {
-        let now = Held::new(device, None, NO_SINE, lengths);
-        Puck { position: 0.0, velocity: 0.0, device, friction, lengths, now, other: None }
+    pub fn new(device: Inertia, friction: f64, lag: f64, lengths: Lengths) -> Self {
+        let decay = decay(lag);
+        let now = Held::new(device, None, NO_SINE, decay, lengths);
+        Puck { position: 0.0, velocity: 0.0, device, friction, decay, lengths, now, other: None }
     }
 
     /// A hand grips the puck, with this `grip` and `sine`. One that `switches` alternately opens and closes: open, only its inertia stays
     /// on the puck. Allocates nothing.
     pub fn take(&mut self, grip: Option<Inertia>, sine: Sine, switches: bool) {
-        self.now = Held::new(self.device, grip, sine, self.lengths);
+        self.now = Held::new(self.device, grip, sine, self.decay, self.lengths);
         let open = grip.filter(|_| switches).map(|grip| Inertia { damping: 0.0, stiffness: 0.0, ..grip });
-        self.other = open.map(|open| Held::new(self.device, Some(open), NO_SINE, self.lengths));
+        self.other = open.map(|open| Held::new(self.device, Some(open), NO_SINE, self.decay, self.lengths));
     }
 
     /// The same puck, in the same hand, on another device. Allocates nothing.
-    pub fn refit(&mut self, device: Inertia, friction: f64, lengths: Lengths) {
-        (self.device, self.friction, self.lengths) = (device, friction, lengths);
-        self.now = self.now.refitted(device, lengths);
-        self.other = self.other.as_ref().map(|other| other.refitted(device, lengths));
+    pub fn refit(&mut self, device: Inertia, friction: f64, lag: f64, lengths: Lengths) {
+        (self.device, self.friction, self.decay, self.lengths) = (device, friction, decay(lag), lengths);
+        self.now = self.now.refitted(device, self.decay, lengths);
+        self.other = self.other.as_ref().map(|other| other.refitted(device, self.decay, lengths));
     }
 
-    /// Moves for `dt` under the motor's held torque and the hand's push; the works go to the ledger.
+    /// Moves for `dt` under the motor's torque and the hand's push; the works go to the ledger. The motor's torque is `motor`, and `gap`
+    /// beyond it, which decays.
     #[inline]
-    pub fn advance(&mut self, dt: f64, motor: f64, push: Push, ledger: &mut Ledger) {
-        let y = [self.velocity, motor + push.value, self.position, push.slope, push.sin, push.cos];
+    pub fn advance(&mut self, dt: f64, motor: f64, gap: f64, push: Push, ledger: &mut Ledger) {
+        let y = [self.velocity, motor + push.value, self.position, push.slope, push.sin, push.cos, gap];
         [self.position, self.velocity] = if self.friction == 0.0 {
             self.slide(y, dt, motor, 0.0, ledger)
         } else {
@@ -160,13 +165,15 @@ impl Puck {
     /// Without that margin, rounding alone would start and stop the slip in an endless sequence.
     fn hold(&self, y: &Motion) -> f64 {
         let Plant { stiffness, sine, cosine, .. } = self.now.plant;
-        let torques = y[F].abs() + (sine * y[SIN]).abs() + (cosine * y[COS]).abs() + (stiffness * y[X]).abs();
+        let torques =
+            y[F].abs() + (sine * y[SIN]).abs() + (cosine * y[COS]).abs() + (stiffness * y[X]).abs() + y[GAP].abs();
         self.friction + ROUNDING * (self.friction + torques)
     }
 
     /// The derivative of the net torque at rest.
     fn net_slope(&self, y: &Motion) -> f64 {
-        y[RAMP] + self.now.plant.omega * (self.now.plant.sine * y[COS] - self.now.plant.cosine * y[SIN])
+        let Plant { sine, cosine, omega, decay, .. } = self.now.plant;
+        y[RAMP] + omega * (sine * y[COS] - cosine * y[SIN]) - decay * y[GAP]
     }
 
     /// Slides for `dt` with friction against `direction` (0: none); gives position and velocity at the end.
@@ -183,8 +190,8 @@ impl Puck {
                 &fresh
             }
         };
-        let Stretch { end, travel, speed, varying } = propagator.stretch(y);
-        ledger.motor += motor * travel;
+        let Stretch { end, travel, speed, varying, lagging } = propagator.stretch(y);
+        ledger.motor += motor * travel + lagging;
         ledger.friction += held * travel;
         ledger.damping += self.device.damping * speed;
         ledger.hand += push * travel + varying;
@@ -203,7 +210,7 @@ impl Puck {
         let mut sliding = *y;
         sliding[F] -= self.friction * direction;
         let plant = &self.now.plant;
-        first_crossing(dt, slice(plant, dt), |t| {
+        first_crossing(Slices::new(plant, dt, y), |t| {
             let y = plant.after(&sliding, t);
             (-direction * y[V], -direction * plant.acceleration(&y))
         })
@@ -212,7 +219,7 @@ impl Puck {
     /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction.
     fn first_slip(&self, y: &Motion, dt: f64) -> Option<f64> {
         let over = |side: f64| {
-            first_crossing(dt, slice(&self.now.plant, dt), |t| {
+            first_crossing(Slices::new(&self.now.plant, dt, y), |t| {
                 let y = drives_after(&self.now.plant, y, t);
                 (side * self.net(&y) - self.hold(&y), side * self.net_slope(&y))
             })
@@ -250,22 +257,47 @@ fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
     let mut out = *y;
     out[F] += y[RAMP] * dt;
     (out[SIN], out[COS]) = (y[SIN] * cos + y[COS] * sin, y[COS] * cos - y[SIN] * sin);
+    if y[GAP] != 0.0 {
+        out[GAP] *= libm::exp(-plant.decay * dt);
+    }
     out
 }
 
-/// Short enough that nothing swings more than a quarter radian: a derivative changes sign at most once.
-fn slice(plant: &Plant, dt: f64) -> f64 {
-    let slices = libm::ceil(plant.swing() * dt / 0.25).clamp(1.0, 1e6);
-    dt / slices
+/// The rate in 1/s that belongs to a lag in s; 0 where there is none.
+fn decay(lag: f64) -> f64 {
+    if lag > 0.0 { 1.0 / lag } else { 0.0 }
+}
+
+/// Parts of a stretch, short enough that nothing swings more than a quarter radian: a derivative changes sign at most once. A decay is cut
+/// into parts that begin with half of its time constant and grow with the time since, as the decay slows.
+struct Slices {
+    dt: f64,
+    length: f64,
+    /// In s; 0: nothing decays.
+    lag: f64,
+}
+
+impl Slices {
+    fn new(plant: &Plant, dt: f64, y: &Motion) -> Self {
+        let slices = libm::ceil(plant.swing() * dt / 0.25).clamp(1.0, 1e6);
+        Slices { dt, length: dt / slices, lag: if y[GAP] != 0.0 { 1.0 / plant.decay } else { 0.0 } }
+    }
+
+    /// The end of part i, from 1, which begins at `from`; the last ends at dt.
+    fn end(&self, i: u64, from: f64) -> f64 {
+        if self.lag > 0.0 {
+            return (from + self.length.min(0.5 * self.lag.max(from))).min(self.dt);
+        }
+        if i as f64 >= libm::round(self.dt / self.length) { self.dt } else { self.length * i as f64 }
+    }
 }
 
 /// The first t in (0, dt] at which g, negative or zero at 0, becomes positive. `g` gives value and derivative. A rise and fall
 /// within a slice is found at its summit, where the derivative changes sign.
-fn first_crossing(dt: f64, slice: f64, g: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
-    let slices = libm::round(dt / slice).max(1.0) as u64;
+fn first_crossing(slices: Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
     let (mut from, mut slope) = (0.0, g(0.0).1);
-    for i in 1..=slices {
-        let to = if i == slices { dt } else { slice * i as f64 };
+    for i in 1.. {
+        let to = slices.end(i, from);
         let (value, next_slope) = g(to);
         let positive = if value > 0.0 {
             Some(to)
@@ -277,6 +309,10 @@ fn first_crossing(dt: f64, slice: f64, g: impl Fn(f64) -> (f64, f64)) -> Option<
         };
         if let Some(positive) = positive {
             return Some(root(from, positive, |t| g(t).0));
+        }
+        // The negation ends the search at a number that is none, too.
+        if !(to < slices.dt && to > from) {
+            break;
         }
         (from, slope) = (to, next_slope);
     }

@@ -11,6 +11,8 @@ pub struct DeviceSpec {
     pub period: f64,
     /// From the sample to the moment the motor torque changes, in s, zero or more.
     pub delay: f64,
+    /// The time constant in s with which the motor torque follows its command, zero or more; 0: at once.
+    pub lag: f64,
     /// The puck's J_z in kg·m² (linear: kg), positive.
     pub inertia: f64,
     /// Viscous damping, in N·m·s/rad (linear: N·s/m), zero or more.

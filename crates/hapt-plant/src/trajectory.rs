@@ -62,6 +62,27 @@ impl Piece {
     }
 }
 
+impl Piece {
+    /// ∫ v e^(-(t - from)/lag) dt of the piece as a motion over [from, to].
+    pub(crate) fn decaying_travel(&self, from: f64, to: f64, lag: f64) -> f64 {
+        let length = to - from;
+        match self.form {
+            Form::Straight { slope, .. } => -slope * lag * libm::expm1(-length / lag),
+            Form::Sine { amplitude, omega, phase } => {
+                // The real part of A ω e^(iθ) (e^(λ length) - 1)/λ, λ = iω - 1/lag; the difference with its digits.
+                let (a, b) = (-length / lag, omega * length);
+                let (half, (sin, cos)) = (libm::sin(0.5 * b), libm::sincos(b));
+                let (re, im) = (libm::expm1(a) * cos - 2.0 * half * half, libm::exp(a) * sin);
+                let turn = omega * lag;
+                let scale = lag / (1.0 + turn * turn);
+                let (re, im) = (scale * (im * turn - re), -scale * (im + re * turn));
+                let (sin, cos) = libm::sincos(omega * from + phase);
+                amplitude * omega * (cos * re - sin * im)
+            }
+        }
+    }
+}
+
 /// An instant within 1e-6 T of a whole sample is that sample, t_k = k·T in one multiplication.
 pub(crate) fn snap(t: f64, period: f64) -> f64 {
     let sample = libm::round(t / period) * period;

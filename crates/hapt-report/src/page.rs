@@ -308,7 +308,11 @@ fn parameters(list: &[Parameter]) -> Markup {
                 @for parameter in list {
                     tr class=[(!parameter.given).then_some("default")] {
                         td.key { (parameter.path) span.doc { (parameter.doc) } }
-                        td { (parameter.written) @if !parameter.given { " (default)" } }
+                        td {
+                            (parameter.written)
+                            @if parameter.tolerance > 0.0 { " ± " (number(100.0 * parameter.tolerance, 4)) " %" }
+                            @if !parameter.given { " (default)" }
+                        }
                         td.number { @if let Some(si) = parameter.si { (number(si, 6)) " " (parameter.unit.replace("^2", "²")) } }
                     }
                 }

@@ -21,7 +21,7 @@ pub struct Row {
     pub torque: f64,
     /// After levels and limit.
     pub command: f64,
-    /// The torque that the motor holds, just after any change at t_k.
+    /// The torque that the motor holds, just after any change at t_k; with a lag its torque at t_k.
     pub applied: f64,
     /// Position and velocity of each body, in file order.
     pub bodies: Vec<(f64, f64)>,

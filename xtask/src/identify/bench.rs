@@ -75,7 +75,7 @@ impl Trial {
             Kind::Mixed | Kind::Quiet | Kind::Guided | Kind::Offset => (0, 0.0),
         };
         let sign = if rng.bool() { 1.0 } else { -1.0 };
-        let rig = DeviceSpec { period, delay, inertia, damping, friction };
+        let rig = DeviceSpec { period, delay, lag: 0.0, inertia, damping, friction };
         Trial { kind, rig, is_linear, sign, count, offset, cogging, noise, amplitude, seed }
     }
 

@@ -45,7 +45,9 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         method,
         output,
         advance,
+        interval_max: None,
         delay: hapt_model::Delay::Seconds(delay),
+        delay_max: None,
         estimator,
         cutoff,
         window: 16,
@@ -68,8 +70,17 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         1 => log_uniform(rng, -6.0, -1.0),
         _ => wanted * between(rng, 0.5, 3.0),
     };
-    let mut device =
-        Device { inertia, damping, friction: 0.0, limit: None, encoder: None, levels: None, drive: Default::default() };
+    let mut device = Device {
+        inertia,
+        damping,
+        friction: 0.0,
+        lag: 0.0,
+        tolerances: Default::default(),
+        limit: None,
+        encoder: None,
+        levels: None,
+        drive: Default::default(),
+    };
     if bent && rng.u8(..4) > 0 {
         device.encoder = rng.bool().then(|| log_uniform(rng, 3.0, 6.0).round());
         device.limit = rng.bool().then(|| log_uniform(rng, -2.0, 1.0));

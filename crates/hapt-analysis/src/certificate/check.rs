@@ -4,6 +4,7 @@ use hapt_model::{End, EstimatorKind, Law, Method, Motion, World};
 use serde::Serialize;
 
 use crate::certificate::remedies::Remedies;
+use crate::certificate::uncovered::uncovered;
 use crate::equations::continuous::{piecewise, piecewise_at_bodies};
 use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::COMBINED;
@@ -87,13 +88,17 @@ pub fn quick_check(world: &World) -> Result<Check, Error> {
 fn with_free(world: &World, free: Stability) -> Result<Check, Error> {
     let sampling = &world.sampling;
     let held = held(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
-    let passivity = passivity(world)?;
+    let mut passivity = passivity(world)?;
+    let uncovered = uncovered(world);
+    let covers = uncovered.is_none();
+    passivity.proved &= covers;
+    passivity.not_proved.extend(uncovered);
     let holds = |of: &Stability| of.verdict != Verdict::Unstable;
     Ok(Check {
         period_s: sampling.period,
         method: sampling.method.name(),
         output: sampling.output.name(),
-        certified: holds(&held) && holds(&free) && passivity.passive,
+        certified: holds(&held) && holds(&free) && passivity.passive && covers,
         held,
         free,
         passivity,

@@ -6,5 +6,6 @@ pub mod proposal;
 pub mod remedies;
 mod sentences;
 pub mod text;
+mod uncovered;
 
 pub use certified::*;

@@ -72,6 +72,64 @@ fn text_that_is_not_toml_is_shown_in_the_same_way() {
 }
 
 #[test]
+fn uneven_time_and_tolerances() {
+    let device = |given: &str| format!("[loop]\nperiod = \"2 ms\"\n[device]\n{given}\n");
+    check(
+        &[
+            (
+                "inertia = 1\ndamping = \"1 N m s/rad ± 120 %\"",
+                "device.damping: \"1 N m s/rad ± 120 %\" has a tolerance beyond 100 %: the number could be negative",
+            ),
+            (
+                "inertia = \"1 kg m^2 ± 100 %\"",
+                "device.inertia: \"1 kg m^2 ± 100 %\" has a tolerance of 100 %: the number could be 0; expected less",
+            ),
+            (
+                "inertia = 1\nfriction = \"5 ± 6 N mm\"",
+                "device.friction: \"5 ± 6 N mm\" has a tolerance beyond 100 %: the number could be negative",
+            ),
+            (
+                "inertia = 1\nfriction = \"5 N mm +- -20 %\"",
+                "device.friction: \"5 N mm +- -20 %\" has the negative tolerance -20 %; expected 0 to 100 %",
+            ),
+            (
+                "inertia = 1\nlag = \"1 ms ± some\"",
+                "device.lag: \"1 ms ± some\" has a tolerance that does not read; expected one such as \"1 ms ± 20 %\"",
+            ),
+            (
+                "inertia = 1\nlag = \"1 kg ± 20 %\"",
+                "device.lag: \"1 kg\" is a mass (kg); expected a time (s), such as \"1 ms\"",
+            ),
+            (
+                "inertia = 1\nlimit = \"1 N m ± 20 %\"",
+                "device.limit: \"1 N m ± 20 %\" has a tolerance, which only these take: device.inertia, device.damping, \
+                 device.friction, device.lag",
+            ),
+            (
+                "inertia = 1\nlag = \"-1 ms\"",
+                "device.lag: \"-1 ms\" is negative; expected a time (s) of 0 or more, such as \"1 ms\"",
+            ),
+        ],
+        device,
+    );
+    check(
+        &[
+            (
+                "interval_max = \"1.9 ms\"",
+                "loop.interval_max: 0.0019 s is below loop.period, 0.002 s, which the samples have on average; expected 0.002 s or \
+                 more",
+            ),
+            (
+                "delay = \"1 sample\"\ndelay_max = \"1.5 ms\"",
+                "loop.delay_max: 0.0015 s is below loop.delay, 0.002 s, which is the least delay; expected 0.002 s or more",
+            ),
+            ("delay_max = \"2e6 samples\"", "loop.delay_max: 2000000.0 samples are more than a million"),
+        ],
+        |given| format!("[loop]\nperiod = \"2 ms\"\n{given}\n[device]\ninertia = 1\n"),
+    );
+}
+
+#[test]
 fn the_loop() {
     let table = [
         ("period = \"0 s\"", "loop.period: \"0 s\" is not above 0; expected a time (s) above 0, such as \"1 ms\""),
@@ -147,12 +205,12 @@ fn the_loop() {
         ("period = 1\npreiod = 1", "loop.preiod: unknown key; did you mean \"period\"?"),
         (
             "period = 1\ncolour = 1",
-            "loop.colour: unknown key; loop takes period, method, output, advance, delay, estimator, cutoff, window",
+            "loop.colour: unknown key; loop takes period, method, output, advance, delay, delay_max, interval_max, estimator, cutoff, window",
         ),
         (
             "period = 1\ninertia = 1",
             "loop.inertia: unknown key here; it belongs in device; \
-             loop takes period, method, output, advance, delay, estimator, cutoff, window",
+             loop takes period, method, output, advance, delay, delay_max, interval_max, estimator, cutoff, window",
         ),
     ];
     check(&table, |given| format!("[loop]\n{given}\n[device]\ninertia = 1\n"));

@@ -147,3 +147,41 @@ fn a_thousand_overrides_are_the_most() {
     assert!(set(&sets[..1000]).is_ok());
     assert_eq!(set(&sets).unwrap_err(), "--set: 1001 overrides are too many: the limit is 1000");
 }
+
+/// A sweep or a slider that changes a number does not make it better known.
+#[test]
+fn a_number_keeps_its_tolerance_until_another_is_given() {
+    let read = |sets: &[&str]| {
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        let file = "loop.period = 1e-3\ndevice = { inertia = 1e-3, damping = \"2e-3 ± 5e-4 N m s/rad\" }\n";
+        World::read(&Source::from_text("w", file), &sets).unwrap().device
+    };
+    let damping = |sets: &[&str]| (read(sets).damping, read(sets).tolerances.damping);
+    assert_eq!(damping(&[]), (2e-3, 0.25));
+    assert_eq!(damping(&["device.damping=4e-3 N m s/rad"]), (4e-3, 0.25));
+    assert_eq!(damping(&["device.damping=4e-3", "device.damping=1e-3"]), (1e-3, 0.25));
+    assert_eq!(damping(&["device.damping=4e-3 N m s/rad ± 10 %", "device.damping=1e-3"]), (1e-3, 0.1));
+    assert_eq!(damping(&["device.damping=4e-3 N m s/rad ± 0 %"]), (4e-3, 0.0));
+    assert_eq!(read(&[]).damping_range(), [1.5e-3, 2.5e-3]);
+    assert_eq!(read(&["device.lag=1 ms +- 50 %"]).lag_range(), [0.5e-3, 1.5e-3]);
+}
+
+/// What is not given follows what is, also where a sweep changes it.
+#[test]
+fn the_longest_interval_and_the_largest_delay_follow_period_and_delay() {
+    let read = |sets: &[&str]| {
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        let file = "loop = { period = 1e-3, delay = \"0.5 samples\" }\ndevice.inertia = 1e-3\n";
+        World::read(&Source::from_text("w", file), &sets).unwrap()
+    };
+    let times = |world: &World| (world.sampling.interval_max_s(), world.sampling.delay_max_s());
+    let mut world = read(&[]);
+    assert!(world.sampling.is_even());
+    assert!(world.set_number("loop.period", 4e-3));
+    assert_eq!(times(&world), (4e-3, 2e-3));
+    let mut world = read(&["loop.interval_max=3 ms", "loop.delay_max=0.75 samples"]);
+    assert_eq!(times(&world), (3e-3, 0.75e-3));
+    assert!(!world.sampling.is_even());
+    assert!(world.set_number("loop.period", 4e-3));
+    assert_eq!(times(&world), (4e-3, 3e-3), "the samples are never nearer than the period on average");
+}

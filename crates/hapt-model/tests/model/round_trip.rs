@@ -5,7 +5,7 @@ use std::path::Path;
 use hapt_model::keys::PHYSICAL;
 use hapt_model::{
     Body, Coupling, Damping, Delay, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Mounting, Output,
-    Safety, Sampling, Scenario, Shape, Side, Source, Switching, Waveform, World,
+    Safety, Sampling, Scenario, Shape, Side, Source, Switching, Tolerances, Waveform, World,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -120,15 +120,38 @@ fn hand() -> impl Strategy<Value = Hand> {
 
 fn sampling() -> impl Strategy<Value = Sampling> {
     let choices = (select(Method::ALL.to_vec()), select(Output::ALL.to_vec()), select(EstimatorKind::ALL.to_vec()));
-    (1e-6..1.0, choices, 0u32..=1000, (0.0..1e5, any::<bool>()), option::of(positive()), 1u32..=256).prop_map(
-        |(period, (method, output, estimator), advance, (delays, follows), cutoff, window)| {
+    (1e-6..1.0, choices, 0u32..=1000, (0.0..1e5, any::<bool>()), uneven(), option::of(positive()), 1u32..=256).prop_map(
+        |(period, (method, output, estimator), advance, (delays, follows), (longer, later), cutoff, window)| {
             let output = if method.takes_new_sample_first() { Output::Start } else { output };
             let advance = if output == Output::End { advance } else { 0 };
             let cutoff = if estimator == EstimatorKind::LowPass { cutoff.or(Some(50.0)) } else { cutoff };
             let delay = if follows { Delay::Samples(delays) } else { Delay::Seconds(delays * period) };
-            Sampling { period, method, output, advance, delay, estimator, cutoff, window }
+            let interval_max = longer.map(|longer| longer * period);
+            let delay_max = later.map(|(later, follows)| {
+                let samples = delay.seconds(period) / period * later;
+                if follows { Delay::Samples(samples) } else { Delay::Seconds(samples * period) }
+            });
+            // Rounding may leave the largest delay below the least.
+            let delay_max = delay_max.filter(|largest| largest.seconds(period) >= delay.seconds(period));
+            Sampling { period, method, output, advance, interval_max, delay, delay_max, estimator, cutoff, window }
         },
     )
+}
+
+/// The longest interval in periods, and the largest delay in least ones and whether it follows the period.
+fn uneven() -> impl Strategy<Value = (Option<f64>, Option<(f64, bool)>)> {
+    (option::of(1.0..10.0), option::of((1.0..8.0, any::<bool>())))
+}
+
+fn tolerances() -> impl Strategy<Value = Tolerances> {
+    let some = || prop_oneof![Just(0.0), Just(0.2), 1e-9..1.0];
+    let all = || prop_oneof![Just(1.0), some()];
+    (some(), all(), all(), all()).prop_map(|(inertia, damping, friction, lag)| Tolerances {
+        inertia,
+        damping,
+        friction,
+        lag,
+    })
 }
 
 fn device(motion: Motion) -> impl Strategy<Value = Device> {
@@ -139,11 +162,14 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
     let motor = option::of((positive(), option::of(1u32..1 << 31)));
     let drive = (option::of(positive()), any::<bool>(), option::of(any_number()));
     let drive = drive.prop_map(|(gear, reversed, home)| Mounting { gear, reversed, home });
-    (positive(), zero_or_more(), zero_or_more(), option::of(encoder), motor, drive).prop_map(
-        |(inertia, damping, friction, encoder, motor, drive)| Device {
+    let lag = (zero_or_more(), tolerances());
+    (positive(), zero_or_more(), zero_or_more(), lag, option::of(encoder), motor, drive).prop_map(
+        |(inertia, damping, friction, (lag, tolerances), encoder, motor, drive)| Device {
             inertia,
             damping,
             friction,
+            lag,
+            tolerances,
             limit: motor.map(|(limit, _)| limit),
             encoder,
             levels: motor.and_then(|(_, half)| half).map(|half| half * 2),
@@ -242,7 +268,7 @@ fn a_written_world_has_units_and_no_noise() {
         World::read(&Source::from_text("w", text), &[]).unwrap().to_toml(),
         "motion = \"rotary\"\n\n[loop]\nmethod = \"zoh\"\noutput = \"end\"\nestimator = \"exact\"\n\
          period = \"0.001 s\"\nadvance = 0\ndelay = \"0.0 s\"\nwindow = 16\n\n[device]\ninertia = \"0.00064 kg m^2\"\ndamping = \"0.0 N m s/rad\"\n\
-         friction = \"0.0 N m\"\n"
+         friction = \"0.0 N m\"\nlag = \"0.0 s\"\n"
     );
 }
 

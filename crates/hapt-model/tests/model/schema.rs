@@ -102,6 +102,12 @@ fn what_reads_in_many_spellings_fits() {
     ] {
         fits(&format!("{ROTARY}[scenarios.a]\nduration = \"1 s\"\nhand = {{ {hand} }}\n"));
     }
+    for device in
+        ["damping = \"1.2e-3 N m s/rad ± 20 %\"", "damping = \"1.2e-3 ± 0.2e-3 N m s/rad\"", "lag = \"0.1ms+-5%\""]
+    {
+        fits(&format!("{ROTARY}{device}\n"));
+    }
+    fits("[loop]\nperiod = 1e-3\ninterval_max = \"1.8 ms\"\ndelay_max = \"0.5 samples\"\n[device]\ninertia = 1\n");
     fits(&format!("{LINEAR}[scenarios.a]\nduration = 1\nhand = {{ kind = \"step\", to = \"20 mm\" }}\n"));
     fits(&format!("{ROTARY}[bodies.w]\ninertia = \"0.45 N mm/(deg/s^2)\"\nvelocity = \"60 rpm\"\n"));
 }

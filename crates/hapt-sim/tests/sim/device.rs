@@ -208,17 +208,20 @@ fn random_run() -> impl Strategy<Value = (World, Scenario)> {
     let device = (1e-4_f64..1e-2, prop_oneof![Just(0.0), 0.0_f64..0.05], prop_oneof![Just(0.0), 0.0_f64..0.05]);
     let delay = prop_oneof![Just(0.0), 0.0_f64..0.01];
     let release = prop_oneof![Just(None), (0.0_f64..0.2).prop_map(Some)];
-    (drive, device, delay, release, 0.1_f64..3.0).prop_map(|(drive, device, delay, release, stiffness)| {
-        let mut world = common::wheel(Method::Zoh, Output::End);
-        world.sampling.period = 4e-3;
-        world.sampling.delay = hapt_model::Delay::Seconds(delay);
-        world.device.limit = Some(0.5);
-        (world.device.inertia, world.device.damping, world.device.friction) = device;
-        world.couplings.push(spring(End::Puck, End::Ground, stiffness));
-        let wall = Law::Wall { side: Side::Above, at: 0.2, stiffness: 3.0, damping: 0.0 };
-        world.couplings.push(Coupling { first: End::Puck, second: End::Ground, law: wall, limit: None });
-        (world, scenario(0.2, drive, release))
-    })
+    let lag = prop_oneof![Just(0.0), 1e-5_f64..0.03];
+    (drive, device, (delay, lag), release, 0.1_f64..3.0).prop_map(
+        |(drive, device, (delay, lag), release, stiffness)| {
+            let mut world = common::wheel(Method::Zoh, Output::End);
+            world.sampling.period = 4e-3;
+            world.sampling.delay = hapt_model::Delay::Seconds(delay);
+            (world.device.limit, world.device.lag) = (Some(0.5), lag);
+            (world.device.inertia, world.device.damping, world.device.friction) = device;
+            world.couplings.push(spring(End::Puck, End::Ground, stiffness));
+            let wall = Law::Wall { side: Side::Above, at: 0.2, stiffness: 3.0, damping: 0.0 };
+            world.couplings.push(Coupling { first: End::Puck, second: End::Ground, law: wall, limit: None });
+            (world, scenario(0.2, drive, release))
+        },
+    )
 }
 
 #[test]

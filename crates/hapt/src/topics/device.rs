@@ -46,6 +46,9 @@ a spring K, released, then needs about K(T/2 + delay) of device damping.
   hapt sim @notes/released --set loop.delay=1ms            scenario release
   hapt check @notes/default --set loop.delay=1ms | grep ^free      unstable: hands-off
 
+`loop.delay_max` is the largest delay where it varies, `device.lag` the time constant with which the
+amplifier's torque follows its command.
+
 The held world is unaffected. Prediction compensates in part for whole periods: see advance. With a
 fraction of a period no device damping makes an undamped oscillation passive: extend the delay to a
 whole sample.
