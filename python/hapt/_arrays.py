@@ -13,7 +13,12 @@ def numbers(name: str, values: Any, least: int = 1) -> NDArray[np.float64]:
 
     Raises TypeError for what are no real numbers, ValueError for a wrong shape, too few, or numbers that are not finite.
     """
-    array = np.asarray(values)
+    if np.ma.is_masked(values):
+        raise ValueError(f"{name}: elements are masked, but each must be a number: leave them out, or fill them in")
+    try:
+        array = np.asarray(values)
+    except ValueError as error:  # Rows of different lengths.
+        raise ValueError(f"{name}: an array of shape (n,) is expected: {error}") from None
     if array.dtype.kind not in "iuf":
         raise TypeError(f"{name}: real numbers are expected, not {array.dtype}")
     if array.ndim != 1 or array.size < least:

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Optional, Union, overload
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _hapt, _toml
@@ -24,6 +25,9 @@ from ._sweep import Sweep, here, in_shards
 from ._target import Target
 
 Value = Union[str, float, int, bool]
+
+#: The most rows of an impedance.
+_POINTS = 100_000
 
 
 class World:
@@ -171,6 +175,7 @@ class World:
         """
         if slopes not in ("steep", "flat"):
             raise ValueError(f'slopes is {slopes!r}, but must be "steep" or "flat"')
+        _whole("points", points, 1, _POINTS)
         columns, info = self._native.impedance(low, high, points, slopes == "steep")
         return Impedance(columns, json.loads(info))
 
@@ -182,6 +187,7 @@ class World:
         `ranges` maps each of the two keys to its ends, strings with units or numbers in SI; with `log` by ratio. Raises ValueError,
         and WorldError for ends that the world refuses.
         """
+        _mapping("ranges", ranges)
         if len(ranges) != 2 or any(isinstance(ends, str) or len(ends) != 2 for ends in ranges.values()):
             raise ValueError('ranges maps two keys to two ends each, such as {"loop.period": ("1 ms", "10 ms"), ...}')
         spelled = [
@@ -255,11 +261,14 @@ class World:
         >>> sweep["held_growth_per_s"].shape
         (4,)
         """
-        values = {key: numbers(key, array) for key, array in axes.items()}
+        _mapping("axes", axes)
+        values = {_key(key): numbers(key, array) for key, array in axes.items()}
         names = [measures] if isinstance(measures, str) else list(measures)
         for name, number, least, most in [("threads", threads, 0, 1024), ("shards", shards, 1, 10**8)]:
-            if number is not None and (not isinstance(number, int) or not least <= number <= most):
-                raise ValueError(f"{name} is {number!r}, but must be a whole number from {least} to {most}")
+            if number is not None:
+                _whole(name, number, least, most)
+        if storage_options is not None and out is None:
+            raise ValueError("storage_options are those of out, and there is no out")
         job = Job(self._native.parts(), values, names, scenario)
         grid = job.grid()
         if client is None and out is None:
@@ -363,7 +372,10 @@ def identify(
     `inertia` in kg·m² (kg) gives damping and friction of a coast-down. Raises ValueError for a record that says nothing.
     """
     arrays = [numbers(name, values) for name, values in [("times", times), ("positions", positions), ("torques", torques)]]
-    fields, notes = _hapt.identify(arrays[0], arrays[1], arrays[2], None if inertia is None else float(inertia), bool(linear))
+    known = None if inertia is None else float(numbers("inertia", [inertia])[0])
+    if known is not None and known <= 0.0:
+        raise ValueError(f"inertia is {known}, but must be above 0")
+    fields, notes = _hapt.identify(arrays[0], arrays[1], arrays[2], known, bool(linear))
     return Identified(json.loads(fields), notes)
 
 
@@ -382,6 +394,16 @@ def _key(key: object) -> str:
     if "=" in key:
         raise ValueError(f"{key!r} is no key: a dotted path such as 'loop.period' has no '='")
     return key
+
+
+def _mapping(name: str, value: object) -> None:
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} is a mapping of keys such as 'loop.period', not {type(value).__name__}")
+
+
+def _whole(name: str, value: object, least: int, most: int) -> None:
+    if not (isinstance(value, (int, np.integer)) and not isinstance(value, bool) and least <= value <= most):
+        raise ValueError(f"{name} is {value!r}, but must be a whole number from {least} to {most}")
 
 
 def _text(value: Any, name: str) -> str:

@@ -9,15 +9,13 @@ use hapt_model::{CouplingKind, Dimension, HandKind, Motion, World, parse_quantit
 use hapt_sweep::Measure;
 use hapt_sweep::boundary::Edge;
 use nalgebra::DMatrix;
+use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
 use crate::error::{internal, value};
-use crate::interrupt::interruptible;
-
-/// The most rows of an impedance.
-const MOST: usize = 100_000;
+use crate::interrupt::{Stop, interruptible, unwanted};
 
 /// Columns of equal lengths by name.
 pub type Columns = Vec<(String, Vec<f64>)>;
@@ -29,7 +27,8 @@ pub fn impedance(
     low: Option<f64>,
     high: Option<f64>,
     points: usize,
-) -> Result<(Columns, Value), String> {
+    stop: &Stop,
+) -> Result<Option<(Columns, Value)>, String> {
     let impedance = Impedance::new(world, slopes).map_err(|error| error.to_string())?;
     let nyquist = impedance.nyquist_hz();
     let high = high.unwrap_or(nyquist);
@@ -39,11 +38,11 @@ pub fn impedance(
             "frequencies from {low} to {high} Hz: they must rise from above 0 to at most {nyquist} Hz, half of the sampling rate"
         ));
     }
-    if points == 0 || points > MOST {
-        return Err(format!("points is {points}, but must be 1 to {MOST}"));
-    }
     let mut table: Columns = columns(world.motion).into_iter().map(|name| (name, Vec::with_capacity(points))).collect();
     for row in impedance.rows(low, high.min(nyquist), points) {
+        if stop.is_set() {
+            return Ok(None);
+        }
         for ((_, column), number) in table.iter_mut().zip(row.numbers()) {
             column.push(number.unwrap_or(f64::NAN));
         }
@@ -57,7 +56,7 @@ pub fn impedance(
         "device": { "inertia": inertia, "damping": damping },
         "notes": impedance.notes(),
     });
-    Ok((table, rest))
+    Ok(Some((table, rest)))
 }
 
 /// The claims of these names, each once.
@@ -96,18 +95,20 @@ pub fn design(travel: &str, torque: &str, frequency: &str, period: &str) -> PyRe
 #[pyfunction]
 pub fn identify(
     py: Python<'_>,
-    times: Vec<f64>,
-    positions: Vec<f64>,
-    torques: Vec<f64>,
+    times: PyReadonlyArray1<'_, f64>,
+    positions: PyReadonlyArray1<'_, f64>,
+    torques: PyReadonlyArray1<'_, f64>,
     inertia: Option<f64>,
     linear: bool,
 ) -> PyResult<(String, Vec<String>)> {
-    let work = move || {
+    let [times, positions, torques] = [&times, &positions, &torques].map(|array| array.as_array().to_vec());
+    let work = move |stop: &Stop| {
         let record = Record::new(times, positions, torques)?;
-        let found = hapt_identify::identify(&record, &Known { inertia, is_linear: linear })?;
-        Ok::<_, hapt_identify::Error>((found.named(), found.warnings()))
+        let known = Known { inertia, is_linear: linear };
+        let found = hapt_identify::identify_until(&record, &known, &|| stop.is_set()).transpose()?;
+        Ok::<_, hapt_identify::Error>(found.map(|found| (found.named(), found.warnings())))
     };
-    let (named, warnings) = interruptible(py, move |_| work())?.map_err(value)?;
+    let (named, warnings) = interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?;
     let json: Value = named
         .into_iter()
         .map(|(name, interval)| {

@@ -14,7 +14,7 @@ use crate::error::internal;
 /// How often Python's signals are looked at.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Set once the call has been interrupted: work that looks at it ends early, other work ends unseen.
+/// Set once the call has been interrupted: work looks at it and ends early, its result unseen.
 #[derive(Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -23,6 +23,16 @@ impl Stop {
     pub fn is_set(&self) -> bool {
         self.0.load(Relaxed)
     }
+
+    /// For [`hapt_analysis::until`].
+    pub fn flag(&self) -> &Arc<AtomicBool> {
+        &self.0
+    }
+}
+
+/// What stands in for the result of work that was stopped. Only an interrupted call stops its work, and that call has raised already.
+pub fn unwanted() -> PyErr {
+    internal("a computation was stopped while its result was still wanted")
 }
 
 /// Runs `work` on a thread of its own.

@@ -13,7 +13,7 @@ use pyo3::types::{PyDict, PyTuple};
 
 use crate::analyses;
 use crate::error::{internal, of_sweep, of_world, value};
-use crate::interrupt::{Stop, in_parallel, interruptible};
+use crate::interrupt::{Stop, in_parallel, interruptible, unwanted};
 use crate::running::{Device, Loop};
 use crate::simulate::{Failure, simulate};
 use crate::sweep::Sweep;
@@ -166,7 +166,8 @@ impl World {
             let text = check.text(&title, &model.sampling, proposed.as_ref());
             Ok((serde_json::to_string(&check), text))
         };
-        let (json, text) = interruptible(py, move |_| work())?.map_err(value)?;
+        let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);
+        let (json, text) = interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)?;
         Ok((json.map_err(internal)?, text))
     }
 
@@ -181,8 +182,8 @@ impl World {
     ) -> PyResult<(Bound<'py, PyDict>, String)> {
         let model = Arc::clone(&self.model);
         let slopes = if steep { Slopes::Steep } else { Slopes::Flat };
-        let work = move || analyses::impedance(&model, &slopes, low, high, points);
-        let (columns, json) = interruptible(py, move |_| work())?.map_err(value)?;
+        let work = move |stop: &Stop| analyses::impedance(&model, &slopes, low, high, points, stop);
+        let (columns, json) = interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?;
         let dict = PyDict::new(py);
         for (name, values) in columns {
             dict.set_item(name, values.into_pyarray(py))?;

@@ -1,6 +1,7 @@
 """hapt as a guest: Ctrl-C, threads, memory, pickles and wrong input leave the host whole."""
 
 import copy
+import os
 import pathlib
 import pickle
 import signal
@@ -20,44 +21,73 @@ from conftest import WALL
 IS_LINUX = pathlib.Path("/proc/self/statm").exists()
 
 
-def computing() -> int:
-    """How many of hapt's threads run."""
+# Calls that take minutes or hours; what is quicker is made again and again, for a minute at most.
+LONG = """
+import pathlib, sys, time
+import hapt
+import numpy as np
+
+world = hapt.load(sys.stdin.read())
+fine = world.set("loop.period", "1 us").set("scenarios.step.duration", "20 s")
+chain = hapt.World(
+    loop={"period": "1 ms"},
+    device={"inertia": 6.4e-4, "damping": 1.2e-3},
+    bodies={f"b{i}": {"inertia": 0.01 + 0.001 * i} for i in range(32)},
+    couplings=[
+        *(hapt.Spring(("puck" if i == 0 else f"b{i - 1}", f"b{i}"), stiffness=1.0 + 0.1 * i) for i in range(32)),
+        *(hapt.Wall((f"b{i}", "ground"), stiffness=1.0 + i, side="above", at=1.0) for i in range(6)),
+    ],
+)
+
+def check():
+    chain.check()
+def simulate():
+    fine.simulate()
+def sweep():
+    fine.sweep({"couplings.0.stiffness": np.linspace(1, 2, 64)}, "settling_time", progress=False)
+def boundary():
+    fine.boundary({"couplings.0.stiffness": (1, 2), "loop.period": (1e-3, 2e-3)})
+def worst():
+    fine.worst()
+def impedance():
+    chain.impedance(points=100_000)
+def design():
+    hapt.design("45 deg", "800 N mm", "1 Hz")
+def identify():  # No puck explains it, so that every start is tried.
+    k = np.arange(1_000_000)
+    hapt.identify(1e-3 * k, np.sin(1e-3 * k) + 0.1 * np.sin(7e-3 * k), np.where(k // 170 % 2 == 0, 0.05, -0.04))
+
+def computing():
     names = [task / "comm" for task in pathlib.Path("/proc/self/task").iterdir()]
     return sum(name.exists() and name.read_text().strip() == "hapt" for name in names)
 
-
-@pytest.mark.parametrize("call", ["check", "simulate", "sweep", "boundary", "worst"])
-def test_ctrl_c_ends_every_long_call(call: str) -> None:
-    long = hapt.load(WALL).set("loop.period", "1 us").set("scenarios.step.duration", "20 s")
-
-    def again_and_again(call: Callable[[], object]) -> None:
-        end = time.monotonic() + 60.0
-        while time.monotonic() < end:
-            call()
-
-    calls: dict[str, Callable[[], object]] = {
-        "check": lambda: again_and_again(long.check),
-        "simulate": lambda: long.simulate(),
-        "sweep": lambda: long.sweep({"couplings.0.stiffness": np.linspace(1, 2, 64)}, "settling_time", progress=False),
-        "boundary": lambda: again_and_again(
-            lambda: long.boundary({"couplings.0.stiffness": (1, 2), "loop.period": (1e-3, 2e-3)})
-        ),
-        "worst": lambda: again_and_again(long.worst),
-    }
-    # A real Ctrl-C: the default handler raises KeyboardInterrupt in the main thread. A shell's background job ignores the signal, and
-    # Python then installs no handler.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    timer = threading.Timer(0.2, lambda: signal.raise_signal(signal.SIGINT))
-    timer.start()
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            calls[call]()
-    finally:
-        timer.join()
-        signal.signal(signal.SIGINT, before)
-    # The computation ends too, however long the machine takes.
-    while IS_LINUX and computing():
+call, end = globals()[sys.argv[1]], time.monotonic() + 60.0
+try:
+    print("begun", flush=True)
+    while time.monotonic() < end:
+        call()
+except KeyboardInterrupt:
+    while pathlib.Path("/proc/self/task").exists() and computing():
         time.sleep(0.01)
+    print("interrupted")
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="no signal can be sent to one process alone")
+@pytest.mark.parametrize("call", ["check", "simulate", "sweep", "boundary", "worst", "impedance", "design", "identify"])
+def test_ctrl_c_ends_every_long_call_and_its_work(call: str) -> None:
+    # A shell's background job ignores the signal, and Python then installs no handler.
+    heeds = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    command = [sys.executable, "-c", heeds + LONG, call]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdin is not None and child.stdout is not None
+        child.stdin.write(WALL)
+        child.stdin.close()
+        assert child.stdout.readline() == "begun\n"
+        time.sleep(0.3)
+        child.send_signal(signal.SIGINT)
+        assert child.stdout.read() == "interrupted\n"
+    assert child.returncode == 0
 
 
 def test_threads_run_beside_each_other(world: hapt.World) -> None:
@@ -199,3 +229,30 @@ def test_arrays_of_every_kind_are_numbers_or_an_error(world: hapt.World) -> None
     for values, error in wrong:
         with pytest.raises(error):
             hapt.identify(times, values, torques)
+    for known in [-1.0, 0.0, np.nan, "heavy", [1.0]]:
+        with pytest.raises((TypeError, ValueError), match="inertia"):
+            hapt.identify(times, positions, torques, inertia=known)  # type: ignore[arg-type]
+    masked = np.ma.array(positions, mask=k == 7)
+    with pytest.raises(ValueError, match="positions: elements are masked"):
+        hapt.identify(times, masked, torques)
+    with pytest.raises(ValueError, match="loop.period"):
+        world.sweep({"loop.period": [[1e-3], [2e-3, 3e-3]]}, "certified")
+
+
+def test_what_is_no_argument_is_named(world: hapt.World, tmp_path: pathlib.Path) -> None:
+    plane: dict[str, Any] = {"loop.period": (1e-3, 2e-3), "device.damping": (1e-3, 2e-3)}
+    wrong: list[tuple[Callable[[], object], str]] = [
+        (lambda: world.impedance(points=-1), "points is -1"),
+        (lambda: world.impedance(points=0), "points is 0"),
+        (lambda: world.impedance(points=10**30), "points is 1"),
+        (lambda: world.impedance(points=1.5), "points is 1.5"),  # type: ignore[arg-type]
+        (lambda: world.boundary(list(plane)), "ranges is a mapping"),  # type: ignore[arg-type]
+        (lambda: world.sweep(None, "certified"), "axes is a mapping"),  # type: ignore[call-overload]
+        (lambda: world.sweep({3: [1e-3]}, "certified"), "a key is a dotted path"),  # type: ignore[dict-item]
+        (lambda: world.sweep({"loop.period": [1e-3]}, "certified", shards=True), "shards is True"),
+        (lambda: world.sweep({"loop.period": [1e-3]}, "certified", storage_options={}), "no out"),  # type: ignore[call-overload]
+    ]
+    for call, message in wrong:
+        with pytest.raises((TypeError, ValueError), match=message):
+            call()
+    assert world.boundary(plane, "passive").keys == ("loop.period", "device.damping")

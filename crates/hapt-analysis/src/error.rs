@@ -53,6 +53,9 @@ pub enum Error {
         /// Largest supported number of commands in flight.
         limit: usize,
     },
+    /// The caller of [`crate::until()`] set its flag.
+    #[error("the analysis was ended from outside")]
+    Stopped,
     /// The search for the required damping did not converge within its limit.
     #[error("no least damping: its search did not end after looking at {intervals} intervals of frequency")]
     Search {

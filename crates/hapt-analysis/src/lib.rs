@@ -62,6 +62,7 @@ pub mod passivity;
 pub mod stability;
 
 mod text;
+mod until;
 
 pub use batch::loops::{Loops, sign};
 pub use batch::variants::{Parameter, Variants};
@@ -87,3 +88,4 @@ pub use stability::critical::Critical;
 pub use stability::free::{free, free_eigenvalues, free_growth, gripped_growth, shortest_period};
 pub use stability::held::{held, held_eigenvalues, held_growth, multipliers};
 pub use stability::{MARGINAL, Stability, Verdict};
+pub use until::until;

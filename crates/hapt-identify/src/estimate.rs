@@ -10,7 +10,7 @@ use crate::identified::{Identified, Known, Residual};
 use crate::intervals::{Intervals, separates_offset};
 use crate::position::position_torque;
 use crate::puck::{DELAY, OFFSET, Puck};
-use crate::record::{LONGEST_DELAY, Record};
+use crate::record::{LONGEST_DELAY, Record, Watched};
 use crate::start::{Begin, begins, direction, starts};
 use crate::{Error, LargeResidual};
 
@@ -33,6 +33,16 @@ const AROUND: [f64; 3] = [0.3, 0.1, 0.03];
 /// # Errors
 /// [`Error::Unexplained`] where no puck explains the motion, [`Error::Residual`] where one does, but not to within counts and noise.
 pub fn identify(record: &Record, known: &Known) -> Result<Identified, Error> {
+    identified(&Watched { record, stop: &|| false }, known)
+}
+
+/// The same, or `None` once `stop` is true: it is asked at every step of a fit, which takes a look at each sample.
+pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -> Option<Result<Identified, Error>> {
+    let result = identified(&Watched { record, stop }, known);
+    (!stop()).then_some(result)
+}
+
+fn identified(record: &Watched<'_>, known: &Known) -> Result<Identified, Error> {
     let starts = starts(record);
     let first = best(record, &starts);
     let is_right = |fit: &Fit| explained(record, &left(record, fit), lattice(record.positions()), spread(record, fit));
@@ -82,11 +92,12 @@ fn free(record: &Record, offset: bool) -> Free {
 }
 
 /// The results of fits to longer and longer beginnings of the record, from each start and from the same without friction.
-fn again(record: &Record, starts: &[Puck]) -> Vec<Puck> {
+fn again(record: &Watched<'_>, starts: &[Puck]) -> Vec<Puck> {
     let beginnings: Vec<Record> = BEGINNINGS.iter().filter_map(|part| record.beginning(*part)).collect();
     let lead = |start: Puck| {
         beginnings.iter().fold(start, |puck, part| {
-            let found = fit(part, puck, free(record, record.is_driven()), part.first()).map_or(puck, |fit| fit.puck);
+            let part = Watched { record: part, ..*record };
+            let found = fit(&part, puck, free(record, record.is_driven()), part.first()).map_or(puck, |fit| fit.puck);
             Puck { damping: found.damping.max(0.0), friction: found.friction.max(0.0), ..found }
         })
     };
@@ -94,7 +105,7 @@ fn again(record: &Record, starts: &[Puck]) -> Vec<Puck> {
 }
 
 /// The best of the fits that start around one, each of its numbers off by up to this part of itself.
-fn around(record: &Record, best: &Fit, part: f64) -> Fit {
+fn around(record: &Watched<'_>, best: &Fit, part: f64) -> Fit {
     // xorshift64 (Marsaglia 2003): the same places each time.
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut off = || {
@@ -123,7 +134,7 @@ fn around(record: &Record, best: &Fit, part: f64) -> Fit {
 }
 
 /// The fit over all of the record that can be used, with a constant torque where it shows.
-fn best(record: &Record, starts: &[Puck]) -> Option<Fit> {
+fn best(record: &Watched<'_>, starts: &[Puck]) -> Option<Fit> {
     let is_driven = record.is_driven();
     let with = |offset: bool| {
         let free = free(record, offset);
@@ -168,7 +179,7 @@ fn shared(record: &Record, puck: &Puck) -> Option<Puck> {
 
 /// The same fit from the first sample on by which every torque of this delay has been recorded: what a rest before the first step says of
 /// the first position counts as much as any motion. `None` where that is no earlier, or where those samples are of another motion.
-fn earlier(record: &Record, late: &Fit) -> Option<Fit> {
+fn earlier(record: &Watched<'_>, late: &Fit) -> Option<Fit> {
     let error = (late.inverse()?[(DELAY, DELAY)] * late.variance()).sqrt();
     let first = record.first_after(late.puck.delay + SURELY * error);
     if first >= late.first {

@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::puck::{DELAY, PARAMETERS, Puck};
-use crate::record::{LONGEST_DELAY, Record};
+use crate::record::{LONGEST_DELAY, Record, Watched};
 
 /// Which of the parameters are fitted.
 pub(crate) type Free = [bool; PARAMETERS];
@@ -127,10 +127,13 @@ fn normal(record: &Record, puck: &Puck, first: usize) -> Option<Normal> {
 
 /// The puck nearest to `start` whose positions from sample `first` on have the least squared error, delays between -10 ms and
 /// [`LONGEST_DELAY`].
-pub(crate) fn fit(record: &Record, start: Puck, free: Free, first: usize) -> Option<Fit> {
+pub(crate) fn fit(record: &Watched<'_>, start: Puck, free: Free, first: usize) -> Option<Fit> {
     let mut best = Fit { puck: start, normal: normal(record, &start, first)?, free, first };
     let mut damping = 1e-3;
     for _ in 0..MOST_STEPS {
+        if (record.stop)() {
+            break;
+        }
         let Some(step) = best.normal.step(free, damping) else {
             damping = (10.0 * damping).max(1e-9);
             continue;

@@ -56,7 +56,7 @@ mod warnings;
 pub use columns::{Columns, Scale};
 pub use counts::{Lattice, lattice};
 pub use error::{Error, LargeResidual};
-pub use estimate::identify;
+pub use estimate::{identify, identify_until};
 pub use experiment::{Bounds, Push};
 pub use identified::{CorrelatedPair, Identified, Interval, Known, PositionTorque, Residual};
 pub use puck::{Puck, Sensitivity};

@@ -14,6 +14,21 @@ const FEWEST_VALUES: usize = 8;
 /// So many equal positions one after the other are one measurement: a puck at rest on one count, without noise.
 const AT_REST: usize = 100;
 
+/// A record, and whether anyone still waits for what it says.
+#[derive(Clone, Copy)]
+pub(crate) struct Watched<'a> {
+    pub record: &'a Record,
+    pub stop: &'a dyn Fn() -> bool,
+}
+
+impl std::ops::Deref for Watched<'_> {
+    type Target = Record;
+
+    fn deref(&self) -> &Record {
+        self.record
+    }
+}
+
 /// A motion, sampled; in SI.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {

@@ -8,6 +8,7 @@ use crate::passivity::required_damping;
 use crate::stability::Verdict;
 use crate::stability::free::free_growth;
 use crate::stability::held::held_growth;
+use crate::until::is_over;
 
 /// Whether `check` certifies the world. A world that cannot be analysed is not certified.
 pub fn is_certified(world: &World) -> bool {
@@ -19,6 +20,9 @@ pub fn is_certified(world: &World) -> bool {
 /// is stable hands-off: below -`spare` the free loop is not analysed.
 pub(crate) fn excess(world: &World, spare: f64) -> f64 {
     let found = || -> Result<f64, Error> {
+        if is_over() {
+            return Err(Error::Stopped);
+        }
         if uncovered(world).is_some() {
             return Ok(1.0);
         }

@@ -5,12 +5,13 @@ use nalgebra::{Complex, DMatrix};
 use crate::error::Error;
 use crate::numerics::balance::{balance, scaled};
 use crate::numerics::hessenberg;
+use crate::until::is_over;
 
 /// The eigenvalues of a square matrix, complex ones as exact conjugates: balancing, then the QR algorithm with bounded
 /// iterations. They err by a few eps of the balanced matrix's norm, times their condition.
 ///
 /// # Errors
-/// [`Error::Eigenvalues`] when an entry is not finite or the iteration does not converge.
+/// [`Error::Eigenvalues`] when an entry is not finite or the iteration does not converge; [`Error::Stopped`].
 pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, Error> {
     Ok(eigenvalues_and_scale(a)?.0)
 }
@@ -21,6 +22,9 @@ pub(crate) fn eigenvalues_and_scale(a: &DMatrix<f64>) -> Result<(Vec<Complex<f64
     let failed = Error::Eigenvalues { order: n };
     if n == 0 {
         return Ok((Vec::new(), 0.0));
+    }
+    if is_over() {
+        return Err(Error::Stopped);
     }
     let a = scaled(a, &balance(a));
     // To norm 1: the solver squares entries.

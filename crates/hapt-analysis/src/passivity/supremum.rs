@@ -9,6 +9,7 @@ use std::f64::consts::PI;
 use crate::error::Error;
 use crate::numerics::series::Real;
 use crate::passivity::curve::DampingCurve;
+use crate::until::is_over;
 
 /// Relative accuracy of the proof.
 const PROVED: f64 = 1e-11;
@@ -79,6 +80,9 @@ impl Search<'_> {
     }
 
     fn bound(&mut self, phi: f64, r: f64) -> Result<Interval, Error> {
+        if is_over() {
+            return Err(Error::Stopped);
+        }
         self.intervals += 1;
         if self.intervals > MAX_INTERVALS {
             return Err(Error::Search { intervals: MAX_INTERVALS });
@@ -142,7 +146,7 @@ impl Search<'_> {
 /// The supremum over all frequencies. `size` is that of the curve's terms: below 1e-14 of it, differences are rounding.
 ///
 /// # Errors
-/// [`Error::Search`].
+/// [`Error::Search`], [`Error::Stopped`].
 pub(crate) fn supremum(curve: &DampingCurve, size: f64) -> Result<Supremum, Error> {
     let mut search = Search { curve, best: 0.0, noise: 1e-14 * size, intervals: 0 };
     for phi in curve.angles().into_iter().chain([0.0, PI]) {
