@@ -51,11 +51,9 @@ class Job:
         name, text, folder, sets = self.world
         return _hapt.read(name, text, None, folder, sets).sweep(list(self.axes.items()), self.measures, self.scenario)
 
-    def fingerprint(self) -> str:
-        """Of everything that the rows depend on."""
-        name, text, folder, sets = self.world
-        parts = [self.version, text, sets, {key: values.tolist() for key, values in self.axes.items()}, self.measures, self.scenario]
-        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+    def fingerprint(self, grid: _hapt.Sweep) -> str:
+        """Of everything that the rows depend on, the files that a world names among it: they may differ from machine to machine."""
+        return hashlib.sha256(f"{self.version} {grid.content()}".encode()).hexdigest()
 
     def columns(self, start: int, rows: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         """The table's columns of the cells from `start` on, of which `rows` are the measures."""
@@ -64,11 +62,16 @@ class Job:
         return {**keys, **{name: rows[:, i] for i, name in enumerate(self.measures)}}
 
 
-def compute(job: Job, start: int, end: int, threads: int, target: Optional[Target], name: str) -> Any:
-    """A shard's measures, shape (cells, measures); with a target its rows as a Parquet file there, and None."""
+def compute(job: Job, fingerprint: str, start: int, end: int, threads: int, target: Optional[Target], name: str) -> Any:
+    """A shard's measures, shape (cells, measures); with a target its rows as a Parquet file there, and None.
+
+    Raises RuntimeError where this worker has another version, or another content of a file that the world names.
+    """
     if job.version != _hapt.VERSION:
         raise RuntimeError(f"this worker has hapt {_hapt.VERSION}, and the sweep is one of hapt {job.version}")
     grid, width = job.grid(), len(job.measures)
+    if job.fingerprint(grid) != fingerprint:
+        raise RuntimeError("this worker reads another world: a file that the world names (a path, a texture) has another content here")
     stretches = ((first, min(first + GROUP, end)) for first in range(start, end, GROUP))
     rows = ((first, grid.rows(first, last, threads).reshape(-1, width)) for first, last in stretches)
     if target is None:
@@ -122,7 +125,7 @@ def ends(cells: int, shards: int, shard: int) -> tuple[int, int]:
 
 
 def run(
-    job: Job, todo: list[int], cells: int, shards: int, client: Any, threads: int, target: Optional[Target]
+    job: Job, fingerprint: str, todo: list[int], cells: int, shards: int, client: Any, threads: int, target: Optional[Target]
 ) -> Iterator[tuple[int, Any]]:
     """`(shard, result)` in the order in which they are done.
 
@@ -136,7 +139,7 @@ def run(
         while executor is not None and len(done) < len(todo):
             for shard in left:
                 start, end = ends(cells, shards, shard)
-                pending[executor.submit(compute, job, start, end, threads, target, file_of(shard))] = shard
+                pending[executor.submit(compute, job, fingerprint, start, end, threads, target, file_of(shard))] = shard
                 if len(pending) >= UNDER_WAY:
                     break
             # Short waits, because Ctrl-C does not end one on every system.
@@ -155,7 +158,7 @@ def run(
     for shard in todo:
         if shard not in done:
             start, end = ends(cells, shards, shard)
-            yield shard, compute(job, start, end, 0, target, file_of(shard))
+            yield shard, compute(job, fingerprint, start, end, 0, target, file_of(shard))
 
 
 def file_of(shard: int) -> str:
@@ -209,12 +212,12 @@ class Manifest:
         self._noted = 0.0
 
     @classmethod
-    def open(cls, target: Target, job: Job, cells: int, shards: Optional[int], default: Callable[[], int]) -> Manifest:
+    def open(cls, target: Target, fingerprint: str, cells: int, shards: Optional[int], default: Callable[[], int]) -> Manifest:
         """The target's manifest, or a new one. Raises ValueError for that of another sweep or of other shards, OSError."""
-        text, fingerprint = target.read(MANIFEST), job.fingerprint()
+        text = target.read(MANIFEST)
         if text is None:
             count = shards or default()
-            fields = {"hapt": job.version, "fingerprint": fingerprint, "cells": cells, "shards": count, "done": []}
+            fields = {"hapt": _hapt.VERSION, "fingerprint": fingerprint, "cells": cells, "shards": count, "done": []}
             made = cls(target, fields)
             made.write()
             return made

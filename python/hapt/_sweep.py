@@ -52,7 +52,7 @@ def in_shards(
     target: Optional[Target],
 ) -> Union[Sweep, Dataset]:
     """All rows in shards: in memory, or as the files of a target, of which those that are there stay."""
-    cells = grid.cells
+    cells, fingerprint = grid.cells, job.fingerprint(grid)
     workers = threads if threads is not None else 0 if client is None else 1
 
     def default() -> int:
@@ -62,19 +62,19 @@ def in_shards(
         count = shards or default()
         table = np.empty((cells, len(job.measures)))
         with _bar(cells, progress) as advance:
-            for shard, rows in run(job, list(range(count)), cells, count, client, workers, None):
+            for shard, rows in run(job, fingerprint, list(range(count)), cells, count, client, workers, None):
                 start, end = ends(cells, count, shard)
                 table[start:end] = rows
                 advance(end - start)
         return Sweep.of_table(job, table)
     import pyarrow  # noqa: F401 - before anything is written
 
-    manifest = Manifest.open(target, job, cells, shards, default)
+    manifest = Manifest.open(target, fingerprint, cells, shards, default)
     count, todo = manifest.shards, manifest.missing
     with _bar(cells, progress) as advance:
         advance(cells - sum(end - start for start, end in (ends(cells, count, shard) for shard in todo)))
         try:
-            for shard, _ in run(job, todo, cells, count, client, workers, target):
+            for shard, _ in run(job, fingerprint, todo, cells, count, client, workers, target):
                 start, end = ends(cells, count, shard)
                 manifest.note(shard)
                 advance(end - start)

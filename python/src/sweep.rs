@@ -52,6 +52,11 @@ impl Sweep {
         self.sweep.cells()
     }
 
+    /// Everything that the rows depend on, as text: the world with the files that it names, the grid, the measures.
+    fn content(&self) -> String {
+        format!("{:?}", self.sweep)
+    }
+
     /// The measures of the cells from `start` up to `end`, one cell after the other; NaN where there is no value.
     fn rows<'py>(&self, py: Python<'py>, start: u64, end: u64, threads: usize) -> PyResult<Bound<'py, PyArray1<f64>>> {
         if start > end || end > self.sweep.cells() {

@@ -123,7 +123,35 @@ def test_another_sweep_is_refused(world: hapt.World, tmp_path: pathlib.Path) -> 
 def test_a_worker_of_another_version_is_an_error(world: hapt.World) -> None:
     job = dataclasses.replace(Job(world._native.parts(), AXES, MEASURES, None), version="0.0.1")
     with pytest.raises(RuntimeError, match="0.0.1"):
-        compute(job, 0, 1, 1, None, "")
+        compute(job, "", 0, 1, 1, None, "")
+
+
+def test_a_file_that_the_world_names_is_a_part_of_the_sweep(tmp_path: pathlib.Path) -> None:
+    pytest.importorskip("pyarrow")
+    (tmp_path / "wall.toml").write_text(WALL.replace('kind = "step", to = "10 deg", release = "0.1 s"', 'kind = "path", file = "p.csv"'))
+    path, out = tmp_path / "p.csv", tmp_path / "out"
+    path.write_text("time_s,puck_deg\n0,0\n0.1,10\n")
+    world = hapt.load(tmp_path / "wall.toml")
+    world.sweep(AXES, "peak_torque", shards=2, out=out, progress=False)
+    before = files(out)
+    job = Job(world._native.parts(), AXES, ["peak_torque"], None)
+    fingerprint = job.fingerprint(job.grid())
+    path.write_text("time_s,puck_deg\n0,0\n0.1,20\n")
+    with pytest.raises(RuntimeError, match="another content"):  # a worker on another machine, with another file
+        compute(job, fingerprint, 0, 1, 1, None, "")
+    with pytest.raises(ValueError, match="another sweep"):
+        world.sweep(AXES, "peak_torque", out=out, progress=False)
+    assert files(out) == before
+
+
+def test_a_client_that_is_gone_is_an_error_and_leaves_the_target(world: hapt.World, tmp_path: pathlib.Path) -> None:
+    pytest.importorskip("pyarrow")
+    gone = ThreadPoolExecutor(1)
+    gone.shutdown()
+    with pytest.raises(RuntimeError, match="shutdown"):
+        world.sweep(AXES, MEASURES, client=gone, shards=3, out=tmp_path, progress=False)
+    assert files(tmp_path) == {}
+    assert len(world.sweep(AXES, MEASURES, out=tmp_path, progress=False).files) == 3
 
 
 def test_what_is_no_client_or_number_is_refused(world: hapt.World) -> None:
