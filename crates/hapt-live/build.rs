@@ -1,17 +1,21 @@
 //! Lists the built page, web/dist, as a table of `include_bytes!`, so that the binary needs no files beside it and a build no Node; beside
-//! it the page's core, web/core/hapt.wasm.
+//! it the page's core, web/core/hapt.wasm. A package has both through links.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 fn main() {
     let here = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
-    let page = here.join("../../web/dist");
+    let either = |repository: &str, package: &str| {
+        let place = here.join(repository);
+        if place.exists() { place } else { here.join(package) }
+    };
+    let page = either("../../web/dist", "page");
     println!("cargo::rerun-if-changed={}", page.display());
     let mut files = Vec::new();
     list(&page, "", &mut files);
     files.sort();
-    let core = here.join("../../web/core/hapt.wasm");
+    let core = either("../../web/core/hapt.wasm", "core.wasm");
     println!("cargo::rerun-if-changed={}", core.display());
     if let Err(error) = embed(&files, &core) {
         println!("cargo::error=the page cannot be embedded: {error}");

@@ -1,4 +1,4 @@
-//! Motor drives as devices of the loop, over serial ports and CAN; and the same drives simulated. Linux; the serial ports are Unix's.
+//! Motor drives as devices of the loop, over serial ports and CAN; and the same drives simulated. Drives need Linux; serial ports work on every system.
 //!
 //! A [`Drive`] is the interface of a drive's protocol: start, read, command, stop. A [`DriveDevice`] makes it the loop's device: it holds the
 //! direction and the transmission between drive and puck, and leaves no torque on, however the loop ends. All protocols use a [`Bus`], which
@@ -16,7 +16,6 @@
 // Every match names all variants, so that a new one does not compile by default.
 #![warn(clippy::wildcard_enum_match_arm)]
 
-#[cfg(unix)]
 pub mod serial;
 
 #[cfg(target_os = "linux")]
@@ -42,8 +41,9 @@ pub mod slcan;
 #[cfg(target_os = "linux")]
 mod text;
 
+pub use serial::Line;
 #[cfg(unix)]
-pub use serial::{Line, pty};
+pub use serial::pty;
 #[cfg(target_os = "linux")]
 pub use {
     address::{Address, Make},

@@ -30,7 +30,7 @@
 //! ```
 
 mod attached;
-#[cfg(unix)]
+#[cfg(not(target_family = "wasm"))]
 pub mod board;
 mod config;
 pub mod frames;

@@ -37,7 +37,7 @@ pub enum Backend {
         device: Box<dyn Device>,
     },
     /// On a board, which receives the world.
-    #[cfg(unix)]
+    #[cfg(not(target_family = "wasm"))]
     Board {
         /// Greeted, and disarmed.
         link: Box<crate::board::Link>,
@@ -52,7 +52,7 @@ impl Backend {
         Ok(match self {
             Backend::Local { device, settings } => Box::new(LocalLoop::start(config, profile, device, settings)?),
             Backend::Stepped { device } => Box::new(LocalLoop::stepped(config, profile, device)?),
-            #[cfg(unix)]
+            #[cfg(not(target_family = "wasm"))]
             Backend::Board { link, every } => Box::new(crate::board::BoardLoop::start(config, profile, *link, every)?),
         })
     }
@@ -96,7 +96,7 @@ pub enum Error {
     #[error("{0}")]
     Device(Failure),
     /// The board does not answer, or does not take the world.
-    #[cfg(unix)]
+    #[cfg(not(target_family = "wasm"))]
     #[error(transparent)]
     Board(#[from] crate::board::Error),
     /// A thread panicked: a defect of hapt.

@@ -135,7 +135,7 @@ impl Session {
         let worker = match &backend {
             Backend::Stepped { .. } => Worker::AtOnce(VecDeque::new()),
             Backend::Local { .. } => Worker::start(ready)?,
-            #[cfg(unix)]
+            #[cfg(not(target_family = "wasm"))]
             Backend::Board { .. } => Worker::start(ready)?,
         };
         let config = config.on(name, profile).map_err(Error::World)?;

@@ -59,7 +59,6 @@ pub enum Error {
     Device(String),
 }
 
-#[cfg(unix)]
 impl From<hapt_host::board::Error> for Error {
     fn from(error: hapt_host::board::Error) -> Self {
         Error::Session(error.into())

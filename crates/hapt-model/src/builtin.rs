@@ -6,7 +6,7 @@ use crate::words::did_you_mean;
 
 macro_rules! worlds {
     ($($name:literal)*) => {
-        &[$(($name, include_str!(concat!("../../../worlds/", $name, ".toml")))),*]
+        &[$(($name, include_str!(concat!(env!("WORLDS"), "/", $name, ".toml")))),*]
     };
 }
 

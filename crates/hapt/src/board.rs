@@ -1,8 +1,13 @@
 //! A world for a board that runs hapt's firmware, and the board that takes it.
 
+use hapt_core::{Phase, Reason};
+use hapt_host::board::{Error, Link};
+use hapt_host::{Backend, Machine};
 use hapt_model::{EstimatorKind, SafetyProfile};
 
+use crate::device::Port;
 use crate::failure::Failure;
+use crate::messages;
 use crate::run::judged;
 use crate::world::Loaded;
 
@@ -37,83 +42,43 @@ impl Fit {
     }
 }
 
-#[cfg(not(unix))]
-pub use other::{backend, clear, unreachable};
-#[cfg(unix)]
-pub use unix::{backend, clear, open};
-
-#[cfg(not(unix))]
-mod other {
-    use std::path::Path;
-
-    use hapt_host::{Backend, Machine};
-
-    use crate::device::Port;
-    use crate::failure::Failure;
-
-    pub fn backend(port: &Port, _: f64) -> Result<(Backend, String), Failure> {
-        Err(unreachable(&port.path))
+/// The board at a port.
+pub fn open(port: &Port) -> Result<Link, Failure> {
+    let link = Link::open_at(&port.path, port.baud)?;
+    if link.board().core != hapt_core::SOURCE {
+        messages::say(
+            "warning: the board's core was built from another source than this hapt's; its torques may differ from hapt's",
+        );
     }
-
-    /// There are none.
-    pub fn clear(_: &mut Machine) -> Result<(), Failure> {
-        Ok(())
-    }
-
-    /// Serial ports are Unix's here.
-    pub fn unreachable(path: &Path) -> Failure {
-        Failure::input(format!("hapt:{}: boards can be reached from Linux and macOS only", path.display()))
-    }
+    Ok(link)
 }
 
-#[cfg(unix)]
-mod unix {
-    use hapt_core::{Phase, Reason};
-    use hapt_host::board::{Error, Link};
-    use hapt_host::{Backend, Machine};
-
-    use crate::device::Port;
-    use crate::failure::Failure;
-    use crate::messages;
-
-    /// The board at a port.
-    pub fn open(port: &Port) -> Result<Link, Failure> {
-        let link = Link::open_at(&port.path, port.baud)?;
-        if link.board().core != hapt_core::SOURCE {
-            messages::say(
-                "warning: the board's core was built from another source than this hapt's; its torques may differ from hapt's",
-            );
-        }
-        Ok(link)
+/// The board at a port, to run a loop, and its name. It needs an encoder and a motor.
+pub fn backend(port: &Port, every: f64) -> Result<(Backend, String), Failure> {
+    let link = open(port)?;
+    if link.board().externally_clocked {
+        let message = "has no encoder and no motor: it waits for samples, to be tried in lockstep";
+        return Err(Failure::input(format!("the board {} {message}", link.board().name)));
     }
+    let on = format!("the board {}", link.board().name);
+    Ok((Backend::Board { link: Box::new(link), every }, on))
+}
 
-    /// The board at a port, to run a loop, and its name. It needs an encoder and a motor.
-    pub fn backend(port: &Port, every: f64) -> Result<(Backend, String), Failure> {
-        let link = open(port)?;
-        if link.board().externally_clocked {
-            let message = "has no encoder and no motor: it waits for samples, to be tried in lockstep";
-            return Err(Failure::input(format!("the board {} {message}", link.board().name)));
-        }
-        let on = format!("the board {}", link.board().name);
-        Ok((Backend::Board { link: Box::new(link), every }, on))
+/// Clears the fault that an earlier session has left on a board.
+pub fn clear(machine: &mut Machine) -> Result<(), Failure> {
+    if let Backend::Board { link, .. } = &mut machine.backend
+        && link.board().phase == Some(Phase::Faulted)
+    {
+        let why = link.board().reason.map_or("The board reports no reason.", Reason::sentence);
+        messages::say(format_args!("the board was faulted, and is cleared: {why}"));
+        link.clear()?;
     }
+    Ok(())
+}
 
-    /// Clears the fault that an earlier session has left on a board.
-    pub fn clear(machine: &mut Machine) -> Result<(), Failure> {
-        if let Backend::Board { link, .. } = &mut machine.backend
-            && link.board().phase == Some(Phase::Faulted)
-        {
-            let why = link.board().reason.map_or("The board reports no reason.", Reason::sentence);
-            messages::say(format_args!("the board was faulted, and is cleared: {why}"));
-            link.clear()?;
-        }
-        Ok(())
-    }
-
-    impl From<Error> for Failure {
-        fn from(error: Error) -> Self {
-            let is_input = matches!(&error, Error::Refused { why, .. } if why.is_about_the_world());
-            if is_input { Failure::input(error) } else { Failure::System(error.to_string()) }
-        }
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        let is_input = matches!(&error, Error::Refused { why, .. } if why.is_about_the_world());
+        if is_input { Failure::input(error) } else { Failure::System(error.to_string()) }
     }
 }

@@ -41,7 +41,7 @@ impl Colour {
 /// The text as standard output should show it.
 pub fn for_stdout(text: &str) -> Cow<'_, str> {
     let variable = |name| std::env::var(name).unwrap_or_default();
-    if wanted(stdout().is_terminal(), &variable("NO_COLOR"), &variable("TERM")) {
+    if wanted(stdout().is_terminal(), &variable("NO_COLOR"), &variable("TERM")) && shows_colours() {
         Cow::Owned(coloured(text))
     } else {
         Cow::Borrowed(text)
@@ -51,6 +51,17 @@ pub fn for_stdout(text: &str) -> Cow<'_, str> {
 /// <https://no-color.org>: any value but the empty one turns colours off.
 fn wanted(is_terminal: bool, no_color: &str, term: &str) -> bool {
     is_terminal && no_color.is_empty() && term != "dumb"
+}
+
+/// A console of Windows shows them when it is asked to; one before Windows 10 cannot.
+#[cfg(windows)]
+fn shows_colours() -> bool {
+    anstyle_query::windows::enable_ansi_colors().unwrap_or(true)
+}
+
+#[cfg(not(windows))]
+fn shows_colours() -> bool {
+    true
 }
 
 /// The answers of the lines that hold one, in bold colour.

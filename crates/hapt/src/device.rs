@@ -90,7 +90,10 @@ impl FromStr for Spec {
             Some((word, _)) if DRIVES.contains(&word) => text.parse().map(Spec::Drive),
             _ => {
                 let word = text.split_once(':').map_or(text, |(word, _)| word);
+                let number = text.get(..3).filter(|com| com.eq_ignore_ascii_case("com")).and_then(|_| text.get(3..));
+                let is_com = number.is_some_and(|number| number.parse::<u8>().is_ok());
                 let hint = match text.trim_start().starts_with('/') {
+                    _ if is_com => format!("; did you mean \"hapt:{text}\"?"),
                     // A serial port does not show what is connected to it.
                     true => format!("; did you mean \"hapt:{text}\", \"moteus:{text}\" or \"odrive:{text}\"?"),
                     // A known word without its argument.

@@ -96,9 +96,13 @@ mod linux {
     }
 }
 
-/// Serial ports and CAN are supported on Linux only.
+/// Drives need Linux.
 #[cfg(not(target_os = "linux"))]
 mod other {
+    use std::io::{Write, stdout};
+
+    use hapt_host::board::names;
+
     use super::*;
 
     /// No drive has one here.
@@ -125,8 +129,16 @@ mod other {
         Err(Failure::input(ONLY_LINUX))
     }
 
+    /// Serial ports, for boards.
     pub fn devices() -> Result<ExitCode, Failure> {
-        Err(Failure::input(ONLY_LINUX))
+        let names = names().map_err(|error| Failure::System(format!("the serial ports cannot be listed: {error}")))?;
+        let line = |name: &std::path::PathBuf| format!("{:<16} --device hapt:{}\n", name.display(), name.display());
+        let mut text: String = names.iter().map(line).collect();
+        if text.is_empty() {
+            text += "no serial port\n";
+        }
+        stdout().lock().write_all(text.as_bytes()).map_err(Failure::stdout)?;
+        Ok(ExitCode::SUCCESS)
     }
 
     pub fn simulate(_: &SimulateDriveArgs) -> Result<ExitCode, Failure> {

@@ -1,9 +1,10 @@
 //! `hapt flash`: a world onto a board.
 
+use std::io::{Write, stdout};
 use std::process::ExitCode;
 
 use crate::args::FlashArgs;
-use crate::board::Fit;
+use crate::board::{self, Fit};
 use crate::device::{Port, Spec};
 use crate::failure::Failure;
 use crate::world::load;
@@ -20,12 +21,7 @@ pub fn run(args: &FlashArgs) -> Result<ExitCode, Failure> {
     flash(&fit, &port)
 }
 
-#[cfg(unix)]
 fn flash(fit: &Fit, port: &Port) -> Result<ExitCode, Failure> {
-    use std::io::{Write, stdout};
-
-    use crate::board;
-
     let mut link = board::open(port)?;
     let before = link.board().world;
     let hash = link.load(&fit.packed)?;
@@ -41,9 +37,4 @@ fn flash(fit: &Fit, port: &Port) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(ExitCode::SUCCESS)
-}
-
-#[cfg(not(unix))]
-fn flash(_: &Fit, port: &Port) -> Result<ExitCode, Failure> {
-    Err(crate::board::unreachable(&port.path))
 }

@@ -123,7 +123,6 @@ impl From<hapt_host::Error> for Failure {
         match error {
             hapt_host::Error::World(_) => Failure::input(error),
             hapt_host::Error::Engine(error) => error.into(),
-            #[cfg(unix)]
             hapt_host::Error::Board(error) => error.into(),
             hapt_host::Error::System(_) | hapt_host::Error::Device(_) | hapt_host::Error::Panicked(_) => {
                 Failure::System(error.to_string())

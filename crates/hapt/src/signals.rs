@@ -2,11 +2,22 @@
 //!
 //! SIGINT (Ctrl-C), SIGTERM, SIGHUP (the terminal was closed) and SIGQUIT are handled on a thread of their own, which prints nothing
 //! itself and waits for no other thread, which may be blocked in a write to a terminal that was stopped (Ctrl-S), or to a full pipe.
+//! On Windows Ctrl-C and Ctrl-Break are SIGINT. It ends a program whose window is closed a moment later, whatever that does.
 
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::mpsc::channel;
 use std::sync::{Mutex, PoisonError};
+use std::thread::{sleep, spawn};
+use std::time::Duration;
 
-use crate::messages;
+use crate::{messages, output};
+
+/// So long a command may take to end in order.
+const GRACE: Duration = Duration::from_secs(3);
+/// So long at a second signal: enough for the loop's last sample, whose torque is 0.
+const AT_ONCE: Duration = Duration::from_millis(200);
+/// The time for printing the last messages.
+const WORDS: Duration = Duration::from_millis(200);
 
 /// A file that an interruption keeps, so that the work can be resumed, and the message about it.
 static KEPT: Mutex<Option<String>> = Mutex::new(None);
@@ -45,28 +56,57 @@ pub fn signalled() -> Option<u8> {
     Some(SIGNALLED.load(Ordering::SeqCst)).filter(|code| *code != 0)
 }
 
+/// Ends the program with this exit code: in order at the first signal, where the command does that.
+fn end(code: u8, is_repeated: bool) {
+    if !IN_ORDER.load(Ordering::SeqCst) {
+        exit(code);
+    }
+    match SIGNALLED.compare_exchange(0, code, Ordering::SeqCst, Ordering::SeqCst) {
+        Ok(_) => {
+            if let Some(stop) = &*STOP.lock().unwrap_or_else(PoisonError::into_inner) {
+                stop();
+            }
+            spawn(move || {
+                sleep(GRACE);
+                exit(code)
+            });
+        }
+        Err(_) if is_repeated => {}
+        Err(first) => {
+            sleep(AT_ONCE);
+            exit(first)
+        }
+    }
+}
+
+fn exit(code: u8) -> ! {
+    output::remove_drafts();
+    let words = KEPT.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if let Some(words) = words {
+        let (said, heard) = channel();
+        spawn(move || {
+            messages::say(format_args!("hapt: {words}"));
+            messages::settle();
+            let _ = said.send(());
+        });
+        let _ = heard.recv_timeout(WORDS);
+    }
+    leave(code)
+}
+
+#[cfg(unix)]
+use unix::leave;
 #[cfg(unix)]
 pub use unix::watch;
 
 #[cfg(unix)]
 mod unix {
     use std::sync::Arc;
-    use std::sync::mpsc::channel;
-    use std::thread::{sleep, spawn};
-    use std::time::Duration;
 
     use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGXFSZ};
     use signal_hook::iterator::Signals;
 
     use super::*;
-    use crate::output;
-
-    /// So long a command may take to end in order.
-    const GRACE: Duration = Duration::from_secs(3);
-    /// So long at a second signal: enough for the loop's last sample, whose torque is 0.
-    const AT_ONCE: Duration = Duration::from_millis(200);
-    /// The time for printing the last messages.
-    const WORDS: Duration = Duration::from_millis(200);
 
     /// Ends the program with 128 and the signal's number (SIGINT 130, SIGTERM 143, SIGHUP 129, SIGQUIT 131); unfinished files are removed.
     pub fn watch() {
@@ -77,49 +117,15 @@ mod unix {
         }
         // Where signals cannot be watched they end the program all the same, with their own code.
         if let Ok(mut signals) = Signals::new(ends) {
-            spawn(move || signals.forever().for_each(end));
+            // Both the kernel and the shell send SIGHUP when the terminal closes.
+            spawn(move || signals.forever().for_each(|signal| end(128 + signal as u8, signal == SIGHUP)));
         }
         // A file that may not grow is a failed write, not the end of the program.
         let _ = signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
     }
 
-    fn end(signal: i32) {
-        let code = 128 + signal as u8;
-        if !IN_ORDER.load(Ordering::SeqCst) {
-            exit(code);
-        }
-        match SIGNALLED.compare_exchange(0, code, Ordering::SeqCst, Ordering::SeqCst) {
-            Ok(_) => {
-                if let Some(stop) = &*STOP.lock().unwrap_or_else(PoisonError::into_inner) {
-                    stop();
-                }
-                spawn(move || {
-                    sleep(GRACE);
-                    exit(code)
-                });
-            }
-            // Both the kernel and the shell send a signal when the terminal closes.
-            Err(_) if signal == SIGHUP => {}
-            Err(first) => {
-                sleep(AT_ONCE);
-                exit(first)
-            }
-        }
-    }
-
-    fn exit(code: u8) -> ! {
-        output::remove_drafts();
-        let words = KEPT.lock().unwrap_or_else(PoisonError::into_inner).take();
-        if let Some(words) = words {
-            let (said, heard) = channel();
-            spawn(move || {
-                messages::say(format_args!("hapt: {words}"));
-                messages::settle();
-                let _ = said.send(());
-            });
-            let _ = heard.recv_timeout(WORDS);
-        }
-        // Without flushing: standard output may be blocked.
+    /// Without flushing: standard output may be blocked.
+    pub fn leave(code: u8) -> ! {
         signal_hook::low_level::exit(code.into())
     }
 
@@ -132,19 +138,15 @@ mod unix {
     }
 }
 
+/// Ends the program with 130, as SIGINT does elsewhere; unfinished files are removed.
 #[cfg(windows)]
 pub fn watch() {
-    let _ = ctrlc::set_handler(|| {
-        if IN_ORDER.load(Ordering::SeqCst) && SIGNALLED.swap(130, Ordering::SeqCst) == 0 {
-            if let Some(stop) = &*STOP.lock().unwrap_or_else(PoisonError::into_inner) {
-                stop();
-            }
-            return;
-        }
-        crate::output::remove_drafts();
-        if let Some(words) = &*KEPT.lock().unwrap_or_else(PoisonError::into_inner) {
-            messages::say(format_args!("hapt: {words}"));
-        }
-        std::process::exit(130)
-    });
+    // Where they cannot be watched they end the program all the same, with the system's code.
+    let _ = ctrlc::set_handler(|| end(130, false));
+}
+
+/// It flushes standard output only where nobody is blocked in a write to it.
+#[cfg(windows)]
+fn leave(code: u8) -> ! {
+    std::process::exit(code.into())
 }

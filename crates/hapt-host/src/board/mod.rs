@@ -26,12 +26,15 @@
 mod error;
 mod info;
 mod link;
+#[cfg(unix)]
 pub mod simulate;
 mod telemetry;
 mod worker;
 
 pub use error::Error;
-pub use hapt_drive::serial::{Line, SPEED, pty};
+#[cfg(unix)]
+pub use hapt_drive::serial::pty;
+pub use hapt_drive::serial::{Line, SPEED, names};
 pub use hapt_wire::{Parameter, Refusal, Telemetry};
 pub use info::Board;
 pub use link::Link;

@@ -1,7 +1,7 @@
-//! Serial ports and pseudoterminals: raw bytes, read and written until an instant, without allocating.
+//! Ports as files that are polled.
 //!
-//! The crate `serial2` configures a port: 8 data bits, no parity, one stop bit, any speed. Reading and writing are implemented here: its
-//! timeouts are whole milliseconds, and an exchange with a drive takes a fraction of one.
+//! `serial2` configures a port. Reading and writing are implemented here: its timeouts are whole milliseconds, and an exchange with a drive
+//! takes a fraction of one.
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -14,8 +14,7 @@ use rustix::io::{Errno, FdFlags, fcntl_setfd};
 use rustix::pty::{OpenptFlags, openpt, ptsname, unlockpt};
 use serial2::SerialPort;
 
-/// The usual speed of a UART between a computer and a board or a drive, in bits per second. USB ports accept any.
-pub const SPEED: u32 = 921_600;
+use super::SPEED;
 
 /// An open serial port, or one end of a pseudoterminal. Reading and writing do not allocate.
 #[derive(Debug)]
