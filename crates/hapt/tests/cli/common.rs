@@ -104,7 +104,7 @@ impl Ended {
 
     /// The lines on standard error, without those that say how far a run is: on a slow machine any run may be a long one.
     pub fn messages(&self) -> Vec<&str> {
-        self.err.lines().filter(|line| !line.ends_with(" samples")).collect()
+        self.err.lines().filter(|line| ![" samples", " left"].iter().any(|end| line.ends_with(end))).collect()
     }
 
     /// It ended with `code`, said nothing but one message, on standard error, and the message has every one of `words`.
