@@ -47,6 +47,18 @@ class Passivity(TypedDict):
     not_proved: list[str]
 
 
+class Uneven(TypedDict):
+    """Passivity for all intervals, delays and devices that the world allows; times in s, dampings as in `Passivity`."""
+
+    interval_max_s: float
+    delay_s: list[float]
+    lag_s: list[float]
+    required_damping: Optional[float]
+    passive: bool
+    proved: bool
+    not_proved: list[str]
+
+
 class Check(Mapping[str, Any]):
     """The mapping of `hapt check --json` (docs/contract.md, section 7); `print` shows it as `hapt check` does.
 
@@ -103,6 +115,11 @@ class Check(Mapping[str, Any]):
     def passivity(self) -> Passivity:
         """The loop against every passive hand."""
         return cast(Passivity, self._fields["passivity"])
+
+    @property
+    def uneven(self) -> Uneven:
+        """The loop against every passive hand under uneven time and tolerances."""
+        return cast(Uneven, self._fields["uneven"])
 
     @property
     def remedies(self) -> Optional[dict[str, Any]]:

@@ -81,7 +81,7 @@ export interface Verdict {
   command?: string;
   /** All of it in one. */
   sentence?: string;
-  sentences: { what: "held" | "free" | "passive" | "quantisation"; ok: boolean | null; text: string }[];
+  sentences: { what: "held" | "free" | "passive" | "uneven" | "quantisation"; ok: boolean | null; text: string }[];
   growth_per_s: number | null;
   /** Without the shifts, which change no torque; `null`: nothing else is there. */
   held_growth_per_s: number | null;

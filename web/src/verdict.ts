@@ -5,7 +5,7 @@ import type { Sets, Verdict } from "./protocol.ts";
 import { number, pretty } from "./units.ts";
 
 /** As `hapt check` has them. */
-const NAMES = { held: "held", free: "free", passive: "passive", quantisation: "counts" } as const;
+const NAMES = { held: "held", free: "free", passive: "passive", uneven: "uneven", quantisation: "counts" } as const;
 
 export class VerdictCard {
   private readonly root: HTMLElement;

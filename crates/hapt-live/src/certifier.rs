@@ -187,6 +187,9 @@ pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage 
             check.passivity_sentence(),
         ),
     ];
+    if let Some(text) = check.uneven_sentence() {
+        says.sentences.push(sentence("uneven", Some(check.uneven.passive), text));
+    }
     if let Some(text) = check.quantisation_sentence() {
         says.sentences.push(sentence("quantisation", Some(check.quantisation.ok), text));
     }

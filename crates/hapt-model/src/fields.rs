@@ -291,7 +291,7 @@ impl<'a> Fields<'a> {
         let percent = || format!("{} %", percent(tolerance));
         if tolerance < 0.0 {
             Err(format!("{text} has the negative tolerance {}; expected 0 to 100 %", percent()))
-        } else if !(tolerance <= 1.0) {
+        } else if tolerance > 1.0 || tolerance.is_nan() {
             Err(format!("{text} has a tolerance beyond 100 %: the number could be negative"))
         } else if range == Range::Positive && tolerance == 1.0 {
             Err(format!("{text} has a tolerance of 100 %: the number could be 0; expected less"))

@@ -295,6 +295,7 @@ fn verdict(check: &Check) -> Markup {
             dt { "hands-off" } dd { (check.free_sentence()) "." }
             dt { "any hand" } dd { (check.passivity_sentence()) "." }
             @for reason in &check.passivity.not_proved { dt { "not proved" } dd { (reason) "." } }
+            @if let Some(uneven) = check.uneven_sentence() { dt { "uneven" } dd { (uneven) "." } }
             @if let Some(counts) = check.quantisation_sentence() { dt { "counts" } dd { (counts) "." } }
         }
     }

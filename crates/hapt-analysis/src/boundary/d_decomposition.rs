@@ -20,6 +20,8 @@
 //! W = V(λ), the estimator, or μ n_v/G for the true velocity
 //! ```
 //!
+//! A motor that lags adds its torque m/(μ + 1 - e^{-T/lag}) per unit of command to n_v and n_z, each with its own factor.
+//!
 //! **At a body that is coupled to no other, the held world.** Under forward Euler K + C μ/T = -J μ²/T²; semi-implicit Euler is
 //! forward Euler with C + TK. Apart from RK4, the other methods are stable for such a body.
 
@@ -31,6 +33,7 @@ use nalgebra::Complex;
 use crate::equations::continuous::{LinearCoupling, Slopes, linearise, piecewise, piecewise_at_bodies};
 use crate::equations::delay::Delay;
 use crate::equations::estimator::Filter;
+use crate::equations::puck::DrivenPuck;
 use crate::equations::slopes::combinations;
 use crate::error::{Error, positive};
 use crate::impedance::{Discretisation, Pole, TransferFunction};
@@ -122,6 +125,8 @@ struct Puck {
     /// n_v and n_z: for the command of d samples ago, and for the one before it.
     velocity: [f64; 2],
     position: [f64; 2],
+    /// Where the motor's torque lags behind its command.
+    motor: Option<Motor>,
     delay: u32,
     /// V = μ Σ slope\[i\] λ^{-i-1}, or with a pole slope\[0\] μ/(λ - pole); empty: the true velocity.
     slope: Vec<f64>,
@@ -131,6 +136,18 @@ struct Puck {
     stiffness: f64,
     damping: f64,
     poles: Vec<Pole>,
+}
+
+/// A motor whose torque lags behind its command, over a period.
+#[derive(Clone, Debug, PartialEq)]
+struct Motor {
+    /// 1 - e^{-T/lag}
+    follows: f64,
+    /// What the torque takes from the command of d samples ago, and from the one before it.
+    torque: [f64; 2],
+    /// What a torque at the sample adds to the velocity and to the position at the next.
+    velocity: f64,
+    position: f64,
 }
 
 /// The worlds at the corners and the centre of the plane.
@@ -155,7 +172,9 @@ impl<'a> Corners<'a> {
         let first = worlds.first()?;
         let same = |w: &World| {
             let inertias = w.bodies.iter().zip(&first.bodies).all(|(a, b)| a.inertia == b.inertia);
-            let device = w.device.inertia == first.device.inertia && w.device.damping == first.device.damping;
+            let device = w.device.inertia == first.device.inertia
+                && w.device.damping == first.device.damping
+                && w.device.lag == first.device.lag;
             w.sampling == first.sampling && inertias && device
         };
         worlds.iter().all(same).then_some(Corners { keys, worlds })
@@ -354,17 +373,32 @@ impl Puck {
         let delay = Delay::of(world.sampling.delay_s(), period)?;
         let (h1, h2) = (delay.fraction * period, period - delay.fraction * period);
         let push = h1 / inertia * phi1(rate * h1);
+        let lag = world.device.lag;
+        let driven = DrivenPuck { inertia, damping: world.device.damping, spring: 0.0, lag };
+        let (matrix, old, new) = driven.over(h1).then(&driven.over(h2));
+        let motor = (lag > 0.0).then(|| Motor {
+            follows: -matrix[(2, 2)],
+            torque: [new[2], old[2]],
+            velocity: matrix[(1, 2)],
+            position: matrix[(0, 2)],
+        });
         let mut sum = 0.0;
         let mut slope: Vec<f64> = filter.taps.iter().map(|tap| (sum += tap, sum).1).collect();
         slope.pop();
         Ok(Puck {
             decay: -(-rate * period).exp_m1(),
             coast: period * phi1(rate * period),
-            velocity: [h2 / inertia * phi1(rate * h2), push * (-rate * h2).exp()],
-            position: [
-                h2 * h2 / inertia * phi2(rate * h2),
-                h1 * h1 / inertia * phi2(rate * h1) + push * h2 * phi1(rate * h2),
-            ],
+            velocity: if lag > 0.0 {
+                [new[1], old[1]]
+            } else {
+                [h2 / inertia * phi1(rate * h2), push * (-rate * h2).exp()]
+            },
+            position: if lag > 0.0 {
+                [new[0], old[0]]
+            } else {
+                [h2 * h2 / inertia * phi2(rate * h2), h1 * h1 / inertia * phi2(rate * h1) + push * h2 * phi1(rate * h2)]
+            },
+            motor,
             delay: u32::try_from(delay.samples).unwrap_or(u32::MAX),
             forgets: (filter.pole > 0.0).then(|| period * filter.taps[0]),
             slope,
@@ -381,7 +415,12 @@ impl Puck {
         let back = z.conj();
         let [v0, v1] = self.velocity;
         let [p0, p1] = self.position;
-        let (velocity, position) = (back * v1 + v0, back * p1 + p0);
+        let (mut velocity, mut position) = (back * v1 + v0, back * p1 + p0);
+        if let Some(motor) = &self.motor {
+            let torque = (back * motor.torque[1] + motor.torque[0]) / (mu + motor.follows);
+            velocity += torque * motor.velocity;
+            position += torque * motor.position;
+        }
         let coasting = mu + self.decay;
         let inverse = (velocity * self.coast + position * coasting).inv();
         let w = match (&self.slope[..], self.forgets) {

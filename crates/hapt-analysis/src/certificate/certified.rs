@@ -2,9 +2,9 @@
 
 use hapt_model::World;
 
-use crate::certificate::uncovered::uncovered;
 use crate::error::Error;
 use crate::passivity::required_damping;
+use crate::passivity::uneven::{is_stated, uneven_damping};
 use crate::stability::Verdict;
 use crate::stability::free::free_growth;
 use crate::stability::held::held_growth;
@@ -23,9 +23,6 @@ pub(crate) fn excess(world: &World, spare: f64) -> f64 {
         if is_over() {
             return Err(Error::Stopped);
         }
-        if uncovered(world).is_some() {
-            return Ok(1.0);
-        }
         let sampling = &world.sampling;
         // The cheapest first.
         let held = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
@@ -33,7 +30,13 @@ pub(crate) fn excess(world: &World, spare: f64) -> f64 {
             return Ok(1.0);
         }
         let Some(required) = required_damping(world)? else { return Ok(1.0) };
-        let damping = world.device.damping;
+        // Of all that the file allows: with the least damping of the device.
+        let (required, damping) = if is_stated(world) {
+            let Some(all) = uneven_damping(world)? else { return Ok(1.0) };
+            (required.max(all), world.device.damping_range()[0])
+        } else {
+            (required, world.device.damping)
+        };
         if required > damping {
             return Ok(((required - damping) / damping).clamp(f64::MIN_POSITIVE, 1.0));
         }

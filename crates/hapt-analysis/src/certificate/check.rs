@@ -4,13 +4,12 @@ use hapt_model::{End, EstimatorKind, Law, Method, Motion, World};
 use serde::Serialize;
 
 use crate::certificate::remedies::Remedies;
-use crate::certificate::uncovered::uncovered;
 use crate::equations::continuous::{piecewise, piecewise_at_bodies};
 use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::COMBINED;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, count_power, quantisation};
-use crate::passivity::{Passivity, passivity};
+use crate::passivity::{Passivity, Uneven, passivity, uneven};
 use crate::stability::free::{free, free_at_this_period, shortest_period};
 use crate::stability::held::held;
 use crate::stability::{Stability, Verdict};
@@ -31,11 +30,13 @@ pub struct Check {
     pub free: Stability,
     /// The loop against any passive hand.
     pub passivity: Passivity,
+    /// The same for all intervals, delays and devices that the file allows.
+    pub uneven: Uneven,
     /// The stiffness that quantisation allows.
     pub quantisation: Quantisation,
     /// Remedies, or the margins of a certified world; `None` where they were not requested.
     pub remedies: Option<Remedies>,
-    /// Neither held nor free unstable, and passive.
+    /// Neither held nor free unstable, and passive for all that the file allows.
     pub certified: bool,
     /// Conditions that apply to the numbers.
     pub notes: Vec<String>,
@@ -88,20 +89,17 @@ pub fn quick_check(world: &World) -> Result<Check, Error> {
 fn with_free(world: &World, free: Stability) -> Result<Check, Error> {
     let sampling = &world.sampling;
     let held = held(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
-    let mut passivity = passivity(world)?;
-    let uncovered = uncovered(world);
-    let covers = uncovered.is_none();
-    passivity.proved &= covers;
-    passivity.not_proved.extend(uncovered);
+    let (passivity, uneven) = (passivity(world)?, uneven(world)?);
     let holds = |of: &Stability| of.verdict != Verdict::Unstable;
     Ok(Check {
         period_s: sampling.period,
         method: sampling.method.name(),
         output: sampling.output.name(),
-        certified: holds(&held) && holds(&free) && passivity.passive && covers,
+        certified: holds(&held) && holds(&free) && passivity.passive && uneven.passive,
         held,
         free,
         passivity,
+        uneven,
         quantisation: quantisation(world)?,
         remedies: None,
         notes: notes(world)?,

@@ -6,6 +6,5 @@ pub mod proposal;
 pub mod remedies;
 mod sentences;
 pub mod text;
-mod uncovered;
 
 pub use certified::*;

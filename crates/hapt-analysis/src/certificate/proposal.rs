@@ -91,6 +91,13 @@ pub fn proposal(
     if let Some(delay) = remedies.delay_s.filter(|delay| *delay > 0.0 || !check.certified) {
         list.push(Remedy::key("loop.delay", file.value("loop.delay", delay, Rounding::Down), "in [loop]"));
     }
+    if let Some(longest) = remedies.interval_max_s {
+        let value = file.value("loop.interval_max", longest, Rounding::Down);
+        list.push(Remedy::key("loop.interval_max", value, "in [loop]: how late a sample may be"));
+    }
+    if let Some(longest) = remedies.delay_max_s.filter(|delay| *delay > 0.0 || !check.certified) {
+        list.push(Remedy::key("loop.delay_max", file.value("loop.delay_max", longest, Rounding::Down), "in [loop]"));
+    }
     if let Some(advance) = remedies.advance {
         list.push(Remedy::key("loop.advance", advance.to_string(), "in [loop]"));
     }

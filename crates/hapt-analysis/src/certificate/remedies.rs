@@ -15,6 +15,7 @@ use crate::equations::delay::MAX_IN_FLIGHT;
 use crate::error::Error;
 use crate::numerics::crossing::{Ranked, Spacing, first_crossing};
 use crate::passivity::required_damping;
+use crate::passivity::uneven::is_stated;
 
 /// Each value makes the world certified by itself; `None` where none was found. For a certified world these are margins, and
 /// `advance` and `output` are `None`.
@@ -34,6 +35,12 @@ pub struct Remedies {
     pub output: Option<&'static str>,
     /// The largest factor on every spring, wall, detent and bristle.
     pub stiffness_scale: Option<f64>,
+    /// Where the file states times or tolerances, the longest interval between samples, s; the period does not follow it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interval_max_s: Option<f64>,
+    /// Where the file states times or tolerances, the longest delay of a delay that varies from `loop.delay` on, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub delay_max_s: Option<f64>,
     /// For a certified world: the margins without an end, and the range of the search.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub reasons: BTreeMap<&'static str, String>,
@@ -84,7 +91,19 @@ pub fn remedies(world: &World) -> Result<Remedies, Error> {
     } else {
         (period(world), delay(world), stiffness_scale(world))
     };
+    let stated = is_stated(world);
+    let mut bound = |name, bound: &Bound| -> Option<f64> {
+        if !stated {
+            None
+        } else if certified {
+            margin(name, bound.margin(world))
+        } else {
+            bound.remedy(world)
+        }
+    };
     Ok(Remedies {
+        interval_max_s: bound("interval_max_s", &INTERVAL),
+        delay_max_s: bound("delay_max_s", &DELAY),
         device_damping: device_damping(world)?,
         ground_damping: ground_damping(world, certified),
         period_s,
@@ -138,6 +157,55 @@ fn delay_margin(world: &World) -> Result<Result<f64, String>, Error> {
     // An end within the tolerance of a whole number of samples is no margin.
     let end = end.map(|samples| if samples - now < WHOLE { now } else { samples });
     Ok(end.map(|samples| (samples * period).max(world.sampling.delay_s())).map_err(reason))
+}
+
+/// A bound of a time in the file. A larger one allows more patterns, so that the certificate holds up to one value and for none above.
+struct Bound {
+    /// The value that allows least, the present one, and a change of it.
+    least: fn(&World) -> f64,
+    now: fn(&World) -> f64,
+    set: fn(&mut World, f64),
+}
+
+const INTERVAL: Bound = Bound {
+    least: |w| w.sampling.period,
+    now: |w| w.sampling.interval_max_s(),
+    set: |w, longest| w.sampling.interval_max = Some(longest),
+};
+
+const DELAY: Bound = Bound {
+    least: |w| w.sampling.delay_s(),
+    now: |w| w.sampling.delay_max_s(),
+    set: |w, longest| w.sampling.delay_max = Some(Delay::Seconds(longest)),
+};
+
+impl Bound {
+    fn is_certified(&self, world: &World, value: f64) -> bool {
+        changed(world, |w| (self.set)(w, value))
+    }
+
+    /// The largest value of a certified world, or the reason for none.
+    fn margin(&self, world: &World) -> Result<f64, String> {
+        let certified = |value: f64| self.is_certified(world, value);
+        let (mut good, period) = ((self.now)(world), world.sampling.period);
+        let end = good + MAX_IN_FLIGHT as f64 * period;
+        let mut step = WIDTH * period;
+        while good + step < end {
+            if !certified(good + step) {
+                return Ok(bisect(good, good + step, &certified));
+            }
+            good += step;
+            step *= STRIDE;
+        }
+        Err(format!("no end up to {MAX_IN_FLIGHT} periods more than the present value"))
+    }
+
+    /// The largest value that makes the world certified, if one below the present does.
+    fn remedy(&self, world: &World) -> Option<f64> {
+        let certified = |value: f64| self.is_certified(world, value);
+        let (least, now) = ((self.least)(world), (self.now)(world));
+        (now > least && certified(least)).then(|| bisect(least, now, &certified))
+    }
 }
 
 fn stiffness_margin(world: &World) -> Result<Result<f64, String>, Error> {

@@ -176,6 +176,9 @@ impl Check {
                 Some(Cause::FractionalDelay { hz }) => {
                     format!("the mode at {} Hz is undamped, and the delay is not a whole number of samples", short(hz))
                 }
+                Some(Cause::MotorLag { hz }) => {
+                    format!("the mode at {} Hz is undamped, and the motor lags behind its command", short(hz))
+                }
                 Some(Cause::Coulomb) | None => "Coulomb friction at the puck has no finite slope".to_string(),
             };
             return format!("not passive at any device damping{linear}: {reason}");
@@ -197,6 +200,28 @@ impl Check {
                 "not passive{linear}: it requires a device damping of {wanted} {unit}, {place}, and the device has {has}, {more} too little"
             )
         }
+    }
+
+    /// The verdict for all intervals, delays and devices that the file allows, in one sentence; `None` where it states none.
+    pub fn uneven_sentence(&self) -> Option<String> {
+        let found = &self.uneven;
+        if !found.is_stated {
+            return None;
+        }
+        let linear = if found.proved { "" } else { " (the linear loop)" };
+        let [least, most] = found.delay_s;
+        let delay = if least == most { time(least) } else { format!("{} to {}", time(least), time(most)) };
+        let times = format!("intervals up to {} and delays of {delay}", time(found.interval_max_s));
+        let Some(required) = found.required_damping else {
+            return Some(format!("not passive under {times}, as far as is known"));
+        };
+        let unit = Measure::Damping.dimension(self.motion).symbol();
+        let (has, wanted) = (short(found.device_damping), short(required));
+        let verdict = if found.passive { "passive" } else { "not known to be passive" };
+        Some(format!(
+            "{verdict} under every pattern of {times}{linear}: a device damping of {wanted} {unit} is enough, and the device has {has} at \
+             least"
+        ))
     }
 
     /// What the encoder's counts and the motor's levels allow, in one sentence; `None` where both are ideal.

@@ -62,6 +62,12 @@ fn verdicts(sampling: &Sampling, check: &Check) -> String {
     for reason in &check.passivity.not_proved {
         let _ = writeln!(text, "          not proved: {reason}");
     }
+    if let Some(uneven) = check.uneven_sentence() {
+        let _ = writeln!(text, "uneven    {uneven}");
+        for reason in &check.uneven.not_proved {
+            let _ = writeln!(text, "          not proved: {reason}");
+        }
+    }
     if let Some(counts) = check.quantisation_sentence() {
         let _ = writeln!(text, "counts    {counts}");
     }

@@ -15,6 +15,7 @@
 //! | v̂_k, the measured velocity, where a damper acts on the puck and the estimator is not exact | pole v̂_k + Σ g_i δ_{k+1-i} |
 //! | δ_k, δ_{k-1}, ... with δ_k = z_k - z_{k-1}, as many as the estimator uses | z_{k+1} - z_k, then shifted by one |
 //! | the commands before this sample's, as many as are in flight | this sample's, then shifted by one |
+//! | the motor's torque, where it lags behind its command | by the held commands, exactly |
 //!
 //! The estimator's taps sum to 0, so it is a sum of displacements, g_i = Σ_{j≤i} taps_j, and its memory is invariant under shifts. All
 //! estimators are exact for uniform motion, so pole - 1 = -T Σ g.
@@ -26,7 +27,7 @@
 //! Δż = (e^{-x} - 1) ż + (h/J) φ₁ τ,    Δz = h φ₁ ż + (h²/J) φ₂ τ,    φ₁ = (1 - e^{-x})/x,    φ₂ = (x - 1 + e^{-x})/x²
 //! ```
 //!
-//! With the spring of a hand the puck is an oscillator, J z̈ + b ż + k z = τ, advanced by the exponential in [`Oscillator`].
+//! With the spring of a hand, or a motor that lags, the puck is advanced by the exponential in [`DrivenPuck`].
 
 use hapt_model::Sampling;
 use nalgebra::{DMatrix, RowDVector};
@@ -35,32 +36,9 @@ use crate::equations::delay::{Delay, MAX_IN_FLIGHT};
 use crate::equations::discrete::Discrete;
 use crate::equations::estimator::Filter;
 use crate::equations::port::Port;
+use crate::equations::puck::DrivenPuck;
 use crate::error::Error;
-use crate::numerics::phi::{phi, phi1, phi2};
-
-/// J z̈ + b ż + k z = τ.
-#[derive(Clone, Copy)]
-struct Oscillator {
-    inertia: f64,
-    damping: f64,
-    spring: f64,
-}
-
-impl Oscillator {
-    /// Over a time h under a held τ, (Δz, Δż) = C (z, ż) + p τ: C by rows, and p. With X = [0 1; -kh²/J -bh/J] on (z, h ż), in
-    /// which all entries are ratios of times, they are X φ₁(X) and φ₁(X) (0, h²/J).
-    fn over(&self, h: f64) -> ([[f64; 2]; 2], [f64; 2]) {
-        let Oscillator { inertia, damping, spring } = *self;
-        if h == 0.0 {
-            return ([[0.0; 2]; 2], [0.0; 2]);
-        }
-        let x = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, -spring * h * h / inertia, -damping * h / inertia]);
-        let (phi1, _) = phi(&x);
-        let c = x * &phi1;
-        let push = h * h / inertia;
-        ([[c[(0, 0)], c[(0, 1)] * h], [c[(1, 0)] / h, c[(1, 1)]]], [phi1[(0, 1)] * push, phi1[(1, 1)] * push / h])
-    }
-}
+use crate::numerics::phi::{phi1, phi2};
 
 /// D of the module documentation. `damping` is b of the device, `filter` that of the estimator at this period.
 ///
@@ -91,7 +69,8 @@ pub(crate) fn closed_loop(
     let estimate = if estimated { first_body + bodies } else { v };
     let first_memory = first_body + bodies + usize::from(estimated);
     let first_in_flight = first_memory + memory;
-    let order = first_in_flight + in_flight;
+    let motor = (port.lag > 0.0 && !uncoupled).then_some(first_in_flight + in_flight);
+    let order = first_in_flight + in_flight + usize::from(motor.is_some());
     let unit = |i: usize| RowDVector::from_fn(order, |_, j| if i == j { 1.0 } else { 0.0 });
 
     // One sample of each block, and the torque.
@@ -123,18 +102,23 @@ pub(crate) fn closed_loop(
     let (h1, h2) = (delay.fraction * period, period - delay.fraction * period);
     let command = |age: usize| if age == 0 { torque.clone() } else { unit(first_in_flight + age - 1) };
     let (mut dz, mut dv);
-    if let Some(z) = z.filter(|_| port.spring > 0.0) {
+    let mut motor_change = RowDVector::zeros(order);
+    if motor.is_some() || port.spring > 0.0 {
         (dz, dv) = (RowDVector::zeros(order), RowDVector::zeros(order));
-        let oscillator = Oscillator { inertia: j, damping, spring: port.spring };
+        let puck = DrivenPuck { inertia: j, damping, spring: port.spring, lag: motor.map_or(0.0, |_| port.lag) };
+        let at =
+            |place: Option<usize>, change: &RowDVector<f64>| place.map_or_else(|| change.clone(), |i| unit(i) + change);
         for (h, age) in [(h1, delay.samples + 1), (h2, delay.samples)].into_iter().filter(|(h, _)| *h > 0.0) {
-            let (change, push) = oscillator.over(h);
-            let (at_z, at_v) = (unit(z) + &dz, unit(v) + &dv);
-            dz += &at_z * change[0][0] + &at_v * change[0][1];
-            dv += at_z * change[1][0] + at_v * change[1][1];
-            if !uncoupled {
-                let torque = command(age);
-                dz += &torque * push[0];
-                dv += torque * push[1];
+            let change = puck.over(h);
+            // Without a spring to ground nothing depends on z.
+            let state = [at(z, &dz), at(Some(v), &dv), at(motor, &motor_change)];
+            for (i, row) in [&mut dz, &mut dv, &mut motor_change].into_iter().enumerate() {
+                for (part, factor) in state.iter().zip(change.matrix.row(i).iter()) {
+                    *row += part * *factor;
+                }
+                if !uncoupled {
+                    *row += command(age) * change.push[i];
+                }
             }
         }
     } else {
@@ -158,6 +142,9 @@ pub(crate) fn closed_loop(
         d.set_row(z, &dz);
     }
     d.set_row(v, &dv);
+    if let Some(motor) = motor {
+        d.set_row(motor, &motor_change);
+    }
     if estimated {
         let mut sum = 0.0;
         let gains: Vec<f64> = filter.taps.iter().take(filter.taps.len() - 1).map(|tap| (sum += tap, sum).1).collect();
@@ -211,36 +198,4 @@ pub(crate) fn closed_loop(
         }
     }
     if d.iter().all(|x| x.is_finite()) { Ok(d) } else { Err(Error::Eigenvalues { order }) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn a_swing_without_a_spring_is_the_free_puck(log in -6.0..1.5f64, h in 1e-5..1e-1f64) {
-            let (inertia, x) = (6.4e-4, 10f64.powf(log));
-            let oscillator = Oscillator { inertia, damping: x * inertia / h, spring: 0.0 };
-            let (change, push) = oscillator.over(h);
-            prop_assert_eq!([change[0][0], change[1][0]], [0.0, 0.0]);
-            let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
-            prop_assert!(close(change[0][1], h * phi1(x)) && close(change[1][1], (-x).exp_m1()));
-            prop_assert!(close(push[0], h * h / inertia * phi2(x)) && close(push[1], h / inertia * phi1(x)));
-        }
-
-        #[test]
-        fn an_undamped_swing_turns_by_its_angle(angle in 1e-4..20.0f64, h in 1e-5..1e-1f64) {
-            let (inertia, omega) = (6.4e-4, angle / h);
-            let ([[a, b], [c, d]], [z, v]) =
-                Oscillator { inertia, damping: 0.0, spring: inertia * omega * omega }.over(h);
-            let (sin, less) = (angle.sin(), -2.0 * (0.5 * angle).sin().powi(2));
-            let error = [a - less, b * omega - sin, c / omega + sin, d - less];
-            prop_assert!(error.iter().all(|e| e.abs() < 1e-12), "{error:?}");
-            // A held torque moves the rest by τ/k.
-            let k = inertia * omega * omega;
-            prop_assert!((z * k + less).abs() < 1e-12 && (v * k / omega - sin).abs() < 1e-12);
-        }
-    }
 }

@@ -39,6 +39,8 @@ pub(crate) struct Port {
     pub inertia: f64,
     /// The spring of a gripping hand, from the puck to ground, N·m/rad; 0: none.
     pub spring: f64,
+    /// The time constant with which the motor's torque follows its command, s; 0: at once.
+    pub lag: f64,
     pub blocks: Vec<Block>,
     /// Of all couplings at the puck: N·m/rad.
     pub stiffness: f64,
@@ -127,6 +129,7 @@ impl Port {
         let port = Port {
             inertia: part.inertia[0],
             spring: 0.0,
+            lag: 0.0,
             blocks,
             stiffness: own(|l| l.stiffness),
             fixed: own(|l| l.fixed),
@@ -146,6 +149,12 @@ impl Port {
             self.grounded = true;
             self.shifts -= 1;
         }
+        self
+    }
+
+    /// The port with a motor whose torque follows its command with this time constant, s.
+    pub fn lagging(mut self, lag: f64) -> Port {
+        self.lag = lag;
         self
     }
 
@@ -172,6 +181,7 @@ impl Port {
             [inertia / damping, damping / stiffness, (inertia / stiffness).sqrt()]
         };
         let mut all = times(self.inertia, damping + self.fixed, self.stiffness).to_vec();
+        all.push(self.lag);
         all.extend(times(self.inertia, damping, self.stiffness));
         for Block { equations: e, .. } in &self.blocks {
             all.extend((0..e.bodies()).flat_map(|i| times(1.0, e.fixed[(i, i)], e.stiffness[(i, i)])));

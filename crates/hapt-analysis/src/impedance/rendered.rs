@@ -156,6 +156,8 @@ pub struct Resonance {
 pub struct Impedance {
     period: f64,
     lag: Delay,
+    /// The time constant of the motor, s.
+    motor_lag: f64,
     /// Pole and taps of v = (1 - z⁻¹) W z; `None` for the true velocity.
     slope: Option<(f64, Vec<f64>)>,
     transfer: TransferFunction,
@@ -198,6 +200,7 @@ impl Impedance {
         Ok(Impedance {
             period,
             lag: Delay::of_loop(sampling)?,
+            motor_lag: world.device.lag,
             slope: slope(world),
             transfer,
             stiffness,
@@ -268,7 +271,7 @@ impl Impedance {
         let h = self.stiffness - exp_m1(C::new(0.0, phi)) * sum;
         let hold = step / C::new(0.0, phi);
         let late = C::from_polar(1.0, -phi * (self.lag.samples as f64 + self.lag.fraction));
-        self.bounded(h * hold * late, omega)
+        self.bounded(h * hold * late / C::new(1.0, omega * self.motor_lag), omega)
     }
 
     /// K(jω) of the differential equations.

@@ -119,6 +119,15 @@ pub(crate) struct Real {
 }
 
 impl Real {
+    pub const ZERO: Real = Real { c: [0.0; TERMS], rest: 0.0 };
+
+    /// factor · self, for a factor that is not negative.
+    pub fn scaled(mut self, factor: f64) -> Real {
+        self.c.iter_mut().for_each(|c| *c *= factor);
+        self.rest *= factor;
+        self
+    }
+
     /// self + factor · other
     pub fn plus(&self, factor: f64, other: &Real) -> Real {
         let mut sum = *self;

@@ -14,6 +14,18 @@
 //! b² - b m - h ≥ 0,   m = -T Re{Z H/(z - 1)},   h = a (1 - a) T² |H|²/4,   Z = z⁻ᵈ (1 - a + a z⁻¹)
 //! ```
 //!
+//! A motor that follows its command with a time constant τ is the hold of the response r(t) = t - τ + τ e^{-t/τ} to a ramp. The
+//! hand chooses its velocity at φ and at all aliases ω of φ. The form of rank two that H makes of them has the same condition, with
+//! m = -Re{H Y}, h = |H|² (A - |Y|²)/4 and
+//!
+//! ```text
+//! Y = (1 - z⁻¹) Σ r(kT - delay) z⁻ᵏ = z⁻ᵈ⁻¹ (T/(z - 1) + (1 - a) T + W),   W = τ (p (1 - z⁻¹)/(1 - E z⁻¹) - 1)
+//! A = Σ 1/(ω² (1 + ω² τ²)) = T²/(2 - 2 cos φ) - (τT/2) (1 - E²)/|1 - E z⁻¹|²,    E = e^{-T/τ},   p = e^{-(1 - a)T/τ}
+//! A - |Y|² = T²/4 - (τT/2) (1 - E²)/|1 - E z⁻¹|² - |(1/2 - a) T + W|² + T τ p (1 - E) (1 + cos φ)/|1 - E z⁻¹|²
+//! ```
+//!
+//! the last of which has lost the poles at φ = 0 by hand. Without a lag it is a (1 - a) T².
+//!
 //! With H = K + (z - 1) F the static part is a sum of cosines, T K (1/2 + Σ Re z⁻ⁱ, i = 1..d), which is accurate toward φ = 0.
 
 use nalgebra::Complex;
@@ -40,6 +52,10 @@ struct VelocityFilter {
 pub(crate) struct DampingCurve {
     period: f64,
     lag: Delay,
+    /// Time constant of the motor, s.
+    motor: f64,
+    /// Whether the curve is |H| instead.
+    is_gain: bool,
     slope: VelocityFilter,
     stiffness: f64,
     direct: f64,
@@ -80,10 +96,13 @@ fn power(pole: &Pole, n: f64) -> C {
 }
 
 impl DampingCurve {
-    pub fn new(transfer: &TransferFunction, filter: &Filter, lag: Delay, period: f64) -> DampingCurve {
+    /// `motor` is the time constant with which the motor follows its command, s.
+    pub fn new(transfer: &TransferFunction, filter: &Filter, lag: Delay, motor: f64, period: f64) -> DampingCurve {
         let mut curve = DampingCurve {
             period,
             lag,
+            motor,
+            is_gain: false,
             slope: VelocityFilter::of(filter, period),
             stiffness: transfer.stiffness,
             direct: transfer.direct,
@@ -97,9 +116,15 @@ impl DampingCurve {
         curve
     }
 
-    /// The scale of m: T K and all dampers at the puck.
-    pub fn size(transfer: &TransferFunction, period: f64) -> f64 {
-        period * transfer.at_puck[0] + transfer.at_puck[1]
+    /// The curve of |H|, N·m/rad, whose supremum is the largest gain from positions to torques.
+    pub fn gain(transfer: &TransferFunction, filter: &Filter, period: f64) -> DampingCurve {
+        let at_once = Delay { samples: 0, fraction: 0.0 };
+        DampingCurve { is_gain: true, ..DampingCurve::new(transfer, filter, at_once, 0.0, period) }
+    }
+
+    /// The scale of m: T K and all dampers at the puck, more with a lag `motor`.
+    pub fn size(transfer: &TransferFunction, motor: f64, period: f64) -> f64 {
+        (period * transfer.at_puck[0] + transfer.at_puck[1]) * (1.0 + motor / period)
     }
 
     /// Moves the `chosen` poles from the curve to its constant and its cosines, and returns their residues in Z F: ρλ/(z - λ) has the
@@ -198,30 +223,78 @@ impl DampingCurve {
             still.add(C::from(1.0), &moving.times(&slope));
         }
         // `still` is now -F.
+        // -H
+        let whole = || {
+            let mut step = Series::turn(C::from_polar(1.0, phi), 1.0, r);
+            step.c[0] = exp_m1(C::new(0.0, phi));
+            let mut all = Series::constant(C::from(-self.stiffness));
+            all.add(C::from(1.0), &step.times(&still));
+            all
+        };
+        if self.is_gain {
+            let all = whole();
+            return Some((Real::ZERO, all.times(&all.conjugate()).real()));
+        }
         let a = self.lag.fraction;
         let lag = turn(-(self.lag.samples as f64));
         let mut lagged = still.times(&lag);
-        let mut h = Real { c: [0.0; crate::numerics::series::TERMS], rest: 0.0 };
+        let mut h = Real::ZERO;
         if a > 0.0 {
             let mut shifted = lagged.times(&back);
             shifted.c.iter_mut().for_each(|c| *c *= a);
             shifted.rest *= a;
             shifted.add(C::from(1.0 - a), &lagged);
             lagged = shifted;
-            let mut step = Series::turn(C::from_polar(1.0, phi), 1.0, r);
-            step.c[0] = exp_m1(C::new(0.0, phi));
-            let mut all = Series::constant(C::from(-self.stiffness));
-            all.add(C::from(1.0), &step.times(&still));
-            h = all.times(&all.conjugate()).real();
-            let scale = 0.25 * a * (1.0 - a) * self.period * self.period;
-            h.c.iter_mut().for_each(|c| *c *= scale);
-            h.rest *= scale;
+        }
+        let mut late = Series::ZERO;
+        if self.motor > 0.0 {
+            let all = whole();
+            let motor = self.motor_over(&resolvent(-self.period / self.motor, 0.0)?, phi, r);
+            late = all.times(&motor.torque).times(&lag).times(&back);
+            h = all.times(&all.conjugate()).times(&motor.spread).real().scaled(0.25);
+        } else if a > 0.0 {
+            let all = whole();
+            h = all.times(&all.conjugate()).real().scaled(0.25 * a * (1.0 - a) * self.period * self.period);
         }
         let mut m = fir(&self.taps, phi, r);
         m.c[0] += self.constant;
         m.add(C::from(self.period), &lagged);
+        m.add(C::from(1.0), &late);
         Some((m.real(), h))
     }
+
+    /// The terms of the motor's lag over [φ - r, φ + r], `resolvent` being 1/(e^{jru} - E/z0).
+    fn motor_over(&self, resolvent: &Series, phi: f64, r: f64) -> MotorTerms {
+        let (motor, period) = (self.motor, self.period);
+        let rest = (1.0 - self.lag.fraction) * period;
+        let (kept, late) = ((-period / motor).exp(), (-rest / motor).exp());
+        // 1/(1 - E z⁻¹)
+        let inverse = resolvent.times(&Series::turn(C::from(1.0), 1.0, r));
+        let square = inverse.times(&inverse.conjugate());
+        // 1 - z⁻¹
+        let mut step = Series::turn(-C::from_polar(1.0, -phi), -1.0, r);
+        step.c[0] = -exp_m1(C::new(0.0, -phi));
+        let mut torque = Series::constant(C::from(-motor));
+        torque.add(C::from(motor * late), &step.times(&inverse));
+        let mut lead = torque;
+        lead.c[0] += rest - 0.5 * period;
+        // 1 + cos φ
+        let mut cosine = Series::constant(C::from(1.0));
+        cosine.add(C::from(0.5), &Series::turn(C::from_polar(1.0, phi), 1.0, r));
+        cosine.add(C::from(0.5), &Series::turn(C::from_polar(1.0, -phi), -1.0, r));
+        let gone = -(-period / motor).exp_m1();
+        let mut spread = Series::constant(C::from(0.25 * period * period));
+        spread.add(C::from(-0.5 * motor * period * gone * (1.0 + kept)), &square);
+        spread.add(C::from(-1.0), &lead.times(&lead.conjugate()));
+        spread.add(C::from(period * motor * late * gone), &cosine.times(&square));
+        MotorTerms { torque, spread }
+    }
+}
+
+/// W, and A - |Y|².
+struct MotorTerms {
+    torque: Series,
+    spread: Series,
 }
 
 /// Σ taps\[i\] z⁻ⁱ over [φ - r, φ + r].
@@ -246,8 +319,8 @@ mod tests {
         let pole = Pole { ln_abs: f64::NEG_INFINITY, arg: 0.0, gains: [-gain, gain, C::from(0.0), C::from(0.0)] };
         let transfer = TransferFunction { stiffness: 0.0, direct: 0.0, poles: vec![pole], at_puck: [gain.re, 0.0] };
         let filter = Filter { pole: 0.0, taps: Vec::new() };
-        let curve = DampingCurve::new(&transfer, &filter, Delay { samples: 0, fraction: 0.0 }, period);
-        let found = supremum(&curve, DampingCurve::size(&transfer, period)).unwrap();
+        let curve = DampingCurve::new(&transfer, &filter, Delay { samples: 0, fraction: 0.0 }, 0.0, period);
+        let found = supremum(&curve, DampingCurve::size(&transfer, 0.0, period)).unwrap();
         assert!((found.value / (2.0 * mass / period) - 1.0).abs() < 1e-12, "{found:?}");
         assert_eq!(found.at, Some(std::f64::consts::PI));
     }

@@ -5,8 +5,11 @@ pub(crate) mod proof;
 pub mod quantisation;
 pub(crate) mod required;
 pub(crate) mod supremum;
+pub(crate) mod timing;
+pub(crate) mod uneven;
 mod verdict;
 pub mod worst_grip;
 
 pub use required::*;
+pub use uneven::{Uneven, uneven};
 pub use verdict::*;

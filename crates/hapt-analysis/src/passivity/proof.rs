@@ -12,7 +12,7 @@
 //!
 //! **Saturation of the motor** without bodies is such a law too: the saturated sum of springs has a slope of at most K, and dampers
 //! contribute at most B |v_k|, where |v_k| is at most a mean of earlier steps over T. A fraction a of a sample of delay makes the
-//! bound that of (T32) with m = T K (1/2 + d + a) + B.
+//! bound that of (T32) with m = T K (1/2 + d + a) + B, in both cases; a lag of the motor, that of `timing`.
 //!
 //! **At bodies** the energy theorem: where the step, puck held, does not raise the energy S(z, x), and the torque is -∂S/∂z at
 //! its end, the hand's work is the change of S less K δ²/2 at most. `zoh`, `trapezoidal` and `backward-euler` with their
@@ -31,29 +31,56 @@ use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, quantisation};
 use crate::passivity::required::{Requirement, requirement};
+use crate::passivity::timing::Timing;
 use crate::text::short;
 
 /// The reasons why the verdict on the linear loop is not proved for the whole loop.
-pub(crate) fn unproved(world: &World, found: &Requirement) -> Result<Vec<String>, Error> {
+///
+/// `stretch` is the ratio of the damping that sentences name to that of the world: 1, or the longest interval over the period.
+///
+/// # Errors
+/// As [`crate::passivity()`].
+pub(crate) fn unproved(world: &World, found: &Requirement, stretch: f64) -> Result<Vec<String>, Error> {
     let claimed = claimed(world, found);
-    let mut reasons = Vec::new();
-    reasons.extend(estimator(world));
-    reasons.extend(bodies_and_counts(world));
-    reasons.extend(limit(world, claimed)?);
-    reasons.extend(constants(world));
+    let mut reasons = reasons_at_any_time(world);
+    reasons.extend(limit(world, claimed, stretch)?);
     let nonlinear: Vec<&Coupling> = world.couplings.iter().filter(|c| is_nonlinear(c)).collect();
     if !nonlinear.is_empty() {
         if world.sampling.estimator == EstimatorKind::LowPass {
-            reasons.push("a low-pass delays the velocity, and nonlinear couplings have no proof with that".to_string());
+            reasons.push(LOW_PASS.to_string());
         }
         let bodies: Vec<&Coupling> = nonlinear.iter().copied().filter(|c| laws::at_body(c)).collect();
-        let outside =
-            if bodies.is_empty() { at_puck_only(world, claimed)? } else { energy_theorem(world, &bodies, claimed)? };
+        let outside = if bodies.is_empty() {
+            at_puck_only(world, claimed, stretch)?
+        } else {
+            energy_theorem(world, &bodies, claimed, stretch)?
+        };
         reasons.extend(outside);
     }
-    reasons.extend(bristles(world));
     reasons.extend(friction(world, &quantisation(world)?));
     Ok(reasons)
+}
+
+pub(super) const LOW_PASS: &str = "a low-pass delays the velocity, and nonlinear couplings have no proof with that";
+
+pub(super) const BRISTLE: &str =
+    "the sampled bristle of LuGre friction at the puck has no proof beyond its steepest slope";
+
+pub(super) const SATURATION: &str = "the motor's limit cuts the torque on the puck but not its opposite on the bodies: a limit on \
+     every coupling at the puck, together no more than the motor's, would cut both";
+
+pub(super) fn saturated_from(bound: f64) -> String {
+    format!("a motor at its limit is proved passive from a device damping of {} on", short(bound))
+}
+
+/// The reasons that depend neither on times nor on the required damping.
+pub(super) fn reasons_at_any_time(world: &World) -> Vec<String> {
+    let mut reasons = Vec::new();
+    reasons.extend(estimator(world));
+    reasons.extend(bodies_and_counts(world));
+    reasons.extend(constants(world));
+    reasons.extend(bristles(world));
+    reasons
 }
 
 /// An estimator that the proof does not cover.
@@ -94,29 +121,22 @@ fn bodies_and_counts(world: &World) -> Option<String> {
     }
 }
 
-/// The motor limit, where the loop can reach it.
-fn limit(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> {
+/// Whether the loop can ask for more than the motor's limit.
+pub(super) fn may_saturate(world: &World) -> bool {
     let asked: f64 = world.couplings.iter().filter(|c| laws::at_puck(c)).map(laws::most).sum();
-    if world.device.limit.is_none_or(|limit| asked <= limit) {
+    world.device.limit.is_some_and(|limit| asked > limit)
+}
+
+/// The motor limit, where the loop can reach it.
+fn limit(world: &World, claimed: Option<f64>, stretch: f64) -> Result<Option<String>, Error> {
+    if !may_saturate(world) {
         return Ok(None);
     }
     if !world.bodies.is_empty() {
-        return Ok(Some(
-            "the motor's limit cuts the torque on the puck but not its opposite on the bodies: a limit on every coupling at the \
-             puck, together no more than the motor's, would cut both"
-                .to_string(),
-        ));
+        return Ok(Some(SATURATION.to_string()));
     }
-    let bound = demand(at_puck(world, &world.couplings)?, world.sampling.period, Delay::of_loop(&world.sampling)?);
-    Ok(falls_short(claimed, bound)
-        .then(|| format!("a motor at its limit is proved passive from a device damping of {} on", short(bound))))
-}
-
-/// The required damping of position laws with slopes within ±K and dampings of B, saturated or not.
-fn demand([stiffness, damping]: [f64; 2], period: f64, lag: Delay) -> f64 {
-    let late = lag.samples as f64 + lag.fraction;
-    let even = period * stiffness * (0.5 + late) + damping;
-    0.5 * (even + even.hypot((lag.fraction * (1.0 - lag.fraction)).sqrt() * period * stiffness))
+    let bound = Timing::even(world).of_laws(at_puck(world, &world.couplings)?)?;
+    Ok(falls_short(claimed, bound).then(|| saturated_from(bound * stretch)))
 }
 
 /// Constant torques at bodies.
@@ -140,7 +160,7 @@ fn bristles(world: &World) -> Vec<String> {
 }
 
 /// Friction required by quantisation.
-fn friction(world: &World, found: &Quantisation) -> Vec<String> {
+pub(super) fn friction(world: &World, found: &Quantisation) -> Vec<String> {
     let mut reasons = Vec::new();
     if found.lacks_friction() {
         let what = match (world.device.encoder.is_some(), world.device.levels.is_some()) {
@@ -174,11 +194,7 @@ fn falls_short(claimed: Option<f64>, bound: f64) -> bool {
 }
 
 /// Nonlinear couplings between puck and ground in a loop that is linear otherwise.
-fn at_puck_only(world: &World, claimed: Option<f64>) -> Result<Option<String>, Error> {
-    let lag = Delay::of_loop(&world.sampling)?;
-    if lag.fraction > 0.0 {
-        return Ok(Some("nonlinear couplings have no proof under a delay with a fraction of a sample".to_string()));
-    }
+fn at_puck_only(world: &World, claimed: Option<f64>, stretch: f64) -> Result<Option<String>, Error> {
     // A compensating damper and its springs may fall into different groups.
     let couplings = settled(&world.couplings, world.sampling.period);
     let (indices, straight): (Vec<Coupling>, Vec<Coupling>) = couplings.into_iter().partition(is_nonlinear);
@@ -187,22 +203,25 @@ fn at_puck_only(world: &World, claimed: Option<f64>) -> Result<Option<String>, E
             // Coulomb friction at the puck has no finite required damping.
             Kind::Potential | Kind::Linear | Kind::Constant | Kind::Coulomb => {}
             Kind::Lugre => {
-                return Ok(Some(
-                    "the sampled bristle of LuGre friction at the puck has no proof beyond its steepest slope".into(),
-                ));
+                return Ok(Some(BRISTLE.to_string()));
             }
         }
     }
-    let [stiffness, damping] = at_puck(world, &indices)?;
     let Ok(rest) = requirement(world, &straight)?.damping else { return Ok(None) };
-    let bound = rest + world.sampling.period * stiffness * (0.5 + lag.samples as f64) + damping;
+    let bound = rest + Timing::even(world).of_laws(at_puck(world, &indices)?)?;
     Ok(falls_short(claimed, bound).then(|| {
+        let bound = bound * stretch;
         format!("the nonlinear couplings at the puck are proved passive from a device damping of {} on", short(bound))
     }))
 }
 
 /// Nonlinear couplings at bodies: the conditions of the energy theorem.
-fn energy_theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> Result<Option<String>, Error> {
+fn energy_theorem(
+    world: &World,
+    bodies: &[&Coupling],
+    claimed: Option<f64>,
+    stretch: f64,
+) -> Result<Option<String>, Error> {
     let sampling = &world.sampling;
     let lag = Delay::of_loop(sampling)?;
     let outside = |why: &str| Ok(Some(format!("the energy theorem does not cover this nonlinear world: {why}")));
@@ -220,6 +239,9 @@ fn energy_theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> 
     }
     if lag.samples > 0 || lag.fraction > 0.0 {
         return outside("the torque comes late");
+    }
+    if world.device.lag > 0.0 {
+        return outside("the motor's torque lags behind its command");
     }
     if bodies.iter().any(|c| laws::at_puck(c) && laws::is_damped_wall(&c.law)) {
         return outside("a wall with damping stands between the puck and a body");
@@ -241,7 +263,7 @@ fn energy_theorem(world: &World, bodies: &[&Coupling], claimed: Option<f64>) -> 
     let [stiffness, damping] = at_puck(world, &world.couplings)?;
     let bound = 0.5 * sampling.period * stiffness + damping;
     if falls_short(claimed, bound) {
-        return outside(&format!("it begins at a device damping of {}", short(bound)));
+        return outside(&format!("it begins at a device damping of {}", short(bound * stretch)));
     }
     Ok(None)
 }

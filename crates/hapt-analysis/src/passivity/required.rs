@@ -55,6 +55,11 @@ pub enum Cause {
         /// Frequency of the mode.
         hz: f64,
     },
+    /// An undamped mode, and a motor that lags behind its command.
+    MotorLag {
+        /// Frequency of the mode.
+        hz: f64,
+    },
     /// Coulomb friction at the puck.
     Coulomb,
 }
@@ -63,7 +68,7 @@ impl Cause {
     /// The frequency at which the requirement is infinite, if it is one frequency.
     fn at_hz(self) -> Option<f64> {
         match self {
-            Cause::NegativeResidue { hz } | Cause::FractionalDelay { hz } => Some(hz),
+            Cause::NegativeResidue { hz } | Cause::FractionalDelay { hz } | Cause::MotorLag { hz } => Some(hz),
             Cause::Grows { .. } | Cause::GrowsUnseen { .. } | Cause::Coulomb => None,
         }
     }
@@ -89,7 +94,7 @@ pub(crate) fn requirement(world: &World, couplings: &[Coupling]) -> Result<Requi
     let lag = Delay::of_loop(&world.sampling)?;
     let mut worst: Option<Requirement> = None;
     for filter in Filter::of(&world.sampling, period) {
-        let requirement = of_filter(&transfer, &filter, lag, period)?;
+        let requirement = of_filter(&transfer, &filter, lag, world.device.lag, period)?;
         let more = |old: &Requirement| match (requirement.damping, old.damping) {
             (Ok(new), Ok(old)) => new > old,
             (new, old) => new.is_err() && old.is_ok(),
@@ -106,7 +111,13 @@ fn is_neutral(pole: &Pole, period: f64) -> bool {
     pole.ln_abs.abs() < MARGINAL * period && pole.arg != 0.0
 }
 
-fn of_filter(transfer: &TransferFunction, filter: &Filter, lag: Delay, period: f64) -> Result<Requirement, Error> {
+fn of_filter(
+    transfer: &TransferFunction,
+    filter: &Filter,
+    lag: Delay,
+    motor: f64,
+    period: f64,
+) -> Result<Requirement, Error> {
     let band = MARGINAL * period;
     let (seen, neutral) = (|p: &Pole| transfer.has_residue(p, period), |p: &Pole| is_neutral(p, period));
     let hz = |p: &Pole| p.arg.abs() / std::f64::consts::TAU / period;
@@ -120,7 +131,12 @@ fn of_filter(transfer: &TransferFunction, filter: &Filter, lag: Delay, period: f
     {
         return never(Cause::FractionalDelay { hz });
     }
-    let mut curve = DampingCurve::new(transfer, filter, lag, period);
+    if motor > 0.0
+        && let Some(hz) = lowest(&|p| neutral(p) && seen(p))
+    {
+        return never(Cause::MotorLag { hz });
+    }
+    let mut curve = DampingCurve::new(transfer, filter, lag, motor, period);
     curve.drop_poles(|p| p.ln_abs > -band && !(neutral(p) && seen(p)));
     if !transfer.is_finite() {
         return Err(Error::Eigenvalues { order: transfer.poles.len() });
@@ -130,9 +146,30 @@ fn of_filter(transfer: &TransferFunction, filter: &Filter, lag: Delay, period: f
     if let Some(hz) = not_positive.map(|(pole, _)| hz(pole)).reduce(f64::min) {
         return never(Cause::NegativeResidue { hz });
     }
-    let found = supremum(&curve, DampingCurve::size(transfer, period))?;
+    let found = supremum(&curve, DampingCurve::size(transfer, motor, period))?;
     let at_hz = found.at.map(|angle| angle / std::f64::consts::TAU / period);
     Ok(Requirement { damping: Ok(found.value.max(0.0)), at_hz })
+}
+
+/// The supremum of |H| over the unit circle, N·m/rad; `None` where an undamped mode makes it infinite. Where positions move by δ from
+/// sample to sample, the root of the sum of squares of the torques' changes is at most that times the positions'.
+pub(crate) fn largest_gain(world: &World, couplings: &[Coupling]) -> Result<Option<f64>, Error> {
+    let period = world.sampling.period;
+    let mut transfer = transfer(world, couplings, &Slopes::Steep)?;
+    if !transfer.is_finite() {
+        return Err(Error::Eigenvalues { order: transfer.poles.len() });
+    }
+    let seen: Vec<Pole> = transfer.poles.iter().filter(|p| transfer.has_residue(p, period)).copied().collect();
+    if seen.iter().any(|p| p.ln_abs > -MARGINAL * period) {
+        return Ok(None);
+    }
+    transfer.poles = seen;
+    let mut largest = 0.0f64;
+    for filter in Filter::of(&world.sampling, period) {
+        let curve = DampingCurve::gain(&transfer, &filter, period);
+        largest = largest.max(supremum(&curve, DampingCurve::size(&transfer, 0.0, period) / period)?.value);
+    }
+    Ok(Some(largest))
 }
 
 /// Whether a coupling is Coulomb friction at the puck.

@@ -36,7 +36,7 @@ pub fn passivity(world: &World) -> Result<Passivity, Error> {
     let required_damping = found.damping.ok();
     let device_damping = world.device.damping;
     let passive = required_damping.is_some_and(|b| b <= device_damping);
-    let not_proved = proof::unproved(world, &found)?;
+    let not_proved = proof::unproved(world, &found, 1.0)?;
     Ok(Passivity {
         required_damping,
         device_damping,

@@ -98,7 +98,8 @@ impl GripSearch {
                 known.push(part);
             }
         }
-        let ports: Vec<Port> = known.iter().map(Port::new).collect::<Result<_, _>>()?;
+        let ports: Vec<Port> =
+            known.iter().map(|part| Ok(Port::new(part)?.lagging(world.device.lag))).collect::<Result<_, Error>>()?;
         // A port without couplings has no energy to give.
         let ports = ports.into_iter().filter(|port| !port.is_uncoupled()).collect();
         let [stiffness, _] = at_puck(world, &world.couplings)?;

@@ -8,7 +8,7 @@
 //! foh. Half a sample later the torque accelerates the whole loop, at (KT/2 - b)/(J_z + J_w); a whole sample later at
 //! (KT - b)/(J_z + J_w).
 
-use hapt_model::{Method, Output, Sampling, World};
+use hapt_model::{Device, Method, Output, Sampling, World};
 use nalgebra::Complex;
 
 use crate::equations::closed_loop::closed_loop;
@@ -129,7 +129,7 @@ fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stabili
                 Some((_, found)) => found.clone(),
                 None => {
                     let found = match index {
-                        0 => puck_part(&part, &world.sampling, world.device.damping, grip, critical)?,
+                        0 => puck_part(&part, &world.sampling, &world.device, grip, critical)?,
                         _ => decoupled_part(&part, world.sampling.method, period, critical)?,
                     };
                     known.push((part, found.clone()));
@@ -184,13 +184,13 @@ fn decoupled_part(part: &Part, method: Method, period: f64, known: Critical) -> 
 fn puck_part(
     part: &Part,
     sampling: &Sampling,
-    damping: f64,
+    device: &Device,
     grip: &Grip,
     known: Critical,
 ) -> Result<PartResult, Error> {
     let period = sampling.period;
-    let port = Port::new(part)?.gripped(grip.inertia, grip.stiffness);
-    let damping = damping + grip.damping;
+    let port = Port::new(part)?.lagging(device.lag).gripped(grip.inertia, grip.stiffness);
+    let damping = device.damping + grip.damping;
     let (unobservable, _) = spectrum(&port.unobservable, sampling.method, period)?;
     let mut critical = of_part(&port.unobservable, sampling.method, known)?;
     // The differential equation includes the device damping.

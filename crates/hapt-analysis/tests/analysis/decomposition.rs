@@ -77,6 +77,7 @@ proptest! {
         ]),
         middle in any::<bool>(),
         delay in prop::sample::select(vec![0.0, 0.3, 1.0, 2.6]),
+        lag in prop::sample::select(vec![0.0, 0.0, 0.03, 0.7]),
         step in 0.01..0.5f64,
         ratio in -2.0..2.0f64,
         damping in 0.0..0.3f64,
@@ -87,6 +88,7 @@ proptest! {
         world.sampling.estimator = estimator;
         world.sampling.cutoff = Some(0.05 / period);
         world.sampling.delay = hapt_model::Delay::Seconds(delay * period);
+        world.device.lag = lag * period;
         if middle && !method.takes_new_sample_first() {
             world.sampling.output = Output::Middle;
         }

@@ -6,6 +6,7 @@ mod frequencies;
 mod laws;
 mod poles;
 mod proof;
+mod timing;
 
 use hapt_analysis::{Cause, passivity};
 use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Output, Side, Waveform, World};

@@ -164,7 +164,7 @@ pub struct VerdictMessage {
 /// One claim of the certificate.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sentence {
-    /// `held`, `free`, `passive` or `quantisation`.
+    /// `held`, `free`, `passive`, `uneven` or `quantisation`.
     pub what: &'static str,
     /// Whether the claim holds; `None`: marginal, or not proved.
     pub ok: Option<bool>,

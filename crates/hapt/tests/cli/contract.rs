@@ -62,6 +62,7 @@ fn the_fields_are_those_of_the_contract() {
                 "held",
                 "free",
                 "passivity",
+                "uneven",
                 "quantisation",
                 "remedies",
                 "certified",
@@ -78,6 +79,12 @@ fn the_fields_are_those_of_the_contract() {
         assert_eq!(passivity["passive"], enough, "{json}");
         assert_eq!(passivity["proved"], passivity["not_proved"].as_array().unwrap().is_empty());
         keys(&json["quantisation"], &["max_stiffness", "ok"]);
+        let uneven = &json["uneven"];
+        keys(uneven, &["interval_max_s", "delay_s", "lag_s", "required_damping", "passive", "proved", "not_proved"]);
+        // No world here states times or tolerances.
+        for key in ["required_damping", "passive", "proved", "not_proved"] {
+            assert_eq!(uneven[key], passivity[key], "{key}");
+        }
         let names = ["device_damping", "ground_damping", "period_s", "delay_s", "advance", "output", "stiffness_scale"];
         keys(&json["remedies"], &names);
         let holds = |of: &str| json[of]["verdict"] != "unstable";
