@@ -74,7 +74,8 @@ impl Attached {
         }
         let mut device = world.device.clone();
         let asked = std::mem::replace(&mut device.limit, file.device.limit);
-        if device != file.device || world.sampling.delay != file.sampling.delay || world.motion != file.motion {
+        let times = |world: &World| (world.sampling.delay, world.sampling.delay_max, world.sampling.interval_max);
+        if device != file.device || times(world) != times(file) || world.motion != file.motion {
             return Err(self.refusal("device"));
         }
         // The delay belongs to the hardware; given in samples, it would change with the period.
