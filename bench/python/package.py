@@ -3,12 +3,14 @@
 Arguments: hapt-bench, hapt, rounds. In each round everything is timed once, in turns. Prints Markdown.
 """
 
+import os
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from importlib.metadata import version
+from pathlib import Path
 
 import hapt
 import numpy as np
@@ -54,13 +56,20 @@ SAMPLES = 10_001
 STEPS = 200_000
 
 
+def median_of(pieces, call):
+    """Seconds of a call: the median of short pieces, as hapt-bench takes it, so that what else runs here counts little."""
+    return statistics.median(timed(call)[0] for _ in range(pieces)), None
+
+
 def steps():
-    loop = wheel.loop()
-    step = loop.step
-    start = time.perf_counter()
-    for _ in range(STEPS):
-        step(0.5, 0.0)
-    return (time.perf_counter() - start) / STEPS, None
+    step = wheel.loop().step
+
+    def piece():
+        for _ in range(1000):
+            step(0.5, 0.0)
+
+    spent, _ = median_of(STEPS // 1000, piece)
+    return spent / 1000, None
 
 
 def run_of_rust():
@@ -79,26 +88,35 @@ def sweep_of_command():
 
 
 euler = hapt.load("@notes/euler")
+sweeps = {
+    "sweep, command": sweep_of_command,
+    "sweep": lambda: timed(lambda: euler.sweep(AXES, "held_growth_per_s", progress=False)),
+}
+if not Path(HAPT).exists():
+    sweeps = {}
 times, results = in_turns(
     {
         "step, core": lambda: rust(f"step 1 {STEPS}"),
         "step": steps,
         "run, crates": run_of_rust,
-        "run": lambda: timed(wheel.simulate),
-        "sweep, command": sweep_of_command,
-        "sweep": lambda: timed(lambda: euler.sweep(AXES, "held_growth_per_s", progress=False)),
+        "run": lambda: median_of(20, wheel.simulate),
+        **sweeps,
     }
 )
 print("### The package beside the crates\n")
-print("`Loop.step` of one body; the run of 10 s with all columns as arrays; a sweep of 10⁶ held loops beside the whole command with its file.\n")
+load = f"; {os.getloadavg()[0]:.0f} processes wanted to run on {os.cpu_count()} cores meanwhile" if hasattr(os, "getloadavg") else ""
+print(f"In turns, {ROUNDS} rounds{load}: only the ratios mean something. `Loop.step` of one body; the run of 10 s with all columns as arrays, in Python with the summary and on a thread of its own; a sweep of 10⁶ held loops beside the whole command with its file.\n")
 print("| | package | crates | | goal | |\n| --- | --- | --- | --- | --- | --- |")
 over = 1e6 * np.subtract(times["step"], times["step, core"])
 text, middle = quartiles(over)
 print(f"| step, µs | {1e6 * statistics.median(times['step']):.3f} | {1e6 * statistics.median(times['step, core']):.3f} | {text} more | {goal(middle, 0.3)} |")
-for name, other, most in [("run", "run, crates", 1.3), ("sweep", "sweep, command", 1.0)]:
+rows = [("run", "run, crates", 1.3), ("sweep", "sweep, command", 1.0)]
+for name, other, most in [row for row in rows if row[0] in times]:
     text, middle = quartiles(np.divide(times[name], times[other]))
     here, there = (1e3 * statistics.median(times[key]) for key in (name, other))
     print(f"| {name}, ms | {here:.2f} | {there:.2f} | {text} times | {goal(middle, most)} |")
+if not sweeps:
+    print("\nThe command `hapt` was not built here, so there is no sweep beside it.")
 
 # Beside other tools.
 
