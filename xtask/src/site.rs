@@ -21,23 +21,19 @@ const LIVE: &str = "<!-- live: ";
 /// Builds the site and checks it.
 pub fn build() -> Result<()> {
     let mdbook = mdbook()?;
-    let status = Command::new(env!("CARGO"))
-        .args(["build", "--quiet", "--profile", test::PROFILE, "--package", "hapt"])
-        .status()?;
-    ensure!(status.success(), "hapt does not build");
+    let mut report = test::program("hapt")?;
     for folder in [COPY, SITE] {
         if Path::new(folder).exists() {
             fs::remove_dir_all(folder)?;
         }
     }
     let worlds = copy()?;
-    let report = Path::new(COPY).join("report");
-    let mut command = test::binary(test::PROFILE);
+    let reports = Path::new(COPY).join("report");
     ensure!(
-        command.arg("report").args(&worlds).arg("--out").arg(&report).status()?.success(),
+        report.arg("report").args(&worlds).arg("--out").arg(&reports).status()?.success(),
         "no report of {worlds:?}"
     );
-    fs::rename(report.join("live"), Path::new(COPY).join("src/live"))?;
+    fs::rename(reports.join("live"), Path::new(COPY).join("src/live"))?;
     let status = Command::new(mdbook)
         .args(["build", &format!("{COPY}/src"), "--dest-dir"])
         .arg(std::path::absolute(SITE)?)

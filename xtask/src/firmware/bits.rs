@@ -7,24 +7,27 @@ use fastrand::Rng;
 use hapt_core::Method;
 use hapt_model::{Coupling, End, EstimatorKind, Law, Output, World};
 
-use super::{BOARDS, has_tools, on_all_boards, qemu, trace};
+use super::{BOARDS, Extent, has_tools, on_all_boards, qemu, trace};
 use crate::notes::world;
 use crate::truth::worlds;
 
-const SAMPLES: u32 = 100_000;
+/// Samples of each world. Every thousand the supervisor is armed, disarmed, stopped and cleared.
+const SHORT: u32 = 10_000;
+const FULL: u32 = 100_000;
 
 /// Every board makes this machine's bits: of the notes' worlds, and of bent ones, by every method.
-pub fn same() -> Result<()> {
+pub fn same(extent: Extent) -> Result<()> {
     if !has_tools()? {
         return Ok(());
     }
-    let cases = cases()?;
-    let mut file = SAMPLES.to_le_bytes().to_vec();
+    let samples = if extent == Extent::Full { FULL } else { SHORT };
+    let cases = cases(samples)?;
+    let mut file = samples.to_le_bytes().to_vec();
     let mut wanted = Vec::new();
     for (_, bytes) in &cases {
         file.extend((bytes.len() as u32).to_le_bytes());
         file.extend(bytes);
-        let (bare, guarded, _) = trace::sums(bytes, SAMPLES).context("a case that this machine refuses")?;
+        let (bare, guarded, _) = trace::sums(bytes, samples).context("a case that this machine refuses")?;
         wanted.push(format!("{:016x} {:016x}", bare.0, guarded.0));
     }
     let all = on_all_boards("bits", |machine, program| qemu(machine, program, &file, &[]))?;
@@ -35,13 +38,13 @@ pub fn same() -> Result<()> {
             ensure!(got == wanted, "{machine}: {name}: {got}, where this machine has {wanted}");
         }
         let stack = lines.next().unwrap_or_default();
-        println!("        {machine} ({processor}): {} worlds of {SAMPLES} samples, {stack} bytes", cases.len());
+        println!("        {machine} ({processor}): {} worlds of {samples} samples, {stack} bytes", cases.len());
     }
     Ok(())
 }
 
 /// Worlds in a microcontroller's room, none of which runs away.
-fn cases() -> Result<Vec<(String, Vec<u8>)>> {
+fn cases(samples: u32) -> Result<Vec<(String, Vec<u8>)>> {
     let mut cases = Vec::new();
     for path in crate::test::worlds(Path::new("worlds/notes"))? {
         let name = path.file_stem().context("a name")?.to_string_lossy().into_owned();
@@ -61,7 +64,7 @@ fn cases() -> Result<Vec<(String, Vec<u8>)>> {
                 continue;
             }
             let bytes = bytes(&world)?;
-            if trace::sums(&bytes, SAMPLES).is_some_and(|(_, _, finite)| finite) {
+            if trace::sums(&bytes, samples).is_some_and(|(_, _, finite)| finite) {
                 break bytes;
             }
         };

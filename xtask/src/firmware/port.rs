@@ -11,7 +11,7 @@ use hapt_wire::{Command as Said, Order, PROTOCOL, frame};
 
 use super::line::PATIENCE;
 use super::{BUILT, control, has_tools, program};
-use crate::test::binary;
+use crate::test;
 
 /// A wheel on a spring, certified. The board's puck swings by itself and minds no torque: it is not asked for a test of its motor.
 const WORLD: &str = r#"
@@ -81,8 +81,7 @@ pub fn holds() -> Result<()> {
     if !has_tools()? {
         return Ok(());
     }
-    let built = Command::new(env!("CARGO")).args(["build", "--quiet", "--package", "hapt"]).status()?;
-    ensure!(built.success(), "hapt does not build");
+    test::program("hapt")?;
     let folder = std::env::current_dir()?.join(BUILT).join("port");
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder)?;
@@ -168,7 +167,7 @@ impl Ended {
 }
 
 fn hapt_program() -> Result<PathBuf> {
-    let program = PathBuf::from(binary(crate::test::PROFILE).get_program());
+    let program = PathBuf::from(test::binary(test::PROFILE).get_program());
     program.canonicalize().with_context(|| program.display().to_string())
 }
 

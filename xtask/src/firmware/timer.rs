@@ -6,21 +6,24 @@ use hapt_model::EstimatorKind;
 use hapt_wire::{DeviceMessage, Order, Parameter};
 
 use super::line::{Board, PATIENCE};
-use super::{has_tools, program};
+use super::{Extent, has_tools, program};
 use crate::notes::world;
 
 const ICOUNT: [&str; 2] = ["-icount", "shift=5,sleep=off"];
 /// Of the board's clock in a period of 0.1 ms.
 const PERIOD: u32 = 2500;
-const SAMPLES: u64 = 300_000;
+/// Three seconds, and half a minute.
+const SHORT: u64 = 30_000;
+const FULL: u64 = 300_000;
 /// The sample that takes too long, in the program that then stops.
 const SLOW: u64 = 2000;
 
-/// Half a minute at 10 kHz without a sample that takes longer than its period, or comes late.
-pub fn holds() -> Result<()> {
+/// So long at 10 kHz without a sample that takes longer than its period, or comes late.
+pub fn holds(extent: Extent) -> Result<()> {
     if !has_tools()? {
         return Ok(());
     }
+    let samples = if extent == Extent::Full { FULL } else { SHORT };
     let program = program("mps2", "wheel", None)?;
     let mut board = Board::start("mps2-an386", &program, &ICOUNT, false)?;
     let mut wheel = world("released")?;
@@ -33,7 +36,7 @@ pub fn holds() -> Result<()> {
     board.done(Order::Arm { world: hash })?;
     let start = board.sample;
     let mut shown = 0;
-    while board.sample < start + SAMPLES {
+    while board.sample < start + samples {
         let said = board.hear(PATIENCE, |says| match says {
             DeviceMessage::Telemetry(telemetry) => Some(telemetry),
             _ => None,
@@ -50,7 +53,7 @@ pub fn holds() -> Result<()> {
         _ => None,
     })?;
     let most = most.context("no answer to what a sample has taken")?;
-    println!("        mps2-an386 at 10 kHz: {SAMPLES} samples, the longest interrupt {most} of {PERIOD} clocks");
+    println!("        mps2-an386 at 10 kHz: {samples} samples, the longest interrupt {most} of {PERIOD} clocks");
     ensure!(most > 0 && most < PERIOD, "an interrupt took {most} clocks of {PERIOD}");
     Ok(())
 }
