@@ -17,14 +17,13 @@ pub fn holds() -> Result<()> {
     if cfg!(target_os = "linux") {
         stands_alone(&test::target().join(test::PROFILE).join("deps/libhapt_fmi.so"))?;
     }
-    let python = std::path::absolute(tools::environments().join("fmi"))?.join("bin/python");
-    if !python.exists() {
+    let Some(environment) = tools::environment("fmi") else {
         println!("        (importers skipped: no environment of Python; CI=1 installs it)");
         return Ok(());
-    }
-    let mut importers = Command::new(python);
+    };
+    let mut importers = tools::python(&environment)?;
     importers.arg("fmi/tests/importers.py").arg(hapt).arg(test::target().join("fmus"));
-    let said = importers.env("PYTHONDONTWRITEBYTECODE", "1").output()?;
+    let said = importers.output()?;
     let [out, errors] = [&said.stdout, &said.stderr].map(|text| String::from_utf8_lossy(text));
     ensure!(said.status.success(), "{out}{errors}");
     println!("        ({})", out.lines().last().unwrap_or_default());

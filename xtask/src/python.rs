@@ -7,31 +7,44 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{test, tools};
 
-/// In the environment that [`tools::installed`] makes; without it the step is skipped.
+/// All of it.
 pub fn holds() -> Result<()> {
+    is_built()?;
+    works()?;
+    has_types()
+}
+
+/// Builds the wheel and installs it into the environment that [`tools::installed`] makes; without it the steps are skipped.
+pub fn is_built() -> Result<()> {
     let Some(environment) = tools::environment("hapt") else {
         println!(
             "        (skipped: no environment of Python with the packages of xtask/src/tools.rs; CI=1 installs it)"
         );
         return Ok(());
     };
-    let environment = std::path::absolute(environment)?;
-    let python = environment.join("bin/python");
-    install(&environment, test::PROFILE)?;
+    install(&environment, test::PROFILE)
+}
+
+/// Its tests, and the examples of its documentation.
+pub fn works() -> Result<()> {
+    let Some(environment) = tools::environment("hapt") else { return Ok(()) };
+    let words = ["-q", "-p", "no:cacheprovider", "--doctest-modules", "--pyargs", "hapt", "python/tests"];
+    run(module(&environment, "pytest")?.args(words))
+}
+
+/// Its types, by two checkers, and that they are those of the library.
+pub fn has_types() -> Result<()> {
+    let Some(environment) = tools::environment("hapt") else { return Ok(()) };
     let module = |name: &str| module(&environment, name);
-    run(module("pytest").args([
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "--doctest-modules",
-        "--pyargs",
-        "hapt",
-        "python/tests",
-    ]))?;
     let cache = test::target().join("mypy");
-    run(module("mypy").arg("--cache-dir").arg(&cache).args(["python/hapt", "python/tests"]))?;
-    run(module("pyright").arg("--pythonpath").arg(&python))?;
-    run(module("mypy.stubtest").args(["hapt._hapt", "--ignore-disjoint-bases", "--mypy-config-file", "pyproject.toml"]))
+    run(module("mypy")?.arg("--cache-dir").arg(&cache).args(["python/hapt", "python/tests"]))?;
+    run(module("pyright")?.arg("--pythonpath").arg(tools::python(&environment)?.get_program()))?;
+    run(module("mypy.stubtest")?.args([
+        "hapt._hapt",
+        "--ignore-disjoint-bases",
+        "--mypy-config-file",
+        "pyproject.toml",
+    ]))
 }
 
 /// Builds the wheel and installs it into an environment that has maturin.
@@ -40,17 +53,17 @@ pub fn install(environment: &Path, profile: &str) -> Result<()> {
     if wheels.exists() {
         std::fs::remove_dir_all(&wheels)?;
     }
-    run(module(environment, "maturin").args(["build", "--quiet", "--profile", profile, "--out"]).arg(&wheels))?;
+    run(module(environment, "maturin")?.args(["build", "--quiet", "--profile", profile, "--out"]).arg(&wheels))?;
     let wheel = std::fs::read_dir(&wheels)?.next().context("maturin made no wheel")??.path();
     let arguments = ["install", "--quiet", "--no-index", "--no-deps", "--force-reinstall"];
-    run(module(environment, "pip").args(arguments).arg(&wheel))
+    run(module(environment, "pip")?.args(arguments).arg(&wheel))
 }
 
 /// A module of an environment's Python as a command.
-fn module(environment: &Path, name: &str) -> Command {
-    let mut command = Command::new(environment.join("bin/python"));
-    command.args(["-m", name]).env("VIRTUAL_ENV", environment).env("PYTHONDONTWRITEBYTECODE", "1");
-    command
+fn module(environment: &Path, name: &str) -> Result<Command> {
+    let mut command = tools::python(environment)?;
+    command.args(["-m", name]);
+    Ok(command)
 }
 
 fn run(command: &mut Command) -> Result<()> {

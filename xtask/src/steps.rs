@@ -1,4 +1,4 @@
-//! The steps of `cargo xtask test`: run two at a time, each counted and timed.
+//! The steps of `cargo xtask test`: run side by side, each counted and timed.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -10,8 +10,8 @@ use anyhow::{Context, Result};
 
 use crate::spent;
 
-/// Steps that run at the same time. Many of them wait for a browser, an emulator or a line most of their time.
-const LANES: usize = 2;
+/// Steps that run at the same time: one more than two cores, for many wait for a browser, an emulator, a line, or another's build.
+const LANES: usize = 3;
 /// Steps that took less than this, in s, share a row of the table.
 const SHOWN: f64 = 1.0;
 

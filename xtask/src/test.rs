@@ -5,7 +5,7 @@
 //! the page in a browser, the tests of the command line's first steps and bad inputs, and the book.
 //!
 //! Lints, documentation, tests, xtask and the fuzz targets are built in one profile and with one set of features, so that no
-//! dependency is built twice for them. Steps run two at a time; the table at the end shows what each took.
+//! dependency is built twice for them. Steps run side by side; the table at the end shows what each took.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -37,10 +37,13 @@ pub fn run() -> Result<()> {
     ]);
     let Ok(programs) = built(&[]) else { std::process::exit(i32::from(!tally.end())) };
 
-    // The shipped program's build ends in one long link on one core: the tests run beside it.
+    // The shipped program's build ends in one long link on one core: the tests run beside it. So does the Python package's.
     let mut shipped = Command::new(env!("CARGO"));
     shipped.args(["build", "--quiet", "--package", "hapt", "--release"]);
-    let mut steps = vec![Step::command("the program that ships", shipped)];
+    let mut steps = vec![
+        Step::command("the program that ships", shipped),
+        Step::check("the Python package builds", python::is_built),
+    ];
     for program in programs {
         steps.push(Step::tests(program.name(), program.command()));
     }
@@ -55,9 +58,10 @@ pub fn run() -> Result<()> {
     let mut bad_inputs = built(&["cli"])?.into_iter().next().context("there is no test cli")?.command();
     bad_inputs.arg("bad_inputs").env("HAPT_PROGRAM", std::path::absolute(binary("release").get_program())?);
     let mut steps = vec![
-        Step::check("the Python package", python::holds),
+        Step::check("the Python package works", python::works),
         Step::command("the firmware holds on emulated boards", firmware),
         Step::check("the page works in a browser", page::works),
+        Step::check("the Python package's types", python::has_types),
         Step::check("FMUs in the importers of others", fmi::holds),
         Step::check("drives on a CAN bus", vm::drives),
         Step::tests("bad inputs with the program that ships", bad_inputs),
