@@ -4,18 +4,25 @@
 //!   comment `# exit N` on it. Installing and cargo's other commands are left out.
 //! - A `toml` block with a `[loop]` is a world file: it is read, checked and run, and the lines after it find it as
 //!   wheel.toml, or by the name in its first line, `# knob.toml`.
+//! - A line of a `console` block that is followed by a link starts a server: it is started on any free port, prints the link, answers a
+//!   browser, and ends by Ctrl-C.
+//! - A `python` block of README.md is run by Python with the package that its first line imports, beside the `sh` block's files.
 //! - A `text` block below `<!-- output -->` is what the `sh` block before it prints.
 //! - What stands between `<!-- made: NAME -->` and `<!-- end -->` is made by [`reference::tables`].
 //! - Every page is in the table of contents. [`crate::links`] checks the links.
 
+mod scratch;
+
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::{links, reference, test};
+use crate::{links, python, reference};
+use scratch::Scratch;
 
+const README: &str = "README.md";
 const CONTENTS: &str = "docs/SUMMARY.md";
 const OUTPUT: &str = "<!-- output -->";
 /// What a line that is not run begins with.
@@ -23,7 +30,7 @@ const NOT_RUN: [&str; 7] = ["cargo ", "cd ", "git ", "mdbook ", "pip ", "rustup 
 
 /// The pages: README.md and all of docs/.
 pub fn pages() -> Result<Vec<PathBuf>> {
-    let mut pages = vec![PathBuf::from("README.md")];
+    let mut pages = vec![PathBuf::from(README)];
     for entry in fs::read_dir("docs")? {
         pages.extend(Some(entry?.path()).filter(|path| path.extension().is_some_and(|extension| extension == "md")));
     }
@@ -59,11 +66,11 @@ pub fn write() -> Result<()> {
     Ok(())
 }
 
-/// Builds the command line that the pages run.
+/// Builds the command line and the Python package that the pages run.
 fn build() -> Result<()> {
     let status = Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt"]).status()?;
     ensure!(status.success(), "hapt does not build");
-    Ok(())
+    python::is_built()
 }
 
 /// Whether a page shows the present output of its commands, and is in the table of contents.
@@ -108,6 +115,9 @@ fn made(page: &Path) -> Result<String> {
         let at = || format!("the block at line {}", number + 1);
         match language {
             "sh" => printed = scratch.run_all(&body).with_context(at)?,
+            "console" => scratch.serve_all(&body).with_context(at)?,
+            // Those of other pages need what stands around them.
+            "python" if page == Path::new(README) => scratch.python(&body).with_context(at)?,
             "toml" if block.iter().any(|line| line.starts_with("[loop]")) => scratch.world(&body).with_context(at)?,
             _ => {}
         }
@@ -116,74 +126,4 @@ fn made(page: &Path) -> Result<String> {
         shows_output = false;
     }
     Ok(out)
-}
-
-/// A folder in which a page's commands are run.
-struct Scratch(PathBuf);
-
-impl Scratch {
-    fn new(page: &Path) -> Result<Scratch> {
-        let folder = std::env::current_dir()?.join("target/book").join(page.file_stem().context("no name")?);
-        if folder.exists() {
-            fs::remove_dir_all(&folder)?;
-        }
-        for world in test::worlds(Path::new("worlds"))? {
-            let copy = folder.join(&world);
-            fs::create_dir_all(copy.parent().context("no folder")?)?;
-            fs::copy(world, copy)?;
-        }
-        Ok(Scratch(folder))
-    }
-
-    /// Runs the lines of a block, joined where they end with a backslash; what they print.
-    fn run_all(&self, block: &str) -> Result<String> {
-        let mut printed = String::new();
-        for line in
-            block.replace("\\\n", "").lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'))
-        {
-            let line = match line.strip_prefix("cargo run --release") {
-                Some("") => "hapt".to_string(),
-                Some(rest) if rest.starts_with(" -- ") => rest.replacen(" --", "hapt", 1),
-                _ => line.to_string(),
-            };
-            if !NOT_RUN.iter().any(|start| line.starts_with(start)) {
-                let wanted = line.rsplit_once("# exit ").map_or(Ok(0), |(_, code)| code.trim().parse())?;
-                printed += &self.run(&line, &[wanted])?;
-            }
-        }
-        Ok(printed)
-    }
-
-    /// Runs one line, which has to end with one of `codes`.
-    fn run(&self, line: &str, codes: &[i32]) -> Result<String> {
-        let hapt = PathBuf::from(test::binary("release").get_program());
-        let folders = [std::path::absolute(hapt)?.parent().context("no folder")?.to_path_buf()];
-        let path = std::env::var_os("PATH").unwrap_or_default();
-        let path = std::env::join_paths(folders.into_iter().chain(std::env::split_paths(&path)))?;
-        let sh = Command::new("sh")
-            .args(["-c", &format!("exec 2>&1\n{line}")])
-            .env("PATH", path)
-            .current_dir(&self.0)
-            .stdin(Stdio::null())
-            .output()?;
-        let printed = String::from_utf8(sh.stdout)?;
-        let code = sh.status.code().context("ended by a signal")?;
-        ensure!(codes.contains(&code), "{line}: ends with {code}, not {codes:?}\n{printed}");
-        // How far a long search is depends on the machine and the hour.
-        let progress =
-            |line: &&str| (line.contains(" % of ") && line.ends_with(" s left")) || line.ends_with(" s so far");
-        Ok(printed.lines().filter(|line| !progress(line)).map(|line| format!("{line}\n")).collect())
-    }
-
-    /// Writes a world file, checks it and runs its scenarios.
-    fn world(&self, text: &str) -> Result<()> {
-        let name = text.lines().next().and_then(|line| line.strip_prefix("# ")).filter(|name| name.ends_with(".toml"));
-        let name = name.unwrap_or("wheel.toml");
-        fs::write(self.0.join(name), text)?;
-        self.run(&format!("hapt check {name}"), &[0, 1])?;
-        if text.contains("[scenarios.") {
-            self.run(&format!("hapt sim {name}"), &[0])?;
-        }
-        Ok(())
-    }
 }
