@@ -119,6 +119,7 @@ pub struct Device {
 }
 
 impl Device {
+    /// With a scenario whose samples are even.
     pub fn new(world: &World, scenario: Option<&Scenario>) -> Device {
         let mut device = VirtualDevice::new(&world.device_spec());
         if let Some(scenario) = scenario {

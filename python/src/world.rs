@@ -7,7 +7,7 @@ use std::sync::Arc;
 use hapt_analysis::Slopes;
 use hapt_model::{Source, World as Model};
 use numpy::IntoPyArray;
-use pyo3::exceptions::{PyKeyError, PyMemoryError};
+use pyo3::exceptions::{PyKeyError, PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -250,7 +250,14 @@ impl World {
     /// The device alone, with the hand of a scenario or none.
     fn device(&self, py: Python<'_>, scenario: Option<&str>) -> PyResult<Device> {
         let scenario = scenario.map(|name| self.model.scenario(name)).transpose();
-        Ok(Device::new(&self.model, scenario.map_err(|error| of_world(py, error, "device"))?))
+        let scenario = scenario.map_err(|error| of_world(py, error, "device"))?;
+        if let Some(scenario) = scenario.filter(|scenario| scenario.timing != hapt_model::Timing::Even) {
+            let name = &scenario.name;
+            return Err(PyValueError::new_err(format!(
+                "scenario {name:?} has a timing, and step() takes a period each; simulate() plays it as it is"
+            )));
+        }
+        Ok(Device::new(&self.model, scenario))
     }
 
     /// The matrices of world, device and estimator as JSON, see [`analyses::state_spaces`].

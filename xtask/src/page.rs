@@ -212,7 +212,8 @@ fn case(method: Method, rng: &mut Rng) -> Result<Option<Vec<u8>>> {
     let period = world.sampling.period;
     let sine = Drive::Position(Shape::Sine { amplitude: 0.3, frequency: 0.01 / period, phase: 0.0 });
     let hand = Hand { drive: sine, release: None };
-    world.scenarios = vec![Scenario { name: "sine".into(), hand, duration: 3000.0 * period }];
+    world.scenarios =
+        vec![Scenario { name: "sine".into(), hand, duration: 3000.0 * period, timing: Default::default() }];
     let file =
         WorldFile { name: "random.toml".into(), text: world.to_toml(), files: Default::default(), sets: Vec::new() };
     let file = json!(file).to_string();

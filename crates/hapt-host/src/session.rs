@@ -275,6 +275,12 @@ impl Session {
             return Err(format!("{} has no hand that could play it", self.config.device()));
         }
         let scenario = self.config.world.scenario(name).map_err(|error| error.to_string())?;
+        if scenario.timing != hapt_model::Timing::Even {
+            return Err(format!(
+                "scenarios.{name}.timing: a loop in real time samples when its clock says; without `timing` it plays the scenario, and \
+                 `hapt sim` plays it as it is"
+            ));
+        }
         self.hand.play(script(scenario, self.config.world.sampling.period));
         self.scenario = Some((name.into(), self.time + scenario.duration));
         Ok(())

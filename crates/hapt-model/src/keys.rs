@@ -6,6 +6,7 @@ use hapt_core::{HARMONICS, Method, Output, Side};
 
 use crate::dimension::Dimension;
 use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
+use crate::timing::TimingKind;
 use crate::words;
 
 /// One row of the table. A key that means different things to different kinds has a row for each meaning.
@@ -486,6 +487,15 @@ pub const KEYS: &[Key] = &[
 
     key("scenarios", SCENARIOS, Optional, "What is simulated, by name."),
     key("scenarios.*.duration", Quantity(Time, Positive), Required, "How long; at most 10^10 samples."),
+    key("scenarios.*.timing", Table, Optional, "When the samples are truly taken, and how late their commands arrive; absent: every period."),
+    key("scenarios.*.timing.kind", Takes::Name(TimingKind::NAMES), Required,
+        "Every period (even), at random, in a pattern that repeats, or as recorded in a file."),
+    key("scenarios.*.timing.seed", Whole { least: 0, most: u32::MAX as u64, step: 1 }, Number(0.0), "The same seed draws the same intervals and delays.").of(&["random"]),
+    key("scenarios.*.timing.shortest", Quantity(Time, Positive), Depends("as far below the period as interval_max is above, a hundredth of the period at least"),
+        "The shortest interval drawn. Delays are uniform from delay to delay_max, intervals from this or the delay before, whichever is longer, to interval_max.").of(&["random"]),
+    key("scenarios.*.timing.intervals", Takes::Numbers { least: 1, most: MOST_SAMPLES }, Required, "The intervals, in periods; after the last the first comes again.").of(&["pattern"]),
+    key("scenarios.*.timing.delays", Takes::Numbers { least: 1, most: MOST_SAMPLES }, Depends("loop.delay"), "The delay before each interval, in periods; one for all, or as many as intervals.").of(&["pattern"]),
+    key("scenarios.*.timing.file", Text, Required, "A CSV file beside the world file, its header time_s or time_s,delay_s, a line for each sample.").of(&["recorded"]),
     key("scenarios.*.hand", Table, Required, "The human: what drives the puck."),
     key("scenarios.*.hand.kind", Takes::Name(HandKind::NAMES), Required,
         "A shape (step, ramp, sine, path) prescribes the puck's position; torque pushes it, grip holds it through a spring and a damper."),

@@ -8,6 +8,7 @@ use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 use crate::keys::{self, Key};
 use crate::kinds::{CouplingKind, HandKind, ShapeKind};
 use crate::safety::Safety;
+use crate::timing::Timing;
 use crate::world::{Delay, Device, Mounting, Sampling, World};
 
 /// Where a number stands.
@@ -152,6 +153,16 @@ pub(crate) fn hand(hand: &mut Hand) -> (&'static str, NumberSlots<'_>) {
     (kind, slots)
 }
 
+/// A timing's kind and its numbers; those of a pattern are lists.
+pub(crate) fn timing(timing: &mut Timing) -> (&'static str, NumberSlots<'_>) {
+    let kind = timing.kind().name();
+    let slots = match timing {
+        Timing::Random { seed, shortest } => vec![("seed", Whole(seed)), ("shortest", Optional(shortest))],
+        Timing::Even | Timing::Pattern { .. } | Timing::Recorded { .. } => Vec::new(),
+    };
+    (kind, slots)
+}
+
 /// The shape in a hand's `moves`.
 pub(crate) fn moves(hand: &mut Hand) -> Option<&mut Shape> {
     match &mut hand.drive {
@@ -202,6 +213,10 @@ impl World {
                 let scenario = self.scenarios.iter_mut().find(|scenario| scenario.name == name)?;
                 match inner {
                     [] => plain("scenarios.*", vec![("duration", Number(&mut scenario.duration))]),
+                    ["timing"] => {
+                        let (kind, slots) = timing(&mut scenario.timing);
+                        Table { kind: Some(kind), ..plain("scenarios.*.timing", slots) }
+                    }
                     ["hand"] => {
                         let (kind, slots) = hand(&mut scenario.hand);
                         Table { kind: Some(kind), ..plain("scenarios.*.hand", slots) }
@@ -329,6 +344,7 @@ mod tests {
         [scenarios.hold]
         duration = 1
         hand = { kind = "step", to = 1, release = 0.5 }
+        timing = { kind = "random", seed = 7, shortest = 0.6e-3 }
         [scenarios.swing]
         duration = 1
         hand = { kind = "sine", amplitude = 1, frequency = 2 }

@@ -14,6 +14,7 @@ use crate::path::{self, Carries};
 use crate::safety::Safety;
 use crate::source::Source;
 use crate::support;
+use crate::timing::{Timing, TimingKind};
 use crate::waveform;
 use crate::words;
 use crate::world::{Delay, Device, Mounting, Sampling, Scenario, Tolerances, World};
@@ -70,7 +71,7 @@ impl World {
             let context =
                 Context { path: format!("scenarios.{}", entry.key), pattern: "scenarios.*", ..table("scenarios") };
             let fields = Fields::new(context, Some(&entry.node))?;
-            scenarios.push(scenario(entry.key.clone(), &fields, sampling.period, &mut paths)?);
+            scenarios.push(scenario(entry.key.clone(), &fields, &sampling, &mut paths)?);
         }
         Ok(World { title: top.text("title"), motion, sampling, device, safety, names, bodies, couplings, scenarios })
     }
@@ -342,8 +343,14 @@ fn has_spring(damper: &Coupling, all: &[Coupling]) -> bool {
     })
 }
 
-fn scenario(name: String, fields: &Fields<'_>, period: f64, paths: &mut path::Reader<'_>) -> Result<Scenario, Error> {
+fn scenario(
+    name: String,
+    fields: &Fields<'_>,
+    sampling: &Sampling,
+    paths: &mut path::Reader<'_>,
+) -> Result<Scenario, Error> {
     let duration = fields.number("duration")?;
+    let period = sampling.period;
     let samples = (duration / period).round() + 1.0;
     if samples > MOST_SAMPLES {
         let message = format!(
@@ -369,7 +376,22 @@ fn scenario(name: String, fields: &Fields<'_>, period: f64, paths: &mut path::Re
             Drive::Position(shape(&hand, Carries::Position, paths)?)
         }
     };
-    Ok(Scenario { name, duration, hand: Hand { drive, release: hand.optional_number("release")? } })
+    let hand = Hand { drive, release: hand.optional_number("release")? };
+    Ok(Scenario { name, duration, hand, timing: timing(fields, sampling, duration, paths)? })
+}
+
+fn timing(fields: &Fields<'_>, sampling: &Sampling, duration: f64, files: &path::Reader<'_>) -> Result<Timing, Error> {
+    let Some(node) = fields.node("timing") else { return Ok(Timing::Even) };
+    let table = Fields::new(fields.inner("timing", "scenarios.*.timing"), Some(node))?;
+    let timing = Timing::read(&table, kind(&table, TimingKind::from_name)?, sampling, duration, files)?;
+    let samples = duration / timing.shortest(sampling);
+    if samples > MOST_SAMPLES {
+        let message = format!(
+            "{duration:?} s may take {samples:e} samples in the shortest intervals; at most {MOST_SAMPLES:e} are allowed"
+        );
+        return Err(table.error(ErrorKind::Combination, "kind", message));
+    }
+    Ok(timing)
 }
 
 /// The two keys of a grip that opens and takes hold again.

@@ -5,6 +5,7 @@ use hapt_plant::spec::{DeviceSpec, Hand};
 
 use crate::kinds::{EstimatorKind, Motion};
 use crate::safety::Safety;
+use crate::timing::Timing;
 
 /// A world file, read and checked. All numbers are in SI.
 ///
@@ -139,6 +140,8 @@ pub struct Scenario {
     pub duration: f64,
     /// What drives the puck.
     pub hand: Hand,
+    /// When the samples are taken.
+    pub timing: Timing,
 }
 
 impl Delay {

@@ -12,6 +12,7 @@ use crate::kinds::Motion;
 use crate::numbers::{self, NumberSlot, NumberSlots};
 use crate::quantity::percent;
 use crate::safety::Safety;
+use crate::timing::Timing;
 use crate::world::{Mounting, Tolerances, World};
 
 impl World {
@@ -60,6 +61,9 @@ impl World {
             writeln!(f, "\n[scenarios.{}]", scenario.name)?;
             lines(f, table("scenarios.*", vec![("duration", NumberSlot::Number(&mut scenario.duration))]))?;
             writeln!(f, "hand = {}", self.hand(&mut scenario.hand))?;
+            if scenario.timing != Timing::Even {
+                writeln!(f, "timing = {}", self.timing(&mut scenario.timing))?;
+            }
         }
         Ok(())
     }
@@ -95,6 +99,22 @@ impl World {
             Drive::Torque(_) | Drive::Grip { .. } => None,
         });
         rows.extend(numbers::moves(hand).map(|moves| ("moves", self.moves(moves, kind))));
+        inline(&rows)
+    }
+
+    fn timing(&self, timing: &mut Timing) -> String {
+        let lists = match &*timing {
+            Timing::Pattern { intervals, delays } => {
+                let delays = (!delays.is_empty()).then(|| ("delays", format!("{delays:?}")));
+                [Some(("intervals", format!("{intervals:?}"))), delays]
+            }
+            Timing::Recorded { file, .. } => [Some(("file", text(file))), None],
+            Timing::Even | Timing::Random { .. } => [None, None],
+        };
+        let (kind, slots) = numbers::timing(timing);
+        let mut rows = vec![("kind", text(kind))];
+        rows.extend(self.rows("scenarios.*.timing", Some(kind), None, slots));
+        rows.extend(lists.into_iter().flatten());
         inline(&rows)
     }
 

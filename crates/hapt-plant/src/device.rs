@@ -327,7 +327,8 @@ impl VirtualDevice {
         if self.motor.rest == 0.0 && self.next_event > to {
             self.stretch(from, to, self.period);
         } else {
-            self.travel_by_events(from, to);
+            let change = (self.motor.rest > 0.0).then_some((self.motor.rest, None));
+            self.travel_by_events(from, to, self.period, change);
         }
         self.now = to;
         if self.sample > self.script.last && matches!(self.mode, HandMode::Script) {
@@ -335,15 +336,29 @@ impl VirtualDevice {
         }
     }
 
-    /// Advances from event to event: those of the hand, and the motor's change within the period.
-    fn travel_by_events(&mut self, from: f64, to: f64) {
+    /// Advances from this sample to the next, at `to` s on the hand's clock, which comes after `interval` s. After `delay` s, above 0 and
+    /// no more than the interval, the motor holds `command`; with a delay of 0 it holds what it was commanded already. For samples at any times, on a device that is made without a delay; its scenario ends
+    /// with the caller.
+    pub fn travel_uneven(&mut self, interval: f64, to: f64, delay: f64, command: f64) {
+        self.announced = false;
+        let inside = (delay > 0.0 && delay < interval).then_some((delay, Some(command)));
+        self.travel_by_events(self.now, to, interval, inside);
+        (self.sample, self.now) = (self.sample + 1, to);
+        if delay > 0.0 && delay >= interval {
+            self.command(command);
+        }
+    }
+
+    /// Advances from event to event over `length` s: those of the hand, and the motor's change, to a command or to the next of its delay
+    /// line.
+    fn travel_by_events(&mut self, from: f64, to: f64, length: f64, mut change: Option<(f64, Option<f64>)>) {
         let mut now = from;
         // Seconds since `from`: these lengths repeat to the bit, unlike differences of absolute times.
         let mut elapsed = 0.0;
-        let mut change_at = (self.motor.rest > 0.0).then_some(self.motor.rest);
         loop {
+            let change_at = change.map(|(at, _)| at);
             let event_at = (self.next_event < to).then(|| (self.next_event - from).max(elapsed));
-            let end = [change_at, event_at].into_iter().flatten().fold(self.period, f64::min);
+            let end = [change_at, event_at].into_iter().flatten().fold(length, f64::min);
             let change_now = change_at.is_some_and(|at| at <= end);
             let event_now = event_at.is_some_and(|at| at <= end);
             let next = match (event_now, change_now) {
@@ -357,8 +372,10 @@ impl VirtualDevice {
                 self.hand_acts(now);
             }
             if change_now {
-                self.change();
-                change_at = None;
+                match change.take() {
+                    Some((_, Some(command))) => self.command(command),
+                    Some((_, None)) | None => self.change(),
+                }
             }
             if !(event_now || change_now) {
                 break;

@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         // A hand that turns the puck by 0.4 rad in a tenth of a second, and holds it there.
         let turn = Shape::Ramp { to: 0.4, at: 0.0, over: 0.1 };
         let hand = Hand { drive: Drive::Position(turn), release: None };
-        let scenario = Scenario { name: "turn".into(), duration: 1.0, hand };
+        let scenario = Scenario { name: "turn".into(), duration: 1.0, hand, timing: Default::default() };
 
         let mut run = Simulation::new(&world, &scenario)?;
         let mut summary = Summary::new(&world, &run);

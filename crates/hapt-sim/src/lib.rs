@@ -48,6 +48,7 @@ mod csv;
 mod energy;
 mod row;
 mod run;
+mod schedule;
 mod summary;
 
 pub use batch::{LANES, Outcome, run_batch};

@@ -7,7 +7,7 @@ use hapt_plant::Ledger;
 /// One sample: everything at t_k, in SI (rad, rad/s, N·m; linear m, m/s, N). Bodies show x_k.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Row {
-    /// t_k = k T in s.
+    /// t_k in s: k T, or the true time where samples are uneven.
     pub time: f64,
     /// The puck's true position.
     pub puck: f64,

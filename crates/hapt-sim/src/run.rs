@@ -1,9 +1,11 @@
 //! A run: the loop on the exact device, sample after sample.
 
-use hapt_model::{Scenario, World};
+use hapt_model::{Scenario, Timing, World};
 
 use crate::control::Control;
 use crate::row::Row;
+use crate::schedule::{Schedule, Tick};
+use hapt_plant::spec::DeviceSpec;
 use hapt_plant::{Hand, Script, VirtualDevice};
 
 /// Why a run cannot start or continue.
@@ -12,6 +14,14 @@ pub enum Error {
     /// The world cannot be compiled.
     #[error("{0}")]
     Loop(#[from] hapt_core::Error),
+    /// The scenario's timing does not suit the loop.
+    #[error("scenarios.{scenario}.timing: {reason}")]
+    Timing {
+        /// The scenario's name.
+        scenario: String,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
     /// A number has left the range of numbers; the rows before it are good.
     #[error("the run stops being finite at t = {time} s: the loop has run away")]
     NotFinite {
@@ -54,6 +64,8 @@ pub struct Simulation {
     sample: u64,
     rows: u64,
     row: Row,
+    /// Where the samples are not even: when they are taken, and what follows on the last one.
+    uneven: Option<(Schedule, Tick)>,
 }
 
 impl Simulation {
@@ -61,14 +73,24 @@ impl Simulation {
     pub fn new(world: &World, scenario: &Scenario) -> Result<Self, Error> {
         let control = Control::new(&world.spec())?;
         let period = world.sampling.period;
-        let mut device = VirtualDevice::new(&world.device_spec());
+        let even = scenario.timing == Timing::Even;
+        if let Some((key, reason)) = scenario.timing.fault(&world.sampling, scenario.duration) {
+            return Err(Error::Timing { scenario: scenario.name.clone(), reason: format!("{key}: {reason}") });
+        }
+        let spec = world.device_spec();
+        // With uneven samples each command comes with its own delay.
+        let mut device = VirtualDevice::new(&DeviceSpec { delay: if even { spec.delay } else { 0.0 }, ..spec });
+        let schedule = Schedule::new(&scenario.timing, &world.sampling);
+        let rows =
+            if even { rows(scenario.duration, period) } else { schedule.clone().samples_until(scenario.duration) };
         device.begin(&mut script(scenario, period));
         Ok(Simulation {
             control,
             device,
             period,
             sample: 0,
-            rows: rows(scenario.duration, period),
+            rows,
+            uneven: (!even).then_some((schedule, Tick { delay: 0.0, interval: period })),
             row: Row {
                 bodies: vec![(0.0, 0.0); world.bodies.len()],
                 bristles: vec![0.0; world.couplings.len()],
@@ -77,9 +99,14 @@ impl Simulation {
         })
     }
 
-    /// How many rows the whole run has: round(duration/T) + 1.
+    /// How many rows the whole run has: round(duration/T) + 1; with uneven samples those up to the duration.
     pub fn rows(&self) -> u64 {
         self.rows
+    }
+
+    /// Whether a sample is taken every period.
+    pub fn is_even(&self) -> bool {
+        self.uneven.is_none()
     }
 
     fn hand(&self) -> Option<&Hand> {
@@ -107,14 +134,25 @@ impl Simulation {
         if self.sample >= self.rows {
             return None;
         }
-        if self.sample > 0 {
-            self.device.travel();
+        let mut time = self.sample as f64 * self.period;
+        match &mut self.uneven {
+            None if self.sample > 0 => self.device.travel(),
+            None => {}
+            Some((schedule, last)) => {
+                time = schedule.time();
+                if self.sample > 0 {
+                    self.device.travel_uneven(last.interval, time, aligned(last.delay, self.period), self.row.command);
+                }
+                *last = schedule.advance();
+            }
         }
-        let time = self.sample as f64 * self.period;
         let row = &mut self.row;
         let (position, velocity) = self.device.puck();
         let sample = self.control.step(position, velocity, &mut row.bodies, &mut row.bristles);
-        self.device.command(sample.command);
+        let at_once = self.uneven.as_ref().is_none_or(|(_, tick)| aligned(tick.delay, self.period) == 0.0);
+        if at_once {
+            self.device.command(sample.command);
+        }
         row.time = time;
         (row.puck, row.puck_velocity) = (position, velocity);
         (row.measured, row.measured_velocity) = (sample.puck.position, sample.puck.velocity);
@@ -133,6 +171,13 @@ impl Simulation {
 pub fn check(world: &World) -> Result<(), Error> {
     Control::new(&world.spec())?;
     Ok(())
+}
+
+/// A delay of less than a period, within 1e-6 of a whole sample that sample.
+fn aligned(delay: f64, period: f64) -> f64 {
+    let ratio = delay / period;
+    let whole = ratio.round();
+    if (ratio - whole).abs() <= 1e-6 { whole * period } else { ratio * period }
 }
 
 /// The hand of `scenario` on the samples of a loop of this period, in s, for a [`VirtualDevice`].

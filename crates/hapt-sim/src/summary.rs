@@ -43,7 +43,7 @@ impl<'w> Summary<'w> {
             ledger: Ledger::default(),
             limit: world.device.limit.unwrap_or(f64::INFINITY),
             last: Default::default(),
-            growth: run.still_from().and_then(|from| Growth::new(world, from, run.rows())),
+            growth: run.still_from().filter(|_| run.is_even()).and_then(|from| Growth::new(world, from, run.rows())),
         }
     }
 

@@ -42,6 +42,12 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
             "--scenario: only the simulated device (--device sim) has a hand that can play one",
         ));
     }
+    if let Some(scenario) = scenario.as_ref().filter(|scenario| scenario.timing != hapt_model::Timing::Even) {
+        return Err(Failure::input(format!(
+            "--scenario {}: it has a `timing`, and a loop in real time samples when its clock says; `hapt sim` plays it as it is",
+            scenario.name
+        )));
+    }
     let duration = match &args.duration {
         Some(text) => time("--duration", text)?,
         None => scenario.as_ref().map_or(f64::INFINITY, |scenario| scenario.duration),

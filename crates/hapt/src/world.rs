@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hapt_model::{Drive, Shape, Source, World};
+use hapt_model::{Drive, Shape, Source, Timing, World};
 
 use crate::args::WorldArgs;
 use crate::failure::Failure;
@@ -41,7 +41,11 @@ pub fn files(path: &Path, world: &World) -> Vec<(&'static str, PathBuf)> {
         | Drive::Torque(_)
         | Drive::Grip { .. } => None,
     });
-    [("the world", path.to_path_buf())].into_iter().chain(paths).collect()
+    let timings = world.scenarios.iter().filter_map(|scenario| match &scenario.timing {
+        Timing::Recorded { file, .. } => Some(("the recording of a timing", folder.join(file))),
+        Timing::Even | Timing::Random { .. } | Timing::Pattern { .. } => None,
+    });
+    [("the world", path.to_path_buf())].into_iter().chain(paths).chain(timings).collect()
 }
 
 impl Loaded {

@@ -43,7 +43,12 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u6
         At::Free => Drive::Torque(Shape::Step { to: push, at: 0.0 }),
     };
     let release = (at == At::Free).then_some(period);
-    let scenario = Scenario { name: "brute".into(), duration: samples as f64 * period, hand: Hand { drive, release } };
+    let scenario = Scenario {
+        name: "brute".into(),
+        duration: samples as f64 * period,
+        hand: Hand { drive, release },
+        timing: Default::default(),
+    };
     let Ok(mut run) = Simulation::new(&world, &scenario) else { return (Motion::Gone, 0) };
     let (mut first, mut middle, mut end, mut largest) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
     let mut taken = 0;
@@ -80,7 +85,7 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u6
 /// round; not above 0 but for rounding where the loop is passive.
 pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
     let duration = samples as f64 * world.sampling.period;
-    let scenario = Scenario { name: "hand".into(), duration, hand };
+    let scenario = Scenario { name: "hand".into(), duration, hand, timing: Default::default() };
     let Ok(mut run) = Simulation::new(world, &scenario) else { return (0.0, 0) };
     let (mut most, mut taken) = (f64::NEG_INFINITY, 0);
     let (mut stored, mut round, mut last) = (0.0, 0.0, 0.0);

@@ -105,7 +105,10 @@ fn the_documented_example_reads_to_its_numbers() {
     };
     assert!(near(stiffness, 17.7778e-3 * 180.0 / PI) && rest == 0.0);
     let hand = Hand { drive: Drive::Position(Shape::Step { to: FRAC_PI_4, at: 0.0 }), release: None };
-    assert_eq!(world.scenarios, [Scenario { name: "step".to_string(), duration: 10.0, hand }]);
+    assert_eq!(
+        world.scenarios,
+        [Scenario { name: "step".to_string(), duration: 10.0, hand, timing: Default::default() }]
+    );
 }
 
 #[test]

@@ -72,6 +72,84 @@ fn text_that_is_not_toml_is_shown_in_the_same_way() {
 }
 
 #[test]
+fn timings() {
+    let table = [
+        (
+            "kind = \"pattern\", intervals = [1, 2.5]",
+            "scenarios.a.timing.intervals: an interval of 0.005 s is beyond the longest that the loop states, 0.004 s; a larger \
+             loop.interval_max would allow it",
+        ),
+        (
+            "kind = \"pattern\", intervals = [1, 0]",
+            "scenarios.a.timing.intervals: 0.0 is not above 0; intervals are in periods",
+        ),
+        (
+            "kind = \"pattern\", intervals = [1, 0.25], delays = [0.5]",
+            "scenarios.a.timing.delays: the next sample would be taken after 0.0005 s, before the command arrives after 0.001 s; no \
+             interval is shorter than the delay before it",
+        ),
+        (
+            "kind = \"pattern\", intervals = [1], delays = [0.75]",
+            "scenarios.a.timing.delays: a delay of 0.0015 s is not between loop.delay, 0.0 s, and loop.delay_max, 0.001 s",
+        ),
+        (
+            "kind = \"pattern\", intervals = [1, 1, 1], delays = [0, 0]",
+            "scenarios.a.timing.delays: 2 delays for 3 intervals; expected one, or as many",
+        ),
+        (
+            "kind = \"random\", shortest = \"5 ms\"",
+            "scenarios.a.timing.shortest: 0.005 s is above loop.interval_max, 0.004 s",
+        ),
+        (
+            "kind = \"recorded\", file = \"../a.csv\"",
+            "scenarios.a.timing.file: \"../a.csv\" leads out of the world file's folder; a file that a world names must be in that folder \
+             or below it",
+        ),
+    ];
+    check(&table, |timing| {
+        format!(
+            "loop = {{ period = \"2 ms\", interval_max = \"4 ms\", delay_max = \"1 ms\" }}\ndevice = {{ inertia = 1 }}\n[scenarios.a]\n\
+             duration = 1\nhand = {{ kind = \"step\", to = 1 }}\ntiming = {{ {timing} }}\n"
+        )
+    });
+}
+
+#[test]
+fn recordings_of_samples() {
+    let read = |csv: &str| {
+        let text = "loop = { period = \"2 ms\", interval_max = \"4 ms\", delay_max = \"1 ms\" }\ndevice = { inertia = 1 }\n[scenarios.a]\n\
+                    duration = \"6 ms\"\nhand = { kind = \"step\", to = 1 }\ntiming = { kind = \"recorded\", file = \"t.csv\" }\n";
+        let mut source = Source::from_text("w.toml", text);
+        source.files.insert("t.csv".into(), csv.into());
+        World::read(&source, &[]).map_err(|error| error.to_string())
+    };
+    let timing = read("# a run\ntime_s,delay_s\n5,0\n5.002,1e-3\n5.006,0\n").unwrap().scenarios[0].timing.clone();
+    let samples = vec![(5.0, Some(0.0)), (5.002, Some(1e-3)), (5.006, Some(0.0))];
+    assert_eq!(timing, hapt_model::Timing::Recorded { file: "t.csv".into(), samples });
+    let said = |csv: &str| read(csv).unwrap_err().lines().take(2).collect::<Vec<_>>().join("");
+    assert_eq!(
+        said("time_s\n0\n0.002\n0.0015\n"),
+        "scenarios.a.timing.file: 0.0015 s does not come after 0.002 s; times must increase --> t.csv:4:1"
+    );
+    assert_eq!(
+        said("time_s\n0\n0.005\n"),
+        "scenarios.a.timing.file: an interval of 0.005 s is beyond the longest that the loop states, 0.004 s; a larger loop.interval_max \
+         would allow it --> t.csv:3:1"
+    );
+    assert_eq!(
+        said("time_s,delay_s\n0,0.002\n"),
+        "scenarios.a.timing.file: a delay of 0.002 s is not between loop.delay, 0.0 s, and loop.delay_max, 0.001 s --> t.csv:2:1"
+    );
+    assert_eq!(
+        said("time_s\n0\n0.002\n"),
+        "scenarios.a.timing.file: the recording lasts 0.002 s, and the scenario 0.006 s; a duration of 0.002 s is the longest --> w.toml:6:38"
+    );
+    assert!(said("time\n0\n").starts_with("scenarios.a.timing.file: a recording of samples begins with its header"));
+    assert!(said("time_s\n0\n").starts_with("scenarios.a.timing.file: the file ends here"));
+    assert!(said("time_s\n0\nx\n").contains("is not finite numbers"));
+}
+
+#[test]
 fn uneven_time_and_tolerances() {
     let device = |given: &str| format!("[loop]\nperiod = \"2 ms\"\n[device]\n{given}\n");
     check(

@@ -5,7 +5,7 @@ use std::path::Path;
 use hapt_model::keys::PHYSICAL;
 use hapt_model::{
     Body, Coupling, Damping, Delay, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Mounting, Output,
-    Safety, Sampling, Scenario, Shape, Side, Source, Switching, Tolerances, Waveform, World,
+    Safety, Sampling, Scenario, Shape, Side, Source, Switching, Timing, Tolerances, Waveform, World,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -143,6 +143,25 @@ fn uneven() -> impl Strategy<Value = (Option<f64>, Option<(f64, bool)>)> {
     (option::of(1.0..10.0), option::of((1.0..8.0, any::<bool>())))
 }
 
+/// A timing that suits the loop.
+fn timing(sampling: &Sampling) -> impl Strategy<Value = Timing> + use<> {
+    let (longest, delay) = (sampling.interval_max_s() / sampling.period, sampling.delay_s() / sampling.period);
+    let (period, late) = (sampling.period, sampling.delay_max_s() > sampling.period);
+    (0..4, any::<u32>(), vec(0.1f64..1.0, 1..5), option::of(0.5f64..1.0)).prop_map(
+        move |(kind, seed, parts, shortest)| {
+            let intervals: Vec<f64> =
+                parts.iter().map(|part| delay.max(0.1) + (longest - delay.max(0.1)) * part).collect();
+            match kind {
+                _ if late => Timing::Even,
+                0 => Timing::Even,
+                1 => Timing::Random { seed, shortest: shortest.map(|part| part * period) },
+                2 => Timing::Pattern { intervals, delays: vec![] },
+                _ => Timing::Pattern { delays: vec![delay; intervals.len()], intervals },
+            }
+        },
+    )
+}
+
 fn tolerances() -> impl Strategy<Value = Tolerances> {
     let some = || prop_oneof![Just(0.0), Just(0.2), 1e-9..1.0];
     let all = || prop_oneof![Just(1.0), some()];
@@ -220,15 +239,16 @@ fn world() -> impl Strategy<Value = World> {
     (select(vec![Motion::Rotary, Motion::Linear]), sampling(), vec(body, 0..4), title)
         .prop_flat_map(|(motion, sampling, bodies, title)| {
             let couplings = couplings(bodies.len(), !sampling.method.is_explicit());
-            let scenarios = vec((0.0..1e9, hand()), 0..4);
+            let scenarios = vec((0.0..1e9, hand(), timing(&sampling)), 0..4);
             (Just((motion, sampling, bodies, title)), (device(motion), safety()), couplings, scenarios)
         })
         .prop_map(|((motion, sampling, bodies, title), (device, safety), couplings, scenarios)| {
             let names = ["z-w", "A_1", "x", "y"].map(String::from).into_iter().take(bodies.len()).collect();
-            let scenario = |(index, (samples, hand)): (usize, (f64, Hand))| Scenario {
+            let scenario = |(index, (samples, hand, timing)): (usize, (f64, Hand, Timing))| Scenario {
                 name: format!("{index}-s"),
                 duration: (samples + 1.0) * sampling.period,
                 hand,
+                timing,
             };
             let scenarios = scenarios.into_iter().enumerate().map(scenario).collect();
             World { title, motion, sampling, device, safety, names, bodies, couplings, scenarios }

@@ -59,7 +59,7 @@ pub fn spring(first: End, second: End, stiffness: f64) -> Coupling {
 }
 
 pub fn scenario(duration: f64, drive: Drive, release: Option<f64>) -> Scenario {
-    Scenario { name: "test".into(), duration, hand: Hand { drive, release } }
+    Scenario { name: "test".into(), duration, hand: Hand { drive, release }, timing: Default::default() }
 }
 
 pub fn step(to: f64, at: f64) -> Drive {

@@ -187,7 +187,7 @@ fn shape() -> impl Strategy<Value = Shape> {
 }
 
 /// A wheel on a spring, a wall and a detent at the puck, on a device with friction and delay, in any hand.
-fn random_run() -> impl Strategy<Value = (World, Scenario)> {
+pub fn random_run() -> impl Strategy<Value = (World, Scenario)> {
     let scale = |shape: Shape, factor: f64| match shape {
         Shape::Step { to, at } => Shape::Step { to: factor * to, at },
         Shape::Ramp { to, at, over } => Shape::Ramp { to: factor * to, at, over },

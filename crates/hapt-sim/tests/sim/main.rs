@@ -13,4 +13,5 @@ mod linearisation;
 mod notes;
 mod published;
 mod switching;
+mod uneven;
 mod virtual_device;

@@ -39,7 +39,7 @@ impl Hand {
             moves: Shape::Step { to: self.to, at: 0.0 },
             switching: self.hold_and_open.map(|(hold, open)| Switching { hold, open }),
         };
-        Scenario { name: name.into(), duration, hand: Model { drive, release: None } }
+        Scenario { name: name.into(), duration, hand: Model { drive, release: None }, timing: Default::default() }
     }
 }
 

@@ -41,7 +41,12 @@ impl Motion {
     /// The scenario that shows it; its path is the file `file`.
     pub fn scenario(&self, name: &str, file: &str, duration: f64) -> Scenario {
         let shape = Shape::Path { file: file.into(), points: self.points.clone() };
-        Scenario { name: name.into(), duration, hand: Model { drive: Drive::Position(shape), release: None } }
+        Scenario {
+            name: name.into(),
+            duration,
+            hand: Model { drive: Drive::Position(shape), release: None },
+            timing: Default::default(),
+        }
     }
 
     /// Its largest distance from its start.

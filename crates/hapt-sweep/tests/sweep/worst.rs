@@ -195,7 +195,7 @@ fn pressed(stiffness: f64, depth: f64, samples: u32, push: f64) -> (World, Scena
     world.sampling.delay = hapt_model::Delay::Seconds(f64::from(samples) * period);
     world.device.damping = required_damping(&world).unwrap().unwrap() * (1.0 + 1e-9);
     let hand = Hand { drive: Drive::Torque(Shape::Step { to: push, at: 0.0 }), release: None };
-    (world, Scenario { name: "push".into(), duration: 1000.0 * period, hand })
+    (world, Scenario { name: "push".into(), duration: 1000.0 * period, hand, timing: Default::default() })
 }
 
 proptest! {

@@ -1,0 +1,148 @@
+//! Samples that are not even: at random, in patterns, as recorded.
+
+use crate::common::{bare, rows, scenario, spring};
+use crate::device::random_run;
+use hapt_model::*;
+use hapt_sim::{Error, Simulation};
+use proptest::prelude::*;
+
+/// A hand on straight lines through random points, at random times.
+fn path() -> impl Strategy<Value = Drive> {
+    prop::collection::vec((2e-4_f64..6e-3, -0.3_f64..0.3), 3..60).prop_map(|steps| {
+        let mut time = 0.0;
+        let mut points = vec![(0.0, 0.0)];
+        points.extend(steps.into_iter().map(|(after, place)| {
+            time += after;
+            (time, place)
+        }));
+        Drive::Position(Shape::Path { file: String::new(), points })
+    })
+}
+
+/// A spring on the puck, its device at `share` of the damping that THEORY asks for at these intervals and delays.
+fn spring_at(stiffness: f64, longest: f64, late: f64, share: f64) -> World {
+    let mut world = bare();
+    world.sampling.interval_max = Some(longest);
+    world.sampling.delay_max = Some(hapt_model::Delay::Seconds(late));
+    let a = late / longest;
+    let q = 1.0 + 2.0 * a;
+    world.device.damping = share * stiffness * longest / 4.0 * (q + (q * q + 4.0 * a * (1.0 - a)).sqrt());
+    world.couplings = vec![spring(End::Puck, End::Ground, stiffness)];
+    world
+}
+
+fn timed(drive: Drive, timing: Timing) -> Scenario {
+    Scenario { timing, ..scenario(0.1, drive, None) }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(60))]
+
+    #[test]
+    fn a_pattern_of_even_intervals_has_the_bits_of_the_even_run(
+        run in random_run(), delays in 0.0_f64..=1.0, whole in any::<bool>(), told in any::<bool>(),
+    ) {
+        let (mut world, even) = run;
+        let delay = if whole { 1.0 } else { delays };
+        world.sampling.delay = hapt_model::Delay::Seconds(delay * world.sampling.period);
+        let intervals = vec![1.0; if told { 3 } else { 1 }];
+        let delays = if told { vec![delay; 3] } else { vec![] };
+        let uneven = Scenario { timing: Timing::Pattern { intervals, delays }, ..even.clone() };
+        let (even, uneven) = (rows(&world, &even), rows(&world, &uneven));
+        prop_assert_eq!(even.len(), uneven.len());
+        for (even, uneven) in even.iter().zip(&uneven) {
+            prop_assert_eq!(even, uneven);
+        }
+    }
+
+    #[test]
+    fn random_samples_keep_their_bounds_and_come_again_with_their_seed(
+        seed in any::<u32>(), longest in 1.0_f64..3.0, late in 0.0_f64..=1.0, shortest in prop::option::of(0.05_f64..1.0), drive in path(),
+    ) {
+        let world = spring_at(2.0, 1e-3 * longest, 1e-3 * late, 1.0);
+        let scenario = timed(drive, Timing::Random { seed, shortest: shortest.map(|part| 1e-3 * part) });
+        let run = rows(&world, &scenario);
+        let least = shortest.unwrap_or((2.0 - longest).max(0.01)) * 1e-3;
+        let inside = |x: f64| (least * (1.0 - 1e-9)..=1e-3 * longest * (1.0 + 1e-9)).contains(&x);
+        prop_assert!(run.windows(2).all(|pair| inside(pair[1].time - pair[0].time)));
+        prop_assert!(run[0].time == 0.0 && run[run.len() - 1].time <= 0.1 + 1e-9);
+        prop_assert!(run[run.len() - 1].time > 0.1 - 1e-3 * longest - 1e-9);
+        prop_assert_eq!(&run, &rows(&world, &scenario));
+    }
+
+    /// b = K T_max/2 without a delay, and with delays up to D the larger bound: no hand draws energy, whatever the pattern.
+    #[test]
+    fn at_the_bound_no_hand_draws_energy_under_any_pattern(
+        seed in any::<u32>(), drive in path(), stiffness in 0.1_f64..20.0, longest in 1.0_f64..3.0,
+        late in prop_oneof![Just(0.0), 0.0_f64..1.0], random in any::<bool>(), parts in prop::collection::vec(0.0_f64..=1.0, 1..6),
+    ) {
+        let world = spring_at(stiffness, 1e-3 * longest, 1e-3 * late, 1.0);
+        let intervals: Vec<f64> = parts.iter().map(|part| late.max(0.1) + (longest - late.max(0.1)) * part).collect();
+        let delays = parts.iter().rev().map(|part| late * part).collect();
+        let timing = match random {
+            true => Timing::Random { seed, shortest: Some(1e-4) },
+            false => Timing::Pattern { intervals, delays },
+        };
+        for row in rows(&world, &timed(drive, timing)) {
+            // The hand's work beyond the puck's own motion; without friction it is this.
+            let drawn = row.ledger.motor - row.ledger.damping;
+            prop_assert!(drawn <= 1e-9 * row.ledger.damping, "{drawn} of {:?} at {}", row.ledger, row.time);
+        }
+    }
+
+    #[test]
+    fn below_the_bound_a_hand_draws_under_the_longest_intervals(stiffness in 0.1_f64..20.0, longest in 1.0_f64..3.0) {
+        let world = spring_at(stiffness, 1e-3 * longest, 0.0, 0.9);
+        // To and fro, turning where the samples are.
+        let points = (0..100).map(|i| (f64::from(i) * longest * 1e-3, if i % 2 == 1 { 0.1 } else { 0.0 })).collect();
+        let drive = Drive::Position(Shape::Path { file: String::new(), points });
+        let last = rows(&world, &timed(drive.clone(), Timing::Pattern { intervals: vec![longest], delays: vec![] })).pop().unwrap();
+        prop_assert!(last.ledger.motor > 1.01 * last.ledger.damping, "{:?}", last.ledger);
+        if longest > 1.2 {
+            let even = rows(&world, &timed(drive, Timing::Even)).pop().unwrap();
+            prop_assert!(even.ledger.motor < even.ledger.damping, "the same device is passive where the period is kept: {:?}", even.ledger);
+        }
+    }
+
+    #[test]
+    fn a_recording_of_a_pattern_is_that_pattern(
+        drive in path(), parts in prop::collection::vec((0.2_f64..2.0, 0.0_f64..1.0), 1..6), shift in -5.0_f64..5.0,
+    ) {
+        let world = spring_at(1.0, 2e-3, 1e-3, 1.0);
+        let (intervals, delays): (Vec<f64>, Vec<f64>) = parts.iter().map(|&(x, part)| (x, part * x.min(1.0))).unzip();
+        let mut samples = vec![];
+        let mut time = shift;
+        for i in (0..parts.len()).cycle() {
+            samples.push((time, Some(delays[i] * 1e-3)));
+            if time - shift > 0.11 {
+                break;
+            }
+            time += intervals[i] * 1e-3;
+        }
+        let pattern = rows(&world, &timed(drive.clone(), Timing::Pattern { intervals, delays }));
+        let recorded = rows(&world, &timed(drive, Timing::Recorded { file: String::new(), samples }));
+        for (a, b) in pattern.iter().zip(&recorded) {
+            prop_assert!((a.time - b.time).abs() < 1e-12 && (a.puck - b.puck).abs() < 1e-9 && (a.applied - b.applied).abs() < 1e-9);
+        }
+    }
+}
+
+/// A sweep may change a loop so that a timing no longer suits it.
+#[test]
+fn a_timing_that_does_not_suit_the_loop_is_refused() {
+    let mut world = spring_at(1.0, 2e-3, 0.0, 1.0);
+    world.sampling.delay_max = None;
+    let hold = || Drive::Position(Shape::Step { to: 0.0, at: 0.0 });
+    let scenario = timed(hold(), Timing::Pattern { intervals: vec![0.4, 2.0], delays: vec![] });
+    assert!(Simulation::new(&world, &scenario).is_ok());
+    world.sampling.delay = hapt_model::Delay::Seconds(0.5e-3);
+    let said = |world: &World| match Simulation::new(world, &scenario) {
+        Err(error @ Error::Timing { .. }) => error.to_string(),
+        other => panic!("{:?}", other.map(|run| run.rows())),
+    };
+    assert!(said(&world).contains("before the command arrives"), "{}", said(&world));
+    world.sampling.delay = hapt_model::Delay::Seconds(1.5e-3);
+    assert!(said(&world).contains("is longer than the period"), "{}", said(&world));
+    (world.sampling.delay, world.sampling.interval_max) = (hapt_model::Delay::Seconds(0.0), None);
+    assert!(said(&world).contains("a larger loop.interval_max"), "{}", said(&world));
+}
