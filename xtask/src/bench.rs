@@ -29,15 +29,16 @@ pub fn command(words: &[String]) -> Result<()> {
         ["realtime", "--write"] => realtime::alone(true),
         ["--guards"] => guards(false),
         ["--guards", "--write"] => guards(true),
-        ["python"] => package::alone(25),
-        ["python", "--short"] => package::alone(2),
+        ["python"] => package::alone(25, false),
+        ["python", "--short"] => package::alone(2, false),
+        ["python", "--write"] => package::alone(25, true),
         ["scale"] => package::scale("1e8", false),
         ["scale", "--short"] => package::scale("1e6", false),
         ["scale", "--write"] => package::scale("1e8", true),
         ["drive"] => drive("python3"),
         ["drive", python] => drive(python),
         _ => bail!(
-            "cargo xtask bench [realtime] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short], or scale [--short|--write]"
+            "cargo xtask bench [realtime] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short|--write], or scale [--short|--write]"
         ),
     }
 }

@@ -47,7 +47,7 @@ cargo xtask identify  the intervals of hapt identify on random devices: [mixed|g
 cargo xtask book      checks the book's commands, worlds, outputs and links; --write makes its outputs and tables;
                       --site builds it with mdbook into book/, with interactive worlds
 cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone;
-                      drive [PYTHON]: an exchange with a motor drive, beside its makers' own library's; python [--short]: the
+                      drive [PYTHON]: an exchange with a motor drive, beside its makers' own library's; python [--short|--write]: the
                       Python package beside the crates and other tools; scale [--short]: a sweep of 1e8 loops in shards; with
                       --write, into docs/scale.md
 cargo xtask guest     the drives on a CAN bus, in an emulated machine; with a line of shell, that

@@ -6,19 +6,24 @@ use std::process::Command;
 
 use anyhow::Result;
 
-use super::{Bench, PAIRS, output};
+use super::{Bench, PAGE, PAIRS, output};
 
 const SCALE: &str = "docs/scale.md";
+const BLOCK: &str = "cargo xtask bench python";
 
 /// What is installed beside the package; Drake has no wheel for some systems.
 const NEEDED: [&str; 4] = ["maturin==1.16.0", "numpy==2.4.6", "pyarrow==26.0.1", "scipy==1.17.1"];
 const BESIDE: [&str; 4] = ["control==0.10.2", "pathsim==0.27.1", "mujoco==4.0.0", "drake==1.51.1"];
 
-/// Prints the tables alone, of so many rounds.
-pub(super) fn alone(rounds: usize) -> Result<()> {
+/// Prints the tables alone, of so many rounds; with `write`, into the page.
+pub(super) fn alone(rounds: usize, write: bool) -> Result<()> {
     let bench = Bench::of_one("package")?;
     output(Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt"]))?;
-    println!("{}", bench.tables(rounds)?);
+    let text = bench.tables(rounds)?;
+    println!("{text}");
+    if write {
+        into(PAGE, BLOCK, &text)?;
+    }
     Ok(())
 }
 
@@ -29,10 +34,15 @@ pub(super) fn scale(loops: &str, write: bool) -> Result<()> {
     let text = output(Command::new(python).arg("bench/python/scale.py").args([loops, &processes]))?;
     println!("{text}");
     if write {
-        let page = fs::read_to_string(SCALE)?;
-        fs::write(SCALE, crate::marked::replaced(&page, "cargo xtask bench scale", text.trim_end())?)?;
+        into(SCALE, "cargo xtask bench scale", &text)?;
     }
     Ok(())
+}
+
+/// A block of a page, made anew.
+fn into(page: &str, block: &str, text: &str) -> Result<()> {
+    let old = fs::read_to_string(page)?;
+    Ok(fs::write(page, crate::marked::replaced(&old, block, text.trim_end())?)?)
 }
 
 /// The Python of an environment with the package and what it is compared with.
@@ -58,7 +68,8 @@ fn environment(folder: &Path) -> Result<PathBuf> {
 impl Bench {
     /// The tables as a part of the page.
     pub(super) fn package(&self) -> Result<String> {
-        Ok(format!("\n## The Python package\n\n{}", self.tables(PAIRS)?))
+        let tables = self.tables(PAIRS)?;
+        Ok(format!("\n## The Python package\n\n<!-- {BLOCK} -->\n\n{}\n<!-- end -->\n", tables.trim_end()))
     }
 
     fn tables(&self, rounds: usize) -> Result<String> {
