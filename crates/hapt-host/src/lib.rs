@@ -2,6 +2,7 @@
 //!
 //! [`Session`] is the state machine of a loop: it holds the world, arms and disarms it, sets keys, moves a simulated hand and records. It
 //! takes a [`WorldConfig`] (a world file and what is set over it) and a [`Machine`] (what runs it), and is advanced by [`Session::poll`].
+//! `device` opens a machine by its address, such as `sim` or `moteus:/dev/ttyACM0`.
 //! `hapt run` and `hapt live` are both thin layers over it.
 //!
 //! [`PageSession`] is a session with pages: it takes their [`messages`], and gives messages and telemetry [`frames`] for them.
@@ -28,11 +29,15 @@
 //! }
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+// Every match names all variants, so that a new one does not compile by default.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 mod attached;
 #[cfg(not(target_family = "wasm"))]
 pub mod board;
 mod config;
+#[cfg(not(target_family = "wasm"))]
+pub mod device;
 pub mod frames;
 mod hand;
 pub mod keys;
@@ -51,6 +56,8 @@ mod testing;
 mod worker;
 
 pub use config::{Rule, WorldConfig};
+#[cfg(not(target_family = "wasm"))]
+pub use device::{DeviceAddress, DeviceError};
 pub use hand::VirtualHand;
 pub use keys::SettableKey;
 pub use machine::{Backend, Error, Machine};

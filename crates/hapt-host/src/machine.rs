@@ -3,6 +3,8 @@
 use std::io;
 
 use hapt_core::SafetyProfile;
+#[cfg(not(target_family = "wasm"))]
+use hapt_core::{Phase, Reason};
 use hapt_model::World;
 use hapt_rt::{Device, Failure, Hands, Settings, SimulatedDevice};
 
@@ -10,15 +12,15 @@ use crate::config::WorldConfig;
 use crate::local::LocalLoop;
 use crate::runner::Runner;
 
-/// What a session drives, and how.
+/// What runs the loop of a session, and its safety profile.
 pub struct Machine {
-    /// As it is named on the command line: `sim`, `moteus:/dev/ttyACM0`.
+    /// Its address: `sim`, `moteus:/dev/ttyACM0#1`.
     pub name: String,
     /// What runs the loop.
     pub backend: Backend,
     /// What moves the hand of a simulated device; `None` for a real one.
     pub hands: Option<Hands>,
-    /// How the supervisor guards. With [`SafetyProfile::Certified`] no key is set to a value that is not certified.
+    /// The supervisor's profile. With [`SafetyProfile::Certified`] no key is set to a value that is not certified.
     pub profile: SafetyProfile,
 }
 
@@ -28,7 +30,7 @@ pub enum Backend {
     Local {
         /// Started, and without a torque.
         device: Box<dyn Device>,
-        /// What the thread asks of the system.
+        /// The scheduling of the thread.
         settings: Settings,
     },
     /// Wherever [`crate::Session::poll`] is called: each call takes the samples that are due then.
@@ -39,7 +41,7 @@ pub enum Backend {
     /// On a board, which receives the world.
     #[cfg(not(target_family = "wasm"))]
     Board {
-        /// Greeted, and disarmed.
+        /// After the handshake, disarmed.
         link: Box<crate::board::Link>,
         /// The time between two samples of telemetry, in s; the line may carry fewer. 0: every sample.
         every: f64,
@@ -67,6 +69,21 @@ impl Machine {
     /// The same without a thread, for a page: [`Backend::Stepped`].
     pub fn stepped(world: &World) -> Self {
         Machine::simulation(world, |device| Backend::Stepped { device })
+    }
+
+    /// Clears the fault that an earlier session has left on a board; `None`: there was none. A loop of this computer starts without one.
+    ///
+    /// # Errors
+    /// The board does not clear it.
+    #[cfg(not(target_family = "wasm"))]
+    pub fn clear_fault(&mut self) -> Result<Option<&'static str>, crate::board::Error> {
+        let Backend::Board { link, .. } = &mut self.backend else { return Ok(None) };
+        if link.board().phase != Some(Phase::Faulted) {
+            return Ok(None);
+        }
+        let why = link.board().reason.map_or("The board reports no reason.", Reason::sentence);
+        link.clear()?;
+        Ok(Some(why))
     }
 
     fn simulation(world: &World, backend: impl FnOnce(Box<dyn Device>) -> Backend) -> Self {

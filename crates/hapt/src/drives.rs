@@ -2,16 +2,13 @@
 
 use std::process::ExitCode;
 
-use hapt_model::World;
-use hapt_rt::Device;
-
 use crate::args::SimulateDriveArgs;
 use crate::failure::Failure;
 
 #[cfg(target_os = "linux")]
-pub use linux::{Address, devices, open, simulate};
+pub use linux::{devices, simulate};
 #[cfg(not(target_os = "linux"))]
-pub use other::{Address, devices, open, simulate};
+pub use other::{devices, simulate};
 
 /// The assumption of a certificate about a real motor; printed wherever one is driven.
 pub const NOT_CERTIFIED: &str = "the certificate assumes a motor without lag, or with a fixed loop.delay: an amplifier's \
@@ -23,25 +20,14 @@ mod linux {
     use std::time::Instant;
 
     use hapt_drive::simulate::{Simulator, Time};
-    use hapt_drive::{Bus, DriveDevice, Make, Socket};
-
-    pub use hapt_drive::Address;
+    use hapt_drive::{Bus, Make, Socket};
+    use hapt_model::World;
 
     use super::*;
     use crate::latency::time;
     use crate::messages::say;
     use crate::output;
     use crate::world::source;
-
-    /// The drive at `address` as the loop's device, started.
-    pub fn open(address: &Address, world: &World) -> Result<Box<dyn Device>, Failure> {
-        let wheel = address.open().and_then(|drive| DriveDevice::start(drive, world));
-        let wheel = wheel.map_err(|error| Failure::System(format!("--device {address}: {error}")))?;
-        for note in wheel.notes() {
-            say(format_args!("note: {note}"));
-        }
-        Ok(Box::new(wheel))
-    }
 
     pub fn devices() -> Result<ExitCode, Failure> {
         let mut text = String::new();
@@ -105,29 +91,7 @@ mod other {
 
     use super::*;
 
-    /// No drive has one here.
-    #[derive(Clone, Debug, PartialEq, Eq)]
-    pub struct Address;
-
-    impl std::str::FromStr for Address {
-        type Err = String;
-
-        fn from_str(_: &str) -> Result<Self, String> {
-            Err(ONLY_LINUX.into())
-        }
-    }
-
-    impl std::fmt::Display for Address {
-        fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-            f.write_str("a drive")
-        }
-    }
-
     const ONLY_LINUX: &str = "motor drives are driven from Linux only";
-
-    pub fn open(_: &Address, _: &World) -> Result<Box<dyn Device>, Failure> {
-        Err(Failure::input(ONLY_LINUX))
-    }
 
     /// Serial ports, for boards.
     pub fn devices() -> Result<ExitCode, Failure> {

@@ -4,6 +4,9 @@ use std::fmt::Display;
 use std::io;
 use std::process::ExitCode;
 
+use hapt_host::DeviceError;
+
+use crate::log;
 use crate::messages;
 
 /// Why a command stops.
@@ -93,6 +96,37 @@ impl From<hapt_sweep::worst::Error> for Failure {
             hapt_sweep::worst::Error::Run(error) => error.into(),
             error @ hapt_sweep::worst::Error::Interrupted => Failure::System(error.to_string()),
         }
+    }
+}
+
+impl From<DeviceError> for Failure {
+    fn from(error: DeviceError) -> Self {
+        match error {
+            DeviceError::Check(error) => error.into(),
+            DeviceError::Board(error) => error.into(),
+            #[cfg(target_os = "linux")]
+            DeviceError::Drive { .. } => Failure::System(format!("--device {error}")),
+            DeviceError::Unreadable { path, error } => log::missing(&path, &error),
+            DeviceError::NotCertified { .. } => {
+                Failure::input(format!("{error}. --uncertified runs it regardless, with tighter limits"))
+            }
+            DeviceError::Address(_)
+            | DeviceError::Unsupported { .. }
+            | DeviceError::Missing { .. }
+            | DeviceError::World(_)
+            | DeviceError::Line { .. }
+            | DeviceError::Recording { .. }
+            | DeviceError::Log { .. }
+            | DeviceError::NotLocal { .. }
+            | DeviceError::ExternallyClocked { .. } => Failure::input(error),
+        }
+    }
+}
+
+impl From<hapt_host::board::Error> for Failure {
+    fn from(error: hapt_host::board::Error) -> Self {
+        let is_input = matches!(&error, hapt_host::board::Error::Refused { why, .. } if why.is_about_the_world());
+        if is_input { Failure::input(error) } else { Failure::System(error.to_string()) }
     }
 }
 

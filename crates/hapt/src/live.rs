@@ -5,19 +5,18 @@ use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
+use hapt_host::DeviceAddress;
 use hapt_host::Machine;
 use hapt_live::{Error, Live, Options};
 use hapt_model::World;
 
-use crate::args::LiveArgs;
-use crate::board::Fit;
-use crate::device::Spec;
+use crate::args::{LiveArgs, device};
 use crate::drives;
 use crate::failure::Failure;
-use crate::messages::{print, say};
+use crate::latency::settings;
+use crate::messages::{notes, print, say};
 use crate::output;
-use crate::run::profile;
-use crate::world::{Loaded, source};
+use crate::world::source;
 
 /// The default world: the notes' wheel under the default method, which is certified.
 const WHEEL: &str = "@notes/default";
@@ -25,25 +24,21 @@ const WHEEL: &str = "@notes/default";
 const MOMENT: Duration = Duration::from_millis(20);
 
 pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
-    let spec = Spec::named(&args.device)?;
+    let device = device(&args.device)?;
     let address = SocketAddr::new(listen(args.listen.as_deref())?, args.port);
     let source = source(args.path.as_deref().unwrap_or(Path::new(WHEEL)))?;
     let mut sets = args.sets.clone();
     let world = World::read(&source, &sets)?;
-    sets.extend(spec.overrides(&world)?);
-    if let Spec::Board(_) = spec {
-        let loaded = Loaded { name: source.name.clone(), world, source: source.clone() };
-        sets = Fit::new(loaded, &sets, args.uncertified)?.sets;
-    }
+    sets.extend(device.overrides(&world)?);
     let options = Options { source, sets, address, folder: args.log_dir.clone() };
     output::folder("--log-dir", &args.log_dir)?;
     // Before anything can hold a torque: a signal takes it off first.
     output::end_in_order();
-    let live = Live::start_on(options, |world| machine(args, &spec, world))?;
+    let live = Live::start_on(options, |world| machine(args, &device, world))?;
     let handle = live.handle();
     output::stop_with(move || handle.end());
 
-    if spec.has_a_motor() {
+    if device.has_motor() {
         say(drives::NOT_CERTIFIED);
     }
     // A page may arm it before anybody has read the line.
@@ -76,9 +71,11 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
 const SHOWN: f64 = 1e-3;
 
 /// The machine that runs the world.
-fn machine(args: &LiveArgs, spec: &Spec, world: &World) -> Result<Machine, Failure> {
-    let profile = profile(args.uncertified, spec, world)?;
-    spec.machine(&args.device, &args.realtime, world, profile, SHOWN).map(|(machine, _)| machine)
+fn machine(args: &LiveArgs, device: &DeviceAddress, world: &World) -> Result<Machine, Failure> {
+    let profile = device.profile(world, args.uncertified)?;
+    let opened = device.machine(world, profile, settings(&args.realtime, world)?, SHOWN)?;
+    notes(&opened.notes);
+    Ok(opened.machine)
 }
 
 /// The address to listen on.

@@ -3,7 +3,6 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 mod args;
-mod board;
 mod boundary;
 mod boundary_plot;
 mod check;
@@ -15,7 +14,6 @@ mod columnar;
 mod columnar;
 mod convert;
 mod design;
-mod device;
 mod drives;
 mod explain;
 mod export;

@@ -56,6 +56,13 @@ pub fn say(line: impl Display) {
     }
 }
 
+/// Prints what a device's opening has noted.
+pub fn notes(notes: &[String]) {
+    for note in notes {
+        say(format_args!("note: {note}"));
+    }
+}
+
 /// Waits until the messages have been printed, for a second at most.
 pub fn settle() {
     let (settled, printed) = sync_channel(1);

@@ -5,20 +5,18 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
-use hapt_host::{Error, Event, Sample, Session, WorldConfig};
+use hapt_host::{DeviceAddress, Error, Event, Sample, Session, WorldConfig};
 use hapt_log::{Header, Recorder, Summary};
 use hapt_model::{Scenario, World};
 use hapt_rt::{Failure as DeviceFailure, Record, Timing};
 use hapt_sim::script;
 
-use crate::args::RunArgs;
-use crate::board::{self, Fit};
-use crate::device::Spec;
+use crate::args::{RunArgs, device};
 use crate::drives;
 use crate::failure::Failure;
 use crate::format;
 use crate::host::Stolen;
-use crate::latency::{LOOK, granted, plan, time};
+use crate::latency::{LOOK, granted, settings, time};
 use crate::log::Recording;
 use crate::messages;
 use crate::output;
@@ -32,12 +30,12 @@ const SILENT: Duration = Duration::from_secs(2);
 
 pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let mut loaded = load(&args.world)?;
-    let spec = Spec::named(&args.device)?;
+    let address = device(&args.device)?;
     let mut sets = args.world.sets.clone();
-    sets.extend(spec.overrides(&loaded.world)?);
+    sets.extend(address.overrides(&loaded.world)?);
     loaded.world = World::read(&loaded.source, &sets)?;
     let scenario = args.scenario.as_deref().map(|name| loaded.world.scenario(name)).transpose()?.cloned();
-    if scenario.is_some() && spec != Spec::Sim {
+    if scenario.is_some() && address != DeviceAddress::Sim {
         return Err(Failure::input(
             "--scenario: only the simulated device (--device sim) has a hand that can play one",
         ));
@@ -53,33 +51,25 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         None => scenario.as_ref().map_or(f64::INFINITY, |scenario| scenario.duration),
     };
     let mut inputs = files(&args.world.path, &loaded.world);
-    if let Spec::Replay(recorded) = &spec {
+    if let DeviceAddress::Replay(recorded) = &address {
         inputs.push(("the recording", recorded.clone()));
     }
     output::apart(&output::given(&[("--log", &args.log)]), &inputs)?;
-    let profile = match spec {
-        Spec::Board(_) => {
-            let fit = Fit::new(loaded, &sets, args.uncertified)?;
-            (loaded, sets) = (fit.loaded, fit.sets);
-            fit.profile
-        }
-        Spec::Sim | Spec::Replay(_) | Spec::Drive(_) => {
-            let profile = profile(args.uncertified, &spec, &loaded.world)?;
-            // The core's errors come before a device is opened.
-            plan(&loaded.world, profile)?;
-            profile
-        }
-    };
     let world = &loaded.world;
+    let profile = address.profile(world, args.uncertified)?;
     let recording = Recording::start(args.log.as_deref(), world, || header(args, &loaded, &sets, profile))?;
-    if spec.has_a_motor() {
+    if address.has_motor() {
         // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
         output::end_in_order();
     }
     let every = if args.log.is_some() { 0.0 } else { SHOWN };
-    let (mut machine, on) = spec.machine(&args.device, &args.realtime, world, profile, every)?;
+    let opened = address.machine(world, profile, settings(&args.realtime, world)?, every)?;
     output::end_in_order();
-    board::clear(&mut machine)?;
+    messages::notes(&opened.notes);
+    let (mut machine, on) = (opened.machine, opened.description);
+    if let Some(why) = machine.clear_fault()? {
+        messages::say(format_args!("the board was faulted, and is cleared: {why}"));
+    }
     let config = WorldConfig::new(loaded.source.clone(), sets).map_err(Failure::input)?;
     let mut session = Session::start(config, machine)?;
     let handle = session.handle();
@@ -88,7 +78,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         session.record(recording.begin()?);
     }
     let is_board = session.realtime().is_none();
-    if spec.has_a_motor() && !is_board {
+    if address.has_motor() && !is_board {
         messages::say(drives::NOT_CERTIFIED);
     }
     for warning in session.realtime().iter().flat_map(|realtime| &realtime.warnings) {
@@ -112,7 +102,7 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     }
     printed?;
     logged?;
-    if let Some(missed) = run.missed().filter(|_| spec.has_a_motor()) {
+    if let Some(missed) = run.missed().filter(|_| address.has_motor()) {
         messages::say(format_args!("warning: {missed}"));
     }
     match how {
@@ -146,24 +136,6 @@ pub fn finish(recorder: Recorder) -> Result<String, Failure> {
         recorder.finish().map_err(|error| Failure::System(format!("the log has ended early: {error}")))?;
     let lost = if lost > 0 { format!(", {} lost", format::count(lost)) } else { String::new() };
     Ok(format!("log          {} samples{lost}: {}\n", format::count(written), path.display()))
-}
-
-/// On a motor only certified worlds run, unless `--uncertified` is given.
-pub fn profile(uncertified: bool, spec: &Spec, world: &World) -> Result<SafetyProfile, Failure> {
-    if spec.has_a_motor() { judged(world, uncertified) } else { Ok(SafetyProfile::Simulated) }
-}
-
-/// The supervisor's profile for a world on this device.
-pub fn judged(world: &World, uncertified: bool) -> Result<SafetyProfile, Failure> {
-    let check = hapt_analysis::check(world)?;
-    if check.certified {
-        return Ok(SafetyProfile::Certified);
-    }
-    if uncertified {
-        return Ok(SafetyProfile::Uncertified);
-    }
-    let what = format!("{}; hapt check lists what would certify it", check.verdict_sentence());
-    Err(Failure::input(format!("{what}. --uncertified runs it regardless, with tighter limits")))
 }
 
 /// The end of a run.

@@ -1,12 +1,12 @@
-//! What a board is.
+//! The description of a board.
 
 use hapt_core::{Phase, Reason};
 use hapt_wire::Hello;
 
-/// What a board has said of itself.
+/// A board's description of itself, from the handshake.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Board {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// Its firmware's version.
     pub firmware: String,
@@ -16,15 +16,22 @@ pub struct Board {
     pub world: Option<u32>,
     /// Bodies, couplings, and the longest FOAW window.
     pub room: [u8; 3],
-    /// Whether it has no encoder and takes a sample at each [`hapt_wire::Order::Sample`].
+    /// Whether it has no encoder and takes a sample at each [`hapt_wire::Command::Sample`].
     pub externally_clocked: bool,
-    /// Where its supervisor stands.
+    /// The phase of its supervisor.
     pub phase: Option<Phase>,
-    /// Why.
+    /// The reason of a fault or a fade-out.
     pub reason: Option<Reason>,
 }
 
 impl Board {
+    /// What the user should know about it: its core differs from this program's.
+    pub fn note(&self) -> Option<&'static str> {
+        (self.core != hapt_core::SOURCE).then_some(
+            "the board's core was built from another source than this hapt's; its torques may differ from hapt's",
+        )
+    }
+
     pub(crate) fn new(hello: &Hello<'_>) -> Self {
         Board {
             name: hello.board.into(),

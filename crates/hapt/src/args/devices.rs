@@ -2,7 +2,15 @@
 
 use std::path::PathBuf;
 
+use hapt_host::DeviceAddress;
+
 use super::WorldArgs;
+use crate::failure::Failure;
+
+/// The value of `--device`.
+pub fn device(text: &str) -> Result<DeviceAddress, Failure> {
+    text.parse().map_err(|wrong| Failure::input(format!("--device {text}: {wrong}")))
+}
 
 #[derive(Debug, clap::Args)]
 pub struct RunArgs {

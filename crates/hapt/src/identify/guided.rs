@@ -8,6 +8,7 @@ use std::io::{BufRead, IsTerminal, Write, stderr, stdin};
 use std::time::{Duration, Instant};
 
 use hapt_core::{Phase, Request, SafetyProfile};
+use hapt_host::DeviceAddress;
 use hapt_identify::{Bounds, Record};
 use hapt_log::{Header, Recorder};
 use hapt_model::keys::Measure;
@@ -16,7 +17,6 @@ use hapt_rt::{End as LoopEnd, Engine, Failure as DeviceFailure, Order, Plan};
 
 use super::{Given, positive};
 use crate::args::IdentifyArgs;
-use crate::device::Spec;
 use crate::failure::Failure;
 use crate::latency::{LOOK, plan, settings, time};
 use crate::log::Recording;
@@ -39,7 +39,7 @@ struct Seen {
     torques: Vec<f64>,
 }
 
-pub fn experiment(args: &IdentifyArgs, spec: &Spec, world: Option<World>) -> Result<Given, Failure> {
+pub fn experiment(args: &IdentifyArgs, device: &DeviceAddress, world: Option<World>) -> Result<Given, Failure> {
     if let Some(flag) =
         [("--columns", args.columns.is_some()), ("--spring", args.spring.is_some()), ("--coast", args.coast)]
             .into_iter()
@@ -50,10 +50,10 @@ pub fn experiment(args: &IdentifyArgs, spec: &Spec, world: Option<World>) -> Res
     let mut world = world.ok_or_else(|| {
         Failure::input("a device needs --world FILE.toml: its period, its limits, and what is known of it so far")
     })?;
-    if matches!(spec, Spec::Replay(_)) {
+    if matches!(device, DeviceAddress::Replay(_)) {
         return Err(Failure::input("a recording does not respond to torque; pass the log itself to hapt identify"));
     }
-    if !spec.overrides(&world)?.is_empty() {
+    if !device.overrides(&world)?.is_empty() {
         world.sampling.estimator = EstimatorKind::Difference;
     }
     let torque = torque(args, &world)?;
@@ -61,11 +61,11 @@ pub fn experiment(args: &IdentifyArgs, spec: &Spec, world: Option<World>) -> Res
     if !(1.0..=60.0).contains(&duration) {
         return Err(Failure::input(format!("--duration: {} is not within 1 s and 60 s", format::time(duration))));
     }
-    if spec.has_a_motor() && !args.yes {
+    if device.has_motor() && !args.yes {
         ask(&args.what, &world, torque, duration)?;
     }
-    let seen = Experiment::start(args, spec, &world, torque)?.run(duration)?;
-    let positions = if spec.has_a_motor() { seen.given } else { seen.counted };
+    let seen = Experiment::start(args, device, &world, torque)?.run(duration)?;
+    let positions = if device.has_motor() { seen.given } else { seen.counted };
     let name = args.what.clone();
     let record = Record::new(seen.times, positions, seen.torques).map_err(|error| {
         Failure::input(format!(
@@ -138,7 +138,7 @@ struct Experiment {
 }
 
 impl Experiment {
-    fn start(args: &IdentifyArgs, spec: &Spec, world: &World, torque: f64) -> Result<Self, Failure> {
+    fn start(args: &IdentifyArgs, device: &DeviceAddress, world: &World, torque: f64) -> Result<Self, Failure> {
         let mut bare = world.clone();
         bare.title = None;
         (bare.names, bare.bodies, bare.couplings, bare.scenarios) = Default::default();
@@ -146,15 +146,16 @@ impl Experiment {
         (bare.safety.fade, bare.safety.torque) = (bounds.fade, Some(bounds.torque));
         // A constant torque is safe with either sign, which is unknown here; and it may be smaller than the friction.
         (bare.safety.pulse, bare.safety.stuck) = (Some(0.0), Some(0.0));
-        let profile = if spec.has_a_motor() { SafetyProfile::Certified } else { SafetyProfile::Simulated };
+        let profile = if device.has_motor() { SafetyProfile::Certified } else { SafetyProfile::Simulated };
         let settings = settings(&args.realtime, world)?;
         let first = plan(&bare, profile)?;
         let header = || Header { world_text: bare.to_toml(), device: args.what.clone(), profile, ..Header::default() };
         let recording = Recording::start(args.log.as_deref(), &bare, header)?;
         // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
         output::end_in_order();
-        let (device, _hands) = spec.open(world)?;
-        let engine = Engine::start_with(first.clone(), device, settings)?;
+        let opened = device.open(world)?;
+        messages::notes(&opened.notes);
+        let engine = Engine::start_with(first.clone(), opened.device, settings)?;
         let handle = engine.handle().clone();
         output::stop_with(move || handle.end());
         let recorder = recording.map(Recording::begin).transpose()?.map(hapt_host::Recording::into_recorder);

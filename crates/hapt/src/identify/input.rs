@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
+use hapt_host::DeviceAddress;
 use hapt_identify::{Columns, Record};
 use hapt_log::{Log, Origin};
 use hapt_model::keys::Measure;
@@ -10,7 +11,6 @@ use hapt_model::{Motion, World};
 
 use super::{Given, positive};
 use crate::args::IdentifyArgs;
-use crate::device::Spec;
 use crate::failure::Failure;
 use crate::format;
 use crate::latency::time;
@@ -36,7 +36,7 @@ pub fn read(args: &IdentifyArgs, world: Option<World>) -> Result<Given, Failure>
     if args.what != "-" && !path.exists() {
         let what = &args.what;
         let missing = format!("cannot read {what}: there is no such file");
-        return Err(Failure::input(match (suggest::file(path), what.parse::<Spec>()) {
+        return Err(Failure::input(match (suggest::file(path), what.parse::<DeviceAddress>()) {
             (none, Err(wrong)) if none.is_empty() && what.contains(':') => format!("{missing}; {wrong}"),
             (none, _) if none.is_empty() => format!("{missing}, and {what} is not a device either"),
             (meant, _) => missing + &meant,

@@ -9,13 +9,13 @@ use std::io::{Write, stdout};
 use std::path::Path;
 use std::process::ExitCode;
 
+use hapt_host::DeviceAddress;
 use hapt_identify::{Identified, Known, Record, identify};
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
 use hapt_report::Width;
 
 use crate::args::IdentifyArgs;
-use crate::device::Spec;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
@@ -49,7 +49,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
         return Err(Failure::input("--set needs --world: it changes a key of that world"));
     }
     let given = match device(&args.what) {
-        Some(spec) => match (guided::experiment(args, &spec, world), output::signalled()) {
+        Some(device) => match (guided::experiment(args, &device, world), output::signalled()) {
             (_, Some(code)) => return Ok(ExitCode::from(code)),
             (given, None) => given?,
         },
@@ -86,7 +86,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
 }
 
 /// The device that LOG_OR_DEVICE names, where it names no file.
-fn device(what: &str) -> Option<Spec> {
+fn device(what: &str) -> Option<DeviceAddress> {
     if Path::new(what).exists() { None } else { what.parse().ok() }
 }
 
