@@ -18,6 +18,7 @@ pub mod figure;
 mod index;
 mod map;
 mod page;
+#[cfg(feature = "png")]
 mod png;
 mod run;
 pub mod stability;
@@ -32,6 +33,7 @@ pub use extremes::{Extremes, Point, Stretches};
 pub use index::{index_drawings, index_page};
 pub use map::{Map, Scale};
 pub use page::{Drawing, Report};
+#[cfg(feature = "png")]
 pub use png::png;
 pub use run::Run;
 pub use svg::{STYLE, Width};

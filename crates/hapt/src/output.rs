@@ -243,14 +243,29 @@ const ENDINGS: [&str; 9] = ["csv", "parquet", "mcap", "svg", "png", "html", "jso
 pub fn format<'a>(flag: &str, path: &Path, formats: &[&'a str]) -> Result<&'a str, Failure> {
     let Some(ending) = path.extension() else { return Ok(formats[0]) };
     let ending = ending.to_string_lossy().to_lowercase();
-    formats.iter().find(|format| **format == ending).copied().ok_or_else(|| {
+    let found = formats.iter().find(|format| **format == ending).copied().ok_or_else(|| {
         let wanted: Vec<String> = formats.iter().map(|format| format!("FILE.{format}")).collect();
         let wanted = match &wanted[..] {
             [all @ .., last] if !all.is_empty() => format!("{} or {last}", all.join(", ")),
             _ => wanted.concat(),
         };
         Failure::input(format!("{flag} {}: expected {wanted}", path.display()))
-    })
+    })?;
+    built(flag, path)?;
+    Ok(found)
+}
+
+/// Refuses a file whose format is a feature that this program was built without.
+pub fn built(flag: &str, path: &Path) -> Result<(), Failure> {
+    let has = |ending: &str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
+    let features = [("parquet", cfg!(feature = "parquet")), ("png", cfg!(feature = "png"))];
+    match features.into_iter().find(|(feature, is_built)| !is_built && has(feature)) {
+        None => Ok(()),
+        Some((feature, _)) => Err(Failure::input(format!(
+            "{flag} {}: this hapt was built without its feature {feature}; expected another format, or a build with --features {feature}",
+            path.display()
+        ))),
+    }
 }
 
 /// Refuses a figure's name whose ending is of no figure; before the work.
@@ -264,6 +279,7 @@ const FIGURES: [&str; 2] = ["svg", "png"];
 /// A figure's draft, given as SVG, as SVG or as PNG by its name's ending.
 pub fn figure(flag: &str, target: &Path, svg: &str) -> Result<Draft, Failure> {
     match format(flag, target, &FIGURES)? {
+        #[cfg(feature = "png")]
         "png" => draft(target, &hapt_report::png(svg).map_err(|error| Failure::write(target.display(), error))?),
         _ => draft(target, svg.as_bytes()),
     }
@@ -302,7 +318,10 @@ mod tests {
     #[test]
     fn an_ending_is_honoured_or_refused_and_none_is_the_first_format() {
         let asked = |name: &str| format("--plot", Path::new(name), &FIGURES).map_err(|failure| format!("{failure:?}"));
-        assert_eq!(asked("a/e.png"), Ok("png"));
+        match cfg!(feature = "png") {
+            true => assert_eq!(asked("a/e.png"), Ok("png")),
+            false => assert!(asked("a/e.png").unwrap_err().contains("without its feature png")),
+        }
         assert_eq!(asked("E.SVG"), Ok("svg"));
         assert_eq!(asked("figure"), Ok("svg"));
         assert_eq!(asked("/dev/null"), Ok("svg"));

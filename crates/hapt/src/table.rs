@@ -10,7 +10,7 @@ use hapt_sim::{CsvWriter, Row};
 use crate::args::Format;
 use crate::columnar;
 use crate::failure::Failure;
-use crate::output::Draft;
+use crate::output::{self, Draft};
 
 /// A table that is being written.
 pub struct Table {
@@ -52,6 +52,7 @@ impl Table {
         header: &Header,
         origin: Origin,
     ) -> Result<Table, Failure> {
+        output::built("--out", &target)?;
         let columns = hapt_log::columns(world, origin != Origin::Run);
         let begin = || -> io::Result<To> {
             let draft = Draft::new(target.clone())?;
