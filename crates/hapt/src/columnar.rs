@@ -4,16 +4,22 @@
 //! loader has to relocate them all before a command can begin.
 
 use std::collections::HashMap;
+use std::fs::File;
 use std::io::{self, BufRead, Write};
+use std::path::Path;
 
 use arrow_schema::{DataType, Field, Schema};
 use parquet::arrow::{ArrowSchemaConverter, add_encoded_arrow_schema_to_metadata};
 use parquet::data_type::DoubleType;
 use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
+use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
+use parquet::record::RowAccessor;
 
 use hapt_sweep::table::{self, Column};
+
+use crate::finished::Rows;
 
 /// Rows in memory at once, and in a row group.
 const GROUP: usize = 1 << 16;
@@ -111,13 +117,32 @@ pub fn write<W: Write + Send>(columns: &[Column], csv: impl BufRead, out: W) -> 
     writer.finish()
 }
 
+/// The rows of a finished table of these columns; `None`: it is another file.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn rows(path: &Path, columns: &[Column]) -> io::Result<Option<Rows>> {
+    let file = File::open(path)?;
+    // A file that is no Parquet file, or whose rows cannot be decoded, is another file.
+    let Ok(file) = SerializedFileReader::new(file) else { return Ok(None) };
+    let fields = file.metadata().file_metadata().schema_descr().columns();
+    if !fields.iter().map(|field| field.name()).eq(columns.iter().map(|column| &column.name)) {
+        return Ok(None);
+    }
+    let count = file.metadata().file_metadata().num_rows().unsigned_abs();
+    let first = match file.into_iter().next() {
+        None => Vec::new(),
+        Some(Ok(row)) => (0..columns.len()).map(|i| row.get_double(i).ok()).collect(),
+        Some(Err(_)) => return Ok(None),
+    };
+    Ok(Some(Rows { count, first }))
+}
+
 #[cfg(test)]
 mod tests {
     use hapt_model::Source;
     use hapt_sweep::{Measure, Sweep};
     use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
-    use parquet::file::reader::{FileReader, SerializedFileReader};
-    use parquet::record::RowAccessor;
 
     use super::*;
 

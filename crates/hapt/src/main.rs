@@ -18,6 +18,7 @@ mod drives;
 mod explain;
 mod export;
 mod failure;
+mod finished;
 mod flash;
 mod format;
 mod host;

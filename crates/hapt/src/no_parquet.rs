@@ -3,8 +3,15 @@
 use std::convert::Infallible;
 use std::io::{self, BufRead, Write};
 use std::marker::PhantomData;
+use std::path::Path;
 
 use hapt_sweep::table::Column;
+
+use crate::finished::Rows;
+
+fn missing() -> io::Error {
+    io::Error::new(io::ErrorKind::Unsupported, "this hapt was built without its feature parquet")
+}
 
 /// Never made.
 pub struct Writer<W> {
@@ -14,7 +21,7 @@ pub struct Writer<W> {
 
 impl<W: Write> Writer<W> {
     pub fn new(_: &[Column], _: W) -> io::Result<Self> {
-        Err(io::Error::new(io::ErrorKind::Unsupported, "this program was built without its feature parquet"))
+        Err(missing())
     }
 
     pub fn write(&mut self, _: impl IntoIterator<Item = Option<f64>>) -> io::Result<()> {
@@ -24,6 +31,10 @@ impl<W: Write> Writer<W> {
     pub fn finish(self) -> io::Result<W> {
         match self.never {}
     }
+}
+
+pub fn rows(_: &Path, _: &[Column]) -> io::Result<Option<Rows>> {
+    Err(missing())
 }
 
 pub fn write<W: Write>(columns: &[Column], _: impl BufRead, out: W) -> io::Result<W> {

@@ -1,8 +1,9 @@
 //! `hapt sweep`: a grid of a world's numbers, measured, as a table and a picture.
 //!
 //! The rows go to `FILE.HASH.partial` as CSV, flushed as they come; at the end it becomes the CSV, or the Parquet file is made
-//! from it. Of a table in shards each is a table of its own, the CSV's header in the first. An interrupted sweep leaves it there, and `--resume` goes on behind its last whole line. The hash is of everything
-//! that the rows depend on, so that no other sweep's rows are ever taken.
+//! from it. Of a table in shards each is a table of its own, the CSV's header in the first. An interrupted sweep leaves it there, and
+//! `--resume` continues after its last complete line. The hash is of everything that the rows depend on, so that no other sweep's rows are
+//! ever taken.
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
@@ -21,6 +22,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::args::SweepArgs;
 use crate::columnar;
 use crate::failure::Failure;
+use crate::finished;
 use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
@@ -50,6 +52,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
         Some("parquet") => Format::Parquet,
         _ => return Err(Failure::input(format!("--out {}: expected FILE.csv or FILE.parquet", args.out.display()))),
     };
+    output::built("--out", &args.out)?;
     output::regular("--out", &args.out)?;
     output::figure_format("--plot", args.plot.as_deref())?;
     let measures = args.measures.iter().map(|name| measure(name)).collect::<Result<Vec<_>, _>>()?;
@@ -88,6 +91,9 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     // The shards of a CSV can be put together by `cat`.
     let has_header = format == Format::Parquet || shard.is_first();
     let header = if has_header { table::header(&columns) } else { String::new() };
+    if args.resume {
+        finished::check(&args.out, &sweep, args.shard, &cells, &columns)?;
+    }
     let mut partial = Partial::open(&args.out, &sweep, cells.clone(), header, &columns, args.resume)?;
     let missing = compute(&sweep, cells, &pool, &mut partial)?;
     if let Some(plot) = &args.plot {

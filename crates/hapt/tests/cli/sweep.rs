@@ -137,6 +137,31 @@ fn the_shards_of_a_table_one_after_the_other_are_the_table() {
     assert_eq!(ended.code, Some(2), "{ended:?}");
 }
 
+/// A finished table is replaced by its own rows only, in either format, unless `--resume` is left out.
+#[test]
+fn a_resumed_sweep_replaces_no_other_table() {
+    let at = folder(&[("w.toml", WHEEL), ("notes.csv", "a line\n")]);
+    for name in ["t.csv", "t.parquet"] {
+        let shard = |i: usize, more: &[&str]| {
+            sweep(at.path(), &[&["--out", name, "--shard", &format!("{i}/2")], more].concat())
+        };
+        let bytes = || fs::read(at.path().join(name)).unwrap();
+        shard(0, &["--resume"]).done();
+        let first = bytes();
+        // 2 of the 5 periods are the first shard's, 3 the second's, which begins with 5 ms.
+        let parts = ["it holds 2 rows from loop.period = 0.001 on", "3 rows from loop.period = 0.005 on", "t.2."];
+        shard(1, &["--resume"]).refused(2, &parts);
+        sweep(at.path(), &["--out", name, "--resume"]).refused(2, &["it holds 2 rows", "the sweep is 5 rows"]);
+        assert!(bytes() == first, "{name}");
+        shard(0, &["--resume"]).done();
+        assert!(bytes() == first, "{name}");
+        shard(1, &[]).done();
+        assert!(bytes() != first, "{name}");
+    }
+    sweep(at.path(), &["--out", "notes.csv", "--resume"]).refused(2, &["no table of this sweep"]);
+    assert_eq!(names(at.path()), ["notes.csv", "t.csv", "t.parquet", "w.toml"]);
+}
+
 #[cfg(unix)]
 mod interrupted {
     use super::*;
@@ -189,7 +214,15 @@ mod interrupted {
         // The other shard does not take its rows.
         let other = hapt(at.path(), shard(0).chain(["--resume".into()]));
         assert!(other.code == Some(0) && other.err.contains("to continue from"), "{other:?}");
+        // Nor is it replaced by them.
         let first = fs::read_to_string(at.path().join("t.csv")).unwrap();
+        hapt(at.path(), shard(1).chain(["--resume".into()])).refused(
+            2,
+            &["t.csv", "it holds 150 rows from device.damping = 0 on", "the shard is 150 rows", "t.150.csv"],
+        );
+        assert_eq!(fs::read_to_string(at.path().join("t.csv")).unwrap(), first);
+        assert_eq!(rows(), kept);
+        fs::rename(at.path().join("t.csv"), at.path().join("first.csv")).unwrap();
         let resumed = hapt(at.path(), shard(1).chain(["--resume".into()]));
         assert!(resumed.err.contains(&format!("going on behind {kept}")), "{resumed:?}");
         let second = fs::read_to_string(at.path().join("t.csv")).unwrap();
