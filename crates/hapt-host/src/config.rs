@@ -15,6 +15,20 @@ const SIMULATED: &str = "sim";
 pub type Rule = fn(&World, &Source, &[String]) -> Result<(), String>;
 
 /// A world file and what has been set over it.
+///
+/// ```
+/// use hapt_host::WorldConfig;
+/// use hapt_model::Source;
+///
+/// let file = "loop.period = \"1 ms\"\ndevice = { inertia = \"6.4e-4 kg m^2\", damping = \"1e-3 N m s/rad\" }\n";
+/// let config = WorldConfig::new(Source::from_text("free.toml", file), Vec::new())?;
+/// let faster = config.with("loop.period", "0.5 ms")?;
+/// assert_eq!((faster.world.sampling.period, faster.generation), (0.5e-3, 1));
+/// assert_eq!(faster.sets(), ["loop.period=0.5 ms"]);
+/// assert!(faster.with("device.damping", "-1").is_err(), "the file's own checks");
+/// assert_eq!(faster.reset()?.world, config.world);
+/// # Ok::<(), String>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct WorldConfig {
     source: Source,

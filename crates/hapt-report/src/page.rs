@@ -86,6 +86,46 @@ impl Drawing {
 }
 
 /// A world with its analysis and its runs.
+///
+/// ```
+/// use hapt_model::{Source, World, parameters};
+/// use hapt_report::{Report, Run};
+/// use hapt_sim::Simulation;
+///
+/// let file = r#"
+/// title = "A spring"
+/// loop.period = "1 ms"
+/// device = { inertia = "6.4e-4 kg m^2", damping = "1e-3 N m s/rad" }
+/// [[couplings]]
+/// kind = "spring"
+/// between = ["puck", "ground"]
+/// stiffness = "0.5 N m/rad"
+/// [scenarios.turn]
+/// duration = "1 s"
+/// hand = { kind = "sine", amplitude = "30 deg", frequency = "2 Hz" }
+/// "#;
+/// let source = Source::from_text("spring.toml", file);
+/// let world = World::read(&source, &[])?;
+/// let (check, parameters) = (hapt_analysis::check(&world)?, parameters(&source, &[])?);
+/// let mut simulation = Simulation::new(&world, world.scenario("turn")?)?;
+/// let mut run = Run::new(&world, world.scenario("turn")?, &simulation, &check);
+/// while let Some(row) = simulation.next() {
+///     run.add(row?);
+/// }
+/// let report = Report {
+///     title: "A spring".into(),
+///     stem: "spring".into(),
+///     world: &world,
+///     parameters: &parameters,
+///     check: &check,
+///     proposal: None,
+///     runs: vec![run],
+///     live: None,
+/// };
+/// let page = report.page(&report.drawings(), false);
+/// assert!(page.contains("<h1>A spring</h1>") && page.contains("certified"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Report<'w> {
     /// Its title, or its file's name.

@@ -12,6 +12,35 @@ use crate::units;
 const CLIPPED: usize = 200;
 
 /// The data of a run's figures; their size does not depend on its length.
+///
+/// ```
+/// use hapt_model::{Source, World};
+/// use hapt_report::{Traces, Width};
+/// use hapt_sim::Simulation;
+///
+/// let file = r#"
+/// loop.period = "1 ms"
+/// device.inertia = "6.4e-4 kg m^2"
+/// [[couplings]]
+/// kind = "spring"
+/// between = ["puck", "ground"]
+/// stiffness = "0.5 N m/rad"
+/// [scenarios.turn]
+/// duration = "1 s"
+/// hand = { kind = "sine", amplitude = "30 deg", frequency = "2 Hz" }
+/// "#;
+/// let world = World::read(&Source::from_text("spring.toml", file), &[])?;
+/// let mut traces = Traces::new(world.motion, &world.names, world.device.limit);
+/// let mut run = Simulation::new(&world, world.scenario("turn")?)?;
+/// while let Some(row) = run.next() {
+///     let row = row?;
+///     traces.add(row.time, [(row.puck, row.puck_velocity)], row.torque, row.applied);
+/// }
+/// let figure = traces.figure("a spring", None, Width::Wide, Width::Wide.stretches());
+/// assert_eq!(figure.panels.len(), 3, "position, velocity and torque over time");
+/// assert!(figure.svg(Width::Wide, true).starts_with("<svg"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Traces {
     motion: Motion,

@@ -7,6 +7,27 @@ use hdrhistogram::Histogram;
 use crate::Record;
 
 /// The times of a loop, from its records. All in ns.
+///
+/// A loop at 1 kHz whose sample 5 is missed:
+///
+/// ```
+/// use hapt_core::SafetyProfile;
+/// use hapt_model::{Source, World};
+/// use hapt_rt::{Cycle, Moment, Plan, SimulatedDevice, Timing};
+///
+/// let file = "loop.period = \"1 ms\"\ndevice.inertia = \"6.4e-4 kg m^2\"\n";
+/// let world = World::read(&Source::from_text("free.toml", file), &[])?;
+/// let (device, _hands) = SimulatedDevice::new(&world);
+/// let mut cycle = Cycle::new(Box::new(Plan::new(&world, SafetyProfile::Simulated)?), Box::new(device));
+/// let mut timing = Timing::new();
+/// for (due, periods) in [(0, 0), (1, 1), (2, 1), (3, 1), (4, 1), (6, 2), (7, 1)] {
+///     cycle.pass(periods);
+///     timing.add(&cycle.sample(&Moment { due: due * 1_000_000, periods, ..Moment::default() }, None)?);
+/// }
+/// assert_eq!((timing.samples(), timing.missed(), timing.longest_gap()), (7, 1, 2_000_000));
+/// assert_eq!(timing.warning().unwrap(), "1 sample was missed; the longest gap between two samples was 2.000 ms");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Timing {
     /// From the instant at which a sample was due to when one was taken: behind missed ones, from the first of them.

@@ -98,6 +98,20 @@ fn written(text: &str, form: Form) -> Option<Written<'_>> {
 }
 
 /// Every combination of the axes' values, the last axis varying fastest.
+///
+/// ```
+/// use hapt_model::Source;
+/// use hapt_sweep::Grid;
+///
+/// let source = Source::from_text("free.toml", "loop.period = \"1 ms\"\ndevice.inertia = \"6.4e-4 kg m^2\"\n");
+/// let axes = ["loop.period=1ms..4ms:3:log", "device.damping=0..2e-3:2"].map(String::from);
+/// let (grid, world) = Grid::new(&source, &[], &axes)?;
+/// assert_eq!((grid.cells, world.sampling.period), (6, 1e-3));
+/// let cells: Vec<Vec<f64>> = (0..grid.cells).map(|cell| grid.values(cell).collect()).collect();
+/// assert_eq!(cells[1], [1e-3, 2e-3], "1 ms, 2e-3 N m s/rad");
+/// assert_eq!(cells[2], [2e-3, 0.0], "equal ratios: the middle of 1 ms and 4 ms is 2 ms");
+/// # Ok::<(), hapt_sweep::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     /// Slowest first.

@@ -325,6 +325,27 @@ pub fn most_runs(world: &World) -> Result<usize, Error> {
 ///
 /// Work: some 250 runs of up to 12 000 samples, and the eigenvalues of [`breaking_damping`].
 ///
+/// A spring held over each sample lags by half a period and so gives energy away, as a damper of -KT/2 would: some passive hand draws it
+/// from a device with less damping.
+///
+/// ```
+/// use hapt_model::{Source, World};
+/// use hapt_sweep::worst::search;
+///
+/// let file = r#"
+/// loop = { period = "1 ms", estimator = "difference" }
+/// device = { inertia = "6.4e-4 kg m^2", damping = "1e-4 N m s/rad" }
+/// [[couplings]]
+/// kind = "spring"
+/// between = ["puck", "ground"]
+/// stiffness = "1 N m/rad"
+/// "#;
+/// let world = World::read(&Source::from_text("spring.toml", file), &[])?;
+/// let worst = search(&world)?;
+/// assert!(!worst.certified && worst.broken, "0.1 mN m s/rad, and KT/2 is 0.5");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// [`Error`].
 pub fn search(world: &World) -> Result<Worst, Error> {
