@@ -8,8 +8,8 @@ use std::io::Read;
 use hapt_core::{Controller, ControllerState, Phase, Reading, Reason, Request, SafetyProfile};
 
 use crate::Error;
+use crate::comparison::{Replay, world_error};
 use crate::log::{Log, LoggedPlan};
-use crate::replay::{Replay, world_error};
 use crate::schema::{COMMAND, LIVE_COLUMNS, TORQUE};
 
 /// The capacity of a board: bodies, couplings, stored counts (docs/wire.md).

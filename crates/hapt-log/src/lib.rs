@@ -46,6 +46,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 mod board;
+mod comparison;
 mod complete;
 mod container;
 mod descriptor;
@@ -59,11 +60,12 @@ mod wire;
 mod writer;
 
 pub use board::inputs;
+pub use comparison::{Difference, Replay};
 pub use container::Ending;
 pub use descriptor::descriptor;
 pub use error::Error;
 pub use log::{Inputs, Log, LoggedPlan, Sample, is_log};
 pub use recorder::{Recorder, RecorderState, Summary};
-pub use replay::{Difference, Replay, replay};
+pub use replay::replay;
 pub use schema::{Choice, Column, Kind, columns, phase_name, reason_name};
 pub use writer::{Header, LogWriter, Origin, TOPIC};

@@ -29,7 +29,7 @@
 
 use crate::Real;
 use crate::supervisor::Limits;
-use crate::supervisor::energy::Step;
+use crate::supervisor::sums::Step;
 
 /// Torques that a delay may hold back; the port's ledger rests with longer delays.
 pub(crate) const HELD: usize = 16;

@@ -21,6 +21,7 @@ mod reason;
 mod springs;
 mod standing;
 mod state;
+mod sums;
 mod thermal;
 
 use crate::{Error, Loop, Real, Sample, Spec, State};

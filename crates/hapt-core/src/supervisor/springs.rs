@@ -3,7 +3,7 @@
 //! Springs between the same two ends are one, so that each body has two at most beside those to other bodies, at places that are known
 //! when the world is compiled: their energies are sums without a question.
 
-use crate::supervisor::energy::Sums;
+use crate::supervisor::sums::Sums;
 use crate::{End, Real, Spec, State};
 
 /// What springs between the same two ends store together: k/2 · (x - rest)².
