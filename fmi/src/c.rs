@@ -490,3 +490,54 @@ impl Derivative {
         unsafe { slice_mut(self.sensitivity.0, self.sensitivity.1, "the sensitivity") }
     }
 }
+
+/// The functions that save and restore a state, which have the same form in both versions.
+macro_rules! saved_states {
+    ($status:ty: $get:ident, $set:ident, $free:ident, $size:ident, $serialize:ident, $deserialize:ident) => {
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $get(c: *mut c_void, state: *mut *mut c_void) -> $status {
+            unsafe { call(c, stringify!($get), |component| c::save(component, state)) }
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $set(c: *mut c_void, state: *mut c_void) -> $status {
+            unsafe { call(c, stringify!($set), |component| component.instance.restore(c::saved(state)?)) }
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $free(c: *mut c_void, state: *mut *mut c_void) -> $status {
+            unsafe {
+                call(c, stringify!($free), |_| {
+                    c::free_saved(state);
+                    Ok(())
+                })
+            }
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $size(c: *mut c_void, state: *mut c_void, size: *mut usize) -> $status {
+            unsafe { call(c, stringify!($size), |component| c::serialized_size(component, state, size)) }
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $serialize(
+            c: *mut c_void,
+            state: *mut c_void,
+            bytes: *mut u8,
+            size: usize,
+        ) -> $status {
+            unsafe { call(c, stringify!($serialize), |component| c::serialize(component, state, bytes, size)) }
+        }
+
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $deserialize(
+            c: *mut c_void,
+            bytes: *const u8,
+            size: usize,
+            state: *mut *mut c_void,
+        ) -> $status {
+            unsafe { call(c, stringify!($deserialize), |component| c::deserialize(component, bytes, size, state)) }
+        }
+    };
+}
+pub(crate) use saved_states;

@@ -218,20 +218,13 @@ pub fn linear_response(world: &World, motion: [f64; 2]) -> Result<Row, Error> {
     Ok(engine.preview(motion))
 }
 
-/// The coupling's linear part about its own rest.
+/// The coupling's linear part about its own rest; of a constant torque nothing is left.
 fn linear(coupling: &Coupling) -> Option<Coupling> {
-    let law = match coupling.law {
-        _ if coupling.limit.is_some() => return None,
-        Law::Spring { stiffness, .. } => Law::Spring { stiffness, rest: 0.0 },
-        damper @ Law::Damper { .. } => damper,
-        Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::DeadBand { .. }
-        | Law::Magnet { .. }
-        | Law::Texture { .. }
-        | Law::Coulomb { .. }
-        | Law::Lugre { .. }
-        | Law::Constant { .. } => return None,
+    let linear = coupling.linear()?;
+    let law = if linear.stiffness == 0.0 {
+        Law::Damper { damping: linear.damping }
+    } else {
+        Law::Spring { stiffness: linear.stiffness, rest: 0.0 }
     };
     Some(Coupling { law, ..*coupling })
 }

@@ -208,49 +208,8 @@ pub unsafe extern "C" fn fmi2SetString(
     unsafe { call(c, "fmi2SetString", |component| c::set_texts(component, vr, count, values)) }
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetFMUstate(c: *mut c_void, state: *mut *mut c_void) -> Status2 {
-    unsafe { call(c, "fmi2GetFMUstate", |component| c::save(component, state)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetFMUstate(c: *mut c_void, state: *mut c_void) -> Status2 {
-    unsafe { call(c, "fmi2SetFMUstate", |component| component.instance.restore(c::saved(state)?)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2FreeFMUstate(c: *mut c_void, state: *mut *mut c_void) -> Status2 {
-    unsafe {
-        call(c, "fmi2FreeFMUstate", |_| {
-            c::free_saved(state);
-            Ok(())
-        })
-    }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SerializedFMUstateSize(c: *mut c_void, state: *mut c_void, size: *mut usize) -> Status2 {
-    unsafe { call(c, "fmi2SerializedFMUstateSize", |component| c::serialized_size(component, state, size)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SerializeFMUstate(
-    c: *mut c_void,
-    state: *mut c_void,
-    bytes: *mut u8,
-    size: usize,
-) -> Status2 {
-    unsafe { call(c, "fmi2SerializeFMUstate", |component| c::serialize(component, state, bytes, size)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2DeSerializeFMUstate(
-    c: *mut c_void,
-    bytes: *const u8,
-    size: usize,
-    state: *mut *mut c_void,
-) -> Status2 {
-    unsafe { call(c, "fmi2DeSerializeFMUstate", |component| c::deserialize(component, bytes, size, state)) }
+c::saved_states! {
+    Status2: fmi2GetFMUstate, fmi2SetFMUstate, fmi2FreeFMUstate, fmi2SerializedFMUstateSize, fmi2SerializeFMUstate, fmi2DeSerializeFMUstate
 }
 
 #[unsafe(no_mangle)]

@@ -293,49 +293,8 @@ pub unsafe extern "C" fn fmi3GetVariableDependencies(
     unsafe { call(c, "fmi3GetVariableDependencies", |_| Err("dependencies are in the model description".into())) }
 }
 
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetFMUState(c: *mut c_void, state: *mut *mut c_void) -> Status3 {
-    unsafe { call(c, "fmi3GetFMUState", |component| c::save(component, state)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetFMUState(c: *mut c_void, state: *mut c_void) -> Status3 {
-    unsafe { call(c, "fmi3SetFMUState", |component| component.instance.restore(c::saved(state)?)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3FreeFMUState(c: *mut c_void, state: *mut *mut c_void) -> Status3 {
-    unsafe {
-        call(c, "fmi3FreeFMUState", |_| {
-            c::free_saved(state);
-            Ok(())
-        })
-    }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SerializedFMUStateSize(c: *mut c_void, state: *mut c_void, size: *mut usize) -> Status3 {
-    unsafe { call(c, "fmi3SerializedFMUStateSize", |component| c::serialized_size(component, state, size)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SerializeFMUState(
-    c: *mut c_void,
-    state: *mut c_void,
-    bytes: *mut u8,
-    size: usize,
-) -> Status3 {
-    unsafe { call(c, "fmi3SerializeFMUState", |component| c::serialize(component, state, bytes, size)) }
-}
-
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3DeserializeFMUState(
-    c: *mut c_void,
-    bytes: *const u8,
-    size: usize,
-    state: *mut *mut c_void,
-) -> Status3 {
-    unsafe { call(c, "fmi3DeserializeFMUState", |component| c::deserialize(component, bytes, size, state)) }
+c::saved_states! {
+    Status3: fmi3GetFMUState, fmi3SetFMUState, fmi3FreeFMUState, fmi3SerializedFMUStateSize, fmi3SerializeFMUState, fmi3DeserializeFMUState
 }
 
 #[unsafe(no_mangle)]
