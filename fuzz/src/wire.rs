@@ -6,7 +6,7 @@
 use hapt_core::SafetyProfile;
 use hapt_model::{Source, World};
 use hapt_wire::device::{Board, Endpoint, Measurement, WorldStorage};
-use hapt_wire::{Command, DeviceMessage, LONGEST, Order, PROTOCOL, Parameter, Reader, frame, hash, pack};
+use hapt_wire::{Command, DeviceMessage, HostMessage, LONGEST, PROTOCOL, Parameter, Reader, frame, hash, pack};
 
 use crate::messages::outcome;
 
@@ -39,8 +39,8 @@ pub fn run(bytes: &[u8]) -> u64 {
     let mut station = Endpoint::new(if kind & 1 == 0 { BOARD } else { FED }, &mut one, &mut other);
     let (mut answers, mut armed) = (0_u64, false);
     let mut ears = Ears { host: Reader::new(), board: Reader::new() };
-    for command in session(&packed(), false) {
-        ears.put(&mut station, &command, &mut answers);
+    for message in session(&packed(), false) {
+        ears.put(&mut station, &message, &mut answers);
     }
     let mut seen = Measurement::default();
     while let Some((length, after)) = rest.split_first() {
@@ -56,11 +56,11 @@ pub fn run(bytes: &[u8]) -> u64 {
         ears.listen(&mut station, &mut answers);
     }
     let before = answers;
-    let last = |order| framed(u32::MAX, 0, order);
+    let last = |command| framed(u32::MAX, 0, command);
     ears.put(&mut station, &[0], &mut answers);
-    ears.put(&mut station, &last(Order::Hello { protocol: PROTOCOL }), &mut answers);
+    ears.put(&mut station, &last(Command::Hello { protocol: PROTOCOL }), &mut answers);
     assert!(answers != before, "it does not answer any more");
-    ears.put(&mut station, &last(Order::Stop), &mut answers);
+    ears.put(&mut station, &last(Command::Stop), &mut answers);
     assert_eq!(station.sample(&seen), Default::default(), "it does not stop");
     before
 }
@@ -76,8 +76,8 @@ impl Ears {
     fn put(&mut self, station: &mut Endpoint<'_>, bytes: &[u8], answers: &mut u64) -> bool {
         let mut armed = false;
         for byte in bytes {
-            let command = self.board.push::<Command<'_>>(*byte);
-            armed |= command.is_some_and(|command| matches!(command.order, Order::Arm { .. }));
+            let message = self.board.push::<HostMessage<'_>>(*byte);
+            armed |= message.is_some_and(|message| matches!(message.command, Command::Arm { .. }));
             station.push(*byte);
             self.listen(station, answers);
         }
@@ -106,25 +106,33 @@ impl Ears {
     }
 }
 
-fn framed(sequence: u32, not_after: u64, order: Order) -> Vec<u8> {
-    let command = Command { sequence, not_after, order };
-    frame(&command, &mut [0; LONGEST]).map(<[u8]>::to_vec).unwrap_or_else(|error| panic!("{error}"))
+fn framed(sequence: u32, not_after: u64, command: Command) -> Vec<u8> {
+    let message = HostMessage { sequence, not_after, command };
+    frame(&message, &mut [0; LONGEST]).map(<[u8]>::to_vec).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// A host's commands: hello, upload, and with `whole` arm, disarm, get and stop.
 fn session(bytes: &[u8], whole: bool) -> Vec<Vec<u8>> {
-    let mut orders = vec![Order::Hello { protocol: PROTOCOL }];
-    orders.push(Order::Begin { length: bytes.len() as u16, hash: hash(bytes) });
-    orders.extend(bytes.chunks(100).enumerate().map(|(i, bytes)| Order::Piece { at: 100 * i as u16, bytes }));
-    orders.push(Order::Commit);
+    let mut commands = vec![Command::Hello { protocol: PROTOCOL }];
+    commands.push(Command::Begin { length: bytes.len() as u16, hash: hash(bytes) });
+    commands.extend(bytes.chunks(100).enumerate().map(|(i, bytes)| Command::Piece { at: 100 * i as u16, bytes }));
+    commands.push(Command::Commit);
     if whole {
-        let set = Order::Set { parameter: Parameter::Divider as u8, value: 1 };
-        let feed = |sample| Order::Sample { sample, position: 0.1, velocity: 0.0, late: 0.0, announced: true };
-        let arm = Order::Arm { world: hash(bytes) };
-        orders.extend([set, arm, Order::Heartbeat, feed(20), feed(21), Order::Get { parameter: 1 }, Order::Disarm]);
-        orders.extend([Order::Stop, Order::Clear]);
+        let set = Command::Set { parameter: Parameter::Divider as u8, value: 1 };
+        let feed = |sample| Command::Sample { sample, position: 0.1, velocity: 0.0, late: 0.0, announced: true };
+        let arm = Command::Arm { world: hash(bytes) };
+        commands.extend([
+            set,
+            arm,
+            Command::Heartbeat,
+            feed(20),
+            feed(21),
+            Command::Get { parameter: 1 },
+            Command::Disarm,
+        ]);
+        commands.extend([Command::Stop, Command::Clear]);
     }
-    (0..).zip(orders).map(|(sequence, order)| framed(sequence, 200, order)).collect()
+    (0..).zip(commands).map(|(sequence, command)| framed(sequence, 200, command)).collect()
 }
 
 /// A session on either board, as frames and as what is in them.

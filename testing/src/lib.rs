@@ -7,6 +7,25 @@ const PART: u32 = 8;
 /// But no fewer than this, if it has so many.
 const FEWEST: u32 = 8;
 
+/// The world file of a wheel on a spring.
+pub const WHEEL: &str = r#"title = "wheel"
+[loop]
+period = "1 ms"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "1.2e-3 N m s/rad"
+limit = "822.25 N mm"
+[bodies.wheel]
+inertia = "0.02580123 kg m^2"
+[[couplings]]
+kind = "spring"
+between = ["puck", "wheel"]
+stiffness = "17.8 N mm/deg"
+[scenarios.step]
+duration = "0.5 s"
+hand = { kind = "step", to = "45 deg" }
+"#;
+
 /// A random test of `all` cases: all of them where `HAPT_CASES` is set, as by `cargo xtask test`, else an eighth.
 #[must_use]
 pub fn cases(all: u32) -> Config {

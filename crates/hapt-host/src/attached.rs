@@ -20,7 +20,7 @@ pub(crate) struct Attached {
     /// The torque of the sign test, in N·m (linear: N); a lower limit would skip the test.
     pulse: f64,
     /// Whether the supervisor tests the sign, and accounts for the energy at the puck.
-    watches: [bool; 2],
+    monitors: [bool; 2],
 }
 
 impl Attached {
@@ -31,8 +31,8 @@ impl Attached {
     pub fn new(world: &World, profile: SafetyProfile) -> Result<Self, String> {
         let limits = world.limits(profile);
         let file = World { safety: written_out(&world.safety, &limits, profile), ..world.clone() };
-        let watches = watches(&file, profile)?;
-        Ok(Attached { file, profile, pulse: limits.pulse, watches })
+        let monitors = monitors(&file, profile)?;
+        Ok(Attached { file, profile, pulse: limits.pulse, monitors })
     }
 
     /// Whether the key can be set.
@@ -48,8 +48,8 @@ impl Attached {
     /// The message for a key that cannot be set.
     pub fn refusal(&self, path: &str) -> String {
         format!(
-            "{path}: with a motor attached only the world file says what the hardware is and what guards it; end hapt live, change the \
-             file, and start it again"
+            "{path}: cannot be set with a motor attached, as it describes the hardware or its protection; end hapt live, change the file, and start \
+             it again"
         )
     }
 
@@ -102,8 +102,8 @@ impl Attached {
                 "device.limit: {asked} {unit} is below {pulse} {unit}, the torque of the sign test when the motor is armed"
             ));
         }
-        let [tests, accounts] = watches(world, self.profile)?;
-        match self.watches {
+        let [tests, accounts] = monitors(world, self.profile)?;
+        match self.monitors {
             [true, _] if !tests => Err("loop.period: with it the sign test at arming would be left out".into()),
             [_, true] if !accounts => {
                 Err("loop.period: the delay would be more periods than the energy account at the puck can follow"
@@ -120,7 +120,7 @@ impl Attached {
 }
 
 /// Whether the supervisor of a world tests the sign, and accounts for the energy at the puck.
-fn watches(world: &World, profile: SafetyProfile) -> Result<[bool; 2], String> {
+fn monitors(world: &World, profile: SafetyProfile) -> Result<[bool; 2], String> {
     let supervisor = DesktopSupervisor::new(&world.limits(profile), &world.spec());
     supervisor.map(|supervisor| supervisor.watches()).map_err(|error| error.to_string())
 }

@@ -133,7 +133,7 @@ mod tests {
     const ENERGY_AT: usize = 7;
 
     #[test]
-    fn what_is_no_number_is_seen_and_a_new_world_begins_a_new_frame() {
+    fn a_nan_is_kept_and_a_new_world_begins_a_new_frame() {
         let world = world();
         let mut frames = Frames::default();
         add(&mut frames, &world, 0, 0.0, &record(0, |r| r.torque = f64::NAN));

@@ -58,9 +58,9 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
     let world = World::read(source, sets)?;
     let mut own = parameters(source, given)?;
     let mut now = parameters(source, sets)?;
-    absent(&mut own, &file);
-    absent(&mut now, &world);
-    let shown = now.iter().filter(|parameter| is_shown(&parameter.path) && counts(&world, &parameter.path));
+    add_output(&mut own, &file);
+    add_output(&mut now, &world);
+    let shown = now.iter().filter(|parameter| is_settable(&parameter.path) && has_effect(&world, &parameter.path));
     Ok(shown
         .filter_map(|parameter| {
             let before = own.iter().find(|own| own.path == parameter.path);
@@ -70,7 +70,7 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
 }
 
 /// Whether a key can be set while the loop runs: numbers and choices, not the structure.
-fn is_shown(path: &str) -> bool {
+fn is_settable(path: &str) -> bool {
     let names: Vec<&str> = path.split('.').collect();
     match names[..] {
         ["loop" | "device", _] => true,
@@ -81,7 +81,7 @@ fn is_shown(path: &str) -> bool {
 }
 
 /// Whether the key has an effect in this loop: a window without FOAW has none.
-fn counts(world: &World, path: &str) -> bool {
+fn has_effect(world: &World, path: &str) -> bool {
     let sampling = &world.sampling;
     match path {
         "loop.window" => match sampling.estimator {
@@ -95,7 +95,7 @@ fn counts(world: &World, path: &str) -> bool {
 }
 
 /// Adds `loop.output` where the file omits it: its default depends on the method.
-fn absent(list: &mut Vec<Parameter>, world: &World) {
+fn add_output(list: &mut Vec<Parameter>, world: &World) {
     if list.iter().any(|parameter| parameter.path == "loop.output") {
         return;
     }
@@ -237,7 +237,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
     if range != Range::Any && about > 0.0 {
         return (about / DECADE, about * DECADE, true);
     }
-    // About 0: a size that is felt on this device.
+    // About 0: a size that a hand can feel on this device.
     let device = &file.device;
     let (turn, effort) = match file.motion {
         Motion::Rotary => (std::f64::consts::PI, device.limit.unwrap_or(1.0)),
@@ -284,7 +284,7 @@ pub fn companion(world: &World, key: &str, value: &str) -> Option<(String, Strin
 
 /// Whether the key can be set while the loop runs, also where the file omits it.
 pub fn may_be_set(world: &World, path: &str) -> bool {
-    is_shown(path) && row(world, path).is_some_and(|row| is_setting(row.takes))
+    is_settable(path) && row(world, path).is_some_and(|row| is_setting(row.takes))
 }
 
 /// Whether a key takes a number or a choice. Texts are not settings: one of them names a file, and a page must not choose what is read.

@@ -13,7 +13,7 @@ use crate::worker::Task;
 /// The time between two status messages while nothing happens.
 const STATUS: Duration = Duration::from_millis(200);
 
-/// A session with what its pages hear of it. Which client may ask is the caller's matter.
+/// A session with the messages for its pages. The caller decides which client may send what.
 pub struct PageSession {
     /// The session.
     pub session: Session,
@@ -38,8 +38,8 @@ impl PageSession {
     pub fn handle(&mut self, client: u64, message: ClientMessage, epoch: Epoch) -> Option<ServerMessage> {
         let refused = |key: &str, message: String| ServerMessage::Refused { key: key.into(), message };
         match message {
-            ClientMessage::Order { order } => {
-                let request = match order {
+            ClientMessage::Command { command } => {
+                let request = match command {
                     Command::Arm => Request::Arm,
                     Command::Disarm => Request::Disarm,
                     Command::Clear => Request::Clear,
@@ -48,7 +48,7 @@ impl PageSession {
                 let why = self.session.request(request, epoch).err()?;
                 let sentence = match why {
                     NotTaken::Outdated => {
-                        "stop was pressed, or control changed, before this was heard; say it again".into()
+                        "stop was pressed, or control changed, before this arrived; send it again".into()
                     }
                     NotTaken::Busy => why.to_string(),
                 };

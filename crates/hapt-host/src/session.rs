@@ -69,7 +69,7 @@ pub struct Sample<'a> {
     pub time: f64,
     /// The puck's position in the world, in rad (linear: m): 0 where it was armed. Of a real puck it is the encoder's.
     pub position: f64,
-    /// Everything else.
+    /// The loop's record of the sample.
     pub record: &'a Record,
 }
 
@@ -81,7 +81,7 @@ impl Sample<'_> {
     }
 }
 
-/// What has happened beside the samples.
+/// An event beside the samples.
 #[derive(Debug)]
 pub enum Event {
     /// Another world runs from one of the next samples on: [`Session::config`].
@@ -105,10 +105,10 @@ pub enum Event {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotTaken {
     /// It was made before a stop or a withdrawal of control.
-    #[error("the loop was stopped, or control was withdrawn, after this was asked")]
+    #[error("the loop was stopped, or control was withdrawn, after this request")]
     Outdated,
     /// The queue is full.
-    #[error("the loop is busy; say it again")]
+    #[error("the loop is busy; try again")]
     Busy,
 }
 
@@ -196,7 +196,7 @@ impl Session {
         self.time
     }
 
-    /// The loop's punctuality, since the last change of its period.
+    /// The timing of the loop since the last change of its period.
     pub fn timing(&self) -> &Timing {
         &self.timing
     }
@@ -354,8 +354,8 @@ impl Session {
         self.recording.take()
     }
 
-    /// Takes the new samples and shows each to `each`; moves the hand, takes finished tasks and begins the next. To be called every few
-    /// milliseconds, with the time since any instant that stays the same. How the loop has ended, once: on request, or by an error.
+    /// Passes the new samples to `each`; moves the hand, takes finished tasks and begins the next. To be called every few milliseconds, with
+    /// the time since a fixed instant. Returns once how the loop has ended: on request, or by an error.
     pub fn poll(&mut self, now: Duration, each: impl FnMut(Sample<'_>)) -> Option<Result<(), Error>> {
         // Asked first: the samples taken next may be its last.
         let ended = self.runner.ended();
@@ -381,7 +381,7 @@ impl Session {
         self.events.pop_front()
     }
 
-    /// Ends the loop, waits until the torque is off, and shows the last samples to `each`.
+    /// Ends the loop, waits until the torque is off, and passes the last samples to `each`.
     pub fn end(&mut self, each: impl FnMut(Sample<'_>)) {
         self.runner.end();
         self.take_samples(each);
@@ -434,7 +434,7 @@ impl Session {
             Ok(Made::Recording(recording)) if is_cancelled || is_stale || !self.records => recording.end(),
             _ if is_cancelled => {}
             Ok(Made::Recording(_)) if !self.runner.begin_log() => {
-                self.refuse(client, &task, "the loop is busy; say it again".into());
+                self.refuse(client, &task, "the loop is busy; try again".into());
             }
             Ok(Made::Recording(recording)) => {
                 if let Some(before) = self.recording.replace(recording) {

@@ -12,8 +12,7 @@ use crate::config::WorldConfig;
 use crate::recording::Recording;
 
 /// The refusal of a key on a motor.
-const UNCERTIFIED: &str =
-    "the world would not be certified, and a motor hangs on it; hapt live --uncertified lets that be";
+const UNCERTIFIED: &str = "the world would not be certified, which a motor needs; hapt live --uncertified allows it";
 
 /// A task that takes long.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,7 +8,7 @@ use hapt_host::board::simulate::SimulatedBoard;
 use hapt_host::board::{Error, Link, Parameter, Refusal, Telemetry, pty};
 use hapt_model::{DeviceSpec, Source, World};
 use hapt_wire::device::Board;
-use hapt_wire::{DeviceMessage, Hello, Order, frame, hash, pack};
+use hapt_wire::{Command, DeviceMessage, Hello, frame, hash, pack};
 
 const BOARD: Board = Board { name: "table", firmware: "1.2.3", externally_clocked: false, periods: [5e-5, 1e-2] };
 
@@ -64,7 +64,7 @@ fn until(link: &mut Link, mut wanted: impl FnMut(&Telemetry) -> bool) -> Telemet
     let start = Instant::now();
     loop {
         assert!(start.elapsed() < Duration::from_secs(60), "waited too long");
-        link.keep().unwrap();
+        link.heartbeat().unwrap();
         if let Some(telemetry) = link.telemetry(Instant::now() + Duration::from_millis(20)).unwrap()
             && wanted(&telemetry)
         {
@@ -136,7 +136,7 @@ fn a_plug_that_is_pulled_is_an_error_here_and_no_torque_there() {
     let start = Instant::now();
     let error = loop {
         assert!(start.elapsed() < Duration::from_secs(60));
-        let told = link.keep().and_then(|()| link.telemetry(Instant::now() + Duration::from_millis(20)));
+        let told = link.heartbeat().and_then(|()| link.telemetry(Instant::now() + Duration::from_millis(20)));
         if let Err(error) = told {
             break error;
         }
@@ -151,13 +151,13 @@ fn a_host_that_hangs_loses_the_torque() {
     let mut links = [running(&boards[0]), running_with(&boards[1], &["safety.link_lost=fault"])];
     for ((board, link), phase) in boards.iter().zip(&mut links).zip([Phase::Disarmed, Phase::Faulted]) {
         patiently(|| board.torque() == 0.0);
-        link.greet().unwrap();
+        link.handshake().unwrap();
         // Whatever else it says, it is armed by nobody.
         assert_eq!((link.board().phase, link.board().reason), (Some(phase), Some(hapt_core::Reason::Link)));
     }
     // A host that clears is there again.
     links[1].clear().unwrap();
-    assert_eq!(links[1].greet().unwrap().phase, Some(Phase::Disarmed));
+    assert_eq!(links[1].handshake().unwrap().phase, Some(Phase::Disarmed));
 }
 
 #[test]
@@ -165,10 +165,10 @@ fn a_board_that_restarts_in_the_middle_says_so_whatever_it_is_asked_next() {
     type Next = (&'static str, fn(&mut Link) -> Result<(), Error>);
     let nexts: [Next; 5] = [
         ("kept", |link| {
-            link.keep()?;
+            link.heartbeat()?;
             link.telemetry(Instant::now() + Duration::from_millis(20)).map(drop)
         }),
-        ("greeted", |link| link.greet().map(drop)),
+        ("greeted", |link| link.handshake().map(drop)),
         ("disarmed", Link::disarm),
         ("armed", |link| link.arm(hash(&packed())).map(drop)),
         ("asked", |link| link.get(Parameter::Missed).map(drop)),
@@ -188,7 +188,7 @@ fn a_board_that_restarts_in_the_middle_says_so_whatever_it_is_asked_next() {
         assert!(matches!(error, Error::Restarted { .. }), "{what}: {error}");
         assert!(error.to_string().contains("has restarted"), "{error}");
         // It is another board now, and as good as any.
-        link.greet().unwrap();
+        link.handshake().unwrap();
         assert_eq!((link.board().world, link.board().phase), (None, Some(Phase::Disarmed)), "{what}");
         assert_eq!(board.torque(), 0.0, "{what}");
     }
@@ -198,13 +198,13 @@ fn a_board_that_restarts_in_the_middle_says_so_whatever_it_is_asked_next() {
 fn a_fault_of_the_motors_driver_reaches_the_host_and_lasts_until_it_is_cleared() {
     let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     let mut link = running(&board);
-    board.trip();
+    board.fault_driver();
     let driver = hapt_core::Reason::Driver;
     let telemetry = until(&mut link, |telemetry| telemetry.phase == Phase::Faulted as u8);
     assert_eq!((telemetry.reason, telemetry.output), (driver.code(), 0.0));
     let world = hash(&packed());
     assert!(matches!(link.arm(world), Err(Error::Refused { why: Refusal::Phase, .. })));
-    link.greet().unwrap();
+    link.handshake().unwrap();
     assert_eq!((link.board().phase, link.board().reason), (Some(Phase::Faulted), Some(driver)));
     assert_eq!(board.torque(), 0.0);
     link.clear().unwrap();
@@ -215,7 +215,7 @@ fn a_fault_of_the_motors_driver_reaches_the_host_and_lasts_until_it_is_cleared()
 #[test]
 fn a_line_that_flips_bytes_carries_a_world_whole_or_says_that_it_cannot() {
     let board = SimulatedBoard::start(BOARD, rig()).unwrap();
-    board.disturb(401);
+    board.corrupt(401);
     let mut link = Link::open(board.path()).unwrap();
     match link.load(&packed()) {
         Ok(world) => assert_eq!(world, hash(&packed())),
@@ -223,8 +223,8 @@ fn a_line_that_flips_bytes_carries_a_world_whole_or_says_that_it_cannot() {
             assert!(matches!(error, Error::Refused { .. } | Error::Silent { .. } | Error::NotVerified), "{error}")
         }
     }
-    assert_eq!(board.most(), 0.0);
-    board.disturb(0);
+    assert_eq!(board.peak_torque(), 0.0);
+    board.corrupt(0);
     let world = link.load(&packed()).unwrap();
     link.arm(world).unwrap();
     patiently(|| board.torque() > 0.0);
@@ -238,24 +238,24 @@ fn a_fed_board_is_run_in_lockstep() {
     let world = link.load(&packed()).unwrap();
     for sample in 0..150 {
         if sample == 1 {
-            link.tell(Order::Arm { world }).unwrap();
+            link.send(Command::Arm { world }).unwrap();
         }
-        let order = Order::Sample { sample, position: 0.0, velocity: 0.0, late: 0.0, announced: false };
-        let telemetry = link.feed(order).unwrap().unwrap();
+        let command = Command::Sample { sample, position: 0.0, velocity: 0.0, late: 0.0, announced: false };
+        let telemetry = link.sample(command).unwrap().unwrap();
         assert_eq!(telemetry.sample, sample);
         // A fade of 100 samples.
         let part = (sample as f32 / 100.0).min(1.0);
         assert!((telemetry.output - 0.05 * part).abs() < 1e-6, "{telemetry:?}");
     }
-    let again = Order::Sample { sample: 3, position: 0.0, velocity: 0.0, late: 0.0, announced: false };
-    assert!(matches!(link.feed(again), Err(Error::Refused { .. })));
+    let again = Command::Sample { sample: 3, position: 0.0, velocity: 0.0, late: 0.0, announced: false };
+    assert!(matches!(link.sample(again), Err(Error::Refused { .. })));
 }
 
 #[test]
 fn a_port_where_nobody_answers_or_where_somebody_else_does_is_named() {
     let (mut ours, path) = pty().unwrap();
     let error = Link::open(&path).unwrap_err();
-    assert!(matches!(error, Error::Nobody { .. }), "{error}");
+    assert!(matches!(error, Error::NoAnswer { .. }), "{error}");
     assert!(error.to_string().contains("hapt's firmware"));
 
     // A board of another version.

@@ -1,6 +1,6 @@
-//! The certificate, on threads of its own; answers come to the session as events.
+//! The certificate, on threads of its own; the results go to the session as events.
 //!
-//! A newer question replaces an older one. One thread computes the verdict, so that it comes quickly; another computes critical periods,
+//! A newer request replaces an older one. One thread computes the verdict, so that it comes quickly; another computes critical periods,
 //! remedies and certified ranges, which take hundreds of certificates, and gives up when the world changes.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,10 +12,10 @@ use hapt_host::messages::{RemedyInfo, Sentence, ServerMessage, VerdictMessage};
 use hapt_host::{SettableKey, WorldConfig};
 use hapt_model::World;
 
-/// The places of a slider that are tried before its edges are refined.
+/// The number of values of a slider that are tried before the edges are refined.
 const PLACES: usize = 33;
-/// The verdict where the analysis panics; the server goes on.
-const BROKEN: &str = "the analysis broke off by a defect of its own";
+/// The verdict where the analysis panics; the server runs on.
+const BROKEN: &str = "the analysis has panicked, a defect of hapt";
 /// The accuracy of an edge, as a part of the slider.
 const WIDTH: f64 = 1e-3;
 
@@ -26,20 +26,20 @@ pub struct Certifier {
     focus: Arc<Mutex<Option<String>>>,
 }
 
-/// Passes an answer on; `false`: the session has ended.
-type Answer = Arc<dyn Fn(u32, ServerMessage) -> bool + Send + Sync>;
+/// Passes a result on with its generation; `false`: the session has ended.
+type Publish = Arc<dyn Fn(u32, ServerMessage) -> bool + Send + Sync>;
 
 impl Certifier {
     /// Answers go to `answer` with their generation.
     ///
     /// # Errors
     /// The system gives no thread.
-    pub fn start(answer: impl Fn(u32, ServerMessage) -> bool + Send + Sync + 'static) -> std::io::Result<Self> {
+    pub fn start(publish: impl Fn(u32, ServerMessage) -> bool + Send + Sync + 'static) -> std::io::Result<Self> {
         let certifier = Certifier { asked: Arc::default(), next: Arc::default(), focus: Arc::default() };
-        let answer: Answer = Arc::new(answer);
-        let (asked, next, to) = (Arc::clone(&certifier.asked), Arc::clone(&certifier.next), Arc::clone(&answer));
+        let publish: Publish = Arc::new(publish);
+        let (asked, next, to) = (Arc::clone(&certifier.asked), Arc::clone(&certifier.next), Arc::clone(&publish));
         std::thread::Builder::new().name("certifier".into()).spawn(move || {
-            below_the_loop();
+            lower_priority();
             while let Some(config) = asked.take() {
                 let (verdict, check) = verdict(&config, quick_check);
                 if !to(config.generation, ServerMessage::Verdict(verdict)) {
@@ -51,10 +51,10 @@ impl Certifier {
             }
         })?;
         let (next, focus) = (Arc::clone(&certifier.next), Arc::clone(&certifier.focus));
-        std::thread::Builder::new().name("adviser".into()).spawn(move || {
-            below_the_loop();
+        std::thread::Builder::new().name("remedies".into()).spawn(move || {
+            lower_priority();
             while let Some(config) = next.take() {
-                if advise(&config, &next, &focus, &answer).is_none() {
+                if remedies_and_ranges(&config, &next, &focus, &publish).is_none() {
                     break;
                 }
             }
@@ -62,7 +62,7 @@ impl Certifier {
         Ok(certifier)
     }
 
-    /// Asks about a world, in place of whatever was asked before.
+    /// Requests the certificate of a world, in place of any earlier request.
     pub fn ask(&self, config: WorldConfig) {
         self.asked.put(config);
     }
@@ -80,8 +80,8 @@ impl Drop for Certifier {
     }
 }
 
-/// A verdict may come late, a sample may not.
-fn below_the_loop() {
+/// Lowers the thread's priority below the loop's: a verdict may come late, a sample may not.
+fn lower_priority() {
     #[cfg(target_os = "linux")]
     let _ = rustix::process::nice(10);
 }
@@ -104,8 +104,8 @@ impl<T> Latest<T> {
         self.slot.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn put(&self, thing: T) {
-        self.slot().0 = Some(thing);
+    fn put(&self, value: T) {
+        self.slot().0 = Some(value);
         self.changed.notify_one();
     }
 
@@ -114,8 +114,8 @@ impl<T> Latest<T> {
         self.changed.notify_one();
     }
 
-    /// Whether a newer value or the end has come.
-    fn has_news(&self) -> bool {
+    /// Whether there is a newer value, or the end.
+    fn is_outdated(&self) -> bool {
         let slot = self.slot();
         slot.0.is_some() || slot.1
     }
@@ -141,13 +141,13 @@ fn verdict(
         Ok(check) => (Box::new(VerdictMessage { ms, ..to_verdict(config, &check) }), Some(check)),
         Err(error) => {
             let sentence = format!("not certified: {error}");
-            (Box::new(VerdictMessage { sentence, remedies: Some(Vec::new()), ms, ..nothing(config) }), None)
+            (Box::new(VerdictMessage { sentence, remedies: Some(Vec::new()), ms, ..empty_verdict(config) }), None)
         }
     }
 }
 
 /// An empty verdict.
-fn nothing(config: &WorldConfig) -> VerdictMessage {
+fn empty_verdict(config: &WorldConfig) -> VerdictMessage {
     VerdictMessage {
         generation: config.generation,
         certified: false,
@@ -168,7 +168,7 @@ fn nothing(config: &WorldConfig) -> VerdictMessage {
 
 /// The verdict of a certificate, without remedies.
 pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage {
-    let mut says = nothing(config);
+    let mut message = empty_verdict(config);
     let ok = |verdict: Verdict| match verdict {
         Verdict::Stable => Some(true),
         Verdict::Marginal => None,
@@ -176,9 +176,9 @@ pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage 
     };
     let sentence = |what, ok, text| Sentence { what, ok, text };
     let passive = &check.passivity;
-    says.certified = check.certified;
-    says.sentence = check.verdict_sentence();
-    says.sentences = vec![
+    message.certified = check.certified;
+    message.sentence = check.verdict_sentence();
+    message.sentences = vec![
         sentence("held", ok(check.held.verdict), check.sentence()),
         sentence("free", ok(check.free.verdict), check.free_sentence()),
         sentence(
@@ -188,50 +188,50 @@ pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage 
         ),
     ];
     if let Some(text) = check.uneven_sentence() {
-        says.sentences.push(sentence("uneven", Some(check.uneven.passive), text));
+        message.sentences.push(sentence("uneven", Some(check.uneven.passive), text));
     }
     if let Some(text) = check.quantisation_sentence() {
-        says.sentences.push(sentence("quantisation", Some(check.quantisation.ok), text));
+        message.sentences.push(sentence("quantisation", Some(check.quantisation.ok), text));
     }
-    says.held_growth_per_s = check.held.growth_per_s;
-    says.free_growth_per_s = check.free.growth_per_s;
-    says.growth_per_s = [check.held.growth_per_s, check.free.growth_per_s].into_iter().flatten().reduce(f64::max);
-    says.held = check.held.eigenvalues.iter().map(|value| [value.re, value.im]).collect();
-    says.free = check.free.eigenvalues.iter().map(|value| [value.re, value.im]).collect();
-    says.required_damping = passive.required_damping;
-    says.notes = passive.not_proved.iter().map(|why| format!("not proved: {why}")).collect();
-    says.notes.extend(check.notes.iter().cloned());
-    says
+    message.held_growth_per_s = check.held.growth_per_s;
+    message.free_growth_per_s = check.free.growth_per_s;
+    message.growth_per_s = [check.held.growth_per_s, check.free.growth_per_s].into_iter().flatten().reduce(f64::max);
+    message.held = check.held.eigenvalues.iter().map(|value| [value.re, value.im]).collect();
+    message.free = check.free.eigenvalues.iter().map(|value| [value.re, value.im]).collect();
+    message.required_damping = passive.required_damping;
+    message.notes = passive.not_proved.iter().map(|why| format!("not proved: {why}")).collect();
+    message.notes.extend(check.notes.iter().cloned());
+    message
 }
 
 /// Computes remedies and ranges until a newer world is asked about; `None`: the session has ended.
-fn advise(
+fn remedies_and_ranges(
     config: &WorldConfig,
     next: &Latest<WorldConfig>,
     focus: &Mutex<Option<String>>,
-    answer: &Answer,
+    publish: &Publish,
 ) -> Option<()> {
     let (mut verdict, check) = verdict(config, check);
     let found = || check.map_or(Vec::new(), |check| remedies(config, &check));
     verdict.remedies = Some(catch_unwind(AssertUnwindSafe(found)).unwrap_or_default());
-    let heard = next.has_news() || answer(config.generation, ServerMessage::Verdict(verdict));
+    let is_open = next.is_outdated() || publish(config.generation, ServerMessage::Verdict(verdict));
     let mut keys: Vec<SettableKey> =
         config.keys().iter().filter(|key| key.kind == "quantity" && !key.fixed).cloned().collect();
-    while heard && !keys.is_empty() {
+    while is_open && !keys.is_empty() {
         let wanted = focus.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let first = keys.iter().position(|key| Some(&key.path) == wanted.as_ref()).unwrap_or(0);
         let key = keys.remove(first);
-        let found = catch_unwind(AssertUnwindSafe(|| range(config, &key, &|| next.has_news())));
+        let found = catch_unwind(AssertUnwindSafe(|| range(config, &key, &|| next.is_outdated())));
         let Ok(Some(certified)) = found else { continue };
-        if next.has_news() {
+        if next.is_outdated() {
             break;
         }
         let generation = config.generation;
-        if !answer(generation, ServerMessage::Range { generation, key: key.path, certified }) {
+        if !publish(generation, ServerMessage::Range { generation, key: key.path, certified }) {
             return None;
         }
     }
-    heard.then_some(())
+    is_open.then_some(())
 }
 
 fn remedies(config: &WorldConfig, check: &Check) -> Vec<RemedyInfo> {
@@ -248,8 +248,8 @@ fn remedies(config: &WorldConfig, check: &Check) -> Vec<RemedyInfo> {
 
 /// The remedies of a proposal.
 pub(crate) fn proposed(proposal: &Proposal) -> Vec<RemedyInfo> {
-    let says = |remedy: &Remedy| RemedyInfo { sets: remedy.sets.clone(), text: remedy.lines.join("\n") };
-    proposal.remedies.iter().map(says).collect()
+    let info = |remedy: &Remedy| RemedyInfo { sets: remedy.sets.clone(), text: remedy.lines.join("\n") };
+    proposal.remedies.iter().map(info).collect()
 }
 
 /// The certified intervals of a key's slider; `None` where it holds no number, or `is_over`.
@@ -259,23 +259,23 @@ pub(crate) fn range(config: &WorldConfig, key: &SettableKey, is_over: &dyn Fn() 
         false => key.min + part * (key.max - key.min),
     };
     let mut world = config.certified_world();
-    let mut good = |part: f64| -> Option<bool> {
+    let mut certified_at = |part: f64| -> Option<bool> {
         if is_over() || !world.set_number(&key.path, at(part)) {
             return None;
         }
         Some(is_certified(&world))
     };
     let mut ranges: Vec<[f64; 2]> = Vec::new();
-    let mut before = (0.0, good(0.0)?);
+    let mut before = (0.0, certified_at(0.0)?);
     let mut open = before.1.then_some(0.0);
     for place in 1..PLACES {
         let here = place as f64 / (PLACES - 1) as f64;
-        let now = good(here)?;
+        let now = certified_at(here)?;
         if now != before.1 {
             let (mut low, mut high) = (before.0, here);
             while high - low > WIDTH {
                 let middle = 0.5 * (low + high);
-                if good(middle)? == before.1 { low = middle } else { high = middle }
+                if certified_at(middle)? == before.1 { low = middle } else { high = middle }
             }
             // The certified side of the edge.
             match open.take() {
@@ -296,7 +296,7 @@ mod tests {
     use hapt_model::Source;
 
     use super::*;
-    use crate::testing::WHEEL;
+    use hapt_testing::WHEEL;
 
     fn config() -> WorldConfig {
         WorldConfig::new(Source::from_text("wheel.toml", WHEEL), Vec::new()).unwrap()
@@ -355,8 +355,8 @@ mod tests {
             certifier.ask(config.clone());
         }
         // Those between may be skipped, the last is not, and after it comes no other.
-        let heard: Vec<u32> = std::iter::from_fn(|| answers.recv().ok()).take_while(|g| *g != 20).collect();
-        assert!(heard.is_sorted());
+        let is_open: Vec<u32> = std::iter::from_fn(|| answers.recv().ok()).take_while(|g| *g != 20).collect();
+        assert!(is_open.is_sorted());
         drop(certifier);
         assert!(answers.iter().all(|generation| generation <= 20));
     }

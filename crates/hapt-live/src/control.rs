@@ -26,19 +26,19 @@ impl Control {
         self.holder() == Some(client)
     }
 
-    /// A client has joined; whether it gets control.
+    /// Adds a client; returns whether it gets control.
     pub fn joined(&mut self, client: Client, now: Instant) -> bool {
         self.holder.is_none() && self.take(client, now)
     }
 
-    /// A client takes control; whether that is a change.
+    /// Gives a client control; returns whether that is a change.
     pub fn take(&mut self, client: Client, now: Instant) -> bool {
         let changes = !self.is_held_by(client);
         self.holder = Some((client, now));
         changes
     }
 
-    /// A client gives control away, or has left; whether it had control.
+    /// Takes control from a client that gives it up or has disconnected; returns whether it had control.
     pub fn leave(&mut self, client: Client) -> bool {
         let had = self.is_held_by(client);
         if had {
@@ -47,16 +47,16 @@ impl Control {
         had
     }
 
-    /// A message of a client has come.
-    pub fn heard(&mut self, client: Client, now: Instant) {
+    /// Notes a message of a client.
+    pub fn message_from(&mut self, client: Client, now: Instant) {
         if self.is_held_by(client) {
             self.holder = Some((client, now));
         }
     }
 
-    /// Whether a client has control and was heard within [`PATIENCE`].
-    pub fn is_awake(&self, now: Instant) -> bool {
-        self.holder.is_some_and(|(_, heard)| now.saturating_duration_since(heard) < PATIENCE)
+    /// Whether a client has control and its last message came within [`PATIENCE`].
+    pub fn is_responsive(&self, now: Instant) -> bool {
+        self.holder.is_some_and(|(_, last)| now.saturating_duration_since(last) < PATIENCE)
     }
 }
 
@@ -79,17 +79,17 @@ mod tests {
     }
 
     #[test]
-    fn a_silent_client_is_asleep_and_no_other_client_wakes_it() {
+    fn a_silent_client_is_unresponsive_whatever_other_clients_send() {
         let start = Instant::now();
         let at = |ms: u64| start + Duration::from_millis(ms);
         let mut control = Control::default();
-        assert!(!control.is_awake(at(0)));
+        assert!(!control.is_responsive(at(0)));
         control.joined(1, at(0));
-        assert!(control.is_awake(at(299)) && !control.is_awake(at(300)));
-        control.heard(2, at(300));
-        assert!(!control.is_awake(at(300)));
-        control.heard(1, at(1000));
-        assert!(control.is_awake(at(1299)) && !control.is_awake(at(1300)));
-        assert!(control.is_held_by(1), "asleep, it keeps control");
+        assert!(control.is_responsive(at(299)) && !control.is_responsive(at(300)));
+        control.message_from(2, at(300));
+        assert!(!control.is_responsive(at(300)));
+        control.message_from(1, at(1000));
+        assert!(control.is_responsive(at(1299)) && !control.is_responsive(at(1300)));
+        assert!(control.is_held_by(1), "unresponsive, it keeps control");
     }
 }

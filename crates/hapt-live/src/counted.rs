@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
-use crate::socket::{Allowance, Left};
+use crate::socket::{Allowance, Quota};
 
 /// A connection that counts the frames it reads.
 pub struct Counted<S> {
@@ -38,7 +38,7 @@ impl<S: AsyncRead + Unpin> AsyncRead for Counted<S> {
         if parts > 0 {
             let now = Instant::now();
             let mut allowance = allowance.lock().unwrap_or_else(PoisonError::into_inner);
-            if (0..parts).any(|_| allowance.spend(now) == Left::Gone) {
+            if (0..parts).any(|_| allowance.spend(now) == Quota::Exhausted) {
                 return Poll::Ready(Err(ErrorKind::QuotaExceeded.into()));
             }
         }

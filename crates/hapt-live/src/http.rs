@@ -31,8 +31,8 @@ pub enum Reply {
 /// The reply to a request; `is_full`: there is no place for another websocket.
 pub fn reply(request: &Request<Incoming>, access: &Access, is_full: bool) -> Reply {
     let is_socket = request.uri().path() == "/ws";
-    if let Err(words) = admit(request, access, is_socket) {
-        return Reply::Plain(sentence(StatusCode::FORBIDDEN, &words));
+    if let Err(text) = admit(request, access, is_socket) {
+        return Reply::Plain(sentence(StatusCode::FORBIDDEN, &text));
     }
     let is_head = request.method() == Method::HEAD;
     if request.method() != Method::GET && !is_head {
@@ -53,7 +53,7 @@ pub fn reply(request: &Request<Incoming>, access: &Access, is_full: bool) -> Rep
             headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(cached));
             response
         }
-        None => sentence(StatusCode::NOT_FOUND, "there is nothing here; the page is at /"),
+        None => sentence(StatusCode::NOT_FOUND, "not found; the page is at /"),
     };
     // The request has been admitted: its Host is one of the server's names.
     guard(found.headers_mut(), only(request.headers(), header::HOST).ok().flatten());
@@ -76,7 +76,7 @@ fn only(headers: &HeaderMap, name: HeaderName) -> Result<Option<&str>, String> {
     let mut values = headers.get_all(&name).iter();
     let first = values.next().map(|value| value.to_str().map_err(|_| format!("{name} is not text"))).transpose()?;
     match values.next() {
-        Some(_) => Err(format!("{name} stands there twice")),
+        Some(_) => Err(format!("{name} is given twice")),
         None => Ok(first),
     }
 }
@@ -116,8 +116,8 @@ fn socket(request: &Request<Incoming>, is_full: bool) -> Reply {
 }
 
 /// A response of one sentence.
-fn sentence(status: StatusCode, words: &str) -> Response<Full<Bytes>> {
-    let mut response = Response::new(Full::new(Bytes::from(format!("{words}\n"))));
+fn sentence(status: StatusCode, text: &str) -> Response<Full<Bytes>> {
+    let mut response = Response::new(Full::new(Bytes::from(format!("{text}\n"))));
     *response.status_mut() = status;
     response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("text/plain; charset=utf-8"));
     // After a refusal the connection is closed.

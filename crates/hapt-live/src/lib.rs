@@ -14,6 +14,8 @@
 //! [`standalone`] writes the same page as files, for a folder without a server.
 //!
 //! The messages are in [`hapt_host::messages`], the telemetry in [`hapt_host::frames`], the admission of requests in [`access`].
+// Every match names all variants, so that a new one does not compile by default.
+#![warn(clippy::wildcard_enum_match_arm)]
 
 pub mod access;
 pub mod assets;
@@ -28,7 +30,5 @@ pub mod server;
 pub mod session;
 mod socket;
 pub mod standalone;
-#[cfg(test)]
-mod testing;
 
 pub use live::{Error, Live, Options, PORT};

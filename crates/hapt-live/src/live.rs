@@ -67,17 +67,38 @@ impl From<hapt_host::board::Error> for Error {
 
 /// The remedy for an address that cannot be used.
 fn listening(address: &SocketAddr, error: &io::Error) -> String {
-    match error.kind() {
-        io::ErrorKind::AddrInUse => {
-            format!("port {} is taken, perhaps by another hapt live; --port 0 takes one that is free", address.port())
-        }
-        io::ErrorKind::AddrNotAvailable => format!("no address of this machine ({error})"),
-        io::ErrorKind::PermissionDenied => format!("{error}; ports from 1024 on need no permission"),
-        _ => error.to_string(),
+    let kind = error.kind();
+    if kind == io::ErrorKind::AddrInUse {
+        format!("port {} is taken, perhaps by another hapt live; --port 0 takes one that is free", address.port())
+    } else if kind == io::ErrorKind::AddrNotAvailable {
+        format!("no address of this machine ({error})")
+    } else if kind == io::ErrorKind::PermissionDenied {
+        format!("{error}; ports from 1024 on need no permission")
+    } else {
+        error.to_string()
     }
 }
 
 /// A loop behind a page, running. Dropped, it ends, with no torque on.
+///
+/// ```
+/// use std::time::Duration;
+///
+/// use hapt_live::{Live, Options};
+/// use hapt_model::Source;
+///
+/// let file = "loop.period = \"1 ms\"\ndevice = { inertia = \"6.4e-4 kg m^2\", damping = \"1e-3 N m s/rad\" }\n";
+/// let options = Options {
+///     source: Source::from_text("free.toml", file),
+///     sets: Vec::new(),
+///     address: "127.0.0.1:0".parse()?,
+///     folder: ".".into(),
+/// };
+/// let live = Live::start(options)?;
+/// println!("open {}", live.link());
+/// live.wait(Duration::from_millis(20))?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Live {
     link: String,
     address: SocketAddr,

@@ -18,18 +18,19 @@ impl SharedSession {
             Event::Joined(client, to) => self.joined(client, to),
             Event::Left(client) => self.left(client),
             Event::Message(client, message, epoch, _ticket) => {
-                self.control.heard(client, Instant::now());
+                self.control.message_from(client, Instant::now());
                 if let Some(answer) = self.handle_message(client, message, epoch) {
-                    self.tell(client, to_message(&answer));
+                    self.send_to(client, to_message(&answer));
                 }
             }
             Event::Certified(generation, answer) if generation == self.page.session.config().generation => {
                 let message = to_message(&answer);
-                match answer {
-                    ServerMessage::Range { key, .. } => drop(self.ranges.insert(key, message.clone())),
-                    _ => self.verdict = Some(message.clone()),
+                if let ServerMessage::Range { key, .. } = answer {
+                    self.ranges.insert(key, message.clone());
+                } else {
+                    self.verdict = Some(message.clone());
                 }
-                self.tell_all(&message);
+                self.broadcast(&message);
             }
             // An answer on an earlier world. The task's result is taken by the next poll.
             Event::Certified(..) | Event::TaskDone | Event::End => {}
@@ -48,10 +49,10 @@ impl SharedSession {
             to_message(&self.page.status(self.clients.len())),
         ];
         messages.extend(self.verdict.iter().chain(self.ranges.values()).cloned());
-        messages.into_iter().for_each(|message| self.tell(client, message));
+        messages.into_iter().for_each(|message| self.send_to(client, message));
     }
 
-    /// A page has disconnected, or does not read.
+    /// Removes a page that has disconnected or does not read its messages.
     pub(crate) fn left(&mut self, client: Client) {
         self.clients.remove(&client);
         if self.control.leave(client) {
@@ -59,12 +60,13 @@ impl SharedSession {
         }
     }
 
-    /// The answer to this client, where there is one. What is not about control or certificates goes on to the session.
+    /// Handles a message; returns the answer to this client, where there is one. Messages about anything but control and certificates go to the
+    /// session.
     fn handle_message(&mut self, client: Client, message: ClientMessage, epoch: Epoch) -> Option<ServerMessage> {
         let error = |sentence: &str| Some(ServerMessage::Error { message: sentence.into() });
         match message {
             // The sender has passed a stop to the loop.
-            ClientMessage::Alive | ClientMessage::Order { order: Command::Stop } => None,
+            ClientMessage::Alive | ClientMessage::Command { command: Command::Stop } => None,
             ClientMessage::Take => {
                 let from = self.control.holder();
                 // A page that has disconnected takes nothing.
@@ -73,7 +75,7 @@ impl SharedSession {
                 }
                 None
             }
-            ClientMessage::Hello { .. } => error("hello has been said"),
+            ClientMessage::Hello { .. } => error("hello was sent already"),
             _ if !self.control.is_held_by(client) => error("another page has control; take it first"),
             ClientMessage::Give => {
                 self.control.leave(client);
@@ -84,7 +86,14 @@ impl SharedSession {
                 self.certifier.focus(key);
                 None
             }
-            message => self.page.handle(client, message, epoch),
+            ClientMessage::Command { .. }
+            | ClientMessage::Hand { .. }
+            | ClientMessage::Set { .. }
+            | ClientMessage::Sets { .. }
+            | ClientMessage::Reset
+            | ClientMessage::Restart
+            | ClientMessage::Scenario { .. }
+            | ClientMessage::Record { .. } => self.page.handle(client, message, epoch),
         }
     }
 }

@@ -81,17 +81,17 @@ impl EventSender {
     ///
     /// A stop goes to the loop at once, from any client; so do the heartbeats of the client in control, and its disarming of a motor.
     pub fn send(&self, client: Client, message: ClientMessage, waiting: &Waiting) -> bool {
-        if let ClientMessage::Order { order: Command::Stop } = message {
+        if let ClientMessage::Command { command: Command::Stop } = message {
             self.handle.stop();
         }
         let epoch = self.handle.epoch();
         if self.is_in_control(client) {
             self.handle.heartbeat();
-            if let ClientMessage::Order { order: Command::Disarm } = message {
+            if let ClientMessage::Command { command: Command::Disarm } = message {
                 self.handle.withdraw();
             }
         }
-        if let ClientMessage::Order { order: Command::Stop } | ClientMessage::Alive = message {
+        if let ClientMessage::Command { command: Command::Stop } | ClientMessage::Alive = message {
             // The session needs it for the hand on a simulated puck only: it may be lost.
             if let Some(ticket) = waiting.ticket() {
                 let _ = self.events.try_send(Event::Message(client, ClientMessage::Alive, epoch, ticket));

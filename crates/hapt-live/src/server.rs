@@ -71,7 +71,7 @@ struct Socket {
     client: u64,
     /// It has said hello, with the token where one is asked for.
     is_page: bool,
-    heard: Instant,
+    last_message: Instant,
     task: Option<AbortHandle>,
 }
 
@@ -87,7 +87,7 @@ impl ServerState {
         {
             task.abort();
         }
-        sockets.push_back(Socket { client, is_page: false, heard: Instant::now(), task: None });
+        sockets.push_back(Socket { client, is_page: false, last_message: Instant::now(), task: None });
         Place { client, state: Arc::clone(self) }
     }
 
@@ -101,7 +101,7 @@ impl ServerState {
     fn is_replaceable(&self, socket: &Socket, now: Instant) -> bool {
         socket.is_page
             && !self.sender.is_in_control(socket.client)
-            && now.saturating_duration_since(socket.heard) > SILENT
+            && now.saturating_duration_since(socket.last_message) > SILENT
     }
 
     /// Makes a client a page after its hello; `false`: there is no place.
@@ -110,19 +110,19 @@ impl ServerState {
         let mut sockets = self.sockets();
         if sockets.iter().filter(|socket| socket.is_page).count() >= PAGES {
             let silent = sockets.iter().enumerate().filter(|(_, socket)| self.is_replaceable(socket, now));
-            let Some((longest, _)) = silent.min_by_key(|(_, socket)| socket.heard) else { return false };
+            let Some((longest, _)) = silent.min_by_key(|(_, socket)| socket.last_message) else { return false };
             if let Some(Socket { task: Some(task), .. }) = sockets.remove(longest) {
                 task.abort();
             }
         }
         let own = sockets.iter_mut().find(|socket| socket.client == client);
-        own.map(|socket| (socket.is_page, socket.heard) = (true, now)).is_some()
+        own.map(|socket| (socket.is_page, socket.last_message) = (true, now)).is_some()
     }
 
-    /// A message of a client has come.
-    pub(crate) fn heard(&self, client: u64) {
+    /// Notes a message of a client.
+    pub(crate) fn message_from(&self, client: u64) {
         if let Some(socket) = self.sockets().iter_mut().find(|socket| socket.client == client) {
-            socket.heard = Instant::now();
+            socket.last_message = Instant::now();
         }
     }
 

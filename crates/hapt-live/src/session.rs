@@ -1,4 +1,4 @@
-//! The session with the pages: it passes their messages to the loop's session, and tells them what the loop does.
+//! The session with the pages: passes their messages to the loop's session, and the loop's state to them.
 //!
 //! Its thread blocks on its queue alone, for a few milliseconds at most: a page that stops reading is disconnected, certificates and changed
 //! worlds are computed on other threads, and the loop runs on without it.
@@ -17,11 +17,11 @@ use crate::certifier::Certifier;
 use crate::control::{Client, Control};
 use crate::sender::{Event, EventSender};
 
-/// The longest wait for an event before the loop is looked at again.
+/// The longest wait for an event before the loop is polled again.
 const TICK: Duration = Duration::from_millis(4);
 /// The time between two telemetry frames.
 const FRAME: Duration = Duration::from_micros(16_667);
-/// The most events handled before the loop is looked at again.
+/// The most events handled before the loop is polled again.
 const AT_ONCE: usize = 1024;
 
 /// The session that several pages share.
@@ -37,7 +37,7 @@ pub struct SharedSession {
     pub(crate) world: Message,
     pub(crate) handle: LoopHandle,
     sender: EventSender,
-    /// The client in control, as the pages know it.
+    /// The client in control that the pages were told of.
     announced: Option<Client>,
 }
 
@@ -82,7 +82,7 @@ impl SharedSession {
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
             }
             let now = Instant::now();
-            if !self.control.is_awake(now) {
+            if !self.control.is_responsive(now) {
                 self.page.session.release();
             }
             let mut messages = Vec::new();
@@ -92,16 +92,16 @@ impl SharedSession {
             }
             if self.control.holder() != self.announced {
                 self.announced = self.control.holder();
-                self.tell_all(&to_message(&ServerMessage::Control { control: self.announced }));
+                self.broadcast(&to_message(&ServerMessage::Control { control: self.announced }));
             }
             if now >= frame {
                 frame = (frame + FRAME).max(now);
                 if let Some(bytes) = self.page.frame() {
-                    self.tell_all(&Message::Binary(bytes.into()));
+                    self.broadcast(&Message::Binary(bytes.into()));
                 }
             }
             if let Some(status) = self.page.status_due(now - begin, self.clients.len()) {
-                self.tell_all(&to_message(&status));
+                self.broadcast(&to_message(&status));
             }
             if let Some(outcome) = ended {
                 return outcome;
@@ -113,17 +113,17 @@ impl SharedSession {
     fn pass_on(&mut self, to: Option<Client>, message: &ServerMessage) {
         let text = to_message(message);
         if let Some(client) = to {
-            return self.tell(client, text);
+            return self.send_to(client, text);
         }
         if let ServerMessage::World(_) = message {
             (self.verdict, self.ranges) = (None, BTreeMap::new());
             self.certifier.ask(self.page.session.config().clone());
             self.world = text.clone();
         }
-        self.tell_all(&text);
+        self.broadcast(&text);
     }
 
-    /// Control has passed on: the hand releases the puck, and a motor's torque fades out until the next client in control arms it.
+    /// Handles a change of control: the hand releases the puck, and a motor's torque fades out until the next client in control arms it.
     pub(crate) fn control_changed(&mut self, from: Option<Client>) {
         self.page.session.release();
         self.page.session.cancel_tasks();
@@ -136,14 +136,14 @@ impl SharedSession {
             self.handle.withdraw();
         }
         if next.is_some() {
-            // Its message has just come.
+            // Its message has just arrived.
             self.handle.heartbeat();
             self.sender.set_controller(next);
         }
     }
 
-    /// Sends a message to one page; a page that does not read is disconnected.
-    pub(crate) fn tell(&mut self, client: Client, message: Message) {
+    /// Sends a message to one page; a page that does not read its messages is disconnected.
+    pub(crate) fn send_to(&mut self, client: Client, message: Message) {
         let Some(to) = self.clients.get(&client) else { return };
         if to.try_send(message).is_err() {
             self.left(client);
@@ -151,7 +151,7 @@ impl SharedSession {
     }
 
     /// Sends a message to every page.
-    pub(crate) fn tell_all(&mut self, message: &Message) {
+    pub(crate) fn broadcast(&mut self, message: &Message) {
         let full = |(client, to): (&Client, &Sender<Message>)| to.try_send(message.clone()).is_err().then_some(*client);
         let gone: Vec<Client> = self.clients.iter().filter_map(full).collect();
         gone.into_iter().for_each(|client| self.left(client));

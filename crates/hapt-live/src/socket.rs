@@ -53,27 +53,27 @@ pub async fn serve(io: TokioIo<Upgraded>, state: Arc<ServerState>, client: u64) 
     let allowance = Arc::new(Mutex::new(Allowance::new(Instant::now())));
     let io = Counted::new(io, Arc::clone(&allowance));
     let socket = WebSocketStream::from_raw_socket(io, Role::Server, Some(config)).await;
-    let leaving = Leaving(state.sender.clone(), client);
+    let disconnect = Disconnect(state.sender.clone(), client);
     let (mut sink, mut stream) = socket.split();
     let (outbox, mut waiting) = mpsc::channel(WAITING);
     let joined = AtomicBool::new(false);
-    let hearing = receive(&mut stream, &state, client, outbox, &allowance, &joined);
-    let telling = async {
+    let receiving = receive(&mut stream, &state, client, outbox, &allowance, &joined);
+    let sending = async {
         while let Some(message) = waiting.recv().await {
             if !matches!(timeout(STALLED, sink.send(message)).await, Ok(Ok(()))) {
                 return (CloseCode::Away, "");
             }
         }
-        (CloseCode::Policy, "the page does not read")
+        (CloseCode::Policy, "the page does not read its messages")
     };
     let (code, reason) = tokio::select! {
-        close = hearing => close,
-        close = telling => close,
+        close = receiving => close,
+        close = sending => close,
     };
-    drop(leaving);
+    drop(disconnect);
     // The server closes it: a stop that the page has sent before still counts.
     if !matches!(code, CloseCode::Normal | CloseCode::Protocol) && joined.load(Ordering::Relaxed) {
-        let _ = timeout(LAST, stop_among(&mut stream, &state, client)).await;
+        let _ = timeout(LAST, find_stop(&mut stream, &state, client)).await;
     }
     // The messages that wait, and the reason, while the page takes them.
     let last = async {
@@ -98,15 +98,15 @@ async fn receive(
     let (mut strikes, mut is_over) = (0, false);
     // Owned here until the session owns it: the queue closes when the session drops it.
     let (weak, mut own) = (outbox.downgrade(), Some(outbox));
-    let answer = |words: String| {
+    let answer = |sentence: String| {
         weak.upgrade()
-            .is_some_and(|outbox| outbox.try_send(to_message(&ServerMessage::Error { message: words })).is_ok())
+            .is_some_and(|outbox| outbox.try_send(to_message(&ServerMessage::Error { message: sentence })).is_ok())
     };
     let opened = tokio::time::Instant::now();
     loop {
         let until = if own.is_none() { tokio::time::Instant::now() + SILENCE } else { opened + HELLO };
         let text = match tokio::time::timeout_at(until, stream.next()).await {
-            Err(_) => return (CloseCode::Policy, "the page says nothing"),
+            Err(_) => return (CloseCode::Policy, "no message for too long"),
             Ok(None | Some(Ok(Message::Close(_)))) => return (CloseCode::Normal, ""),
             Ok(Some(Err(Error::Capacity(_)))) => return (CloseCode::Size, "a message has at most 4 KiB"),
             Ok(Some(Err(Error::Io(error)))) if error.kind() == ErrorKind::QuotaExceeded => return TOO_MANY,
@@ -114,37 +114,37 @@ async fn receive(
             Ok(Some(Ok(Message::Text(text)))) => Some(text),
             Ok(Some(Ok(_))) => None,
         };
-        let said = match &text {
+        let parsed = match &text {
             Some(text) => ClientMessage::read(text.as_str()),
-            None => Err("messages are text".into()),
+            None => Err("expected a text message".into()),
         };
         // A stop counts beyond every limit.
-        let is_stop = matches!(said, Ok(ClientMessage::Order { order: Command::Stop }));
+        let is_stop = matches!(parsed, Ok(ClientMessage::Command { command: Command::Stop }));
         if is_stop && own.is_none() {
-            state.sender.send(client, ClientMessage::Order { order: Command::Stop }, &waiting);
+            state.sender.send(client, ClientMessage::Command { command: Command::Stop }, &waiting);
         }
         let left = allowance.lock().unwrap_or_else(PoisonError::into_inner).spend(Instant::now());
         match left {
-            Left::Some => is_over = false,
-            Left::None => {
+            Quota::Within => is_over = false,
+            Quota::Exceeded => {
                 if !std::mem::replace(&mut is_over, true) && !answer(TOO_MANY.1.into()) {
                     return TOO_MANY;
                 }
                 continue;
             }
-            Left::Gone => return TOO_MANY,
+            Quota::Exhausted => return TOO_MANY,
         }
-        let trouble = match said {
+        let outcome = match parsed {
             Ok(ClientMessage::Hello { v, .. }) if v != VERSION => {
-                Err(format!("this server speaks version {VERSION}, the page {v}: load it anew"))
+                Err(format!("the server has version {VERSION} of the protocol, the page {v}: reload the page"))
             }
-            Ok(said) => match (own.take(), said) {
-                (None, said) => {
-                    state.heard(client);
-                    match is_stop || state.sender.send(client, said, &waiting) {
+            Ok(parsed) => match (own.take(), parsed) {
+                (None, parsed) => {
+                    state.message_from(client);
+                    match is_stop || state.sender.send(client, parsed, &waiting) {
                         true => Ok(true),
                         // Not closed: a stop may follow.
-                        false => Ok(answer("the server is overrun: this was dropped".into())),
+                        false => Ok(answer("the server is overloaded: this message was dropped".into())),
                     }
                 }
                 (Some(outbox), ClientMessage::Hello { token, .. }) => {
@@ -160,18 +160,18 @@ async fn receive(
                 }
                 (early, _) => {
                     own = early;
-                    Err("hello comes first".into())
+                    Err("the first message must be hello".into())
                 }
             },
-            Err(words) => Err(words),
+            Err(message) => Err(message),
         };
-        match trouble {
+        match outcome {
             Ok(true) => strikes = 0,
-            Ok(false) => return (CloseCode::Again, "the page does not read, or the server is overrun"),
-            Err(words) => {
+            Ok(false) => return (CloseCode::Again, "the page does not read its messages, or the server is overloaded"),
+            Err(message) => {
                 strikes += 1;
-                if strikes >= STRIKES || !answer(words) {
-                    return (CloseCode::Policy, "no messages of ours");
+                if strikes >= STRIKES || !answer(message) {
+                    return (CloseCode::Policy, "too many invalid messages in a row");
                 }
             }
         }
@@ -179,24 +179,24 @@ async fn receive(
 }
 
 /// Searches for a stop in what a page has sent beyond the limits.
-async fn stop_among(
+async fn find_stop(
     stream: &mut (impl StreamExt<Item = Result<Message, Error>> + Unpin),
     state: &ServerState,
     client: u64,
 ) {
     while let Some(Ok(message)) = stream.next().await {
-        let said = message.to_text().map_or(Err(String::new()), ClientMessage::read);
-        if let Ok(said @ ClientMessage::Order { order: Command::Stop }) = said {
-            state.sender.send(client, said, &Waiting::default());
+        let parsed = message.to_text().map_or(Err(String::new()), ClientMessage::read);
+        if let Ok(parsed @ ClientMessage::Command { command: Command::Stop }) = parsed {
+            state.sender.send(client, parsed, &Waiting::default());
             return;
         }
     }
 }
 
 /// Reports that a page has disconnected, however its task ends.
-struct Leaving(EventSender, u64);
+struct Disconnect(EventSender, u64);
 
-impl Drop for Leaving {
+impl Drop for Disconnect {
     fn drop(&mut self) {
         self.0.notify(Event::Left(self.1));
     }
@@ -204,13 +204,13 @@ impl Drop for Leaving {
 
 /// The state of an [`Allowance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Left {
+pub enum Quota {
     /// The message is within the limit.
-    Some,
+    Within,
     /// It is beyond the limit, and dropped.
-    None,
+    Exceeded,
     /// A second's worth of messages has been dropped.
-    Gone,
+    Exhausted,
 }
 
 /// Limits messages to a number a second, and a burst of as many.
@@ -225,14 +225,14 @@ impl Allowance {
     }
 
     /// Counts one message.
-    pub fn spend(&mut self, now: Instant) -> Left {
+    pub fn spend(&mut self, now: Instant) -> Quota {
         self.left = (self.left + RATE * now.saturating_duration_since(self.at).as_secs_f64()).min(RATE);
         self.at = now;
         self.left = (self.left - 1.0).max(-RATE - 1.0);
         match self.left {
-            left if left >= 0.0 => Left::Some,
-            left if left >= -RATE => Left::None,
-            _ => Left::Gone,
+            left if left >= 0.0 => Quota::Within,
+            left if left >= -RATE => Quota::Exceeded,
+            _ => Quota::Exhausted,
         }
     }
 }
@@ -246,16 +246,16 @@ mod tests {
         let start = Instant::now();
         let at = |ms: u64| start + Duration::from_millis(ms);
         let mut steady = Allowance::new(start);
-        assert!((1..=10_000).all(|n| steady.spend(at(5 * n)) == Left::Some));
+        assert!((1..=10_000).all(|n| steady.spend(at(5 * n)) == Quota::Within));
         let mut burst = Allowance::new(start);
-        let burst: Vec<Left> = (0..1000).map(|_| burst.spend(start)).collect();
+        let burst: Vec<Quota> = (0..1000).map(|_| burst.spend(start)).collect();
         assert_eq!(
-            [Left::Some, Left::None, Left::Gone].map(|left| burst.iter().filter(|l| **l == left).count()),
+            [Quota::Within, Quota::Exceeded, Quota::Exhausted].map(|left| burst.iter().filter(|l| **l == left).count()),
             [200, 200, 600]
         );
         let mut fast = Allowance::new(start);
         // At 1000 a second 0.8 of each are more than is earned, and 200 are saved up.
-        let lasted = (1..).take_while(|n| fast.spend(at(*n)) == Left::Some).count();
+        let lasted = (1..).take_while(|n| fast.spend(at(*n)) == Quota::Within).count();
         assert!((249..=251).contains(&lasted), "{lasted}");
     }
 }

@@ -27,9 +27,9 @@ const MANY: usize = 4;
 /// A file by its name, which may be in a folder.
 pub type File = (String, Vec<u8>);
 
-/// What is known of a world whose page is to be written.
+/// The contents of a page: a world, its certificate and its remedies.
 #[derive(Clone, Copy, Debug)]
-pub struct Known<'a> {
+pub struct PageInput<'a> {
     /// The world.
     pub world: &'a PageWorld,
     /// Its certificate.
@@ -77,8 +77,8 @@ pub fn shared() -> Vec<File> {
 }
 
 /// A world's page and its data, `stem.html` and `stem.js`.
-pub fn world(stem: &str, known: &Known<'_>) -> [File; 2] {
-    let data = format!("Object.assign(window.hapt, {});\n", data(known));
+pub fn world(stem: &str, input: &PageInput<'_>) -> [File; 2] {
+    let data = format!("Object.assign(window.hapt, {});\n", data(input));
     [(format!("{stem}.html"), page(stem).into_bytes()), (format!("{stem}.js"), data.into_bytes())]
 }
 
@@ -105,9 +105,9 @@ fn page(stem: &str) -> String {
     format!("{head}{own}{rest}")
 }
 
-/// A world, and what is known of it, as the page takes them: web/src/local.ts has their form.
-fn data(known: &Known<'_>) -> Value {
-    let Known { world: PageWorld { file, config }, check, proposal, command, report } = *known;
+/// The contents of a page in the form that its script takes: web/src/local.ts has their form.
+fn data(input: &PageInput<'_>) -> Value {
+    let PageInput { world: PageWorld { file, config }, check, proposal, command, report } = *input;
     let is_small = config.world.bodies.len() <= MANY;
     let number = |key: &&SettableKey| key.kind == "quantity" && (is_small || key.path == "loop.period");
     let ranges: BTreeMap<&str, Vec<[f64; 2]>> = (config.keys().iter().filter(number))
@@ -140,7 +140,7 @@ fn base64(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::WHEEL;
+    use hapt_testing::WHEEL;
 
     #[test]
     fn a_worlds_text_stays_text() {
@@ -148,8 +148,8 @@ mod tests {
         let source = Source::from_text("wheel.toml", WHEEL.replace("title = \"wheel\"", title));
         let own = PageWorld::new(&source, vec!["loop.period=2 ms".into()]).unwrap();
         let check = hapt_analysis::check(&own.config.world).unwrap();
-        let known = Known { world: &own, check: &check, proposal: None, command: "it's", report: "../wheel.html" };
-        let [(name, html), (data, text)] = world("wheel", &known);
+        let input = PageInput { world: &own, check: &check, proposal: None, command: "it's", report: "../wheel.html" };
+        let [(name, html), (data, text)] = world("wheel", &input);
         assert_eq!((name.as_str(), data.as_str()), ("wheel.html", "wheel.js"));
         assert!(!String::from_utf8_lossy(&html).contains("alert(1)"));
         let text = String::from_utf8(text).unwrap();

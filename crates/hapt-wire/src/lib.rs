@@ -2,7 +2,7 @@
 //!
 //! [`write()`] makes the bytes of a [`Spec`], [`Stored::read`] checks them and holds the world in memory of fixed size. The format is
 //! postcard's, after a version and before a checksum; incomplete or corrupted bytes and other versions are refused as a whole. [`frame()`]
-//! and [`Reader`] carry any message over a line that loses and corrupts bytes; [`Command`] and [`DeviceMessage`] are the messages between a
+//! and [`Reader`] carry any message over a line that loses and corrupts bytes; [`HostMessage`] and [`DeviceMessage`] are the messages between a
 //! host and a board (docs/wire.md), [`pack`] is the world with its limits for a board.
 //!
 //! ```
@@ -54,7 +54,8 @@ const SUM: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 pub use frame::{Reader, frame};
 pub use load::{LARGEST, hash, pack, unpack};
 pub use message::{
-    BODIES, Command, DeviceMessage, Hello, LONGEST, Order, PIECE, PROTOCOL, Parameter, ROOM, Refusal, States, Telemetry,
+    BODIES, Command, DeviceMessage, Hello, HostMessage, LONGEST, PIECE, PROTOCOL, Parameter, ROOM, Refusal, States,
+    Telemetry,
 };
 
 #[doc(inline)]

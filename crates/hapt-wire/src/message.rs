@@ -1,7 +1,7 @@
 //! The messages between a host and a board. The number of a variant is its code on the wire, and never changes; a new one comes last.
 //!
 //! ```text
-//! host:  sequence u32   not_after u64   code   the order's fields
+//! host:  sequence u32   not_after u64   code   the command's fields
 //! board: code   the answer's fields
 //! ```
 //!
@@ -13,11 +13,11 @@ use core::fmt;
 use serde::de::{SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// The version of the protocol. Only [`Order::Hello`] and [`DeviceMessage::Hello`] keep their form in every version.
+/// The version of the protocol. Only [`Command::Hello`] and [`DeviceMessage::Hello`] keep their form in every version.
 pub const PROTOCOL: u16 = 1;
 /// The longest frame to a board, its 0 too.
 pub const LONGEST: usize = 256;
-/// The most bytes of a [`Order::Piece`] that fit into one.
+/// The most bytes of a [`Command::Piece`] that fit into one.
 pub const PIECE: usize = 224;
 /// Capacity of a board: bodies, couplings, and counts of its velocity estimator (a FOAW window and one).
 pub const ROOM: [usize; 3] = [4, 8, 17];
@@ -26,27 +26,27 @@ pub const BODIES: usize = ROOM[0];
 
 /// A frame from the host.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Command<'a> {
+pub struct HostMessage<'a> {
     /// One more than that of the previous command. It never restarts: a board reports the last one in its [`Hello`].
     pub sequence: u32,
     /// The last sample at which it is accepted.
     pub not_after: u64,
-    /// The order.
+    /// The command.
     #[serde(borrow)]
-    pub order: Order<'a>,
+    pub command: Command<'a>,
 }
 
-/// An order of a host. The answer is [`DeviceMessage::Done`], [`DeviceMessage::Refused`] or the message that its documentation names.
+/// A command of a host. The answer is [`DeviceMessage::Done`], [`DeviceMessage::Refused`] or the message that its documentation names.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Order<'a> {
+pub enum Command<'a> {
     /// The handshake, answered by [`DeviceMessage::Hello`]. Valid with any sequence and at any time, as `Stop`.
     Hello {
         /// [`PROTOCOL`]
         protocol: u16,
     },
-    /// Fault: the torque is 0 from the next sample on. Executed before all other orders.
+    /// Fault: the torque is 0 from the next sample on. Executed before all other commands.
     Stop,
-    /// A heartbeat. `Arm` counts as one too, and no other order does: without a heartbeat for the world's `safety.link` the torque is removed.
+    /// A heartbeat. `Arm` counts as one too, and no other command does: without a heartbeat for the world's `safety.link` the torque is removed.
     Heartbeat,
     /// Fade in.
     Arm {
@@ -130,12 +130,12 @@ pub enum DeviceMessage<'a> {
     /// The answer to a hello.
     #[serde(borrow)]
     Hello(Hello<'a>),
-    /// The order is executed.
+    /// The command is executed.
     Done {
         /// The sequence of the command.
         sequence: u32,
     },
-    /// The order is refused, and nothing has changed.
+    /// The command is refused, and nothing has changed.
     Refused {
         /// The sequence of the command.
         sequence: u32,
@@ -174,7 +174,7 @@ pub struct Hello<'a> {
     pub couplings: u8,
     /// The longest FOAW window, in samples.
     pub window: u8,
-    /// Whether it has no encoder and takes its samples from [`Order::Sample`].
+    /// Whether it has no encoder and takes its samples from [`Command::Sample`].
     pub externally_clocked: bool,
     /// The sequence of the last command.
     pub sequence: u32,

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_analysis::{Check, Proposal};
-use hapt_live::standalone::{self, Known, PageWorld};
+use hapt_live::standalone::{self, PageInput, PageWorld};
 use hapt_model::{Parameter, World};
 use hapt_report::{Drawing, Report, Run, index_drawings, index_page};
 use hapt_sim::Simulation;
@@ -148,10 +148,10 @@ fn live(folder: &Path, ready: &Ready) -> Result<(), Failure> {
         }
     };
     let report = format!("../{stem}.html");
-    let known = Known { world, check, proposal: proposal.as_ref(), command, report: &report };
+    let input = PageInput { world, check, proposal: proposal.as_ref(), command, report: &report };
     let folder = folder.join(LIVE);
     output::folder("--out", &folder.join("assets"))?;
-    for (name, bytes) in standalone::shared().into_iter().chain(standalone::world(stem, &known)) {
+    for (name, bytes) in standalone::shared().into_iter().chain(standalone::world(stem, &input)) {
         write(&folder.join(name), &bytes)?;
     }
     Ok(())

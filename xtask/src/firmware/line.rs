@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail, ensure};
 use fastrand::Rng;
 use hapt_core::Limits;
 use hapt_model::World;
-use hapt_wire::{Command, DeviceMessage, LONGEST, Order, PIECE, PROTOCOL, Reader, frame, hash, pack};
+use hapt_wire::{Command, DeviceMessage, HostMessage, LONGEST, PIECE, PROTOCOL, Reader, frame, hash, pack};
 
 /// A board that does not answer for so long is dead.
 pub const PATIENCE: Duration = Duration::from_secs(20);
@@ -68,7 +68,7 @@ impl Board {
         let mut board = Board { emulator, line, reader: Reader::new(), sequence: 0, sample: 0, noise: None };
         // What comes before its receiver is on is lost.
         (board.sequence, board.sample) = loop {
-            board.ask(Order::Hello { protocol: PROTOCOL })?;
+            board.ask(Command::Hello { protocol: PROTOCOL })?;
             let heard = board.hear(Duration::from_millis(500), |says| match says {
                 DeviceMessage::Hello(hello) => Some((hello.sequence, hello.sample, hello.externally_clocked)),
                 _ => None,
@@ -94,15 +94,15 @@ impl Board {
         Ok(false)
     }
 
-    pub fn ask(&mut self, order: Order<'_>) -> Result<u32> {
+    pub fn ask(&mut self, command: Command<'_>) -> Result<u32> {
         if let Some(noise) = &mut self.noise {
             let bytes: Vec<u8> = (0..noise.usize(..40)).map(|_| noise.u8(..)).chain([0]).collect();
             self.line.get_mut().write_all(&bytes)?;
         }
         self.sequence += 1;
-        let command = Command { sequence: self.sequence, not_after: self.sample + 30_000, order };
+        let message = HostMessage { sequence: self.sequence, not_after: self.sample + 30_000, command };
         let mut room = [0; LONGEST];
-        self.line.get_mut().write_all(frame(&command, &mut room)?)?;
+        self.line.get_mut().write_all(frame(&message, &mut room)?)?;
         Ok(self.sequence)
     }
 
@@ -128,9 +128,9 @@ impl Board {
         Ok(None)
     }
 
-    /// Sends an order, and waits until it is executed.
-    pub fn done(&mut self, order: Order<'_>) -> Result<()> {
-        let asked = self.ask(order)?;
+    /// Sends a command, and waits until it is executed.
+    pub fn done(&mut self, command: Command<'_>) -> Result<()> {
+        let asked = self.ask(command)?;
         let said = self.hear(PATIENCE, |says| match says {
             DeviceMessage::Done { sequence } | DeviceMessage::Value { sequence, .. } if sequence == asked => {
                 Some(Ok(()))
@@ -138,8 +138,8 @@ impl Board {
             DeviceMessage::Refused { sequence, why } if sequence == asked => Some(Err(why)),
             _ => None,
         })?;
-        said.with_context(|| format!("no answer to {order:?}"))?
-            .map_err(|why| anyhow::anyhow!("{order:?}: refused, {}", why.sentence()))
+        said.with_context(|| format!("no answer to {command:?}"))?
+            .map_err(|why| anyhow::anyhow!("{command:?}: refused, {}", why.sentence()))
     }
 
     /// Sends a world, and gives its hash.
@@ -147,11 +147,11 @@ impl Board {
         let mut room = [0; 1024];
         let bytes = pack(&world.spec(), limits, &mut room)?;
         let hash = hash(bytes);
-        self.done(Order::Begin { length: bytes.len() as u16, hash })?;
+        self.done(Command::Begin { length: bytes.len() as u16, hash })?;
         for (i, piece) in bytes.chunks(PIECE).enumerate() {
-            self.done(Order::Piece { at: (i * PIECE) as u16, bytes: piece })?;
+            self.done(Command::Piece { at: (i * PIECE) as u16, bytes: piece })?;
         }
-        self.done(Order::Commit)?;
+        self.done(Command::Commit)?;
         Ok(hash)
     }
 }

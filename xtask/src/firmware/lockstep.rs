@@ -5,7 +5,7 @@ use anyhow::{Context, Result, bail, ensure};
 use fastrand::Rng;
 use hapt_core::{Limits, Phase, Reason, SafetyProfile};
 use hapt_sim::{Simulation, VirtualDevice, script};
-use hapt_wire::{DeviceMessage, Order, Telemetry};
+use hapt_wire::{Command, DeviceMessage, Telemetry};
 
 use super::line::{Board, PATIENCE};
 use super::{BOARDS, Extent, has_tools, on_all_boards};
@@ -63,7 +63,7 @@ impl Board {
     fn feed(&mut self, (position, velocity): (f64, f64), announced: bool) -> Result<Telemetry> {
         let sample = self.sample;
         let (position, velocity) = (position as f32, velocity as f32);
-        self.ask(Order::Sample { sample, position, velocity, late: 0.0, announced })?;
+        self.ask(Command::Sample { sample, position, velocity, late: 0.0, announced })?;
         self.sample += 1;
         let said = self.hear(PATIENCE, |says| match says {
             DeviceMessage::Telemetry(telemetry) if telemetry.sample == sample => Some(telemetry),
@@ -74,7 +74,7 @@ impl Board {
 
     /// Armed, and faded in, the puck at rest at 0.
     fn arm(&mut self, world: u32) -> Result<()> {
-        self.ask(Order::Arm { world })?;
+        self.ask(Command::Arm { world })?;
         for _ in 0..1000 {
             if self.feed((0.0, 0.0), false)?.phase == Phase::Running as u8 {
                 return Ok(());
@@ -108,7 +108,7 @@ impl Board {
             largest = largest.max(row.torque.abs());
             bits.push(telemetry.torque.to_bits());
         }
-        self.ask(Order::Disarm)?;
+        self.ask(Command::Disarm)?;
         for _ in 0..10_000 {
             if self.feed(device.puck(), false)?.phase == Phase::Disarmed as u8 {
                 return Ok((difference / largest, bits));
@@ -127,11 +127,11 @@ impl Board {
         let world = world("default")?;
         let limits = Limits { link: LINK, link_faults: true, ..world.limits(SafetyProfile::Simulated) };
         let hash = self.load(&world, &limits)?;
-        self.ask(Order::Arm { world: hash })?;
+        self.ask(Command::Arm { world: hash })?;
         let mut last = 0;
         for sample in 1..=300 {
             if sample <= 150 {
-                self.ask(Order::Heartbeat)?;
+                self.ask(Command::Heartbeat)?;
             }
             let telemetry = self.feed((0.1, 0.0), false)?;
             let over = f64::from(sample - 150) * world.sampling.period > LINK + 2e-3;
@@ -148,7 +148,7 @@ impl Board {
             }
         }
         ensure!(last >= 150 + (LINK / world.sampling.period) as i32 - 2, "the torque went at sample {last}");
-        self.done_with_a_sample(Order::Clear)
+        self.done_with_a_sample(Command::Clear)
     }
 
     /// A reading that jumps takes the torque away at that sample.
@@ -162,15 +162,15 @@ impl Board {
         for _ in 0..20 {
             self.feed((0.0, 0.0), false)?;
         }
-        self.done_with_a_sample(Order::Clear)
+        self.done_with_a_sample(Command::Clear)
     }
 
     /// The supervisor answers with the next sample; the host is there again.
-    fn done_with_a_sample(&mut self, order: Order<'_>) -> Result<()> {
-        self.ask(Order::Heartbeat)?;
-        self.ask(order)?;
+    fn done_with_a_sample(&mut self, command: Command<'_>) -> Result<()> {
+        self.ask(Command::Heartbeat)?;
+        self.ask(command)?;
         let telemetry = self.feed((0.0, 0.0), false)?;
-        ensure!(telemetry.phase == Phase::Disarmed as u8, "{order:?}: {telemetry:?}");
+        ensure!(telemetry.phase == Phase::Disarmed as u8, "{command:?}: {telemetry:?}");
         Ok(())
     }
 }

@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, ensure};
-use hapt_wire::{Command as Said, Order, PROTOCOL, frame};
+use hapt_wire::{Command as BoardCommand, HostMessage, PROTOCOL, frame};
 
 use super::line::PATIENCE;
 use super::{BUILT, control, has_tools, program};
@@ -106,7 +106,7 @@ pub fn holds() -> Result<()> {
     // The board's own refusal, and then the world that it still has.
     let sets = ["--set", "loop.period=20ms", "--uncertified"];
     hapt(&[&["flash", "w.toml", "--device", &device], &sets[..]].concat())?
-        .with(2, &["the board will not take the world"])?;
+        .with(2, &["the board refuses to take the world"])?;
     hapt(&["flash", "w.toml", "--device", &device])?.with(0, &[": was there already"])?;
 
     let mut running = Command::new(hapt_program()?);
@@ -135,15 +135,15 @@ pub fn holds() -> Result<()> {
 fn half_a_world(port: &str) -> Result<()> {
     let mut line = OpenOptions::new().write(true).open(port)?;
     let bytes = [1; 64];
-    let orders = [
-        Order::Hello { protocol: PROTOCOL },
-        Order::Begin { length: 200, hash: 7 },
-        Order::Piece { at: 0, bytes: &bytes },
+    let commands = [
+        BoardCommand::Hello { protocol: PROTOCOL },
+        BoardCommand::Begin { length: 200, hash: 7 },
+        BoardCommand::Piece { at: 0, bytes: &bytes },
     ];
-    for (i, order) in orders.into_iter().enumerate() {
+    for (i, command) in commands.into_iter().enumerate() {
         // Far enough after earlier commands.
-        let command = Said { sequence: 1000 + i as u32, not_after: 60_000, order };
-        line.write_all(frame(&command, &mut [0; 256])?)?;
+        let message = HostMessage { sequence: 1000 + i as u32, not_after: 60_000, command };
+        line.write_all(frame(&message, &mut [0; 256])?)?;
     }
     // And a frame's beginning.
     Ok(line.write_all(&[3, 1])?)

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use hapt_core::{Limits, Phase, SafetyProfile};
 use hapt_model::EstimatorKind;
-use hapt_wire::{DeviceMessage, Order, Parameter};
+use hapt_wire::{Command, DeviceMessage, Parameter};
 
 use super::line::{Board, PATIENCE};
 use super::{Extent, has_tools, program};
@@ -31,9 +31,9 @@ pub fn holds(extent: Extent) -> Result<()> {
     // A sample that comes half a period late is a fault.
     let limits = Limits { late: 0.5e-4, ..wheel.limits(SafetyProfile::Simulated) };
     let hash = board.load(&wheel, &limits)?;
-    board.done(Order::Set { parameter: Parameter::Divider as u8, value: 10_000 })?;
-    board.done(Order::Set { parameter: Parameter::MostUsed as u8, value: 0 })?;
-    board.done(Order::Arm { world: hash })?;
+    board.done(Command::Set { parameter: Parameter::Divider as u8, value: 10_000 })?;
+    board.done(Command::Set { parameter: Parameter::MostUsed as u8, value: 0 })?;
+    board.done(Command::Arm { world: hash })?;
     let start = board.sample;
     let mut shown = 0;
     while board.sample < start + samples {
@@ -47,7 +47,7 @@ pub fn holds(extent: Extent) -> Result<()> {
         board.sample = telemetry.sample;
         shown += 1;
     }
-    let asked = board.ask(Order::Get { parameter: Parameter::MostUsed as u8 })?;
+    let asked = board.ask(Command::Get { parameter: Parameter::MostUsed as u8 })?;
     let most = board.hear(PATIENCE, |says| match says {
         DeviceMessage::Value { sequence, value, .. } if sequence == asked => Some(value),
         _ => None,
@@ -67,7 +67,7 @@ pub fn counts_and_watches() -> Result<()> {
     let program = program("mps2", "wheel-that-stops", None)?;
     let off = [ICOUNT[0], ICOUNT[1], "-action", "watchdog=poweroff"];
     let mut board = Board::start("mps2-an386", &program, &off, false)?;
-    board.done(Order::Set { parameter: Parameter::Divider as u8, value: 100 })?;
+    board.done(Command::Set { parameter: Parameter::Divider as u8, value: 100 })?;
     let mut missed = None;
     let ended = board.hear(PATIENCE, |says| {
         if let DeviceMessage::Telemetry(telemetry) = says

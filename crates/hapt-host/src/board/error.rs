@@ -1,11 +1,11 @@
-//! What can go wrong with a board.
+//! The errors of a board.
 
 use std::io;
 use std::path::PathBuf;
 
 use hapt_wire::{PROTOCOL, Refusal};
 
-/// What can go wrong with a board.
+/// The error of a board.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The port cannot be opened.
@@ -13,15 +13,15 @@ pub enum Error {
     Open {
         /// The port.
         path: PathBuf,
-        /// Why not.
+        /// The system's error.
         source: io::Error,
     },
-    /// The port was there, and is no more.
+    /// The port was removed.
     #[error("the board at {} is gone: {source}", path.display())]
     Gone {
         /// The port.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
     /// Nothing answers a hello.
@@ -29,17 +29,17 @@ pub enum Error {
         "nothing at {} answers in hapt's protocol: is it the board's port, and does the board run hapt's firmware?",
         path.display()
     )]
-    Nobody {
+    NoAnswer {
         /// The port.
         path: PathBuf,
     },
-    /// Something answered before, and nothing answers now.
-    #[error("the board at {} has stopped answering; its own watchdog takes the torque away", path.display())]
+    /// The board does not answer any more.
+    #[error("the board at {} has stopped answering; its own watchdog removes the torque", path.display())]
     Silent {
         /// The port.
         path: PathBuf,
     },
-    /// It began anew since it was greeted.
+    /// It has restarted since the handshake.
     #[error(
         "the board at {} has restarted: its motor is off and its world is gone. Its watchdog restarts it when its loop stops, and so do its \
          reset button and a supply that dips; run the command again once the cause is found",
@@ -49,9 +49,9 @@ pub enum Error {
         /// The port.
         path: PathBuf,
     },
-    /// The board speaks another version.
+    /// The board has another version of the protocol.
     #[error(
-        "the board at {} speaks version {board} of the protocol, this hapt version {PROTOCOL}: its firmware and hapt do not fit together",
+        "the board at {} has version {board} of the protocol, this hapt version {PROTOCOL}: install firmware and hapt of the same release",
         path.display()
     )]
     Protocol {
@@ -60,26 +60,27 @@ pub enum Error {
         /// The board's version.
         board: u16,
     },
-    /// The board refuses.
-    #[error("the board will not {what}: {}", why.sentence())]
+    /// The board refuses a command.
+    #[error("the board refuses to {what}: {}", why.sentence())]
     Refused {
-        /// What was asked of it, such as "arm".
+        /// The refused command, such as "arm".
         what: &'static str,
-        /// Why not.
+        /// The reason.
         why: Refusal,
     },
-    /// Something urgent came while an answer was waited for ([`super::Link::yield_to`]); whether the board has done what was asked is not known.
-    #[error("interrupted while the board was asked")]
+    /// Something urgent has interrupted the wait for an acknowledgement ([`super::Link::interrupt_when`]); whether the board has executed the
+    /// command is unknown.
+    #[error("interrupted while waiting for the board's acknowledgement")]
     Interrupted,
-    /// The board has faulted for a reason that is newer than this hapt.
+    /// The board has faulted for a reason that this version does not have.
     #[error(
-        "the board has faulted for a reason (code {code}) that this hapt does not know; a hapt as new as its firmware does"
+        "the board has faulted for a reason (code {code}) that this hapt does not have; a hapt of its firmware's release names it"
     )]
     UnknownReason {
         /// As the board sends it.
         code: u8,
     },
-    /// The world came, and another one is there.
+    /// The board reports another world after a load.
     #[error("the board accepted the world, but reports that it runs another one")]
     NotVerified,
 }

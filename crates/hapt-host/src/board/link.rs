@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use hapt_core::Phase;
 use hapt_wire::{
-    Command, DeviceMessage, LONGEST, Order, PIECE, PROTOCOL, Parameter, Reader, Refusal, Telemetry, frame, hash,
+    Command, DeviceMessage, HostMessage, LONGEST, PIECE, PROTOCOL, Parameter, Reader, Refusal, Telemetry, frame, hash,
 };
 
 use super::{Board, Error, Line, SPEED};
@@ -18,15 +18,15 @@ const TELEMETRY: f64 = 920.0;
 const FRAME: usize = 512;
 /// How long a command counts, in s. A line that holds it back for longer has it refused.
 const PATIENCE: f64 = 0.25;
-/// How long an answer may take; compiling a world is the longest.
+/// The time limit of an acknowledgement; compiling a world takes longest.
 const ANSWER: Duration = Duration::from_millis(500);
-/// How often it is asked meanwhile whether there is something urgent.
+/// The polling period of what interrupts the wait.
 const LOOK: Duration = Duration::from_millis(4);
-/// How often what may have been lost on the line is said again.
+/// How often a command that may have been lost is sent.
 const TRIES: usize = 4;
-/// Telemetry that waits to be taken; older ones are lost.
+/// Capacity of the queue of telemetry; the oldest is dropped.
 const WAITING: usize = 4096;
-/// Commands that the board may have missed.
+/// The largest number of lost commands in a row that is not taken for a restart.
 const GAP: u32 = 2048;
 
 /// A board at a serial port.
@@ -37,23 +37,23 @@ pub struct Link {
     /// In bits per second.
     speed: u32,
     reader: Reader<FRAME>,
-    /// Read, and not looked at.
+    /// Bytes read from the line and not yet parsed.
     bytes: VecDeque<u8>,
     board: Board,
-    /// Whether the board has said hello, and nothing since that shows that it has restarted.
-    greeted: bool,
+    /// Whether a handshake was made, and the board has not restarted since.
+    is_known: bool,
     sequence: u32,
-    /// A sample's number, when it was said, and the period in s.
+    /// The number of a sample, the instant at which it was received, and the period in s.
     clock: (u64, Instant, f64),
     waiting: VecDeque<Telemetry>,
-    /// Somebody has armed it, and nobody has seen it disarmed since.
+    /// It was armed, and no message has shown it disarmed since.
     armed: bool,
-    /// It has been asked to disarm.
-    leaving: bool,
+    /// It was commanded to disarm.
+    disarming: bool,
     urgent: Urgent,
 }
 
-/// Whether something has come for which no answer is waited.
+/// Whether something urgent interrupts the wait for an acknowledgement.
 struct Urgent(Box<dyn Fn() -> bool + Send>);
 
 impl std::fmt::Debug for Urgent {
@@ -62,15 +62,15 @@ impl std::fmt::Debug for Urgent {
     }
 }
 
-/// What comes from a board.
-enum Heard {
+/// A message of a board.
+enum Received {
     Telemetry,
-    /// To the command of this sequence; to a hello without one.
-    Answer(Option<u32>, Answer),
+    /// Of the command with this sequence; of a hello without one.
+    Acknowledgement(Option<u32>, Acknowledgement),
 }
 
-/// What it answers to a command.
-enum Answer {
+/// The acknowledgement of a command.
+enum Acknowledgement {
     Done,
     Refused(Refusal),
     Value(u32),
@@ -78,10 +78,10 @@ enum Answer {
 }
 
 impl Link {
-    /// Opens a port at 921 600 baud and greets the board there. Whatever torque it has goes on.
+    /// Opens a port at 921 600 baud and makes the handshake with the board there. A torque that is on stays on.
     ///
     /// # Errors
-    /// There is no such port, nothing answers, or it speaks another version.
+    /// There is no such port, nothing answers, or it has another version of the protocol.
     pub fn open(path: &Path) -> Result<Link, Error> {
         Link::open_at(path, SPEED)
     }
@@ -99,58 +99,57 @@ impl Link {
             reader: Reader::new(),
             bytes: VecDeque::new(),
             board: Board::default(),
-            greeted: false,
+            is_known: false,
             sequence: 0,
             clock: (0, Instant::now(), 1e-3),
             waiting: VecDeque::new(),
             armed: false,
-            leaving: false,
+            disarming: false,
             urgent: Urgent(Box::new(|| false)),
         };
-        link.greet().map_err(|error| match error {
-            Error::Silent { path } => Error::Nobody { path },
-            error => error,
-        })?;
-        Ok(link)
+        match link.handshake().map(drop) {
+            Err(Error::Silent { path }) => Err(Error::NoAnswer { path }),
+            done => done.map(|()| link),
+        }
     }
 
-    /// Telemetry every `every` s of a loop of this period in s, or as often as the line carries it; 0: of every sample that it carries.
+    /// Sets the interval of telemetry to `every` s for a loop of this period in s, or to what the line carries; 0: every sample that it carries.
     ///
     /// # Errors
     /// The board does not answer.
-    pub fn show(&mut self, period: f64, every: f64) -> Result<(), Error> {
+    pub fn set_telemetry(&mut self, period: f64, every: f64) -> Result<(), Error> {
         let carried = TELEMETRY / f64::from(self.speed);
         let samples = (every.max(carried) / period - 1e-6).ceil().clamp(1.0, 65_535.0);
         self.set(Parameter::Divider, samples as u32).map(drop)
     }
 
-    /// From now on no answer is waited for once `urgent` is true: what waits for one ends with [`Error::Interrupted`]. It is asked every few
+    /// Interrupts every later wait for an acknowledgement once `urgent` is true, with [`Error::Interrupted`]. It is polled every few
     /// milliseconds.
-    pub fn yield_to(&mut self, urgent: impl Fn() -> bool + Send + 'static) {
+    pub fn interrupt_when(&mut self, urgent: impl Fn() -> bool + Send + 'static) {
         self.urgent = Urgent(Box::new(urgent));
     }
 
-    /// What the board has said of itself last.
+    /// The board's last description of itself.
     pub fn board(&self) -> &Board {
         &self.board
     }
 
-    /// Asks the board anew what it is.
+    /// Makes the handshake: asks the board what it is.
     ///
     /// # Errors
     /// It does not answer.
-    pub fn greet(&mut self) -> Result<&Board, Error> {
+    pub fn handshake(&mut self) -> Result<&Board, Error> {
         for _ in 0..TRIES {
-            self.say(Order::Hello { protocol: PROTOCOL })?;
-            if self.answer(None)?.is_some() {
+            self.write(Command::Hello { protocol: PROTOCOL })?;
+            if self.acknowledgement(None)?.is_some() {
                 return Ok(&self.board);
             }
         }
         Err(Error::Silent { path: self.path.clone() })
     }
 
-    /// Gives the board a world, as [`hapt_wire::pack`] makes it, and verifies that it runs it; its hash. Where it runs it already,
-    /// nothing is sent.
+    /// Loads a world, as [`hapt_wire::pack`] makes it, into the board and verifies that the board runs it; returns its hash. A world that it
+    /// runs already is not sent.
     ///
     /// # Errors
     /// The board refuses the world, or there may be a torque.
@@ -161,8 +160,8 @@ impl Link {
             if self.board.world == Some(world) {
                 return Ok(world);
             }
-            match self.send(packed, world) {
-                // The line has lost something: once more from the beginning.
+            match self.send_world(packed, world) {
+                // A part was lost on the line: sent again from the beginning.
                 Err(
                     error @ Error::Refused {
                         why: Refusal::Piece | Refusal::Hash | Refusal::Late | Refusal::Sequence,
@@ -174,54 +173,54 @@ impl Link {
                 Err(error) => return Err(error),
                 Ok(()) => lost = Some(Error::NotVerified),
             }
-            self.greet()?;
+            self.handshake()?;
         }
         if self.board.world == Some(world) { Ok(world) } else { Err(lost.unwrap_or(Error::NotVerified)) }
     }
 
-    fn send(&mut self, packed: &[u8], hash: u32) -> Result<(), Error> {
+    fn send_world(&mut self, packed: &[u8], hash: u32) -> Result<(), Error> {
         const LOAD: &str = "take the world";
         let length = u16::try_from(packed.len()).map_err(|_| Error::Refused { what: LOAD, why: Refusal::Room })?;
-        self.ask(LOAD, Order::Begin { length, hash })?;
+        self.request(LOAD, Command::Begin { length, hash })?;
         let mut at = 0;
         for bytes in packed.chunks(PIECE) {
-            self.ask(LOAD, Order::Piece { at, bytes })?;
+            self.request(LOAD, Command::Piece { at, bytes })?;
             at += bytes.len() as u16;
         }
-        self.ask(LOAD, Order::Commit).map(drop)
+        self.request(LOAD, Command::Commit).map(drop)
     }
 
-    /// Arms the world of this hash: its torque fades in. What telemetry has said last before that.
+    /// Arms the world of this hash: its torque fades in. Returns the last telemetry before that.
     ///
     /// # Errors
     /// It runs another one, or its supervisor does not arm.
     pub fn arm(&mut self, world: u32) -> Result<Option<Telemetry>, Error> {
-        // Before it is sent: its answer may be lost.
-        (self.armed, self.leaving) = (true, false);
-        self.ask("arm", Order::Arm { world })?;
-        // What was said before is of another time.
+        // Before it is sent: its acknowledgement may be lost.
+        (self.armed, self.disarming) = (true, false);
+        self.request("arm", Command::Arm { world })?;
+        // Older telemetry is of the time before.
         let last = self.waiting.pop_back();
         self.waiting.clear();
         self.armed = true;
         Ok(last)
     }
 
-    /// The torque fades out.
+    /// Fades the torque out.
     ///
     /// # Errors
     /// The board does not answer.
     pub fn disarm(&mut self) -> Result<(), Error> {
-        self.ask("disarm", Order::Disarm)?;
-        self.leaving = true;
+        self.request("disarm", Command::Disarm)?;
+        self.disarming = true;
         Ok(())
     }
 
-    /// The torque is 0 at once.
+    /// Sets the torque to 0 at once.
     ///
     /// # Errors
     /// The board does not answer.
     pub fn stop(&mut self) -> Result<(), Error> {
-        self.ask("stop", Order::Stop)?;
+        self.request("stop", Command::Stop)?;
         self.armed = false;
         Ok(())
     }
@@ -233,9 +232,9 @@ impl Link {
     pub fn clear(&mut self) -> Result<(), Error> {
         let start = Instant::now();
         loop {
-            // After a lost link a clear counts only from a host that is there again.
-            self.keep()?;
-            match self.ask("clear", Order::Clear) {
+            // After the fault `link` a clear needs a heartbeat before it.
+            self.heartbeat()?;
+            match self.request("clear", Command::Clear) {
                 // The cause has to be gone for some samples.
                 Err(Error::Refused { why: Refusal::Phase, .. }) if start.elapsed() < ANSWER => {
                     std::thread::sleep(ANSWER / 20);
@@ -249,58 +248,58 @@ impl Link {
         }
     }
 
-    /// DeviceMessage that somebody is here, and waits for no answer: to be called several times in what `safety.link` allows.
+    /// Sends a heartbeat, without an acknowledgement: to be called several times within the world's `safety.link`.
     ///
     /// # Errors
     /// The port is gone.
-    pub fn keep(&mut self) -> Result<(), Error> {
-        self.tell(Order::Heartbeat)
+    pub fn heartbeat(&mut self) -> Result<(), Error> {
+        self.send(Command::Heartbeat)
     }
 
-    /// Sets a parameter; its value then.
+    /// Sets a parameter; returns its new value.
     ///
     /// # Errors
-    /// The board has none such, or not that value.
+    /// The board has no such parameter, or refuses the value.
     pub fn set(&mut self, parameter: Parameter, value: u32) -> Result<u32, Error> {
-        self.value(Order::Set { parameter: parameter as u8, value })
+        self.value(Command::Set { parameter: parameter as u8, value })
     }
 
     /// Gets a parameter.
     ///
     /// # Errors
-    /// The board has none such.
+    /// The board has no such parameter.
     pub fn get(&mut self, parameter: Parameter) -> Result<u32, Error> {
-        self.value(Order::Get { parameter: parameter as u8 })
+        self.value(Command::Get { parameter: parameter as u8 })
     }
 
-    fn value(&mut self, order: Order) -> Result<u32, Error> {
-        match self.ask("do that", order)? {
-            Answer::Value(value) => Ok(value),
-            _ => Err(Error::Silent { path: self.path.clone() }),
-        }
+    fn value(&mut self, command: Command) -> Result<u32, Error> {
+        let Acknowledgement::Value(value) = self.request("do that", command)? else {
+            return Err(Error::Silent { path: self.path.clone() });
+        };
+        Ok(value)
     }
 
-    /// Sends a command and waits for no answer: on an externally clocked board most come with the next sample.
+    /// Sends a command without waiting for its acknowledgement: on an externally clocked board most come with the next sample.
     ///
     /// # Errors
     /// The port is gone.
-    pub fn tell(&mut self, order: Order) -> Result<(), Error> {
-        self.say(order).map(drop)
+    pub fn send(&mut self, command: Command) -> Result<(), Error> {
+        self.write(command).map(drop)
     }
 
-    /// Shows an externally clocked board a sample ([`Order::Sample`]), and gives what it makes of it; `None` where one of the two was lost.
+    /// Sends a sample ([`Command::Sample`]) to an externally clocked board and returns the telemetry of it; `None` where one of the two was lost.
     ///
     /// # Errors
-    /// It has an encoder, or has been shown this sample already.
-    pub fn feed(&mut self, order: Order) -> Result<Option<Telemetry>, Error> {
-        let sequence = self.say(order)?;
+    /// It has an encoder, or has received this sample already.
+    pub fn sample(&mut self, command: Command) -> Result<Option<Telemetry>, Error> {
+        let sequence = self.write(command)?;
         let until = Instant::now() + ANSWER;
         loop {
             if let Some(telemetry) = self.waiting.pop_front() {
                 return Ok(Some(telemetry));
             }
-            match self.next(until)? {
-                Some(Heard::Answer(said, Answer::Refused(why))) if said == Some(sequence) => {
+            match self.receive(until)? {
+                Some(Received::Acknowledgement(sent, Acknowledgement::Refused(why))) if sent == Some(sequence) => {
                     return Err(Error::Refused { what: "take the sample", why });
                 }
                 Some(_) => {}
@@ -318,71 +317,69 @@ impl Link {
             if let Some(telemetry) = self.waiting.pop_front() {
                 return Ok(Some(telemetry));
             }
-            if self.next(until)?.is_none() {
+            if self.receive(until)?.is_none() {
                 return Ok(None);
             }
         }
     }
 
-    /// Sends a command until it is answered: each of them may be said twice, with its own sequence.
-    fn ask(&mut self, what: &'static str, order: Order) -> Result<Answer, Error> {
+    /// Sends a command until it is acknowledged, each time with its own sequence; the board may execute it twice.
+    fn request(&mut self, what: &'static str, command: Command) -> Result<Acknowledgement, Error> {
         for _ in 0..TRIES {
-            let sequence = self.say(order)?;
-            match self.answer(Some(sequence))? {
+            let sequence = self.write(command)?;
+            match self.acknowledgement(Some(sequence))? {
                 None => {}
-                // It was on its way for too long, or the clocks have parted: how far is the board?
-                Some(Answer::Refused(Refusal::Late | Refusal::Sequence)) => {
-                    self.greet()?;
+                // It was delayed for too long, or the clocks differ: ask for the board's sample.
+                Some(Acknowledgement::Refused(Refusal::Late | Refusal::Sequence)) => {
+                    self.handshake()?;
                 }
-                Some(Answer::Refused(why)) => return Err(Error::Refused { what, why }),
+                Some(Acknowledgement::Refused(why)) => return Err(Error::Refused { what, why }),
                 Some(answer) => return Ok(answer),
             }
-            // A piece that was taken before its answer was lost is refused when it comes again; the load then begins anew.
+            // A piece whose acknowledgement was lost is refused when it is sent again; the load then begins again.
         }
         Err(Error::Silent { path: self.path.clone() })
     }
 
-    /// Puts a command on the line; its sequence.
-    fn say(&mut self, order: Order) -> Result<u32, Error> {
+    /// Writes a command to the line; returns its sequence.
+    fn write(&mut self, command: Command) -> Result<u32, Error> {
         self.sequence = self.sequence.wrapping_add(1);
-        let (sample, said, period) = self.clock;
-        let passed = if self.board.externally_clocked { 0.0 } else { said.elapsed().as_secs_f64() + PATIENCE };
+        let (sample, sent, period) = self.clock;
+        let passed = if self.board.externally_clocked { 0.0 } else { sent.elapsed().as_secs_f64() + PATIENCE };
         let ahead = if self.board.externally_clocked { 1000 } else { ((passed / period) as u64).max(8) };
-        let not_after = match order {
-            Order::Sample { sample, .. } => sample,
-            _ => sample.saturating_add(ahead),
-        };
-        let command = Command { sequence: self.sequence, not_after, order };
+        let not_after =
+            if let Command::Sample { sample, .. } = command { sample } else { sample.saturating_add(ahead) };
+        let message = HostMessage { sequence: self.sequence, not_after, command };
         let mut room = [0; LONGEST + 1];
-        // A 0 before it ends whatever noise has begun.
+        // A 0 before it ends a frame that noise has begun.
         let Some((first, rest)) = room.split_first_mut() else { return Ok(self.sequence) };
         *first = 0;
-        let length = 1 + frame(&command, rest).map_err(|error| self.gone(io::Error::other(error)))?.len();
+        let length = 1 + frame(&message, rest).map_err(|error| self.gone(io::Error::other(error)))?.len();
         self.line.write(&room[..length], Instant::now() + ANSWER).map_err(|error| self.gone(error))?;
         Ok(self.sequence)
     }
 
-    /// The answer to a command, or with `None` to a hello; `None` when it does not come.
-    fn answer(&mut self, sequence: Option<u32>) -> Result<Option<Answer>, Error> {
+    /// Waits for the acknowledgement of a command, or with `None` for a hello; returns `None` after the time limit.
+    fn acknowledgement(&mut self, sequence: Option<u32>) -> Result<Option<Acknowledgement>, Error> {
         let until = Instant::now() + ANSWER;
         loop {
             if (self.urgent.0)() {
                 return Err(Error::Interrupted);
             }
-            match self.next(until.min(Instant::now() + LOOK))? {
+            match self.receive(until.min(Instant::now() + LOOK))? {
                 None if Instant::now() >= until => return Ok(None),
-                Some(Heard::Answer(said, answer)) if said == sequence => return Ok(Some(answer)),
+                Some(Received::Acknowledgement(sent, answer)) if sent == sequence => return Ok(Some(answer)),
                 None | Some(_) => {}
             }
         }
     }
 
-    /// The next frame; telemetry is put aside.
-    fn next(&mut self, until: Instant) -> Result<Option<Heard>, Error> {
+    /// Receives the next message; telemetry is queued.
+    fn receive(&mut self, until: Instant) -> Result<Option<Received>, Error> {
         loop {
             while let Some(byte) = self.bytes.pop_front() {
-                if let Some(heard) = self.take(byte)? {
-                    return Ok(Some(heard));
+                if let Some(received) = self.push(byte)? {
+                    return Ok(Some(received));
                 }
             }
             let mut some = [0; FRAME];
@@ -394,21 +391,21 @@ impl Link {
         }
     }
 
-    /// One byte of the line.
-    fn take(&mut self, byte: u8) -> Result<Option<Heard>, Error> {
-        let Some(says) = self.reader.push::<DeviceMessage<'_>>(byte) else { return Ok(None) };
-        let (sequence, answer) = match says {
+    /// Parses one byte of the line.
+    fn push(&mut self, byte: u8) -> Result<Option<Received>, Error> {
+        let Some(message) = self.reader.push::<DeviceMessage<'_>>(byte) else { return Ok(None) };
+        let (sequence, answer) = match message {
             DeviceMessage::Hello(hello) => {
                 let board = hello.protocol;
                 if board != PROTOCOL {
                     return Err(Error::Protocol { path: self.path.clone(), board });
                 }
                 // Samples are counted from its start.
-                let restarted = self.greeted && hello.sample < self.clock.0;
+                let restarted = self.is_known && hello.sample < self.clock.0;
                 self.board = Board::new(&hello);
-                self.greeted = true;
+                self.is_known = true;
                 self.clock = (hello.sample, Instant::now(), f64::from(hello.period.max(1)) * 1e-9);
-                // Commands that were lost leave a gap that it minds not; a board that has begun anew is far behind.
+                // Lost commands leave a small gap, which the board accepts; a board that has restarted is far behind.
                 if self.sequence.wrapping_sub(hello.sequence) > GAP {
                     self.sequence = hello.sequence;
                 }
@@ -416,33 +413,33 @@ impl Link {
                     self.armed = false;
                     return Err(Error::Restarted { path: self.path.clone() });
                 }
-                (None, Answer::Hello)
+                (None, Acknowledgement::Hello)
             }
-            DeviceMessage::Done { sequence } => (Some(sequence), Answer::Done),
-            // It was greeted before, and knows nothing of it.
-            DeviceMessage::Refused { why: Refusal::Hello, .. } if self.greeted => {
-                (self.greeted, self.armed, self.board.world) = (false, false, None);
+            DeviceMessage::Done { sequence } => (Some(sequence), Acknowledgement::Done),
+            // It has restarted since the handshake.
+            DeviceMessage::Refused { why: Refusal::Hello, .. } if self.is_known => {
+                (self.is_known, self.armed, self.board.world) = (false, false, None);
                 return Err(Error::Restarted { path: self.path.clone() });
             }
-            DeviceMessage::Refused { sequence, why } => (Some(sequence), Answer::Refused(why)),
-            DeviceMessage::Value { sequence, value, .. } => (Some(sequence), Answer::Value(value)),
+            DeviceMessage::Refused { sequence, why } => (Some(sequence), Acknowledgement::Refused(why)),
+            DeviceMessage::Value { sequence, value, .. } => (Some(sequence), Acknowledgement::Value(value)),
             DeviceMessage::Telemetry(telemetry) => {
                 self.clock = (telemetry.sample.saturating_add(1), Instant::now(), self.clock.2);
                 let (left, faulted) = (Phase::Disarmed as u8, Phase::Faulted as u8);
-                if telemetry.phase == faulted || self.leaving && telemetry.phase == left {
+                if telemetry.phase == faulted || self.disarming && telemetry.phase == left {
                     self.armed = false;
                 }
                 if self.waiting.len() == WAITING {
                     self.waiting.pop_front();
                 }
                 self.waiting.push_back(telemetry);
-                return Ok(Some(Heard::Telemetry));
+                return Ok(Some(Received::Telemetry));
             }
         };
-        Ok(Some(Heard::Answer(sequence, answer)))
+        Ok(Some(Received::Acknowledgement(sequence, answer)))
     }
 
-    /// Whether a torque may be on: the board was armed, and has not been seen disarmed since.
+    /// Whether a torque may be on: the board was armed, and no message has shown it disarmed since.
     pub(crate) fn may_be_armed(&self) -> bool {
         self.armed
     }
@@ -458,11 +455,11 @@ impl Link {
 }
 
 impl Drop for Link {
-    /// However the program ends: a torque that is on is taken off. The board's own watch over the link is for when this does not come.
+    /// Removes a torque that is on, however the program ends. The board's own watchdog of the link is for a message that is lost.
     fn drop(&mut self) {
         if self.armed {
-            let _ = self.say(Order::Stop);
-            let _ = self.say(Order::Stop);
+            let _ = self.write(Command::Stop);
+            let _ = self.write(Command::Stop);
         }
     }
 }

@@ -1,7 +1,8 @@
-//! A board that runs hapt's firmware, from the computer's side: docs/wire.md, spoken.
+//! The host's side of a board that runs hapt's firmware (docs/wire.md).
 //!
-//! [`Link::open`] greets the board at a serial port; [`Link::load`] gives it a world, [`Link::arm`] its torque. The board itself takes the
-//! torque away when nobody calls [`Link::keep`] for longer than its world allows; a link that is dropped with a torque on says stop.
+//! [`Link::open`] opens a serial port and makes the handshake; [`Link::load`] loads a world, [`Link::arm`] switches its torque on. Without
+//! [`Link::heartbeat`] for longer than its world allows the board itself removes the torque; a link that is dropped with a torque on sends a
+//! stop.
 //!
 //! ```no_run
 //! use std::time::{Duration, Instant};
@@ -14,7 +15,7 @@
 //! let world = link.load(packed)?;
 //! link.arm(world)?;
 //! for _ in 0..100 {
-//!     link.keep()?;
+//!     link.heartbeat()?;
 //!     while let Some(telemetry) = link.telemetry(Instant::now() + Duration::from_millis(20))? {
 //!         println!("{} rad, {} N m", telemetry.position, telemetry.output);
 //!     }

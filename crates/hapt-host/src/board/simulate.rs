@@ -1,4 +1,4 @@
-//! A board that is none: the firmware's own station in real time on the exact device, behind a pseudoterminal.
+//! A simulated board: the firmware's own endpoint in real time on the exact device, behind a pseudoterminal.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,12 +14,12 @@ use hapt_wire::device::{Board, Endpoint, Measurement, WorldStorage};
 
 use super::{Line, pty};
 
-/// Samples that are made up for when the thread comes late; a longer pause is none in the board's time.
+/// The most samples that a late thread catches up; the board's time stands still in a longer pause.
 const BURST: u32 = 50;
-/// How long an answer may wait for a host that does not read.
+/// The time limit of a write to a host that does not read.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// A simulated board. Dropped, it is gone.
+/// A simulated board. Dropped, it ends.
 #[derive(Debug)]
 pub struct SimulatedBoard {
     path: PathBuf,
@@ -30,66 +30,66 @@ pub struct SimulatedBoard {
 #[derive(Debug, Default)]
 struct Shared {
     end: AtomicBool,
-    /// The line is cut; the board goes on.
+    /// The line is disconnected; the board runs on.
     unplugged: AtomicBool,
-    /// The board is to begin anew, without its world.
+    /// The board restarts, without its world.
     restarted: AtomicBool,
-    /// Its motor's driver reports a fault.
-    tripped: AtomicBool,
-    /// Of so many bytes on the line, either way, one is another; 0: none.
-    disturbed: AtomicU32,
-    /// The bits of what the motor holds, and of the most that it has held.
+    /// Its motor driver reports a fault.
+    driver_fault: AtomicBool,
+    /// Corrupts one byte in this many, in either direction; 0 disables.
+    corrupt_every: AtomicU32,
+    /// The bits of the motor's torque, and of its largest size so far.
     torque: AtomicU32,
-    most: AtomicU32,
+    peak: AtomicU32,
 }
 
 impl SimulatedBoard {
-    /// Puts a board on the table, whose motor turns the puck of `spec`; the world's own period takes the place of the spec's.
+    /// Starts a board whose motor turns the puck of `spec`; the period is that of the world that it runs.
     ///
     /// # Errors
     /// The system gives no pseudoterminal, or no thread.
     pub fn start(board: Board, spec: DeviceSpec) -> io::Result<Self> {
         let (line, path) = pty()?;
         let shared = Arc::new(Shared::default());
-        let its = Arc::clone(&shared);
+        let own = Arc::clone(&shared);
         let thread =
-            std::thread::Builder::new().name("board".into()).spawn(move || Table::new(spec, its, line).run(board))?;
+            std::thread::Builder::new().name("board".into()).spawn(move || Bench::new(spec, own, line).run(board))?;
         Ok(SimulatedBoard { path, shared, thread: Some(thread) })
     }
 
-    /// Where it is plugged in.
+    /// Its serial port.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What the motor holds now, in N·m (linear: N).
+    /// The motor's torque, in N·m (linear: N).
     pub fn torque(&self) -> f32 {
         f32::from_bits(self.shared.torque.load(SeqCst))
     }
 
-    /// The most that it has held, either way.
-    pub fn most(&self) -> f32 {
-        f32::from_bits(self.shared.most.load(SeqCst))
+    /// The largest size of the motor's torque so far.
+    pub fn peak_torque(&self) -> f32 {
+        f32::from_bits(self.shared.peak.load(SeqCst))
     }
 
-    /// Pulls the plug. The board's supply is another: it goes on.
+    /// Disconnects the line. The board has a supply of its own and runs on.
     pub fn unplug(&self) {
         self.shared.unplugged.store(true, SeqCst);
     }
 
-    /// Its processor begins anew, as a watchdog or a supply that dips makes it.
+    /// Restarts the processor, as its watchdog or a brown-out does.
     pub fn restart(&self) {
         self.shared.restarted.store(true, SeqCst);
     }
 
-    /// Its motor's driver reports a fault at the next sample, such as too much current.
-    pub fn trip(&self) {
-        self.shared.tripped.store(true, SeqCst);
+    /// Lets the motor driver report a fault at the next sample, such as overcurrent.
+    pub fn fault_driver(&self) {
+        self.shared.driver_fault.store(true, SeqCst);
     }
 
-    /// From now on one of so many bytes on the line is another; 0: none.
-    pub fn disturb(&self, one_of: u32) {
-        self.shared.disturbed.store(one_of, SeqCst);
+    /// Corrupts one byte in `n` on the line; 0 disables.
+    pub fn corrupt(&self, n: u32) {
+        self.shared.corrupt_every.store(n, SeqCst);
     }
 }
 
@@ -102,54 +102,54 @@ impl Drop for SimulatedBoard {
     }
 }
 
-/// What the thread has before it.
-struct Table {
+/// The state of the thread.
+struct Bench {
     spec: DeviceSpec,
     device: VirtualDevice,
     shared: Arc<Shared>,
     line: Option<Line>,
-    /// Bytes since one was another.
-    whole: u32,
+    /// Bytes since the last corrupted one.
+    intact: u32,
 }
 
-impl Table {
+impl Bench {
     fn new(spec: DeviceSpec, shared: Arc<Shared>, line: Line) -> Self {
-        Table { spec, device: VirtualDevice::new(&spec), shared, line: Some(line), whole: 0 }
+        Bench { spec, device: VirtualDevice::new(&spec), shared, line: Some(line), intact: 0 }
     }
 
     fn run(&mut self, board: Board) {
         while !self.shared.end.load(SeqCst) {
-            self.until_it_restarts(board);
+            self.run_once(board);
             self.device.command(0.0);
             self.shared.torque.store(0, SeqCst);
         }
     }
 
-    fn until_it_restarts(&mut self, board: Board) {
+    fn run_once(&mut self, board: Board) {
         let (mut one, mut other) = (WorldStorage::EMPTY, WorldStorage::EMPTY);
-        let mut station = Endpoint::new(board, &mut one, &mut other);
+        let mut endpoint = Endpoint::new(board, &mut one, &mut other);
         let mut due = Instant::now();
         while !self.shared.end.load(SeqCst) && !self.shared.restarted.swap(false, SeqCst) {
             if self.shared.unplugged.load(SeqCst) {
                 self.line = None;
             }
-            self.listen(&mut station, due);
+            self.read_line(&mut endpoint, due);
             for _ in 0..BURST {
                 if due > Instant::now() {
                     break;
                 }
-                due += Duration::from_secs_f32(station.period());
+                due += Duration::from_secs_f32(endpoint.period());
                 if !board.externally_clocked {
-                    self.sample(&mut station);
-                    self.answer(&mut station);
+                    self.sample(&mut endpoint);
+                    self.write_answers(&mut endpoint);
                 }
             }
             due = due.max(Instant::now());
         }
     }
 
-    /// What comes on the line until the next sample.
-    fn listen(&mut self, station: &mut Endpoint<'_>, due: Instant) {
+    /// Reads the line until the next sample.
+    fn read_line(&mut self, endpoint: &mut Endpoint<'_>, due: Instant) {
         let mut bytes = [0; 256];
         let Some(line) = &mut self.line else {
             return std::thread::sleep(due.saturating_duration_since(Instant::now()));
@@ -157,51 +157,51 @@ impl Table {
         match line.read(&mut bytes, due) {
             Ok(count) => {
                 for byte in &bytes[..count] {
-                    let byte = self.disturbed(*byte);
-                    station.push(byte);
-                    self.answer(station);
+                    let byte = self.corrupted(*byte);
+                    endpoint.push(byte);
+                    self.write_answers(endpoint);
                 }
             }
             Err(_) => self.line = None,
         }
     }
 
-    fn sample(&mut self, station: &mut Endpoint<'_>) {
-        let period = f64::from(station.period());
+    fn sample(&mut self, endpoint: &mut Endpoint<'_>) {
+        let period = f64::from(endpoint.period());
         if (period - self.spec.period).abs() > 1e-6 * period {
             self.spec.period = period;
             self.device.refit(&mut VirtualDevice::new(&self.spec));
         }
         let (position, velocity) = self.device.puck();
-        let fault = self.shared.tripped.swap(false, SeqCst);
-        let seen =
+        let fault = self.shared.driver_fault.swap(false, SeqCst);
+        let measurement =
             Measurement { position: position as f32, velocity: velocity as f32, fault, ..Measurement::default() };
-        let motor = station.sample(&seen);
+        let motor = endpoint.sample(&measurement);
         self.device.command(f64::from(motor.torque));
         self.device.travel();
         self.shared.torque.store(motor.torque.to_bits(), SeqCst);
-        let most = f32::from_bits(self.shared.most.load(SeqCst)).max(motor.torque.abs());
-        self.shared.most.store(most.to_bits(), SeqCst);
+        let peak = f32::from_bits(self.shared.peak.load(SeqCst)).max(motor.torque.abs());
+        self.shared.peak.store(peak.to_bits(), SeqCst);
     }
 
-    /// What there is to say, for a host that listens.
-    fn answer(&mut self, station: &mut Endpoint<'_>) {
+    /// Writes the answers that wait.
+    fn write_answers(&mut self, endpoint: &mut Endpoint<'_>) {
         let mut room = [0; LONGEST];
-        while let Some(frame) = station.answer(&mut room) {
-            let frame: Vec<u8> = frame.iter().map(|byte| self.disturbed(*byte)).collect();
+        while let Some(frame) = endpoint.answer(&mut room) {
+            let frame: Vec<u8> = frame.iter().map(|byte| self.corrupted(*byte)).collect();
             if let Some(line) = &mut self.line {
                 let _ = line.write(&frame, Instant::now() + PATIENCE);
             }
         }
     }
 
-    fn disturbed(&mut self, byte: u8) -> u8 {
-        let one_of = self.shared.disturbed.load(SeqCst);
-        self.whole += 1;
-        if one_of == 0 || self.whole < one_of {
+    fn corrupted(&mut self, byte: u8) -> u8 {
+        let n = self.shared.corrupt_every.load(SeqCst);
+        self.intact += 1;
+        if n == 0 || self.intact < n {
             return byte;
         }
-        self.whole = 0;
+        self.intact = 0;
         byte ^ 0x55
     }
 }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_log::Recorder;
 use hapt_rt::{Epoch, LoopHandle, Realtime, Record};
-use hapt_wire::Order;
+use hapt_wire::Command;
 
 use super::telemetry::{TelemetryDecoder, phase};
 use super::{Error, Link, Refusal};
@@ -19,15 +19,15 @@ use crate::config::WorldConfig;
 use crate::runner::{Runner, RunnerEvent};
 use crate::{machine, packed};
 
-/// A board that shows no sample for this long is asked whether it still runs.
+/// After this time without telemetry the handshake is made again.
 const SILENT: Duration = Duration::from_secs(1);
 /// The longest wait for telemetry before requests are looked at.
 const TICK: Duration = Duration::from_millis(4);
 /// The longest time between two heartbeats on the line, while heartbeats arrive.
-const KEPT: Duration = Duration::from_millis(50);
+const HEARTBEAT: Duration = Duration::from_millis(50);
 /// A heartbeat within this time, in s, counts as present.
 const PRESENT: f64 = 0.2;
-/// How long the thread waits for the answer to its last stop.
+/// The time limit for the acknowledgement of the last stop.
 const LAST: Duration = Duration::from_millis(500);
 /// Capacity of the queue of requests.
 const REQUESTS: usize = 64;
@@ -58,10 +58,10 @@ struct Change {
 }
 
 impl BoardLoop {
-    /// Loads the world of `config` into the board, disarmed, and shows a sample every `every` s.
+    /// Loads the world of `config` into the board, disarmed, with telemetry every `every` s.
     ///
     /// # Errors
-    /// The board does not answer, or does not take the world.
+    /// The board does not answer, or refuses the world.
     pub fn start(
         config: &WorldConfig,
         profile: SafetyProfile,
@@ -71,7 +71,7 @@ impl BoardLoop {
         let bytes = packed(&config.world, profile).map_err(machine::Error::World)?;
         let world = link.load(&bytes)?;
         let period = config.world.sampling.period;
-        link.show(period, every)?;
+        link.set_telemetry(period, every)?;
         // Samples from before the load belong to another session.
         while link.telemetry(Instant::now())?.is_some() {}
         let (requests, incoming) = sync_channel(REQUESTS);
@@ -84,7 +84,7 @@ impl BoardLoop {
             world,
             phase,
             every,
-            keep_every: keep_every(config, profile),
+            heartbeat_every: heartbeat_every(config, profile),
             profile,
             decoder: TelemetryDecoder::new(config.generation, period),
             running: Box::new(config.clone()),
@@ -93,7 +93,7 @@ impl BoardLoop {
             armed_since: None,
             sent: Arc::new(Mutex::new(handle.epoch())),
             heard: handle.heard(),
-            kept: None,
+            last_heartbeat: None,
             requests: incoming,
             records: outgoing,
             events: report,
@@ -113,10 +113,10 @@ impl BoardLoop {
     }
 }
 
-/// How often the board needs a heartbeat at least: a quarter of the silence that its supervisor allows.
-fn keep_every(config: &WorldConfig, profile: SafetyProfile) -> Duration {
+/// The longest time between two heartbeats: a quarter of what the board's supervisor allows.
+fn heartbeat_every(config: &WorldConfig, profile: SafetyProfile) -> Duration {
     let silence = config.world.limits(profile).silence(config.world.sampling.period);
-    if silence.is_finite() { Duration::from_secs_f64(silence.max(0.0) / 4.0).min(KEPT) } else { KEPT }
+    if silence.is_finite() { Duration::from_secs_f64(silence.max(0.0) / 4.0).min(HEARTBEAT) } else { HEARTBEAT }
 }
 
 impl Runner for BoardLoop {
@@ -186,7 +186,7 @@ struct BoardWorker {
     phase: Phase,
     /// The time between two samples of telemetry, in s.
     every: f64,
-    keep_every: Duration,
+    heartbeat_every: Duration,
     profile: SafetyProfile,
     decoder: TelemetryDecoder,
     /// The world on the board.
@@ -200,7 +200,7 @@ struct BoardWorker {
     /// The last epoch that the board was told of, the last heartbeat seen, and when one was sent.
     sent: Arc<Mutex<Epoch>>,
     heard: u64,
-    kept: Option<Instant>,
+    last_heartbeat: Option<Instant>,
     requests: Receiver<Message>,
     records: SyncSender<Record>,
     events: Sender<RunnerEvent>,
@@ -210,16 +210,16 @@ struct BoardWorker {
 impl BoardWorker {
     /// Runs until the handle ends the loop, or the link fails.
     fn run(mut self) -> Result<(), Error> {
-        // Neither a stop nor the end waits for an answer of the board.
+        // A stop, or the end, interrupts every wait for an acknowledgement.
         let (handle, sent) = (self.handle.clone(), Arc::clone(&self.sent));
-        self.link.yield_to(move || {
+        self.link.interrupt_when(move || {
             handle.is_ended() || handle.epoch() != *sent.lock().unwrap_or_else(PoisonError::into_inner)
         });
         let outcome = self.until_the_end();
         if outcome.is_ok() && self.link.may_be_armed() {
             // The stop is repeated until the board confirms it, for a moment; a port that is closed may drop what it has not sent.
             let until = Instant::now() + LAST;
-            self.link.yield_to(move || Instant::now() >= until);
+            self.link.interrupt_when(move || Instant::now() >= until);
             let _ = self.link.stop();
         }
         outcome
@@ -235,7 +235,7 @@ impl BoardWorker {
             if self.take_telemetry(Instant::now() + TICK)? {
                 heard = Instant::now();
             } else if heard.elapsed() > SILENT {
-                match self.revive() {
+                match self.reconnect() {
                     Ok(()) => heard = Instant::now(),
                     Err(Error::Interrupted) => {}
                     Err(error) => return Err(error),
@@ -246,12 +246,12 @@ impl BoardWorker {
     }
 
     /// Greets a board that shows no samples. A cut line is an error by itself.
-    fn revive(&mut self) -> Result<(), Error> {
-        self.link.greet()?;
+    fn reconnect(&mut self) -> Result<(), Error> {
+        self.link.handshake()?;
         if self.link.board().world != Some(self.world) {
             return Err(self.link.restarted());
         }
-        self.show()
+        self.set_telemetry()
     }
 
     /// Takes the requests that wait.
@@ -283,9 +283,11 @@ impl BoardWorker {
             }
         }
         let heard = self.handle.heard();
-        if heard != self.heard && self.kept.is_none_or(|kept| kept.elapsed() >= self.keep_every) {
-            (self.heard, self.kept) = (heard, Some(Instant::now()));
-            self.link.keep()?;
+        if heard != self.heard
+            && self.last_heartbeat.is_none_or(|last_heartbeat| last_heartbeat.elapsed() >= self.heartbeat_every)
+        {
+            (self.heard, self.last_heartbeat) = (heard, Some(Instant::now()));
+            self.link.heartbeat()?;
         }
         Ok(())
     }
@@ -310,8 +312,8 @@ impl BoardWorker {
     }
 
     /// Sets how often the board shows a sample.
-    fn show(&mut self) -> Result<(), Error> {
-        self.link.show(self.running.world.sampling.period, self.every)
+    fn set_telemetry(&mut self) -> Result<(), Error> {
+        self.link.set_telemetry(self.running.world.sampling.period, self.every)
     }
 
     fn request(&mut self, request: Request, epoch: Epoch) -> Result<(), Error> {
@@ -331,7 +333,7 @@ impl BoardWorker {
             Request::Disarm => self.link.disarm(),
             Request::Stop => self.link.stop(),
             // Telemetry shows whether the cause is gone.
-            Request::Clear => self.link.tell(Order::Clear),
+            Request::Clear => self.link.send(Command::Clear),
         };
         self.report_refusal(done)
     }
@@ -372,9 +374,9 @@ impl BoardWorker {
                 self.take_telemetry(Instant::now())?;
                 (self.world, self.running) = (world, Box::new(wanted.config));
                 self.decoder.change(generation, self.running.world.sampling.period);
-                self.keep_every = keep_every(&self.running, self.profile);
+                self.heartbeat_every = heartbeat_every(&self.running, self.profile);
                 self.changing = false;
-                self.show()?;
+                self.set_telemetry()?;
             }
             // A stop comes first; the load starts again after it.
             Err(Error::Interrupted) => {
@@ -383,7 +385,7 @@ impl BoardWorker {
             }
             // Another host armed the board: it fades out first.
             Err(Error::Refused { why: Refusal::Armed, .. }) => {
-                self.link.greet()?;
+                self.link.handshake()?;
                 self.phase = self.link.board().phase.unwrap_or(self.phase);
                 (self.wanted, self.changing) = (Some(wanted), false);
                 return Ok(());

@@ -29,9 +29,11 @@ pub enum ClientMessage {
     /// Gives control away.
     Give,
     /// A command to the supervisor; any client may send `stop`.
-    Order {
+    #[serde(rename = "order")]
+    Command {
         /// The command.
-        order: Command,
+        #[serde(rename = "order")]
+        command: Command,
     },
     /// The hand on a simulated puck.
     Hand {
@@ -106,7 +108,16 @@ impl ClientMessage {
             ClientMessage::Hand { position, .. } if position.is_nan() || position.abs() > FARTHEST => {
                 return Err(format!("a hand's position is within {FARTHEST} either way"));
             }
-            _ => Vec::new(),
+            ClientMessage::Hello { .. }
+            | ClientMessage::Take
+            | ClientMessage::Give
+            | ClientMessage::Command { .. }
+            | ClientMessage::Hand { .. }
+            | ClientMessage::Reset
+            | ClientMessage::Restart
+            | ClientMessage::Scenario { .. }
+            | ClientMessage::Record { .. }
+            | ClientMessage::Alive => Vec::new(),
         };
         match words.iter().any(|word| word.len() > LONGEST_WORD) {
             true => Err(format!("a key, a value, a name has at most {LONGEST_WORD} bytes")),
@@ -128,8 +139,8 @@ mod tests {
             (r#"{"type":"hello","v":1,"token":"ab"}"#, ClientMessage::Hello { v: 1, token: Some("ab".into()) }),
             (r#"{"type":"take"}"#, ClientMessage::Take),
             (r#"{"type":"give"}"#, ClientMessage::Give),
-            (r#"{"type":"order","order":"arm"}"#, ClientMessage::Order { order: Command::Arm }),
-            (r#"{"type":"order","order":"stop"}"#, ClientMessage::Order { order: Command::Stop }),
+            (r#"{"type":"order","order":"arm"}"#, ClientMessage::Command { command: Command::Arm }),
+            (r#"{"type":"order","order":"stop"}"#, ClientMessage::Command { command: Command::Stop }),
             (r#"{"type":"hand","grip":true,"position":-0.5}"#, ClientMessage::Hand { grip: true, position: -0.5 }),
             (r#"{"type":"hand","grip":false}"#, ClientMessage::Hand { grip: false, position: 0.0 }),
             (

@@ -78,7 +78,7 @@ fn a_board_waits_to_be_armed_shows_what_it_does_and_lets_go_when_the_page_is_sil
         // Its clock is its own.
         assert_eq!((&status["timing"], &status["realtime"]), (&Value::Null, &Value::Null));
     }
-    assert_eq!(board.most(), 0.0);
+    assert_eq!(board.peak_torque(), 0.0);
     arm(&mut page);
     assert!((board.torque() - 0.05).abs() < 0.02, "{}", board.torque());
     // The puck turns by the motor's torque, and the wheel after it, as the telemetry has it.
@@ -138,7 +138,7 @@ fn a_key_that_is_set_is_judged_and_taken_whole_and_the_board_armed_again() {
             page.stay_until("status", |status| ["running", "disarmed"].contains(&status["phase"].as_str().unwrap()));
         if status["phase"] == "running" {
             // The constant's, less what the spring takes as the puck turns.
-            assert!(board.most() > torque - 0.011, "{} of {torque}", board.most());
+            assert!(board.peak_torque() > torque - 0.011, "{} of {torque}", board.peak_torque());
             break;
         }
     }
@@ -151,7 +151,7 @@ fn a_world_that_the_board_does_not_take_leaves_the_one_that_runs() {
     // Its timer goes up to 10 ms, and only the board knows.
     page.say(json!({ "type": "sets", "sets": [["loop.period", "20 ms"]] }));
     let refused = page.hear("refused");
-    assert!(refused["message"].as_str().unwrap().contains("the board will not take the world"), "{refused}");
+    assert!(refused["message"].as_str().unwrap().contains("the board refuses to take the world"), "{refused}");
     // What is shown is again what runs.
     let world = page.hear_until("world", |world| world["generation"] == 2);
     assert_eq!(world["period_s"], 1e-3);
@@ -172,7 +172,7 @@ fn anybody_may_stop_a_board_and_a_fault_is_cleared_on_the_page() {
     assert_eq!(board.torque(), 0.0);
     // Refused by the board, in its words, and nothing else.
     page.say(json!({ "type": "order", "order": "arm" }));
-    assert!(page.hear("error")["message"].as_str().unwrap().contains("the board will not arm"));
+    assert!(page.hear("error")["message"].as_str().unwrap().contains("the board refuses to arm"));
     loop {
         page.say(json!({ "type": "order", "order": "clear" }));
         if page.hear("status")["phase"] == "disarmed" {

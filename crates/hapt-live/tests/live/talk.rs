@@ -1,7 +1,8 @@
 //! What pages and server say to each other.
 
+use hapt_host::frames::columns_of;
 use hapt_live::{Live, Options};
-use hapt_model::Source;
+use hapt_model::{Source, World};
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::Message;
 
@@ -19,22 +20,9 @@ fn a_page_hears_hello_world_verdict_and_a_stream_of_frames() {
     assert_eq!(world["bodies"], json!([{ "name": "wheel", "inertia": 0.02580123 }]));
     assert_eq!(world["couplings"][0]["between"], json!(["puck", "wheel"]));
     assert_eq!(world["scenarios"][0], json!({ "name": "step", "duration_s": 600.0, "hand": "step" }));
-    let names: Vec<&str> = world["columns"].as_array().unwrap().iter().map(|c| c["name"].as_str().unwrap()).collect();
-    assert_eq!(
-        names,
-        [
-            "puck_rad",
-            "puck_rad_per_s",
-            "measured_rad",
-            "measured_rad_per_s",
-            "torque_Nm",
-            "command_Nm",
-            "output_Nm",
-            "energy_J",
-            "wheel_rad",
-            "wheel_rad_per_s"
-        ]
-    );
+    let columns = columns_of(&World::read(&Source::from_text("w.toml", WORLD), &[]).unwrap());
+    let columns: Vec<Value> = columns.iter().map(|c| json!({ "name": c.name, "unit": c.unit })).collect();
+    assert_eq!(world["columns"], json!(columns));
     let verdict = page.hear("verdict");
     assert_eq!((&verdict["generation"], &verdict["certified"]), (&json!(0), &json!(true)), "{verdict}");
     assert_eq!(verdict["sentences"].as_array().unwrap().len(), 3);
@@ -46,7 +34,7 @@ fn a_page_hears_hello_world_verdict_and_a_stream_of_frames() {
     let mut time = 0.0;
     for _ in 0..10 {
         let frame = page.frame();
-        assert_eq!((frame.columns.len(), frame.generation), (names.len(), 0));
+        assert_eq!((frame.columns.len(), frame.generation), (columns.len(), 0));
         assert!(frame.time > time, "time advances");
         time = frame.time;
         for [last, smallest, largest] in frame.columns {
@@ -116,7 +104,7 @@ fn what_is_no_message_is_answered_and_dropped_and_over_and_over_it_closes() {
     let live = live(WORLD);
     let mut page = Page::open(&live);
     page.say(json!({ "type": "alive" }));
-    assert!(page.hear("error")["message"].as_str().unwrap().contains("hello comes first"));
+    assert!(page.hear("error")["message"].as_str().unwrap().contains("the first message must be hello"));
     page.say(json!({ "type": "hello", "v": 2 }));
     assert!(page.hear("error")["message"].as_str().unwrap().contains("version 1"));
     page.say(json!({ "type": "hello", "v": 1 }));

@@ -18,7 +18,7 @@ impl<'w> Endpoint<'w> {
         Endpoint { handler: CommandHandler::new(board, one), sampler, mailbox: Mailbox::new() }
     }
 
-    /// Takes a byte of the line; where it ends a [`crate::Order::Sample`] of an externally clocked board, takes that sample.
+    /// Takes a byte of the line; where it ends a [`crate::Command::Sample`] of an externally clocked board, takes that sample.
     pub fn push(&mut self, byte: u8) -> Option<Motor> {
         let measurement = self.handler.push(byte);
         if byte == 0 {

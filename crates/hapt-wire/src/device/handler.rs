@@ -1,7 +1,7 @@
 //! The half in the main loop: it receives bytes, sends answers, and uploads and compiles worlds.
 
 use crate::{
-    Command, DeviceMessage, Error, Hello, LARGEST, LONGEST, Order, PROTOCOL, Parameter, ROOM, Reader, Refusal,
+    Command, DeviceMessage, Error, Hello, HostMessage, LARGEST, LONGEST, PROTOCOL, Parameter, ROOM, Reader, Refusal,
     Telemetry, frame, hash, unpack,
 };
 use hapt_core::{Estimator, Phase, Request};
@@ -81,13 +81,13 @@ impl<'w> CommandHandler<'w> {
         CommandHandler { reader: Reader::new(), state }
     }
 
-    /// Takes a byte of the line. The last byte of a command executes the handler's part of it at once: [`Order::Commit`] compiles, which takes
-    /// milliseconds. On an externally clocked board an [`Order::Sample`] returns its measurement: exchange, take that sample, exchange,
+    /// Takes a byte of the line. The last byte of a command executes the handler's part of it at once: [`Command::Commit`] compiles, which takes
+    /// milliseconds. On an externally clocked board a [`Command::Sample`] returns its measurement: exchange, take that sample, exchange,
     /// before the next byte.
     pub fn push(&mut self, byte: u8) -> Option<Measurement> {
         let refused = self.reader.refused;
-        let command = self.reader.push::<Command<'_>>(byte)?;
-        self.state.handle(&command, refused)
+        let message = self.reader.push::<HostMessage<'_>>(byte)?;
+        self.state.handle(&message, refused)
     }
 
     /// Passes the pending commands to the sampler, and takes its responses.
@@ -121,15 +121,15 @@ impl<'w> CommandHandler<'w> {
 }
 
 impl<'w> State<'w> {
-    fn handle(&mut self, command: &Command<'_>, unread: u32) -> Option<Measurement> {
-        let &Command { sequence, not_after, order } = command;
-        match order {
-            Order::Hello { protocol } => {
+    fn handle(&mut self, message: &HostMessage<'_>, unread: u32) -> Option<Measurement> {
+        let &HostMessage { sequence, not_after, command } = message;
+        match command {
+            Command::Hello { protocol } => {
                 (self.greeted, self.greet) = (protocol == PROTOCOL, true);
                 self.upload.forget();
                 return None;
             }
-            Order::Stop => {
+            Command::Stop => {
                 self.stop = Some(sequence);
                 // Earlier commands are void.
                 while let Some(pending) = self.pending.pop() {
@@ -140,18 +140,18 @@ impl<'w> State<'w> {
                 }
                 return None;
             }
-            Order::Heartbeat
-            | Order::Arm { .. }
-            | Order::Disarm
-            | Order::Clear
-            | Order::Begin { .. }
-            | Order::Piece { .. }
-            | Order::Commit
-            | Order::Get { .. }
-            | Order::Set { .. }
-            | Order::Sample { .. } => {}
+            Command::Heartbeat
+            | Command::Arm { .. }
+            | Command::Disarm
+            | Command::Clear
+            | Command::Begin { .. }
+            | Command::Piece { .. }
+            | Command::Commit
+            | Command::Get { .. }
+            | Command::Set { .. }
+            | Command::Sample { .. } => {}
         }
-        match self.accept(sequence, not_after).and_then(|()| self.execute(command, unread)) {
+        match self.accept(sequence, not_after).and_then(|()| self.execute(message, unread)) {
             Ok(Handled::Seen(measurement)) => return Some(measurement),
             Ok(Handled::Later) => {}
             Ok(Handled::Outcome(outcome)) => self.respond(sequence, outcome),
@@ -173,20 +173,20 @@ impl<'w> State<'w> {
         if (next..=next.saturating_add(HORIZON)).contains(&not_after) { Ok(()) } else { Err(Refusal::Late) }
     }
 
-    fn execute(&mut self, command: &Command<'_>, unread: u32) -> Result<Handled, Refusal> {
+    fn execute(&mut self, message: &HostMessage<'_>, unread: u32) -> Result<Handled, Refusal> {
         let done = |()| Handled::Outcome(Outcome::Done);
         let progress = self.progress;
-        let pending = match command.order {
+        let pending = match message.command {
             // Both are done by now.
-            Order::Hello { .. } | Order::Stop => return Ok(Handled::Later),
-            Order::Begin { length, hash } => return self.upload.begin(length, hash).map(done),
-            Order::Piece { at, bytes } => return self.upload.add(at, bytes).map(done),
-            Order::Commit => Action::Swap(self.compiled()?),
-            Order::Heartbeat => Action::Heartbeat,
-            Order::Arm { world } => Action::Ask(Request::Arm, Some(world)),
-            Order::Disarm => Action::Ask(Request::Disarm, None),
-            Order::Clear => Action::Ask(Request::Clear, None),
-            Order::Get { parameter } => {
+            Command::Hello { .. } | Command::Stop => return Ok(Handled::Later),
+            Command::Begin { length, hash } => return self.upload.begin(length, hash).map(done),
+            Command::Piece { at, bytes } => return self.upload.add(at, bytes).map(done),
+            Command::Commit => Action::Swap(self.compiled()?),
+            Command::Heartbeat => Action::Heartbeat,
+            Command::Arm { world } => Action::Ask(Request::Arm, Some(world)),
+            Command::Disarm => Action::Ask(Request::Disarm, None),
+            Command::Clear => Action::Ask(Request::Clear, None),
+            Command::Get { parameter } => {
                 let value = match Parameter::from_code(parameter).ok_or(Refusal::Parameter)? {
                     Parameter::Divider => u32::from(progress.divider),
                     Parameter::Refused => unread,
@@ -195,12 +195,12 @@ impl<'w> State<'w> {
                 };
                 return Ok(Handled::Outcome(Outcome::Value(parameter, value)));
             }
-            Order::Set { parameter, value } => match Parameter::from_code(parameter) {
+            Command::Set { parameter, value } => match Parameter::from_code(parameter) {
                 Some(Parameter::Divider) => Action::Divide(u16::try_from(value).map_err(|_| Refusal::Parameter)?),
                 Some(Parameter::MostUsed) => Action::CountUseFrom(value),
                 Some(Parameter::Refused | Parameter::Missed) | None => return Err(Refusal::Parameter),
             },
-            Order::Sample { sample, position, velocity, late, announced } => {
+            Command::Sample { sample, position, velocity, late, announced } => {
                 if !self.board.externally_clocked {
                     return Err(Refusal::NotExternallyClocked);
                 }
@@ -209,7 +209,7 @@ impl<'w> State<'w> {
                 return Ok(Handled::Seen(Measurement { position, velocity, late, missed, announced, fault: false }));
             }
         };
-        let pending = Pending { sequence: command.sequence, not_after: command.not_after, what: pending };
+        let pending = Pending { sequence: message.sequence, not_after: message.not_after, what: pending };
         match self.pending.push(pending) {
             Ok(()) => Ok(Handled::Later),
             Err(pending) => {

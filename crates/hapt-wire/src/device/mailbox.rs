@@ -8,7 +8,7 @@ use super::WorldStorage;
 /// T before there is a world, in s.
 pub(crate) const FIRST_PERIOD: f32 = 1e-3;
 
-/// Capacity of the queues of orders and of responses.
+/// Capacity of the queues of commands and of responses.
 pub(crate) const WAITING: usize = 8;
 
 /// A short queue.
@@ -46,7 +46,7 @@ impl<T> Queue<T> {
     }
 }
 
-/// An order to the sampler.
+/// A command to the sampler.
 #[derive(Debug)]
 pub(crate) struct Pending<'w> {
     pub sequence: u32,

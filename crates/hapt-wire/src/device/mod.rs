@@ -43,9 +43,9 @@
 //! ```
 //!
 //! A board without an encoder (an emulator, a test) is `externally_clocked`: [`CommandHandler::push`] returns the measurement of an
-//! [`Order::Sample`], and the sample is taken at once; [`Endpoint`] is both halves in one thread and does just that.
+//! [`Command::Sample`], and the sample is taken at once; [`Endpoint`] is both halves in one thread and does just that.
 //!
-//! [`Order::Sample`]: crate::Order::Sample
+//! [`Command::Sample`]: crate::Command::Sample
 
 mod endpoint;
 mod handler;

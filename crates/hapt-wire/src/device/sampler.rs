@@ -32,7 +32,7 @@ pub struct Motor {
     pub on: bool,
 }
 
-/// Takes one guarded sample a period. It owns the running world; orders and worlds arrive by [`Sampler::exchange`] alone.
+/// Takes one guarded sample a period. It owns the running world; commands and worlds arrive by [`Sampler::exchange`] alone.
 #[derive(Debug)]
 pub struct Sampler<'w> {
     storage: &'w mut WorldStorage,
@@ -150,7 +150,7 @@ impl<'w> Sampler<'w> {
         self.most_used = self.most_used.max(used);
     }
 
-    /// Passes on responses and telemetry, and takes orders for the next sample. True where the world has changed, and so perhaps the
+    /// Passes on responses and telemetry, and takes commands for the next sample. True where the world has changed, and so perhaps the
     /// timer's period.
     pub fn exchange(&mut self, mailbox: &mut Mailbox<'w>) -> bool {
         if let Some(response) = self.response.take() {
@@ -161,7 +161,7 @@ impl<'w> Sampler<'w> {
         }
         let mut swapped = false;
         if let Some(sequence) = mailbox.stop.take() {
-            // Earlier orders are void.
+            // Earlier commands are void.
             if let Some((sequence, _)) = self.request.replace((sequence, Request::Stop)) {
                 refuse(mailbox, sequence, Refusal::Late);
             }
@@ -200,7 +200,7 @@ impl<'w> Sampler<'w> {
         swapped
     }
 
-    /// Executes a valid order; `None` where its response comes with the next sample.
+    /// Executes a valid command; `None` where its response comes with the next sample.
     fn take(
         &mut self,
         sequence: u32,

@@ -15,7 +15,7 @@ use board::{Board, Device};
 use esc1::{Here, Motor};
 use hapt_core::{Phase, Reason};
 use hapt_wire::device::Measurement;
-use hapt_wire::{Order, Parameter, Refusal};
+use hapt_wire::{Command, Parameter, Refusal};
 use proptest::prelude::*;
 use register::{
     CHIP, DAC3_VALUE_1, DAC3_VALUE_2, FLASH_ACCESS, RCC_CONFIGURATION, RCC_CONTROL, RCC_PLL, TIM1_BREAK_SOURCES,
@@ -63,7 +63,7 @@ fn too_much_current_is_a_fault_that_nothing_but_a_clear_ends() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let (mut motor, world) = running(&mut host);
-    host.ask(Order::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
+    host.ask(Command::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
 
     // The overcurrent lasts less than a sample.
     current(true);
@@ -80,15 +80,15 @@ fn too_much_current_is_a_fault_that_nothing_but_a_clear_ends() {
         sample(&mut host, &mut motor);
         assert!(!is_on(), "{k} samples later");
         // It refuses to arm again.
-        assert_eq!(host.ask(Order::Arm { world }), Err(Refusal::Phase), "{k}");
+        assert_eq!(host.ask(Command::Arm { world }), Err(Refusal::Phase), "{k}");
     }
     assert_eq!(host.state(), (Phase::Faulted, Some(world)));
-    host.ask(Order::Clear).unwrap();
+    host.ask(Command::Clear).unwrap();
     for _ in 0..10 {
         sample(&mut host, &mut motor);
         assert!(!is_on(), "a clear arms nothing");
     }
-    host.ask(Order::Arm { world }).unwrap();
+    host.ask(Command::Arm { world }).unwrap();
     sample(&mut host, &mut motor);
     assert!(is_on());
 }
@@ -101,7 +101,7 @@ fn a_current_that_stays_too_large_cannot_be_cleared_and_disarmed_it_cannot_be_ar
     current(true);
     for _ in 0..50 {
         sample(&mut host, &mut motor);
-        host.send(Order::Clear);
+        host.send(Command::Clear);
         sample(&mut host, &mut motor);
         assert!(!is_on());
     }
@@ -110,10 +110,10 @@ fn a_current_that_stays_too_large_cannot_be_cleared_and_disarmed_it_cannot_be_ar
     for _ in 0..20 {
         sample(&mut host, &mut motor);
     }
-    host.ask(Order::Clear).unwrap();
+    host.ask(Command::Clear).unwrap();
     // Disarmed, and at the very sample that is to arm it.
     current(true);
-    host.send(Order::Arm { world });
+    host.send(Command::Arm { world });
     sample(&mut host, &mut motor);
     assert!(!is_on());
     assert_eq!(host.state().0, Phase::Faulted);
@@ -132,7 +132,7 @@ fn a_fault_while_the_puck_is_braked_ends_the_braking() {
     for _ in 0..20 {
         turn(&mut host);
     }
-    host.send(Order::Stop);
+    host.send(Command::Stop);
     for _ in 0..5 {
         turn(&mut host);
     }

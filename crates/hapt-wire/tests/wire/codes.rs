@@ -3,7 +3,7 @@
 
 use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Phase, Reason, Side, Spec};
 use hapt_plant::spec::{Drive, Shape};
-use hapt_wire::{DeviceMessage, Hello, Order, Parameter, Refusal, Telemetry};
+use hapt_wire::{Command, DeviceMessage, Hello, Parameter, Refusal, Telemetry};
 use serde::Serialize;
 
 /// The variants of a type, each with its code. A unit variant is written with empty braces, a tuple's field with its number.
@@ -216,7 +216,7 @@ fn the_code_of_each_phase_and_reason_is_what_it_always_was() {
 fn the_code_of_each_message_is_what_it_always_was() {
     let (protocol, world, length, hash, at, bytes) = (1, 2, 3, 4, 5, &[6][..]);
     let (parameter, value, sample, position, velocity, late, announced) = (7, 8, 9, 10.0, 11.0, 12.0, true);
-    are_on_the_wire(codes!(Order {
+    are_on_the_wire(codes!(Command {
         0 => Hello { protocol },
         1 => Stop {},
         2 => Heartbeat {},

@@ -5,7 +5,7 @@ use hapt_core::{Phase, SafetyProfile};
 use hapt_model::{Source, World};
 use hapt_wire::device::{Board, Endpoint, Measurement, Motor, WorldStorage};
 use hapt_wire::{
-    Command, DeviceMessage, LONGEST, Order, PIECE, PROTOCOL, Reader, Refusal, Telemetry, frame, hash, pack,
+    Command, DeviceMessage, HostMessage, LONGEST, PIECE, PROTOCOL, Reader, Refusal, Telemetry, frame, hash, pack,
 };
 
 /// With an encoder.
@@ -76,23 +76,23 @@ impl<'w> TestHost<'w> {
             received: Vec::new(),
             motor: Motor::default(),
         };
-        host.send(Order::Hello { protocol: PROTOCOL });
+        host.send(Command::Hello { protocol: PROTOCOL });
         assert!(matches!(host.received.pop(), Some(Received::Hello { .. })));
         host
     }
 
-    /// The frame of an order that is valid for the next 100 samples.
-    pub fn framed(&mut self, order: Order) -> Vec<u8> {
+    /// The frame of a command that is valid for the next 100 samples.
+    pub fn framed(&mut self, command: Command) -> Vec<u8> {
         self.sequence += 1;
-        self.framed_as(self.sequence, self.endpoint.next() + 100, order)
+        self.framed_as(self.sequence, self.endpoint.next() + 100, command)
     }
 
-    pub fn framed_as(&self, sequence: u32, not_after: u64, order: Order) -> Vec<u8> {
-        frame(&Command { sequence, not_after, order }, &mut [0; LONGEST]).unwrap().to_vec()
+    pub fn framed_as(&self, sequence: u32, not_after: u64, command: Command) -> Vec<u8> {
+        frame(&HostMessage { sequence, not_after, command }, &mut [0; LONGEST]).unwrap().to_vec()
     }
 
-    pub fn send(&mut self, order: Order) {
-        let bytes = self.framed(order);
+    pub fn send(&mut self, command: Command) {
+        let bytes = self.framed(command);
         self.put(&bytes);
     }
 
@@ -134,40 +134,42 @@ impl<'w> TestHost<'w> {
         }
     }
 
-    /// The outcome of an order; a supervisor's request gets a sample.
+    /// The outcome of a command; a supervisor's request gets a sample.
     #[track_caller]
-    pub fn ask(&mut self, order: Order) -> Result<(), Refusal> {
+    pub fn ask(&mut self, command: Command) -> Result<(), Refusal> {
         self.received.clear();
-        self.send(order);
-        if matches!(order, Order::Arm { .. } | Order::Disarm | Order::Clear | Order::Stop) && self.received.is_empty() {
+        self.send(command);
+        if matches!(command, Command::Arm { .. } | Command::Disarm | Command::Clear | Command::Stop)
+            && self.received.is_empty()
+        {
             self.sample();
         }
         match self.received.iter().find(|received| !matches!(received, Received::Telemetry(_))) {
             Some(Received::Done(sequence) | Received::Value(sequence, ..)) if *sequence == self.sequence => Ok(()),
             Some(Received::Refused(sequence, why)) if *sequence == self.sequence => Err(*why),
-            other => panic!("{order:?} was answered by {other:?}"),
+            other => panic!("{command:?} was answered by {other:?}"),
         }
     }
 
     /// Sends a world's bytes, up to the commit.
     pub fn upload(&mut self, bytes: &[u8]) -> Result<(), Refusal> {
-        self.ask(Order::Begin { length: bytes.len() as u16, hash: hash(bytes) })?;
+        self.ask(Command::Begin { length: bytes.len() as u16, hash: hash(bytes) })?;
         for (i, piece) in bytes.chunks(PIECE).enumerate() {
-            self.ask(Order::Piece { at: (i * PIECE) as u16, bytes: piece })?;
+            self.ask(Command::Piece { at: (i * PIECE) as u16, bytes: piece })?;
         }
         Ok(())
     }
 
     pub fn load(&mut self, bytes: &[u8]) -> Result<u32, Refusal> {
         self.upload(bytes)?;
-        self.ask(Order::Commit)?;
+        self.ask(Command::Commit)?;
         Ok(hash(bytes))
     }
 
     /// The supervisor's phase, and the hash of the running world.
     pub fn state(&mut self) -> (Phase, Option<u32>) {
         self.received.clear();
-        self.send(Order::Hello { protocol: PROTOCOL });
+        self.send(Command::Hello { protocol: PROTOCOL });
         match self.received[..] {
             [Received::Hello { phase, world, .. }] => (phase, world),
             ref other => panic!("{other:?}"),
@@ -178,7 +180,7 @@ impl<'w> TestHost<'w> {
     #[track_caller]
     pub fn run(&mut self, text: &str) -> u32 {
         let hash = self.load(&packed(&world(text, &[]))).unwrap();
-        self.ask(Order::Arm { world: hash }).unwrap();
+        self.ask(Command::Arm { world: hash }).unwrap();
         for _ in 0..300 {
             self.heartbeat();
             self.sample();
@@ -188,7 +190,7 @@ impl<'w> TestHost<'w> {
     }
 
     pub fn heartbeat(&mut self) {
-        self.send(Order::Heartbeat);
+        self.send(Command::Heartbeat);
     }
 }
 

@@ -3,7 +3,7 @@
 use hapt_core::{Controller, Phase, Reading, Reason, Request, SafetyProfile};
 use hapt_plant::{Grip, VirtualDevice};
 use hapt_wire::device::{Measurement, WorldStorage};
-use hapt_wire::{Order, PROTOCOL, Parameter, ROOM, Refusal, Telemetry, hash};
+use hapt_wire::{Command, PROTOCOL, Parameter, ROOM, Refusal, Telemetry, hash};
 
 use crate::common::{BOARD, EXTERNALLY_CLOCKED, Received, TestHost, WHEEL, packed, storage, world};
 
@@ -22,7 +22,7 @@ fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
 
     let mut device = VirtualDevice::new(&world.device_spec());
     device.hold(Some(Grip { inertia: 1e-4, damping: 0.02, stiffness: 3.0 }));
-    host.send(Order::Arm { world: hash });
+    host.send(Command::Arm { world: hash });
     let mut largest = 0.0_f32;
     for k in 0..3000_u32 {
         if k % 20 == 0 {
@@ -57,11 +57,11 @@ fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
 fn no_torque_without_a_world_and_none_before_it_is_armed() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
-    assert_eq!(host.ask(Order::Arm { world: 0 }), Err(Refusal::NoWorld));
+    assert_eq!(host.ask(Command::Arm { world: 0 }), Err(Refusal::NoWorld));
     host.seen.position = 1.0;
     assert_eq!(host.sample(), Default::default());
     let hash = host.load(&packed(&world(WHEEL, &[]))).unwrap();
-    assert_eq!(host.ask(Order::Arm { world: hash ^ 1 }), Err(Refusal::NoWorld));
+    assert_eq!(host.ask(Command::Arm { world: hash ^ 1 }), Err(Refusal::NoWorld));
     for _ in 0..100 {
         host.seen.position += 0.001;
         assert_eq!(host.sample(), Default::default());
@@ -116,20 +116,20 @@ fn a_world_that_is_no_good_is_refused_by_name_and_the_one_before_it_stays() {
     }
 
     // Half of it, and one byte of another hash.
-    host.ask(Order::Begin { length: bytes.len() as u16, hash: hash(&bytes) }).unwrap();
-    host.ask(Order::Piece { at: 0, bytes: &bytes[..100] }).unwrap();
-    assert_eq!(host.ask(Order::Commit), Err(Refusal::Hash));
-    assert_eq!(host.ask(Order::Piece { at: 99, bytes: &bytes[99..200] }), Err(Refusal::Piece));
-    host.ask(Order::Begin { length: bytes.len() as u16, hash: 1 }).unwrap();
+    host.ask(Command::Begin { length: bytes.len() as u16, hash: hash(&bytes) }).unwrap();
+    host.ask(Command::Piece { at: 0, bytes: &bytes[..100] }).unwrap();
+    assert_eq!(host.ask(Command::Commit), Err(Refusal::Hash));
+    assert_eq!(host.ask(Command::Piece { at: 99, bytes: &bytes[99..200] }), Err(Refusal::Piece));
+    host.ask(Command::Begin { length: bytes.len() as u16, hash: 1 }).unwrap();
     for (i, piece) in bytes.chunks(200).enumerate() {
-        host.ask(Order::Piece { at: 200 * i as u16, bytes: piece }).unwrap();
+        host.ask(Command::Piece { at: 200 * i as u16, bytes: piece }).unwrap();
     }
-    assert_eq!(host.ask(Order::Piece { at: bytes.len() as u16, bytes: &[0] }), Err(Refusal::Piece));
-    assert_eq!(host.ask(Order::Commit), Err(Refusal::Hash));
-    assert_eq!(host.ask(Order::Begin { length: 1025, hash: 1 }), Err(Refusal::Room));
-    assert_eq!(host.ask(Order::Commit), Err(Refusal::Hash));
+    assert_eq!(host.ask(Command::Piece { at: bytes.len() as u16, bytes: &[0] }), Err(Refusal::Piece));
+    assert_eq!(host.ask(Command::Commit), Err(Refusal::Hash));
+    assert_eq!(host.ask(Command::Begin { length: 1025, hash: 1 }), Err(Refusal::Room));
+    assert_eq!(host.ask(Command::Commit), Err(Refusal::Hash));
     assert_eq!(host.state(), (Phase::Disarmed, Some(hash_of_it)));
-    host.ask(Order::Arm { world: hash_of_it }).unwrap();
+    host.ask(Command::Arm { world: hash_of_it }).unwrap();
 }
 
 #[test]
@@ -140,7 +140,7 @@ fn while_there_may_be_a_torque_the_world_stays_and_afterwards_it_is_another() {
     let other = packed(&world(WHEEL, &["couplings.0.stiffness=2", "loop.period=2ms"]));
     assert_eq!(host.load(&other), Err(Refusal::Armed));
     assert_eq!(host.state(), (Phase::Running, Some(hash)));
-    host.ask(Order::Disarm).unwrap();
+    host.ask(Command::Disarm).unwrap();
     for _ in 0..101 {
         host.sample();
     }
@@ -160,8 +160,8 @@ fn a_command_counts_once_in_its_order_and_in_its_time() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let hash = host.load(&packed(&world(WHEEL, &[]))).unwrap();
-    let arm = host.framed(Order::Arm { world: hash });
-    let disarm = host.framed(Order::Disarm);
+    let arm = host.framed(Command::Arm { world: hash });
+    let disarm = host.framed(Command::Disarm);
     host.put(&arm);
     host.sample();
     host.put(&disarm);
@@ -181,7 +181,7 @@ fn a_command_counts_once_in_its_order_and_in_its_time() {
     assert_eq!(host.state().0, Phase::Disarmed);
 
     // One that arrives after its last valid sample.
-    let late = host.framed(Order::Arm { world: hash });
+    let late = host.framed(Command::Arm { world: hash });
     for _ in 0..102 {
         host.sample();
     }
@@ -191,8 +191,8 @@ fn a_command_counts_once_in_its_order_and_in_its_time() {
     // One without an end of validity, and one with a sequence far ahead.
     host.received.clear();
     let (sequence, next) = (host.sequence, host.endpoint.next());
-    let endless = host.framed_as(sequence + 1, next + 65_537, Order::Arm { world: hash });
-    let ahead = host.framed_as(sequence + 5000, next + 10, Order::Arm { world: hash });
+    let endless = host.framed_as(sequence + 1, next + 65_537, Command::Arm { world: hash });
+    let ahead = host.framed_as(sequence + 5000, next + 10, Command::Arm { world: hash });
     host.put(&endless);
     host.put(&ahead);
     let refused =
@@ -207,11 +207,11 @@ fn a_host_of_another_version_is_told_so_and_moves_nothing() {
     let mut host = TestHost::new(BOARD, &mut storage);
     let hash = host.load(&packed(&world(WHEEL, &[]))).unwrap();
     host.received.clear();
-    host.send(Order::Hello { protocol: PROTOCOL + 1 });
+    host.send(Command::Hello { protocol: PROTOCOL + 1 });
     assert!(matches!(host.received[..], [Received::Hello { .. }]));
-    assert_eq!(host.ask(Order::Arm { world: hash }), Err(Refusal::Hello));
+    assert_eq!(host.ask(Command::Arm { world: hash }), Err(Refusal::Hello));
     // Stop is accepted nevertheless.
-    assert_eq!(host.ask(Order::Stop), Ok(()));
+    assert_eq!(host.ask(Command::Stop), Ok(()));
 }
 
 #[test]
@@ -251,15 +251,15 @@ fn after_a_lost_link_a_clear_counts_only_behind_a_heartbeat() {
     assert_eq!(host.state().0, Phase::Faulted);
     // Repeated arming without a heartbeat does not help.
     for _ in 0..100 {
-        assert_eq!(host.ask(Order::Clear), Err(Refusal::Phase));
+        assert_eq!(host.ask(Command::Clear), Err(Refusal::Phase));
     }
     host.heartbeat();
     for _ in 0..301 {
         host.sample();
     }
-    assert_eq!(host.ask(Order::Clear), Err(Refusal::Phase), "that was too long ago");
+    assert_eq!(host.ask(Command::Clear), Err(Refusal::Phase), "that was too long ago");
     host.heartbeat();
-    assert_eq!(host.ask(Order::Clear), Ok(()));
+    assert_eq!(host.ask(Command::Clear), Ok(()));
     assert_eq!(host.state().0, Phase::Disarmed);
 }
 
@@ -267,7 +267,7 @@ fn after_a_lost_link_a_clear_counts_only_behind_a_heartbeat() {
 fn a_driver_that_has_switched_itself_off_is_told_with_no_world_and_through_a_new_one() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
-    host.ask(Order::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
+    host.ask(Command::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
     host.received.clear();
     host.seen.fault = true;
     assert_eq!(host.sample(), Default::default());
@@ -281,13 +281,13 @@ fn a_driver_that_has_switched_itself_off_is_told_with_no_world_and_through_a_new
     host.seen.fault = false;
     let hash = host.load(&packed(&world(WHEEL, &[]))).unwrap();
     assert_eq!(host.state().0, Phase::Faulted);
-    assert_eq!(host.ask(Order::Arm { world: hash }), Err(Refusal::Phase));
+    assert_eq!(host.ask(Command::Arm { world: hash }), Err(Refusal::Phase));
     for _ in 0..20 {
         assert_eq!(host.sample(), Default::default());
     }
-    host.ask(Order::Clear).unwrap();
+    host.ask(Command::Clear).unwrap();
     host.heartbeat();
-    host.ask(Order::Arm { world: hash }).unwrap();
+    host.ask(Command::Arm { world: hash }).unwrap();
 }
 
 #[test]
@@ -299,19 +299,19 @@ fn stop_takes_the_torque_at_the_next_sample_and_whatever_waits_with_it() {
     assert!(host.sample().on);
     // An old one, too: it is valid with any sequence and at any time.
     host.received.clear();
-    let stop = host.framed_as(1, 0, Order::Stop);
-    let disarm = host.framed(Order::Disarm);
+    let stop = host.framed_as(1, 0, Command::Stop);
+    let disarm = host.framed(Command::Disarm);
     host.put(&disarm);
     let waiting = host.sequence;
     host.put(&stop);
     assert_eq!(host.sample(), Default::default());
     assert_eq!(host.received, [Received::Refused(waiting, Refusal::Late), Received::Done(1)]);
     assert_eq!(host.state().0, Phase::Faulted);
-    assert_eq!(host.ask(Order::Arm { world: hash }), Err(Refusal::Phase));
+    assert_eq!(host.ask(Command::Arm { world: hash }), Err(Refusal::Phase));
     for _ in 0..20 {
         host.sample();
     }
-    host.ask(Order::Clear).unwrap();
+    host.ask(Command::Clear).unwrap();
     assert_eq!(host.state().0, Phase::Disarmed);
 }
 
@@ -320,7 +320,7 @@ fn telemetry_comes_at_a_divided_rate_and_says_what_the_supervisor_says() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     host.run(WHEEL);
-    host.ask(Order::Set { parameter: Parameter::Divider as u8, value: 10 }).unwrap();
+    host.ask(Command::Set { parameter: Parameter::Divider as u8, value: 10 }).unwrap();
     host.received.clear();
     let first = host.endpoint.next();
     for _ in 0..100 {
@@ -345,12 +345,12 @@ fn telemetry_comes_at_a_divided_rate_and_says_what_the_supervisor_says() {
         let spring = 1.02 * (telemetry.bodies.as_slice()[0].0 - telemetry.measured);
         assert!((telemetry.torque - spring).abs() < 2e-3, "{telemetry:?}");
     }
-    assert_eq!(host.ask(Order::Set { parameter: Parameter::Divider as u8, value: 70_000 }), Err(Refusal::Parameter));
-    assert_eq!(host.ask(Order::Set { parameter: Parameter::Missed as u8, value: 0 }), Err(Refusal::Parameter));
-    assert_eq!(host.ask(Order::Get { parameter: 200 }), Err(Refusal::Parameter));
+    assert_eq!(host.ask(Command::Set { parameter: Parameter::Divider as u8, value: 70_000 }), Err(Refusal::Parameter));
+    assert_eq!(host.ask(Command::Set { parameter: Parameter::Missed as u8, value: 0 }), Err(Refusal::Parameter));
+    assert_eq!(host.ask(Command::Get { parameter: 200 }), Err(Refusal::Parameter));
     host.put(b"\x05nothing of ours\0");
     host.received.clear();
-    host.send(Order::Get { parameter: Parameter::Refused as u8 });
+    host.send(Command::Get { parameter: Parameter::Refused as u8 });
     assert_eq!(host.received, [Received::Value(host.sequence, Parameter::Refused as u8, 1)]);
 }
 
@@ -360,7 +360,7 @@ fn a_fed_board_takes_each_sample_once_and_counts_those_between_as_missed() {
     let mut host = TestHost::new(EXTERNALLY_CLOCKED, &mut storage);
     let free = world(&WHEEL.replace("limit", "#"), &["loop.estimator=exact"]);
     let hash = host.load(&packed(&free)).unwrap();
-    let feed = |sample, position| Order::Sample { sample, position, velocity: 0.0, late: 0.0, announced: false };
+    let feed = |sample, position| Command::Sample { sample, position, velocity: 0.0, late: 0.0, announced: false };
     let told = |host: &mut TestHost, sample, position| {
         host.received.clear();
         host.send(feed(sample, position));
@@ -376,7 +376,7 @@ fn a_fed_board_takes_each_sample_once_and_counts_those_between_as_missed() {
     assert_eq!(told(&mut host, 0, 0.0), Ok((0, 0, 0.0)));
     assert_eq!(told(&mut host, 0, 0.0), Err(Refusal::Sample));
     assert_eq!(told(&mut host, 3, 0.0), Ok((3, 2, 0.0)));
-    host.send(Order::Arm { world: hash });
+    host.send(Command::Arm { world: hash });
     assert_eq!(told(&mut host, 4, 0.0), Ok((4, 2, 0.0)));
     // Three counts of the encoder; two hundredths of the spring's torque: the second sample of a fade over 100.
     let counts = 3.0 * std::f32::consts::TAU / 4000.0;
@@ -394,7 +394,7 @@ fn a_fault_of_the_encoder_is_named_and_holds_until_it_is_cleared() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let hash = host.run(WHEEL);
-    host.ask(Order::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
+    host.ask(Command::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
     host.received.clear();
     host.seen.position += 1.0;
     assert_eq!(host.sample(), Default::default());
@@ -403,11 +403,11 @@ fn a_fault_of_the_encoder_is_named_and_holds_until_it_is_cleared() {
         "{:?}",
         host.received
     );
-    assert_eq!(host.ask(Order::Clear), Err(Refusal::Phase));
-    assert_eq!(host.ask(Order::Arm { world: hash }), Err(Refusal::Phase));
+    assert_eq!(host.ask(Command::Clear), Err(Refusal::Phase));
+    assert_eq!(host.ask(Command::Arm { world: hash }), Err(Refusal::Phase));
     for _ in 0..20 {
         assert_eq!(host.sample(), Default::default());
     }
-    host.ask(Order::Clear).unwrap();
-    host.ask(Order::Arm { world: hash }).unwrap();
+    host.ask(Command::Clear).unwrap();
+    host.ask(Command::Arm { world: hash }).unwrap();
 }

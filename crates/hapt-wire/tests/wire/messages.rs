@@ -4,7 +4,7 @@ use hapt_core::{
     Body, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Phase, SafetyProfile, Spec, Supervisor,
 };
 use hapt_wire::{
-    Command, DeviceMessage, Hello, LARGEST, LONGEST, Order, PIECE, PROTOCOL, Parameter, Reader, Refusal, States,
+    Command, DeviceMessage, Hello, HostMessage, LARGEST, LONGEST, PIECE, PROTOCOL, Parameter, Reader, Refusal, States,
     Telemetry, frame, hash, pack, unpack,
 };
 use proptest::collection::vec;
@@ -23,7 +23,7 @@ fn framed(message: &impl Serialize) -> String {
 
 /// The examples of the page.
 fn examples() -> Vec<(&'static str, String)> {
-    let command = |sequence, not_after, order| framed(&Command { sequence, not_after, order });
+    let command = |sequence, not_after, command| framed(&HostMessage { sequence, not_after, command });
     let hello = Hello {
         protocol: PROTOCOL,
         firmware: "0.1.0",
@@ -58,18 +58,18 @@ fn examples() -> Vec<(&'static str, String)> {
     };
     let (position, velocity) = (0.5, -0.25);
     vec![
-        ("Hello", command(0, 0, Order::Hello { protocol: PROTOCOL })),
-        ("Stop", command(301, 0, Order::Stop)),
-        ("Heartbeat", command(301, 70_250, Order::Heartbeat)),
-        ("Arm", command(302, 70_250, Order::Arm { world: 0x00c0_ffee })),
-        ("Disarm", command(303, 70_250, Order::Disarm)),
-        ("Clear", command(304, 70_250, Order::Clear)),
-        ("Begin", command(305, 70_250, Order::Begin { length: 349, hash: 0x00c0_ffee })),
-        ("Piece", command(306, 70_250, Order::Piece { at: 0, bytes: &[1, 0, 2] })),
-        ("Commit", command(307, 70_250, Order::Commit)),
-        ("Get", command(308, 70_250, Order::Get { parameter: Parameter::Missed as u8 })),
-        ("Set", command(309, 70_250, Order::Set { parameter: Parameter::Divider as u8, value: 20 })),
-        ("Sample", command(310, 5, Order::Sample { sample: 5, position, velocity, late: 0.0, announced: false })),
+        ("Hello", command(0, 0, Command::Hello { protocol: PROTOCOL })),
+        ("Stop", command(301, 0, Command::Stop)),
+        ("Heartbeat", command(301, 70_250, Command::Heartbeat)),
+        ("Arm", command(302, 70_250, Command::Arm { world: 0x00c0_ffee })),
+        ("Disarm", command(303, 70_250, Command::Disarm)),
+        ("Clear", command(304, 70_250, Command::Clear)),
+        ("Begin", command(305, 70_250, Command::Begin { length: 349, hash: 0x00c0_ffee })),
+        ("Piece", command(306, 70_250, Command::Piece { at: 0, bytes: &[1, 0, 2] })),
+        ("Commit", command(307, 70_250, Command::Commit)),
+        ("Get", command(308, 70_250, Command::Get { parameter: Parameter::Missed as u8 })),
+        ("Set", command(309, 70_250, Command::Set { parameter: Parameter::Divider as u8, value: 20 })),
+        ("Sample", command(310, 5, Command::Sample { sample: 5, position, velocity, late: 0.0, announced: false })),
         ("Hello, from the board", framed(&DeviceMessage::Hello(hello))),
         ("Done", framed(&DeviceMessage::Done { sequence: 302 })),
         ("Refused", framed(&DeviceMessage::Refused { sequence: 302, why: Refusal::NoWorld })),
@@ -212,8 +212,8 @@ fn the_largest_world_of_a_board_fits_into_its_room_and_a_full_piece_into_a_frame
     let (limits, _) = unpack::<4, 8>(&packed()).unwrap();
     let bytes = pack(&spec, &limits, &mut [0; 4096]).unwrap().to_vec();
     assert!(bytes.len() <= LARGEST, "{} bytes", bytes.len());
-    let order = Order::Piece { at: u16::MAX, bytes: &[0; PIECE] };
-    let longest = Command { sequence: u32::MAX, not_after: u64::MAX, order };
+    let command = Command::Piece { at: u16::MAX, bytes: &[0; PIECE] };
+    let longest = HostMessage { sequence: u32::MAX, not_after: u64::MAX, command };
     assert!(frame(&longest, &mut [0; LONGEST]).is_ok());
 }
 

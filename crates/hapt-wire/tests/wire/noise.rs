@@ -1,7 +1,7 @@
 //! Lines that lose, double, reorder, corrupt and cut frames never cause a torque.
 
 use hapt_core::Phase;
-use hapt_wire::{Order, PROTOCOL, Parameter, hash};
+use hapt_wire::{Command, PROTOCOL, Parameter, hash};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -48,23 +48,23 @@ impl Fate {
 }
 
 /// Everything that a host message but to arm, as numbers choose.
-fn harmless(choice: u8, number: u32) -> Order<'static> {
+fn harmless(choice: u8, number: u32) -> Command<'static> {
     match choice % 8 {
-        0 => Order::Heartbeat,
-        1 => Order::Disarm,
-        2 => Order::Clear,
-        3 => Order::Commit,
-        4 => Order::Begin { length: number as u16, hash: number },
-        5 => Order::Piece { at: number as u16, bytes: b"a piece of something" },
-        6 => Order::Set { parameter: Parameter::Divider as u8, value: number % 4 },
-        _ => Order::Hello { protocol: PROTOCOL },
+        0 => Command::Heartbeat,
+        1 => Command::Disarm,
+        2 => Command::Clear,
+        3 => Command::Commit,
+        4 => Command::Begin { length: number as u16, hash: number },
+        5 => Command::Piece { at: number as u16, bytes: b"a piece of something" },
+        6 => Command::Set { parameter: Parameter::Divider as u8, value: number % 4 },
+        _ => Command::Hello { protocol: PROTOCOL },
     }
 }
 
 proptest! {
     #![proptest_config(hapt_testing::cases(400))]
 
-    /// The puck turns, a world is loaded, and only the order to arm is missing.
+    /// The puck turns, a world is loaded, and only the command to arm is missing.
     #[test]
     fn nothing_but_arm_makes_a_torque(
         spoken in vec((any::<u8>(), any::<u32>(), fates(), vec(any::<u8>(), 0..60)), 1..40),
@@ -94,21 +94,21 @@ proptest! {
         let mut host = TestHost::new(BOARD, &mut storage);
         let bytes = packed(&world(WHEEL, &[]));
         let world = host.load(&bytes).unwrap();
-        let orders = [
-            Order::Heartbeat,
-            Order::Arm { world },
-            Order::Heartbeat,
-            Order::Set { parameter: Parameter::Divider as u8, value: 3 },
-            Order::Disarm,
-            Order::Begin { length: bytes.len() as u16, hash: hash(&bytes) },
-            Order::Heartbeat,
-            Order::Stop,
-            Order::Hello { protocol: PROTOCOL },
+        let commands = [
+            Command::Heartbeat,
+            Command::Arm { world },
+            Command::Heartbeat,
+            Command::Set { parameter: Parameter::Divider as u8, value: 3 },
+            Command::Disarm,
+            Command::Begin { length: bytes.len() as u16, hash: hash(&bytes) },
+            Command::Heartbeat,
+            Command::Stop,
+            Command::Hello { protocol: PROTOCOL },
         ];
         let first = host.sequence + 1;
-        let frames: Vec<Vec<u8>> = orders.iter().map(|order| host.framed(*order)).collect();
+        let frames: Vec<Vec<u8>> = commands.iter().map(|command| host.framed(*command)).collect();
         let (arm, stop) = (1, 7);
-        // Whether an arm arrived whole; whether a later order, or a stop, arrived before it.
+        // Whether an arm arrived whole; whether a later command, or a stop, arrived before it.
         let (mut said, mut over, mut rises, mut was_on) = (false, false, 0, false);
         for (which, fate, samples) in delivered {
             host.received.clear();
@@ -143,14 +143,14 @@ proptest! {
         let world = host.load(&packed(&world(WHEEL, &[]))).unwrap();
         let (mut cleared, mut armed) = (true, false);
         for (which, fate, samples, fault) in delivered {
-            let order = match which {
-                0 | 1 => Order::Arm { world },
-                2 => Order::Clear,
-                3 => Order::Disarm,
-                4 => Order::Hello { protocol: PROTOCOL },
-                _ => Order::Heartbeat,
+            let command = match which {
+                0 | 1 => Command::Arm { world },
+                2 => Command::Clear,
+                3 => Command::Disarm,
+                4 => Command::Hello { protocol: PROTOCOL },
+                _ => Command::Heartbeat,
             };
-            let frame = host.framed(order);
+            let frame = host.framed(command);
             host.put(&[0]);
             host.put(&fate.of(&frame));
             let whole = matches!(fate, Fate::Whole | Fate::Late(_));
@@ -191,12 +191,12 @@ proptest! {
         let mut host = TestHost::new(BOARD, &mut storage);
         let before = host.load(&packed(&world(WHEEL, &[]))).unwrap();
         let bytes = packed(&world(WHEEL, &["couplings.0.stiffness=3"]));
-        let mut orders = vec![Order::Begin { length: bytes.len() as u16, hash: hash(&bytes) }];
-        orders.extend(bytes.chunks(60).enumerate().map(|(i, bytes)| Order::Piece { at: 60 * i as u16, bytes }));
-        orders.push(Order::Commit);
+        let mut commands = vec![Command::Begin { length: bytes.len() as u16, hash: hash(&bytes) }];
+        commands.extend(bytes.chunks(60).enumerate().map(|(i, bytes)| Command::Piece { at: 60 * i as u16, bytes }));
+        commands.push(Command::Commit);
         let mut all_well = true;
-        for ((order, fate), twice) in orders.iter().zip(&fates).zip(twice) {
-            let frame = host.framed(*order);
+        for ((command, fate), twice) in commands.iter().zip(&fates).zip(twice) {
+            let frame = host.framed(*command);
             all_well &= matches!(fate, Fate::Whole | Fate::Late(_));
             for _ in 0..=u8::from(twice) {
                 host.put(&[0]);
@@ -216,7 +216,7 @@ proptest! {
         let mut host = TestHost::new(BOARD, &mut storage);
         let world = host.load(&packed(&world(WHEEL, &[]))).unwrap();
         let not_after = host.endpoint.next() + within;
-        let arm = host.framed_as(host.sequence + 1, not_after, Order::Arm { world });
+        let arm = host.framed_as(host.sequence + 1, not_after, Command::Arm { world });
         for _ in 0..comes {
             host.sample();
         }

@@ -3,7 +3,7 @@
 use hapt_host::board::simulate::SimulatedBoard;
 use hapt_model::{Source, World};
 use hapt_wire::device::Board;
-use hapt_wire::{Command, DeviceMessage, Hello, Order};
+use hapt_wire::{Command, DeviceMessage, Hello, HostMessage};
 
 use crate::common::{Running, Table, WHEEL, folder, hapt, program};
 
@@ -53,20 +53,20 @@ fn a_world_is_sent_to_the_board_once_and_runs_there() {
     assert!(ended.out.ends_with(": sent and verified\n"), "{ended:?}");
     let ended = hapt(at.path(), ["flash", "w.toml", "--device", &spec]).done();
     assert!(ended.out.ends_with(": was there already\n"), "{ended:?}");
-    assert_eq!(board.most(), 0.0);
+    assert_eq!(board.peak_torque(), 0.0);
 
     let args = ["run", "w.toml", "--device", &spec, "--duration", "0.3 s", "--log", "run.mcap"];
     let ended = hapt(at.path(), args).done();
     assert!(ended.out.starts_with("knob on the board table, 1 ms a sample\n"), "{ended:?}");
     assert!(ended.out.contains("at full torque; ended in order"), "{ended:?}");
     assert!(ended.err.contains("at full torque; Ctrl-C takes it off"), "{ended:?}");
-    assert!(board.most() > 0.01, "{}", board.most());
+    assert!(board.peak_torque() > 0.01, "{}", board.peak_torque());
     assert_eq!(board.torque(), 0.0);
     // The log shows the same: the motor's 20 N mm, pushing the puck.
     hapt(at.path(), ["convert", "run.mcap", "-o", "run.csv"]).done();
     let table = Table::read(&at.path().join("run.csv"));
     let largest = table.column("applied_Nm").iter().fold(0.0_f64, |most, torque| most.max(torque.abs()));
-    assert!((largest - f64::from(board.most())).abs() < 2e-3, "{largest} and {}", board.most());
+    assert!((largest - f64::from(board.peak_torque())).abs() < 2e-3, "{largest} and {}", board.peak_torque());
     // The board's f32 on this machine: the same bits.
     let ended = hapt(at.path(), ["replay", "run.mcap"]).done();
     assert!(ended.out.contains("same       all torques of "), "{ended:?}");
@@ -85,7 +85,7 @@ fn a_boards_log_with_samples_left_out_is_not_replayed_and_says_what_would_be_rig
 
 /// A port where somebody answers: each frame that comes is shown to `answer`, and what it gives goes back; with `None` the port goes away.
 fn peer(
-    mut answer: impl FnMut(&Command<'_>) -> Option<DeviceMessage<'static>> + Send + 'static,
+    mut answer: impl FnMut(&HostMessage<'_>) -> Option<DeviceMessage<'static>> + Send + 'static,
 ) -> (std::thread::JoinHandle<()>, String) {
     let (mut line, path) = hapt_host::board::pty().unwrap();
     let thread = std::thread::spawn(move || {
@@ -94,8 +94,8 @@ fn peer(
         let until = || std::time::Instant::now() + std::time::Duration::from_secs(60);
         while let Ok(count @ 1..) = line.read(&mut bytes, until()) {
             for byte in &bytes[..count] {
-                let Some(command) = reader.push::<Command<'_>>(*byte) else { continue };
-                let Some(says) = answer(&command) else { return };
+                let Some(message) = reader.push::<HostMessage<'_>>(*byte) else { continue };
+                let Some(says) = answer(&message) else { return };
                 line.write(hapt_wire::frame(&says, &mut [0; 512]).unwrap(), until()).unwrap();
             }
         }
@@ -126,12 +126,12 @@ fn hello(protocol: u16) -> DeviceMessage<'static> {
 fn firmware_of_another_version_is_named_and_gets_no_world() {
     let at = folder(&[("w.toml", KNOB)]);
     for command in ["flash", "run"] {
-        let (thread, spec) = peer(|command| {
-            assert!(matches!(command.order, Order::Hello { .. }), "{command:?}");
+        let (thread, spec) = peer(|message| {
+            assert!(matches!(message.command, Command::Hello { .. }), "{message:?}");
             Some(hello(7))
         });
         hapt(at.path(), [command, "w.toml", "--device", &spec])
-            .refused(3, &["speaks version 7 of the protocol, this hapt version 1", "do not fit together"]);
+            .refused(3, &["has version 7 of the protocol, this hapt version 1", "of the same release"]);
         drop(thread);
     }
 }
@@ -140,9 +140,9 @@ fn firmware_of_another_version_is_named_and_gets_no_world() {
 fn a_board_that_goes_away_with_half_a_world_is_an_error_and_no_log_is_begun() {
     let at = folder(&[("w.toml", KNOB)]);
     for args in [vec!["flash"], vec!["run", "--log", "run.mcap"]] {
-        let (thread, spec) = peer(|command| match command.order {
-            Order::Hello { .. } => Some(hello(1)),
-            Order::Begin { .. } => Some(DeviceMessage::Done { sequence: command.sequence }),
+        let (thread, spec) = peer(|message| match message.command {
+            Command::Hello { .. } => Some(hello(1)),
+            Command::Begin { .. } => Some(DeviceMessage::Done { sequence: message.sequence }),
             _ => None,
         });
         let mut words = args.clone();
@@ -211,7 +211,7 @@ fn a_board_refuses_what_does_not_fit_and_the_host_says_so_first_where_it_can() {
     let (_board, spec) = plugged(BOARD);
     let run = |args: &[&str]| hapt(at.path(), ["flash", "w.toml", "--device", &spec].iter().chain(args));
     run(&["--set", "loop.period=20ms", "--set", "device.damping=1"])
-        .refused(2, &["the board will not take the world", "loop.period"]);
+        .refused(2, &["the board refuses to take the world", "loop.period"]);
     run(&["--set", "loop.estimator=foaw", "--set", "loop.window=100", "--uncertified"])
         .refused(2, &["on a board: a FOAW window of 100 samples, where this loop remembers 16"]);
     run(&["--set", "device.damping=0"]).refused(2, &["not certified", "--uncertified"]);
@@ -246,12 +246,12 @@ fn a_page_is_the_face_of_a_board_and_goes_without_a_torque() {
     }
     // The world is there, and nobody has armed it.
     hapt(at.path(), ["flash", "w.toml", "--device", &spec]).done();
-    assert_eq!(board.most(), 0.0);
+    assert_eq!(board.peak_torque(), 0.0);
 
     live(&["--set", "device.damping=0"]).end().refused(2, &["not certified", "--uncertified"]);
     live(&["--set", "loop.period=20ms", "--set", "device.damping=1"])
         .end()
-        .refused(2, &["the board will not take the world", "loop.period"]);
+        .refused(2, &["the board refuses to take the world", "loop.period"]);
     let gone = ["live", "w.toml", "--port", "0", "--device", "hapt:/dev/no-such-port"];
     hapt(at.path(), gone).refused(3, &["cannot open /dev/no-such-port"]);
     let (_fed, spec) = plugged(Board { externally_clocked: true, ..BOARD });
