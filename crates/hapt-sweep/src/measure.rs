@@ -84,7 +84,7 @@ impl Measure {
     }
 
     fn is_in_loop(self, table: &str, last: &str) -> bool {
-        matches!((table, last), ("loop" | "couplings", _) | ("bodies", "inertia"))
+        matches!((table, last), ("loop" | "couplings", _) | ("bodies", "inertia") | ("device", "lag"))
     }
 
     /// Whether it needs a run, and so a scenario.

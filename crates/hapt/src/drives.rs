@@ -11,8 +11,8 @@ pub use linux::{devices, simulate};
 pub use other::{devices, simulate};
 
 /// The assumption of a certificate about a real motor; printed wherever one is driven.
-pub const NOT_CERTIFIED: &str = "the certificate assumes a motor without lag, or with a fixed loop.delay: an amplifier's \
-                                 lag and jitter are not included; add the measured lag to loop.delay";
+pub const NOT_CERTIFIED: &str = "the certificate includes lag and jitter only as the file states them, in device.lag, loop.interval_max \
+                                 and loop.delay_max; the run does not end where they are exceeded";
 
 #[cfg(target_os = "linux")]
 mod linux {

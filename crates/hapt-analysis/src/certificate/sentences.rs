@@ -43,9 +43,13 @@ impl Check {
             (self.held.verdict == Verdict::Unstable, "it is unstable with the puck held"),
             (self.free.verdict == Verdict::Unstable, "it is unstable hands-off"),
             (!self.passivity.passive, "some passive hands can extract energy"),
+            (
+                self.passivity.passive && !self.uneven.passive,
+                "it is not known to be passive for all times and tolerances that the file allows",
+            ),
         ];
         let reasons: Vec<&str> = reasons.into_iter().filter(|(holds, _)| *holds).map(|(_, words)| words).collect();
-        match (reasons.is_empty(), self.passivity.proved) {
+        match (reasons.is_empty(), self.passivity.proved && self.uneven.proved) {
             (false, _) => format!("not certified: {}", reasons.join("; ")),
             (true, true) => "certified: stable held and hands-off, and passive against every passive hand".to_string(),
             (true, false) => {
@@ -211,7 +215,8 @@ impl Check {
         let linear = if found.proved { "" } else { " (the linear loop)" };
         let [least, most] = found.delay_s;
         let delay = if least == most { time(least) } else { format!("{} to {}", time(least), time(most)) };
-        let times = format!("intervals up to {} and delays of {delay}", time(found.interval_max_s));
+        let delay = if most > 0.0 { format!("delays of {delay}") } else { "no delay".to_string() };
+        let times = format!("intervals up to {} and {delay}", time(found.interval_max_s));
         let Some(required) = found.required_damping else {
             return Some(format!("not passive under {times}, as far as is known"));
         };

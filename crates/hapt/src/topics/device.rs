@@ -46,12 +46,23 @@ a spring K, released, then needs about K(T/2 + delay) of device damping.
   hapt sim @notes/released --set loop.delay=1ms            scenario release
   hapt check @notes/default --set loop.delay=1ms | grep ^free      unstable: hands-off
 
-`loop.delay_max` is the largest delay where it varies, `device.lag` the time constant with which the
-amplifier's torque follows its command.
-
 The held world is unaffected. Prediction compensates in part for whole periods: see advance. With a
 fraction of a period no device damping makes an undamped oscillation passive: extend the delay to a
 whole sample.
+"#,
+    },
+    Topic {
+        name: "uneven",
+        aliases: &["interval_max", "delay_max", "lag", "tolerance", "jitter"],
+        line: "the verdict for uneven samples, varying delays and a device known within bounds",
+        text: r#"No clock is exact. `loop.interval_max` is the longest time between two samples, `loop.delay_max` the
+largest delay, `device.lag` the time constant with which the motor's torque follows its command, and
+damping = "1.2e-3 N m s/rad ± 20 %" a number with a tolerance. The line `uneven` of hapt check is the
+claim of `passive` for every pattern of intervals and delays, and every device within its tolerances.
+
+  hapt check @notes/default --set loop.interval_max=1.5ms | grep ^uneven
+
+Without delay and lag it asks for the required damping times interval_max/period.
 "#,
     },
     Topic {
