@@ -25,6 +25,7 @@ use crate::Record;
 ///     timing.add(&cycle.sample(&Moment { due: due * 1_000_000, periods, ..Moment::default() }, None)?);
 /// }
 /// assert_eq!((timing.samples(), timing.missed(), timing.longest_gap()), (7, 1, 2_000_000));
+/// assert_eq!(timing.intervals_within(1_100_000), (5, 6));
 /// assert_eq!(timing.warning().unwrap(), "1 sample was missed; the longest gap between two samples was 2.000 ms");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -146,6 +147,12 @@ impl Timing {
     /// The longest time between two samples, in ns; 0 before there are two.
     pub fn longest_gap(&self) -> u64 {
         self.gap.0
+    }
+
+    /// Of the times between two samples, those of at most `longest` ns, and all. One within a thousandth of `longest` may count as longer.
+    pub fn intervals_within(&self, longest: u64) -> (u64, u64) {
+        let inside = self.period.iter_recorded().take_while(|bin| bin.value_iterated_to() <= longest);
+        (inside.map(|bin| bin.count_since_last_iteration()).sum(), self.period.len())
     }
 
     /// A warning with the number of missed samples and the longest gap; `None` where none was missed.

@@ -122,11 +122,24 @@ fn text(world: &World, timing: &Timing, realtime: &Realtime, stolen: Option<Dura
         let _ = writeln!(text, "{name:<12} {label:<14} {:>9} {}", bar.count, "#".repeat(length));
     }
     text.push('\n');
+    text += &lines(world, timing);
     text += &granted(realtime, stolen);
     for warning in &realtime.warnings {
         let _ = writeln!(text, "\n{warning}");
     }
     text
+}
+
+/// What was measured, as lines for the file.
+fn lines(world: &World, timing: &Timing) -> String {
+    // Up to the next microsecond.
+    let up = |ns: u64| format!("\"{} us\"", ns.div_ceil(1000));
+    format!(
+        "for [loop], as far as this run shows; allow for rarer ones:\n  interval_max = {:<12} # the longest time between two samples\n  \
+         delay_max = {:<15} # from the sample to the command; add what the device itself takes\n\n",
+        up(timing.longest_gap().max((world.sampling.period * 1e9).ceil() as u64)),
+        up(timing.computation().max)
+    )
 }
 
 fn json(world: &World, timing: &Timing, realtime: &Realtime, stolen: Option<Duration>) -> String {

@@ -300,8 +300,17 @@ impl Run {
             let (samples, shown) = (format::count(samples), format::count(*records));
             return format!("{text}, of what was shown\nsamples      {samples}, {missed} missed; {shown} shown\n");
         };
-        format!("{text}\n\n{timing}\n\n{}", granted(realtime, self.stolen.since()))
+        let within = within(timing, world).map_or(String::new(), |line| format!("\n{line}"));
+        format!("{text}\n\n{timing}{within}\n\n{}", granted(realtime, self.stolen.since()))
     }
+}
+
+/// How many intervals were within the one that the file states; `None` where it states none.
+fn within(timing: &Timing, world: &World) -> Option<String> {
+    let longest = world.sampling.interval_max?;
+    let (inside, all) = timing.intervals_within((longest * 1e9) as u64);
+    let [inside, all] = [inside, all].map(format::count);
+    Some(format!("certified    {inside} of {all} intervals were at most loop.interval_max, {}", format::time(longest)))
 }
 
 impl Seen {

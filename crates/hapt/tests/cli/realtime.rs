@@ -133,6 +133,13 @@ fn the_latency_comes_as_a_table_and_as_numbers() {
     for word in ["latency", "period", "computation", "p99.9", "samples", "longest gap", "priority", "memory", "below"] {
         assert!(ended.out.contains(word), "{word}: {ended:?}");
     }
+    // The line to paste reads, and a run says how it kept it.
+    let line = ended.out.lines().find_map(|line| line.trim().strip_prefix("interval_max = ")).unwrap();
+    let set = format!("loop.interval_max={}", line.split('"').nth(1).unwrap());
+    let checked = hapt(at.path(), ["check", "w.toml", "--no-remedies", "--set", &set]);
+    assert!(checked.code != Some(2), "{set}: {checked:?}");
+    let run = ["run", "w.toml", "--uncertified", "--duration", "0.2s", "--set", "loop.interval_max=10 s"];
+    assert!(hapt(at.path(), run).done().out.contains("intervals were at most loop.interval_max, 10 s"));
     let ended =
         hapt(at.path(), ["latency", "--duration", "0.2s", "--priority", "0", "--spin", "100us", "--json"]).done();
     let json: Value = serde_json::from_str(&ended.out).unwrap();
