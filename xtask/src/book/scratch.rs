@@ -44,7 +44,9 @@ impl Scratch {
                 Some(rest) if rest.starts_with(" -- ") => rest.replacen(" --", "hapt", 1),
                 _ => line.to_string(),
             };
-            if !NOT_RUN.iter().any(|start| line.starts_with(start)) {
+            // Settings of the environment come before the command.
+            let command: String = line.split_inclusive(' ').skip_while(|word| word.contains('=')).collect();
+            if !NOT_RUN.iter().any(|start| command.starts_with(start)) {
                 let wanted = line.rsplit_once("# exit ").map_or(Ok(0), |(_, code)| code.trim().parse())?;
                 printed += &self.run(&line, &[wanted])?;
             }
