@@ -54,11 +54,11 @@ whole sample.
     Topic {
         name: "uneven",
         aliases: &["interval_max", "delay_max", "lag", "tolerance", "jitter"],
-        line: "the verdict for uneven samples, varying delays and a device known within bounds",
-        text: r#"No clock is exact. `loop.interval_max` is the longest time between two samples, `loop.delay_max` the
-largest delay, `device.lag` the time constant with which the motor's torque follows its command, and
-damping = "1.2e-3 N m s/rad ± 20 %" a number with a tolerance. The line `uneven` of hapt check is the
-claim of `passive` for every pattern of intervals and delays, and every device within its tolerances.
+        line: "the verdict for uneven samples and varying delays",
+        text: r#"No clock is exact. `loop.interval_max` is the longest time between two samples, `loop.delay_max`
+the largest delay, `device.lag` the time constant with which the motor follows its command, and
+damping = "1.2e-3 N m s/rad ± 20 %" has a tolerance. The line `uneven` of hapt check is the claim
+of `passive` for every pattern of intervals and delays, and every device within its tolerances.
 
   hapt check @notes/default --set loop.interval_max=1.5ms | grep ^uneven
 
