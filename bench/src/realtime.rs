@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::{Result, ensure};
 use hapt_core::{Request, SafetyProfile};
 use hapt_model::{Source, World};
-use hapt_rt::{Engine, Order, Plan, Settings, SimulatedDevice};
+use hapt_rt::{Engine, LoopCommand, Plan, Settings, SimulatedDevice};
 
 /// Prints whether the loop runs under SCHED_FIFO, and the quantiles of its latency in ns.
 pub fn time(samples: usize, period: u64, spin: u64) -> Result<()> {
@@ -14,7 +14,7 @@ pub fn time(samples: usize, period: u64, spin: u64) -> Result<()> {
     let (device, _hands) = SimulatedDevice::new(&world);
     let settings = Settings { spin: Duration::from_nanos(spin), ..Settings::default() };
     let mut engine = Engine::start_with(Plan::new(&world, SafetyProfile::Simulated)?, Box::new(device), settings)?;
-    let _ = engine.send(Order::Request(Request::Arm));
+    let _ = engine.send(LoopCommand::Request(Request::Arm));
     let mut latencies = Vec::with_capacity(samples + (1 << 15));
     while latencies.len() < samples {
         std::thread::sleep(Duration::from_millis(100));

@@ -33,6 +33,9 @@ pub trait Board {
     type Line: Line;
     /// Its encoder, motor and watchdog.
     type Device: Device + Send;
+    /// Takes the torque away, from the timer's interrupt, while a sample is later than its world allows; the sample's own `hold` comes after it.
+    /// It may interrupt `hold`, whose torque is newer then.
+    fn cut();
     /// Starts clocks, pins, timers; with no torque.
     fn start() -> (Self::Line, Self::Device);
 }

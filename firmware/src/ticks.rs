@@ -43,11 +43,20 @@ pub fn every(clocks: u32) {
     DUE.store(0, Relaxed);
 }
 
-/// What SysTick's interrupt does: a period has begun, and PendSV is to take a sample.
+/// Periods for which the motor may hold a torque.
+static LONGEST_HOLD: AtomicU32 = AtomicU32::new(u32::MAX);
+
+/// What SysTick's interrupt does: a period has begun, and PendSV is to take a sample. Whether the motor has held its torque for too long.
 #[inline(always)]
-pub fn begin() {
-    DUE.fetch_add(1, Relaxed);
+pub fn begin() -> bool {
+    let before = DUE.fetch_add(1, Relaxed);
     ASKED.set(PENDSV);
+    before >= LONGEST_HOLD.load(Relaxed)
+}
+
+/// The motor may hold a torque for so many periods; `None`: for any.
+pub fn hold_for(periods: Option<u32>) {
+    LONGEST_HOLD.store(periods.unwrap_or(u32::MAX), Relaxed);
 }
 
 /// How many periods have begun that no sample has taken up.

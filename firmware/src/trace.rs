@@ -3,7 +3,7 @@
 //! This file is compiled twice, into the firmware and into the program that tests it on a PC: two sums that agree say that two
 //! processors made the same bits of every state and every torque.
 
-use hapt_core::{Controller, Heat, Limits, Loop, Reading, Request, Spec, State};
+use hapt_core::{CertifiedTime, Controller, Heat, Limits, Loop, Reading, Request, Spec, State};
 use hapt_wire::Stored;
 
 /// A microcontroller's room.
@@ -131,7 +131,8 @@ pub const LIMITS: Limits = Limits {
     slew: f64::INFINITY,
     motor: Heat { rms: 0.6, time: 30.0 },
     driver: Heat { rms: 0.7, time: 1.0 },
-    late: f64::INFINITY,
+    stall: f64::INFINITY,
+    time: CertifiedTime::NOT_STATED,
     link: f64::INFINITY,
     link_faults: true,
     energy: 0.1,

@@ -23,6 +23,10 @@ impl Board for Here {
     type Line = Uart;
     type Device = Motor;
 
+    fn cut() {
+        // No torque, by one or two writes to registers: a sample is too late. `hold` comes next, and decides again.
+    }
+
     fn start() -> (Uart, Motor) {
         // Clocks, pins, UART, encoder, PWM with its outputs off, current limit, watchdog: in this order.
         // The main loop asks the UART for bytes every few microseconds. One that needs more than that gets a `Line` of its own.

@@ -48,7 +48,10 @@ class Design(Answer):
 
 
 class Identified(Answer):
-    """`inertia`, `damping`, `friction`, `delay_s`, `offset`, `sign`, `counts_per_rev`: each `{"value", "low", "high"}` (95 %) or None."""
+    """`inertia`, `damping`, `friction`, `delay_s`, `lag_s`, `late_s`, `offset`, `sign`, `counts_per_rev`.
+
+    Each `{"value", "low", "high"}` (95 %) or None. A lag from 0 is not told from a delay: `delay_s` is then both together, as `late_s` is.
+    """
 
     def __init__(self, fields: dict[str, Any], warnings: list[str]) -> None:
         super().__init__(fields)

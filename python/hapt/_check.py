@@ -47,6 +47,24 @@ class Passivity(TypedDict):
     not_proved: list[str]
 
 
+class Pattern(TypedDict):
+    """Intervals and delays in s that repeat, and the growth of the hands-off loop under them in 1/s."""
+
+    intervals_s: list[float]
+    delays_s: list[float]
+    growth_per_s: float
+
+
+class FreePatterns(TypedDict):
+    """The hands-off loop under every pattern of intervals and delays; `verdict` is "proved", "broken" or "open"."""
+
+    verdict: str
+    interval_s: list[float]
+    proved_by: Optional[str]
+    pattern: Optional[Pattern]
+    reason: Optional[str]
+
+
 class Uneven(TypedDict):
     """Passivity for all intervals, delays and devices that the world allows; times in s, dampings as in `Passivity`."""
 
@@ -57,6 +75,7 @@ class Uneven(TypedDict):
     passive: bool
     proved: bool
     not_proved: list[str]
+    free: FreePatterns
 
 
 class Check(Mapping[str, Any]):

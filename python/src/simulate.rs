@@ -33,7 +33,8 @@ pub enum Failure {
 pub fn simulate(world: &World, name: &str, stop: &Stop) -> Result<Columns, Failure> {
     let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
     let scenario = world.scenario(name).map_err(|error| input(&error))?;
-    let mut run = Simulation::new(world, scenario).map_err(|error| input(&error))?;
+    let scenario = hapt_analysis::with_worst_pattern(world, scenario).map_err(|error| input(&error))?;
+    let mut run = Simulation::new(world, &scenario).map_err(|error| input(&error))?;
     let names: Vec<String> = columns(world).into_iter().map(|column| column.name).collect();
     let bytes = run.rows().saturating_mul(8 * names.len() as u64);
     let mut values = room(run.rows(), names.len()).ok_or(Failure::Memory(bytes))?;

@@ -170,6 +170,10 @@ def test_a_check_is_the_contract_s_mapping(world: hapt.World) -> None:
         "period_s", "method", "output", "held", "free", "passivity", "uneven", "quantisation", "remedies", "certified", "notes",
     }  # fmt: skip
     assert check.passivity["required_damping"] == pytest.approx(1e-3)  # KT/2
+    assert check.uneven["free"]["verdict"] == "proved" and check.uneven["free"]["pattern"] is None
+    broken = world.set("loop.interval_max", "1.8 ms").set("couplings.0.stiffness", "2 N m/rad").set("device.damping", 1e-3)
+    pattern = broken.check().uneven["free"]["pattern"]
+    assert pattern is not None and pattern["growth_per_s"] > 0 and pattern["intervals_s"] == [1.8e-3]
     assert "passive" in str(check) and "margins" in str(check)
     assert "certified" in check._repr_html_()
     assert world.check(remedies=False)["remedies"] is None

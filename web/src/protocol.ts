@@ -119,6 +119,8 @@ export interface Punctuality {
   period_us: Quantiles;
   computation_us: Quantiles;
   histogram: { edges_us: number[]; latency: number[] };
+  /** `null`: the file states no times. */
+  certified: { samples: number; inside: number; longest_us: number; interval_max_us: number } | null;
 }
 
 export type Phase = "disarmed" | "fading-in" | "running" | "fading-out" | "faulted";

@@ -24,6 +24,9 @@ export class Timing {
   private readonly bars = svg("path", { class: "bars" });
   private readonly labels = html("p", { class: "edges" });
   private readonly counts = html("p", { class: "soft" });
+  private readonly bound = html("meter", { min: 0, max: 2, high: 1, optimum: 0, "aria-label": "Longest interval, as a part of the longest that the certificate covers" });
+  private readonly kept = html("p", { class: "soft" });
+  private readonly certified = html("div", { class: "certified", hidden: "" }, this.bound, this.kept);
   private readonly warning = html("p", { class: "warning" });
   private readonly cells: HTMLElement[][];
   private edges = "";
@@ -42,7 +45,7 @@ export class Timing {
       svg("path", { class: "axis", d: `M0 ${HEIGHT}H${WIDTH}` }),
       this.bars,
     );
-    root.append(html("p", { class: "soft" }, "How late samples are taken (counts on a logarithmic scale)"), drawing, this.labels, table, this.counts, this.warning);
+    root.append(html("p", { class: "soft" }, "How late samples are taken (counts on a logarithmic scale)"), drawing, this.labels, table, this.counts, this.certified, this.warning);
   }
 
   show({ timing, realtime }: Status): void {
@@ -70,6 +73,12 @@ export class Timing {
     }
     const grouped = (count: number) => String(count).replace(/\B(?=(\d{3})+$)/g, "\u202f");
     say(this.counts, `${grouped(timing.samples)} samples, ${grouped(timing.overruns)} overruns, ${grouped(timing.missed)} missed; ${realtime.fifo ? "FIFO scheduling" : "ordinary scheduling"}, memory ${realtime.locked ? "locked" : "not locked"}`);
+    const { certified } = timing;
+    this.certified.hidden = certified === null;
+    if (certified) {
+      this.bound.value = certified.longest_us / certified.interval_max_us;
+      say(this.kept, `inside the certificate for ${grouped(certified.inside)} of ${grouped(certified.samples)} samples with torque; longest interval ${micros(certified.longest_us)} of ${micros(certified.interval_max_us)}`);
+    }
     say(this.warning, realtime.warning ?? "");
   }
 }

@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: hapt beside plain C, in turns, each in a process of its own that times its inner loop; and what makes
 //! docs/performance.md. The workloads are in `bench`.
 
+mod intervals;
 mod package;
 mod realtime;
 mod sweep;
@@ -25,6 +26,8 @@ pub fn command(words: &[String]) -> Result<()> {
     match words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [] => run(false),
         ["--write"] => run(true),
+        ["intervals"] => intervals::alone(false),
+        ["intervals", "--write"] => intervals::alone(true),
         ["realtime"] => realtime::alone(false),
         ["realtime", "--write"] => realtime::alone(true),
         ["--guards"] => guards(false),
@@ -38,7 +41,7 @@ pub fn command(words: &[String]) -> Result<()> {
         ["drive"] => drive("python3"),
         ["drive", python] => drive(python),
         _ => bail!(
-            "cargo xtask bench [realtime] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short|--write], or scale [--short|--write]"
+            "cargo xtask bench [realtime|intervals] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short|--write], or scale [--short|--write]"
         ),
     }
 }
@@ -224,6 +227,12 @@ impl Bench {
         fs::create_dir_all(&folder)?;
         output(Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt-bench"]))?;
         Ok(Bench { release: target.join("release"), native: PathBuf::new(), folder })
+    }
+
+    /// The program `hapt` as it ships.
+    fn shipped(&self) -> Result<PathBuf> {
+        output(Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt"]))?;
+        Ok(self.release.join("hapt"))
     }
 
     fn compile(&self, source: &str, program: &str, flags: &[&str]) -> Result<()> {

@@ -28,7 +28,7 @@ struct Axis {
     per_si: f64,
 }
 
-/// A column of the run of a world of the notes.
+/// A column of the run of a world: FOLDER/NAME under worlds/, or the NAME.toml of docs/FOLDER.md.
 struct PlottedCurve {
     legend: &'static str,
     /// Which of the palette's colours.
@@ -60,8 +60,8 @@ const FIGURES: &[Figure] = &[
         y: ANGLE,
         span: (0.0, 3.0),
         curves: &[
-            curve("haptic wheel", GREEN, "wheel", "puck_rad"),
-            curve("virtual wheel", BLUE, "wheel", "wheel_rad"),
+            curve("haptic wheel", GREEN, "notes/wheel", "puck_rad"),
+            curve("virtual wheel", BLUE, "notes/wheel", "wheel_rad"),
         ],
         limit: false,
     },
@@ -71,8 +71,8 @@ const FIGURES: &[Figure] = &[
         y: TORQUE,
         span: (0.0, 10.0),
         curves: &[
-            curve("forward Euler", RED, "euler", "torque_Nm"),
-            curve("forward Euler, b = Tk", BLUE, "damped", "torque_Nm"),
+            curve("forward Euler", RED, "notes/euler", "torque_Nm"),
+            curve("forward Euler, b = Tk", BLUE, "notes/damped", "torque_Nm"),
         ],
         limit: true,
     },
@@ -82,8 +82,8 @@ const FIGURES: &[Figure] = &[
         y: WHEEL_ANGLE,
         span: (8.0, 10.0),
         curves: &[
-            curve("forward Euler", RED, "euler", "wheel_rad"),
-            curve("forward Euler, b = Tk", BLUE, "damped", "wheel_rad"),
+            curve("forward Euler", RED, "notes/euler", "wheel_rad"),
+            curve("forward Euler, b = Tk", BLUE, "notes/damped", "wheel_rad"),
         ],
         limit: false,
     },
@@ -93,8 +93,8 @@ const FIGURES: &[Figure] = &[
         y: ANGLE,
         span: (0.0, 1.5),
         curves: &[
-            PlottedCurve { scenario: "release", ..curve("haptic wheel", RED, "released", "puck_rad") },
-            PlottedCurve { scenario: "release", ..curve("virtual wheel", BLUE, "released", "wheel_rad") },
+            PlottedCurve { scenario: "release", ..curve("haptic wheel", RED, "notes/released", "puck_rad") },
+            PlottedCurve { scenario: "release", ..curve("virtual wheel", BLUE, "notes/released", "wheel_rad") },
         ],
         limit: false,
     },
@@ -106,9 +106,9 @@ const FIGURES: &[Figure] = &[
         curves: &[
             PlottedCurve {
                 sets: &["device.damping=0", LET_GO],
-                ..curve("no device damping", RED, "wheel", "torque_Nm")
+                ..curve("no device damping", RED, "notes/wheel", "torque_Nm")
             },
-            PlottedCurve { sets: &[LET_GO], ..curve("the course's damping", BLUE, "wheel", "torque_Nm") },
+            PlottedCurve { sets: &[LET_GO], ..curve("the course's damping", BLUE, "notes/wheel", "torque_Nm") },
         ],
         limit: true,
     },
@@ -118,8 +118,8 @@ const FIGURES: &[Figure] = &[
         y: ANGLE,
         span: (0.0, 10.0),
         curves: &[
-            PlottedCurve { scenario: "excite", ..curve("virtual wheel", BLUE, "resonance", "wheel_rad") },
-            PlottedCurve { scenario: "excite", ..curve("haptic wheel", GREEN, "resonance", "puck_rad") },
+            PlottedCurve { scenario: "excite", ..curve("virtual wheel", BLUE, "notes/resonance", "wheel_rad") },
+            PlottedCurve { scenario: "excite", ..curve("haptic wheel", GREEN, "notes/resonance", "puck_rad") },
         ],
         limit: false,
     },
@@ -129,11 +129,26 @@ const FIGURES: &[Figure] = &[
         y: WHEEL_ANGLE,
         span: (0.0, 3.0),
         curves: &[
-            PlottedCurve { scenario: "pump", ..curve("it lags the hand", RED, "pumped-and-damped", "wheel_rad") },
+            PlottedCurve { scenario: "pump", ..curve("it lags the hand", RED, "notes/pumped-and-damped", "wheel_rad") },
             PlottedCurve {
                 scenario: "damp",
                 sets: &["scenarios.damp.duration=3s"],
-                ..curve("it leads the hand", GREEN, "pumped-and-damped", "wheel_rad")
+                ..curve("it leads the hand", GREEN, "notes/pumped-and-damped", "wheel_rad")
+            },
+        ],
+        limit: false,
+    },
+    Figure {
+        name: "late",
+        title: "Released at 10°, hands-off",
+        y: ANGLE,
+        span: (0.0, 4.0),
+        curves: &[
+            PlottedCurve { scenario: "late", ..curve("one sample in four 1.5 ms late", RED, "time/late", "puck_rad") },
+            PlottedCurve {
+                scenario: "late",
+                sets: &["scenarios.late.timing.intervals=[1]"],
+                ..curve("even samples", BLUE, "time/late", "puck_rad")
             },
         ],
         limit: false,
@@ -170,10 +185,18 @@ type Points = Vec<(f64, f64)>;
 
 /// Runs the curve's scenario with the command line and reads back its column within the span.
 fn points(curve: &PlottedCurve, figure: &Figure) -> Result<Points> {
-    let out = Path::new("target/figure").join(figure.name).join(curve.world);
+    let folder = Path::new("target/figure").join(figure.name);
+    let out = folder.join(curve.world);
+    let mut world = Path::new("worlds").join(curve.world).with_extension("toml");
+    if !world.exists() {
+        let text = of_page(curve.world)?;
+        world = out.with_extension("toml");
+        fs::create_dir_all(&out)?;
+        fs::write(&world, text)?;
+    }
     let status = Command::new(env!("CARGO"))
         .args(["run", "--quiet", "--release", "--package", "hapt", "--", "sim"])
-        .arg(format!("worlds/notes/{}.toml", curve.world))
+        .arg(&world)
         .args(["--scenario", curve.scenario, "--out"])
         .arg(&out)
         .args(curve.sets.iter().flat_map(|set| ["--set", set]))
@@ -194,6 +217,16 @@ fn points(curve: &PlottedCurve, figure: &Figure) -> Result<Points> {
     };
     let all: Result<Points> = lines.map(point).collect();
     Ok(all?.into_iter().filter(|(t, _)| (figure.span.0..=figure.span.1).contains(t)).collect())
+}
+
+/// The world PAGE/NAME that a page shows: the block of docs/PAGE.md that begins with `# NAME.toml`.
+fn of_page(world: &str) -> Result<String> {
+    let (page, name) = world.split_once('/').context("no folder")?;
+    let path = Path::new("docs").join(page).with_extension("md");
+    let text = fs::read_to_string(&path).with_context(|| format!("{world}: {}", path.display()))?;
+    let block = text.split("```toml\n").find(|block| block.starts_with(&format!("# {name}.toml\n")));
+    let block = block.with_context(|| format!("{} shows no {name}.toml", path.display()))?;
+    Ok(block.split("```").next().unwrap_or(block).into())
 }
 
 /// The picture as an SVG: the page's own colours, dark where the reader's screen is.

@@ -14,12 +14,14 @@ use bench::{Kind, Trial};
 
 const PAGE: &str = "docs/identify.md";
 /// What is found with an interval.
-const NAMES: [&str; 5] = ["inertia", "damping", "friction", "delay", "constant torque"];
+const NAMES: [&str; 7] = ["inertia", "damping", "friction", "delay", "constant torque", "lag", "delay and lag"];
 /// The intervals of the first so many may be wider than the bound's by this factor.
 const PROMISED: usize = 4;
 const WIDEST: f64 = 1.5;
+/// The bound is computed for the first so many.
+const BOUNDED: usize = 5;
 /// Each experiment with its word on the command line and on the page, and what it is.
-const CAMPAIGNS: [(Kind, &str, &str); 5] = [
+const CAMPAIGNS: [(Kind, &str, &str); 6] = [
     (Kind::Mixed, "mixed", "Random steps and a chirp"),
     (
         Kind::Guided,
@@ -27,6 +29,7 @@ const CAMPAIGNS: [(Kind, &str, &str); 5] = [
         "The experiment of `hapt identify DEVICE`, on devices with a constant torque of up to 80 % of the friction",
     ),
     (Kind::Quiet, "quiet", "Random steps and a chirp, with less than half a count of noise"),
+    (Kind::Lagging, "lagging", "Random steps and a chirp, with a lag of a tenth of a sample to five samples"),
     (Kind::Offset, "offset", "Random steps and a chirp, beside a constant torque of up to 60 % of the largest command"),
     (
         Kind::Cogged,
@@ -39,9 +42,11 @@ const CAMPAIGNS: [(Kind, &str, &str); 5] = [
 struct Outcome {
     is_linear: bool,
     /// Whether the interval covers the truth, and its width in parts of the bound's; `None`: the record does not tell.
-    found: [Option<(bool, f64)>; 5],
+    found: [Option<(bool, f64)>; 7],
     sign: bool,
     counts: bool,
+    /// The lag is told from a delay.
+    apart: bool,
     /// A torque that goes with the position was seen, where there is none, or as often as another.
     mistaken: bool,
     /// It was seen as what it is.
@@ -50,7 +55,7 @@ struct Outcome {
     refused: bool,
 }
 
-/// `[mixed|guided|quiet] [--n N] [--seed S] [--write]`; all of them where none is named.
+/// `[mixed|guided|quiet|lagging|offset|cogged] [--n N] [--seed S] [--write]`; all of them where none is named.
 pub fn command(words: &[&str]) -> Result<()> {
     let named = words.first().filter(|word| CAMPAIGNS.iter().any(|campaign| campaign.1 == **word));
     let told = Campaign::parse(&words[usize::from(named.is_some())..], false)?;
@@ -64,18 +69,19 @@ pub fn command(words: &[&str]) -> Result<()> {
 
 /// The part of it that every run of the tests makes: few devices, so that only gross lies show.
 pub fn holds() -> Result<()> {
-    for (kind, n, least) in [(Kind::Mixed, 60, 50), (Kind::Guided, 40, 32)] {
+    for (kind, n, least, refused) in [(Kind::Mixed, 60, 50, 1), (Kind::Guided, 40, 32, 1), (Kind::Lagging, 40, 29, 4)] {
         let outcomes = campaign(kind, n, 2)?;
-        for (i, name) in NAMES.into_iter().enumerate().take(PROMISED) {
+        for (i, name) in NAMES.into_iter().enumerate().filter(|(i, _)| *i < PROMISED || *i >= BOUNDED) {
             let covered = outcomes.iter().filter(|outcome| outcome.found[i].is_some_and(|found| found.0)).count();
             // At 95 % of each, 50 or fewer of 60 are covered once in 2500 times, 32 or fewer of 40 once in 1000; the seed is always the same.
+            // Beside a lag a few are refused, and short lags are missed more often.
             ensure!(covered > least, "{kind:?}, {name}: {covered} of {n} intervals cover the truth");
             let widest =
                 outcomes.iter().filter_map(|outcome| outcome.found[i]).fold(0.0, |most, found| found.1.max(most));
-            ensure!(widest < WIDEST, "{kind:?}, {name}: an interval of {widest:.2} times the bound");
+            ensure!(widest < WIDEST || i >= BOUNDED, "{kind:?}, {name}: an interval of {widest:.2} times the bound");
         }
         let exact = outcomes.iter().filter(|outcome| outcome.sign && outcome.counts && !outcome.mistaken).count();
-        ensure!(exact as u64 >= n - 1, "{kind:?}: sign, counts and what is left are right {exact} times of {n}");
+        ensure!(exact as u64 >= n - refused, "{kind:?}: sign, counts and what is left are right {exact} times of {n}");
     }
     Ok(())
 }
@@ -103,11 +109,13 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
     // A constant torque that the record does not tell is assumed, and none of the bound's unknowns. Counts alone are a part of half a count
     // of noise, and all of none: there the bound is no measure.
     let bound = match kind {
-        Kind::Quiet | Kind::Offset | Kind::Cogged => vec![f64::INFINITY; 5],
+        Kind::Quiet | Kind::Offset | Kind::Cogged | Kind::Lagging => Vec::new(),
         Kind::Mixed | Kind::Guided => trial.bound(&commands, &positions, answer.offset.is_some())?,
     };
-    let mut found = [None; 5];
-    let intervals = [answer.inertia, answer.damping, answer.friction, answer.delay, answer.offset];
+    let mut found = [None; 7];
+    let apart = answer.lag.is_some_and(|lag| lag.low > 0.0);
+    let late = answer.late;
+    let intervals = [answer.inertia, answer.damping, answer.friction, answer.delay, answer.offset, answer.lag, late];
     for (i, interval) in intervals.into_iter().enumerate() {
         let Some(interval) = interval else {
             // Beside a large constant torque a puck may go one way only, and tell little.
@@ -118,9 +126,14 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
         if kind == Kind::Offset && i == 2 && answer.offset.is_none() {
             continue;
         }
+        // What is not told apart is the sum.
+        let truth = if i == 3 && !apart { truth[6] } else { truth[i] };
         // Half a width is the quantile times the standard error; where 0 cuts the lower half off, twice the upper is meant.
         let half = interval.high - interval.value;
-        found[i] = Some((interval.covers(truth[i]), half / (1.959_964 * bound[i])));
+        // The bound is that of a motor without a lag.
+        let is_bounded = answer.puck.lag == 0.0;
+        let bound = bound.get(i).copied().filter(|_| is_bounded).unwrap_or(f64::INFINITY);
+        found[i] = Some((interval.covers(truth), half / (1.959_964 * bound)));
     }
     let counts = match trial.is_linear {
         true => answer.lattice.is_some_and(|lattice| (lattice.step / trial.count - 1.0).abs() < 1e-6),
@@ -130,7 +143,7 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
     let times = answer.unmodelled.map(|position| position.times_a_turn);
     let (mistaken, blamed) =
         (times.is_some_and(|n| Some(n) != trial.comes()), times.is_some() && times == trial.comes());
-    Ok(Outcome { is_linear: trial.is_linear, found, sign, counts, mistaken, blamed, refused: false })
+    Ok(Outcome { is_linear: trial.is_linear, found, sign, counts, apart, mistaken, blamed, refused: false })
 }
 
 impl Outcome {
@@ -139,9 +152,10 @@ impl Outcome {
         let mistaken = times_a_turn.is_some() && !blamed;
         Outcome {
             is_linear: trial.is_linear,
-            found: [None; 5],
+            found: [None; 7],
             sign: false,
             counts: false,
+            apart: false,
             mistaken,
             blamed,
             refused: true,
@@ -164,7 +178,9 @@ fn table(kind: Kind, outcomes: &[Outcome]) -> String {
         let at = |place: Option<usize>| place.and_then(|place| widths.get(place)).copied().unwrap_or(0.0);
         let (all, rotary, linear) = (of(&|_| true), of(&|x| !x.is_linear), of(&|x| x.is_linear));
         let widths = match kind {
-            Kind::Quiet | Kind::Offset | Kind::Cogged => "| |".to_string(),
+            Kind::Quiet | Kind::Offset | Kind::Cogged | Kind::Lagging => "| |".to_string(),
+            // No bound is computed for them.
+            Kind::Mixed | Kind::Guided if i >= BOUNDED => "| |".to_string(),
             Kind::Mixed | Kind::Guided => {
                 format!("{:.2} | {:.2} |", at(Some(widths.len() / 2)), at(widths.len().checked_sub(1)))
             }
@@ -175,10 +191,11 @@ fn table(kind: Kind, outcomes: &[Outcome]) -> String {
     let how_many = |of: fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| of(outcome)).count();
     let part = |of: fn(&Outcome) -> bool| share(how_many(of), n - how_many(|outcome| outcome.refused));
     text += &format!(
-        "\nThe motor's sign is right in {}, the counts are exact in {}. A constant torque is told from friction in {}; a torque that goes \
+        "\nThe motor's sign is right in {}, the counts are exact in {}. A lag is told from a delay in {}. A constant torque is told from friction in {}; a torque that goes \
          with the position is mistaken to be there, or for another, in {} of {n}, and seen for what it is in {}. Refused were {} of {n}.\n",
         part(|outcome| outcome.sign),
         part(|outcome| outcome.counts),
+        part(|outcome| outcome.apart),
         part(|outcome| outcome.found[4].is_some()),
         how_many(|outcome| outcome.mistaken),
         how_many(|outcome| outcome.blamed),

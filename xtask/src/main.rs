@@ -13,9 +13,11 @@ mod fuzz;
 mod identify;
 mod licences;
 mod links;
+mod macos;
 mod marked;
 mod memory;
 mod notes;
+mod packages;
 mod page;
 mod python;
 mod reference;
@@ -27,6 +29,7 @@ mod text;
 mod tools;
 mod truth;
 mod vm;
+mod windows;
 
 use std::path::PathBuf;
 
@@ -37,6 +40,7 @@ cargo xtask test      format, lints, tests, docs, every world file, proofs, docu
 cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md
+cargo xtask patterns  the same under patterns of intervals and delays
 cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask licences  the licences of what is in the program, into crates/hapt/src/licences.txt
 cargo xtask firmware  the firmware on emulated boards: the same bits, instructions a sample, sizes; --write: docs/firmware.md
@@ -53,8 +57,11 @@ cargo xtask bench     speed beside plain C; --write into docs/performance.md; re
 cargo xtask guest     the drives on a CAN bus, in an emulated machine; with a line of shell, that
 cargo xtask fuzz      [--seconds N] random bytes, on stable; --minutes N with libFuzzer; targets by their names, `commands` among them:
                       whole commands on random worlds
-cargo xtask python    the Python package: its wheel, tests, examples and types
+cargo xtask python    the Python package: its tests, examples and types
 cargo xtask fmi       the FMU's library, and FMUs in FMPy, libcosim and pathsim
+cargo xtask windows   the command line for Windows, cross-compiled, under Wine: its tests, every world's bytes, Ctrl-C, an FMU
+cargo xtask macos     the command line for macOS: lints and links for both processors; nothing is run
+cargo xtask packages  what is installed: [wheels [TARGET]|debian|crates], all of them without a word
 cargo xtask memory N  the memory that streaming N samples to CSV takes, such as 1e8";
 
 fn main() -> Result<()> {
@@ -74,9 +81,13 @@ fn main() -> Result<()> {
         ["fuzz", ref arguments @ ..] => fuzz::run(arguments),
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),
+        ["patterns", ref arguments @ ..] => truth::patterns(arguments),
         ["page"] => page::build(),
         ["python"] => python::holds(),
         ["fmi"] => fmi::holds(),
+        ["windows"] => windows::holds(),
+        ["macos"] => macos::holds(),
+        ["packages", ..] => packages::command(&arguments[1..]),
         ["licences"] => licences::write(),
         // The step of the tests, which runs beside others.
         ["firmware", "holds"] => firmware::holds(),

@@ -1,5 +1,7 @@
-//! The Python package: its wheel is built and installed, its tests and the examples of its documentation run, its types hold.
+//! The Python package: it is built and installed, its tests and the examples of its documentation run, its types hold.
 
+use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
+use std::fs;
 use std::path::Path;
 use std::process::Command;
 
@@ -14,7 +16,7 @@ pub fn holds() -> Result<()> {
     has_types()
 }
 
-/// Builds the wheel and installs it into the environment that [`tools::installed`] makes; without it the steps are skipped.
+/// Builds the package for the environment that [`tools::installed`] makes; without it the steps are skipped.
 pub fn is_built() -> Result<()> {
     let Some(environment) = tools::environment("hapt") else {
         println!(
@@ -47,16 +49,33 @@ pub fn has_types() -> Result<()> {
     ]))
 }
 
-/// Builds the wheel and installs it into an environment that has maturin.
+/// Builds the package and makes an environment import it: the library beside the sources, and their folder on Python's path. A wheel by
+/// maturin holds the same files, and would compile most dependencies again with other features (`cargo xtask packages` makes wheels).
 pub fn install(environment: &Path, profile: &str) -> Result<()> {
-    let wheels = std::path::absolute(test::target().join("wheels"))?;
-    if wheels.exists() {
-        std::fs::remove_dir_all(&wheels)?;
+    let packages: &[&str] = if profile == test::PROFILE { &["--workspace"] } else { &["--package", "hapt-python"] };
+    let mut build = Command::new(env!("CARGO"));
+    run(build.args(["build", "--quiet", "--lib", "--profile", profile]).args(packages))?;
+    let root = std::path::absolute(test::target())?;
+    let package = root.join("python").join(profile).join("hapt");
+    if package.exists() {
+        fs::remove_dir_all(&package)?;
     }
-    run(module(environment, "maturin")?.args(["build", "--quiet", "--profile", profile, "--out"]).arg(&wheels))?;
-    let wheel = std::fs::read_dir(&wheels)?.next().context("maturin made no wheel")??.path();
-    let arguments = ["install", "--quiet", "--no-index", "--no-deps", "--force-reinstall"];
-    run(module(environment, "pip")?.args(arguments).arg(&wheel))
+    fs::create_dir_all(&package)?;
+    for entry in fs::read_dir("python/hapt")? {
+        let file = entry?;
+        if file.file_type()?.is_file() {
+            fs::copy(file.path(), package.join(file.file_name()))?;
+        }
+    }
+    let library = format!("{DLL_PREFIX}_hapt{DLL_SUFFIX}");
+    fs::copy(root.join(profile).join(&library), package.join("_hapt.abi3.so")).context(library)?;
+    let mut asked = tools::python(environment)?;
+    asked.args(["-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]);
+    let said = asked.output()?;
+    ensure!(said.status.success(), "{asked:?}: {}", String::from_utf8_lossy(&said.stderr));
+    let site = String::from_utf8(said.stdout)?;
+    let parent = package.parent().context("no folder")?;
+    Ok(fs::write(Path::new(site.trim()).join("hapt.pth"), format!("{}\n", parent.display()))?)
 }
 
 /// A module of an environment's Python as a command.

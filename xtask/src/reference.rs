@@ -46,7 +46,7 @@ fn safety() -> String {
         ("stuck", "s", 1.0, |l| l.stuck),
         ("torque", "N mm", 1e3, |l| l.torque),
         ("slew", "N mm", 1e3, |l| l.slew),
-        ("late", "ms", 1e3, |l| l.late),
+        ("stall", "ms", 1e3, |l| l.stall),
         ("link", "ms", 1e3, |l| l.link),
         ("energy", "mJ", 1e3, |l| l.energy),
         ("pulse", "N mm", 1e3, |l| l.pulse),

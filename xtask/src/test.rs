@@ -105,8 +105,14 @@ impl Program {
         command
     }
 
+    /// The same by another program, such as an emulator's.
+    pub fn through(&self, mut command: Command) -> Command {
+        command.arg(&self.file).current_dir(&self.folder).env("CARGO_MANIFEST_DIR", &self.folder);
+        command
+    }
+
     /// The crate's, and the program's without the hash of its file.
-    fn name(&self) -> String {
+    pub fn name(&self) -> String {
         let [folder, file] =
             [&self.folder, &self.file].map(|path| path.file_name().unwrap_or_default().to_string_lossy());
         format!("{folder}/{}", file.rsplit_once('-').map_or(&*file, |(name, _)| name))
@@ -128,6 +134,11 @@ pub fn built(names: &[&str]) -> Result<Vec<Program>> {
     } else {
         command.arg("--workspace").args(names.iter().flat_map(|name| ["--test", name]));
     }
+    programs(command)
+}
+
+/// The programs of tests that cargo builds, by its messages in JSON.
+pub fn programs(mut command: Command) -> Result<Vec<Program>> {
     let output = command.stderr(Stdio::inherit()).output()?;
     ensure!(output.status.success(), "the tests do not build");
     let mut programs = Vec::new();

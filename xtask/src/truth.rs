@@ -5,6 +5,7 @@
 //! passive hand really break?
 
 mod brute;
+mod uneven;
 pub mod worlds;
 
 use std::ops::AddAssign;
@@ -44,6 +45,13 @@ const MEASURED: u8 = 10;
 /// Work that is rounding, in parts of all the work that went round.
 const ROUNDING: f64 = 1e-9;
 
+/// Loops at even samples, or linear ones with bounds of their intervals, delays and lags.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Part {
+    Even,
+    Uneven,
+}
+
 /// How many loops, and how many of them were contradicted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Claim {
@@ -76,6 +84,14 @@ struct Found {
     refused: Claim,
     /// Up to which part of the damping asked for a hand breaks the loop, for some of the refused.
     reach: Vec<f64>,
+    /// Hands-off under patterns: proved, against patterns of every kind; broken by a pattern that the real core runs.
+    patterns_proved: Claim,
+    patterns_broken: Claim,
+    patterns_open: u64,
+    /// Passive for all times, against hands under patterns.
+    uneven_passive: Claim,
+    /// Up to which part of the bound for all times a hand breaks bare springs, and loops of one body.
+    bound_reach: [Vec<f64>; 2],
 }
 
 impl AddAssign for Claim {
@@ -93,7 +109,7 @@ impl Found {
         rng.u8(..MEASURED) == 0
     }
 
-    fn claims(&mut self) -> [(&'static str, &mut Claim); 8] {
+    fn claims(&mut self) -> [(&'static str, &mut Claim); 11] {
         [
             ("stable or marginal, held", &mut self.held_stable),
             ("unstable, held", &mut self.held_unstable),
@@ -103,6 +119,9 @@ impl Found {
             ("passive, nonlinear, proved", &mut self.proved),
             ("not passive", &mut self.refused),
             ("not proved", &mut self.open),
+            ("hands-off under patterns, proved", &mut self.patterns_proved),
+            ("hands-off under patterns, broken", &mut self.patterns_broken),
+            ("passive under patterns", &mut self.uneven_passive),
         ]
     }
 }
@@ -116,6 +135,10 @@ impl AddAssign for Found {
             *sum += *more;
         }
         self.reach.append(&mut other.reach);
+        self.patterns_open += other.patterns_open;
+        for (sum, more) in self.bound_reach.iter_mut().zip(&mut other.bound_reach) {
+            sum.append(more);
+        }
     }
 }
 
@@ -123,23 +146,32 @@ impl AddAssign for Found {
 pub fn command(words: &[&str]) -> Result<()> {
     let told = Campaign::parse(words, true)?;
     let time = Duration::from_secs((60.0 * told.minutes) as u64);
-    let text = table(&mut campaign(told.seed, told.n, time)?, told.seed);
+    let text = table(&mut campaign(Part::Even, told.seed, told.n, time)?, told.seed);
     told.publish("truth", PAGE, &text)
+}
+
+/// `cargo xtask patterns`, with the words of [`command`]: the same for uneven time.
+pub fn patterns(words: &[&str]) -> Result<()> {
+    let told = Campaign::parse(words, true)?;
+    let time = Duration::from_secs((60.0 * told.minutes) as u64);
+    let text = uneven::table(&campaign(Part::Uneven, told.seed, told.n, time)?, told.seed);
+    told.publish("patterns", PAGE, &text)
 }
 
 /// The part of it that every run of the tests makes.
 pub fn holds() -> Result<()> {
-    campaign(2, 400, Duration::MAX).map(drop)
+    campaign(Part::Even, 2, 400, Duration::MAX)?;
+    campaign(Part::Uneven, 2, 40, Duration::MAX).map(drop)
 }
 
 /// Judges and runs `n` loops, or the first of them, for as long as they begin within `time`; an error where one contradicts its verdict.
-fn campaign(seed: u64, n: u64, time: Duration) -> Result<Found> {
+fn campaign(part: Part, seed: u64, n: u64, time: Duration) -> Result<Found> {
     let started = Instant::now();
     let against = Mutex::new(Vec::new());
     let mut found = Found::default();
     while found.loops < n && started.elapsed() < time {
         let batch = found.loops..n.min(found.loops + BATCH);
-        found += batch.into_par_iter().map(|i| one(seed, i, &against)).reduce(Found::default, |mut a, b| {
+        found += batch.into_par_iter().map(|i| one(part, seed, i, &against)).reduce(Found::default, |mut a, b| {
             a += b;
             a
         });
@@ -156,9 +188,9 @@ fn campaign(seed: u64, n: u64, time: Duration) -> Result<Found> {
 }
 
 /// The loop of number `i`, from a seed of its own.
-fn one(seed: u64, i: u64, against: &Mutex<Vec<String>>) -> Found {
+fn one(part: Part, seed: u64, i: u64, against: &Mutex<Vec<String>>) -> Found {
     let mut rng = Rng::with_seed(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(i));
-    let bent = i % 2 == 1;
+    let bent = part == Part::Even && i % 2 == 1;
     let mut world = worlds::random(&mut rng, bent);
     // A third of them with the required damping, and hardly more: the sharpest claim on passivity.
     if i.is_multiple_of(3)
@@ -172,7 +204,11 @@ fn one(seed: u64, i: u64, against: &Mutex<Vec<String>>) -> Found {
             against.push(format!("loop {i}: {what}\n{}", world.to_toml()));
         }
     };
-    if judge(&mut rng, &world, bent, &mut found, &mut tell).is_err() {
+    let judged = match part {
+        Part::Even => judge(&mut rng, &world, bent, &mut found, &mut tell),
+        Part::Uneven => uneven::judge(&mut rng, &world, &mut found, &mut tell),
+    };
+    if judged.is_err() {
         found.unanswered += 1;
     }
     found

@@ -10,7 +10,7 @@
 //! | [`boundary`] | stability boundaries in a plane of two parameters: [`Decomposition`], [`z_width()`] |
 //! | [`impedance`](mod@impedance) | the [`Impedance`] at the puck against frequency |
 //! | [`batch`] | verdicts on many [`Loops`] of one body in vector lanes, [`Variants`] of one world |
-//! | [`stability`] | eigenvalues, growth, modes and critical period, [`held()`] and [`free()`] |
+//! | [`stability`] | eigenvalues, growth, modes and critical period, [`held()`] and [`free()`]; the [`worst_pattern()`] of intervals and delays |
 //! | [`equations`] | the linearised equations: [`Continuous`], [`Discrete`], the closed loop |
 //! | [`design`] | the wheel on a spring of the notes: its specification and its [`closed_form`] responses |
 //! | [`numerics`] | eigenvalues, roots, series and searches |
@@ -87,5 +87,6 @@ pub use passivity::{Cause, Passivity, Uneven, passivity, required_damping, uneve
 pub use stability::critical::Critical;
 pub use stability::free::{free, free_eigenvalues, free_growth, gripped_growth, shortest_period};
 pub use stability::held::{held, held_eigenvalues, held_growth, multipliers};
+pub use stability::patterns::{FreePatterns, Pattern, PatternVerdict, with_worst_pattern, worst_pattern};
 pub use stability::{MARGINAL, Stability, Verdict};
 pub use until::until;

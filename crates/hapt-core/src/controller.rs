@@ -8,7 +8,7 @@ use crate::{Error, Loop, Real, Spec, State};
 /// It is `&self`, and [`ControllerState`] is everything that changes. A controller never reaches a motor but through the supervisor.
 ///
 /// ```
-/// use hapt_core::{Controller, Coupling, End, Estimator, Heat, Law, Limits, Method, Output, Phase, Reading, Request, Spec};
+/// use hapt_core::{CertifiedTime, Controller, Coupling, End, Estimator, Heat, Law, Limits, Method, Output, Phase, Reading, Request, Spec};
 ///
 /// let couplings =
 ///     [Coupling { first: End::Puck, second: End::Ground, law: Law::Spring { stiffness: 1.0, rest: 0.0 }, limit: None }];
@@ -27,7 +27,7 @@ use crate::{Error, Loop, Real, Spec, State};
 /// let heat = Heat { rms: f64::INFINITY, time: 1.0 };
 /// let limits = Limits {
 ///     fade: 0.1, velocity: 100.0, jump: 0.03, overspeed: 50.0, stuck: 1.0, stuck_torque: 0.05, torque: 0.8,
-///     slew: f64::INFINITY, motor: heat, driver: heat, late: 5e-3, link: 0.3, link_faults: false, energy: 0.04,
+///     slew: f64::INFINITY, motor: heat, driver: heat, stall: 5e-3, time: CertifiedTime::NOT_STATED, link: 0.3, link_faults: false, energy: 0.04,
 ///     world_trips: true, port_trips: true, pulse: 0.0, brake: 0.0, zero_where_armed: true, announcements: false,
 ///     inertia: 6.4e-4, damping: 1.2e-3, friction: 5e-3, delay: 0.0,
 /// };
@@ -55,6 +55,8 @@ pub struct ControllerState<F, const B: usize, const C: usize, const W: usize> {
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C, W> {
     /// Compiles a world and its limits. Errors where the core does not take one of them.
+    // Within its caller's frame: a board's stack has no room for a second copy of a controller.
+    #[inline(always)]
     pub fn new(spec: &Spec, limits: &Limits) -> Result<Self, Error> {
         Ok(Controller { world: Loop::new(spec)?, supervisor: Supervisor::new(limits, spec)? })
     }
@@ -72,6 +74,11 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
     /// T in s.
     pub fn period(&self) -> F {
         self.world.period()
+    }
+
+    /// The longest time in s that the motor may hold a torque: see [`Supervisor::longest_hold`].
+    pub fn longest_hold(&self) -> F {
+        self.supervisor.longest_hold()
     }
 
     /// One sample, guarded: see [`Supervisor::step`].
@@ -101,6 +108,11 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
 }
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> ControllerState<F, B, C, W> {
+    /// The device had the command of the last sample this long after it, in s: see [`SupervisorState::commanded`].
+    pub fn commanded(&mut self, delay: F) {
+        self.supervisor.commanded(delay);
+    }
+
     /// The device itself reports a fault: see [`SupervisorState::trip`].
     pub fn trip(&mut self, reason: Reason) {
         self.supervisor.trip(reason);

@@ -74,7 +74,8 @@ pub use sense::{Memory, Puck};
 pub use spec::{Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Method, Output, Side, Spec, Waveform};
 pub use step::{Loop, Sample, State};
 pub use supervisor::{
-    Heat, Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, Supervisor, SupervisorState,
+    CertifiedTime, Heat, Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, Supervisor,
+    SupervisorState, WhenLate,
 };
 
 /// A hash of this crate's source: programs that show the same one compute the same.

@@ -3,12 +3,13 @@
 use std::f64::consts::{PI, TAU};
 use std::time::{Duration, Instant};
 
+use hapt_core::WhenLate;
 use hapt_model::{Motion, World};
 use hapt_rt::{Device, Failure, Plan, Position};
 
 use crate::drive::{Drive, DriveError, DriveLimits, Error, ShaftState};
 
-/// The drive's watchdog: periods without a command, and the shortest time in s.
+/// The drive's watchdog where a late command is no fault: periods without a command, and the shortest time in s.
 const WATCHDOG: (f64, f64) = (10.0, 5e-3);
 /// Consecutive samples without an answer after which the drive counts as gone.
 const SILENT: u32 = 5;
@@ -66,7 +67,8 @@ pub struct DriveDevice {
 }
 
 impl DriveDevice {
-    /// Starts the drive, with its watchdog on: ten periods, 5 ms at least.
+    /// Starts the drive, with its watchdog on: ten periods, 5 ms at least. Where the world states `interval_max` and a late sample is a fault,
+    /// it is the longest time between two commands that the certificate covers: while this computer is late, only the drive can act.
     ///
     /// The world's 0 is the position at arming, unless there is a home. With a home, a rotary puck has to be within half a turn of it at the
     /// start; from then on turns are counted.
@@ -75,7 +77,7 @@ impl DriveDevice {
     /// See [`Drive::start`].
     pub fn start(mut drive: Box<dyn Drive>, world: &World) -> Result<Self, Error> {
         let (mounting, period) = (Mounting::new(world), world.sampling.period);
-        let watchdog = (WATCHDOG.0 * period).max(WATCHDOG.1);
+        let watchdog = watchdog(world);
         let limits = DriveLimits { watchdog, torque: mounting.torque(mounting.limit).abs() };
         let answer = drive.start(&limits)?;
         drive.paced(period);
@@ -135,6 +137,19 @@ impl DriveDevice {
     }
 }
 
+/// The time of the drive's watchdog, in s.
+fn watchdog(world: &World) -> f64 {
+    let sampling = &world.sampling;
+    let default = (WATCHDOG.0 * sampling.period).max(WATCHDOG.1);
+    match (sampling.interval_max, world.safety.late) {
+        (Some(_), Some(WhenLate::Fault)) => {
+            let spread = sampling.delay_max_s() - sampling.delay_s();
+            default.min(sampling.interval_max_s() + spread)
+        }
+        (Some(_), Some(WhenLate::Fade | WhenLate::Count) | None) | (None, _) => default,
+    }
+}
+
 impl Device for DriveDevice {
     fn read(&mut self) -> Result<Position, Failure> {
         if let Some(failure) = self.failed {
@@ -168,6 +183,10 @@ impl Device for DriveDevice {
 
     fn missed(&self) -> u32 {
         self.missed
+    }
+
+    fn age(&self) -> f64 {
+        f64::from(self.stale) * self.period
     }
 
     fn adopt(&mut self, plan: &mut Plan) {

@@ -136,7 +136,7 @@ fn written_out(safety: &Safety, limits: &Limits, profile: SafetyProfile) -> Safe
         jump: some(limits.jump),
         overspeed: some(limits.overspeed),
         stuck: some_or_any(limits.stuck),
-        late: some_or_any(limits.late),
+        stall: some_or_any(limits.stall),
         link: some_or_any(limits.link),
         energy: some(energy),
         world_trips: Some(limits.world_trips),

@@ -15,23 +15,23 @@ pub struct VirtualHand {
     hands: Option<Hands>,
     grip: Grip,
     /// What to send next.
-    wanted: Wanted,
+    pending: Pending,
     /// What was sent last.
-    sent: Sent,
+    last_sent: LastSent,
 }
 
-enum Wanted {
+enum Pending {
     Release,
     /// Hold the puck at this position.
     At(f64),
     /// Play a scenario that has not been sent.
     Play(Box<Script>),
-    /// Continue.
-    Continue,
+    /// What was sent goes on.
+    Nothing,
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Sent {
+enum LastSent {
     Released,
     Grabbed,
     At(f64),
@@ -41,24 +41,24 @@ enum Sent {
 impl VirtualHand {
     /// A hand that suits the puck of this world: critically damped with it at 10 Hz, so that it follows a pointer and feels walls.
     pub fn new(world: &World, hands: Option<Hands>) -> Self {
-        VirtualHand { hands, grip: grip(world), wanted: Wanted::Release, sent: Sent::Released }
+        VirtualHand { hands, grip: grip(world), pending: Pending::Release, last_sent: LastSent::Released }
     }
 
     /// Moves the hand, in rad (linear: m); `None` releases the puck.
     pub fn move_to(&mut self, position: Option<f64>) {
-        self.wanted = position.map_or(Wanted::Release, Wanted::At);
+        self.pending = position.map_or(Pending::Release, Pending::At);
     }
 
     /// Plays a scenario.
     pub fn play(&mut self, script: Script) {
-        self.wanted = Wanted::Play(Box::new(script));
+        self.pending = Pending::Play(Box::new(script));
     }
 
     /// Puts the puck at rest at 0, hands-off; `false`: the queue is full, or the puck is real.
     pub fn restart(&mut self) -> bool {
         let done = self.hands.as_mut().is_some_and(|hands| hands.push(HandCommand::Restart).is_ok());
         if done {
-            (self.wanted, self.sent) = (Wanted::Release, Sent::Released);
+            (self.pending, self.last_sent) = (Pending::Release, LastSent::Released);
         }
         done
     }
@@ -71,30 +71,32 @@ impl VirtualHand {
     /// Sends what has changed. What the queue has no room for is sent by the next call, so that a release is never lost.
     pub fn send(&mut self) {
         let Some(hands) = &mut self.hands else { return };
-        match std::mem::replace(&mut self.wanted, Wanted::Continue) {
-            Wanted::Release => {
-                if self.sent != Sent::Released && hands.push(HandCommand::Release).is_ok() {
-                    self.sent = Sent::Released;
+        match std::mem::replace(&mut self.pending, Pending::Nothing) {
+            Pending::Release => {
+                if self.last_sent != LastSent::Released && hands.push(HandCommand::Release).is_ok() {
+                    self.last_sent = LastSent::Released;
                 }
-                self.wanted = Wanted::Release;
+                self.pending = Pending::Release;
             }
-            Wanted::At(position) => {
-                if !matches!(self.sent, Sent::Grabbed | Sent::At(_)) && hands.push(HandCommand::Grab(self.grip)).is_ok()
+            Pending::At(position) => {
+                if !matches!(self.last_sent, LastSent::Grabbed | LastSent::At(_))
+                    && hands.push(HandCommand::Grab(self.grip)).is_ok()
                 {
-                    self.sent = Sent::Grabbed;
+                    self.last_sent = LastSent::Grabbed;
                 }
-                let is_new = matches!(self.sent, Sent::Grabbed) || matches!(self.sent, Sent::At(at) if at != position);
+                let is_new = matches!(self.last_sent, LastSent::Grabbed)
+                    || matches!(self.last_sent, LastSent::At(at) if at != position);
                 if is_new && hands.push(HandCommand::Move(position)).is_ok() {
-                    self.sent = Sent::At(position);
+                    self.last_sent = LastSent::At(position);
                 }
-                self.wanted = Wanted::At(position);
+                self.pending = Pending::At(position);
             }
-            Wanted::Play(script) => match hands.push(HandCommand::Scenario(script)) {
-                Ok(()) => self.sent = Sent::Played,
-                Err(HandCommand::Scenario(script)) => self.wanted = Wanted::Play(script),
+            Pending::Play(script) => match hands.push(HandCommand::Scenario(script)) {
+                Ok(()) => self.last_sent = LastSent::Played,
+                Err(HandCommand::Scenario(script)) => self.pending = Pending::Play(script),
                 Err(_) => {}
             },
-            Wanted::Continue => {}
+            Pending::Nothing => {}
         }
     }
 }

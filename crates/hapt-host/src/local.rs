@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use hapt_core::{Request, SafetyProfile};
-use hapt_rt::{Device, End, Engine, Epoch, Failure, LoopHandle, Order, Plan, Realtime, Record, Settings, Stepper};
+use hapt_rt::{
+    Device, End, Engine, Epoch, Failure, LoopCommand, LoopHandle, Plan, Realtime, Record, Settings, Stepper,
+};
 
 use crate::config::WorldConfig;
 use crate::machine::Error;
@@ -68,12 +70,12 @@ impl Runner for LocalLoop {
     }
 
     fn request(&mut self, request: Request, epoch: Epoch) -> bool {
-        self.engine.send_of(Order::Request(request), epoch).is_ok()
+        self.engine.send_of(LoopCommand::Request(request), epoch).is_ok()
     }
 
     fn change(&mut self, next: &WorldConfig) -> Result<(), String> {
         let plan = Box::new(Plan::following(&next.world, &self.plan).map_err(|error| error.to_string())?);
-        self.engine.send(Order::Swap(plan.clone())).map_err(|_| "the loop is busy; set it again")?;
+        self.engine.send(LoopCommand::Swap(plan.clone())).map_err(|_| "the loop is busy; set it again")?;
         self.plan = plan;
         Ok(())
     }

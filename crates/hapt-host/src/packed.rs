@@ -9,7 +9,7 @@ use hapt_wire::{LARGEST, ROOM, pack};
 /// # Errors
 /// In a sentence: the world exceeds the board's size, or the core does not take it.
 pub fn packed(world: &World, profile: SafetyProfile) -> Result<Vec<u8>, String> {
-    let (spec, limits) = (world.spec(), world.limits(profile));
+    let (spec, limits) = (world.spec(), world.board_limits(profile));
     let refused = |error| format!("on a board: {error}");
     Loop::<f32, { ROOM[0] }, { ROOM[1] }, { ROOM[2] }>::new(&spec).map_err(refused)?;
     Supervisor::<f32, { ROOM[0] }, { ROOM[1] }>::new(&limits, &spec).map_err(refused)?;

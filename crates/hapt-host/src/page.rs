@@ -138,7 +138,7 @@ impl PageSession {
             warnings: self.warnings(),
             scenario: session.scenario().map(Into::into),
             recording: session.recording().map(RecordingInfo::from),
-            timing: session.realtime().map(|_| TimingInfo::of(session.timing())),
+            timing: session.realtime().map(|_| TimingInfo::of(session.timing(), &session.config().world.sampling)),
             realtime: session.realtime().map(Realtime::of),
             clients,
         };

@@ -6,8 +6,9 @@ use crate::bound::Bounded;
 use crate::counts::lattice;
 use crate::explained::explained;
 use crate::fit::{Fit, Free, fit};
-use crate::identified::{Identified, Known, Residual};
+use crate::identified::{Identified, Known, PositionTorque, Residual};
 use crate::intervals::{Intervals, separates_offset};
+use crate::lag::Lag;
 use crate::position::position_torque;
 use crate::puck::{DELAY, OFFSET, Puck};
 use crate::record::{LONGEST_DELAY, Record, Watched};
@@ -22,6 +23,8 @@ const SURELY: f64 = 5.0;
 const ALIKE: f64 = 1.2;
 /// A torque that depends on the position is the cause where it explains more than this part of the residuals.
 const MOST: f64 = 0.9;
+/// A record of more s is fitted from its beginning on.
+const LONG: f64 = 8.0;
 /// Parts of the record that are fitted before all of it, where a fit of all of it goes wrong.
 const BEGINNINGS: [f64; 3] = [0.125, 0.25, 0.5];
 /// If those fail too: the number of starts around the best, and how far each number may be off, as a part of itself.
@@ -43,37 +46,112 @@ pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -
 }
 
 fn identified(record: &Watched<'_>, known: &Known) -> Result<Identified, Error> {
+    let found = search(record, known)?;
+    match found.wrong {
+        Some(wrong) => Err(wrong),
+        None => Ok(found.identified(record, known)),
+    }
+}
+
+/// The best fit that was found, whether or not it explains the record.
+pub(crate) struct Found {
+    pub best: Fit,
+    /// The same with a lag.
+    pub lag: Option<Lag>,
+    /// Why it does not explain the record.
+    pub wrong: Option<Error>,
+}
+
+impl Found {
+    /// Where a fit of more of the record starts; it finds its own lag.
+    fn lead(&self) -> Puck {
+        let puck = self.lag.as_ref().filter(|lag| lag.is_told()).map_or(self.best.puck, |lag| lag.fit.puck);
+        Puck { delay: puck.delay + puck.lag, lag: 0.0, ..puck }
+    }
+
+    /// The numbers with their intervals.
+    pub fn identified(&self, record: &Watched<'_>, known: &Known) -> Identified {
+        let lag = self.lag.as_ref().filter(|lag| lag.is_seen() || !is_right(record, &self.best));
+        let bounded = lag.map_or_else(|| Bounded::new(record, self.best), |lag| lag.bounded(record));
+        let residual = residual(&left(record, &bounded.fit));
+        let spread = spread(record, &bounded.fit);
+        Intervals::new(bounded, self.lag.as_ref(), known).identified(record, residual, spread)
+    }
+}
+
+/// The search for the best fit. A long record is fitted from its beginning on: the fit of a part leads to that of one twice as long, and a
+/// part that nothing explains ends the search.
+pub(crate) fn search(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
+    let duration = record.period() * record.times().len() as f64;
+    let beginning = || BEGINNINGS.into_iter().find_map(|part| Some((part, record.beginning(part)?)));
+    let Some((mut part, beginning)) = (duration > LONG).then(beginning).flatten() else { return whole(record, known) };
+    let mut found = search(&Watched { record: &beginning, ..*record }, known)?;
+    while found.wrong.is_none() && part < 1.0 && !(record.stop)() {
+        part *= 2.0;
+        let longer = if part < 1.0 { record.beginning(part) } else { None };
+        let longer = Watched { record: longer.as_ref().unwrap_or(record), ..*record };
+        found = best(&longer, &[found.lead()]).map(|fit| judged(&longer, known, fit)).ok_or(Error::Unexplained)?;
+    }
+    if part < 1.0
+        && let Some(fit) = fit(record, found.lead(), found.best.free, found.best.first)
+    {
+        found.best = fit;
+    }
+    Ok(found)
+}
+
+/// The search over all of a record at once.
+fn whole(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
     let starts = starts(record);
     let first = best(record, &starts);
-    let is_right = |fit: &Fit| explained(record, &left(record, fit), lattice(record.positions()), spread(record, fit));
-    let better = |fit: Option<Fit>, starts: &dyn Fn() -> Vec<Puck>| match fit.filter(is_right) {
-        None => fit.into_iter().chain(best(record, &starts())).min_by(by_variance),
-        right => right,
-    };
-    // On a long record a fit can stop far from the best. Then fits of its beginning give new starts, and so do points around the best.
-    let mut best = better(first, &|| again(record, &starts)).ok_or(Error::Unexplained)?;
-    let blamed =
-        |fit: &Fit| position_torque(record, fit, known.is_linear).filter(|x| (MOST..=1.0).contains(&x.explains));
+    if let Some(found) = first.map(|fit| judged(record, known, fit)).filter(|found| found.wrong.is_none()) {
+        return Ok(found);
+    }
+    // A fit can stop far from the best. Then fits of the beginning give new starts, and so do points around the best.
+    let mut best =
+        first.into_iter().chain(best(record, &again(record, &starts))).min_by(by_variance).ok_or(Error::Unexplained)?;
     for part in AROUND {
-        if is_right(&best) || blamed(&best).is_some() {
+        if is_right(record, &best) || blamed(record, known, &best).is_some() {
             break;
         }
         best = around(record, &best, part);
     }
-    let rms = residual(&left(record, &best)).rms;
-    let explains = rms.powi(2) < UNEXPLAINED * spread(record, &best).powi(2);
+    Ok(judged(record, known, best))
+}
+
+/// A fit, with a lag beside it where that is told or explains what the fit without does not, and whether it explains the record.
+fn judged(record: &Watched<'_>, known: &Known, best: Fit) -> Found {
+    let explains = is_right(record, &best);
+    let lag = Lag::new(record, &best, explains).filter(|lag| explains || is_right(record, &lag.fit));
+    let wrong = match explains || lag.is_some() {
+        true => unexplained(record, lag.as_ref().filter(|_| !explains).map_or(&best, |lag| &lag.fit)),
+        false => Some(unexplained(record, &best).unwrap_or_else(|| large(record, known, &best))),
+    };
+    Found { best, lag, wrong }
+}
+
+/// Whether counts and noise explain what a fit leaves.
+fn is_right(record: &Record, fit: &Fit) -> bool {
+    explained(record, &left(record, fit), lattice(record.positions()), spread(record, fit))
+}
+
+/// The torque that goes with the position, where that explains most of what a fit leaves.
+fn blamed(record: &Record, known: &Known, fit: &Fit) -> Option<PositionTorque> {
+    position_torque(record, fit, known.is_linear).filter(|x| (MOST..=1.0).contains(&x.explains))
+}
+
+fn large(record: &Record, known: &Known, best: &Fit) -> Error {
+    let rms = residual(&left(record, best)).rms;
+    let counts = lattice(record.positions()).map(|lattice| rms / lattice.step);
+    Error::Residual(LargeResidual { rms, counts, position: blamed(record, known, best) })
+}
+
+/// Where a fit explains nothing of the motion.
+fn unexplained(record: &Record, best: &Fit) -> Option<Error> {
+    let rms = residual(&left(record, best)).rms;
+    let explains = rms.powi(2) < UNEXPLAINED * spread(record, best).powi(2);
     let delay_is_inside = best.puck.delay < LONGEST_DELAY;
-    if !(explains && delay_is_inside && best.puck.gain.is_finite()) {
-        return Err(Error::Unexplained);
-    }
-    if !is_right(&best) {
-        let counts = lattice(record.positions()).map(|lattice| rms / lattice.step);
-        return Err(Error::Residual(LargeResidual { rms, counts, position: blamed(&best) }));
-    }
-    let bounded = Bounded::new(record, best);
-    let residual = residual(&left(record, &bounded.fit));
-    let spread = spread(record, &bounded.fit);
-    Ok(Intervals::new(bounded, known).identified(record, residual, spread))
+    (!(explains && delay_is_inside && best.puck.gain.is_finite())).then_some(Error::Unexplained)
 }
 
 fn by_variance(a: &Fit, b: &Fit) -> Ordering {
@@ -88,7 +166,7 @@ fn spread(record: &Record, fit: &Fit) -> f64 {
 /// Which parameters are fitted.
 fn free(record: &Record, offset: bool) -> Free {
     let is_driven = record.is_driven();
-    [is_driven, true, true, is_driven, offset, true, true]
+    [is_driven, true, true, is_driven, offset, true, true, false]
 }
 
 /// The results of fits to longer and longer beginnings of the record, from each start and from the same without friction.
@@ -116,7 +194,7 @@ fn around(record: &Watched<'_>, best: &Fit, part: f64) -> Fit {
     };
     let mut found = *best;
     for _ in 0..HOPS {
-        let Puck { gain, damping, friction, delay, offset, position, velocity } = found.puck;
+        let Puck { gain, damping, friction, delay, offset, position, velocity, lag } = found.puck;
         let start = Puck {
             gain: gain * (1.0 + 0.1 * off()),
             damping: damping * (1.0 + off()),
@@ -125,6 +203,7 @@ fn around(record: &Watched<'_>, best: &Fit, part: f64) -> Fit {
             offset: if found.free[OFFSET] { offset + friction.abs().max(offset.abs()) * off() } else { 0.0 },
             position,
             velocity: velocity * (1.0 + off()),
+            lag,
         };
         found = fit(record, start, found.free, found.first)
             .into_iter()
@@ -205,12 +284,12 @@ fn variance(values: &[f64]) -> f64 {
 }
 
 /// The residuals of a fit at the samples with a new position.
-fn left(record: &Record, fit: &Fit) -> Vec<f64> {
+pub(crate) fn left(record: &Record, fit: &Fit) -> Vec<f64> {
     let at = |(i, z): (usize, f64)| record.is_news(fit.first + i).then(|| record.positions()[fit.first + i] - z);
     fitted(record, &fit.puck, fit.first).into_iter().enumerate().filter_map(at).collect()
 }
 
-fn residual(left: &[f64]) -> Residual {
+pub(crate) fn residual(left: &[f64]) -> Residual {
     let squares: f64 = left.iter().map(|r| r * r).sum();
     let neighbours: f64 = left.windows(2).map(|pair| pair[0] * pair[1]).sum();
     let correlation = if squares > 0.0 { neighbours / squares } else { 0.0 };
@@ -218,13 +297,15 @@ fn residual(left: &[f64]) -> Residual {
 }
 
 impl Identified {
-    /// What `hapt identify --json` gives, in its order: the contract's six and the constant torque.
-    pub fn named(&self) -> [(&'static str, Option<crate::Interval>); 7] {
+    /// What `hapt identify --json` gives, in its order: the contract's six, the lag, the time to the torque, and the constant torque.
+    pub fn named(&self) -> [(&'static str, Option<crate::Interval>); 9] {
         [
             ("inertia", self.inertia),
             ("damping", self.damping),
             ("friction", self.friction),
             ("delay_s", self.delay),
+            ("lag_s", self.lag),
+            ("late_s", self.late),
             ("offset", self.offset),
             ("sign", self.sign),
             ("counts_per_rev", self.counts),
@@ -233,12 +314,24 @@ impl Identified {
 
     /// The residuals with their times, from the first sample that is fitted on.
     pub fn residuals(&self, record: &Record) -> Vec<(f64, f64)> {
-        let rows = self.fitted(record).into_iter().zip(&record.positions()[self.first..]);
-        rows.map(|((t, z), y)| (t, y - z)).collect()
+        self.puck.left_from_sample(record, self.first)
     }
 
     /// The positions that the fit gives, with their times.
     pub fn fitted(&self, record: &Record) -> Vec<(f64, f64)> {
-        record.times()[self.first..].iter().copied().zip(fitted(record, &self.puck, self.first)).collect()
+        self.puck.positions_from(record, self.first)
+    }
+}
+
+impl Puck {
+    /// Where it is at the samples of a record from one on, with their times.
+    pub(crate) fn positions_from(&self, record: &Record, first: usize) -> Vec<(f64, f64)> {
+        record.times()[first..].iter().copied().zip(fitted(record, self, first)).collect()
+    }
+
+    /// How far the record's positions are from there.
+    pub(crate) fn left_from_sample(&self, record: &Record, first: usize) -> Vec<(f64, f64)> {
+        let rows = self.positions_from(record, first).into_iter().zip(&record.positions()[first..]);
+        rows.map(|((t, z), y)| (t, y - z)).collect()
     }
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::puck::{DELAY, PARAMETERS, Puck};
+use crate::puck::{DELAY, LAG, PARAMETERS, Puck};
 use crate::record::{LONGEST_DELAY, Record, Watched};
 
 /// Which of the parameters are fitted.
@@ -15,6 +15,8 @@ type Column = SVector<f64, PARAMETERS>;
 const MOST_STEPS: usize = 60;
 /// A step of this many standard errors is none.
 const SMALL: f64 = 1e-3;
+/// The shortest lag of a fit in periods of the record: its sensitivity is a difference, whose digits would go.
+pub(crate) const SHORTEST_LAG: f64 = 0.02;
 
 /// Σ sᵀs and Σ sᵀr over rows s with right sides r.
 #[derive(Clone, Copy, Debug)]
@@ -125,22 +127,26 @@ fn normal(record: &Record, puck: &Puck, first: usize) -> Option<Normal> {
     normal.squares.is_finite().then_some(normal)
 }
 
-/// The puck nearest to `start` whose positions from sample `first` on have the least squared error, delays between -10 ms and
-/// [`LONGEST_DELAY`].
+/// The puck nearest to `start` whose positions from sample `first` on have the least squared error, delay and lag together
+/// between -10 ms and [`LONGEST_DELAY`].
 pub(crate) fn fit(record: &Watched<'_>, start: Puck, free: Free, first: usize) -> Option<Fit> {
     let mut best = Fit { puck: start, normal: normal(record, &start, first)?, free, first };
+    let least = (SHORTEST_LAG * record.period()).powi(2);
     let mut damping = 1e-3;
     for _ in 0..MOST_STEPS {
         if (record.stop)() {
             break;
         }
-        let Some(step) = best.normal.step(free, damping) else {
+        let Some(step) = step(&best, least, damping) else {
             damping = (10.0 * damping).max(1e-9);
             continue;
         };
         let mut p = best.puck.parameters();
         p.iter_mut().zip(step).for_each(|(p, step)| *p += step);
         p[DELAY] = p[DELAY].clamp(-0.2 * LONGEST_DELAY, LONGEST_DELAY);
+        if free[LAG] {
+            p[LAG] = p[LAG].clamp(least, LONGEST_DELAY.powi(2));
+        }
         let puck = Puck::from_parameters(p);
         let is_small = best.normal.size(&step) < SMALL * SMALL * best.variance();
         match normal(record, &puck, first) {
@@ -156,4 +162,16 @@ pub(crate) fn fit(record: &Watched<'_>, start: Puck, free: Free, first: usize) -
         }
     }
     Some(best)
+}
+
+/// The next step of a fit; a lag that is the shortest already, and would be shorter, stays while the others move.
+fn step(at: &Fit, least: f64, damping: f64) -> Option<[f64; PARAMETERS]> {
+    let step = at.normal.step(at.free, damping)?;
+    let is_least = at.free[LAG] && at.puck.parameters()[LAG] <= least * (1.0 + 1e-9);
+    if !(is_least && step[LAG] < 0.0) {
+        return Some(step);
+    }
+    let mut others = at.free;
+    others[LAG] = false;
+    at.normal.step(others, damping)
 }

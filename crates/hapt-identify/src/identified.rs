@@ -14,7 +14,7 @@ pub struct Known {
 
 /// A value with its 95 % interval.
 ///
-/// Damping, friction and delay are 0 or more, and so are their values and ends. An interval that begins at 0 means that there may be none.
+/// Damping, friction, delay and lag are 0 or more, and so are their values and ends. An interval that begins at 0 means that there may be none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// The most likely value.
@@ -53,8 +53,13 @@ pub struct Identified {
     pub damping: Option<Interval>,
     /// Coulomb's, in N·m (N).
     pub friction: Option<Interval>,
-    /// From the sample to the change of the torque, in s.
+    /// From the sample to the change of the torque, in s. Where the interval of the lag begins at 0, the record does not tell them apart,
+    /// and this is the delay of a motor without a lag.
     pub delay: Option<Interval>,
+    /// The time constant with which the torque follows its command, in s. From 0: not told from a delay, and the value is 0.
+    pub lag: Option<Interval>,
+    /// Delay and lag together, in s: the mean time from a command to its torque, whatever the lag is.
+    pub late: Option<Interval>,
     /// 1 where a positive torque makes the position grow, else -1.
     pub sign: Option<Interval>,
     /// A constant torque on the puck that was not commanded, in N·m (N): a motor's offset, a tilted table. `None` where the record does not
@@ -98,6 +103,16 @@ pub struct PositionTorque {
 }
 
 impl Interval {
+    /// Whether the value is known not to be 0.
+    pub fn excludes_zero(&self) -> bool {
+        self.low > 0.0 || self.high < 0.0
+    }
+
+    /// The same value, and an interval that holds the other one too.
+    pub(crate) fn with(self, other: Interval) -> Self {
+        Interval { value: self.value, low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
     /// Whether the interval contains a value.
     pub fn covers(&self, value: f64) -> bool {
         self.low <= value && value <= self.high

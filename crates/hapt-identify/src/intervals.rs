@@ -6,6 +6,7 @@ use crate::bound::Bounded;
 use crate::counts::{Lattice, lattice};
 use crate::fit::{Fit, Square};
 use crate::identified::{CorrelatedPair, Identified, Interval, Known, Residual};
+use crate::lag::Lag;
 use crate::position::position_torque;
 use crate::puck::{DAMPING, DELAY, FRICTION, GAIN, OFFSET, Puck};
 use crate::quantile::student;
@@ -26,14 +27,15 @@ pub(crate) struct Intervals<'k> {
     best: Fit,
     /// Points that every interval must contain.
     ends: Vec<Puck>,
+    lag: Option<&'k Lag>,
     known: &'k Known,
     /// Standard errors, per unit of noise, to half intervals.
     factor: f64,
 }
 
 impl<'k> Intervals<'k> {
-    pub fn new(Bounded { fit: best, ends }: Bounded, known: &'k Known) -> Self {
-        Intervals { best, ends, known, factor: student(best.freedom()) * best.variance().sqrt() }
+    pub fn new(Bounded { fit: best, ends }: Bounded, lag: Option<&'k Lag>, known: &'k Known) -> Self {
+        Intervals { best, ends, lag, known, factor: student(best.freedom()) * best.variance().sqrt() }
     }
 
     pub fn identified(&self, record: &Record, residual: Residual, spread: f64) -> Identified {
@@ -85,6 +87,11 @@ impl<'k> Intervals<'k> {
             ),
             None => (gained.and_then(|_| of(&inertia_of, &[(GAIN, -j / gain)])), None),
         };
+        let lag = self.lag.filter(|_| gained.is_some());
+        let told = lag.filter(|lag| lag.is_told());
+        // Where the lag is not told, the delay of a motor without one is as right.
+        let instead = rate(DELAY).filter(|_| told.is_none());
+        let late = bounded(lag.map(|lag| instead.into_iter().fold(lag.late(), Interval::with)));
         let lattice = lattice(record.positions());
         let is_exact = lattice.is_none() && residual.rms < EXACT * spread;
         let (condition, correlated) = covariance.map_or((f64::INFINITY, Vec::new()), |c| self.correlations(&c));
@@ -93,7 +100,13 @@ impl<'k> Intervals<'k> {
             damping: bounded(scaled(DAMPING)),
             // Friction wholly below 0 would be a constant torque along the motion.
             friction: bounded(scaled(FRICTION)).filter(|_| tells),
-            delay: bounded(gained.and_then(|_| rate(DELAY))),
+            delay: bounded(gained.and_then(|_| told.map_or_else(|| rate(DELAY), |lag| Some(lag.delay())))),
+            // No delay is below 0: a lag is no longer than delay and lag together.
+            lag: lag.zip(late).map(|(lag, late)| {
+                let Interval { value, low, high } = lag.lag();
+                Interval { value, low, high: high.min(late.high).max(value) }
+            }),
+            late,
             offset: scaled(OFFSET).filter(|_| tells),
             sign: gained.map(|_| Interval { value: sign, low: sign, high: sign }),
             gain: motor.map(positive),

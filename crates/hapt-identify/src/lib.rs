@@ -1,10 +1,11 @@
-//! What a device is made of, from a record of its motion: inertia, viscous damping, Coulomb friction, delay, the motor's sign and the
-//! encoder's counts, each with a 95 % interval.
+//! What a device is made of, from a record of its motion: inertia, viscous damping, Coulomb friction, delay, the motor's lag and sign, and
+//! the encoder's counts, each with a 95 % interval.
 //!
 //! A [`Record`] is positions and commanded torques over time. [`identify`] fits the puck's own differential equation to it,
 //!
 //! ```text
-//! J v̇ = τ(t - d) + τ0 - b v - f sign v,    at rest while |τ + τ0| <= f,
+//! J v̇ = m + τ0 - b v - f sign v,    at rest while |m + τ0| <= f,
+//! λ ṁ = τ(t - d) - m,
 //! ```
 //!
 //! solved exactly from one change of torque to the next, every stop and start located ([`Puck`]). The fit is the one with the least sum
@@ -17,7 +18,7 @@
 //! // A square wave of torque on J = 1e-3 kg m², with a little friction; the positions are those of the solution, in counts.
 //! let period = 1e-3;
 //! let torque = |k: usize| if (k / 170) % 2 == 0 { 0.05 } else { -0.04 };
-//! let puck = hapt_identify::Puck { gain: 1e3, damping: 2.0, friction: 5.0, delay: 2.3e-3, offset: 0.0, position: 0.0, velocity: 0.0 };
+//! let puck = hapt_identify::Puck { gain: 1e3, damping: 2.0, friction: 5.0, delay: 2.3e-3, offset: 0.0, position: 0.0, velocity: 0.0, lag: 0.0 };
 //! let times: Vec<f64> = (0..3000).map(|k| k as f64 * period).collect();
 //! let torques: Vec<f64> = (0..3000).map(torque).collect();
 //! let truth = puck.positions(&times, &torques);
@@ -35,6 +36,7 @@
 // Every match names all variants, so that a new one does not compile by default.
 #![warn(clippy::wildcard_enum_match_arm)]
 
+mod against;
 mod bound;
 mod columns;
 mod counts;
@@ -45,6 +47,8 @@ mod explained;
 mod fit;
 mod identified;
 mod intervals;
+mod lag;
+mod lagging;
 mod position;
 mod puck;
 mod quantile;
@@ -53,6 +57,7 @@ mod start;
 mod stretch;
 mod warnings;
 
+pub use against::{Claims, Compared, Comparison, Verdict, against, against_until};
 pub use columns::{Columns, Scale};
 pub use counts::{Lattice, lattice};
 pub use error::{Error, LargeResidual};

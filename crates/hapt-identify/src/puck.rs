@@ -3,7 +3,11 @@
 //! Stops, starts and reversals under Coulomb friction are located, not stepped over. Across an event at t* the sensitivity S of the
 //! state jumps by (f₋ - f₊) dt*/dθ, f being the state's rate before and after it (Rozenvasser; Hiskens and Pai, IEEE Trans. Circuits
 //! Syst. I 47 (2000) 204): at rest nothing of the velocity's is left, and the delay acts through the steps of the torque.
+//!
+//! A motor that lags has a torque of its own: the command that is held plus a gap, which decays with the lag. A step of the command
+//! changes both, and their sum not.
 
+use crate::lagging::Lagging;
 use crate::stretch::{Stretch, stopping_time};
 
 /// The parameters as the motion shows them: everything per unit of inertia.
@@ -23,12 +27,14 @@ pub struct Puck {
     pub position: f64,
     /// At the start, in rad/s (m/s).
     pub velocity: f64,
+    /// The time constant in s with which the torque follows its command; 0: at once.
+    pub lag: f64,
 }
 
 /// How many parameters there are.
-pub(crate) const PARAMETERS: usize = 7;
+pub(crate) const PARAMETERS: usize = 8;
 
-/// Of a position by gain, damping, friction, delay, offset, first position, first velocity.
+/// Of a position by gain, damping, friction, mean time to the torque, offset, first position, first velocity, squared lag.
 pub type Sensitivity = [f64; PARAMETERS];
 
 pub(crate) const GAIN: usize = 0;
@@ -38,6 +44,7 @@ pub(crate) const DELAY: usize = 3;
 pub(crate) const OFFSET: usize = 4;
 const POSITION: usize = 5;
 const VELOCITY: usize = 6;
+pub(crate) const LAG: usize = 7;
 
 /// So often the puck may stop and start between two changes of torque; in truth it is twice at most.
 const MOST_EVENTS: usize = 8;
@@ -48,23 +55,30 @@ struct Motion {
     puck: Puck,
     z: f64,
     v: f64,
+    /// The motor's torque less the command that is held; 0 without a lag.
+    gap: f64,
     /// 1 or -1 while it moves, 0 at rest.
     way: f64,
     torque: f64,
+    /// Sensitivities of position, velocity and gap; at [`DELAY`] and [`LAG`] by the delay and the lag themselves.
     dz: Sensitivity,
     dv: Sensitivity,
+    dgap: Sensitivity,
 }
 
 impl Puck {
-    /// As an array, in the order of [`Sensitivity`].
+    /// As an array, in the order of [`Sensitivity`]. Delay and lag enter as the mean and the variance of the time from a command to its
+    /// torque, d + λ and λ²: a record of slow changes shows the first alone.
     pub fn parameters(&self) -> Sensitivity {
-        [self.gain, self.damping, self.friction, self.delay, self.offset, self.position, self.velocity]
+        let Puck { gain, damping, friction, delay, offset, position, velocity, lag } = *self;
+        [gain, damping, friction, delay + lag, offset, position, velocity, lag * lag]
     }
 
     /// From such an array.
     pub fn from_parameters(p: Sensitivity) -> Self {
-        let [gain, damping, friction, delay, offset, position, velocity] = p;
-        Puck { gain, damping, friction, delay, offset, position, velocity }
+        let [gain, damping, friction, mean, offset, position, velocity, variance] = p;
+        let lag = variance.max(0.0).sqrt();
+        Puck { gain, damping, friction, delay: mean - lag, offset, position, velocity, lag }
     }
 
     /// Positions at `times` under torques commanded at the same times and held; before the first command there is the first.
@@ -76,12 +90,25 @@ impl Puck {
 
     /// Gives each time's index from `first` on, the position there and its sensitivities to `see`; the motion starts at `first`.
     pub fn follow(&self, times: &[f64], torques: &[f64], first: usize, mut see: impl FnMut(usize, f64, &Sensitivity)) {
-        let (Some(&start), Some(&torque)) = (times.get(first), torques.first()) else { return };
-        // The command that is held at the start: the last that has arrived.
-        let mut next = times.iter().take(torques.len()).take_while(|t| **t + self.delay <= start).count();
-        let torque = if next > 0 { torques[next - 1] } else { torque };
-        let mut motion = Motion::new(*self, torque);
-        let mut now = start;
+        let (Some(&start), Some(&held)) = (times.get(first), torques.first()) else { return };
+        let mut motion = Motion::new(*self, held);
+        // What has arrived before the start; a motor that lags remembers it.
+        let (mut next, mut now) = (0, f64::NEG_INFINITY);
+        while let (Some(&at), Some(&torque)) = (times.get(next), torques.get(next)) {
+            let at = at + self.delay;
+            if at > start {
+                break;
+            }
+            next += 1;
+            if torque != motion.torque {
+                motion.relax(at - now);
+                now = at;
+                motion.command(torque);
+            }
+        }
+        motion.relax(start - now);
+        motion.set_out();
+        now = start;
         for (i, &to) in times.iter().enumerate().skip(first) {
             while let (Some(&at), Some(&torque)) = (times.get(next), torques.get(next)) {
                 let at = at + self.delay;
@@ -97,75 +124,142 @@ impl Puck {
             }
             motion.pass(to - now);
             now = to;
-            see(i, motion.z, &motion.dz);
+            if self.lag > 0.0 {
+                let mut dz = motion.dz;
+                dz[LAG] = (dz[LAG] - dz[DELAY]) / (2.0 * self.lag);
+                see(i, motion.z, &dz);
+            } else {
+                see(i, motion.z, &motion.dz);
+            }
         }
     }
 }
 
 impl Motion {
     fn new(puck: Puck, torque: f64) -> Self {
+        let none = [0.0; PARAMETERS];
         let (z, v) = (puck.position, puck.velocity);
-        let mut motion = Motion { puck, z, v, way: 0.0, torque, dz: [0.0; PARAMETERS], dv: [0.0; PARAMETERS] };
+        let mut motion = Motion { puck, z, v, gap: 0.0, way: 0.0, torque, dz: none, dv: none, dgap: none };
         (motion.dz[POSITION], motion.dv[VELOCITY]) = (1.0, 1.0);
-        motion.set_out();
         motion
     }
 
     /// Which way it goes, or that it rests.
     fn set_out(&mut self) {
-        let drive = self.puck.gain * self.torque + self.puck.offset;
+        let push = self.push();
         self.way = match self.v {
             v if v != 0.0 => v.signum(),
-            _ if drive.abs() <= self.puck.friction || drive == 0.0 => 0.0,
-            _ => drive.signum(),
+            _ if push.abs() <= self.puck.friction || push == 0.0 => 0.0,
+            _ => push.signum(),
         };
         if self.way == 0.0 {
             self.dv = [0.0; PARAMETERS];
         }
     }
 
-    /// The acceleration that torque, offset and friction give together.
+    /// The acceleration that the motor's torque and the offset give together.
+    fn push(&self) -> f64 {
+        self.puck.gain * (self.torque + self.gap) + self.puck.offset
+    }
+
+    /// The acceleration that the command, offset and friction give together; what the gap adds is left out.
     fn drive(&self) -> f64 {
         let Puck { gain, friction, offset, .. } = self.puck;
         if self.way == 0.0 { 0.0 } else { gain * self.torque + offset - friction * self.way }
     }
 
-    /// The torque steps, at an instant that moves with the delay.
-    fn switch(&mut self, torque: f64) {
-        let before = self.drive();
+    /// Another command arrives, at an instant that moves with the delay; the torque of a motor that lags does not step.
+    fn command(&mut self, torque: f64) {
+        if self.puck.lag > 0.0 {
+            let step = self.torque - torque;
+            self.gap += step;
+            self.dgap[DELAY] += step / self.puck.lag;
+        }
         self.torque = torque;
+    }
+
+    /// The gap alone, while `length` s go by.
+    fn relax(&mut self, length: f64) {
+        if self.gap == 0.0 && self.dgap == [0.0; PARAMETERS] {
+            return;
+        }
+        let rate = self.puck.lag.recip();
+        let decay = (-rate * length).exp();
+        self.dgap[LAG] += self.gap * rate * rate * length;
+        self.dgap.iter_mut().for_each(|s| *s *= decay);
+        self.gap *= decay;
+    }
+
+    /// The torque's command steps while the puck is under way.
+    fn switch(&mut self, torque: f64) {
+        if self.puck.lag > 0.0 {
+            return self.command(torque);
+        }
+        let before = self.drive();
+        self.command(torque);
         if self.v == 0.0 {
             self.set_out();
         }
         self.dv[DELAY] += before - self.drive();
     }
 
-    /// `length` s go by under the torque that is held.
+    /// `length` s go by under the command that is held.
     fn pass(&mut self, length: f64) {
         let mut rest = length;
         for _ in 0..MOST_EVENTS {
-            if rest.is_nan() || rest <= 0.0 || self.way == 0.0 {
+            if rest.is_nan() || rest <= 0.0 {
                 return;
             }
-            let a = self.drive();
-            let stretch = Stretch::new(self.puck.damping, rest);
-            let (_, end) = stretch.travel(self.v, a);
-            if end * self.way >= 0.0 {
-                return self.advance(&stretch, a);
+            if self.way == 0.0 {
+                let Some(wait) = self.breaks_away(rest) else { return self.relax(rest) };
+                self.relax(wait);
+                self.way = (self.puck.gain * self.torque + self.puck.offset).signum();
+                rest -= wait;
+                continue;
             }
-            let t = stopping_time(self.v, a, self.puck.damping).clamp(0.0, rest);
-            self.advance(&Stretch::new(self.puck.damping, t), a);
+            let a = self.drive();
+            let Some(t) = self.stops(a, rest) else { return self.advance(rest, a) };
+            self.advance(t, a);
+            let before = a + self.puck.gain * self.gap;
             self.v = 0.0;
             self.set_out();
-            let after = self.drive();
-            self.dv.iter_mut().for_each(|s| *s *= after / a);
+            let after = if self.way == 0.0 { 0.0 } else { self.push() - self.puck.friction * self.way };
+            self.dv.iter_mut().for_each(|s| *s *= after / before);
             rest -= t;
         }
     }
 
-    /// The same without an event in it.
-    fn advance(&mut self, stretch: &Stretch, a: f64) {
-        let (travel, end) = stretch.travel(self.v, a);
+    /// When the torque that comes up overcomes the friction, within `rest` s.
+    fn breaks_away(&self, rest: f64) -> Option<f64> {
+        if self.gap == 0.0 {
+            return None;
+        }
+        let friction = self.puck.friction;
+        let end = self.puck.gain * self.torque + self.puck.offset;
+        if end == 0.0 || end.abs() <= friction {
+            return None;
+        }
+        let part = (friction * end.signum() - end) / (self.puck.gain * self.gap);
+        let wait = if part >= 1.0 { 0.0 } else { -self.puck.lag * part.ln() };
+        (wait < rest).then_some(wait)
+    }
+
+    /// When the puck comes to rest within `rest` s.
+    fn stops(&self, a: f64, rest: f64) -> Option<f64> {
+        let damping = self.puck.damping;
+        if self.gap == 0.0 {
+            let (_, end) = Stretch::new(damping, rest).travel(self.v, a);
+            let stops = end * self.way < 0.0;
+            return stops.then(|| stopping_time(self.v, a, damping).clamp(0.0, rest));
+        }
+        let speed = Lagging { beta: damping, rate: self.puck.lag.recip() };
+        speed.first_rest(self.way * self.v, self.way * a, self.way * self.puck.gain * self.gap, rest)
+    }
+
+    /// `length` s go by without an event.
+    fn advance(&mut self, length: f64, a: f64) {
+        let stretch = Stretch::new(self.puck.damping, length);
+        let (mut travel, mut end) = stretch.travel(self.v, a);
         let (z_of_v, v_of_v) = stretch.of_velocity();
         for (dz, dv) in self.dz.iter_mut().zip(&mut self.dv) {
             *dz += z_of_v * *dv;
@@ -181,7 +275,31 @@ impl Motion {
         let (z_of_beta, v_of_beta) = stretch.of_beta(self.v, a, self.puck.damping);
         self.dz[DAMPING] += z_of_beta;
         self.dv[DAMPING] += v_of_beta;
+        if self.puck.lag > 0.0 {
+            let (z, v) = self.advance_gap(length, &stretch);
+            (travel, end) = (travel + z, end + v);
+        }
         self.z += travel;
         self.v = end;
+    }
+
+    /// What the gap gives to position and velocity over a stretch, with its sensitivities, and its own decay.
+    fn advance_gap(&mut self, length: f64, stretch: &Stretch) -> (f64, f64) {
+        let Puck { gain, damping, lag, .. } = self.puck;
+        let by = Lagging { beta: damping, rate: lag.recip() }.over(length, stretch);
+        let gap = self.gap;
+        for ((dz, dv), dgap) in self.dz.iter_mut().zip(&mut self.dv).zip(&self.dgap) {
+            *dz += gain * by.travel * dgap;
+            *dv += gain * by.speed * dgap;
+        }
+        self.dz[GAIN] += gap * by.travel;
+        self.dv[GAIN] += gap * by.speed;
+        self.dz[DAMPING] += gain * gap * by.travel_of_beta;
+        self.dv[DAMPING] += gain * gap * by.speed_of_beta;
+        // The rate is 1/λ.
+        self.dz[LAG] -= gain * gap * by.travel_of_rate / (lag * lag);
+        self.dv[LAG] -= gain * gap * by.speed_of_rate / (lag * lag);
+        self.relax(length);
+        (gain * gap * by.travel, gain * gap * by.speed)
     }
 }

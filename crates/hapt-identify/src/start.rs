@@ -118,12 +118,12 @@ fn of_window(record: &Record, glance: &Glance, length: f64) -> Vec<Puck> {
     let of_delay = |i: usize, offset: bool| {
         let delay = i as f64 * step;
         let normal = regression(record, glance, length, delay);
-        let p = normal.step([is_driven, true, true, false, offset, false, false], 0.0)?;
+        let p = normal.step([is_driven, true, true, false, offset, false, false, false], 0.0)?;
         let Begin { position, velocity } = glance.begins;
         let (damping, friction) = (p[DAMPING].max(0.0), p[FRICTION].max(0.0));
         // Friction below 0 is a constant torque that pushes the way it goes.
         let offset = p[OFFSET] - p[FRICTION].min(0.0) * direction(record);
-        let puck = Puck { gain: p[GAIN], damping, friction, delay, offset, position, velocity };
+        let puck = Puck { gain: p[GAIN], damping, friction, delay, offset, position, velocity, lag: 0.0 };
         // Σ (r - p s)² at the solution.
         Some((normal.left(&p), puck))
     };

@@ -5,7 +5,7 @@
 
 use std::io::Read;
 
-use hapt_core::{Controller, ControllerState, Phase, Reading, Reason, Request, SafetyProfile};
+use hapt_core::{Controller, ControllerState, Phase, Reading, Reason, Request, SafetyProfile, WhenLate};
 
 use crate::Error;
 use crate::comparison::{Replay, world_error};
@@ -28,12 +28,14 @@ const TOO_LATE: f64 = f32::MAX as f64;
 pub fn inputs(before: Phase, after: Phase, reason: Option<Reason>) -> (Option<Request>, f64, f64) {
     use Phase::{Disarmed, FadingIn, FadingOut, Faulted, Running};
     let lost = reason == Some(Reason::Link);
+    // By itself: as a link that is lost, or behind a sample that came too late for the certificate.
+    let by_itself = lost || reason == Some(Reason::Uneven);
     let request = match (before, after) {
         (_, Faulted) if reason == Some(Reason::Stop) && before != Faulted => Some(Request::Stop),
         // Arming failed: its motor's driver has a fault.
         (Disarmed, Faulted) if reason == Some(Reason::Driver) => None,
         (Disarmed, FadingIn | Running | Faulted) | (FadingOut, FadingIn | Running) => Some(Request::Arm),
-        (FadingIn | Running, FadingOut | Disarmed) if !lost => Some(Request::Disarm),
+        (FadingIn | Running, FadingOut | Disarmed) if !by_itself => Some(Request::Disarm),
         (Faulted, Disarmed) => Some(Request::Clear),
         _ => None,
     };
@@ -58,7 +60,8 @@ struct Running {
 
 impl Running {
     fn start(logged: &LoggedPlan, profile: SafetyProfile) -> Result<Box<Self>, Error> {
-        let controller = Controller::new(&logged.world.spec(), &logged.world.limits(profile)).map_err(world_error)?;
+        let controller =
+            Controller::new(&logged.world.spec(), &logged.world.board_limits(profile)).map_err(world_error)?;
         let state = controller.start();
         Ok(Box::new(Running { plan: logged.number, controller, state }))
     }
@@ -99,6 +102,11 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
         // A fault of the board's driver is not part of a reading.
         if state.supervisor.phase != Phase::Faulted && inputs.reason == u64::from(Reason::Driver.code()) {
             state.trip(Reason::Driver);
+        }
+        // Neither are the times of its samples.
+        if inputs.reason == u64::from(Reason::Uneven.code()) && state.supervisor.reason != Some(Reason::Uneven) {
+            let faults = inputs.phase == Phase::Faulted as u64;
+            state.supervisor.lapse(if faults { WhenLate::Fault } else { WhenLate::Fade });
         }
         let guarded = controller.step(state, &reading, inputs.request);
         let output = sample.values.len() - LIVE_COLUMNS;
@@ -141,5 +149,8 @@ mod tests {
         assert_eq!(inputs(Running, FadingOut, Some(Reason::Link)), (None, 0.0, TOO_LATE));
         assert_eq!(inputs(Running, Faulted, Some(Reason::Link)), (None, 0.0, TOO_LATE));
         assert_eq!(inputs(Running, Faulted, Some(Reason::Late)), (None, TOO_LATE, 0.0));
+        for after in [FadingOut, Faulted, Disarmed] {
+            assert_eq!(inputs(FadingIn, after, Some(Reason::Uneven)), (None, 0.0, 0.0));
+        }
     }
 }

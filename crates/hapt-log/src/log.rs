@@ -92,6 +92,8 @@ pub struct Inputs {
     pub reason: u64,
     /// The torque command to the motor, after the supervisor.
     pub output: f64,
+    /// From the sample to when the device had that command, in s.
+    pub computation: f64,
 }
 
 impl Log<BufReader<File>> {
@@ -291,20 +293,8 @@ impl Sample<'_> {
     pub fn inputs(&self) -> Option<Inputs> {
         let live = self.values.last_chunk::<LIVE_COLUMNS>();
         let live = live.filter(|_| self.values.len() > SIGNALS.len() + 2 * self.plan.world.bodies.len())?;
-        let [
-            output,
-            sample,
-            plan,
-            phase,
-            reason,
-            request_code,
-            announced,
-            late,
-            missed,
-            silent,
-            _latency,
-            _computation,
-        ] = *live;
+        let [output, sample, plan, phase, reason, request_code, announced, late, missed, silent, _latency, computation] =
+            *live;
         Some(Inputs {
             sample: sample as u64,
             plan: plan as u32,
@@ -320,6 +310,7 @@ impl Sample<'_> {
             phase: phase as u64,
             reason: reason as u64,
             output,
+            computation,
         })
     }
 }

@@ -89,6 +89,7 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
                 running.change(sample.plan)?;
                 let Running { plan, state, .. } = &mut **running;
                 let guarded = plan.step(state, &inputs.reading, inputs.request);
+                state.commanded(inputs.computation);
                 let torques =
                     [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];
                 result.compare(&sample, inputs.sample, &torques);

@@ -163,7 +163,7 @@ static LIVE: [Live; 12] = [
     Live {
         name: "computation_s",
         unit: "s",
-        doc: "from the reading to the completed write to the device",
+        doc: "from the reading to the completed write to the device; a stale reading's age counts",
         kind: Kind::Number,
         get: |record| f64::from(record.computation) / 1e9,
     },

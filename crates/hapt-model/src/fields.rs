@@ -317,6 +317,9 @@ impl<'a> Fields<'a> {
                 false => given(format!("{} {}", written(&node.value), fault(Range::ZeroOrMore, samples))),
             };
         }
+        if row.path == "safety.late" && quantity(Measure::Time, motion, &node.value).is_ok() {
+            return given(format!("{} is a time, which safety.stall takes", written(&node.value)));
+        }
         match (row.takes, &node.value) {
             (Takes::Text, Value::Text(text)) => Ok(Found::Text(text.clone())),
             // Nobody puts quotes inside a shell's quotes to call a world 1984.

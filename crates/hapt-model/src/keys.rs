@@ -2,7 +2,7 @@
 //!
 //! The file reader, `--set`, the schema and the book are made from [`KEYS`]; nothing else lists keys, defaults or ranges.
 
-use hapt_core::{HARMONICS, Method, Output, Side};
+use hapt_core::{HARMONICS, Method, Output, Side, WhenLate};
 
 use crate::dimension::Dimension;
 use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
@@ -469,8 +469,10 @@ pub const KEYS: &[Key] = &[
     key("safety.heating", Quantity(Time, Positive), Number(30.0), "The motor's thermal time constant."),
     key("safety.driver_rms", Quantity(Torque, Positive), Depends("any"), "The torque that the driver may hold for ever."),
     key("safety.driver_heating", Quantity(Time, Positive), Number(1.0), "The driver's thermal time constant."),
-    key("safety.late", Quantity(Time, ZeroOrMore), Depends("5 periods; any on the simulated device"),
-        "How late a sample may come, missed samples counted in; 0: any."),
+    key("safety.late", Takes::Name(WhenLate::NAMES), Depends("\"fade\"; \"fault\" on a board"),
+        "What a sample after more than loop.interval_max does, or a command after more than loop.delay_max, where the file states them: it faults, fades the torque out, or counts."),
+    key("safety.stall", Quantity(Time, ZeroOrMore), Depends("5 periods, or what interval_max allows where that is longer; any on the simulated device"),
+        "How late a sample may come, missed samples counted in, before it faults whatever late is; 0: any."),
     key("safety.link", Quantity(Time, ZeroOrMore), Depends("0.3 s, or twice fade, period and delay together where that is longer; never on the simulated device"),
         "From the last heartbeat of the client in control to torque 0, the fade included; 0: never."),
     key("safety.link_lost", Takes::Name(&LINK_LOST), Name(LINK_LOST[0]), "What a lost link does."),
@@ -489,7 +491,7 @@ pub const KEYS: &[Key] = &[
     key("scenarios.*.duration", Quantity(Time, Positive), Required, "How long; at most 10^10 samples."),
     key("scenarios.*.timing", Table, Optional, "When the samples are truly taken, and how late their commands arrive; absent: every period."),
     key("scenarios.*.timing.kind", Takes::Name(TimingKind::NAMES), Required,
-        "Every period (even), at random, in a pattern that repeats, or as recorded in a file."),
+        "Every period (even), at random, in a pattern that repeats, as recorded in a file, or in the pattern that hapt check finds worst hands-off."),
     key("scenarios.*.timing.seed", Whole { least: 0, most: u32::MAX as u64, step: 1 }, Number(0.0), "The same seed draws the same intervals and delays.").of(&["random"]),
     key("scenarios.*.timing.shortest", Quantity(Time, Positive), Depends("as far below the period as interval_max is above, a hundredth of the period at least"),
         "The shortest interval drawn. Delays are uniform from delay to delay_max, intervals from this or the delay before, whichever is longer, to interval_max.").of(&["random"]),

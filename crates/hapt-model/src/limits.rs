@@ -5,7 +5,7 @@
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
-use hapt_core::{Heat, Limits, SafetyProfile};
+use hapt_core::{CertifiedTime, Heat, Limits, SafetyProfile, WhenLate};
 
 use crate::kinds::Motion;
 use crate::safety::Safety;
@@ -27,6 +27,8 @@ const WOUND: [f64; 2] = [std::f64::consts::PI, 0.1];
 const TRAVEL: [f64; 2] = [0.05, 2.5e-3];
 /// That work without a limit, in J.
 const WORK: f64 = 0.05;
+/// The longest stall, in periods.
+const STALL: f64 = 5.0;
 /// From the last heartbeat to torque 0, in s.
 const LINK: f64 = 0.3;
 
@@ -91,7 +93,9 @@ impl World {
             slew: or_any(safety.slew, self.slew(&reach, velocity, limit)),
             motor: Heat { rms: safety.rms.unwrap_or(f64::INFINITY), time: heating },
             driver: Heat { rms: safety.driver_rms.unwrap_or(f64::INFINITY), time: driver_heating },
-            late: or_never(safety.late, 5.0 * period),
+            // What the certificate covers is no stall.
+            stall: or_never(safety.stall, (STALL * period).max(self.sampling.interval_max_s() - period)),
+            time: self.certified_time(safety.late.unwrap_or(WhenLate::Fade)),
             link: or_never(safety.link, LINK.max(2.0 * gone)),
             link_faults,
             energy: if profile == SafetyProfile::Uncertified { 0.1 * work } else { work },
@@ -105,6 +109,23 @@ impl World {
             damping: device.damping,
             friction: device.friction,
             delay: self.sampling.delay_s(),
+        }
+    }
+
+    /// The same on a board, where a late sample is a fault unless the file says otherwise.
+    pub fn board_limits(&self, profile: SafetyProfile) -> Limits {
+        let time = self.certified_time(self.safety.late.unwrap_or(WhenLate::Fault));
+        Limits { time, ..self.limits(profile) }
+    }
+
+    /// The times that the file states, as the certificate covers them; a time that it does not state is not enforced.
+    fn certified_time(&self, when_late: WhenLate) -> CertifiedTime {
+        let sampling = &self.sampling;
+        let stated = |is_stated: bool, time: f64| if is_stated { time } else { f64::INFINITY };
+        CertifiedTime {
+            interval: stated(sampling.interval_max.is_some(), sampling.interval_max_s()),
+            delay: stated(sampling.delay_max.is_some(), sampling.delay_max_s()),
+            when_late,
         }
     }
 

@@ -105,7 +105,7 @@ pub(crate) fn safety(safety: &mut Safety) -> NumberSlots<'_> {
         ("heating", Number(&mut safety.heating)),
         ("driver_rms", Optional(&mut safety.driver_rms)),
         ("driver_heating", Number(&mut safety.driver_heating)),
-        ("late", Optional(&mut safety.late)),
+        ("stall", Optional(&mut safety.stall)),
         ("link", Optional(&mut safety.link)),
         ("energy", Optional(&mut safety.energy)),
         ("pulse", Optional(&mut safety.pulse)),
@@ -158,7 +158,7 @@ pub(crate) fn timing(timing: &mut Timing) -> (&'static str, NumberSlots<'_>) {
     let kind = timing.kind().name();
     let slots = match timing {
         Timing::Random { seed, shortest } => vec![("seed", Whole(seed)), ("shortest", Optional(shortest))],
-        Timing::Even | Timing::Pattern { .. } | Timing::Recorded { .. } => Vec::new(),
+        Timing::Even | Timing::Pattern { .. } | Timing::Recorded { .. } | Timing::Worst => Vec::new(),
     };
     (kind, slots)
 }

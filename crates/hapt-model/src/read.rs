@@ -2,7 +2,7 @@
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
-use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side};
+use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side, WhenLate};
 use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
 use crate::document::{Document, Entry, Node, Place, Value};
@@ -469,7 +469,8 @@ impl Safety {
             heating: fields.number("heating")?,
             driver_rms: fields.optional_number("driver_rms")?,
             driver_heating: fields.number("driver_heating")?,
-            late: fields.optional_number("late")?,
+            stall: fields.optional_number("stall")?,
+            late: one_of(fields, "late", &WhenLate::ALL, WhenLate::name)?,
             link: fields.optional_number("link")?,
             link_faults: fields.name("link_lost") == Some(keys::LINK_LOST[1]),
             energy: fields.optional_number("energy")?,

@@ -1,5 +1,7 @@
 //! The `[safety]` table as the file has it.
 
+use hapt_core::WhenLate;
+
 use crate::keys::{LINK_LOST, WORLD_LEDGER};
 
 /// The `[safety]` table, in SI; `None`: the default, which depends on the world ([`World::limits`](crate::World::limits)).
@@ -27,8 +29,10 @@ pub struct Safety {
     pub driver_rms: Option<f64>,
     /// The driver's thermal time constant in s.
     pub driver_heating: f64,
-    /// The largest lateness of a sample in s; 0: any.
-    pub late: Option<f64>,
+    /// The largest lateness of a sample in s, missed samples counted in; 0: any.
+    pub stall: Option<f64>,
+    /// What happens beyond `loop.interval_max` and `loop.delay_max`, where the file states them.
+    pub late: Option<WhenLate>,
     /// From the last heartbeat to torque 0, the fade included, in s; 0: any.
     pub link: Option<f64>,
     /// Whether a lost link is a fault; else the torque fades out.
@@ -57,6 +61,7 @@ impl Default for Safety {
             heating: 30.0,
             driver_rms: None,
             driver_heating: 1.0,
+            stall: None,
             late: None,
             link: None,
             link_faults: false,
@@ -73,6 +78,7 @@ impl Safety {
     pub(crate) fn names(&self) -> impl Iterator<Item = (&'static str, &'static str)> {
         let link = self.link_faults.then_some(("link_lost", LINK_LOST[1]));
         let ledger = self.world_trips.map(|trips| ("world_ledger", WORLD_LEDGER[usize::from(trips)]));
-        link.into_iter().chain(ledger)
+        let late = self.late.map(|late| ("late", late.name()));
+        link.into_iter().chain(ledger).chain(late)
     }
 }

@@ -23,6 +23,8 @@ named! {
         Pattern => "pattern",
         /// [`Timing::Recorded`]
         Recorded => "recorded",
+        /// [`Timing::Worst`]
+        Worst => "worst",
     }
 }
 
@@ -53,6 +55,8 @@ pub enum Timing {
         /// When each sample is taken in s, and how late its command arrives in s, where the file says it.
         samples: Vec<(f64, Option<f64>)>,
     },
+    /// The pattern under which the analysis finds the hands-off loop to grow most. It becomes a [`Timing::Pattern`] before a run.
+    Worst,
 }
 
 /// Rounding of a number that was written in another unit than the bound it is held to.
@@ -68,6 +72,7 @@ impl Timing {
             Timing::Random { .. } => TimingKind::Random,
             Timing::Pattern { .. } => TimingKind::Pattern,
             Timing::Recorded { .. } => TimingKind::Recorded,
+            Timing::Worst => TimingKind::Worst,
         }
     }
 
@@ -76,9 +81,8 @@ impl Timing {
         let Sampling { period, .. } = *sampling;
         match self {
             Timing::Even => period,
-            Timing::Random { shortest, .. } => shortest
-                .unwrap_or((2.0 * period - sampling.interval_max_s()).max(0.01 * period))
-                .max(sampling.delay_s()),
+            Timing::Random { shortest, .. } => shortest.unwrap_or(sampling.interval_min_s()).max(sampling.delay_s()),
+            Timing::Worst => sampling.interval_min_s(),
             Timing::Pattern { intervals, .. } => period * intervals.iter().copied().fold(f64::INFINITY, f64::min),
             Timing::Recorded { samples, .. } => {
                 samples.windows(2).map(|pair| pair[1].0 - pair[0].0).fold(f64::INFINITY, f64::min)
@@ -95,6 +99,7 @@ impl Timing {
     ) -> Result<Timing, Error> {
         let timing = match kind {
             TimingKind::Even => return Ok(Timing::Even),
+            TimingKind::Worst => Timing::Worst,
             TimingKind::Random => {
                 Timing::Random { seed: fields.whole("seed")?, shortest: fields.optional_number("shortest")? }
             }
@@ -141,7 +146,7 @@ impl Timing {
             )
         };
         match self {
-            Timing::Even => None,
+            Timing::Even | Timing::Worst => None,
             Timing::Random { shortest, .. } => shortest
                 .filter(|shortest| *shortest > longest)
                 .map(|shortest| ("shortest", format!("{shortest:?} s is above loop.interval_max, {longest:?} s"))),

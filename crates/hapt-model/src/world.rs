@@ -165,10 +165,22 @@ impl Sampling {
         self.interval_max.map_or(self.period, |longest| longest.max(self.period))
     }
 
+    /// The shortest interval in s that analysis and random timing take: as far below the period as the longest is above, a hundredth of the
+    /// period at least, and never shorter than the delay. After a late sample the next one comes sooner by as much.
+    pub fn interval_min_s(&self) -> f64 {
+        let shortest = (2.0 * self.period - self.interval_max_s()).max(0.01 * self.period);
+        shortest.max(self.delay_s().min(self.interval_max_s()))
+    }
+
     /// The largest delay in s, at this loop's period. Never below the delay.
     pub fn delay_max_s(&self) -> f64 {
         let least = self.delay_s();
         self.delay_max.map_or(least, |largest| largest.seconds(self.period).max(least))
+    }
+
+    /// Whether the file states how uneven its intervals or delays may be: what it states is enforced at run time.
+    pub fn states_times(&self) -> bool {
+        self.interval_max.is_some() || self.delay_max.is_some()
     }
 
     /// Whether all intervals are the period, and all delays the same.

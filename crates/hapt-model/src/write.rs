@@ -109,7 +109,7 @@ impl World {
                 [Some(("intervals", format!("{intervals:?}"))), delays]
             }
             Timing::Recorded { file, .. } => [Some(("file", text(file))), None],
-            Timing::Even | Timing::Random { .. } => [None, None],
+            Timing::Even | Timing::Random { .. } | Timing::Worst => [None, None],
         };
         let (kind, slots) = numbers::timing(timing);
         let mut rows = vec![("kind", text(kind))];

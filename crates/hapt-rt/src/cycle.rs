@@ -22,7 +22,8 @@ pub struct Moment {
 
 /// The loop on its device, sample after sample, for any thread and any clock: [`crate::Engine`]'s, a test's, a campaign's.
 ///
-/// A sample is [`Cycle::pass`], then [`Cycle::swap`] where the world changes, then [`Cycle::sample`]. Dropped, it leaves no torque on.
+/// A sample is [`Cycle::pass`], then [`Cycle::swap`] where the world changes, then [`Cycle::sample`], then [`Cycle::commanded`] where there is
+/// a clock. Dropped, it leaves no torque on.
 ///
 /// ```
 /// use hapt_core::{Phase, Request, SafetyProfile};
@@ -99,6 +100,11 @@ impl Cycle {
         std::mem::replace(&mut self.plan, plan)
     }
 
+    /// The device had the command of the last sample this long after it, in ns. The supervisor judges it at the next sample.
+    pub fn commanded(&mut self, delay: u32) {
+        self.state.commanded(f64::from(delay) / 1e9);
+    }
+
     /// Takes the sample. Errors where the device fails; its torque is then set to 0.
     pub fn sample(&mut self, moment: &Moment, request: Option<Request>) -> Result<Record, Failure> {
         let record = self.guarded(moment, request);
@@ -120,7 +126,7 @@ impl Cycle {
         };
         let Cycle { plan, device, state, .. } = self;
         let before = state.supervisor.offset;
-        let SafeOutput { sample, output, phase, reason, warning } = plan.step(state, &reading, request);
+        let SafeOutput { sample, output, phase, reason, warning, outside } = plan.step(state, &reading, request);
         let zero = state.supervisor.offset;
         if zero != before {
             device.0.homed(zero);
@@ -157,7 +163,8 @@ impl Cycle {
             reason,
             warning,
             latency: u32::try_from((moment.late * 1e9).round() as u64).unwrap_or(u32::MAX),
-            computation: 0,
+            computation: u32::try_from((device.0.age() * 1e9).round() as u64).unwrap_or(u32::MAX),
+            outside,
             bodies,
         })
     }

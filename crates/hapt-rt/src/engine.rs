@@ -11,11 +11,11 @@ use crate::clock::Clock;
 use crate::cycle::{Cycle, Moment};
 use crate::handle::{Epoch, LoopHandle};
 use crate::schedule::Schedule;
-use crate::{Device, Failure, Order, Plan, Realtime, Record, Snapshot, scheduling};
+use crate::{Device, Failure, LoopCommand, Plan, Realtime, Record, Snapshot, scheduling};
 
 /// The shortest period of a loop in real time, in s: a PC cannot wake a thread more often.
 pub const SHORTEST_PERIOD: f64 = 1e-5;
-/// Capacity of the rings of orders and of old plans.
+/// Capacity of the rings of commands and of old plans.
 const ORDERS: usize = 64;
 /// Capacity of the ring of records: half a minute at 1 kHz.
 const RECORDS: usize = 1 << 15;
@@ -72,7 +72,7 @@ pub struct Engine {
     pub records: Consumer<Record>,
     /// The snapshots, in the order of their requests. The snapshot before a sample arrives before that sample's record.
     pub snapshots: Consumer<Box<Snapshot>>,
-    orders: Producer<(Epoch, Order)>,
+    commands: Producer<(Epoch, LoopCommand)>,
     /// Plans that the loop no longer uses, to be freed on this side.
     spent: Consumer<Box<Plan>>,
     realtime: Realtime,
@@ -111,13 +111,13 @@ impl Engine {
 
     fn connect(plan: Plan, device: Box<dyn Device>, room: usize) -> Result<(Self, Stepper), Error> {
         check(&plan)?;
-        let (orders, incoming) = RingBuffer::new(ORDERS);
+        let (commands, incoming) = RingBuffer::new(ORDERS);
         let (outgoing, records) = RingBuffer::new(room);
         let (back, spent) = RingBuffer::new(ORDERS);
         let (taken, snapshots) = RingBuffer::new(ORDERS);
         let handle = LoopHandle::default();
         let rings = Rings {
-            orders: incoming,
+            commands: incoming,
             records: outgoing,
             snapshots: taken,
             back,
@@ -127,7 +127,7 @@ impl Engine {
         let schedule = Schedule::new(0, plan.period());
         let cycle = Cycle::new(Box::new(plan), device);
         let realtime = Realtime::default();
-        let engine = Engine { records, snapshots, orders, spent, realtime, handle, thread: None, ended: None };
+        let engine = Engine { records, snapshots, commands, spent, realtime, handle, thread: None, ended: None };
         Ok((engine, Stepper { cycle, rings, schedule, start: None }))
     }
 
@@ -141,31 +141,31 @@ impl Engine {
         &self.handle
     }
 
-    /// Sends an order for the next sample. It is returned where 64 are queued, or where the plan's period is too short. A plan is
+    /// Sends a command for the next sample. It is returned where 64 are queued, or where the plan's period is too short. A plan is
     /// made by [`Plan::following`] the one that was sent before it.
-    pub fn send(&mut self, order: Order) -> Result<(), Order> {
+    pub fn send(&mut self, command: LoopCommand) -> Result<(), LoopCommand> {
         let epoch = self.handle.epoch();
-        self.send_of(order, epoch)
+        self.send_of(command, epoch)
     }
 
-    /// As [`Engine::send`], for an order made in `epoch`: if the loop was stopped or control withdrawn since, arming and clearing
+    /// As [`Engine::send`], for a command made in `epoch`: if the loop was stopped or control withdrawn since, arming and clearing
     /// are ignored.
-    pub fn send_of(&mut self, mut order: Order, epoch: Epoch) -> Result<(), Order> {
+    pub fn send_of(&mut self, mut command: LoopCommand, epoch: Epoch) -> Result<(), LoopCommand> {
         while self.spent.pop().is_ok() {}
-        match &mut order {
-            Order::Swap(plan) if check(plan).is_err() => return Err(order),
-            Order::Swap(plan) => plan.reserve(),
-            Order::Request(_) | Order::Snapshot(_) => {}
+        match &mut command {
+            LoopCommand::Swap(plan) if check(plan).is_err() => return Err(command),
+            LoopCommand::Swap(plan) => plan.reserve(),
+            LoopCommand::Request(_) | LoopCommand::Snapshot(_) => {}
         }
-        self.orders.push((epoch, order)).map_err(|rtrb::PushError::Full((_, order))| order)
+        self.commands.push((epoch, command)).map_err(|rtrb::PushError::Full((_, command))| command)
     }
 
     /// Requests a snapshot before the next sample; it arrives in [`Engine::snapshots`]. False where the queue is full.
     pub fn snapshot(&mut self) -> bool {
-        self.send(Order::Snapshot(Box::new(Snapshot::EMPTY))).is_ok()
+        self.send(LoopCommand::Snapshot(Box::new(Snapshot::EMPTY))).is_ok()
     }
 
-    /// Stop, ahead of all orders: no torque from the next sample on.
+    /// Stop, ahead of all commands: no torque from the next sample on.
     pub fn stop(&self) {
         self.handle.stop();
     }
@@ -205,7 +205,7 @@ fn check(plan: &Plan) -> Result<(), Error> {
 
 /// The loop's ends of the rings.
 struct Rings {
-    orders: Consumer<(Epoch, Order)>,
+    commands: Consumer<(Epoch, LoopCommand)>,
     records: Producer<Record>,
     snapshots: Producer<Box<Snapshot>>,
     back: Producer<Box<Plan>>,
@@ -245,18 +245,19 @@ impl Stepper {
         let Stepper { cycle, rings, schedule, start } = self;
         let taken = schedule.take(now);
         cycle.pass(taken.periods);
-        let request = rings.orders(cycle, schedule);
+        let request = rings.commands(cycle, schedule);
         let moment = Moment {
             due: taken.due - *start.get_or_insert(taken.due),
             late: taken.late as f64 * 1e-9,
             periods: taken.periods,
-            silent: rings.handle.silent_at(now),
+            silent: rings.handle.since_heartbeat_at(now),
         };
         cycle.sample(&moment, request)
     }
 
     /// Passes a record on that was done at `now`. A record without room is lost; the loop waits for nothing.
     fn leave(&mut self, record: Record, now: u64) {
+        self.cycle.commanded(record.computation);
         let _ = self.rings.records.push(record);
         self.schedule.done(now);
     }
@@ -276,15 +277,16 @@ fn run(mut stepper: Stepper, clock: Clock) -> End {
             Ok(record) => record,
             Err(failure) => return End::Device(failure),
         };
-        record.computation = u32::try_from(clock.now() - woken).unwrap_or(u32::MAX);
+        let spent = u32::try_from(clock.now() - woken).unwrap_or(u32::MAX);
+        record.computation = record.computation.saturating_add(spent);
         stepper.leave(record, clock.now());
     }
 }
 
 impl Rings {
-    /// Applies the orders of this sample: one request, one swap, or one snapshot. Two swaps at one sample would leave a world
+    /// Applies the commands of this sample: one request, one swap, or one snapshot. Two swaps at one sample would leave a world
     /// that never ran, of which no record tells.
-    fn orders(&mut self, cycle: &mut Cycle, schedule: &mut Schedule) -> Option<Request> {
+    fn commands(&mut self, cycle: &mut Cycle, schedule: &mut Schedule) -> Option<Request> {
         let (now, before) = (self.handle.epoch(), self.seen);
         self.seen = now;
         if now.stopped_since(before) {
@@ -295,16 +297,16 @@ impl Rings {
         }
         for _ in 0..A_SAMPLE {
             // Nothing is freed here: without room on the way back it waits.
-            match self.orders.peek() {
-                Ok((_, Order::Swap(_))) if self.back.is_full() => return None,
-                Ok((_, Order::Snapshot(_))) if self.snapshots.is_full() => return None,
+            match self.commands.peek() {
+                Ok((_, LoopCommand::Swap(_))) if self.back.is_full() => return None,
+                Ok((_, LoopCommand::Snapshot(_))) if self.snapshots.is_full() => return None,
                 _ => {}
             }
-            match self.orders.pop() {
+            match self.commands.pop() {
                 // From before a stop: obsolete.
-                Ok((made, Order::Request(Request::Arm | Request::Clear))) if made != now => {}
-                Ok((_, Order::Request(request))) => return Some(request),
-                Ok((_, Order::Swap(plan))) => {
+                Ok((made, LoopCommand::Request(Request::Arm | Request::Clear))) if made != now => {}
+                Ok((_, LoopCommand::Request(request))) => return Some(request),
+                Ok((_, LoopCommand::Swap(plan))) => {
                     let old = cycle.swap(plan);
                     if old.period() != cycle.period() {
                         schedule.change_period(cycle.period());
@@ -312,7 +314,7 @@ impl Rings {
                     let _ = self.back.push(old);
                     return None;
                 }
-                Ok((_, Order::Snapshot(mut snapshot))) => {
+                Ok((_, LoopCommand::Snapshot(mut snapshot))) => {
                     cycle.snapshot(&mut snapshot);
                     let _ = self.snapshots.push(snapshot);
                     return None;

@@ -30,7 +30,7 @@ struct Shared {
     clock: Clock,
     epoch: AtomicU64,
     /// Time of the last heartbeat in ns of the clock, at least 1; 0: no link.
-    heard: AtomicU64,
+    last_heartbeat: AtomicU64,
     end: AtomicBool,
 }
 
@@ -40,7 +40,7 @@ impl Default for LoopHandle {
         LoopHandle(Arc::new(Shared {
             clock,
             epoch: AtomicU64::new(0),
-            heard: AtomicU64::new(0),
+            last_heartbeat: AtomicU64::new(0),
             end: AtomicBool::new(false),
         }))
     }
@@ -69,12 +69,12 @@ impl LoopHandle {
 
     /// A heartbeat of the client in control. From the first heartbeat on the supervisor monitors the link.
     pub fn heartbeat(&self) {
-        self.0.heard.store(self.0.clock.now().max(1), Ordering::Release);
+        self.0.last_heartbeat.store(self.0.clock.now().max(1), Ordering::Release);
     }
 
     /// A mark of the last heartbeat, different for each.
-    pub fn heard(&self) -> u64 {
-        self.0.heard.load(Ordering::Acquire)
+    pub fn last_heartbeat(&self) -> u64 {
+        self.0.last_heartbeat.load(Ordering::Acquire)
     }
 
     /// The present epoch, for a request that is made now.
@@ -83,15 +83,15 @@ impl LoopHandle {
     }
 
     /// Time since the last heartbeat, in s; 0 without a link.
-    pub fn silent(&self) -> f64 {
-        self.silent_at(self.0.clock.now())
+    pub fn since_heartbeat(&self) -> f64 {
+        self.since_heartbeat_at(self.0.clock.now())
     }
 
-    /// As [`LoopHandle::silent`], at an instant of the clock in ns.
-    pub(crate) fn silent_at(&self, now: u64) -> f64 {
-        match self.heard() {
+    /// As [`LoopHandle::since_heartbeat`], at an instant of the clock in ns.
+    pub(crate) fn since_heartbeat_at(&self, now: u64) -> f64 {
+        match self.last_heartbeat() {
             0 => 0.0,
-            heard => now.saturating_sub(heard) as f64 * 1e-9,
+            last_heartbeat => now.saturating_sub(last_heartbeat) as f64 * 1e-9,
         }
     }
 

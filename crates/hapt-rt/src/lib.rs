@@ -1,7 +1,7 @@
 //! The loop in real time: a thread that depends on the clock, the device and the core alone.
 //!
 //! [`Engine::start`] takes a [`Plan`] (a world compiled) and a [`Device`], and takes one sample a period on a thread of its own.
-//! [`Order`]s reach that thread and [`Record`]s leave it through bounded rings without locks; a [`LoopHandle`] stops it from any other
+//! [`LoopCommand`]s reach that thread and [`Record`]s leave it through bounded rings without locks; a [`LoopHandle`] stops it from any other
 //! thread, past all orders. The thread itself never allocates,
 //! locks, prints, opens or waits on anything but the clock and the device. [`Engine::stepped`] is the same without clock and thread, for a
 //! program that has a time of its own, and [`Cycle`] without rings; [`Timing`] is what the records say about the clock.
@@ -9,12 +9,12 @@
 //! ```no_run
 //! use hapt_core::{SafetyProfile, Request};
 //! use hapt_model::{Source, World};
-//! use hapt_rt::{Engine, Order, Plan, SimulatedDevice, Timing};
+//! use hapt_rt::{Engine, LoopCommand, Plan, SimulatedDevice, Timing};
 //!
 //! let world = World::read(&Source::open("wheel.toml")?, &[])?;
 //! let (device, _hands) = SimulatedDevice::new(&world);
 //! let mut engine = Engine::start(Plan::new(&world, SafetyProfile::Simulated)?, Box::new(device))?;
-//! let _ = engine.send(Order::Request(Request::Arm));
+//! let _ = engine.send(LoopCommand::Request(Request::Arm));
 //! let mut timing = Timing::new();
 //! while timing.samples() < 1000 {
 //!     std::thread::sleep(std::time::Duration::from_millis(5));
@@ -50,7 +50,7 @@ pub use replay::Replay;
 pub use scheduling::Realtime;
 pub use simulated::{HandCommand, Hands, SimulatedDevice};
 pub use snapshot::Snapshot;
-pub use timing::{Bar, Quantiles, Timing};
+pub use timing::{Bar, Certified, Quantiles, Timing};
 
 /// Bodies that a record has room for.
 pub const BODIES: usize = 32;
@@ -70,6 +70,11 @@ pub trait Device: Send {
     /// The number of consecutive stale readings up to the last one, which count as missed samples. At a new reading, those before it.
     fn missed(&self) -> u32 {
         0
+    }
+
+    /// How much older the last reading is than its sample, in s: 0 for a new one.
+    fn age(&self) -> f64 {
+        0.0
     }
 
     /// The torque that the motor holds now, in N·m (linear: N), where the device measures it; else the torque written one delay ago.
@@ -132,9 +137,9 @@ impl std::fmt::Display for DriveFault {
     }
 }
 
-/// An order to the loop, applied between two samples.
+/// A command to the loop, applied between two samples.
 #[derive(Debug)]
-pub enum Order {
+pub enum LoopCommand {
     /// A request to the supervisor.
     Request(Request),
     /// Another world, compiled. The swap is atomic.
@@ -188,8 +193,10 @@ pub struct Record {
     pub warning: Option<Reason>,
     /// From the sample's instant to its reading, in ns.
     pub latency: u32,
-    /// From the reading to the completed write to the device, in ns.
+    /// From the reading to the completed write to the device, in ns; a stale reading's age counts.
     pub computation: u32,
+    /// Under a torque, this sample came later than the certificate covers, or the command before it did.
+    pub outside: bool,
     /// x_k: positions and velocities of the bodies; unused entries are 0.
     pub bodies: [(f64, f64); BODIES],
 }

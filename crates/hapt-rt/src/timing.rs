@@ -25,7 +25,6 @@ use crate::Record;
 ///     timing.add(&cycle.sample(&Moment { due: due * 1_000_000, periods, ..Moment::default() }, None)?);
 /// }
 /// assert_eq!((timing.samples(), timing.missed(), timing.longest_gap()), (7, 1, 2_000_000));
-/// assert_eq!(timing.intervals_within(1_100_000), (5, 6));
 /// assert_eq!(timing.warning().unwrap(), "1 sample was missed; the longest gap between two samples was 2.000 ms");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -42,6 +41,7 @@ pub struct Timing {
     lost: u64,
     /// The longest time between two samples, and when it ended.
     gap: (u64, u64),
+    certified: Certified,
     last: Option<Last>,
 }
 
@@ -51,6 +51,19 @@ struct Last {
     sample: u64,
     due: u64,
     taken: u64,
+    /// There may be a torque behind it.
+    is_active: bool,
+}
+
+/// How a loop kept the times that its certificate covers: of the samples with a torque before them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Certified {
+    /// The samples.
+    pub samples: u64,
+    /// Those that came in time, behind a command in time.
+    pub inside: u64,
+    /// The longest time from a sample to the next, in ns.
+    pub longest: u64,
 }
 
 /// Quantiles of a time, in ns; 0 without samples.
@@ -92,6 +105,7 @@ impl Timing {
             missed: 0,
             lost: 0,
             gap: (0, 0),
+            certified: Certified::default(),
             last: None,
         }
     }
@@ -118,10 +132,15 @@ impl Timing {
                 let between = taken.saturating_sub(last.taken);
                 self.period.saturating_record(between);
                 self.gap = self.gap.max((between, taken));
+                if last.is_active {
+                    let Certified { samples, inside, longest } = self.certified;
+                    let inside = inside + u64::from(!record.outside);
+                    self.certified = Certified { samples: samples + 1, inside, longest: longest.max(between) };
+                }
             }
         }
         self.latency.saturating_record(latency);
-        self.last = Some(Last { sample, due, taken });
+        self.last = Some(Last { sample, due, taken, is_active: record.phase.is_active() });
     }
 
     /// Samples whose records arrived.
@@ -149,10 +168,9 @@ impl Timing {
         self.gap.0
     }
 
-    /// Of the times between two samples, those of at most `longest` ns, and all. One within a thousandth of `longest` may count as longer.
-    pub fn intervals_within(&self, longest: u64) -> (u64, u64) {
-        let inside = self.period.iter_recorded().take_while(|bin| bin.value_iterated_to() <= longest);
-        (inside.map(|bin| bin.count_since_last_iteration()).sum(), self.period.len())
+    /// How the loop kept the times that its world states; a world that states none is kept by every sample.
+    pub fn certified(&self) -> Certified {
+        self.certified
     }
 
     /// A warning with the number of missed samples and the longest gap; `None` where none was missed.
@@ -285,6 +303,7 @@ mod tests {
             warning: None,
             latency,
             computation,
+            outside: false,
             bodies: [(0.0, 0.0); BODIES],
         }
     }

@@ -77,6 +77,10 @@ impl Simulation {
         if let Some((key, reason)) = scenario.timing.fault(&world.sampling, scenario.duration) {
             return Err(Error::Timing { scenario: scenario.name.clone(), reason: format!("{key}: {reason}") });
         }
+        if scenario.timing == Timing::Worst {
+            let reason = "kind: the worst pattern is not known here; hapt_analysis::with_worst_pattern finds it".into();
+            return Err(Error::Timing { scenario: scenario.name.clone(), reason });
+        }
         let spec = world.device_spec();
         // With uneven samples each command comes with its own delay.
         let mut device = VirtualDevice::new(&DeviceSpec { delay: if even { spec.delay } else { 0.0 }, ..spec });

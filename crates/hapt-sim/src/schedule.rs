@@ -44,7 +44,7 @@ impl Schedule {
     /// t_k in s.
     pub fn time(&self) -> f64 {
         match self.timing {
-            Timing::Even => self.sample as f64 * self.period,
+            Timing::Even | Timing::Worst => self.sample as f64 * self.period,
             Timing::Pattern { .. } => self.time * self.period,
             Timing::Random { .. } | Timing::Recorded { .. } => self.time,
         }
@@ -55,7 +55,7 @@ impl Schedule {
         let k = self.sample;
         self.sample += 1;
         match &self.timing {
-            Timing::Even => Tick { delay: self.delay[0], interval: self.period },
+            Timing::Even | Timing::Worst => Tick { delay: self.delay[0], interval: self.period },
             Timing::Pattern { intervals, delays } => {
                 let i = (k % intervals.len().max(1) as u64) as usize;
                 let interval = intervals.get(i).copied().unwrap_or(1.0);

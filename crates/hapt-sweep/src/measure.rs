@@ -155,6 +155,8 @@ const STRETCH: u64 = 4096;
 /// Runs the scenario once; no measures of a run that cannot start, stops being finite or is stopped.
 pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool, stop: &Stop<'_>) -> OfRun {
     let run = |world: &World| -> Option<OfRun> {
+        let scenario = hapt_analysis::with_worst_pattern(world, scenario).ok()?;
+        let scenario = scenario.as_ref();
         let mut run = Simulation::new(world, scenario).ok()?;
         let mut summary = Summary::new(world, &run);
         let mut settling = settling.then(|| Settling::new(world, scenario, &run));

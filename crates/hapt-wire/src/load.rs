@@ -1,7 +1,11 @@
 //! ```text
-//! version  limits    world
-//! u8       postcard  as write() makes it
+//! version 1  limits    world
+//! version 2  limits    interval, delay, when late  world
+//! u8         postcard  f64, f64, code u8           as write() makes it
 //! ```
+//!
+//! A world that states no times is of version 1, as it always was. A board that reads only that refuses the other: it would not enforce
+//! what the world states.
 
 use hapt_core::{Limits, Spec};
 
@@ -14,6 +18,9 @@ pub const LARGEST: usize = 1024;
 /// The checksum of zlib, PNG and Ethernet: polynomial 0x04c11db7 reflected, from 0xffffffff, inverted.
 const HASH: Crc<u32> = Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
+/// The version of a packed world that states its times.
+const STATES_TIMES: u8 = 2;
+
 /// The identity of a packed world: the CRC-32 of its bytes.
 pub fn hash(bytes: &[u8]) -> u32 {
     HASH.checksum(bytes)
@@ -24,8 +31,11 @@ pub fn hash(bytes: &[u8]) -> u32 {
 /// Errors as [`write()`] does.
 pub fn pack<'a>(spec: &Spec, limits: &Limits, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
     let mut at = 0;
-    put(room, &mut at, &VERSION)?;
+    put(room, &mut at, if limits.time.is_stated() { &STATES_TIMES } else { &VERSION })?;
     put(room, &mut at, limits)?;
+    if limits.time.is_stated() {
+        put(room, &mut at, &limits.time)?;
+    }
     at += write(spec, room.get_mut(at..).ok_or(Error::NoRoom)?)?.len();
     room.get(..at).ok_or(Error::NoRoom)
 }
@@ -33,9 +43,12 @@ pub fn pack<'a>(spec: &Spec, limits: &Limits, room: &'a mut [u8]) -> Result<&'a 
 /// Reads the bytes of [`pack`]. The core checks the ranges of the numbers when it compiles them.
 pub fn unpack<const B: usize, const C: usize>(bytes: &[u8]) -> Result<(Limits, Stored<B, C>), Error> {
     let (version, mut rest) = bytes.split_first().ok_or(Error::Cut)?;
-    if *version != VERSION {
+    if ![VERSION, STATES_TIMES].contains(version) {
         return Err(Error::Version { given: *version });
     }
-    let limits = take(&mut rest)?;
+    let mut limits: Limits = take(&mut rest)?;
+    if *version == STATES_TIMES {
+        limits.time = take(&mut rest)?;
+    }
     Ok((limits, Stored::read(rest)?))
 }

@@ -114,6 +114,8 @@ hapt_core::named! {
         Missed = 2 => "missed",
         /// The longest sample so far, in the board's unit of [`Telemetry::used`]; setting it restarts the maximum from that value.
         MostUsed = 3 => "most-used",
+        /// Samples under a torque since the start that came later than the certificate covers, or behind a command that did; read only.
+        Outside = 4 => "outside",
     }
 }
 

@@ -12,7 +12,7 @@ pub use other::{devices, simulate};
 
 /// The assumption of a certificate about a real motor; printed wherever one is driven.
 pub const NOT_CERTIFIED: &str = "the certificate includes lag and jitter only as the file states them, in device.lag, loop.interval_max \
-                                 and loop.delay_max; the run does not end where they are exceeded";
+                                 and loop.delay_max; the last two are enforced where they are stated, as safety.late says";
 
 #[cfg(target_os = "linux")]
 mod linux {

@@ -6,9 +6,9 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use hapt_core::{Request, SafetyProfile};
+use hapt_core::{Request, SafetyProfile, WhenLate};
 use hapt_model::{Dimension, World};
-use hapt_rt::{Engine, Order, Plan, Quantiles, Realtime, Settings, SimulatedDevice, Timing};
+use hapt_rt::{Certified, Engine, LoopCommand, Plan, Quantiles, Realtime, Settings, SimulatedDevice, Timing};
 use serde_json::{Value, json};
 
 use crate::args::{LatencyArgs, RealtimeArgs};
@@ -23,7 +23,9 @@ const WIDEST: u64 = 50;
 
 pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     let source = world::source(args.world.as_deref().unwrap_or(Path::new("@notes/default")))?;
-    let world = World::read(&source, &args.sets)?;
+    let mut world = World::read(&source, &args.sets)?;
+    // What is measured here has no torque that could harm.
+    world.safety.late = Some(WhenLate::Count);
     let duration = time("--duration", &args.duration)?;
     let (device, _hands) = SimulatedDevice::new(&world);
     let mut engine = Engine::start_with(
@@ -34,7 +36,7 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     output::end_in_order();
     let handle = engine.handle().clone();
     output::stop_with(move || handle.end());
-    let _ = engine.send(Order::Request(Request::Arm));
+    let _ = engine.send(LoopCommand::Request(Request::Arm));
     let stolen = Stolen::until_now();
     let mut timing = Timing::new();
     let mut latest = 0;
@@ -110,8 +112,24 @@ pub fn granted(realtime: &Realtime, stolen: Option<Duration>) -> String {
     text + &took.unwrap_or_default()
 }
 
+/// For how many samples the loop kept the times that the file states, as a line; nothing where it states none.
+pub fn kept(world: &World, timing: &Timing) -> String {
+    let Some(Certified { samples, inside, longest }) = certified(world, timing) else { return String::new() };
+    let [inside, all] = [inside, samples].map(format::count);
+    let longest = format::time(longest as f64 * 1e-9);
+    format!("\ncertified    inside the certificate for {inside} of {all} samples, longest {longest}")
+}
+
+fn certified(world: &World, timing: &Timing) -> Option<Certified> {
+    world.sampling.states_times().then(|| timing.certified())
+}
+
 fn text(world: &World, timing: &Timing, realtime: &Realtime, stolen: Option<Duration>) -> String {
-    let mut text = format!("{} a sample, on the simulated device\n\n{timing}\n\n", format::time(world.sampling.period));
+    let mut text = format!(
+        "{} a sample, on the simulated device\n\n{timing}{}\n\n",
+        format::time(world.sampling.period),
+        kept(world, timing)
+    );
     let bars = timing.latency_bars();
     let most = bars.iter().map(|bar| bar.count).max().unwrap_or(1).max(1);
     for (i, bar) in bars.iter().enumerate() {
@@ -161,6 +179,9 @@ fn json(world: &World, timing: &Timing, realtime: &Realtime, stolen: Option<Dura
         "period_us": quantiles(timing.period()),
         "computation_us": quantiles(timing.computation()),
         "longest_gap_us": us(timing.longest_gap()),
+        "certified": certified(world, timing).map(|Certified { samples, inside, longest }| {
+            json!({ "samples": samples, "inside": inside, "longest_us": us(longest) })
+        }),
         "histogram": bars,
         "stolen_s": stolen.unwrap_or_default().as_secs_f64(),
         "realtime": { "priority": realtime.priority, "locked": realtime.locked, "warnings": realtime.warnings },

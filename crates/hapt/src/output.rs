@@ -186,11 +186,19 @@ fn through(path: &Path) -> io::Result<Option<File>> {
 
 #[cfg(not(unix))]
 fn through(path: &Path) -> io::Result<Option<File>> {
+    if is_null(path) {
+        return OpenOptions::new().write(true).open(path).map(Some);
+    }
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => Err(io::Error::other("it is a folder; expected a file")),
         Ok(there) if !there.is_file() => OpenOptions::new().write(true).open(path).map(Some),
         _ => Ok(None),
     }
+}
+
+/// Whether a path is Windows' null device, which is in every folder and has no metadata.
+fn is_null(path: &Path) -> bool {
+    cfg!(windows) && path.file_name().is_some_and(|name| name.eq_ignore_ascii_case("nul"))
 }
 
 /// Refuses a target that takes no file that grows beside it and is taken up again: a device, a FIFO, a folder.
@@ -199,6 +207,9 @@ pub fn regular(flag: &str, path: &Path) -> Result<(), Failure> {
         Ok(there) if !there.is_file() => {
             let what = if there.is_dir() { "a folder" } else { "a device or a FIFO" };
             Err(Failure::input(format!("{flag} {}: it is {what}; expected a file", path.display())))
+        }
+        _ if is_null(path) => {
+            Err(Failure::input(format!("{flag} {}: it is a device; expected a file", path.display())))
         }
         _ => protected(path).map(drop).map_err(|error| Failure::write(path.display(), error)),
     }
@@ -229,7 +240,7 @@ pub fn given<'a>(outputs: &[(&'a str, &'a Option<PathBuf>)]) -> Vec<(&'a str, &'
 /// The canonical place of a file, existing or not; `None` of a target that is not a file.
 fn place(path: &Path) -> Option<PathBuf> {
     let path = followed(path).ok()?;
-    if fs::metadata(&path).is_ok_and(|there| !there.is_file()) {
+    if is_null(&path) || fs::metadata(&path).is_ok_and(|there| !there.is_file()) {
         return None;
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -125,7 +125,8 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
     let live = live.is_ok().then(|| format!("{LIVE}/{stem}.html"));
     let mut runs = Vec::new();
     for scenario in &world.scenarios {
-        let simulation = Simulation::new(world, scenario)?;
+        let played = hapt_analysis::with_worst_pattern(world, scenario)?;
+        let simulation = Simulation::new(world, &played)?;
         let mut run = Run::new(world, scenario, &simulation, check);
         let end = rows(simulation, &scenario.name, |row| {
             run.add(row);

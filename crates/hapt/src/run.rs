@@ -16,7 +16,7 @@ use crate::drives;
 use crate::failure::Failure;
 use crate::format;
 use crate::host::Stolen;
-use crate::latency::{LOOK, granted, settings, time};
+use crate::latency::{LOOK, granted, kept, settings, time};
 use crate::log::Recording;
 use crate::messages;
 use crate::output;
@@ -300,17 +300,9 @@ impl Run {
             let (samples, shown) = (format::count(samples), format::count(*records));
             return format!("{text}, of what was shown\nsamples      {samples}, {missed} missed; {shown} shown\n");
         };
-        let within = within(timing, world).map_or(String::new(), |line| format!("\n{line}"));
-        format!("{text}\n\n{timing}{within}\n\n{}", granted(realtime, self.stolen.since()))
+        let kept = kept(world, timing);
+        format!("{text}\n\n{timing}{kept}\n\n{}", granted(realtime, self.stolen.since()))
     }
-}
-
-/// How many intervals were within the one that the file states; `None` where it states none.
-fn within(timing: &Timing, world: &World) -> Option<String> {
-    let longest = world.sampling.interval_max?;
-    let (inside, all) = timing.intervals_within((longest * 1e9) as u64);
-    let [inside, all] = [inside, all].map(format::count);
-    Some(format!("certified    {inside} of {all} intervals were at most loop.interval_max, {}", format::time(longest)))
 }
 
 impl Seen {

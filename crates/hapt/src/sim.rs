@@ -80,7 +80,8 @@ fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &Sim
         header.scenario = Some(scenario.name.clone());
         let table = |format: &Format| Table::new(*format, target(&scenario.name, format), world, &header, Origin::Run);
         let mut tables = formats.iter().map(table).collect::<Result<Vec<_>, _>>()?;
-        let run = Simulation::new(world, scenario)?;
+        let played = hapt_analysis::with_worst_pattern(world, scenario)?;
+        let run = Simulation::new(world, &played)?;
         let end = rows(run, &scenario.name, |row| tables.iter_mut().try_for_each(|table| table.row(row)))?;
         for table in tables {
             let path = table.finish()?;
@@ -116,7 +117,8 @@ fn print_all(loaded: &Loaded, sets: &[String], scenarios: &[&Scenario]) -> Resul
     let mut first_failure = None;
     writeln!(out, "{}", loaded.title()).map_err(Failure::stdout)?;
     for scenario in scenarios {
-        let run = Simulation::new(world, scenario)?;
+        let played = hapt_analysis::with_worst_pattern(world, scenario)?;
+        let run = Simulation::new(world, &played)?;
         let mut summary = Summary::new(world, &run);
         let end = rows(run, &scenario.name, |row| {
             summary.add(row);

@@ -43,7 +43,7 @@ pub fn files(path: &Path, world: &World) -> Vec<(&'static str, PathBuf)> {
     });
     let timings = world.scenarios.iter().filter_map(|scenario| match &scenario.timing {
         Timing::Recorded { file, .. } => Some(("the recording of a timing", folder.join(file))),
-        Timing::Even | Timing::Random { .. } | Timing::Pattern { .. } => None,
+        Timing::Even | Timing::Random { .. } | Timing::Pattern { .. } | Timing::Worst => None,
     });
     [("the world", path.to_path_buf())].into_iter().chain(paths).chain(timings).collect()
 }

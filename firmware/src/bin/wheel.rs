@@ -51,10 +51,12 @@ fn main() -> ! {
     }
 }
 
-/// A period begins.
+/// A period begins. Where no sample has been taken for longer than the world allows, the torque goes here, whatever holds the sample up.
 #[exception]
 fn SysTick() {
-    ticks::begin();
+    if ticks::begin() {
+        Here::cut();
+    }
 }
 
 /// A sample, below SysTick: the periods that begin while it is taken are counted as missed.
@@ -72,11 +74,13 @@ fn PendSV() {
         let seen = Measurement { position: device.position(), late: late_by, missed, fault, ..Measurement::default() };
         let motor = sampler.sample(&seen);
         device.hold(motor.torque, motor.on);
+        sampler.commanded(ticks::since_taken_up().saturating_sub(late) as f32 / Here::CLOCK as f32);
         device.feed();
         let swapped = sampler.exchange(mail);
         sampler.used(ticks::since_taken_up().saturating_sub(late));
         if swapped {
             every(sampler.period());
+            ticks::hold_for(sampler.longest_hold());
         }
     });
 }

@@ -50,6 +50,12 @@ impl Board for Here {
     type Line = Usart;
     type Device = Motor;
 
+    /// A duty of one half is no torque.
+    fn cut() {
+        PWM_U.set(HALF_PERIOD / 2);
+        PWM_V.set(HALF_PERIOD / 2);
+    }
+
     fn start() -> (Usart, Motor) {
         clock();
         pins();

@@ -26,6 +26,9 @@ impl Board for Here {
     type Line = Uart;
     type Device = Puck;
 
+    /// There is no motor.
+    fn cut() {}
+
     fn start() -> (Uart, Puck) {
         DIVIDER.set(Self::CLOCK / 921_600);
         CONTROL.set(3);

@@ -21,6 +21,9 @@ impl Board for Here {
     type Line = Uart;
     type Device = Puck;
 
+    /// There is no motor.
+    fn cut() {}
+
     fn start() -> (Uart, Puck) {
         CONTROL.set(ENABLE);
         (Uart { state: STATUS, received: DATA, sent: DATA, full: 1 << 5, free: (1 << 7, true) }, Puck(Swing::START))

@@ -61,7 +61,7 @@ fn environment(folder: &Path) -> Result<PathBuf> {
             eprintln!("without {package}: {error}");
         }
     }
-    crate::python::install(&environment, "release")?;
+    crate::python::install(&environment, "wheel")?;
     Ok(python)
 }
 
@@ -74,7 +74,7 @@ impl Bench {
 
     fn tables(&self, rounds: usize) -> Result<String> {
         let mut script = Command::new(environment(&self.folder)?);
-        script.arg("bench/python/package.py").arg(self.release.join("hapt-bench")).arg(self.release.join("hapt"));
+        script.arg("bench/python/package.py").arg(self.release.join("hapt-bench")).arg(self.shipped()?);
         output(script.arg(rounds.to_string()))
     }
 }

@@ -50,7 +50,7 @@ pub fn same_bits() -> Result<()> {
 /// The world and its limits as a C array, as a board takes them.
 pub fn array(world: &World) -> Result<String> {
     let mut room = [0; 1024];
-    let bytes = hapt_wire::pack(&world.spec(), &world.limits(SafetyProfile::Simulated), &mut room)?;
+    let bytes = hapt_wire::pack(&world.spec(), &world.board_limits(SafetyProfile::Simulated), &mut room)?;
     let lines: Vec<String> =
         bytes.chunks(16).map(|line| line.iter().map(|byte| format!(" 0x{byte:02x},")).collect::<String>()).collect();
     let title = world.title.as_deref().unwrap_or("A world");
@@ -62,7 +62,7 @@ pub fn array(world: &World) -> Result<String> {
 
 /// What the example sums up, from the core itself.
 fn sum(world: &World) -> Result<u64> {
-    let limits = world.limits(SafetyProfile::Simulated);
+    let limits = world.board_limits(SafetyProfile::Simulated);
     let controller = Controller::<f32, BODIES, COUPLINGS, COUNTS>::new(&world.spec(), &limits)?;
     let (mut state, mut trace) = (controller.start(), Trace::new(1e-3));
     let mut sum = 0xcbf2_9ce4_8422_2325_u64;

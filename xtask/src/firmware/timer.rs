@@ -29,7 +29,7 @@ pub fn holds(extent: Extent) -> Result<()> {
     let mut wheel = world("released")?;
     wheel.sampling.estimator = EstimatorKind::Difference;
     // A sample that comes half a period late is a fault.
-    let limits = Limits { late: 0.5e-4, ..wheel.limits(SafetyProfile::Simulated) };
+    let limits = Limits { stall: 0.5e-4, ..wheel.limits(SafetyProfile::Simulated) };
     let hash = board.load(&wheel, &limits)?;
     board.done(Command::Set { parameter: Parameter::Divider as u8, value: 10_000 })?;
     board.done(Command::Set { parameter: Parameter::MostUsed as u8, value: 0 })?;

@@ -23,6 +23,8 @@ pub enum Kind {
     Offset,
     /// As `Mixed`, beside a torque that goes with the position.
     Cogged,
+    /// As `Mixed`, with a motor that lags.
+    Lagging,
     /// The experiment that `hapt identify DEVICE` makes, on a device with a constant torque of its own.
     Guided,
 }
@@ -66,16 +68,17 @@ impl Trial {
         let offset = match kind {
             Kind::Guided => friction * between(-0.8, 0.8),
             Kind::Offset => amplitude * between(-0.6, 0.6),
-            Kind::Mixed | Kind::Quiet | Kind::Cogged => 0.0,
+            Kind::Mixed | Kind::Quiet | Kind::Cogged | Kind::Lagging => 0.0,
         };
         let cogging = match kind {
             Kind::Cogged => {
                 (40f64.powf(between(0.0, 1.0)).round() as u32, friction * 0.02 * 25f64.powf(between(0.0, 1.0)))
             }
-            Kind::Mixed | Kind::Quiet | Kind::Guided | Kind::Offset => (0, 0.0),
+            Kind::Mixed | Kind::Quiet | Kind::Guided | Kind::Offset | Kind::Lagging => (0, 0.0),
         };
+        let lag = if kind == Kind::Lagging { period * 0.1 * 50f64.powf(between(0.0, 1.0)) } else { 0.0 };
         let sign = if rng.bool() { 1.0 } else { -1.0 };
-        let rig = DeviceSpec { period, delay, lag: 0.0, inertia, damping, friction };
+        let rig = DeviceSpec { period, delay, lag, inertia, damping, friction };
         Trial { kind, rig, is_linear, sign, count, offset, cogging, noise, amplitude, seed }
     }
 
@@ -87,9 +90,10 @@ impl Trial {
         (0..self.samples()).map(|k| k as f64 * self.rig.period).collect()
     }
 
-    /// Inertia, damping, friction, delay, constant torque.
-    pub fn truth(&self) -> [f64; 5] {
-        [self.rig.inertia, self.rig.damping, self.rig.friction, self.rig.delay, self.offset]
+    /// Inertia, damping, friction, delay, constant torque, lag, delay and lag together.
+    pub fn truth(&self) -> [f64; 7] {
+        let DeviceSpec { inertia, damping, friction, delay, lag, .. } = self.rig;
+        [inertia, damping, friction, delay, self.offset, lag, delay + lag]
     }
 
     /// How often the torque comes in a turn that goes with the position, where there is one.

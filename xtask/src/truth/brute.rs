@@ -1,7 +1,7 @@
 //! What the real core does on the exact device: whether a motion grows, and whether a hand gets work out of it.
 
 use fastrand::Rng;
-use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand, Scenario, Shape, Switching, World};
+use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand, Scenario, Shape, Switching, Timing, World};
 use hapt_sim::{DelayWork, Simulation, world_energy};
 
 /// Below this part of the largest energy there is only rounding.
@@ -84,8 +84,13 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u6
 /// The most that a hand has got out of the loop at any sample beyond what was stored in it and what its delay has lent, in parts of all the work that went
 /// round; not above 0 but for rounding where the loop is passive.
 pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
+    drawn_under(world, hand, samples, Timing::Even)
+}
+
+/// The same under a timing, over as many periods.
+pub fn drawn_under(world: &World, hand: Hand, samples: u64, timing: Timing) -> (f64, u64) {
     let duration = samples as f64 * world.sampling.period;
-    let scenario = Scenario { name: "hand".into(), duration, hand, timing: Default::default() };
+    let scenario = Scenario { name: "hand".into(), duration, hand, timing };
     let Ok(mut run) = Simulation::new(world, &scenario) else { return (0.0, 0) };
     let (mut most, mut taken) = (f64::NEG_INFINITY, 0);
     let (mut stored, mut round, mut last) = (0.0, 0.0, 0.0);

@@ -6,6 +6,7 @@ use hapt_model::keys::Measure;
 
 use crate::certificate::check::{Check, ESTIMATE};
 use crate::passivity::{Cause, Passivity};
+use crate::stability::patterns::{BY_PASSIVITY, FreePatterns, PatternVerdict};
 use crate::stability::{Mode, NOT_SEARCHED, Verdict};
 use crate::text::{short, time};
 
@@ -217,16 +218,42 @@ impl Check {
         let delay = if least == most { time(least) } else { format!("{} to {}", time(least), time(most)) };
         let delay = if most > 0.0 { format!("delays of {delay}") } else { "no delay".to_string() };
         let times = format!("intervals up to {} and {delay}", time(found.interval_max_s));
+        let hands_off = self.patterns_sentence();
         let Some(required) = found.required_damping else {
-            return Some(format!("not passive under {times}, as far as is known"));
+            return Some(format!("not known to be passive under {times}, with any damping; {hands_off}"));
         };
         let unit = Measure::Damping.dimension(self.motion).symbol();
         let (has, wanted) = (short(found.device_damping), short(required));
         let verdict = if found.passive { "passive" } else { "not known to be passive" };
         Some(format!(
             "{verdict} under every pattern of {times}{linear}: a device damping of {wanted} {unit} is enough, and the device has {has} at \
-             least"
+             least; {hands_off}"
         ))
+    }
+
+    /// What is known of the hands-off loop under every pattern.
+    fn patterns_sentence(&self) -> String {
+        let FreePatterns { verdict, interval_s: [least, longest], proved_by, pattern, reason } = &self.uneven.free;
+        let intervals = match *least {
+            0.0 => String::new(),
+            least => format!(" of intervals from {} to {}", time(least), time(*longest)),
+        };
+        match (verdict, pattern) {
+            (PatternVerdict::Broken, Some(found)) => format!(
+                "hands-off it grows by {} per second ({}) under {}",
+                short(found.growth_per_s),
+                pace(found.growth_per_s),
+                found.description()
+            ),
+            (PatternVerdict::Proved, _) if *proved_by == Some(BY_PASSIVITY) => {
+                "hands-off it then grows under none".to_string()
+            }
+            (PatternVerdict::Proved, _) => format!("hands-off it grows under no pattern{intervals}"),
+            (PatternVerdict::Open | PatternVerdict::Broken, _) => {
+                let reason = reason.as_deref().unwrap_or("no proof is known");
+                format!("hands-off it is not known whether a pattern{intervals} makes it grow: {reason}")
+            }
+        }
     }
 
     /// What the encoder's counts and the motor's levels allow, in one sentence; `None` where both are ideal.

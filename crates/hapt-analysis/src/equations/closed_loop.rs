@@ -35,7 +35,7 @@ use nalgebra::{DMatrix, RowDVector};
 use crate::equations::delay::{Delay, MAX_IN_FLIGHT};
 use crate::equations::discrete::Discrete;
 use crate::equations::estimator::Filter;
-use crate::equations::port::Port;
+use crate::equations::port::{Block, Port};
 use crate::equations::puck::DrivenPuck;
 use crate::error::Error;
 use crate::numerics::phi::{phi1, phi2};
@@ -52,150 +52,252 @@ pub(crate) fn closed_loop(
     period: f64,
 ) -> Result<DMatrix<f64>, Error> {
     let delay = Delay::of(sampling.delay.seconds(period), period)?;
-    if filter.taps.len() > MAX_IN_FLIGHT + 1 {
-        let value = (filter.taps.len() - 1) as f64;
-        return Err(Error::Value { what: "the estimator's window", value, wanted: "500 samples at most" });
-    }
-    let uncoupled = port.is_uncoupled();
-    // State that nothing uses is omitted.
-    let in_flight = if uncoupled { 0 } else { delay.in_flight() };
-    let estimated = port.has_damper() && !filter.taps.is_empty();
-    let memory = if estimated { filter.taps.len().saturating_sub(2) } else { 0 };
-    let bodies: usize = port.blocks.iter().map(|b| b.positions + b.equations.bodies()).sum();
+    let parts = ClosedLoop::new(port, sampling, filter, period, delay.in_flight())?;
+    let hold = Hold { interval: period, before: delay.fraction * period, age: delay.samples };
+    let d = parts.map(&parts.puck(damping, hold));
+    if d.iter().all(|x| x.is_finite()) { Ok(d) } else { Err(Error::Eigenvalues { order: parts.order }) }
+}
 
-    let z = port.grounded.then_some(0);
-    let v = usize::from(port.grounded);
-    let first_body = v + 1;
-    let estimate = if estimated { first_body + bodies } else { v };
-    let first_memory = first_body + bodies + usize::from(estimated);
-    let first_in_flight = first_memory + memory;
-    let motor = (port.lag > 0.0 && !uncoupled).then_some(first_in_flight + in_flight);
-    let order = first_in_flight + in_flight + usize::from(motor.is_some());
-    let unit = |i: usize| RowDVector::from_fn(order, |_, j| if i == j { 1.0 } else { 0.0 });
+/// Under which commands the puck moves between two samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Hold {
+    /// From one sample to the next, s.
+    pub interval: f64,
+    /// How long the older of two commands still holds, s.
+    pub before: f64,
+    /// The age in samples of the command that follows.
+    pub age: usize,
+}
 
-    // One sample of each block, and the torque.
-    let mut torque = RowDVector::zeros(order);
-    let mut own = [-port.stiffness, -(port.fixed + period * port.per_period)];
-    let mut steps = Vec::with_capacity(port.blocks.len());
-    let mut at = first_body;
-    for block in &port.blocks {
-        let step = Discrete::new(&block.equations, sampling.method, sampling.output, sampling.advance, period)?;
-        let (m, p) = (block.equations.bodies(), block.positions);
-        (0..p).for_each(|j| torque[at + j] += step.torque.state[j]);
-        (0..m).for_each(|j| torque[at + p + j] += step.torque.state[m + j]);
-        own[0] += step.torque.puck[0];
-        own[1] += step.torque.puck[1];
-        steps.push((block, step, at));
-        at += m + p;
-    }
-    // Without a spring to ground the torque does not depend on z.
-    if let Some(z) = z {
-        torque[z] += own[0];
-    }
-    if port.has_damper() {
-        torque[estimate] += own[1];
+/// The change of the puck and its motor from one sample to the next, as rows on the state.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct PuckChange {
+    pub position: RowDVector<f64>,
+    pub velocity: RowDVector<f64>,
+    /// The motor's torque, where it lags.
+    pub motor: RowDVector<f64>,
+}
+
+/// One sample of each block, and where everything stands in the state.
+pub(crate) struct ClosedLoop<'a> {
+    port: &'a Port,
+    sampling: &'a Sampling,
+    filter: &'a Filter,
+    period: f64,
+    in_flight: usize,
+    memory: usize,
+    estimated: bool,
+    steps: Vec<(&'a Block, Discrete, usize)>,
+    /// This sample's command, as a row on the state.
+    torque: RowDVector<f64>,
+    /// The number of states.
+    pub order: usize,
+    /// Where z stands, if springs join the puck to ground.
+    pub position: Option<usize>,
+    /// Where ż stands.
+    pub velocity: usize,
+    estimate: usize,
+    first_memory: usize,
+    first_in_flight: usize,
+    /// Where the motor's torque stands, if it lags.
+    pub motor: Option<usize>,
+}
+
+impl<'a> ClosedLoop<'a> {
+    /// World and estimator take steps of `period`; `in_flight` commands before this sample's are kept.
+    ///
+    /// # Errors
+    /// As [`closed_loop`].
+    pub fn new(
+        port: &'a Port,
+        sampling: &'a Sampling,
+        filter: &'a Filter,
+        period: f64,
+        in_flight: usize,
+    ) -> Result<Self, Error> {
+        if filter.taps.len() > MAX_IN_FLIGHT + 1 {
+            let value = (filter.taps.len() - 1) as f64;
+            return Err(Error::Value { what: "the estimator's window", value, wanted: "500 samples at most" });
+        }
+        let uncoupled = port.is_uncoupled();
+        // State that nothing uses is omitted.
+        let in_flight = if uncoupled { 0 } else { in_flight };
+        let estimated = port.has_damper() && !filter.taps.is_empty();
+        let memory = if estimated { filter.taps.len().saturating_sub(2) } else { 0 };
+        let bodies: usize = port.blocks.iter().map(|b| b.positions + b.equations.bodies()).sum();
+
+        let z = port.grounded.then_some(0);
+        let v = usize::from(port.grounded);
+        let first_body = v + 1;
+        let estimate = if estimated { first_body + bodies } else { v };
+        let first_memory = first_body + bodies + usize::from(estimated);
+        let first_in_flight = first_memory + memory;
+        let motor = (port.lag > 0.0 && !uncoupled).then_some(first_in_flight + in_flight);
+        let order = first_in_flight + in_flight + usize::from(motor.is_some());
+
+        let mut torque = RowDVector::zeros(order);
+        let mut own = [-port.stiffness, -(port.fixed + period * port.per_period)];
+        let mut steps = Vec::with_capacity(port.blocks.len());
+        let mut at = first_body;
+        for block in &port.blocks {
+            let step = Discrete::new(&block.equations, sampling.method, sampling.output, sampling.advance, period)?;
+            let (m, p) = (block.equations.bodies(), block.positions);
+            (0..p).for_each(|j| torque[at + j] += step.torque.state[j]);
+            (0..m).for_each(|j| torque[at + p + j] += step.torque.state[m + j]);
+            own[0] += step.torque.puck[0];
+            own[1] += step.torque.puck[1];
+            steps.push((block, step, at));
+            at += m + p;
+        }
+        // Without a spring to ground the torque does not depend on z.
+        if let Some(z) = z {
+            torque[z] += own[0];
+        }
+        if port.has_damper() {
+            torque[estimate] += own[1];
+        }
+        Ok(ClosedLoop {
+            port,
+            sampling,
+            filter,
+            period,
+            in_flight,
+            memory,
+            estimated,
+            steps,
+            torque,
+            order,
+            position: z,
+            velocity: v,
+            estimate,
+            first_memory,
+            first_in_flight,
+            motor,
+        })
     }
 
-    // The puck, over both parts of the period.
-    let j = port.inertia;
-    let rate = damping / j;
-    let (h1, h2) = (delay.fraction * period, period - delay.fraction * period);
-    let command = |age: usize| if age == 0 { torque.clone() } else { unit(first_in_flight + age - 1) };
-    let (mut dz, mut dv);
-    let mut motor_change = RowDVector::zeros(order);
-    if motor.is_some() || port.spring > 0.0 {
-        (dz, dv) = (RowDVector::zeros(order), RowDVector::zeros(order));
-        let puck = DrivenPuck { inertia: j, damping, spring: port.spring, lag: motor.map_or(0.0, |_| port.lag) };
-        let at =
-            |place: Option<usize>, change: &RowDVector<f64>| place.map_or_else(|| change.clone(), |i| unit(i) + change);
-        for (h, age) in [(h1, delay.samples + 1), (h2, delay.samples)].into_iter().filter(|(h, _)| *h > 0.0) {
-            let change = puck.over(h);
-            // Without a spring to ground nothing depends on z.
-            let state = [at(z, &dz), at(Some(v), &dv), at(motor, &motor_change)];
-            for (i, row) in [&mut dz, &mut dv, &mut motor_change].into_iter().enumerate() {
-                for (part, factor) in state.iter().zip(change.matrix.row(i).iter()) {
-                    *row += part * *factor;
+    fn unit(&self, i: usize) -> RowDVector<f64> {
+        RowDVector::from_fn(self.order, |_, j| if i == j { 1.0 } else { 0.0 })
+    }
+
+    /// The command of `age` samples ago, as a row on the state.
+    pub fn command(&self, age: usize) -> RowDVector<f64> {
+        if age == 0 { self.torque.clone() } else { self.unit(self.first_in_flight + age - 1) }
+    }
+
+    /// The puck's change over a hold, with a device damping of `damping`.
+    pub fn puck(&self, damping: f64, hold: Hold) -> PuckChange {
+        let (port, order, v) = (self.port, self.order, self.velocity);
+        let uncoupled = port.is_uncoupled();
+        let j = port.inertia;
+        let rate = damping / j;
+        let (h1, h2) = (hold.before, hold.interval - hold.before);
+        let (mut dz, mut dv);
+        let mut motor_change = RowDVector::zeros(order);
+        if self.motor.is_some() || port.spring > 0.0 {
+            (dz, dv) = (RowDVector::zeros(order), RowDVector::zeros(order));
+            let puck =
+                DrivenPuck { inertia: j, damping, spring: port.spring, lag: self.motor.map_or(0.0, |_| port.lag) };
+            let at = |place: Option<usize>, change: &RowDVector<f64>| {
+                place.map_or_else(|| change.clone(), |i| self.unit(i) + change)
+            };
+            for (h, age) in [(h1, hold.age + 1), (h2, hold.age)].into_iter().filter(|(h, _)| *h > 0.0) {
+                let change = puck.over(h);
+                // Without a spring to ground nothing depends on z.
+                let state = [at(self.position, &dz), at(Some(v), &dv), at(self.motor, &motor_change)];
+                for (i, row) in [&mut dz, &mut dv, &mut motor_change].into_iter().enumerate() {
+                    for (part, factor) in state.iter().zip(change.matrix.row(i).iter()) {
+                        *row += part * *factor;
+                    }
+                    if !uncoupled {
+                        *row += self.command(age) * change.push[i];
+                    }
                 }
-                if !uncoupled {
-                    *row += command(age) * change.push[i];
+            }
+        } else {
+            dz = self.unit(v) * (hold.interval * phi1(rate * hold.interval));
+            dv = self.unit(v) * (-rate * hold.interval).exp_m1();
+            if !uncoupled {
+                let new = self.command(hold.age);
+                dz += &new * (h2 * h2 / j * phi2(rate * h2));
+                dv += new * (h2 / j * phi1(rate * h2));
+                if h1 > 0.0 {
+                    let old = self.command(hold.age + 1);
+                    let push = h1 / j * phi1(rate * h1);
+                    dz += &old * (h1 * h1 / j * phi2(rate * h1) + push * h2 * phi1(rate * h2));
+                    dv += old * (push * (-rate * h2).exp());
                 }
             }
         }
-    } else {
-        dz = unit(v) * (period * phi1(rate * period));
-        dv = unit(v) * (-rate * period).exp_m1();
-        if !uncoupled {
-            let new = command(delay.samples);
-            dz += &new * (h2 * h2 / j * phi2(rate * h2));
-            dv += new * (h2 / j * phi1(rate * h2));
-            if delay.fraction > 0.0 {
-                let old = command(delay.samples + 1);
-                let push = h1 / j * phi1(rate * h1);
-                dz += &old * (h1 * h1 / j * phi2(rate * h1) + push * h2 * phi1(rate * h2));
-                dv += old * (push * (-rate * h2).exp());
-            }
-        }
+        PuckChange { position: dz, velocity: dv, motor: motor_change }
     }
 
-    let mut d = DMatrix::zeros(order, order);
-    if let Some(z) = z {
-        d.set_row(z, &dz);
-    }
-    d.set_row(v, &dv);
-    if let Some(motor) = motor {
-        d.set_row(motor, &motor_change);
-    }
-    if estimated {
-        let mut sum = 0.0;
-        let gains: Vec<f64> = filter.taps.iter().take(filter.taps.len() - 1).map(|tap| (sum += tap, sum).1).collect();
-        let mut row = &dz * gains.first().copied().unwrap_or(0.0);
-        for (i, gain) in gains.iter().enumerate().skip(1) {
-            row[first_memory + i - 1] += gain;
+    /// D, affine in the change of the puck.
+    pub fn map(&self, change: &PuckChange) -> DMatrix<f64> {
+        let ClosedLoop { port, sampling, filter, period, order, memory, estimate, first_memory, .. } = *self;
+        let (z, v, estimated) = (self.position, self.velocity, self.estimated);
+        let PuckChange { position: dz, velocity: dv, motor } = change;
+        let mut d = DMatrix::zeros(order, order);
+        if let Some(z) = z {
+            d.set_row(z, dz);
         }
-        row[estimate] -= if filter.pole == 0.0 { 1.0 } else { period * gains.iter().sum::<f64>() };
-        d.set_row(estimate, &row);
-    }
-    for i in 0..memory {
-        let mut row = if i == 0 { dz.clone() } else { unit(first_memory + i - 1) };
-        row[first_memory + i] -= 1.0;
-        d.set_row(first_memory + i, &row);
-    }
-    for i in 0..in_flight {
-        let mut row = command(i);
-        row[first_in_flight + i] -= 1.0;
-        d.set_row(first_in_flight + i, &row);
-    }
-    let estimate_change = d.row(estimate).into_owned();
-    for (block, step, at) in &steps {
-        let (m, p) = (block.equations.bodies(), block.positions);
-        // Positions beyond p are not part of the state: their columns are 0.
-        let places = (0..p).map(|i| (i, at + i)).chain((0..m).map(|i| (m + i, at + p + i))).collect::<Vec<_>>();
-        for &(i, place) in &places {
-            let mut row = RowDVector::zeros(order);
-            for &(j, column) in &places {
-                row[column] += step.d[(i, j)];
+        d.set_row(v, dv);
+        if let Some(at) = self.motor {
+            d.set_row(at, motor);
+        }
+        if estimated {
+            let mut sum = 0.0;
+            let gains: Vec<f64> =
+                filter.taps.iter().take(filter.taps.len() - 1).map(|tap| (sum += tap, sum).1).collect();
+            let mut row = dz * gains.first().copied().unwrap_or(0.0);
+            for (i, gain) in gains.iter().enumerate().skip(1) {
+                row[first_memory + i - 1] += gain;
             }
-            let held = |j: usize| step.previous[(i, j)] + step.current[(i, j)];
-            if let Some(z) = z {
-                row[z] += held(0);
-            }
-            if port.has_damper() {
-                row[estimate] += held(1);
-            }
-            // The methods that take the new sample first: u_{k+1} = u_k + Δu.
-            let mut along = 0.0;
-            if sampling.method.takes_new_sample_first() {
-                along += step.current[(i, 0)];
+            row[estimate] -= if filter.pole == 0.0 { 1.0 } else { period * gains.iter().sum::<f64>() };
+            d.set_row(estimate, &row);
+        }
+        for i in 0..memory {
+            let mut row = if i == 0 { dz.clone() } else { self.unit(first_memory + i - 1) };
+            row[first_memory + i] -= 1.0;
+            d.set_row(first_memory + i, &row);
+        }
+        for i in 0..self.in_flight {
+            let mut row = self.command(i);
+            row[self.first_in_flight + i] -= 1.0;
+            d.set_row(self.first_in_flight + i, &row);
+        }
+        let estimate_change = d.row(estimate).into_owned();
+        for (block, step, at) in &self.steps {
+            let (m, p) = (block.equations.bodies(), block.positions);
+            // Positions beyond p are not part of the state: their columns are 0.
+            let places = (0..p).map(|i| (i, at + i)).chain((0..m).map(|i| (m + i, at + p + i))).collect::<Vec<_>>();
+            for &(i, place) in &places {
+                let mut row = RowDVector::zeros(order);
+                for &(j, column) in &places {
+                    row[column] += step.d[(i, j)];
+                }
+                let held = |j: usize| step.previous[(i, j)] + step.current[(i, j)];
+                if let Some(z) = z {
+                    row[z] += held(0);
+                }
                 if port.has_damper() {
-                    row += &estimate_change * step.current[(i, 1)];
+                    row[estimate] += held(1);
                 }
+                // The methods that take the new sample first: u_{k+1} = u_k + Δu.
+                let mut along = 0.0;
+                if sampling.method.takes_new_sample_first() {
+                    along += step.current[(i, 0)];
+                    if port.has_damper() {
+                        row += &estimate_change * step.current[(i, 1)];
+                    }
+                }
+                if z.is_none() && i < p {
+                    along -= block.shift[i];
+                }
+                row += dz * along;
+                d.set_row(place, &row);
             }
-            if z.is_none() && i < p {
-                along -= block.shift[i];
-            }
-            row += &dz * along;
-            d.set_row(place, &row);
         }
+        d
     }
-    if d.iter().all(|x| x.is_finite()) { Ok(d) } else { Err(Error::Eigenvalues { order }) }
 }

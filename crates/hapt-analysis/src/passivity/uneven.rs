@@ -10,6 +10,7 @@ use crate::passivity::proof;
 use crate::passivity::quantisation::quantisation;
 use crate::passivity::required::{Requirement, largest_gain, linear_requirement, requirement};
 use crate::passivity::timing::Timing;
+use crate::stability::patterns::{FreePatterns, patterns};
 use crate::text::short;
 
 /// The passivity of a loop whose intervals, delays and device are known within bounds.
@@ -30,6 +31,8 @@ pub struct Uneven {
     pub proved: bool,
     /// The reasons why it is not proved, one sentence each.
     pub not_proved: Vec<String>,
+    /// The hands-off loop under every such pattern.
+    pub free: FreePatterns,
     /// The least damping of the device, in the same unit.
     #[serde(skip)]
     pub device_damping: f64,
@@ -54,17 +57,34 @@ pub fn uneven(world: &World) -> Result<Uneven, Error> {
     let timing = Timing::of(world);
     let (required, not_proved) = Claim::of(world, timing)?.with_reasons()?;
     let [least, _] = world.device.damping_range();
+    let passive = required.is_some_and(|b| b <= least);
+    let free = if passive && (not_proved.is_empty() || is_as_certified(world)) {
+        FreePatterns::by_passivity(world)
+    } else {
+        patterns(world)?
+    };
     Ok(Uneven {
         interval_max_s: timing.longest,
         delay_s: timing.delay,
         lag_s: timing.lag,
         required_damping: required,
-        passive: required.is_some_and(|b| b <= least),
+        passive,
         proved: not_proved.is_empty(),
         not_proved,
+        free,
         device_damping: least,
         is_stated: is_stated(world),
     })
+}
+
+/// Whether passivity is that of the loop hands-off: linear, with the estimator that is certified. Counts, levels and limits are no part of
+/// `free`.
+fn is_as_certified(world: &World) -> bool {
+    let estimator = world.sampling.estimator;
+    let changes = matches!(estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
+    let undamped = || at_puck(world, &world.couplings).is_ok_and(|[_, damping]| damping == 0.0);
+    let is_linear = !world.couplings.iter().any(is_nonlinear);
+    is_linear && !changes && (estimator != EstimatorKind::Exact || undamped())
 }
 
 /// [`Uneven::required_damping`] alone.

@@ -4,6 +4,7 @@ pub mod critical;
 pub mod free;
 pub mod held;
 pub mod multiplier;
+pub mod patterns;
 pub(crate) mod roots;
 pub(crate) mod single_body;
 mod verdict;

@@ -10,6 +10,7 @@ mod free;
 mod grip;
 mod held;
 mod passivity;
+mod patterns;
 mod published;
 mod remedies;
 mod side;

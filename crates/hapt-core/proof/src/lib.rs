@@ -5,8 +5,8 @@
 use core::hint::black_box;
 
 use hapt_core::{
-    Body, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Reading, Real, Request, Spec, Supervisor,
-    SupervisorState,
+    Body, CertifiedTime, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Reading, Real, Request, Spec, Supervisor,
+    SupervisorState, WhenLate,
 };
 
 #[panic_handler]
@@ -63,7 +63,8 @@ fn guarded<F: Real, const B: usize, const C: usize, const W: usize>(
         slew: z,
         motor: heat,
         driver: heat,
-        late: z,
+        stall: z,
+        time: CertifiedTime { interval: z, delay: z, when_late: if z > 4.0 { WhenLate::Fade } else { WhenLate::Count } },
         link: z,
         link_faults: z > 0.0,
         energy: z,

@@ -15,6 +15,51 @@ crate::named! {
     }
 }
 
+crate::named! {
+    /// What the supervisor does where a sample or a command comes later than the certificate covers. The codes are used on wires, and never change
+    /// their meaning.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+    #[repr(u8)]
+    pub enum WhenLate {
+        /// A fault: no torque from that sample on.
+        Fault = 0 => "fault",
+        /// The torque fades out, and stays off until it is armed again.
+        Fade = 1 => "fade",
+        /// A count and a warning.
+        Count = 2 => "count",
+    }
+}
+
+/// The times that a certificate covers, and what happens where they are not kept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct CertifiedTime {
+    /// The longest time between two samples, in s; infinite where none is stated.
+    pub interval: f64,
+    /// The longest time from a sample to its command, in s; infinite where none is stated.
+    pub delay: f64,
+    /// What happens beyond them.
+    pub when_late: WhenLate,
+}
+
+impl CertifiedTime {
+    /// Nothing is stated, and nothing enforced.
+    pub const NOT_STATED: Self =
+        CertifiedTime { interval: f64::INFINITY, delay: f64::INFINITY, when_late: WhenLate::Count };
+
+    /// Whether it bounds anything.
+    pub fn is_stated(&self) -> bool {
+        self.interval.is_finite() || self.delay.is_finite()
+    }
+}
+
+impl Default for CertifiedTime {
+    fn default() -> Self {
+        Self::NOT_STATED
+    }
+}
+
 /// The limits of a supervisor and the parameters of the device. An infinite limit disables the check.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -39,8 +84,11 @@ pub struct Limits {
     pub motor: Heat,
     /// Thermal limit of the driver.
     pub driver: Heat,
-    /// The longest time that the motor may hold a torque beyond its period, in s.
-    pub late: f64,
+    /// The longest time that the motor may hold a torque beyond its period, in s; more is a fault, whatever is certified.
+    pub stall: f64,
+    /// The times that the certificate covers. Not serialized: a board gets them behind the other limits.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub time: CertifiedTime,
     /// Time from the last heartbeat to torque 0, in s, the fade included.
     pub link: f64,
     /// Whether a lost link is a fault; else the torque fades out.
@@ -103,7 +151,7 @@ impl Limits {
             ("heating", self.motor.time),
             ("driver_rms", self.driver.rms),
             ("driver_heating", self.driver.time),
-            ("late", self.late),
+            ("stall", self.stall),
             ("link", self.link),
             ("energy", self.energy),
         ] {
@@ -111,6 +159,17 @@ impl Limits {
             if !right {
                 return Err(Error::Value { what, given, wanted: "positive, or infinite for none" });
             }
+        }
+        let (interval, delay) = (self.time.interval, self.time.delay);
+        // An interval rounded to the period is one.
+        let is_period_or_longer = interval >= spec.period * (1.0 - 1e-6);
+        if !is_period_or_longer {
+            let wanted = "the period or longer: samples come once a period";
+            return Err(Error::Value { what: "interval_max", given: interval, wanted });
+        }
+        let is_delay = delay >= 0.0;
+        if !is_delay {
+            return Err(Error::Value { what: "delay_max", given: delay, wanted: "zero or more" });
         }
         if self.silence(spec.period) <= 0.0 {
             let wanted = "longer than the fade, a period and the delay together: the torque is 0 by then";

@@ -27,7 +27,7 @@ mod thermal;
 use crate::{Error, Loop, Real, Sample, Spec, State};
 use energy::Energy;
 use ledger::Ledger;
-pub use limits::{Heat, Limits, SafetyProfile};
+pub use limits::{CertifiedTime, Heat, Limits, SafetyProfile, WhenLate};
 use motion::Motion;
 pub use phase::{Phase, Reading, Request, SafeOutput};
 use pulse::{Pulse, SignTest, Testing};
@@ -52,10 +52,12 @@ struct Look {
     waits: bool,
     /// The torque may jump.
     leaps: bool,
+    /// Outside of what the certificate covers.
+    outside: bool,
 }
 
 impl Look {
-    const ORDINARY: Self = Look { wrong: None, waits: false, leaps: false };
+    const ORDINARY: Self = Look { wrong: None, waits: false, leaps: false, outside: false };
 }
 
 /// The limits, compiled once, for a loop with room for B bodies and C couplings.
@@ -73,6 +75,7 @@ pub struct Supervisor<F, const B: usize, const C: usize> {
     slew: F,
     /// Torque per displacement of a sample after a fault; 0: none.
     brake: F,
+    when_late: WhenLate,
     link_faults: bool,
     world_trips: bool,
     port_trips: bool,
@@ -108,6 +111,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             torque: f(limits.torque * (1.0 + 8.0 * F::EPSILON.to_f64())),
             slew: f(limits.slew),
             brake: f(brake / spec.period),
+            when_late: limits.time.when_late,
             link_faults: limits.link_faults,
             world_trips: limits.world_trips,
             port_trips: limits.port_trips,
@@ -149,7 +153,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
         state.output = output;
         let SupervisorState { phase, reason, warning, .. } = *state;
-        SafeOutput { sample, output, phase, reason, warning }
+        SafeOutput { sample, output, phase, reason, warning, outside: look.outside }
     }
 
     /// A sample that is not like the last, before the world takes it.
@@ -164,13 +168,20 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         request: Option<Request>,
     ) -> Look {
         let announced = reading.announced && self.announcements;
+        let keeps_time = self.motion.keeps_time(&mut state.seen, reading);
         let wrong = self.motion.wrong(&mut state.seen, reading, announced, state.output);
-        if wrong.is_some() {
+        if wrong.is_some() || (!keeps_time && self.when_late == WhenLate::Fault) {
             state.calm = 0;
         } else if state.calm < CALM {
             state.calm += 1;
         }
+        // Without a torque before it, a late sample is no matter.
+        let outside = !keeps_time && state.phase.is_active();
         self.ask(state, request, wrong, self.motion.link_is_lost(reading), announced);
+        if outside {
+            state.outside = state.outside.saturating_add(1);
+            state.lapse(self.when_late);
+        }
 
         let testing = state.testing.is_some();
         let waits = !state.phase.is_active() || testing;
@@ -179,7 +190,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             state.books.reopen();
             state.fresh = false;
         }
-        Look { wrong, waits, leaps: announced || testing }
+        Look { wrong, waits, leaps: announced || testing, outside }
     }
 
     /// What somebody asks for, and what the reading says.
@@ -258,6 +269,15 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
     }
 
+    /// The longest time in s that the motor may hold a torque: the certified interval where a late sample is a fault, else infinite. Who holds
+    /// the torque while the loop is late, a timer or a drive, removes it then.
+    pub fn longest_hold(&self) -> F {
+        match self.when_late {
+            WhenLate::Fault => self.motion.longest_interval(),
+            WhenLate::Fade | WhenLate::Count => F::from_f64(f64::INFINITY),
+        }
+    }
+
     /// What it can do beyond its limits: test the sign when armed, and keep the account at the port.
     pub fn watches(&self) -> [bool; 2] {
         [self.pulse.is_some(), self.ledger.keeps_account()]
@@ -284,7 +304,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
                 | Reason::PortEnergy
                 | Reason::WorldEnergy
                 | Reason::Reversed
-                | Reason::Driver,
+                | Reason::Driver
+                | Reason::Uneven,
             ) => state.calm >= CALM,
         }
     }

@@ -14,7 +14,7 @@ pub(crate) struct Motion<F> {
     /// The largest change of it, with the encoder's own.
     jump: F,
     count: F,
-    late: F,
+    stall: F,
     link: F,
     friction: F,
     standing: Standing<F>,
@@ -27,6 +27,9 @@ struct Ordinary<F> {
     distance: F,
     jump: F,
     late: F,
+    /// The longest interval and delay that the certificate covers, with their rounding.
+    interval: F,
+    delay: F,
     silent: F,
 }
 
@@ -40,12 +43,17 @@ pub(crate) struct Seen<F> {
     pub step: Option<F>,
     /// Whether one was.
     known: bool,
+    /// The lateness of the last sample, in s.
+    pub late: F,
+    /// From the last sample to when the device had its command, in s.
+    pub delay: F,
     /// What the torque has asked of it since it last moved.
     pub stand: Stand<F>,
 }
 
 impl<F: Real> Seen<F> {
-    pub const NOTHING: Self = Seen { position: F::ZERO, step: None, known: false, stand: Stand::NONE };
+    pub const NOTHING: Self =
+        Seen { position: F::ZERO, step: None, known: false, late: F::ZERO, delay: F::ZERO, stand: Stand::NONE };
 }
 
 impl<F: Real> Motion<F> {
@@ -55,10 +63,14 @@ impl<F: Real> Motion<F> {
         let finite = |x: f64| f(x).within(F::MAX);
         let slow = f(limits.velocity.min(limits.overspeed) * spec.period) + f(count);
         let jump = limits.jump + 2.0 * count;
+        let rounding = 1.0 + 8.0 * F::EPSILON.to_f64();
+        let (interval, delay) = (limits.time.interval * rounding, limits.time.delay * rounding);
         let ordinary = Ordinary {
             distance: slow.within(F::MAX),
             jump: finite(jump),
-            late: finite(limits.late),
+            late: finite(limits.stall),
+            interval: finite(interval),
+            delay: finite(delay),
             silent: finite(limits.silence(spec.period)),
         };
         Motion {
@@ -67,7 +79,7 @@ impl<F: Real> Motion<F> {
             overspeed: f(limits.overspeed * spec.period),
             jump: f(jump),
             count: f(count),
-            late: f(limits.late),
+            stall: f(limits.stall),
             link: f(limits.silence(spec.period)),
             friction: f(limits.friction),
             standing: Standing::new(limits, spec),
@@ -91,7 +103,8 @@ impl<F: Real> Motion<F> {
             return false;
         }
         let arrives = reading.late.abs() <= within.late && reading.silent.abs() <= within.silent;
-        if !arrives {
+        let keeps_time = self.period + (reading.late - seen.late) <= within.interval && seen.delay <= within.delay;
+        if !(arrives && keeps_time) {
             return false;
         }
         let mut stand = Stand::NONE;
@@ -103,7 +116,18 @@ impl<F: Real> Motion<F> {
             stand = next;
         }
         (seen.position, *last, seen.stand) = (reading.position, step, stand);
+        (seen.late, seen.delay) = (reading.late, F::ZERO);
         true
+    }
+
+    /// Whether the interval before this sample, and the command of the sample before it, are within what the certificate covers.
+    #[inline(never)]
+    pub fn keeps_time(&self, seen: &mut Seen<F>, reading: &Reading<F>) -> bool {
+        let periods = F::ONE + F::from_f64(f64::from(reading.missed));
+        let interval = periods * self.period + (reading.late - seen.late);
+        let keeps = interval <= self.ordinary.interval && seen.delay <= self.ordinary.delay;
+        (seen.late, seen.delay) = (reading.late.finite_or_zero(), F::ZERO);
+        keeps
     }
 
     /// What is wrong with a reading under the torque `held` since the last; a lost link apart.
@@ -130,7 +154,7 @@ impl<F: Real> Motion<F> {
         let is_stuck;
         (seen.stand, is_stuck) =
             if stands { self.standing.after(&seen.stand, held, samples, periods) } else { (Stand::NONE, false) };
-        let late = reading.late.abs() + missed * self.period > self.late;
+        let late = reading.late.abs() + missed * self.period > self.stall;
         if !known || announced {
             // A jump has no velocity, before or after.
             seen.step = known.then_some(F::ZERO);
@@ -153,6 +177,11 @@ impl<F: Real> Motion<F> {
         } else {
             None
         }
+    }
+
+    /// The longest interval that the certificate covers, in s; infinite where none is stated.
+    pub fn longest_interval(&self) -> F {
+        if self.ordinary.interval < F::MAX { self.ordinary.interval } else { F::from_f64(f64::INFINITY) }
     }
 
     /// Whether the heartbeat of the client in control has timed out.

@@ -74,4 +74,6 @@ pub struct SafeOutput<F> {
     pub reason: Option<Reason>,
     /// The first limit that was exceeded since arming and only warns.
     pub warning: Option<Reason>,
+    /// Under a torque, this sample came later than the certificate covers, or the command before it did.
+    pub outside: bool,
 }

@@ -38,6 +38,8 @@ crate::named! {
         Reversed = 15 => "reversed",
         /// The motor driver reported a fault and switched itself off.
         Driver = 16 => "driver",
+        /// A sample or a command came later than the certificate covers.
+        Uneven = 17 => "uneven",
     }
 }
 
@@ -71,6 +73,7 @@ impl Reason {
             Reason::WorldEnergy => "The integration method generated energy inside the world.",
             Reason::Reversed => "A small pulse of torque moved the puck the wrong way.",
             Reason::Driver => "The motor's driver reported a fault, such as too much current, and switched itself off.",
+            Reason::Uneven => "A sample or a command came later than the certificate covers.",
         }
     }
 
@@ -109,6 +112,9 @@ impl Reason {
             Reason::Driver => {
                 "Check the motor and its cable for a short circuit, and the driver's supply and current limit, then clear."
             }
+            Reason::Uneven => {
+                "Clear, if it faulted, and arm. `hapt latency` measures the times; certify longer loop.interval_max and loop.delay_max, or set safety.late."
+            }
         }
     }
 
@@ -126,7 +132,8 @@ impl Reason {
             | Reason::DriverHeat
             | Reason::Late
             | Reason::Reversed
-            | Reason::Driver => false,
+            | Reason::Driver
+            | Reason::Uneven => false,
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::Real;
 use crate::supervisor::ledger::Books;
 use crate::supervisor::motion::Seen;
 use crate::supervisor::pulse::Testing;
-use crate::supervisor::{CALM, Phase, Reason};
+use crate::supervisor::{CALM, Phase, Reason, WhenLate};
 
 /// What the supervisor remembers from sample to sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,6 +37,8 @@ pub struct SupervisorState<F> {
     pub(crate) braking: F,
     /// Samples since something was wrong.
     pub(crate) calm: u32,
+    /// Samples under a torque that came later than the certificate covers, or behind a command that did.
+    pub(crate) outside: u32,
 }
 
 impl<F: Real> SupervisorState<F> {
@@ -57,6 +59,7 @@ impl<F: Real> SupervisorState<F> {
         transfer: [F::ZERO; 2],
         braking: F::ZERO,
         calm: 0,
+        outside: 0,
     };
 
     /// From the next sample on the world and its supervisor are others; these are the periods of both, in s. The torque goes on from
@@ -64,8 +67,36 @@ impl<F: Real> SupervisorState<F> {
     pub fn swap(&mut self, before: F, after: F) {
         self.swapped = true;
         self.seen.step = None;
+        // The interval before the next sample is one of the old period.
+        self.seen.late += after - before;
         self.seen.stand = self.seen.stand.at_period(before, after);
         self.books.reopen();
+    }
+
+    /// The device had the command of the last sample this long after it, in s: the supervisor judges it at the next sample. A device that
+    /// nobody asks is on time.
+    pub fn commanded(&mut self, delay: F) {
+        self.seen.delay = delay;
+    }
+
+    /// Samples under a torque, since the start, that came later than the certificate covers or behind a command that did.
+    pub fn outside(&self) -> u32 {
+        self.outside
+    }
+
+    /// A sample is outside of what the certificate covers: before the sample that shows it, where its times are not known.
+    pub fn lapse(&mut self, when_late: WhenLate) {
+        if !self.phase.is_active() {
+            return;
+        }
+        match when_late {
+            WhenLate::Fault => self.fault(Reason::Uneven),
+            WhenLate::Fade if self.phase != Phase::FadingOut => {
+                (self.phase, self.reason) = (Phase::FadingOut, Some(Reason::Uneven));
+            }
+            WhenLate::Fade => {}
+            WhenLate::Count => self.warning = self.warning.or(Some(Reason::Uneven)),
+        }
     }
 
     /// The energy that the hand may still receive beyond the stored energy, in J; below 0 it received too much.

@@ -1,8 +1,8 @@
 //! The supervisor on constructed readings: every limit, every recovery, both ledgers in closed form, for f32 and f64.
 
 use hapt_core::{
-    Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Phase, Reading, Real, Request, SafeOutput, Spec,
-    State, Supervisor, SupervisorState,
+    CertifiedTime, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Phase, Reading, Real, Request,
+    SafeOutput, Spec, State, Supervisor, SupervisorState,
 };
 
 /// For f32 and f64.
@@ -19,6 +19,7 @@ mod fades;
 mod ledger;
 mod stuck;
 mod trips;
+mod uneven;
 
 const T: f64 = 1e-3;
 const K: f64 = 1.0;
@@ -34,7 +35,8 @@ const LIMITS: Limits = Limits {
     slew: f64::INFINITY,
     motor: Heat { rms: f64::INFINITY, time: 30.0 },
     driver: Heat { rms: f64::INFINITY, time: 1.0 },
-    late: 5e-3,
+    stall: 5e-3,
+    time: CertifiedTime::NOT_STATED,
     link: 0.3,
     link_faults: false,
     energy: 0.04,

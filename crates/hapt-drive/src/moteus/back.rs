@@ -48,7 +48,7 @@ pub struct Moteus {
     limits: DriveLimits,
     numbers: Numbers,
     /// The last command.
-    command: Option<Sent>,
+    command: Option<SentCommand>,
     /// Consecutive commands not executed, and not answered.
     lost: u32,
     unanswered: u32,
@@ -60,7 +60,7 @@ pub struct Moteus {
 
 /// A command and its state.
 #[derive(Clone, Copy, Debug)]
-struct Sent {
+struct SentCommand {
     number: u32,
     /// The drive executes it.
     is_taken: bool,
@@ -139,7 +139,7 @@ impl Moteus {
     fn torque(&mut self, torque: f32, watchdog: f32) -> Frame {
         let most = if self.limits.torque.is_finite() { self.limits.torque as f32 } else { f32::NAN };
         let number = self.numbers.next();
-        self.command = Some(Sent { number, is_taken: false, is_answered: false });
+        self.command = Some(SentCommand { number, is_taken: false, is_answered: false });
         Writer::new(REPLY | u32::from(self.id))
             .read(register::VOLTAGE_PHASE_A, 1, Resolution::Float)
             .read(register::MODE, 1, Resolution::Int8)

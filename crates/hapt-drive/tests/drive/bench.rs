@@ -383,6 +383,13 @@ impl Looped {
         self.cycle.sample(&Moment { periods, ..Moment::default() }, request)
     }
 
+    /// A sample whose command takes no time but that of an old answer.
+    pub fn late_sample(&mut self) -> Record {
+        let record = self.sample(None).unwrap();
+        self.cycle.commanded(record.computation);
+        record
+    }
+
     /// Samples until it runs at full torque.
     pub fn run(&mut self) -> Record {
         self.runs().unwrap()

@@ -6,3 +6,4 @@ mod middle;
 mod moteus;
 mod odrive;
 mod others;
+mod uneven;

@@ -204,7 +204,7 @@ fn stop() -> Frame {
 /// In a period that is long enough to switch the motor on again undetected.
 #[test]
 fn a_moteus_that_is_stopped_once_between_question_and_command_stays_stopped() {
-    let world = world(&["loop.period=20 ms", "couplings.0.stiffness=0.02", "safety.pulse=0", "safety.late=1"]);
+    let world = world(&["loop.period=20 ms", "couplings.0.stiffness=0.02", "safety.pulse=0", "safety.stall=1"]);
     let bench = TestBench::new(Make::Moteus, None, Box::new(moteus()), &world, lockstep(&world));
     let mut looped = bench.running(&world, PATIENCE);
     let mut is_stopped = false;

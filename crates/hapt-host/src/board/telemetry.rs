@@ -84,6 +84,7 @@ impl TelemetryDecoder {
             warning: Reason::from_code(telemetry.warning),
             latency: 0,
             computation: 0,
+            outside: false,
             bodies,
         }
     }

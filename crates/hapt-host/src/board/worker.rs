@@ -92,7 +92,7 @@ impl BoardLoop {
             changing: false,
             armed_since: None,
             sent: Arc::new(Mutex::new(handle.epoch())),
-            heard: handle.heard(),
+            received: handle.last_heartbeat(),
             last_heartbeat: None,
             requests: incoming,
             records: outgoing,
@@ -199,7 +199,7 @@ struct BoardWorker {
     armed_since: Option<Epoch>,
     /// The last epoch that the board was told of, the last heartbeat seen, and when one was sent.
     sent: Arc<Mutex<Epoch>>,
-    heard: u64,
+    received: u64,
     last_heartbeat: Option<Instant>,
     requests: Receiver<Message>,
     records: SyncSender<Record>,
@@ -226,17 +226,17 @@ impl BoardWorker {
     }
 
     fn until_the_end(&mut self) -> Result<(), Error> {
-        let mut heard = Instant::now();
+        let mut received = Instant::now();
         while !self.handle.is_ended() {
             match self.take_requests().and_then(|()| self.change()) {
                 Ok(()) | Err(Error::Interrupted) => {}
                 Err(error) => return Err(error),
             }
             if self.take_telemetry(Instant::now() + TICK)? {
-                heard = Instant::now();
-            } else if heard.elapsed() > SILENT {
+                received = Instant::now();
+            } else if received.elapsed() > SILENT {
                 match self.reconnect() {
-                    Ok(()) => heard = Instant::now(),
+                    Ok(()) => received = Instant::now(),
                     Err(Error::Interrupted) => {}
                     Err(error) => return Err(error),
                 }
@@ -282,11 +282,11 @@ impl BoardWorker {
                 },
             }
         }
-        let heard = self.handle.heard();
-        if heard != self.heard
+        let received = self.handle.last_heartbeat();
+        if received != self.received
             && self.last_heartbeat.is_none_or(|last_heartbeat| last_heartbeat.elapsed() >= self.heartbeat_every)
         {
-            (self.heard, self.last_heartbeat) = (heard, Some(Instant::now()));
+            (self.received, self.last_heartbeat) = (received, Some(Instant::now()));
             self.link.heartbeat()?;
         }
         Ok(())
@@ -399,7 +399,7 @@ impl BoardWorker {
         self.changing = false;
         // The board is armed again only if nothing has disarmed it and the controller is present.
         let again = self.armed_since == Some(self.handle.epoch()) && self.phase == Phase::Disarmed;
-        if again && self.handle.silent() < PRESENT {
+        if again && self.handle.since_heartbeat() < PRESENT {
             let armed = self.arm();
             return self.report_refusal(armed);
         }

@@ -238,6 +238,21 @@ pub struct TimingInfo {
     pub computation_us: Quantiles,
     /// The histogram of the latency.
     pub histogram: Bars,
+    /// How the loop kept the times of its certificate; null where the file states none.
+    pub certified: Option<CertifiedInfo>,
+}
+
+/// The times of the certificate, and how many samples kept them, of those with a torque before them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CertifiedInfo {
+    /// The samples.
+    pub samples: u64,
+    /// Those that came in time, behind a command in time.
+    pub inside: u64,
+    /// The longest time from a sample to the next.
+    pub longest_us: f64,
+    /// The longest that the certificate covers.
+    pub interval_max_us: f64,
 }
 
 /// Quantiles in µs.

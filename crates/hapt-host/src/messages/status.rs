@@ -1,9 +1,10 @@
 //! The loop's state for the page: its phase, the reason of a fault in sentences, and the timing.
 
 use hapt_core::{Phase, Reason};
-use hapt_rt::{Quantiles as Times, Timing};
+use hapt_model::Sampling;
+use hapt_rt::{Certified, Quantiles as Times, Timing};
 
-use super::{Bars, Quantiles, Realtime, RecordingInfo, Status, TimingInfo};
+use super::{Bars, CertifiedInfo, Quantiles, Realtime, RecordingInfo, Status, TimingInfo};
 use crate::recording::RecordingStatus;
 
 impl Status {
@@ -25,8 +26,8 @@ impl From<RecordingStatus> for RecordingInfo {
 }
 
 impl TimingInfo {
-    /// The loop's timing.
-    pub fn of(timing: &Timing) -> Self {
+    /// The timing of a loop with these times.
+    pub fn of(timing: &Timing, sampling: &Sampling) -> Self {
         let bars = timing.latency_bars();
         // A logarithmic axis has no 0.
         let first = bars.first().map(|bar| bar.from.max(bar.to / 2));
@@ -42,6 +43,11 @@ impl TimingInfo {
                 edges_us: edges.map(|ns| ns as f64 / 1e3).collect(),
                 latency: bars.iter().map(|bar| bar.count).collect(),
             },
+            certified: sampling.states_times().then(|| {
+                let Certified { samples, inside, longest } = timing.certified();
+                let interval_max_us = 1e6 * sampling.interval_max_s();
+                CertifiedInfo { samples, inside, longest_us: longest as f64 / 1e3, interval_max_us }
+            }),
         }
     }
 }

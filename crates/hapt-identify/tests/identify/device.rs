@@ -34,13 +34,14 @@ proptest! {
     #[test]
     fn the_puck_goes_where_the_exact_device_goes(
         seed in any::<u64>(), inertia in 1e-4..1e-2f64, rate in 0.0..30.0f64, friction in 0.0..0.05f64, delay in 0.0..8e-3f64,
+        lag in prop_oneof![Just(0.0), 5e-5..2e-2f64],
     ) {
-        let rig = DeviceSpec { lag: 0.0, period: 1e-3, delay, inertia, damping: rate * inertia, friction };
+        let rig = DeviceSpec { lag, period: 1e-3, delay, inertia, damping: rate * inertia, friction };
         let mut torques = steps(&mut Rng::with_seed(seed), 1500, 0.1);
         torques[0] = 0.0; // What is held before the first command.
         let truth = motion(&rig, &torques);
         let puck =
-            Puck { gain: inertia.recip(), damping: rate, friction: friction / inertia, delay, offset: 0.0, position: 0.0, velocity: 0.0 };
+            Puck { gain: inertia.recip(), damping: rate, friction: friction / inertia, delay, offset: 0.0, position: 0.0, velocity: 0.0, lag };
         let size = truth.iter().fold(1e-3, |size: f64, z| size.max(z.abs()));
         for (k, (z, truth)) in puck.positions(&times(&rig, 1500), &torques).iter().zip(&truth).enumerate() {
             prop_assert!((z - truth).abs() < 1e-9 * size, "sample {k}: {z} and {truth}");
@@ -48,11 +49,13 @@ proptest! {
     }
 
     #[test]
-    fn the_sensitivities_are_the_slopes_of_the_positions(seed in any::<u64>(), friction in 1.0..40.0f64, first in 0usize..100) {
+    fn the_sensitivities_are_the_slopes_of_the_positions(seed in any::<u64>(), friction in 1.0..40.0f64, first in 0usize..100,
+        lag in prop_oneof![Just(0.0), 2e-4..2e-2f64],
+    ) {
         let samples = 800;
         let torques = steps(&mut Rng::with_seed(seed), samples, 0.08);
         let times = times(&WHEEL, samples);
-        let puck = Puck { gain: 1500.0, damping: 2.0, friction, delay: 2.37e-3, offset: 3.0, position: 0.3, velocity: 0.7 };
+        let puck = Puck { gain: 1500.0, damping: 2.0, friction, delay: 2.37e-3, offset: 3.0, position: 0.3, velocity: 0.7, lag };
         let positions = |puck: &Puck| {
             let mut positions = Vec::new();
             puck.follow(&times, &torques, first, |_, z, _| positions.push(z));
@@ -60,8 +63,8 @@ proptest! {
         };
         let mut slopes = Vec::new();
         puck.follow(&times, &torques, first, |_, _, s| slopes.push(*s));
-        let steps = [1e-3, 1e-5, 1e-5, 1e-8, 1e-5, 1e-5, 1e-5];
-        for i in 0..7 {
+        let steps = [1e-3, 1e-5, 1e-5, 1e-8, 1e-5, 1e-5, 1e-5, 1e-5 * lag * lag];
+        for i in 0..if lag > 0.0 { 8 } else { 7 } {
             let moved = |by: f64| {
                 let mut p = puck.parameters();
                 p[i] += by * steps[i];

@@ -1,5 +1,6 @@
 //! The fit of a device to its records, against the exact device.
 
+mod against;
 mod bounds;
 mod device;
 mod disturbed;

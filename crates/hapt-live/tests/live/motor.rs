@@ -16,7 +16,7 @@ fn on_a_motor(profile: SafetyProfile) -> (Live, Option<Hands>) {
 
 fn on_a_motor_with(profile: SafetyProfile, world: &str, more: &[&str]) -> (Live, Option<Hands>) {
     let source = Source::from_text("wheel.toml", world);
-    let sets = ["loop.period=2 ms", "loop.estimator=difference", "safety.late=0 s", "device.damping=5e-3 N m s/rad"];
+    let sets = ["loop.period=2 ms", "loop.estimator=difference", "safety.stall=0 s", "device.damping=5e-3 N m s/rad"];
     let sets: Vec<&str> = sets.iter().chain(more).copied().collect();
     let options = Options {
         source,
@@ -99,7 +99,7 @@ fn what_the_file_says_of_device_and_safety_is_a_ceiling_whatever_a_page_says() {
             ("loop.delay", "1 us"),
             ("loop.estimator", "exact"),
             ("safety.torque", "50 N m"),
-            ("safety.late", "100 s"),
+            ("safety.stall", "100 s"),
             ("safety.link", "0"),
             ("safety.pulse", "0"),
             ("safety.overspeed", "1e6"),

@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::common::{self, WHEEL, header, world};
 use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_log::{Ending, Error, Log, Recorder, Summary, columns, phase_name, replay};
-use hapt_rt::{BODIES, Engine, HandCommand, Order, Plan, Record, SimulatedDevice};
+use hapt_rt::{BODIES, Engine, HandCommand, LoopCommand, Plan, Record, SimulatedDevice};
 use hapt_sim::Grip;
 
 /// Sample k of a loop that stands still.
@@ -32,6 +32,7 @@ fn record(sample: u64) -> Record {
         warning: None,
         latency: 1_500,
         computation: 900,
+        outside: false,
         missed: 0,
         late: 1.5e-6,
         silent: 0.0,
@@ -59,10 +60,10 @@ fn session(samples: usize, text: &str, other: &str) -> Vec<Record> {
     ]
     .into_iter();
     let mut orders = vec![
-        Order::Request(Request::Arm),
-        Order::Swap(Box::new(next)),
-        Order::Request(Request::Disarm),
-        Order::Request(Request::Arm),
+        LoopCommand::Request(Request::Arm),
+        LoopCommand::Swap(Box::new(next)),
+        LoopCommand::Request(Request::Disarm),
+        LoopCommand::Request(Request::Arm),
     ]
     .into_iter();
     let mut records = Vec::new();
@@ -136,7 +137,7 @@ fn behind_a_gap_the_recorder_orders_the_loops_state_and_the_replay_goes_on_from_
     let world = world(WHEEL);
     let (device, mut hand) = SimulatedDevice::new(&world);
     let mut engine = Engine::start(Plan::new(&world, SafetyProfile::Simulated).unwrap(), Box::new(device)).unwrap();
-    engine.send(Order::Request(Request::Arm)).unwrap();
+    engine.send(LoopCommand::Request(Request::Arm)).unwrap();
     hand.push(HandCommand::Grab(Grip { inertia: 0.0, damping: 0.02, stiffness: 5.0 })).unwrap();
     hand.push(HandCommand::Move(0.4)).unwrap();
     let disk = Disk::new(1 << 30);

@@ -1,9 +1,9 @@
 //! A log that begins anywhere in a loop's life, and goes on behind a gap: with the loop's state, its replay gives the same bits.
 
 use crate::common::{WHEEL, header, world, worlds};
-use hapt_core::{Reason, Request, SafetyProfile};
+use hapt_core::{Reason, Request, SafetyProfile, WhenLate};
 use hapt_log::{Error, Header, Log, LogWriter, Origin, Replay, replay};
-use hapt_model::World;
+use hapt_model::{Delay, World};
 use hapt_rt::{Cycle, Device, Failure, HandCommand, Hands, Moment, Plan, Position, Record, SimulatedDevice, Snapshot};
 use hapt_sim::Grip;
 use proptest::prelude::*;
@@ -50,6 +50,8 @@ enum Event {
     Glitch(f64),
     Miss(u32),
     Late(f64),
+    /// The command of the sample is so many ns late.
+    Command(u32),
     Silence(f64),
 }
 
@@ -63,6 +65,8 @@ fn events() -> impl Strategy<Value = Vec<(u64, Event)>> {
         1 => prop::sample::select(vec![f64::NAN, 50.0, 1e-3]).prop_map(Event::Glitch),
         1 => (1u32..4).prop_map(Event::Miss),
         1 => (0.0..0.05).prop_map(Event::Late),
+        1 => (0.0..1e-3).prop_map(Event::Late),
+        1 => (0u32..2_000_000).prop_map(Event::Command),
         1 => (0.0..1.0).prop_map(Event::Silence),
     ];
     prop::collection::vec((20..LIFE, event), 5..30)
@@ -87,9 +91,18 @@ fn hand(hands: &mut Hands, to: Option<f64>, held: &mut bool) {
     hands.push(touch).unwrap();
 }
 
+/// Certified for samples a third of a period late, and commands of half a period.
+fn timed((mut world, when_late): (World, WhenLate)) -> World {
+    let period = world.sampling.period;
+    world.sampling.interval_max = Some(1.33 * period);
+    world.sampling.delay_max = Some(Delay::Seconds(world.sampling.delay_s() + 0.5 * period));
+    world.safety.late = Some(when_late);
+    world
+}
+
 /// Lives it, with a snapshot before each sample that `taken` names.
 fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken: &[u64]) -> Life {
-    let worlds: Vec<World> = texts.iter().map(|text| world(text)).collect();
+    let worlds: Vec<World> = texts.iter().map(|text| world(text)).zip(WhenLate::ALL).map(timed).collect();
     let (device, mut hands) = SimulatedDevice::new(&worlds[0]);
     let glitches = events.iter().filter_map(|&(at, event)| match event {
         Event::Glitch(by) => Some((at, by)),
@@ -102,7 +115,7 @@ fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken
     let (mut held, mut k) = (false, 0);
     while k < LIFE {
         let mut moment = Moment { periods: u32::from(k > 0), ..Moment::default() };
-        let (mut request, mut swap) = ((k == 10).then_some(Request::Arm), None);
+        let (mut request, mut swap, mut delay) = ((k == 10).then_some(Request::Arm), None, 0);
         for (_, event) in events.iter().filter(|(at, _)| *at == k) {
             match *event {
                 Event::Ask(what) => request = Some(what),
@@ -111,6 +124,7 @@ fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken
                 Event::Glitch(_) => {}
                 Event::Miss(missed) => moment.periods += missed,
                 Event::Late(late) => moment.late = late,
+                Event::Command(late) => delay = late,
                 Event::Silence(silent) => moment.silent = silent,
             }
         }
@@ -126,7 +140,9 @@ fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken
             snapshots.push(snapshot);
         }
         // A world may run away with the puck: then the loop has ended.
-        let Ok(record) = cycle.sample(&moment, request) else { break };
+        let Ok(mut record) = cycle.sample(&moment, request) else { break };
+        record.computation = delay;
+        cycle.commanded(delay);
         records.push(record);
         k += 1;
     }
@@ -210,7 +226,8 @@ fn the_lives_have_faults_swaps_and_torques_in_them() {
         reasons.extend(life.records.iter().filter_map(|record| record.reason.map(Reason::code)));
         plans += life.plans.len() - 1;
     }
-    assert!(torques > 5_000 && reasons.len() >= 4 && plans > 60, "{torques} {reasons:?} {plans}");
+    assert!(torques > 5_000 && reasons.len() >= 5 && plans > 60, "{torques} {reasons:?} {plans}");
+    assert!(reasons.contains(&Reason::Uneven.code()), "{reasons:?}");
 }
 
 #[test]
@@ -240,7 +257,7 @@ fn a_state_of_another_version_is_left_alone() {
     let at = bytes.windows(name.len()).position(|window| window == name).unwrap();
     // Behind its name: its media type, and the length of what it holds.
     let data = at + name.len() + 4 + "application/octet-stream".len() + 8;
-    assert_eq!(bytes[data], 2);
+    assert_eq!(bytes[data], 3);
     let length = u64::from_le_bytes(bytes[data - 8..data].try_into().unwrap()) as usize;
     bytes[data] = 1;
     // 0: no checksum.

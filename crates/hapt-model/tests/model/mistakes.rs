@@ -1,5 +1,6 @@
 //! One of each kind of mistake, and what is said about it.
 
+use hapt_core::{SafetyProfile, WhenLate};
 use hapt_model::{ErrorKind, Source, World};
 
 const LEAST: &str = "loop = { period = \"1 ms\" }\ndevice = { inertia = 1 }\n";
@@ -205,6 +206,42 @@ fn uneven_time_and_tolerances() {
         ],
         |given| format!("[loop]\nperiod = \"2 ms\"\n{given}\n[device]\ninertia = 1\n"),
     );
+    let late = "expected \"fault\", \"fade\" or \"count\"";
+    check(
+        &[
+            ("\"never\"", &format!("safety.late: \"never\" is not known here; {late}")),
+            ("\"fades\"", "safety.late: \"fades\" is not known here; did you mean \"fade\"?"),
+            // What the key took in 0.1.0.
+            ("\"5 ms\"", &format!("safety.late: \"5 ms\" is a time, which safety.stall takes; {late}")),
+            ("0.005", &format!("safety.late: 0.005 is a time, which safety.stall takes; {late}")),
+            ("true", &format!("safety.late: true is a boolean; {late}")),
+        ],
+        |given| format!("[loop]\nperiod = \"2 ms\"\n[device]\ninertia = 1\n[safety]\nlate = {given}\n"),
+    );
+}
+
+#[test]
+fn times_that_the_file_does_not_state_are_not_enforced() {
+    let limits = |sets: &[&str], board: bool| {
+        let text = "loop.period = \"1 ms\"\ndevice.inertia = 1\n";
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        let world = World::read(&Source::from_text("w.toml", text), &sets).unwrap();
+        let profile = SafetyProfile::Certified;
+        if board { world.board_limits(profile) } else { world.limits(profile) }
+    };
+    for board in [false, true] {
+        let default = if board { WhenLate::Fault } else { WhenLate::Fade };
+        let time = limits(&["safety.late=fault"], board).time;
+        assert_eq!((time.interval, time.delay), (f64::INFINITY, f64::INFINITY));
+        let stated = limits(&["loop.interval_max=1.8 ms"], board).time;
+        assert_eq!((stated.interval, stated.delay, stated.when_late), (1.8e-3, f64::INFINITY, default));
+        let stated = limits(&["loop.delay_max=0.4 samples", "safety.late=count"], board).time;
+        assert_eq!((stated.interval, stated.delay, stated.when_late), (f64::INFINITY, 0.4e-3, WhenLate::Count));
+    }
+    // No fault within what is certified.
+    assert_eq!(limits(&["loop.interval_max=3 ms"], false).stall, 5e-3);
+    assert!((limits(&["loop.interval_max=30 ms"], false).stall - 29e-3).abs() < 1e-12);
+    assert_eq!(limits(&["loop.interval_max=30 ms", "safety.stall=2 ms"], false).stall, 2e-3);
 }
 
 #[test]

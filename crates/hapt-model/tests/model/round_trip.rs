@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use hapt_core::WhenLate;
 use hapt_model::keys::PHYSICAL;
 use hapt_model::{
     Body, Coupling, Damping, Delay, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Mounting, Output,
@@ -147,7 +148,7 @@ fn uneven() -> impl Strategy<Value = (Option<f64>, Option<(f64, bool)>)> {
 fn timing(sampling: &Sampling) -> impl Strategy<Value = Timing> + use<> {
     let (longest, delay) = (sampling.interval_max_s() / sampling.period, sampling.delay_s() / sampling.period);
     let (period, late) = (sampling.period, sampling.delay_max_s() > sampling.period);
-    (0..4, any::<u32>(), vec(0.1f64..1.0, 1..5), option::of(0.5f64..1.0)).prop_map(
+    (0..5, any::<u32>(), vec(0.1f64..1.0, 1..5), option::of(0.5f64..1.0)).prop_map(
         move |(kind, seed, parts, shortest)| {
             let intervals: Vec<f64> =
                 parts.iter().map(|part| delay.max(0.1) + (longest - delay.max(0.1)) * part).collect();
@@ -156,6 +157,7 @@ fn timing(sampling: &Sampling) -> impl Strategy<Value = Timing> + use<> {
                 0 => Timing::Even,
                 1 => Timing::Random { seed, shortest: shortest.map(|part| part * period) },
                 2 => Timing::Pattern { intervals, delays: vec![] },
+                3 => Timing::Worst,
                 _ => Timing::Pattern { delays: vec![delay; intervals.len()], intervals },
             }
         },
@@ -201,11 +203,18 @@ fn safety() -> impl Strategy<Value = Safety> {
     let some = || option::of(positive());
     let first = (positive(), some(), some(), some(), option::of(zero_or_more()), some(), some());
     let second = (some(), positive(), some(), positive(), option::of(zero_or_more()), option::of(zero_or_more()));
-    let third = (any::<bool>(), some(), option::of(any::<bool>()), option::of(zero_or_more()), zero_or_more());
+    let third = (
+        any::<bool>(),
+        some(),
+        option::of(any::<bool>()),
+        option::of(zero_or_more()),
+        zero_or_more(),
+        option::of(select(WhenLate::ALL.to_vec())),
+    );
     (first, second, third).prop_map(|(first, second, third)| {
         let (fade, velocity, jump, overspeed, stuck, torque, slew) = first;
-        let (rms, heating, driver_rms, driver_heating, late, link) = second;
-        let (link_faults, energy, world_trips, pulse, brake) = third;
+        let (rms, heating, driver_rms, driver_heating, stall, link) = second;
+        let (link_faults, energy, world_trips, pulse, brake, late) = third;
         Safety {
             fade,
             velocity,
@@ -218,6 +227,7 @@ fn safety() -> impl Strategy<Value = Safety> {
             heating,
             driver_rms,
             driver_heating,
+            stall,
             late,
             link,
             link_faults,

@@ -14,7 +14,7 @@ use common::{spring, wheel};
 use counting::counted;
 use hapt_core::{Request, SafetyProfile};
 use hapt_model::World;
-use hapt_rt::{Device, Engine, Failure, HandCommand, Hands, Order, Plan, Position, Settings, SimulatedDevice};
+use hapt_rt::{Device, Engine, Failure, HandCommand, Hands, LoopCommand, Plan, Position, Settings, SimulatedDevice};
 use hapt_sim::{Grip, script};
 
 /// A simulated device that notes how often its thread has allocated or freed, at the first sample and at the last.
@@ -89,7 +89,7 @@ fn ten_thousand_samples_with_orders_swaps_snapshots_and_hands_allocate_nothing_a
     let mut before = Plan::new(&world(0), SafetyProfile::Simulated).unwrap();
     let settings = Settings { lock: false, ..Settings::default() };
     let mut engine = Engine::start_with(before.clone(), Box::new(device), settings).unwrap();
-    let _ = engine.send(Order::Request(Request::Arm));
+    let _ = engine.send(LoopCommand::Request(Request::Arm));
     let (mut samples, mut plans, mut round) = (0, 0, 0);
     let (mut snapshots, mut last) = (0, 0);
     let (start, mut at_start) = (waits(), None);
@@ -101,10 +101,10 @@ fn ten_thousand_samples_with_orders_swaps_snapshots_and_hands_allocate_nothing_a
         if round % 5 == 0 {
             let plan = Plan::following(&world(round / 5), &before).unwrap();
             before = plan.clone();
-            let _ = engine.send(Order::Swap(Box::new(plan)));
+            let _ = engine.send(LoopCommand::Swap(Box::new(plan)));
         }
         engine.snapshot();
-        let _ = engine.send(Order::Request([Request::Arm, Request::Disarm][(round / 300) as usize % 2]));
+        let _ = engine.send(LoopCommand::Request([Request::Arm, Request::Disarm][(round / 300) as usize % 2]));
         while let Ok(record) = engine.records.pop() {
             at_start.get_or_insert(record.sample);
             samples += 1;

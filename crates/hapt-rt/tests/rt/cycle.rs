@@ -1,8 +1,8 @@
 //! The loop without a clock: the same numbers as the simulation, and worlds that change under it.
 
-use hapt_core::{Phase, Reason, Request, SafetyProfile};
+use hapt_core::{Phase, Reason, Request, SafetyProfile, WhenLate};
 use hapt_model::World;
-use hapt_rt::{Cycle, Failure, HandCommand, Plan, Position, Replay, SimulatedDevice};
+use hapt_rt::{Cycle, Failure, HandCommand, Moment, Plan, Position, Replay, SimulatedDevice, Timing};
 use hapt_sim::{Simulation, script};
 use proptest::prelude::*;
 
@@ -345,4 +345,63 @@ fn nothing_is_left_on_when_a_loop_is_dropped() {
         assert_eq!(torque.get(), 0.3);
     }
     assert_eq!(torque.get(), 0.0, "the device has failed");
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(60))]
+
+    /// A loop at the instants of a clock that is late now and then: the records tell how many samples were inside the certificate, and the
+    /// torque goes as the world says, at the first one outside.
+    #[test]
+    fn the_times_that_a_world_states_are_kept_or_the_torque_goes(
+        pattern in prop::collection::vec((0.0..0.3f64, prop::option::weighted(0.02, 0.3..0.999f64), 0u32..900_000), 1..400),
+        when in 0usize..3, stated in any::<bool>(),
+    ) {
+        let when_late = WhenLate::ALL[when];
+        let times = if stated { "interval_max = \"1.3 ms\"\ndelay_max = \"0.895 ms\"\n" } else { "" };
+        let rest = format!("{}[safety]\nlate = \"{}\"\nfade = \"20 ms\"\n", constant(0.3), when_late.name());
+        let world = wheel(&format!("1 ms\"\n{times}estimator = \"difference"), &rest);
+        let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+        let mut cycle = on(&world, device);
+        armed(&mut cycle);
+        let mut timing = Timing::new();
+        let (mut last, mut first, mut outside, mut under_torque) = ((0.0, 0), None, 0, 0);
+        let mut was_active = None;
+        for (k, (late, later, command)) in pattern.iter().enumerate() {
+            let late = later.unwrap_or(*late);
+            let moment = Moment { due: k as u64 * 1_000_000, late: 1e-3 * late, periods: 1, silent: 0.0 };
+            cycle.pass(1);
+            let mut record = cycle.sample(&moment, None).unwrap();
+            record.computation = *command;
+            cycle.commanded(*command);
+            let is_outside = stated && (late - last.0 > 0.3 + 1e-9 || last.1 > 895_000);
+            let certainly = (late - last.0 - 0.3).abs() > 1e-6;
+            if was_active.unwrap_or(true) && certainly {
+                prop_assert_eq!(record.outside, is_outside, "{}", k);
+            }
+            if record.outside {
+                first = first.or(Some(k));
+            }
+            match (first, when_late) {
+                (None, _) | (Some(_), WhenLate::Count) => prop_assert_eq!(torque.get(), 0.3),
+                (Some(_), WhenLate::Fault) => prop_assert_eq!((torque.get(), record.reason), (0.0, Some(Reason::Uneven))),
+                (Some(first), WhenLate::Fade) => {
+                    let left = 0.3 * (1.0 - (k - first + 1) as f64 / 20.0).max(0.0);
+                    prop_assert!((torque.get() - left).abs() < 1e-9, "{} {left}", torque.get());
+                    prop_assert_eq!(record.reason, Some(Reason::Uneven));
+                }
+            }
+            // The first record has none before it.
+            if was_active == Some(true) {
+                under_torque += 1;
+                outside += u64::from(record.outside);
+            }
+            was_active = Some(record.phase.is_active());
+            last = (late, *command);
+            timing.add(&record);
+        }
+        let certified = timing.certified();
+        prop_assert_eq!((certified.samples, certified.inside), (under_torque, under_torque - outside));
+        prop_assert!(certified.longest <= timing.longest_gap());
+    }
 }

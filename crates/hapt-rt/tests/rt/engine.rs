@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
-use hapt_rt::{End, Engine, Error, Failure, Order, Plan, Record, Settings, Timing};
+use hapt_rt::{End, Engine, Error, Failure, LoopCommand, Plan, Record, Settings, Timing};
 
 use crate::common::{Held, constant, spring, wheel};
 
@@ -18,7 +18,7 @@ fn start(torque: f64, device: Box<dyn hapt_rt::Device>) -> Engine {
 }
 
 fn ask(engine: &mut Engine, request: Request) {
-    engine.send(Order::Request(request)).unwrap();
+    engine.send(LoopCommand::Request(request)).unwrap();
 }
 
 /// Takes records until one is what is looked for.
@@ -112,7 +112,7 @@ fn stop_is_heard_where_no_other_order_gets_through() {
     ask(&mut engine, Request::Arm);
     until(&mut engine, |record| record.phase == Phase::Running);
     // Faster than the loop takes them, until no more go in.
-    while engine.send(Order::Request(Request::Arm)).is_ok() {}
+    while engine.send(LoopCommand::Request(Request::Arm)).is_ok() {}
     engine.stop();
     let stopped = until(&mut engine, |record| record.phase == Phase::Faulted);
     assert_eq!((stopped.reason, stopped.request, stopped.output), (Some(Reason::Stop), Some(Request::Stop), 0.0));
@@ -133,8 +133,8 @@ fn what_was_asked_before_a_stop_brings_no_torque_back() {
     let stopped = until(&mut engine, |record| record.phase == Phase::Faulted);
     until(&mut engine, |record| record.sample > stopped.sample + 50);
     for _ in 0..10 {
-        engine.send_of(Order::Request(Request::Clear), before).unwrap();
-        engine.send_of(Order::Request(Request::Arm), before).unwrap();
+        engine.send_of(LoopCommand::Request(Request::Clear), before).unwrap();
+        engine.send_of(LoopCommand::Request(Request::Arm), before).unwrap();
     }
     let late = until(&mut engine, |record| record.sample > stopped.sample + 500);
     assert_eq!((late.phase, torque.get()), (Phase::Faulted, 0.0));
@@ -154,7 +154,7 @@ fn control_that_is_withdrawn_fades_the_torque_out_and_takes_its_requests_along()
     handle.withdraw();
     // The next one speaks at once, and has asked for nothing.
     handle.heartbeat();
-    engine.send_of(Order::Request(Request::Arm), before).unwrap();
+    engine.send_of(LoopCommand::Request(Request::Arm), before).unwrap();
     let out = until(&mut engine, |record| record.phase == Phase::Disarmed);
     let late = until(&mut engine, |record| record.sample > out.sample + 100);
     assert_eq!((late.phase, torque.get()), (Phase::Disarmed, 0.0));
@@ -172,7 +172,7 @@ fn every_plan_that_is_sent_arrives_whole_and_in_order() {
     while sent < 200 {
         let plan = Plan::following(&world(sent + 1), &before).unwrap();
         before = plan.clone();
-        let mut order = Order::Swap(Box::new(plan));
+        let mut order = LoopCommand::Swap(Box::new(plan));
         while let Err(full) = engine.send(order) {
             order = full;
             std::thread::sleep(Duration::from_millis(1));
@@ -226,5 +226,5 @@ fn a_period_that_no_clock_keeps_is_refused() {
     let refused = Engine::start(plan(), device).err();
     assert!(matches!(refused, Some(Error::Period { given }) if given == 9e-6));
     let mut engine = start(0.0, Held::new(|_| -> There { Ok((0.0, 0.0)) }).0);
-    assert!(engine.send(Order::Swap(Box::new(plan()))).is_err());
+    assert!(engine.send(LoopCommand::Swap(Box::new(plan()))).is_err());
 }

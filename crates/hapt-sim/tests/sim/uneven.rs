@@ -146,3 +146,74 @@ fn a_timing_that_does_not_suit_the_loop_is_refused() {
     (world.sampling.delay, world.sampling.interval_max) = (hapt_model::Delay::Seconds(0.0), None);
     assert!(said(&world).contains("a larger loop.interval_max"), "{}", said(&world));
 }
+
+/// K and B to ground in the dimensionless numbers α = K T²/J, β = B T/J, δ = b T/J.
+fn plane(alpha: f64, beta: f64, delta: f64, stretch: f64, late: f64) -> World {
+    let mut world = bare();
+    let unit = world.device.inertia / 1e-3;
+    world.sampling.estimator = EstimatorKind::Difference;
+    world.sampling.interval_max = Some(1e-3 * stretch);
+    world.sampling.delay_max = (late > 0.0).then_some(hapt_model::Delay::Seconds(1e-3 * late));
+    world.device.damping = delta * unit;
+    let law = Law::Damper { damping: Damping::Fixed(beta * unit) };
+    world.couplings = vec![
+        spring(End::Puck, End::Ground, alpha * unit / 1e-3),
+        Coupling { first: End::Puck, second: End::Ground, law, limit: None },
+    ];
+    world
+}
+
+/// The growth in 1/s between a tenth and the end of a hands-off run, by the most that the state reaches in each tenth.
+fn grown(world: &World, timing: Timing, duration: f64) -> f64 {
+    let hand = Hand { drive: Drive::Torque(Shape::Step { to: 1e-3, at: 0.0 }), release: Some(1e-3) };
+    let scenario = Scenario { name: "free".into(), duration, hand, timing };
+    let mut most = [0.0f64; 10];
+    for row in rows(world, &scenario) {
+        let part = ((10.0 * row.time / duration) as usize).min(9);
+        most[part] = most[part].max(row.puck.abs().max(1e-3 * row.puck_velocity.abs()));
+    }
+    (most[9] / most[1]).ln() / (0.8 * duration)
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(64))]
+
+    /// What the analysis proves decays on the real core under patterns of any kind, and what it breaks grows as fast as it says.
+    #[test]
+    fn the_hands_off_loop_does_under_patterns_what_the_analysis_says(
+        alpha in 0.05..2.0f64, beta in 0.0..0.9f64, delta in 0.01..0.2f64, stretch in 1.1..1.9f64, late in prop_oneof![Just(0.0), Just(0.2)], seed: u32,
+    ) {
+        let world = plane(alpha, beta, delta, stretch, late);
+        let free = hapt_analysis::uneven(&world).unwrap().free;
+        let hand = Hand { drive: Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), release: None };
+        let worst = Scenario { name: "worst".into(), duration: 1.0, hand, timing: Timing::Worst };
+        let worst = hapt_analysis::with_worst_pattern(&world, &worst).unwrap().timing.clone();
+        match free.verdict {
+            hapt_analysis::PatternVerdict::Broken => {
+                let growth = hapt_analysis::worst_pattern(&world).unwrap().growth_per_s;
+                prop_assert!(growth >= 0.9 * free.pattern.unwrap().growth_per_s);
+                // Long enough for what grows to overtake all else, and short of the numbers' end.
+                let found = grown(&world, worst, (20.0 / growth).clamp(0.05, 8.0));
+                prop_assert!(growth < 3.0 || found > 0.4 * growth, "{found} {growth}");
+            }
+            hapt_analysis::PatternVerdict::Proved => {
+                let random = Timing::Random { seed, shortest: None };
+                for timing in [worst, random, Timing::Pattern { intervals: vec![stretch], delays: vec![] }] {
+                    let found = grown(&world, timing, 1.0);
+                    prop_assert!(found < 1.0 || found.is_nan(), "{found}");
+                }
+            }
+            hapt_analysis::PatternVerdict::Open => {}
+        }
+    }
+}
+
+#[test]
+fn the_worst_pattern_is_found_before_a_run_and_not_in_it() {
+    let world = plane(1.0, 0.3, 0.05, 1.5, 0.0);
+    let scenario = timed(Drive::Position(Shape::Step { to: 0.0, at: 0.0 }), Timing::Worst);
+    assert!(matches!(Simulation::new(&world, &scenario), Err(Error::Timing { .. })));
+    let ready = hapt_analysis::with_worst_pattern(&world, &scenario).unwrap();
+    assert!(Simulation::new(&world, &ready).is_ok());
+    assert_eq!(ready.timing, hapt_analysis::with_worst_pattern(&world, &scenario).unwrap().timing);
+}

@@ -49,6 +49,11 @@ impl<'w> Endpoint<'w> {
         self.sampler.next()
     }
 
+    /// The motor had the torque of the last sample this long after it, in s.
+    pub fn commanded(&mut self, delay: f32) {
+        self.sampler.commanded(delay);
+    }
+
     /// Sets the cost of the last sample, in a unit of the board.
     pub fn used(&mut self, used: u32) {
         self.sampler.used(used);

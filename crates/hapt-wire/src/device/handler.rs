@@ -192,13 +192,16 @@ impl<'w> State<'w> {
                     Parameter::Refused => unread,
                     Parameter::Missed => progress.missed,
                     Parameter::MostUsed => progress.most_used,
+                    Parameter::Outside => progress.outside,
                 };
                 return Ok(Handled::Outcome(Outcome::Value(parameter, value)));
             }
             Command::Set { parameter, value } => match Parameter::from_code(parameter) {
                 Some(Parameter::Divider) => Action::Divide(u16::try_from(value).map_err(|_| Refusal::Parameter)?),
                 Some(Parameter::MostUsed) => Action::CountUseFrom(value),
-                Some(Parameter::Refused | Parameter::Missed) | None => return Err(Refusal::Parameter),
+                Some(Parameter::Refused | Parameter::Missed | Parameter::Outside) | None => {
+                    return Err(Refusal::Parameter);
+                }
             },
             Command::Sample { sample, position, velocity, late, announced } => {
                 if !self.board.externally_clocked {

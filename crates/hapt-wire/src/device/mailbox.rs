@@ -91,6 +91,7 @@ pub(crate) struct Progress {
     pub divider: u16,
     pub missed: u32,
     pub most_used: u32,
+    pub outside: u32,
 }
 
 impl Progress {
@@ -103,6 +104,7 @@ impl Progress {
         divider: 0,
         missed: 0,
         most_used: 0,
+        outside: 0,
     };
 }
 

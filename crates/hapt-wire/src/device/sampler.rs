@@ -40,7 +40,7 @@ pub struct Sampler<'w> {
     /// The number of the next sample.
     next: u64,
     /// The number of the sample before which the last heartbeat arrived.
-    heard: Option<u64>,
+    last_heartbeat: Option<u64>,
     /// The request for the next sample, with its command's sequence.
     request: Option<(u32, Request)>,
     response: Option<Response>,
@@ -64,7 +64,7 @@ impl<'w> Sampler<'w> {
             storage,
             state: ControllerState { world: State::EMPTY, supervisor: SupervisorState::START },
             next: 0,
-            heard: None,
+            last_heartbeat: None,
             request: None,
             response: None,
             divider: 0,
@@ -81,6 +81,15 @@ impl<'w> Sampler<'w> {
     /// T in s: 1 ms before there is a world.
     pub fn period(&self) -> f32 {
         self.storage.0.as_ref().map_or(FIRST_PERIOD, |compiled| compiled.controller.period())
+    }
+
+    /// The whole periods for which the motor may hold a torque, where the world bounds it: a timer that has begun more of them without a
+    /// sample takes the torque away by itself.
+    pub fn longest_hold(&self) -> Option<u32> {
+        let controller = &self.storage.0.as_ref()?.controller;
+        let periods = controller.longest_hold() / controller.period();
+        // An interval rounded to whole periods is one.
+        periods.is_finite().then_some((periods + 1e-4) as u32)
     }
 
     /// The number of the next sample, when none is missed.
@@ -118,7 +127,7 @@ impl<'w> Sampler<'w> {
         let now = &self.state.world.now;
         let states = now.position.iter().copied().zip(now.velocity.iter().copied());
         let bodies = States::new(states.take(compiled.controller.world().bodies()));
-        let SafeOutput { sample: of_world, output, phase, reason, warning } = guarded;
+        let SafeOutput { sample: of_world, output, phase, reason, warning, outside: _ } = guarded;
         if let Some((sequence, request)) = asked {
             let went = match request {
                 Request::Arm => phase.is_active(),
@@ -142,6 +151,11 @@ impl<'w> Sampler<'w> {
             ..Telemetry::default()
         });
         Motor { torque: output, on: phase.is_active() || output != 0.0 }
+    }
+
+    /// The motor had the torque of the last sample this long after it, in s: the supervisor judges it at the next sample.
+    pub fn commanded(&mut self, delay: f32) {
+        self.state.commanded(delay);
     }
 
     /// Sets the cost of the last sample for the telemetry, in a unit of the board.
@@ -196,6 +210,7 @@ impl<'w> Sampler<'w> {
             divider: self.divider,
             missed: self.missed,
             most_used: self.most_used,
+            outside: self.state.supervisor.outside(),
         };
         swapped
     }
@@ -210,7 +225,7 @@ impl<'w> Sampler<'w> {
     ) -> Option<Outcome> {
         Some(match what {
             Action::Heartbeat => {
-                self.heard = Some(self.next);
+                self.last_heartbeat = Some(self.next);
                 Outcome::Done
             }
             Action::Ask(Request::Arm, world) if world.is_none() || world != self.storage.hash() => {
@@ -218,7 +233,7 @@ impl<'w> Sampler<'w> {
             }
             Action::Ask(request, _) => {
                 if request == Request::Arm {
-                    self.heard = Some(self.next);
+                    self.last_heartbeat = Some(self.next);
                 }
                 self.request = Some((sequence, request));
                 return None;
@@ -250,7 +265,8 @@ impl<'w> Sampler<'w> {
 
     /// Time since the last heartbeat at this sample, in s; infinite without one.
     fn silent(&self, sample: u64) -> f32 {
-        self.heard.map_or(f32::INFINITY, |heard| sample.saturating_sub(heard) as f32 * self.period())
+        self.last_heartbeat
+            .map_or(f32::INFINITY, |last_heartbeat| sample.saturating_sub(last_heartbeat) as f32 * self.period())
     }
 
     fn respond(&mut self, sequence: u32, outcome: Outcome) {

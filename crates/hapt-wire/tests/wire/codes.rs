@@ -1,7 +1,7 @@
 //! Every code on the wire by its name. Boards in the field and logs on disks use these codes: none of them changes, and new ones come
 //! after them. A variant without a row here does not compile.
 
-use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Phase, Reason, Side, Spec};
+use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Phase, Reason, Side, Spec, WhenLate};
 use hapt_plant::spec::{Drive, Shape};
 use hapt_wire::{Command, DeviceMessage, Hello, Parameter, Refusal, Telemetry};
 use serde::Serialize;
@@ -207,9 +207,17 @@ fn the_code_of_each_phase_and_reason_is_what_it_always_was() {
         14 => WorldEnergy {},
         15 => Reversed {},
         16 => Driver {},
+        17 => Uneven {},
     });
     are_all(&reasons, &Reason::ALL);
     assert!(reasons.iter().all(|(code, reason)| reason.code() == *code && Reason::from_code(*code) == Some(*reason)));
+}
+
+#[test]
+fn the_code_of_each_thing_to_do_where_time_is_not_kept_is_what_it_always_was() {
+    let all = codes!(WhenLate { 0 => Fault {}, 1 => Fade {}, 2 => Count {}, });
+    are_all(&all, &WhenLate::ALL);
+    are_on_the_wire(all);
 }
 
 #[test]
@@ -230,7 +238,8 @@ fn the_code_of_each_message_is_what_it_always_was() {
         10 => Set { parameter, value },
         11 => Sample { sample, position, velocity, late, announced },
     }));
-    let parameters = codes!(Parameter { 0 => Divider {}, 1 => Refused {}, 2 => Missed {}, 3 => MostUsed {}, });
+    let parameters =
+        codes!(Parameter { 0 => Divider {}, 1 => Refused {}, 2 => Missed {}, 3 => MostUsed {}, 4 => Outside {}, });
     are_all(&parameters, &Parameter::ALL);
     assert!(parameters.iter().all(|(code, parameter)| *parameter as u8 == *code));
     let (sequence, why, telemetry) = (13, Refusal::Late, Telemetry::default());

@@ -179,7 +179,13 @@ impl<'w> TestHost<'w> {
     /// Armed and at full torque, the puck at rest.
     #[track_caller]
     pub fn run(&mut self, text: &str) -> u32 {
-        let hash = self.load(&packed(&world(text, &[]))).unwrap();
+        self.run_world(&packed(&world(text, &[])))
+    }
+
+    /// The same, from a world's bytes.
+    #[track_caller]
+    pub fn run_world(&mut self, bytes: &[u8]) -> u32 {
+        let hash = self.load(bytes).unwrap();
         self.ask(Command::Arm { world: hash }).unwrap();
         for _ in 0..300 {
             self.heartbeat();

@@ -1,6 +1,6 @@
 //! What a board does with what a host message.
 
-use hapt_core::{Controller, Phase, Reading, Reason, Request, SafetyProfile};
+use hapt_core::{CertifiedTime, Controller, Phase, Reading, Reason, Request, SafetyProfile, WhenLate};
 use hapt_plant::{Grip, VirtualDevice};
 use hapt_wire::device::{Measurement, WorldStorage};
 use hapt_wire::{Command, PROTOCOL, Parameter, ROOM, Refusal, Telemetry, hash};
@@ -410,4 +410,93 @@ fn a_fault_of_the_encoder_is_named_and_holds_until_it_is_cleared() {
     }
     host.ask(Command::Clear).unwrap();
     host.ask(Command::Arm { world: hash }).unwrap();
+}
+
+/// Samples 1.3 periods apart, commands late by up to 0.4 ms.
+const TIMES: &str = "\n[loop]\ninterval_max = \"1.3 ms\"\ndelay_max = \"0.4 ms\"";
+
+#[test]
+fn a_board_enforces_the_times_that_the_world_states_and_a_late_sample_is_a_fault_there() {
+    let text = WHEEL.replacen("\n[loop]", TIMES, 1);
+    let late = Measurement { late: 0.31e-3, ..Measurement::default() };
+    let missed = Measurement { missed: 1, ..Measurement::default() };
+    let in_time = Measurement::default();
+    let all = [(late, 0.4e-3), (missed, 0.4e-3), (in_time, 0.41e-3)];
+    for ((late, delay), when) in
+        all.into_iter().flat_map(|late| [None, Some("fault"), Some("fade"), Some("count")].map(|when| (late, when)))
+    {
+        let mut storage = storage();
+        let mut host = TestHost::new(BOARD, &mut storage);
+        let sets = when.map(|when| format!("safety.late={when}"));
+        let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
+        host.run_world(&board_packed(&world(&text, &sets)));
+        host.send(Command::Set { parameter: Parameter::Divider as u8, value: 1 });
+        host.seen = Measurement { late: 0.29e-3, ..host.seen };
+        for _ in 0..10 {
+            host.heartbeat();
+            host.endpoint.commanded(0.4e-3);
+            assert!(host.sample().on, "within the bounds");
+        }
+        host.seen = Measurement { late: 0.0, ..host.seen };
+        host.sample();
+        assert_eq!(outside(&mut host), 0);
+        host.received.clear();
+        host.seen = late;
+        host.endpoint.commanded(delay);
+        let motor = host.sample();
+        host.seen = Measurement::default();
+        let told = host.received.iter().find_map(|received| match received {
+            Received::Telemetry(telemetry) => Some((telemetry.phase, telemetry.reason, telemetry.warning)),
+            _ => None,
+        });
+        let (phase, reason, warning, on) = match when {
+            None | Some("fault") => (Phase::Faulted, Reason::Uneven.code(), 0, false),
+            Some("fade") => (Phase::FadingOut, Reason::Uneven.code(), 0, true),
+            _ => (Phase::Running, 0, Reason::Uneven.code(), true),
+        };
+        assert_eq!((told, motor.on), (Some((phase as u8, reason, warning)), on), "{late:?} {delay} {when:?}");
+        assert_eq!(outside(&mut host), 1);
+        if when != Some("count") {
+            for _ in 0..150 {
+                host.heartbeat();
+                host.sample();
+            }
+            assert!(!host.motor.on, "nobody has armed it again");
+        }
+    }
+}
+
+/// The board's own count.
+fn outside(host: &mut TestHost<'_>) -> u32 {
+    host.received.clear();
+    host.send(Command::Get { parameter: Parameter::Outside as u8 });
+    match host.received[..] {
+        [Received::Value(_, 4, value)] => value,
+        ref other => panic!("{other:?}"),
+    }
+}
+
+fn board_packed(world: &hapt_model::World) -> Vec<u8> {
+    let limits = world.board_limits(SafetyProfile::Certified);
+    hapt_wire::pack(&world.spec(), &limits, &mut [0; 1024]).unwrap().to_vec()
+}
+
+#[test]
+fn a_world_that_states_no_times_has_the_bytes_that_it_always_had_and_one_that_does_is_another_version() {
+    let plain = world(WHEEL, &[]);
+    assert_eq!(board_packed(&plain), packed(&plain), "nothing to enforce");
+    assert_eq!(packed(&plain)[0], 1);
+    for when in WhenLate::ALL {
+        let stated = world(WHEEL, &["loop.interval_max=1.5 ms", &format!("safety.late={}", when.name())]);
+        let bytes = board_packed(&stated);
+        assert_eq!((bytes[0], bytes.len()), (2, packed(&plain).len() + 17));
+        let (limits, stored) = hapt_wire::unpack::<4, 8>(&bytes).unwrap();
+        assert_eq!(limits.time, CertifiedTime { interval: 1.5e-3, delay: f64::INFINITY, when_late: when });
+        assert_eq!(stored.spec(), stated.spec());
+        // As a board reads it that knows the first version alone, and the other way around: never half of it.
+        for version in [0, 1, 3, 255] {
+            assert!(hapt_wire::unpack::<4, 8>(&[&[version], &bytes[1..]].concat()).is_err(), "{version}");
+        }
+        assert!(hapt_wire::unpack::<4, 8>(&[&[2], &packed(&plain)[1..]].concat()).is_err());
+    }
 }

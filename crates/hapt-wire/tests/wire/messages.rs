@@ -1,7 +1,8 @@
 //! The messages of host and board: the examples of docs/wire.md, and messages after noise.
 
 use hapt_core::{
-    Body, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Phase, SafetyProfile, Spec, Supervisor,
+    Body, CertifiedTime, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Phase, SafetyProfile, Spec,
+    Supervisor,
 };
 use hapt_wire::{
     Command, DeviceMessage, Hello, HostMessage, LARGEST, LONGEST, PIECE, PROTOCOL, Parameter, Reader, Refusal, States,
@@ -92,7 +93,8 @@ fn packed() -> Vec<u8> {
         slew: f64::INFINITY,
         motor: none,
         driver: none,
-        late: 5e-3,
+        stall: 5e-3,
+        time: CertifiedTime::NOT_STATED,
         link: 0.3,
         link_faults: false,
         energy: 0.04,

@@ -77,6 +77,9 @@ pub struct IdentifyArgs {
     /// The world to certify with the result, and for a device its loop and limits.
     #[arg(long, value_name = "WORLD")]
     pub world: Option<PathBuf>,
+    /// Compare the record with the device of this world's file: exit code 1 where it contradicts it.
+    #[arg(long, value_name = "WORLD", conflicts_with_all = ["world", "write", "inertia", "coast"])]
+    pub against: Option<PathBuf>,
     /// Override a key of that world by its dotted path, such as loop.period=2ms; repeatable.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,

@@ -21,6 +21,8 @@ pub use verdicts::*;
 #[derive(Debug, Parser)]
 #[command(
     name = "hapt",
+    // On Windows the file is hapt.exe.
+    bin_name = "hapt",
     version,
     max_term_width = 100,
     after_help = "\
@@ -143,11 +145,12 @@ Examples:
   hapt flash wheel.toml --device hapt:/dev/ttyACM0
   hapt run wheel.toml --device hapt:/dev/ttyACM0     then it turns")]
     Flash(FlashArgs),
-    /// Identify a device from a log or an experiment: inertia, friction, delay.
+    /// Identify a device from a log or an experiment: inertia, friction, lag, delay.
     #[command(after_help = "\
 Examples:
   hapt identify sim --world wheel.toml --duration 2s --log wheel.mcap
   hapt identify wheel.mcap --plot fit.svg            from a log, with a picture
+  hapt identify wheel.mcap --against wheel.toml      is it the file's device?
   hapt convert wheel.mcap -o log.csv && \\
       hapt identify log.csv \\
       --columns time=time_s,position=measured_rad,torque=applied_Nm")]

@@ -1,6 +1,6 @@
 //! The fit over the positions, and its residuals.
 
-use hapt_identify::Identified;
+use hapt_identify::{Comparison, Identified, Lattice};
 use hapt_model::Motion;
 use hapt_report::figure::{Axis, Figure, Panel, Style};
 
@@ -10,7 +10,27 @@ use crate::format;
 /// Points of a curve; of more, the extremes of as many stretches as half of them.
 const MOST: usize = 1200;
 
-pub fn figure(given: &Given, found: &Identified) -> Figure {
+/// A fit, and what it leaves.
+pub struct Drawn {
+    fitted: Vec<(f64, f64)>,
+    residuals: Vec<(f64, f64)>,
+    lattice: Option<Lattice>,
+    rms: f64,
+}
+
+impl Drawn {
+    pub fn of(given: &Given, found: &Identified) -> Self {
+        let (fitted, residuals) = (found.fitted(&given.record), found.residuals(&given.record));
+        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms }
+    }
+
+    pub fn of_best(given: &Given, found: &Comparison) -> Self {
+        let (fitted, residuals) = (found.fitted(&given.record), found.residuals(&given.record));
+        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms }
+    }
+}
+
+pub fn figure(given: &Given, found: &Drawn) -> Figure {
     let (unit, factor) = match given.motion {
         Motion::Rotary => ("deg", 1f64.to_degrees()),
         Motion::Linear => ("mm", 1e3),
@@ -28,8 +48,8 @@ pub fn figure(given: &Given, found: &Identified) -> Figure {
     };
     let pairs = |values: &[f64]| times.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
     let measured = scaled(pairs(positions), factor);
-    let fitted = scaled(found.fitted(record), factor);
-    let left = scaled(found.residuals(record), finer);
+    let fitted = scaled(found.fitted.clone(), factor);
+    let left = scaled(found.residuals.clone(), finer);
     let torques = scaled(pairs(record.torques()), per_si);
     let panel = |name: &str, unit: &str, points: &[(f64, f64)]| {
         let time = Axis::from_to("time", "s", times[0], times[times.len() - 1]);
@@ -45,7 +65,7 @@ pub fn figure(given: &Given, found: &Identified) -> Figure {
     let alt = format!(
         "Positions over {} and the fit, the residuals ({} {fine} rms), and the commanded torque.",
         format::time(times[times.len() - 1] - times[0]),
-        format::number((found.residual.rms * finer * 1e3).round() / 1e3)
+        format::number((found.rms * finer * 1e3).round() / 1e3)
     );
     Figure {
         title: format!("{}: the fit and its residuals", given.name),

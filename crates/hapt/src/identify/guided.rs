@@ -13,7 +13,7 @@ use hapt_identify::{Bounds, Record};
 use hapt_log::{Header, Recorder};
 use hapt_model::keys::Measure;
 use hapt_model::{Coupling, End, EstimatorKind, Law, Motion, World};
-use hapt_rt::{End as LoopEnd, Engine, Failure as DeviceFailure, Order, Plan};
+use hapt_rt::{End as LoopEnd, Engine, Failure as DeviceFailure, LoopCommand, Plan};
 
 use super::{Given, positive};
 use crate::args::IdentifyArgs;
@@ -176,12 +176,12 @@ impl Experiment {
 
     /// Arms, pushes for `duration` s, disarms.
     fn run(mut self, duration: f64) -> Result<Seen, Failure> {
-        self.order(Order::Request(Request::Arm))?;
+        self.send(LoopCommand::Request(Request::Arm))?;
         while !self.is_running {
             self.wait(LOOK.as_secs_f64())?;
         }
         let done = self.pushes(duration);
-        let _ = self.order(Order::Request(Request::Disarm));
+        let _ = self.send(LoopCommand::Request(Request::Disarm));
         let faded = done.and_then(|()| self.wait(4.0 * self.bare.safety.fade + 0.05));
         self.engine.end();
         let logged = self.recorder.take().map(|recorder| recorder.finish());
@@ -218,11 +218,11 @@ impl Experiment {
         if let Some(recorder) = &self.recorder {
             recorder.plan(self.plans, &world);
         }
-        self.order(Order::Swap(Box::new(self.last.clone())))
+        self.send(LoopCommand::Swap(Box::new(self.last.clone())))
     }
 
-    fn order(&mut self, order: Order) -> Result<(), Failure> {
-        self.engine.send(order).map_err(|_| Failure::System("the loop takes no orders".into()))
+    fn send(&mut self, command: LoopCommand) -> Result<(), Failure> {
+        self.engine.send(command).map_err(|_| Failure::System("the loop takes no commands".into()))
     }
 
     /// Runs for this many s, and reads the records.

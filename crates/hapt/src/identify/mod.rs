@@ -1,5 +1,6 @@
 //! `hapt identify`: the parameters of a device, from a log, or from an experiment on it.
 
+mod against;
 mod figure;
 mod guided;
 mod input;
@@ -10,7 +11,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_host::DeviceAddress;
-use hapt_identify::{Identified, Known, Record, identify};
+use hapt_identify::{Known, Record, identify};
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
 use hapt_report::Width;
@@ -19,8 +20,10 @@ use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
-use crate::output;
+use crate::output::{self, Draft};
 use crate::world::{files, source};
+
+use figure::Drawn;
 
 /// A motion, and where it comes from.
 pub struct Given {
@@ -38,7 +41,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     }
     output::figure_format("--plot", args.plot.as_deref())?;
     let world = named_world(args)?;
-    let mut inputs = match (&args.world, &world) {
+    let mut inputs = match (args.world.as_ref().or(args.against.as_ref()), &world) {
         (Some(path), Some(world)) => files(path, world),
         _ => Vec::new(),
     };
@@ -46,7 +49,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     let outputs = [("--write", &args.write), ("--plot", &args.plot), ("--log", &args.log)];
     output::apart(&output::given(&outputs), &inputs)?;
     if world.is_none() && !args.sets.is_empty() {
-        return Err(Failure::input("--set needs --world: it changes a key of that world"));
+        return Err(Failure::input("--set needs --world or --against: it changes a key of that world"));
     }
     let given = match device(&args.what) {
         Some(device) => match (guided::experiment(args, &device, world), output::signalled()) {
@@ -55,6 +58,9 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
         },
         None => input::read(args, world)?,
     };
+    if args.against.is_some() {
+        return against::run(args, &given);
+    }
     let known = Known { inertia: inertia(args, given.motion)?, is_linear: given.motion == Motion::Linear };
     let found = identify(&given.record, &known).map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
     for warning in found.warnings().into_iter().chain(print::unmodelled(&given, &found)) {
@@ -66,14 +72,12 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
         );
     }
     let table = print::table(&given, &found);
+    let drawn = Drawn::of(&given, &found);
     let drafts = [
         args.write.as_deref().map(|target| output::draft(target, table.as_bytes())).transpose()?,
-        args.plot.as_deref().map(|target| output::figure("--plot", target, &svg(&given, &found))).transpose()?,
+        plot(args, &given, &drawn)?,
     ];
-    for draft in drafts.into_iter().flatten() {
-        let path = draft.finish().map_err(|error| Failure::write("the file", error))?;
-        messages::say(format_args!("wrote {}", path.display()));
-    }
+    written(drafts)?;
     let text = if args.json {
         print::json(&found)?
     } else {
@@ -92,7 +96,7 @@ fn device(what: &str) -> Option<DeviceAddress> {
 
 fn named_world(args: &IdentifyArgs) -> Result<Option<World>, Failure> {
     let read = |path: &std::path::PathBuf| Ok::<_, Failure>(World::read(&source(path)?, &args.sets)?);
-    args.world.as_ref().map(read).transpose()
+    args.world.as_ref().or(args.against.as_ref()).map(read).transpose()
 }
 
 /// The value of --inertia.
@@ -106,6 +110,17 @@ fn positive(flag: &str, text: &str, measure: Measure, motion: Motion) -> Result<
     format::positive(flag, text, measure.dimension(motion))
 }
 
-fn svg(given: &Given, found: &Identified) -> String {
-    figure::figure(given, found).svg(Width::Wide, true) + "\n"
+/// The picture of `--plot`.
+fn plot(args: &IdentifyArgs, given: &Given, drawn: &Drawn) -> Result<Option<Draft>, Failure> {
+    let svg = || figure::figure(given, drawn).svg(Width::Wide, true) + "\n";
+    args.plot.as_deref().map(|target| output::figure("--plot", target, &svg())).transpose()
+}
+
+/// Puts the files in their places.
+fn written(drafts: impl IntoIterator<Item = Option<Draft>>) -> Result<(), Failure> {
+    for draft in drafts.into_iter().flatten() {
+        let path = draft.finish().map_err(|error| Failure::write("the file", error))?;
+        messages::say(format_args!("wrote {}", path.display()));
+    }
+    Ok(())
 }

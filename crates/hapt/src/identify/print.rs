@@ -12,7 +12,10 @@ use super::Given;
 use crate::failure::Failure;
 use crate::format;
 
-/// The contract's six and the constant torque, each with its interval or null.
+/// A number of a device changes with the weather: no record of one hour knows it better than this, in percent.
+const LEAST_TOLERANCE: f64 = 1.0;
+
+/// The contract's six, lag, time to the torque and constant torque, each with its interval or null.
 pub fn json(found: &Identified) -> Result<String, Failure> {
     let value = |interval: Option<Interval>| -> Value {
         interval.map_or(Value::Null, |x| json!({ "value": x.value, "low": x.low, "high": x.high }))
@@ -55,6 +58,20 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
         line("friction", format!("over inertia {}", within(found.rates[1], 1.0, per_inertia)));
     }
     line("delay", within(found.delay, 1e3, "ms"));
+    if let Some(lag) = found.lag {
+        line(
+            "lag",
+            match lag.low > 0.0 {
+                true => sized(lag, 1e3, "ms"),
+                false => {
+                    format!(
+                        "not told from the delay, which is both together; up to {} ms fits",
+                        digits(1e3 * lag.high, 2)
+                    )
+                }
+            },
+        );
+    }
     if let Some(offset) = found.offset.filter(|offset| !offset.covers(0.0)) {
         line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
     }
@@ -108,6 +125,7 @@ pub fn certificate(given: &Given, found: &Identified) -> Result<String, Failure>
     world.device.damping = damping.value;
     world.device.friction = friction;
     world.device.encoder = encoder_key(given.motion, found).or(world.device.encoder);
+    world.device.lag = found.lag.map_or(world.device.lag, |lag| lag.value);
     if let Some(delay) = found.delay {
         world.sampling.delay = Delay::Seconds(whole(delay, world.sampling.period));
     }
@@ -115,6 +133,9 @@ pub fn certificate(given: &Given, found: &Identified) -> Result<String, Failure>
     least.device.damping = damping.low;
     if let Some(delay) = found.delay.filter(|_| world.sampling.delay_s() % world.sampling.period != 0.0) {
         least.sampling.delay = Delay::Seconds(delay.high);
+    }
+    if let Some(lag) = found.lag.filter(|lag| lag.low > 0.0) {
+        least.device.lag = lag.high;
     }
     let verdict = |world: &World| -> Result<String, Failure> { Ok(hapt_analysis::check(world)?.verdict_sentence()) };
     let (was, is, at_least) = (verdict(before)?, verdict(&world)?, verdict(&least)?);
@@ -131,12 +152,9 @@ pub fn table(given: &Given, found: &Identified) -> String {
     let (effort, per_si) = effort(given.motion);
     let mut text = format!("[device] # identified {} from {}\n", today(), given.name.escape_default());
     let mut line = |key: &str, value: String, note: String| {
-        let _ = writeln!(text, "{:<42}# {note}", format!("{key:<8} = {value}"));
+        let _ = writeln!(text, "{:<50}# {note}", format!("{key:<8} = {value}"));
     };
-    let quantity = |x: Interval, factor: f64, unit: &str| {
-        let half = 0.5 * factor * (x.high - x.low);
-        (format!("\"{} {unit}\"", to(factor * x.value, half)), ends(x, factor))
-    };
+    let quantity = |x: Interval, factor: f64, unit: &str| (toml(x, factor, unit), ends(x, factor));
     if let Some(x) = found.inertia {
         let (value, note) = quantity(x, 1.0, &inertia);
         line("inertia", value, if x.low == x.high { "as given".into() } else { note });
@@ -146,6 +164,9 @@ pub fn table(given: &Given, found: &Identified) -> String {
     }
     if let Some((value, note)) = found.friction.map(|x| quantity(x, per_si, effort)) {
         line("friction", value, note);
+    }
+    if let Some((value, note)) = found.lag.filter(|lag| lag.low > 0.0).map(|x| quantity(x, 1e3, "ms")) {
+        line("lag", value, note);
     }
     match (found.counts, found.lattice) {
         (Some(counts), _) if counts.low == counts.high => line("encoder", counts.value.to_string(), "exact".into()),
@@ -161,13 +182,27 @@ pub fn table(given: &Given, found: &Identified) -> String {
         let _ = writeln!(text, "# for [loop]: delay = \"{} ms\", {} ms", delay_words(given, delay), ends(delay, 1e3));
     }
     if let Some(offset) = found.offset.filter(|offset| !offset.covers(0.0)) {
-        let (value, note) = quantity(offset, per_si, effort);
-        let _ = writeln!(text, "# beside it a constant torque of {}, {note}: no key", value.trim_matches('"'));
+        let _ = writeln!(text, "# beside it a constant torque of {}: no key", sized(offset, per_si, effort));
     }
     if found.sign.is_some_and(|sign| sign.value < 0.0) {
         text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";
     }
     text
+}
+
+/// A quantity of a file, with the tolerance that holds its interval; a number that may be twice as large, or none, has none.
+pub fn toml(x: Interval, factor: f64, unit: &str) -> String {
+    let text = to(factor * x.value, 0.5 * factor * (x.high - x.low));
+    let shown = text.parse().unwrap_or(factor * x.value);
+    let part = (factor * x.high - shown).max(shown - factor * x.low) / shown;
+    if !(part > 0.0 && part <= 1.0) || x.low == x.high {
+        return format!("\"{text} {unit}\"");
+    }
+    // Two digits of the tolerance, rounded up.
+    let percent = (100.0 * part).max(LEAST_TOLERANCE);
+    let step = 10f64.powf(percent.log10().floor() - 1.0);
+    let percent = ((percent / step).ceil() * step).min(100.0);
+    format!("\"{text} {unit} ± {} %\"", digits(percent, 3))
 }
 
 /// The delay as it is used, in ms.
@@ -178,7 +213,7 @@ fn delay_words(given: &Given, delay: Interval) -> String {
 }
 
 /// A delay that is known to a sample and may be a whole number of them is taken to be that.
-fn whole(delay: Interval, period: f64) -> f64 {
+pub fn whole(delay: Interval, period: f64) -> f64 {
     let nearest = (delay.value / period).round() * period;
     if delay.covers(nearest) && delay.high - delay.low < period { nearest } else { delay.value }
 }
@@ -191,28 +226,28 @@ fn encoder_key(motion: Motion, found: &Identified) -> Option<f64> {
 }
 
 /// Of inertia and damping.
-fn units(motion: Motion) -> [String; 2] {
+pub fn units(motion: Motion) -> [String; 2] {
     [Measure::Inertia, Measure::Damping].map(|measure| measure.dimension(motion).symbol())
 }
 
 /// The unit of torques, and its number per N m (linear: N).
-fn effort(motion: Motion) -> (&'static str, f64) {
+pub fn effort(motion: Motion) -> (&'static str, f64) {
     if motion == Motion::Linear { ("N", 1.0) } else { ("N mm", 1e3) }
 }
 
 /// A value with its unit and its interval.
-fn sized(x: Interval, factor: f64, unit: &str) -> String {
+pub fn sized(x: Interval, factor: f64, unit: &str) -> String {
     let half = 0.5 * factor * (x.high - x.low);
     format!("{} {unit}, {}", to(factor * x.value, half), ends(x, factor))
 }
 
-fn ends(x: Interval, factor: f64) -> String {
+pub fn ends(x: Interval, factor: f64) -> String {
     let half = 0.5 * factor * (x.high - x.low);
     format!("95 %: {} to {}", to(factor * x.low, half), to(factor * x.high, half))
 }
 
 /// Rounded so that the second digit of its uncertainty still shows.
-fn to(x: f64, half: f64) -> String {
+pub fn to(x: f64, half: f64) -> String {
     if !(half > 0.0 && half.is_finite()) {
         return format::number(x);
     }
@@ -222,7 +257,7 @@ fn to(x: f64, half: f64) -> String {
 }
 
 /// With this many digits.
-fn digits(x: f64, digits: usize) -> String {
+pub fn digits(x: f64, digits: usize) -> String {
     format!("{x:.*e}", digits - 1).parse().map_or_else(|_| x.to_string(), format::number)
 }
 

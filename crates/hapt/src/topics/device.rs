@@ -53,7 +53,7 @@ whole sample.
     },
     Topic {
         name: "uneven",
-        aliases: &["interval_max", "delay_max", "lag", "tolerance", "jitter"],
+        aliases: &["interval-max", "delay-max", "lag", "tolerance", "jitter", "safety.late"],
         line: "the verdict for uneven samples and varying delays",
         text: r#"No clock is exact. `loop.interval_max` is the longest time between two samples, `loop.delay_max`
 the largest delay, `device.lag` the time constant with which the motor follows its command, and
@@ -62,7 +62,10 @@ of `passive` for every pattern of intervals and delays, and every device within 
 
   hapt check @notes/default --set loop.interval_max=1.5ms | grep ^uneven
 
-Without delay and lag it asks for the required damping times interval_max/period.
+Without delay and lag it asks for the required damping times interval_max/period. Its end is about
+the loop hands-off under the same patterns: proved, broken by a pattern, or open. A scenario runs
+the worst pattern that was found with timing = { kind = "worst" }. In real time `safety.late`
+("fade", "fault", "count") is what happens beyond the stated times.
 "#,
     },
     Topic {
@@ -183,7 +186,9 @@ torque, under the supervisor. A real device moves only after a confirmation.
   hapt identify release.csv --from 0.26s                   encoder   4000 counts a revolution
 
 Read its warnings: two parameters that the record hardly distinguishes, less than half a count of
-noise, a position-dependent torque (gravity, cogging). `--write` writes the [device] table.
+noise, a position-dependent torque (gravity, cogging). `--write` writes the [device] table. The lag
+of a motor is told from a delay where the record allows; else the delay is both together. `--against
+WORLD` says which number of the file the record contradicts, and ends with 1 where there is one.
 "#,
     },
     Topic {

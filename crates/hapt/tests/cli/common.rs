@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Longer than anything here takes on the slowest machine.
-const PATIENCE: Duration = Duration::from_secs(120);
+pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// The notes' wheel, as most tests take it.
 pub const WHEEL: &str = r#"title = "wheel"
@@ -229,7 +229,9 @@ impl Running {
     pub fn end(mut self) -> Ended {
         drop(self.input.take());
         let status = self.wait();
-        Ended { code: status.code(), out: self.out.all(), err: self.err.all() }
+        // Messages name paths as the system does.
+        let err = if cfg!(windows) { self.err.all().replace('\\', "/") } else { self.err.all() };
+        Ended { code: status.code(), out: self.out.all(), err }
     }
 
     /// The same, with standard input still open.

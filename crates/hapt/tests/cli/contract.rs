@@ -80,7 +80,18 @@ fn the_fields_are_those_of_the_contract() {
         assert_eq!(passivity["proved"], passivity["not_proved"].as_array().unwrap().is_empty());
         keys(&json["quantisation"], &["max_stiffness", "ok"]);
         let uneven = &json["uneven"];
-        keys(uneven, &["interval_max_s", "delay_s", "lag_s", "required_damping", "passive", "proved", "not_proved"]);
+        keys(
+            uneven,
+            &["interval_max_s", "delay_s", "lag_s", "required_damping", "passive", "proved", "not_proved", "free"],
+        );
+        let patterns = &uneven["free"];
+        keys(patterns, &["verdict", "interval_s", "proved_by", "pattern", "reason"]);
+        // Passive, or even samples: the eigenvalues decide.
+        let grows = json["free"]["verdict"] == "unstable";
+        assert_eq!(patterns["verdict"], if grows { "broken" } else { "proved" }, "{json}");
+        if grows {
+            keys(&patterns["pattern"], &["intervals_s", "delays_s", "growth_per_s"]);
+        }
         // No world here states times or tolerances.
         for key in ["required_damping", "passive", "proved", "not_proved"] {
             assert_eq!(uneven[key], passivity[key], "{key}");

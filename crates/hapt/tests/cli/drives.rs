@@ -19,7 +19,7 @@ limit = "100 N mm"
 {mounting}
 [safety]
 stuck = 0
-late = "10 s"
+stall = "10 s"
 [[couplings]]
 kind = "spring"
 between = ["puck", "ground"]

@@ -1,4 +1,5 @@
 //! The command line as its users meet it: what is typed, what comes out, and how it ends.
+#![cfg_attr(not(unix), allow(dead_code, unused_imports))] // What tests of signals and of a shell take.
 
 #[cfg(unix)]
 mod bad_inputs;

@@ -139,7 +139,7 @@ fn the_latency_comes_as_a_table_and_as_numbers() {
     let checked = hapt(at.path(), ["check", "w.toml", "--no-remedies", "--set", &set]);
     assert!(checked.code != Some(2), "{set}: {checked:?}");
     let run = ["run", "w.toml", "--uncertified", "--duration", "0.2s", "--set", "loop.interval_max=10 s"];
-    assert!(hapt(at.path(), run).done().out.contains("intervals were at most loop.interval_max, 10 s"));
+    assert!(hapt(at.path(), run).done().out.contains("certified    inside the certificate for "));
     let ended =
         hapt(at.path(), ["latency", "--duration", "0.2s", "--priority", "0", "--spin", "100us", "--json"]).done();
     let json: Value = serde_json::from_str(&ended.out).unwrap();
@@ -154,6 +154,36 @@ fn the_latency_comes_as_a_table_and_as_numbers() {
     // Every sample stands in one bar.
     let counts = json["histogram"].as_array().unwrap().iter().map(|bar| bar["count"].as_u64().unwrap());
     assert_eq!(counts.sum::<u64>(), samples);
+}
+
+#[test]
+fn a_command_later_than_certified_ends_a_run_as_the_world_says() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let run = |sets: &[&str]| {
+        let sets = sets.iter().flat_map(|set| ["--set", set]);
+        hapt(at.path(), ["run", "w.toml", "--uncertified", "--duration", "0.3s"].into_iter().chain(sets))
+    };
+    // No command takes no time: every one is late.
+    for late in [&[][..], &["safety.late=fade"], &["safety.late=fault"]] {
+        let ended = run(&[&["loop.delay_max=0 s"], late].concat());
+        assert_eq!(ended.code, Some(3), "{ended:?}");
+        assert!(
+            ended.err.contains("later than the certificate covers") && ended.err.contains("safety.late"),
+            "{ended:?}"
+        );
+    }
+    let counted = run(&["loop.delay_max=0 s", "safety.late=count", "safety.fade=50 ms"]).done();
+    assert!(counted.out.contains("inside the certificate for 0 of "), "{counted:?}");
+    // What the file does not state is not enforced, whatever the machine does.
+    let any = run(&["safety.late=fault"]).done();
+    assert!(!any.out.contains("inside the certificate"), "{any:?}");
+    let ended =
+        hapt(at.path(), ["latency", "w.toml", "--duration", "0.2s", "--json", "--set", "loop.delay_max=0 s"]).done();
+    let json: Value = serde_json::from_str(&ended.out).unwrap();
+    assert_eq!(json["certified"]["inside"], 0);
+    assert!(
+        json["certified"]["samples"].as_u64().unwrap() > 0 && json["certified"]["longest_us"].as_f64().unwrap() > 0.0
+    );
 }
 
 /// However long a process stands still, the table has all of it: of five that are stopped, some is stopped while its loop runs.

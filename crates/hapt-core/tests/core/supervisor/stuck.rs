@@ -87,7 +87,7 @@ proptest! {
     fn a_world_whose_period_changes_finds_a_dead_encoder_in_the_same_time(
         periods in proptest::collection::vec((0.25..4.0f64, 5..60u32), 400), stuck in 0.2..1.0f64,
     ) {
-        let limits = Limits { stuck, energy: 1e9, late: 1.0, ..LIMITS };
+        let limits = Limits { stuck, energy: 1e9, stall: 1.0, ..LIMITS };
         let mut guard = Guard::<f64>::running(&limits, &WORLD, 0.5);
         let mut stood = 0.0;
         'found: for (period, samples) in &periods {

@@ -194,6 +194,9 @@ fn names(t: &mut Table) {
     t.edit("both ends the same", "\"puck\", \"wheel\"", "\"wheel\", \"wheel\"");
     t.edit("three ends", "\"wheel\"]", "\"wheel\", \"ground\"]");
     t.edit("an end that is a number", "\"wheel\"]", "0]");
+    t.lines("an unknown answer to late samples", "[safety]\nlate = \"never\"");
+    t.lines("a misspelt answer to late samples", "[safety]\nlate = \"fades\"");
+    t.lines("a time that late samples take no more", "[safety]\nlate = \"5 ms\"");
     t.edit("a body called puck", "[bodies.wheel]", "[bodies.puck]");
     t.edit("a body with a space", "[bodies.wheel]", "[bodies.\"my wheel\"]");
     t.edit("a body without a name", "[bodies.wheel]", "[bodies.\"\"]");
@@ -498,6 +501,17 @@ fn identify(t: &mut Table) {
     log("a column for something else", swing(header, 600, good), &["--columns", "speed=angle_deg"]);
     log("nothing between two times", swing(header, 600, good), &["--from", "0.5 s", "--to", "0.2 s"]);
     log("an inertia in grams", swing(header, 600, good), &["--inertia", "5 g"]);
+    let mut against = |name, log: Vec<u8>, more: &[&str]| {
+        let args = words(&[&["identify", "log.csv", "--against", "w.toml"], more].concat());
+        t.add(name, vec![("log.csv", log), ("w.toml", WORLD.into())], args);
+    };
+    against("a linear log against a world that turns", swing("t_ms,position_mm,force_N", 600, good), &[]);
+    let slow = |k: usize| good(k).replacen(&k.to_string(), &(3 * k).to_string(), 1);
+    against("a log of another period against a world", swing(header, 600, slow), &[]);
+    against("a log without torques against a world", swing("t_ms,angle_deg", 600, |k| format!("{k},{}", at(k))), &[]);
+    against("a tolerance of twice the damping", swing(header, 600, good), &["--set", "device.damping=1e-3 ± 200 %"]);
+    against("a table to write from a comparison", swing(header, 600, good), &["--write", "device.toml"]);
+    t.typed("a world against nothing", &["identify", "log.csv", "--against"]);
     t.typed("neither a log nor a device", &["identify", "wheel.csv"]);
     t.typed("a device without a world", &["identify", "sim"]);
     t.typed("more torque than the motor has", &["identify", "sim", "--world", "w.toml", "--torque", "1 N m"]);

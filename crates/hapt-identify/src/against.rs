@@ -1,0 +1,322 @@
+//! Whether a record agrees with what a world's file says of its device.
+
+use hapt_model::World;
+use hapt_model::keys::Measure;
+use serde_json::{Value, json};
+
+use crate::estimate::{left, residual, search};
+use crate::identified::{Identified, Interval, Known, Residual};
+use crate::puck::Puck;
+use crate::record::{Record, Watched};
+use crate::start::noise;
+use crate::{Error, Lattice, lattice};
+
+/// An estimate so many standard errors outside contradicts the file: of seven numbers of a true file one does once in two thousand records.
+const SURELY: f64 = 4.0;
+/// The standard errors of half a 95 % interval.
+const HALF: f64 = 1.959_964;
+/// A number is told by a record whose interval reaches no farther than this part of the number on either side, or than its tolerance.
+const TOLD: f64 = 0.2;
+/// A friction of 0 counts as this part of the record's largest torque, and so does a damping of 0 at the record's speeds.
+const SMALL: f64 = 0.05;
+
+/// The numbers of a device as a file has them: least and largest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Claims {
+    /// J in kg·m² (linear: kg).
+    pub inertia: [f64; 2],
+    /// b in N·m·s/rad (N·s/m).
+    pub damping: [f64; 2],
+    /// Coulomb's, in N·m (N).
+    pub friction: [f64; 2],
+    /// In s.
+    pub lag: [f64; 2],
+    /// In s.
+    pub delay: [f64; 2],
+    /// The loop's period in s.
+    pub period: f64,
+}
+
+/// What a record says of a number of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The record tells the number, and it is within the file's range or less than four standard errors outside.
+    Agrees,
+    /// It is farther outside.
+    Contradicts,
+    /// The record allows so much that its agreement would say nothing.
+    NotTold,
+}
+
+/// One number, of the record and of the file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compared {
+    /// inertia, damping, friction, constant torque, lag, delay, delay and lag, sign.
+    pub name: &'static str,
+    /// Of its unit; `None`: it has none.
+    pub measure: Option<Measure>,
+    /// Of the record.
+    pub estimate: Option<Interval>,
+    /// The least and the largest that the file allows.
+    pub file: [f64; 2],
+    /// How many standard errors the estimate is outside of that; 0 inside.
+    pub sigmas: Option<f64>,
+    /// What follows.
+    pub verdict: Verdict,
+    /// Why it is not told.
+    pub reason: Option<&'static str>,
+}
+
+/// A record against a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// Every number of the device.
+    pub numbers: Vec<Compared>,
+    /// The numbers of the record; `None` where no device explains it.
+    pub identified: Option<Identified>,
+    /// Why no device explains the record: that contradicts the file, whatever its numbers are.
+    pub wrong: Option<Error>,
+    /// The best fit, and the first sample of it.
+    pub puck: Puck,
+    /// Of the best fit.
+    pub first: usize,
+    /// Its residuals.
+    pub residual: Residual,
+    /// The positions' noise, rms, estimated without a fit, in rad (m).
+    pub noise: f64,
+    /// The lattice of the positions.
+    pub lattice: Option<Lattice>,
+}
+
+impl Verdict {
+    /// agrees, contradicts, or not told.
+    pub fn word(self) -> &'static str {
+        match self {
+            Verdict::Agrees => "agrees",
+            Verdict::Contradicts => "contradicts",
+            Verdict::NotTold => "not told",
+        }
+    }
+}
+
+impl Claims {
+    /// Of a world's file.
+    pub fn of(world: &World) -> Self {
+        let device = &world.device;
+        Claims {
+            inertia: device.inertia_range(),
+            damping: device.damping_range(),
+            friction: device.friction_range(),
+            lag: device.lag_range(),
+            delay: [world.sampling.delay_s(), world.sampling.delay_max_s()],
+            period: world.sampling.period,
+        }
+    }
+}
+
+impl Comparison {
+    /// The positions of the best fit, with their times.
+    pub fn fitted(&self, record: &Record) -> Vec<(f64, f64)> {
+        self.puck.positions_from(record, self.first)
+    }
+
+    /// What it leaves of the record's.
+    pub fn residuals(&self, record: &Record) -> Vec<(f64, f64)> {
+        self.puck.left_from_sample(record, self.first)
+    }
+
+    /// What `hapt identify --against --json` prints.
+    pub fn json(&self) -> Value {
+        let number = |number: &Compared| {
+            json!({
+                "name": number.name,
+                "estimate": number.estimate.map(|x| json!({ "value": x.value, "low": x.low, "high": x.high })),
+                "file": { "low": number.file[0], "high": number.file[1] },
+                "sigmas": number.sigmas.filter(|x| x.is_finite()),
+                "verdict": number.verdict.word(),
+                "reason": number.reason,
+            })
+        };
+        json!({
+            "agrees": self.agrees(),
+            "numbers": self.numbers.iter().map(number).collect::<Vec<Value>>(),
+            "unexplained": self.wrong.as_ref().map(Error::to_string),
+            "residual": {
+                "rms": self.residual.rms,
+                "noise_rms": self.noise,
+                "correlation": self.residual.correlation,
+                "counts": self.lattice.map(|lattice| self.residual.rms / lattice.step),
+            },
+        })
+    }
+
+    /// Whether nothing in the record contradicts the file.
+    pub fn agrees(&self) -> bool {
+        self.wrong.is_none() && self.numbers.iter().all(|number| number.verdict != Verdict::Contradicts)
+    }
+}
+
+/// Compares a record with a file's numbers; `is_linear`: the puck moves along a line.
+///
+/// # Errors
+/// [`Error::Unexplained`] where not even a start for a fit is found.
+pub fn against(record: &Record, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
+    compared(&Watched { record, stop: &|| false }, claims, is_linear)
+}
+
+/// The same, or `None` once `stop` is true.
+pub fn against_until(
+    record: &Record,
+    claims: &Claims,
+    is_linear: bool,
+    stop: &dyn Fn() -> bool,
+) -> Option<Result<Comparison, Error>> {
+    let result = compared(&Watched { record, stop }, claims, is_linear);
+    (!stop()).then_some(result)
+}
+
+fn compared(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
+    let known = Known { is_linear, ..Known::default() };
+    let found = search(record, &known)?;
+    let identified = found.wrong.is_none().then(|| found.identified(record, &known));
+    let scale = Scale::of(record);
+    let numbers = match &identified {
+        Some(identified) => judged(identified, claims, &scale),
+        None => judged_without(claims),
+    };
+    let (puck, first, residual) = match &identified {
+        Some(x) => (x.puck, x.first, x.residual),
+        None => (found.best.puck, found.best.first, residual(&left(record, &found.best))),
+    };
+    Ok(Comparison {
+        numbers,
+        identified,
+        wrong: found.wrong,
+        puck,
+        first,
+        residual,
+        noise: noise(record.positions()),
+        lattice: lattice(record.positions()),
+    })
+}
+
+/// What counts as large in a record.
+struct Scale {
+    torque: f64,
+    /// Rms, over a fiftieth of a second.
+    speed: f64,
+}
+
+impl Scale {
+    fn of(record: &Record) -> Self {
+        let (times, positions) = (record.times(), record.positions());
+        let apart = ((0.02 / record.period()).round() as usize).clamp(1, times.len() - 1);
+        let speeds =
+            (apart..times.len()).map(|i| (positions[i] - positions[i - apart]) / (times[i] - times[i - apart]));
+        let squares: f64 = speeds.map(|v| v * v).sum();
+        Scale {
+            torque: record.torques().iter().fold(0.0, |most, torque| torque.abs().max(most)),
+            speed: (squares / (times.len() - apart) as f64).sqrt(),
+        }
+    }
+}
+
+/// The numbers of a record that a device explains.
+fn judged(found: &Identified, claims: &Claims, scale: &Scale) -> Vec<Compared> {
+    let friction = SMALL * scale.torque;
+    let lag_is_told = found.lag.is_some_and(|lag| lag.low > 0.0);
+    let holds = claims.friction[1];
+    let number = Compared::new;
+    let mut lag = number("lag", Some(Measure::Time), found.lag, claims.lag, claims.period);
+    // The interval is one of λ², and so is the standard error.
+    if let Some(Interval { value, low, high }) = found.lag {
+        let squared = Interval { value: value * value, low: low * low, high: high * high };
+        lag.sigmas = Some(sigmas(&squared, claims.lag.map(|lag| lag * lag)));
+        lag.judge(found.lag, claims.period);
+    }
+    let both = [claims.delay[0] + claims.lag[0], claims.delay[1] + claims.lag[1]];
+    // Beside a lag that is surely short the sum is the delay.
+    let range = if lag_is_told { claims.delay } else { both };
+    let mut delay = number("delay", Some(Measure::Time), found.delay, range, claims.period);
+    if !lag_is_told && lag.verdict != Verdict::Agrees {
+        if lag.verdict == Verdict::NotTold {
+            lag.reason = Some(SLOW);
+        }
+        let estimate = None;
+        delay = Compared { reason: Some(SLOW), ..number("delay", Some(Measure::Time), estimate, claims.delay, 0.0) };
+    }
+    vec![
+        number("inertia", Some(Measure::Inertia), found.inertia, claims.inertia, 0.0),
+        number("damping", Some(Measure::Damping), found.damping, claims.damping, friction / scale.speed),
+        number("friction", Some(Measure::Torque), found.friction, claims.friction, friction),
+        number("constant torque", Some(Measure::Torque), found.offset, [-holds, holds], friction),
+        lag,
+        delay,
+        number("delay and lag", Some(Measure::Time), found.late, both, claims.period),
+        number("sign", None, found.sign, [1.0, 1.0], 0.0),
+    ]
+}
+
+/// Why delay and lag show together only.
+const SLOW: &str = "the record tells only the sum of delay and lag: its torque changes too little, or too slowly, for the size of its noise";
+const NONE: &str = "not in this record";
+const WIDE: &str = "the record allows too much";
+const UNEXPLAINED: &str = "no interval is valid beside a motion that no device explains";
+
+/// The numbers of a record that no device explains.
+fn judged_without(claims: &Claims) -> Vec<Compared> {
+    let friction = claims.friction[1];
+    let names: [(&'static str, Option<Measure>, [f64; 2]); 6] = [
+        ("inertia", Some(Measure::Inertia), claims.inertia),
+        ("damping", Some(Measure::Damping), claims.damping),
+        ("friction", Some(Measure::Torque), claims.friction),
+        ("constant torque", Some(Measure::Torque), [-friction, friction]),
+        ("lag", Some(Measure::Time), claims.lag),
+        ("delay", Some(Measure::Time), claims.delay),
+    ];
+    let number =
+        |(name, measure, file)| Compared { reason: Some(UNEXPLAINED), ..Compared::new(name, measure, None, file, 0.0) };
+    names.into_iter().map(number).collect()
+}
+
+/// How many standard errors an estimate is outside of a range.
+fn sigmas(x: &Interval, [low, high]: [f64; 2]) -> f64 {
+    // Rounding of the file's own numbers is no contradiction.
+    let rounding = 1e-9 * x.value.abs();
+    let (out, half) = if x.value < low - rounding {
+        (low - x.value, x.high - x.value)
+    } else if x.value > high + rounding {
+        (x.value - high, x.value - x.low)
+    } else {
+        return 0.0;
+    };
+    if half > 0.0 { HALF * out / half } else { f64::INFINITY }
+}
+
+impl Compared {
+    /// `least`: what counts as the size of a number that is smaller.
+    fn new(
+        name: &'static str,
+        measure: Option<Measure>,
+        estimate: Option<Interval>,
+        file: [f64; 2],
+        least: f64,
+    ) -> Self {
+        let sigmas = estimate.map(|x| sigmas(&x, file));
+        let mut compared = Compared { name, measure, estimate, file, sigmas, verdict: Verdict::NotTold, reason: None };
+        compared.judge(estimate, least);
+        compared
+    }
+
+    fn judge(&mut self, estimate: Option<Interval>, least: f64) {
+        let [low, high] = self.file;
+        let allowed = (0.5 * (high - low)).max(TOLD * (0.5 * (high + low)).abs().max(least));
+        let is_told = estimate.is_some_and(|x| (x.high - x.value).max(x.value - x.low) <= allowed);
+        (self.verdict, self.reason) = match (self.sigmas, is_told) {
+            (Some(sigmas), _) if sigmas > SURELY => (Verdict::Contradicts, None),
+            (Some(_), true) => (Verdict::Agrees, None),
+            (Some(_), false) => (Verdict::NotTold, Some(WIDE)),
+            (None, _) => (Verdict::NotTold, Some(NONE)),
+        };
+    }
+}

@@ -1,0 +1,141 @@
+//! What a record says of the motor's lag.
+//!
+//! A lag λ and a delay d both make the torque late. To slow changes only their sum shows, the mean time from a command to its torque; what
+//! else a lag does goes with λ², the variance of that time: it moves the puck by α λ²/2 of the torque. So mean and variance are fitted,
+//! and the record tells lag from delay where the variance is surely above 0.
+
+use crate::bound::Bounded;
+use crate::fit::{Fit, SHORTEST_LAG, fit};
+use crate::identified::Interval;
+use crate::puck::{DELAY, LAG, Puck};
+use crate::quantile::student;
+use crate::record::{LONGEST_DELAY, Record, Watched};
+use crate::start::{Begin, begins};
+
+/// A torque that has come up for so many lags has arrived.
+const ARRIVED: f64 = 8.0;
+/// The number of standard errors that counts as certain, for the time to the torque.
+const SURELY: f64 = 5.0;
+/// A lag is told from a delay where λ² is so many half intervals, or 5 standard errors: less would find a lag where there is none, once in a
+/// few thousand records, and a delay that is short by it.
+const TOLD: f64 = 2.6;
+/// From so many half intervals on, one standard error, the other numbers are those of the fit with a lag: without it they would be off.
+const SEEN: f64 = 0.5;
+
+/// A fit whose motor lags, with the half intervals of what it depends on.
+#[derive(Clone, Debug)]
+pub(crate) struct Lag {
+    pub fit: Fit,
+    /// λ² with its half interval, and the same of d + λ, in s.
+    variance: [f64; 2],
+    mean: [f64; 2],
+    /// How much of d + λ goes along with λ², and the half interval of the rest.
+    slope: f64,
+    rest: f64,
+}
+
+impl Lag {
+    /// The fit from the best one without a lag; `None` where there is no torque to lag. A fit that is right without one is near the best
+    /// with one: a short lag first tells whether there is any.
+    pub fn new(record: &Watched<'_>, best: &Fit, is_right: bool) -> Option<Self> {
+        if !record.is_driven() || !best.puck.delay.is_finite() {
+            return None;
+        }
+        let mut found: Option<Lag> = None;
+        let short = 0.5 * record.period();
+        let longer = [0.5, 1.0].map(|part| part * best.puck.delay).into_iter().filter(|lag| !is_right && *lag > short);
+        // Last from where the lag changes next to nothing: no fit of more parameters is worse than the one without them.
+        let least = SHORTEST_LAG * record.period();
+        for lag in std::iter::once(short).chain(longer).chain([least]) {
+            let is_better = |lag: &Lag| lag.fit.normal.squares <= best.normal.squares;
+            if found.as_ref().is_some_and(|found| is_better(found) && (found.is_told() || lag == least)) {
+                break;
+            }
+            let start = Puck { lag, delay: best.puck.delay - lag, ..best.puck };
+            let more = fit(record, start, free(best), best.first).and_then(|fit| Lag::of(record, fit));
+            found = match (found, more) {
+                (Some(a), Some(b)) if b.fit.variance() < a.fit.variance() => Some(b),
+                (a, b) => a.or(b),
+            };
+        }
+        let found = found?;
+        if !found.is_told() {
+            return Some(found);
+        }
+        // What the motor remembers from before the record is unknown.
+        let arrives = found.fit.puck.delay.max(0.0) + ARRIVED * found.fit.puck.lag + SURELY * found.mean[1];
+        let first = record.first_after(arrives.min(LONGEST_DELAY));
+        if first <= found.fit.first {
+            return Some(found);
+        }
+        let late = begins(record, first).into_iter().filter_map(|Begin { position, velocity }| {
+            fit(record, Puck { position, velocity, ..found.fit.puck }, found.fit.free, first)
+        });
+        let late =
+            late.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares)).and_then(|fit| Lag::of(record, fit));
+        late.or(Some(found))
+    }
+
+    fn of(record: &Record, fit: Fit) -> Option<Self> {
+        let covariance = fit.inverse()?;
+        let factor = student(fit.freedom()) * fit.variance().sqrt();
+        let of = |i: usize| covariance[(i, i)].max(0.0).sqrt();
+        let p = fit.puck.parameters();
+        let is_least = fit.puck.lag < 2.0 * SHORTEST_LAG * record.period();
+        let variance = [if is_least { 0.0 } else { p[LAG] }, factor * of(LAG)];
+        let mean = [p[DELAY], factor * of(DELAY)];
+        let slope = covariance[(DELAY, LAG)] / covariance[(LAG, LAG)];
+        let rest = (mean[1].powi(2) - (slope * variance[1]).powi(2)).max(0.0).sqrt();
+        let lag = Lag { fit, variance, mean, slope, rest };
+        [variance[1], mean[1], slope].iter().all(|x| x.is_finite()).then_some(lag)
+    }
+
+    /// The same within the bounds.
+    pub fn bounded(&self, record: &Watched<'_>) -> Bounded {
+        Bounded::new(record, self.fit)
+    }
+
+    /// Whether the record tells the lag from a delay.
+    pub fn is_told(&self) -> bool {
+        self.variance[0] > TOLD * self.variance[1]
+    }
+
+    /// Whether the other numbers depend on it.
+    pub fn is_seen(&self) -> bool {
+        self.variance[0] > SEEN * self.variance[1]
+    }
+
+    /// λ; from 0 where the record does not tell it from a delay.
+    pub fn lag(&self) -> Interval {
+        let [variance, half] = self.variance;
+        let of = |x: f64| x.max(0.0).sqrt();
+        let high = of(variance + half);
+        match self.is_told() {
+            true => Interval { value: of(variance), low: of(variance - half), high },
+            false => Interval { value: 0.0, low: 0.0, high },
+        }
+    }
+
+    /// d + λ.
+    pub fn late(&self) -> Interval {
+        let [value, half] = self.mean;
+        Interval { value, low: value - half, high: value + half }
+    }
+
+    /// d alone: its ends are those for the ends of λ², beside what of d + λ does not go along with that.
+    pub fn delay(&self) -> Interval {
+        let [variance, half] = self.variance;
+        let of = |by: f64| self.mean[0] + self.slope * by - (variance + by).max(0.0).sqrt();
+        let value = of(0.0);
+        let (one, other) = (of(-half) - value, of(half) - value);
+        let up = one.max(other).max(0.0).hypot(self.rest);
+        let down = one.min(other).min(0.0).hypot(self.rest);
+        Interval { value, low: value - down, high: value + up }
+    }
+}
+
+fn free(best: &Fit) -> crate::fit::Free {
+    let mut free = best.free;
+    free[LAG] = true;
+    free
+}

@@ -1,0 +1,162 @@
+//! A record against what a file says of the device.
+
+use fastrand::Rng;
+use hapt_identify::{Claims, Compared, Comparison, Record, Verdict, against};
+use hapt_plant::VirtualDevice;
+use hapt_plant::spec::DeviceSpec;
+use proptest::prelude::*;
+
+use crate::rig::{WHEEL, counted, motion, steps, times};
+
+/// The numbers themselves, with this tolerance.
+fn claims(rig: &DeviceSpec, part: f64) -> Claims {
+    let within = |x: f64| [x * (1.0 - part), x * (1.0 + part)];
+    Claims {
+        inertia: within(rig.inertia),
+        damping: within(rig.damping),
+        friction: within(rig.friction),
+        lag: within(rig.lag),
+        delay: [rig.delay; 2],
+        period: rig.period,
+    }
+}
+
+/// A random device; every second one lags.
+fn device(rng: &mut Rng) -> DeviceSpec {
+    let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
+    let (inertia, lag) = (between(3e-4, 2e-3), between(0.3e-3, 4e-3));
+    let rate = between(1.0, 8.0);
+    let friction = between(2e-3, 1e-2);
+    let delay = between(0.1e-3, 5e-3);
+    let lag = if rng.bool() { lag } else { 0.0 };
+    DeviceSpec { lag, delay, inertia, damping: rate * inertia, friction, ..WHEEL }
+}
+
+fn record(rig: &DeviceSpec, rng: &mut Rng) -> Record {
+    let torques = steps(rng, 4000, 0.1);
+    let seen = counted(&motion(rig, &torques), 4000.0, 0.7, rng);
+    Record::new(times(rig, 4000), seen, torques).unwrap()
+}
+
+fn number<'a>(found: &'a Comparison, name: &str) -> &'a Compared {
+    found.numbers.iter().find(|number| number.name == name).unwrap()
+}
+
+fn wrong(found: &Comparison) -> Vec<&'static str> {
+    let is_wrong = |number: &&Compared| number.verdict == Verdict::Contradicts;
+    found.numbers.iter().filter(is_wrong).map(|number| number.name).collect()
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(24))]
+
+    #[test]
+    fn a_record_agrees_with_the_device_that_made_it(seed in any::<u64>()) {
+        let mut rng = Rng::with_seed(seed);
+        let rig = device(&mut rng);
+        let found = against(&record(&rig, &mut rng), &claims(&rig, 0.0), false).unwrap();
+        prop_assert!(found.agrees(), "{rig:?}: {:?}", found.numbers);
+        // The steps tell these of every device, whether or not they tell the lag.
+        for name in ["inertia", "delay and lag", "sign"] {
+            prop_assert_eq!(number(&found, name).verdict, Verdict::Agrees, "{} of {:?}", name, rig);
+        }
+    }
+
+    #[test]
+    fn a_number_that_is_off_is_named(seed in any::<u64>(), which in 0usize..5, up in any::<bool>()) {
+        let mut rng = Rng::with_seed(seed);
+        let rig = device(&mut rng);
+        let record = record(&rig, &mut rng);
+        let mut said = claims(&rig, 0.02);
+        // Far outside of its tolerance, and of what any of these records leaves open.
+        let off = |x: [f64; 2]| x.map(|x| if up { 2.0 * x } else { 0.5 * x });
+        let name = match which {
+            0 => { said.inertia = off(said.inertia); "inertia" }
+            1 => { said.damping = off(said.damping); "damping" }
+            2 => { said.friction = off(said.friction); "friction" }
+            3 => { said.delay = said.delay.map(|x| x + 1e-3); "delay and lag" }
+            _ => { said.lag = said.lag.map(|x| x + 8e-3); "lag" }
+        };
+        let found = against(&record, &said, false).unwrap();
+        prop_assert!(!found.agrees(), "{name} of {rig:?}: {:?}", found.numbers);
+        let wrong = wrong(&found);
+        prop_assert!(wrong.contains(&name), "{name} of {rig:?}: {wrong:?}");
+        // Delay and lag are three numbers for two; no other number is blamed.
+        let related = |other: &str| other == name || which >= 3 && ["delay", "lag", "delay and lag"].contains(&other);
+        prop_assert!(wrong.iter().all(|other| related(other)), "{name} of {rig:?}: {wrong:?}");
+    }
+}
+
+#[test]
+fn a_tolerance_that_holds_the_number_is_no_contradiction() {
+    let mut rng = Rng::with_seed(3);
+    let record = record(&WHEEL, &mut rng);
+    let said = DeviceSpec { inertia: 1.15 * WHEEL.inertia, ..WHEEL };
+    let exact = against(&record, &claims(&said, 0.0), false).unwrap();
+    assert_eq!(wrong(&exact), ["inertia"]);
+    assert!(number(&exact, "inertia").sigmas.unwrap() > 20.0, "{exact:?}");
+    let loose = against(&record, &claims(&said, 0.2), false).unwrap();
+    assert_eq!(wrong(&loose), [""; 0]);
+    assert_eq!(number(&loose, "inertia").sigmas, Some(0.0));
+}
+
+#[test]
+fn what_a_record_does_not_tell_is_not_agreed() {
+    // No torque: nothing but rates shows.
+    let mut torques = vec![0.06; 300];
+    torques.resize(4000, 0.0);
+    let rig = DeviceSpec { delay: 0.0, ..WHEEL };
+    let positions = counted(&motion(&rig, &torques), 4000.0, 0.7, &mut Rng::with_seed(2));
+    let record = Record::new(times(&rig, 3700), positions[300..].to_vec(), vec![0.0; 3700]).unwrap();
+    let found = against(&record, &claims(&rig, 0.5), false).unwrap();
+    assert!(
+        found.numbers.iter().all(|number| number.verdict == Verdict::NotTold && number.reason.is_some()),
+        "{found:?}"
+    );
+    // A short lag beside coarse counts: the sum is told, and neither part.
+    let mut rng = Rng::with_seed(5);
+    let rig = DeviceSpec { lag: 0.2e-3, ..WHEEL };
+    let found = against(&self::record(&rig, &mut rng), &claims(&rig, 0.1), false).unwrap();
+    for (name, verdict) in [("lag", Verdict::NotTold), ("delay", Verdict::NotTold), ("delay and lag", Verdict::Agrees)]
+    {
+        assert_eq!(number(&found, name).verdict, verdict, "{name}: {found:?}");
+    }
+    assert!(number(&found, "lag").reason.unwrap().contains("sum of delay and lag"), "{found:?}");
+}
+
+#[test]
+fn a_torque_that_no_such_device_has_contradicts_every_file() {
+    let mut rng = Rng::with_seed(6);
+    let torques = steps(&mut rng, 3000, 0.08);
+    let mut device = VirtualDevice::new(&WHEEL);
+    let push = |torque: &f64| {
+        let z = device.puck().0;
+        device.command(torque - 0.05 * z);
+        device.travel();
+        z
+    };
+    let positions: Vec<f64> = torques.iter().map(push).collect();
+    let seen = counted(&positions, 4000.0, 0.7, &mut rng);
+    let record = Record::new(times(&WHEEL, 3000), seen, torques).unwrap();
+    let found = against(&record, &claims(&WHEEL, 1.0), false).unwrap();
+    assert!(!found.agrees() && found.wrong.is_some(), "{found:?}");
+    assert!(found.residual.rms > 3.0 * found.noise, "{} of {}", found.residual.rms, found.noise);
+    assert!(found.numbers.iter().all(|number| number.verdict == Verdict::NotTold), "{found:?}");
+    // What is drawn is there all the same.
+    assert_eq!(found.residuals(&record).len(), record.times().len() - found.first);
+}
+
+#[test]
+fn a_constant_torque_that_friction_holds_is_none() {
+    let rig = DeviceSpec { damping: 5e-3, ..WHEEL };
+    for (offset, agrees) in [(0.5 * rig.friction, true), (2.0 * rig.friction, false)] {
+        let mut rng = Rng::with_seed(8);
+        let torques = steps(&mut rng, 4000, 0.1);
+        let pushed: Vec<f64> = torques.iter().map(|torque| torque + offset).collect();
+        let seen = counted(&motion(&rig, &pushed), 4000.0, 0.7, &mut rng);
+        let record = Record::new(times(&rig, 4000), seen, torques).unwrap();
+        let found = against(&record, &claims(&rig, 0.0), false).unwrap();
+        assert_eq!(found.agrees(), agrees, "{offset}: {:?}", found.numbers);
+        assert_eq!(wrong(&found).contains(&"constant torque"), !agrees, "{offset}: {:?}", found.numbers);
+    }
+}

@@ -1,0 +1,180 @@
+//! `hapt identify --against`: whether the record agrees with the world's file.
+
+use std::fmt::Write as _;
+use std::io::{Write, stdout};
+use std::process::ExitCode;
+
+use hapt_identify::{Claims, Compared, Comparison, Interval, Verdict, against};
+use hapt_model::keys::Measure;
+use hapt_model::{Motion, World};
+
+use super::print::{digits, effort, sized, to, toml, units};
+use super::{Drawn, Given, plot, written};
+use crate::args::IdentifyArgs;
+use crate::failure::Failure;
+use crate::format;
+
+/// A record whose samples come this part more often or more seldom than the world's is another loop's.
+const PERIOD: f64 = 0.05;
+
+pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
+    let (Some(path), Some(world)) = (&args.against, &given.world) else {
+        return Err(Failure::input("--against needs a world"));
+    };
+    let file = path.display().to_string();
+    is_of(given, world, &file)?;
+    let found = against(&given.record, &Claims::of(world), given.motion == Motion::Linear)
+        .map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
+    written([plot(args, given, &Drawn::of_best(given, &found))?])?;
+    let text = if args.json {
+        serde_json::to_string_pretty(&found.json()).map_err(|error| Failure::System(error.to_string()))? + "\n"
+    } else {
+        text(given, &file, &found)
+    };
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    Ok(if found.agrees() { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Whether the record can be one of the world's loop.
+fn is_of(given: &Given, world: &World, file: &str) -> Result<(), Failure> {
+    let name = &given.name;
+    if given.motion != world.motion {
+        let word = |motion| if motion == Motion::Linear { "moves along a line" } else { "turns" };
+        return Err(Failure::input(format!(
+            "{name}: its puck {}, and that of {file} {}; pass the world that ran",
+            word(given.motion),
+            word(world.motion)
+        )));
+    }
+    let mut apart: Vec<f64> = given.record.times().windows(2).map(|pair| pair[1] - pair[0]).collect();
+    apart.sort_by(f64::total_cmp);
+    let (own, period) = (apart[apart.len() / 2], world.sampling.period);
+    if (own / period - 1.0).abs() > PERIOD {
+        return Err(Failure::input(format!(
+            "{name}: its samples are {} apart, and loop.period of {file} is {}; pass the world that ran, or --set loop.period={}",
+            format::time(own),
+            format::time(period),
+            format::time(own).replace(' ', "")
+        )));
+    }
+    Ok(())
+}
+
+fn text(given: &Given, file: &str, found: &Comparison) -> String {
+    let times = given.record.times();
+    let mut text = format!(
+        "{} against {file}: {} samples over {}, {} apart\n\n",
+        given.name,
+        format::count(times.len() as u64),
+        format::time(times[times.len() - 1] - times[0]),
+        format::time(given.record.period())
+    );
+    for number in &found.numbers {
+        let Scale { factor, unit } = Scale::of(number.measure, given.motion);
+        let record = number.estimate.map_or("-".to_string(), |x| match number.measure {
+            None => format::number(x.value),
+            Some(_) => sized(x, factor, &unit),
+        });
+        let says = format!("{}: {}", range(number, factor, &unit), words(number));
+        let _ = writeln!(text, "{:<15} {record}\n{:<15} file {says}", number.name, "");
+    }
+    let (unit, factor) = if given.motion == Motion::Linear { ("um", 1e6) } else { ("mdeg", 1e3f64.to_degrees()) };
+    let counts =
+        found.lattice.map_or(String::new(), |lattice| format!(", {:.2} counts", found.residual.rms / lattice.step));
+    let _ = writeln!(
+        text,
+        "{:<15} {} {unit} rms{counts}; the noise of the positions is {} {unit} rms; neighbours are correlated by {:.2}",
+        "residual",
+        digits(found.residual.rms * factor, 3),
+        digits(found.noise * factor, 3),
+        found.residual.correlation
+    );
+    let _ = writeln!(text, "\nverdict         {}", verdict(found));
+    for line in found.numbers.iter().filter_map(|number| remedy(number, given.motion)) {
+        let _ = writeln!(text, "remedy          {line}");
+    }
+    text
+}
+
+/// How a measure is shown.
+struct Scale {
+    factor: f64,
+    unit: String,
+}
+
+impl Scale {
+    fn of(measure: Option<Measure>, motion: Motion) -> Self {
+        let [inertia, damping] = units(motion);
+        let (effort, per_si) = effort(motion);
+        let (factor, unit) = match measure {
+            Some(Measure::Inertia) => (1.0, inertia),
+            Some(Measure::Damping) => (1.0, damping),
+            Some(Measure::Time) => (1e3, "ms".into()),
+            Some(Measure::Torque) => (per_si, effort.into()),
+            Some(_) | None => (1.0, String::new()),
+        };
+        Scale { factor, unit }
+    }
+}
+
+/// What the file allows.
+fn range(number: &Compared, factor: f64, unit: &str) -> String {
+    let [low, high] = number.file.map(|x| factor * x);
+    match (number.measure, low == high) {
+        (None, _) => format::number(high),
+        (Some(_), true) => format!("{} {unit}, exactly", format::number(high)),
+        (Some(_), false) => {
+            let half = 0.5 * (high - low);
+            format!("{} to {} {unit}", to(low, half), to(high, half))
+        }
+    }
+}
+
+fn words(number: &Compared) -> String {
+    let outside = |sigmas: f64| match sigmas {
+        0.0 => String::new(),
+        x if x.is_finite() => format!(", {x:.1} standard errors outside"),
+        _ => ", outside".into(),
+    };
+    match (number.verdict, number.reason) {
+        (Verdict::NotTold, Some(reason)) => format!("not told, {reason}"),
+        (verdict, _) => format!("{}{}", verdict.word(), number.sigmas.map_or(String::new(), outside)),
+    }
+}
+
+fn verdict(found: &Comparison) -> String {
+    let of = |verdict: Verdict| -> Vec<&str> {
+        found.numbers.iter().filter(|number| number.verdict == verdict).map(|number| number.name).collect()
+    };
+    if let Some(wrong) = &found.wrong {
+        return format!("the record contradicts the file: a torque moved the puck that no such device has; {wrong}");
+    }
+    let (wrong, silent) = (of(Verdict::Contradicts), of(Verdict::NotTold));
+    let mut text = match wrong.is_empty() {
+        true => "the record agrees with the file".to_string(),
+        false => format!("the record contradicts the file: {}", wrong.join(", ")),
+    };
+    if !silent.is_empty() {
+        let _ = write!(text, "; not told by this record: {}", silent.join(", "));
+    }
+    text
+}
+
+/// The line for the file, or what to do about the device.
+fn remedy(number: &Compared, motion: Motion) -> Option<String> {
+    let x: Interval = number.estimate.filter(|_| number.verdict == Verdict::Contradicts)?;
+    let Scale { factor, unit } = Scale::of(number.measure, motion);
+    Some(match number.name {
+        "constant torque" => {
+            "no key: friction has to hold a constant torque; level the device, or take the offset out of its driver"
+                .into()
+        }
+        "sign" => "turn the motor's leads over, or its sign in the driver".into(),
+        "delay" => format!("[loop] delay = \"{} {unit}\"", to(factor * x.value, 0.5 * factor * (x.high - x.low))),
+        "delay and lag" => {
+            format!("[loop] delay and [device] lag have to sum up to {}", sized(x, factor, &unit))
+        }
+        key => format!("[device] {key} = {}", toml(x, factor, &unit)),
+    })
+}

@@ -1,0 +1,113 @@
+//! The intervals of a loop on this machine, alone and beside busy programs, as a part of the page about time.
+
+use std::fmt::Write;
+use std::fs;
+use std::process::{Child, Command, Stdio};
+
+use anyhow::{Context, Result};
+use serde_json::Value;
+
+use super::{Bench, output};
+
+const PAGE: &str = "docs/time.md";
+const BLOCK: &str = "cargo xtask bench intervals";
+/// What each measurement takes.
+const DURATION: &str = "20s";
+
+/// A way of running the loop: its name, the words after `hapt latency`, and whether every core has two busy programs.
+const WAYS: [(&str, &[&str], bool); 4] = [
+    ("alone", &[], false),
+    ("busy", &[], true),
+    ("busy, spinning", &["--spin", "200us"], true),
+    ("busy, ordinary priority", &["--priority", "0"], true),
+];
+
+/// Programs that never pause, until they are dropped.
+struct Busy(Vec<Child>);
+
+impl Busy {
+    fn new() -> Result<Busy> {
+        let mut busy = Busy(Vec::new());
+        for _ in 0..2 * std::thread::available_parallelism()?.get() {
+            busy.0.push(Command::new("sh").args(["-c", "while :; do :; done"]).stdin(Stdio::null()).spawn()?);
+        }
+        Ok(busy)
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        for child in &mut self.0 {
+            // One that has ended already is what is wanted.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// This part alone, and with `write` into its place on the page.
+pub fn alone(write: bool) -> Result<()> {
+    let text = Bench::of_one("intervals")?.intervals()?;
+    println!("{text}");
+    if write {
+        let page = fs::read_to_string(PAGE).context(PAGE)?;
+        fs::write(PAGE, crate::marked::replaced(&page, BLOCK, text.trim_end())?).context(PAGE)?;
+        println!("wrote {PAGE}");
+    }
+    Ok(())
+}
+
+impl Bench {
+    fn intervals(&self) -> Result<String> {
+        let hapt = self.shipped()?;
+        let mut measured = Vec::new();
+        for (_, words, busy) in WAYS {
+            let beside = busy.then(Busy::new).transpose()?;
+            let mut command = Command::new(&hapt);
+            let said = output(command.args(["latency", "--json", "--duration", DURATION]).args(words))?;
+            drop(beside);
+            measured.push(serde_json::from_str::<Value>(&said)?);
+        }
+        let names: Vec<&str> = WAYS.iter().map(|(name, ..)| *name).collect();
+        let mut text = format!("| | {} |\n| ---{} |\n", names.join(" | "), " | ---".repeat(names.len()));
+        let mut row = |name: &str, cell: &dyn Fn(&Value) -> Result<String>| -> Result<()> {
+            let cells: Vec<String> = measured.iter().map(cell).collect::<Result<_>>()?;
+            Ok(writeln!(text, "| {name} | {} |", cells.join(" | "))?)
+        };
+        let number = |value: &Value| value.as_f64().context("hapt latency prints other fields");
+        let ms = |value: &Value| Ok(format!("{:.3}", 1e-3 * number(value)?));
+        row("scheduling", &|v| {
+            Ok(v["realtime"]["priority"].as_u64().map_or("ordinary".into(), |n| format!("SCHED_FIFO {n}")))
+        })?;
+        for (name, quantile) in
+            [("half are at most", "p50"), ("99 % are at most", "p99"), ("99.9 % are at most", "p999")]
+        {
+            row(&format!("{name}, ms"), &|v| ms(&v["period_us"][quantile]))?;
+        }
+        row("**longest, ms**", &|v| ms(&v["longest_gap_us"]))?;
+        row("samples, missed", &|v| Ok(format!("{}, {}", v["samples"], v["missed"])))?;
+        row("taken away by the hypervisor, s", &|v| Ok(format!("{:.2}", number(&v["stolen_s"]).unwrap_or(0.0))))?;
+        text += &histogram(&names, &measured)?;
+        Ok(text)
+    }
+}
+
+/// How many samples came how late, from the bins of all measurements.
+fn histogram(names: &[&str], measured: &[Value]) -> Result<String> {
+    let bins = |of: &Value| -> Result<Vec<(f64, u64)>> {
+        let bins = of["histogram"].as_array().context("no histogram")?;
+        Ok(bins.iter().filter_map(|bin| Some((bin["to_us"].as_f64()?, bin["count"].as_u64()?))).collect())
+    };
+    let all = measured.iter().map(bins).collect::<Result<Vec<_>>>()?;
+    let mut edges: Vec<f64> = all.iter().flatten().map(|(to, _)| *to).collect();
+    edges.sort_by(f64::total_cmp);
+    edges.dedup();
+    let mut text = format!("\n| samples later by | {} |\n| ---{} |\n", names.join(" | "), " | ---".repeat(names.len()));
+    for to in edges {
+        let count = |of: &Vec<(f64, u64)>| of.iter().find(|bin| bin.0 == to).map_or(0, |bin| bin.1);
+        let cells: Vec<String> = all.iter().map(|of| count(of).to_string()).collect();
+        let edge = if to < 1000.0 { format!("{to} µs") } else { format!("{} ms", to * 1e-3) };
+        writeln!(text, "| less than {edge} | {} |", cells.join(" | "))?;
+    }
+    Ok(text)
+}

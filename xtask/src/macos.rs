@@ -1,0 +1,38 @@
+//! The command line for macOS: lints for both processors, and links by zig. Nothing is run: it takes Apple's system.
+
+use std::path::absolute;
+use std::process::Command;
+
+use anyhow::{Result, ensure};
+
+use crate::test::{self, PROFILE};
+use crate::tools;
+
+const TARGETS: [&str; 2] = ["aarch64-apple-darwin", "x86_64-apple-darwin"];
+/// The program and the library of FMUs, with all that they are made of.
+const PACKAGES: [&str; 4] = ["-p", "hapt", "-p", "hapt-fmi"];
+/// Apple's frameworks that the program needs, as lists of their names: enough for a linker.
+const FRAMEWORKS: &str = "xtask/macos";
+
+pub fn holds() -> Result<()> {
+    let environment = tools::packaging()?;
+    for target in TARGETS {
+        let mut clippy = Command::new(env!("CARGO"));
+        clippy.args(["clippy", "--quiet", "--profile", PROFILE, "--target", target]).args(PACKAGES);
+        ensure!(clippy.args(["--", "-D", "warnings"]).status()?.success(), "lints for {target}");
+        println!("{target}: no warning");
+
+        let mut link = Command::new(absolute(environment.join("bin/cargo-zigbuild"))?);
+        link.args(["zigbuild", "--quiet", "--profile", PROFILE, "--target", target]).args(PACKAGES);
+        link.env("RUSTFLAGS", format!("-Clink-arg=-F{}", absolute(FRAMEWORKS)?.display()));
+        link.env("PATH", tools::path_with(&environment.join("bin"))?);
+        ensure!(link.status()?.success(), "links for {target}");
+        for file in ["hapt", "libhapt_fmi.dylib"] {
+            let path = test::target().join(target).join(PROFILE).join(file);
+            let bytes = std::fs::read(&path)?;
+            ensure!(bytes.starts_with(&[0xcf, 0xfa, 0xed, 0xfe]), "{} is no program for macOS", path.display());
+            println!("{target}: linked {file}, {} bytes; not run", bytes.len());
+        }
+    }
+    Ok(())
+}

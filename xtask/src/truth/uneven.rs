@@ -1,0 +1,212 @@
+//! Uneven time against brute force: loops with random bounds of their intervals, delays and lags, run under patterns of every kind.
+
+use fastrand::Rng;
+use hapt_analysis::{Error, PatternVerdict, breaking_damping, uneven, with_worst_pattern, worst_pattern};
+use hapt_model::{Delay, Drive, Hand, Scenario, Shape, Timing, World};
+use hapt_sim::{Simulation, world_energy};
+
+use super::{Claim, Found, ROUNDING, brute};
+
+/// Samples of a hands-off run where nothing may grow, and the most where something must.
+const SAMPLES: f64 = 3_000.0;
+const MOST_SAMPLES: f64 = 20_000.0;
+/// A run in which something must grow lasts until e to this power.
+const FOLDS: f64 = 30.0;
+/// ln of the part by which an energy may rise from the middle of a run to its end where a quadratic form of the state falls.
+const TURNS: f64 = 5.0;
+/// Samples of a hand's run.
+const HAND_SAMPLES: u64 = 1_000;
+
+/// Gives the loop bounds of its times, the lag among them.
+pub fn stretch(rng: &mut Rng, world: &mut World) {
+    let sampling = &mut world.sampling;
+    let period = sampling.period;
+    sampling.delay = Delay::Seconds(if sampling.delay_s() > period { 0.0 } else { sampling.delay_s() });
+    let least = sampling.delay_s();
+    sampling.interval_max = Some(period * (1.0 + 1.2 * rng.f64()));
+    sampling.delay_max = rng.bool().then(|| Delay::Seconds(least + (period - least) * rng.f64()));
+    if rng.u8(..4) == 0 {
+        world.device.lag = period * 10f64.powf(-2.0 + 2.0 * rng.f64());
+    }
+}
+
+/// Patterns of every kind within the loop's bounds: the worst that was found, random, periodic, and as recorded with a late one now and then.
+fn timings(rng: &mut Rng, world: &World, duration: f64) -> Result<Vec<Timing>, Error> {
+    let sampling = &world.sampling;
+    let (period, longest) = (sampling.period, sampling.interval_max_s());
+    let [soon, late] = [sampling.delay_s(), sampling.delay_max_s()];
+    let shortest = sampling.interval_min_s();
+    let step = |rng: &mut Rng| {
+        let delay = soon + (late - soon) * rng.f64();
+        let interval = shortest.max(delay) + (longest - shortest.max(delay)) * rng.f64();
+        (interval / period, delay / period)
+    };
+    let (intervals, delays) = (0..rng.usize(1..9)).map(|_| step(rng)).unzip();
+    let mut samples = Vec::new();
+    let mut time = 0.0;
+    while time <= duration * 1.001 + longest {
+        let (interval, delay) = if rng.u8(..20) == 0 { step(rng) } else { (1.0, late.min(period) / period) };
+        samples.push((time, Some(delay * period)));
+        time += interval * period;
+    }
+    Ok(vec![
+        played(world, Timing::Worst)?,
+        Timing::Random { seed: rng.u32(..), shortest: None },
+        Timing::Pattern { intervals, delays },
+        Timing::Recorded { file: String::new(), samples },
+    ])
+}
+
+fn played(world: &World, timing: Timing) -> Result<Timing, Error> {
+    let hand = Hand { drive: Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), release: None };
+    let scenario = Scenario { name: "timing".into(), duration: 1.0, hand, timing };
+    Ok(with_worst_pattern(world, &scenario)?.timing.clone())
+}
+
+/// How much ln of the energy rises from the middle of a hands-off run to its end: infinite where it leaves the numbers.
+fn rise(rng: &mut Rng, world: &World, timing: Timing, duration: f64, samples: &mut u64) -> f64 {
+    let mut world = world.clone();
+    let period = world.sampling.period;
+    for body in &mut world.bodies {
+        (body.position, body.velocity) = (rng.f64() - 0.5, (rng.f64() - 0.5) / (100.0 * period));
+    }
+    let push = world.device.inertia / (100.0 * period) / period;
+    let hand = Hand { drive: Drive::Torque(Shape::Step { to: push, at: 0.0 }), release: Some(period) };
+    let scenario = Scenario { name: "free".into(), duration, hand, timing };
+    let Ok(mut run) = Simulation::new(&world, &scenario) else { return f64::NEG_INFINITY };
+    let (mut middle, mut end, mut largest) = (0.0f64, 0.0f64, 0.0f64);
+    while let Some(row) = run.next() {
+        let Ok(row) = row else { return f64::INFINITY };
+        let puck = 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity;
+        let energy = puck + world_energy(&world, row.puck, &row.bodies, &row.bristles);
+        if !energy.is_finite() {
+            return f64::INFINITY;
+        }
+        largest = largest.max(energy);
+        *samples += 1;
+        let part = row.time / duration;
+        if (0.4..0.5).contains(&part) {
+            middle = middle.max(energy);
+        } else if part >= 0.9 {
+            end = end.max(energy);
+        }
+    }
+    // What has died out is rounding.
+    if end <= 1e-20 * largest { f64::NEG_INFINITY } else { (end / middle).ln() }
+}
+
+/// One linear loop under uneven time.
+///
+/// # Errors
+/// Numbers out of range.
+pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnMut(String)) -> Result<(), Error> {
+    let mut world = brute::as_certified(world);
+    stretch(rng, &mut world);
+    // Half of them at the damping that is called enough.
+    let bound = uneven(&world)?.required_damping;
+    if let Some(bound) = bound.filter(|_| rng.bool()) {
+        world.device.damping = bound * (1.0 + super::JUST);
+    }
+    let answer = uneven(&world)?;
+    let period = world.sampling.period;
+    let claim = |holds: bool| Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
+    match answer.free.verdict {
+        PatternVerdict::Open => found.patterns_open += 1,
+        PatternVerdict::Proved => {
+            let duration = SAMPLES * period;
+            let mut holds = true;
+            for timing in timings(rng, &world, duration)? {
+                let risen = rise(rng, &world, timing.clone(), duration, &mut found.samples);
+                if risen > TURNS {
+                    holds = false;
+                    tell(format!(
+                        "proved under patterns, and ln of the energy rises by {risen:e} under {:?}",
+                        timing.kind()
+                    ));
+                }
+            }
+            found.patterns_proved += claim(holds);
+        }
+        PatternVerdict::Broken => {
+            let growth = worst_pattern(&world)?.growth_per_s;
+            let duration = FOLDS / growth;
+            if !(growth > 0.0 && duration < MOST_SAMPLES * period) {
+                found.patterns_broken += Claim { loops: 1, slow: 1, ..Claim::default() };
+            } else {
+                let timing = played(&world, Timing::Worst)?;
+                let duration = duration.max(100.0 * period);
+                let risen = rise(rng, &world, timing, duration, &mut found.samples);
+                let holds = risen > 0.25 * growth * duration;
+                if !holds {
+                    tell(format!(
+                        "broken by a pattern at {growth:e} per second, and ln of the energy rises by {risen:e} in {duration:e} s"
+                    ));
+                }
+                found.patterns_broken += claim(holds);
+            }
+        }
+    }
+    // Commands on their way lend energy: hands act where there are none.
+    if answer.passive && answer.proved && world.sampling.delay_max_s() == 0.0 && world.device.lag == 0.0 {
+        let duration = HAND_SAMPLES as f64 * period;
+        let mut holds = true;
+        for timing in timings(rng, &world, duration)? {
+            let hand = brute::hand(rng, &world);
+            let (work, samples) = brute::drawn_under(&world, hand.clone(), HAND_SAMPLES, timing.clone());
+            found.samples += samples;
+            if work > ROUNDING {
+                holds = false;
+                tell(format!(
+                    "called passive under patterns, and a hand draws {work:e} of the work that goes round: {hand:?} {:?}",
+                    timing.kind()
+                ));
+            }
+        }
+        found.uneven_passive += claim(holds);
+    }
+    if let Some(bound) = bound.filter(|bound| *bound > 0.0 && world.bodies.len() < 2 && Found::draws_lots(rng)) {
+        found.bound_reach[world.bodies.len()].push(reach(&world, bound)?);
+    }
+    Ok(())
+}
+
+/// Up to which part of `bound` a hand breaks the loop whose intervals are all the longest and whose delays the largest. In a time that runs
+/// T/L as fast that is a loop at even samples of T.
+fn reach(world: &World, bound: f64) -> Result<f64, Error> {
+    let slower = world.sampling.period / world.sampling.interval_max_s();
+    let mut even = world.clone();
+    even.sampling.delay = Delay::Seconds(world.sampling.delay_max_s() * slower);
+    (even.sampling.interval_max, even.sampling.delay_max) = (None, None);
+    even.device.lag *= slower;
+    even.device.inertia *= slower * slower;
+    even.device.damping = bound * slower;
+    Ok(breaking_damping(&even)?.map_or(0.0, |breaking| breaking.damping / (bound * slower)))
+}
+
+/// The counts in Markdown.
+pub fn table(found: &Found, seed: u64) -> String {
+    let mut text = format!(
+        "{} random linear loops with bounds of their times (seed {seed}), {} samples of the real core on the exact device; {} without an answer.\n\n\
+         | called | loops | ran as called | too slow to see | contradicted |\n| --- | --- | --- | --- | --- |\n",
+        found.loops, found.samples, found.unanswered
+    );
+    let claims = [
+        ("hands-off under patterns, proved", found.patterns_proved),
+        ("hands-off under patterns, broken", found.patterns_broken),
+        ("passive under patterns", found.uneven_passive),
+    ];
+    for (name, Claim { loops, confirmed, slow, contradicted }) in claims {
+        text += &format!("| {name} | {loops} | {confirmed} | {slow} | {contradicted} |\n");
+    }
+    text += &format!("\nHands-off {} loops are open.\n\n", found.patterns_open);
+    text += "| bound for all times | loops | a hand breaks it at 0.95 | median reach |\n| --- | --- | --- | --- |\n";
+    for (name, reach) in ["bare spring", "one body"].iter().zip(&found.bound_reach) {
+        let mut reach = reach.clone();
+        reach.sort_by(f64::total_cmp);
+        let broken = reach.iter().filter(|part| **part >= 0.95).count();
+        let median = reach.get(reach.len() / 2).copied().unwrap_or(0.0);
+        let share = 100.0 * broken as f64 / reach.len().max(1) as f64;
+        text += &format!("| {name} | {} | {broken} ({share:.1} %) | {median:.3} |\n", reach.len());
+    }
+    text
+}
