@@ -4,11 +4,11 @@ use hapt_model::World;
 use hapt_model::keys::Measure;
 use serde_json::{Value, json};
 
-use crate::estimate::{left, residual, search};
+use crate::estimate::{left, residual, search, search_from};
 use crate::identified::{Identified, Interval, Known, Residual};
 use crate::puck::Puck;
 use crate::record::{Record, Watched};
-use crate::start::noise;
+use crate::start::{Begin, begins, noise};
 use crate::{Error, Lattice, lattice};
 
 /// An estimate so many standard errors outside contradicts the file: of seven numbers of a true file one does once in two thousand records.
@@ -114,6 +114,25 @@ impl Claims {
     }
 }
 
+impl Claims {
+    /// A puck with the middle of each range, which begins as the record does.
+    fn puck(&self, record: &Record) -> Puck {
+        let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
+        let gain = middle(self.inertia).recip();
+        let Begin { position, velocity } = begins(record, record.first())[0];
+        Puck {
+            gain,
+            damping: gain * middle(self.damping),
+            friction: gain * middle(self.friction),
+            delay: middle(self.delay) + middle(self.lag),
+            offset: 0.0,
+            position,
+            velocity,
+            lag: 0.0,
+        }
+    }
+}
+
 impl Comparison {
     /// The positions of the best fit, with their times.
     pub fn fitted(&self, record: &Record) -> Vec<(f64, f64)> {
@@ -177,7 +196,13 @@ pub fn against_until(
 
 fn compared(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
     let known = Known { is_linear, ..Known::default() };
-    let found = search(record, &known)?;
+    let mut found = search(record, &known)?;
+    if found.wrong.is_some()
+        && let Some(near) = search_from(record, &known, claims.puck(record)).filter(|near| near.wrong.is_none())
+    {
+        // A search that starts nowhere near can miss the device of the file.
+        found = near;
+    }
     let identified = found.wrong.is_none().then(|| found.identified(record, &known));
     let scale = Scale::of(record);
     let numbers = match &identified {

@@ -100,6 +100,11 @@ pub(crate) fn search(record: &Watched<'_>, known: &Known) -> Result<Found, Error
     Ok(found)
 }
 
+/// The same from one puck, which is near the best one.
+pub(crate) fn search_from(record: &Watched<'_>, known: &Known, start: Puck) -> Option<Found> {
+    best(record, &[start]).map(|fit| judged(record, known, fit))
+}
+
 /// The search over all of a record at once.
 fn whole(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
     let starts = starts(record);

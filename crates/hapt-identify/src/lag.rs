@@ -48,7 +48,8 @@ impl Lag {
         let least = SHORTEST_LAG * record.period();
         for lag in std::iter::once(short).chain(longer).chain([least]) {
             let is_better = |lag: &Lag| lag.fit.normal.squares <= best.normal.squares;
-            if found.as_ref().is_some_and(|found| is_better(found) && (found.is_told() || lag == least)) {
+            // Beside a fit that is wrong without a lag, one that is told may still be a shorter one than the best.
+            if found.as_ref().is_some_and(|found| is_better(found) && (is_right && found.is_told() || lag == least)) {
                 break;
             }
             let start = Puck { lag, delay: best.puck.delay - lag, ..best.puck };
