@@ -5,6 +5,7 @@
 //! passive hand really break?
 
 mod brute;
+mod modal;
 mod uneven;
 pub mod worlds;
 
@@ -90,8 +91,8 @@ struct Found {
     patterns_open: u64,
     /// Passive for all times, against hands under patterns.
     uneven_passive: Claim,
-    /// Up to which part of the bound for all times a hand breaks bare springs, and loops of one body.
-    bound_reach: [Vec<f64>; 2],
+    /// Of the bound for all times, of loops without a body and of one.
+    sharpness: [Vec<uneven::Sharpness>; 2],
 }
 
 impl AddAssign for Claim {
@@ -136,7 +137,7 @@ impl AddAssign for Found {
         }
         self.reach.append(&mut other.reach);
         self.patterns_open += other.patterns_open;
-        for (sum, more) in self.bound_reach.iter_mut().zip(&mut other.bound_reach) {
+        for (sum, more) in self.sharpness.iter_mut().zip(&mut other.sharpness) {
             sum.append(more);
         }
     }

@@ -11,8 +11,9 @@ use crate::record::{Record, Watched};
 use crate::start::{Begin, begins, noise};
 use crate::{Error, Lattice, lattice};
 
-/// An estimate so many standard errors outside contradicts the file: of seven numbers of a true file one does once in two thousand records.
-const SURELY: f64 = 4.0;
+/// An estimate so many standard errors outside contradicts the file. A lag that is too short to be told can move the other numbers by up to
+/// four of theirs.
+const SURELY: f64 = 5.0;
 /// The standard errors of half a 95 % interval.
 const HALF: f64 = 1.959_964;
 /// A number is told by a record whose interval reaches no farther than this part of the number on either side, or than its tolerance.
@@ -40,7 +41,7 @@ pub struct Claims {
 /// What a record says of a number of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The record tells the number, and it is within the file's range or less than four standard errors outside.
+    /// The record tells the number, and it is within the file's range or less than five standard errors outside.
     Agrees,
     /// It is farther outside.
     Contradicts,

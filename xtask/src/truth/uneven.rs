@@ -1,21 +1,34 @@
 //! Uneven time against brute force: loops with random bounds of their intervals, delays and lags, run under patterns of every kind.
 
 use fastrand::Rng;
-use hapt_analysis::{Error, PatternVerdict, breaking_damping, uneven, with_worst_pattern, worst_pattern};
+use hapt_analysis::{Error, PatternVerdict, breaking_damping, required_damping, uneven, uneven_damping, worst_pattern};
 use hapt_model::{Delay, Drive, Hand, Scenario, Shape, Timing, World};
 use hapt_sim::{Simulation, world_energy};
 
-use super::{Claim, Found, ROUNDING, brute};
+use super::{Claim, Found, ROUNDING, brute, modal};
 
 /// Samples of a hands-off run where nothing may grow, and the most where something must.
-const SAMPLES: f64 = 3_000.0;
+const SAMPLES: f64 = 1_500.0;
 const MOST_SAMPLES: f64 = 20_000.0;
 /// A run in which something must grow lasts until e to this power.
 const FOLDS: f64 = 30.0;
 /// ln of the part by which an energy may rise from the middle of a run to its end where a quadratic form of the state falls.
 const TURNS: f64 = 5.0;
+/// The part of a bound at which a hand is tried.
+const NEAR: f64 = 0.95;
 /// Samples of a hand's run.
 const HAND_SAMPLES: u64 = 1_000;
+
+/// How sharp a bound for all times is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sharpness {
+    /// Up to which part of it a hand of one mass and one spring breaks the loop.
+    one_mass: f64,
+    /// Whether one of many does, at 0.95 of it.
+    many_masses: bool,
+    /// What the exact condition over all passive hands requires, as a part of it.
+    any: f64,
+}
 
 /// Gives the loop bounds of its times, the lag among them.
 pub fn stretch(rng: &mut Rng, world: &mut World) {
@@ -50,17 +63,11 @@ fn timings(rng: &mut Rng, world: &World, duration: f64) -> Result<Vec<Timing>, E
         time += interval * period;
     }
     Ok(vec![
-        played(world, Timing::Worst)?,
+        worst_pattern(world)?.timing(period),
         Timing::Random { seed: rng.u32(..), shortest: None },
         Timing::Pattern { intervals, delays },
         Timing::Recorded { file: String::new(), samples },
     ])
-}
-
-fn played(world: &World, timing: Timing) -> Result<Timing, Error> {
-    let hand = Hand { drive: Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), release: None };
-    let scenario = Scenario { name: "timing".into(), duration: 1.0, hand, timing };
-    Ok(with_worst_pattern(world, &scenario)?.timing.clone())
 }
 
 /// How much ln of the energy rises from the middle of a hands-off run to its end: infinite where it leaves the numbers.
@@ -103,7 +110,7 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
     let mut world = brute::as_certified(world);
     stretch(rng, &mut world);
     // Half of them at the damping that is called enough.
-    let bound = uneven(&world)?.required_damping;
+    let bound = uneven_damping(&world)?;
     if let Some(bound) = bound.filter(|_| rng.bool()) {
         world.device.damping = bound * (1.0 + super::JUST);
     }
@@ -128,14 +135,14 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
             found.patterns_proved += claim(holds);
         }
         PatternVerdict::Broken => {
-            let growth = worst_pattern(&world)?.growth_per_s;
+            let Some(pattern) = answer.free.pattern else { return Err(Error::Eigenvalues { order: 0 }) };
+            let growth = pattern.growth_per_s;
             let duration = FOLDS / growth;
             if !(growth > 0.0 && duration < MOST_SAMPLES * period) {
                 found.patterns_broken += Claim { loops: 1, slow: 1, ..Claim::default() };
             } else {
-                let timing = played(&world, Timing::Worst)?;
                 let duration = duration.max(100.0 * period);
-                let risen = rise(rng, &world, timing, duration, &mut found.samples);
+                let risen = rise(rng, &world, pattern.timing(period), duration, &mut found.samples);
                 let holds = risen > 0.25 * growth * duration;
                 if !holds {
                     tell(format!(
@@ -165,14 +172,14 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
         found.uneven_passive += claim(holds);
     }
     if let Some(bound) = bound.filter(|bound| *bound > 0.0 && world.bodies.len() < 2 && Found::draws_lots(rng)) {
-        found.bound_reach[world.bodies.len()].push(reach(&world, bound)?);
+        found.sharpness[world.bodies.len()].push(sharpness(&world, bound)?);
     }
     Ok(())
 }
 
-/// Up to which part of `bound` a hand breaks the loop whose intervals are all the longest and whose delays the largest. In a time that runs
+/// How sharp `bound` is, by the loop whose intervals are all the longest and whose delays the largest. In a time that runs
 /// T/L as fast that is a loop at even samples of T.
-fn reach(world: &World, bound: f64) -> Result<f64, Error> {
+fn sharpness(world: &World, bound: f64) -> Result<Sharpness, Error> {
     let slower = world.sampling.period / world.sampling.interval_max_s();
     let mut even = world.clone();
     even.sampling.delay = Delay::Seconds(world.sampling.delay_max_s() * slower);
@@ -180,7 +187,12 @@ fn reach(world: &World, bound: f64) -> Result<f64, Error> {
     even.device.lag *= slower;
     even.device.inertia *= slower * slower;
     even.device.damping = bound * slower;
-    Ok(breaking_damping(&even)?.map_or(0.0, |breaking| breaking.damping / (bound * slower)))
+    let bound = bound * slower;
+    Ok(Sharpness {
+        one_mass: breaking_damping(&even)?.map_or(0.0, |breaking| breaking.damping / bound),
+        many_masses: modal::grows(&even, NEAR * bound)?,
+        any: required_damping(&even)?.map_or(1.0, |required| required / bound),
+    })
 }
 
 /// The counts in Markdown.
@@ -199,14 +211,23 @@ pub fn table(found: &Found, seed: u64) -> String {
         text += &format!("| {name} | {loops} | {confirmed} | {slow} | {contradicted} |\n");
     }
     text += &format!("\nHands-off {} loops are open.\n\n", found.patterns_open);
-    text += "| bound for all times | loops | a hand breaks it at 0.95 | median reach |\n| --- | --- | --- | --- |\n";
-    for (name, reach) in ["bare spring", "one body"].iter().zip(&found.bound_reach) {
-        let mut reach = reach.clone();
+    text += "| bound for all times | loops | a hand breaks the loop at 0.95 of it | a hand of one mass and one spring does | median reach of these | all passive hands require 0.95 or more |\n\
+             | --- | --- | --- | --- | --- | --- |\n";
+    for (name, all) in ["no body", "one body"].iter().zip(&found.sharpness) {
+        let mut reach: Vec<f64> = all.iter().map(|found| found.one_mass).collect();
         reach.sort_by(f64::total_cmp);
-        let broken = reach.iter().filter(|part| **part >= 0.95).count();
         let median = reach.get(reach.len() / 2).copied().unwrap_or(0.0);
-        let share = 100.0 * broken as f64 / reach.len().max(1) as f64;
-        text += &format!("| {name} | {} | {broken} ({share:.1} %) | {median:.3} |\n", reach.len());
+        let share = |holds: fn(&Sharpness) -> bool| {
+            let count = all.iter().filter(|found| holds(found)).count();
+            format!("{count} ({:.1} %)", 100.0 * count as f64 / all.len().max(1) as f64)
+        };
+        text += &format!(
+            "| {name} | {} | {} | {} | {median:.3} | {} |\n",
+            all.len(),
+            share(|found| found.one_mass >= NEAR || found.many_masses),
+            share(|found| found.one_mass >= NEAR),
+            share(|found| found.any >= NEAR)
+        );
     }
     text
 }

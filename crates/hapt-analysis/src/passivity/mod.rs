@@ -11,5 +11,5 @@ mod verdict;
 pub mod worst_grip;
 
 pub use required::*;
-pub use uneven::{Uneven, uneven};
+pub use uneven::{Uneven, uneven, uneven_damping};
 pub use verdict::*;

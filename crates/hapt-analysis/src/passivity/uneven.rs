@@ -91,7 +91,7 @@ fn is_as_certified(world: &World) -> bool {
 ///
 /// # Errors
 /// As [`uneven`].
-pub(crate) fn uneven_damping(world: &World) -> Result<Option<f64>, Error> {
+pub fn uneven_damping(world: &World) -> Result<Option<f64>, Error> {
     Ok(Claim::of(world, Timing::of(world))?.required())
 }
 

@@ -81,6 +81,12 @@ impl FreePatterns {
 }
 
 impl Pattern {
+    /// As a scenario's timing in a loop with this period in s.
+    pub fn timing(&self, period: f64) -> Timing {
+        let periods = |times: &[f64]| times.iter().map(|time| time / period).collect();
+        Timing::Pattern { intervals: periods(&self.intervals_s), delays: periods(&self.delays_s) }
+    }
+
     /// Its intervals in words, equal ones in a row once: "intervals of 3 x 1.8 ms and 2 x 0.2 ms"; beyond four such rows only how many
     /// there are.
     pub fn description(&self) -> String {
@@ -216,9 +222,7 @@ pub fn with_worst_pattern<'a>(world: &World, scenario: &'a Scenario) -> Result<C
     if scenario.timing != Timing::Worst {
         return Ok(Cow::Borrowed(scenario));
     }
-    let found = worst_pattern(world)?;
-    let periods = |times: Vec<f64>| times.into_iter().map(|time| time / world.sampling.period).collect();
-    let timing = Timing::Pattern { intervals: periods(found.intervals_s), delays: periods(found.delays_s) };
+    let timing = worst_pattern(world)?.timing(world.sampling.period);
     Ok(Cow::Owned(Scenario { timing, ..scenario.clone() }))
 }
 
