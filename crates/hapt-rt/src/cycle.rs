@@ -126,7 +126,7 @@ impl Cycle {
         };
         let Cycle { plan, device, state, .. } = self;
         let before = state.supervisor.offset;
-        let SafeOutput { sample, output, phase, reason, warning, outside } = plan.step(state, &reading, request);
+        let SafeOutput { sample, output, phase, reason, warning, outside: _ } = plan.step(state, &reading, request);
         let zero = state.supervisor.offset;
         if zero != before {
             device.0.homed(zero);
@@ -164,7 +164,7 @@ impl Cycle {
             warning,
             latency: u32::try_from((moment.late * 1e9).round() as u64).unwrap_or(u32::MAX),
             computation: u32::try_from((device.0.age() * 1e9).round() as u64).unwrap_or(u32::MAX),
-            outside,
+            outside: self.state.supervisor.outside(),
             bodies,
         })
     }

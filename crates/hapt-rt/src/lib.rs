@@ -195,8 +195,8 @@ pub struct Record {
     pub latency: u32,
     /// From the reading to the completed write to the device, in ns; a stale reading's age counts.
     pub computation: u32,
-    /// Under a torque, this sample came later than the certificate covers, or the command before it did.
-    pub outside: bool,
+    /// Samples so far that came under a torque and later than the certificate covers, or behind a command that did.
+    pub outside: u32,
     /// x_k: positions and velocities of the bodies; unused entries are 0.
     pub bodies: [(f64, f64); BODIES],
 }

@@ -53,6 +53,7 @@ struct Last {
     taken: u64,
     /// There may be a torque behind it.
     is_active: bool,
+    outside: u32,
 }
 
 /// How a loop kept the times that its certificate covers: of the samples with a torque before them.
@@ -132,15 +133,25 @@ impl Timing {
                 let between = taken.saturating_sub(last.taken);
                 self.period.saturating_record(between);
                 self.gap = self.gap.max((between, taken));
-                if last.is_active {
-                    let Certified { samples, inside, longest } = self.certified;
-                    let inside = inside + u64::from(!record.outside);
-                    self.certified = Certified { samples: samples + 1, inside, longest: longest.max(between) };
-                }
+            }
+            if last.is_active {
+                let Certified { samples, inside, longest } = self.certified;
+                let taken_since = steps.saturating_sub(u64::from(record.missed)).max(1);
+                let outside = u64::from(record.outside.saturating_sub(last.outside)).min(taken_since);
+                // Of samples without a record only the count of missed ones is known: they may all have been missed in a row.
+                let between = match lost {
+                    0 => taken.saturating_sub(last.taken),
+                    _ => due.saturating_sub(last.due) / steps * (1 + u64::from(record.missed)),
+                };
+                self.certified = Certified {
+                    samples: samples + taken_since,
+                    inside: inside + taken_since - outside,
+                    longest: longest.max(between),
+                };
             }
         }
         self.latency.saturating_record(latency);
-        self.last = Some(Last { sample, due, taken, is_active: record.phase.is_active() });
+        self.last = Some(Last { sample, due, taken, is_active: record.phase.is_active(), outside: record.outside });
     }
 
     /// Samples whose records arrived.
@@ -303,7 +314,7 @@ mod tests {
             warning: None,
             latency,
             computation,
-            outside: false,
+            outside: 0,
             bodies: [(0.0, 0.0); BODIES],
         }
     }

@@ -221,6 +221,8 @@ pub struct Telemetry {
     pub used: u32,
     /// x_k
     pub bodies: States,
+    /// [`Parameter::Outside`] at this sample.
+    pub outside: u32,
 }
 
 /// Positions and velocities of up to [`BODIES`] bodies. On the wire, a list of two numbers each.

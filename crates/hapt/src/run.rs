@@ -291,6 +291,7 @@ impl Run {
             "{} on {on}, {period} a sample\nran          {ran}; {end}\nmotor        commanded {peak} at most",
             loaded.title()
         );
+        let kept = kept(world, timing);
         let Some(realtime) = self.session.realtime() else {
             let samples = last.zip(*first).map_or(0, |(last, first)| last.sample - first + 1);
             let missed = match timing.missed() {
@@ -298,9 +299,10 @@ impl Run {
                 missed => format::count(missed),
             };
             let (samples, shown) = (format::count(samples), format::count(*records));
-            return format!("{text}, of what was shown\nsamples      {samples}, {missed} missed; {shown} shown\n");
+            return format!(
+                "{text}, of what was shown\nsamples      {samples}, {missed} missed; {shown} shown{kept}\n"
+            );
         };
-        let kept = kept(world, timing);
         format!("{text}\n\n{timing}{kept}\n\n{}", granted(realtime, self.stolen.since()))
     }
 }

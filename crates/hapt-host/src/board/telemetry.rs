@@ -84,7 +84,7 @@ impl TelemetryDecoder {
             warning: Reason::from_code(telemetry.warning),
             latency: 0,
             computation: 0,
-            outside: false,
+            outside: telemetry.outside,
             bodies,
         }
     }
@@ -131,6 +131,7 @@ mod tests {
             missed: _,
             used: _,
             bodies: _,
+            outside: _,
         } = sent;
         let signals = [
             (Signal::PUCK, position),

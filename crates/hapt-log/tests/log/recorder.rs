@@ -32,7 +32,7 @@ fn record(sample: u64) -> Record {
         warning: None,
         latency: 1_500,
         computation: 900,
-        outside: false,
+        outside: 0,
         missed: 0,
         late: 1.5e-6,
         silent: 0.0,

@@ -286,7 +286,8 @@ impl<'w> Sampler<'w> {
         }
         self.sequence = self.sequence.wrapping_add(1);
         let (sequence, missed, used) = (self.sequence, self.missed, self.used);
-        self.telemetry = Some(Telemetry { sequence, missed, used, ..telemetry });
+        let outside = self.state.supervisor.outside();
+        self.telemetry = Some(Telemetry { sequence, missed, used, outside, ..telemetry });
     }
 }
 

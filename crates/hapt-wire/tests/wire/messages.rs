@@ -56,6 +56,7 @@ fn examples() -> Vec<(&'static str, String)> {
         missed: 0,
         used: 380,
         bodies: States::new([(0.625, -1.0)]),
+        outside: 2,
     };
     let (position, velocity) = (0.5, -0.25);
     vec![
@@ -261,6 +262,6 @@ proptest! {
         bytes.extend(vec![0; 8 * usize::from(count)]);
         prop_assert!(postcard::from_bytes::<DeviceMessage>(&bytes).is_err());
         bytes[32] = 4;
-        prop_assert!(postcard::from_bytes::<DeviceMessage>(&bytes[..33 + 32]).is_ok());
+        prop_assert!(postcard::from_bytes::<DeviceMessage>(&bytes[..33 + 32 + 1]).is_ok());
     }
 }

@@ -154,6 +154,22 @@ fn a_board_that_goes_away_with_half_a_world_is_an_error_and_no_log_is_begun() {
 }
 
 #[test]
+fn a_run_on_a_board_says_for_how_many_samples_it_was_inside_the_certificate() {
+    let timed = KNOB.replace("period = \"1 ms\"", "period = \"1 ms\"\ninterval_max = \"1.5 ms\"");
+    let at = folder(&[("w.toml", &timed), ("plain.toml", KNOB)]);
+    let (_board, spec) = plugged(BOARD);
+    let run = |file: &str| {
+        hapt(at.path(), ["run", file, "--device", &spec, "--duration", "0.3 s", "--set", "safety.late=count"]).done()
+    };
+    let timed = run("w.toml");
+    let line = timed.out.lines().find(|line| line.starts_with("certified ")).unwrap_or_else(|| panic!("{timed:?}"));
+    let counts: Vec<u64> = line.split(' ').filter_map(|word| word.replace(',', "").parse().ok()).collect();
+    // A busy machine is late, and the count says so.
+    assert!(counts[0] <= counts[1] && counts[1] > 250, "{line}");
+    assert!(!run("plain.toml").out.contains("certified"));
+}
+
+#[test]
 fn a_run_on_a_board_that_is_interrupted_leaves_no_torque() {
     for (signal, code) in [("INT", 130), ("TERM", 143)] {
         let at = folder(&[("w.toml", KNOB)]);
