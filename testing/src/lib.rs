@@ -26,31 +26,18 @@ duration = "0.5 s"
 hand = { kind = "step", to = "45 deg" }
 "#;
 
-/// The random numbers of every run that asks for no others.
-const SEED: u64 = 1;
-
 /// A random test of `all` cases: all of them where `HAPT_CASES` is set, as by `cargo xtask test`, else an eighth.
 ///
-/// A test that fails fails for the change that is tested: the random numbers are the same in every run, and others where
-/// `HAPT_SEED` is a number, or `new` for other ones each time.
+/// Its random numbers are those of `PROPTEST_RNG_SEED`, which `.cargo/config.toml` sets.
 #[must_use]
 pub fn cases(all: u32) -> Config {
-    let seed = match std::env::var("HAPT_SEED") {
-        Ok(seed) if seed == "new" => RngSeed::Random,
-        Ok(seed) => RngSeed::Fixed(seed.parse().expect("HAPT_SEED is a number or `new`")),
-        Err(_) => RngSeed::Fixed(SEED),
-    };
-    Config { rng_seed: seed, ..cases_of(all) }
+    let some = (all / PART).max(FEWEST.min(all));
+    let cases = if std::env::var_os("HAPT_CASES").is_some() { all } else { some };
+    Config { cases, failure_persistence: None, ..Config::default() }
 }
 
 /// The same with random numbers of its own, which are the same every time.
 #[must_use]
 pub fn cases_from(seed: u64, all: u32) -> Config {
-    Config { rng_seed: RngSeed::Fixed(seed), ..cases_of(all) }
-}
-
-fn cases_of(all: u32) -> Config {
-    let some = (all / PART).max(FEWEST.min(all));
-    let cases = if std::env::var_os("HAPT_CASES").is_some() { all } else { some };
-    Config { cases, failure_persistence: None, ..Config::default() }
+    Config { rng_seed: RngSeed::Fixed(seed), ..cases(all) }
 }
