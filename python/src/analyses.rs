@@ -104,7 +104,7 @@ pub fn identify(
     let [times, positions, torques] = [&times, &positions, &torques].map(|array| array.as_array().to_vec());
     let work = move |stop: &Stop| {
         let record = Record::new(times, positions, torques)?;
-        let known = Known { inertia, is_linear: linear };
+        let known = Known { inertia, is_linear: linear, ..Known::default() };
         let found = hapt_identify::identify_until(&record, &known, &|| stop.is_set()).transpose()?;
         Ok::<_, hapt_identify::Error>(found.map(|found| (found.named(), found.warnings())))
     };

@@ -196,7 +196,8 @@ pub fn against_until(
 }
 
 fn compared(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
-    let known = Known { is_linear, ..Known::default() };
+    let lag = 0.5 * (claims.lag[0] + claims.lag[1]);
+    let known = Known { is_linear, lag: (lag > 0.0).then_some(lag), ..Known::default() };
     let mut found = search(record, &known)?;
     if found.wrong.is_some()
         && let Some(near) = search_from(record, &known, claims.puck(record)).filter(|near| near.wrong.is_none())

@@ -71,7 +71,7 @@ impl Found {
 
     /// The numbers with their intervals.
     pub fn identified(&self, record: &Watched<'_>, known: &Known) -> Identified {
-        let lag = self.lag.as_ref().filter(|lag| lag.is_seen() || !is_right(record, &self.best));
+        let lag = self.lag.as_ref().filter(|lag| known.lag.is_some() || lag.is_seen() || !is_right(record, &self.best));
         let bounded = lag.map_or_else(|| Bounded::new(record, self.best), |lag| lag.bounded(record));
         let residual = residual(&left(record, &bounded.fit));
         let spread = spread(record, &bounded.fit);
@@ -127,7 +127,7 @@ fn whole(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
 /// A fit, with a lag beside it where that is told or explains what the fit without does not, and whether it explains the record.
 fn judged(record: &Watched<'_>, known: &Known, best: Fit) -> Found {
     let explains = is_right(record, &best);
-    let lag = Lag::new(record, &best, explains).filter(|lag| explains || is_right(record, &lag.fit));
+    let lag = Lag::new(record, &best, explains, known.lag).filter(|lag| explains || is_right(record, &lag.fit));
     let wrong = match explains || lag.is_some() {
         true => unexplained(record, lag.as_ref().filter(|_| !explains).map_or(&best, |lag| &lag.fit)),
         false => Some(unexplained(record, &best).unwrap_or_else(|| large(record, known, &best))),

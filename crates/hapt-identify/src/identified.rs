@@ -10,6 +10,8 @@ pub struct Known {
     pub inertia: Option<f64>,
     /// The positions are linear, so that their lattice is not a part of a turn.
     pub is_linear: bool,
+    /// The motor lags, by about so many s: the fits start there, and the other numbers are those of a fit with a lag.
+    pub lag: Option<f64>,
 }
 
 /// A value with its 95 % interval.

@@ -36,8 +36,8 @@ pub(crate) struct Lag {
 
 impl Lag {
     /// The fit from the best one without a lag; `None` where there is no torque to lag. A fit that is right without one is near the best
-    /// with one: a short lag first tells whether there is any.
-    pub fn new(record: &Watched<'_>, best: &Fit, is_right: bool) -> Option<Self> {
+    /// with one: a short lag first tells whether there is any. `likely`: one to start from before all others.
+    pub fn new(record: &Watched<'_>, best: &Fit, is_right: bool, likely: Option<f64>) -> Option<Self> {
         if !record.is_driven() || !best.puck.delay.is_finite() {
             return None;
         }
@@ -46,7 +46,7 @@ impl Lag {
         let longer = [0.5, 1.0].map(|part| part * best.puck.delay).into_iter().filter(|lag| !is_right && *lag > short);
         // Last from where the lag changes next to nothing: no fit of more parameters is worse than the one without them.
         let least = SHORTEST_LAG * record.period();
-        for lag in std::iter::once(short).chain(longer).chain([least]) {
+        for lag in likely.into_iter().chain([short]).chain(longer).chain([least]) {
             let is_better = |lag: &Lag| lag.fit.normal.squares <= best.normal.squares;
             // Beside a fit that is wrong without a lag, one that is told may still be a shorter one than the best.
             if found.as_ref().is_some_and(|found| is_better(found) && (is_right && found.is_told() || lag == least)) {
