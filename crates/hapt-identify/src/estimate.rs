@@ -20,7 +20,7 @@ const UNEXPLAINED: f64 = 0.25;
 /// The number of standard errors that counts as certain, for the delay and for a constant torque.
 const SURELY: f64 = 5.0;
 /// A fit over more samples of the same motion has at most this times the residual variance.
-const ALIKE: f64 = 1.2;
+pub(crate) const ALIKE: f64 = 1.2;
 /// A torque that depends on the position is the cause where it explains more than this part of the residuals.
 const MOST: f64 = 0.9;
 /// A record of more s is fitted from its beginning on.

@@ -5,6 +5,7 @@
 //! and the record tells lag from delay where the variance is surely above 0.
 
 use crate::bound::Bounded;
+use crate::estimate::ALIKE;
 use crate::fit::{Fit, SHORTEST_LAG, fit};
 use crate::identified::Interval;
 use crate::puck::{DELAY, LAG, Puck};
@@ -60,10 +61,10 @@ impl Lag {
             };
         }
         let found = found?;
-        if !found.is_told() {
+        if is_right && !found.is_told() {
             return Some(found);
         }
-        // What the motor remembers from before the record is unknown.
+        // What the motor remembers from before the first sample of the fit is unknown.
         let arrives = found.fit.puck.delay.max(0.0) + ARRIVED * found.fit.puck.lag + SURELY * found.mean[1];
         let first = record.first_after(arrives.min(LONGEST_DELAY));
         if first <= found.fit.first {
@@ -74,7 +75,8 @@ impl Lag {
         });
         let late =
             late.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares)).and_then(|fit| Lag::of(record, fit));
-        late.or(Some(found))
+        // A fit that starts where the record is less clear may stop far from the best.
+        late.filter(|late| late.fit.variance() < ALIKE * found.fit.variance()).or(Some(found))
     }
 
     fn of(record: &Record, fit: Fit) -> Option<Self> {

@@ -61,7 +61,8 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     if args.against.is_some() {
         return against::run(args, &given);
     }
-    let known = Known { inertia: inertia(args, given.motion)?, is_linear: given.motion == Motion::Linear, ..Known::default() };
+    let known =
+        Known { inertia: inertia(args, given.motion)?, is_linear: given.motion == Motion::Linear, ..Known::default() };
     let found = identify(&given.record, &known).map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
     for warning in found.warnings().into_iter().chain(print::unmodelled(&given, &found)) {
         messages::say(format_args!("warning: {warning}"));
