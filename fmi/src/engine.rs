@@ -41,15 +41,17 @@ impl Engine {
     /// The core does not take the world.
     pub fn new(kind: Kind, world: &World) -> Result<Engine, Error> {
         let compiled = DesktopLoop::new(&world.spec())?;
+        let device = (kind == Kind::Whole).then(|| VirtualDevice::new(&world.device_spec()));
         Ok(Engine {
             state: Box::new(compiled.start()),
             compiled: Arc::new(compiled),
-            device: (kind == Kind::Whole).then(|| VirtualDevice::new(&world.device_spec())),
             taken: 0,
             row: Row {
                 bodies: world.bodies.iter().map(|body| (body.position, body.velocity)).collect(),
+                handle: device.as_ref().and_then(VirtualDevice::handle),
                 ..Row::default()
             },
+            device,
         })
     }
 
@@ -89,6 +91,7 @@ impl Engine {
         if let Some(device) = &mut self.device {
             device.command(sample.command);
             row.applied = device.applied();
+            row.handle = device.handle();
         }
         self.taken += 1;
     }
@@ -130,6 +133,7 @@ impl Engine {
             device.travel_to(to.part);
             (self.row.puck, self.row.puck_velocity) = device.puck();
             self.row.applied = device.applied();
+            self.row.handle = device.handle();
         }
         self.finite(to)
     }
@@ -182,6 +186,7 @@ impl Engine {
             command,
             applied,
             bodies,
+            handle: self.device.as_ref().and_then(VirtualDevice::handle),
             ..Row::default()
         };
     }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use hapt_model::keys::{KEYS, Key, PHYSICAL, Range, Takes};
 use hapt_model::{Coupling, CouplingKind, Error, Motion, Parameter, Source, World, parameters};
-use hapt_sim::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, columns};
+use hapt_sim::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, columns, loop_columns};
 use serde::{Deserialize, Serialize};
 
 use crate::Kind;
@@ -65,7 +65,7 @@ pub enum Role {
     Input(usize),
     /// A signal of the loop, by its index in [`SIGNALS`].
     Signal(usize),
-    /// A body's signal: the body, and the index in [`BODY_SIGNALS`].
+    /// A signal of a body, or of the handle after all bodies: which of them, and the index in [`BODY_SIGNALS`].
     Body(usize, usize),
     /// A key that may be set until the end of the initialisation.
     Fixed,
@@ -111,9 +111,9 @@ impl Variable {
     pub fn read(&self, row: &Row) -> f64 {
         match self.role {
             Role::Signal(index) => SIGNALS.get(index).map_or(f64::NAN, |signal| (signal.get)(row)),
-            Role::Body(body, index) => match (row.bodies.get(body), index) {
-                (Some((position, _)), 0) => *position,
-                (Some((_, velocity)), _) => *velocity,
+            Role::Body(body, index) => match (row.pairs().nth(body), index) {
+                (Some((position, _)), 0) => position,
+                (Some((_, velocity)), _) => velocity,
                 (None, _) => f64::NAN,
             },
             Role::Time | Role::Input(_) | Role::Fixed | Role::Tunable => f64::NAN,
@@ -131,7 +131,10 @@ const APPLIED: usize = 7;
 /// # Errors
 /// As [`World::read`].
 pub fn variables(kind: Kind, world: &World, source: &Source) -> Result<Vec<Variable>, Error> {
-    let list = columns(world);
+    let list = match kind {
+        Kind::Loop => loop_columns(world),
+        Kind::Whole => columns(world),
+    };
     let mut all = Vec::new();
     let mut push = |column: &Column, role| all.push(of_column(column, role));
     if let Some(time) = list.first() {
@@ -143,7 +146,7 @@ pub fn variables(kind: Kind, world: &World, source: &Source) -> Result<Vec<Varia
                 push(&list[signal], Role::Input(input));
             }
         }
-        Kind::Whole => push(&hand(world.motion), Role::Input(0)),
+        Kind::Whole => push(&hand(world), Role::Input(0)),
     }
     for (signal, column) in list.iter().enumerate().take(SIGNALS.len()).skip(1) {
         if kind == Kind::Whole || !(PUCK.contains(&signal) || signal == APPLIED) {
@@ -164,13 +167,17 @@ fn of_column(column: &Column, role: Role) -> Variable {
     Variable { name, role, unit, doc, start: Value::Real(0.0), min: None }
 }
 
-/// The hand's torque on the puck, as a column.
-fn hand(motion: Motion) -> Column {
+/// The hand's torque on the puck, or on its handle, as a column.
+fn hand(world: &World) -> Column {
+    let motion = world.motion;
     let name = match motion {
         Motion::Rotary => "hand_torque_Nm",
         Motion::Linear => "hand_force_N",
     };
-    let doc = "the hand's torque on the puck, held over the communication step";
+    let doc = match world.device.handle {
+        None => "the hand's torque on the puck, held over the communication step",
+        Some(_) => "the hand's torque on the handle, held over the communication step",
+    };
     Column { name: name.into(), unit: Measures::Effort.unit(motion), doc }
 }
 
@@ -209,6 +216,7 @@ fn role(kind: Kind, row: &Key, path: &str) -> Option<Role> {
         ["loop", "cutoff" | "window"] => Some(Role::Tunable),
         ["loop", _] => Some(Role::Fixed),
         ["device", "inertia" | "damping" | "friction"] => only_whole(Role::Tunable),
+        ["device", "handle", _] => only_whole(Role::Tunable),
         ["device", "limit"] => Some(Role::Tunable),
         ["device", "encoder" | "levels"] => Some(Role::Fixed),
         ["bodies", _, "inertia"] => Some(Role::Tunable),
@@ -225,7 +233,7 @@ pub fn row(world: &World, path: &str) -> Option<&'static Key> {
     let names: Vec<&str> = path.split('.').collect();
     let kind = |coupling: &Coupling| CouplingKind::of(&coupling.law).name();
     let (pattern, kind) = match names[..] {
-        ["loop" | "device", _] => (path.to_string(), None),
+        ["loop" | "device", _] | ["device", "handle", _] => (path.to_string(), None),
         ["bodies", _, name] => (format!("bodies.*.{name}"), None),
         ["couplings", index, name] => {
             (format!("couplings.*.{name}"), Some(kind(world.couplings.get(index.parse::<usize>().ok()?)?)))

@@ -109,6 +109,11 @@ class Device:
         return self._native.puck
 
     @property
+    def handle(self) -> Optional[tuple[float, float]]:
+        """The same of a handle on a shaft; None: the puck is the handle."""
+        return self._native.handle
+
+    @property
     def applied(self) -> float:
         """What the motor holds, in N·m (linear: N)."""
         return self._native.applied

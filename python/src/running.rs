@@ -153,6 +153,11 @@ impl Device {
     }
 
     #[getter]
+    fn handle(&self) -> Option<(f64, f64)> {
+        self.now.handle()
+    }
+
+    #[getter]
     fn applied(&self) -> f64 {
         self.now.applied()
     }

@@ -70,6 +70,7 @@ pub fn simulate(world: &World, name: &str, stop: &Stop) -> Result<Columns, Failu
         "motor_energy": ledger.motor,
         "damping_energy": ledger.damping,
         "friction_energy": ledger.friction,
+        "shaft_energy": ledger.shaft,
     });
     Ok(Columns { names, values, summary, ended })
 }
@@ -89,12 +90,12 @@ fn room(rows: u64, columns: usize) -> Option<Vec<Vec<f64>>> {
 }
 
 fn push(values: &mut [Vec<f64>], row: &Row) {
-    let (own, bodies) = values.split_at_mut(SIGNALS.len());
+    let (own, pairs) = values.split_at_mut(SIGNALS.len());
     for (column, signal) in own.iter_mut().zip(&SIGNALS) {
         column.push((signal.get)(row));
     }
-    for (pair, (position, velocity)) in bodies.chunks_exact_mut(BODY_SIGNALS.len()).zip(&row.bodies) {
-        pair[0].push(*position);
-        pair[1].push(*velocity);
+    for (pair, (position, velocity)) in pairs.chunks_exact_mut(BODY_SIGNALS.len()).zip(row.pairs()) {
+        pair[0].push(position);
+        pair[1].push(velocity);
     }
 }

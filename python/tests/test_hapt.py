@@ -242,6 +242,22 @@ def test_the_loop_and_the_device_together_are_a_run(world: hapt.World) -> None:
         loop.step("1")  # type: ignore[arg-type]
 
 
+def test_a_handle_on_a_shaft_has_columns_and_a_motion_of_its_own(world: hapt.World) -> None:
+    shaft = world.set({"device.handle.inertia": "2e-4 kg m^2", "device.handle.stiffness": "20 N m/rad"})
+    run = shaft.simulate()
+    assert "handle_rad" not in world.simulate() and np.any(run["handle_rad"] != run["puck_rad"])
+    loop, device = shaft.loop(), shaft.device("step")
+    assert world.device("step").handle is None and device.handle == (run["handle_rad"][0], run["handle_rad_per_s"][0])
+    for k in range(len(run.time) - 1):
+        loop.step(*device.puck)
+        device.step(loop.command)
+        if k == 150:
+            device = pickle.loads(pickle.dumps(device))
+    assert device.handle == (run["handle_rad"][-1], run["handle_rad_per_s"][-1])
+    with pytest.raises(ValueError, match="handle"):
+        shaft.to_control()
+
+
 def test_worlds_pickle_with_their_changes(world: hapt.World) -> None:
     changed = world.set("loop.period", "2 ms")
     again = pickle.loads(pickle.dumps(changed))

@@ -169,7 +169,7 @@ fn without(key: &Key) -> String {
 fn signals() -> Result<String> {
     let of = |motion: Motion, inertia: &str| {
         let text = format!(
-            "motion = {:?}\n[loop]\nperiod = 1\n[device]\ninertia = {inertia:?}\n[bodies.NAME]\ninertia = {inertia:?}\n",
+            "motion = {:?}\n[loop]\nperiod = 1\n[device]\ninertia = {inertia:?}\nhandle = {{ inertia = 1, stiffness = 1 }}\n[bodies.NAME]\ninertia = {inertia:?}\n",
             motion.name()
         );
         World::read(&Source::from_text("columns", text), &[]).map(|world| columns(&world))

@@ -73,7 +73,7 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
 fn is_settable(path: &str) -> bool {
     let names: Vec<&str> = path.split('.').collect();
     match names[..] {
-        ["loop" | "device", _] => true,
+        ["loop" | "device", _] | ["device", "handle", _] => true,
         ["bodies", _, name] => !matches!(name, "position" | "velocity"),
         ["couplings", _, name] => !matches!(name, "kind" | "between"),
         _ => false,
@@ -181,6 +181,8 @@ pub fn row(world: &World, path: &str) -> Option<&'static Key> {
     let names: Vec<&str> = path.split('.').collect();
     let (pattern, kind) = match names[..] {
         ["loop" | "device", _] => (path.to_string(), None),
+        // The numbers of a handle that is there: one alone makes none.
+        ["device", "handle", _] if world.device.handle.is_some() => (path.to_string(), None),
         // Only an existing name: any other text would be read as part of an override, up to its own `=`.
         ["bodies", body, name] if world.names.iter().any(|own| own == body) && !body.contains('=') => {
             (format!("bodies.*.{name}"), None)
@@ -220,7 +222,7 @@ fn group(world: &World, path: &str) -> String {
                 format!("{}, {first} to {second}", kind(coupling))
             })
         }
-        ["bodies", name, _] => name.to_string(),
+        ["bodies", name, _] | ["device", name, _] => name.to_string(),
         [table, ..] => table.to_string(),
         [] => String::new(),
     }

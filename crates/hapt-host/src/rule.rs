@@ -1,7 +1,7 @@
 //! The numbers that a loop behind a page accepts. Beyond them there is no real device, and sums, squares and exponentials overflow.
 
 use hapt_model::keys::{Measure, Range, Takes};
-use hapt_model::{Parameter, Source, World, parameters};
+use hapt_model::{Handle, Parameter, Source, World, parameters};
 
 use crate::keys::{PERIODS, row};
 
@@ -47,6 +47,15 @@ pub fn check(world: &World, source: &Source, sets: &[String]) -> Result<(), Stri
     if world.sampling.delay_s() > LONGEST_DELAY * world.sampling.period {
         let delay = world.sampling.delay_s();
         return Err(format!("loop.delay: {delay} s is more than {LONGEST_DELAY} periods, the longest behind a page"));
+    }
+    if let Some(Handle { inertia, stiffness, damping }) = world.device.handle {
+        let masses = 1.0 / world.device.inertia + 1.0 / inertia;
+        let rate = (stiffness * masses).sqrt().max(damping * masses);
+        if rate > FASTEST {
+            return Err(format!(
+                "device.handle: its shaft swings or decays at {rate:e} per s; at most {FASTEST:e} behind a page"
+            ));
+        }
     }
     let rate = world.device.damping / world.device.inertia;
     if rate > FASTEST {

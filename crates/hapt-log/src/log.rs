@@ -286,13 +286,15 @@ impl Sample<'_> {
         (row.torque, row.command, row.applied) = (at(5), at(6), at(7));
         let bodies = self.plan.world.bodies.len();
         row.bodies.clear();
-        row.bodies.extend((0..bodies).map(|body| (at(SIGNALS.len() + 2 * body), at(SIGNALS.len() + 2 * body + 1))));
+        let pair = |i: usize| (at(SIGNALS.len() + 2 * i), at(SIGNALS.len() + 2 * i + 1));
+        row.bodies.extend((0..bodies).map(pair));
+        row.handle = (self.plan.world.device.handle.is_some() && !self.plan.live).then(|| pair(bodies));
     }
 
     /// The inputs of a loop in real time; `None` in the log of a run.
     pub fn inputs(&self) -> Option<Inputs> {
         let live = self.values.last_chunk::<LIVE_COLUMNS>();
-        let live = live.filter(|_| self.values.len() > SIGNALS.len() + 2 * self.plan.world.bodies.len())?;
+        let live = live.filter(|_| self.plan.live)?;
         let [output, sample, plan, phase, reason, request_code, announced, late, missed, silent, _latency, computation] =
             *live;
         Some(Inputs {

@@ -178,7 +178,8 @@ pub(crate) const LIVE_COLUMNS: usize = LIVE.len();
 
 /// The columns of a world's log, in order; `live`: of a loop in real time.
 pub fn columns(world: &World, live: bool) -> Vec<Column> {
-    let run = hapt_sim::columns(world).into_iter();
+    // Of a device in real time nobody sees the handle beyond its shaft.
+    let run = if live { hapt_sim::loop_columns(world) } else { hapt_sim::columns(world) }.into_iter();
     let run = run.map(|column| Column { name: column.name, unit: column.unit, doc: column.doc, kind: Kind::Number });
     let mut columns: Vec<Column> = run.collect();
     columns.extend(LIVE.iter().filter(|_| live).map(|&Live { name, unit, doc, kind, .. }| {
@@ -197,7 +198,7 @@ pub fn columns(world: &World, live: bool) -> Vec<Column> {
 pub(crate) fn row_values(row: &Row, values: &mut Vec<f64>) {
     values.clear();
     values.extend(SIGNALS.iter().map(|signal| (signal.get)(row)));
-    values.extend(row.bodies.iter().flat_map(|&(position, velocity)| [position, velocity]));
+    values.extend(row.pairs().flat_map(|(position, velocity)| [position, velocity]));
 }
 
 /// The values of a record of the loop at `time`, in a world of this many bodies.

@@ -352,6 +352,8 @@ const LUGRE: Presence = Presence::Depends("the six LuGre keys stand together, in
 /// What stands for a lost link, and for what the world's own ledger finds.
 pub(crate) const LINK_LOST: [&str; 2] = ["fade-out", "fault"];
 pub(crate) const WORLD_LEDGER: [&str; 2] = ["warn", "trip"];
+/// The handle's table, and the name of its columns.
+pub(crate) const HANDLE: &str = "handle";
 /// Which way a drive turns.
 pub(crate) const DIRECTION: [&str; 2] = ["forward", "reverse"];
 
@@ -405,6 +407,10 @@ pub const KEYS: &[Key] = &[
     key("device.drive.home", Quantity(Position, Any), Optional,
         "The puck's position, by the drive's own zero, that is the world's 0; a rotary puck is within half a turn of it at the start. \
          Absent: 0 is where the loop is armed."),
+    key("device.handle", Table, Optional, "A handle that a flexible shaft connects to the puck: motor and encoder are at the puck, the hand is at the handle."),
+    key("device.handle.inertia", Quantity(Inertia, Positive), Required, "The inertia (linear: mass) of the handle beyond the shaft."),
+    key("device.handle.stiffness", Quantity(Stiffness, Positive), Required, "The shaft's stiffness: torque per angle between handle and puck."),
+    key("device.handle.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The shaft's damping: torque per relative velocity of handle and puck."),
 
     key("bodies", BODIES, Optional, "The virtual inertias, by name."),
     key("bodies.*.inertia", Quantity(Inertia, Positive), Required, "Its inertia (linear: mass)."),

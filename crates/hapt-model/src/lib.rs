@@ -63,7 +63,7 @@ pub use hapt_core::named;
 pub use hapt_core::spec::{
     Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,
 };
-pub use hapt_plant::spec::{DeviceSpec, Drive, Hand, Shape, Switching};
+pub use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape, Switching};
 pub use kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
 pub use parameters::{Parameter, parameters, unit, unit_size};
 pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};

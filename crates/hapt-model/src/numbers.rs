@@ -3,7 +3,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 use hapt_core::{Body, Coupling};
-use hapt_plant::spec::{Drive, Hand, Shape, Switching};
+use hapt_plant::spec::{Drive, Hand, Handle, Shape, Switching};
 
 use crate::keys::{self, Key};
 use crate::kinds::{CouplingKind, HandKind, ShapeKind};
@@ -90,6 +90,12 @@ pub(crate) fn device(device: &mut Device) -> NumberSlots<'_> {
 
 pub(crate) fn mounting(drive: &mut Mounting) -> NumberSlots<'_> {
     vec![("gear", Optional(&mut drive.gear)), ("home", Optional(&mut drive.home))]
+}
+
+/// Those of a handle that is there.
+pub(crate) fn handle(handle: &mut Option<Handle>) -> NumberSlots<'_> {
+    let Some(Handle { inertia, stiffness, damping }) = handle else { return Vec::new() };
+    vec![("inertia", Number(inertia)), ("stiffness", Number(stiffness)), ("damping", Number(damping))]
 }
 
 pub(crate) fn safety(safety: &mut Safety) -> NumberSlots<'_> {
@@ -200,6 +206,7 @@ impl World {
             ["loop"] => plain("loop", sampling(&mut self.sampling)),
             ["device"] => plain("device", device(&mut self.device)),
             ["device", "drive"] => plain("device.drive", mounting(&mut self.device.drive)),
+            ["device", "handle"] => plain("device.handle", handle(&mut self.device.handle)),
             ["safety"] => plain("safety", safety(&mut self.safety)),
             ["bodies", name] => {
                 let index = self.names.iter().position(|body| body == name)?;
@@ -280,6 +287,9 @@ mod tests {
         [safety]
         velocity = 60
         link = 0.5
+        [device.handle]
+        inertia = 5e-4
+        stiffness = 20
         [bodies.wheel]
         inertia = 0.02
         [bodies.nut]

@@ -3,7 +3,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side, WhenLate};
-use hapt_plant::spec::{Drive, Hand, Shape, Switching};
+use hapt_plant::spec::{Drive, Hand, Handle, Shape, Switching};
 
 use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
@@ -46,6 +46,10 @@ impl World {
         for entry in named(&top, "bodies") {
             let context = Context { path: format!("bodies.{}", entry.key), pattern: "bodies.*", ..table("bodies") };
             let fields = Fields::new(context, Some(&entry.node))?;
+            if entry.key == keys::HANDLE && device.handle.is_some() {
+                let message = "the columns of this name are those of [device.handle]; the body needs another name";
+                return Err(top.error_at(ErrorKind::Combination, "bodies.handle", message, &entry.place));
+            }
             names.push(entry.key.clone());
             bodies.push(Body {
                 inertia: fields.number("inertia")?,
@@ -195,12 +199,23 @@ fn device(fields: &Fields<'_>) -> Result<Device, Error> {
         encoder: fields.optional_number("encoder")?,
         levels: fields.optional_whole("levels")?,
         drive: mounting(&Fields::new(fields.inner("drive", "device.drive"), fields.node("drive"))?)?,
+        handle: handle(fields)?,
     };
     if device.levels.is_some() && device.limit.is_none() {
         let message = "levels divide the range of the motor: they need device.limit";
         return Err(fields.error(ErrorKind::Combination, "levels", message));
     }
     Ok(device)
+}
+
+fn handle(fields: &Fields<'_>) -> Result<Option<Handle>, Error> {
+    let Some(node) = fields.node("handle") else { return Ok(None) };
+    let fields = Fields::new(fields.inner("handle", "device.handle"), Some(node))?;
+    Ok(Some(Handle {
+        inertia: fields.number("inertia")?,
+        stiffness: fields.number("stiffness")?,
+        damping: fields.number("damping")?,
+    }))
 }
 
 fn mounting(fields: &Fields<'_>) -> Result<Mounting, Error> {

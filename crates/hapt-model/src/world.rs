@@ -1,7 +1,7 @@
 //! The world file's content, checked and in SI: rad, m, s, kg, N, N·m.
 
 use hapt_core::{Body, Coupling, Estimator, Method, Output, Spec};
-use hapt_plant::spec::{DeviceSpec, Hand};
+use hapt_plant::spec::{DeviceSpec, Hand, Handle};
 
 use crate::kinds::{EstimatorKind, Motion};
 use crate::safety::Safety;
@@ -104,6 +104,9 @@ pub struct Device {
     pub levels: Option<u32>,
     /// The `[device.drive]` table.
     pub drive: Mounting,
+    /// The `[device.handle]` table: a handle on a flexible shaft. The numbers above are then of the motor's side, the puck. `None`: the
+    /// puck is the handle.
+    pub handle: Option<Handle>,
 }
 
 /// The half widths within which numbers of the device are known, as fractions of them from 0 to 1: 0.2 is ± 20 %. A number that is
@@ -231,8 +234,9 @@ fn within(middle: f64, tolerance: f64) -> [f64; 2] {
 impl World {
     /// What a device in simulation is made from.
     pub fn device_spec(&self) -> DeviceSpec {
-        let Device { inertia, damping, friction, lag, .. } = self.device;
-        DeviceSpec { period: self.sampling.period, delay: self.sampling.delay_s(), lag, inertia, damping, friction }
+        let Device { inertia, damping, friction, lag, handle, .. } = self.device;
+        let (period, delay) = (self.sampling.period, self.sampling.delay_s());
+        DeviceSpec { period, delay, lag, inertia, damping, friction, handle }
     }
 
     /// What the loop is compiled from.

@@ -45,6 +45,11 @@ impl World {
             writeln!(f, "\n[device.drive]\ndirection = {:?}", DIRECTION[usize::from(drive.reversed)])?;
             lines(f, table("device.drive", numbers::mounting(&mut drive)))?;
         }
+        let mut handle = self.device.handle;
+        if handle.is_some() {
+            writeln!(f, "\n[device.handle]")?;
+            lines(f, self.rows("device.handle", None, None, numbers::handle(&mut handle)))?;
+        }
         if self.safety != Safety::default() {
             writeln!(f, "\n[safety]")?;
             self.safety.names().try_for_each(|(key, name)| writeln!(f, "{key} = {}", text(name)))?;

@@ -1,10 +1,13 @@
 //! The simulated device, advanced period by period: the exact puck, the motor, and the hand that holds it. A simulation, a real-time
 //! thread or a page runs it with a loop.
 
+use alloc::boxed::Box;
+
 use crate::hand::{Hand, grip_push};
 use crate::ledger::Ledger;
 use crate::motor::Motor;
-use crate::puck::{Inertia, Lengths, Puck, Push};
+use crate::puck::{Inertia, Lengths, NO_SINE, Puck, Push};
+use crate::shaft::{Grasp, Shaft};
 use crate::spec::{self, DeviceSpec};
 use crate::trajectory::Piece;
 
@@ -80,6 +83,8 @@ pub struct VirtualDevice {
     /// The motor's torque less what it holds; it decays with the lag, and is 0 without one.
     gap: f64,
     puck: Puck,
+    /// The handle that the hand holds in place of the puck, where there is one.
+    shaft: Option<Box<Shaft>>,
     script: Script,
     mode: HandMode,
     /// The time of this sample on the hand's clock in s, origin + sample · T.
@@ -97,16 +102,18 @@ pub struct VirtualDevice {
 impl VirtualDevice {
     /// The puck at rest at 0, free.
     pub fn new(spec: &DeviceSpec) -> Self {
-        let &DeviceSpec { period, delay, lag, inertia, damping, friction } = spec;
+        let &DeviceSpec { period, delay, lag, inertia, damping, friction, handle } = spec;
         let device = Inertia { inertia, damping, stiffness: 0.0 };
         let motor = Motor::new(delay, period);
+        let lengths = lengths(&motor, period);
         VirtualDevice {
             period,
             device,
             friction,
             delay,
             lag,
-            puck: Puck::new(device, friction, lag, lengths(&motor, period)),
+            puck: Puck::new(device, friction, lag, lengths),
+            shaft: handle.map(|handle| Box::new(Shaft::new(handle, device, friction, lag, lengths))),
             motor,
             gap: 0.0,
             script: Script::default(),
@@ -130,6 +137,17 @@ impl VirtualDevice {
     #[inline]
     pub fn puck(&self) -> (f64, f64) {
         (self.puck.position, self.puck.velocity)
+    }
+
+    /// The true position and velocity of a handle on a shaft, in the same units; `None`: the puck is the handle.
+    #[inline]
+    pub fn handle(&self) -> Option<(f64, f64)> {
+        self.shaft.as_ref().map(|shaft| (self.puck.position + shaft.deflection, shaft.velocity))
+    }
+
+    /// The position of what the hand holds: the handle, or the puck.
+    fn held_position(&self) -> f64 {
+        self.handle().map_or(self.puck.position, |handle| handle.0)
     }
 
     /// The motor's torque now, in N·m (linear: N): what it holds, or, with a lag, how far it has come toward that.
@@ -164,10 +182,11 @@ impl VirtualDevice {
         core::mem::swap(&mut self.script, script);
         self.restart_clock();
         let Some(hand) = &self.script.hand else { return self.let_go() };
+        let start = hand.prescribed().map(|piece| piece.at(0.0));
         self.mode = HandMode::Script;
-        self.puck.take(hand.grip(), hand.sine(), hand.switches());
-        if let Some(piece) = hand.prescribed() {
-            self.jump(piece.at(0.0));
+        self.take();
+        if let Some(start) = start {
+            self.jump(start);
         }
         self.hand_acts(0.0);
     }
@@ -178,10 +197,33 @@ impl VirtualDevice {
         let grip = Inertia { inertia, damping, stiffness };
         self.restart_clock();
         self.next_event = f64::INFINITY;
-        self.puck.take(Some(grip), (0.0, 0.0, 0.0), false);
-        let target = self.puck.position;
+        let target = self.held_position();
         self.mode =
             HandMode::Grip(InteractiveGrip { grip, intended: Piece::straight(0.0, target, 0.0), target, updated: 0 });
+        self.take();
+    }
+
+    /// The hand of this mode takes hold of the handle, or of the puck.
+    fn take(&mut self) {
+        let script = match &self.mode {
+            HandMode::Script => self.script.hand.as_ref(),
+            HandMode::Free | HandMode::Grip(_) | HandMode::Torque(_) => None,
+        };
+        let (grasp, sine) = match (&self.mode, script) {
+            (HandMode::Grip(hand), _) => (Grasp::Grip(hand.grip), NO_SINE),
+            (_, Some(hand)) => hand.grasp(),
+            (HandMode::Free | HandMode::Script | HandMode::Torque(_), None) => (Grasp::Free, NO_SINE),
+        };
+        let switches = script.is_some_and(Hand::switches);
+        if let Some(shaft) = &mut self.shaft {
+            return shaft.take(grasp, sine, switches);
+        }
+        match grasp {
+            Grasp::Free => self.puck.take(None, sine, false),
+            Grasp::Grip(grip) => self.puck.take(Some(grip), sine, switches),
+            // Nothing but the hand moves the puck.
+            Grasp::Prescribed => self.puck.take(None, NO_SINE, false),
+        }
     }
 
     /// A hand pushes with this torque in N·m (linear: N) from now on, instead of the previous hand.
@@ -222,6 +264,9 @@ impl VirtualDevice {
     /// Resets the puck to rest at 0, free, with an empty delay line. Allocates nothing.
     pub fn restart(&mut self) {
         (self.puck.position, self.puck.velocity) = (0.0, 0.0);
+        if let Some(shaft) = &mut self.shaft {
+            (shaft.deflection, shaft.velocity) = (0.0, 0.0);
+        }
         self.let_go();
         self.motor.clear();
         self.gap = 0.0;
@@ -257,7 +302,8 @@ impl VirtualDevice {
     pub fn refit(&mut self, to: &mut VirtualDevice) {
         let key = |device: &Self| {
             let Inertia { inertia, damping, .. } = device.device;
-            (device.period, inertia, damping, device.friction, device.delay, device.lag)
+            let handle = device.shaft.as_ref().map(|shaft| shaft.handle);
+            (device.period, inertia, damping, device.friction, device.delay, device.lag, handle)
         };
         if key(self) == key(to) {
             return;
@@ -283,7 +329,44 @@ impl VirtualDevice {
             self.script.last = (self.script.last.saturating_sub(self.sample) as f64 * ratio) as u64;
             (self.origin, self.sample) = (self.now, 0);
         }
-        self.puck.refit(self.device, self.friction, self.lag, lengths(&self.motor, self.period));
+        let lengths = lengths(&self.motor, self.period);
+        let held_by = self.shaft.is_some();
+        match (&mut self.shaft, &to.shaft) {
+            (Some(shaft), Some(new)) => shaft.handle = new.handle,
+            (None, None) => {}
+            // A handle that is new moves with the puck, on an unloaded shaft.
+            (Some(_), None) | (None, Some(_)) => core::mem::swap(&mut self.shaft, &mut to.shaft),
+        }
+        if let Some(shaft) = &mut self.shaft {
+            shaft.refit(self.device, self.friction, self.lag, lengths);
+            if !held_by {
+                shaft.velocity = self.puck.velocity;
+            }
+        }
+        self.puck.refit(self.device, self.friction, self.lag, lengths);
+        if held_by != self.shaft.is_some() {
+            self.change_hands();
+        }
+    }
+
+    /// The hand goes over from the puck to a new handle, or back.
+    fn change_hands(&mut self) {
+        if self.shaft.is_some() {
+            self.puck.release();
+        }
+        self.take();
+        let is_open = matches!(self.mode, HandMode::Script) && self.script.hand.as_ref().is_some_and(Hand::is_open);
+        if is_open {
+            self.switch();
+        }
+    }
+
+    /// Opens or closes a hand that switches.
+    fn switch(&mut self) {
+        match &mut self.shaft {
+            Some(shaft) => shaft.switch(),
+            None => self.puck.switch(),
+        }
     }
 
     fn restart_clock(&mut self) {
@@ -401,6 +484,10 @@ impl VirtualDevice {
         let push = match (&self.mode, &self.script.hand) {
             (HandMode::Script, Some(hand)) => match hand.prescribed() {
                 None => hand.push(from),
+                Some(piece) if self.shaft.is_some() => {
+                    let (end, phase) = (piece.at(to), hand.phase(from));
+                    return self.move_shaft(length, phase, Some(end));
+                }
                 // It has arrived.
                 Some(piece) if piece.is_flat() => return,
                 Some(piece) => {
@@ -418,7 +505,20 @@ impl VirtualDevice {
             (&HandMode::Torque(value), _) => Push { value, ..Push::default() },
             (HandMode::Free, _) | (HandMode::Script, None) => Push::default(),
         };
+        if self.shaft.is_some() {
+            return self.move_shaft(length, push, None);
+        }
         self.puck.advance(length, self.motor.applied, self.gap, push, &mut self.ledger);
+    }
+
+    /// The same with a handle on a shaft; where the hand prescribes its motion, it ends at `end`.
+    fn move_shaft(&mut self, length: f64, push: Push, end: Option<(f64, f64)>) {
+        let Some(shaft) = &mut self.shaft else { return };
+        let (from, motor) = ([self.puck.position, self.puck.velocity], (self.motor.applied, self.gap));
+        [self.puck.position, self.puck.velocity] = shaft.advance(from, length, motor, push, &mut self.ledger);
+        if let Some((position, velocity)) = end {
+            (shaft.deflection, shaft.velocity) = (position - self.puck.position, velocity);
+        }
     }
 
     /// The hand's event at an instant: arrival, release or jump. A jump comes before a sample or a motor's change at the same instant,
@@ -429,31 +529,41 @@ impl VirtualDevice {
             self.next_event = f64::INFINITY;
             return;
         }
+        let position = self.held_position();
         let Some(hand) = &mut self.script.hand else { return };
         if hand.is_gone(t) {
             return self.let_go();
         }
-        let (next, switched) = hand.act(t, self.puck.position);
+        let (next, switched) = hand.act(t, position);
         self.next_event = next.unwrap_or(f64::INFINITY);
         let prescribed = hand.prescribed().map(|piece| piece.at(t));
         if switched {
-            self.puck.switch();
+            self.switch();
         }
         if let Some(motion) = prescribed {
-            self.announced = true;
+            // A handle that jumps leaves the puck where it is.
+            self.announced = self.shaft.is_none();
             self.jump(motion);
         }
     }
 
     fn let_go(&mut self) {
-        if self.is_held() {
-            self.puck.release();
-        }
+        let was_held = self.is_held();
         (self.mode, self.next_event) = (HandMode::Free, f64::INFINITY);
+        if was_held {
+            self.take();
+        }
     }
 
-    /// The puck jumps with the hand, against the motor's torque before.
+    /// The puck jumps with the hand, against the motor's torque before; a handle against its shaft's spring, without an impulse of its damping.
     fn jump(&mut self, to: (f64, f64)) {
+        if let Some(shaft) = &mut self.shaft {
+            let (deflection, before) = (shaft.deflection, shaft.velocity);
+            (shaft.deflection, shaft.velocity) = (to.0 - self.puck.position, to.1);
+            let bent = 0.5 * shaft.handle.stiffness * (shaft.deflection - deflection) * (shaft.deflection + deflection);
+            self.ledger.hand += bent + 0.5 * shaft.handle.inertia * (to.1 - before) * (to.1 + before);
+            return;
+        }
         self.prescribe(to, self.gap * (to.0 - self.puck.position), 0.0, 0.0);
     }
 

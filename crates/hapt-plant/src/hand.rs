@@ -2,7 +2,8 @@
 
 use crate::spec::{Drive, Hand as Model, Switching};
 
-use crate::puck::{Inertia, Push, Sine};
+use crate::puck::{Inertia, NO_SINE, Push, Sine};
+use crate::shaft::Grasp;
 use crate::trajectory::{Form, Piece, Trajectory, snap};
 
 /// A hand aligned with the loop's samples.
@@ -118,6 +119,28 @@ impl Hand {
             }
             _ => (0.0, 0.0, 0.0),
         }
+    }
+
+    /// How it holds a handle on a shaft, and its drive per unit of σ and of κ there: a torque, or the acceleration of a prescribed sine.
+    pub(crate) fn grasp(&self) -> (Grasp, Sine) {
+        match (self.kind, self.trajectory.last().form) {
+            (Kind::Prescribed, Form::Sine { amplitude, omega, .. }) => {
+                (Grasp::Prescribed, (-amplitude * omega * omega, 0.0, omega))
+            }
+            (Kind::Prescribed, Form::Straight { .. }) => (Grasp::Prescribed, NO_SINE),
+            (Kind::Torque, _) => (Grasp::Free, self.sine()),
+            (Kind::Grip(grip), _) => (Grasp::Grip(grip), self.sine()),
+        }
+    }
+
+    /// Of a prescribed motion from t on: σ and κ of a sine. Nothing pushes.
+    pub(crate) fn phase(&self, t: f64) -> Push {
+        Push { value: 0.0, slope: 0.0, ..self.plain_push(t) }
+    }
+
+    /// Whether it is a hand that opens and closes, and open now.
+    pub(crate) fn is_open(&self) -> bool {
+        self.switch.as_ref().is_some_and(|switch| switch.is_open)
     }
 
     /// The push from t on, until the next event: the torque itself, or a grip's spring and damper on its intended motion. A

@@ -1,11 +1,12 @@
 //! The energy balance of the device.
 
 /// Works since t = 0 in J. Hand and motor supply energy, damping and friction dissipate it, and the rest is kinetic:
-/// hand + motor = damping + friction + change of J_z ż²/2.
+/// hand + motor = damping + friction + change of J_z ż²/2. With a handle on a shaft the shaft's damping dissipates too, and its spring and
+/// the handle store: hand + motor = damping + friction + shaft + change of (J_z ż² + J_h ḣ² + k (h - z)²)/2.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Ledger {
-    /// Done by the hand on the puck.
+    /// Done by the hand on the puck, or on the handle.
     pub hand: f64,
     /// Done by the motor on the puck.
     pub motor: f64,
@@ -13,4 +14,6 @@ pub struct Ledger {
     pub damping: f64,
     /// Dissipated by the device's Coulomb friction.
     pub friction: f64,
+    /// Dissipated by the damping of the shaft between puck and handle; 0 without one.
+    pub shaft: f64,
 }

@@ -6,7 +6,7 @@
 //! ```
 //! use hapt_plant::{Grip, VirtualDevice, spec::DeviceSpec};
 //!
-//! let spec = DeviceSpec { period: 1e-3, delay: 0.0, lag: 0.0, inertia: 6.4e-4, damping: 1.2e-3, friction: 0.0 };
+//! let spec = DeviceSpec { period: 1e-3, delay: 0.0, lag: 0.0, inertia: 6.4e-4, damping: 1.2e-3, friction: 0.0, handle: None };
 //! let mut device = VirtualDevice::new(&spec);
 //! // A hand grips the wheel and moves its target to half a radian, against a spring.
 //! device.hold(Some(Grip { inertia: 1e-4, damping: 0.02, stiffness: 3.0 }));
@@ -26,11 +26,13 @@ extern crate alloc;
 
 mod device;
 mod energy;
+mod exponential;
 mod hand;
 mod ledger;
 mod motor;
 mod plant;
 mod puck;
+mod shaft;
 pub mod spec;
 mod trajectory;
 

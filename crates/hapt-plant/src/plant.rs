@@ -12,6 +12,8 @@
 //! The states are in the order in which they are needed, so that the first few suffice in simple cases: v and f for a free puck
 //! under a held torque, x for a spring, f' for a ramp, σ and κ for a sine, d for a lag.
 
+use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series};
+
 /// How many states there are.
 const STATES: usize = 7;
 /// v, f, x, f', σ, κ, d.
@@ -24,9 +26,7 @@ pub(crate) const RAMP: usize = 3;
 pub(crate) const SIN: usize = 4;
 pub(crate) const COS: usize = 5;
 pub(crate) const GAP: usize = 6;
-type Matrix = [[f64; STATES]; STATES];
-/// The first M states alone, where the others are 0.
-type Leading<const M: usize> = [[f64; M]; M];
+type Matrix = Square<STATES>;
 
 /// The constants of the equation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,18 +76,6 @@ pub(crate) struct Stretch {
     pub lagging: f64,
 }
 
-/// Gauss and Legendre's 8 nodes and weights on [0, 1]: exact to degree 15, and to the last bit over a quarter radian.
-const GAUSS: [(f64, f64); 8] = [
-    (0.019855071751231884, 0.05061426814518813),
-    (0.10166676129318663, 0.11119051722668724),
-    (0.2372337950418355, 0.15685332293894364),
-    (0.4082826787521751, 0.181_341_891_689_181),
-    (0.591_717_321_247_825, 0.181_341_891_689_181),
-    (0.7627662049581645, 0.15685332293894364),
-    (0.8983332387068134, 0.11119051722668724),
-    (0.9801449282487681, 0.05061426814518813),
-];
-
 impl Plant {
     /// ẏ = N y; rows of N by state.
     fn generator(&self) -> Matrix {
@@ -136,7 +124,8 @@ impl Plant {
     /// a [`Propagator`], whose other states only add zeros.
     fn under_held_torque(&self, dt: f64) -> [[f64; 2]; 2] {
         let (n, h, halvings) = self.start(dt);
-        let leading: Leading<3> = core::array::from_fn(|i| core::array::from_fn(|j| n[i][j]));
+        // The first states alone: the others are 0.
+        let leading: Square<3> = core::array::from_fn(|i| core::array::from_fn(|j| n[i][j]));
         let mut change = series(&leading, h);
         for _ in 0..halvings {
             change = doubled(&change);
@@ -146,12 +135,7 @@ impl Plant {
 
     /// The generator, a step of a quarter radian at most, and how often to double it.
     fn start(&self, dt: f64) -> (Matrix, f64, u32) {
-        let (mut h, mut angle, mut halvings) = (dt, self.rate() * dt, 0);
-        while angle > 0.25 && halvings < 1100 {
-            h *= 0.5;
-            angle *= 0.5;
-            halvings += 1;
-        }
+        let (h, halvings) = halved(self.rate(), dt);
         (self.generator(), h, halvings)
     }
 }
@@ -251,83 +235,4 @@ impl Propagator {
             lagging: if N > GAP { y[GAP] * row(&self.lagging) } else { 0.0 },
         }
     }
-}
-
-/// A quadratic form's lower triangle added to its upper.
-fn folded(form: &Matrix) -> Matrix {
-    let mut out = [[0.0; STATES]; STATES];
-    for i in 0..STATES {
-        out[i][i] = form[i][i];
-        for j in i + 1..STATES {
-            out[i][j] = form[i][j] + form[j][i];
-        }
-    }
-    out
-}
-
-fn applied(change: &Matrix, y: &Motion) -> Motion {
-    let mut out = *y;
-    for (out, row) in out.iter_mut().zip(change) {
-        for (x, y) in row.iter().zip(y) {
-            *out += x * y;
-        }
-    }
-    out
-}
-
-fn product<const M: usize>(a: &Leading<M>, b: &Leading<M>) -> Leading<M> {
-    let mut out = [[0.0; M]; M];
-    for (out, a) in out.iter_mut().zip(a) {
-        // A generator is mostly zeros.
-        for (a, b) in a.iter().zip(b).filter(|(a, _)| **a != 0.0) {
-            for (out, b) in out.iter_mut().zip(b) {
-                *out += a * b;
-            }
-        }
-    }
-    out
-}
-
-/// exp(N h) - I by its series. 16 terms: at a quarter radian 0.25^16/16! is far below the last bit; what is not a rate (the
-/// drives' gains) enters once and only scales.
-fn series<const M: usize>(n: &Leading<M>, h: f64) -> Leading<M> {
-    let mut sum = [[0.0; M]; M];
-    for j in (1..=16).rev() {
-        // sum = hN/j · (I + sum), from the last term inward.
-        for (i, row) in sum.iter_mut().enumerate() {
-            row[i] += 1.0;
-        }
-        sum = product(n, &sum);
-        for x in sum.as_flattened_mut() {
-            *x *= h / f64::from(j);
-        }
-    }
-    sum
-}
-
-/// (I + E)² - I = 2E + E²: small changes keep their digits.
-fn doubled<const M: usize>(change: &Leading<M>) -> Leading<M> {
-    let mut out = product(change, change);
-    for (out, x) in out.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
-        *out += 2.0 * x;
-    }
-    out
-}
-
-/// (I + E)ᵀ G (I + E)
-fn congruent(change: &Matrix, form: &Matrix) -> Matrix {
-    let mut phi = *change;
-    for (i, row) in phi.iter_mut().enumerate() {
-        row[i] += 1.0;
-    }
-    let right = product(form, &phi);
-    let mut out = [[0.0; STATES]; STATES];
-    for (phi, right) in phi.iter().zip(&right) {
-        for (out, phi) in out.iter_mut().zip(phi) {
-            for (out, right) in out.iter_mut().zip(right) {
-                *out += phi * right;
-            }
-        }
-    }
-    out
 }

@@ -243,13 +243,13 @@ impl Puck {
     }
 }
 
-const NO_SINE: Sine = (0.0, 0.0, 0.0);
+pub(crate) const NO_SINE: Sine = (0.0, 0.0, 0.0);
 
 /// More stops and starts than this within one stretch is chatter at the edge of friction.
-const MOST_EVENTS: usize = 1000;
+pub(crate) const MOST_EVENTS: usize = 1000;
 
 /// Rounding of a sum of torques and of what an exponential makes of them, in parts of their sizes.
-const ROUNDING: f64 = 256.0 * f64::EPSILON;
+pub(crate) const ROUNDING: f64 = 256.0 * f64::EPSILON;
 
 /// The drives alone move on while the puck rests.
 fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
@@ -264,7 +264,7 @@ fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
 }
 
 /// The rate in 1/s that belongs to a lag in s; 0 where there is none.
-fn decay(lag: f64) -> f64 {
+pub(crate) fn decay(lag: f64) -> f64 {
     if lag > 0.0 { 1.0 / lag } else { 0.0 }
 }
 
@@ -321,7 +321,7 @@ fn first_crossing(slices: Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<f64> 
 
 /// Where f, not positive at `low` and positive at `high`, changes sign: the end on which it is positive, to the last bits. By
 /// false position after Illinois, with bisection wherever that stalls.
-fn root(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
+pub(crate) fn root(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
     let (mut f_low, mut f_high) = (f(low).min(0.0), f(high));
     let (mut bisect, mut last_was_high) = (false, None);
     for _ in 0..200 {

@@ -19,9 +19,23 @@ pub struct DeviceSpec {
     pub damping: f64,
     /// Coulomb friction, in N·m (linear: N), zero or more.
     pub friction: f64,
+    /// A handle on a flexible shaft; `None`: the puck is the handle.
+    pub handle: Option<Handle>,
 }
 
-/// A hand on the puck, and its release.
+/// A handle that a flexible shaft connects to the puck: the motor and the encoder are at the puck, the hand is at the handle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Handle {
+    /// Of the handle beyond the shaft, in kg·m² (linear: kg), positive.
+    pub inertia: f64,
+    /// Of the shaft, in N·m/rad (linear: N/m), positive.
+    pub stiffness: f64,
+    /// Of the shaft, in N·m·s/rad (linear: N·s/m), zero or more.
+    pub damping: f64,
+}
+
+/// A hand on the puck, or on its handle, and its release.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Hand {

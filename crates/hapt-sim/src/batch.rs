@@ -2,7 +2,7 @@
 //!
 //! The loop is hapt-core's own on [`Lanes`], and the puck moves by the same products and sums as in a single run, so that each lane
 //! has the bits of [`crate::Simulation`]. Code that branches on its numbers cannot run in lanes. [`run_batch`] returns `None` for it:
-//! nonlinear couplings, FOAW, Coulomb friction or a lag on a puck that is not held, grips, torques that change between their steps, uneven samples, delays that
+//! nonlinear couplings, FOAW, Coulomb friction or a lag on a puck that is not held, handles on a shaft, grips, torques that change between their steps, uneven samples, delays that
 //! are not whole samples or differ between the worlds, and events of the hand between two samples.
 
 use std::array::from_fn;
@@ -88,7 +88,8 @@ impl<'w> Lane<'w> {
         let lane = Lane { world, hand, period, rows, next: 0, held: true };
         let device = &world.device;
         let plain = device.friction == 0.0 && device.lag == 0.0;
-        let fits = scenario.timing == Timing::Even && !lane.hand.grips() && (plain || !lane.moves());
+        let stiff = device.handle.is_none();
+        let fits = stiff && scenario.timing == Timing::Even && !lane.hand.grips() && (plain || !lane.moves());
         fits.then_some(lane)
     }
 

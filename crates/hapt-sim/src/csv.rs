@@ -64,7 +64,7 @@ impl<W: Write> CsvWriter<W> {
 
     /// Writes one row.
     pub fn write(&mut self, row: &Row) -> io::Result<()> {
-        let room = LONGEST * (SIGNALS.len() + 2 * row.bodies.len());
+        let room = LONGEST * (SIGNALS.len() + 2 * row.bodies.len() + 2);
         if self.line.len() < room {
             self.line.resize(room, 0);
         }
@@ -72,7 +72,7 @@ impl<W: Write> CsvWriter<W> {
         for signal in &SIGNALS {
             rest = number(rest, (signal.get)(row));
         }
-        for &(position, velocity) in &row.bodies {
+        for (position, velocity) in row.pairs() {
             rest = number(number(rest, position), velocity);
         }
         let unused = rest.len();

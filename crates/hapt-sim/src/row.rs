@@ -27,18 +27,29 @@ pub struct Row {
     pub bodies: Vec<(f64, f64)>,
     /// The bristle of each coupling in rad (linear: m); 0 where it is not LuGre friction.
     pub bristles: Vec<f64>,
+    /// Position and velocity of a handle on a shaft; `None`: the puck is the handle.
+    pub handle: Option<(f64, f64)>,
     /// The device's works up to here.
     pub ledger: Ledger,
 }
 
 impl Row {
+    /// Position and velocity of what has two columns after the signals: the bodies, then a handle on a shaft.
+    pub fn pairs(&self) -> impl Iterator<Item = (f64, f64)> {
+        self.bodies.iter().copied().chain(self.handle)
+    }
+
     /// Whether every number of the row is finite.
     #[inline]
     pub fn is_finite(&self) -> bool {
         let own =
             [(self.puck, self.puck_velocity), (self.measured, self.measured_velocity), (self.torque, self.command)];
         // 0 · x is 0 or NaN, and a NaN stays in a sum: one test instead of one for each number.
-        let (a, b) = own.iter().chain(&self.bodies).fold((0.0, 0.0), |(a, b), (x, y)| (a + 0.0 * x, b + 0.0 * y));
+        let (a, b) = own
+            .iter()
+            .chain(&self.bodies)
+            .chain(&self.handle)
+            .fold((0.0, 0.0), |(a, b), (x, y)| (a + 0.0 * x, b + 0.0 * y));
         a + b == 0.0
     }
 }
@@ -160,6 +171,12 @@ pub const SIGNALS: [RowSignal; 8] = [
 pub const BODY_SIGNALS: [(Measures, &str); 2] =
     [(Measures::Position, "the body's position"), (Measures::Velocity, "the body's velocity")];
 
+/// The signals of a handle on a shaft, after the bodies.
+const HANDLE_SIGNALS: [Signal; 2] = [
+    Signal::new("handle", Measures::Position, "the handle's true position, beyond the shaft"),
+    Signal::new("handle", Measures::Velocity, "the handle's true velocity"),
+];
+
 /// A column's name and unit for one world.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
@@ -177,10 +194,16 @@ fn column(stem: &str, measures: Measures, doc: &'static str, motion: Motion) -> 
 
 /// The columns of a world's runs, in order.
 pub fn columns(world: &World) -> Vec<Column> {
+    let handle = HANDLE_SIGNALS.iter().filter(|_| world.device.handle.is_some());
+    loop_columns(world).into_iter().chain(handle.map(|signal| signal.column(world.motion))).collect()
+}
+
+/// Those of them that the loop has too, on a device that it does not simulate.
+pub fn loop_columns(world: &World) -> Vec<Column> {
     SIGNALS.iter().map(|row| row.signal.column(world.motion)).chain(body_columns(world)).collect()
 }
 
-/// The columns of a world's bodies, in order: two each, after all others.
+/// The columns of a world's bodies, in order: two each, after the signals.
 pub fn body_columns(world: &World) -> impl Iterator<Item = Column> {
     let motion = world.motion;
     let pair = move |name: &String| BODY_SIGNALS.map(|(measures, doc)| column(name, measures, doc, motion));

@@ -88,6 +88,7 @@ impl Simulation {
         let rows =
             if even { rows(scenario.duration, period) } else { schedule.clone().samples_until(scenario.duration) };
         device.begin(&mut script(scenario, period));
+        let handle = device.handle();
         Ok(Simulation {
             control,
             device,
@@ -98,6 +99,7 @@ impl Simulation {
             row: Row {
                 bodies: vec![(0.0, 0.0); world.bodies.len()],
                 bristles: vec![0.0; world.couplings.len()],
+                handle,
                 ..Row::default()
             },
         })
@@ -119,7 +121,9 @@ impl Simulation {
 
     /// The hand's last event in s, if the puck stands still, held, from then on.
     pub fn still_from(&self) -> Option<f64> {
-        self.hand().filter(|hand| hand.holds_still()).map(Hand::last_event)
+        // A handle that is held still lets the puck swing on its shaft.
+        let hand = self.hand().filter(|hand| hand.holds_still() && self.row.handle.is_none());
+        hand.map(Hand::last_event)
     }
 
     /// The hand's last event in s: the latest of a step, a ramp's end, a path's last point and the release; 0 for a sine.
@@ -127,9 +131,9 @@ impl Simulation {
         self.hand().map_or(0.0, Hand::last_event)
     }
 
-    /// Whether the hand still prescribes the puck's position at `t`, in s.
+    /// Whether the hand still prescribes the puck's position, and not a handle's, at `t`, in s.
     pub fn is_held_at(&self, t: f64) -> bool {
-        self.hand().is_some_and(|hand| hand.prescribed().is_some() && !hand.is_gone(t))
+        self.row.handle.is_none() && self.hand().is_some_and(|hand| hand.prescribed().is_some() && !hand.is_gone(t))
     }
 
     /// The next row; `None` after the last. An error ends the run.
@@ -159,6 +163,7 @@ impl Simulation {
         }
         row.time = time;
         (row.puck, row.puck_velocity) = (position, velocity);
+        row.handle = self.device.handle();
         (row.measured, row.measured_velocity) = (sample.puck.position, sample.puck.velocity);
         (row.torque, row.command, row.applied) = (sample.torque, sample.command, self.device.applied());
         row.ledger = self.device.ledger();

@@ -169,10 +169,14 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
     );
     line("world", format!("stores {} at the end", format::energy(summary.final_energy())));
     let ledger = summary.ledger;
+    let shaft = match world.device.handle {
+        Some(_) => format!(", the shaft took {}", format::energy(ledger.shaft)),
+        None => String::new(),
+    };
     line(
         "device",
         format!(
-            "hand gave {}, motor gave {}; damping took {}, friction took {}",
+            "hand gave {}, motor gave {}; damping took {}, friction took {}{shaft}",
             format::energy(ledger.hand),
             format::energy(ledger.motor),
             format::energy(ledger.damping),

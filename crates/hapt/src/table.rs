@@ -83,7 +83,7 @@ impl Table {
             To::Parquet(parquet) => {
                 self.values.clear();
                 self.values.extend(hapt_sim::SIGNALS.iter().map(|signal| (signal.get)(row)));
-                self.values.extend(row.bodies.iter().flat_map(|&(position, velocity)| [position, velocity]));
+                self.values.extend(row.pairs().flat_map(|(position, velocity)| [position, velocity]));
                 parquet.write(self.values.iter().copied().map(Some))
             }
             To::Mcap(log) => log.write_row(row),

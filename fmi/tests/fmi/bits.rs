@@ -20,7 +20,7 @@ fn rows(world: &World, scenario: &str) -> Vec<Row> {
 /// The columns after time.
 fn columns(row: &Row) -> Vec<f64> {
     let own = SIGNALS[1..].iter().map(|signal| (signal.get)(row));
-    own.chain(row.bodies.iter().flat_map(|(position, velocity)| [*position, *velocity])).collect()
+    own.chain(row.pairs().flat_map(|(position, velocity)| [position, velocity])).collect()
 }
 
 fn bits(values: &[f64]) -> Vec<u64> {
@@ -34,6 +34,7 @@ fn the_loop_on_its_device_under_a_hands_torque_is_the_run_of_that_hand() {
         &["loop.delay=0 ms"],
         &["loop.delay=2.5 samples", "device.friction=0"],
         &["loop.method=tustin", "loop.output=start", "couplings.1.damping=0"],
+        &["device.handle.inertia=2e-4", "device.handle.stiffness=20"],
     ] {
         let world = world(WHEEL, sets);
         let fmu = Fmu::new(Kind::Whole, &world);

@@ -6,8 +6,15 @@ use fastrand::Rng;
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::DeviceSpec;
 
-pub const WHEEL: DeviceSpec =
-    DeviceSpec { lag: 0.0, period: 1e-3, delay: 2.4e-3, inertia: 6.4e-4, damping: 1.2e-3, friction: 5e-3 };
+pub const WHEEL: DeviceSpec = DeviceSpec {
+    lag: 0.0,
+    period: 1e-3,
+    delay: 2.4e-3,
+    inertia: 6.4e-4,
+    damping: 1.2e-3,
+    friction: 5e-3,
+    handle: None,
+};
 
 /// Torques that step up and down at random, in N·m.
 pub fn steps(rng: &mut Rng, samples: usize, size: f64) -> Vec<f64> {

@@ -69,7 +69,7 @@ pub fn worlds() -> impl Strategy<Value = String> {
         prop::sample::select(vec!["0.5 ms", "1 ms", "3 ms"]),
         prop::sample::select(vec!["0 ms", "0.3 ms", "1 ms"]),
     );
-    let device = (any::<bool>(), any::<bool>(), any::<bool>(), 0.1f64..5.0);
+    let device = (any::<bool>(), any::<bool>(), any::<bool>(), 0.1f64..5.0, any::<bool>());
     let bodies = prop::collection::vec((1e-3f64..0.1, 0.1f64..5.0, 0.0f64..0.01, -1.0f64..1.0), 0..3);
     let hand = prop::sample::select(vec![
         r#"{ kind = "step", to = "45 deg", at = "10 ms" }"#,
@@ -80,7 +80,7 @@ pub fn worlds() -> impl Strategy<Value = String> {
     let laws = prop::collection::vec(0usize..5, 0..3);
     (sampling, device, bodies, laws, hand).prop_map(|(sampling, device, bodies, laws, hand)| {
         let (method, estimator, period, delay) = sampling;
-        let (encoder, levels, friction, limit) = device;
+        let (encoder, levels, friction, limit, handle) = device;
         let mut text = format!(
             "loop = {{ period = \"{period}\", method = \"{method}\", estimator = \"{estimator}\", cutoff = \"50 Hz\", delay = \"{delay}\" }}\n\
              [device]\ninertia = \"6.4e-4 kg m^2\"\ndamping = \"1e-3 N m s/rad\"\nlimit = {limit:?}\n"
@@ -88,6 +88,7 @@ pub fn worlds() -> impl Strategy<Value = String> {
         text += if encoder { "encoder = 4000\n" } else { "" };
         text += if levels { "levels = 2048\n" } else { "" };
         text += if friction { "friction = \"5 N mm\"\n" } else { "" };
+        text += if handle { "handle = { inertia = 3e-4, stiffness = 20, damping = 1e-3 }\n" } else { "" };
         for (i, (inertia, _, _, velocity)) in bodies.iter().enumerate() {
             text += &format!("[bodies.b{i}-x]\ninertia = {inertia:?}\nvelocity = {velocity:?}\n");
         }

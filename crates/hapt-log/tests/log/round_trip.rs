@@ -25,7 +25,7 @@ proptest! {
             sample.fill(&mut row);
             let wanted = all.next().unwrap();
             prop_assert_eq!(sample.log_time, (wanted.time * 1e9).round() as u64);
-            prop_assert_eq!(&row.bodies, &wanted.bodies);
+            prop_assert_eq!((&row.bodies, row.handle), (&wanted.bodies, wanted.handle));
             prop_assert_eq!((row.puck, row.torque, row.applied), (wanted.puck, wanted.torque, wanted.applied));
         }
         prop_assert!(all.next().is_none());

@@ -93,6 +93,7 @@ fn the_documented_example_reads_to_its_numbers() {
         encoder: Some(4000.0),
         levels: Some(2048),
         drive: Default::default(),
+        handle: None,
     };
     assert_eq!(world.device, device);
     assert_eq!(world.names, ["wheel"]);
@@ -147,6 +148,7 @@ fn what_is_absent_has_its_default() {
         encoder: None,
         levels: None,
         drive: Default::default(),
+        handle: None,
     };
     assert_eq!(world.device, device);
     let moves = Shape::Step { to: 1.0, at: 0.0 };
@@ -195,6 +197,7 @@ hand = { kind = "sine", amplitude = "3 mm", frequency = "2 Hz", phase = "90 deg"
         encoder: Some(5e-6),
         levels: Some(16),
         drive: Default::default(),
+        handle: None,
     };
     assert_eq!(world.device, device);
     assert_eq!(world.count(), Some(5e-6));

@@ -221,6 +221,45 @@ fn uneven_time_and_tolerances() {
 }
 
 #[test]
+fn handles() {
+    check(
+        &[
+            (
+                "[device.handle]\ninertia = 1",
+                "device.handle.stiffness: missing; expected a torsional stiffness (N m/rad) above 0, such as \"20 N mm/deg\"",
+            ),
+            (
+                "[device.handle]\nstiffness = 1",
+                "device.handle.inertia: missing; expected an inertia (kg m^2) above 0, such as \"6.4e-4 kg m^2\"",
+            ),
+            ("handle = 1", "device.handle: 1 is a number; expected a table of keys"),
+            (
+                "[device.handle]\ninertia = 0\nstiffness = 1",
+                "device.handle.inertia: 0 is not above 0; expected an inertia (kg m^2) above 0, such as \"6.4e-4 kg m^2\"",
+            ),
+            (
+                "[device.handle]\ninertia = 1\nstiffness = \"1 N m\"",
+                "device.handle.stiffness: \"1 N m\" is a torque (N m); expected a torsional stiffness (N m/rad), such as \"20 N mm/deg\"",
+            ),
+            (
+                "[device.handle]\ninertia = 1\nstiffness = \"1 N m/rad ± 20 %\"",
+                "device.handle.stiffness: \"1 N m/rad ± 20 %\" has a tolerance, which only these take: device.inertia, \
+                 device.damping, device.friction, device.lag",
+            ),
+            (
+                "[device.handle]\ninertia = 1\nstiffness = 1\nlength = 1",
+                "device.handle.length: unknown key; device.handle takes inertia, stiffness, damping",
+            ),
+            (
+                "[device.handle]\ninertia = 1\nstiffness = 1\n[bodies.handle]\ninertia = 1",
+                "bodies.handle: the columns of this name are those of [device.handle]; the body needs another name",
+            ),
+        ],
+        |given| format!("[loop]\nperiod = \"2 ms\"\n[device]\ninertia = 1\n{given}\n"),
+    );
+}
+
+#[test]
 fn times_that_the_file_does_not_state_are_not_enforced() {
     let limits = |sets: &[&str], board: bool| {
         let text = "loop.period = \"1 ms\"\ndevice.inertia = 1\n";

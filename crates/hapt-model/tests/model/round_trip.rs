@@ -5,8 +5,8 @@ use std::path::Path;
 use hapt_core::WhenLate;
 use hapt_model::keys::PHYSICAL;
 use hapt_model::{
-    Body, Coupling, Damping, Delay, Device, Drive, End, EstimatorKind, Hand, Law, Method, Motion, Mounting, Output,
-    Safety, Sampling, Scenario, Shape, Side, Source, Switching, Timing, Tolerances, Waveform, World,
+    Body, Coupling, Damping, Delay, Device, Drive, End, EstimatorKind, Hand, Handle, Law, Method, Motion, Mounting,
+    Output, Safety, Sampling, Scenario, Shape, Side, Source, Switching, Timing, Tolerances, Waveform, World,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -183,9 +183,12 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
     let motor = option::of((positive(), option::of(1u32..1 << 31)));
     let drive = (option::of(positive()), any::<bool>(), option::of(any_number()));
     let drive = drive.prop_map(|(gear, reversed, home)| Mounting { gear, reversed, home });
+    let handle = (positive(), positive(), zero_or_more());
+    let handle = handle.prop_map(|(inertia, stiffness, damping)| Handle { inertia, stiffness, damping });
     let lag = (zero_or_more(), tolerances());
-    (positive(), zero_or_more(), zero_or_more(), lag, option::of(encoder), motor, drive).prop_map(
-        |(inertia, damping, friction, (lag, tolerances), encoder, motor, drive)| Device {
+    let outside = (drive, option::of(handle));
+    (positive(), zero_or_more(), zero_or_more(), lag, option::of(encoder), motor, outside).prop_map(
+        |(inertia, damping, friction, (lag, tolerances), encoder, motor, (drive, handle))| Device {
             inertia,
             damping,
             friction,
@@ -195,6 +198,7 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
             encoder,
             levels: motor.and_then(|(_, half)| half).map(|half| half * 2),
             drive,
+            handle,
         },
     )
 }

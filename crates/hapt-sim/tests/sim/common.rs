@@ -30,6 +30,7 @@ pub fn bare() -> World {
             encoder: None,
             levels: None,
             drive: Default::default(),
+            handle: None,
         },
         safety: Default::default(),
         names: vec![],

@@ -8,6 +8,7 @@ mod energy;
 mod felt;
 mod gripped;
 mod guarded;
+mod handle;
 mod lag;
 mod linearisation;
 mod notes;
