@@ -17,7 +17,9 @@ use anyhow::{Result, ensure};
 use brute::{At, Motion};
 use fastrand::Rng;
 use hapt_analysis::MARGINAL;
-use hapt_analysis::{Error, breaking_damping, free_growth, held_growth, passivity, required_damping, worst_grip};
+use hapt_analysis::{
+    Error, breaking_damping, free_growth, held_growth, held_world_growth, passivity, required_damping, worst_grip,
+};
 use hapt_model::{Coupling, EstimatorKind, World};
 use rayon::prelude::*;
 
@@ -193,6 +195,8 @@ fn one(part: Part, seed: u64, i: u64, against: &Mutex<Vec<String>>) -> Found {
     let mut rng = Rng::with_seed(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(i));
     let bent = part == Part::Even && i % 2 == 1;
     let mut world = worlds::random(&mut rng, bent);
+    // Of numbers of its own, so that the loops are those without handles too.
+    world.device.handle = worlds::handle(&mut Rng::with_seed(!seed.wrapping_add(i)), &world);
     // A third of them with the required damping, and hardly more: the sharpest claim on passivity.
     if i.is_multiple_of(3)
         && let Ok(Some(required)) = required_damping(&world)
@@ -232,13 +236,19 @@ fn judge(
     }
     if !bent {
         let free = free_growth(world)?;
-        if !world.bodies.is_empty() {
-            run(rng, world, At::Held, held, found, tell);
+        match world.device.handle {
+            Some(_) => run(rng, world, At::Held, held_world_growth(world)?, found, tell),
+            None if !world.bodies.is_empty() => run(rng, world, At::Held, held, found, tell),
+            None => {}
         }
         run(rng, world, At::Free, free, found, tell);
     }
     // What is called proved is proved of the loop as it is.
-    let device = if bent { world.clone() } else { brute::as_certified(world) };
+    let mut device = if bent { world.clone() } else { brute::as_certified(world) };
+    if !answer.passive {
+        // What is required is required of hands at the motor.
+        device.device.handle = None;
+    }
     let worst = worst_grip(&device)?;
     let grows = worst.as_ref().map_or(f64::NEG_INFINITY, |worst| worst.growth_per_s);
     if !answer.passive {

@@ -84,6 +84,7 @@ pub use numerics::nelder_mead;
 pub use passivity::quantisation::{Quantisation, quantisation};
 pub use passivity::worst_grip::{BreakingGrip, WorstGrip, breaking_damping, worst_grip};
 pub use passivity::{Cause, Passivity, Uneven, passivity, required_damping, uneven, uneven_damping};
+pub use stability::clamped::{held_world, held_world_eigenvalues, held_world_growth};
 pub use stability::critical::Critical;
 pub use stability::free::{free, free_eigenvalues, free_growth, gripped_growth, shortest_period};
 pub use stability::held::{held, held_eigenvalues, held_growth, multipliers};

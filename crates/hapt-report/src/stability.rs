@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use hapt_analysis::{Check, Stability, free_growth, held_growth};
+use hapt_analysis::{Check, Stability, free_growth, held_world_growth};
 use hapt_model::World;
 
 use crate::extremes::Point;
@@ -16,7 +16,7 @@ const NONE: f64 = hapt_analysis::MARGINAL;
 /// The two halves of a certificate's stability.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Half {
-    /// The bodies, with the puck held.
+    /// The bodies, with the puck held; with a handle on a shaft the loop, with the handle held.
     Held,
     /// The whole loop, with the puck free.
     Free,
@@ -49,13 +49,11 @@ impl Half {
 
     /// Its growth at another period, with unchanged delays in seconds.
     fn growth(self, world: &World, period: f64) -> Option<f64> {
+        let mut world = world.clone();
+        world.sampling.period = period;
         match self {
-            Half::Held => held_growth(&world.bodies, &world.couplings, world.sampling.method, period).ok()?,
-            Half::Free => {
-                let mut world = world.clone();
-                world.sampling.period = period;
-                free_growth(&world).ok()?
-            }
+            Half::Held => held_world_growth(&world).ok()?,
+            Half::Free => free_growth(&world).ok()?,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The measures of a cell.
 
 use hapt_analysis::sign;
-use hapt_analysis::{Verdict, free_growth, held_growth, is_certified, required_damping};
+use hapt_analysis::{Verdict, free_growth, held_world_growth, is_certified, required_damping};
 use hapt_model::{Motion, Scenario, World};
 use hapt_sim::{Outcome, Simulation, Summary};
 
@@ -63,18 +63,21 @@ impl Measure {
     }
 
     /// Whether the key of this dotted path can change it. A run depends on every key; measures of the loop do not depend on a scenario, on
-    /// initial states of bodies, or on the encoder; with the puck held they do not depend on device, delay and estimator.
-    pub(crate) fn depends_on(self, key: &str) -> bool {
+    /// initial states of bodies, or on the encoder; with the puck held they do not depend on device, delay and estimator, but with a handle held they do.
+    pub(crate) fn depends_on(self, key: &str, has_handle: bool) -> bool {
+        if key.starts_with("device.handle.") {
+            return self != Measure::RequiredDamping;
+        }
         let mut names = key.split('.');
         let (table, last) = (names.next().unwrap_or_default(), names.next_back().unwrap_or_default());
         match self {
             Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => true,
-            Measure::HeldGrowth | Measure::HeldVerdict => match table {
+            Measure::HeldGrowth | Measure::HeldVerdict if !has_handle => match table {
                 "loop" => last == "period",
                 "bodies" => last == "inertia",
                 table => table == "couplings",
             },
-            Measure::FreeGrowth | Measure::FreeVerdict => {
+            Measure::HeldGrowth | Measure::HeldVerdict | Measure::FreeGrowth | Measure::FreeVerdict => {
                 matches!((table, last), ("device", "inertia" | "damping")) || self.is_in_loop(table, last)
             }
             // The required damping does not depend on the device's damping.
@@ -181,7 +184,7 @@ pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool, stop: &
 
 /// A measure of the loop; `None` where it does not exist or cannot be computed.
 pub(crate) fn of_loop(world: &World, measure: Measure) -> Option<f64> {
-    let held = || held_growth(&world.bodies, &world.couplings, world.sampling.method, world.sampling.period);
+    let held = || held_world_growth(world);
     let verdict = |growth| sign(Verdict::of(growth));
     match measure {
         Measure::HeldGrowth => held().ok().flatten(),

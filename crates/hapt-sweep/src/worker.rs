@@ -127,7 +127,9 @@ impl<'s> Worker<'s> {
                 (_, _, None) => None,
                 (loops, _, Some(worlds)) => {
                     let axes = sweep.grid.axes.iter().zip(&self.values[i]);
-                    let seen = axes.filter(|(axis, _)| loops.depends_on(&axis.key)).map(|(_, value)| *value);
+                    let seen = axes
+                        .filter(|(axis, _)| loops.depends_on(&axis.key, worlds[i].device.handle.is_some()))
+                        .map(|(_, value)| *value);
                     match known {
                         Some((values, value)) if seen.clone().eq(values.iter().copied()) => *value,
                         _ => {

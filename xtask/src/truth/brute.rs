@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand, Scenario, Shape, Switching, Timing, World};
-use hapt_sim::{DelayWork, Simulation, world_energy};
+use hapt_sim::{DelayWork, Row, Simulation, world_energy};
 
 /// Below this part of the largest energy there is only rounding.
 const NOTHING: f64 = 1e-20;
@@ -27,6 +27,16 @@ pub enum At {
     Free,
 }
 
+/// The energy of device and world in J.
+pub fn energy(world: &World, row: &Row) -> f64 {
+    let puck = 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity;
+    let shaft = world.device.handle.zip(row.handle).map_or(0.0, |(shaft, (handle, velocity))| {
+        let bend = handle - row.puck;
+        0.5 * shaft.inertia * velocity * velocity + 0.5 * shaft.stiffness * bend * bend
+    });
+    puck + shaft + world_energy(world, row.puck, &row.bodies, &row.bristles)
+}
+
 /// The world from a random start, all its bodies moving, for `samples` samples; with how many were taken.
 pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u64) {
     let mut world = world.clone();
@@ -35,8 +45,11 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u6
         body.position = rng.f64() - 0.5;
         body.velocity = (rng.f64() - 0.5) / (100.0 * period);
     }
-    let still = Shape::Step { to: 0.0, at: 0.0 };
-    // Held: the bodies move. Hands-off: the puck is pushed first.
+    // Held: the bodies move, and a handle jerks to move the puck. Hands-off: the puck is pushed first, or the handle.
+    let still = match world.device.handle {
+        None => Shape::Step { to: 0.0, at: 0.0 },
+        Some(_) => Shape::Path { file: String::new(), points: vec![(0.0, 0.0), (period, 0.1), (2.0 * period, 0.0)] },
+    };
     let push = world.device.inertia / (100.0 * period) / period;
     let drive = match at {
         At::Held => Drive::Position(still),
@@ -55,8 +68,7 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u6
     while let Some(row) = run.next() {
         // A loop that runs away leaves the numbers.
         let Ok(row) = row else { return (Motion::Grown, taken) };
-        let puck = 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity;
-        let energy = puck + world_energy(&world, row.puck, &row.bodies, &row.bristles);
+        let energy = energy(&world, row);
         largest = largest.max(energy);
         if taken == 2 {
             first = largest;
@@ -128,7 +140,7 @@ pub fn drawn_under(world: &World, hand: Hand, samples: u64, timing: Timing) -> (
         let push = pushed(row.puck) - start;
         let push = if world.device.limit.is_some() { push.max(0.0) } else { push };
         let given = stored + lent.work + push;
-        most = most.max((-ledger.hand - given) / (round + ledger.damping + f64::MIN_POSITIVE));
+        most = most.max((-ledger.hand - given) / (round + ledger.damping + ledger.shaft + f64::MIN_POSITIVE));
         taken += 1;
     }
     (most, taken)

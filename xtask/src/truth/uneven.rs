@@ -3,7 +3,7 @@
 use fastrand::Rng;
 use hapt_analysis::{Error, PatternVerdict, breaking_damping, required_damping, uneven, uneven_damping, worst_pattern};
 use hapt_model::{Delay, Drive, Hand, Scenario, Shape, Timing, World};
-use hapt_sim::{Simulation, world_energy};
+use hapt_sim::Simulation;
 
 use super::{Claim, Found, ROUNDING, brute, modal};
 
@@ -84,8 +84,7 @@ fn rise(rng: &mut Rng, world: &World, timing: Timing, duration: f64, samples: &m
     let (mut middle, mut end, mut largest) = (0.0f64, 0.0f64, 0.0f64);
     while let Some(row) = run.next() {
         let Ok(row) = row else { return f64::INFINITY };
-        let puck = 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity;
-        let energy = puck + world_energy(&world, row.puck, &row.bodies, &row.bristles);
+        let energy = brute::energy(&world, row);
         if !energy.is_finite() {
             return f64::INFINITY;
         }
@@ -182,6 +181,8 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
 fn sharpness(world: &World, bound: f64) -> Result<Sharpness, Error> {
     let slower = world.sampling.period / world.sampling.interval_max_s();
     let mut even = world.clone();
+    // The bound is about hands at the motor.
+    even.device.handle = None;
     even.sampling.delay = Delay::Seconds(world.sampling.delay_max_s() * slower);
     (even.sampling.interval_max, even.sampling.delay_max) = (None, None);
     even.device.lag *= slower;

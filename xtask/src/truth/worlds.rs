@@ -2,7 +2,8 @@
 
 use fastrand::Rng;
 use hapt_model::{
-    Body, Coupling, Damping, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, Side, Waveform, World,
+    Body, Coupling, Damping, Device, End, EstimatorKind, Handle, Law, Method, Motion, Output, Sampling, Side, Waveform,
+    World,
 };
 
 /// Uniform in the logarithm, between two powers of ten.
@@ -16,6 +17,16 @@ fn one_of<T: Copy>(rng: &mut Rng, of: &[T]) -> T {
 
 fn between(rng: &mut Rng, from: f64, to: f64) -> f64 {
     from + (to - from) * rng.f64()
+}
+
+/// A handle on a shaft for a fifth of the loops: heavier and lighter than the puck, swinging from far below the sampling rate to above it.
+pub fn handle(rng: &mut Rng, world: &World) -> Option<Handle> {
+    let inertia = world.device.inertia * log_uniform(rng, -1.5, 1.5);
+    let mass = 1.0 / (1.0 / inertia + 1.0 / world.device.inertia);
+    let omega = log_uniform(rng, -2.0, 1.0) / world.sampling.period;
+    let ratio = if rng.bool() { 0.0 } else { log_uniform(rng, -3.0, 0.5) };
+    let handle = Handle { inertia, stiffness: mass * omega * omega, damping: 2.0 * ratio * mass * omega };
+    (rng.u8(..5) == 0).then_some(handle)
 }
 
 /// A loop of up to three bodies: every method, output and estimator; delays with and without a fraction; periods from 0.1 to
@@ -80,6 +91,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         encoder: None,
         levels: None,
         drive: Default::default(),
+        handle: None,
     };
     if bent && rng.u8(..4) > 0 {
         device.encoder = rng.bool().then(|| log_uniform(rng, 3.0, 6.0).round());

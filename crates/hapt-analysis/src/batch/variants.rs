@@ -71,8 +71,12 @@ enum Kind {
 }
 
 impl<const N: usize> Variants<N> {
-    /// N copies of the loop of a world with exactly one body; `None` for any other, or with a nonlinear coupling at the body.
+    /// N copies of the loop of a world with exactly one body; `None` for any other, with a nonlinear coupling at the body, or with a handle
+    /// on a shaft.
     pub fn new(world: &World) -> Option<Self> {
+        if world.device.handle.is_some() {
+            return None;
+        }
         SingleBody::of_world(&world.bodies, &world.couplings)?;
         let at_body = |(coupling, of): (usize, &hapt_model::Coupling)| {
             if is_at_body(of) != Some(true) {

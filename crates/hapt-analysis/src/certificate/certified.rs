@@ -6,8 +6,8 @@ use crate::error::Error;
 use crate::passivity::required_damping;
 use crate::passivity::uneven::{is_stated, uneven_damping};
 use crate::stability::Verdict;
+use crate::stability::clamped::held_world_growth;
 use crate::stability::free::free_growth;
-use crate::stability::held::held_growth;
 use crate::until::is_over;
 
 /// Whether `check` certifies the world. A world that cannot be analysed is not certified.
@@ -23,9 +23,8 @@ pub(crate) fn excess(world: &World, spare: f64) -> f64 {
         if is_over() {
             return Err(Error::Stopped);
         }
-        let sampling = &world.sampling;
         // The cheapest first.
-        let held = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
+        let held = held_world_growth(world)?;
         if Verdict::of(held) == Verdict::Unstable {
             return Ok(1.0);
         }

@@ -10,8 +10,8 @@ use crate::equations::slopes::COMBINED;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, count_power, quantisation};
 use crate::passivity::{Passivity, Uneven, passivity, uneven};
+use crate::stability::clamped::{held_world, held_world_at_this_period};
 use crate::stability::free::{free, free_at_this_period, shortest_period};
-use crate::stability::held::held;
 use crate::stability::{Stability, Verdict};
 use crate::text::{short, time};
 
@@ -24,7 +24,7 @@ pub struct Check {
     pub method: &'static str,
     /// The output's name in world files.
     pub output: &'static str,
-    /// The world alone, the puck held still.
+    /// The world alone, the puck held still; with a handle on a shaft the loop, the handle held still.
     pub held: Stability,
     /// World, estimator, delay, hold and device together, no hand on the puck.
     pub free: Stability,
@@ -44,6 +44,8 @@ pub struct Check {
     pub(crate) motion: Motion,
     #[serde(skip)]
     pub(crate) has_counts: bool,
+    #[serde(skip)]
+    pub(crate) has_handle: bool,
 }
 
 /// Analyses a world: its loop's period and method, its bodies and couplings.
@@ -74,7 +76,7 @@ pub struct Check {
 /// more periods than the analysis carries; [`Error::Value`] and [`Error::NoSuchBody`] for a world
 /// that no reader has checked.
 pub fn check(world: &World) -> Result<Check, Error> {
-    with_free(world, free(world)?)
+    with_stability(world, held_world(world)?, free(world)?)
 }
 
 /// As [`check`], without the critical period of the free loop. That search is most of the work and changes no verdict. For interactive
@@ -83,12 +85,11 @@ pub fn check(world: &World) -> Result<Check, Error> {
 /// # Errors
 /// As [`check`].
 pub fn quick_check(world: &World) -> Result<Check, Error> {
-    with_free(world, free_at_this_period(world)?)
+    with_stability(world, held_world_at_this_period(world)?, free_at_this_period(world)?)
 }
 
-fn with_free(world: &World, free: Stability) -> Result<Check, Error> {
+fn with_stability(world: &World, held: Stability, free: Stability) -> Result<Check, Error> {
     let sampling = &world.sampling;
-    let held = held(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
     let (passivity, uneven) = (passivity(world)?, uneven(world)?);
     let holds = |of: &Stability| of.verdict != Verdict::Unstable;
     Ok(Check {
@@ -105,6 +106,7 @@ fn with_free(world: &World, free: Stability) -> Result<Check, Error> {
         notes: notes(world)?,
         motion: world.motion,
         has_counts: world.device.encoder.is_some(),
+        has_handle: world.device.handle.is_some(),
     })
 }
 
@@ -167,6 +169,13 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
              stiffness to the puck, Δ the count, B its damping to ground",
             short(count_power)
         ));
+    }
+    if world.device.handle.is_some() {
+        notes.push(
+            "device.handle: shaft, handle and hand are one passive hand to the motor, so passive and uneven hold whatever their numbers; held \
+             and free are about these, held with the handle held still"
+                .to_string(),
+        );
     }
     notes.extend(at_puck(world));
     Ok(notes)

@@ -7,7 +7,7 @@ use hapt_model::keys::Measure;
 use crate::certificate::check::{Check, ESTIMATE};
 use crate::passivity::{Cause, Passivity};
 use crate::stability::patterns::{BY_PASSIVITY, FreePatterns, PatternVerdict};
-use crate::stability::{Mode, NOT_SEARCHED, Verdict};
+use crate::stability::{Mode, NOT_SEARCHED, Stability, Verdict};
 use crate::text::{short, time};
 
 /// Whether the loop preserves the amplitude of the mode, within the resolution of a verdict.
@@ -41,7 +41,8 @@ impl Check {
     /// The whole verdict in one sentence.
     pub fn verdict_sentence(&self) -> String {
         let reasons = [
-            (self.held.verdict == Verdict::Unstable, "it is unstable with the puck held"),
+            (self.held.verdict == Verdict::Unstable && !self.has_handle, "it is unstable with the puck held"),
+            (self.held.verdict == Verdict::Unstable && self.has_handle, "it is unstable with the handle held"),
             (self.free.verdict == Verdict::Unstable, "it is unstable hands-off"),
             (!self.passivity.passive, "some passive hands can extract energy"),
             (
@@ -61,6 +62,9 @@ impl Check {
 
     /// The verdict on the held world in one sentence, with its reason.
     pub fn sentence(&self) -> String {
+        if self.has_handle {
+            return self.loop_sentence(&self.held, "with the handle held");
+        }
         let held = &self.held;
         let method = spoken(self.method);
         let Some(growth) = held.growth_per_s else {
@@ -119,18 +123,22 @@ impl Check {
 
     /// The verdict on the free loop in one sentence, with its reason.
     pub fn free_sentence(&self) -> String {
-        let free = &self.free;
-        let Some(growth) = free.growth_per_s else {
-            return "stable: hands-off, the loop keeps its state, and no torque acts on the puck".to_string();
+        self.loop_sentence(&self.free, "hands-off")
+    }
+
+    /// The verdict on the whole loop in one sentence, with its reason; `held` says who holds it.
+    fn loop_sentence(&self, of: &Stability, held: &str) -> String {
+        let Some(growth) = of.growth_per_s else {
+            return format!("stable: {held}, the loop keeps its state, and no torque acts on the puck");
         };
-        let limit = free.critical_period_s;
-        match free.verdict {
+        let limit = of.critical_period_s;
+        match of.verdict {
             Verdict::Unstable => {
                 // The first eigenvalue is the largest.
-                let swing = free.eigenvalues.first().map_or(0.0, |v| v.im.atan2(v.re).abs() / (TAU * self.period_s));
+                let swing = of.eigenvalues.first().map_or(0.0, |v| v.im.atan2(v.re).abs() / (TAU * self.period_s));
                 let how =
                     if swing > 0.0 { format!("swinging at {} Hz", short(swing)) } else { "without a swing".into() };
-                let reason = match (free.critical_period_reason, limit) {
+                let reason = match (of.critical_period_reason, limit) {
                     (Some("never"), _) => "so it does at every shorter period that was examined".to_string(),
                     (Some(NOT_SEARCHED), _) => "its dampers take less than the hold of the torque feeds it".to_string(),
                     (_, Some(limit)) if limit < self.period_s => {
@@ -139,7 +147,7 @@ impl Check {
                     _ => "the hold of the torque between samples feeds it more than its dampers take".to_string(),
                 };
                 format!(
-                    "unstable: hands-off, the loop grows by {} per second ({}), {how}; {reason}",
+                    "unstable: {held}, the loop grows by {} per second ({}), {how}; {reason}",
                     short(growth),
                     pace(growth)
                 )
@@ -147,7 +155,7 @@ impl Check {
             Verdict::Marginal => {
                 let room = limit.map_or(String::new(), |t| format!(", up to a period of {}", time(t)));
                 format!(
-                    "marginal: hands-off, the loop neither grows nor decays; something in it swings or drifts for ever{room}"
+                    "marginal: {held}, the loop neither grows nor decays; something in it swings or drifts for ever{room}"
                 )
             }
             Verdict::Stable => {
@@ -155,7 +163,7 @@ impl Check {
                     Some(limit) => format!("it stays so up to a period of {}", time(limit)),
                     None => "no limit of the period was found".to_string(),
                 };
-                format!("stable: hands-off, the loop comes to rest by at least {} per second; {room}", short(-growth))
+                format!("stable: {held}, the loop comes to rest by at least {} per second; {room}", short(-growth))
             }
         }
     }

@@ -56,8 +56,8 @@ fn verdicts(sampling: &Sampling, check: &Check) -> String {
         late(sampling)
     );
     let _ = writeln!(text, "verdict   {}", check.verdict_sentence());
-    about(&mut text, "held", &check.sentence(), &check.held);
-    about(&mut text, "free", &check.free_sentence(), &check.free);
+    about(&mut text, check, "held", &check.sentence(), &check.held);
+    about(&mut text, check, "free", &check.free_sentence(), &check.free);
     let _ = writeln!(text, "passive   {}", check.passivity_sentence());
     for reason in &check.passivity.not_proved {
         let _ = writeln!(text, "          not proved: {reason}");
@@ -78,14 +78,14 @@ fn verdicts(sampling: &Sampling, check: &Check) -> String {
 }
 
 /// The verdict on the held world or the free loop, and its numbers.
-fn about(text: &mut String, name: &str, sentence: &str, of: &Stability) {
+fn about(text: &mut String, check: &Check, name: &str, sentence: &str, of: &Stability) {
     let _ = writeln!(text, "{name:<9} {sentence}");
     if let Some(growth) = of.growth_per_s {
         let _ = writeln!(text, "          growth {} per second, largest |λ| = {}", rate(growth), of.spectral_radius);
     }
     let critical = match (of.critical_period_s, of.critical_period_reason) {
         (Some(period), _) => format!("critical period {}", time(period)),
-        (None, Some("never")) if name == "free" => {
+        (None, Some("never")) if name == "free" || check.has_handle => {
             "critical period: none, unstable at the shortest that was looked at".into()
         }
         (None, Some("never")) => "critical period: none, unstable from 0 on".into(),

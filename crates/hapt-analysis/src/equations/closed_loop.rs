@@ -16,6 +16,7 @@
 //! | δ_k, δ_{k-1}, ... with δ_k = z_k - z_{k-1}, as many as the estimator uses | z_{k+1} - z_k, then shifted by one |
 //! | the commands before this sample's, as many as are in flight | this sample's, then shifted by one |
 //! | the motor's torque, where it lags behind its command | by the held commands, exactly |
+//! | s = h - z and ḣ of a handle on a shaft | the same |
 //!
 //! The estimator's taps sum to 0, so it is a sum of displacements, g_i = Σ_{j≤i} taps_j, and its memory is invariant under shifts. All
 //! estimators are exact for uniform motion, so pole - 1 = -T Σ g.
@@ -27,7 +28,8 @@
 //! Δż = (e^{-x} - 1) ż + (h/J) φ₁ τ,    Δz = h φ₁ ż + (h²/J) φ₂ τ,    φ₁ = (1 - e^{-x})/x,    φ₂ = (x - 1 + e^{-x})/x²
 //! ```
 //!
-//! With the spring of a hand, or a motor that lags, the puck is advanced by the exponential in [`DrivenPuck`].
+//! With the spring of a hand, or a motor that lags, the puck is advanced by the exponential in [`DrivenPuck`], with a handle by that in
+//! [`DrivenShaft`].
 
 use hapt_model::Sampling;
 use nalgebra::{DMatrix, RowDVector};
@@ -37,6 +39,7 @@ use crate::equations::discrete::Discrete;
 use crate::equations::estimator::Filter;
 use crate::equations::port::{Block, Port};
 use crate::equations::puck::DrivenPuck;
+use crate::equations::shaft::DrivenShaft;
 use crate::error::Error;
 use crate::numerics::phi::{phi1, phi2};
 
@@ -69,14 +72,9 @@ pub(crate) struct Hold {
     pub age: usize,
 }
 
-/// The change of the puck and its motor from one sample to the next, as rows on the state.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct PuckChange {
-    pub position: RowDVector<f64>,
-    pub velocity: RowDVector<f64>,
-    /// The motor's torque, where it lags.
-    pub motor: RowDVector<f64>,
-}
+/// The change of the device from one sample to the next, as rows on the state: of the puck's position and velocity, of the motor's
+/// torque, where it lags, and with a handle on a shaft of its deflection and of the handle's velocity.
+pub(crate) type DeviceChange = Vec<RowDVector<f64>>;
 
 /// One sample of each block, and where everything stands in the state.
 pub(crate) struct ClosedLoop<'a> {
@@ -101,6 +99,8 @@ pub(crate) struct ClosedLoop<'a> {
     first_in_flight: usize,
     /// Where the motor's torque stands, if it lags.
     pub motor: Option<usize>,
+    /// Where the deflection of a handle's shaft stands; the handle's velocity is after it.
+    handle: Option<usize>,
 }
 
 impl<'a> ClosedLoop<'a> {
@@ -133,7 +133,9 @@ impl<'a> ClosedLoop<'a> {
         let first_memory = first_body + bodies + usize::from(estimated);
         let first_in_flight = first_memory + memory;
         let motor = (port.lag > 0.0 && !uncoupled).then_some(first_in_flight + in_flight);
-        let order = first_in_flight + in_flight + usize::from(motor.is_some());
+        let first_of_handle = first_in_flight + in_flight + usize::from(motor.is_some());
+        let handle = port.handle.map(|_| first_of_handle);
+        let order = first_of_handle + if handle.is_some() { 2 } else { 0 };
 
         let mut torque = RowDVector::zeros(order);
         let mut own = [-port.stiffness, -(port.fixed + period * port.per_period)];
@@ -173,6 +175,7 @@ impl<'a> ClosedLoop<'a> {
             first_memory,
             first_in_flight,
             motor,
+            handle,
         })
     }
 
@@ -186,7 +189,7 @@ impl<'a> ClosedLoop<'a> {
     }
 
     /// The puck's change over a hold, with a device damping of `damping`.
-    pub fn puck(&self, damping: f64, hold: Hold) -> PuckChange {
+    pub fn puck(&self, damping: f64, hold: Hold) -> DeviceChange {
         let (port, order, v) = (self.port, self.order, self.velocity);
         let uncoupled = port.is_uncoupled();
         let j = port.inertia;
@@ -194,6 +197,11 @@ impl<'a> ClosedLoop<'a> {
         let (h1, h2) = (hold.before, hold.interval - hold.before);
         let (mut dz, mut dv);
         let mut motor_change = RowDVector::zeros(order);
+        if let Some((handle, grip)) = port.handle {
+            let lag = self.motor.map_or(0.0, |_| port.lag);
+            let puck = DrivenPuck { inertia: j, damping, spring: port.spring, lag };
+            return self.with_handle(&DrivenShaft { puck, handle, grip }, hold);
+        }
         if self.motor.is_some() || port.spring > 0.0 {
             (dz, dv) = (RowDVector::zeros(order), RowDVector::zeros(order));
             let puck =
@@ -229,21 +237,50 @@ impl<'a> ClosedLoop<'a> {
                 }
             }
         }
-        PuckChange { position: dz, velocity: dv, motor: motor_change }
+        vec![dz, dv, motor_change]
     }
 
-    /// D, affine in the change of the puck.
-    pub fn map(&self, change: &PuckChange) -> DMatrix<f64> {
-        let ClosedLoop { port, sampling, filter, period, order, memory, estimate, first_memory, .. } = *self;
-        let (z, v, estimated) = (self.position, self.velocity, self.estimated);
-        let PuckChange { position: dz, velocity: dv, motor } = change;
-        let mut d = DMatrix::zeros(order, order);
-        if let Some(z) = z {
-            d.set_row(z, dz);
+    /// The same with a handle on a shaft.
+    fn with_handle(&self, shaft: &DrivenShaft, hold: Hold) -> DeviceChange {
+        // Without a spring to ground nothing depends on z.
+        let places = self.places();
+        let mut rows = vec![RowDVector::zeros(self.order); places.len()];
+        let parts = [(hold.before, hold.age + 1), (hold.interval - hold.before, hold.age)];
+        for (h, age) in parts.into_iter().filter(|(h, _)| *h > 0.0) {
+            let change = shaft.over(h);
+            let state: Vec<RowDVector<f64>> = places
+                .iter()
+                .zip(&rows)
+                .map(|(at, row)| at.map_or_else(|| row.clone(), |i| self.unit(i) + row))
+                .collect();
+            for (i, row) in rows.iter_mut().enumerate() {
+                for (part, factor) in state.iter().zip(change.matrix.row(i).iter()) {
+                    *row += part * *factor;
+                }
+                if !self.port.is_uncoupled() {
+                    *row += self.command(age) * change.push[i];
+                }
+            }
         }
-        d.set_row(v, dv);
-        if let Some(at) = self.motor {
-            d.set_row(at, motor);
+        rows
+    }
+
+    /// Where the rows of a [`DeviceChange`] stand in the state.
+    pub fn places(&self) -> Vec<Option<usize>> {
+        let handle = self.handle.into_iter().flat_map(|at| [Some(at), Some(at + 1)]);
+        [self.position, Some(self.velocity), self.motor].into_iter().chain(handle).collect()
+    }
+
+    /// D, affine in the change of the device.
+    pub fn map(&self, change: &DeviceChange) -> DMatrix<f64> {
+        let ClosedLoop { port, sampling, filter, period, order, memory, estimate, first_memory, .. } = *self;
+        let (z, estimated) = (self.position, self.estimated);
+        let dz = &change[0];
+        let mut d = DMatrix::zeros(order, order);
+        for (place, row) in self.places().into_iter().zip(change) {
+            if let Some(place) = place {
+                d.set_row(place, row);
+            }
         }
         if estimated {
             let mut sum = 0.0;

@@ -1,8 +1,9 @@
-//! A passive hand on the puck.
+//! A passive hand on the puck, or on the handle of a shaft.
 
 use serde::Serialize;
 
-/// A passive hand on the puck: its inertia moves with the puck, its spring and damper act between the puck and the hand's position.
+/// A passive hand on the puck, or on the handle of a shaft: its inertia moves with it, its spring and damper act between it and the hand's
+/// position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Grip {
     /// kg·m² (linear: kg), zero or more.

@@ -11,5 +11,6 @@ pub(crate) mod modal;
 
 pub(crate) mod port;
 pub(crate) mod puck;
+pub(crate) mod shaft;
 pub(crate) mod slopes;
 pub(crate) mod structure;

@@ -13,9 +13,11 @@
 //! alone; its position is not a coordinate here. The puck with all bodies that springs join to it can shift without torque unless a
 //! spring joins it to ground. Then Ω² η = g, where η is that shift in y, and the coordinates y - η z are invariant under it.
 
+use hapt_model::Handle;
 use nalgebra::{DMatrix, DVector};
 
 use crate::equations::continuous::Continuous;
+use crate::equations::grip::Grip;
 use crate::equations::modal::{Coupled, Modal, UndampedModes, form, hcat, of_one_frequency, reach, rows, separate};
 use crate::equations::structure::{Link, Part, first_fixed};
 use crate::error::Error;
@@ -41,6 +43,8 @@ pub(crate) struct Port {
     pub spring: f64,
     /// The time constant with which the motor's torque follows its command, s; 0: at once.
     pub lag: f64,
+    /// A handle on a shaft, with the hand on it; `None`: the hand is on the puck.
+    pub handle: Option<(Handle, Grip)>,
     pub blocks: Vec<Block>,
     /// Of all couplings at the puck: N·m/rad.
     pub stiffness: f64,
@@ -130,6 +134,7 @@ impl Port {
             inertia: part.inertia[0],
             spring: 0.0,
             lag: 0.0,
+            handle: None,
             blocks,
             stiffness: own(|l| l.stiffness),
             fixed: own(|l| l.fixed),
@@ -141,14 +146,25 @@ impl Port {
         if port.is_finite() { Ok(port) } else { Err(Error::Eigenvalues { order: 2 * n + 2 }) }
     }
 
-    /// The port with a hand of this inertia and spring on the puck. With a spring, the puck can no longer shift freely.
-    pub fn gripped(mut self, inertia: f64, spring: f64) -> Port {
-        self.inertia += inertia;
-        self.spring += spring;
-        if spring > 0.0 && !self.grounded {
+    /// The port with a hand on the handle, or on the puck, and the damping of the puck: `damping` is that of the device. With a spring,
+    /// the puck can no longer shift freely.
+    pub fn gripped(mut self, damping: f64, grip: &Grip) -> (Port, f64) {
+        if grip.stiffness > 0.0 && !self.grounded {
             self.grounded = true;
             self.shifts -= 1;
         }
+        if let Some((_, hand)) = &mut self.handle {
+            *hand = *grip;
+            return (self, damping);
+        }
+        self.inertia += grip.inertia;
+        self.spring += grip.stiffness;
+        (self, damping + grip.damping)
+    }
+
+    /// The port with this handle on a shaft, free.
+    pub fn with_handle(mut self, handle: Option<Handle>) -> Port {
+        self.handle = handle.map(|handle| (handle, Grip::default()));
         self
     }
 
@@ -183,6 +199,9 @@ impl Port {
         let mut all = times(self.inertia, damping + self.fixed, self.stiffness).to_vec();
         all.push(self.lag);
         all.extend(times(self.inertia, damping, self.stiffness));
+        if let Some((Handle { inertia, stiffness, damping }, grip)) = self.handle {
+            all.extend(times(inertia + grip.inertia, damping + grip.damping, stiffness));
+        }
         for Block { equations: e, .. } in &self.blocks {
             all.extend((0..e.bodies()).flat_map(|i| times(1.0, e.fixed[(i, i)], e.stiffness[(i, i)])));
         }

@@ -45,6 +45,27 @@ pub(crate) struct Part {
     pub grounded: bool,
 }
 
+impl Part {
+    /// Adds a spring and a damper, not both 0, from a body to the fixed side.
+    pub fn fix(&mut self, body: usize, stiffness: f64, damping: f64) {
+        self.links.push(Link { body, other: None, stiffness, fixed: damping, per_period: 0.0 });
+        self.grounded = true;
+        if stiffness > 0.0 {
+            self.clusters.iter_mut().filter(|c| c.bodies.contains(&body)).for_each(|c| c.anchored = true);
+        }
+    }
+
+    /// Adds a body that a spring above 0 and a damper join to the body `to`; gives its place.
+    pub fn add(&mut self, inertia: f64, to: usize, stiffness: f64, damping: f64) -> usize {
+        let place = self.inertia.len();
+        self.inertia.push(inertia);
+        self.members.push(self.members.iter().max().map_or(0, |last| last + 1));
+        self.links.push(Link { body: to, other: Some(place), stiffness, fixed: damping, per_period: 0.0 });
+        self.clusters.iter_mut().filter(|c| c.bodies.contains(&to)).for_each(|c| c.bodies.push(place));
+        place
+    }
+}
+
 /// The label of each of `n` nodes after joining the pairs: the smallest index in its group.
 fn groups(n: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Vec<usize> {
     let mut label: Vec<usize> = (0..n).collect();

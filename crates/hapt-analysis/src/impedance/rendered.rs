@@ -13,10 +13,13 @@
 //! affecting the Z-width of a haptic display", ICRA 1994, use impedance in this sense.)
 //!
 //! The ideal is that of the differential equations: continuous velocities, no hold, no delay.
+//!
+//! With a handle on a shaft the whole is what a hand feels there: with K_z = K + jωb - ω²J at the puck and S = k + jωd of the shaft,
+//! S K_z/(S + K_z) - ω²J_h. Rendered and ideal stay those at the puck.
 
 use std::f64::consts::{PI, TAU};
 
-use hapt_model::{Coupling, EstimatorKind, Motion, World};
+use hapt_model::{Coupling, EstimatorKind, Handle, Motion, World};
 use nalgebra::Complex;
 use serde::Serialize;
 
@@ -62,7 +65,7 @@ pub struct Row {
     pub rendered: Option<Elements>,
     /// By the differential equations.
     pub ideal: Option<Elements>,
-    /// By the loop and the device together: the total impedance.
+    /// By the loop and the device together: the total impedance, at the handle where there is one.
     pub whole: Option<Elements>,
 }
 
@@ -165,6 +168,7 @@ pub struct Impedance {
     ideal: Ideal,
     low_frequency: LowFrequency,
     device: [f64; 2],
+    handle: Option<Handle>,
     notes: Vec<String>,
 }
 
@@ -207,6 +211,7 @@ impl Impedance {
             ideal,
             low_frequency,
             device,
+            handle: world.device.handle,
             notes,
         })
     }
@@ -239,11 +244,15 @@ impl Impedance {
         let finite = |e: &Elements| [e.stiffness, e.damping, e.inertia].iter().all(|x| x.is_finite());
         let rendered = self.rendered(omega).map(|k| Elements::of(k, omega)).filter(finite);
         let [inertia, damping] = self.device;
-        let whole = rendered.map(|e| Elements {
+        let at_puck = |e: Elements| Elements {
             stiffness: e.stiffness - omega * omega * inertia,
             damping: e.damping + damping,
             inertia: e.inertia + inertia,
-        });
+        };
+        let whole = match self.handle {
+            None => rendered.map(at_puck),
+            Some(handle) => rendered.map(|e| Elements::of(beyond(handle, at_puck(e), omega), omega)),
+        };
         let ideal = self.ideal_at(omega).map(|k| Elements::of(k, omega)).filter(finite);
         Row { frequency_hz, rendered, ideal, whole: whole.filter(finite) }
     }
@@ -284,7 +293,7 @@ impl Impedance {
         (k.norm() <= UNBOUNDED * (stiffness + omega * damping)).then_some(k)
     }
 
-    /// The device's own inertia and damping, SI: -ω²J + jωb comes to the rendered impedance.
+    /// The device's own inertia and damping at the puck, SI: -ω²J + jωb comes to the rendered impedance.
     pub fn device(&self) -> [f64; 2] {
         self.device
     }
@@ -382,6 +391,15 @@ impl Impedance {
     }
 }
 
+/// The impedance at the handle of a shaft on that of a puck.
+fn beyond(handle: Handle, puck: Elements, omega: f64) -> C {
+    let Handle { inertia, stiffness, damping } = handle;
+    let (shaft, puck) = (C::new(stiffness, omega * damping), C::new(puck.stiffness, omega * puck.damping));
+    // Of the softer of the two nothing is lost.
+    let both = if shaft.norm() < puck.norm() { shaft / (1.0 + shaft / puck) } else { puck / (1.0 + puck / shaft) };
+    both - omega * omega * inertia
+}
+
 /// The estimator as pole and taps of W. FOAW is a difference with an ideal encoder, and its longest window with a real one.
 fn slope(world: &World) -> Option<(f64, Vec<f64>)> {
     let ideal = world.device.encoder.is_none();
@@ -407,6 +425,11 @@ fn notes(world: &World, slopes: &Slopes, transfer: &TransferFunction) -> Vec<Str
     let nothing = |c: &Coupling| matches!(Kind::of(c), Kind::Coulomb | Kind::Constant) && most(c) != 0.0;
     for (index, _) in world.couplings.iter().enumerate().filter(|(_, c)| nothing(c)) {
         notes.push(format!("couplings.{index}: it has no slope and counts as nothing"));
+    }
+    if world.device.handle.is_some() {
+        notes.push(
+            "rendered and ideal are at the puck, resonances with the puck held; the whole is felt at the handle, beyond its shaft".into(),
+        );
     }
     let band = MARGINAL * world.sampling.period;
     if transfer.poles.iter().any(|p| p.ln_abs >= band) {

@@ -98,8 +98,10 @@ impl GripSearch {
                 known.push(part);
             }
         }
-        let ports: Vec<Port> =
-            known.iter().map(|part| Ok(Port::new(part)?.lagging(world.device.lag))).collect::<Result<_, Error>>()?;
+        let ports: Vec<Port> = known
+            .iter()
+            .map(|part| Ok(Port::new(part)?.lagging(world.device.lag).with_handle(world.device.handle)))
+            .collect::<Result<_, Error>>()?;
         // A port without couplings has no energy to give.
         let ports = ports.into_iter().filter(|port| !port.is_uncoupled()).collect();
         let [stiffness, _] = at_puck(world, &world.couplings)?;
@@ -118,9 +120,9 @@ impl GripSearch {
         let period = sampling.period;
         let mut most = f64::NEG_INFINITY;
         for port in &self.ports {
-            let port = port.clone().gripped(grip.inertia, grip.stiffness);
+            let (port, damping) = port.clone().gripped(device, grip);
             for filter in &self.filters {
-                let found = multipliers(&port, sampling, device + grip.damping, filter, period)?;
+                let found = multipliers(&port, sampling, damping, filter, period)?;
                 let found = without_shifts(found.into_iter().map(|(m, _)| m).collect(), port.shifts, period, MARGINAL);
                 let moves = |g: f64, arg: f64| g >= MARGINAL || arg.abs() > 1e-7;
                 let growths = found.iter().map(|m| (m.growth(period), m.arg())).filter(|&(g, arg)| moves(g, arg));

@@ -1,4 +1,4 @@
-//! Stability of the free loop: world, estimator, delay, hold and device together, hands-off. Levels, encoder, limit and Coulomb
+//! Stability of the free loop: world, estimator, delay, hold and device together, with a handle on a shaft where there is one, hands-off. Levels, encoder, limit and Coulomb
 //! friction are omitted; nonlinear couplings enter by their slopes.
 //!
 //! Modes decoupled from the puck keep their eigenvalues of the held world, with their closed forms. The rest is one matrix, that of
@@ -18,7 +18,7 @@ use crate::equations::grip::Grip;
 use crate::equations::modal::Modal;
 use crate::equations::port::Port;
 use crate::equations::slopes::combinations;
-use crate::equations::structure::{Link, Part, inertias_with_puck, linearise_with_puck, parts};
+use crate::equations::structure::{Part, inertias_with_puck, linearise_with_puck, parts};
 use crate::error::{Error, positive};
 use crate::numerics::crossing::{Ranked, Spacing, first_crossing, growth_floor};
 use crate::numerics::eigenvalues::eigenvalues_and_scale;
@@ -81,8 +81,8 @@ pub fn free_growth(world: &World) -> Result<Option<f64>, Error> {
     gripped_growth(world, &Grip::default())
 }
 
-/// The growth in 1/s of the loop with a hand at rest on the puck: its inertia moves with the puck, its spring and damper act between
-/// puck and ground. Such a hand is passive, so any growth takes its energy from the loop. With all three 0 it is [`free_growth`].
+/// The growth in 1/s of the loop with a hand at rest on the puck, or on the handle of a shaft: its inertia moves with it, its spring and
+/// damper act between it and ground. Such a hand is passive, so any growth takes its energy from the loop. With all three 0 it is [`free_growth`].
 ///
 /// # Errors
 /// As [`free`].
@@ -114,7 +114,7 @@ pub fn free_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
 }
 
 /// The critical period is searched where it may be below `critical`.
-fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stability, Error> {
+pub(crate) fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stability, Error> {
     let period = positive("the period", world.sampling.period)?;
     // The puck is one of the bodies, the first.
     let inertia = inertias_with_puck(world)?;
@@ -189,15 +189,21 @@ fn puck_part(
     known: Critical,
 ) -> Result<PartResult, Error> {
     let period = sampling.period;
-    let port = Port::new(part)?.lagging(device.lag).gripped(grip.inertia, grip.stiffness);
-    let damping = device.damping + grip.damping;
+    let port = Port::new(part)?.lagging(device.lag).with_handle(device.handle);
+    let (port, damping) = port.gripped(device.damping, grip);
     let (unobservable, _) = spectrum(&port.unobservable, sampling.method, period)?;
     let mut critical = of_part(&port.unobservable, sampling.method, known)?;
-    // The differential equation includes the device damping.
+    // The differential equation includes the device damping, the handle and the hand.
     let mut whole = part.clone();
-    if damping > 0.0 {
-        whole.links.push(Link { body: 0, other: None, stiffness: 0.0, fixed: damping, per_period: 0.0 });
-        whole.grounded = true;
+    if damping > 0.0 || port.spring > 0.0 {
+        whole.fix(0, port.spring, damping);
+    }
+    whole.inertia[0] = port.inertia;
+    if let Some((handle, grip)) = port.handle {
+        let place = whole.add(handle.inertia + grip.inertia, 0, handle.stiffness, handle.damping);
+        if grip.stiffness > 0.0 || grip.damping > 0.0 {
+            whole.fix(place, grip.stiffness, grip.damping);
+        }
     }
     let (_, pairs) = spectrum(&Modal::new(&whole)?, Method::Zoh, period)?;
     let mut worst: Option<(f64, Vec<Multiplier>)> = None;

@@ -1,5 +1,6 @@
 //! Stability of the linear loop, held and free: eigenvalues, growth, modes, critical period.
 
+pub mod clamped;
 pub mod critical;
 pub mod free;
 pub mod held;

@@ -46,6 +46,7 @@ impl Bench {
                 encoder: None,
                 levels: None,
                 drive: Default::default(),
+                handle: None,
             },
             safety: Safety::default(),
             names: (0..self.bodies.len()).map(|i| format!("body{i}")).collect(),

@@ -8,6 +8,7 @@ mod discrete;
 mod felt;
 mod free;
 mod grip;
+mod handle;
 mod held;
 mod passivity;
 mod patterns;

@@ -2,7 +2,9 @@
 
 use hapt_analysis::Keys;
 use hapt_analysis::MARGINAL;
-use hapt_analysis::{free_eigenvalues, free_growth, held_eigenvalues, held_growth, passivity, required_damping};
+use hapt_analysis::{
+    free_eigenvalues, free_growth, held_world_eigenvalues, held_world_growth, passivity, required_damping,
+};
 use hapt_model::{Source, World};
 
 use crate::axis::{Axis, Grid};
@@ -101,7 +103,6 @@ impl Plane {
     /// [`Error::At`].
     pub fn beyond(&self, edge: Edge, place: Place) -> Result<f64, Error> {
         let world = self.at(place);
-        let sampling = &world.sampling;
         // The marginal growth itself counts.
         let above = |growth: Option<f64>| match growth {
             Some(growth) if growth == MARGINAL => f64::MIN_POSITIVE,
@@ -109,7 +110,7 @@ impl Plane {
             None => f64::NEG_INFINITY,
         };
         let value = match edge {
-            Edge::Held => held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period).map(above),
+            Edge::Held => held_world_growth(&world).map(above),
             Edge::Free => free_growth(&world).map(above),
             Edge::Passive => required_damping(&world)
                 .map(|required| required.map_or(f64::INFINITY, |required| required - world.device.damping)),
@@ -126,7 +127,7 @@ impl Plane {
         let world = self.at(place);
         let sampling = &world.sampling;
         let eigenvalues = match edge {
-            Edge::Held => held_eigenvalues(&world.bodies, &world.couplings, sampling.method, sampling.period),
+            Edge::Held => held_world_eigenvalues(&world),
             Edge::Free => free_eigenvalues(&world),
             Edge::Passive => return passivity(&world).map(|p| p.at_hz).map_err(|error| self.failed(place, error)),
         };

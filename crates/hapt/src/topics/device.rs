@@ -52,6 +52,21 @@ whole sample.
 "#,
     },
     Topic {
+        name: "handle",
+        aliases: &["shaft", "device.handle", "flexible", "twist"],
+        line: "a handle on a flexible shaft between motor and hand",
+        text: r#"[device.handle] has the inertia of a handle beyond a shaft, and the stiffness and damping of the
+shaft. The puck is then the motor's side, where the encoder is; the hand holds the handle.
+
+  hapt sim @notes/released --set device.handle.inertia='5e-4 kg m^2' \
+      --set device.handle.stiffness='20 N m/rad' --scenario release --out runs
+
+Shaft, handle and hand are one passive hand to the motor. So the lines `passive`, `uneven` and
+`counts` of hapt check hold for every handle, and `free` includes this one. `held` is the loop while
+the hand holds the handle still. A run has the columns handle_rad and handle_rad_per_s.
+"#,
+    },
+    Topic {
         name: "uneven",
         aliases: &["interval-max", "delay-max", "lag", "tolerance", "jitter", "safety.late"],
         line: "the verdict for uneven samples and varying delays",

@@ -1,7 +1,7 @@
 //! The maps of the hands-off loop from one sample to the next, one for each interval and delay.
 //!
 //! World and estimator step by the nominal period whatever the true interval is, so that only the puck knows of it. With
-//! X(h, d) the change of (z, ż, τ) over an interval h whose command arrives after d,
+//! X(h, d) the change of (z, ż, τ), and with a handle on a shaft of (s, ḣ), over an interval h whose command arrives after d,
 //!
 //! ```text
 //! s_{k+1} = s_k + (F + G X(h, d)) s_k
@@ -13,13 +13,15 @@
 //! ∂²q/∂h² = A e^{As} (e^{Ad/r} (A q + B c₀) + B (c - c₀))/r²,    ∂²q/∂d² = -A e^{As} B (c₀ - c)/r²
 //! ```
 //!
-//! The symmetric part of A has no eigenvalue above 1/√2, so that |e^{As}| ≤ e^{s/√2} for s ≥ 0.
+//! The symmetric part of A has no eigenvalue above 1/√2, so that |e^{As}| ≤ e^{s/√2} for s ≥ 0. With a handle q has two more entries,
+//! r √(k/J) s and r √(J_h/J) ḣ, in which the shaft's spring is skew and its damping negative: the bound stays.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use nalgebra::{DMatrix, DVector, RowDVector};
 
-use crate::equations::closed_loop::{ClosedLoop, Hold, PuckChange};
+use crate::equations::closed_loop::{ClosedLoop, Hold};
+use crate::equations::port::Port;
 
 /// What follows on a sample, both in s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +36,7 @@ pub(crate) struct Step {
 pub(crate) struct Family<'a> {
     parts: &'a ClosedLoop<'a>,
     damping: f64,
-    inertia: f64,
+    port: &'a Port,
     lag: f64,
     /// Whether a command may arrive after its sample, so that the one before is part of the state.
     late: bool,
@@ -62,23 +64,18 @@ pub(crate) struct Curvature {
 }
 
 impl<'a> Family<'a> {
-    pub fn new(parts: &'a ClosedLoop<'a>, damping: f64, inertia: f64, lag: f64, late: bool) -> Self {
-        let none = || RowDVector::zeros(parts.order);
-        let still = PuckChange { position: none(), velocity: none(), motor: none() };
+    pub fn new(parts: &'a ClosedLoop<'a>, damping: f64, port: &'a Port, late: bool) -> Self {
+        let still = vec![RowDVector::zeros(parts.order); parts.places().len()];
         let fixed = parts.map(&still);
         // Affine in the change: its column is what one unit changes.
-        let mut effect = DMatrix::zeros(parts.order, 3);
-        let unit = || RowDVector::from_fn(parts.order, |_, j| if j == parts.velocity { 1.0 } else { 0.0 });
-        let moved = [
-            PuckChange { position: unit(), ..still.clone() },
-            PuckChange { velocity: unit(), ..still.clone() },
-            PuckChange { motor: unit(), ..still.clone() },
-        ];
-        for (i, change) in moved.iter().enumerate() {
-            effect.set_column(i, &(parts.map(change) - &fixed).column(parts.velocity));
+        let mut effect = DMatrix::zeros(parts.order, still.len());
+        for i in 0..still.len() {
+            let mut moved = still.clone();
+            moved[i][parts.velocity] = 1.0;
+            effect.set_column(i, &(parts.map(&moved) - &fixed).column(parts.velocity));
         }
-        let lag = if parts.motor.is_some() { lag } else { 0.0 };
-        Family { parts, damping, inertia, lag, late, fixed, effect }
+        let lag = if parts.motor.is_some() { port.lag } else { 0.0 };
+        Family { parts, damping, port, lag, late, fixed, effect }
     }
 
     /// The number of states.
@@ -90,9 +87,8 @@ impl<'a> Family<'a> {
     pub fn at(&self, step: Step) -> DMatrix<f64> {
         let before = if self.late { step.delay } else { 0.0 };
         let change = self.parts.puck(self.damping, Hold { interval: step.interval, before, age: 0 });
-        let rows = [&change.position, &change.velocity, &change.motor];
         let mut d = self.fixed.clone();
-        for (i, row) in rows.into_iter().enumerate() {
+        for (i, row) in change.iter().enumerate() {
             d += self.effect.column(i) * row;
         }
         d
@@ -101,26 +97,42 @@ impl<'a> Family<'a> {
     /// The bounds in the norm |C s|, with the longest interval as reference.
     pub fn curvature(&self, c: &DMatrix<f64>, inverse: &DMatrix<f64>, reference: f64) -> Curvature {
         let r = reference;
-        let [loss, rate] = [self.damping * r / self.inertia, if self.lag > 0.0 { r / self.lag } else { 0.0 }];
-        let torque = r * r / self.inertia;
-        let a = DMatrix::from_row_slice(3, 3, &[0.0, 1.0, 0.0, 0.0, -loss, 1.0, 0.0, 0.0, -rate]);
-        let b = match self.lag > 0.0 {
-            true => DVector::from_row_slice(&[0.0, 0.0, rate]),
-            false => DVector::from_row_slice(&[0.0, 1.0, 0.0]),
-        };
+        let inertia = self.port.inertia;
+        let [loss, rate] = [self.damping * r / inertia, if self.lag > 0.0 { r / self.lag } else { 0.0 }];
+        let torque = r * r / inertia;
+        let places = self.parts.places();
+        let n = places.len();
+        let mut a = DMatrix::zeros(n, n);
+        (a[(0, 1)], a[(1, 1)], a[(1, 2)], a[(2, 2)]) = (1.0, -loss, 1.0, -rate);
+        let mut b = DVector::zeros(n);
+        b[if self.lag > 0.0 { 2 } else { 1 }] = if self.lag > 0.0 { rate } else { 1.0 };
+        // One unit of each state in q.
+        let mut unit = vec![1.0, r, torque];
+        let mut losses = loss;
+        if let Some((handle, _)) = self.port.handle {
+            let ratio = (handle.inertia / inertia).sqrt();
+            let [swing, slip] = [r * (handle.stiffness / inertia).sqrt(), handle.damping * r / inertia];
+            a[(1, 1)] -= slip;
+            (a[(1, 3)], a[(3, 1)]) = (swing, -swing);
+            (a[(3, 4)], a[(4, 3)]) = (swing / ratio, -swing / ratio);
+            (a[(1, 4)], a[(4, 1)], a[(4, 4)]) = (slip / ratio, slip / ratio, -slip / (ratio * ratio));
+            unit.extend([swing, r * ratio]);
+            losses += slip + slip / (ratio * ratio);
+        }
         // Without a lag there is no third row.
-        let lagged = if self.lag > 0.0 { 1.0 / torque } else { 0.0 };
-        let outer = DMatrix::from_diagonal(&DVector::from_row_slice(&[1.0, 1.0 / r, lagged]));
-        let mut q = DMatrix::zeros(3, self.order());
-        q[(1, self.parts.velocity)] = r;
-        if let Some(motor) = self.parts.motor {
-            q[(2, motor)] = torque;
+        let outer = unit.iter().enumerate().map(|(i, unit)| if i == 2 && self.lag == 0.0 { 0.0 } else { 1.0 / unit });
+        let outer = DMatrix::from_diagonal(&DVector::from_iterator(n, outer));
+        let mut q = DMatrix::zeros(n, self.order());
+        for (i, (place, unit)) in places.into_iter().zip(unit).enumerate().skip(1) {
+            if let Some(place) = place {
+                q[(i, place)] = unit;
+            }
         }
         let new = self.parts.command(0) * torque;
         let old = if self.late { self.parts.command(1) * torque } else { new.clone() };
         Curvature {
             reference: r,
-            back: FRAC_1_SQRT_2 + loss.max(rate),
+            back: FRAC_1_SQRT_2 + losses.max(rate),
             gain: (c * &self.effect * outer * &a).norm(),
             before: ((&a * q + &b * &old) * inverse).norm(),
             switch: (b * (new - old) * inverse).norm(),

@@ -254,12 +254,12 @@ fn with_family<T>(
     let terms = linearise_with_puck(&world.bodies, &world.couplings, &Slopes::Steep)?;
     let failed = Error::Eigenvalues { order: 0 };
     let all = parts(&inertia, &terms);
-    let port = Port::new(all.first().ok_or(failed.clone())?)?.lagging(device.lag);
+    let port = Port::new(all.first().ok_or(failed.clone())?)?.lagging(device.lag).with_handle(device.handle);
     let filters = Filter::of(sampling, sampling.period);
     let filter = filters.first().ok_or(failed)?;
     let late = sampling.delay_max_s() > 0.0;
     let parts = ClosedLoop::new(&port, sampling, filter, sampling.period, usize::from(late))?;
-    let family = Family::new(&parts, device.damping, port.inertia, port.lag, late && !port.is_uncoupled());
+    let family = Family::new(&parts, device.damping, &port, late && !port.is_uncoupled());
     let all = Cell {
         interval: [sampling.interval_min_s(), sampling.interval_max_s()],
         delay: [sampling.delay_s(), sampling.delay_max_s()],
@@ -271,4 +271,54 @@ fn with_family<T>(
     }
     let start = if family.order() > 0 { Norm::lyapunov(&d) } else { None };
     work(&family, all, even, start)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hapt_model::Source;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(hapt_testing::cases(128))]
+
+        /// What a proof rests on: within a cell no map is farther from the mean of the corners than the bound.
+        #[test]
+        fn the_maps_of_a_cell_are_as_near_to_their_corners_as_bounded(
+            alpha in 0.05..2.0f64, beta in 0.0..0.9f64, lag in prop_oneof![Just(0.0), 0.02..3.0f64],
+            handle in prop::option::of((-1.5..1.5f64, -2.0..2.0f64, prop_oneof![Just(0.0), 0.0..1.0f64])),
+            from in 0.2..1.8f64, width in 0.01..0.8f64, late in prop_oneof![Just((0.0, 0.0)), (0.0..0.1f64, 0.0..0.1f64)], (x, y) in (0.0..1.0f64, 0.0..1.0f64),
+        ) {
+            let unit = 6.4e-4 / 1e-3;
+            let shaft = handle.map_or(String::new(), |(mass, stiffness, damping)| format!(
+                "handle = {{ inertia = {}, stiffness = {}, damping = {} }}\n",
+                6.4e-4 * 10f64.powf(mass), unit / 1e-3 * 10f64.powf(stiffness), unit * damping
+            ));
+            let text = format!(
+                "loop = {{ period = 1e-3, estimator = \"difference\", delay_max = 2e-4, interval_max = 2e-3 }}\n[device]\ninertia = 6.4e-4\ndamping = 1e-2\n\
+                 lag = {}\n{shaft}[[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = {}\n\
+                 [[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"ground\"]\ndamping = {}\n",
+                lag * 1e-3, alpha * unit / 1e-3, beta * unit
+            );
+            let world = World::read(&Source::from_text("cell.toml", text), &[]).unwrap();
+            let cell = Cell { interval: [from * 1e-3, (from + width) * 1e-3], delay: [late.0 * 1e-3, (late.0 + late.1) * 1e-3] };
+            with_family(&world, |family, _, _, start| {
+                let norm = start.unwrap_or_else(|| Norm::balanced(&family.at(cell.corners()[0])));
+                let [along, across] = family.curvature(&norm.c, &norm.inverse, cell.interval[1]).error(&cell);
+                let [[h0, h1], [d0, d1]] = [cell.interval, cell.delay];
+                let place = Step { interval: h0 + x * (h1 - h0), delay: d0 + y * (d1 - d0) };
+                let weights = [(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y];
+                let mut apart = family.at(place);
+                for (corner, weight) in cell.corners().into_iter().zip(weights) {
+                    apart -= family.at(corner) * weight;
+                }
+                let size = (&norm.c * apart * &norm.inverse).norm();
+                // The Frobenius norm is an upper bound of the one that the proof is about, and rounding stays.
+                let spectral = (&norm.c * family.at(place) * &norm.inverse).norm();
+                let order = (family.order() as f64).sqrt();
+                assert!(size <= order * (along + across) + 1e-10 * spectral, "{size} {along} {across}");
+                Ok(())
+            }).unwrap();
+        }
+    }
 }

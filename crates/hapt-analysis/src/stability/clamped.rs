@@ -1,0 +1,68 @@
+//! The loop in a hand that holds its end still.
+//!
+//! Without a handle the hand holds the puck, and what remains are the bodies: [`held`]. With a handle on a shaft it holds the handle, and
+//! the puck still moves: the free loop with the shaft as a spring and a damper from the puck to ground.
+
+use hapt_model::{Handle, World};
+
+use crate::equations::grip::Grip;
+use crate::error::Error;
+use crate::stability::critical::Critical;
+use crate::stability::free::analyse;
+use crate::stability::held::{held, held_eigenvalues, held_growth};
+use crate::stability::{Eigenvalue, NOT_SEARCHED, Stability};
+
+/// The world without its handle, and the shaft as a hand on the puck; `None` without a handle.
+fn clamped(world: &World) -> Option<(World, Grip)> {
+    let Handle { stiffness, damping, .. } = world.device.handle?;
+    let mut alone = world.clone();
+    alone.device.handle = None;
+    Some((alone, Grip { inertia: 0.0, damping, stiffness }))
+}
+
+/// Eigenvalues, growth, critical period and modes with the puck held, or with a handle on a shaft the handle.
+///
+/// # Errors
+/// As [`held`], with a handle as [`crate::free()`].
+pub fn held_world(world: &World) -> Result<Stability, Error> {
+    match clamped(world) {
+        None => held(&world.bodies, &world.couplings, world.sampling.method, world.sampling.period),
+        Some((alone, shaft)) => analyse(&alone, &shaft, Critical::Unbounded),
+    }
+}
+
+/// As [`held_world`]; with a handle without the search for the critical period, whose reason is then [`NOT_SEARCHED`].
+///
+/// # Errors
+/// As [`held_world`].
+pub(crate) fn held_world_at_this_period(world: &World) -> Result<Stability, Error> {
+    match clamped(world) {
+        None => held_world(world),
+        Some((alone, shaft)) => {
+            let found = analyse(&alone, &shaft, Critical::Never)?;
+            Ok(Stability { critical_period_s: None, critical_period_reason: Some(NOT_SEARCHED), ..found })
+        }
+    }
+}
+
+/// The growth of [`held_world`] alone, in 1/s.
+///
+/// # Errors
+/// As [`held_world`].
+pub fn held_world_growth(world: &World) -> Result<Option<f64>, Error> {
+    match clamped(world) {
+        None => held_growth(&world.bodies, &world.couplings, world.sampling.method, world.sampling.period),
+        Some((alone, shaft)) => Ok(analyse(&alone, &shaft, Critical::Never)?.growth_per_s),
+    }
+}
+
+/// The eigenvalues of [`held_world`] alone.
+///
+/// # Errors
+/// As [`held_world`].
+pub fn held_world_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
+    match clamped(world) {
+        None => held_eigenvalues(&world.bodies, &world.couplings, world.sampling.method, world.sampling.period),
+        Some((alone, shaft)) => Ok(analyse(&alone, &shaft, Critical::Never)?.eigenvalues),
+    }
+}
