@@ -29,7 +29,7 @@ pub fn record(sample: u64, change: impl FnOnce(&mut Record)) -> Record {
         warning: None,
         latency: 0,
         computation: 0,
-        outside: false,
+        outside: 0,
         missed: 0,
         bodies: [(0.0, 0.0); BODIES],
         announced: false,
