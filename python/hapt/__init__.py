@@ -11,7 +11,7 @@ False
 All numbers are in SI; strings carry units. The command line and this package are two faces of the same crates.
 """
 
-from ._analyses import Boundary, Design, Identified, Impedance, Piece, Worst
+from ._analyses import Boundary, Comparison, Design, Identified, Impedance, Piece, Worst
 from ._build import (
     Constant,
     Damper,
@@ -43,6 +43,7 @@ from ._world import World, design, identify, load, measures
 __all__ = [
     "Boundary",
     "Check",
+    "Comparison",
     "Constant",
     "Damper",
     "Dataset",

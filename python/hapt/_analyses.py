@@ -58,6 +58,17 @@ class Identified(Answer):
         self.warnings = warnings
 
 
+class Comparison(Answer):
+    """Whether a record agrees with a world: true where nothing in it contradicts the world's device.
+
+    `agrees`; `numbers`, each with `name`, `estimate` (`{"value", "low", "high"}`, 95 %, or None), the `file`'s range, `sigmas` (standard
+    errors outside of it), `verdict` ("agrees", "contradicts" or "not told") and `reason`; `unexplained`; `residual`.
+    """
+
+    def __bool__(self) -> bool:
+        return bool(self["agrees"])
+
+
 class Worst(Answer):
     """The passive hand that draws most energy from a loop; `world` has the scenario `worst` that shows it, or is None for a motion."""
 

@@ -37,9 +37,13 @@ class Loop:
         """One sample: the couplings' torque on the puck in N·m (linear: N), before levels and limit, as the column `torque_Nm`.
 
         `position` in rad (linear: m), `velocity` in rad/s (m/s). Only the estimator "exact" takes the velocity; others derive their own.
-        Raises ValueError for what is not finite, TypeError for what is no number.
+        Raises ValueError for what is not finite, TypeError for what is no number, and OverflowError where the loop stops being finite, as
+        a run ends there (`Run.ended`): only `reset` goes on from it.
         """
-        return self._native.step(position, velocity)
+        try:
+            return self._native.step(position, velocity)
+        except TypeError as error:
+            raise TypeError(f"position and velocity: {error}") from None
 
     def reset(self) -> None:
         """Back to the bodies' initial state, and nothing remembered."""
@@ -95,9 +99,13 @@ class Device:
     def step(self, torque: float) -> tuple[float, float]:
         """Asks the motor for `torque` (N·m; linear: N) and lets a period pass: the puck's position and velocity at its end.
 
-        The limit and the levels are the loop's: see `Loop.command`. Raises ValueError for what is not finite.
+        The limit and the levels are the loop's: see `Loop.command`. Raises ValueError for what is not finite, and OverflowError where the
+        puck stops being finite: only `reset` goes on from it.
         """
-        return self._native.step(torque)
+        try:
+            return self._native.step(torque)
+        except TypeError as error:
+            raise TypeError(f"torque: {error}") from None
 
     def reset(self) -> None:
         """Back to the beginning: at rest at 0, or where the scenario's hand begins."""

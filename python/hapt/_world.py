@@ -9,10 +9,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Optional, Union, overload
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _hapt, _toml
-from ._analyses import Boundary, Design, Identified, Impedance, Piece, Worst
+from ._analyses import Boundary, Comparison, Design, Identified, Impedance, Piece, Worst
 from ._arrays import numbers
 from ._check import Check
 from ._control import StateSpaces, state_spaces
@@ -156,14 +156,16 @@ class World:
         columns, summary, ended = self._native.simulate(name)
         if ended is not None:
             warnings.warn(f"scenario {name}: {ended}", RuntimeWarning, stacklevel=2)
-        return Run(name, columns, json.loads(summary), ended)
+        return Run(name, columns, summary, ended)
 
     def check(self, remedies: bool = True) -> Check:
         """The certificate: stability, passivity, and what would make it so; `remedies=False` leaves that out and is quicker.
 
         Raises ValueError where the analysis has no result.
         """
-        fields, text = self._native.check(remedies)
+        if not isinstance(remedies, (bool, np.bool_)):
+            raise TypeError(f"remedies must be True or False, not {remedies!r}")
+        fields, text = self._native.check(bool(remedies))
         return Check(json.loads(fields), text)
 
     def impedance(
@@ -202,6 +204,29 @@ class World:
         """Searches for the passive hand that draws most energy from the loop. Raises ValueError where there is no answer."""
         fields, shown = self._native.worst()
         return Worst(json.loads(fields), None if shown is None else World._of(_hapt.read("worst", shown)))
+
+    def against(self, times: ArrayLike, positions: ArrayLike, torques: ArrayLike) -> Comparison:
+        """Whether a record of a device's motion agrees with this world's device, as `hapt identify LOG --against WORLD`.
+
+        The arrays are those of `hapt.identify`; the times are a period of the loop apart, to 5 %. A number contradicts the world where
+        its estimate is more than four standard errors outside of the world's range, its tolerance. Raises ValueError for a record that
+        says nothing or is of another loop.
+
+        >>> import hapt, numpy as np
+        >>> world, k = hapt.load("@notes/euler"), np.arange(1000)
+        >>> device, torques, positions = world.device(), np.where(k // 170 % 2 == 0, 0.05, -0.04), []
+        >>> for torque in torques:
+        ...     positions.append(device.puck[0])
+        ...     _ = device.step(torque)
+        >>> record = 1e-3 * k, np.round(positions, 4), torques
+        >>> world.against(*record)["agrees"]
+        True
+        >>> other = world.set("device.inertia", "7e-4 kg m^2").against(*record)
+        >>> [number["name"] for number in other["numbers"] if number["verdict"] == "contradicts"]
+        ['inertia']
+        """
+        arrays = _record(times, positions, torques)
+        return Comparison(json.loads(self._native.against(*arrays)))
 
     @overload
     def sweep(
@@ -371,12 +396,16 @@ def identify(
     Times in s, rising; positions in rad (linear: m); torques in N·m (N), each commanded at its sample and held until the next. A known
     `inertia` in kg·m² (kg) gives damping and friction of a coast-down. Raises ValueError for a record that says nothing.
     """
-    arrays = [numbers(name, values) for name, values in [("times", times), ("positions", positions), ("torques", torques)]]
+    arrays = _record(times, positions, torques)
     known = None if inertia is None else float(numbers("inertia", [inertia])[0])
     if known is not None and known <= 0.0:
         raise ValueError(f"inertia is {known}, but must be above 0")
     fields, notes = _hapt.identify(arrays[0], arrays[1], arrays[2], known, bool(linear))
     return Identified(json.loads(fields), notes)
+
+
+def _record(times: ArrayLike, positions: ArrayLike, torques: ArrayLike) -> list[NDArray[np.float64]]:
+    return [numbers(name, values) for name, values in [("times", times), ("positions", positions), ("torques", torques)]]
 
 
 def measures() -> dict[str, str]:

@@ -1,9 +1,11 @@
 //! What is asked of a world without running it, what makes one, and the names that the package checks its own against.
 
+use std::sync::Arc;
+
 use hapt_analysis::equations::estimator::Filter;
 use hapt_analysis::impedance::rendered::columns;
 use hapt_analysis::{Continuous, Design, Discrete, Impedance, Slopes};
-use hapt_identify::{Known, Record};
+use hapt_identify::{Claims, Known, Record};
 use hapt_model::keys::{self, Takes};
 use hapt_model::{CouplingKind, Dimension, HandKind, Motion, World, parse_quantity};
 use hapt_sweep::Measure;
@@ -117,6 +119,31 @@ pub fn identify(
         })
         .collect();
     Ok((json.to_string(), warnings.into_iter().map(|warning| warning.to_string()).collect()))
+}
+
+/// Whether a record agrees with a world, as JSON.
+pub fn against(
+    py: Python<'_>,
+    world: Arc<World>,
+    times: &PyReadonlyArray1<'_, f64>,
+    positions: &PyReadonlyArray1<'_, f64>,
+    torques: &PyReadonlyArray1<'_, f64>,
+) -> PyResult<String> {
+    let [times, positions, torques] = [times, positions, torques].map(|array| array.as_array().to_vec());
+    let work = move |stop: &Stop| {
+        let record = Record::new(times, positions, torques).map_err(|error| error.to_string())?;
+        let claims = Claims::of(&world);
+        if let Some(own) = claims.other_period(&record) {
+            return Err(format!(
+                "times are {own} s apart, and loop.period is {} s: the record has to be one of this world's loop",
+                claims.period
+            ));
+        }
+        let is_linear = world.motion == Motion::Linear;
+        let found = hapt_identify::against_until(&record, &claims, is_linear, &|| stop.is_set());
+        found.transpose().map_err(|error| error.to_string())
+    };
+    Ok(interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?.json().to_string())
 }
 
 /// `(name, unit, meaning)` of every measure of a sweep; the unit of a rotary world.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread::Builder;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 use rayon::ThreadPoolBuilder;
@@ -59,7 +59,26 @@ pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce(&Stop)
     }
 }
 
-/// The same with threads of its own for what runs in parallel: a process that was forked has none of its parent's.
+/// Runs `work` on this thread, which spares short work the start of another. It gets a question to ask at least every few
+/// milliseconds: whether the call has been interrupted.
+///
+/// # Errors
+/// What a signal's handler raises.
+pub fn asking<T: Send>(py: Python<'_>, work: impl FnOnce(&mut dyn FnMut() -> bool) -> T + Send) -> PyResult<T> {
+    py.detach(|| {
+        let (mut next, mut raised) = (Instant::now() + LOOK, Ok(()));
+        let value = work(&mut || {
+            if raised.is_ok() && Instant::now() >= next {
+                raised = Python::attach(|py| py.check_signals());
+                next = Instant::now() + LOOK;
+            }
+            raised.is_err()
+        });
+        raised.map(|()| value)
+    })
+}
+
+/// The same as [`interruptible`] with threads of its own for what runs in parallel: a process that was forked has none of its parent's.
 pub fn in_parallel<T: Send + 'static>(
     py: Python<'_>,
     threads: usize,

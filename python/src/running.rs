@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use hapt_model::{Scenario, World};
 use hapt_sim::{DesktopLoop, DesktopState, VirtualDevice, script};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyOverflowError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use serde::Serialize;
@@ -36,6 +36,13 @@ impl Loop {
         self.measured = (sample.puck.position, sample.puck.velocity);
         sample.torque
     }
+
+    /// As [`hapt_sim::Row::is_finite`] asks of a run.
+    fn is_finite(&self, torque: f64) -> bool {
+        let bodies = self.state.now.position.iter().zip(&self.state.now.velocity).take(self.world.bodies.len());
+        let own = [torque, self.command, self.measured.0, self.measured.1];
+        own.iter().all(|x| x.is_finite()) && bodies.into_iter().all(|(w, v)| w.is_finite() && v.is_finite())
+    }
 }
 
 #[pymethods]
@@ -47,7 +54,13 @@ impl Loop {
         if let Some((name, value)) = input.iter().find(|(_, value)| !value.is_finite()) {
             return Err(PyValueError::new_err(format!("{name} is {value}, but must be a finite number")));
         }
-        Ok(self.sample(position, velocity))
+        let torque = self.sample(position, velocity);
+        if !self.is_finite(torque) {
+            return Err(PyOverflowError::new_err(
+                "the loop stops being finite at this sample: it has run away; reset() begins anew",
+            ));
+        }
+        Ok(torque)
     }
 
     /// Back to the world's initial state.
@@ -139,7 +152,13 @@ impl Device {
         }
         self.now.command(torque);
         self.now.travel();
-        Ok(self.now.puck())
+        let (position, velocity) = self.now.puck();
+        if !(position.is_finite() && velocity.is_finite()) {
+            return Err(PyOverflowError::new_err(
+                "the puck stops being finite in this period: it has run away; reset() begins anew",
+            ));
+        }
+        Ok((position, velocity))
     }
 
     /// Back to the beginning.

@@ -1,22 +1,25 @@
 //! A run as columns.
 
-use hapt_model::World;
+use hapt_model::{Scenario, World};
 use hapt_sim::{BODY_SIGNALS, Row, SIGNALS, Simulation, Summary, columns};
-use serde_json::{Value, json};
-
-use crate::interrupt::Stop;
 
 /// So many rows between two looks at whether the call has been interrupted.
 const CHUNK: u64 = 4096;
+/// So many rows go to their columns at once.
+const BLOCK: usize = 64;
 
 /// A run: its columns in the order of the CSV, its summary, and why it ended early.
-pub struct Columns {
+pub struct Run {
     /// The columns' names.
     pub names: Vec<String>,
     /// The columns, of equal lengths.
     pub values: Vec<Vec<f64>>,
+    /// The number of rows, which is no measured quantity.
+    pub rows: u64,
+    /// How many samples were beyond the motor's limit.
+    pub clipped: u64,
     /// The numbers that `hapt sim` prints.
-    pub summary: Value,
+    pub summary: [(&'static str, Option<f64>); 10],
     /// Why the run stops before its end.
     pub ended: Option<String>,
 }
@@ -29,15 +32,12 @@ pub enum Failure {
     Memory(u64),
 }
 
-/// Takes the scenario `name` to its end.
-pub fn simulate(world: &World, name: &str, stop: &Stop) -> Result<Columns, Failure> {
-    let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
-    let scenario = world.scenario(name).map_err(|error| input(&error))?;
-    let scenario = hapt_analysis::with_worst_pattern(world, scenario).map_err(|error| input(&error))?;
-    let mut run = Simulation::new(world, &scenario).map_err(|error| input(&error))?;
+/// Takes a scenario to its end, or to where `is_over` holds.
+pub fn simulate(world: &World, scenario: &Scenario, is_over: &mut dyn FnMut() -> bool) -> Result<Run, Failure> {
+    let mut run = Simulation::new(world, scenario).map_err(|error| Failure::Input(error.to_string()))?;
     let names: Vec<String> = columns(world).into_iter().map(|column| column.name).collect();
     let bytes = run.rows().saturating_mul(8 * names.len() as u64);
-    let mut values = room(run.rows(), names.len()).ok_or(Failure::Memory(bytes))?;
+    let mut table = Table::with_room(run.rows(), names.len()).ok_or(Failure::Memory(bytes))?;
     let mut summary = Summary::new(world, &run);
     let mut ended = None;
     let mut left = CHUNK;
@@ -45,57 +45,85 @@ pub fn simulate(world: &World, name: &str, stop: &Stop) -> Result<Columns, Failu
         match row {
             Ok(row) => {
                 summary.add(row);
-                push(&mut values, row);
+                table.add(row);
             }
             Err(error) => ended = Some(error.to_string()),
         }
         left -= 1;
         if left == 0 {
             left = CHUNK;
-            if stop.is_set() {
+            if is_over() {
                 break;
             }
         }
     }
     let ledger = summary.ledger;
-    let summary = json!({
-        "rows": summary.rows,
-        "peak_torque": summary.peak_torque,
-        "peak_time_s": summary.peak_time,
-        "clipped": summary.clipped,
-        "first_clipped_s": summary.first_clipped.map(|(_, time)| time),
-        "final_energy": summary.final_energy(),
-        "growth_per_s": summary.fitted_growth(),
-        "hand_energy": ledger.hand,
-        "motor_energy": ledger.motor,
-        "damping_energy": ledger.damping,
-        "friction_energy": ledger.friction,
-        "shaft_energy": ledger.shaft,
-    });
-    Ok(Columns { names, values, summary, ended })
+    let numbers = [
+        ("peak_torque", Some(summary.peak_torque)),
+        ("peak_time_s", Some(summary.peak_time)),
+        ("first_clipped_s", summary.first_clipped.map(|(_, time)| time)),
+        ("final_energy", Some(summary.final_energy())),
+        ("growth_per_s", summary.fitted_growth()),
+        ("hand_energy", Some(ledger.hand)),
+        ("motor_energy", Some(ledger.motor)),
+        ("damping_energy", Some(ledger.damping)),
+        ("friction_energy", Some(ledger.friction)),
+        ("shaft_energy", Some(ledger.shaft)),
+    ];
+    let (rows, clipped) = (summary.rows, summary.clipped);
+    Ok(Run { names, values: table.finish(), rows, clipped, summary: numbers, ended })
 }
 
-/// Columns with room for all rows; `None` where there is not so much memory, for all of them together.
-fn room(rows: u64, columns: usize) -> Option<Vec<Vec<f64>>> {
-    let rows = usize::try_from(rows).ok()?;
-    let mut whole = Vec::<f64>::new();
-    whole.try_reserve_exact(rows.checked_mul(columns)?).ok()?;
-    drop(whole);
-    let column = || {
-        let mut column = Vec::new();
-        column.try_reserve_exact(rows).ok()?;
-        Some(column)
-    };
-    (0..columns).map(|_| column()).collect()
+/// Columns that grow by a block of rows at a time.
+struct Table {
+    columns: Vec<Vec<f64>>,
+    /// The rows that are not in the columns yet, column by column.
+    block: Vec<[f64; BLOCK]>,
+    filled: usize,
 }
 
-fn push(values: &mut [Vec<f64>], row: &Row) {
-    let (own, pairs) = values.split_at_mut(SIGNALS.len());
-    for (column, signal) in own.iter_mut().zip(&SIGNALS) {
-        column.push((signal.get)(row));
+impl Table {
+    /// With room for all rows; `None` where there is not so much memory, for all columns together.
+    fn with_room(rows: u64, columns: usize) -> Option<Self> {
+        let rows = usize::try_from(rows).ok()?;
+        let mut whole = Vec::<f64>::new();
+        whole.try_reserve_exact(rows.checked_mul(columns)?).ok()?;
+        drop(whole);
+        let column = || {
+            let mut column = Vec::new();
+            column.try_reserve_exact(rows).ok()?;
+            Some(column)
+        };
+        let all: Option<Vec<_>> = (0..columns).map(|_| column()).collect();
+        Some(Table { columns: all?, block: vec![[0.0; BLOCK]; columns], filled: 0 })
     }
-    for (pair, (position, velocity)) in pairs.chunks_exact_mut(BODY_SIGNALS.len()).zip(row.pairs()) {
-        pair[0].push(position);
-        pair[1].push(velocity);
+
+    #[inline]
+    fn add(&mut self, row: &Row) {
+        let (own, pairs) = self.block.split_at_mut(SIGNALS.len());
+        let place = self.filled;
+        for (column, value) in own.iter_mut().zip(SIGNALS.map(|signal| (signal.get)(row))) {
+            column[place] = value;
+        }
+        for (pair, (position, velocity)) in pairs.chunks_exact_mut(BODY_SIGNALS.len()).zip(row.pairs()) {
+            pair[0][place] = position;
+            pair[1][place] = velocity;
+        }
+        self.filled += 1;
+        if self.filled == BLOCK {
+            self.empty_block();
+        }
+    }
+
+    fn empty_block(&mut self) {
+        for (column, block) in self.columns.iter_mut().zip(&self.block) {
+            column.extend_from_slice(&block[..self.filled]);
+        }
+        self.filled = 0;
+    }
+
+    fn finish(mut self) -> Vec<Vec<f64>> {
+        self.empty_block();
+        self.columns
     }
 }

@@ -1,19 +1,20 @@
 //! Worlds: read, changed, asked.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use hapt_analysis::Slopes;
-use hapt_model::{Source, World as Model};
-use numpy::IntoPyArray;
+use hapt_model::{Scenario, Source, Timing, World as Model};
+use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::exceptions::{PyKeyError, PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 use crate::analyses;
 use crate::error::{internal, of_sweep, of_world, value};
-use crate::interrupt::{Stop, in_parallel, interruptible, unwanted};
+use crate::interrupt::{Stop, asking, in_parallel, interruptible, unwanted};
 use crate::running::{Device, Loop};
 use crate::simulate::{Failure, simulate};
 use crate::sweep::Sweep;
@@ -58,6 +59,17 @@ impl World {
     fn new(py: Python<'_>, source: Source, sets: Vec<String>) -> PyResult<World> {
         let model = Model::read(&source, &sets).map_err(|error| of_world(py, error, "set"))?;
         Ok(World { source, sets, model: Arc::new(model) })
+    }
+
+    /// A scenario as it runs. The search for the worst pattern of its samples may take long.
+    fn played<'a>(&self, py: Python<'_>, scenario: &'a Scenario) -> PyResult<Cow<'a, Scenario>> {
+        if scenario.timing != Timing::Worst {
+            return Ok(Cow::Borrowed(scenario));
+        }
+        let (model, searched) = (Arc::clone(&self.model), scenario.clone());
+        let work = move || hapt_analysis::with_worst_pattern(&model, &searched).map(Cow::into_owned);
+        let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);
+        Ok(Cow::Owned(interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)?))
     }
 
     /// What `self` is called.
@@ -132,11 +144,16 @@ impl World {
         self.model.scenarios.iter().map(|scenario| scenario.name.clone()).collect()
     }
 
-    /// `(columns, summary as JSON, why it ended early)` of a run.
-    fn simulate<'py>(&self, py: Python<'py>, name: String) -> PyResult<(Bound<'py, PyDict>, String, Option<String>)> {
-        let model = Arc::clone(&self.model);
-        model.scenario(&name).map_err(|error| of_world(py, error, "simulate"))?;
-        let run = interruptible(py, move |stop| simulate(&model, &name, stop))?;
+    /// `(columns, summary, why it ended early)` of a run.
+    #[allow(clippy::type_complexity)] // A tuple of mappings for Python to name.
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        name: String,
+    ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Option<String>)> {
+        let scenario = self.model.scenario(&name).map_err(|error| of_world(py, error, "simulate"))?;
+        let played = self.played(py, scenario)?;
+        let run = asking(py, |is_over| simulate(&self.model, &played, is_over))?;
         let run = run.map_err(|failure| match failure {
             Failure::Input(message) => value(message),
             Failure::Memory(bytes) => PyMemoryError::new_err(format!(
@@ -144,11 +161,16 @@ impl World {
                 bytes as f64 / f64::from(1 << 30)
             )),
         })?;
-        let columns = PyDict::new(py);
+        let (columns, summary) = (PyDict::new(py), PyDict::new(py));
         for (name, values) in run.names.into_iter().zip(run.values) {
             columns.set_item(name, values.into_pyarray(py))?;
         }
-        Ok((columns, run.summary.to_string(), run.ended))
+        summary.set_item("rows", run.rows)?;
+        summary.set_item("clipped", run.clipped)?;
+        for (name, value) in run.summary {
+            summary.set_item(name, value)?;
+        }
+        Ok((columns, summary, run.ended))
     }
 
     /// `(JSON, text)` of the check.
@@ -231,6 +253,17 @@ impl World {
         Ok((json.map_err(internal)?, worst.motion.is_none().then(|| shown.to_toml())))
     }
 
+    /// Whether a record agrees with the world, as JSON.
+    fn against(
+        &self,
+        py: Python<'_>,
+        times: PyReadonlyArray1<'_, f64>,
+        positions: PyReadonlyArray1<'_, f64>,
+        torques: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<String> {
+        analyses::against(py, Arc::clone(&self.model), &times, &positions, &torques)
+    }
+
     /// A grid of this world; each axis its key and values in SI.
     fn sweep(
         &self,
@@ -251,7 +284,7 @@ impl World {
     fn device(&self, py: Python<'_>, scenario: Option<&str>) -> PyResult<Device> {
         let scenario = scenario.map(|name| self.model.scenario(name)).transpose();
         let scenario = scenario.map_err(|error| of_world(py, error, "device"))?;
-        if let Some(scenario) = scenario.filter(|scenario| scenario.timing != hapt_model::Timing::Even) {
+        if let Some(scenario) = scenario.filter(|scenario| scenario.timing != Timing::Even) {
             let name = &scenario.name;
             return Err(PyValueError::new_err(format!(
                 "scenario {name:?} has a timing, and step() takes a period each; simulate() plays it as it is"

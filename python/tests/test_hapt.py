@@ -9,7 +9,7 @@ import pickle
 import pathlib
 import shutil
 import zipfile
-from typing import Any
+from typing import Any, Optional
 
 import hapt
 import numpy as np
@@ -238,8 +238,31 @@ def test_the_loop_and_the_device_together_are_a_run(world: hapt.World) -> None:
             loop.step(wrong)
         with pytest.raises(ValueError):
             device.step(wrong)
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match="position"):
         loop.step("1")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="torque"):
+        device.step("1")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("limit", [None, 0.8])
+def test_a_loop_that_runs_away_raises_as_a_run_ends(world: hapt.World, limit: Optional[float]) -> None:
+    far = world if limit is None else world.set("device.limit", limit)
+    loop = far.loop()
+    with pytest.raises(OverflowError, match="finite"):
+        loop.step(1e308)  # 2 N·m/rad · 1e308 rad: no number has room for it, whatever the motor's limit is.
+    loop.reset()
+    assert loop.step(1e300) == -2e300 and loop.command == (-2e300 if limit is None else -limit)
+    device = far.device()
+    with pytest.raises(OverflowError, match="finite"):
+        for _ in range(3):
+            device.step(1e308)
+    device.reset()
+    assert device.step(0.0) == (0.0, 0.0)
+
+
+def test_a_wrong_choice_is_named(world: hapt.World) -> None:
+    with pytest.raises(TypeError, match="remedies"):
+        world.check(1)  # type: ignore[arg-type]
 
 
 def test_a_handle_on_a_shaft_has_columns_and_a_motion_of_its_own(world: hapt.World) -> None:
@@ -304,6 +327,15 @@ def test_a_record_gives_the_device_back(world: hapt.World) -> None:
     noisy = np.array(positions) + np.random.default_rng(1).normal(0, 1e-4, len(k))
     found = hapt.identify(k * 1e-3, noisy, torques)
     assert found["inertia"]["low"] < 6.4e-4 < found["inertia"]["high"]
+    record = k * 1e-3, noisy, torques
+    assert world.against(*record)
+    for key, value, name in [("device.inertia", 7e-4, "inertia"), ("device.damping", 2e-3, "damping"), ("loop.delay", 4e-4, "delay")]:
+        other = world.set(key, value).against(*record)
+        wrong = {number["name"]: number for number in other["numbers"] if number["verdict"] == "contradicts"}
+        assert not other and not other["agrees"] and wrong[name]["sigmas"] > 4
+        assert wrong[name]["file"] == {"low": value, "high": value}
+    with pytest.raises(ValueError, match="loop.period"):
+        world.set("loop.period", "2 ms").against(*record)
     with pytest.raises(ValueError, match="finite"):
         hapt.identify(k * 1e-3, np.full(3000, np.nan), torques)
     with pytest.raises(ValueError):

@@ -53,9 +53,13 @@ def impedance():
     chain.impedance(points=100_000)
 def design():
     hapt.design("45 deg", "800 N mm", "1 Hz")
-def identify():  # No puck explains it, so that every start is tried.
+def record():  # No puck explains it, so that every start is tried.
     k = np.arange(1_000_000)
-    hapt.identify(1e-3 * k, np.sin(1e-3 * k) + 0.1 * np.sin(7e-3 * k), np.where(k // 170 % 2 == 0, 0.05, -0.04))
+    return 1e-3 * k, np.sin(1e-3 * k) + 0.1 * np.sin(7e-3 * k), np.where(k // 170 % 2 == 0, 0.05, -0.04)
+def identify():
+    hapt.identify(*record())
+def against():
+    world.against(*record())
 
 def computing():
     names = [task / "comm" for task in pathlib.Path("/proc/self/task").iterdir()]
@@ -74,7 +78,7 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="no signal can be sent to one process alone")
-@pytest.mark.parametrize("call", ["check", "simulate", "sweep", "boundary", "worst", "impedance", "design", "identify"])
+@pytest.mark.parametrize("call", ["check", "simulate", "sweep", "boundary", "worst", "impedance", "design", "identify", "against"])
 def test_ctrl_c_ends_every_long_call_and_its_work(call: str) -> None:
     # A shell's background job ignores the signal, and Python then installs no handler.
     heeds = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"

@@ -11,7 +11,7 @@ use crate::tools;
 const TARGETS: [&str; 2] = ["aarch64-apple-darwin", "x86_64-apple-darwin"];
 /// The program and the library of FMUs, with all that they are made of.
 const PACKAGES: [&str; 4] = ["-p", "hapt", "-p", "hapt-fmi"];
-/// Apple's frameworks that the program needs, as lists of their names: enough for a linker.
+/// Apple's frameworks that a linker asks for, as lists of their names.
 const FRAMEWORKS: &str = "xtask/macos";
 
 pub fn holds() -> Result<()> {
@@ -24,7 +24,7 @@ pub fn holds() -> Result<()> {
 
         let mut link = Command::new(absolute(environment.join("bin/cargo-zigbuild"))?);
         link.args(["zigbuild", "--quiet", "--profile", PROFILE, "--target", target]).args(PACKAGES);
-        link.env("RUSTFLAGS", format!("-Clink-arg=-F{}", absolute(FRAMEWORKS)?.display()));
+        link.env("RUSTFLAGS", frameworks()?);
         link.env("PATH", tools::path_with(&environment.join("bin"))?);
         ensure!(link.status()?.success(), "links for {target}");
         for file in ["hapt", "libhapt_fmi.dylib"] {
@@ -35,4 +35,9 @@ pub fn holds() -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// What rustc's linker is told, for zig has Apple's C library alone.
+pub fn frameworks() -> Result<String> {
+    Ok(format!("-Clink-arg=-F{}", absolute(FRAMEWORKS)?.display()))
 }

@@ -18,6 +18,8 @@ const SURELY: f64 = 5.0;
 const HALF: f64 = 1.959_964;
 /// A number is told by a record whose interval reaches no farther than this part of the number on either side, or than its tolerance.
 const TOLD: f64 = 0.2;
+/// A record whose samples come this part more often or more seldom than the world's is another loop's.
+const PERIOD: f64 = 0.05;
 /// A friction of 0 counts as this part of the record's largest torque, and so does a damping of 0 at the record's speeds.
 const SMALL: f64 = 0.05;
 
@@ -112,6 +114,13 @@ impl Claims {
             delay: [world.sampling.delay_s(), world.sampling.delay_max_s()],
             period: world.sampling.period,
         }
+    }
+
+    /// The time between two samples of a record, the median in s, where it is not the loop's: the record is of another one.
+    pub fn other_period(&self, record: &Record) -> Option<f64> {
+        let mut apart: Vec<f64> = record.times().windows(2).map(|pair| pair[1] - pair[0]).collect();
+        apart.sort_by(f64::total_cmp);
+        apart.get(apart.len() / 2).copied().filter(|own| (own / self.period - 1.0).abs() > PERIOD)
     }
 }
 

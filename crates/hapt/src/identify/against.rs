@@ -14,16 +14,14 @@ use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
 
-/// A record whose samples come this part more often or more seldom than the world's is another loop's.
-const PERIOD: f64 = 0.05;
-
 pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
     let (Some(path), Some(world)) = (&args.against, &given.world) else {
         return Err(Failure::input("--against needs a world"));
     };
     let file = path.display().to_string();
-    is_of(given, world, &file)?;
-    let found = against(&given.record, &Claims::of(world), given.motion == Motion::Linear)
+    let claims = Claims::of(world);
+    is_of(given, world, &claims, &file)?;
+    let found = against(&given.record, &claims, given.motion == Motion::Linear)
         .map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
     written([plot(args, given, &Drawn::of_best(given, &found))?])?;
     let text = if args.json {
@@ -37,7 +35,7 @@ pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
 }
 
 /// Whether the record can be one of the world's loop.
-fn is_of(given: &Given, world: &World, file: &str) -> Result<(), Failure> {
+fn is_of(given: &Given, world: &World, claims: &Claims, file: &str) -> Result<(), Failure> {
     let name = &given.name;
     if given.motion != world.motion {
         let word = |motion| if motion == Motion::Linear { "moves along a line" } else { "turns" };
@@ -47,14 +45,11 @@ fn is_of(given: &Given, world: &World, file: &str) -> Result<(), Failure> {
             word(world.motion)
         )));
     }
-    let mut apart: Vec<f64> = given.record.times().windows(2).map(|pair| pair[1] - pair[0]).collect();
-    apart.sort_by(f64::total_cmp);
-    let (own, period) = (apart[apart.len() / 2], world.sampling.period);
-    if (own / period - 1.0).abs() > PERIOD {
+    if let Some(own) = claims.other_period(&given.record) {
         return Err(Failure::input(format!(
             "{name}: its samples are {} apart, and loop.period of {file} is {}; pass the world that ran, or --set loop.period={}",
             format::time(own),
-            format::time(period),
+            format::time(claims.period),
             format::time(own).replace(' ', "")
         )));
     }
