@@ -105,7 +105,7 @@ times, results = in_turns(
 )
 print("### The package beside the crates\n")
 load = f"; {os.getloadavg()[0]:.0f} processes wanted to run on {os.cpu_count()} cores meanwhile" if hasattr(os, "getloadavg") else ""
-print(f"In turns, {ROUNDS} rounds{load}: only the ratios mean something. `Loop.step` of one body; the run of 10 s with all columns as arrays, in Python with the summary and on a thread of its own; a sweep of 10⁶ held loops beside the whole command with its file.\n")
+print(f"In turns, {ROUNDS} rounds{load}: only the ratios mean something. `Loop.step` of one body; the run of 10 s with all columns as arrays, in Python with the summary; a sweep of 10⁶ held loops beside the whole command with its file.\n")
 print("| | package | crates | | goal | |\n| --- | --- | --- | --- | --- | --- |")
 over = 1e6 * np.subtract(times["step"], times["step, core"])
 text, middle = quartiles(over)

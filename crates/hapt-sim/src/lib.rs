@@ -46,6 +46,7 @@ mod batch;
 mod control;
 mod csv;
 mod energy;
+mod growth;
 mod row;
 mod run;
 mod schedule;

@@ -237,6 +237,29 @@ fn growth_fitted_to_a_run_is_the_growth_predicted() {
     }
 }
 
+/// Energies from 1 to far beyond the largest number squared, and from 1 to rounding: every block's product stays one.
+#[test]
+fn growth_is_fitted_over_hundreds_of_digits() {
+    for (method, period, duration) in
+        [(Method::ForwardEuler, 0.2, 140.0), (Method::ForwardEuler, 1e-2, 100.0), (Method::BackwardEuler, 1e-2, 100.0)]
+    {
+        let mut world = common::wheel(method, Output::End);
+        world.sampling.period = period;
+        let scenario = scenario(duration, step(0.7, 0.0), None);
+        let mut run = Simulation::new(&world, &scenario).unwrap();
+        let mut summary = hapt_sim::Summary::new(&world, &run);
+        while let Some(row) = run.next() {
+            summary.add(row.unwrap());
+        }
+        // |1 ± i ωT|: ln(1 + ω²T²)/2T.
+        let turn = period * (common::STIFFNESS / common::INERTIA).sqrt();
+        let sign = if method == Method::ForwardEuler { 1.0 } else { -1.0 };
+        let growth = sign * (turn * turn).ln_1p() / (2.0 * period);
+        let fitted = summary.fitted_growth().unwrap();
+        assert!((fitted - growth).abs() < 1e-6 * growth.abs(), "{}: {fitted} {growth}", method.name());
+    }
+}
+
 #[test]
 fn at_rest_on_the_device_nothing_stirs() {
     for row in rows(&bare(), &scenario(0.1, Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), None)) {
