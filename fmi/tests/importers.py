@@ -1,6 +1,6 @@
 """Importers judge the FMUs that hapt exports: python importers.py HAPT FOLDER.
 
-FMPy validates and simulates both versions against `hapt sim`; libcosim runs two FMUs that drive each other; pathsim-fmi runs one.
+FMPy validates and simulates both versions against `hapt sim` and against stored results; libcosim runs two FMUs that drive each other; pathsim-fmi runs one.
 """
 
 import csv
@@ -14,6 +14,7 @@ import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
+from fmpy.util import read_csv, read_ref_opt_file
 from fmpy.validation import validate_fmu
 from libcosimpy.CosimEnums import CosimVariableType
 from libcosimpy.CosimExecution import CosimExecution
@@ -100,6 +101,25 @@ class Slave:
         self.fmu.terminate()
         self.fmu.freeInstance()
         shutil.rmtree(self.folder)
+
+
+def referenced(world):
+    """An importer's own simulation, with the input and the options that are stored beside the world, gives the stored results."""
+    beside = lambda ending: str(world.with_name(world.stem + ending))  # noqa: E731
+    options, given, stored = read_ref_opt_file(beside("_ref.opt")), read_csv(beside("_in.csv")), read_csv(beside("_ref.csv"))
+    for fmi in (2, 3):
+        result = fmpy.simulate_fmu(
+            exported(world, f"reference-{world.stem}", fmi, "--whole"),
+            start_time=options["StartTime"],
+            stop_time=options["StopTime"],
+            step_size=options["StepSize"],
+            output_interval=options["OutputInterval"],
+            input=given,
+        )
+        assert len(result) == len(stored) > 2, (world, len(result), len(stored))
+        for name in stored.dtype.names:
+            most = options["RelTol"] * max(1.0, np.max(np.abs(stored[name])))
+            assert np.max(np.abs(result[name] - stored[name])) <= most, (world, fmi, name)
 
 
 def signal(times, columns):
@@ -260,6 +280,8 @@ def main():
         scenario = file.read_text().split("[scenarios.")[1].split("]")[0]
         for fmi in (2, 3):
             alone(file, scenario, file.stem, fmi)
+    for file in sorted(Path("fmi/reference").glob("*.toml")):
+        referenced(file)
     wheel = FOLDER / "default.toml"
     changed(wheel)
     coupled(wheel)

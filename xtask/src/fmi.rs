@@ -1,5 +1,7 @@
 //! FMUs: their library needs no other one and exports the standard's functions alone; importers of others judge them.
 
+mod reference;
+
 use std::path::Path;
 use std::process::Command;
 
@@ -11,12 +13,15 @@ use crate::{test, tools};
 const LIBRARIES: [&str; 5] =
     ["libc.so.6", "libm.so.6", "libgcc_s.so.1", "ld-linux-x86-64.so.2", "ld-linux-aarch64.so.1"];
 
+pub use reference::write;
+
 /// In the environment that [`tools::installed`] makes; without it the importers are skipped.
 pub fn holds() -> Result<()> {
     let hapt = test::program("hapt")?.get_program().to_os_string();
     if cfg!(target_os = "linux") {
         stands_alone(&test::target().join(test::PROFILE).join("deps/libhapt_fmi.so"))?;
     }
+    reference::is_current()?;
     let Some(environment) = tools::environment("fmi") else {
         println!("        (importers skipped: no environment of Python; CI=1 installs it)");
         return Ok(());

@@ -58,7 +58,7 @@ cargo xtask guest     the drives on a CAN bus, in an emulated machine; with a li
 cargo xtask fuzz      [--seconds N] random bytes, on stable; --minutes N with libFuzzer; targets by their names, `commands` among them:
                       whole commands on random worlds
 cargo xtask python    the Python package: its tests, examples and types
-cargo xtask fmi       the FMU's library, and FMUs in FMPy, libcosim and pathsim
+cargo xtask fmi       the FMU's library, and FMUs in FMPy, libcosim and pathsim; --write: the reference results of fmi/reference
 cargo xtask windows   the command line for Windows, cross-compiled, under Wine: its tests, every world's bytes, Ctrl-C, an FMU
 cargo xtask macos     the command line for macOS: lints and links for both processors; nothing is run
 cargo xtask packages  what is installed: [wheels [TARGET]|debian|crates], all of them without a word
@@ -85,6 +85,7 @@ fn main() -> Result<()> {
         ["page"] => page::build(),
         ["python"] => python::holds(),
         ["fmi"] => fmi::holds(),
+        ["fmi", "--write"] => fmi::write(),
         ["windows"] => windows::holds(),
         ["macos"] => macos::holds(),
         ["packages", ..] => packages::command(&arguments[1..]),

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::{test, tools};
+use crate::{macos, test, tools};
 
 /// The wheels: the target, and what maturin is told of it. zig links for an old glibc, and for macOS.
 const WHEELS: [(&str, &[&str]); 4] = [
@@ -62,6 +62,9 @@ fn wheels(wanted: &[(&str, &[&str])]) -> Result<()> {
         maturin.args(["-m", "maturin", "build", "--quiet", "--target", target, "--out"]).arg(&out).args(*options);
         // Where zig is: the environment's own.
         maturin.env("PATH", tools::path_with(&environment.join("bin"))?);
+        if target.contains("apple") {
+            maturin.env("RUSTFLAGS", macos::frameworks()?);
+        }
         done(&mut maturin)?;
         let wheel = only(&out)?;
         println!("{}", wheel.display());
