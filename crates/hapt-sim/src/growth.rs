@@ -123,9 +123,8 @@ impl Growth {
         let (x, y) = (block.times / rows, 0.5 * block.logarithm() / rows);
         self.all.add(x, y, 1.0, block.rows);
         if index > self.half {
-            // Smooth at its ends, as the fourth power of a sine would be.
             let place = (block.indices / rows - self.half as f64) / (self.rows - self.half) as f64;
-            self.late.add(x, y, (4.0 * place * (1.0 - place)).powi(4), block.rows);
+            self.late.add(x, y, (std::f64::consts::PI * place).sin().powi(4), block.rows);
         }
     }
 }
