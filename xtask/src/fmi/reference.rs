@@ -73,8 +73,8 @@ fn output(world: &World, scenario: &Scenario) -> Result<String> {
         let row = row?;
         if k % every == 0 {
             let own = SIGNALS.iter().map(|signal| (signal.get)(row));
-            let bodies = row.bodies.iter().flat_map(|(position, velocity)| [*position, *velocity]);
-            csv.write_numbers(&own.chain(bodies).collect::<Vec<f64>>())?;
+            let pairs = row.pairs().flat_map(|(position, velocity)| [position, velocity]);
+            csv.write_numbers(&own.chain(pairs).collect::<Vec<f64>>())?;
         }
         k += 1;
     }
