@@ -266,7 +266,7 @@ def test_a_wrong_choice_is_named(world: hapt.World) -> None:
 
 
 def test_a_handle_on_a_shaft_has_columns_and_a_motion_of_its_own(world: hapt.World) -> None:
-    shaft = world.set({"device.handle.inertia": "2e-4 kg m^2", "device.handle.stiffness": "20 N m/rad"})
+    shaft = hapt.load(WALL + '[device.handle]\ninertia = "2e-4 kg m^2"\nstiffness = "20 N m/rad"\n')
     run = shaft.simulate()
     assert "handle_rad" not in world.simulate() and np.any(run["handle_rad"] != run["puck_rad"])
     loop, device = shaft.loop(), shaft.device("step")
