@@ -13,6 +13,8 @@ pub struct LargeResidual {
     pub counts: Option<f64>,
     /// A torque that depends on the position, where that explains most of them.
     pub position: Option<PositionTorque>,
+    /// A clear line in their spectrum, in Hz, where no such torque explains them.
+    pub resonance_hz: Option<f64>,
 }
 
 impl fmt::Display for LargeResidual {
@@ -26,6 +28,12 @@ impl fmt::Display for LargeResidual {
             None => write!(f, "{:.3e} rms", self.rms)?,
         }
         write!(f, ", more than independent noise, and no interval would be valid; ")?;
+        if let (None, Some(hz)) = (self.position, self.resonance_hz) {
+            return write!(
+                f,
+                "a line at {hz:.1} Hz stands out of them, as of a handle on a flexible shaft, which hapt identify --handle fits"
+            );
+        }
         match self.position.map(|position| position.times_a_turn) {
             None => write!(
                 f,
@@ -107,6 +115,14 @@ pub enum Error {
     /// The residuals are larger than counts and noise.
     #[error("{0}")]
     Residual(LargeResidual),
+    /// Samples at uneven times, where they have to be even.
+    #[error(
+        "sample {sample}: a handle is fitted to even samples, and these are not: their intervals differ by more than 2 %"
+    )]
+    Uneven {
+        /// From 0.
+        sample: usize,
+    },
     /// The columns of a table.
     #[error("{0}")]
     Columns(String),

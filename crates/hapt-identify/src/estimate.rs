@@ -6,6 +6,7 @@ use crate::bound::Bounded;
 use crate::counts::lattice;
 use crate::explained::explained;
 use crate::fit::{Fit, Free, fit};
+use crate::handle::resonance;
 use crate::identified::{Identified, Known, PositionTorque, Residual};
 use crate::intervals::{Intervals, separates_offset};
 use crate::lag::Lag;
@@ -146,9 +147,11 @@ fn blamed(record: &Record, known: &Known, fit: &Fit) -> Option<PositionTorque> {
 }
 
 fn large(record: &Record, known: &Known, best: &Fit) -> Error {
-    let rms = residual(&left(record, best)).rms;
+    let left = left(record, best);
+    let rms = residual(&left).rms;
     let counts = lattice(record.positions()).map(|lattice| rms / lattice.step);
-    Error::Residual(LargeResidual { rms, counts, position: blamed(record, known, best) })
+    let resonance_hz = resonance(record, &left);
+    Error::Residual(LargeResidual { rms, counts, position: blamed(record, known, best), resonance_hz })
 }
 
 /// Where a fit explains nothing of the motion.
@@ -218,7 +221,7 @@ fn around(record: &Watched<'_>, best: &Fit, part: f64) -> Fit {
 }
 
 /// The fit over all of the record that can be used, with a constant torque where it shows.
-fn best(record: &Watched<'_>, starts: &[Puck]) -> Option<Fit> {
+pub(crate) fn best(record: &Watched<'_>, starts: &[Puck]) -> Option<Fit> {
     let is_driven = record.is_driven();
     let with = |offset: bool| {
         let free = free(record, offset);
@@ -283,7 +286,7 @@ fn fitted(record: &Record, puck: &Puck, first: usize) -> Vec<f64> {
     fitted
 }
 
-fn variance(values: &[f64]) -> f64 {
+pub(crate) fn variance(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / values.len() as f64
 }

@@ -128,6 +128,14 @@ impl VirtualDevice {
         }
     }
 
+    /// Moves puck and handle to `position` in rad (linear: m), both with `velocity` in rad/s (m/s), on an unloaded shaft.
+    pub fn set_out(&mut self, position: f64, velocity: f64) {
+        (self.puck.position, self.puck.velocity) = (position, velocity);
+        if let Some(shaft) = &mut self.shaft {
+            (shaft.deflection, shaft.velocity) = (0.0, velocity);
+        }
+    }
+
     /// Reserves memory for the motor's delay line (up to 65 536 commands), for a thread that must not allocate.
     pub fn reserve(&mut self) {
         self.motor.reserve();

@@ -4,4 +4,5 @@ mod against;
 mod bounds;
 mod device;
 mod disturbed;
+mod handle;
 mod rig;

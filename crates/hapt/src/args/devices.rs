@@ -65,6 +65,9 @@ pub struct IdentifyArgs {
     /// A known inertia; the motor's gain is then estimated in its place.
     #[arg(long, value_name = "Q")]
     pub inertia: Option<String>,
+    /// Fit a handle on a flexible shaft too: its inertia, the shaft's stiffness and damping.
+    #[arg(long, conflicts_with_all = ["world", "against", "write", "inertia", "coast", "plot"])]
+    pub handle: bool,
     /// Counts a revolution, for positions in counts.
     #[arg(long, value_name = "N")]
     pub counts: Option<f64>,

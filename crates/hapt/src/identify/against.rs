@@ -19,6 +19,12 @@ pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
         return Err(Failure::input("--against needs a world"));
     };
     let file = path.display().to_string();
+    if world.device.handle.is_some() {
+        return Err(Failure::input(format!(
+            "{file}: its device has a handle on a shaft, which this comparison does not fit; hapt identify {} --handle gives the record's numbers",
+            given.name
+        )));
+    }
     let claims = Claims::of(world);
     is_of(given, world, &claims, &file)?;
     let found = against(&given.record, &claims, given.motion == Motion::Linear)

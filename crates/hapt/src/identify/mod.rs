@@ -3,6 +3,7 @@
 mod against;
 mod figure;
 mod guided;
+mod handle;
 mod input;
 mod print;
 
@@ -58,6 +59,9 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
         },
         None => input::read(args, world)?,
     };
+    if args.handle {
+        return handle::run(args, &given);
+    }
     if args.against.is_some() {
         return against::run(args, &given);
     }

@@ -1,0 +1,59 @@
+//! `hapt identify --handle`: a device whose handle is on a flexible shaft.
+
+use std::fmt::Write as _;
+use std::io::{Write, stdout};
+use std::process::ExitCode;
+
+use hapt_identify::{Interval, WithHandle, identify_handle};
+use hapt_model::Motion;
+use serde_json::{Value, json};
+
+use super::Given;
+use super::print::{effort, sized, units};
+use crate::args::IdentifyArgs;
+use crate::failure::Failure;
+use crate::format;
+
+pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
+    let found = identify_handle(&given.record).map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
+    let text = if args.json { in_json(&found)? } else { text(given, &found) };
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn in_json(found: &WithHandle) -> Result<String, Failure> {
+    let value = |x: Interval| json!({ "value": x.value, "low": x.low, "high": x.high });
+    let mut all: serde_json::Map<String, Value> =
+        found.named().into_iter().map(|(name, interval)| (name.to_string(), value(interval))).collect();
+    all.insert("resonance_hz".into(), json!(found.resonance_hz));
+    let text = serde_json::to_string_pretty(&all).map_err(|error| Failure::System(error.to_string()))?;
+    Ok(text + "\n")
+}
+
+fn text(given: &Given, found: &WithHandle) -> String {
+    let [inertia, damping] = units(given.motion);
+    let (effort, per_si) = effort(given.motion);
+    let stiffness = if given.motion == Motion::Linear { "N/m" } else { "N m/rad" };
+    let mut text = format!("{}: a device with a handle on a shaft\n\n", given.name);
+    let mut line = |name: &str, words: String| {
+        let _ = writeln!(text, "{name:<16} {words}");
+    };
+    line("inertia", sized(found.inertia, 1.0, &inertia));
+    line("damping", sized(found.damping, 1.0, &damping));
+    line("friction", sized(found.friction, per_si, effort));
+    line("delay", sized(found.delay, 1e3, "ms"));
+    line("handle inertia", sized(found.handle_inertia, 1.0, &inertia));
+    line("shaft stiffness", sized(found.stiffness, 1.0, stiffness));
+    line("shaft damping", sized(found.shaft_damping, 1.0, &damping));
+    line("resonance", format!("{} Hz, of both on the shaft, hands-off", format::number(found.resonance_hz)));
+    let Interval { value, .. } = found.handle_inertia;
+    let _ = write!(
+        text,
+        "\n[device.handle]\ninertia   = \"{} {inertia}\"\nstiffness = \"{} {stiffness}\"\ndamping   = \"{} {damping}\"\n",
+        format::number(value),
+        format::number(found.stiffness.value),
+        format::number(found.shaft_damping.value)
+    );
+    text
+}
