@@ -21,7 +21,7 @@ const UNEXPLAINED: f64 = 0.25;
 /// The number of standard errors that counts as certain, for the delay and for a constant torque.
 const SURELY: f64 = 5.0;
 /// A fit over more samples of the same motion has at most this times the residual variance.
-pub(crate) const ALIKE: f64 = 1.2;
+const ALIKE: f64 = 1.2;
 /// A torque that depends on the position is the cause where it explains more than this part of the residuals.
 const MOST: f64 = 0.9;
 /// A record of more s is fitted from its beginning on.
@@ -137,7 +137,7 @@ fn judged(record: &Watched<'_>, known: &Known, best: Fit) -> Found {
 }
 
 /// Whether counts and noise explain what a fit leaves.
-fn is_right(record: &Record, fit: &Fit) -> bool {
+pub(crate) fn is_right(record: &Record, fit: &Fit) -> bool {
     explained(record, &left(record, fit), lattice(record.positions()), spread(record, fit))
 }
 

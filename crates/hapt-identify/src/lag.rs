@@ -5,7 +5,7 @@
 //! and the record tells lag from delay where the variance is surely above 0.
 
 use crate::bound::Bounded;
-use crate::estimate::ALIKE;
+use crate::estimate::is_right as explains;
 use crate::fit::{Fit, SHORTEST_LAG, fit};
 use crate::identified::Interval;
 use crate::puck::{DELAY, LAG, Puck};
@@ -76,7 +76,7 @@ impl Lag {
         let late =
             late.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares)).and_then(|fit| Lag::of(record, fit));
         // A fit that starts where the record is less clear may stop far from the best.
-        late.filter(|late| late.fit.variance() < ALIKE * found.fit.variance()).or(Some(found))
+        late.filter(|late| explains(record, &late.fit) || !explains(record, &found.fit)).or(Some(found))
     }
 
     fn of(record: &Record, fit: Fit) -> Option<Self> {
