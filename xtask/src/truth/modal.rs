@@ -94,7 +94,7 @@ impl Modes {
 /// samples, the delay no longer than one.
 ///
 /// # Errors
-/// As [`passivity`].
+/// As [`passivity()`].
 pub fn grows(world: &World, damping: f64) -> Result<bool, Error> {
     let theta = match passivity(world)?.at_hz {
         None => ALIKE,
