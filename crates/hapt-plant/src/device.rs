@@ -381,6 +381,17 @@ impl VirtualDevice {
         (self.now, self.origin, self.sample) = (0.0, 0.0, 0);
     }
 
+    /// Goes on to sample number `sample`, at which the puck is at `puck`, with what the hand did until then. For a caller that moves the puck
+    /// by itself up to there.
+    pub fn skip_to(&mut self, sample: u64, puck: (f64, f64)) {
+        let to = self.origin + sample as f64 * self.period;
+        while self.next_event <= to {
+            self.hand_acts(self.next_event);
+        }
+        (self.sample, self.now) = (sample, to);
+        (self.puck.position, self.puck.velocity) = puck;
+    }
+
     /// Advances to `elapsed` s after this sample, at most a period, without reaching the next sample. Only for a puck that is pushed
     /// ([`VirtualDevice::push`]) or free; [`VirtualDevice::travel_on`] advances from there to the next sample.
     pub fn travel_to(&mut self, elapsed: f64) {

@@ -26,6 +26,10 @@ pub(crate) const RAMP: usize = 3;
 pub(crate) const SIN: usize = 4;
 pub(crate) const COS: usize = 5;
 pub(crate) const GAP: usize = 6;
+/// How many of the first states occur under a held torque, under a ramp, and under a sine; the last one is for a lag.
+const HELD: usize = 3;
+const RAMPED: usize = 4;
+const DRIVEN: usize = 6;
 type Matrix = Square<STATES>;
 
 /// The constants of the equation.
@@ -62,7 +66,7 @@ pub(crate) struct Propagator {
 }
 
 /// The end of a time step, and the works over it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stretch {
     /// Position and velocity.
     pub end: [f64; 2],
@@ -112,68 +116,108 @@ impl Plant {
 
     /// The motion after `dt`, for predictions; [`Propagator`] advances.
     pub fn after(&self, y: &Motion, dt: f64) -> Motion {
-        let (n, h, halvings) = self.start(dt);
+        match self.occurring(y) {
+            HELD => self.after_of::<HELD>(y, dt),
+            RAMPED => self.after_of::<RAMPED>(y, dt),
+            DRIVEN => self.after_of::<DRIVEN>(y, dt),
+            _ => self.after_of::<STATES>(y, dt),
+        }
+    }
+
+    fn after_of<const N: usize>(&self, y: &Motion, dt: f64) -> Motion {
+        let mut out = *y;
+        let leading: &mut [f64; N] = &mut core::array::from_fn(|i| y[i]);
+        *leading = applied(&self.change::<N>(dt), leading);
+        out[..N].copy_from_slice(leading);
+        out
+    }
+
+    /// How many of the first states suffice for a motion from `y` on: the others are 0, and change nothing.
+    fn occurring(&self, y: &Motion) -> usize {
+        if y[GAP] != 0.0 {
+            STATES
+        } else if self.sine != 0.0 || self.cosine != 0.0 {
+            DRIVEN
+        } else if y[RAMP] != 0.0 {
+            RAMPED
+        } else {
+            HELD
+        }
+    }
+
+    /// exp(N dt) - I of the first N states. The bits are those of all states: the others only add zeros.
+    fn change<const N: usize>(&self, dt: f64) -> Square<N> {
+        let (n, h, halvings) = self.start::<N>(dt);
         let mut change = series(&n, h);
         for _ in 0..halvings {
             change = doubled(&change);
         }
-        applied(&change, y)
+        change
     }
 
-    /// exp(N dt) - I, the rows of x and v on v and f: the case of a held torque without a spring. The bits are those of
-    /// a [`Propagator`], whose other states only add zeros.
-    fn under_held_torque(&self, dt: f64) -> [[f64; 2]; 2] {
-        let (n, h, halvings) = self.start(dt);
-        // The first states alone: the others are 0.
-        let leading: Square<3> = core::array::from_fn(|i| core::array::from_fn(|j| n[i][j]));
-        let mut change = series(&leading, h);
-        for _ in 0..halvings {
-            change = doubled(&change);
-        }
-        [X, V].map(|row| [change[row][V], change[row][F]])
-    }
-
-    /// The generator, a step of a quarter radian at most, and how often to double it.
-    fn start(&self, dt: f64) -> (Matrix, f64, u32) {
+    /// The generator of the first N states, a step of a quarter radian at most, and how often to double it.
+    fn start<const N: usize>(&self, dt: f64) -> (Square<N>, f64, u32) {
         let (h, halvings) = halved(self.rate(), dt);
-        (self.generator(), h, halvings)
+        let all = self.generator();
+        (core::array::from_fn(|i| core::array::from_fn(|j| all[i][j])), h, halvings)
     }
 }
 
 /// x and v after `dt` s less those before, on v and the held torque: of a free puck of `inertia` and `damping`.
 pub fn under_held_torque(inertia: f64, damping: f64, dt: f64) -> [[f64; 2]; 2] {
-    Plant { mass: inertia, damping, stiffness: 0.0, sine: 0.0, cosine: 0.0, omega: 0.0, decay: 0.0 }
-        .under_held_torque(dt)
+    let plant = Plant { mass: inertia, damping, stiffness: 0.0, sine: 0.0, cosine: 0.0, omega: 0.0, decay: 0.0 };
+    let change = plant.change::<HELD>(dt);
+    [X, V].map(|row| [change[row][V], change[row][F]])
 }
 
 impl Propagator {
     pub fn new(plant: &Plant, dt: f64) -> Self {
-        let (n, h, halvings) = plant.start(dt);
+        Self::of::<STATES>(plant, dt)
+    }
+
+    /// One that suffices for the motion from `y` on, with the bits of [`Propagator::new`].
+    pub fn for_motion(plant: &Plant, y: &Motion, dt: f64) -> Self {
+        match plant.occurring(y) {
+            HELD => Self::of::<HELD>(plant, dt),
+            RAMPED => Self::of::<RAMPED>(plant, dt),
+            DRIVEN => Self::of::<DRIVEN>(plant, dt),
+            _ => Self::of::<STATES>(plant, dt),
+        }
+    }
+
+    /// Of the first N states; the rows and columns of the others are 0.
+    fn of<const N: usize>(plant: &Plant, dt: f64) -> Self {
+        let (n, h, halvings) = plant.start::<N>(dt);
+        let (varies, lags) = (N > RAMP, N > GAP);
         let output = [0.0, 1.0, 0.0, 0.0, plant.sine, plant.cosine, 0.0];
-        let (mut speed, mut drive) = ([[0.0; STATES]; STATES], [[0.0; STATES]; STATES]);
-        let mut lagging = [0.0; STATES];
+        let (mut speed, mut drive, mut lagging) = ([[0.0; N]; N], [[0.0; N]; N], [0.0; N]);
         for (node, weight) in GAUSS {
             let change = series(&n, node * h);
             let mut v = change[V];
             v[V] += 1.0;
-            let mut f = output;
+            let mut f: [f64; N] = core::array::from_fn(|i| output[i]);
             for (row, gain) in change.iter().zip(output) {
                 for (f, x) in f.iter_mut().zip(row) {
                     *f += gain * x;
                 }
             }
-            for i in 0..STATES {
-                for j in 0..STATES {
+            for i in 0..N {
+                for j in 0..N {
                     speed[i][j] += weight * h * v[i] * v[j];
-                    drive[i][j] += weight * h * f[i] * v[j];
+                    if varies {
+                        drive[i][j] += weight * h * f[i] * v[j];
+                    }
                 }
-                lagging[i] += weight * h * (1.0 + change[GAP][GAP]) * v[i];
+                if lags {
+                    lagging[i] += weight * h * (1.0 + change[GAP][GAP]) * v[i];
+                }
             }
         }
         let mut change = series(&n, h);
         for _ in 0..halvings {
             // The second half starts where the first has ended: G(2h) = G + ΦᵀGΦ.
-            for form in [&mut speed, &mut drive] {
+            let forms = [&mut speed, &mut drive];
+            for form in forms.into_iter().take(if varies { 2 } else { 1 }) {
                 let later = congruent(&change, form);
                 for (row, later) in form.iter_mut().zip(later) {
                     for (x, later) in row.iter_mut().zip(later) {
@@ -181,22 +225,37 @@ impl Propagator {
                     }
                 }
             }
-            let later = lagging;
-            for (i, (row, later_i)) in change.iter().zip(later).enumerate() {
-                let left = 1.0 + change[GAP][GAP];
-                for (sum, x) in lagging.iter_mut().zip(row) {
-                    *sum += left * later_i * x;
+            if lags {
+                let (later, left) = (lagging, 1.0 + change[GAP][GAP]);
+                for (i, (row, later_i)) in change.iter().zip(later).enumerate() {
+                    for (sum, x) in lagging.iter_mut().zip(row) {
+                        *sum += left * later_i * x;
+                    }
+                    lagging[i] += left * later_i;
                 }
-                lagging[i] += left * later_i;
             }
             change = doubled(&change);
         }
         let mut varying = folded(&drive);
-        for (j, travel) in change[X].iter().enumerate() {
-            varying[F.min(j)][F.max(j)] -= travel;
+        if varies {
+            for (j, travel) in change[X].iter().enumerate() {
+                varying[F.min(j)][F.max(j)] -= travel;
+            }
         }
         let (spring, sine) = (plant.stiffness != 0.0, plant.sine != 0.0 || plant.cosine != 0.0);
-        Propagator { change, speed: folded(&speed), varying, lagging, spring, sine }
+        Propagator {
+            change: widened(&change),
+            speed: widened(&folded(&speed)),
+            varying: widened(&varying),
+            lagging: core::array::from_fn(|i| lagging.get(i).copied().unwrap_or(0.0)),
+            spring,
+            sine,
+        }
+    }
+
+    /// The motion at the end, from `y` on.
+    pub fn after(&self, y: &Motion) -> Motion {
+        applied(&self.change, y)
     }
 
     /// The stretch from `y` on.
@@ -233,6 +292,46 @@ impl Propagator {
             speed: form(&self.speed),
             varying: if N > RAMP { form(&self.varying) } else { 0.0 },
             lagging: if N > GAP { y[GAP] * row(&self.lagging) } else { 0.0 },
+        }
+    }
+}
+
+/// With zeros for the states that do not occur.
+fn widened<const N: usize>(part: &Square<N>) -> Matrix {
+    let mut all = [[0.0; STATES]; STATES];
+    for (all, part) in all.iter_mut().zip(part) {
+        all[..N].copy_from_slice(part);
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn or_zero(of: core::ops::Range<f64>) -> impl Strategy<Value = f64> {
+        prop_oneof![Just(0.0), of]
+    }
+
+    proptest! {
+        #![proptest_config(hapt_testing::cases(1000))]
+
+        /// The states that a motion needs give the bits of all.
+        #[test]
+        fn states_that_are_0_may_be_left_out(
+            (mass, damping, stiffness) in (1e-5_f64..1.0, or_zero(1e-5..10.0), or_zero(1e-2..1e3)),
+            (sine, cosine, omega) in (or_zero(-1.0..1.0), or_zero(-1.0..1.0), 1.0_f64..1e3), decay in or_zero(1.0..1e5),
+            y in prop::array::uniform5(or_zero(-1.0..1.0)), turned in 0.0_f64..6.3, dt in 1e-6_f64..1e-2,
+        ) {
+            let plant = Plant { mass, damping, stiffness, sine, cosine, omega, decay };
+            let [v, f, x, ramp, gap] = y;
+            let y = [v, f, x, ramp, turned.sin(), turned.cos(), if decay > 0.0 { gap } else { 0.0 }];
+            let (few, all) = (Propagator::for_motion(&plant, &y, dt).stretch(y), Propagator::new(&plant, dt).stretch(y));
+            prop_assert_eq!(few, all);
+            let (few, all) = (plant.after(&y, dt), plant.after_of::<STATES>(&y, dt));
+            let usual = Propagator::new(&plant, dt).after(&y);
+            prop_assert_eq!((few[V], few[X], usual[V], usual[X]), (all[V], all[X], all[V], all[X]));
         }
     }
 }

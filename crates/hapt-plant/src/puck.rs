@@ -76,6 +76,14 @@ impl Held {
         Held { grip, plant, usual: [(first, long), (second, short)] }
     }
 
+    /// The motion after `dt`, for predictions.
+    fn after(&self, y: &Motion, dt: f64) -> Motion {
+        match self.usual.iter().find(|(length, _)| *length == dt) {
+            Some((_, propagator)) => propagator.after(y),
+            None => self.plant.after(y, dt),
+        }
+    }
+
     /// The same on another device.
     fn refitted(&self, device: Inertia, decay: f64, lengths: Lengths) -> Self {
         Held::new(device, self.grip, (self.plant.sine, self.plant.cosine, self.plant.omega), decay, lengths)
@@ -186,7 +194,7 @@ impl Puck {
         let propagator = match self.now.usual.iter().find(|(length, _)| *length == dt) {
             Some((_, propagator)) => propagator,
             None => {
-                fresh = Propagator::new(&self.now.plant, dt);
+                fresh = Propagator::for_motion(&self.now.plant, &y, dt);
                 &fresh
             }
         };
@@ -211,7 +219,7 @@ impl Puck {
         sliding[F] -= self.friction * direction;
         let plant = &self.now.plant;
         first_crossing(Slices::new(plant, dt, y), |t| {
-            let y = plant.after(&sliding, t);
+            let y = self.now.after(&sliding, t);
             (-direction * y[V], -direction * plant.acceleration(&y))
         })
     }

@@ -83,6 +83,8 @@ struct Flow {
     rate: f64,
     swing: f64,
     usual: [(f64, Propagator); 2],
+    /// The time in which the fastest goes a quarter radian, and exp(N t) - I over it.
+    quarter: (f64, Matrix),
 }
 
 /// The map over a time step.
@@ -149,7 +151,9 @@ impl Flow {
         let masses = 1.0 / own.inertia + 1.0 / mass;
         let swing = libm::sqrt(stiffness * masses + grip.stiffness / mass).max(sine.2);
         let rate = (damping * masses + own.damping / own.inertia + grip.damping / mass).max(swing).max(decay);
-        let mut flow = Flow { n, powers, rate, swing, usual: core::array::from_fn(|_| (0.0, Propagator::NONE)) };
+        let quarter = (0.25 / rate, series(&n, 0.25 / rate));
+        let mut flow =
+            Flow { n, powers, rate, swing, usual: core::array::from_fn(|_| (0.0, Propagator::NONE)), quarter };
         let [first, second] = shaft.lengths;
         let long = flow.propagator(first);
         let short = if second == first { long.clone() } else { flow.propagator(second) };
@@ -185,12 +189,11 @@ impl Flow {
         Propagator { change, works: works.map(|work| folded(&work)) }
     }
 
-    /// The state after `dt`, for predictions.
-    fn after(&self, y: &State, dt: f64) -> State {
-        applied(&self.change(dt), y)
-    }
-
+    /// exp(N dt) - I
     fn change(&self, dt: f64) -> Matrix {
+        if let Some((_, propagator)) = self.usual.iter().find(|(length, _)| *length == dt) {
+            return propagator.change;
+        }
         let (h, halvings) = halved(self.rate, dt);
         let mut change = series(&self.n, h);
         for _ in 0..halvings {
@@ -201,27 +204,30 @@ impl Flow {
 
     /// The first t in (0, dt] at which g, negative or zero at the start, becomes positive. `g` gives value and derivative.
     ///
-    /// The stretch is cut into slices in which nothing swings more than a quarter radian: a derivative changes sign at most once. What
+    /// The time is cut into slices in which nothing swings more than a quarter radian: a derivative changes sign at most once. What
     /// decays is cut into slices that grow with the time since, as the decay slows.
     fn first_crossing(&self, y: &State, dt: f64, g: impl Fn(&State) -> (f64, f64)) -> Option<f64> {
         let (mut y, mut t, mut slope) = (*y, 0.0, g(y).1);
-        let mut length = (0.25 / self.rate).min(dt);
-        let mut change = self.change(length);
+        let mut length = self.quarter.0.min(dt);
+        let mut change = if length == self.quarter.0 { self.quarter.1 } else { self.change(length) };
         for slice in 1.. {
             let left = dt - t;
             let step = length.min(left);
-            let next = if step == length { applied(&change, &y) } else { self.after(&y, step) };
+            let course = || Course::new(self, &y, step);
+            let next = if step == length { applied(&change, &y) } else { course().after(step) };
             let (value, next_slope) = g(&next);
-            let positive = if value > 0.0 {
-                Some(step)
-            } else if slope > 0.0 && next_slope < 0.0 {
-                let summit = root(0.0, step, |t| -g(&self.after(&y, t)).1);
-                (g(&self.after(&y, summit)).0 > 0.0).then_some(summit)
-            } else {
-                None
-            };
-            if let Some(positive) = positive {
-                return Some((t + root(0.0, positive, |t| g(&self.after(&y, t)).0)).min(dt));
+            let turns = slope > 0.0 && next_slope < 0.0;
+            if value > 0.0 || turns {
+                let course = course();
+                let positive = if value > 0.0 {
+                    Some(step)
+                } else {
+                    let summit = root(0.0, step, |t| -g(&course.after(t)).1);
+                    (g(&course.after(summit)).0 > 0.0).then_some(summit)
+                };
+                if let Some(positive) = positive {
+                    return Some((t + root(0.0, positive, |t| g(&course.after(t)).0)).min(dt));
+                }
             }
             // The negation ends the search at a number that is none, too.
             if !(step < left && t + step > t) {
@@ -234,6 +240,41 @@ impl Flow {
             }
         }
         None
+    }
+}
+
+/// How a motion goes on from a state, for up to a time step.
+struct Course<'a> {
+    flow: &'a Flow,
+    start: State,
+    dt: f64,
+    /// (N dt)ʲ y / j!, to rounding over a quarter radian; `None`: it goes further.
+    terms: Option<[State; TERMS]>,
+}
+
+/// A quarter radian needs 16 terms beyond the first, as in [`series`].
+const TERMS: usize = 17;
+
+impl<'a> Course<'a> {
+    fn new(flow: &'a Flow, y: &State, dt: f64) -> Self {
+        let terms = (flow.rate * dt <= 0.25).then(|| {
+            let mut terms = [*y; TERMS];
+            for j in 1..TERMS {
+                let before = terms[j - 1];
+                for (x, row) in terms[j].iter_mut().zip(&flow.n) {
+                    *x = row.iter().zip(&before).map(|(n, y)| n * y).sum::<f64>() * (dt / j as f64);
+                }
+            }
+            terms
+        });
+        Course { flow, start: *y, dt, terms }
+    }
+
+    /// The state after `t`.
+    fn after(&self, t: f64) -> State {
+        let Some(terms) = &self.terms else { return applied(&self.flow.change(t), &self.start) };
+        let part = t / self.dt;
+        terms.iter().rev().fold([0.0; STATES], |y, term| core::array::from_fn(|i| y[i] * part + term[i]))
     }
 }
 
@@ -261,6 +302,7 @@ impl Shaft {
             rate: 0.0,
             swing: 0.0,
             usual: core::array::from_fn(|_| (0.0, Propagator::NONE)),
+            quarter: (0.0, [[0.0; STATES]; STATES]),
         };
         let now = Held { grasp: Grasp::Free, sine: NO_SINE, sliding: none(), stuck: none() };
         let decay = decay(lag);
