@@ -20,10 +20,10 @@ _WHOLE = 1e-6
 class StateSpaces(NamedTuple):
     """What `World.to_control` gives; each is a `control.StateSpace`. Torques in N·m, positions in rad (linear: N, m).
 
-    `world`: from the measured position and velocity to the torque on the puck, a step a period. `device`: from the torque on the puck to its
-    position and velocity, continuous, without delay and Coulomb friction. `loop`: both with estimator, hold and delay, from a hand's torque,
-    held for a period, to the puck's position and velocity. Encoder, levels and limit are left out; nonlinear couplings count with their
-    steepest rise.
+    `world`: from the measured position and velocity to the torque on the puck, a step a period. `device`: from the motor's command to the
+    puck's position and velocity, continuous, with the motor's lag and the handle's shaft where the world has them, without delay and
+    Coulomb friction. `loop`: both with estimator, hold and delay, from the torque of a hand (on the handle where there is one), held for a
+    period, to the puck's position and velocity. Encoder, levels and limit are left out; nonlinear couplings count with their steepest rise.
     """
 
     world: Any
@@ -40,13 +40,13 @@ def state_spaces(world: World) -> StateSpaces:
     a, b, c, d = _matrices(parts["world"])
     names = {"inputs": ["position", "velocity"], "outputs": ["torque"], "name": "world"}
     discrete = control.ss(a, b, c, d, period, **names)
-    device = _matrices(parts["device"])
+    ad, bd, cd, dd = _matrices(parts["device"])
     names = {"inputs": ["torque"], "outputs": ["position", "velocity"], "name": "device"}
-    continuous = control.ss(*device, **names)
+    continuous = control.ss(ad, bd[:, :1], cd, dd[:, :1], **names)
     # Of FOAW the longest window.
     estimator = _estimator(parts["estimators"][-1])
     names = {"inputs": ["hand_torque"], "outputs": ["position", "velocity"], "name": "loop"}
-    closed = _closed((a, b, c, d), estimator, _sampled(device[0], device[1], period, float(parts["delay"])))
+    closed = _closed((a, b, c, d), estimator, _sampled(ad, bd, period, float(parts["delay"])))
     return StateSpaces(discrete, continuous, control.ss(*closed, period, **names))
 
 
@@ -76,34 +76,36 @@ def _estimator(part: dict[str, Any]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
 
 
 def _sampled(a: Matrix, b: Matrix, period: float, delay: float) -> tuple[Matrix, Matrix]:
-    """The device a period later: (z, ż) and the commands in flight; inputs: this sample's command, and a hand's torque.
+    """The device a period later: its state and the commands in flight; inputs: this sample's command, and a hand's torque.
 
-    The motor holds the command of n + 1 samples ago for the delay's part of a period, then that of n samples ago.
+    The motor is told the command of n + 1 samples ago for the delay's part of a period, then that of n samples ago.
     """
     from scipy.linalg import expm
 
-    def over(h: float) -> tuple[Matrix, Matrix]:
-        whole = np.asarray(expm(h * np.block([[a, b], [np.zeros((1, 3))]])), dtype=np.float64)
-        return whole[:2, :2], whole[:2, 2:]
+    states = len(a)
+
+    def over(h: float) -> tuple[Matrix, Matrix, Matrix]:
+        """The change of the state over `h`, and what a command and a hand's torque add to it."""
+        whole = np.asarray(expm(h * np.block([[a, b], [np.zeros((2, states + 2))]])), dtype=np.float64)
+        return whole[:states, :states], whole[:states, states : states + 1], whole[:states, states + 1 : states + 2]
 
     samples = delay / period
     n = int(np.floor(samples + _WHOLE))
     part = max(samples - n, 0.0) if samples - n > _WHOLE else 0.0
-    old = over((1 - part) * period)[0] @ over(part * period)[1]
-    new = over((1 - part) * period)[1]
+    change, new, _ = over((1 - part) * period)
+    old = change @ over(part * period)[1]
     flying = n + (part > 0)
-    order = 2 + flying
+    order = states + flying
     out_a, out_b = np.zeros((order, order)), np.zeros((order, 2))
-    out_a[:2, :2], hand = over(period)
-    out_b[:2, 1:] = hand
+    out_a[:states, :states], _, out_b[:states, 1:] = over(period)
     for age, push in ((n, new), (n + 1, old)):
         if age == 0:
-            out_b[:2, :1] += push
+            out_b[:states, :1] += push
         elif age <= flying:
-            out_a[:2, 1 + age : 2 + age] += push
+            out_a[:states, states + age - 1 : states + age] += push
     if flying:
-        out_b[2, 0] = 1.0
-        out_a[3:, 2:-1] = np.eye(flying - 1)
+        out_b[states, 0] = 1.0
+        out_a[states + 1 :, states:-1] = np.eye(flying - 1)
     return out_a, out_b
 
 

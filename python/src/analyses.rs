@@ -7,7 +7,7 @@ use hapt_analysis::impedance::rendered::columns;
 use hapt_analysis::{Continuous, Design, Discrete, Impedance, Slopes};
 use hapt_identify::{Claims, Known, Record};
 use hapt_model::keys::{self, Takes};
-use hapt_model::{CouplingKind, Dimension, HandKind, Motion, World, parse_quantity};
+use hapt_model::{CouplingKind, Device, Dimension, HandKind, Handle, Motion, World, parse_quantity};
 use hapt_sweep::Measure;
 use hapt_sweep::boundary::Edge;
 use nalgebra::DMatrix;
@@ -197,18 +197,43 @@ pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
         false => (step.current.clone(), puck),
     };
     let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> { m.row_iter().map(|row| row.iter().copied().collect()).collect() };
-    let (inertia, damping) = (world.device.inertia, world.device.damping);
+    let (a, b) = device(&world.device);
     let filters = Filter::of(sampling, sampling.period);
     Ok(json!({
         "world": { "a": rows(&whole), "b": rows(&input), "c": rows(&state), "d": rows(&direct) },
-        "device": {
-            "a": [[0.0, 1.0], [0.0, -damping / inertia]],
-            "b": [[0.0], [inertia.recip()]],
-            "c": [[1.0, 0.0], [0.0, 1.0]],
-            "d": [[0.0], [0.0]],
-        },
+        "device": { "a": rows(&a), "b": rows(&b), "c": rows(&DMatrix::identity(2, a.nrows())), "d": [[0.0, 0.0], [0.0, 0.0]] },
         "estimators": filters.iter().map(|f| json!({ "pole": f.pole, "taps": f.taps })).collect::<Vec<_>>(),
         "period": sampling.period,
         "delay": sampling.delay_s(),
     }))
+}
+
+/// The device without Coulomb friction as ẏ = A y + B u: puck, where there is one the handle (position and velocity each), and where the
+/// motor lags its torque; u is the motor's command and the hand's torque.
+fn device(device: &Device) -> (DMatrix<f64>, DMatrix<f64>) {
+    let (puck, order) = (device.inertia.recip(), 2 + if device.handle.is_some() { 2 } else { 0 });
+    let motor = (device.lag > 0.0).then_some(order);
+    let order = order + usize::from(motor.is_some());
+    let (mut a, mut b) = (DMatrix::zeros(order, order), DMatrix::zeros(order, 2));
+    (a[(0, 1)], a[(1, 1)]) = (1.0, -device.damping * puck);
+    match device.handle {
+        None => b[(1, 1)] = puck,
+        Some(Handle { inertia, stiffness, damping }) => {
+            a[(2, 3)] = 1.0;
+            b[(3, 1)] = inertia.recip();
+            for (row, gain) in [(1, puck), (3, -inertia.recip())] {
+                for (column, torque) in [-stiffness, -damping, stiffness, damping].into_iter().enumerate() {
+                    a[(row, column)] += gain * torque;
+                }
+            }
+        }
+    }
+    match motor {
+        None => b[(1, 0)] = puck,
+        Some(motor) => {
+            a[(1, motor)] = puck;
+            (a[(motor, motor)], b[(motor, 0)]) = (-device.lag.recip(), device.lag.recip());
+        }
+    }
+    (a, b)
 }

@@ -295,11 +295,6 @@ impl World {
 
     /// The matrices of world, device and estimator as JSON, see [`analyses::state_spaces`].
     fn state_spaces(&self) -> PyResult<String> {
-        if self.model.device.handle.is_some() {
-            return Err(PyValueError::new_err(
-                "the state spaces do not include a handle on a shaft; without [device.handle] they are those of the puck alone",
-            ));
-        }
         Ok(analyses::state_spaces(&self.model).map_err(value)?.to_string())
     }
 }

@@ -12,7 +12,10 @@ control = pytest.importorskip("control")
 METHODS = ["zoh", "forward-euler", "backward-euler", "semi-implicit-euler", "trapezoidal", "rk4", "tustin", "foh"]
 
 
-def random_world(rng: np.random.Generator, **loop: Any) -> hapt.World:
+HANDLE = {"inertia": 5e-4, "stiffness": 20.0, "damping": 1e-3}
+
+
+def random_world(rng: np.random.Generator, device: dict[str, Any] | None = None, **loop: Any) -> hapt.World:
     """A body on a spring and a damper, all tied to ground, so that every mode decays."""
 
     def log(low: float, high: float) -> float:
@@ -20,7 +23,7 @@ def random_world(rng: np.random.Generator, **loop: Any) -> hapt.World:
 
     return hapt.World(
         loop={"period": 1e-3, "estimator": "difference", **loop},
-        device={"inertia": 6.4e-4, "damping": log(1e-4, 1e-2)},
+        device={"inertia": 6.4e-4, "damping": log(1e-4, 1e-2), **(device or {})},
         bodies={"wheel": {"inertia": log(3e-4, 3e-2)}},
         couplings=[
             hapt.Spring(("puck", "wheel"), stiffness=log(0.3, 10)),
@@ -48,6 +51,19 @@ def test_the_loop_s_state_space_has_the_eigenvalues_of_the_check(estimator: str,
         assert large == pytest.approx(theirs[: len(large)], abs=1e-9)
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.4e-3, 2.7e-3])
+@pytest.mark.parametrize("lag", [0.0, 0.3e-3, 4e-3])
+@pytest.mark.parametrize("handle", [{}, {"handle": HANDLE}])
+def test_a_lagging_motor_and_a_handle_are_in_the_loop(delay: float, lag: float, handle: dict[str, Any]) -> None:
+    rng = np.random.default_rng(8)
+    for method in METHODS:
+        world = random_world(rng, {"lag": lag, **handle}, method=method, delay=delay)
+        ours = np.sort(np.abs(np.linalg.eigvals(world.to_control().loop.A)))[::-1]
+        theirs = [value["abs"] for value in world.check(remedies=False).free["eigenvalues"]]
+        large = ours[ours > 1e-3]
+        assert large == pytest.approx(theirs[: len(large)], abs=1e-9)
+
+
 def test_the_world_s_state_space_gives_the_torque_of_the_loop() -> None:
     rng = np.random.default_rng(3)
     for method in METHODS:
@@ -62,12 +78,13 @@ def test_the_world_s_state_space_gives_the_torque_of_the_loop() -> None:
 
 
 def test_the_device_s_state_space_has_its_step_response() -> None:
-    world = random_world(np.random.default_rng(5))
     time = np.arange(200) * 1e-3
-    expected = control.forced_response(world.to_control().device, time, np.full(200, 0.01)).outputs
-    device = world.device()
-    rows = [device.puck] + [device.step(0.01) for _ in time[1:]]
-    assert np.array(rows).T == pytest.approx(expected, rel=1e-6, abs=1e-12)
+    for parts in ({}, {"lag": 1.3e-3}, {"handle": HANDLE}, {"lag": 1.3e-3, "handle": HANDLE}):
+        world = random_world(np.random.default_rng(5), parts)
+        expected = control.forced_response(world.to_control().device, time, np.full(200, 0.01)).outputs
+        device = world.device()
+        rows = [device.puck] + [device.step(0.01) for _ in time[1:]]
+        assert np.array(rows).T == pytest.approx(expected, rel=1e-6, abs=1e-12)
 
 
 def positive_real(world: hapt.World, damping: float) -> Any:
