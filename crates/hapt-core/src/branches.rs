@@ -1,5 +1,5 @@
 //! What of a sample depends on what its numbers are: nonlinear couplings, the steps that find their torques, FOAW's window. A
-//! number decides them; lanes, which would decide differently, have none of them ([`crate::Lanes`]).
+//! number decides them; lanes, which would decide differently, do so one after the other ([`crate::Batch`]).
 
 use crate::gradient::{Contacts, Step};
 use crate::matrix::Vector;
@@ -101,7 +101,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
 /// Out of line, as all that only some worlds have: it would take the registers of what all have.
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     #[cold]
-    fn bend_all(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
+    pub(crate) fn bend_all(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
         for (nonlinear, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
             if let Some(coupling) = nonlinear {
                 let q = coupling.relative((puck.position, puck.velocity), bodies);
@@ -114,7 +114,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     #[cold]
     #[inline(never)]
     #[allow(clippy::too_many_arguments)] // Those of `change`, and what it has found out.
-    fn force_on(
+    pub(crate) fn force_on(
         &self,
         change: &mut Vector<F, B>,
         force: &[Vector<F, B>; B],
@@ -199,7 +199,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 
     /// The nonlinear couplings' torque on the puck.
     #[cold]
-    fn nonlinear_torque<const L: usize>(
+    pub(crate) fn nonlinear_torque<const L: usize>(
         &self,
         bodies: &Vector<F, L>,
         puck: Puck<F>,

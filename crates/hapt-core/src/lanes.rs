@@ -2,7 +2,8 @@
 //!
 //! A sample of a linear loop asks nothing of its numbers, so it runs on N of them at once, in the same source, and each lane does
 //! what a number alone would have done, operation by operation: the same bits. The loops over the lanes are plain ones, which a
-//! compiler turns into vectors as wide as the machine has them.
+//! compiler turns into vectors as wide as the machine has them. What asks, the torques of nonlinear couplings and the window of FOAW, is done lane
+//! after lane, by each lane's own loop ([`Batch`]).
 
 use core::array::from_fn;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -12,6 +13,7 @@ use crate::actuate::Actuator;
 use crate::branches::Branches;
 use crate::gradient::Contacts;
 use crate::matrix::{Response, Vector};
+use crate::nonlinear::Nonlinear;
 use crate::sense::{Memory, Puck, Sensor, Velocity};
 use crate::step::{Loop, Port, Sample, State};
 
@@ -128,16 +130,94 @@ impl<const N: usize> Number for Lanes<N> {
     }
 }
 
+/// N worlds side by side, a world in each lane. They may differ in their numbers and in their nonlinear couplings.
+///
+/// ```
+/// use hapt_core::{Batch, Coupling, End, Estimator, Lanes, Law, Loop, Method, Output, Spec};
+///
+/// let worlds = [1.0, 2.0].map(|stiffness| {
+///     let law = Law::Spring { stiffness, rest: 0.0 };
+///     let couplings = [Coupling { first: End::Puck, second: End::Ground, law, limit: None }];
+///     let spec = Spec {
+///         period: 1e-3,
+///         method: Method::Zoh,
+///         output: Output::End,
+///         advance: 0,
+///         estimator: Estimator::Difference,
+///         count: None,
+///         limit: None,
+///         levels: None,
+///         bodies: &[],
+///         couplings: &couplings,
+///     };
+///     Loop::<f64, 1, 8, 1>::new(&spec).unwrap()
+/// });
+/// let batch = Batch::new(&worlds).unwrap();
+/// let mut state = batch.start();
+/// assert_eq!(batch.step(&mut state, Lanes([0.1, 0.1]), Lanes([0.0, 0.0])).torque, Lanes([-0.1, -0.2]));
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Batch<'w, const N: usize, const B: usize, const C: usize, const W: usize> {
+    /// What all lanes do alike.
+    common: Loop<Lanes<N>, B, C, W>,
+    worlds: &'w [Loop<f64, B, C, W>; N],
+    /// Whether a lane has nonlinear couplings, and whether those have bristles or torques that are found.
+    bends: bool,
+    remembers: bool,
+}
+
+/// A number of each lane's.
+#[inline(always)]
+fn lane<const N: usize, const B: usize>(of: &Vector<Lanes<N>, B>, i: usize) -> Vector<f64, B> {
+    Vector { position: from_fn(|j| of.position[j].0[i]), velocity: from_fn(|j| of.velocity[j].0[i]) }
+}
+
+#[inline(always)]
+fn puck_of<const N: usize>(of: Puck<Lanes<N>>, i: usize) -> Puck<f64> {
+    Puck { position: of.position.0[i], velocity: of.velocity.0[i] }
+}
+
+impl<const N: usize, const B: usize, const C: usize, const W: usize> Batch<'_, N, B, C, W> {
+    /// A lane's bristles and found torques.
+    #[inline(always)]
+    fn memory_of(
+        &self,
+        bristles: &[Lanes<N>; C],
+        contacts: &Contacts<Lanes<N>, C>,
+        i: usize,
+    ) -> ([f64; C], Contacts<f64, C>) {
+        if !self.remembers {
+            return ([0.0; C], Contacts::NONE);
+        }
+        let torques = from_fn(|j| contacts.torques[j].0[i]);
+        (from_fn(|j| bristles[j].0[i]), Contacts { torques, unsettled: contacts.unsettled })
+    }
+}
+
 impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<Lanes<N>, B, C, W>
-    for Loop<Lanes<N>, B, C, W>
+    for Batch<'_, N, B, C, W>
 {
     #[inline(always)]
     fn estimate(&self, memory: &Memory<Lanes<N>, W>, position: Lanes<N>) -> Lanes<N> {
-        self.sensor.by_last(memory, position).unwrap_or(Lanes::ZERO)
+        self.common.sensor.by_last(memory, position).unwrap_or_else(|| {
+            let newest = memory.then(0);
+            Lanes(from_fn(|i| self.worlds[i].sensor.foaw(memory.older, |age| memory.then(age).0[i] - newest.0[i])))
+        })
     }
 
     #[inline(always)]
-    fn bend(&self, _: &mut [Lanes<N>; C], _: Puck<Lanes<N>>, _: &Vector<Lanes<N>, B>) {}
+    fn bend(&self, bristles: &mut [Lanes<N>; C], puck: Puck<Lanes<N>>, bodies: &Vector<Lanes<N>, B>) {
+        if !self.remembers {
+            return;
+        }
+        for (i, world) in self.worlds.iter().enumerate() {
+            let mut own = from_fn(|j| bristles[j].0[i]);
+            world.bend_all(&mut own, puck_of(puck, i), &lane(bodies, i));
+            for (bristles, own) in bristles.iter_mut().zip(own) {
+                bristles.0[i] = own;
+            }
+        }
+    }
 
     #[inline(always)]
     fn change(
@@ -147,44 +227,69 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<La
         x: &Vector<Lanes<N>, B>,
         old: Puck<Lanes<N>>,
         new: Puck<Lanes<N>>,
-        _: &[Lanes<N>; C],
-        _: &mut Contacts<Lanes<N>, C>,
+        bristles: &[Lanes<N>; C],
+        contacts: &mut Contacts<Lanes<N>, C>,
     ) {
-        self.linear(n, change, x, old, new);
+        self.common.linear(n, change, x, old, new);
+        if !self.bends {
+            return;
+        }
+        for (i, world) in self.worlds.iter().enumerate() {
+            let Some(force) = &world.force else { continue };
+            let mut own = lane(change, i);
+            let (bristles, mut found) = self.memory_of(bristles, contacts, i);
+            let (old, new) = (puck_of(old, i), puck_of(new, i));
+            world.force_on(&mut own, force, &lane(x, i), old, new, &bristles, &mut found);
+            for j in 0..n.min(B) {
+                (change.position[j].0[i], change.velocity[j].0[i]) = (own.position[j], own.velocity[j]);
+            }
+            if self.remembers {
+                for (torques, torque) in contacts.torques.iter_mut().zip(found.torques) {
+                    torques.0[i] = torque;
+                }
+            }
+        }
     }
 
     #[inline(always)]
     fn bent<const L: usize>(
         &self,
         torque: Lanes<N>,
-        _: &Vector<Lanes<N>, L>,
-        _: Puck<Lanes<N>>,
-        _: &[Lanes<N>; C],
-        _: &Contacts<Lanes<N>, C>,
+        bodies: &Vector<Lanes<N>, L>,
+        puck: Puck<Lanes<N>>,
+        bristles: &[Lanes<N>; C],
+        contacts: &Contacts<Lanes<N>, C>,
     ) -> Lanes<N> {
+        if !self.bends {
+            return torque;
+        }
+        let mut torque = torque;
+        for (i, world) in self.worlds.iter().enumerate().filter(|(_, world)| world.nonlinear_count > 0) {
+            let (bristles, found) = self.memory_of(bristles, contacts, i);
+            torque.0[i] += world.nonlinear_torque(&lane(bodies, i), puck_of(puck, i), &bristles, &found);
+        }
         torque
     }
 
     #[inline(always)]
     fn command(&self, torque: Lanes<N>) -> Lanes<N> {
-        self.actuator.command(torque)
+        self.common.actuator.command(torque)
     }
 }
 
-impl<const N: usize, const B: usize, const C: usize, const W: usize> Loop<Lanes<N>, B, C, W> {
-    /// N worlds as one batch, a world in each lane. They may differ in their numbers. `None` where they differ in anything else (number of
-    /// bodies, kind of method, output, advance, estimator, parts of the device), where a coupling is nonlinear, or with FOAW.
-    pub fn batch<const C1: usize, const W1: usize>(worlds: &[Loop<f64, B, C1, W1>; N]) -> Option<Self> {
+impl<'w, const N: usize, const B: usize, const C: usize, const W: usize> Batch<'w, N, B, C, W> {
+    /// `None` where the worlds differ in more than their numbers and nonlinear couplings: number of bodies, kind of method, output, advance,
+    /// estimator, parts of the device.
+    pub fn new(worlds: &'w [Loop<f64, B, C, W>; N]) -> Option<Self> {
         let first = worlds.first()?;
-        let alike = |world: &Loop<f64, B, C1, W1>| {
-            world.nonlinear_count == 0
-                && (world.bodies, world.new_sample_first) == (first.bodies, first.new_sample_first)
+        let alike = |world: &Loop<f64, B, C, W>| {
+            (world.bodies, world.new_sample_first) == (first.bodies, first.new_sample_first)
                 && world.moment == first.moment
         };
         if !worlds.iter().all(alike) {
             return None;
         }
-        Some(Loop {
+        let common = Loop {
             bodies: first.bodies,
             period: each(worlds, |w| w.period),
             rate: each(worlds, |w| w.rate),
@@ -217,10 +322,23 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Loop<Lanes<
                 passes: Lanes::ZERO,
                 beyond: Lanes::ZERO,
             },
-        })
+        };
+        let bends = worlds.iter().any(|world| world.nonlinear_count > 0);
+        let remembers = worlds.iter().flat_map(|world| world.nonlinear.iter().flatten()).any(Nonlinear::remembers);
+        Some(Batch { common, worlds, bends, remembers })
     }
 
-    /// Sample k of every world, as a world alone would take it: see [`Loop::step`] on numbers.
+    /// The state before sample 0.
+    pub fn start(&self) -> State<Lanes<N>, B, C, W> {
+        self.common.start()
+    }
+
+    /// How many bodies each world has.
+    pub fn bodies(&self) -> usize {
+        self.common.bodies
+    }
+
+    /// Sample k of every world, as a world alone would take it: see [`Loop::step`].
     #[inline(always)]
     pub fn step(
         &self,
@@ -228,7 +346,7 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Loop<Lanes<
         position: Lanes<N>,
         velocity: Lanes<N>,
     ) -> Sample<Lanes<N>> {
-        self.sample(state, position, velocity)
+        self.common.sample(self, state, position, velocity)
     }
 }
 
@@ -266,7 +384,7 @@ fn response<T, const N: usize, const B: usize>(
     }
 }
 
-/// The estimator of all worlds; `None` where they have different ones, or FOAW.
+/// The estimator of all worlds; `None` where they have different ones. Of FOAW the longest window, of which each lane takes its own.
 fn velocity<const N: usize, const B: usize, const C: usize, const W: usize>(
     worlds: &[Loop<f64, B, C, W>; N],
 ) -> Option<Option<Velocity<Lanes<N>>>> {
@@ -276,6 +394,8 @@ fn velocity<const N: usize, const B: usize, const C: usize, const W: usize>(
         Some(None)
     } else if all(|velocity| matches!(velocity, Some(Velocity::Difference))) {
         Some(Some(Velocity::Difference))
+    } else if all(|velocity| matches!(velocity, Some(Velocity::Foaw { .. }))) {
+        Some(Some(Velocity::Foaw { window: W, best: false }))
     } else {
         let low_pass = |world: &Loop<f64, B, C, W>| match of(world) {
             Some(Velocity::LowPass { keep, gain }) => Some([keep, gain]),

@@ -67,7 +67,7 @@ mod transfer;
 pub use controller::{Controller, ControllerState};
 pub use error::Error;
 pub use gradient::Contacts;
-pub use lanes::Lanes;
+pub use lanes::{Batch, Lanes};
 pub use matrix::Vector;
 pub use real::{Number, Real};
 pub use sense::{Memory, Puck};

@@ -111,6 +111,22 @@ impl<F: Real> Nonlinear<F> {
         is_found && self.at_body()
     }
 
+    /// Whether it has a torque or a bristle from earlier in the run.
+    pub fn remembers(&self) -> bool {
+        let has_bristle = match self.curve {
+            LoopLaw::Lugre(_) => true,
+            LoopLaw::Wall(_)
+            | LoopLaw::Spring(_)
+            | LoopLaw::Damper(_)
+            | LoopLaw::Detent(_)
+            | LoopLaw::DeadBand(_)
+            | LoopLaw::Magnet(_)
+            | LoopLaw::Texture(_)
+            | LoopLaw::Coulomb(_) => false,
+        };
+        has_bristle || self.is_found()
+    }
+
     /// The sign of this coupling's torque on the puck; 0 when it is not tied to it.
     pub fn sign_at_puck(&self) -> F {
         F::from_f64(sign_at_puck(self.first, self.second))

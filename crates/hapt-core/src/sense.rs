@@ -47,8 +47,13 @@ impl<F: Number, const W: usize> Memory<F, W> {
 
     /// The count `age` samples ago, relative to the newest.
     fn count(&self, age: usize) -> F {
-        let of = |i: usize| self.counts.get(i % W).copied().unwrap_or(F::ZERO);
-        of(self.newest % W + W - age.min(W)) - of(self.newest)
+        self.then(age) - self.then(0)
+    }
+
+    /// The count `age` samples ago.
+    #[inline(always)]
+    pub(crate) fn then(&self, age: usize) -> F {
+        self.counts.get((self.newest % W + W - age.min(W)) % W).copied().unwrap_or(F::ZERO)
     }
 }
 
@@ -144,14 +149,20 @@ impl<F: Real> Sensor<F> {
     /// The velocity from this position and those before. Out of line: the exact velocity does not wait for what was stored last.
     #[inline(never)]
     pub fn estimate<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> F {
-        match (self.by_last(memory, position), self.velocity) {
-            (None, Some(Velocity::Foaw { window, best })) => {
-                let n = longest_window(memory, window);
-                let slope = if best { best_fit(memory, n) } else { end_fit(memory, n) };
-                slope * self.count.unwrap_or(F::ONE) * self.rate
-            }
-            (velocity, _) => velocity.unwrap_or(F::ZERO),
+        match self.by_last(memory, position) {
+            None => self.foaw(memory.older, |age| memory.count(age)),
+            Some(velocity) => velocity,
         }
+    }
+
+    /// FOAW's velocity from the newest count and the `older` ones: `count` is that of an age in samples, less the newest; 0 where the
+    /// estimator is another one.
+    #[inline(always)]
+    pub fn foaw(&self, older: usize, count: impl Fn(usize) -> F) -> F {
+        let Some(Velocity::Foaw { window, best }) = self.velocity else { return F::ZERO };
+        let n = longest_window(window.min(older), &count);
+        let slope = if best { best_fit(n, &count) } else { end_fit(n, &count) };
+        slope * self.count.unwrap_or(F::ONE) * self.rate
     }
 }
 
@@ -160,14 +171,14 @@ impl<F: Real> Sensor<F> {
 ///
 /// A line through the newest sample passes within a count of the sample of age j when its slope (per sample, backward) is
 /// within (count(j) ± 1)/j; the slopes that pass all of them are one interval, kept while n grows.
-fn longest_window<F: Real, const W: usize>(memory: &Memory<F, W>, window: usize) -> usize {
+fn longest_window<F: Real>(window: usize, count: impl Fn(usize) -> F) -> usize {
     let within = F::from_f64(1.0 + 1e-9);
     let mut slopes: Option<(F, F)> = None;
     let mut longest = 1;
     let mut age = F::ZERO;
-    for n in 1..=window.min(memory.older) {
+    for n in 1..=window {
         age += F::ONE;
-        let count = memory.count(n);
+        let count = count(n);
         let slope = count / age;
         let (low, high) = ((count - within) / age, (count + within) / age);
         slopes = Some(match slopes {
@@ -183,16 +194,16 @@ fn longest_window<F: Real, const W: usize>(memory: &Memory<F, W>, window: usize)
 }
 
 /// Counts per sample over the window's two ends.
-fn end_fit<F: Real, const W: usize>(memory: &Memory<F, W>, n: usize) -> F {
-    -memory.count(n) / whole(n)
+fn end_fit<F: Real>(n: usize, count: impl Fn(usize) -> F) -> F {
+    -count(n) / whole(n)
 }
 
 /// Counts per sample of the least-squares line through n + 1 samples, Σ (n - 2j) y_j · 6/(n(n+1)(n+2)) for the sample y_j of
 /// age j: the sum is of whole numbers, and exact.
-fn best_fit<F: Real, const W: usize>(memory: &Memory<F, W>, n: usize) -> F {
+fn best_fit<F: Real>(n: usize, count: impl Fn(usize) -> F) -> F {
     let mut sum = F::ZERO;
-    for age in 0..=n.min(W) {
-        sum += (whole::<F>(n) - whole::<F>(2 * age)) * memory.count(age);
+    for age in 0..=n {
+        sum += (whole::<F>(n) - whole::<F>(2 * age)) * count(age);
     }
     sum * F::from_f64(6.0) / whole(n * (n + 1) * (n + 2))
 }

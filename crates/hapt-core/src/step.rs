@@ -188,51 +188,68 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     /// looks at.
     #[inline]
     pub fn step(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
-        self.sample(state, position, velocity)
+        self.sample(self, state, position, velocity)
     }
 }
 
 /// One source for numbers and for lanes: what a sample is.
-#[allow(private_bounds)] // Nothing here is public.
-impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
-where
-    Self: Branches<F, B, C, W>,
-{
-    /// Most worlds have one body. Compiled for that number the sample asks for no other, and does the same to the bit.
+impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
+    /// Most worlds have one body. Compiled for that number the sample asks for no other, and does the same to the bit. What depends on the
+    /// numbers is asked of `with`: of the loop itself, or of the loops of all lanes.
     #[inline(always)]
-    pub(crate) fn sample(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
+    pub(crate) fn sample<X: Branches<F, B, C, W>>(
+        &self,
+        with: &X,
+        state: &mut State<F, B, C, W>,
+        position: F,
+        velocity: F,
+    ) -> Sample<F> {
         match self.bodies {
-            1 => self.sample_of(1, state, position, velocity),
-            n => self.sample_of(n, state, position, velocity),
+            1 => self.sample_of(with, 1, state, position, velocity),
+            n => self.sample_of(with, n, state, position, velocity),
         }
     }
 
     /// The sample of a world of n bodies.
     #[inline(always)]
-    fn sample_of(&self, n: usize, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
-        let estimate = |memory: &Memory<F, W>, position| self.estimate(memory, position);
+    fn sample_of<X: Branches<F, B, C, W>>(
+        &self,
+        with: &X,
+        n: usize,
+        state: &mut State<F, B, C, W>,
+        position: F,
+        velocity: F,
+    ) -> Sample<F> {
+        let estimate = |memory: &Memory<F, W>, position| with.estimate(memory, position);
         let puck = self.sensor.read(&mut state.memory, position, velocity, estimate);
         let State { now, change, bristles, contacts, memory } = state;
         if !self.new_sample_first {
             now.add(n, F::ONE, change);
-            self.bend(bristles, puck, now);
-            self.change(n, change, now, puck, puck, bristles, contacts);
+            with.bend(bristles, puck, now);
+            with.change(n, change, now, puck, puck, bristles, contacts);
         } else {
-            self.bend(bristles, puck, now);
+            with.bend(bristles, puck, now);
             if let Some(last) = memory.last {
                 let mut change = Vector::ZERO;
-                self.change(n, &mut change, now, last, puck, bristles, contacts);
+                with.change(n, &mut change, now, last, puck, bristles, contacts);
                 now.add(n, F::ONE, &change);
             }
         }
         state.memory.last = Some(puck);
-        let torque = if n == 1 { self.torque::<1>(n, state, puck) } else { self.torque::<B>(n, state, puck) };
-        Sample { puck, torque, command: self.command(torque) }
+        let torque =
+            if n == 1 { self.torque::<X, 1>(with, n, state, puck) } else { self.torque::<X, B>(with, n, state, puck) };
+        Sample { puck, torque, command: with.command(torque) }
     }
 
     /// The torque on the puck from the state that the output names, of n bodies in the first L places.
     #[inline(always)]
-    fn torque<const L: usize>(&self, n: usize, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
+    fn torque<X: Branches<F, B, C, W>, const L: usize>(
+        &self,
+        with: &X,
+        n: usize,
+        state: &State<F, B, C, W>,
+        puck: Puck<F>,
+    ) -> F {
         let (mut bodies, change) = (state.now.rows::<L>(0), state.change.rows::<L>(0));
         // What is the default is asked for first.
         if self.moment == Moment::End {
@@ -241,31 +258,38 @@ where
         } else if self.moment == Moment::Middle {
             bodies.add(n, F::HALF, &change);
         } else if let Moment::Ahead(advance) = self.moment {
-            return self.torque_ahead(advance, state, puck);
+            return self.torque_ahead(with, advance, state, puck);
         }
-        self.torque_at(n, &bodies, puck, &state.bristles, &state.contacts)
+        self.torque_at(with, n, &bodies, puck, &state.bristles, &state.contacts)
     }
 
     /// The torque on the puck so many steps further on: the world goes on without the loop, the puck held where it was seen.
     #[cold]
-    fn torque_ahead(&self, advance: u32, state: &State<F, B, C, W>, puck: Puck<F>) -> F {
+    fn torque_ahead<X: Branches<F, B, C, W>>(
+        &self,
+        with: &X,
+        advance: u32,
+        state: &State<F, B, C, W>,
+        puck: Puck<F>,
+    ) -> F {
         let (mut bodies, mut bristles, mut contacts) = (state.now, state.bristles, state.contacts);
         bodies.add(self.bodies, F::ONE, &state.change);
         let held = Puck { position: puck.position, velocity: F::ZERO };
         let mut change = Vector::ZERO;
         for _ in 0..advance {
-            self.bend(&mut bristles, held, &bodies);
-            self.change(self.bodies, &mut change, &bodies, held, held, &bristles, &mut contacts);
+            with.bend(&mut bristles, held, &bodies);
+            with.change(self.bodies, &mut change, &bodies, held, held, &bristles, &mut contacts);
             bodies.add(self.bodies, F::ONE, &change);
         }
         bodies.velocity = self.mean_velocities(&change);
-        self.torque_at(self.bodies, &bodies, puck, &bristles, &contacts)
+        self.torque_at(with, self.bodies, &bodies, puck, &bristles, &contacts)
     }
 
     /// The couplings' torque on the puck with the bodies as given.
     #[inline(always)]
-    fn torque_at<const L: usize>(
+    fn torque_at<X: Branches<F, B, C, W>, const L: usize>(
         &self,
+        with: &X,
         n: usize,
         bodies: &Vector<F, L>,
         puck: Puck<F>,
@@ -282,6 +306,6 @@ where
         for product in products.iter().take(n) {
             torque += *product;
         }
-        self.bent(torque, bodies, puck, bristles, contacts)
+        with.bent(torque, bodies, puck, bristles, contacts)
     }
 }

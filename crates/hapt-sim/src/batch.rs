@@ -1,28 +1,34 @@
 //! Batches of runs, for a few numbers of many runs: one world a lane, all lanes at the same sample.
 //!
 //! The loop is hapt-core's own on [`Lanes`], and the puck moves by the same products and sums as in a single run, so that each lane
-//! has the bits of [`crate::Simulation`]. Code that branches on its numbers cannot run in lanes. [`run_batch`] returns `None` for it:
-//! nonlinear couplings, FOAW, Coulomb friction or a lag on a puck that is not held, handles on a shaft, grips, torques that change between their steps, uneven samples, delays that
-//! are not whole samples or differ between the worlds, and events of the hand between two samples.
+//! has the bits of [`crate::Simulation`]. A puck that a torque moves from sample to sample, or whose hand prescribes where it is, moves with the
+//! others; what else a device does, its lane does by itself, on the same exact device as a single run:
+//! Coulomb friction, a lag, a handle on a shaft, a grip, a torque that changes, a delay that is no whole number of samples or another than
+//! in most lanes, and uneven samples. An event of the hand between two samples takes its lane away from the others for that period alone.
+//!
+//! Nonlinear couplings and FOAW's window are evaluated lane after lane. [`run_batch`] returns `None` for loops that differ in more than their
+//! numbers and nonlinear couplings, and for more bodies, couplings or window than fit.
 
 use std::array::from_fn;
 
-use hapt_core::{Lanes, Loop, Number};
-use hapt_model::{Scenario, Timing, World};
+use hapt_core::{Batch, Lanes, Loop, Number};
+use hapt_model::{EstimatorKind, Scenario, Timing, World};
+use hapt_plant::spec::{DeviceSpec, Drive, Shape};
+use hapt_plant::{Hand, Motor, VirtualDevice, under_held_torque};
 use pulp::{Simd, WithSimd};
 
 use crate::energy::world_energy;
-use crate::run::rows;
-use hapt_plant::{Hand, Motor, Push, under_held_torque};
+use crate::run::{Machine, rows, script};
 
 /// The number of worlds in a batch: two of today's widest vectors, so that one computes while the other waits.
 pub const LANES: usize = 16;
-/// The most couplings of a world in a lane.
+/// The most couplings of a world in a lane, and its longest FOAW window.
 const COUPLINGS: usize = 8;
+const WINDOW: usize = 32;
 /// The longest delay in samples; its commands are kept for all lanes.
 const LONGEST_DELAY: usize = 4096;
 
-type Batch = Lanes<LANES>;
+type Numbers = Lanes<LANES>;
 
 /// The results of a run in a lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,61 +42,95 @@ pub struct Outcome {
 /// Runs scenario number `scenario` of each world, all in one batch. An outcome is `None` where the run stops being finite. Returns `None`
 /// where these worlds cannot run as a batch and must be run one by one.
 pub fn run_batch(worlds: &[World; LANES], scenario: usize) -> Option<[Option<Outcome>; LANES]> {
-    match worlds[0].bodies.len() {
-        0 | 1 => with_capacity::<1>(worlds, scenario),
-        2..=4 => with_capacity::<4>(worlds, scenario),
+    let is_foaw = |world: &World| matches!(world.sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
+    match (worlds[0].bodies.len(), is_foaw(&worlds[0])) {
+        (0 | 1, false) => with_capacity::<1, 1>(worlds, scenario),
+        (0 | 1, true) => with_capacity::<1, { WINDOW + 1 }>(worlds, scenario),
+        (2..=4, false) => with_capacity::<4, 1>(worlds, scenario),
+        (2..=4, true) => with_capacity::<4, { WINDOW + 1 }>(worlds, scenario),
         _ => None,
     }
 }
 
-fn with_capacity<const B: usize>(worlds: &[World; LANES], scenario: usize) -> Option<[Option<Outcome>; LANES]> {
-    let run = Run::<B>::new(worlds, scenario)?;
-    pulp::Arch::new().dispatch(run)
+/// For B bodies, and a window of W - 1.
+fn with_capacity<const B: usize, const W: usize>(
+    worlds: &[World; LANES],
+    scenario: usize,
+) -> Option<[Option<Outcome>; LANES]> {
+    let mut loops = Vec::with_capacity(LANES);
+    for world in worlds {
+        loops.push(Loop::new(&world.spec()).ok()?);
+    }
+    let loops: &[Loop<f64, B, COUPLINGS, W>; LANES] = loops.as_slice().try_into().ok()?;
+    pulp::Arch::new().dispatch(Run::new(worlds, Batch::new(loops)?, scenario)?)
 }
 
 /// The hand and the clock of one lane.
 struct Lane<'w> {
     world: &'w World,
+    scenario: &'w Scenario,
     hand: Hand,
     period: f64,
     rows: u64,
-    /// The sample of the hand's next event; `u64::MAX`: none.
+    /// The sample of the hand's next event, or at which a period with an event begins; `u64::MAX`: none.
     next: u64,
     /// Whether the hand still holds the puck.
     held: bool,
+    apart: Apart,
+    /// Whether the puck has left the numbers.
+    broken: bool,
+}
+
+/// What moves the puck of a lane in place of the products of all lanes.
+enum Apart {
+    /// Nothing.
+    No,
+    /// Its device, in this period. It is told the torque that the motor holds.
+    Now(Box<VirtualDevice>),
+    /// The same, when the next event comes between two samples.
+    Waits(Box<VirtualDevice>),
+    /// Its own device, always.
+    Always(Box<Machine>),
 }
 
 /// How the pucks move until the next event of a hand.
 #[derive(Clone, Copy)]
 struct Motion {
     /// 1 where a torque moves the puck, 0 where its hand prescribes the position.
-    pushed: Batch,
+    pushed: Numbers,
     /// The torque beside the motor's.
-    push: Batch,
+    push: Numbers,
     any_pushed: bool,
     /// Whether some hand prescribes a motion.
     any_prescribed: bool,
+    /// Whether some lane moves its puck by itself.
+    any_apart: bool,
 }
 
-struct Run<'w, const B: usize> {
+impl Motion {
+    const NONE: Motion = Motion {
+        pushed: Numbers::ZERO,
+        push: Numbers::ZERO,
+        any_pushed: false,
+        any_prescribed: false,
+        any_apart: false,
+    };
+}
+
+struct Run<'w, const B: usize, const W: usize> {
     lanes: Vec<Lane<'w>>,
-    compiled: Loop<Batch, B, 0, 1>,
+    compiled: Batch<'w, LANES, B, COUPLINGS, W>,
     /// The change of position and velocity over a period, by velocity and by torque.
-    plant: [[Batch; 2]; 2],
-    motor: Motor<Batch>,
+    plant: [[Numbers; 2]; 2],
+    motor: Motor<Numbers>,
 }
 
 impl<'w> Lane<'w> {
-    fn new(world: &'w World, scenario: &Scenario) -> Option<Self> {
+    fn new(world: &'w World, scenario: &'w Scenario) -> Self {
         let period = world.sampling.period;
         let hand = Hand::new(&scenario.hand, period);
         let rows = rows(scenario.duration, period);
-        let lane = Lane { world, hand, period, rows, next: 0, held: true };
-        let device = &world.device;
-        let plain = device.friction == 0.0 && device.lag == 0.0;
-        let stiff = device.handle.is_none();
-        let fits = stiff && scenario.timing == Timing::Even && !lane.hand.grips() && (plain || !lane.moves());
-        fits.then_some(lane)
+        Lane { world, scenario, hand, period, rows, next: 0, held: true, apart: Apart::No, broken: false }
     }
 
     /// Whether the puck ever moves by its own dynamics.
@@ -98,53 +138,118 @@ impl<'w> Lane<'w> {
         self.hand.prescribed().is_none() || self.hand.is_gone((self.rows - 1) as f64 * self.period)
     }
 
-    /// The hand's event at sample k. Returns the puck, moved where the hand prescribes it; `None` if the next event is not at a sample.
-    fn act(&mut self, k: u64, puck: (f64, f64)) -> Option<(f64, f64)> {
+    /// Whether the puck can move with those of other lanes.
+    fn is_plain(&self) -> bool {
+        let device = &self.world.device;
+        let plain = device.friction == 0.0 && device.lag == 0.0;
+        let steps = matches!(self.scenario.hand.drive, Drive::Torque(Shape::Step { .. }));
+        device.handle.is_none()
+            && self.scenario.timing == Timing::Even
+            && (steps || self.hand.prescribed().is_some())
+            && (plain || !self.moves())
+    }
+
+    fn is_apart(&self) -> bool {
+        matches!(self.apart, Apart::Now(_) | Apart::Always(_))
+    }
+
+    /// Moves by a device of its own from the first sample on. `None`: the scenario's timing does not suit the loop.
+    fn set_apart(&mut self) -> Option<()> {
+        let (machine, rows) = Machine::new(self.world, self.scenario).ok()?;
+        (self.apart, self.rows, self.next) = (Apart::Always(Box::new(machine)), rows, u64::MAX);
+        Some(())
+    }
+
+    /// Moves by a device of its own to the next sample.
+    fn split(&mut self) {
+        self.apart = match std::mem::replace(&mut self.apart, Apart::No) {
+            Apart::Waits(device) => Apart::Now(device),
+            Apart::No => {
+                // What it holds, it is told.
+                let mut device = VirtualDevice::new(&DeviceSpec { delay: 0.0, ..self.world.device_spec() });
+                device.begin(&mut script(self.scenario, self.period));
+                Apart::Now(Box::new(device))
+            }
+            other => other,
+        };
+    }
+
+    /// The hand's event at sample k. Returns the puck, moved where the hand prescribes it.
+    fn act(&mut self, k: u64, puck: (f64, f64)) -> (f64, f64) {
         let t = k as f64 * self.period;
         self.next = u64::MAX;
+        if let Apart::Now(_) = self.apart {
+            let Apart::Now(device) = std::mem::replace(&mut self.apart, Apart::No) else { return puck };
+            self.apart = Apart::Waits(device);
+        }
         if self.hand.is_gone(t) {
             self.held = false;
-            return Some(puck);
+            return puck;
         }
         if let Some(next) = self.hand.act(t, puck.0).0.filter(|next| *next <= (self.rows - 1) as f64 * self.period) {
             let sample = (next / self.period).round();
-            if sample * self.period != next {
-                return None;
+            let before = if sample * self.period > next { sample - 1.0 } else { sample } as u64;
+            self.next = before;
+            if sample * self.period != next && before <= k {
+                self.split();
+                self.next = k + 1;
             }
-            self.next = sample as u64;
         }
-        Some(self.hand.prescribed().map_or(puck, |piece| piece.at(t)))
+        self.hand.prescribed().map_or(puck, |piece| piece.at(t))
     }
 
-    /// The torque on the puck from sample k on; `None` where the hand prescribes its position.
-    fn push(&self, k: u64) -> Option<Push> {
+    /// The torque on the puck from sample k on; `None` where the hand prescribes its position, or the lane moves it by itself.
+    fn push(&self, k: u64) -> Option<f64> {
         match self.hand.prescribed() {
-            _ if !self.held => Some(Default::default()),
-            None => Some(self.hand.push(k as f64 * self.period)),
+            _ if self.is_apart() => None,
+            _ if !self.held => Some(0.0),
+            None => Some(self.hand.push(k as f64 * self.period).value),
             Some(_) => None,
         }
     }
+
+    /// Moves the puck from sample k - 1 to sample k, where the lane does so by itself. There the loop's `command` was this, and the motor
+    /// then held `applied`.
+    fn travel(&mut self, k: u64, puck: (f64, f64), command: f64, applied: f64) -> (f64, f64) {
+        let device = match &mut self.apart {
+            Apart::Always(machine) if k < self.rows && !self.broken => {
+                machine.command(command);
+                machine.travel(k, command);
+                &machine.device
+            }
+            Apart::Now(device) => {
+                device.skip_to(k - 1, puck);
+                device.command(applied);
+                device.travel();
+                &**device
+            }
+            Apart::No | Apart::Waits(_) | Apart::Always(_) => return puck,
+        };
+        let (puck, handle) = (device.puck(), device.handle().unwrap_or_default());
+        self.broken |= ![puck.0, puck.1, handle.0, handle.1].iter().all(|x| x.is_finite());
+        puck
+    }
 }
 
-impl<'w, const B: usize> Run<'w, B> {
-    fn new(worlds: &'w [World; LANES], scenario: usize) -> Option<Self> {
+impl<'w, const B: usize, const W: usize> Run<'w, B, W> {
+    fn new(worlds: &'w [World; LANES], compiled: Batch<'w, LANES, B, COUPLINGS, W>, scenario: usize) -> Option<Self> {
         let mut lanes = Vec::with_capacity(LANES);
         for world in worlds {
-            lanes.push(Lane::new(world, world.scenarios.get(scenario)?)?);
+            lanes.push(Lane::new(world, world.scenarios.get(scenario)?));
         }
-        let motors: Vec<Motor<Batch>> =
-            lanes.iter().map(|lane| Motor::new(lane.world.sampling.delay_s(), lane.period)).collect();
-        let motor = motors.first()?.clone();
-        if motor.samples > LONGEST_DELAY || motors.iter().any(|m| m.rest != 0.0 || m.samples != motor.samples) {
-            return None;
+        // One delay line for all lanes: that of the first whose delay is whole samples.
+        let motor_of = |lane: &Lane<'_>| Motor::<Numbers>::new(lane.world.sampling.delay_s(), lane.period);
+        let fits = |motor: &Motor<Numbers>| motor.rest == 0.0 && motor.samples <= LONGEST_DELAY;
+        let mut motors = lanes.iter().filter(|lane| lane.is_plain()).map(motor_of);
+        let motor = motors.find(fits).unwrap_or_else(|| Motor::new(0.0, 1.0));
+        for lane in &mut lanes {
+            let own = motor_of(lane);
+            if !lane.is_plain() || (own.samples, own.rest) != (motor.samples, 0.0) {
+                lane.set_apart()?;
+            }
         }
-        let mut loops = Vec::with_capacity(LANES);
-        for lane in &lanes {
-            loops.push(Loop::<f64, B, COUPLINGS, 1>::new(&lane.world.spec()).ok()?);
-        }
-        let compiled = Loop::batch(loops.as_slice().try_into().ok()?)?;
-        let mut plant = [[Batch::ZERO; 2]; 2];
-        for (i, lane) in lanes.iter().enumerate().filter(|(_, lane)| lane.moves()) {
+        let mut plant = [[Numbers::ZERO; 2]; 2];
+        for (i, lane) in lanes.iter().enumerate().filter(|(_, lane)| lane.is_plain() && lane.moves()) {
             let device = &lane.world.device;
             let change = under_held_torque(device.inertia, device.damping, lane.period);
             for (plant, change) in plant.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
@@ -156,28 +261,37 @@ impl<'w, const B: usize> Run<'w, B> {
 
     /// The hands' events at sample k. Returns the pucks, and how they move from there.
     #[inline(never)]
-    fn act(&mut self, k: u64, mut puck: [Batch; 2]) -> Option<([Batch; 2], Motion)> {
-        let mut motion = Motion { pushed: Batch::ZERO, push: Batch::ZERO, any_pushed: false, any_prescribed: false };
+    fn act(&mut self, k: u64, mut puck: [Numbers; 2]) -> ([Numbers; 2], Motion) {
+        let mut motion = Motion::NONE;
         for (i, lane) in self.lanes.iter_mut().enumerate() {
             if lane.next == k {
-                (puck[0].0[i], puck[1].0[i]) = lane.act(k, (puck[0].0[i], puck[1].0[i]))?;
+                (puck[0].0[i], puck[1].0[i]) = lane.act(k, (puck[0].0[i], puck[1].0[i]));
             }
-            match lane.push(k) {
-                Some(push) if push.slope == 0.0 && push.sin == 0.0 && push.cos == 0.0 => {
-                    motion.any_pushed = true;
-                    (motion.pushed.0[i], motion.push.0[i]) = (1.0, push.value);
-                }
-                Some(_) => return None,
-                None => motion.any_prescribed |= lane.hand.prescribed().is_some_and(|piece| !piece.is_flat()),
+            if let Some(push) = lane.push(k) {
+                motion.any_pushed = true;
+                (motion.pushed.0[i], motion.push.0[i]) = (1.0, push);
             }
+            let moves = lane.hand.prescribed().is_some_and(|piece| !piece.is_flat());
+            motion.any_prescribed |= moves && !lane.is_apart();
+            motion.any_apart |= lane.is_apart();
         }
-        Some((puck, motion))
+        (puck, motion)
+    }
+
+    /// Moves the pucks of lanes that do so by themselves.
+    #[inline(never)]
+    fn travel(&mut self, k: u64, mut puck: [Numbers; 2], [command, applied]: [Numbers; 2]) -> [Numbers; 2] {
+        for (i, lane) in self.lanes.iter_mut().enumerate() {
+            let before = (puck[0].0[i], puck[1].0[i]);
+            (puck[0].0[i], puck[1].0[i]) = lane.travel(k, before, command.0[i], applied.0[i]);
+        }
+        puck
     }
 
     /// Sets the pucks whose motion a hand prescribes to their positions at sample k.
     #[inline(never)]
-    fn prescribe(&self, k: u64, mut puck: [Batch; 2]) -> [Batch; 2] {
-        for (i, lane) in self.lanes.iter().enumerate().filter(|(_, lane)| lane.held) {
+    fn prescribe(&self, k: u64, mut puck: [Numbers; 2]) -> [Numbers; 2] {
+        for (i, lane) in self.lanes.iter().enumerate().filter(|(_, lane)| lane.held && !lane.is_apart()) {
             if let Some(piece) = lane.hand.prescribed().filter(|piece| !piece.is_flat()) {
                 (puck[0].0[i], puck[1].0[i]) = piece.at(k as f64 * lane.period);
             }
@@ -186,7 +300,7 @@ impl<'w, const B: usize> Run<'w, B> {
     }
 }
 
-impl<const B: usize> WithSimd for Run<'_, B> {
+impl<const B: usize, const W: usize> WithSimd for Run<'_, B, W> {
     type Output = Option<[Option<Outcome>; LANES]>;
 
     /// The whole run, compiled once for each width of vectors.
@@ -195,14 +309,18 @@ impl<const B: usize> WithSimd for Run<'_, B> {
         let compiled = self.compiled;
         let mut state = compiled.start();
         let mut outcomes = [None; LANES];
-        let mut puck = [Batch::ZERO; 2];
-        for (i, lane) in self.lanes.iter().enumerate() {
-            if let Some(piece) = lane.hand.prescribed() {
+        let mut puck = [Numbers::ZERO; 2];
+        for (i, lane) in self.lanes.iter_mut().enumerate() {
+            if let Apart::Always(machine) = &mut lane.apart {
+                machine.travel(0, 0.0);
+                (puck[0].0[i], puck[1].0[i]) = machine.device.puck();
+            } else if let Some(piece) = lane.hand.prescribed() {
                 (puck[0].0[i], puck[1].0[i]) = piece.at(0.0);
             }
         }
-        let mut motion = Motion { pushed: Batch::ZERO, push: Batch::ZERO, any_pushed: false, any_prescribed: false };
-        let (mut applied, mut peak, mut finite_sum) = (Batch::ZERO, Batch::ZERO, Batch::ZERO);
+        let mut motion = Motion::NONE;
+        let (mut command, mut applied) = (Numbers::ZERO, Numbers::ZERO);
+        let (mut peak, mut finite_sum) = (Numbers::ZERO, Numbers::ZERO);
         let end = self.lanes.iter().map(|lane| lane.rows).max()?;
         let mut k = 0;
         while k < end {
@@ -216,34 +334,38 @@ impl<const B: usize> WithSimd for Run<'_, B> {
                     }
                     if motion.any_prescribed {
                         puck = self.prescribe(k, puck);
-                        finite_sum += Batch::ZERO * puck[1];
+                        finite_sum += Numbers::ZERO * puck[1];
+                    }
+                    if motion.any_apart {
+                        puck = self.travel(k, puck, [command, applied]);
                     }
                 }
                 if k == first {
-                    (puck, motion) = self.act(k, puck)?;
+                    (puck, motion) = self.act(k, puck);
                     let stops = self.lanes.iter().flat_map(|lane| [lane.next, lane.rows]);
                     last = stops.filter(|stop| *stop > k).fold(end, u64::min);
                 }
                 let sample = compiled.step(&mut state, puck[0], puck[1]);
+                command = sample.command;
                 applied = if self.motor.samples == 0 {
-                    sample.command
+                    command
                 } else {
-                    self.motor.command(sample.command);
+                    self.motor.command(command);
                     self.motor.applied
                 };
                 peak = peak.larger(sample.torque.abs());
                 // 0 · x is 0 or NaN, and a NaN stays in a sum. Bodies and puck, once not finite, stay so.
-                finite_sum += Batch::ZERO * sample.torque;
+                finite_sum += Numbers::ZERO * sample.torque;
                 k += 1;
             }
             for (i, lane) in self.lanes.iter().enumerate().filter(|(_, lane)| lane.rows == k) {
                 let bodies: [(f64, f64); B] = from_fn(|j| (state.now.position[j].0[i], state.now.velocity[j].0[i]));
-                let bodies = &bodies[..compiled.bodies()];
+                let (bodies, bristles) = (&bodies[..compiled.bodies()], state.bristles.map(|bristle| bristle.0[i]));
                 let own = [(puck[0].0[i], puck[1].0[i]), (finite_sum.0[i], 0.0)];
-                let finite = own.iter().chain(bodies).all(|(x, v)| x.is_finite() && v.is_finite());
+                let finite = !lane.broken && own.iter().chain(bodies).all(|(x, v)| x.is_finite() && v.is_finite());
                 outcomes[i] = finite.then(|| Outcome {
                     peak_torque: peak.0[i],
-                    final_energy: world_energy(lane.world, puck[0].0[i], bodies, &[]),
+                    final_energy: world_energy(lane.world, puck[0].0[i], bodies, &bristles),
                 });
             }
         }
@@ -253,7 +375,12 @@ impl<const B: usize> WithSimd for Run<'_, B> {
 
 /// The puck a period later, where it is pushed.
 #[inline(always)]
-fn moved(plant: &[[Batch; 2]; 2], [position, velocity]: [Batch; 2], torque: Batch, pushed: Batch) -> [Batch; 2] {
+fn moved(
+    plant: &[[Numbers; 2]; 2],
+    [position, velocity]: [Numbers; 2],
+    torque: Numbers,
+    pushed: Numbers,
+) -> [Numbers; 2] {
     let [by_position, by_velocity] = plant;
     let travel = by_position[0] * velocity + by_position[1] * torque;
     let gain = by_velocity[0] * velocity + by_velocity[1] * torque;

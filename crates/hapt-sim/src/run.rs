@@ -59,19 +59,24 @@ pub enum Error {
 #[derive(Clone, Debug)]
 pub struct Simulation {
     control: Control,
-    device: VirtualDevice,
-    period: f64,
+    machine: Machine,
     sample: u64,
     rows: u64,
     row: Row,
+}
+
+/// The exact device of a run, from sample to sample, even or not.
+#[derive(Clone, Debug)]
+pub(crate) struct Machine {
+    pub device: VirtualDevice,
+    period: f64,
     /// Where the samples are not even: when they are taken, and what follows on the last one.
     uneven: Option<(Schedule, Tick)>,
 }
 
-impl Simulation {
-    /// A run of `scenario` in `world`. Errors when the loop cannot be compiled.
-    pub fn new(world: &World, scenario: &Scenario) -> Result<Self, Error> {
-        let control = Control::new(&world.spec())?;
+impl Machine {
+    /// The device at the first sample, and the number of samples. Errors when the scenario's timing does not suit the loop.
+    pub fn new(world: &World, scenario: &Scenario) -> Result<(Self, u64), Error> {
         let period = world.sampling.period;
         let even = scenario.timing == Timing::Even;
         if let Some((key, reason)) = scenario.timing.fault(&world.sampling, scenario.duration) {
@@ -88,14 +93,47 @@ impl Simulation {
         let rows =
             if even { rows(scenario.duration, period) } else { schedule.clone().samples_until(scenario.duration) };
         device.begin(&mut script(scenario, period));
-        let handle = device.handle();
+        let uneven = (!even).then_some((schedule, Tick { delay: 0.0, interval: period }));
+        Ok((Machine { device, period, uneven }, rows))
+    }
+
+    /// Goes to sample number `sample`, the first or the next one, and gives its time in s. `command` is that of the sample before.
+    #[inline]
+    pub fn travel(&mut self, sample: u64, command: f64) -> f64 {
+        let Some((schedule, last)) = &mut self.uneven else {
+            if sample > 0 {
+                self.device.travel();
+            }
+            return sample as f64 * self.period;
+        };
+        let time = schedule.time();
+        if sample > 0 {
+            self.device.travel_uneven(last.interval, time, aligned(last.delay, self.period), command);
+        }
+        *last = schedule.advance();
+        time
+    }
+
+    /// The loop's command at this sample; one that comes late comes with [`Machine::travel`].
+    #[inline]
+    pub fn command(&mut self, command: f64) {
+        if self.uneven.as_ref().is_none_or(|(_, tick)| aligned(tick.delay, self.period) == 0.0) {
+            self.device.command(command);
+        }
+    }
+}
+
+impl Simulation {
+    /// A run of `scenario` in `world`. Errors when the loop cannot be compiled.
+    pub fn new(world: &World, scenario: &Scenario) -> Result<Self, Error> {
+        let control = Control::new(&world.spec())?;
+        let (machine, rows) = Machine::new(world, scenario)?;
+        let handle = machine.device.handle();
         Ok(Simulation {
             control,
-            device,
-            period,
+            machine,
             sample: 0,
             rows,
-            uneven: (!even).then_some((schedule, Tick { delay: 0.0, interval: period })),
             row: Row {
                 bodies: vec![(0.0, 0.0); world.bodies.len()],
                 bristles: vec![0.0; world.couplings.len()],
@@ -112,11 +150,11 @@ impl Simulation {
 
     /// Whether a sample is taken every period.
     pub fn is_even(&self) -> bool {
-        self.uneven.is_none()
+        self.machine.uneven.is_none()
     }
 
     fn hand(&self) -> Option<&Hand> {
-        self.device.script().hand()
+        self.machine.device.script().hand()
     }
 
     /// The hand's last event in s, if the puck stands still, held, from then on.
@@ -142,31 +180,17 @@ impl Simulation {
         if self.sample >= self.rows {
             return None;
         }
-        let mut time = self.sample as f64 * self.period;
-        match &mut self.uneven {
-            None if self.sample > 0 => self.device.travel(),
-            None => {}
-            Some((schedule, last)) => {
-                time = schedule.time();
-                if self.sample > 0 {
-                    self.device.travel_uneven(last.interval, time, aligned(last.delay, self.period), self.row.command);
-                }
-                *last = schedule.advance();
-            }
-        }
-        let row = &mut self.row;
-        let (position, velocity) = self.device.puck();
+        let (row, machine) = (&mut self.row, &mut self.machine);
+        let time = machine.travel(self.sample, row.command);
+        let (position, velocity) = machine.device.puck();
         let sample = self.control.step(position, velocity, &mut row.bodies, &mut row.bristles);
-        let at_once = self.uneven.as_ref().is_none_or(|(_, tick)| aligned(tick.delay, self.period) == 0.0);
-        if at_once {
-            self.device.command(sample.command);
-        }
+        machine.command(sample.command);
         row.time = time;
         (row.puck, row.puck_velocity) = (position, velocity);
-        row.handle = self.device.handle();
+        row.handle = machine.device.handle();
         (row.measured, row.measured_velocity) = (sample.puck.position, sample.puck.velocity);
-        (row.torque, row.command, row.applied) = (sample.torque, sample.command, self.device.applied());
-        row.ledger = self.device.ledger();
+        (row.torque, row.command, row.applied) = (sample.torque, sample.command, machine.device.applied());
+        row.ledger = machine.device.ledger();
         self.sample += 1;
         if !self.row.is_finite() {
             self.rows = 0;

@@ -137,7 +137,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         let look = if ordinary { Look::ORDINARY } else { self.look(state, world, loop_state, reading, request) };
         // A NaN never enters the world.
         let velocity = reading.velocity.finite_or_zero();
-        let sample = world.sample(loop_state, state.seen.position - state.offset, velocity);
+        let sample = world.sample(world, loop_state, state.seen.position - state.offset, velocity);
         if !look.waits {
             self.book(state, loop_state, &sample, reading);
         }

@@ -1,6 +1,8 @@
 //! Lanes do what their numbers would do alone, to the bit.
 
-use hapt_core::{Body, Coupling, Damping, End, Estimator, Lanes, Law, Loop, Method, Number, Output, Real, Side, Spec};
+use hapt_core::{
+    Batch, Body, Coupling, Damping, End, Estimator, Lanes, Law, Loop, Method, Number, Output, Real, Side, Spec,
+};
 use proptest::prelude::*;
 
 const N: usize = 5;
@@ -38,17 +40,50 @@ proptest! {
     }
 }
 
-/// A world of two bodies, its numbers scaled.
-fn compiled(method: Method, output: Output, estimator: Estimator, counted: bool, scale: f64) -> Loop<f64, 2, 4, 1> {
+/// A nonlinear coupling of some kind.
+fn bent(kind: usize, scale: f64) -> Coupling {
+    let law = match kind % 6 {
+        0 => Law::Wall { side: Side::Above, at: 0.05, stiffness: 5.0 * scale, damping: 0.01 },
+        1 => Law::Detent { torque: 0.05 * scale, pitch: 0.3, phase: 0.1 },
+        2 => Law::DeadBand { stiffness: 4.0 * scale, rest: 0.0, width: 0.1 },
+        3 => Law::Coulomb { torque: 0.02 * scale },
+        4 => Law::Lugre {
+            coulomb: 0.02 * scale,
+            stribeck: 0.03 * scale,
+            stribeck_velocity: 0.1,
+            bristle_stiffness: 5.0,
+            bristle_damping: 0.01,
+            viscous: 1e-3,
+        },
+        _ => Law::Spring { stiffness: 3.0 * scale, rest: 0.0 },
+    };
+    let limit = (kind % 6 == 5).then_some(0.1);
+    let ends = [(End::Puck, End::Ground), (End::Puck, End::Body(0)), (End::Body(1), End::Ground)];
+    let (first, second) = ends[kind / 6 % 3];
+    Coupling { first, second, law, limit }
+}
+
+type Alone = Loop<f64, 2, 6, 9>;
+
+/// A world of two bodies, its numbers scaled. `None`: the method does not take these couplings.
+fn compiled(
+    method: Method,
+    output: Output,
+    estimator: Estimator,
+    counted: bool,
+    scale: f64,
+    more: &[Coupling],
+) -> Option<Alone> {
     let spring =
         |first, second, stiffness| Coupling { first, second, law: Law::Spring { stiffness, rest: 0.1 }, limit: None };
     let bodies = [0.02, 0.03].map(|inertia| Body { inertia: inertia * scale, position: 0.1 * scale, velocity: -0.3 });
     let damper = Law::Damper { damping: Damping::Fixed(0.01 * scale) };
-    let couplings = [
+    let mut couplings = vec![
         spring(End::Puck, End::Body(0), 3.0 * scale),
         spring(End::Body(0), End::Body(1), 2.0),
         Coupling { first: End::Puck, second: End::Body(1), law: damper, limit: None },
     ];
+    couplings.extend(more);
     let spec = Spec {
         period: 1e-3 * scale,
         method,
@@ -61,8 +96,16 @@ fn compiled(method: Method, output: Output, estimator: Estimator, counted: bool,
         bodies: &bodies,
         couplings: &couplings,
     };
-    Loop::new(&spec).unwrap()
+    Loop::new(&spec).ok()
 }
+
+const ESTIMATORS: [Estimator; 5] = [
+    Estimator::Exact,
+    Estimator::Difference,
+    Estimator::LowPass { cutoff: 40.0 },
+    Estimator::Foaw { window: 8 },
+    Estimator::FoawBest { window: 5 },
+];
 
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
@@ -71,32 +114,38 @@ proptest! {
     fn worlds_side_by_side_take_the_samples_they_take_alone(
         scales in prop::array::uniform5(0.2..3.0f64),
         inputs in prop::collection::vec((prop::array::uniform5(-1.0..1.0f64), prop::array::uniform5(-9.0..9.0f64)), 30),
-        broken in 0..60usize,
+        broken in 0..60usize, kinds in prop::array::uniform5(prop::collection::vec(0..18usize, 0..3)),
+        estimator in prop::sample::select(&ESTIMATORS[..]), bends in any::<bool>(),
     ) {
         for method in Method::ALL {
             for output in Output::ALL {
-                if method.takes_new_sample_first() && output != Output::Start {
-                    continue;
-                }
-                for estimator in [Estimator::Exact, Estimator::Difference, Estimator::LowPass { cutoff: 40.0 }] {
-                    for counted in [false, true] {
-                        let alone = scales.map(|scale| compiled(method, output, estimator, counted, scale));
-                        let together = Loop::<Lanes<N>, 2, 0, 1>::batch(&alone).unwrap();
-                        let mut states = alone.map(|world| world.start());
-                        let mut state = together.start();
-                        for (k, &(mut z, v)) in inputs.iter().enumerate() {
-                            if k == broken {
-                                z[1] = f64::NAN;
-                            }
-                            let sample = together.step(&mut state, Lanes(z), Lanes(v));
-                            let own: [_; N] = std::array::from_fn(|i| alone[i].step(&mut states[i], z[i], v[i]));
-                            prop_assert_eq!(bits(sample.torque), bits(Lanes(own.map(|own| own.torque))));
-                            prop_assert_eq!(bits(sample.command), bits(Lanes(own.map(|own| own.command))));
-                            prop_assert_eq!(bits(sample.puck.velocity), bits(Lanes(own.map(|own| own.puck.velocity))));
-                            for j in 0..2 {
-                                let now = states.map(|state| state.now.velocity[j]);
-                                prop_assert_eq!(bits(state.now.velocity[j]), bits(Lanes(now)));
-                            }
+                for counted in [false, true] {
+                    let alone = std::array::from_fn::<_, N, _>(|i| {
+                        let more: Vec<Coupling> = kinds[i].iter().map(|kind| bent(*kind, scales[i])).collect();
+                        let all = compiled(method, output, estimator, counted, scales[i], if bends { &more } else { &[] });
+                        all.or_else(|| compiled(method, output, estimator, counted, scales[i], &[]))
+                    });
+                    let Some(alone): Option<Vec<Alone>> = alone.into_iter().collect() else { continue };
+                    let alone: [Alone; N] = alone.try_into().unwrap();
+                    let together = Batch::new(&alone).unwrap();
+                    let mut states = alone.map(|world| world.start());
+                    let mut state = together.start();
+                    for (k, &(mut z, v)) in inputs.iter().enumerate() {
+                        if k == broken {
+                            z[1] = f64::NAN;
+                        }
+                        let sample = together.step(&mut state, Lanes(z), Lanes(v));
+                        let own: [_; N] = std::array::from_fn(|i| alone[i].step(&mut states[i], z[i], v[i]));
+                        prop_assert_eq!(bits(sample.torque), bits(Lanes(own.map(|own| own.torque))), "{:?}", kinds);
+                        prop_assert_eq!(bits(sample.command), bits(Lanes(own.map(|own| own.command))));
+                        prop_assert_eq!(bits(sample.puck.velocity), bits(Lanes(own.map(|own| own.puck.velocity))));
+                        for j in 0..2 {
+                            let now = states.map(|state| state.now.velocity[j]);
+                            prop_assert_eq!(bits(state.now.velocity[j]), bits(Lanes(now)));
+                        }
+                        for j in 0..6 {
+                            let bristles = states.map(|state| state.bristles[j]);
+                            prop_assert_eq!(bits(state.bristles[j]), bits(Lanes(bristles)));
                         }
                     }
                 }
@@ -107,29 +156,14 @@ proptest! {
 
 #[test]
 fn worlds_of_different_kinds_do_not_stand_side_by_side() {
-    let plain = || compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0);
-    let with = |world| Loop::<Lanes<2>, 2, 0, 1>::batch(&[plain(), world]).is_some();
-    assert!(with(compiled(Method::Trapezoidal, Output::End, Estimator::Exact, false, 2.0)));
-    assert!(!with(compiled(Method::Tustin, Output::Start, Estimator::Exact, false, 1.0)));
-    assert!(!with(compiled(Method::Zoh, Output::Middle, Estimator::Exact, false, 1.0)));
-    assert!(!with(compiled(Method::Zoh, Output::End, Estimator::Difference, false, 1.0)));
-    assert!(!with(compiled(Method::Zoh, Output::End, Estimator::Exact, true, 1.0)));
-    let wall = Law::Wall { side: Side::Above, at: 0.0, stiffness: 1.0, damping: 0.0 };
-    let bodies = [Body { inertia: 1.0, position: 0.0, velocity: 0.0 }; 2];
-    let couplings = [Coupling { first: End::Puck, second: End::Ground, law: wall, limit: None }];
-    let (method, output, estimator) = (Method::Zoh, Output::End, Estimator::Exact);
-    let (period, advance, count, limit, levels) = (1e-3, 2, None, None, None);
-    let spec = Spec {
-        period,
-        method,
-        output,
-        advance,
-        estimator,
-        count,
-        limit,
-        levels,
-        bodies: &bodies,
-        couplings: &couplings,
-    };
-    assert!(!with(Loop::new(&spec).unwrap()));
+    let of =
+        |method, output, estimator, counted, scale| compiled(method, output, estimator, counted, scale, &[]).unwrap();
+    let plain = || of(Method::Zoh, Output::End, Estimator::Exact, false, 1.0);
+    let with = |world| Batch::new(&[plain(), world]).is_some();
+    assert!(with(of(Method::Trapezoidal, Output::End, Estimator::Exact, false, 2.0)));
+    assert!(with(compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[bent(0, 1.0)]).unwrap()));
+    assert!(!with(of(Method::Tustin, Output::Start, Estimator::Exact, false, 1.0)));
+    assert!(!with(of(Method::Zoh, Output::Middle, Estimator::Exact, false, 1.0)));
+    assert!(!with(of(Method::Zoh, Output::End, Estimator::Difference, false, 1.0)));
+    assert!(!with(of(Method::Zoh, Output::End, Estimator::Exact, true, 1.0)));
 }
