@@ -130,7 +130,8 @@ impl<const N: usize> Number for Lanes<N> {
     }
 }
 
-/// N worlds side by side, a world in each lane. They may differ in their numbers and in their nonlinear couplings.
+/// N worlds side by side, a world in each lane. They may differ in their numbers and in their nonlinear couplings. With S = 0 there are no
+/// nonlinear couplings, and a state that needs no place in memory; else S is C.
 ///
 /// ```
 /// use hapt_core::{Batch, Coupling, End, Estimator, Lanes, Law, Loop, Method, Output, Spec};
@@ -152,17 +153,16 @@ impl<const N: usize> Number for Lanes<N> {
 ///     };
 ///     Loop::<f64, 1, 8, 1>::new(&spec).unwrap()
 /// });
-/// let batch = Batch::new(&worlds).unwrap();
+/// let batch = Batch::<2, 1, 8, 1, 0>::new(&worlds).unwrap();
 /// let mut state = batch.start();
 /// assert_eq!(batch.step(&mut state, Lanes([0.1, 0.1]), Lanes([0.0, 0.0])).torque, Lanes([-0.1, -0.2]));
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct Batch<'w, const N: usize, const B: usize, const C: usize, const W: usize> {
+pub struct Batch<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S: usize> {
     /// What all lanes do alike.
-    common: Loop<Lanes<N>, B, C, W>,
+    common: Loop<Lanes<N>, B, 0, W>,
     worlds: &'w [Loop<f64, B, C, W>; N],
-    /// Whether a lane has nonlinear couplings, and whether those have bristles or torques that are found.
-    bends: bool,
+    /// Whether nonlinear couplings have bristles or torques that are found.
     remembers: bool,
 }
 
@@ -172,49 +172,59 @@ fn lane<const N: usize, const B: usize>(of: &Vector<Lanes<N>, B>, i: usize) -> V
     Vector { position: from_fn(|j| of.position[j].0[i]), velocity: from_fn(|j| of.velocity[j].0[i]) }
 }
 
+/// The same for each of a world's couplings.
+#[inline(always)]
+fn own<const N: usize, const S: usize, const C: usize>(of: &[Lanes<N>; S], i: usize) -> [f64; C] {
+    from_fn(|j| of.get(j).map_or(0.0, |number| number.0[i]))
+}
+
 #[inline(always)]
 fn puck_of<const N: usize>(of: Puck<Lanes<N>>, i: usize) -> Puck<f64> {
     Puck { position: of.position.0[i], velocity: of.velocity.0[i] }
 }
 
-impl<const N: usize, const B: usize, const C: usize, const W: usize> Batch<'_, N, B, C, W> {
+impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: usize> Batch<'_, N, B, C, W, S> {
     /// A lane's bristles and found torques.
     #[inline(always)]
     fn memory_of(
         &self,
-        bristles: &[Lanes<N>; C],
-        contacts: &Contacts<Lanes<N>, C>,
+        bristles: &[Lanes<N>; S],
+        contacts: &Contacts<Lanes<N>, S>,
         i: usize,
     ) -> ([f64; C], Contacts<f64, C>) {
         if !self.remembers {
             return ([0.0; C], Contacts::NONE);
         }
-        let torques = from_fn(|j| contacts.torques[j].0[i]);
-        (from_fn(|j| bristles[j].0[i]), Contacts { torques, unsettled: contacts.unsettled })
+        (own(bristles, i), Contacts { torques: own(&contacts.torques, i), unsettled: contacts.unsettled })
     }
 }
 
-impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<Lanes<N>, B, C, W>
-    for Batch<'_, N, B, C, W>
+impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: usize> Branches<Lanes<N>, B, S, W>
+    for Batch<'_, N, B, C, W, S>
 {
     #[inline(always)]
     fn estimate(&self, memory: &Memory<Lanes<N>, W>, position: Lanes<N>) -> Lanes<N> {
-        self.common.sensor.by_last(memory, position).unwrap_or_else(|| {
+        let velocity = self.common.sensor.by_last(memory, position);
+        // FOAW remembers counts.
+        if W == 1 {
+            return velocity.unwrap_or(Lanes::ZERO);
+        }
+        velocity.unwrap_or_else(|| {
             let newest = memory.then(0);
             Lanes(from_fn(|i| self.worlds[i].sensor.foaw(memory.older, |age| memory.then(age).0[i] - newest.0[i])))
         })
     }
 
     #[inline(always)]
-    fn bend(&self, bristles: &mut [Lanes<N>; C], puck: Puck<Lanes<N>>, bodies: &Vector<Lanes<N>, B>) {
-        if !self.remembers {
+    fn bend(&self, bristles: &mut [Lanes<N>; S], puck: Puck<Lanes<N>>, bodies: &Vector<Lanes<N>, B>) {
+        if S == 0 || !self.remembers {
             return;
         }
         for (i, world) in self.worlds.iter().enumerate() {
-            let mut own = from_fn(|j| bristles[j].0[i]);
-            world.bend_all(&mut own, puck_of(puck, i), &lane(bodies, i));
-            for (bristles, own) in bristles.iter_mut().zip(own) {
-                bristles.0[i] = own;
+            let mut bent = own(bristles, i);
+            world.bend_all(&mut bent, puck_of(puck, i), &lane(bodies, i));
+            for (bristle, bent) in bristles.iter_mut().zip(bent) {
+                bristle.0[i] = bent;
             }
         }
     }
@@ -227,21 +237,21 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<La
         x: &Vector<Lanes<N>, B>,
         old: Puck<Lanes<N>>,
         new: Puck<Lanes<N>>,
-        bristles: &[Lanes<N>; C],
-        contacts: &mut Contacts<Lanes<N>, C>,
+        bristles: &[Lanes<N>; S],
+        contacts: &mut Contacts<Lanes<N>, S>,
     ) {
         self.common.linear(n, change, x, old, new);
-        if !self.bends {
+        if S == 0 {
             return;
         }
         for (i, world) in self.worlds.iter().enumerate() {
             let Some(force) = &world.force else { continue };
-            let mut own = lane(change, i);
+            let mut moved = lane(change, i);
             let (bristles, mut found) = self.memory_of(bristles, contacts, i);
             let (old, new) = (puck_of(old, i), puck_of(new, i));
-            world.force_on(&mut own, force, &lane(x, i), old, new, &bristles, &mut found);
+            world.force_on(&mut moved, force, &lane(x, i), old, new, &bristles, &mut found);
             for j in 0..n.min(B) {
-                (change.position[j].0[i], change.velocity[j].0[i]) = (own.position[j], own.velocity[j]);
+                (change.position[j].0[i], change.velocity[j].0[i]) = (moved.position[j], moved.velocity[j]);
             }
             if self.remembers {
                 for (torques, torque) in contacts.torques.iter_mut().zip(found.torques) {
@@ -257,10 +267,10 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<La
         torque: Lanes<N>,
         bodies: &Vector<Lanes<N>, L>,
         puck: Puck<Lanes<N>>,
-        bristles: &[Lanes<N>; C],
-        contacts: &Contacts<Lanes<N>, C>,
+        bristles: &[Lanes<N>; S],
+        contacts: &Contacts<Lanes<N>, S>,
     ) -> Lanes<N> {
-        if !self.bends {
+        if S == 0 {
             return torque;
         }
         let mut torque = torque;
@@ -277,16 +287,17 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize> Branches<La
     }
 }
 
-impl<'w, const N: usize, const B: usize, const C: usize, const W: usize> Batch<'w, N, B, C, W> {
+impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S: usize> Batch<'w, N, B, C, W, S> {
     /// `None` where the worlds differ in more than their numbers and nonlinear couplings: number of bodies, kind of method, output, advance,
-    /// estimator, parts of the device.
+    /// estimator, parts of the device; and with S = 0 where one has nonlinear couplings.
     pub fn new(worlds: &'w [Loop<f64, B, C, W>; N]) -> Option<Self> {
         let first = worlds.first()?;
         let alike = |world: &Loop<f64, B, C, W>| {
             (world.bodies, world.new_sample_first) == (first.bodies, first.new_sample_first)
                 && world.moment == first.moment
         };
-        if !worlds.iter().all(alike) {
+        let bends = worlds.iter().any(|world| world.nonlinear_count > 0);
+        if !worlds.iter().all(alike) || (S == 0 && bends) {
             return None;
         }
         let common = Loop {
@@ -308,7 +319,7 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize> Batch<'
                 bodies: vector(worlds, |w| &w.port.bodies),
                 offset: each(worlds, |w| w.port.offset),
             },
-            nonlinear: [None; C],
+            nonlinear: [],
             nonlinear_count: 0,
             sensor: Sensor {
                 count: each_or_none(worlds, |w| w.sensor.count)?,
@@ -323,14 +334,13 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize> Batch<'
                 beyond: Lanes::ZERO,
             },
         };
-        let bends = worlds.iter().any(|world| world.nonlinear_count > 0);
         let remembers = worlds.iter().flat_map(|world| world.nonlinear.iter().flatten()).any(Nonlinear::remembers);
-        Some(Batch { common, worlds, bends, remembers })
+        Some(Batch { common, worlds, remembers })
     }
 
     /// The state before sample 0.
-    pub fn start(&self) -> State<Lanes<N>, B, C, W> {
-        self.common.start()
+    pub fn start(&self) -> State<Lanes<N>, B, S, W> {
+        State { now: self.common.start, ..State::EMPTY }
     }
 
     /// How many bodies each world has.
@@ -342,7 +352,7 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize> Batch<'
     #[inline(always)]
     pub fn step(
         &self,
-        state: &mut State<Lanes<N>, B, C, W>,
+        state: &mut State<Lanes<N>, B, S, W>,
         position: Lanes<N>,
         velocity: Lanes<N>,
     ) -> Sample<Lanes<N>> {

@@ -195,12 +195,12 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 /// One source for numbers and for lanes: what a sample is.
 impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     /// Most worlds have one body. Compiled for that number the sample asks for no other, and does the same to the bit. What depends on the
-    /// numbers is asked of `with`: of the loop itself, or of the loops of all lanes.
+    /// numbers is asked of `with`: of the loop itself, or of the loops of all lanes, with their S couplings.
     #[inline(always)]
-    pub(crate) fn sample<X: Branches<F, B, C, W>>(
+    pub(crate) fn sample<X: Branches<F, B, S, W>, const S: usize>(
         &self,
         with: &X,
-        state: &mut State<F, B, C, W>,
+        state: &mut State<F, B, S, W>,
         position: F,
         velocity: F,
     ) -> Sample<F> {
@@ -212,11 +212,11 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
 
     /// The sample of a world of n bodies.
     #[inline(always)]
-    fn sample_of<X: Branches<F, B, C, W>>(
+    fn sample_of<X: Branches<F, B, S, W>, const S: usize>(
         &self,
         with: &X,
         n: usize,
-        state: &mut State<F, B, C, W>,
+        state: &mut State<F, B, S, W>,
         position: F,
         velocity: F,
     ) -> Sample<F> {
@@ -236,18 +236,21 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
             }
         }
         state.memory.last = Some(puck);
-        let torque =
-            if n == 1 { self.torque::<X, 1>(with, n, state, puck) } else { self.torque::<X, B>(with, n, state, puck) };
+        let torque = if n == 1 {
+            self.torque::<X, 1, S>(with, n, state, puck)
+        } else {
+            self.torque::<X, B, S>(with, n, state, puck)
+        };
         Sample { puck, torque, command: with.command(torque) }
     }
 
     /// The torque on the puck from the state that the output names, of n bodies in the first L places.
     #[inline(always)]
-    fn torque<X: Branches<F, B, C, W>, const L: usize>(
+    fn torque<X: Branches<F, B, S, W>, const L: usize, const S: usize>(
         &self,
         with: &X,
         n: usize,
-        state: &State<F, B, C, W>,
+        state: &State<F, B, S, W>,
         puck: Puck<F>,
     ) -> F {
         let (mut bodies, change) = (state.now.rows::<L>(0), state.change.rows::<L>(0));
@@ -265,11 +268,11 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
 
     /// The torque on the puck so many steps further on: the world goes on without the loop, the puck held where it was seen.
     #[cold]
-    fn torque_ahead<X: Branches<F, B, C, W>>(
+    fn torque_ahead<X: Branches<F, B, S, W>, const S: usize>(
         &self,
         with: &X,
         advance: u32,
-        state: &State<F, B, C, W>,
+        state: &State<F, B, S, W>,
         puck: Puck<F>,
     ) -> F {
         let (mut bodies, mut bristles, mut contacts) = (state.now, state.bristles, state.contacts);
@@ -287,14 +290,14 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
 
     /// The couplings' torque on the puck with the bodies as given.
     #[inline(always)]
-    fn torque_at<X: Branches<F, B, C, W>, const L: usize>(
+    fn torque_at<X: Branches<F, B, S, W>, const L: usize, const S: usize>(
         &self,
         with: &X,
         n: usize,
         bodies: &Vector<F, L>,
         puck: Puck<F>,
-        bristles: &[F; C],
-        contacts: &Contacts<F, C>,
+        bristles: &[F; S],
+        contacts: &Contacts<F, S>,
     ) -> F {
         let mut torque = self.port.offset + self.port.puck[0] * puck.position + self.port.puck[1] * puck.velocity;
         // All products before the first sum, which then has only itself to wait for.

@@ -171,11 +171,18 @@ pub fn under_held_torque(inertia: f64, damping: f64, dt: f64) -> [[f64; 2]; 2] {
 }
 
 impl Propagator {
+    /// One for every motion: without a lag or a sine their states are 0 always.
     pub fn new(plant: &Plant, dt: f64) -> Self {
-        Self::of::<STATES>(plant, dt)
+        if plant.decay != 0.0 {
+            Self::of::<STATES>(plant, dt)
+        } else if plant.sine != 0.0 || plant.cosine != 0.0 {
+            Self::of::<DRIVEN>(plant, dt)
+        } else {
+            Self::of::<RAMPED>(plant, dt)
+        }
     }
 
-    /// One that suffices for the motion from `y` on, with the bits of [`Propagator::new`].
+    /// One that suffices for the motion from `y` on, with the bits of one of all states.
     pub fn for_motion(plant: &Plant, y: &Motion, dt: f64) -> Self {
         match plant.occurring(y) {
             HELD => Self::of::<HELD>(plant, dt),
@@ -327,8 +334,9 @@ mod tests {
             let plant = Plant { mass, damping, stiffness, sine, cosine, omega, decay };
             let [v, f, x, ramp, gap] = y;
             let y = [v, f, x, ramp, turned.sin(), turned.cos(), if decay > 0.0 { gap } else { 0.0 }];
-            let (few, all) = (Propagator::for_motion(&plant, &y, dt).stretch(y), Propagator::new(&plant, dt).stretch(y));
+            let (few, all) = (Propagator::for_motion(&plant, &y, dt).stretch(y), Propagator::of::<STATES>(&plant, dt).stretch(y));
             prop_assert_eq!(few, all);
+            prop_assert_eq!(Propagator::new(&plant, dt).stretch(y), all);
             let (few, all) = (plant.after(&y, dt), plant.after_of::<STATES>(&y, dt));
             let usual = Propagator::new(&plant, dt).after(&y);
             prop_assert_eq!((few[V], few[X], usual[V], usual[X]), (all[V], all[X], all[V], all[X]));

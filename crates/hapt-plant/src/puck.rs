@@ -79,6 +79,7 @@ impl Held {
     /// The motion after `dt`, for predictions.
     fn after(&self, y: &Motion, dt: f64) -> Motion {
         match self.usual.iter().find(|(length, _)| *length == dt) {
+            _ if dt == 0.0 => *y,
             Some((_, propagator)) => propagator.after(y),
             None => self.plant.after(y, dt),
         }
@@ -101,7 +102,10 @@ impl Puck {
     /// A hand grips the puck, with this `grip` and `sine`. One that `switches` alternately opens and closes: open, only its inertia stays
     /// on the puck. Allocates nothing.
     pub fn take(&mut self, grip: Option<Inertia>, sine: Sine, switches: bool) {
-        self.now = Held::new(self.device, grip, sine, self.decay, self.lengths);
+        let now = &self.now;
+        if (grip, sine) != (now.grip, (now.plant.sine, now.plant.cosine, now.plant.omega)) {
+            self.now = Held::new(self.device, grip, sine, self.decay, self.lengths);
+        }
         let open = grip.filter(|_| switches).map(|grip| Inertia { damping: 0.0, stiffness: 0.0, ..grip });
         self.other = open.map(|open| Held::new(self.device, Some(open), NO_SINE, self.decay, self.lengths));
     }
@@ -261,10 +265,12 @@ pub(crate) const ROUNDING: f64 = 256.0 * f64::EPSILON;
 
 /// The drives alone move on while the puck rests.
 fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
-    let (sin, cos) = libm::sincos(plant.omega * dt);
     let mut out = *y;
     out[F] += y[RAMP] * dt;
-    (out[SIN], out[COS]) = (y[SIN] * cos + y[COS] * sin, y[COS] * cos - y[SIN] * sin);
+    if plant.omega != 0.0 {
+        let (sin, cos) = libm::sincos(plant.omega * dt);
+        (out[SIN], out[COS]) = (y[SIN] * cos + y[COS] * sin, y[COS] * cos - y[SIN] * sin);
+    }
     if y[GAP] != 0.0 {
         out[GAP] *= libm::exp(-plant.decay * dt);
     }

@@ -1,10 +1,10 @@
 //! Batches of runs, for a few numbers of many runs: one world a lane, all lanes at the same sample.
 //!
 //! The loop is hapt-core's own on [`Lanes`], and the puck moves by the same products and sums as in a single run, so that each lane
-//! has the bits of [`crate::Simulation`]. A puck that a torque moves from sample to sample, or whose hand prescribes where it is, moves with the
-//! others; what else a device does, its lane does by itself, on the same exact device as a single run:
-//! Coulomb friction, a lag, a handle on a shaft, a grip, a torque that changes, a delay that is no whole number of samples or another than
-//! in most lanes, and uneven samples. An event of the hand between two samples takes its lane away from the others for that period alone.
+//! has the bits of [`crate::Simulation`]. A puck that a torque moves from sample to sample, with Coulomb friction or without, or whose hand
+//! prescribes where it is, moves with the others; what else a device does, its lane does by itself, on the same exact device as a single run:
+//! a lag, a handle on a shaft, a grip, a torque that changes, a delay of another number of samples than in most lanes, and uneven samples.
+//! An event of the hand between two samples, and a stop or a start under friction, take their lane away from the others for that period alone.
 //!
 //! Nonlinear couplings and FOAW's window are evaluated lane after lane. [`run_batch`] returns `None` for loops that differ in more than their
 //! numbers and nonlinear couplings, and for more bodies, couplings or window than fit.
@@ -25,6 +25,8 @@ pub const LANES: usize = 16;
 /// The most couplings of a world in a lane, and its longest FOAW window.
 const COUPLINGS: usize = 8;
 const WINDOW: usize = 32;
+/// The part of its velocity that a sliding puck keeps over a period where it surely does not stop in it.
+const SLIDES: f64 = 1e-9;
 /// The longest delay in samples; its commands are kept for all lanes.
 const LONGEST_DELAY: usize = 4096;
 
@@ -62,7 +64,14 @@ fn with_capacity<const B: usize, const W: usize>(
         loops.push(Loop::new(&world.spec()).ok()?);
     }
     let loops: &[Loop<f64, B, COUPLINGS, W>; LANES] = loops.as_slice().try_into().ok()?;
-    pulp::Arch::new().dispatch(Run::new(worlds, Batch::new(loops)?, scenario)?)
+    // By reference: room for couplings in every lane is much to move.
+    if W == 1
+        && let Some(linear) = Batch::<LANES, B, COUPLINGS, W, 0>::new(loops)
+    {
+        return pulp::Arch::new().dispatch(Run::new(worlds, &linear, scenario)?);
+    }
+    let bent = Batch::<LANES, B, COUPLINGS, W, COUPLINGS>::new(loops)?;
+    pulp::Arch::new().dispatch(Run::new(worlds, &bent, scenario)?)
 }
 
 /// The hand and the clock of one lane.
@@ -83,15 +92,18 @@ struct Lane<'w> {
 
 /// What moves the puck of a lane in place of the products of all lanes.
 enum Apart {
-    /// Nothing.
-    No,
-    /// Its device, in this period. It is told the torque that the motor holds.
-    Now(Box<VirtualDevice>),
-    /// The same, when the next event comes between two samples.
-    Waits(Box<VirtualDevice>),
+    /// Its own device in this period (`now`) or in a later one; it is told the torque that the motor holds. `None`: it was not needed yet.
+    Sometimes { device: Option<Box<VirtualDevice>>, now: bool },
     /// Its own device, always.
     Always(Box<Machine>),
 }
+
+impl Apart {
+    const SELDOM: Apart = Apart::Sometimes { device: None, now: false };
+}
+
+/// What the motor of each lane holds in a period: up to the end of the delay's fraction, and from there on.
+type Applied = [Numbers; 2];
 
 /// How the pucks move until the next event of a hand.
 #[derive(Clone, Copy)]
@@ -117,11 +129,13 @@ impl Motion {
     };
 }
 
-struct Run<'w, const B: usize, const W: usize> {
+struct Run<'w, const B: usize, const W: usize, const S: usize> {
     lanes: Vec<Lane<'w>>,
-    compiled: Batch<'w, LANES, B, COUPLINGS, W>,
-    /// The change of position and velocity over a period, by velocity and by torque.
-    plant: [[Numbers; 2]; 2],
+    compiled: &'w Batch<'w, LANES, B, COUPLINGS, W, S>,
+    /// The change of position and velocity over a period, by velocity and by torque; over the two parts of it where the delay has a fraction.
+    plants: [[[Numbers; 2]; 2]; 2],
+    friction: Numbers,
+    slides: bool,
     motor: Motor<Numbers>,
 }
 
@@ -130,7 +144,7 @@ impl<'w> Lane<'w> {
         let period = world.sampling.period;
         let hand = Hand::new(&scenario.hand, period);
         let rows = rows(scenario.duration, period);
-        Lane { world, scenario, hand, period, rows, next: 0, held: true, apart: Apart::No, broken: false }
+        Lane { world, scenario, hand, period, rows, next: 0, held: true, apart: Apart::SELDOM, broken: false }
     }
 
     /// Whether the puck ever moves by its own dynamics.
@@ -141,16 +155,15 @@ impl<'w> Lane<'w> {
     /// Whether the puck can move with those of other lanes.
     fn is_plain(&self) -> bool {
         let device = &self.world.device;
-        let plain = device.friction == 0.0 && device.lag == 0.0;
         let steps = matches!(self.scenario.hand.drive, Drive::Torque(Shape::Step { .. }));
         device.handle.is_none()
             && self.scenario.timing == Timing::Even
             && (steps || self.hand.prescribed().is_some())
-            && (plain || !self.moves())
+            && (device.lag == 0.0 || !self.moves())
     }
 
     fn is_apart(&self) -> bool {
-        matches!(self.apart, Apart::Now(_) | Apart::Always(_))
+        matches!(self.apart, Apart::Sometimes { now: true, .. } | Apart::Always(_))
     }
 
     /// Moves by a device of its own from the first sample on. `None`: the scenario's timing does not suit the loop.
@@ -160,28 +173,11 @@ impl<'w> Lane<'w> {
         Some(())
     }
 
-    /// Moves by a device of its own to the next sample.
-    fn split(&mut self) {
-        self.apart = match std::mem::replace(&mut self.apart, Apart::No) {
-            Apart::Waits(device) => Apart::Now(device),
-            Apart::No => {
-                // What it holds, it is told.
-                let mut device = VirtualDevice::new(&DeviceSpec { delay: 0.0, ..self.world.device_spec() });
-                device.begin(&mut script(self.scenario, self.period));
-                Apart::Now(Box::new(device))
-            }
-            other => other,
-        };
-    }
-
     /// The hand's event at sample k. Returns the puck, moved where the hand prescribes it.
     fn act(&mut self, k: u64, puck: (f64, f64)) -> (f64, f64) {
         let t = k as f64 * self.period;
         self.next = u64::MAX;
-        if let Apart::Now(_) = self.apart {
-            let Apart::Now(device) = std::mem::replace(&mut self.apart, Apart::No) else { return puck };
-            self.apart = Apart::Waits(device);
-        }
+        self.set_apart_now(false);
         if self.hand.is_gone(t) {
             self.held = false;
             return puck;
@@ -191,7 +187,7 @@ impl<'w> Lane<'w> {
             let before = if sample * self.period > next { sample - 1.0 } else { sample } as u64;
             self.next = before;
             if sample * self.period != next && before <= k {
-                self.split();
+                self.set_apart_now(true);
                 self.next = k + 1;
             }
         }
@@ -208,22 +204,34 @@ impl<'w> Lane<'w> {
         }
     }
 
-    /// Moves the puck from sample k - 1 to sample k, where the lane does so by itself. There the loop's `command` was this, and the motor
-    /// then held `applied`.
-    fn travel(&mut self, k: u64, puck: (f64, f64), command: f64, applied: f64) -> (f64, f64) {
+    fn set_apart_now(&mut self, is: bool) {
+        if let Apart::Sometimes { now, .. } = &mut self.apart {
+            *now = is;
+        }
+    }
+
+    /// Moves the puck by itself from sample k - 1, at which the loop's `command` was this, to sample k. The motor holds `applied` meanwhile.
+    fn travel(&mut self, k: u64, puck: (f64, f64), command: f64, applied: [f64; 2]) -> (f64, f64) {
         let device = match &mut self.apart {
             Apart::Always(machine) if k < self.rows && !self.broken => {
                 machine.command(command);
                 machine.travel(k, command);
                 &machine.device
             }
-            Apart::Now(device) => {
+            Apart::Always(_) => return puck,
+            Apart::Sometimes { device, .. } => {
+                let device = device.get_or_insert_with(|| {
+                    // What it holds, it is told.
+                    let mut device = VirtualDevice::new(&DeviceSpec { delay: 0.0, ..self.world.device_spec() });
+                    device.begin(&mut script(self.scenario, self.period));
+                    Box::new(device)
+                });
                 device.skip_to(k - 1, puck);
-                device.command(applied);
-                device.travel();
+                device.command(applied[0]);
+                let rest = Motor::<f64>::new(self.world.sampling.delay_s(), self.period).rest;
+                device.travel_uneven(self.period, k as f64 * self.period, rest, applied[1]);
                 &**device
             }
-            Apart::No | Apart::Waits(_) | Apart::Always(_) => return puck,
         };
         let (puck, handle) = (device.puck(), device.handle().unwrap_or_default());
         self.broken |= ![puck.0, puck.1, handle.0, handle.1].iter().all(|x| x.is_finite());
@@ -231,32 +239,38 @@ impl<'w> Lane<'w> {
     }
 }
 
-impl<'w, const B: usize, const W: usize> Run<'w, B, W> {
-    fn new(worlds: &'w [World; LANES], compiled: Batch<'w, LANES, B, COUPLINGS, W>, scenario: usize) -> Option<Self> {
+impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
+    fn new(
+        worlds: &'w [World; LANES],
+        compiled: &'w Batch<'w, LANES, B, COUPLINGS, W, S>,
+        scenario: usize,
+    ) -> Option<Self> {
         let mut lanes = Vec::with_capacity(LANES);
         for world in worlds {
             lanes.push(Lane::new(world, world.scenarios.get(scenario)?));
         }
-        // One delay line for all lanes: that of the first whose delay is whole samples.
+        // One delay line for all lanes: that of the first one. A fraction may differ from lane to lane.
         let motor_of = |lane: &Lane<'_>| Motor::<Numbers>::new(lane.world.sampling.delay_s(), lane.period);
-        let fits = |motor: &Motor<Numbers>| motor.rest == 0.0 && motor.samples <= LONGEST_DELAY;
         let mut motors = lanes.iter().filter(|lane| lane.is_plain()).map(motor_of);
-        let motor = motors.find(fits).unwrap_or_else(|| Motor::new(0.0, 1.0));
-        for lane in &mut lanes {
+        let motor = motors.find(|motor| motor.samples <= LONGEST_DELAY).unwrap_or_else(|| Motor::new(0.0, 1.0));
+        let (mut plants, mut friction) = ([[[Numbers::ZERO; 2]; 2]; 2], Numbers::ZERO);
+        for (i, lane) in lanes.iter_mut().enumerate() {
             let own = motor_of(lane);
-            if !lane.is_plain() || (own.samples, own.rest) != (motor.samples, 0.0) {
+            if !lane.is_plain() || (own.samples, own.rest == 0.0) != (motor.samples, motor.rest == 0.0) {
                 lane.set_apart()?;
+            } else if lane.moves() {
+                let device = &lane.world.device;
+                friction.0[i] = device.friction;
+                for (plant, part) in plants.iter_mut().zip([lane.period - own.rest, own.rest]) {
+                    let change = under_held_torque(device.inertia, device.damping, part);
+                    for (plant, change) in plant.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
+                        plant.0[i] = *change;
+                    }
+                }
             }
         }
-        let mut plant = [[Numbers::ZERO; 2]; 2];
-        for (i, lane) in lanes.iter().enumerate().filter(|(_, lane)| lane.is_plain() && lane.moves()) {
-            let device = &lane.world.device;
-            let change = under_held_torque(device.inertia, device.damping, lane.period);
-            for (plant, change) in plant.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
-                plant.0[i] = *change;
-            }
-        }
-        Some(Run { lanes, compiled, plant, motor })
+        let slides = friction.0.iter().any(|friction| *friction > 0.0);
+        Some(Run { lanes, compiled, plants, friction, slides, motor })
     }
 
     /// The hands' events at sample k. Returns the pucks, and how they move from there.
@@ -278,12 +292,19 @@ impl<'w, const B: usize, const W: usize> Run<'w, B, W> {
         (puck, motion)
     }
 
-    /// Moves the pucks of lanes that do so by themselves.
+    /// Moves the pucks of lanes that do so by themselves, and where `odd` is not 0 those of others, from `before`.
     #[inline(never)]
-    fn travel(&mut self, k: u64, mut puck: [Numbers; 2], [command, applied]: [Numbers; 2]) -> [Numbers; 2] {
-        for (i, lane) in self.lanes.iter_mut().enumerate() {
-            let before = (puck[0].0[i], puck[1].0[i]);
-            (puck[0].0[i], puck[1].0[i]) = lane.travel(k, before, command.0[i], applied.0[i]);
+    fn travel(
+        &mut self,
+        k: u64,
+        (before, odd): ([Numbers; 2], Numbers),
+        mut puck: [Numbers; 2],
+        command: Numbers,
+        applied: Applied,
+    ) -> [Numbers; 2] {
+        for (i, lane) in self.lanes.iter_mut().enumerate().filter(|(i, lane)| lane.is_apart() || odd.0[*i] != 0.0) {
+            let at = (before[0].0[i], before[1].0[i]);
+            (puck[0].0[i], puck[1].0[i]) = lane.travel(k, at, command.0[i], applied.map(|applied| applied.0[i]));
         }
         puck
     }
@@ -300,12 +321,12 @@ impl<'w, const B: usize, const W: usize> Run<'w, B, W> {
     }
 }
 
-impl<const B: usize, const W: usize> WithSimd for Run<'_, B, W> {
+impl<const B: usize, const W: usize, const S: usize> WithSimd for Run<'_, B, W, S> {
     type Output = Option<[Option<Outcome>; LANES]>;
 
     /// The whole run, compiled once for each width of vectors.
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
+    fn with_simd<V: Simd>(mut self, _: V) -> Self::Output {
         let compiled = self.compiled;
         let mut state = compiled.start();
         let mut outcomes = [None; LANES];
@@ -319,7 +340,8 @@ impl<const B: usize, const W: usize> WithSimd for Run<'_, B, W> {
             }
         }
         let mut motion = Motion::NONE;
-        let (mut command, mut applied) = (Numbers::ZERO, Numbers::ZERO);
+        let (mut command, mut applied) = (Numbers::ZERO, [Numbers::ZERO; 2]);
+        let late = self.motor.rest != 0.0;
         let (mut peak, mut finite_sum) = (Numbers::ZERO, Numbers::ZERO);
         let end = self.lanes.iter().map(|lane| lane.rows).max()?;
         let mut k = 0;
@@ -329,15 +351,29 @@ impl<const B: usize, const W: usize> WithSimd for Run<'_, B, W> {
             let mut last = end;
             while k < last {
                 if k > 0 {
+                    let (before, mut odd) = (puck, Numbers::ZERO);
+                    if late {
+                        self.motor.change();
+                        applied = [applied[1], self.motor.applied];
+                    }
                     if motion.any_pushed {
-                        puck = moved(&self.plant, puck, applied + motion.push, motion.pushed);
+                        for part in if late { 0..2 } else { 1..2 } {
+                            let torque = applied[part] + motion.push;
+                            let plant = &self.plants[1 - part];
+                            if self.slides {
+                                let (moved, more) = slid(plant, puck, torque, self.friction, motion.pushed);
+                                (puck, odd) = (moved, odd + more);
+                            } else {
+                                puck = moved(plant, puck, torque, motion.pushed);
+                            }
+                        }
                     }
                     if motion.any_prescribed {
                         puck = self.prescribe(k, puck);
                         finite_sum += Numbers::ZERO * puck[1];
                     }
-                    if motion.any_apart {
-                        puck = self.travel(k, puck, [command, applied]);
+                    if motion.any_apart || (self.slides && odd != Numbers::ZERO) {
+                        puck = self.travel(k, (before, odd), puck, command, applied);
                     }
                 }
                 if k == first {
@@ -347,12 +383,15 @@ impl<const B: usize, const W: usize> WithSimd for Run<'_, B, W> {
                 }
                 let sample = compiled.step(&mut state, puck[0], puck[1]);
                 command = sample.command;
-                applied = if self.motor.samples == 0 {
-                    command
+                if self.motor.samples == 0 && !late {
+                    applied = [command; 2];
                 } else {
                     self.motor.command(command);
-                    self.motor.applied
-                };
+                    applied[1] = self.motor.applied;
+                    if !late {
+                        applied[0] = applied[1];
+                    }
+                }
                 peak = peak.larger(sample.torque.abs());
                 // 0 · x is 0 or NaN, and a NaN stays in a sum. Bodies and puck, once not finite, stay so.
                 finite_sum += Numbers::ZERO * sample.torque;
@@ -385,4 +424,35 @@ fn moved(
     let travel = by_position[0] * velocity + by_position[1] * torque;
     let gain = by_velocity[0] * velocity + by_velocity[1] * torque;
     [pushed.choose(position + travel, position), pushed.choose(velocity + gain, velocity)]
+}
+
+/// The same with Coulomb friction. Also a number for each lane: not 0 where the puck may stop or start in the period, so that what is given
+/// for it is not its motion.
+#[inline(always)]
+fn slid(
+    plant: &[[Numbers; 2]; 2],
+    [position, velocity]: [Numbers; 2],
+    torque: Numbers,
+    friction: Numbers,
+    pushed: Numbers,
+) -> ([Numbers; 2], Numbers) {
+    let direction = Lanes(velocity.0.map(|v| {
+        if v > 0.0 {
+            1.0
+        } else if v < 0.0 {
+            -1.0
+        } else {
+            0.0
+        }
+    }));
+    let [end, speed] = moved(plant, [position, velocity], torque - friction * direction, pushed);
+    let odd = Lanes(from_fn(|i| {
+        let (v, friction) = (velocity.0[i], friction.0[i]);
+        let rests = v == 0.0 && torque.0[i].abs() <= friction;
+        let slides = v != 0.0 && direction.0[i] * speed.0[i] > SLIDES * v.abs();
+        if pushed.0[i] == 0.0 || friction == 0.0 || rests || slides { 0.0 } else { 1.0 }
+    }));
+    // What rests stays where it is.
+    let rests = Lanes(from_fn(|i| if friction.0[i] > 0.0 && velocity.0[i] == 0.0 { 1.0 } else { 0.0 }));
+    ([rests.choose(position, end), rests.choose(velocity, speed)], odd)
 }

@@ -127,7 +127,9 @@ proptest! {
                     });
                     let Some(alone): Option<Vec<Alone>> = alone.into_iter().collect() else { continue };
                     let alone: [Alone; N] = alone.try_into().unwrap();
-                    let together = Batch::new(&alone).unwrap();
+                    let together = Batch::<N, 2, 6, 9, 6>::new(&alone).unwrap();
+                    let linear = Batch::<N, 2, 6, 9, 0>::new(&alone);
+                    let mut of_linear = linear.map(|batch| (batch, batch.start()));
                     let mut states = alone.map(|world| world.start());
                     let mut state = together.start();
                     for (k, &(mut z, v)) in inputs.iter().enumerate() {
@@ -135,6 +137,10 @@ proptest! {
                             z[1] = f64::NAN;
                         }
                         let sample = together.step(&mut state, Lanes(z), Lanes(v));
+                        if let Some((batch, state)) = &mut of_linear {
+                            let same = batch.step(state, Lanes(z), Lanes(v));
+                            prop_assert_eq!(bits(same.torque), bits(sample.torque));
+                        }
                         let own: [_; N] = std::array::from_fn(|i| alone[i].step(&mut states[i], z[i], v[i]));
                         prop_assert_eq!(bits(sample.torque), bits(Lanes(own.map(|own| own.torque))), "{:?}", kinds);
                         prop_assert_eq!(bits(sample.command), bits(Lanes(own.map(|own| own.command))));
@@ -159,9 +165,11 @@ fn worlds_of_different_kinds_do_not_stand_side_by_side() {
     let of =
         |method, output, estimator, counted, scale| compiled(method, output, estimator, counted, scale, &[]).unwrap();
     let plain = || of(Method::Zoh, Output::End, Estimator::Exact, false, 1.0);
-    let with = |world| Batch::new(&[plain(), world]).is_some();
+    let with = |world| Batch::<2, 2, 6, 9, 6>::new(&[plain(), world]).is_some();
     assert!(with(of(Method::Trapezoidal, Output::End, Estimator::Exact, false, 2.0)));
     assert!(with(compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[bent(0, 1.0)]).unwrap()));
+    let bent = compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[bent(0, 1.0)]).unwrap();
+    assert!(Batch::<2, 2, 6, 9, 0>::new(&[plain(), bent]).is_none());
     assert!(!with(of(Method::Tustin, Output::Start, Estimator::Exact, false, 1.0)));
     assert!(!with(of(Method::Zoh, Output::Middle, Estimator::Exact, false, 1.0)));
     assert!(!with(of(Method::Zoh, Output::End, Estimator::Difference, false, 1.0)));
