@@ -1,4 +1,4 @@
-/* interrupt PATTERN COMMAND: runs a command in this console, waits for a file, presses Ctrl-C, and prints the exit code. */
+/* interrupt PATTERN COMMAND: runs a command in this console, waits for a file, and presses Ctrl-C. It ends with 0 for exit code 130. */
 #include <stdio.h>
 #include <windows.h>
 
@@ -21,5 +21,5 @@ int main(int count, char **arguments) {
     WaitForSingleObject(process.hProcess, INFINITE);
     GetExitCodeProcess(process.hProcess, &code);
     printf("exit code %lu.\n", code);
-    return 0;
+    return code == 130 ? 0 : 4;
 }
