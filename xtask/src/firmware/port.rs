@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use hapt_wire::{Command as BoardCommand, HostMessage, PROTOCOL, frame};
 
 use super::line::PATIENCE;
@@ -36,6 +36,9 @@ stiffness = "0.2 N m/rad"
 
 /// Time is what instructions take, 32 ns each, and never ahead of this machine's: a sample is never late, however busy the machine is.
 const ICOUNT: [&str; 2] = ["-icount", "shift=5,align=on,sleep=on"];
+
+/// Runs of a command whose board does not answer in time.
+const TRIES: usize = 5;
 
 /// An emulated board at a port.
 struct Board {
@@ -171,8 +174,15 @@ fn hapt_program() -> Result<PathBuf> {
     program.canonicalize().with_context(|| program.display().to_string())
 }
 
+/// Runs a command to its end. On a busy machine the emulator may stand still for longer than a host waits for a board: such a run is
+/// repeated; a board that does not answer does so never.
 fn ended(folder: &Path, words: &[&str]) -> Result<Ended> {
-    let done = Command::new(hapt_program()?).args(words).current_dir(folder).stdin(Stdio::null()).output()?;
-    let said = [done.stdout, done.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
-    Ok(Ended { words: words.join(" "), code: done.status.code(), said })
+    for left in (0..TRIES).rev() {
+        let done = Command::new(hapt_program()?).args(words).current_dir(folder).stdin(Stdio::null()).output()?;
+        let said = [done.stdout, done.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+        if left == 0 || !said.contains("has stopped answering") {
+            return Ok(Ended { words: words.join(" "), code: done.status.code(), said });
+        }
+    }
+    bail!("no try of {words:?}")
 }
