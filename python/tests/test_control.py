@@ -1,7 +1,7 @@
 """Against python-control, which shares no code with hapt."""
 
 import warnings
-from typing import Any
+from typing import Any, Optional
 
 import hapt
 import numpy as np
@@ -15,7 +15,7 @@ METHODS = ["zoh", "forward-euler", "backward-euler", "semi-implicit-euler", "tra
 HANDLE = {"inertia": 5e-4, "stiffness": 20.0, "damping": 1e-3}
 
 
-def random_world(rng: np.random.Generator, device: dict[str, Any] | None = None, **loop: Any) -> hapt.World:
+def random_world(rng: np.random.Generator, device: Optional[dict[str, Any]] = None, **loop: Any) -> hapt.World:
     """A body on a spring and a damper, all tied to ground, so that every mode decays."""
 
     def log(low: float, high: float) -> float:
