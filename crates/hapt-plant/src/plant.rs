@@ -26,10 +26,45 @@ pub(crate) const RAMP: usize = 3;
 pub(crate) const SIN: usize = 4;
 pub(crate) const COS: usize = 5;
 pub(crate) const GAP: usize = 6;
-/// How many of the first states occur under a held torque, under a ramp, and under a sine; the last one is for a lag.
-const HELD: usize = 3;
-const RAMPED: usize = 4;
-const DRIVEN: usize = 6;
+/// The states that occur under a held torque, under a ramp, and under a sine; each also with a lag. Position and velocity are in all.
+const HELD: [usize; 3] = [V, F, X];
+const RAMPED: [usize; 4] = [V, F, X, RAMP];
+const DRIVEN: [usize; 6] = [V, F, X, RAMP, SIN, COS];
+const LAGGING: [usize; 4] = [V, F, X, GAP];
+const RAMPED_LAGGING: [usize; 5] = [V, F, X, RAMP, GAP];
+const ALL: [usize; STATES] = [V, F, X, RAMP, SIN, COS, GAP];
+
+/// The same code for the states that occur.
+macro_rules! for_occurring {
+    ($lags:expr, $sine:expr, $ramps:expr, $states:ident => $do:expr) => {
+        match ($lags, $sine, $ramps) {
+            (true, true, _) => {
+                const $states: [usize; STATES] = ALL;
+                $do
+            }
+            (true, false, true) => {
+                const $states: [usize; 5] = RAMPED_LAGGING;
+                $do
+            }
+            (true, false, false) => {
+                const $states: [usize; 4] = LAGGING;
+                $do
+            }
+            (false, true, _) => {
+                const $states: [usize; 6] = DRIVEN;
+                $do
+            }
+            (false, false, true) => {
+                const $states: [usize; 4] = RAMPED;
+                $do
+            }
+            (false, false, false) => {
+                const $states: [usize; 3] = HELD;
+                $do
+            }
+        }
+    };
+}
 type Matrix = Square<STATES>;
 
 /// The constants of the equation.
@@ -116,38 +151,25 @@ impl Plant {
 
     /// The motion after `dt`, for predictions; [`Propagator`] advances.
     pub fn after(&self, y: &Motion, dt: f64) -> Motion {
-        match self.occurring(y) {
-            HELD => self.after_of::<HELD>(y, dt),
-            RAMPED => self.after_of::<RAMPED>(y, dt),
-            DRIVEN => self.after_of::<DRIVEN>(y, dt),
-            _ => self.after_of::<STATES>(y, dt),
-        }
+        let (lags, ramps) = (y[GAP] != 0.0, y[RAMP] != 0.0);
+        for_occurring!(lags, self.has_sine(), ramps, OCCURRING => self.after_of(OCCURRING, y, dt))
     }
 
-    fn after_of<const N: usize>(&self, y: &Motion, dt: f64) -> Motion {
+    fn after_of<const N: usize>(&self, states: [usize; N], y: &Motion, dt: f64) -> Motion {
         let mut out = *y;
-        let leading: &mut [f64; N] = &mut core::array::from_fn(|i| y[i]);
-        *leading = applied(&self.change::<N>(dt), leading);
-        out[..N].copy_from_slice(leading);
+        for (state, x) in states.into_iter().zip(applied(&self.change(states, dt), &states.map(|state| y[state]))) {
+            out[state] = x;
+        }
         out
     }
 
-    /// How many of the first states suffice for a motion from `y` on: the others are 0, and change nothing.
-    fn occurring(&self, y: &Motion) -> usize {
-        if y[GAP] != 0.0 {
-            STATES
-        } else if self.sine != 0.0 || self.cosine != 0.0 {
-            DRIVEN
-        } else if y[RAMP] != 0.0 {
-            RAMPED
-        } else {
-            HELD
-        }
+    fn has_sine(&self) -> bool {
+        self.sine != 0.0 || self.cosine != 0.0
     }
 
-    /// exp(N dt) - I of the first N states. The bits are those of all states: the others only add zeros.
-    fn change<const N: usize>(&self, dt: f64) -> Square<N> {
-        let (n, h, halvings) = self.start::<N>(dt);
+    /// exp(N dt) - I of these states. The bits are those of all states: the others only add zeros.
+    fn change<const N: usize>(&self, states: [usize; N], dt: f64) -> Square<N> {
+        let (n, h, halvings) = self.start(states, dt);
         let mut change = series(&n, h);
         for _ in 0..halvings {
             change = doubled(&change);
@@ -155,54 +177,46 @@ impl Plant {
         change
     }
 
-    /// The generator of the first N states, a step of a quarter radian at most, and how often to double it.
-    fn start<const N: usize>(&self, dt: f64) -> (Square<N>, f64, u32) {
+    /// The generator of these states, a step of a quarter radian at most, and how often to double it.
+    fn start<const N: usize>(&self, states: [usize; N], dt: f64) -> (Square<N>, f64, u32) {
         let (h, halvings) = halved(self.rate(), dt);
         let all = self.generator();
-        (core::array::from_fn(|i| core::array::from_fn(|j| all[i][j])), h, halvings)
+        (states.map(|i| states.map(|j| all[i][j])), h, halvings)
     }
 }
 
 /// x and v after `dt` s less those before, on v and the held torque: of a free puck of `inertia` and `damping`.
 pub fn under_held_torque(inertia: f64, damping: f64, dt: f64) -> [[f64; 2]; 2] {
     let plant = Plant { mass: inertia, damping, stiffness: 0.0, sine: 0.0, cosine: 0.0, omega: 0.0, decay: 0.0 };
-    let change = plant.change::<HELD>(dt);
+    let change = plant.change(HELD, dt);
     [X, V].map(|row| [change[row][V], change[row][F]])
 }
 
 impl Propagator {
     /// One for every motion: without a lag or a sine their states are 0 always.
     pub fn new(plant: &Plant, dt: f64) -> Self {
-        if plant.decay != 0.0 {
-            Self::of::<STATES>(plant, dt)
-        } else if plant.sine != 0.0 || plant.cosine != 0.0 {
-            Self::of::<DRIVEN>(plant, dt)
-        } else {
-            Self::of::<RAMPED>(plant, dt)
-        }
+        for_occurring!(plant.decay != 0.0, plant.has_sine(), true, OCCURRING => Self::of(OCCURRING, plant, dt))
     }
 
     /// One that suffices for the motion from `y` on, with the bits of one of all states.
     pub fn for_motion(plant: &Plant, y: &Motion, dt: f64) -> Self {
-        match plant.occurring(y) {
-            HELD => Self::of::<HELD>(plant, dt),
-            RAMPED => Self::of::<RAMPED>(plant, dt),
-            DRIVEN => Self::of::<DRIVEN>(plant, dt),
-            _ => Self::of::<STATES>(plant, dt),
-        }
+        let (lags, ramps) = (y[GAP] != 0.0, y[RAMP] != 0.0);
+        for_occurring!(lags, plant.has_sine(), ramps, OCCURRING => Self::of(OCCURRING, plant, dt))
     }
 
-    /// Of the first N states; the rows and columns of the others are 0.
-    fn of<const N: usize>(plant: &Plant, dt: f64) -> Self {
-        let (n, h, halvings) = plant.start::<N>(dt);
-        let (varies, lags) = (N > RAMP, N > GAP);
+    /// Of these states, the first three among them; the rows and columns of the others are 0.
+    fn of<const N: usize>(states: [usize; N], plant: &Plant, dt: f64) -> Self {
+        let (n, h, halvings) = plant.start(states, dt);
+        let varies = N > HELD.len();
+        let gap = states.iter().position(|state| *state == GAP);
         let output = [0.0, 1.0, 0.0, 0.0, plant.sine, plant.cosine, 0.0];
+        let output = states.map(|state| output[state]);
         let (mut speed, mut drive, mut lagging) = ([[0.0; N]; N], [[0.0; N]; N], [0.0; N]);
         for (node, weight) in GAUSS {
             let change = series(&n, node * h);
             let mut v = change[V];
             v[V] += 1.0;
-            let mut f: [f64; N] = core::array::from_fn(|i| output[i]);
+            let mut f = output;
             for (row, gain) in change.iter().zip(output) {
                 for (f, x) in f.iter_mut().zip(row) {
                     *f += gain * x;
@@ -215,8 +229,8 @@ impl Propagator {
                         drive[i][j] += weight * h * f[i] * v[j];
                     }
                 }
-                if lags {
-                    lagging[i] += weight * h * (1.0 + change[GAP][GAP]) * v[i];
+                if let Some(gap) = gap {
+                    lagging[i] += weight * h * (1.0 + change[gap][gap]) * v[i];
                 }
             }
         }
@@ -232,8 +246,8 @@ impl Propagator {
                     }
                 }
             }
-            if lags {
-                let (later, left) = (lagging, 1.0 + change[GAP][GAP]);
+            if let Some(gap) = gap {
+                let (later, left) = (lagging, 1.0 + change[gap][gap]);
                 for (i, (row, later_i)) in change.iter().zip(later).enumerate() {
                     for (sum, x) in lagging.iter_mut().zip(row) {
                         *sum += left * later_i * x;
@@ -249,14 +263,17 @@ impl Propagator {
                 varying[F.min(j)][F.max(j)] -= travel;
             }
         }
-        let (spring, sine) = (plant.stiffness != 0.0, plant.sine != 0.0 || plant.cosine != 0.0);
+        let mut whole = [0.0; STATES];
+        for (state, x) in states.into_iter().zip(lagging) {
+            whole[state] = x;
+        }
         Propagator {
-            change: widened(&change),
-            speed: widened(&folded(&speed)),
-            varying: widened(&varying),
-            lagging: core::array::from_fn(|i| lagging.get(i).copied().unwrap_or(0.0)),
-            spring,
-            sine,
+            change: widened(states, &change),
+            speed: widened(states, &folded(&speed)),
+            varying: widened(states, &varying),
+            lagging: whole,
+            spring: plant.stiffness != 0.0,
+            sine: plant.has_sine(),
         }
     }
 
@@ -304,10 +321,12 @@ impl Propagator {
 }
 
 /// With zeros for the states that do not occur.
-fn widened<const N: usize>(part: &Square<N>) -> Matrix {
+fn widened<const N: usize>(states: [usize; N], part: &Square<N>) -> Matrix {
     let mut all = [[0.0; STATES]; STATES];
-    for (all, part) in all.iter_mut().zip(part) {
-        all[..N].copy_from_slice(part);
+    for (i, row) in states.into_iter().zip(part) {
+        for (j, x) in states.into_iter().zip(row) {
+            all[i][j] = *x;
+        }
     }
     all
 }
@@ -334,10 +353,10 @@ mod tests {
             let plant = Plant { mass, damping, stiffness, sine, cosine, omega, decay };
             let [v, f, x, ramp, gap] = y;
             let y = [v, f, x, ramp, turned.sin(), turned.cos(), if decay > 0.0 { gap } else { 0.0 }];
-            let (few, all) = (Propagator::for_motion(&plant, &y, dt).stretch(y), Propagator::of::<STATES>(&plant, dt).stretch(y));
+            let (few, all) = (Propagator::for_motion(&plant, &y, dt).stretch(y), Propagator::of(ALL, &plant, dt).stretch(y));
             prop_assert_eq!(few, all);
             prop_assert_eq!(Propagator::new(&plant, dt).stretch(y), all);
-            let (few, all) = (plant.after(&y, dt), plant.after_of::<STATES>(&y, dt));
+            let (few, all) = (plant.after(&y, dt), plant.after_of(ALL, &y, dt));
             let usual = Propagator::new(&plant, dt).after(&y);
             prop_assert_eq!((few[V], few[X], usual[V], usual[X]), (all[V], all[X], all[V], all[X]));
         }
