@@ -334,7 +334,8 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
                 beyond: Lanes::ZERO,
             },
         };
-        let remembers = worlds.iter().flat_map(|world| world.nonlinear.iter().flatten()).any(Nonlinear::remembers);
+        let remembers =
+            S > 0 && worlds.iter().flat_map(|world| world.nonlinear.iter().flatten()).any(Nonlinear::remembers);
         Some(Batch { common, worlds, remembers })
     }
 

@@ -261,7 +261,8 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
             } else if lane.moves() {
                 let device = &lane.world.device;
                 friction.0[i] = device.friction;
-                for (plant, part) in plants.iter_mut().zip([lane.period - own.rest, own.rest]) {
+                let parts = [lane.period - own.rest, own.rest];
+                for (plant, part) in plants.iter_mut().zip(parts).filter(|(_, part)| *part > 0.0) {
                     let change = under_held_torque(device.inertia, device.damping, part);
                     for (plant, change) in plant.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
                         plant.0[i] = *change;
