@@ -380,16 +380,21 @@ impl Shaft {
     ) -> [f64; 2] {
         let mut y = [v, self.velocity, self.deflection, x, motor, gap, push.value, push.slope, push.sin, push.cos];
         let mut left = dt;
-        // Each pass ends in a stop or a start; more of them than this in one period is rest.
+        // Where a slip starts, its direction is known. The net torque there is friction's, and rounding could call it either.
+        let mut slips = None;
+        // Each pass ends in a stop or a start.
         for _ in 0..MOST_EVENTS {
             if left <= 0.0 {
                 break;
             }
-            let direction = self.direction(&y);
+            let direction = slips.take().or_else(|| self.direction(&y));
             let event = match direction {
                 Some(0.0) => None,
                 Some(direction) => self.first_stop(&y, left, direction),
-                None => self.first_slip(&y, left),
+                None => self.first_slip(&y, left).map(|(start, side)| {
+                    slips = Some(side);
+                    start
+                }),
             };
             let taken = event.unwrap_or(left);
             self.pass(&mut y, taken, direction, ledger);
@@ -397,6 +402,11 @@ impl Shaft {
                 y[V] = 0.0;
             }
             left -= taken;
+        }
+        if left > 0.0 {
+            // More events than that in one period: the puck rests, and the handle swings on.
+            y[V] = 0.0;
+            self.pass(&mut y, left, None, ledger);
         }
         (self.deflection, self.velocity) = (y[S], y[W]);
         [y[X], y[V]]
@@ -445,13 +455,15 @@ impl Shaft {
         })
     }
 
-    /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction.
-    fn first_slip(&self, y: &State, dt: f64) -> Option<f64> {
+    /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction, and its sign, ±1.
+    fn first_slip(&self, y: &State, dt: f64) -> Option<(f64, f64)> {
         let over = |side: f64| {
-            self.now.stuck.first_crossing(y, dt, |y| (side * self.net(y) - self.hold(y), side * self.net_slope(y)))
+            let start =
+                self.now.stuck.first_crossing(y, dt, |y| (side * self.net(y) - self.hold(y), side * self.net_slope(y)));
+            start.map(|start| (start, side))
         };
         match (over(1.0), over(-1.0)) {
-            (Some(up), Some(down)) => Some(up.min(down)),
+            (Some(up), Some(down)) => Some(if up.0 <= down.0 { up } else { down }),
             (up, down) => up.or(down),
         }
     }
