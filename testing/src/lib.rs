@@ -1,6 +1,7 @@
 //! What the tests of several crates share.
 
 use proptest::test_runner::{Config, RngSeed};
+use std::ops::Range;
 
 /// In the contributor's loop a random test runs this part of its cases.
 const PART: u32 = 8;
@@ -31,9 +32,18 @@ hand = { kind = "step", to = "45 deg" }
 /// Its random numbers are those of `PROPTEST_RNG_SEED`, which `.cargo/config.toml` sets.
 #[must_use]
 pub fn cases(all: u32) -> Config {
-    let some = (all / PART).max(FEWEST.min(all));
-    let cases = if std::env::var_os("HAPT_CASES").is_some() { all } else { some };
+    let cases = if takes_all() { all } else { (all / PART).max(FEWEST.min(all)) };
     Config { cases, failure_persistence: None, ..Config::default() }
+}
+
+/// The seeds of a test that draws its own numbers and takes long over each: 0 to `all`, or the first eighth of them.
+#[must_use]
+pub fn seeds(all: u64) -> Range<u64> {
+    0..if takes_all() { all } else { all.div_ceil(u64::from(PART)) }
+}
+
+fn takes_all() -> bool {
+    std::env::var_os("HAPT_CASES").is_some()
 }
 
 /// The same with random numbers of its own, which are the same every time.

@@ -296,7 +296,7 @@ proptest! {
 
 #[test]
 fn a_wheel_that_rings_on_a_virtual_spring_shows_its_inertia() {
-    for seed in 0..30 {
+    for seed in hapt_testing::seeds(30) {
         let mut rng = Rng::with_seed(seed);
         let mut within = |from: f64, to: f64| from * (to / from).powf(rng.f64());
         let (inertia, stiffness) = (within(3e-4, 3e-3), within(0.3, 3.0));
