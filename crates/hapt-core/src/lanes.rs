@@ -2,8 +2,8 @@
 //!
 //! A sample of a linear loop asks nothing of its numbers, so it runs on N of them at once, in the same source, and each lane does
 //! what a number alone would have done, operation by operation: the same bits. The loops over the lanes are plain ones, which a
-//! compiler turns into vectors as wide as the machine has them. What asks, the torques of nonlinear couplings and the window of FOAW, is done lane
-//! after lane, by each lane's own loop ([`Batch`]).
+//! compiler turns into vectors as wide as the machine has them. The torques of nonlinear couplings and the window of FOAW depend on
+//! comparisons: each lane's own loop computes them, one lane after the other ([`Batch`]).
 
 use core::array::from_fn;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -166,7 +166,7 @@ pub struct Batch<'w, const N: usize, const B: usize, const C: usize, const W: us
     remembers: bool,
 }
 
-/// A number of each lane's.
+/// The vector of lane i.
 #[inline(always)]
 fn lane<const N: usize, const B: usize>(of: &Vector<Lanes<N>, B>, i: usize) -> Vector<f64, B> {
     Vector { position: from_fn(|j| of.position[j].0[i]), velocity: from_fn(|j| of.velocity[j].0[i]) }

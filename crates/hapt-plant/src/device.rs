@@ -3,12 +3,12 @@
 
 use alloc::boxed::Box;
 
-use crate::hand::{Hand, grip_push};
+use crate::hand::{Hand, Script, grip_push};
 use crate::ledger::Ledger;
 use crate::motor::Motor;
 use crate::puck::{Inertia, Lengths, NO_SINE, Puck, Push};
 use crate::shaft::{Grasp, Shaft};
-use crate::spec::{self, DeviceSpec};
+use crate::spec::DeviceSpec;
 use crate::trajectory::Piece;
 
 /// A hand whose target is older than this has stopped, in s.
@@ -23,27 +23,6 @@ pub struct Grip {
     pub damping: f64,
     /// N·m/rad (linear: N/m), zero or more.
     pub stiffness: f64,
-}
-
-/// A scenario's hand, aligned with the samples of a loop; none by default.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Script {
-    hand: Option<Hand>,
-    /// The last sample of the scenario.
-    last: u64,
-}
-
-impl Script {
-    /// A hand for `duration` s on the samples of this period in s.
-    pub fn new(hand: &spec::Hand, duration: f64, period: f64) -> Self {
-        Script { hand: Some(Hand::new(hand, period)), last: libm::round(duration / period) as u64 }
-    }
-
-    /// The hand, where there is one.
-    pub fn hand(&self) -> Option<&Hand> {
-        self.hand.as_ref()
-    }
 }
 
 /// The hand that holds the puck.

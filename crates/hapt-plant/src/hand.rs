@@ -200,3 +200,24 @@ impl Hand {
 pub(crate) fn grip_push(hand: Inertia, value: f64, slope: f64) -> Push {
     Push { value: hand.stiffness * value + hand.damping * slope, slope: hand.stiffness * slope, ..Push::default() }
 }
+
+/// A scenario's hand, aligned with the samples of a loop; none by default.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Script {
+    pub(crate) hand: Option<Hand>,
+    /// The last sample of the scenario.
+    pub(crate) last: u64,
+}
+
+impl Script {
+    /// A hand for `duration` s on the samples of this period in s.
+    pub fn new(hand: &Model, duration: f64, period: f64) -> Self {
+        Script { hand: Some(Hand::new(hand, period)), last: libm::round(duration / period) as u64 }
+    }
+
+    /// The hand, where there is one.
+    pub fn hand(&self) -> Option<&Hand> {
+        self.hand.as_ref()
+    }
+}

@@ -36,9 +36,9 @@ mod shaft;
 pub mod spec;
 mod trajectory;
 
-pub use device::{Grip, Script, VirtualDevice};
+pub use device::{Grip, VirtualDevice};
 pub use energy::stored_energy;
-pub use hand::Hand;
+pub use hand::{Hand, Script};
 pub use ledger::Ledger;
 pub use motor::Motor;
 pub use plant::under_held_torque;

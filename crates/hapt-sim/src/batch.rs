@@ -41,15 +41,21 @@ pub struct Outcome {
     pub final_energy: f64,
 }
 
-/// Runs scenario number `scenario` of each world, all in one batch. An outcome is `None` where the run stops being finite. Returns `None`
-/// where these worlds cannot run as a batch and must be run one by one.
-pub fn run_batch(worlds: &[World; LANES], scenario: usize) -> Option<[Option<Outcome>; LANES]> {
+/// Samples between two checks of the stop.
+const STRETCH: u64 = 4096;
+
+/// Whether the work is to end before its time; asked now and then.
+type Stop<'s> = dyn Fn() -> bool + 's;
+
+/// Runs scenario number `scenario` of each world, all in one batch. An outcome is `None` where the run stops being finite, or is stopped:
+/// `stop` is asked every 4096 samples. Returns `None` where these worlds cannot run as a batch and must be run one by one.
+pub fn run_batch(worlds: &[World; LANES], scenario: usize, stop: &Stop<'_>) -> Option<[Option<Outcome>; LANES]> {
     let is_foaw = |world: &World| matches!(world.sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
     match (worlds[0].bodies.len(), is_foaw(&worlds[0])) {
-        (0 | 1, false) => with_capacity::<1, 1>(worlds, scenario),
-        (0 | 1, true) => with_capacity::<1, { WINDOW + 1 }>(worlds, scenario),
-        (2..=4, false) => with_capacity::<4, 1>(worlds, scenario),
-        (2..=4, true) => with_capacity::<4, { WINDOW + 1 }>(worlds, scenario),
+        (0 | 1, false) => with_capacity::<1, 1>(worlds, scenario, stop),
+        (0 | 1, true) => with_capacity::<1, { WINDOW + 1 }>(worlds, scenario, stop),
+        (2..=4, false) => with_capacity::<4, 1>(worlds, scenario, stop),
+        (2..=4, true) => with_capacity::<4, { WINDOW + 1 }>(worlds, scenario, stop),
         _ => None,
     }
 }
@@ -58,6 +64,7 @@ pub fn run_batch(worlds: &[World; LANES], scenario: usize) -> Option<[Option<Out
 fn with_capacity<const B: usize, const W: usize>(
     worlds: &[World; LANES],
     scenario: usize,
+    stop: &Stop<'_>,
 ) -> Option<[Option<Outcome>; LANES]> {
     let mut loops = Vec::with_capacity(LANES);
     for world in worlds {
@@ -68,10 +75,10 @@ fn with_capacity<const B: usize, const W: usize>(
     if W == 1
         && let Some(linear) = Batch::<LANES, B, COUPLINGS, W, 0>::new(loops)
     {
-        return pulp::Arch::new().dispatch(Run::new(worlds, &linear, scenario)?);
+        return pulp::Arch::new().dispatch(Run::new(worlds, &linear, scenario, stop)?);
     }
     let bent = Batch::<LANES, B, COUPLINGS, W, COUPLINGS>::new(loops)?;
-    pulp::Arch::new().dispatch(Run::new(worlds, &bent, scenario)?)
+    pulp::Arch::new().dispatch(Run::new(worlds, &bent, scenario, stop)?)
 }
 
 /// The hand and the clock of one lane.
@@ -132,6 +139,7 @@ impl Motion {
 struct Run<'w, const B: usize, const W: usize, const S: usize> {
     lanes: Vec<Lane<'w>>,
     compiled: &'w Batch<'w, LANES, B, COUPLINGS, W, S>,
+    stop: &'w Stop<'w>,
     /// The change of position and velocity over a period, by velocity and by torque; over the two parts of it where the delay has a fraction.
     plants: [[[Numbers; 2]; 2]; 2],
     friction: Numbers,
@@ -244,6 +252,7 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
         worlds: &'w [World; LANES],
         compiled: &'w Batch<'w, LANES, B, COUPLINGS, W, S>,
         scenario: usize,
+        stop: &'w Stop<'w>,
     ) -> Option<Self> {
         let mut lanes = Vec::with_capacity(LANES);
         for world in worlds {
@@ -271,7 +280,7 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
             }
         }
         let slides = friction.0.iter().any(|friction| *friction > 0.0);
-        Some(Run { lanes, compiled, plants, friction, slides, motor })
+        Some(Run { lanes, compiled, stop, plants, friction, slides, motor })
     }
 
     /// The hands' events at sample k. Returns the pucks, and how they move from there.
@@ -347,8 +356,11 @@ impl<const B: usize, const W: usize, const S: usize> WithSimd for Run<'_, B, W, 
         let end = self.lanes.iter().map(|lane| lane.rows).max()?;
         let mut k = 0;
         while k < end {
-            // Up to the next event of any hand, or the end of any run.
+            // Up to the next event of any hand, the end of any run, or the next check of the stop.
             let first = k;
+            if k.is_multiple_of(STRETCH) && (self.stop)() {
+                break;
+            }
             let mut last = end;
             while k < last {
                 if k > 0 {
@@ -380,7 +392,7 @@ impl<const B: usize, const W: usize, const S: usize> WithSimd for Run<'_, B, W, 
                 if k == first {
                     (puck, motion) = self.act(k, puck);
                     let stops = self.lanes.iter().flat_map(|lane| [lane.next, lane.rows]);
-                    last = stops.filter(|stop| *stop > k).fold(end, u64::min);
+                    last = stops.filter(|stop| *stop > k).fold((k / STRETCH + 1) * STRETCH, u64::min).min(end);
                 }
                 let sample = compiled.step(&mut state, puck[0], puck[1]);
                 command = sample.command;

@@ -121,8 +121,7 @@ impl Sweep {
         Rows { width: self.width(), values: self.values(cells, &|| false) }
     }
 
-    /// As [`Sweep::rows`]; `stop` is asked now and then, and ends the work when true: `None`. A batch of runs under way goes on to
-    /// its end.
+    /// As [`Sweep::rows`]; `stop` is asked now and then, and ends the work when true: `None`.
     pub fn rows_until(&self, cells: Range<u64>, stop: &Stop<'_>) -> Option<Rows> {
         let values = self.values(cells, stop);
         (!stop()).then(|| Rows { width: self.width(), values })

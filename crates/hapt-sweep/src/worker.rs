@@ -104,7 +104,7 @@ impl<'s> Worker<'s> {
         let (Some(scenario), Some(worlds)) = (self.sweep.scenario, &self.worlds) else { return none };
         let settling = self.sweep.measures.contains(&Measure::SettlingTime);
         // A batch of a few worlds takes no fewer instructions than single runs.
-        let outcomes = if settling || count < LANES / 4 { None } else { run_batch(worlds, scenario) };
+        let outcomes = if settling || count < LANES / 4 { None } else { run_batch(worlds, scenario, self.stop) };
         match outcomes {
             Some(outcomes) => outcomes.map(OfRun::of),
             None => from_fn(|i| {

@@ -198,7 +198,7 @@ proptest! {
     #[test]
     fn a_lane_has_the_bits_of_the_run_alone(seed in any::<u64>(), runaway in any::<bool>()) {
         let worlds = worlds(|lane| world(seed, lane, runaway));
-        let outcomes = run_batch(&worlds, 0);
+        let outcomes = run_batch(&worlds, 0, &|| false);
         prop_assert!(outcomes.is_some(), "these worlds fit: {:#?}", worlds[0]);
         for (lane, (world, outcome)) in worlds.iter().zip(outcomes.unwrap()).enumerate() {
             prop_assert_eq!(bits(outcome), bits(alone(world)), "lane {}: {:#?}", lane, world);
@@ -217,11 +217,35 @@ fn a_lane_that_runs_away_leaves_the_others_alone() {
         world
     };
     let worlds = worlds(of);
-    let outcomes = run_batch(&worlds, 0).unwrap();
+    let outcomes = run_batch(&worlds, 0, &|| false).unwrap();
     for (lane, (world, outcome)) in worlds.iter().zip(outcomes).enumerate() {
         assert_eq!(outcome.is_none(), lane == 3);
         assert_eq!(bits(outcome), bits(alone(world)), "lane {lane}");
     }
+}
+
+#[test]
+fn a_batch_ends_when_it_is_told_to() {
+    let of = |lane: u64| {
+        let mut world = wheel(Method::Zoh, Output::End);
+        world.scenarios = vec![scenario(20.0, step(0.5, 0.0), Some(0.25 + 1e-4 * lane as f64))];
+        world
+    };
+    let worlds = worlds(of);
+    let samples = (20.0 / worlds[0].sampling.period) as u32;
+    let asked = std::cell::Cell::new(0);
+    let after = |times: u32| {
+        asked.set(0);
+        run_batch(&worlds, 0, &|| {
+            asked.set(asked.get() + 1);
+            asked.get() == times
+        })
+        .unwrap()
+    };
+    assert!(after(u32::MAX).iter().all(Option::is_some));
+    assert_eq!(asked.get(), samples / 4096 + 1);
+    assert_eq!(after(3).iter().flatten().count(), 0);
+    assert_eq!(asked.get(), 3);
 }
 
 /// Lanes hold loops that differ in their numbers and nonlinear couplings; devices may differ in all.
@@ -234,7 +258,7 @@ fn a_loop_of_another_kind_runs_alone() {
             change(&mut world, lane);
             world
         };
-        run_batch(&worlds(of), 0).is_some()
+        run_batch(&worlds(of), 0, &|| false).is_some()
     };
     let of_puck = |law| Coupling { first: End::Puck, second: End::Ground, law, limit: None };
     assert!(fit(&|_, _| ()));
