@@ -17,12 +17,20 @@ use crate::record::{LONGEST_DELAY, Record, Watched};
 use crate::spectrum::{Line, line};
 use crate::start::starts;
 
-/// Of ln J, b, f, delay, ln J_h, ln k, d, first position, first velocity.
+/// Of ln (J + J_h), b, f, delay, ln (J_h / J), ln (k / m), d / m, first position and first velocity, with m = J J_h / (J + J_h).
+///
+/// A record tells the whole inertia, the resonance √(k/m) and its decay d/m well, and the ratio of the inertias badly. In these
+/// coordinates the valley of good fits is straight, and the steps along it are long.
 const PARAMETERS: usize = 9;
 type Parameters = [f64; PARAMETERS];
 
+/// The place of the first velocity, the last parameter.
+const VELOCITY: usize = PARAMETERS - 1;
 /// Damping, friction, delay and the shaft's damping.
 const NOT_BELOW_0: [usize; 4] = [1, 2, 3, 6];
+
+/// Of [`PARAMETERS`], those that enter by their logarithms.
+const LOGARITHMS: [usize; 3] = [0, 4, 5];
 
 /// Parts of the whole inertia that are the motor's, from which fits start.
 const SHARES: [f64; 5] = [0.5, 0.3, 0.7, 0.15, 0.85];
@@ -85,27 +93,40 @@ pub fn identify_handle_until(record: &Record, stop: &dyn Fn() -> bool) -> Result
         return Err(Error::Unexplained);
     }
     let start = |share: f64| -> Parameters {
-        let (inertia, handle) = (share * whole, (1.0 - share) * whole);
-        let mass = inertia * handle / whole;
         [
-            inertia.ln(),
+            whole.ln(),
             (rigid.puck.damping * whole).max(0.0),
             (rigid.puck.friction * whole).max(0.0),
             (rigid.puck.delay + rigid.puck.lag).clamp(0.0, LONGEST_DELAY),
-            handle.ln(),
-            (mass * omega * omega).ln(),
-            0.02 * mass * omega,
+            ((1.0 - share) / share).ln(),
+            2.0 * omega.ln(),
+            0.02 * omega,
             record.positions()[0],
             0.0,
         ]
     };
-    let fits = SHARES.into_iter().filter_map(|share| Fit::of(record, start(share))?.improved(record, FEW, stop));
-    let first = fits.min_by(|a, b| a.squares.total_cmp(&b.squares)).ok_or(Error::Unexplained)?;
-    let fit = first.improved(record, MOST, stop).ok_or(Error::Unexplained)?;
-    let spread = variance(record.positions()).sqrt();
+    // From rest, or from a motion: a small velocity that friction ends within some samples hardly shows that it should be 0.
+    let mut fits: Vec<Fit> = [true, false]
+        .into_iter()
+        .flat_map(|rests| SHARES.map(|share| (rests, start(share))))
+        .filter_map(|(rests, p)| Fit::of(record, p, rests)?.improved(record, FEW, stop))
+        .collect();
+    fits.sort_by(|a, b| a.squares.total_cmp(&b.squares));
+    let (lattice, spread) = (lattice(record.positions()), variance(record.positions()).sqrt());
+    let explains = |fit: &Fit| explained(record, &fit.left, lattice, spread);
+    // The best after a few steps need not be the best in the end: the next one follows until one explains the record.
+    let mut best: Option<Fit> = None;
+    for fit in fits {
+        let fit = fit.improved(record, MOST, stop).ok_or(Error::Unexplained)?;
+        best = best.into_iter().chain([fit]).min_by(|a, b| a.squares.total_cmp(&b.squares));
+        if stop() || best.as_ref().is_some_and(explains) {
+            break;
+        }
+    }
+    let fit = best.ok_or(Error::Unexplained)?;
     let rest = residual(&fit.left);
-    if !explained(record, &fit.left, lattice(record.positions()), spread) {
-        let counts = lattice(record.positions()).map(|lattice| rest.rms / lattice.step);
+    if !explains(&fit) {
+        let counts = lattice.map(|lattice| rest.rms / lattice.step);
         return Err(Error::Residual(LargeResidual { rms: rest.rms, counts, position: None, resonance_hz: None }));
     }
     fit.told(rest).ok_or(Error::Unexplained)
@@ -114,23 +135,25 @@ pub fn identify_handle_until(record: &Record, stop: &dyn Fn() -> bool) -> Result
 /// Parameters, what they leave, and its derivatives.
 struct Fit {
     p: Parameters,
+    /// Whether the first velocity is 0, and no parameter.
+    rests: bool,
     left: Vec<f64>,
     squares: f64,
     derivatives: DMatrix<f64>,
 }
 
+/// J, J_h and m = J J_h / (J + J_h).
+fn inertias(p: &Parameters) -> [f64; 3] {
+    let (whole, ratio) = (p[0].exp(), p[4].exp());
+    let (own, handle) = (whole / (1.0 + ratio), whole * ratio / (1.0 + ratio));
+    [own, handle, own * handle / whole]
+}
+
 /// The device of these parameters.
 fn spec(p: &Parameters, period: f64) -> DeviceSpec {
-    let handle = Handle { inertia: p[4].exp(), stiffness: p[5].exp(), damping: p[6] };
-    DeviceSpec {
-        period,
-        delay: p[3],
-        lag: 0.0,
-        inertia: p[0].exp(),
-        damping: p[1],
-        friction: p[2],
-        handle: Some(handle),
-    }
+    let [inertia, handle, mass] = inertias(p);
+    let handle = Handle { inertia: handle, stiffness: mass * p[5].exp(), damping: mass * p[6] };
+    DeviceSpec { period, delay: p[3], lag: 0.0, inertia, damping: p[1], friction: p[2], handle: Some(handle) }
 }
 
 /// The positions of such a device under the record's torques, at the samples that are measurements.
@@ -149,27 +172,27 @@ fn positions(record: &Record, p: &Parameters) -> Vec<f64> {
 }
 
 impl Fit {
-    fn of(record: &Record, p: Parameters) -> Option<Fit> {
+    fn of(record: &Record, p: Parameters, rests: bool) -> Option<Fit> {
         let there = positions(record, &p);
         let seen = record.positions().iter().enumerate().filter(|(i, _)| record.is_news(*i)).map(|(_, z)| z);
         let left: Vec<f64> = seen.zip(&there).map(|(seen, there)| seen - there).collect();
         let squares: f64 = left.iter().map(|r| r * r).sum();
-        squares.is_finite().then_some(Fit { p, left, squares, derivatives: DMatrix::zeros(0, 0) })
+        squares.is_finite().then_some(Fit { p, rests, left, squares, derivatives: DMatrix::zeros(0, 0) })
     }
 
     /// The change of each parameter over which a derivative is taken.
     fn steps(&self, period: f64) -> Parameters {
-        let [j, b, f, delay, _, k, d, _, v] = self.p;
-        let rate = (0.5 * (k - j)).exp();
+        let [whole, b, f, delay, _, square, decay, _, v] = self.p;
+        let (whole, rate) = (whole.exp(), (0.5 * square).exp());
         // Wide enough to see past single stops and starts under friction.
         [
             3e-4,
-            1e-3 * b.max(1e-2 * j.exp() * rate),
-            1e-3 * f.max(1e-2 * j.exp()),
+            1e-3 * b.max(1e-2 * whole * rate),
+            1e-3 * f.max(1e-2 * whole),
             1e-3 * delay.max(period),
             3e-4,
             3e-4,
-            1e-3 * d.max(1e-2 * j.exp() * rate),
+            1e-3 * decay.max(1e-2 * rate),
             1e-6,
             1e-5 * v.abs().max(1.0),
         ]
@@ -179,10 +202,11 @@ impl Fit {
     fn differentiated(mut self, record: &Record) -> Option<Fit> {
         let steps = self.steps(record.period());
         let mut derivatives = DMatrix::zeros(self.left.len(), PARAMETERS);
-        for (i, step) in steps.into_iter().enumerate() {
+        let parameters = if self.rests { VELOCITY } else { PARAMETERS };
+        for (i, step) in steps.into_iter().enumerate().take(parameters) {
             let mut p = self.p;
             p[i] += step;
-            let moved = Fit::of(record, p)?;
+            let moved = Fit::of(record, p, self.rests)?;
             for (j, (a, b)) in self.left.iter().zip(&moved.left).enumerate() {
                 derivatives[(j, i)] = (a - b) / step;
             }
@@ -206,11 +230,11 @@ impl Fit {
             // Far steps of what enters by its logarithm lead nowhere.
             p.iter_mut()
                 .enumerate()
-                .for_each(|(i, p)| *p += if [0, 4, 5].contains(&i) { step[i].clamp(-1.0, 1.0) } else { step[i] });
+                .for_each(|(i, p)| *p += if LOGARITHMS.contains(&i) { step[i].clamp(-1.0, 1.0) } else { step[i] });
             NOT_BELOW_0.into_iter().for_each(|i| p[i] = p[i].max(0.0));
             p[3] = p[3].min(LONGEST_DELAY);
             let is_small = size < SMALL * SMALL * at.squares / at.left.len() as f64;
-            match Fit::of(record, p) {
+            match Fit::of(record, p, at.rests) {
                 Some(next) if next.squares < at.squares => {
                     at = next.differentiated(record)?;
                     damping = (0.1 * damping).max(1e-9);
@@ -253,32 +277,41 @@ impl Fit {
     /// The numbers with their intervals, from the covariance.
     fn told(&self, residual: Residual) -> Option<WithHandle> {
         let (information, _) = self.normal();
+        let parameters = if self.rests { VELOCITY } else { PARAMETERS };
         let scale = information.diagonal().map(|x| x.sqrt().recip());
-        let matrix = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| information[(i, j)] * scale[i] * scale[j]);
+        let matrix = DMatrix::from_fn(parameters, parameters, |i, j| information[(i, j)] * scale[i] * scale[j]);
         let inverse = matrix.cholesky()?.inverse();
-        let freedom = self.left.len().saturating_sub(PARAMETERS).max(1) as f64;
-        let error = |i: usize| SIGMAS * (inverse[(i, i)] * self.squares / freedom).sqrt() * scale[i];
-        let plain = |i: usize| {
-            let (value, error) = (self.p[i], error(i));
+        let freedom = self.left.len().saturating_sub(parameters).max(1) as f64;
+        let unit = SIGMAS * SIGMAS * self.squares / freedom;
+        // Half of the interval of what has this gradient in the parameters.
+        let error = |gradient: &[(usize, f64)]| {
+            let of = |&(i, a): &(usize, f64), &(j, b): &(usize, f64)| a * b * inverse[(i, j)] * scale[i] * scale[j];
+            let sum: f64 = gradient.iter().flat_map(|row| gradient.iter().map(move |column| of(row, column))).sum();
+            (unit * sum).sqrt()
+        };
+        let plain = |value: f64, gradient: &[(usize, f64)]| {
+            let error = error(gradient);
             Interval { value, low: (value - error).max(0.0), high: value + error }
         };
-        let log = |i: usize| {
-            let (value, error) = (self.p[i], error(i));
-            Interval { value: value.exp(), low: (value - error).exp(), high: (value + error).exp() }
+        let log = |value: f64, gradient: &[(usize, f64)]| {
+            let error = error(gradient);
+            Interval { value, low: value * (-error).exp(), high: value * error.exp() }
         };
-        let masses = (-self.p[0]).exp() + (-self.p[4]).exp();
+        let [inertia, handle, mass] = inertias(&self.p);
+        let share = handle / (inertia + handle);
+        let damping = mass * self.p[6];
         let found = WithHandle {
-            inertia: log(0),
-            damping: plain(1),
-            friction: plain(2),
-            delay: plain(3),
-            handle_inertia: log(4),
-            stiffness: log(5),
-            shaft_damping: plain(6),
-            resonance_hz: (self.p[5].exp() * masses).sqrt() / std::f64::consts::TAU,
+            inertia: log(inertia, &[(0, 1.0), (4, -share)]),
+            damping: plain(self.p[1], &[(1, 1.0)]),
+            friction: plain(self.p[2], &[(2, 1.0)]),
+            delay: plain(self.p[3], &[(3, 1.0)]),
+            handle_inertia: log(handle, &[(0, 1.0), (4, 1.0 - share)]),
+            stiffness: log(mass * self.p[5].exp(), &[(0, 1.0), (4, 1.0 - 2.0 * share), (5, 1.0)]),
+            shaft_damping: plain(damping, &[(0, damping), (4, damping * (1.0 - 2.0 * share)), (6, mass)]),
+            resonance_hz: (0.5 * self.p[5]).exp() / std::f64::consts::TAU,
             residual,
         };
-        let finite = (0..PARAMETERS).all(|i| self.p[i].is_finite() && error(i).is_finite());
+        let finite = found.named().iter().all(|(_, of)| [of.value, of.low, of.high].iter().all(|x| x.is_finite()));
         finite.then_some(found)
     }
 }

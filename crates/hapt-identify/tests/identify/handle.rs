@@ -51,7 +51,10 @@ fn device(rng: &mut Rng, friction: bool) -> DeviceSpec {
 #[test]
 fn random_devices_are_found_again_within_their_intervals() {
     let (mut numbers, mut inside) = (0, 0);
-    for seed in [0, 3, 5] {
+    // Those with even numbers have friction.
+    let seeds = [2, 3, 42, 5, 6, 13, 10, 24];
+    let some = hapt_testing::seeds(seeds.len() as u64).end as usize;
+    for seed in seeds.into_iter().take(some) {
         let mut rng = Rng::with_seed(seed);
         let truth = device(&mut rng, seed % 2 == 0);
         let shaft = truth.handle.unwrap();
