@@ -80,9 +80,10 @@ fn crossing<E>(
 /// From `p` in the direction of `angle`, by `step` or to the square's side.
 fn star(p: Place, angle: f64, step: f64) -> Place {
     let (sin, cos) = angle.sin_cos();
+    // The sine of π is not quite 0. Along a side it is no way out of the square.
     let room = |x: f64, d: f64| match d {
-        d if d > 0.0 => (1.0 - INSET - x) / d,
-        d if d < 0.0 => (INSET - x) / d,
+        d if d > 1e-12 => (1.0 - INSET - x) / d,
+        d if d < -1e-12 => (INSET - x) / d,
         _ => f64::INFINITY,
     };
     let r = step.min(room(p[0], cos)).min(room(p[1], sin)).max(0.0);
@@ -296,6 +297,25 @@ mod tests {
         let crossings =
             (0..12).flat_map(|n| [n as f64 * 2.0 + 0.2f64.asin() / PI, n as f64 * 2.0 + 1.0 - 0.2f64.asin() / PI]);
         assert_eq!(found.len(), crossings.filter(|x| *x < 9.0 * 1.3).count());
+    }
+
+    #[test]
+    fn a_straight_edge_is_found_once_wherever_it_crosses_the_square() {
+        for i in 0..40 {
+            let (sin, cos) = (0.1 + 2.0 * PI * f64::from(i) / 40.0).sin_cos();
+            for j in 0..30 {
+                let away = 0.02 + f64::from(j) / 43.0;
+                let f = |p: Place| cos * (p[0] - 0.5) + sin * (p[1] - 0.5) - away;
+                let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(f);
+                if corners.iter().all(|value| *value < 0.005) {
+                    continue;
+                }
+                let found = all(f);
+                assert_eq!(found.len(), 1, "{i} {j}");
+                let ends = [found[0].points[0], found[0].points[found[0].points.len() - 1]];
+                assert!(ends.iter().all(|end| on_frame(*end)), "{i} {j}: {ends:?}");
+            }
+        }
     }
 
     #[test]
