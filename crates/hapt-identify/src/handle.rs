@@ -34,7 +34,9 @@ const LOGARITHMS: [usize; 3] = [0, 4, 5];
 
 /// Parts of the whole inertia that are the motor's, from which fits start.
 const SHARES: [f64; 5] = [0.5, 0.3, 0.7, 0.15, 0.85];
-/// Steps of a fit that is only compared with others, and of the best.
+/// The most fits that are followed to their end.
+const FOLLOWED: usize = 4;
+/// Steps of a fit that is only compared with others, and of one that is followed.
 const FEW: usize = 10;
 const MOST: usize = 100;
 /// A step of this many standard errors is none.
@@ -116,7 +118,7 @@ pub fn identify_handle_until(record: &Record, stop: &dyn Fn() -> bool) -> Result
     let explains = |fit: &Fit| explained(record, &fit.left, lattice, spread);
     // The best after a few steps need not be the best in the end: the next one follows until one explains the record.
     let mut best: Option<Fit> = None;
-    for fit in fits {
+    for fit in fits.into_iter().take(FOLLOWED) {
         let fit = fit.improved(record, MOST, stop).ok_or(Error::Unexplained)?;
         best = best.into_iter().chain([fit]).min_by(|a, b| a.squares.total_cmp(&b.squares));
         if stop() || best.as_ref().is_some_and(explains) {
@@ -180,6 +182,10 @@ impl Fit {
         squares.is_finite().then_some(Fit { p, rests, left, squares, derivatives: DMatrix::zeros(0, 0) })
     }
 
+    fn parameters(&self) -> usize {
+        if self.rests { VELOCITY } else { PARAMETERS }
+    }
+
     /// The change of each parameter over which a derivative is taken.
     fn steps(&self, period: f64) -> Parameters {
         let [whole, b, f, delay, _, square, decay, _, v] = self.p;
@@ -202,7 +208,7 @@ impl Fit {
     fn differentiated(mut self, record: &Record) -> Option<Fit> {
         let steps = self.steps(record.period());
         let mut derivatives = DMatrix::zeros(self.left.len(), PARAMETERS);
-        let parameters = if self.rests { VELOCITY } else { PARAMETERS };
+        let parameters = self.parameters();
         for (i, step) in steps.into_iter().enumerate().take(parameters) {
             let mut p = self.p;
             p[i] += step;
@@ -277,7 +283,7 @@ impl Fit {
     /// The numbers with their intervals, from the covariance.
     fn told(&self, residual: Residual) -> Option<WithHandle> {
         let (information, _) = self.normal();
-        let parameters = if self.rests { VELOCITY } else { PARAMETERS };
+        let parameters = self.parameters();
         let scale = information.diagonal().map(|x| x.sqrt().recip());
         let matrix = DMatrix::from_fn(parameters, parameters, |i, j| information[(i, j)] * scale[i] * scale[j]);
         let inverse = matrix.cholesky()?.inverse();
