@@ -50,35 +50,38 @@ type Stop<'s> = dyn Fn() -> bool + 's;
 /// Runs scenario number `scenario` of each world, all in one batch. An outcome is `None` where the run stops being finite, or is stopped:
 /// `stop` is asked every 4096 samples. Returns `None` where these worlds cannot run as a batch and must be run one by one.
 pub fn run_batch(worlds: &[World; LANES], scenario: usize, stop: &Stop<'_>) -> Option<[Option<Outcome>; LANES]> {
-    let is_foaw = |world: &World| matches!(world.sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
-    match (worlds[0].bodies.len(), is_foaw(&worlds[0])) {
-        (0 | 1, false) => with_capacity::<1, 1>(worlds, scenario, stop),
-        (0 | 1, true) => with_capacity::<1, { WINDOW + 1 }>(worlds, scenario, stop),
-        (2..=4, false) => with_capacity::<4, 1>(worlds, scenario, stop),
-        (2..=4, true) => with_capacity::<4, { WINDOW + 1 }>(worlds, scenario, stop),
+    match worlds[0].bodies.len() {
+        0 | 1 => with_bodies::<1>(worlds, scenario, stop),
+        2..=4 => with_bodies::<4>(worlds, scenario, stop),
         _ => None,
     }
 }
 
-/// For B bodies, and a window of W - 1.
-fn with_capacity<const B: usize, const W: usize>(
+/// For up to `B` bodies.
+fn with_bodies<const B: usize>(
     worlds: &[World; LANES],
     scenario: usize,
     stop: &Stop<'_>,
 ) -> Option<[Option<Outcome>; LANES]> {
-    let mut loops = Vec::with_capacity(LANES);
-    for world in worlds {
-        loops.push(Loop::new(&world.spec()).ok()?);
+    // Linear worlds without FOAW's window have a loop of their own, in which every lane computes at once. Batches are passed by reference:
+    // room for couplings in every lane is much to move.
+    if !matches!(worlds[0].sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest) {
+        let loops: Loops<B, 1> = loops(worlds)?;
+        if let Some(linear) = Batch::<LANES, B, COUPLINGS, 1, 0>::new(&loops) {
+            return pulp::Arch::new().dispatch(Run::new(worlds, &linear, scenario, stop)?);
+        }
     }
-    let loops: &[Loop<f64, B, COUPLINGS, W>; LANES] = loops.as_slice().try_into().ok()?;
-    // By reference: room for couplings in every lane is much to move.
-    if W == 1
-        && let Some(linear) = Batch::<LANES, B, COUPLINGS, W, 0>::new(loops)
-    {
-        return pulp::Arch::new().dispatch(Run::new(worlds, &linear, scenario, stop)?);
-    }
-    let bent = Batch::<LANES, B, COUPLINGS, W, COUPLINGS>::new(loops)?;
-    pulp::Arch::new().dispatch(Run::new(worlds, &bent, scenario, stop)?)
+    let loops: Loops<B, { WINDOW + 1 }> = loops(worlds)?;
+    let any = Batch::<LANES, B, COUPLINGS, { WINDOW + 1 }, COUPLINGS>::new(&loops)?;
+    pulp::Arch::new().dispatch(Run::new(worlds, &any, scenario, stop)?)
+}
+
+/// For up to `B` bodies and a window of `W` - 1.
+type Loops<const B: usize, const W: usize> = Box<[Loop<f64, B, COUPLINGS, W>; LANES]>;
+
+fn loops<const B: usize, const W: usize>(worlds: &[World; LANES]) -> Option<Loops<B, W>> {
+    let loops: Option<Vec<_>> = worlds.iter().map(|world| Loop::new(&world.spec()).ok()).collect();
+    loops?.into_boxed_slice().try_into().ok()
 }
 
 /// The hand and the clock of one lane.
