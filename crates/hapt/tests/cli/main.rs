@@ -27,5 +27,7 @@ mod realtime;
 mod refusals;
 mod report;
 mod runs;
+mod schema;
+mod spelling;
 mod sweep;
 mod worst;
