@@ -52,15 +52,21 @@ impl Stretch {
     }
 }
 
+/// 1/(k+3)! of φ3 = Σ (-x)^k/(k+3)!, k from 0 to 11: 0.5^12/15! is far below the last bit.
+const SERIES: [f64; 12] = {
+    let (mut series, mut factorial, mut k) = ([0.0; 12], 2.0, 0);
+    while k < series.len() {
+        factorial *= k as f64 + 3.0;
+        series[k] = 1.0 / factorial;
+        k += 1;
+    }
+    series
+};
+
 /// φ3, by its series where the quotient would lose digits.
 fn phi3(x: f64) -> f64 {
     if x.abs() < 0.5 {
-        // Σ (-x)^k/(k+3)!, k from 0 to 11: 0.5^12/15! is far below the last bit.
-        let mut sum = 0.0;
-        for k in (0..12).rev() {
-            sum = (1.0 - x * sum) / f64::from(k + 3);
-        }
-        return sum / 2.0;
+        return SERIES.iter().rev().fold(0.0, |sum, factor| factor - x * sum);
     }
     let phi1 = -(-x).exp_m1() / x;
     let phi2 = (1.0 - phi1) / x;

@@ -296,14 +296,7 @@ fn thirty_two_bodies_finish() {
                 _ => {}
             }
         }
-        let start = std::time::Instant::now();
         let found = held(&world.bodies, &world.couplings, method, 1e-5).unwrap();
-        println!(
-            "{:>20}: {:6.1} ms, {:?}",
-            method.name(),
-            start.elapsed().as_secs_f64() * 1e3,
-            found.critical_period_s
-        );
         assert_eq!(found.eigenvalues.len(), 64);
         // Six walls: 64 combinations of one part.
         if !matches!(method, Method::SemiImplicitEuler | Method::Zoh) {

@@ -33,9 +33,9 @@ fn device(rng: &mut Rng) -> DeviceSpec {
 }
 
 fn record(rig: &DeviceSpec, rng: &mut Rng) -> Record {
-    let torques = steps(rng, 4000, 0.1);
+    let torques = steps(rng, 2000, 0.1);
     let seen = counted(&motion(rig, &torques), 4000.0, 0.7, rng);
-    Record::new(times(rig, 4000), seen, torques).unwrap()
+    Record::new(times(rig, 2000), seen, torques).unwrap()
 }
 
 fn number<'a>(found: &'a Comparison, name: &str) -> &'a Compared {
@@ -127,7 +127,7 @@ fn what_a_record_does_not_tell_is_not_agreed() {
 #[test]
 fn a_torque_that_no_such_device_has_contradicts_every_file() {
     let mut rng = Rng::with_seed(6);
-    let torques = steps(&mut rng, 3000, 0.08);
+    let torques = steps(&mut rng, 1500, 0.08);
     let mut device = VirtualDevice::new(&WHEEL);
     let push = |torque: &f64| {
         let z = device.puck().0;
@@ -137,7 +137,7 @@ fn a_torque_that_no_such_device_has_contradicts_every_file() {
     };
     let positions: Vec<f64> = torques.iter().map(push).collect();
     let seen = counted(&positions, 4000.0, 0.7, &mut rng);
-    let record = Record::new(times(&WHEEL, 3000), seen, torques).unwrap();
+    let record = Record::new(times(&WHEEL, 1500), seen, torques).unwrap();
     let found = against(&record, &claims(&WHEEL, 1.0), false).unwrap();
     assert!(!found.agrees() && found.wrong.is_some(), "{found:?}");
     assert!(found.residual.rms > 3.0 * found.noise, "{} of {}", found.residual.rms, found.noise);
@@ -151,10 +151,10 @@ fn a_constant_torque_that_friction_holds_is_none() {
     let rig = DeviceSpec { damping: 5e-3, ..WHEEL };
     for (offset, agrees) in [(0.5 * rig.friction, true), (2.0 * rig.friction, false)] {
         let mut rng = Rng::with_seed(8);
-        let torques = steps(&mut rng, 4000, 0.1);
+        let torques = steps(&mut rng, 2000, 0.1);
         let pushed: Vec<f64> = torques.iter().map(|torque| torque + offset).collect();
         let seen = counted(&motion(&rig, &pushed), 4000.0, 0.7, &mut rng);
-        let record = Record::new(times(&rig, 4000), seen, torques).unwrap();
+        let record = Record::new(times(&rig, 2000), seen, torques).unwrap();
         let found = against(&record, &claims(&rig, 0.0), false).unwrap();
         assert_eq!(found.agrees(), agrees, "{offset}: {:?}", found.numbers);
         assert_eq!(wrong(&found).contains(&"constant torque"), !agrees, "{offset}: {:?}", found.numbers);

@@ -45,21 +45,23 @@ impl Coverage {
 
     /// At least this part is covered, of all and of those at 0, and enough are at 0.
     #[track_caller]
-    fn holds(&self, part: f64) {
+    fn holds(&self, part: f64, least_at_0: u32) {
         for (i, (covered, of)) in self.all.into_iter().chain(self.at_0).enumerate() {
-            // A handful says little of how often.
-            let holds = of < 5 || f64::from(covered) >= part * f64::from(of);
+            // Few say little of how often.
+            let holds = of < 15 || f64::from(covered) >= part * f64::from(of);
             assert!(holds, "{}: {covered} of {of}: {self:?}", NAMES[i % 4]);
         }
         let at_0: u32 = self.at_0.iter().map(|of| of.1).sum();
-        assert!(at_0 >= 30, "few values are 0: {self:?}");
+        assert!(at_0 >= least_at_0, "few values are 0: {self:?}");
     }
 }
 
 #[test]
 fn intervals_at_0_cover_the_truth_of_devices_that_hardly_move() {
     let mut coverage = Coverage::default();
-    for seed in 0..80 {
+    let seeds = hapt_testing::seeds(80);
+    let records = seeds.end as u32;
+    for seed in seeds {
         let mut rng = Rng::with_seed(seed);
         let (mut rig, counts) = light(&mut rng);
         // Steps that move the puck by some counts to some tens of counts.
@@ -76,13 +78,15 @@ fn intervals_at_0_cover_the_truth_of_devices_that_hardly_move() {
             coverage.add(&found, &rig);
         }
     }
-    coverage.holds(0.93);
+    coverage.holds(0.93, records * 3 / 8);
 }
 
 #[test]
 fn intervals_at_0_cover_the_truth_of_wheels_that_ring_on_a_virtual_spring() {
     let mut coverage = Coverage::default();
-    for seed in 0..40 {
+    let seeds = hapt_testing::seeds(40);
+    let records = seeds.end as u32;
+    for seed in seeds {
         let mut rng = Rng::with_seed(seed);
         let (mut rig, counts) = light(&mut rng);
         let count = TAU / counts;
@@ -106,7 +110,7 @@ fn intervals_at_0_cover_the_truth_of_wheels_that_ring_on_a_virtual_spring() {
         }
     }
     // The positions carry no noise but their counts.
-    coverage.holds(0.9);
+    coverage.holds(0.9, records * 3 / 4);
 }
 
 /// The wheel, and a drive that adds this much torque per velocity at each sample.

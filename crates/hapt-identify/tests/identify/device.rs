@@ -204,7 +204,7 @@ fn a_push_in_one_direction_does_not_tell_friction_from_inertia() {
 fn a_spring_that_nobody_knows_of_leaves_more_than_noise() {
     // The puck hangs on a real spring, of which the equation knows nothing.
     let mut rng = Rng::with_seed(6);
-    let torques = steps(&mut rng, 3000, 0.08);
+    let torques = steps(&mut rng, 1500, 0.08);
     let mut device = VirtualDevice::new(&WHEEL);
     let positions: Vec<f64> = torques
         .iter()
@@ -216,7 +216,7 @@ fn a_spring_that_nobody_knows_of_leaves_more_than_noise() {
         })
         .collect();
     let seen = counted(&positions, 4000.0, 0.7, &mut rng);
-    let found = identify(&Record::new(times(&WHEEL, 3000), seen, torques).unwrap(), &Known::default());
+    let found = identify(&Record::new(times(&WHEEL, 1500), seen, torques).unwrap(), &Known::default());
     let says = found.map(|found| found.warnings());
     assert!(
         matches!(says, Err(Error::Unexplained | Error::Residual(_)))
