@@ -1,7 +1,7 @@
 //! Remedies: single changes that make a loop certified. For a certified loop: the margin of each number.
 //!
 //! Each is a search over the certificate itself and returns the value on the certified side. A remedy is searched outwards from the
-//! present value until the verdict changes, then by bisection to a relative 1e-7. A margin is the end of the interval that begins at
+//! present value until the verdict changes, then between the last two values to a relative 1e-7. A margin is the end of the interval that begins at
 //! the present value and is certified throughout: the search tracks the excess of the required damping and passes no gap. If the
 //! interval has no end within the range of the search, a reason is given.
 
@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::certificate::{excess, is_certified};
 use crate::equations::delay::MAX_IN_FLIGHT;
 use crate::error::Error;
-use crate::numerics::crossing::{Ranked, Spacing, first_crossing};
+use crate::numerics::crossing::{Ranked, Spacing, first_crossing, illinois};
 use crate::passivity::required_damping;
 use crate::passivity::uneven::is_stated;
 
@@ -55,6 +55,8 @@ const MIN_PERIOD: f64 = 1e-3;
 const MIN_STIFFNESS: f64 = 1e-6;
 /// Relative tolerance of a search.
 const WIDTH: f64 = 1e-7;
+/// First step of the margin of a bound, in periods.
+const FIRST_STEP: f64 = 0.25;
 /// Relative damping margin with which a passive loop is taken as stable hands-off.
 const SPARE: f64 = 1e-6;
 /// Range of a margin, as a ratio.
@@ -180,19 +182,19 @@ const DELAY: Bound = Bound {
 };
 
 impl Bound {
-    fn is_certified(&self, world: &World, value: f64) -> bool {
-        changed(world, |w| (self.set)(w, value))
+    fn change<'w>(&self, world: &'w World) -> Change<'w, fn(&mut World, f64)> {
+        Change { world, set: self.set }
     }
 
     /// The largest value of a certified world, or the reason for none.
     fn margin(&self, world: &World) -> Result<f64, String> {
-        let certified = |value: f64| self.is_certified(world, value);
+        let change = self.change(world);
         let (mut good, period) = ((self.now)(world), world.sampling.period);
         let end = good + MAX_IN_FLIGHT as f64 * period;
-        let mut step = WIDTH * period;
+        let mut step = FIRST_STEP * period;
         while good + step < end {
-            if !certified(good + step) {
-                return Ok(bisect(good, good + step, &certified));
+            if !change.is_certified(good + step) {
+                return Ok(change.last(good, good + step));
             }
             good += step;
             step *= STRIDE;
@@ -202,9 +204,9 @@ impl Bound {
 
     /// The largest value that makes the world certified, if one below the present does.
     fn remedy(&self, world: &World) -> Option<f64> {
-        let certified = |value: f64| self.is_certified(world, value);
+        let change = self.change(world);
         let (least, now) = ((self.least)(world), (self.now)(world));
-        (now > least && certified(least)).then(|| bisect(least, now, &certified))
+        (now > least && change.is_certified(least)).then(|| change.last(least, now))
     }
 }
 
@@ -224,6 +226,66 @@ fn changed(world: &World, change: impl FnOnce(&mut World)) -> bool {
     is_certified(&world)
 }
 
+/// A world, and what a value of the search changes in it.
+struct Change<'w, F> {
+    world: &'w World,
+    set: F,
+}
+
+impl<F: Fn(&mut World, f64)> Change<'_, F> {
+    fn excess(&self, value: f64, spare: f64) -> f64 {
+        let mut world = self.world.clone();
+        (self.set)(&mut world, value);
+        excess(&world, spare)
+    }
+
+    fn is_certified(&self, value: f64) -> bool {
+        self.excess(value, 0.0) <= 0.0
+    }
+
+    /// The last certified value on the way from a certified one to one that is not, to [`WIDTH`].
+    fn last(&self, good: f64, bad: f64) -> f64 {
+        // The search runs upwards.
+        let way = if good < bad { 1.0 } else { -1.0 };
+        let search = |spare: f64| {
+            let excess = |x: f64| self.excess(way * x, spare);
+            let (from, to) = ((way * good, excess(way * good)), (way * bad, excess(way * bad)));
+            if from.1 > 0.0 || to.1 <= 0.0 {
+                return None;
+            }
+            illinois(&mut |x| Ok(excess(x)), from, to, WIDTH).ok().map(|x| way * x)
+        };
+        search(SPARE).filter(|end| self.is_certified(*end)).or_else(|| search(0.0)).unwrap_or(good)
+    }
+
+    /// The first certified value below `now` in steps of [`STRIDE`], down to `down` times it, then the largest.
+    fn largest_below(&self, now: f64, down: f64) -> Option<f64> {
+        let mut bad = now;
+        while bad > now * down {
+            let good = (bad / STRIDE).max(now * down);
+            if self.is_certified(good) {
+                return Some(self.last(good, bad));
+            }
+            bad = good;
+        }
+        None
+    }
+
+    /// The first certified value from `good` upwards in steps of [`STRIDE`], then the least.
+    fn least(&self, mut bad: f64, mut good: f64) -> Option<f64> {
+        let far = MAX_RATIO * good;
+        while !self.is_certified(good) {
+            // 0 and infinity do not grow.
+            if !(STRIDE * good > good && good <= far) {
+                return None;
+            }
+            bad = good;
+            good *= STRIDE;
+        }
+        Some(self.last(good, bad))
+    }
+}
+
 fn with_advance(world: &World, advance: u32) -> bool {
     advance != world.sampling.advance && changed(world, |w| w.sampling.advance = advance)
 }
@@ -236,62 +298,19 @@ fn with_output(world: &World, output: Output) -> bool {
         && changed(world, |w| w.sampling.output = output)
 }
 
-/// Bisects between a certified value and one that is not, to [`WIDTH`]; returns the certified end.
-fn bisect(mut good: f64, mut bad: f64, certified: &impl Fn(f64) -> bool) -> f64 {
-    while (bad - good).abs() > WIDTH * good.abs().max(bad.abs()) {
-        let middle = if good > 0.0 && bad > 0.0 && (bad / good > 4.0 || good / bad > 4.0) {
-            (good * bad).sqrt()
-        } else {
-            0.5 * (good + bad)
-        };
-        if middle == good || middle == bad {
-            break;
-        }
-        if certified(middle) { good = middle } else { bad = middle }
-    }
-    good
-}
-
-/// The first certified value below `now` in steps of [`STRIDE`], down to `down` times it, then the largest by bisection.
-fn largest_below(now: f64, down: f64, certified: &impl Fn(f64) -> bool) -> Option<f64> {
-    let mut bad = now;
-    while bad > now * down {
-        let good = (bad / STRIDE).max(now * down);
-        if certified(good) {
-            return Some(bisect(good, bad, certified));
-        }
-        bad = good;
-    }
-    None
-}
-
-/// The first certified value from `good` upwards in steps of [`STRIDE`], then the least by bisection.
-fn least(mut bad: f64, mut good: f64, certified: &impl Fn(f64) -> bool) -> Option<f64> {
-    let far = MAX_RATIO * good;
-    while !certified(good) {
-        // 0 and infinity do not grow.
-        if !(STRIDE * good > good && good <= far) {
-            return None;
-        }
-        bad = good;
-        good *= STRIDE;
-    }
-    Some(bisect(good, bad, certified))
-}
-
 /// The required damping, verified by the certificate.
 fn device_damping(world: &World) -> Result<Option<f64>, Error> {
-    let certified = |damping: f64| changed(world, |w| w.device.damping = damping);
+    let change = Change { world, set: |w: &mut World, damping| w.device.damping = damping };
     let Some(required) = required_damping(world)? else { return Ok(None) };
-    if certified(required) {
+    if change.is_certified(required) {
         return Ok(Some(required));
     }
     // Rounding, or a free loop that requires more.
     let least = required.max(1e-12 * world.device.inertia / world.sampling.period);
-    if certified(least * (1.0 + WIDTH)) {
+    if change.is_certified(least * (1.0 + WIDTH)) {
         return Ok(Some(least * (1.0 + WIDTH)));
     }
-    Ok(self::least(least, STRIDE * least, &certified))
+    Ok(change.least(least, STRIDE * least))
 }
 
 fn ground_damping(world: &World, is_certified: bool) -> Option<f64> {
@@ -301,34 +320,34 @@ fn ground_damping(world: &World, is_certified: bool) -> Option<f64> {
     if is_certified {
         return Some(0.0);
     }
-    let certified = |damping: f64| {
-        changed(world, |w| {
-            let law = Law::Damper { damping: Damping::Fixed(damping) };
-            let ground = |body| Coupling { first: End::Body(body), second: End::Ground, law, limit: None };
-            let dampers: Vec<Coupling> = (0..w.bodies.len()).map(ground).collect();
-            w.couplings.extend(dampers);
-        })
+    let set = |w: &mut World, damping: f64| {
+        let law = Law::Damper { damping: Damping::Fixed(damping) };
+        let ground = |body| Coupling { first: End::Body(body), second: End::Ground, law, limit: None };
+        let dampers: Vec<Coupling> = (0..w.bodies.len()).map(ground).collect();
+        w.couplings.extend(dampers);
     };
+    let change = Change { world, set };
     // Start with a damper that reduces a velocity by a millionth in a sample.
     let lightest = world.bodies.iter().map(|body| body.inertia).fold(f64::INFINITY, f64::min);
-    if certified(0.0) {
+    if change.is_certified(0.0) {
         return Some(0.0);
     }
-    least(0.0, 1e-6 * lightest / world.sampling.period, &certified)
+    change.least(0.0, 1e-6 * lightest / world.sampling.period)
 }
 
 fn period(world: &World) -> Option<f64> {
-    let certified = |period: f64| changed(world, |w| w.sampling.period = period);
+    let change = Change { world, set: |w: &mut World, period| w.sampling.period = period };
     let delay = world.sampling.delay_s();
     // A lossless world is passive only with a delay of whole samples.
-    let whole = || (1..=STEPS).map(|n| delay / f64::from(n)).find(|&period| certified(period));
+    let whole = || (1..=STEPS).map(|n| delay / f64::from(n)).find(|&period| change.is_certified(period));
     let stays = matches!(world.sampling.delay, Delay::Seconds(delay) if delay > 0.0);
-    largest_below(world.sampling.period, MIN_PERIOD, &certified).or_else(|| if stays { whole() } else { None })
+    change.largest_below(world.sampling.period, MIN_PERIOD).or_else(|| if stays { whole() } else { None })
 }
 
 fn delay(world: &World) -> Option<f64> {
     let (period, now) = (world.sampling.period, world.sampling.delay_s());
-    let certified = |delay: f64| changed(world, |w| w.sampling.delay = Delay::Seconds(delay));
+    let change = Change { world, set: |w: &mut World, delay| w.sampling.delay = Delay::Seconds(delay) };
+    let certified = |delay: f64| change.is_certified(delay);
     // Whole samples first, for lossless worlds.
     let whole = |n: f64| n * period;
     let samples = (now / period).floor();
@@ -351,7 +370,7 @@ fn delay(world: &World) -> Option<f64> {
     // Then within the sample.
     let next = whole((best / period + 1e-9).floor() + 1.0).min(now);
     let step = best + 1e-4 * (next - best);
-    Some(if certified(step) { bisect(step, next, &certified) } else { best })
+    Some(if certified(step) { change.last(step, next) } else { best })
 }
 
 fn has_stiffness(world: &World) -> bool {
@@ -362,10 +381,8 @@ fn stiffness_scale(world: &World) -> Option<f64> {
     if !has_stiffness(world) {
         return None;
     }
-    let certified = |factor: f64| {
-        changed(world, |w| {
-            w.couplings.iter_mut().filter_map(|c| c.law.strength()).for_each(|strength| *strength.value *= factor);
-        })
+    let set = |w: &mut World, factor: f64| {
+        w.couplings.iter_mut().filter_map(|c| c.law.strength()).for_each(|strength| *strength.value *= factor);
     };
-    largest_below(1.0, MIN_STIFFNESS, &certified)
+    Change { world, set }.largest_below(1.0, MIN_STIFFNESS)
 }

@@ -273,7 +273,7 @@ pub(crate) fn illinois(
     for _ in 0..120 {
         let width = b.0 - a.0;
         let middle = 0.5 * (a.0 + b.0);
-        if middle <= a.0 || middle >= b.0 || width < tolerance.max(2.0 * f64::EPSILON) * b.0 {
+        if middle <= a.0 || middle >= b.0 || width < tolerance.max(2.0 * f64::EPSILON) * a.0.abs().max(b.0.abs()) {
             break;
         }
         let secant = (a.0 * wb - b.0 * wa) / (wb - wa);
