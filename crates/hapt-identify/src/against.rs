@@ -1,10 +1,12 @@
 //! Whether a record agrees with what a world's file says of its device.
 
-use hapt_model::World;
 use hapt_model::keys::Measure;
+use hapt_model::{DeviceSpec, Handle, World};
 use serde_json::{Value, json};
 
 use crate::estimate::{left, residual, search, search_from};
+use crate::fit::Fit;
+use crate::handle::{self, WithHandle};
 use crate::identified::{Identified, Interval, Known, Residual};
 use crate::puck::Puck;
 use crate::record::{Record, Watched};
@@ -38,6 +40,8 @@ pub struct Claims {
     pub delay: [f64; 2],
     /// The loop's period in s.
     pub period: f64,
+    /// On a flexible shaft; its numbers have no tolerance.
+    pub handle: Option<Handle>,
 }
 
 /// What a record says of a number of a file.
@@ -54,7 +58,7 @@ pub enum Verdict {
 /// One number, of the record and of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
-    /// inertia, damping, friction, constant torque, lag, delay, delay and lag, sign.
+    /// inertia, damping, friction, constant torque, lag, delay, delay and lag, sign; handle inertia, shaft stiffness, shaft damping.
     pub name: &'static str,
     /// Of its unit; `None`: it has none.
     pub measure: Option<Measure>,
@@ -75,15 +79,13 @@ pub struct Compared {
 pub struct Comparison {
     /// Every number of the device.
     pub numbers: Vec<Compared>,
-    /// The numbers of the record; `None` where no device explains it.
-    pub identified: Option<Identified>,
     /// Why no device explains the record: that contradicts the file, whatever its numbers are.
     pub wrong: Option<Error>,
-    /// The best fit, and the first sample of it.
-    pub puck: Puck,
-    /// Of the best fit.
-    pub first: usize,
-    /// Its residuals.
+    /// The positions of the best fit, with their times.
+    pub fitted: Vec<(f64, f64)>,
+    /// What it leaves of the record's.
+    pub residuals: Vec<(f64, f64)>,
+    /// Their size.
     pub residual: Residual,
     /// The positions' noise, rms, estimated without a fit, in rad (m).
     pub noise: f64,
@@ -113,6 +115,7 @@ impl Claims {
             lag: device.lag_range(),
             delay: [world.sampling.delay_s(), world.sampling.delay_max_s()],
             period: world.sampling.period,
+            handle: device.handle,
         }
     }
 
@@ -124,10 +127,13 @@ impl Claims {
     }
 }
 
+fn middle([low, high]: [f64; 2]) -> f64 {
+    0.5 * (low + high)
+}
+
 impl Claims {
     /// A puck with the middle of each range, which begins as the record does.
     fn puck(&self, record: &Record) -> Puck {
-        let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
         let gain = middle(self.inertia).recip();
         let Begin { position, velocity } = begins(record, record.first())[0];
         Puck {
@@ -141,19 +147,22 @@ impl Claims {
             lag: 0.0,
         }
     }
+
+    /// The device with the middle of each range.
+    fn device(&self) -> DeviceSpec {
+        DeviceSpec {
+            inertia: middle(self.inertia),
+            damping: middle(self.damping),
+            friction: middle(self.friction),
+            lag: middle(self.lag),
+            delay: middle(self.delay),
+            period: self.period,
+            handle: self.handle,
+        }
+    }
 }
 
 impl Comparison {
-    /// The positions of the best fit, with their times.
-    pub fn fitted(&self, record: &Record) -> Vec<(f64, f64)> {
-        self.puck.positions_from(record, self.first)
-    }
-
-    /// What it leaves of the record's.
-    pub fn residuals(&self, record: &Record) -> Vec<(f64, f64)> {
-        self.puck.left_from_sample(record, self.first)
-    }
-
     /// What `hapt identify --against --json` prints.
     pub fn json(&self) -> Value {
         let number = |number: &Compared| {
@@ -205,7 +214,14 @@ pub fn against_until(
 }
 
 fn compared(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
-    let lag = 0.5 * (claims.lag[0] + claims.lag[1]);
+    match &claims.handle {
+        Some(handle) => with_handle(record, claims, handle),
+        None => rigid(record, claims, is_linear),
+    }
+}
+
+fn rigid(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
+    let lag = middle(claims.lag);
     let known = Known { is_linear, lag: (lag > 0.0).then_some(lag), ..Known::default() };
     let mut found = search(record, &known)?;
     if found.wrong.is_some()
@@ -214,23 +230,34 @@ fn compared(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Co
         // A search that starts nowhere near can miss the device of the file.
         found = near;
     }
-    let identified = found.wrong.is_none().then(|| found.identified(record, &known));
-    let scale = Scale::of(record);
-    let numbers = match &identified {
-        Some(identified) => judged(identified, claims, &scale),
-        None => judged_without(claims),
-    };
-    let (puck, first, residual) = match &identified {
-        Some(x) => (x.puck, x.first, x.residual),
-        None => (found.best.puck, found.best.first, residual(&left(record, &found.best))),
+    let (numbers, puck, first, residual) = if found.wrong.is_none() {
+        let x = found.identified(record, &known);
+        (judged(&x, claims, &Scale::of(record)), x.puck, x.first, x.residual)
+    } else {
+        let Fit { puck, first, .. } = found.best;
+        (judged_without(claims), puck, first, residual(&left(record, &found.best)))
     };
     Ok(Comparison {
         numbers,
-        identified,
         wrong: found.wrong,
-        puck,
-        first,
+        fitted: puck.positions_from(record, first),
+        residuals: puck.left_from_sample(record, first),
         residual,
+        noise: noise(record.positions()),
+        lattice: lattice(record.positions()),
+    })
+}
+
+fn with_handle(record: &Watched<'_>, claims: &Claims, shaft: &Handle) -> Result<Comparison, Error> {
+    let found = handle::search(record, Some(&claims.device()))?;
+    let told = found.told().filter(|_| found.wrong.is_none());
+    let numbers = judged_with_handle(told.as_ref(), claims, shaft, &Scale::of(record));
+    Ok(Comparison {
+        numbers,
+        fitted: found.fitted(record),
+        residuals: found.residuals(record),
+        residual: found.residual,
+        wrong: found.wrong,
         noise: noise(record.positions()),
         lattice: lattice(record.positions()),
     })
@@ -313,6 +340,31 @@ fn judged_without(claims: &Claims) -> Vec<Compared> {
     let number =
         |(name, measure, file)| Compared { reason: Some(UNEXPLAINED), ..Compared::new(name, measure, None, file, 0.0) };
     names.into_iter().map(number).collect()
+}
+
+/// The numbers of a device with a handle on a shaft. Its fit takes the lag from the file, and neither a constant torque nor a sign.
+fn judged_with_handle(found: Option<&WithHandle>, claims: &Claims, shaft: &Handle, scale: &Scale) -> Vec<Compared> {
+    let friction = SMALL * scale.torque;
+    let lag = middle(claims.lag);
+    let late = found.map(|x| {
+        let Interval { value, low, high } = x.delay;
+        Interval { value: value + lag, low: low + lag, high: high + lag }
+    });
+    let both = [claims.delay[0] + claims.lag[0], claims.delay[1] + claims.lag[1]];
+    let number = |name, measure, estimate: Option<Interval>, file, least| {
+        let compared = Compared::new(name, Some(measure), estimate, file, least);
+        Compared { reason: if found.is_some() { compared.reason } else { Some(UNEXPLAINED) }, ..compared }
+    };
+    let exactly = |x: f64| [x, x];
+    vec![
+        number("inertia", Measure::Inertia, found.map(|x| x.inertia), claims.inertia, 0.0),
+        number("damping", Measure::Damping, found.map(|x| x.damping), claims.damping, friction / scale.speed),
+        number("friction", Measure::Torque, found.map(|x| x.friction), claims.friction, friction),
+        number("delay and lag", Measure::Time, late, both, claims.period),
+        number("handle inertia", Measure::Inertia, found.map(|x| x.handle_inertia), exactly(shaft.inertia), 0.0),
+        number("shaft stiffness", Measure::Stiffness, found.map(|x| x.stiffness), exactly(shaft.stiffness), 0.0),
+        number("shaft damping", Measure::Damping, found.map(|x| x.shaft_damping), exactly(shaft.damping), 0.0),
+    ]
 }
 
 /// How many standard errors an estimate is outside of a range.

@@ -82,17 +82,104 @@ pub fn identify_handle(record: &Record) -> Result<WithHandle, Error> {
 /// # Errors
 /// As [`identify_handle`].
 pub fn identify_handle_until(record: &Record, stop: &dyn Fn() -> bool) -> Result<WithHandle, Error> {
+    let found = search(&Watched { record, stop }, None)?;
+    match found.wrong {
+        Some(error) => Err(error),
+        None => found.fit.told(found.residual).ok_or(Error::Unexplained),
+    }
+}
+
+/// The best fit of a search.
+pub(crate) struct Found {
+    fit: Fit,
+    /// Why it does not explain the record.
+    pub wrong: Option<Error>,
+    pub residual: Residual,
+}
+
+impl Found {
+    pub fn told(&self) -> Option<WithHandle> {
+        self.fit.told(self.residual)
+    }
+
+    /// The positions of the fit, with their times.
+    pub fn fitted(&self, record: &Record) -> Vec<(f64, f64)> {
+        measured(record).map(|i| record.times()[i]).zip(positions(record, &self.fit.p, self.fit.lag)).collect()
+    }
+
+    /// What it leaves of the record's.
+    pub fn residuals(&self, record: &Record) -> Vec<(f64, f64)> {
+        measured(record).map(|i| record.times()[i]).zip(self.fit.left.iter().copied()).collect()
+    }
+}
+
+/// The search for the device that explains a record. A search that begins near a device ends with it where that explains the record; the
+/// motor's lag is the one of that device.
+pub(crate) fn search(watched: &Watched<'_>, near: Option<&DeviceSpec>) -> Result<Found, Error> {
+    let Watched { record, stop } = *watched;
     let period = record.period();
     if let Some(i) = record.times().windows(2).position(|pair| (pair[1] - pair[0] - period).abs() > EVEN * period) {
         return Err(Error::Uneven { sample: i + 1 });
     }
-    let watched = Watched { record, stop };
-    let rigid = best(&watched, &starts(&watched)).ok_or(Error::Unexplained)?;
-    let of_rigid = left(record, &rigid);
-    let Some(Line { hz, .. }) = line(&of_rigid, period) else { return Err(Error::Unexplained) };
+    let lag = near.map_or(0.0, |device| device.lag);
+    let (lattice, spread) = (lattice(record.positions()), variance(record.positions()).sqrt());
+    let explains = |fit: &Fit| explained(record, &fit.left, lattice, spread);
+    let from = |(rests, p): (bool, Parameters)| Fit::of(record, p, rests, lag)?.improved(record, FEW, stop);
+    // The best after a few steps need not be the best in the end: the next one follows until one explains the record.
+    let mut best: Option<Fit> = None;
+    for starts in [near.map(|device| around(record, device)), starts_of(watched)].into_iter().flatten() {
+        let mut fits: Vec<Fit> = starts.into_iter().filter_map(from).collect();
+        fits.sort_by(|a, b| a.squares.total_cmp(&b.squares));
+        for fit in fits.into_iter().take(FOLLOWED) {
+            if stop() || best.as_ref().is_some_and(explains) {
+                break;
+            }
+            let fit = fit.improved(record, MOST, stop).ok_or(Error::Unexplained)?;
+            best = best.into_iter().chain([fit]).min_by(|a, b| a.squares.total_cmp(&b.squares));
+        }
+        if best.as_ref().is_some_and(explains) {
+            break;
+        }
+    }
+    let fit = best.ok_or(Error::Unexplained)?;
+    let residual = residual(&fit.left);
+    let counts = lattice.map(|lattice| residual.rms / lattice.step);
+    let wrong = LargeResidual { rms: residual.rms, counts, position: None, resonance_hz: None };
+    let wrong = (!explains(&fit)).then_some(Error::Residual(wrong));
+    Ok(Found { fit, wrong, residual })
+}
+
+/// Where fits start: from rest or in motion, and with which parameters. A small velocity that friction ends within some samples hardly shows
+/// that it should be 0.
+type Starts = Vec<(bool, Parameters)>;
+
+/// At a device.
+fn around(record: &Record, device: &DeviceSpec) -> Starts {
+    let handle = device.handle.unwrap_or(Handle { inertia: device.inertia, stiffness: 0.0, damping: 0.0 });
+    let whole = device.inertia + handle.inertia;
+    let mass = device.inertia * handle.inertia / whole;
+    let start: Parameters = [
+        whole.ln(),
+        device.damping,
+        device.friction,
+        device.delay.clamp(0.0, LONGEST_DELAY),
+        (handle.inertia / device.inertia).ln(),
+        (handle.stiffness / mass).ln(),
+        handle.damping / mass,
+        record.positions()[0],
+        0.0,
+    ];
+    vec![(true, start), (false, start)]
+}
+
+/// At the line that a rigid device leaves in the record; `None` without one.
+fn starts_of(watched: &Watched<'_>) -> Option<Starts> {
+    let record = watched.record;
+    let rigid = best(watched, &starts(watched))?;
+    let Line { hz, .. } = line(&left(record, &rigid), record.period())?;
     let (whole, omega) = (rigid.puck.gain.recip(), std::f64::consts::TAU * hz);
     if !(whole.is_finite() && whole > 0.0) {
-        return Err(Error::Unexplained);
+        return None;
     }
     let start = |share: f64| -> Parameters {
         [
@@ -107,31 +194,12 @@ pub fn identify_handle_until(record: &Record, stop: &dyn Fn() -> bool) -> Result
             0.0,
         ]
     };
-    // From rest, or from a motion: a small velocity that friction ends within some samples hardly shows that it should be 0.
-    let mut fits: Vec<Fit> = [true, false]
-        .into_iter()
-        .flat_map(|rests| SHARES.map(|share| (rests, start(share))))
-        .filter_map(|(rests, p)| Fit::of(record, p, rests)?.improved(record, FEW, stop))
-        .collect();
-    fits.sort_by(|a, b| a.squares.total_cmp(&b.squares));
-    let (lattice, spread) = (lattice(record.positions()), variance(record.positions()).sqrt());
-    let explains = |fit: &Fit| explained(record, &fit.left, lattice, spread);
-    // The best after a few steps need not be the best in the end: the next one follows until one explains the record.
-    let mut best: Option<Fit> = None;
-    for fit in fits.into_iter().take(FOLLOWED) {
-        let fit = fit.improved(record, MOST, stop).ok_or(Error::Unexplained)?;
-        best = best.into_iter().chain([fit]).min_by(|a, b| a.squares.total_cmp(&b.squares));
-        if stop() || best.as_ref().is_some_and(explains) {
-            break;
-        }
-    }
-    let fit = best.ok_or(Error::Unexplained)?;
-    let rest = residual(&fit.left);
-    if !explains(&fit) {
-        let counts = lattice.map(|lattice| rest.rms / lattice.step);
-        return Err(Error::Residual(LargeResidual { rms: rest.rms, counts, position: None, resonance_hz: None }));
-    }
-    fit.told(rest).ok_or(Error::Unexplained)
+    Some([true, false].into_iter().flat_map(|rests| SHARES.map(|share| (rests, start(share)))).collect())
+}
+
+/// The samples that are measurements.
+fn measured(record: &Record) -> impl Iterator<Item = usize> {
+    (0..record.times().len()).filter(|i| record.is_news(*i))
 }
 
 /// Parameters, what they leave, and its derivatives.
@@ -139,6 +207,8 @@ struct Fit {
     p: Parameters,
     /// Whether the first velocity is 0, and no parameter.
     rests: bool,
+    /// The motor's, in s, which is known.
+    lag: f64,
     left: Vec<f64>,
     squares: f64,
     derivatives: DMatrix<f64>,
@@ -152,15 +222,15 @@ fn inertias(p: &Parameters) -> [f64; 3] {
 }
 
 /// The device of these parameters.
-fn spec(p: &Parameters, period: f64) -> DeviceSpec {
+fn spec(p: &Parameters, lag: f64, period: f64) -> DeviceSpec {
     let [inertia, handle, mass] = inertias(p);
     let handle = Handle { inertia: handle, stiffness: mass * p[5].exp(), damping: mass * p[6] };
-    DeviceSpec { period, delay: p[3], lag: 0.0, inertia, damping: p[1], friction: p[2], handle: Some(handle) }
+    DeviceSpec { period, delay: p[3], lag, inertia, damping: p[1], friction: p[2], handle: Some(handle) }
 }
 
 /// The positions of such a device under the record's torques, at the samples that are measurements.
-fn positions(record: &Record, p: &Parameters) -> Vec<f64> {
-    let mut device = VirtualDevice::new(&spec(p, record.period()));
+fn positions(record: &Record, p: &Parameters, lag: f64) -> Vec<f64> {
+    let mut device = VirtualDevice::new(&spec(p, lag, record.period()));
     device.set_out(p[7], p[8]);
     let mut all = Vec::with_capacity(record.times().len());
     for (i, torque) in record.torques().iter().enumerate() {
@@ -174,12 +244,11 @@ fn positions(record: &Record, p: &Parameters) -> Vec<f64> {
 }
 
 impl Fit {
-    fn of(record: &Record, p: Parameters, rests: bool) -> Option<Fit> {
-        let there = positions(record, &p);
-        let seen = record.positions().iter().enumerate().filter(|(i, _)| record.is_news(*i)).map(|(_, z)| z);
-        let left: Vec<f64> = seen.zip(&there).map(|(seen, there)| seen - there).collect();
+    fn of(record: &Record, p: Parameters, rests: bool, lag: f64) -> Option<Fit> {
+        let there = positions(record, &p, lag);
+        let left: Vec<f64> = measured(record).zip(&there).map(|(i, there)| record.positions()[i] - there).collect();
         let squares: f64 = left.iter().map(|r| r * r).sum();
-        squares.is_finite().then_some(Fit { p, rests, left, squares, derivatives: DMatrix::zeros(0, 0) })
+        squares.is_finite().then_some(Fit { p, rests, lag, left, squares, derivatives: DMatrix::zeros(0, 0) })
     }
 
     fn parameters(&self) -> usize {
@@ -212,7 +281,7 @@ impl Fit {
         for (i, step) in steps.into_iter().enumerate().take(parameters) {
             let mut p = self.p;
             p[i] += step;
-            let moved = Fit::of(record, p, self.rests)?;
+            let moved = Fit::of(record, p, self.rests, self.lag)?;
             for (j, (a, b)) in self.left.iter().zip(&moved.left).enumerate() {
                 derivatives[(j, i)] = (a - b) / step;
             }
@@ -240,7 +309,7 @@ impl Fit {
             NOT_BELOW_0.into_iter().for_each(|i| p[i] = p[i].max(0.0));
             p[3] = p[3].min(LONGEST_DELAY);
             let is_small = size < SMALL * SMALL * at.squares / at.left.len() as f64;
-            match Fit::of(record, p, at.rests) {
+            match Fit::of(record, p, at.rests, at.lag) {
                 Some(next) if next.squares < at.squares => {
                     at = next.differentiated(record)?;
                     damping = (0.1 * damping).max(1e-9);

@@ -16,7 +16,7 @@ fn torques(rng: &mut Rng, samples: usize) -> Vec<f64> {
     all
 }
 
-fn record(spec: &DeviceSpec, rng: &mut Rng, samples: usize) -> Record {
+pub fn record(spec: &DeviceSpec, rng: &mut Rng, samples: usize) -> Record {
     let torques = torques(rng, samples);
     let count = std::f64::consts::TAU / 40_000.0;
     let mut device = VirtualDevice::new(spec);
@@ -31,7 +31,7 @@ fn record(spec: &DeviceSpec, rng: &mut Rng, samples: usize) -> Record {
     Record::new(times, positions, torques).unwrap()
 }
 
-fn device(rng: &mut Rng, friction: bool) -> DeviceSpec {
+pub fn device(rng: &mut Rng, friction: bool) -> DeviceSpec {
     let (inertia, handle) = (3e-4 + 7e-4 * rng.f64(), 2e-4 + 8e-4 * rng.f64());
     let omega = std::f64::consts::TAU * (20.0 + 40.0 * rng.f64());
     let mass = inertia * handle / (inertia + handle);

@@ -19,17 +19,11 @@ pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
         return Err(Failure::input("--against needs a world"));
     };
     let file = path.display().to_string();
-    if world.device.handle.is_some() {
-        return Err(Failure::input(format!(
-            "{file}: its device has a handle on a shaft, which this comparison does not fit; hapt identify {} --handle gives the record's numbers",
-            given.name
-        )));
-    }
     let claims = Claims::of(world);
     is_of(given, world, &claims, &file)?;
     let found = against(&given.record, &claims, given.motion == Motion::Linear)
         .map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
-    written([plot(args, given, &Drawn::of_best(given, &found))?])?;
+    written([plot(args, given, &Drawn::of_best(&found))?])?;
     let text = if args.json {
         serde_json::to_string_pretty(&found.json()).map_err(|error| Failure::System(error.to_string()))? + "\n"
     } else {
@@ -113,6 +107,7 @@ impl Scale {
             Some(Measure::Damping) => (1.0, damping),
             Some(Measure::Time) => (1e3, "ms".into()),
             Some(Measure::Torque) => (per_si, effort.into()),
+            Some(Measure::Stiffness) => (1.0, if motion == Motion::Linear { "N/m" } else { "N m/rad" }.into()),
             Some(_) | None => (1.0, String::new()),
         };
         Scale { factor, unit }
@@ -176,6 +171,11 @@ fn remedy(number: &Compared, motion: Motion) -> Option<String> {
         "delay and lag" => {
             format!("[loop] delay and [device] lag have to sum up to {}", sized(x, factor, &unit))
         }
-        key => format!("[device] {key} = {}", toml(x, factor, &unit)),
+        name => match name.strip_prefix("handle ").or_else(|| name.strip_prefix("shaft ")) {
+            Some(key) => {
+                format!("[device.handle] {key} = \"{} {unit}\"", to(factor * x.value, 0.5 * factor * (x.high - x.low)))
+            }
+            None => format!("[device] {name} = {}", toml(x, factor, &unit)),
+        },
     })
 }

@@ -24,8 +24,8 @@ impl Drawn {
         Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms }
     }
 
-    pub fn of_best(given: &Given, found: &Comparison) -> Self {
-        let (fitted, residuals) = (found.fitted(&given.record), found.residuals(&given.record));
+    pub fn of_best(found: &Comparison) -> Self {
+        let (fitted, residuals) = (found.fitted.clone(), found.residuals.clone());
         Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms }
     }
 }
