@@ -114,13 +114,21 @@ class Boundary:
     """Where a loop stops being stable or passive in the plane of two keys.
 
     `keys` are the two keys, `pieces` the edges. `everywhere` tells of each claim without an edge whether it fails everywhere (True) or
-    nowhere (False), and is None for a claim with an edge.
+    nowhere (False), and is None for a claim with an edge. `lost` tells of each claim where its edge goes on but is not followed, because it
+    turns or narrows within a hundred-thousandth of the plane: a smaller plane around such a point shows it.
     """
 
-    def __init__(self, keys: tuple[str, str], pieces: list[Piece], everywhere: dict[str, Optional[bool]]) -> None:
+    def __init__(
+        self,
+        keys: tuple[str, str],
+        pieces: list[Piece],
+        everywhere: dict[str, Optional[bool]],
+        lost: dict[str, list[tuple[float, float]]],
+    ) -> None:
         self.keys = keys
         self.pieces = pieces
         self.everywhere = everywhere
+        self.lost = lost
 
     def __repr__(self) -> str:
         return f"<hapt.Boundary over {self.keys[0]} and {self.keys[1]}: {len(self.pieces)} pieces>"

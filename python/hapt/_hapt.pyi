@@ -57,7 +57,8 @@ class World:
     def boundary(
         self, axes: list[str], claims: list[str]
     ) -> tuple[
-        list[tuple[str, int, NDArray[float64], NDArray[float64], NDArray[float64]]], list[tuple[str, Optional[bool]]]
+        list[tuple[str, int, NDArray[float64], NDArray[float64], NDArray[float64]]],
+        list[tuple[str, Optional[bool], list[tuple[float, float]]]],
     ]: ...
     def worst(self) -> tuple[str, Optional[str]]: ...
     def against(

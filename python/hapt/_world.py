@@ -196,9 +196,14 @@ class World:
             f"{_key(key)}={'..'.join(_text(end, key) for end in ends)}{':log' if log else ''}" for key, ends in ranges.items()
         ]
         names = [claims] if isinstance(claims, str) else list(claims)
-        pieces, everywhere = self._native.boundary(spelled, names)
+        pieces, claimed = self._native.boundary(spelled, names)
         first, second = ranges
-        return Boundary((first, second), [Piece(claim, x, y, hz) for claim, _, x, y, hz in pieces], dict(everywhere))
+        return Boundary(
+            (first, second),
+            [Piece(claim, x, y, hz) for claim, _, x, y, hz in pieces],
+            {claim: everywhere for claim, everywhere, _ in claimed},
+            {claim: [(x, y) for x, y in lost] for claim, _, lost in claimed},
+        )
 
     def worst(self) -> Worst:
         """Searches for the passive hand that draws most energy from the loop. Raises ValueError where there is no answer."""

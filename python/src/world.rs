@@ -213,22 +213,27 @@ impl World {
         Ok((dict, json.to_string()))
     }
 
-    /// `(claim, piece from 1, x, y, hz)` of every piece of the boundaries in the plane of two axes, and what has no edge.
+    /// `(claim, piece from 1, x, y, hz)` of every piece of the boundaries in the plane of two axes; of each claim whether it
+    /// holds everywhere, and where its edge is lost.
     #[allow(clippy::type_complexity)] // A tuple of arrays for Python to name.
     fn boundary<'py>(
         &self,
         py: Python<'py>,
         axes: Vec<String>,
         claims: Vec<String>,
-    ) -> PyResult<(Vec<Bound<'py, PyTuple>>, Vec<(String, Option<bool>)>)> {
+    ) -> PyResult<(Vec<Bound<'py, PyTuple>>, Vec<(String, Option<bool>, Vec<(f64, f64)>)>)> {
         let edges = analyses::edges(&claims)?;
         let (source, sets) = (self.source.clone(), self.sets.clone());
         let work = move |stop: &Stop| hapt_sweep::Boundary::until(&source, &sets, &axes, &edges, &|| stop.is_set());
         let found = in_parallel(py, 0, work)?.map_err(|error| of_sweep(py, error))?;
         let mut pieces = Vec::new();
-        let mut everywhere = Vec::new();
+        let mut claims = Vec::new();
         for claim in &found.claims {
-            everywhere.push((claim.edge.name().to_string(), claim.everywhere));
+            claims.push((
+                claim.edge.name().to_string(),
+                claim.everywhere,
+                claim.lost.iter().map(|&[x, y]| (x, y)).collect(),
+            ));
             for (number, piece) in claim.pieces.iter().enumerate() {
                 let column = |of: &dyn Fn(&hapt_sweep::boundary::Point) -> f64| {
                     piece.points.iter().map(of).collect::<Vec<f64>>().into_pyarray(py)
@@ -238,7 +243,7 @@ impl World {
                 pieces.push((claim.edge.name(), number + 1, x, y, hz).into_pyobject(py)?);
             }
         }
-        Ok((pieces, everywhere))
+        Ok((pieces, claims))
     }
 
     /// The worst hand found, as JSON, and the world with the scenario that shows it where no file is needed beside it.

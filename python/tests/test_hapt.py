@@ -298,7 +298,7 @@ def test_the_impedance_of_a_spring_is_its_stiffness(world: hapt.World) -> None:
 def test_the_boundary_of_a_spring_is_twice_the_damping_over_the_period(world: hapt.World) -> None:
     ranges = {"couplings.0.stiffness": (1.0, 5.0), "device.damping": ("5e-4 N m s/rad", "3e-3 N m s/rad")}
     boundary = world.boundary(ranges, "passive")
-    assert len(boundary.pieces) == 1 and boundary.everywhere == {"passive": None}
+    assert len(boundary.pieces) == 1 and boundary.everywhere == {"passive": None} and boundary.lost == {"passive": []}
     piece = boundary.pieces[0]
     assert piece.x * 1e-3 / 2 == pytest.approx(piece.y, rel=1e-3)
     with pytest.raises(ValueError):

@@ -164,6 +164,16 @@ fn summary(boundary: &Boundary, axes: &[Shown; 2]) -> String {
             let name = if i == 0 { claim.edge.name() } else { "" };
             let _ = writeln!(text, "{name:<9} {}", about(piece, axes));
         }
+        for (i, values) in claim.lost.iter().enumerate() {
+            let name = if i == 0 && claim.pieces.is_empty() { claim.edge.name() } else { "" };
+            let [x, y] = [axes[0].value(values[0]), axes[1].value(values[1])];
+            let _ = writeln!(
+                text,
+                "{name:<9} lost at ({x}, {y}): the edge goes on there, within a hundred-thousandth of the plane; the picture does not\n          \
+                 shade what is {}; vary the keys over a smaller plane around this point",
+                claim.edge.beyond()
+            );
+        }
     }
     let pieces = || boundary.claims.iter().flat_map(|claim| &claim.pieces);
     let (points, failed) = pieces().fold((0, 0), |(p, f), piece| (p + piece.points.len(), f + piece.failed));

@@ -100,17 +100,26 @@ struct Seed {
     inward: Option<f64>,
 }
 
+impl Trace {
+    /// Where the edge goes on, but turns or narrows within the shortest step: ends that are not on a side of the square, or the only point.
+    pub fn lost(&self) -> impl Iterator<Item = Place> {
+        let only = self.points.len() == 1;
+        let ends = match (self.closed, only) {
+            (true, _) => [None, None],
+            (false, true) => [self.points.first(), None],
+            (false, false) => [self.points.first(), self.points.last()],
+        };
+        ends.into_iter().flatten().copied().filter(move |end| only || !on_frame(*end))
+    }
+}
+
 /// Every edge that intersects a side of the square, or one of a few lines through it, except those along `known`. An island that
-/// fits between the lines is not found.
+/// fits between the lines is not found. An edge of which not even a step is found has one point.
 pub(crate) fn trace<E: Send>(f: &(impl Fn(Place) -> Result<f64, E> + Sync), known: &[Trace]) -> Result<Vec<Trace>, E> {
     let mut found: Vec<Trace> = Vec::new();
     for seed in seeds(f)? {
-        if known.iter().chain(&found).any(|trace| lies_on(trace, seed.at)) {
-            continue;
-        }
-        let trace = from_seed(f, seed)?;
-        if trace.points.len() > 1 {
-            found.push(trace);
+        if !known.iter().chain(&found).any(|trace| lies_on(trace, seed.at)) {
+            found.push(from_seed(f, seed)?);
         }
     }
     Ok(found)
@@ -316,6 +325,16 @@ mod tests {
                 assert!(ends.iter().all(|end| on_frame(*end)), "{i} {j}: {ends:?}");
             }
         }
+    }
+
+    #[test]
+    fn an_edge_too_small_to_follow_is_lost_and_says_so() {
+        // A disc of a third of the shortest step, where a side is searched.
+        let found = all(|p| SHORTEST / 3.0 - distance(p, [0.5, INSET]));
+        let lost: Vec<Place> = found.iter().flat_map(Trace::lost).collect();
+        assert!(!lost.is_empty() && lost.iter().all(|p| distance(*p, [0.5, INSET]) < SHORTEST), "{found:?}");
+        // A whole edge has no such place.
+        assert_eq!(all(|p| p[0] - 0.4 + 0.1 * p[1]).iter().flat_map(Trace::lost).count(), 0);
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub struct Piece {
     pub way: Way,
     /// The points in their order.
     pub points: Vec<Point>,
-    /// Whether it is closed; else both ends are at the frame.
+    /// Whether it is closed; else both ends are at the frame, or [lost](Claim::lost).
     pub closed: bool,
     /// The number of points with the same verdict on both sides, which are omitted.
     pub failed: usize,
@@ -64,8 +64,10 @@ pub struct Claim {
     pub edge: Edge,
     /// Its edge.
     pub pieces: Vec<Piece>,
-    /// The region beyond the edge as polygons: even-odd, in parts of the frame.
+    /// The region beyond the edge as polygons: even-odd, in parts of the frame. None where a part of the edge is lost.
     pub beyond: Vec<Vec<Place>>,
+    /// The values of the keys where the edge goes on, but turns or narrows within a hundred-thousandth of the frame, and is not followed.
+    pub lost: Vec<[f64; 2]>,
     /// Whether the whole plane is beyond it, or nothing; `None` where there is an edge.
     pub everywhere: Option<bool>,
 }
@@ -156,11 +158,13 @@ fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<
     for found in known {
         pieces.extend(piece(plane, edge, Way::Equation, found)?);
     }
-    for trace in more {
+    for trace in more.into_iter().filter(|trace| trace.points.len() > 1) {
         pieces.extend(piece(plane, edge, Way::Continuation, Found { trace, known: Vec::new() })?);
     }
-    let everywhere = pieces.is_empty().then_some(corner);
-    Ok(Claim { edge, pieces, beyond: outline::beyond(&all, corner), everywhere })
+    let lost: Vec<[f64; 2]> = all.iter().flat_map(Trace::lost).map(|place| plane.values(place)).collect();
+    let everywhere = all.is_empty().then_some(corner);
+    let beyond = if lost.is_empty() { outline::beyond(&all, corner) } else { Vec::new() };
+    Ok(Claim { edge, pieces, beyond, lost, everywhere })
 }
 
 /// A trace with the data of its points. At each point of a traced edge the verdict is computed on both sides, across both neighbours, or
