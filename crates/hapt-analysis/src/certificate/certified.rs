@@ -3,7 +3,7 @@
 use hapt_model::World;
 
 use crate::error::Error;
-use crate::passivity::required_damping;
+use crate::passivity::required::required_damping_up_to;
 use crate::passivity::uneven::{is_stated, uneven_damping};
 use crate::stability::Verdict;
 use crate::stability::clamped::held_world_growth;
@@ -12,13 +12,18 @@ use crate::until::is_over;
 
 /// Whether `check` certifies the world. A world that cannot be analysed is not certified.
 pub fn is_certified(world: &World) -> bool {
-    excess(world, 0.0) <= 0.0
+    excess_or_sign(world, 0.0, true) <= 0.0
 }
 
 /// The required damping less that of the device, over that of the device: 0 or less where `check` certifies the world, otherwise above
 /// 0, and 1 where damping alone does not suffice. Hands-off is a special case of a passive hand, so a loop that is passive with a margin
 /// is stable hands-off: below -`spare` the free loop is not analysed.
 pub(crate) fn excess(world: &World, spare: f64) -> f64 {
+    excess_or_sign(world, spare, false)
+}
+
+/// The same, or where the sign is enough any number of the same sign.
+fn excess_or_sign(world: &World, spare: f64, sign: bool) -> f64 {
     let found = || -> Result<f64, Error> {
         if is_over() {
             return Err(Error::Stopped);
@@ -28,16 +33,23 @@ pub(crate) fn excess(world: &World, spare: f64) -> f64 {
         if Verdict::of(held) == Verdict::Unstable {
             return Ok(1.0);
         }
-        let Some(required) = required_damping(world)? else { return Ok(1.0) };
         // Of all that the file allows: with the least damping of the device.
-        let (required, damping) = if is_stated(world) {
+        let stated = is_stated(world);
+        let damping = if stated { world.device.damping_range()[0] } else { world.device.damping };
+        let over = |required: f64| ((required - damping) / damping).clamp(f64::MIN_POSITIVE, 1.0);
+        let enough = if sign { damping } else { f64::INFINITY };
+        // The bound for uneven time is cheaper than the proof for a delay of many samples.
+        let mut required = 0.0f64;
+        if stated {
             let Some(all) = uneven_damping(world)? else { return Ok(1.0) };
-            (required.max(all), world.device.damping_range()[0])
-        } else {
-            (required, world.device.damping)
-        };
+            required = all;
+        }
+        if required <= enough {
+            let Some(even) = required_damping_up_to(enough, world)? else { return Ok(1.0) };
+            required = required.max(even);
+        }
         if required > damping {
-            return Ok(((required - damping) / damping).clamp(f64::MIN_POSITIVE, 1.0));
+            return Ok(over(required));
         }
         let excess = if damping > 0.0 { (required - damping) / damping } else { 0.0 };
         let grows = (spare == 0.0 || excess > -spare) && Verdict::of(free_growth(world)?) == Verdict::Unstable;

@@ -34,7 +34,7 @@ use crate::equations::delay::Delay;
 use crate::equations::estimator::Filter;
 use crate::impedance::{Pole, TransferFunction};
 use crate::numerics::phi::exp_m1;
-use crate::numerics::series::{Inverse, Real, Series};
+use crate::numerics::series::{Inverse, Real, Series, TERMS};
 
 type C = Complex<f64>;
 
@@ -184,12 +184,12 @@ impl DampingCurve {
         self.poles.iter().map(|p| p.arg).filter(|a| *a >= 0.0).collect()
     }
 
-    /// m and h over [φ - r, φ + r]; `None` when the interval is too long for a series.
-    pub fn over(&self, phi: f64, r: f64) -> Option<(Real, Real)> {
-        let inverse = Inverse::new(r);
+    /// m and h over [φ - r, φ + r]; `None` when the interval is too long for a series. At a point, r = 0, one term is enough.
+    pub fn over<const N: usize>(&self, phi: f64, r: f64) -> Option<(Real<N>, Real<N>)> {
+        let inverse = Inverse::<N>::new(r);
         // 1/(z - λ) = z0⁻¹/(e^{jru} - λ/z0)
         let resolvent = |ln_abs: f64, arg: f64| inverse.of(-exp_m1(C::new(ln_abs, arg - phi)));
-        let turn = |n: f64| Series::turn(C::from_polar(1.0, n * phi), n, r);
+        let turn = |n: f64| Series::<N>::turn(C::from_polar(1.0, n * phi), n, r);
         let mut sums = [Series::ZERO; 4];
         for pole in &self.poles {
             let resolvent = resolvent(pole.ln_abs, pole.arg)?;
@@ -206,15 +206,15 @@ impl DampingCurve {
             turned.add(unit, sum);
             *sum = turned;
         }
-        let add_back = |sum: &mut Series, other: &Series| {
-            if other.size() > 0.0 {
+        let add_back = |sum: &mut Series<N>, other: &Series<N>| {
+            if !other.is_zero() {
                 sum.add(unit, &back.times(other));
             }
         };
         add_back(&mut still, &still_back);
         add_back(&mut moving, &moving_back);
         moving.add(C::from(self.direct), &back);
-        if moving.size() > 0.0 {
+        if !moving.is_zero() {
             let mut slope = fir(&self.slope.taps, phi, r);
             if self.slope.pole > 0.0 {
                 // z/(z - π) = e^{jru}/(e^{jru} - π/z0)
@@ -264,7 +264,7 @@ impl DampingCurve {
     }
 
     /// The terms of the motor's lag over [φ - r, φ + r], `resolvent` being 1/(e^{jru} - E/z0).
-    fn motor_over(&self, resolvent: &Series, phi: f64, r: f64) -> MotorTerms {
+    fn motor_over<const N: usize>(&self, resolvent: &Series<N>, phi: f64, r: f64) -> MotorTerms<N> {
         let (motor, period) = (self.motor, self.period);
         let rest = (1.0 - self.lag.fraction) * period;
         let (kept, late) = ((-period / motor).exp(), (-rest / motor).exp());
@@ -292,19 +292,39 @@ impl DampingCurve {
 }
 
 /// W, and A - |Y|².
-struct MotorTerms {
-    torque: Series,
-    spread: Series,
+struct MotorTerms<const N: usize> {
+    torque: Series<N>,
+    spread: Series<N>,
 }
 
 /// Σ taps\[i\] z⁻ⁱ over [φ - r, φ + r].
-fn fir(taps: &[f64], phi: f64, r: f64) -> Series {
-    let mut sum = Series::ZERO;
+fn fir<const N: usize>(taps: &[f64], phi: f64, r: f64) -> Series<N> {
+    let mut sum = Series::<N>::ZERO;
     for (i, tap) in taps.iter().enumerate().filter(|(_, tap)| **tap != 0.0) {
-        sum.add(C::from(*tap), &Series::turn(C::from_polar(1.0, -(i as f64) * phi), -(i as f64), r));
+        // tap e^{-ijφ} (-i r)^k/k!, with the turn j^k of each term after the loop.
+        let (turn, mut part) = (C::from_polar(1.0, -(i as f64) * phi), *tap);
+        for (k, c) in sum.c.iter_mut().enumerate() {
+            *c += turn * part;
+            part *= -(i as f64) * r * INVERSE[k];
+        }
+        // As of a turn, the remainder is below its first term.
+        sum.rest += part.abs();
+    }
+    for k in 1..N {
+        sum.c[k] = (0..k).fold(sum.c[k], |c, _| C::new(-c.im, c.re));
     }
     sum
 }
+
+/// 1/(k + 1)
+const INVERSE: [f64; TERMS] = {
+    let (mut inverse, mut k) = ([0.0; TERMS], 0);
+    while k < TERMS {
+        inverse[k] = 1.0 / (k as f64 + 1.0);
+        k += 1;
+    }
+    inverse
+};
 
 #[cfg(test)]
 mod tests {
@@ -320,7 +340,7 @@ mod tests {
         let transfer = TransferFunction { stiffness: 0.0, direct: 0.0, poles: vec![pole], at_puck: [gain.re, 0.0] };
         let filter = Filter { pole: 0.0, taps: Vec::new() };
         let curve = DampingCurve::new(&transfer, &filter, Delay { samples: 0, fraction: 0.0 }, 0.0, period);
-        let found = supremum(&curve, DampingCurve::size(&transfer, 0.0, period)).unwrap();
+        let found = supremum(&curve, DampingCurve::size(&transfer, 0.0, period), f64::INFINITY).unwrap();
         assert!((found.value / (2.0 * mass / period) - 1.0).abs() < 1e-12, "{found:?}");
         assert_eq!(found.at, Some(std::f64::consts::PI));
     }

@@ -89,12 +89,17 @@ fn transfer(world: &World, couplings: &[Coupling], slopes: &Slopes) -> Result<Tr
 
 /// The required damping of the linear loop of `couplings`, nonlinear ones at their steepest slopes.
 pub(crate) fn requirement(world: &World, couplings: &[Coupling]) -> Result<Requirement, Error> {
+    requirement_up_to(f64::INFINITY, world, couplings)
+}
+
+/// The same, or any part of it above `enough`.
+fn requirement_up_to(enough: f64, world: &World, couplings: &[Coupling]) -> Result<Requirement, Error> {
     let period = world.sampling.period;
     let transfer = transfer(world, couplings, &Slopes::Steep)?;
     let lag = Delay::of_loop(&world.sampling)?;
     let mut worst: Option<Requirement> = None;
     for filter in Filter::of(&world.sampling, period) {
-        let requirement = of_filter(&transfer, &filter, lag, world.device.lag, period)?;
+        let requirement = of_filter(&transfer, &filter, lag, world.device.lag, (period, enough))?;
         let more = |old: &Requirement| match (requirement.damping, old.damping) {
             (Ok(new), Ok(old)) => new > old,
             (new, old) => new.is_err() && old.is_ok(),
@@ -116,7 +121,7 @@ fn of_filter(
     filter: &Filter,
     lag: Delay,
     motor: f64,
-    period: f64,
+    (period, enough): (f64, f64),
 ) -> Result<Requirement, Error> {
     let band = MARGINAL * period;
     let (seen, neutral) = (|p: &Pole| transfer.has_residue(p, period), |p: &Pole| is_neutral(p, period));
@@ -146,7 +151,7 @@ fn of_filter(
     if let Some(hz) = not_positive.map(|(pole, _)| hz(pole)).reduce(f64::min) {
         return never(Cause::NegativeResidue { hz });
     }
-    let found = supremum(&curve, DampingCurve::size(transfer, motor, period))?;
+    let found = supremum(&curve, DampingCurve::size(transfer, motor, period), enough)?;
     let at_hz = found.at.map(|angle| angle / std::f64::consts::TAU / period);
     Ok(Requirement { damping: Ok(found.value.max(0.0)), at_hz })
 }
@@ -167,7 +172,8 @@ pub(crate) fn largest_gain(world: &World, couplings: &[Coupling]) -> Result<Opti
     let mut largest = 0.0f64;
     for filter in Filter::of(&world.sampling, period) {
         let curve = DampingCurve::gain(&transfer, &filter, period);
-        largest = largest.max(supremum(&curve, DampingCurve::size(&transfer, 0.0, period) / period)?.value);
+        largest =
+            largest.max(supremum(&curve, DampingCurve::size(&transfer, 0.0, period) / period, f64::INFINITY)?.value);
     }
     Ok(Some(largest))
 }
@@ -179,11 +185,15 @@ fn is_coulomb_at_puck(coupling: &Coupling) -> bool {
 
 /// The required damping of the linear loop of `world`.
 pub(crate) fn linear_requirement(world: &World) -> Result<Requirement, Error> {
+    linear_requirement_up_to(f64::INFINITY, world)
+}
+
+fn linear_requirement_up_to(enough: f64, world: &World) -> Result<Requirement, Error> {
     let never = |cause| Ok(Requirement { damping: Err(cause), at_hz: None });
     if world.couplings.iter().any(is_coulomb_at_puck) {
         return never(Cause::Coulomb);
     }
-    let requirement = requirement(world, &world.couplings)?;
+    let requirement = requirement_up_to(enough, world, &world.couplings)?;
     // A pole outside the unit circle is never passive, however small its residue.
     let Sampling { method, period, .. } = world.sampling;
     let grows = Verdict::of(held_growth(&world.bodies, &world.couplings, method, period)?) == Verdict::Unstable;
@@ -202,4 +212,12 @@ pub(crate) fn linear_requirement(world: &World) -> Result<Requirement, Error> {
 /// As [`crate::passivity::passivity`].
 pub fn required_damping(world: &World) -> Result<Option<f64>, Error> {
     Ok(linear_requirement(world)?.damping.ok())
+}
+
+/// The same, or any part of it above `enough`: the work of a proof is spent only where it can hold.
+///
+/// # Errors
+/// As [`crate::passivity::passivity`].
+pub(crate) fn required_damping_up_to(enough: f64, world: &World) -> Result<Option<f64>, Error> {
+    Ok(linear_requirement_up_to(enough, world)?.damping.ok())
 }

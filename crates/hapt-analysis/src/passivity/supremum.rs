@@ -7,7 +7,7 @@ use std::collections::BinaryHeap;
 use std::f64::consts::PI;
 
 use crate::error::Error;
-use crate::numerics::series::Real;
+use crate::numerics::series::{Real, TERMS};
 use crate::passivity::curve::DampingCurve;
 use crate::until::is_over;
 
@@ -74,7 +74,7 @@ struct Search<'a> {
 
 impl Search<'_> {
     fn at(&mut self, phi: f64) -> f64 {
-        let value = self.curve.over(phi, 0.0).map_or(f64::NEG_INFINITY, |(m, h)| damping(m.c[0], h.c[0].max(0.0)));
+        let value = self.curve.over::<1>(phi, 0.0).map_or(f64::NEG_INFINITY, |(m, h)| damping(m.c[0], h.c[0].max(0.0)));
         self.best = self.best.max(value);
         value
     }
@@ -92,7 +92,7 @@ impl Search<'_> {
             let value = self.at(phi);
             return Ok(Interval { phi, r, upper: value, spread: 0.0, value, at: phi });
         }
-        let Some((m, h)) = self.curve.over(phi, r) else {
+        let Some((m, h)) = self.curve.over::<TERMS>(phi, r) else {
             return Ok(Interval {
                 phi,
                 r,
@@ -104,7 +104,7 @@ impl Search<'_> {
         };
         // With h > 0, b ≤ γ is equivalent to m + h/γ ≤ γ. If the bound u of that is above γ, b ≤ u.
         let gamma = self.best.max(self.noise).max(damping(m.c[0], h.c[0].max(0.0)));
-        let sum: Real = if h.c[0] > 0.0 { m.plus(1.0 / gamma, &h) } else { m };
+        let sum: Real<TERMS> = if h.c[0] > 0.0 { m.plus(1.0 / gamma, &h) } else { m };
         let u = sum.vertex();
         let value = damping(m.at(u) - m.rest, (h.at(u) - h.rest).max(0.0));
         self.best = self.best.max(value);
@@ -121,7 +121,7 @@ impl Search<'_> {
     fn refine_maximum(&mut self, mut phi: f64, mut r: f64) -> f64 {
         let mut value = self.at(phi);
         for _ in 0..60 {
-            let Some((m, h)) = self.curve.over(phi, r) else {
+            let Some((m, h)) = self.curve.over::<TERMS>(phi, r) else {
                 r *= 0.25;
                 continue;
             };
@@ -143,11 +143,12 @@ impl Search<'_> {
     }
 }
 
-/// The supremum over all frequencies. `size` is that of the curve's terms: below 1e-14 of it, differences are rounding.
+/// The supremum over all frequencies. `size` is that of the curve's terms: below 1e-14 of it, differences are rounding. Where a value
+/// above `enough` is found, it is the result: the supremum is no less.
 ///
 /// # Errors
 /// [`Error::Search`], [`Error::Stopped`].
-pub(crate) fn supremum(curve: &DampingCurve, size: f64) -> Result<Supremum, Error> {
+pub(crate) fn supremum(curve: &DampingCurve, size: f64, enough: f64) -> Result<Supremum, Error> {
     let mut search = Search { curve, best: 0.0, noise: 1e-14 * size, intervals: 0 };
     for phi in curve.angles().into_iter().chain([0.0, PI]) {
         search.at(phi);
@@ -156,9 +157,15 @@ pub(crate) fn supremum(curve: &DampingCurve, size: f64) -> Result<Supremum, Erro
     let r = 0.5 * PI / f64::from(first);
     let mut heap = BinaryHeap::new();
     for i in 0..first {
+        if search.best > enough {
+            return Ok(Supremum { value: search.best, at: None });
+        }
         heap.push(search.bound(r * f64::from(2 * i + 1), r)?);
     }
     while let Some(top) = heap.pop() {
+        if search.best > enough {
+            return Ok(Supremum { value: search.best, at: None });
+        }
         if !search.may_exceed(&top, search.best * (1.0 + PROVED)) {
             heap.push(top);
             break;
