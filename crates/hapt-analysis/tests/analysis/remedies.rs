@@ -1,7 +1,7 @@
 //! Remedies are what they say: each certifies the world by itself, and a hundredth beyond it does not. Margins are the ends of
 //! intervals without gaps.
 
-use hapt_analysis::{is_certified, remedies};
+use hapt_analysis::{check, is_certified, remedies};
 use hapt_model::{Coupling, Damping, Delay, End, Law, Source, World};
 use proptest::prelude::*;
 
@@ -50,6 +50,42 @@ fn scaled(world: &mut World, factor: f64) {
 fn grounded(world: &mut World, damping: f64) {
     let law = Law::Damper { damping: Damping::Fixed(damping) };
     world.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law, limit: None });
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(60))]
+
+    /// `is_certified` ends its work where `check` would go on.
+    #[test]
+    fn the_short_way_to_a_verdict_is_that_of_the_check(
+        method in prop::sample::select(vec!["zoh", "trapezoidal", "backward-euler", "forward-euler", "semi-implicit-euler", "rk4"]),
+        output in prop::sample::select(vec!["start", "middle", "end"]),
+        stiffness in 0.05..20.0f64,
+        damping in prop_oneof![Just(0.0), 1e-5..1e-2f64],
+        wall in prop_oneof![Just(0.0), 0.1..5.0f64],
+        delay in prop_oneof![3 => Just(0.0), 1 => 0.0..3e-3f64],
+        lag in prop_oneof![2 => Just(0.0), 1 => 0.0..1e-3f64],
+        stretch in prop_oneof![Just(1.0), 1.0..1.6f64],
+        tolerance in prop_oneof![Just(0.0), 1.0..30.0f64],
+        estimator in prop::sample::select(vec!["exact", "difference"]),
+    ) {
+        let sets = [
+            format!("loop.method={method}"), format!("loop.output={output}"), format!("loop.delay={delay:?}"),
+            format!("loop.estimator={estimator}"), format!("couplings.0.stiffness={stiffness:?}"),
+            format!("couplings.1.damping={damping:?}"), format!("couplings.2.stiffness={wall:?}"), format!("device.lag={lag:?}"),
+            format!("loop.interval_max={:?}", 1e-3 * stretch), format!("device.damping=1.2e-3 N m s/rad ± {tolerance:?} %"),
+        ];
+        let mut world = wheel(&sets);
+        // Beside the device that needs a damping, and beside one that just has enough.
+        let found = check(&world).unwrap();
+        prop_assert_eq!(is_certified(&world), found.certified);
+        for more in [0.999, 1.001] {
+            let both = found.uneven.required_damping.zip(found.passivity.required_damping);
+            let Some(least) = both.map(|(uneven, even)| uneven.max(even)) else { continue };
+            world.device.damping = more * least / (1.0 - 1e-2 * tolerance);
+            prop_assert_eq!(is_certified(&world), check(&world).unwrap().certified, "{}", more);
+        }
+    }
 }
 
 proptest! {
