@@ -31,6 +31,26 @@ fn processes<const N: usize>(rounds: usize, mut commands: [Command; N]) -> Resul
     Ok(all)
 }
 
+/// A chain of bodies whose file states intervals, delays and a tolerance, and which is certified.
+fn stated(bodies: usize) -> String {
+    let mut file = String::from(
+        "loop = { period = \"1 ms\", method = \"trapezoidal\", interval_max = \"1.4 ms\", delay = \"0.3 ms\", delay_max = \"0.6 ms\" }\n\
+         device = { inertia = 1e-3, damping = \"0.3 N m s/rad ± 20 %\" }\n",
+    );
+    for i in 0..bodies {
+        file += &format!("[bodies.b{i}]\ninertia = {:?}\n", 0.01 / (1 + i) as f64);
+    }
+    for i in 0..bodies {
+        let before = if i == 0 { "puck".into() } else { format!("b{}", i - 1) };
+        let between = format!("[[couplings]]\nbetween = [\"{before}\", \"b{i}\"]\n");
+        file += &format!(
+            "{between}kind = \"spring\"\nstiffness = {}\n{between}kind = \"damper\"\ndamping = 0.002\n",
+            2 * (1 + i)
+        );
+    }
+    file
+}
+
 /// The largest difference between two tables of numbers, each relative to the larger of the two.
 fn difference(one: &str, other: &str) -> Result<f64> {
     let numbers = |text: &str| -> Result<Vec<f64>> {
@@ -168,12 +188,21 @@ impl Bench {
         let [one] = processes(STARTS, [check("worlds/notes/default.toml")])?;
         let [quick] = processes(ROUNDS, [check(&format!("{file} --no-remedies"))])?;
         let [all] = processes(3, [check(file)])?;
+        let of_stated = |n: usize| -> Result<Times> {
+            let path = self.folder.join(format!("stated{n}.toml"));
+            fs::write(&path, stated(n))?;
+            let [times] = processes(ROUNDS, [check(path.to_str().context("a path in UTF-8")?)])?;
+            Ok(times)
+        };
+        let (one_stated, eight_stated) = (of_stated(1)?, of_stated(8)?);
         let mut text = String::from(
             "\n## One check\n\nThe whole process of `hapt check`; the 32 bodies are a chain of springs.\n\n\
              | | ms | goal | |\n| --- | --- | --- | --- |\n",
         );
         for (name, times, wanted) in [
             ("1 body, with remedies", one, 10.0),
+            ("1 body with times and a tolerance, with remedies", one_stated, 20.0),
+            ("8 bodies with times and a tolerance, with remedies", eight_stated, 300.0),
             ("32 bodies, without", quick, 100.0),
             ("32 bodies, with remedies", all, 5000.0),
         ] {
