@@ -248,16 +248,17 @@ fn rigid(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Compa
     })
 }
 
+/// A search for seven numbers and a beginning can miss the device: what it does not explain is no verdict.
 fn with_handle(record: &Watched<'_>, claims: &Claims, shaft: &Handle) -> Result<Comparison, Error> {
     let found = handle::search(record, Some(&claims.device()))?;
-    let told = found.told().filter(|_| found.wrong.is_none());
-    let numbers = judged_with_handle(told.as_ref(), claims, shaft, &Scale::of(record));
+    let (fitted, residuals, residual) = (found.fitted(record), found.residuals(record), found.residual);
+    let told = found.told()?;
     Ok(Comparison {
-        numbers,
-        fitted: found.fitted(record),
-        residuals: found.residuals(record),
-        residual: found.residual,
-        wrong: found.wrong,
+        numbers: judged_with_handle(&told, claims, shaft, &Scale::of(record)),
+        wrong: None,
+        fitted,
+        residuals,
+        residual,
         noise: noise(record.positions()),
         lattice: lattice(record.positions()),
     })
@@ -343,27 +344,22 @@ fn judged_without(claims: &Claims) -> Vec<Compared> {
 }
 
 /// The numbers of a device with a handle on a shaft. Its fit takes the lag from the file, and neither a constant torque nor a sign.
-fn judged_with_handle(found: Option<&WithHandle>, claims: &Claims, shaft: &Handle, scale: &Scale) -> Vec<Compared> {
+fn judged_with_handle(found: &WithHandle, claims: &Claims, shaft: &Handle, scale: &Scale) -> Vec<Compared> {
     let friction = SMALL * scale.torque;
     let lag = middle(claims.lag);
-    let late = found.map(|x| {
-        let Interval { value, low, high } = x.delay;
-        Interval { value: value + lag, low: low + lag, high: high + lag }
-    });
+    let Interval { value, low, high } = found.delay;
+    let late = Interval { value: value + lag, low: low + lag, high: high + lag };
     let both = [claims.delay[0] + claims.lag[0], claims.delay[1] + claims.lag[1]];
-    let number = |name, measure, estimate: Option<Interval>, file, least| {
-        let compared = Compared::new(name, Some(measure), estimate, file, least);
-        Compared { reason: if found.is_some() { compared.reason } else { Some(UNEXPLAINED) }, ..compared }
-    };
+    let number = |name, measure, estimate, file, least| Compared::new(name, Some(measure), Some(estimate), file, least);
     let exactly = |x: f64| [x, x];
     vec![
-        number("inertia", Measure::Inertia, found.map(|x| x.inertia), claims.inertia, 0.0),
-        number("damping", Measure::Damping, found.map(|x| x.damping), claims.damping, friction / scale.speed),
-        number("friction", Measure::Torque, found.map(|x| x.friction), claims.friction, friction),
+        number("inertia", Measure::Inertia, found.inertia, claims.inertia, 0.0),
+        number("damping", Measure::Damping, found.damping, claims.damping, friction / scale.speed),
+        number("friction", Measure::Torque, found.friction, claims.friction, friction),
         number("delay and lag", Measure::Time, late, both, claims.period),
-        number("handle inertia", Measure::Inertia, found.map(|x| x.handle_inertia), exactly(shaft.inertia), 0.0),
-        number("shaft stiffness", Measure::Stiffness, found.map(|x| x.stiffness), exactly(shaft.stiffness), 0.0),
-        number("shaft damping", Measure::Damping, found.map(|x| x.shaft_damping), exactly(shaft.damping), 0.0),
+        number("handle inertia", Measure::Inertia, found.handle_inertia, exactly(shaft.inertia), 0.0),
+        number("shaft stiffness", Measure::Stiffness, found.stiffness, exactly(shaft.stiffness), 0.0),
+        number("shaft damping", Measure::Damping, found.shaft_damping, exactly(shaft.damping), 0.0),
     ]
 }
 

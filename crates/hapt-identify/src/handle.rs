@@ -15,17 +15,20 @@ use crate::explained::explained;
 use crate::identified::{Interval, Residual};
 use crate::record::{LONGEST_DELAY, Record, Watched};
 use crate::spectrum::{Line, line};
-use crate::start::starts;
+use crate::start::{Begin, begins, starts};
 
-/// Of ln (J + J_h), b, f, delay, ln (J_h / J), ln (k / m), d / m, first position and first velocity, with m = J J_h / (J + J_h).
+/// Of ln (J + J_h), b, f, delay, ln (J_h / J), ln (k / m), d / m, with m = J J_h / (J + J_h); of the beginning, the motor's position, its
+/// velocity, and what position and velocity of the handle are beyond these.
 ///
 /// A record tells the whole inertia, the resonance √(k/m) and its decay d/m well, and the ratio of the inertias badly. In these
 /// coordinates the valley of good fits is straight, and the steps along it are long.
-const PARAMETERS: usize = 9;
+const PARAMETERS: usize = 11;
 type Parameters = [f64; PARAMETERS];
 
-/// The place of the first velocity, the last parameter.
-const VELOCITY: usize = PARAMETERS - 1;
+/// The parameters of a device that begins at rest, on an unloaded shaft: without the last three.
+const AT_REST: usize = PARAMETERS - 3;
+/// How large these are at most, in rad/s, rad and rad/s (linear: m).
+const FIRST: [f64; 3] = [100.0, 1.0, 100.0];
 /// Damping, friction, delay and the shaft's damping.
 const NOT_BELOW_0: [usize; 4] = [1, 2, 3, 6];
 
@@ -69,7 +72,7 @@ pub struct WithHandle {
     pub residual: Residual,
 }
 
-/// Fits a device with a handle to a record that begins at rest or in motion as one, on an unloaded shaft.
+/// Fits a device with a handle to a record that begins at rest or in motion.
 ///
 /// # Errors
 /// [`Error::Uneven`] for samples that are not even; [`Error::Unexplained`] and [`Error::Residual`] where no such device explains it.
@@ -82,24 +85,24 @@ pub fn identify_handle(record: &Record) -> Result<WithHandle, Error> {
 /// # Errors
 /// As [`identify_handle`].
 pub fn identify_handle_until(record: &Record, stop: &dyn Fn() -> bool) -> Result<WithHandle, Error> {
-    let found = search(&Watched { record, stop }, None)?;
-    match found.wrong {
-        Some(error) => Err(error),
-        None => found.fit.told(found.residual).ok_or(Error::Unexplained),
-    }
+    search(&Watched { record, stop }, None)?.told()
 }
 
 /// The best fit of a search.
 pub(crate) struct Found {
     fit: Fit,
     /// Why it does not explain the record.
-    pub wrong: Option<Error>,
+    wrong: Option<Error>,
     pub residual: Residual,
 }
 
 impl Found {
-    pub fn told(&self) -> Option<WithHandle> {
-        self.fit.told(self.residual)
+    /// The numbers, or why there are none.
+    pub fn told(self) -> Result<WithHandle, Error> {
+        match self.wrong {
+            Some(error) => Err(error),
+            None => self.fit.told(self.residual).ok_or(Error::Unexplained),
+        }
     }
 
     /// The positions of the fit, with their times.
@@ -168,8 +171,17 @@ fn around(record: &Record, device: &DeviceSpec) -> Starts {
         handle.damping / mass,
         record.positions()[0],
         0.0,
+        0.0,
+        0.0,
     ];
-    vec![(true, start), (false, start)]
+    vec![(true, start), (false, moving(record, start))]
+}
+
+/// The same beginning as one in motion.
+fn moving(record: &Record, mut start: Parameters) -> Parameters {
+    let Begin { position, velocity } = begins(record, 0)[0];
+    (start[7], start[8]) = (position, velocity);
+    start
 }
 
 /// At the line that a rigid device leaves in the record; `None` without one.
@@ -192,20 +204,28 @@ fn starts_of(watched: &Watched<'_>) -> Option<Starts> {
             0.02 * omega,
             record.positions()[0],
             0.0,
+            0.0,
+            0.0,
         ]
     };
-    Some([true, false].into_iter().flat_map(|rests| SHARES.map(|share| (rests, start(share)))).collect())
+    let from = |rests: bool, share: f64| if rests { start(share) } else { moving(record, start(share)) };
+    Some([true, false].into_iter().flat_map(|rests| SHARES.map(|share| (rests, from(rests, share)))).collect())
 }
 
-/// The samples that are measurements.
+/// Whether a sample is fitted: it is a measurement, and the torques before the record, which nobody knows, have all gone. What they did is
+/// in the state from which the fit begins.
+fn is_measured(record: &Record, i: usize) -> bool {
+    record.is_news(i) && record.times()[i] - record.times()[0] >= LONGEST_DELAY
+}
+
 fn measured(record: &Record) -> impl Iterator<Item = usize> {
-    (0..record.times().len()).filter(|i| record.is_news(*i))
+    (0..record.times().len()).filter(|i| is_measured(record, *i))
 }
 
 /// Parameters, what they leave, and its derivatives.
 struct Fit {
     p: Parameters,
-    /// Whether the first velocity is 0, and no parameter.
+    /// Whether it begins at rest, on an unloaded shaft, which is then no parameter.
     rests: bool,
     /// The motor's, in s, which is known.
     lag: f64,
@@ -231,10 +251,10 @@ fn spec(p: &Parameters, lag: f64, period: f64) -> DeviceSpec {
 /// The positions of such a device under the record's torques, at the samples that are measurements.
 fn positions(record: &Record, p: &Parameters, lag: f64) -> Vec<f64> {
     let mut device = VirtualDevice::new(&spec(p, lag, record.period()));
-    device.set_out(p[7], p[8]);
+    device.set_out((p[7], p[8]), (p[7] + p[9], p[8] + p[10]));
     let mut all = Vec::with_capacity(record.times().len());
     for (i, torque) in record.torques().iter().enumerate() {
-        if record.is_news(i) {
+        if is_measured(record, i) {
             all.push(device.puck().0);
         }
         device.command(*torque);
@@ -252,12 +272,12 @@ impl Fit {
     }
 
     fn parameters(&self) -> usize {
-        if self.rests { VELOCITY } else { PARAMETERS }
+        if self.rests { AT_REST } else { PARAMETERS }
     }
 
     /// The change of each parameter over which a derivative is taken.
     fn steps(&self, period: f64) -> Parameters {
-        let [whole, b, f, delay, _, square, decay, _, v] = self.p;
+        let [whole, b, f, delay, _, square, decay, _, v, _, rate_beyond] = self.p;
         let (whole, rate) = (whole.exp(), (0.5 * square).exp());
         // Wide enough to see past single stops and starts under friction.
         [
@@ -270,6 +290,8 @@ impl Fit {
             1e-3 * decay.max(1e-2 * rate),
             1e-6,
             1e-5 * v.abs().max(1.0),
+            1e-6,
+            1e-5 * rate_beyond.abs().max(1.0),
         ]
     }
 
@@ -353,10 +375,17 @@ impl Fit {
     fn told(&self, residual: Residual) -> Option<WithHandle> {
         let (information, _) = self.normal();
         let parameters = self.parameters();
-        let scale = information.diagonal().map(|x| x.sqrt().recip());
-        let matrix = DMatrix::from_fn(parameters, parameters, |i, j| information[(i, j)] * scale[i] * scale[j]);
-        let inverse = matrix.cholesky()?.inverse();
         let freedom = self.left.len().saturating_sub(parameters).max(1) as f64;
+        // Friction can end a first motion before it shows. Then no more is known of it than this, and the other numbers are told all the same.
+        let known =
+            |i: usize| FIRST.get(i.wrapping_sub(AT_REST)).map_or(0.0, |size| self.squares / freedom / (size * size));
+        let own = DVector::from_fn(parameters, |i, _| information[(i, i)] + known(i));
+        let scale = own.map(|x| x.sqrt().recip());
+        let matrix = DMatrix::from_fn(parameters, parameters, |i, j| match i == j {
+            true => 1.0,
+            false => information[(i, j)] * scale[i] * scale[j],
+        });
+        let inverse = matrix.cholesky()?.inverse();
         let unit = SIGMAS * SIGMAS * self.squares / freedom;
         // Half of the interval of what has this gradient in the parameters.
         let error = |gradient: &[(usize, f64)]| {

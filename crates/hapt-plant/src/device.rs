@@ -107,11 +107,11 @@ impl VirtualDevice {
         }
     }
 
-    /// Moves puck and handle to `position` in rad (linear: m), both with `velocity` in rad/s (m/s), on an unloaded shaft.
-    pub fn set_out(&mut self, position: f64, velocity: f64) {
-        (self.puck.position, self.puck.velocity) = (position, velocity);
+    /// Moves the puck, and with a shaft the handle, to a position in rad (linear: m) and a velocity in rad/s (m/s).
+    pub fn set_out(&mut self, puck: (f64, f64), handle: (f64, f64)) {
+        (self.puck.position, self.puck.velocity) = puck;
         if let Some(shaft) = &mut self.shaft {
-            (shaft.deflection, shaft.velocity) = (0.0, velocity);
+            (shaft.deflection, shaft.velocity) = (handle.0 - puck.0, handle.1);
         }
     }
 

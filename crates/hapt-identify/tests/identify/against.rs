@@ -181,7 +181,7 @@ fn a_record_agrees_with_the_device_and_its_handle_and_contradicts_others() {
         let found = against(&record, &right, false).unwrap();
         assert!(found.agrees(), "{seed}: {rig:?}: {:?} {:?}", found.wrong, found.numbers);
         assert_eq!(number(&found, "shaft stiffness").verdict, Verdict::Agrees, "{seed}: {:?}", found.numbers);
-        assert_eq!(found.residuals.len(), record.times().len());
+        assert!(found.residuals.len() == found.fitted.len() && found.residuals.len() + 60 > record.times().len());
         // Each of these numbers off by a third is seen, and its own name is among the wrong ones.
         let shaft = rig.handle.unwrap();
         let off = [
