@@ -25,6 +25,8 @@ use crate::start::{Begin, begins, starts};
 const PARAMETERS: usize = 11;
 type Parameters = [f64; PARAMETERS];
 
+/// The first parameter of the beginning.
+const POSITION: usize = 7;
 /// The parameters of a device that begins at rest, on an unloaded shaft: without the last three.
 const AT_REST: usize = PARAMETERS - 3;
 /// How large these are at most, in rad/s, rad and rad/s (linear: m).
@@ -127,7 +129,16 @@ pub(crate) fn search(watched: &Watched<'_>, near: Option<&DeviceSpec>) -> Result
     let lag = near.map_or(0.0, |device| device.lag);
     let (lattice, spread) = (lattice(record.positions()), variance(record.positions()).sqrt());
     let explains = |fit: &Fit| explained(record, &fit.left, lattice, spread);
-    let from = |(rests, p): (bool, Parameters)| Fit::of(record, p, rests, lag)?.improved(record, FEW, stop);
+    let from = |(rests, p): (bool, Parameters)| {
+        let mut fit = Fit::of(record, p, rests, lag)?;
+        if !rests {
+            // A wrong beginning of a fast motion would bend every other number first.
+            fit.begins = true;
+            fit = fit.improved(record, FEW, stop)?;
+            fit.begins = false;
+        }
+        fit.improved(record, FEW, stop)
+    };
     // The best after a few steps need not be the best in the end: the next one follows until one explains the record.
     let mut best: Option<Fit> = None;
     for starts in [near.map(|device| around(record, device)), starts_of(watched)].into_iter().flatten() {
@@ -227,6 +238,8 @@ struct Fit {
     p: Parameters,
     /// Whether it begins at rest, on an unloaded shaft, which is then no parameter.
     rests: bool,
+    /// Whether the beginning alone is fitted, to a device that is known.
+    begins: bool,
     /// The motor's, in s, which is known.
     lag: f64,
     left: Vec<f64>,
@@ -268,7 +281,20 @@ impl Fit {
         let there = positions(record, &p, lag);
         let left: Vec<f64> = measured(record).zip(&there).map(|(i, there)| record.positions()[i] - there).collect();
         let squares: f64 = left.iter().map(|r| r * r).sum();
-        squares.is_finite().then_some(Fit { p, rests, lag, left, squares, derivatives: DMatrix::zeros(0, 0) })
+        squares.is_finite().then_some(Fit {
+            p,
+            rests,
+            begins: false,
+            lag,
+            left,
+            squares,
+            derivatives: DMatrix::zeros(0, 0),
+        })
+    }
+
+    /// The first parameter that is fitted.
+    fn first(&self) -> usize {
+        if self.begins { POSITION } else { 0 }
     }
 
     fn parameters(&self) -> usize {
@@ -300,7 +326,7 @@ impl Fit {
         let steps = self.steps(record.period());
         let mut derivatives = DMatrix::zeros(self.left.len(), PARAMETERS);
         let parameters = self.parameters();
-        for (i, step) in steps.into_iter().enumerate().take(parameters) {
+        for (i, step) in steps.into_iter().enumerate().take(parameters).skip(self.first()) {
             let mut p = self.p;
             p[i] += step;
             let moved = Fit::of(record, p, self.rests, self.lag)?;
@@ -331,7 +357,8 @@ impl Fit {
             NOT_BELOW_0.into_iter().for_each(|i| p[i] = p[i].max(0.0));
             p[3] = p[3].min(LONGEST_DELAY);
             let is_small = size < SMALL * SMALL * at.squares / at.left.len() as f64;
-            match Fit::of(record, p, at.rests, at.lag) {
+            let next = Fit::of(record, p, at.rests, at.lag).map(|next| Fit { begins: at.begins, ..next });
+            match next {
                 Some(next) if next.squares < at.squares => {
                     at = next.differentiated(record)?;
                     damping = (0.1 * damping).max(1e-9);
@@ -348,7 +375,7 @@ impl Fit {
 
     /// The next step, damped by Marquardt's `more`. What is 0 already, and would go below, stays while the others move.
     fn step(&self, information: &DMatrix<f64>, right: &DVector<f64>, more: f64) -> Option<DVector<f64>> {
-        let mut free = [true; PARAMETERS];
+        let mut free: [bool; PARAMETERS] = std::array::from_fn(|i| i >= self.first());
         loop {
             let scale = DVector::from_fn(PARAMETERS, |i, _| {
                 let own = information[(i, i)];
