@@ -15,7 +15,7 @@ use crate::equations::delay::MAX_IN_FLIGHT;
 use crate::error::Error;
 use crate::numerics::crossing::{Ranked, Spacing, first_crossing, illinois};
 use crate::passivity::required_damping;
-use crate::passivity::uneven::is_stated;
+use crate::passivity::uneven::{is_stated, uneven_damping};
 
 /// Each value makes the world certified by itself; `None` where none was found. For a certified world these are margins, and
 /// `advance` and `output` are `None`.
@@ -304,6 +304,14 @@ fn device_damping(world: &World) -> Result<Option<f64>, Error> {
     let Some(required) = required_damping(world)? else { return Ok(None) };
     if change.is_certified(required) {
         return Ok(Some(required));
+    }
+    // The least of a tolerance has to be enough of what uneven time requires.
+    let spread = world.device.damping_range()[0] / world.device.damping;
+    if is_stated(world)
+        && let Some(all) = uneven_damping(world)?
+        && change.is_certified(required.max(all) / spread)
+    {
+        return Ok(Some(required.max(all) / spread));
     }
     // Rounding, or a free loop that requires more.
     let least = required.max(1e-12 * world.device.inertia / world.sampling.period);

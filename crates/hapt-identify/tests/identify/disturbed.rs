@@ -47,7 +47,7 @@ proptest! {
         // Steps that are shorter than the time constant, so that it goes both ways.
         let rig = DeviceSpec { friction, damping, delay: 1.3e-3, ..WHEEL };
         let mut rng = Rng::with_seed(seed);
-        let torques = steps(&mut rng, 2000, 0.1);
+        let torques = steps(&mut rng, 4000, 0.1);
         let found = found(&rig, &moved(&rig, &torques, |_| offset), torques, &mut rng);
         prop_assert!(near(found.offset, offset), "{:?}", found.offset);
         let truth = [(found.inertia, rig.inertia), (found.damping, damping), (found.friction, friction), (found.delay, rig.delay)];
@@ -93,7 +93,7 @@ fn what_moves_the_puck_with_its_position_is_seen_for_what_it_is() {
     let rig = DeviceSpec { damping: 4e-3, ..WHEEL };
     for seed in hapt_testing::seeds(4) {
         let mut rng = Rng::with_seed(seed);
-        let torques = steps(&mut rng, 2000, 0.1);
+        let torques = steps(&mut rng, 4000, 0.1);
         let besides: [Besides; 4] = [
             (0, 0.4e-3, &|z| -0.4e-3 * z),
             (1, 1.5e-3, &|z| 1.5e-3 * (z - 0.7).sin()),
