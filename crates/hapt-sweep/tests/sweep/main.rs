@@ -2,6 +2,7 @@
 
 mod boundary;
 mod lanes;
+mod shards;
 mod sweep;
 mod wheels;
 mod worst;
