@@ -3,6 +3,7 @@
 
 mod intervals;
 mod package;
+mod page;
 mod realtime;
 mod sweep;
 
@@ -28,6 +29,8 @@ pub fn command(words: &[String]) -> Result<()> {
         ["--write"] => run(true),
         ["intervals"] => intervals::alone(false),
         ["intervals", "--write"] => intervals::alone(true),
+        ["page"] => page::alone(false),
+        ["page", "--write"] => page::alone(true),
         ["realtime"] => realtime::alone(false),
         ["realtime", "--write"] => realtime::alone(true),
         ["--guards"] => guards(false),
@@ -41,7 +44,7 @@ pub fn command(words: &[String]) -> Result<()> {
         ["drive"] => drive("python3"),
         ["drive", python] => drive(python),
         _ => bail!(
-            "cargo xtask bench [realtime|intervals] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short|--write], or scale [--short|--write]"
+            "cargo xtask bench [realtime|intervals|page] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short|--write], or scale [--short|--write]"
         ),
     }
 }

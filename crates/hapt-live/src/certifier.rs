@@ -16,6 +16,9 @@ use hapt_model::World;
 const PLACES: usize = 33;
 /// The verdict where the analysis panics; the server runs on.
 const BROKEN: &str = "the analysis has panicked, a defect of hapt";
+/// How far below other programs the threads are: the verdict of a newer world does not wait for the ranges of an older one.
+const VERDICTS: i32 = 5;
+const RANGES: i32 = 15;
 /// The accuracy of an edge, as a part of the slider.
 const WIDTH: f64 = 1e-3;
 
@@ -39,7 +42,7 @@ impl Certifier {
         let publish: Publish = Arc::new(publish);
         let (asked, next, to) = (Arc::clone(&certifier.asked), Arc::clone(&certifier.next), Arc::clone(&publish));
         std::thread::Builder::new().name("certifier".into()).spawn(move || {
-            lower_priority();
+            lower_priority(VERDICTS);
             while let Some(config) = asked.take() {
                 let (verdict, check) = verdict(&config, quick_check);
                 if !to(config.generation, ServerMessage::Verdict(verdict)) {
@@ -52,7 +55,7 @@ impl Certifier {
         })?;
         let (next, focus) = (Arc::clone(&certifier.next), Arc::clone(&certifier.focus));
         std::thread::Builder::new().name("remedies".into()).spawn(move || {
-            lower_priority();
+            lower_priority(RANGES);
             while let Some(config) = next.take() {
                 if remedies_and_ranges(&config, &next, &focus, &publish).is_none() {
                     break;
@@ -81,9 +84,9 @@ impl Drop for Certifier {
 }
 
 /// Lowers the thread's priority below the loop's: a verdict may come late, a sample may not.
-fn lower_priority() {
+fn lower_priority(_by: i32) {
     #[cfg(target_os = "linux")]
-    let _ = rustix::process::nice(10);
+    let _ = rustix::process::nice(_by);
 }
 
 /// A place for one value; a newer one replaces it.

@@ -32,7 +32,7 @@ fn processes<const N: usize>(rounds: usize, mut commands: [Command; N]) -> Resul
 }
 
 /// A chain of bodies whose file states intervals, delays and a tolerance, and which is certified.
-fn stated(bodies: usize) -> String {
+pub(super) fn stated(bodies: usize) -> String {
     let mut file = String::from(
         "loop = { period = \"1 ms\", method = \"trapezoidal\", interval_max = \"1.4 ms\", delay = \"0.3 ms\", delay_max = \"0.6 ms\" }\n\
          device = { inertia = 1e-3, damping = \"0.3 N m s/rad ± 20 %\" }\n",
