@@ -201,9 +201,12 @@ pub fn value(row: &Key, parameter: &Parameter) -> Option<Value> {
         Takes::Name(_) => Some(Value::Text(parameter.written.clone())),
         Takes::Whole { .. } => parameter.written.parse().ok().map(Value::Whole),
         Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples => parameter.si.map(Value::Real),
-        Takes::Text | Takes::Numbers { .. } | Takes::Ends | Takes::Table | Takes::Named { .. } | Takes::List { .. } => {
-            None
-        }
+        Takes::Text
+        | Takes::Numbers { .. }
+        | Takes::Ends(_)
+        | Takes::Table
+        | Takes::Named { .. }
+        | Takes::List { .. } => None,
     }
 }
 

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use anyhow::{Result, bail};
 use hapt_core::{Limits, Reason, SafetyProfile};
 use hapt_log::Kind;
-use hapt_model::keys::{self, KEYS, Key, Measure, Presence, Range, Takes};
+use hapt_model::keys::{self, KEYS, Key, Measure, NETWORK, NETWORK_FILE, Presence, Range, Takes};
 use hapt_model::{Motion, Source, World};
 use hapt_sim::columns;
 
@@ -64,7 +64,7 @@ fn safety() -> String {
 
 fn keys() -> Result<String> {
     let mut tables: Vec<&str> = Vec::new();
-    for key in KEYS {
+    for key in KEYS.iter().chain(NETWORK) {
         if !tables.contains(&key.table()) {
             tables.push(key.table());
         }
@@ -97,13 +97,21 @@ fn heading(table: &str) -> String {
     if table.is_empty() {
         return "At the top".to_string();
     }
-    let list = table
-        .strip_suffix(".*")
-        .filter(|outer| KEYS.iter().any(|key| key.path == *outer && matches!(key.takes, Takes::List { .. })));
-    match list {
-        Some(list) => format!("`[[{list}]]`"),
-        None => format!("`[{}]`", table.replace('*', "NAME")),
+    if table == NETWORK_FILE {
+        return "At the top of a network file".to_string();
     }
+    let list = table.strip_suffix(".*").filter(|outer| {
+        KEYS.iter().chain(NETWORK).any(|key| key.path == *outer && matches!(key.takes, Takes::List { .. }))
+    });
+    match list {
+        Some(list) => format!("`[[{}]]`", in_file(list)),
+        None => format!("`[{}]`", in_file(table).replace('*', "NAME")),
+    }
+}
+
+/// A table's path in its file.
+fn in_file(table: &str) -> &str {
+    table.strip_prefix(NETWORK_FILE).map_or(table, |inner| inner.trim_start_matches('.'))
 }
 
 /// The kinds and the motion that a key belongs to.
@@ -145,7 +153,7 @@ fn takes(key: &Key) -> String {
             format!("{} whole number from {least} to {most}", if step == 2 { "an even" } else { "a" })
         }
         Takes::Numbers { least, most } => format!("an array of {least} to {most} plain numbers"),
-        Takes::Ends => "two different ends".to_string(),
+        Takes::Ends(_) => "two different ends".to_string(),
         Takes::Table => "a table".to_string(),
         Takes::Named { most, what, reserved, .. } => {
             let taken =

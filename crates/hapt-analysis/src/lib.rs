@@ -5,6 +5,7 @@
 //!
 //! | folder | contents |
 //! | --- | --- |
+//! | [`network`] | [`check_network()`]: the passivity of stations joined by links |
 //! | [`certificate`] | [`check()`] of a world, [`is_certified`], [`remedies()`] and their [`proposal()`] as lines for the file |
 //! | [`passivity`](mod@passivity) | the damping that [`passivity()`] against every passive hand requires, its proof, [`quantisation()`], [`worst_grip()`] |
 //! | [`boundary`] | stability boundaries in a plane of two parameters: [`Decomposition`], [`z_width()`] |
@@ -57,6 +58,7 @@ pub mod design;
 pub mod equations;
 pub mod error;
 pub mod impedance;
+pub mod network;
 pub mod numerics;
 pub mod passivity;
 pub mod stability;
@@ -79,6 +81,7 @@ pub use equations::discrete::Discrete;
 pub use equations::grip::Grip;
 pub use error::Error;
 pub use impedance::rendered::{Elements, Impedance};
+pub use network::{LinkCheck, NetworkCheck, NetworkRemedies, StationCheck, check_network};
 pub use numerics::eigenvalues::eigenvalues;
 pub use numerics::nelder_mead;
 pub use passivity::quantisation::{Quantisation, quantisation};

@@ -190,6 +190,11 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     pub fn step(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
         self.sample(self, state, position, velocity)
     }
+
+    /// What the motor is asked for, of a torque on the puck in N·m (linear: N): after levels and limit.
+    pub fn command(&self, torque: F) -> F {
+        self.actuator.command_one(torque)
+    }
 }
 
 /// One source for numbers and for lanes: what a sample is.

@@ -158,7 +158,12 @@ fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<
             (key.unit, key.factor) = sized.unwrap_or_else(|| (dimension.symbol(), 1.0));
             (key.min, key.max, key.log) = slider(&now.path, measure, range, own.si.unwrap_or(0.0), file);
         }
-        Takes::Text | Takes::Numbers { .. } | Takes::Ends | Takes::Table | Takes::Named { .. } | Takes::List { .. } => {
+        Takes::Text
+        | Takes::Numbers { .. }
+        | Takes::Ends(_)
+        | Takes::Table
+        | Takes::Named { .. }
+        | Takes::List { .. } => {
             return None;
         }
     }
@@ -295,9 +300,12 @@ fn is_setting(takes: Takes) -> bool {
         Takes::Name(_) | Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples | Takes::Whole { .. } => {
             true
         }
-        Takes::Text | Takes::Numbers { .. } | Takes::Ends | Takes::Table | Takes::Named { .. } | Takes::List { .. } => {
-            false
-        }
+        Takes::Text
+        | Takes::Numbers { .. }
+        | Takes::Ends(_)
+        | Takes::Table
+        | Takes::Named { .. }
+        | Takes::List { .. } => false,
     }
 }
 

@@ -14,6 +14,8 @@ use crate::{syntax, words};
 pub(crate) struct Document<'a> {
     pub source: &'a Source,
     pub sets: &'a [String],
+    /// The table of keys that the top of the file is: empty for a world, [`keys::NETWORK_FILE`] for a network.
+    pub top: &'static str,
     pub root: Node,
 }
 
@@ -55,8 +57,8 @@ pub(crate) struct Entry {
 }
 
 impl<'a> Document<'a> {
-    /// Parses the source, without overrides.
-    pub fn parse(source: &'a Source) -> Result<Document<'a>, Error> {
+    /// Parses the source, without overrides. `top` is the table of keys that the top of the file is.
+    pub fn parse(source: &'a Source, top: &'static str) -> Result<Document<'a>, Error> {
         if source.text.len() as u64 > LARGEST_SOURCE {
             return Err(too_large(&source.name));
         }
@@ -71,7 +73,13 @@ impl<'a> Document<'a> {
             place: Place { set: None, span: 0..0 },
             before: None,
         };
-        Ok(Document { source, sets: &[], root })
+        Ok(Document { source, sets: &[], top, root })
+    }
+
+    /// Where the file has this key at its top, if it does.
+    pub fn place(&self, key: &str) -> Option<Place> {
+        let Value::Table(entries) = &self.root.value else { return None };
+        entries.iter().find(|entry| entry.key == key).map(|entry| entry.place.clone())
     }
 
     /// The text that a place is in.

@@ -391,7 +391,7 @@ impl<'a> Fields<'a> {
                 };
                 Ok(Found::Numbers(items.iter().map(read).collect::<Result<_, _>>()?))
             }
-            (Takes::Ends, Value::Array(items)) => match items.as_slice() {
+            (Takes::Ends(_), Value::Array(items)) => match items.as_slice() {
                 [
                     Node { value: Value::Text(first), place: at_first, .. },
                     Node { value: Value::Text(second), place: at_second, .. },

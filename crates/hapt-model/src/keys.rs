@@ -61,8 +61,8 @@ pub enum Takes {
         /// How many at most.
         most: usize,
     },
-    /// An array of two different ends: `"puck"`, `"ground"` or a body's name.
-    Ends,
+    /// An array of two different ends: `"puck"`, `"ground"` or a body's name; of a link, two stations' names.
+    Ends([&'static str; 2]),
     /// A table of keys.
     Table,
     /// A table of tables that the user names.
@@ -214,7 +214,7 @@ impl Takes {
             | Takes::Name(_)
             | Takes::Whole { .. }
             | Takes::Numbers { .. }
-            | Takes::Ends
+            | Takes::Ends(_)
             | Takes::Table
             | Takes::Named { .. }
             | Takes::List { .. } => None,
@@ -279,7 +279,7 @@ impl Key {
                     "expected an array of {least} to {most} plain numbers from -{largest} to {largest}, such as [0.5, -1]"
                 )
             }
-            Takes::Ends => "expected a pair of ends, such as [\"puck\", \"wheel\"]".to_string(),
+            Takes::Ends(such) => format!("expected a pair of ends, such as {such:?}"),
             Takes::Table => "expected a table of keys".to_string(),
             Takes::Named { what, .. } => format!("expected a table for each {what}"),
             Takes::List { what, .. } => format!("expected an array of tables, one for each {what}"),
@@ -289,12 +289,12 @@ impl Key {
 
 /// The rows of one table, such as `couplings.*`, in the order of [`KEYS`].
 pub fn rows(table: &str) -> impl Iterator<Item = &'static Key> {
-    KEYS.iter().filter(move |key| key.table() == table)
+    KEYS.iter().chain(NETWORK).filter(move |key| key.table() == table)
 }
 
 /// What the user names or numbers inside of the table `path`, such as a body in `bodies`; `None` where hapt names the keys.
 pub(crate) fn named_by_the_user(path: &str) -> Option<&'static str> {
-    KEYS.iter().find(|key| key.path == path).and_then(|key| match key.takes {
+    KEYS.iter().chain(NETWORK).find(|key| key.path == path).and_then(|key| match key.takes {
         Takes::Named { what, .. } | Takes::List { what, .. } => Some(what),
         _ => None,
     })
@@ -302,7 +302,7 @@ pub(crate) fn named_by_the_user(path: &str) -> Option<&'static str> {
 
 /// How many names the longest path has.
 pub(crate) fn deepest() -> usize {
-    KEYS.iter().map(|key| key.path.split('.').count()).max().unwrap_or(0)
+    KEYS.iter().chain(NETWORK).map(|key| key.path.split('.').count()).max().unwrap_or(0)
 }
 
 const fn key(path: &'static str, takes: Takes, presence: Presence, doc: &'static str) -> Key {
@@ -419,7 +419,7 @@ pub const KEYS: &[Key] = &[
 
     key("couplings", List { most: 64, what: "coupling" }, Optional, "The massless elements between puck, bodies and ground."),
     key("couplings.*.kind", Takes::Name(CouplingKind::NAMES), Required, "Its law."),
-    key("couplings.*.between", Ends, Required,
+    key("couplings.*.between", Ends(["puck", "wheel"]), Required,
         "Its two ends: \"puck\", \"ground\" or bodies. It acts on q, the first as seen from the second; its torque stands on the first."),
     key("couplings.*.stiffness", Quantity(Stiffness, ZeroOrMore), Required, "Torque per q; of a wall, inside; of a dead band, outside.").of(&["spring", "wall", "dead-band"]),
     key("couplings.*.rest", Quantity(Position, Any), Number(0.0), "The q at which the spring is slack; of a dead band, its middle.").of(&["spring", "dead-band"]),
@@ -540,6 +540,35 @@ pub const KEYS: &[Key] = &[
         "A CSV file beside the world file, its header time_s,puck_UNIT.").of(&["path"]).under(&["grip"]),
 ];
 
+/// The table at the top of a network file, in the paths of [`NETWORK`].
+pub const NETWORK_FILE: &str = "network";
+/// A station's name is a part of file names.
+const STATIONS: Takes = Takes::Named { most: 32, what: "station", letter_first: true, reserved: &[] };
+
+/// Every key of a network file, which joins the pucks of several worlds; `network` stands for the top of the file.
+#[rustfmt::skip]
+pub const NETWORK: &[Key] = &[
+    key("network.title", Text, Optional, "What the network is called in reports."),
+    key("network.stations", STATIONS, Required, "The devices, each with its own world and its own clock, by name."),
+    key("network.stations.*.world", Text, Required, "Its world file, in the folder of this file or below it."),
+    key("network.stations.*.phase", Quantity(Time, ZeroOrMore), Number(0.0), "When its first sample is taken, by the clock of the network."),
+    key("network.links", List { most: 64, what: "link" }, Required, "The couplings between the pucks of two stations. Each station computes its own end, from its own sample and the newest position that has come from the other."),
+    key("network.links.*.kind", Takes::Name(&["spring", "wall"]), Required, "Its law, of q: the first station's puck as seen from the second's."),
+    key("network.links.*.between", Ends(["left", "right"]), Required, "The two stations."),
+    key("network.links.*.stiffness", Quantity(Stiffness, ZeroOrMore), Required, "Torque per displacement (for a wall: per displacement inside of it)."),
+    key("network.links.*.rest", Quantity(Position, Any), Number(0.0), "q at which the spring is slack.").of(&["spring"]),
+    key("network.links.*.limit", Quantity(Torque, Positive), Optional, "The largest torque, on both pucks; absent: any."),
+    key("network.links.*.side", Takes::Name(&[Side::Above.name(), Side::Below.name()]), Required, "Which side of `at` is inside of the wall.").of(&["wall"]),
+    key("network.links.*.at", Quantity(Position, Any), Required, "Where the wall begins.").of(&["wall"]),
+    key("network.links.*.period", Quantity(Time, Positive), Depends("the sender's loop.period"), "The time between two messages, each way; no shorter than the sender's period."),
+    key("network.links.*.delay", Quantity(Time, ZeroOrMore), Number(0.0), "How long a message is on its way at least."),
+    key("network.links.*.delay_max", Quantity(Time, ZeroOrMore), Depends("delay"), "How long at most. Simulations draw each message's time between the two, so that messages may overtake each other."),
+    key("network.links.*.loss", Quantity(Ratio, ZeroOrMore), Number(0.0), "The part of the messages that a simulation loses, from 0 to 1."),
+    key("network.links.*.seed", Whole { least: 0, most: u32::MAX as u64, step: 1 }, Number(0.0), "The same seed draws the same losses and times."),
+    key("network.links.*.age_max", Quantity(Time, Positive), Required,
+        "The greatest age of a position at any time that its torque acts, from the other's sample to the end of the hold here. A station to whom none so young has come lets go of the link."),
+];
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -547,11 +576,11 @@ mod tests {
     #[test]
     fn one_row_at_most_speaks_for_a_key_of_a_kind() {
         let kinds = || [None].into_iter().chain(CouplingKind::NAMES.iter().chain(HandKind::NAMES).map(Some));
-        for row in KEYS {
+        for row in KEYS.iter().chain(NETWORK) {
             for kind in kinds() {
                 for hand in [None, Some("torque"), Some("grip")] {
                     for motion in [Motion::Rotary, Motion::Linear] {
-                        let same = KEYS.iter().filter(|key| key.path == row.path);
+                        let same = KEYS.iter().chain(NETWORK).filter(|key| key.path == row.path);
                         let speaking = same.filter(|key| key.belongs(kind.copied(), hand, motion));
                         assert!(speaking.count() <= 1, "{} of {kind:?} under {hand:?}", row.path);
                     }
@@ -575,9 +604,10 @@ mod tests {
 
     #[test]
     fn every_row_has_a_table_a_range_for_its_default_and_a_doc() {
-        for row in KEYS {
+        for row in KEYS.iter().chain(NETWORK) {
             let table = row.table().trim_end_matches(".*");
-            assert!(table.is_empty() || KEYS.iter().any(|key| key.path == table), "{}", row.path);
+            let is_top = table.is_empty() || table == NETWORK_FILE;
+            assert!(is_top || KEYS.iter().chain(NETWORK).any(|key| key.path == table), "{}", row.path);
             assert!(row.doc.ends_with('.'), "{}", row.path);
             match (row.takes, row.presence) {
                 (Quantity(_, range), Number(default)) => assert!(range.contains(default), "{}", row.path),

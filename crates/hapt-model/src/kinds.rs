@@ -171,7 +171,7 @@ mod tests {
             format!("[loop]\nperiod = 0.001\n[device]\ninertia = 1e-3\n[[couplings]]\nkind = {:?}\n", kind.name());
         for row in rows.filter(|row| row.presence == Presence::Required && row.name() != "kind") {
             let value = match row.takes {
-                Takes::Ends => "[\"puck\", \"ground\"]".into(),
+                Takes::Ends(_) => "[\"puck\", \"ground\"]".into(),
                 Takes::Name(names) => format!("{:?}", names[0]),
                 Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples | Takes::Whole { .. } => "1".into(),
                 Takes::Text | Takes::Numbers { .. } | Takes::Table | Takes::Named { .. } | Takes::List { .. } => {

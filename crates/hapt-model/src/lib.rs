@@ -37,6 +37,7 @@ mod fields;
 pub mod keys;
 mod kinds;
 mod limits;
+pub mod network;
 mod numbers;
 mod overrides;
 mod parameters;
@@ -65,6 +66,7 @@ pub use hapt_core::spec::{
 };
 pub use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape, Switching};
 pub use kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
+pub use network::{Link, Network, Station, is_network};
 pub use parameters::{Parameter, parameters, unit, unit_size};
 pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};
 pub use safety::Safety;

@@ -15,9 +15,14 @@ use crate::words;
 const MOST_SETS: usize = 1000;
 
 impl<'a> Document<'a> {
-    /// Parses the source and applies the overrides; the last one of a key holds.
+    /// Parses a world's source and applies the overrides; the last one of a key holds.
     pub fn new(source: &'a Source, sets: &'a [String]) -> Result<Document<'a>, Error> {
-        let document = Document::parse(source)?;
+        Document::within("", source, sets)
+    }
+
+    /// The same of a file whose top is the table of keys `top`.
+    pub fn within(top: &'static str, source: &'a Source, sets: &'a [String]) -> Result<Document<'a>, Error> {
+        let document = Document::parse(source, top)?;
         if sets.len() > MOST_SETS {
             let message = format!("--set: {} overrides are too many: the limit is {MOST_SETS}", sets.len());
             return Err(Error { kind: ErrorKind::Combination, key: String::new(), message, location: None });
@@ -50,7 +55,7 @@ fn apply(document: &mut Document<'_>, index: usize, set: &str) -> Result<(), Err
     // The tree is changed apart from the document, which shows the errors.
     let mut root =
         std::mem::replace(&mut document.root, Node { value: Value::Boolean(false), place: place(0..0), before: None });
-    let put = put(&mut root, &steps, value);
+    let put = put(&mut root, document.top, &steps, value);
     document.root = root;
     put.map_err(|(depth, kind, message)| {
         let known = &steps[..steps.len().min(depth + 1)];
@@ -94,9 +99,9 @@ fn value(set: &str, start: usize, index: usize) -> Node {
 }
 
 /// Puts `value` at the path; on failure the index of the step that fails, and why.
-fn put(root: &mut Node, steps: &[Step<'_>], value: Node) -> Result<(), (usize, ErrorKind, String)> {
+fn put(root: &mut Node, top: &str, steps: &[Step<'_>], value: Node) -> Result<(), (usize, ErrorKind, String)> {
     let mut node = root;
-    let mut pattern = String::new();
+    let mut pattern = top.to_string();
     for (depth, step) in steps.iter().enumerate() {
         let fail = |message: String| Err((depth, ErrorKind::Name, message));
         if step.name.is_empty() {

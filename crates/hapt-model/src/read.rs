@@ -34,6 +34,10 @@ impl World {
     /// The first mistake found: its key, what would be right, and where it stands.
     pub fn read(source: &Source, sets: &[String]) -> Result<World, Error> {
         let document = Document::new(source, sets)?;
+        if let Some(place) = document.place("stations") {
+            let message = "this file is a network, which joins the worlds of several stations; expected a world";
+            return Err(document.error(ErrorKind::Combination, "stations", message, &place));
+        }
         let root =
             Context { document: &document, motion: Motion::Rotary, pattern: "", path: String::new(), hand: None };
         let top = Fields::new(root, Some(&document.root))?;
@@ -104,14 +108,19 @@ impl World {
 
 /// The one of `all` whose name the key has; `None` where the file has no such key, nor the table a default for it. A name that the table
 /// of keys takes and none of these has is an error, and not another's.
-fn one_of<T: Copy>(fields: &Fields<'_>, key: &str, all: &[T], name: fn(T) -> &'static str) -> Result<Option<T>, Error> {
+pub(crate) fn one_of<T: Copy>(
+    fields: &Fields<'_>,
+    key: &str,
+    all: &[T],
+    name: fn(T) -> &'static str,
+) -> Result<Option<T>, Error> {
     let Some(given) = fields.name(key) else { return Ok(None) };
     let found = all.iter().copied().find(|one| name(*one) == given);
     found.map(Some).ok_or_else(|| fields.error(ErrorKind::Unsupported, key, nothing_reads(given)))
 }
 
 /// The table's kind. As [`one_of`].
-fn kind<K>(fields: &Fields<'_>, from_name: fn(&str) -> Option<K>) -> Result<K, Error> {
+pub(crate) fn kind<K>(fields: &Fields<'_>, from_name: fn(&str) -> Option<K>) -> Result<K, Error> {
     let given = fields.kind.ok_or_else(|| fields.missing("kind"))?;
     from_name(given).ok_or_else(|| fields.error(ErrorKind::Unsupported, "kind", nothing_reads(given)))
 }
@@ -466,14 +475,14 @@ fn shape(fields: &Fields<'_>, carries: Carries, paths: &mut path::Reader<'_>) ->
     })
 }
 
-fn named<'a>(fields: &Fields<'a>, name: &str) -> &'a [Entry] {
+pub(crate) fn named<'a>(fields: &Fields<'a>, name: &str) -> &'a [Entry] {
     match fields.node(name) {
         Some(Node { value: Value::Table(entries), .. }) => entries,
         _ => &[],
     }
 }
 
-fn items<'a>(fields: &Fields<'a>, name: &str) -> &'a [Node] {
+pub(crate) fn items<'a>(fields: &Fields<'a>, name: &str) -> &'a [Node] {
     match fields.node(name) {
         Some(Node { value: Value::Array(items), .. }) => items,
         _ => &[],

@@ -136,8 +136,8 @@ fn property(row: &'static Key, kinds: Kinds, definitions: &mut Definitions) -> V
             let number = json!({ "type": "number", "minimum": NUMBERS.start(), "maximum": NUMBERS.end() });
             json!({ "type": "array", "items": number, "minItems": least, "maxItems": most })
         }
-        Takes::Ends => {
-            let end = json!({ "type": "string", "pattern": body_name(), "examples": ["puck", "ground"] });
+        Takes::Ends(such) => {
+            let end = json!({ "type": "string", "pattern": body_name(), "examples": such });
             json!({ "type": "array", "items": end, "minItems": 2, "maxItems": 2, "uniqueItems": true })
         }
         Takes::Table => table(row.path, inside, definitions),

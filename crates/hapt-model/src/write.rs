@@ -166,7 +166,7 @@ impl World {
                 | Takes::Name(_)
                 | Takes::Whole { .. }
                 | Takes::Numbers { .. }
-                | Takes::Ends
+                | Takes::Ends(_)
                 | Takes::Table
                 | Takes::Named { .. }
                 | Takes::List { .. } => format!("{value}"),

@@ -58,6 +58,11 @@ impl Control {
         })
     }
 
+    /// What the motor is asked for, of this torque on the puck: after levels and limit.
+    pub fn command(&self, torque: f64) -> f64 {
+        for_each_capacity!(self, running => running.compiled.command(torque))
+    }
+
     /// One sample at the puck's true position and velocity, with x_k and the bristles of it.
     #[inline]
     pub fn step(

@@ -47,6 +47,7 @@ mod control;
 mod csv;
 mod energy;
 mod growth;
+mod network;
 mod row;
 mod run;
 mod schedule;
@@ -57,6 +58,7 @@ pub use control::{DesktopController, DesktopControllerState, DesktopLoop, Deskto
 pub use csv::CsvWriter;
 pub use energy::{DelayWork, world_energy};
 pub use hapt_plant::{Grip, Ledger, Motor, Script, VirtualDevice};
+pub use network::{NetworkRow, NetworkRun};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, RowSignal, SIGNALS, Signal, body_columns, columns, loop_columns};
 pub use run::{Error, Simulation, check, rows, script};
 pub use summary::Summary;

@@ -135,6 +135,9 @@ impl Signal {
     /// What a supervised loop asks of its motor.
     pub const OUTPUT: Signal =
         Signal::new("output", Measures::Effort, "the output of the supervisor, the torque of the motor");
+    /// A network's torque.
+    pub const LINK: Signal =
+        Signal::new("link", Measures::Effort, "from the links on the puck, before levels and limit");
     /// The world's energy.
     pub const ENERGY: Signal = Signal::new("energy", Measures::Energy, "the energy that the world stores");
 

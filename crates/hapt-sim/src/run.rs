@@ -1,5 +1,6 @@
 //! A run: the loop on the exact device, sample after sample.
 
+use hapt_core::Sample;
 use hapt_model::{Scenario, Timing, World};
 
 use crate::control::Control;
@@ -97,6 +98,11 @@ impl Machine {
         Ok((Machine { device, period, uneven }, rows))
     }
 
+    /// When sample number `sample`, the first or the next one, is taken, in s.
+    pub fn time(&self, sample: u64) -> f64 {
+        self.uneven.as_ref().map_or(sample as f64 * self.period, |(schedule, _)| schedule.time())
+    }
+
     /// Goes to sample number `sample`, the first or the next one, and gives its time in s. `command` is that of the sample before.
     #[inline]
     pub fn travel(&mut self, sample: u64, command: f64) -> f64 {
@@ -174,9 +180,32 @@ impl Simulation {
         self.row.handle.is_none() && self.hand().is_some_and(|hand| hand.prescribed().is_some() && !hand.is_gone(t))
     }
 
+    /// When the next row's sample is taken, in s; `None` after the last.
+    pub(crate) fn next_time(&self) -> Option<f64> {
+        (self.sample < self.rows).then(|| self.machine.time(self.sample))
+    }
+
+    /// The last row, with a time by another clock.
+    pub(crate) fn row_at(&mut self, time: f64) -> &Row {
+        self.row.time = time;
+        &self.row
+    }
+
     /// The next row; `None` after the last. An error ends the run.
     #[allow(clippy::should_implement_trait)] // The row is lent, not given: an iterator would allocate for each.
+    #[inline]
     pub fn next(&mut self) -> Option<Result<&Row, Error>> {
+        let taken = self.take(|_, sample| sample.command)?;
+        Some(taken.map(|()| &self.row))
+    }
+
+    /// The same with a torque on the puck from outside of the world, of its measured position; `row.torque` is the world's alone.
+    pub(crate) fn next_beside(&mut self, torque: impl FnOnce(f64) -> f64) -> Option<Result<(), Error>> {
+        self.take(|control, sample| control.command(sample.torque + torque(sample.puck.position)))
+    }
+
+    #[inline(always)]
+    fn take(&mut self, command: impl FnOnce(&Control, &Sample<f64>) -> f64) -> Option<Result<(), Error>> {
         if self.sample >= self.rows {
             return None;
         }
@@ -184,19 +213,20 @@ impl Simulation {
         let time = machine.travel(self.sample, row.command);
         let (position, velocity) = machine.device.puck();
         let sample = self.control.step(position, velocity, &mut row.bodies, &mut row.bristles);
-        machine.command(sample.command);
+        let command = command(&self.control, &sample);
+        machine.command(command);
         row.time = time;
         (row.puck, row.puck_velocity) = (position, velocity);
         row.handle = machine.device.handle();
         (row.measured, row.measured_velocity) = (sample.puck.position, sample.puck.velocity);
-        (row.torque, row.command, row.applied) = (sample.torque, sample.command, machine.device.applied());
+        (row.torque, row.command, row.applied) = (sample.torque, command, machine.device.applied());
         row.ledger = machine.device.ledger();
         self.sample += 1;
         if !self.row.is_finite() {
             self.rows = 0;
             return Some(Err(Error::NotFinite { time }));
         }
-        Some(Ok(&self.row))
+        Some(Ok(()))
     }
 }
 

@@ -6,10 +6,15 @@ use std::process::ExitCode;
 use crate::args::CheckArgs;
 use crate::colour;
 use crate::failure::Failure;
-use crate::world::load;
+use crate::network;
+use crate::world::{Loaded, source};
 
 pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
-    let loaded = load(&args.world)?;
+    let source = source(&args.world.path)?;
+    if hapt_model::is_network(&source) {
+        return network::check(&source, args);
+    }
+    let loaded = Loaded::of(source, &args.world)?;
     let mut check = hapt_analysis::check(&loaded.world)?;
     if !args.no_remedies {
         check.remedies = Some(hapt_analysis::remedies(&loaded.world)?);
@@ -26,7 +31,12 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
         };
         check.text(loaded.title(), &loaded.world.sampling, proposed.as_ref())
     };
+    print(&text, check.certified)
+}
+
+/// Prints a certificate; its exit code.
+pub fn print(text: &str, certified: bool) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
-    out.write_all(colour::for_stdout(&text).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
-    Ok(if check.certified { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    out.write_all(colour::for_stdout(text).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    Ok(if certified { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }

@@ -30,6 +30,7 @@ mod licences;
 mod live;
 mod log;
 mod messages;
+mod network;
 mod notes;
 mod output;
 mod plot;

@@ -12,13 +12,18 @@ use crate::args::{Format, SimArgs};
 use crate::failure::Failure;
 use crate::format::{self, Effort};
 use crate::messages;
+use crate::network;
 use crate::output;
 use crate::progress::Progress;
 use crate::table::Table;
-use crate::world::{Loaded, files, load};
+use crate::world::{Loaded, files, source};
 
 pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
-    let loaded = load(&args.world)?;
+    let source = source(&args.world.path)?;
+    if hapt_model::is_network(&source) {
+        return network::sim(&source, args);
+    }
+    let loaded = Loaded::of(source, &args.world)?;
     let scenarios = named(&loaded.world, &args.scenarios)?;
     // All errors come before the first file is written.
     hapt_sim::check(&loaded.world)?;

@@ -18,9 +18,7 @@ pub struct Loaded {
 
 /// Reads the world file with its overrides.
 pub fn load(args: &WorldArgs) -> Result<Loaded, Failure> {
-    let source = source(&args.path)?;
-    let world = World::read(&source, &args.sets)?;
-    Ok(Loaded { name: source.name.clone(), world, source })
+    Loaded::of(source(&args.path)?, args)
 }
 
 /// The source of WORLD: a file, standard input for `-`, a built-in world for `@NAME`.
@@ -49,6 +47,12 @@ pub fn files(path: &Path, world: &World) -> Vec<(&'static str, PathBuf)> {
 }
 
 impl Loaded {
+    /// The world of a source that has been read.
+    pub fn of(source: Source, args: &WorldArgs) -> Result<Loaded, Failure> {
+        let world = World::read(&source, &args.sets)?;
+        Ok(Loaded { name: source.name.clone(), world, source })
+    }
+
     /// Its title, or else its file's name.
     pub fn title(&self) -> &str {
         self.world.title.as_deref().unwrap_or(&self.name)

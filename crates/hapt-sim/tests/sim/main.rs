@@ -11,6 +11,7 @@ mod guarded;
 mod handle;
 mod lag;
 mod linearisation;
+mod network;
 mod notes;
 mod published;
 mod switching;

@@ -21,6 +21,7 @@ mod impedance;
 mod live;
 mod logs;
 mod lookups;
+mod network;
 mod odrive;
 mod outputs;
 mod realtime;

@@ -1,0 +1,174 @@
+//! What links ask of the stations' devices: the matrix M of the network, and what keeps it from being indefinite.
+
+use hapt_model::{Law, Link, Network, Station};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+use crate::error::Error;
+use crate::passivity::timing::Timing;
+
+/// To the safe side, in parts of a value.
+const SAFE: f64 = 1e-9;
+
+/// The parts of M.
+pub(super) struct Burden {
+    /// b_i: the least damping of each device.
+    pub damping: Vec<f64>,
+    /// d_i: what the world alone requires; `None` where no finite damping suffices.
+    demand: Vec<Option<f64>>,
+    links: Vec<LinkBurden>,
+}
+
+/// What a link asks for, per stiffness, of its two stations.
+struct LinkBurden {
+    between: [usize; 2],
+    stiffness: f64,
+    /// a_i and a_j, s.
+    own: [f64; 2],
+    /// A_ij + A_ji, s.
+    ages: f64,
+    /// The part of it that age_max is.
+    age_max: f64,
+}
+
+/// What a station's own sampling costs of a link, per stiffness, s.
+fn own(station: &Station, link: &Link) -> Result<f64, Error> {
+    let timing = Timing::of(&station.world);
+    let is_linear = link.limit.is_none() && matches!(link.law, Law::Spring { .. });
+    if is_linear || timing.is_at_once() {
+        return timing.of_laws([1.0, 0.0]);
+    }
+    // q depends on the other's puck too: its ways are bounded one by one, as in (T46).
+    Ok(2.0 * timing.longest / std::f64::consts::PI + timing.delay[1] + timing.lag[1])
+}
+
+impl Burden {
+    pub fn of(network: &Network, demand: &[Option<f64>]) -> Result<Burden, Error> {
+        let mut links = Vec::new();
+        for link in &network.links {
+            let [one, other] = link.between.map(|at| &network.stations[at]);
+            let lags: f64 = [one, other].iter().map(|station| station.world.device.lag_range()[1]).sum();
+            links.push(LinkBurden {
+                between: link.between,
+                stiffness: link.stiffness(),
+                own: [own(one, link)?, own(other, link)?],
+                ages: 2.0 * link.age_max + lags,
+                age_max: link.age_max,
+            });
+        }
+        let damping = network.stations.iter().map(|station| station.world.device.damping_range()[0]).collect();
+        Ok(Burden { damping, demand: demand.to_vec(), links })
+    }
+
+    /// M with the stiffness of each link times `scale` of it, and ages times `age`; `None` where a station has no finite demand.
+    fn matrix(&self, scale: impl Fn(usize) -> f64, age: f64) -> Option<DMatrix<f64>> {
+        let n = self.damping.len();
+        let mut m = DMatrix::zeros(n, n);
+        for i in 0..n {
+            m[(i, i)] = self.damping[i] - self.demand[i]?;
+        }
+        for (index, link) in self.links.iter().enumerate() {
+            let [i, j] = link.between;
+            let k = link.stiffness * scale(index);
+            m[(i, i)] -= k * link.own[0];
+            m[(j, j)] -= k * link.own[1];
+            let cross = 0.5 * k * (link.ages + 2.0 * (age - 1.0) * link.age_max);
+            m[(i, j)] -= cross;
+            m[(j, i)] -= cross;
+        }
+        Some(m)
+    }
+
+    /// What each station requires. Weights of 1 where they are enough, or where none are; else those of the vector that M favours.
+    pub fn required(&self) -> Vec<Option<f64>> {
+        let even = self.weighted(&vec![1.0; self.damping.len()]);
+        let is_met = |all: &[Option<f64>]| all.iter().zip(&self.damping).all(|(b, own)| b.is_some_and(|b| b <= *own));
+        if is_met(&even) {
+            return even;
+        }
+        let shared = self.weights().map(|weights| self.weighted(&weights)).filter(|shared| is_met(shared));
+        shared.unwrap_or(even)
+    }
+
+    fn weighted(&self, x: &[f64]) -> Vec<Option<f64>> {
+        let mut required = self.demand.clone();
+        for link in &self.links {
+            let [i, j] = link.between;
+            let mut add = |at: usize, own: f64, weight: f64| {
+                if let Some(b) = &mut required[at] {
+                    *b += link.stiffness * (own + 0.5 * link.ages * weight);
+                }
+            };
+            add(i, link.own[0], x[j] / x[i]);
+            add(j, link.own[1], x[i] / x[j]);
+        }
+        required
+    }
+
+    /// x > 0 with M x ≥ 0 where M is positive definite: x = M⁻¹ 1, since M has no positive number beside its diagonal.
+    fn weights(&self) -> Option<Vec<f64>> {
+        let m = self.matrix(|_| 1.0, 1.0)?;
+        if least_eigenvalue(&m) <= 0.0 {
+            return None;
+        }
+        let x = m.cholesky()?.solve(&DVector::repeat(self.damping.len(), 1.0));
+        x.iter().all(|x| *x > 0.0).then(|| x.iter().copied().collect())
+    }
+
+    fn is_passive(&self, scale: impl Fn(usize) -> f64, age: f64) -> bool {
+        self.matrix(scale, age).is_some_and(|m| least_eigenvalue(&m) >= 0.0)
+    }
+
+    /// The largest factor up to which `holds`, on the safe side; `None` where it does not hold at 0, `f64::MAX` is never reached.
+    fn largest(holds: impl Fn(f64) -> bool) -> Option<f64> {
+        if !holds(0.0) {
+            return None;
+        }
+        let mut high = 1.0;
+        while holds(high) && high < 1e30 {
+            high *= 2.0;
+        }
+        let mut low = 0.0;
+        while high - low > SAFE * high && high > 1e-30 {
+            let middle = 0.5 * (low + high);
+            if holds(middle) { low = middle } else { high = middle }
+        }
+        (high < 1e30).then_some(low)
+    }
+
+    /// The largest stiffness of one link, the others as they are.
+    pub fn stiffness_max(&self, index: usize) -> Option<f64> {
+        let mut unit = Burden { damping: self.damping.clone(), demand: self.demand.clone(), links: Vec::new() };
+        unit.links.extend(
+            self.links
+                .iter()
+                .enumerate()
+                .map(|(at, link)| LinkBurden { stiffness: if at == index { 1.0 } else { link.stiffness }, ..*link }),
+        );
+        Burden::largest(|k| unit.is_passive(|at| if at == index { k } else { 1.0 }, 1.0))
+    }
+
+    pub fn stiffness_scale(&self) -> Option<f64> {
+        Burden::largest(|scale| self.is_passive(|_| scale, 1.0))
+    }
+
+    pub fn age_scale(&self) -> Option<f64> {
+        Burden::largest(|age| self.is_passive(|_| 1.0, age))
+    }
+
+    /// The least damping of one device, the others as they are: by the complement of Schur.
+    pub fn least_damping(&self, index: usize) -> Option<f64> {
+        let m = self.matrix(|_| 1.0, 1.0)?;
+        let others = m.clone().remove_row(index).remove_column(index);
+        if others.nrows() > 0 && least_eigenvalue(&others) <= 0.0 {
+            return None;
+        }
+        let column = m.column(index).clone_owned().remove_row(index);
+        let needed = if others.nrows() == 0 { 0.0 } else { column.dot(&others.cholesky()?.solve(&column)) };
+        let least = self.damping[index] - m[(index, index)] + needed;
+        Some((least * (1.0 + SAFE)).max(0.0))
+    }
+}
+
+fn least_eigenvalue(m: &DMatrix<f64>) -> f64 {
+    SymmetricEigen::new(m.clone()).eigenvalues.min()
+}

@@ -1,0 +1,242 @@
+//! Passivity of stations that are joined by links (docs/theory.md, (T50) to (T53)).
+//!
+//! Each station computes its own end of a link, -φ(z_i - z_j), from its own sample and the newest position that has come from the
+//! other. Their errors in z are at most the ways since: with |φ'| ≤ K, the pair does beyond the change of the link's energy at most the
+//! work
+//!
+//! ```text
+//! K a_i ∫ż_i² + K a_j ∫ż_j² + K (A_ij + A_ji) ‖ż_i‖ ‖ż_j‖
+//! ```
+//!
+//! a_i is what the station's own sampling costs per stiffness, (T42), (T45) or (T46); A_ij is the greatest age of what i knows of j at any
+//! time that it acts, with the motor's lag. No clocks are compared and no message has to arrive. With the local demands d_i the
+//! network is passive where the matrix
+//!
+//! ```text
+//! M = diag(b_i - d_i - Σ_j K_ij a_i),    M_ij = -K_ij (A_ij + A_ji)/2
+//! ```
+//!
+//! is not indefinite; weights of 1 give b_i ≥ d_i + Σ_j K_ij (a_i + (A_ij + A_ji)/2).
+
+mod burden;
+mod text;
+
+use hapt_model::{Law, Link, Network, Station, World};
+use serde::Serialize;
+use serde::ser::{SerializeMap, Serializer};
+
+use crate::certificate::check::{Check, check};
+use crate::error::Error;
+use crate::passivity::quantisation::{quantisation, step};
+use burden::Burden;
+
+/// The certificate of a network. It serialises to what `hapt check --json` prints of one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NetworkCheck {
+    /// In file order; serialised as a mapping by name.
+    #[serde(serialize_with = "by_name")]
+    pub stations: Vec<StationCheck>,
+    /// In file order.
+    pub links: Vec<LinkCheck>,
+    /// Whether every station is certified alone, and all are passive together.
+    pub certified: bool,
+    /// What would make it certified, or its margins.
+    pub remedies: NetworkRemedies,
+    /// Conditions that apply to the numbers.
+    pub notes: Vec<String>,
+}
+
+/// One station.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StationCheck {
+    /// Its name.
+    #[serde(skip)]
+    pub name: String,
+    /// Its world alone.
+    pub local: Check,
+    /// The device damping that its world and its part of all links require, N·m·s/rad (linear: N·s/m); `None` where no finite damping
+    /// is known to suffice.
+    pub required_damping: Option<f64>,
+    /// The least damping of its device, in the same unit.
+    pub device_damping: f64,
+    /// Whether that is enough.
+    pub passive: bool,
+    /// Whether it is proved for the whole loop with its links, not only for the linear part.
+    pub proved: bool,
+    /// The reasons why it is not proved, one sentence each.
+    pub not_proved: Vec<String>,
+}
+
+/// One link.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LinkCheck {
+    /// The stations' names.
+    pub between: [String; 2],
+    /// The greatest age of a position at any time that its torque acts, s.
+    pub age_max_s: f64,
+    /// Its stiffness, N·m/rad (linear: N/m).
+    pub stiffness: f64,
+    /// The largest stiffness with which the network is passive, all else as it is; `None`: with none.
+    pub stiffness_max: Option<f64>,
+}
+
+/// Values of which each makes the network passive by itself; where it is, its margins. `None`: none does.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NetworkRemedies {
+    /// The largest factor on the stiffness of every link.
+    pub stiffness_scale: Option<f64>,
+    /// The largest factor on the `age_max` of every link.
+    pub age_scale: Option<f64>,
+    /// The least damping of each station's device, the others as they are.
+    #[serde(serialize_with = "pairs")]
+    pub device_damping: Vec<(String, Option<f64>)>,
+}
+
+fn by_name<S: Serializer>(stations: &[StationCheck], to: S) -> Result<S::Ok, S::Error> {
+    let mut map = to.serialize_map(Some(stations.len()))?;
+    for station in stations {
+        map.serialize_entry(&station.name, station)?;
+    }
+    map.end()
+}
+
+fn pairs<S: Serializer>(pairs: &[(String, Option<f64>)], to: S) -> Result<S::Ok, S::Error> {
+    let mut map = to.serialize_map(Some(pairs.len()))?;
+    for (name, value) in pairs {
+        map.serialize_entry(name, value)?;
+    }
+    map.end()
+}
+
+/// The certificate of a network: each station alone, and all of them together, for any clocks and any loss within the links' ages.
+///
+/// # Errors
+/// As [`check`] of a station's world.
+pub fn check_network(network: &Network) -> Result<NetworkCheck, Error> {
+    let locals = network.stations.iter().map(|station| check(&station.world)).collect::<Result<Vec<_>, _>>()?;
+    let demands: Vec<Option<f64>> = locals.iter().map(|local| local.uneven.required_damping).collect();
+    let burden = Burden::of(network, &demands)?;
+    let required = burden.required();
+    let mut stations = Vec::new();
+    for (index, (station, local)) in network.stations.iter().zip(locals).enumerate() {
+        let not_proved = unproved(network, index, &local)?;
+        let device_damping = burden.damping[index];
+        let required_damping = required[index];
+        stations.push(StationCheck {
+            name: station.name.clone(),
+            required_damping,
+            device_damping,
+            passive: required_damping.is_some_and(|b| b <= device_damping),
+            proved: not_proved.is_empty(),
+            not_proved,
+            local,
+        });
+    }
+    let links = network.links.iter().enumerate().map(|(index, link)| LinkCheck {
+        between: link.between.map(|at| network.stations[at].name.clone()),
+        age_max_s: link.age_max,
+        stiffness: link.stiffness(),
+        stiffness_max: burden.stiffness_max(index),
+    });
+    let remedies = NetworkRemedies {
+        stiffness_scale: burden.stiffness_scale(),
+        age_scale: burden.age_scale(),
+        device_damping: stations
+            .iter()
+            .enumerate()
+            .map(|(index, station)| (station.name.clone(), burden.least_damping(index)))
+            .collect(),
+    };
+    Ok(NetworkCheck {
+        links: links.collect(),
+        certified: stations.iter().all(|station| station.passive && station.local.certified),
+        remedies,
+        notes: notes(network),
+        stations,
+    })
+}
+
+fn notes(network: &Network) -> Vec<String> {
+    let mut notes = vec![
+        "the claim holds for any clocks, any order and any loss, as long as no position acts beyond its age_max; a link that lets go keeps \
+         it, and one that takes hold again adds the energy of its stretch at that moment"
+            .to_string(),
+    ];
+    for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
+        let [one, other] = link.between.map(|at| &network.stations[at]);
+        for (sender, receiver) in [(one, other), (other, one)] {
+            let usual = link.period.unwrap_or(sender.world.sampling.period) + link.delay_max + receiver.hold();
+            if usual > link.age_max {
+                notes.push(format!(
+                    "the link lets go at {} even when no message of {} is lost: a position is up to {:?} s old, and age_max is {:?} s",
+                    receiver.name, sender.name, usual, link.age_max
+                ));
+            }
+        }
+    }
+    notes
+}
+
+/// Why the claim is not proved of a station's whole loop with its links.
+fn unproved(network: &Network, index: usize, local: &Check) -> Result<Vec<String>, Error> {
+    let station = &network.stations[index];
+    let own: Vec<&Link> = network.links.iter().filter(|link| link.between.contains(&index)).collect();
+    let mut reasons = local.uneven.not_proved.clone();
+    if let Some(reason) = limit(station, &own) {
+        reasons.push(reason);
+    }
+    if let Some(reason) = counts(network, index, &own)? {
+        reasons.push(reason);
+    }
+    Ok(reasons)
+}
+
+/// The motor's limit is never reached, or cuts the sum of world and links.
+fn limit(station: &Station, own: &[&Link]) -> Option<String> {
+    let limit = station.world.device.limit?;
+    let couplings = station.world.couplings.iter().filter(|coupling| crate::equations::laws::at_puck(coupling));
+    let most = |law: &Law, clamp: Option<f64>| match (clamp, *law) {
+        (Some(limit), _) => limit,
+        (None, Law::Detent { torque, .. } | Law::Magnet { torque, .. } | Law::Coulomb { torque }) => torque,
+        (None, Law::Constant { torque }) => torque.abs(),
+        (None, _) => f64::INFINITY,
+    };
+    let world: f64 = couplings.map(|coupling| most(&coupling.law, coupling.limit)).sum();
+    let links: f64 = own.iter().map(|link| link.limit.unwrap_or(f64::INFINITY)).sum();
+    let is_linked = own.iter().any(|link| link.stiffness() > 0.0);
+    (is_linked && world + links > limit).then(|| {
+        "the motor's limit may cut the sum of the world's torque and the links': give the links, and the couplings at the puck, a limit each \
+         whose sum is within device.limit"
+            .to_string()
+    })
+}
+
+/// What the counts of both ends of every link make of its torque is within the friction of the device, or not.
+fn counts(network: &Network, index: usize, own: &[&Link]) -> Result<Option<String>, Error> {
+    let station = &network.stations[index];
+    let is_rotary = network.motion == hapt_model::Motion::Rotary;
+    let size =
+        |world: &World| world.device.encoder.map_or(0.0, |n| if is_rotary { std::f64::consts::TAU / n } else { n });
+    // The torque's error is at most K (Δ_i + Δ_j)/2, whose work is at most that times the path.
+    let (mut others, mut here) = (0.0, 0.0);
+    for link in own {
+        let other = link.between[usize::from(link.between[0] == index)];
+        others += 0.5 * link.stiffness() * size(&network.stations[other].world);
+        here += link.stiffness();
+    }
+    if here == 0.0 || others + size(&station.world) == 0.0 && step(&station.world) == 0.0 {
+        return Ok(None);
+    }
+    let mut with_links = station.world.clone();
+    with_links.device.friction = station.world.device.friction_range()[0] - others;
+    with_links.couplings.push(hapt_model::Coupling {
+        first: hapt_model::End::Puck,
+        second: hapt_model::End::Ground,
+        law: Law::Spring { stiffness: here, rest: 0.0 },
+        limit: None,
+    });
+    let is_enough = with_links.device.friction >= 0.0 && quantisation(&with_links)?.ok;
+    Ok((!is_enough).then(|| {
+        "encoder counts, here or at the other end of a link, make steps in its torque that the friction of the device does not cover".to_string()
+    }))
+}

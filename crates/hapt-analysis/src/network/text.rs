@@ -1,0 +1,98 @@
+//! The check of a network as text: what `hapt check` prints of it.
+
+use std::fmt::Write as _;
+
+use super::{NetworkCheck, StationCheck};
+use crate::text::{short, time};
+
+impl NetworkCheck {
+    /// One sentence: certified, or why not.
+    pub fn verdict_sentence(&self) -> String {
+        let named = |which: &dyn Fn(&StationCheck) -> bool| {
+            let names: Vec<&str> =
+                self.stations.iter().filter(|station| which(station)).map(|s| s.name.as_str()).collect();
+            names.join(", ")
+        };
+        let alone = named(&|station| !station.local.certified);
+        if !alone.is_empty() {
+            return format!("not certified: already without links these stations are not: {alone}");
+        }
+        let lacking = named(&|station| !station.passive);
+        if !lacking.is_empty() {
+            return format!("not certified: with the links these stations have too little damping: {lacking}");
+        }
+        let unproved = named(&|station| !station.proved);
+        match unproved.is_empty() {
+            true => "certified: passive for any clocks and any loss".into(),
+            false => format!(
+                "certified: passive for any clocks and any loss, as far as the linear loops go; not proved at {unproved}"
+            ),
+        }
+    }
+
+    /// Title, verdicts with their numbers, remedies or margins, and notes, as lines for a terminal.
+    pub fn text(&self, title: &str) -> String {
+        let mut text = format!("{title}\n\nverdict   {}\n", self.verdict_sentence());
+        for station in &self.stations {
+            let _ = writeln!(text, "station   {}", self.station(station));
+            for reason in &station.not_proved {
+                let _ = writeln!(text, "          not proved: {reason}");
+            }
+        }
+        for link in &self.links {
+            let [one, other] = &link.between;
+            let most = link.stiffness_max.map_or("passive with none".into(), |k| format!("passive up to {}", short(k)));
+            let _ = writeln!(
+                text,
+                "link      {one} to {other}: stiffness {}, {most}; positions act up to an age of {}",
+                short(link.stiffness),
+                time(link.age_max_s)
+            );
+        }
+        let is_passive = self.stations.iter().all(|station| station.passive);
+        let (name, heading) = if is_passive {
+            ("margins", "passive as far as each of these, one at a time")
+        } else {
+            ("remedies", "each of these makes it passive")
+        };
+        let mut lines = Vec::new();
+        let remedies = &self.remedies;
+        if let Some(scale) = remedies.stiffness_scale.filter(|scale| *scale > 0.0) {
+            lines.push(format!("stiffness of every link times {}", short(scale)));
+        }
+        if let Some(scale) = remedies.age_scale.filter(|scale| *scale > 0.0) {
+            lines.push(format!("age_max of every link times {}", short(scale)));
+        }
+        for (station, damping) in &remedies.device_damping {
+            lines.extend(damping.map(|damping| format!("device.damping of {station}: {}", short(damping))));
+        }
+        match lines.is_empty() {
+            true => text += &format!("{name:<9} no single change of these numbers makes it passive\n"),
+            false => {
+                text += &format!(
+                    "{name:<9} {heading}:\n{}",
+                    lines.iter().map(|line| format!("  {line}\n")).collect::<String>()
+                )
+            }
+        }
+        for note in &self.notes {
+            let _ = writeln!(text, "note      {note}");
+        }
+        text
+    }
+
+    fn station(&self, station: &StationCheck) -> String {
+        let StationCheck { name, required_damping, device_damping, local, .. } = station;
+        let own = short(*device_damping);
+        match (local.certified, required_damping) {
+            (false, _) => format!("{name}: {}", local.verdict_sentence()),
+            (true, None) => format!("{name}: no finite damping is known to suffice"),
+            (true, Some(b)) if station.passive => {
+                format!("{name}: passive, requires a damping of {}, the device has {own}", short(*b))
+            }
+            (true, Some(b)) => {
+                format!("{name}: not passive, requires a damping of {}, the device has {own}", short(*b))
+            }
+        }
+    }
+}

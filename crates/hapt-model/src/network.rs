@@ -1,0 +1,352 @@
+//! A network file: stations, each an ordinary world, and the links between their pucks.
+
+use hapt_core::{Law, Side};
+
+use crate::document::{Document, Place};
+use crate::error::{Error, ErrorKind};
+use crate::fields::{Context, Fields};
+use crate::keys::NETWORK_FILE;
+use crate::kinds::Motion;
+use crate::path;
+use crate::read::{items, kind, named, one_of};
+use crate::source::Source;
+use crate::words;
+use crate::world::{Scenario, World};
+
+/// A network file, read and checked. All numbers are in SI.
+///
+/// ```
+/// use hapt_model::{Network, Source};
+///
+/// let mut source = Source::from_text("pair.toml", r#"
+/// stations.left.world = "wheel.toml"
+/// stations.right.world = "wheel.toml"
+/// [[links]]
+/// kind = "spring"
+/// between = ["left", "right"]
+/// stiffness = "5 N mm/deg"
+/// age_max = "20 ms"
+/// "#);
+/// source.files.insert("wheel.toml".into(), "loop.period = '1 ms'\ndevice.inertia = '6.4e-4 kg m^2'".into());
+/// // An override of a station goes on to its world.
+/// let network = Network::read(&source, &["stations.left.loop.period=2ms".to_string()])?;
+/// assert_eq!(network.stations[0].world.sampling.period, 2e-3);
+/// assert_eq!(network.stations[1].world.sampling.period, 1e-3);
+/// assert_eq!(network.links[0].between, [0, 1]);
+/// # Ok::<(), hapt_model::Error>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Network {
+    /// What the file calls itself.
+    pub title: Option<String>,
+    /// Rotary or linear, as all of its stations are.
+    pub motion: Motion,
+    /// In file order.
+    pub stations: Vec<Station>,
+    /// In file order.
+    pub links: Vec<Link>,
+}
+
+/// A device with its own world and its own clock.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Station {
+    /// Its name.
+    pub name: String,
+    /// Its world's file, as the network names it.
+    pub file: String,
+    /// Its world.
+    pub world: World,
+    /// When its first sample is taken, in s.
+    pub phase: f64,
+}
+
+/// A coupling between the pucks of two stations, of which each computes its own end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Link {
+    /// Which stations: q is the first one's puck as seen from the second's.
+    pub between: [usize; 2],
+    /// A spring or a wall without damping.
+    pub law: Law,
+    /// The largest torque in N·m (linear: N); `None`: any.
+    pub limit: Option<f64>,
+    /// Between two messages in s; `None`: the sender's period.
+    pub period: Option<f64>,
+    /// How long a message is on its way at least, in s.
+    pub delay: f64,
+    /// How long at most, in s; no shorter.
+    pub delay_max: f64,
+    /// The part of the messages that a simulation loses, from 0 to 1.
+    pub loss: f64,
+    /// Of the losses and times that a simulation draws.
+    pub seed: u32,
+    /// The greatest age in s of a position at any time that its torque acts.
+    pub age_max: f64,
+}
+
+impl Link {
+    /// K in N·m/rad (linear: N/m): the steepest slope.
+    pub fn stiffness(&self) -> f64 {
+        let (Law::Spring { stiffness, .. } | Law::Wall { stiffness, .. }) = self.law else { return 0.0 };
+        stiffness
+    }
+
+    /// The same link, this stiff.
+    pub fn with_stiffness(&self, stiffness: f64) -> Link {
+        let mut link = self.clone();
+        if let Law::Spring { stiffness: own, .. } | Law::Wall { stiffness: own, .. } = &mut link.law {
+            *own = stiffness;
+        }
+        link
+    }
+
+    /// The torque on the first station's puck at q; the second's has the opposite sign.
+    pub fn torque(&self, q: f64) -> f64 {
+        let torque = match self.law {
+            Law::Spring { stiffness, rest } => -stiffness * (q - rest),
+            Law::Wall { side: Side::Above, at, stiffness, .. } => -stiffness * (q - at).max(0.0),
+            Law::Wall { side: Side::Below, at, stiffness, .. } => -stiffness * (q - at).min(0.0),
+            _ => 0.0,
+        };
+        self.limit.map_or(torque, |limit| torque.clamp(-limit, limit))
+    }
+
+    /// The energy in J that it stores at q.
+    pub fn energy(&self, q: f64) -> f64 {
+        let depth = match self.law {
+            Law::Spring { rest, .. } => (q - rest).abs(),
+            Law::Wall { side: Side::Above, at, .. } => (q - at).max(0.0),
+            Law::Wall { side: Side::Below, at, .. } => (at - q).max(0.0),
+            _ => 0.0,
+        };
+        let (k, limit) = (self.stiffness(), self.limit.unwrap_or(f64::INFINITY));
+        // Beyond limit/k the torque stays what it is.
+        if k * depth <= limit { 0.5 * k * depth * depth } else { limit * (depth - 0.5 * limit / k) }
+    }
+}
+
+impl Station {
+    /// How long a torque that was computed at a sample may act, in s: until the next sample's has arrived.
+    pub fn hold(&self) -> f64 {
+        self.world.sampling.interval_max_s() + self.world.sampling.delay_max_s()
+    }
+}
+
+/// Whether the file joins stations. What cannot be parsed does not.
+pub fn is_network(source: &Source) -> bool {
+    Document::parse(source, NETWORK_FILE).is_ok_and(|document| document.place("stations").is_some())
+}
+
+impl Network {
+    /// Reads and checks a network and the worlds of its stations. Each of `sets` is an override `KEY=VALUE`; those of
+    /// `stations.NAME.KEY` go on to the station's world, but for its own keys (`world`, `phase`).
+    ///
+    /// # Errors
+    /// The first mistake found: its key, what would be right, and where it stands.
+    pub fn read(source: &Source, sets: &[String]) -> Result<Network, Error> {
+        let (own, passed): (Vec<String>, Vec<String>) =
+            sets.iter().cloned().partition(|set| station_key(set).is_none());
+        let document = Document::within(NETWORK_FILE, source, &own)?;
+        let root =
+            |motion| Context { document: &document, motion, pattern: NETWORK_FILE, path: String::new(), hand: None };
+        let top = Fields::new(root(Motion::Rotary), Some(&document.root))?;
+
+        let mut stations: Vec<Station> = Vec::new();
+        for entry in named(&top, "stations") {
+            let context =
+                Context { path: format!("stations.{}", entry.key), ..top.inner("stations", "network.stations.*") };
+            let fields = Fields::new(context, Some(&entry.node))?;
+            let file = fields.text("world").ok_or_else(|| fields.missing("world"))?;
+            let sets: Vec<String> = passed
+                .iter()
+                .filter_map(|set| station_key(set))
+                .filter(|(name, _)| *name == entry.key)
+                .map(|(_, set)| set.to_string())
+                .collect();
+            let world = world(source, &fields, &file, &sets)?;
+            if let Some(first) = stations.first().filter(|first| first.world.motion != world.motion) {
+                let message = format!(
+                    "{file} is {}, and the station {} is {}: pucks that a link joins move alike",
+                    world.motion.name(),
+                    first.name,
+                    first.world.motion.name()
+                );
+                return Err(fields.error(ErrorKind::Combination, "world", message));
+            }
+            stations.push(Station { name: entry.key.clone(), file, world, phase: fields.number("phase")? });
+        }
+        for set in &passed {
+            let name = station_key(set).map_or("", |(name, _)| name);
+            if !stations.iter().any(|station| station.name == name) {
+                let hint = words::did_you_mean(name, stations.iter().map(|station| station.name.as_str()));
+                let message = format!("--set: the network has no station {}{hint}", words::quoted(name));
+                return Err(Error { kind: ErrorKind::Name, key: format!("stations.{name}"), message, location: None });
+            }
+        }
+        let motion = stations.first().map_or(Motion::Rotary, |station| station.world.motion);
+        let top = Fields::new(root(motion), Some(&document.root))?;
+        let mut links = Vec::new();
+        for (index, node) in items(&top, "links").iter().enumerate() {
+            let context = Context { path: format!("links.{index}"), ..top.inner("links", "network.links.*") };
+            links.push(link(&Fields::new(context, Some(node))?, &stations)?);
+        }
+        let network = Network { title: top.text("title"), motion, stations, links };
+        network.check_scenarios(&top)?;
+        Ok(network)
+    }
+
+    /// The scenarios' names: those of all stations, in the order in which they come.
+    pub fn scenarios(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = Vec::new();
+        for scenario in self.stations.iter().flat_map(|station| &station.world.scenarios) {
+            if !names.contains(&scenario.name.as_str()) {
+                names.push(&scenario.name);
+            }
+        }
+        names
+    }
+
+    /// What each station does in the scenario `name`; `None` for one whose world has no such scenario: there the puck is free.
+    pub fn scenario(&self, name: &str) -> Vec<Option<&Scenario>> {
+        let of = |station: &'_ Station| station.world.scenarios.iter().position(|scenario| scenario.name == name);
+        self.stations.iter().map(|station| of(station).map(|at| &station.world.scenarios[at])).collect()
+    }
+
+    /// A scenario takes the same time at every station that has it.
+    fn check_scenarios(&self, top: &Fields<'_>) -> Result<(), Error> {
+        for name in self.scenarios() {
+            let of = self.scenario(name);
+            let mut all = self.stations.iter().zip(&of).filter_map(|(station, scenario)| Some((station, (*scenario)?)));
+            let Some((first, own)) = all.next() else { continue };
+            if let Some((other, its)) = all.find(|(_, scenario)| scenario.duration != own.duration) {
+                let message = format!(
+                    "the scenario {name} takes {:?} s at {} and {:?} s at {}; it takes the same time at every station that has it",
+                    own.duration, first.name, its.duration, other.name
+                );
+                return Err(top.error(ErrorKind::Combination, "stations", message));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Of an override of a station's world its station, and the override for that world: `stations.left.loop.period=2ms` is
+/// `loop.period=2ms` of `left`. `None` for the network's own keys.
+fn station_key(set: &str) -> Option<(&str, &str)> {
+    let (name, rest) = set.trim_start().strip_prefix("stations.")?.split_once('.')?;
+    let key = rest.split('=').next()?.trim();
+    let is_own = crate::keys::rows("network.stations.*").any(|row| row.name() == key);
+    (!is_own && !name.contains('=')).then_some((name.trim(), rest))
+}
+
+/// The world of a station. A mistake in its file is shown there, one in its name here.
+fn world(source: &Source, fields: &Fields<'_>, file: &str, sets: &[String]) -> Result<World, Error> {
+    let here = |error: Error| fields.error(error.kind, "world", error.message);
+    let (name, text) = path::Reader::new(source, Motion::Rotary).text(file).map_err(|error| match error.location {
+        Some(_) => error,
+        None => here(error),
+    })?;
+    let folder =
+        std::path::Path::new(file).parent().map_or_else(|| source.folder.clone(), |inner| source.folder.join(inner));
+    let of_station = Source { folder, files: source.files.clone(), ..Source::from_text(name, text) };
+    if is_network(&of_station) {
+        return Err(fields.error(
+            ErrorKind::Value,
+            "world",
+            format!("{} is itself a network; a station has a world", words::quoted(file)),
+        ));
+    }
+    World::read(&of_station, sets)
+}
+
+fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
+    let ends = fields.ends("between")?;
+    let station = |(name, place): (&str, &Place)| {
+        stations.iter().position(|station| station.name == name).ok_or_else(|| {
+            let known = || stations.iter().map(|station| station.name.as_str());
+            let hint = match words::did_you_mean(name, known()) {
+                hint if hint.is_empty() => format!("; a station is {}", words::alternatives(known())),
+                hint => hint,
+            };
+            let message = format!("{} is not a station of this network{hint}", words::quoted(name));
+            fields.error_at(ErrorKind::Name, "between", message, place)
+        })
+    };
+    let between = [station(ends[0])?, station(ends[1])?];
+    if between[0] == between[1] {
+        let message = format!("both ends are {}; a link is between two different stations", words::quoted(ends[0].0));
+        return Err(fields.error(ErrorKind::Value, "between", message));
+    }
+    let stiffness = fields.number("stiffness")?;
+    let law = match kind(fields, |name| ["spring", "wall"].into_iter().find(|known| *known == name))? {
+        "spring" => Law::Spring { stiffness, rest: fields.number("rest")? },
+        _ => Law::Wall {
+            side: one_of(fields, "side", &[Side::Above, Side::Below], Side::name)?
+                .ok_or_else(|| fields.missing("side"))?,
+            at: fields.number("at")?,
+            stiffness,
+            damping: 0.0,
+        },
+    };
+    let delay = fields.number("delay")?;
+    let link = Link {
+        between,
+        law,
+        limit: fields.optional_number("limit")?,
+        period: fields.optional_number("period")?,
+        delay,
+        delay_max: fields.optional_number("delay_max")?.unwrap_or(delay),
+        loss: fields.number("loss")?,
+        seed: fields.whole("seed")?,
+        age_max: fields.number("age_max")?,
+    };
+    let combination = |name, message: String| Err(fields.error(ErrorKind::Combination, name, message));
+    if link.delay_max < delay {
+        return combination(
+            "delay_max",
+            format!(
+                "{:?} s is below delay, {delay:?} s, which is the least; expected {delay:?} s or more",
+                link.delay_max
+            ),
+        );
+    }
+    if link.loss > 1.0 {
+        return combination(
+            "loss",
+            format!("{:?} is more than 1, which is every message; expected a number from 0 to 1", link.loss),
+        );
+    }
+    for sender in between {
+        let (name, period) = (&stations[sender].name, stations[sender].world.sampling.period);
+        if let Some(own) = link.period.filter(|own| *own < period) {
+            return combination(
+                "period",
+                format!(
+                    "{own:?} s is below the period of {name}, {period:?} s, which sends at its samples; expected {period:?} s or more"
+                ),
+            );
+        }
+        let between_two = link.period.unwrap_or(period);
+        if between_two > link.age_max {
+            let key = if link.period.is_some() { "period" } else { "age_max" };
+            return combination(
+                key,
+                format!(
+                    "{name} sends every {between_two:?} s, and a position is used up to an age of {:?} s: the link would let go between two messages; expected an age_max above the period",
+                    link.age_max
+                ),
+            );
+        }
+    }
+    for [from, to] in [between, [between[1], between[0]]] {
+        let (sender, receiver) = (&stations[from], &stations[to]);
+        let least = delay + receiver.hold();
+        if least > link.age_max {
+            let message = format!(
+                "a position of {} acts at {} up to {least:?} s after its sample at least (its way, a period, the delay of the loop), and only {:?} s are allowed; expected an age_max of that or more",
+                sender.name, receiver.name, link.age_max
+            );
+            return combination("age_max", message);
+        }
+    }
+    Ok(link)
+}

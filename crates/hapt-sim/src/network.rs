@@ -1,0 +1,214 @@
+//! A run of a network: stations on their exact devices, each at its own times, and the messages between them.
+
+use std::collections::VecDeque;
+
+use hapt_model::{Drive, Hand, Link, Network, Scenario, Shape, Timing};
+
+use crate::row::Row;
+use crate::run::{Error, Simulation};
+use crate::schedule::{between, uniform};
+
+/// A scenario of a network, sample by sample, whichever station takes the next.
+///
+/// Each link has a first station, which decides whether it acts, and a second, which follows. A station sends its position at its samples,
+/// and with it whether it hears the other and whether it acts. The first acts when the other hears it and the ends have met (its torque
+/// is 0 or has changed its sign), the second as long as the first says that it acts. Each lets go where no position is young enough for
+/// all of the coming hold, and uses no position that was sent by an end that had let go. One that has let go waits until the other
+/// has, too.
+///
+/// ```
+/// use hapt_model::{Network, Source};
+/// use hapt_sim::NetworkRun;
+///
+/// let mut source = Source::from_text("pair.toml", r#"
+/// stations.left.world = "push.toml"
+/// stations.right.world = "wheel.toml"
+/// links = [{ kind = "spring", between = ["left", "right"], stiffness = 0.5, age_max = "20 ms" }]
+/// "#);
+/// let wheel = "loop.period = '1 ms'\ndevice = { inertia = '6.4e-4 kg m^2', damping = '0.02 N m s/rad' }\n";
+/// let push = "[scenarios.push]\nduration = '1 s'\nhand = { kind = 'step', to = '10 deg' }\n";
+/// source.files.insert("wheel.toml".into(), wheel.into());
+/// source.files.insert("push.toml".into(), format!("{wheel}{push}"));
+/// let network = Network::read(&source, &[])?;
+/// let mut run = NetworkRun::new(&network, "push")?;
+/// let mut right = 0.0;
+/// while let Some(row) = run.next() {
+///     let row = row?;
+///     if row.station == 1 {
+///         right = row.row.puck;
+///     }
+/// }
+/// // The spring pulls the other wheel along.
+/// assert!((right - 10f64.to_radians()).abs() < 0.01);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct NetworkRun {
+    stations: Vec<Station>,
+    joints: Vec<Joint>,
+}
+
+/// A sample of one station.
+#[derive(Clone, Copy, Debug)]
+pub struct NetworkRow<'a> {
+    /// Which station.
+    pub station: usize,
+    /// Its row, its time by the clock of the network.
+    pub row: &'a Row,
+    /// From the links on the puck, before levels and limit: the command is of this and the world's torque together.
+    pub link: f64,
+}
+
+#[derive(Clone, Debug)]
+struct Station {
+    run: Simulation,
+    phase: f64,
+    hold: f64,
+    period: f64,
+}
+
+/// A link with the messages that are on their way on it.
+#[derive(Clone, Debug)]
+struct Joint {
+    link: Link,
+    random: u64,
+    ends: [End; 2],
+}
+
+/// One station's end of a link.
+#[derive(Clone, Debug, Default)]
+struct End {
+    /// On their way to this end, in the order of their sending: when each arrives, and what it says.
+    coming: VecDeque<(f64, Message)>,
+    /// The one that was sent last of those that have arrived.
+    newest: Option<Message>,
+    /// Between two messages of this end, s.
+    period: f64,
+    /// When the next one is sent.
+    next: f64,
+    acts: bool,
+    /// What the torque was at the last sample that found a position young enough, whether it acted or not.
+    torque: Option<f64>,
+    /// How often it has let go.
+    let_go: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Message {
+    sampled: f64,
+    position: f64,
+    hears: bool,
+    acts: bool,
+}
+
+/// What a station without the scenario does.
+fn hands_off(name: &str, duration: f64) -> Scenario {
+    let hand = Hand { drive: Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), release: None };
+    Scenario { name: name.into(), duration, hand, timing: Timing::Even }
+}
+
+impl NetworkRun {
+    /// The scenario `name` of a network. Errors where a station's loop or timing cannot be run.
+    pub fn new(network: &Network, name: &str) -> Result<Self, Error> {
+        let scenarios = network.scenario(name);
+        let duration = scenarios.iter().flatten().map(|scenario| scenario.duration).next().unwrap_or(0.0);
+        let mut stations = Vec::new();
+        for (station, scenario) in network.stations.iter().zip(scenarios) {
+            let off = hands_off(name, duration);
+            stations.push(Station {
+                run: Simulation::new(&station.world, scenario.unwrap_or(&off))?,
+                phase: station.phase,
+                hold: station.hold(),
+                period: station.world.sampling.period,
+            });
+        }
+        let end = |link: &Link, at: usize| End {
+            period: link.period.unwrap_or(stations[at].period),
+            next: f64::NEG_INFINITY,
+            ..End::default()
+        };
+        let joints = network.links.iter().map(|link| Joint {
+            random: u64::from(link.seed),
+            ends: link.between.map(|at| end(link, at)),
+            link: link.clone(),
+        });
+        Ok(NetworkRun { joints: joints.collect(), stations })
+    }
+
+    /// How many rows all stations have together.
+    pub fn rows(&self) -> u64 {
+        self.stations.iter().map(|station| station.run.rows()).sum()
+    }
+
+    /// How often each end of each link has let go.
+    pub fn let_go(&self) -> impl Iterator<Item = [u64; 2]> {
+        self.joints.iter().map(|joint| [joint.ends[0].let_go, joint.ends[1].let_go])
+    }
+
+    /// The next sample of all; `None` after the last. An error ends the run.
+    #[allow(clippy::should_implement_trait)] // The row is lent, as that of a simulation.
+    pub fn next(&mut self) -> Option<Result<NetworkRow<'_>, Error>> {
+        let due = |station: &Station| station.run.next_time().map(|time| time + station.phase);
+        let times = self.stations.iter().enumerate().filter_map(|(at, station)| Some((at, due(station)?)));
+        let (at, time) = times.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (joints, station) = (&mut self.joints, &mut self.stations[at]);
+        let hold = station.hold;
+        let mut sum = 0.0;
+        let result = station.run.next_beside(|measured| {
+            sum = joints.iter_mut().filter_map(|joint| joint.torque(at, time, hold, measured)).sum();
+            sum
+        })?;
+        if let Err(error) = result {
+            return Some(Err(error));
+        }
+        let row = station.run.row_at(time);
+        if !sum.is_finite() {
+            return Some(Err(Error::NotFinite { time }));
+        }
+        Some(Ok(NetworkRow { station: at, row, link: sum }))
+    }
+}
+
+impl Joint {
+    /// The torque on the puck of station `at`, whose sample at `time` is `measured`; `None` where it is no end of this link.
+    fn torque(&mut self, at: usize, time: f64, hold: f64, measured: f64) -> Option<f64> {
+        let side = self.link.between.iter().position(|end| *end == at)?;
+        let Joint { link, random, ends } = self;
+        let [first, second] = ends;
+        let (own, other) = if side == 0 { (first, second) } else { (second, first) };
+        while let Some(place) =
+            own.coming.iter().position(|(arrival, message)| *arrival <= time && message.sampled < time)
+        {
+            let Some((_, message)) = own.coming.remove(place) else { break };
+            if own.newest.is_none_or(|newest| newest.sampled < message.sampled) {
+                own.newest = Some(message);
+            }
+        }
+        // Young enough for all of the coming hold.
+        let young = own.newest.filter(|newest| time - newest.sampled + hold <= link.age_max * (1.0 + 1e-12));
+        let sign = if side == 0 { 1.0 } else { -1.0 };
+        let torque = young.map_or(0.0, |newest| sign * link.torque(sign * (measured - newest.position)));
+        let acted = own.acts;
+        own.acts = young.is_some_and(|newest| match side {
+            // Decides: the ends have met, and the other has let go before it takes hold again.
+            0 => {
+                newest.hears
+                    && (acted
+                        || !newest.acts && (torque == 0.0 || own.torque.is_some_and(|before| before * torque < 0.0)))
+            }
+            _ => newest.acts,
+        });
+        own.let_go += u64::from(acted && !own.acts);
+        own.torque = young.map(|_| torque);
+        // Up to a millionth of a period, which is rounding.
+        if time >= own.next - 1e-6 * own.period {
+            own.next = own.next.max(time) + own.period;
+            let message = Message { sampled: time, position: measured, hears: young.is_some(), acts: own.acts };
+            let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max], uniform(random)));
+            if !lost {
+                other.coming.push_back((time + way, message));
+            }
+        }
+        Some(if own.acts { torque } else { 0.0 })
+    }
+}

@@ -1,0 +1,197 @@
+//! Networks of stations: their certificate and their runs.
+
+use std::io::{Write, stdout};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use hapt_model::{Network, Source};
+use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, Row, SIGNALS, Signal};
+
+use crate::args::{CheckArgs, Format, SimArgs};
+use crate::check::print;
+use crate::failure::Failure;
+use crate::format;
+use crate::messages;
+use crate::output::{self, Draft};
+use crate::progress::Progress;
+use crate::world::files;
+
+/// `hapt check` of a network.
+pub fn check(source: &Source, args: &CheckArgs) -> Result<ExitCode, Failure> {
+    let network = Network::read(source, &args.world.sets)?;
+    let check = hapt_analysis::check_network(&network)?;
+    let text = if args.json {
+        serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))? + "\n"
+    } else {
+        check.text(network.title.as_deref().unwrap_or(&source.name))
+    };
+    print(&text, check.certified)
+}
+
+/// `hapt sim` of a network.
+pub fn sim(source: &Source, args: &SimArgs) -> Result<ExitCode, Failure> {
+    let network = Network::read(source, &args.world.sets)?;
+    let scenarios = named(&network, &args.scenarios)?;
+    for station in &network.stations {
+        hapt_sim::check(&station.world)?;
+    }
+    match &args.out {
+        Some(folder) => write_all(&network, &scenarios, folder, args)?,
+        None => print_all(&network, source, &scenarios)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The scenarios named, each once, in the order of the stations; all when none is.
+fn named<'n>(network: &'n Network, names: &[String]) -> Result<Vec<&'n str>, Failure> {
+    let all = network.scenarios();
+    if all.is_empty() {
+        return Err(Failure::input(
+            "no station's world has a scenario to run; add one, such as [scenarios.push] with a duration and a hand",
+        ));
+    }
+    for name in names {
+        if !all.contains(&name.as_str()) {
+            let hint = hapt_model::did_you_mean(name, all.iter().copied());
+            let known = if hint.is_empty() { format!("; there is {}", all.join(", ")) } else { hint };
+            return Err(Failure::input(format!("no station's world has a scenario {name:?}{known}")));
+        }
+    }
+    Ok(all.into_iter().filter(|name| names.is_empty() || names.iter().any(|wanted| wanted == name)).collect())
+}
+
+/// Takes a run to its end. `Err` of the inside: it stopped being finite there.
+fn rows(
+    run: &mut NetworkRun,
+    name: &str,
+    mut each: impl FnMut(&NetworkRow<'_>) -> Result<(), Failure>,
+) -> Result<Result<(), Error>, Failure> {
+    let mut progress = Progress::new(name, "samples", run.rows(), 0);
+    let mut done = 0;
+    while let Some(row) = run.next() {
+        match row {
+            Ok(row) => each(&row)?,
+            Err(error) => return Ok(Err(error)),
+        }
+        done += 1;
+        progress.at(done);
+    }
+    Ok(Ok(()))
+}
+
+/// A file a scenario and station.
+fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArgs) -> Result<(), Failure> {
+    output::folder("--out", folder)?;
+    if let Some(format) = args.formats.iter().find(|format| **format != Format::Csv) {
+        return Err(Failure::input(format!(
+            "--format {}: the stations of a network are written as csv",
+            format.ending()
+        )));
+    }
+    let target = |scenario: &str, station: &str| folder.join(format!("{scenario}.{station}.csv"));
+    let stations = || network.stations.iter();
+    let targets: Vec<PathBuf> =
+        scenarios.iter().flat_map(|name| stations().map(|station| target(name, &station.name))).collect();
+    let outputs: Vec<_> = targets.iter().map(|path| ("--out", path.as_path())).collect();
+    let home = args.world.path.parent().unwrap_or(Path::new(""));
+    let mut inputs = vec![("the network", args.world.path.clone())];
+    inputs.extend(stations().flat_map(|station| files(&home.join(&station.file), &station.world)));
+    output::apart(&outputs, &inputs)?;
+    let mut first_failure = None;
+    for name in scenarios {
+        let mut run = NetworkRun::new(network, name)?;
+        let mut tables = stations()
+            .map(|station| {
+                let path = target(name, &station.name);
+                let columns =
+                    hapt_sim::columns(&station.world).into_iter().chain([Signal::LINK.column(network.motion)]);
+                let columns: Vec<String> = columns.map(|column| column.name).collect();
+                let begin = || CsvWriter::with_columns(Draft::new(path.clone())?, &columns);
+                begin().map(|table| (table, 0)).map_err(|error| Failure::write(path.display(), error))
+            })
+            .collect::<Result<Vec<_>, Failure>>()?;
+        let mut values = Vec::new();
+        let end = rows(&mut run, name, |row| {
+            let NetworkRow { station, row, link } = *row;
+            numbers(row, link, &mut values);
+            let (table, rows) = &mut tables[station];
+            *rows += 1;
+            let path = || target(name, &network.stations[station].name);
+            table.write_numbers(&values).map_err(|error| Failure::write(path().display(), error))
+        })?;
+        for ((table, rows), station) in tables.into_iter().zip(stations()) {
+            let path = target(name, &station.name);
+            let finished = table.finish().and_then(Draft::finish);
+            let path = finished.map_err(|error| Failure::write(path.display(), error))?;
+            messages::say(format_args!("wrote {}, {} rows", path.display(), format::count(rows)));
+        }
+        if let Err(error) = end {
+            let message = format!("scenario {name}: {error}; its files end before");
+            first_failure = first_failure.or(Some(Failure::System(message)));
+        }
+    }
+    first_failure.map_or(Ok(()), Err)
+}
+
+/// A row's numbers in the order of the columns.
+fn numbers(row: &Row, link: f64, values: &mut Vec<f64>) {
+    values.clear();
+    values.extend(SIGNALS.iter().map(|signal| (signal.get)(row)));
+    values.extend(row.pairs().flat_map(|(position, velocity)| [position, velocity]));
+    values.push(link);
+}
+
+/// What a station has done in a run.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    rows: u64,
+    peak: f64,
+    link: f64,
+    hand: f64,
+}
+
+fn print_all(network: &Network, source: &Source, scenarios: &[&str]) -> Result<(), Failure> {
+    let mut text = format!("{}\n", network.title.as_deref().unwrap_or(&source.name));
+    let mut first_failure = None;
+    for name in scenarios {
+        let mut run = NetworkRun::new(network, name)?;
+        let mut seen = vec![Seen::default(); network.stations.len()];
+        let end = rows(&mut run, name, |row| {
+            let of = &mut seen[row.station];
+            of.rows += 1;
+            of.peak = of.peak.max(row.row.command.abs());
+            of.link = of.link.max(row.link.abs());
+            of.hand = row.row.ledger.hand;
+            Ok(())
+        })?;
+        text += &format!("\nscenario {name}\n");
+        for (station, seen) in network.stations.iter().zip(&seen) {
+            text += &format!(
+                "  {}: {} samples, peak command {}, of the links at most {}; the hand gave {}\n",
+                station.name,
+                format::count(seen.rows),
+                format::effort(seen.peak, network.motion),
+                format::effort(seen.link, network.motion),
+                format::energy(seen.hand),
+            );
+        }
+        for (link, [first, second]) in network.links.iter().zip(run.let_go()) {
+            let [one, other] = link.between.map(|at| &network.stations[at].name);
+            let times = |n: u64| if n == 1 { "once".to_string() } else { format!("{n} times") };
+            if first + second > 0 {
+                text += &format!(
+                    "  link {one} to {other}: let go {} at {one}, {} at {other}\n",
+                    times(first),
+                    times(second)
+                );
+            }
+        }
+        if let Err(error) = end {
+            let message = format!("scenario {name}: {error}");
+            first_failure = first_failure.or(Some(Failure::System(message)));
+        }
+    }
+    let mut out = stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+    first_failure.map_or(Ok(()), Err)
+}

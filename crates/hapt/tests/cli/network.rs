@@ -1,0 +1,84 @@
+//! Networks of stations on the command line.
+
+use std::fs;
+
+use crate::common::{folder, hapt, names};
+
+const WHEEL: &str = "loop.period = \"1 ms\"\ndevice = { inertia = 1e-3, damping = 0.01 }\n\
+    [scenarios.push]\nduration = \"0.1 s\"\nhand = { kind = \"step\", to = \"10 deg\", at = \"20 ms\" }\n";
+const FREE: &str = "loop.period = \"2 ms\"\ndevice = { inertia = 1e-3, damping = 0.01 }\n";
+const PAIR: &str = "stations.left.world = \"wheel.toml\"\nstations.right.world = \"free.toml\"\n[[links]]\nkind = \"spring\"\n\
+    between = [\"left\", \"right\"]\nstiffness = 0.2\nage_max = \"20 ms\"\n";
+
+#[test]
+fn a_network_is_certified_or_not_and_says_where_it_lacks() {
+    let at = folder(&[("wheel.toml", WHEEL), ("free.toml", FREE), ("pair.toml", PAIR)]);
+    let text = hapt(at.path(), ["check", "pair.toml"]).done().out;
+    assert!(text.contains("verdict   certified") && text.contains("station   left: passive"), "{text}");
+    let json = hapt(at.path(), ["check", "pair.toml", "--json"]).done().out;
+    let check: serde_json::Value = serde_json::from_str(&json).unwrap();
+    // K (T/2 + age_max)
+    let required = |name: &str| check["stations"][name]["required_damping"].as_f64().unwrap();
+    assert!((required("left") - 0.2 * 20.5e-3).abs() < 1e-12 && (required("right") - 0.2 * 21e-3).abs() < 1e-12);
+    assert_eq!(check["stations"]["left"]["local"]["period_s"], 1e-3);
+    assert_eq!(check["links"][0]["age_max_s"], 0.02);
+    assert_eq!(check["certified"], true);
+    let weak = hapt(at.path(), ["check", "pair.toml", "--set", "stations.right.device.damping=1e-4"]);
+    assert!(weak.code == Some(1) && weak.out.contains("too little damping: right"), "{weak:?}");
+}
+
+#[test]
+fn a_run_of_a_network_is_a_file_for_each_station() {
+    let at = folder(&[("wheel.toml", WHEEL), ("free.toml", FREE), ("pair.toml", PAIR)]);
+    hapt(at.path(), ["sim", "pair.toml", "--out", "runs"]).done();
+    assert_eq!(names(&at.path().join("runs")), ["push.left.csv", "push.right.csv"]);
+    let lines = |name: &str| fs::read_to_string(at.path().join("runs").join(name)).unwrap().lines().count();
+    assert_eq!([lines("push.left.csv"), lines("push.right.csv")], [1 + 101, 1 + 51]);
+    let table = fs::read_to_string(at.path().join("runs/push.right.csv")).unwrap();
+    assert!(table.starts_with("time_s,puck_rad,") && table.lines().next().unwrap().ends_with(",link_Nm"), "{table}");
+    let text = hapt(at.path(), ["sim", "pair.toml"]).done().out;
+    assert!(text.contains("left: 101 samples") && text.contains("right: 51 samples"), "{text}");
+    // Nothing is written over what it is made of.
+    fs::create_dir(at.path().join("own")).unwrap();
+    hapt(at.path(), ["sim", "pair.toml", "--out", "own", "--format", "mcap"]).refused(2, &["--format mcap", "csv"]);
+    assert!(names(&at.path().join("own")).is_empty());
+}
+
+#[test]
+fn a_mistake_in_a_network_is_named_with_its_place() {
+    let at = folder(&[
+        ("wheel.toml", WHEEL),
+        ("free.toml", FREE),
+        ("line.toml", "motion = \"linear\"\nloop.period = 1e-3\ndevice.inertia = 1\n"),
+    ]);
+    let mistakes: [(&str, &str, &[&str]); 14] = [
+        ("\"free.toml\"", "\"none.toml\"", &["stations.right.world", "none.toml"]),
+        ("\"free.toml\"", "\"../free.toml\"", &["stations.right.world", "leads out of"]),
+        ("\"free.toml\"", "\"line.toml\"", &["stations.right.world", "linear", "move alike"]),
+        ("\"free.toml\"", "\"pair.toml\"", &["stations.right.world", "is itself a network"]),
+        ("\"left\", \"right\"", "\"left\", \"rihgt\"", &["links.0.between", "rihgt", "did you mean \"right\""]),
+        ("\"left\", \"right\"", "\"left\", \"left\"", &["links.0.between", "two different stations"]),
+        ("\"20 ms\"", "\"1.5 ms\"", &["links.0.age_max", "right sends every 0.002 s"]),
+        ("\"20 ms\"", "\"20 ms\"\nperiod = \"25 ms\"", &["links.0.period", "let go between two messages"]),
+        ("\"20 ms\"", "\"20 ms\"\nperiod = \"1 ms\"", &["links.0.period", "right", "0.002 s or more"]),
+        ("\"20 ms\"", "\"20 ms\"\ndelay = \"19.5 ms\"", &["links.0.age_max", "or more"]),
+        ("\"20 ms\"", "\"20 ms\"\ndelay = \"3 ms\"\ndelay_max = \"2 ms\"", &["links.0.delay_max", "0.003 s or more"]),
+        ("\"20 ms\"", "\"20 ms\"\nloss = 1.5", &["links.0.loss", "0 to 1"]),
+        ("\"spring\"", "\"damper\"", &["links.0.kind", "\"spring\" or \"wall\""]),
+        ("stations.right.world", "stations.left.world", &["pair.toml:2"]),
+    ];
+    for (good, wrong, words) in mistakes {
+        fs::write(at.path().join("pair.toml"), PAIR.replace(good, wrong)).unwrap();
+        for command in ["check", "sim"] {
+            hapt(at.path(), [command, "pair.toml"]).refused(2, words);
+        }
+    }
+    fs::write(at.path().join("pair.toml"), PAIR).unwrap();
+    hapt(at.path(), ["check", "pair.toml", "--set", "stations.up.loop.period=2ms"]).refused(2, &["no station \"up\""]);
+    hapt(at.path(), ["check", "pair.toml", "--set", "stations.left.loop.period=2 kg"])
+        .refused(2, &["loop.period", "time"]);
+    hapt(at.path(), ["sim", "pair.toml", "--scenario", "pull"])
+        .refused(2, &["no station's world has a scenario \"pull\""]);
+    // What takes a world says what this is.
+    hapt(at.path(), ["report", "pair.toml", "--out", "out"]).refused(2, &["is a network"]);
+}
