@@ -109,19 +109,6 @@ impl Link {
         };
         self.limit.map_or(torque, |limit| torque.clamp(-limit, limit))
     }
-
-    /// The energy in J that it stores at q.
-    pub fn energy(&self, q: f64) -> f64 {
-        let depth = match self.law {
-            Law::Spring { rest, .. } => (q - rest).abs(),
-            Law::Wall { side: Side::Above, at, .. } => (q - at).max(0.0),
-            Law::Wall { side: Side::Below, at, .. } => (at - q).max(0.0),
-            _ => 0.0,
-        };
-        let (k, limit) = (self.stiffness(), self.limit.unwrap_or(f64::INFINITY));
-        // Beyond limit/k the torque stays what it is.
-        if k * depth <= limit { 0.5 * k * depth * depth } else { limit * (depth - 0.5 * limit / k) }
-    }
 }
 
 impl Station {

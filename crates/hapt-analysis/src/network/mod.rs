@@ -26,6 +26,7 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 use crate::certificate::check::{Check, check};
+use crate::equations::laws;
 use crate::error::Error;
 use crate::passivity::quantisation::{quantisation, step};
 use burden::Burden;
@@ -194,14 +195,7 @@ fn unproved(network: &Network, index: usize, local: &Check) -> Result<Vec<String
 /// The motor's limit is never reached, or cuts the sum of world and links.
 fn limit(station: &Station, own: &[&Link]) -> Option<String> {
     let limit = station.world.device.limit?;
-    let couplings = station.world.couplings.iter().filter(|coupling| crate::equations::laws::at_puck(coupling));
-    let most = |law: &Law, clamp: Option<f64>| match (clamp, *law) {
-        (Some(limit), _) => limit,
-        (None, Law::Detent { torque, .. } | Law::Magnet { torque, .. } | Law::Coulomb { torque }) => torque,
-        (None, Law::Constant { torque }) => torque.abs(),
-        (None, _) => f64::INFINITY,
-    };
-    let world: f64 = couplings.map(|coupling| most(&coupling.law, coupling.limit)).sum();
+    let world: f64 = station.world.couplings.iter().filter(|coupling| laws::at_puck(coupling)).map(laws::most).sum();
     let links: f64 = own.iter().map(|link| link.limit.unwrap_or(f64::INFINITY)).sum();
     let is_linked = own.iter().any(|link| link.stiffness() > 0.0);
     (is_linked && world + links > limit).then(|| {
