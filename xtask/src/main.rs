@@ -41,6 +41,7 @@ cargo xtask notes     the notes' numbers as a table; with --write, into docs/not
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md
 cargo xtask patterns  the same under patterns of intervals and delays
+cargo xtask networks  the same of stations joined by links
 cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask licences  the licences of what is in the program, into crates/hapt/src/licences.txt
 cargo xtask firmware  the firmware on emulated boards: the same bits, instructions a sample, sizes; --write: docs/firmware.md
@@ -82,6 +83,7 @@ fn main() -> Result<()> {
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["patterns", ref arguments @ ..] => truth::patterns(arguments),
+        ["networks", ref arguments @ ..] => truth::networks(arguments),
         ["page"] => page::build(),
         ["python"] => python::holds(),
         ["fmi"] => fmi::holds(),

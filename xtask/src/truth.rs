@@ -6,6 +6,7 @@
 
 mod brute;
 mod modal;
+mod networks;
 mod uneven;
 pub mod worlds;
 
@@ -95,6 +96,10 @@ struct Found {
     uneven_passive: Claim,
     /// Of the bound for all times, of loops without a body and of one.
     sharpness: [Vec<uneven::Sharpness>; 2],
+    /// Passive together, against hands at all stations; slow where a link let go.
+    networks: Claim,
+    /// Broken at parts of the damping.
+    networks_broken: [u64; networks::PARTS.len()],
 }
 
 impl AddAssign for Claim {
@@ -112,7 +117,7 @@ impl Found {
         rng.u8(..MEASURED) == 0
     }
 
-    fn claims(&mut self) -> [(&'static str, &mut Claim); 11] {
+    fn claims(&mut self) -> [(&'static str, &mut Claim); 12] {
         [
             ("stable or marginal, held", &mut self.held_stable),
             ("unstable, held", &mut self.held_unstable),
@@ -125,6 +130,7 @@ impl Found {
             ("hands-off under patterns, proved", &mut self.patterns_proved),
             ("hands-off under patterns, broken", &mut self.patterns_broken),
             ("passive under patterns", &mut self.uneven_passive),
+            ("networks called passive", &mut self.networks),
         ]
     }
 }
@@ -142,6 +148,9 @@ impl AddAssign for Found {
         for (sum, more) in self.sharpness.iter_mut().zip(&mut other.sharpness) {
             sum.append(more);
         }
+        for (sum, more) in self.networks_broken.iter_mut().zip(other.networks_broken) {
+            *sum += more;
+        }
     }
 }
 
@@ -149,7 +158,7 @@ impl AddAssign for Found {
 pub fn command(words: &[&str]) -> Result<()> {
     let told = Campaign::parse(words, true)?;
     let time = Duration::from_secs((60.0 * told.minutes) as u64);
-    let text = table(&mut campaign(Part::Even, told.seed, told.n, time)?, told.seed);
+    let text = table(&mut campaign(&|i, against| one(Part::Even, told.seed, i, against), told.n, time)?, told.seed);
     told.publish("truth", PAGE, &text)
 }
 
@@ -157,24 +166,38 @@ pub fn command(words: &[&str]) -> Result<()> {
 pub fn patterns(words: &[&str]) -> Result<()> {
     let told = Campaign::parse(words, true)?;
     let time = Duration::from_secs((60.0 * told.minutes) as u64);
-    let text = uneven::table(&campaign(Part::Uneven, told.seed, told.n, time)?, told.seed);
+    let text =
+        uneven::table(&campaign(&|i, against| one(Part::Uneven, told.seed, i, against), told.n, time)?, told.seed);
     told.publish("patterns", PAGE, &text)
+}
+
+/// `cargo xtask networks`, with the words of [`command`]: the same for stations joined by links.
+pub fn networks(words: &[&str]) -> Result<()> {
+    let told = Campaign::parse(words, true)?;
+    let time = Duration::from_secs((60.0 * told.minutes) as u64);
+    let text = networks::table(&campaign(&|i, against| networks::one(told.seed, i, against), told.n, time)?, told.seed);
+    told.publish("networks", PAGE, &text)
 }
 
 /// The part of it that every run of the tests makes.
 pub fn holds() -> Result<()> {
-    campaign(Part::Even, 2, 400, Duration::MAX)?;
-    campaign(Part::Uneven, 2, 40, Duration::MAX).map(drop)
+    campaign(&|i, against| one(Part::Even, 2, i, against), 400, Duration::MAX)?;
+    campaign(&|i, against| one(Part::Uneven, 2, i, against), 40, Duration::MAX)?;
+    campaign(&|i, against| networks::one(2, i, against), 100, Duration::MAX).map(drop)
 }
 
-/// Judges and runs `n` loops, or the first of them, for as long as they begin within `time`; an error where one contradicts its verdict.
-fn campaign(part: Part, seed: u64, n: u64, time: Duration) -> Result<Found> {
+/// What is said against verdicts.
+type Against = Mutex<Vec<String>>;
+
+/// Judges and runs `n` loops by `one`, which takes their numbers, or the first of them, for as long as they begin within `time`; an error
+/// where one contradicts its verdict.
+fn campaign(one: &(dyn Fn(u64, &Against) -> Found + Sync), n: u64, time: Duration) -> Result<Found> {
     let started = Instant::now();
-    let against = Mutex::new(Vec::new());
+    let against = Against::default();
     let mut found = Found::default();
     while found.loops < n && started.elapsed() < time {
         let batch = found.loops..n.min(found.loops + BATCH);
-        found += batch.into_par_iter().map(|i| one(part, seed, i, &against)).reduce(Found::default, |mut a, b| {
+        found += batch.into_par_iter().map(|i| one(i, &against)).reduce(Found::default, |mut a, b| {
             a += b;
             a
         });
@@ -190,9 +213,14 @@ fn campaign(part: Part, seed: u64, n: u64, time: Duration) -> Result<Found> {
     Ok(found)
 }
 
+/// The random numbers of loop `i`.
+fn numbers(seed: u64, i: u64) -> Rng {
+    Rng::with_seed(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(i))
+}
+
 /// The loop of number `i`, from a seed of its own.
-fn one(part: Part, seed: u64, i: u64, against: &Mutex<Vec<String>>) -> Found {
-    let mut rng = Rng::with_seed(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(i));
+fn one(part: Part, seed: u64, i: u64, against: &Against) -> Found {
+    let mut rng = numbers(seed, i);
     let bent = part == Part::Even && i % 2 == 1;
     let mut world = worlds::random(&mut rng, bent);
     // Of numbers of its own, so that the loops are those without handles too.

@@ -1,0 +1,198 @@
+//! Networks of stations against brute force: hands at all of them, clocks, ways and losses of every kind.
+
+use fastrand::Rng;
+use hapt_analysis::{Error, check_network};
+use hapt_model::{Network, Source};
+use hapt_sim::NetworkRun;
+
+use super::{Against, Claim, Found, JUST, ROUNDING, numbers};
+
+/// What all hands do.
+const SCENARIO: &str = "all";
+/// Parts of the damping that is called enough at which hands are tried too.
+pub const PARTS: [f64; 4] = [0.9, 0.7, 0.5, 0.3];
+
+/// Points of a motion that begins when all links have taken hold: steps here and there, or a sine.
+fn path(rng: &mut Rng, size: f64) -> String {
+    let mut text = String::from("0,0\n0.3,0\n");
+    let (mut time, frequency, is_sine) = (0.3, 0.3 * 100f64.powf(rng.f64()), rng.bool());
+    while time < 3.0 {
+        let from = time;
+        time += if is_sine { 2e-3 } else { 0.2 * rng.f64() + 1e-3 };
+        let angle = std::f64::consts::TAU * frequency * (from - 0.3);
+        let value = size * if is_sine { angle.sin() } else { rng.f64() - 0.5 };
+        text += &format!("{time},{value}\n");
+    }
+    text
+}
+
+/// A network of `n` stations with random devices, clocks, links and hands; `None` where the reader refuses it.
+fn random(rng: &mut Rng, n: usize, common: bool) -> Option<Network> {
+    let mut source = Source::from_text("network.toml", "");
+    let base = 1e-3;
+    let mut text = String::new();
+    for i in 0..n {
+        // Common multiples of the periods are instants at which all stations take a sample.
+        let period = if common { base * f64::from(1 << rng.u8(..3)) } else { base * (0.7 + 2.0 * rng.f64()) };
+        let delay = if rng.bool() { 0.0 } else { period * rng.f64() };
+        let phase = if common { 0.0 } else { period * rng.f64() };
+        let lag = if rng.u8(..4) == 0 { period * rng.f64() } else { 0.0 };
+        let mut world = format!(
+            "loop = {{ period = {period}, delay = {delay} }}\ndevice = {{ inertia = {}, lag = {lag} }}\n",
+            1e-4 * 30f64.powf(rng.f64())
+        );
+        if rng.bool() {
+            world += &format!(
+                "[[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = {}\n",
+                rng.f64()
+            );
+        }
+        let moves = rng.u8(..3) > 0;
+        let (unit, size) = if moves { ("puck_rad", 0.3) } else { ("torque_Nm", 0.1) };
+        source.files.insert(format!("h{i}.csv"), format!("time_s,{unit}\n{}", path(rng, size)));
+        let shape = format!("{{ kind = \"path\", file = \"h{i}.csv\" }}");
+        let hand = match (moves, rng.bool()) {
+            (false, _) => format!("{{ kind = \"torque\", moves = {shape} }}"),
+            (true, false) => shape,
+            (true, true) => format!(
+                "{{ kind = \"grip\", inertia = {}, damping = {}, stiffness = {}, moves = {shape} }}",
+                1e-4 * 30f64.powf(rng.f64()),
+                1e-3 * rng.f64(),
+                2.0 * rng.f64(),
+            ),
+        };
+        if rng.u8(..4) > 0 {
+            world += &format!("[scenarios.{SCENARIO}]\nduration = 3\nhand = {hand}\n");
+        }
+        source.files.insert(format!("s{i}.toml"), world);
+        text += &format!("[stations.s{i}]\nworld = \"s{i}.toml\"\nphase = {phase}\n");
+    }
+    for i in 1..n {
+        let other = rng.usize(..i);
+        let law = match rng.u8(..4) {
+            0 => format!("kind = \"wall\"\nside = \"above\"\nat = {}", 0.1 * rng.f64()),
+            1 => "kind = \"spring\"\nlimit = 0.02".into(),
+            _ => "kind = \"spring\"".into(),
+        };
+        let way = 10e-3 * rng.f64();
+        text += &format!(
+            "[[links]]\n{law}\nbetween = [\"s{i}\", \"s{other}\"]\nstiffness = {}\ndelay = {}\ndelay_max = {way}\nloss = {}\nseed = {}\nage_max = {}\n",
+            0.01 * 100f64.powf(rng.f64()),
+            way * rng.f64(),
+            if rng.bool() { 0.0 } else { 0.5 * rng.f64() },
+            rng.u32(..),
+            16e-3 + 30e-3 * rng.f64()
+        );
+    }
+    source.text = text;
+    Network::read(&source, &[]).ok()
+}
+
+/// What hands have had out of a network.
+struct Drawn {
+    /// The most by any instant, J.
+    drawn: f64,
+    /// All the work that went round, J.
+    round: f64,
+    /// What may be missing between the samples of different stations, J.
+    slack: f64,
+    let_go: u64,
+    samples: u64,
+}
+
+fn drawn(network: &Network) -> Drawn {
+    let n = network.stations.len();
+    let (mut works, mut times, mut largest) = (vec![0.0; n], vec![f64::NEG_INFINITY; n], vec![0.0f64; n]);
+    let mut drawn = Drawn { drawn: 0.0, round: 0.0, slack: 0.0, let_go: 0, samples: 0 };
+    let Ok(mut run) = NetworkRun::new(network, SCENARIO) else { return drawn };
+    // Stations that take their samples together are looked at when all have; else one of them is a sample behind.
+    let common = network.stations.iter().all(|station| station.phase == 0.0);
+    while let Some(row) = run.next() {
+        let Ok(row) = row else {
+            // Hands that push a runaway give and take without end.
+            (drawn.drawn, drawn.round) = (f64::INFINITY, 1.0);
+            break;
+        };
+        let step = row.row.ledger.hand - works[row.station];
+        works[row.station] = row.row.ledger.hand;
+        largest[row.station] = largest[row.station].max(step.abs());
+        times[row.station] = row.row.time;
+        drawn.round += step.abs();
+        drawn.samples += 1;
+        if !common || times.iter().all(|time| (time - row.row.time).abs() < 1e-9) {
+            drawn.drawn = drawn.drawn.max(-works.iter().sum::<f64>());
+        }
+    }
+    drawn.slack = if common { 0.0 } else { largest.iter().sum() };
+    drawn.let_go = run.let_go().flatten().sum();
+    drawn
+}
+
+/// The network of number `i`, from a seed of its own.
+pub fn one(seed: u64, i: u64, against: &Against) -> Found {
+    let mut found = Found { loops: 1, ..Found::default() };
+    let mut tell = |what: String| {
+        if let Ok(mut against) = against.lock() {
+            against.push(format!("network {i} of seed {seed}: {what}"));
+        }
+    };
+    if judge(&mut numbers(seed, i), &mut found, &mut tell).is_err() {
+        found.unanswered += 1;
+    }
+    found
+}
+
+/// Judges and runs it. Errors where numbers are out of range.
+fn judge(rng: &mut Rng, found: &mut Found, tell: &mut dyn FnMut(String)) -> Result<(), Error> {
+    let n = 2 + (10.0 * rng.f64().powi(3)) as usize;
+    let common = rng.u8(..4) > 0;
+    let Some(mut network) = random(rng, n, common).filter(|network| !network.scenarios().is_empty()) else {
+        found.unanswered += 1;
+        return Ok(());
+    };
+    let asked: Vec<Option<f64>> = check_network(&network)?.stations.iter().map(|of| of.required_damping).collect();
+    let damp = |network: &mut Network, part: f64| {
+        for (station, asked) in network.stations.iter_mut().zip(&asked) {
+            station.world.device.damping = asked.unwrap_or(0.0) * part;
+        }
+    };
+    damp(&mut network, 1.0 + JUST);
+    if check_network(&network)?.stations.iter().any(|station| !station.passive) {
+        tell("the damping that is called enough is not".into());
+    }
+    let run = drawn(&network);
+    found.samples += run.samples;
+    if run.let_go > 0 {
+        // A link that takes hold again adds the energy of its stretch.
+        found.networks += Claim { loops: 1, slow: 1, ..Claim::default() };
+        return Ok(());
+    }
+    let holds = run.drawn <= ROUNDING * run.round + run.slack;
+    if !holds {
+        tell(format!("{n} stations called passive, and their hands draw {:e} of {:e} J", run.drawn, run.round));
+    }
+    found.networks += Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
+    for (part, broken) in PARTS.iter().zip(&mut found.networks_broken) {
+        damp(&mut network, *part);
+        let run = drawn(&network);
+        found.samples += run.samples;
+        *broken += u64::from(run.drawn > 1e-3 * run.round);
+    }
+    Ok(())
+}
+
+/// The counts in Markdown.
+pub fn table(found: &Found, seed: u64) -> String {
+    let Claim { loops, slow, contradicted, .. } = found.networks;
+    let judged = loops - slow;
+    let mut text = format!(
+        "{loops} random networks of 2 to 11 stations (seed {seed}), {} samples; in {slow} a link let go, and they are not judged.\n\n\
+         | part of the damping that is called enough | networks | drew energy |\n| --- | --- | --- |\n\
+         | 1 | {judged} | {contradicted} |\n",
+        found.samples
+    );
+    for (part, broken) in PARTS.iter().zip(found.networks_broken) {
+        text += &format!("| {part} | {judged} | {broken} ({:.1} %) |\n", 100.0 * broken as f64 / judged.max(1) as f64);
+    }
+    text
+}
