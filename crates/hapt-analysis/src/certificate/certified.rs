@@ -3,8 +3,9 @@
 use hapt_model::World;
 
 use crate::error::Error;
-use crate::passivity::required::required_damping_up_to;
-use crate::passivity::uneven::{is_stated, uneven_damping};
+use crate::passivity::required::required_damping_wanted;
+use crate::passivity::supremum::{SPARE, Wanted};
+use crate::passivity::uneven::{is_as_certified, is_stated, uneven_damping};
 use crate::stability::Verdict;
 use crate::stability::clamped::held_world_growth;
 use crate::stability::free::free_growth;
@@ -17,7 +18,8 @@ pub fn is_certified(world: &World) -> bool {
 
 /// The required damping less that of the device, over that of the device: 0 or less where `check` certifies the world, otherwise above
 /// 0, and 1 where damping alone does not suffice. Hands-off is a special case of a passive hand, so a loop that is passive with a margin
-/// is stable hands-off: below -`spare` the free loop is not analysed.
+/// is stable hands-off: below -`spare` the free loop is not analysed. Where passivity is that of the free loop itself, [`SPARE`] is
+/// enough always.
 pub(crate) fn excess(world: &World, spare: f64) -> f64 {
     excess_or_sign(world, spare, false)
 }
@@ -37,21 +39,22 @@ fn excess_or_sign(world: &World, spare: f64, sign: bool) -> f64 {
         let stated = is_stated(world);
         let damping = if stated { world.device.damping_range()[0] } else { world.device.damping };
         let over = |required: f64| ((required - damping) / damping).clamp(f64::MIN_POSITIVE, 1.0);
-        let enough = if sign { damping } else { f64::INFINITY };
+        let wanted = if sign { Wanted::AtMost(damping) } else { Wanted::Value };
         // The bound for uneven time is cheaper than the proof for a delay of many samples.
         let mut required = 0.0f64;
         if stated {
             let Some(all) = uneven_damping(world)? else { return Ok(1.0) };
             required = all;
         }
-        if required <= enough {
-            let Some(even) = required_damping_up_to(enough, world)? else { return Ok(1.0) };
+        if required <= wanted.enough() {
+            let Some(even) = required_damping_wanted(wanted, world)? else { return Ok(1.0) };
             required = required.max(even);
         }
         if required > damping {
             return Ok(over(required));
         }
         let excess = if damping > 0.0 { (required - damping) / damping } else { 0.0 };
+        let spare = if spare == 0.0 && is_as_certified(world) { SPARE } else { spare };
         let grows = (spare == 0.0 || excess > -spare) && Verdict::of(free_growth(world)?) == Verdict::Unstable;
         Ok(if grows { 1.0 } else { excess })
     };

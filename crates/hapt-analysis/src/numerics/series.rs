@@ -148,19 +148,17 @@ impl<const N: usize> Real<N> {
     pub fn at(&self, u: f64) -> f64 {
         self.c.iter().rev().fold(0.0, |sum, c| sum * u + c)
     }
-}
 
-impl Real<TERMS> {
-    /// An upper bound over the interval.
+    /// An upper bound over the interval, for three terms at least.
     pub fn upper(&self) -> f64 {
-        let [c0, c1, c2, ref others @ ..] = self.c;
+        let (first, others) = self.c.split_at(3);
         let u = self.vertex();
-        c0 + (c1 * u + c2 * u * u) + others.iter().map(|c| c.abs()).sum::<f64>() + self.rest
+        first[0] + (first[1] * u + first[2] * u * u) + others.iter().map(|c| c.abs()).sum::<f64>() + self.rest
     }
 
     /// The argument in \[-1, 1\] at which the first three terms have their maximum.
     pub fn vertex(&self) -> f64 {
-        let [_, c1, c2, ..] = self.c;
+        let (c1, c2) = (self.c[1], self.c[2]);
         if c2 < 0.0 && c1.abs() < -2.0 * c2 {
             -0.5 * c1 / c2
         } else if c1 == 0.0 {

@@ -184,6 +184,19 @@ impl DampingCurve {
         self.poles.iter().map(|p| p.arg).filter(|a| *a >= 0.0).collect()
     }
 
+    /// Half of the length of an interval that begins at an angle and over which a series of few terms is a good bound: half of its middle's
+    /// distance from the nearest pole, and little beside the delay.
+    pub fn reach(&self, from: f64) -> f64 {
+        let most = 1.0 / (2 + self.taps.len().max(self.slope.taps.len())) as f64;
+        let motor = (self.motor > 0.0).then(|| -self.period / self.motor);
+        let slope = (self.slope.pole > 0.0).then_some(self.slope.ln_pole);
+        let own = self.poles.iter().map(|p| (p.ln_abs, p.arg));
+        let all = own.chain(motor.into_iter().chain(slope).map(|ln_abs| (ln_abs, 0.0)));
+        let square = |from: f64| all.clone().map(|(ln_abs, arg)| ln_abs * ln_abs + (arg - from).powi(2)).fold(f64::INFINITY, f64::min);
+        let first = square(from).sqrt() / 3.0;
+        (0.5 * square(from + first.min(most)).sqrt()).max(first).min(most)
+    }
+
     /// m and h over [φ - r, φ + r]; `None` when the interval is too long for a series. At a point, r = 0, one term is enough.
     pub fn over<const N: usize>(&self, phi: f64, r: f64) -> Option<(Real<N>, Real<N>)> {
         let inverse = Inverse::<N>::new(r);
@@ -329,7 +342,7 @@ const INVERSE: [f64; TERMS] = {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::passivity::supremum::supremum;
+    use crate::passivity::supremum::{Wanted, supremum};
 
     #[test]
     fn a_virtual_mass_by_double_differences_is_at_most_half_of_b_t() {
@@ -340,7 +353,7 @@ mod tests {
         let transfer = TransferFunction { stiffness: 0.0, direct: 0.0, poles: vec![pole], at_puck: [gain.re, 0.0] };
         let filter = Filter { pole: 0.0, taps: Vec::new() };
         let curve = DampingCurve::new(&transfer, &filter, Delay { samples: 0, fraction: 0.0 }, 0.0, period);
-        let found = supremum(&curve, DampingCurve::size(&transfer, 0.0, period), f64::INFINITY).unwrap();
+        let found = supremum(&curve, DampingCurve::size(&transfer, 0.0, period), Wanted::Value).unwrap();
         assert!((found.value / (2.0 * mass / period) - 1.0).abs() < 1e-12, "{found:?}");
         assert_eq!(found.at, Some(std::f64::consts::PI));
     }

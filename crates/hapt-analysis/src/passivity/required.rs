@@ -25,7 +25,7 @@ use crate::equations::laws::{self, Kind, most};
 use crate::error::Error;
 use crate::impedance::{Discretisation, Pole, TransferFunction};
 use crate::passivity::curve::DampingCurve;
-use crate::passivity::supremum::supremum;
+use crate::passivity::supremum::{Wanted, supremum};
 use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
 
@@ -89,17 +89,17 @@ fn transfer(world: &World, couplings: &[Coupling], slopes: &Slopes) -> Result<Tr
 
 /// The required damping of the linear loop of `couplings`, nonlinear ones at their steepest slopes.
 pub(crate) fn requirement(world: &World, couplings: &[Coupling]) -> Result<Requirement, Error> {
-    requirement_up_to(f64::INFINITY, world, couplings)
+    requirement_wanted(Wanted::Value, world, couplings)
 }
 
-/// The same, or any part of it above `enough`.
-fn requirement_up_to(enough: f64, world: &World, couplings: &[Coupling]) -> Result<Requirement, Error> {
+/// The same, or as much of it as is `wanted`.
+fn requirement_wanted(wanted: Wanted, world: &World, couplings: &[Coupling]) -> Result<Requirement, Error> {
     let period = world.sampling.period;
     let transfer = transfer(world, couplings, &Slopes::Steep)?;
     let lag = Delay::of_loop(&world.sampling)?;
     let mut worst: Option<Requirement> = None;
     for filter in Filter::of(&world.sampling, period) {
-        let requirement = of_filter(&transfer, &filter, lag, world.device.lag, (period, enough))?;
+        let requirement = of_filter(&transfer, &filter, lag, world.device.lag, (period, wanted))?;
         let more = |old: &Requirement| match (requirement.damping, old.damping) {
             (Ok(new), Ok(old)) => new > old,
             (new, old) => new.is_err() && old.is_ok(),
@@ -121,7 +121,7 @@ fn of_filter(
     filter: &Filter,
     lag: Delay,
     motor: f64,
-    (period, enough): (f64, f64),
+    (period, wanted): (f64, Wanted),
 ) -> Result<Requirement, Error> {
     let band = MARGINAL * period;
     let (seen, neutral) = (|p: &Pole| transfer.has_residue(p, period), |p: &Pole| is_neutral(p, period));
@@ -151,7 +151,7 @@ fn of_filter(
     if let Some(hz) = not_positive.map(|(pole, _)| hz(pole)).reduce(f64::min) {
         return never(Cause::NegativeResidue { hz });
     }
-    let found = supremum(&curve, DampingCurve::size(transfer, motor, period), enough)?;
+    let found = supremum(&curve, DampingCurve::size(transfer, motor, period), wanted)?;
     let at_hz = found.at.map(|angle| angle / std::f64::consts::TAU / period);
     Ok(Requirement { damping: Ok(found.value.max(0.0)), at_hz })
 }
@@ -172,8 +172,7 @@ pub(crate) fn largest_gain(world: &World, couplings: &[Coupling]) -> Result<Opti
     let mut largest = 0.0f64;
     for filter in Filter::of(&world.sampling, period) {
         let curve = DampingCurve::gain(&transfer, &filter, period);
-        largest =
-            largest.max(supremum(&curve, DampingCurve::size(&transfer, 0.0, period) / period, f64::INFINITY)?.value);
+        largest = largest.max(supremum(&curve, DampingCurve::size(&transfer, 0.0, period) / period, Wanted::Value)?.value);
     }
     Ok(Some(largest))
 }
@@ -185,15 +184,15 @@ fn is_coulomb_at_puck(coupling: &Coupling) -> bool {
 
 /// The required damping of the linear loop of `world`.
 pub(crate) fn linear_requirement(world: &World) -> Result<Requirement, Error> {
-    linear_requirement_up_to(f64::INFINITY, world)
+    linear_requirement_wanted(Wanted::Value, world)
 }
 
-fn linear_requirement_up_to(enough: f64, world: &World) -> Result<Requirement, Error> {
+fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result<Requirement, Error> {
     let never = |cause| Ok(Requirement { damping: Err(cause), at_hz: None });
     if world.couplings.iter().any(is_coulomb_at_puck) {
         return never(Cause::Coulomb);
     }
-    let requirement = requirement_up_to(enough, world, &world.couplings)?;
+    let requirement = requirement_wanted(wanted, world, &world.couplings)?;
     // A pole outside the unit circle is never passive, however small its residue.
     let Sampling { method, period, .. } = world.sampling;
     let grows = Verdict::of(held_growth(&world.bodies, &world.couplings, method, period)?) == Verdict::Unstable;
@@ -214,10 +213,10 @@ pub fn required_damping(world: &World) -> Result<Option<f64>, Error> {
     Ok(linear_requirement(world)?.damping.ok())
 }
 
-/// The same, or any part of it above `enough`: the work of a proof is spent only where it can hold.
+/// The same, or as much of it as is `wanted`: the work of a proof is spent only where it can hold.
 ///
 /// # Errors
 /// As [`crate::passivity::passivity`].
-pub(crate) fn required_damping_up_to(enough: f64, world: &World) -> Result<Option<f64>, Error> {
-    Ok(linear_requirement_up_to(enough, world)?.damping.ok())
+pub(crate) fn required_damping_wanted(wanted: Wanted, world: &World) -> Result<Option<f64>, Error> {
+    Ok(linear_requirement_wanted(wanted, world)?.damping.ok())
 }

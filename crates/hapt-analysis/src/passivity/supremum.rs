@@ -17,6 +17,9 @@ const PROVED: f64 = 1e-11;
 /// Relative distance within which a value counts as the supremum.
 const REACHED: f64 = 1e-9;
 
+/// Number of terms of the first look at an interval, where a bound below is wanted.
+const FEW: usize = 4;
+
 /// Largest number of intervals. One body takes some hundred, 32 lightly damped ones some ten thousand.
 const MAX_INTERVALS: usize = 2_000_000;
 
@@ -64,8 +67,42 @@ fn damping(m: f64, h: f64) -> f64 {
     if h > 0.0 { 0.5 * (m + (m * m + 4.0 * h).sqrt()) } else { m }
 }
 
+/// What is wanted of a curve's supremum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Wanted {
+    /// Its value, and where it is.
+    Value,
+    /// Whether it is at most this. A value above is found, or a bound below is proved; only a supremum within [`SPARE`] below is searched to
+    /// the end.
+    AtMost(f64),
+}
+
+/// The part of a damping by which a bound has to be below it, so that no more than the bound is wanted. A loop that is passive with
+/// as much to spare is stable hands-off too.
+pub(crate) const SPARE: f64 = 1e-6;
+
+impl Wanted {
+    /// The value above which no more is wanted.
+    pub fn enough(self) -> f64 {
+        match self {
+            Wanted::Value => f64::INFINITY,
+            Wanted::AtMost(damping) => damping,
+        }
+    }
+
+    /// The bound below which no more is wanted, for a curve with this rounding error.
+    fn spared(self, noise: f64) -> f64 {
+        match self {
+            Wanted::Value => 0.0,
+            // The form of a fraction of a delay divides by it.
+            Wanted::AtMost(damping) => Some(damping * (1.0 - SPARE) - noise).filter(|b| *b > noise).unwrap_or(0.0),
+        }
+    }
+}
+
 struct Search<'a> {
     curve: &'a DampingCurve,
+    wanted: Wanted,
     best: f64,
     /// Rounding error of the curve.
     noise: f64,
@@ -79,7 +116,8 @@ impl Search<'_> {
         value
     }
 
-    fn bound(&mut self, phi: f64, r: f64) -> Result<Interval, Error> {
+    /// The bounds over an interval, by a series of N terms.
+    fn bound<const N: usize>(&mut self, phi: f64, r: f64) -> Result<Interval, Error> {
         if is_over() {
             return Err(Error::Stopped);
         }
@@ -92,7 +130,7 @@ impl Search<'_> {
             let value = self.at(phi);
             return Ok(Interval { phi, r, upper: value, spread: 0.0, value, at: phi });
         }
-        let Some((m, h)) = self.curve.over::<TERMS>(phi, r) else {
+        let Some((m, h)) = self.curve.over::<N>(phi, r) else {
             return Ok(Interval {
                 phi,
                 r,
@@ -103,8 +141,9 @@ impl Search<'_> {
             });
         };
         // With h > 0, b ≤ γ is equivalent to m + h/γ ≤ γ. If the bound u of that is above γ, b ≤ u.
-        let gamma = self.best.max(self.noise).max(damping(m.c[0], h.c[0].max(0.0)));
-        let sum: Real<TERMS> = if h.c[0] > 0.0 { m.plus(1.0 / gamma, &h) } else { m };
+        let known = self.best.max(self.wanted.spared(self.noise));
+        let gamma = known.max(self.noise).max(damping(m.c[0], h.c[0].max(0.0)));
+        let sum: Real<N> = if h.c[0] > 0.0 { m.plus(1.0 / gamma, &h) } else { m };
         let u = sum.vertex();
         let value = damping(m.at(u) - m.rest, (h.at(u) - h.rest).max(0.0));
         self.best = self.best.max(value);
@@ -143,36 +182,54 @@ impl Search<'_> {
     }
 }
 
-/// The supremum over all frequencies. `size` is that of the curve's terms: below 1e-14 of it, differences are rounding. Where a value
-/// above `enough` is found, it is the result: the supremum is no less.
+/// The supremum over all frequencies. `size` is that of the curve's terms: below 1e-14 of it, differences are rounding. Where less than
+/// the value is `wanted`, the result is on the same side of that damping as the supremum, and has no angle.
 ///
 /// # Errors
 /// [`Error::Search`], [`Error::Stopped`].
-pub(crate) fn supremum(curve: &DampingCurve, size: f64, enough: f64) -> Result<Supremum, Error> {
-    let mut search = Search { curve, best: 0.0, noise: 1e-14 * size, intervals: 0 };
+pub(crate) fn supremum(curve: &DampingCurve, size: f64, wanted: Wanted) -> Result<Supremum, Error> {
+    let mut search = Search { curve, wanted, best: 0.0, noise: 1e-14 * size, intervals: 0 };
+    let (enough, spared) = (wanted.enough(), wanted.spared(search.noise));
     for phi in curve.angles().into_iter().chain([0.0, PI]) {
         search.at(phi);
     }
-    let first = 8;
-    let r = 0.5 * PI / f64::from(first);
     let mut heap = BinaryHeap::new();
-    for i in 0..first {
-        if search.best > enough {
-            return Ok(Supremum { value: search.best, at: None });
+    let mut from = 0.0;
+    while from < PI && search.best <= enough {
+        let r = match wanted {
+            Wanted::Value => PI / 16.0,
+            Wanted::AtMost(_) => curve.reach(from),
+        };
+        let r = if from + 2.1 * r < PI { r } else { 0.5 * (PI - from) };
+        let interval = match wanted {
+            Wanted::Value => search.bound::<TERMS>(from + r, r)?,
+            Wanted::AtMost(_) => search.bound::<FEW>(from + r, r)?,
+        };
+        if interval.upper > spared || search.best > spared {
+            heap.push(interval);
         }
-        heap.push(search.bound(r * f64::from(2 * i + 1), r)?);
+        from = if from + 2.1 * r < PI { from + 2.0 * r } else { PI };
+    }
+    if heap.is_empty() && search.best <= spared {
+        return Ok(Supremum { value: spared, at: None });
     }
     while let Some(top) = heap.pop() {
         if search.best > enough {
             return Ok(Supremum { value: search.best, at: None });
+        }
+        if search.best <= spared && top.upper <= spared {
+            return Ok(Supremum { value: spared, at: None });
         }
         if !search.may_exceed(&top, search.best * (1.0 + PROVED)) {
             heap.push(top);
             break;
         }
         let half = 0.5 * top.r;
-        heap.push(search.bound(top.phi - half, half)?);
-        heap.push(search.bound(top.phi + half, half)?);
+        heap.push(search.bound::<TERMS>(top.phi - half, half)?);
+        heap.push(search.bound::<TERMS>(top.phi + half, half)?);
+    }
+    if wanted != Wanted::Value {
+        return Ok(Supremum { value: search.best, at: None });
     }
     let mut leaves = heap.into_vec();
     let reached = search.best * (1.0 - REACHED) - search.noise;
@@ -191,8 +248,8 @@ pub(crate) fn supremum(curve: &DampingCurve, size: f64, enough: f64) -> Result<S
         }
         if leaf.upper >= reached && leaf.r > 1e-15 * leaf.phi {
             let half = 0.5 * leaf.r;
-            leaves.push(search.bound(leaf.phi + half, half)?);
-            leaves.push(search.bound(leaf.phi - half, half)?);
+            leaves.push(search.bound::<TERMS>(leaf.phi + half, half)?);
+            leaves.push(search.bound::<TERMS>(leaf.phi - half, half)?);
         }
     }
     // Only π reaches it.

@@ -79,7 +79,7 @@ pub fn uneven(world: &World) -> Result<Uneven, Error> {
 
 /// Whether passivity is that of the loop hands-off: linear, with the estimator that is certified. Counts, levels and limits are no part of
 /// `free`.
-fn is_as_certified(world: &World) -> bool {
+pub(crate) fn is_as_certified(world: &World) -> bool {
     let estimator = world.sampling.estimator;
     let changes = matches!(estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
     let undamped = || at_puck(world, &world.couplings).is_ok_and(|[_, damping]| damping == 0.0);
