@@ -93,7 +93,7 @@ pub(crate) fn requirement(world: &World, couplings: &[Coupling]) -> Result<Requi
 }
 
 /// The same, or as much of it as is `wanted`.
-fn requirement_wanted(wanted: Wanted, world: &World, couplings: &[Coupling]) -> Result<Requirement, Error> {
+pub(crate) fn requirement_wanted(wanted: Wanted, world: &World, couplings: &[Coupling]) -> Result<Requirement, Error> {
     let period = world.sampling.period;
     let transfer = transfer(world, couplings, &Slopes::Steep)?;
     let lag = Delay::of_loop(&world.sampling)?;
@@ -158,7 +158,7 @@ fn of_filter(
 
 /// The supremum of |H| over the unit circle, N·m/rad; `None` where an undamped mode makes it infinite. Where positions move by δ from
 /// sample to sample, the root of the sum of squares of the torques' changes is at most that times the positions'.
-pub(crate) fn largest_gain(world: &World, couplings: &[Coupling]) -> Result<Option<f64>, Error> {
+pub(crate) fn largest_gain(wanted: Wanted, world: &World, couplings: &[Coupling]) -> Result<Option<f64>, Error> {
     let period = world.sampling.period;
     let mut transfer = transfer(world, couplings, &Slopes::Steep)?;
     if !transfer.is_finite() {
@@ -172,7 +172,7 @@ pub(crate) fn largest_gain(world: &World, couplings: &[Coupling]) -> Result<Opti
     let mut largest = 0.0f64;
     for filter in Filter::of(&world.sampling, period) {
         let curve = DampingCurve::gain(&transfer, &filter, period);
-        largest = largest.max(supremum(&curve, DampingCurve::size(&transfer, 0.0, period) / period, Wanted::Value)?.value);
+        largest = largest.max(supremum(&curve, DampingCurve::size(&transfer, 0.0, period) / period, wanted)?.value);
     }
     Ok(Some(largest))
 }
@@ -187,7 +187,7 @@ pub(crate) fn linear_requirement(world: &World) -> Result<Requirement, Error> {
     linear_requirement_wanted(Wanted::Value, world)
 }
 
-fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result<Requirement, Error> {
+pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result<Requirement, Error> {
     let never = |cause| Ok(Requirement { damping: Err(cause), at_hz: None });
     if world.couplings.iter().any(is_coulomb_at_puck) {
         return never(Cause::Coulomb);

@@ -75,7 +75,14 @@ pub(crate) enum Wanted {
     /// Whether it is at most this. A value above is found, or a bound below is proved; only a supremum within [`SPARE`] below is searched to
     /// the end.
     AtMost(f64),
+    /// Its distance from this, to a part of [`NEAR`], on the right side.
+    From(f64),
+    /// An upper bound, to this relative accuracy.
+    Bound(f64),
 }
+
+/// Relative accuracy of a distance.
+const NEAR: f64 = 1e-3;
 
 /// The part of a damping by which a bound has to be below it, so that no more than the bound is wanted. A loop that is passive with
 /// as much to spare is stable hands-off too.
@@ -85,7 +92,7 @@ impl Wanted {
     /// The value above which no more is wanted.
     pub fn enough(self) -> f64 {
         match self {
-            Wanted::Value => f64::INFINITY,
+            Wanted::Value | Wanted::From(_) | Wanted::Bound(_) => f64::INFINITY,
             Wanted::AtMost(damping) => damping,
         }
     }
@@ -93,7 +100,7 @@ impl Wanted {
     /// The bound below which no more is wanted, for a curve with this rounding error.
     fn spared(self, noise: f64) -> f64 {
         match self {
-            Wanted::Value => 0.0,
+            Wanted::Value | Wanted::From(_) | Wanted::Bound(_) => 0.0,
             // The form of a fraction of a delay divides by it.
             Wanted::AtMost(damping) => Some(damping * (1.0 - SPARE) - noise).filter(|b| *b > noise).unwrap_or(0.0),
         }
@@ -198,12 +205,12 @@ pub(crate) fn supremum(curve: &DampingCurve, size: f64, wanted: Wanted) -> Resul
     while from < PI && search.best <= enough {
         let r = match wanted {
             Wanted::Value => PI / 16.0,
-            Wanted::AtMost(_) => curve.reach(from),
+            Wanted::AtMost(_) | Wanted::From(_) | Wanted::Bound(_) => curve.reach(from),
         };
         let r = if from + 2.1 * r < PI { r } else { 0.5 * (PI - from) };
         let interval = match wanted {
             Wanted::Value => search.bound::<TERMS>(from + r, r)?,
-            Wanted::AtMost(_) => search.bound::<FEW>(from + r, r)?,
+            Wanted::AtMost(_) | Wanted::From(_) | Wanted::Bound(_) => search.bound::<FEW>(from + r, r)?,
         };
         if interval.upper > spared || search.best > spared {
             heap.push(interval);
@@ -219,6 +226,20 @@ pub(crate) fn supremum(curve: &DampingCurve, size: f64, wanted: Wanted) -> Resul
         }
         if search.best <= spared && top.upper <= spared {
             return Ok(Supremum { value: spared, at: None });
+        }
+        let (low, high) = (search.best, top.upper.max(search.best));
+        if let Wanted::Bound(accuracy) = wanted
+            && high - low <= accuracy * low
+        {
+            return Ok(Supremum { value: high, at: None });
+        }
+        if let Wanted::From(damping) = wanted {
+            if low > damping && high - low <= NEAR * (low - damping) {
+                return Ok(Supremum { value: low, at: None });
+            }
+            if high < damping && high - low <= NEAR * (damping - high) {
+                return Ok(Supremum { value: high, at: None });
+            }
         }
         if !search.may_exceed(&top, search.best * (1.0 + PROVED)) {
             heap.push(top);

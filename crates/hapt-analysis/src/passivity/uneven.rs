@@ -8,7 +8,8 @@ use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::proof;
 use crate::passivity::quantisation::quantisation;
-use crate::passivity::required::{Requirement, largest_gain, linear_requirement, requirement};
+use crate::passivity::required::{Requirement, largest_gain, linear_requirement_wanted, requirement, requirement_wanted};
+use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
 use crate::stability::patterns::{FreePatterns, patterns};
 use crate::text::short;
@@ -55,7 +56,7 @@ pub(crate) fn is_stated(world: &World) -> bool {
 /// As [`crate::passivity()`].
 pub fn uneven(world: &World) -> Result<Uneven, Error> {
     let timing = Timing::of(world);
-    let (required, not_proved) = Claim::of(world, timing)?.with_reasons()?;
+    let (required, not_proved) = Claim::of(world, timing, Wanted::Value)?.with_reasons()?;
     let [least, _] = world.device.damping_range();
     let passive = required.is_some_and(|b| b <= least);
     let free = if passive && (not_proved.is_empty() || is_as_certified(world)) {
@@ -92,7 +93,12 @@ pub(crate) fn is_as_certified(world: &World) -> bool {
 /// # Errors
 /// As [`uneven`].
 pub fn uneven_damping(world: &World) -> Result<Option<f64>, Error> {
-    Ok(Claim::of(world, Timing::of(world))?.required())
+    uneven_damping_wanted(Wanted::Value, world)
+}
+
+/// The same, or a bound of it as is `wanted`.
+pub(crate) fn uneven_damping_wanted(wanted: Wanted, world: &World) -> Result<Option<f64>, Error> {
+    Ok(Claim::of(world, Timing::of(world), wanted)?.required())
 }
 
 /// What makes the claim.
@@ -111,7 +117,7 @@ struct Claim {
 }
 
 impl Claim {
-    fn of(world: &World, timing: Timing) -> Result<Claim, Error> {
+    fn of(world: &World, timing: Timing, wanted: Wanted) -> Result<Claim, Error> {
         let mut least = world.clone();
         least.device.damping = world.device.damping_range()[0];
         least.device.friction = world.device.friction_range()[0];
@@ -120,11 +126,11 @@ impl Claim {
         least.sampling.delay_max = None;
         let one_lag = timing.lag[0] == timing.lag[1];
         let ground = if timing.is_even() && one_lag {
-            Ground::Even(linear_requirement(&least)?, 1.0)
+            Ground::Even(linear_requirement_wanted(wanted, &least)?, 1.0)
         } else if timing.is_at_once() {
-            Ground::Even(linear_requirement(&least)?, timing.longest / timing.period)
+            Ground::Even(linear_requirement_wanted(wanted, &least)?, timing.longest / timing.period)
         } else {
-            Ground::Bound(bound(&least, timing)?)
+            Ground::Bound(bound(&least, timing, wanted)?)
         };
         Ok(Claim { world: least, timing, ground })
     }
@@ -163,13 +169,13 @@ fn fixed(world: &World, delay: bool, lag: Option<f64>) -> World {
 }
 
 /// A device damping that is enough for the linear loop of `world` under `timing`, or why none is known.
-fn bound(world: &World, timing: Timing) -> Result<Result<f64, String>, Error> {
+fn bound(world: &World, timing: Timing, wanted: Wanted) -> Result<Result<f64, String>, Error> {
     // Coulomb friction and growth have no requirement under any timing.
-    let even = linear_requirement(&fixed(world, false, None))?;
+    let even = linear_requirement_wanted(wanted, &fixed(world, false, None))?;
     let Ok(least) = even.damping else {
         return Ok(Err("the loop has no finite required damping at even samples and without delay".into()));
     };
-    let linear = of_linear(world, timing, least, &world.couplings)?;
+    let linear = of_linear(world, timing, least, (&world.couplings, wanted))?;
     if !world.bodies.is_empty() {
         return Ok(linear);
     }
@@ -178,11 +184,16 @@ fn bound(world: &World, timing: Timing) -> Result<Result<f64, String>, Error> {
 }
 
 /// The bound of the linear loop of `couplings`, nonlinear ones at their steepest slopes.
-fn of_linear(world: &World, timing: Timing, even: f64, couplings: &[Coupling]) -> Result<Result<f64, String>, Error> {
+fn of_linear(
+    world: &World,
+    timing: Timing,
+    even: f64,
+    (couplings, wanted): (&[Coupling], Wanted),
+) -> Result<Result<f64, String>, Error> {
     if timing.lag[1] > 0.0 && timing.is_even() {
         let middle = 0.5 * (timing.lag[0] + timing.lag[1]);
-        let found = requirement(&fixed(world, true, Some(middle)), couplings)?.damping;
-        let gain = largest_gain(world, couplings)?;
+        let found = requirement_wanted(wanted, &fixed(world, true, Some(middle)), couplings)?.damping;
+        let gain = largest_gain(wanted, world, couplings)?;
         let all = found.ok().zip(gain.and_then(|gain| timing.of_lag(gain))).map(|(b, more)| b + more);
         return Ok(all.ok_or_else(|| {
             "a lag of the motor that is known within bounds has no proof with undamped bodies, or where it may be 0"
@@ -199,7 +210,7 @@ fn of_linear(world: &World, timing: Timing, even: f64, couplings: &[Coupling]) -
             "with bodies a delay that varies, or stays while intervals vary, is proved up to one period only".into(),
         ));
     }
-    let Some(gain) = largest_gain(world, couplings)? else {
+    let Some(gain) = largest_gain(wanted, world, couplings)? else {
         return Ok(Err(
             "an undamped mode of the world has no proof with a delay that varies, or stays while intervals vary: \
                        a damper from the bodies to ground would take energy from it"
@@ -243,7 +254,7 @@ fn bound_reasons(world: &World, timing: Timing, required: Option<f64>) -> Result
             timing.of_laws(at_puck(world, &rest)?)?
         } else {
             let even = requirement(&fixed(world, false, None), &rest)?.damping.unwrap_or(f64::INFINITY);
-            of_linear(world, timing, even, &rest)?.unwrap_or(f64::INFINITY)
+            of_linear(world, timing, even, (&rest, Wanted::Value))?.unwrap_or(f64::INFINITY)
         };
         let bound = of_rest + timing.of_laws(at_puck(world, &nonlinear)?)?;
         if falls_short(bound) {
