@@ -97,34 +97,28 @@ impl<F: Real> Nonlinear<F> {
 
     /// Whether the law alone does not say its torque: Coulomb friction at a body, whose torque a discrete-gradient step finds.
     pub fn is_found(&self) -> bool {
-        let is_found = match self.curve {
-            LoopLaw::Coulomb(_) => true,
-            LoopLaw::Wall(_)
-            | LoopLaw::Spring(_)
-            | LoopLaw::Damper(_)
-            | LoopLaw::Detent(_)
-            | LoopLaw::DeadBand(_)
-            | LoopLaw::Magnet(_)
-            | LoopLaw::Texture(_)
-            | LoopLaw::Lugre(_) => false,
-        };
-        is_found && self.at_body()
+        self.keeps().1
     }
 
     /// Whether it has a torque or a bristle from earlier in the run.
     pub fn remembers(&self) -> bool {
-        let has_bristle = match self.curve {
-            LoopLaw::Lugre(_) => true,
+        let (bristle, torque) = self.keeps();
+        bristle || torque
+    }
+
+    /// Whether it keeps a bristle, and whether a torque that was found at a body.
+    fn keeps(&self) -> (bool, bool) {
+        match self.curve {
+            LoopLaw::Lugre(_) => (true, false),
+            LoopLaw::Coulomb(_) => (false, self.at_body()),
             LoopLaw::Wall(_)
             | LoopLaw::Spring(_)
             | LoopLaw::Damper(_)
             | LoopLaw::Detent(_)
             | LoopLaw::DeadBand(_)
             | LoopLaw::Magnet(_)
-            | LoopLaw::Texture(_)
-            | LoopLaw::Coulomb(_) => false,
-        };
-        has_bristle || self.is_found()
+            | LoopLaw::Texture(_) => (false, false),
+        }
     }
 
     /// The sign of this coupling's torque on the puck; 0 when it is not tied to it.

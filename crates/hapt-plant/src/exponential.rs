@@ -38,6 +38,17 @@ pub(crate) fn folded<const M: usize>(form: &Square<M>) -> Square<M> {
     out
 }
 
+/// The matrix of these states among all, with zeros for those that do not occur.
+pub(crate) fn widened<const M: usize, const ALL: usize>(states: [usize; M], part: &Square<M>) -> Square<ALL> {
+    let mut all = [[0.0; ALL]; ALL];
+    for (i, row) in states.into_iter().zip(part) {
+        for (j, x) in states.into_iter().zip(row) {
+            all[i][j] = *x;
+        }
+    }
+    all
+}
+
 /// The state y after the change.
 pub(crate) fn applied<const M: usize>(change: &Square<M>, y: &[f64; M]) -> [f64; M] {
     let mut out = *y;

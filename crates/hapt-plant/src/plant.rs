@@ -12,7 +12,7 @@
 //! The states are in the order in which they are needed, so that the first few suffice in simple cases: v and f for a free puck
 //! under a held torque, x for a spring, f' for a ramp, σ and κ for a sine, d for a lag.
 
-use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series};
+use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series, widened};
 
 /// How many states there are.
 const STATES: usize = 7;
@@ -318,17 +318,6 @@ impl Propagator {
             lagging: if N > GAP { y[GAP] * row(&self.lagging) } else { 0.0 },
         }
     }
-}
-
-/// With zeros for the states that do not occur.
-fn widened<const N: usize>(states: [usize; N], part: &Square<N>) -> Matrix {
-    let mut all = [[0.0; STATES]; STATES];
-    for (i, row) in states.into_iter().zip(part) {
-        for (j, x) in states.into_iter().zip(row) {
-            all[i][j] = *x;
-        }
-    }
-    all
 }
 
 #[cfg(test)]

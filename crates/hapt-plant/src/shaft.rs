@@ -9,7 +9,7 @@
 //! As with a puck alone, the torques are states too, and one matrix exponential gives motion and works. While friction holds the puck, the
 //! handle swings on: that is another such equation, with v = 0.
 
-use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series};
+use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series, widened};
 use crate::ledger::Ledger;
 use crate::puck::{Inertia, Lengths, MOST_EVENTS, NO_SINE, Push, ROUNDING, Sine, decay, root};
 use crate::spec::Handle;
@@ -202,7 +202,8 @@ impl Flow {
             }
             change = doubled(&change);
         }
-        Propagator { change: widened(&change), works: works.map(|work| widened(&folded(&work))) }
+        let states = core::array::from_fn(|i| i);
+        Propagator { change: widened(states, &change), works: works.map(|work| widened(states, &folded(&work))) }
     }
 
     /// exp(N dt) - I
@@ -307,15 +308,6 @@ fn output<const K: usize>(row: &State, change: &Square<K>) -> [f64; K] {
         }
     }
     out
-}
-
-/// With zeros for the states that do not occur.
-fn widened<const K: usize>(part: &Square<K>) -> Matrix {
-    let mut all = [[0.0; STATES]; STATES];
-    for (all, part) in all.iter_mut().zip(part) {
-        all[..K].copy_from_slice(part);
-    }
-    all
 }
 
 impl Shaft {

@@ -6,8 +6,9 @@
 //! samples, at both ends and in the middle, is below 0 by more than the three differ. Otherwise the interval is halved. Every rank is
 //! tested, so a root that rises above 0 and falls again within an interval is found even if a slower root is larger all the time.
 //!
-//! A delay of whole samples and one with a fraction of a sample give different loops, so the values have kinks at whole samples.
-//! Interval ends are placed on whole samples and midpoints between two of them, so that both are sampled.
+//! A delay of whole samples and one with a fraction of a sample give different loops, so the values have kinks at whole samples, and
+//! turn there and back from one to the next. Along a period the ends of intervals are placed on every whole and half sample of the
+//! delay; along a delay on whole samples, with midpoints between two of them.
 
 use hapt_model::Delay;
 
@@ -105,17 +106,17 @@ impl Spacing {
         }
     }
 
-    /// The end of the interval that begins at `a`: `ratio` times `a`, or a whole sample.
+    /// The end of the interval that begins at `a`: `ratio` times `a`, or a whole sample. A period's intervals end on every half one.
     fn next(self, a: f64, ratio: f64) -> f64 {
         match self {
             Spacing::Ratio => a * ratio,
             Spacing::Samples => (a + 1e-6 + (0.3 * a).max(1.0)).floor(),
             Spacing::Period(delay) => {
+                // Roots move there and back within a sample of the delay: an interval has half a sample at most, so that four points
+                // of each see the first turn of such a motion, whatever its phase.
                 let b = a * ratio;
-                // A whole sample, if there is one within the interval.
-                let samples = (delay / b).round().max(1.0);
-                let whole = delay / samples;
-                if whole > a * (1.0 + 1e-6) && whole < b * ratio { whole } else { b }
+                let half = delay / (0.5 * ((2.0 * delay / a) * (1.0 - 1e-6) - 1.0).ceil());
+                if half > a * (1.0 + 1e-7) && half < b * ratio { half } else { b }
             }
         }
     }
@@ -150,6 +151,9 @@ struct Search<F> {
     samples: usize,
 }
 
+/// Largest number of intervals that end at a given point. Beyond it, they have equal ratios again.
+const MAX_NARROWED: usize = 400;
+
 /// The largest x in [low, high] up to which no value is above 0, to a relative `tolerance` from below; `None` where no value
 /// exceeds 0.
 pub(crate) fn first_crossing(
@@ -159,15 +163,30 @@ pub(crate) fn first_crossing(
     high: f64,
     tolerance: f64,
 ) -> Result<Option<f64>, Error> {
+    first_crossing_within(f, spacing, |_| f64::INFINITY, [low, high], tolerance)
+}
+
+/// The same with more ends of intervals, where narrow peaks are known to stand: an interval that begins at x ends at `next(x)` at the latest.
+pub(crate) fn first_crossing_within(
+    f: impl FnMut(f64) -> Result<Ranked, Error>,
+    spacing: Spacing,
+    next: impl Fn(f64) -> f64,
+    [low, high]: [f64; 2],
+    tolerance: f64,
+) -> Result<Option<f64>, Error> {
     let mut search = Search { f, spacing, samples: 0 };
     let mut a = search.sample(low)?;
     if a.1.max() > 0.0 {
         return Ok(Some(low));
     }
     let ratio = 10f64.powf(1.0 / PER_DECADE).max((high / low).powf(1.0 / INTERVALS));
+    let mut narrowed = 0;
     while a.0 < high {
-        let next = spacing.next(a.0, ratio);
-        let b = search.sample(if next > a.0 { next.min(high) } else { high })?;
+        let (wide, narrow) = (spacing.next(a.0, ratio), next(a.0));
+        let narrows = narrow < wide && narrowed < MAX_NARROWED;
+        narrowed += usize::from(narrows);
+        let end = if narrows { narrow } else { wide };
+        let b = search.sample(if end > a.0 { end.min(high) } else { high })?;
         let middle = search.middle(&a, &b)?;
         if let Some([below, above]) = search.between(&a, &middle, &b)? {
             let mut top = |x: f64| Ok((search.f)(x)?.max());
@@ -340,6 +359,21 @@ mod tests {
             let whole = 1.0 / (samples + 1.0);
             let found = first_crossing(by_period, Spacing::Period(1.0), whole, 10.0, 0.0).unwrap().unwrap();
             assert!(found >= whole && found < whole * (1.0 + 1e-3), "{samples}: {found}");
+        }
+    }
+
+    #[test]
+    fn what_returns_in_every_sample_of_a_delay_is_seen_whatever_its_phase() {
+        // Above 0 for a seventh of each sample, from 20 samples on: at a period of delay/20 and longer ones.
+        for phase in 0..50 {
+            let at = f64::from(phase) / 50.0;
+            let turns = |period: f64| {
+                let samples = 1.0 / period;
+                let rises = if samples < 20.0 { 0.0 } else { 1.0 };
+                Ok(Ranked::one((std::f64::consts::TAU * (samples - at)).cos() - 0.9 - rises))
+            };
+            let found = first_crossing(turns, Spacing::Period(1.0), 1.0 / 64.0, 10.0, 0.0).unwrap().unwrap();
+            assert!(found > 1.0 / 20.1 && found < 1.0 / 18.9, "{at}: {found}");
         }
     }
 

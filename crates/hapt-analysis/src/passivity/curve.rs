@@ -192,7 +192,9 @@ impl DampingCurve {
         let slope = (self.slope.pole > 0.0).then_some(self.slope.ln_pole);
         let own = self.poles.iter().map(|p| (p.ln_abs, p.arg));
         let all = own.chain(motor.into_iter().chain(slope).map(|ln_abs| (ln_abs, 0.0)));
-        let square = |from: f64| all.clone().map(|(ln_abs, arg)| ln_abs * ln_abs + (arg - from).powi(2)).fold(f64::INFINITY, f64::min);
+        let square = |from: f64| {
+            all.clone().map(|(ln_abs, arg)| ln_abs * ln_abs + (arg - from).powi(2)).fold(f64::INFINITY, f64::min)
+        };
         let first = square(from).sqrt() / 3.0;
         (0.5 * square(from + first.min(most)).sqrt()).max(first).min(most)
     }

@@ -8,7 +8,9 @@ use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::proof;
 use crate::passivity::quantisation::quantisation;
-use crate::passivity::required::{Requirement, largest_gain, linear_requirement_wanted, requirement, requirement_wanted};
+use crate::passivity::required::{
+    Requirement, largest_gain, linear_requirement_wanted, requirement, requirement_wanted,
+};
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
 use crate::stability::patterns::{FreePatterns, patterns};

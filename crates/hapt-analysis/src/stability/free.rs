@@ -20,8 +20,8 @@ use crate::equations::port::Port;
 use crate::equations::slopes::combinations;
 use crate::equations::structure::{Part, inertias_with_puck, linearise_with_puck, parts};
 use crate::error::{Error, positive};
-use crate::numerics::crossing::{Ranked, Spacing, first_crossing, growth_floor};
-use crate::numerics::eigenvalues::eigenvalues_and_scale;
+use crate::numerics::crossing::{Ranked, Spacing, first_crossing_within, growth_floor};
+use crate::numerics::eigenvalues::{eigenvalues, eigenvalues_and_scale};
 use crate::numerics::rayleigh::Quotients;
 use crate::stability::critical::{Critical, of_part};
 use crate::stability::held::spectrum;
@@ -37,6 +37,12 @@ const LONGEST: f64 = 100.0;
 
 /// Relative distance above a proved period at which a growth means that the proof ends where the stability does.
 const CLOSE: f64 = 1e-10;
+
+/// How many time constants of a mode a sample lasts before the mode no longer matters from one to the next.
+const FORGOTTEN: f64 = 3.0;
+
+/// Largest number of modes whose resonances in pairs are looked at, too.
+const MOST_PAIRED: usize = 8;
 
 /// Error of an eigenvalue, relative to the largest entry of the matrix.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
@@ -302,6 +308,37 @@ fn conserves_momentum(sampling: &Sampling, port: &Port) -> bool {
     }
 }
 
+/// Where two modes may drive each other: at the whole multiples of a period 2π/(ω₁ ± ω₂), and of π/ω for a mode with itself. Each with
+/// the mean decay of the two, 1/s. Modes turn so by their frequency times the period where the method is exact, and the puck does on its shaft
+/// or spring. A weak coupling lets them grow in a narrow window of periods around such a one. Other methods do not turn twice.
+fn resonances(port: &Port, sampling: &Sampling, damping: f64) -> Result<Vec<(f64, f64)>, Error> {
+    let mut modes = Vec::new();
+    if let Method::Zoh | Method::Foh = sampling.method {
+        for block in &port.blocks {
+            modes.extend(eigenvalues(&block.equations.rates(sampling.period).a)?.into_iter().map(|s| (-s.re, s.im)));
+        }
+    }
+    let mut spring = |stiffness: f64, damping: f64, per_inertia: f64| {
+        let (decay, square) = (0.5 * damping * per_inertia, stiffness * per_inertia);
+        modes.push((decay, (square - decay * decay).max(0.0).sqrt()));
+    };
+    spring(port.spring, damping, 1.0 / port.inertia);
+    if let Some((handle, grip)) = port.handle {
+        spring(handle.stiffness, handle.damping, 1.0 / port.inertia + 1.0 / (handle.inertia + grip.inertia));
+    }
+    modes.retain(|(_, omega)| *omega > 0.0);
+    let mut all = Vec::new();
+    for (i, (decay, omega)) in modes.iter().enumerate() {
+        all.push((*decay, std::f64::consts::PI / omega));
+        for (other_decay, other) in modes.iter().take(i).filter(|_| modes.len() <= MOST_PAIRED) {
+            let decay = 0.5 * (decay + other_decay);
+            let apart = [omega + other, (omega - other).abs()].map(|rate| std::f64::consts::TAU / rate);
+            all.extend(apart.into_iter().filter(|apart| apart.is_finite()).map(|apart| (decay, apart)));
+        }
+    }
+    Ok(all)
+}
+
 /// The period up to which the energy theorem makes the loop passive, so that no eigenvalue leaves the circle: T (K/2 + C1) + C0 = b, with the
 /// springs and dampers at the puck, for the torque at the end of a step that does not raise the energy. 0 where it does not apply. It holds
 /// at every shorter period without a search.
@@ -314,11 +351,7 @@ fn passive_below(port: &Port, sampling: &Sampling, damping: f64) -> f64 {
     // A damper at the puck takes the mean velocity of both its ends.
     let by_difference = !port.has_damper() || sampling.estimator == EstimatorKind::Difference;
     let rate = 0.5 * port.stiffness + port.per_period;
-    if keeps_energy && at_once && by_difference && rate > 0.0 {
-        ((damping - port.fixed) / rate).max(0.0)
-    } else {
-        0.0
-    }
+    if keeps_energy && at_once && by_difference && rate > 0.0 { ((damping - port.fixed) / rate).max(0.0) } else { 0.0 }
 }
 
 /// The critical period of the closed loop, with the delay fixed in s. Periods above `known` are not searched.
@@ -369,7 +402,12 @@ fn critical_period(
         return Ok(Critical::Period(proved));
     }
     let from = proved.max(low);
-    Ok(match first_crossing(growths, Spacing::period(sampling.delay), from, high, 0.0)? {
+    let resonances = resonances(port, sampling, damping)?;
+    let next = |period: f64| {
+        let seen = resonances.iter().filter(|(decay, _)| decay * period < FORGOTTEN);
+        seen.map(|(_, apart)| apart * ((period / apart * (1.0 + 1e-9)).floor() + 1.0)).fold(f64::INFINITY, f64::min)
+    };
+    Ok(match first_crossing_within(growths, Spacing::period(sampling.delay), next, [from, high], 0.0)? {
         Some(period) if period <= low => Critical::Never,
         Some(period) => Critical::Period(period),
         None => Critical::Unbounded,
