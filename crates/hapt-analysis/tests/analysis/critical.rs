@@ -3,7 +3,7 @@
 use hapt_analysis::multipliers;
 use hapt_analysis::stability::critical::{Critical, RK4_REAL, critical};
 use hapt_analysis::{Slopes, free, free_growth, held};
-use hapt_model::{End, Method, Source, World};
+use hapt_model::{Delay, End, EstimatorKind, Method, Output, Source, World};
 use proptest::prelude::*;
 
 use crate::common::*;
@@ -268,5 +268,75 @@ fn a_window_of_instability_ends_the_critical_period_of_a_delayed_loop() {
         assert!(at(found * (1.0 + 1e-6)) > 0.0);
         // The window has another end.
         assert!((1..100).any(|i| at(found + (beyond - found) * f64::from(i) / 100.0) < 0.0));
+    }
+}
+
+#[test]
+fn a_window_between_the_steps_of_a_search_ends_the_critical_period() {
+    // A window that returns in every sample of a delay of some 37, and one at the half turn of a body of 166 rad/s under an exact method.
+    let mut late = delayed(
+        "semi-implicit-euler",
+        [1.5854986620761956e-3, 2.1772788603264676e-3, 1.6158203399652027e-5, 0.7752337246829156],
+        [
+            [1.837503047770782e-5, 0.05256803111570606, 0.5119047014523884],
+            [1.8993674726089607e-2, 3.026819564633642, 0.0],
+        ],
+        [38.49312999789208, 0.0],
+    );
+    late.sampling.output = Output::End;
+    let turned = delayed(
+        "foh",
+        [2.4170014919091152e-3, 2.4170014919091152e-3, 1.1149712485963311e-4, 0.34555070347704886],
+        [
+            [2.8642530238558808e-5, 0.7888958363914487, 1.7310478061444356e-6],
+            [3.0747935590143563e-2, 0.11847420014016213, 3.94895165844702e-6],
+        ],
+        [0.0, 0.0],
+    );
+    for world in [late, turned] {
+        let at = |period: f64| {
+            let mut world = world.clone();
+            world.sampling.period = period;
+            free_growth(&world).unwrap().unwrap()
+        };
+        let found = free(&world).unwrap().critical_period_s.unwrap();
+        let lowest = (world.sampling.period / 1e3).max(world.sampling.delay_s() / 64.0);
+        for i in 0..2000 {
+            let period = lowest * (found / lowest).powf(f64::from(i) / 2000.0);
+            assert!(at(period) < 1e-8, "{period} of {found}");
+        }
+        assert!(at(found * (1.0 + 1e-6)) > 0.0);
+        // Stable again beyond the window.
+        assert!((1..400).any(|i| at(found * (1.0 + 1e-3 * f64::from(i))) < 0.0), "{found}");
+    }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(40))]
+
+    /// b = T (K/2 + C1) + C0 at the puck is the period up to which a loop that keeps its energy is passive, and so stable hands-off.
+    #[test]
+    fn a_loop_that_keeps_its_energy_does_not_grow_up_to_the_period_of_its_damping(
+        method in prop::sample::select(vec!["zoh", "trapezoidal", "backward-euler"]),
+        puck in -5.0..-2.0f64,
+        bodies in prop::array::uniform2((-5.0..-1.0f64, -1.0..4.0f64, prop_oneof![Just(0.0), (-6.0..-1.0f64).prop_map(|x| 10f64.powf(x))])),
+        ground in prop_oneof![Just(0.0), 0.1..100.0f64],
+        spare in 0.01..10.0f64,
+        at in 1e-3..1.0f64,
+    ) {
+        let bodies = bodies.map(|(inertia, stiffness, damping)| [10f64.powf(inertia), 10f64.powf(stiffness), damping]);
+        let [stiffness, fixed] = [1, 2].map(|i| bodies.iter().map(|body| body[i]).sum::<f64>());
+        let stiffness = stiffness + ground;
+        let mut world = delayed(method, [1e-3, 0.0, 10f64.powf(puck), fixed + spare], bodies, [ground, 0.0]);
+        world.sampling.output = Output::End;
+        world.sampling.delay = Delay::Seconds(0.0);
+        world.sampling.estimator = EstimatorKind::Difference;
+        let proved = 2.0 * spare / stiffness;
+        let found = free(&world).unwrap();
+        prop_assert!(found.critical_period_s.is_none_or(|critical| critical >= proved), "{:?} of {proved}", found.critical_period_s);
+        prop_assert!(found.critical_period_reason != Some("never"));
+        world.sampling.period = at * proved;
+        let growth = free_growth(&world).unwrap().unwrap_or(f64::NEG_INFINITY);
+        prop_assert!(growth < 1e-9 + 1e-13 / world.sampling.period + 1e-12 * (stiffness / bodies[0][0].min(bodies[1][0])).sqrt(), "{growth}");
     }
 }

@@ -308,8 +308,8 @@ fn ones(found: &Stability, period: f64) -> usize {
 }
 
 proptest! {
-    // The search takes 16 steps a decade: of some two thousand such loops one has an island of growth between two of them. So
-    // the loops are always the same.
+    // Far beyond all time constants of a loop the rounding of its eigenvalues is more than the growth that is asked for here. So the
+    // loops are always the same.
     #![proptest_config(hapt_testing::cases_from(1, 40))]
 
     #[test]

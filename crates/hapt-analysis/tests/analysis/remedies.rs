@@ -1,7 +1,7 @@
 //! Remedies are what they say: each certifies the world by itself, and a hundredth beyond it does not. Margins are the ends of
 //! intervals without gaps.
 
-use hapt_analysis::{check, is_certified, remedies};
+use hapt_analysis::{check, is_certified, quick_check, remedies};
 use hapt_model::{Coupling, Damping, Delay, End, Law, Source, World};
 use proptest::prelude::*;
 
@@ -79,11 +79,11 @@ proptest! {
         // Beside the device that needs a damping, and beside one that just has enough.
         let found = check(&world).unwrap();
         prop_assert_eq!(is_certified(&world), found.certified);
-        for more in [0.999, 1.001] {
+        for more in [0.5, 0.999, 1.0 - 1e-7, 1.0 + 1e-7, 1.001, 2.0, 30.0] {
             let both = found.uneven.required_damping.zip(found.passivity.required_damping);
             let Some(least) = both.map(|(uneven, even)| uneven.max(even)) else { continue };
             world.device.damping = more * least / (1.0 - 1e-2 * tolerance);
-            prop_assert_eq!(is_certified(&world), check(&world).unwrap().certified, "{}", more);
+            prop_assert_eq!(is_certified(&world), quick_check(&world).unwrap().certified, "{}", more);
         }
     }
 }
