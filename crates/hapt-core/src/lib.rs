@@ -63,6 +63,7 @@ pub mod spec;
 mod step;
 mod supervisor;
 mod transfer;
+pub mod wheel;
 
 pub use controller::{Controller, ControllerState};
 pub use error::Error;

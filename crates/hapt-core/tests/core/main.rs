@@ -9,3 +9,4 @@ mod reference;
 mod refused;
 mod sample;
 mod supervisor;
+mod wheel;

@@ -1,0 +1,372 @@
+//! The effects of a force-feedback wheel, as couplings and bodies: whatever a host asks for, the loop stays passive.
+//!
+//! Springs and end stops are static laws on the wheel's position. Dampers and frictions act on a slider without mass, inertia acts on a virtual
+//! body; each hangs on the wheel by a spring, so that neither the difference of two positions nor of two velocities is ever taken. Under backward
+//! Euler such an element costs the device no more damping than its spring does ([`Timing::element_cost`]), whatever damping, friction or inertia
+//! is behind it. The device's damping therefore bounds a sum of stiffnesses, which is known at every sample, and what the host asks for beyond
+//! that sum is scaled to it.
+//!
+//! Constant, ramp and periodic effects do not depend on the motion. They do work, at most their torque times the way, and add nothing to what
+//! the wheel's motion makes of itself: without them every motion of the free wheel has bounded energy.
+//!
+//! ```
+//! use hapt_core::wheel::{Device, Effect, Sides, Timing, Wheel};
+//!
+//! let device = Device { timing: Timing::even(1e-3), damping: 0.01, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
+//! let wheel = Wheel::<f32>::new(&device)?;
+//! let mut state = wheel.start();
+//! // 2 b/T = 20 N·m/rad is passive; a host asks for 100.
+//! let spring = Effect::Spring(Sides::even(100.0, 5.0));
+//! wheel.step(&mut state, 0.0, &[spring], 1);
+//! let given = wheel.step(&mut state, 0.1, &[spring], 1);
+//! assert!((given.torque + 2.0).abs() < 1e-3 && given.asked == -5.0);
+//! # Ok::<(), hapt_core::wheel::Refused>(())
+//! ```
+
+mod bound;
+mod effect;
+mod element;
+
+use core::fmt;
+
+use crate::Real;
+use crate::contact::within;
+
+pub use bound::Timing;
+use effect::floored;
+pub use effect::{Effect, Sides};
+use element::{Drag, Mass};
+
+/// The time constant, in s, with which a jump of the asked torque fades when effects change.
+const BLEND: f64 = 2e-3;
+
+/// The share of the stiffness that springs take at most while dampers, frictions or inertias play.
+const SPRINGS_SHARE: f64 = 0.5;
+
+/// A device, and what its wheel does before a host asks for anything. SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Device {
+    /// The loop's time.
+    pub timing: Timing,
+    /// The device's own damping, N·m·s/rad, zero or more: certainly not less than this.
+    pub damping: f64,
+    /// The largest torque, N·m, positive.
+    pub limit: f64,
+    /// End stops, if any.
+    pub stops: Option<Stops>,
+    /// Friction of the wheel without effects, N·m, zero or more.
+    pub base_friction: f64,
+    /// Damping of the wheel without effects, N·m·s/rad, zero or more.
+    pub base_damping: f64,
+}
+
+/// Two springs that begin at ±angle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stops {
+    /// Half of the steering range, rad, positive.
+    pub angle: f64,
+    /// N·m/rad, positive.
+    pub stiffness: f64,
+}
+
+/// Why a device cannot be a wheel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Refused {
+    /// A number out of its range, by its name.
+    Number(&'static str),
+    /// The end stops are stiffer than what the device's damping allows.
+    Stops {
+        /// Asked for, N·m/rad.
+        stiffness: f64,
+        /// The largest that is passive, N·m/rad.
+        most: f64,
+    },
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Refused::Number(name) => write!(f, "the wheel's {name} is out of range"),
+            Refused::Stops { stiffness, most } => write!(
+                f,
+                "end stops of {stiffness} N·m/rad are not passive on this device; its damping allows at most {most} N·m/rad"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for Refused {}
+
+/// Why less is given than asked, the first that applies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shortfall {
+    /// A coefficient is negative: such a law drives the wheel; it counts as 0.
+    Drives,
+    /// Springs are scaled to the stiffness that the device's damping allows.
+    Stiffness,
+    /// The torque is beyond the device's limit.
+    Limit,
+}
+
+/// What a sample gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Given<F> {
+    /// The torque to command, N·m, within the device's limit.
+    pub torque: F,
+    /// The torque of all effects with springs as asked, within the limit, N·m.
+    pub asked: F,
+    /// By which springs are scaled, 0 to 1.
+    pub scale: F,
+    /// All stiffness at the wheel with its cost, relative to what the device's damping allows: 0 to 1.
+    pub used: F,
+    /// Why less is given than asked.
+    pub shortfall: Option<Shortfall>,
+}
+
+/// A wheel, compiled from a [`Device`].
+#[derive(Clone, Copy, Debug)]
+pub struct Wheel<F> {
+    period: F,
+    limit: F,
+    stops: Option<(F, F)>,
+    base_friction: F,
+    base_damping: F,
+    /// The stiffness of springs that would take the whole damping.
+    stiffness: F,
+    /// By which an element's stiffness is smaller at the same cost.
+    element: F,
+    fade: F,
+}
+
+/// What changes from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WheelState<F> {
+    last: Option<F>,
+    /// The static torque of the last sample with what was fading then.
+    direct: F,
+    fading: F,
+    revision: u32,
+    drag: Drag<F>,
+    mass: Mass<F>,
+}
+
+/// How the stiffness is shared out at a sample.
+struct Shares<F> {
+    scale: F,
+    drag: F,
+    mass: F,
+    used: F,
+}
+
+impl<F: Real> Wheel<F> {
+    /// Checks the device's numbers and that its end stops are passive.
+    ///
+    /// # Errors
+    /// Names the number that is out of range, or the largest stiffness of stops.
+    pub fn new(device: &Device) -> Result<Self, Refused> {
+        if !device.timing.is_possible() {
+            return Err(Refused::Number("timing"));
+        }
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        let zero_or_more = |x: f64| x.is_finite() && x >= 0.0;
+        let numbers = [
+            ("damping", zero_or_more(device.damping)),
+            ("limit", positive(device.limit)),
+            ("base_friction", zero_or_more(device.base_friction)),
+            ("base_damping", zero_or_more(device.base_damping)),
+            ("stops", device.stops.is_none_or(|stops| positive(stops.angle) && positive(stops.stiffness))),
+        ];
+        if let Some((name, _)) = numbers.iter().find(|(_, holds)| !holds) {
+            return Err(Refused::Number(name));
+        }
+        let (spring, element) = (device.timing.spring_cost(), device.timing.element_cost());
+        let most = device.damping / spring;
+        if let Some(stops) = device.stops.filter(|stops| stops.stiffness > most) {
+            return Err(Refused::Stops { stiffness: stops.stiffness, most });
+        }
+        let of = F::from_f64;
+        Ok(Wheel {
+            period: of(device.timing.period),
+            limit: of(device.limit),
+            stops: device.stops.map(|stops| (of(stops.angle), of(stops.stiffness))),
+            base_friction: of(device.base_friction),
+            base_damping: of(device.base_damping),
+            stiffness: of(most),
+            element: of(spring / element),
+            fade: of(libm::exp(-device.timing.period / BLEND)),
+        })
+    }
+
+    /// At rest, before the first sample.
+    pub fn start(&self) -> WheelState<F> {
+        WheelState { last: None, direct: F::ZERO, fading: F::ZERO, revision: 0, drag: Drag::SLACK, mass: Mass::SLACK }
+    }
+
+    /// One sample: the torque for the position, in rad. `revision` differs from the last sample's where the host has changed the effects;
+    /// the jump of the torque that the change would make fades within milliseconds. A position that is not finite gives no torque.
+    pub fn step(&self, state: &mut WheelState<F>, position: F, effects: &[Effect<F>], revision: u32) -> Given<F> {
+        if !position.is_finite() {
+            *state = self.start();
+            return Given { torque: F::ZERO, asked: F::ZERO, scale: F::ZERO, used: F::ZERO, shortfall: None };
+        }
+        let way = state.last.map_or(F::ZERO, |last| position - last);
+        state.last = Some(position);
+        let shares = self.shares(effects);
+        let (stops, wanted, scaled) = self.direct(effects, position, shares.scale);
+        state.fading = state.fading * self.fade;
+        if state.revision != revision {
+            state.fading = (state.direct - scaled).finite_or_zero();
+            state.revision = revision;
+        }
+        state.direct = scaled + state.fading;
+        // Stops come last: what the host asks for is within the limit before they add to it.
+        let statics = within(within(state.direct, -self.limit, self.limit) + stops, -self.limit, self.limit);
+        // Elements yield where the motor cannot hold them, on both their ends.
+        let room = (statics - self.limit, statics + self.limit);
+        let velocity = way / self.period;
+        let drag = state.drag.step(shares.drag, way, room, |way| self.drag(effects, way / self.period), self.period);
+        let room = (room.0 - drag, room.1 - drag);
+        let (inertia, most) = inertia(effects);
+        let mass = state.mass.step(shares.mass, way, room, inertia, most, self.period);
+        let torque = (statics - drag - mass).finite_or_zero().within(self.limit);
+        let plain = wanted + stops - self.drag(effects, velocity).moving(velocity) - mass;
+        let asked = plain.finite_or_zero().within(self.limit);
+        let shortfall = if effects.iter().any(drives) {
+            Some(Shortfall::Drives)
+        } else if shares.scale < F::ONE {
+            Some(Shortfall::Stiffness)
+        } else if plain.abs() > self.limit {
+            Some(Shortfall::Limit)
+        } else {
+            None
+        };
+        Given { torque, asked, scale: shares.scale, used: shares.used, shortfall }
+    }
+
+    /// Stops first; springs take what is left of the stiffness, or half of it where elements play; elements share the rest.
+    fn shares(&self, effects: &[Effect<F>]) -> Shares<F> {
+        let stops = self.stops.map_or(F::ZERO, |(_, stiffness)| stiffness);
+        let left = floored(self.stiffness - stops);
+        let (mut springs, mut drags, mut masses) =
+            (F::ZERO, self.base_friction > F::ZERO || self.base_damping > F::ZERO, false);
+        for effect in effects {
+            match effect {
+                Effect::Spring(sides) => springs += sides.steepest(),
+                Effect::Damper(sides) | Effect::Friction(sides) => drags |= sides.steepest() > F::ZERO,
+                Effect::Inertia(sides) => masses |= sides.gentlest() > F::ZERO,
+                Effect::Torque(_) => {}
+            }
+        }
+        let elements = drags || masses;
+        let most = if elements { left * F::from_f64(SPRINGS_SHARE) } else { left };
+        let scale = if springs > most { most / springs } else { F::ONE };
+        let rest = floored(left - springs * scale) * self.element;
+        let each = if drags && masses { rest * F::HALF } else { rest };
+        let of = |plays: bool| if plays { each } else { F::ZERO };
+        let taken = if elements { self.stiffness } else { stops + springs * scale };
+        let used = if self.stiffness > F::ZERO { taken / self.stiffness } else { F::ONE };
+        Shares { scale, drag: of(drags), mass: of(masses), used }
+    }
+
+    /// The torque of the stops; of springs as asked and what does not depend on the motion; the same with springs scaled.
+    fn direct(&self, effects: &[Effect<F>], position: F, scale: F) -> (F, F, F) {
+        let (mut wanted, mut scaled) = (F::ZERO, F::ZERO);
+        for effect in effects {
+            match effect {
+                Effect::Spring(sides) => {
+                    wanted += -sides.resistance(position, F::ONE).0;
+                    scaled += -sides.resistance(position, scale).0;
+                }
+                Effect::Torque(torque) => {
+                    wanted += torque.finite_or_zero();
+                    scaled += torque.finite_or_zero();
+                }
+                Effect::Damper(_) | Effect::Friction(_) | Effect::Inertia(_) => {}
+            }
+        }
+        let stops = self
+            .stops
+            .map_or(F::ZERO, |(angle, stiffness)| -(stiffness * (position - within(position, -angle, angle))));
+        (stops, wanted.finite_or_zero(), scaled.finite_or_zero())
+    }
+
+    /// What dampers and frictions resist a velocity with.
+    fn drag(&self, effects: &[Effect<F>], velocity: F) -> Resistance<F> {
+        let mut all = Resistance {
+            viscous: self.base_damping * velocity,
+            slope: self.base_damping,
+            dry_above: self.base_friction,
+            dry_below: self.base_friction,
+        };
+        for effect in effects {
+            match effect {
+                Effect::Damper(sides) => {
+                    let (torque, slope) = sides.resistance(velocity, F::ONE);
+                    all.viscous += torque;
+                    all.slope += slope;
+                }
+                Effect::Friction(sides) => {
+                    let least = |a: F, b: F| if a < b { a } else { b };
+                    all.dry_above += least(floored(sides.above), sides.most_above);
+                    all.dry_below += least(floored(sides.below), sides.most_below);
+                }
+                Effect::Spring(_) | Effect::Inertia(_) | Effect::Torque(_) => {}
+            }
+        }
+        all
+    }
+}
+
+/// A resistance to a velocity, and its derivative.
+#[derive(Clone, Copy)]
+pub(crate) struct Resistance<F> {
+    viscous: F,
+    slope: F,
+    dry_above: F,
+    dry_below: F,
+}
+
+impl<F: Real> Resistance<F> {
+    /// With the friction of the velocity's direction; without friction at 0.
+    pub(crate) fn moving(&self, velocity: F) -> F {
+        if velocity > F::ZERO {
+            self.viscous + self.dry_above
+        } else if velocity < F::ZERO {
+            self.viscous - self.dry_below
+        } else {
+            self.viscous
+        }
+    }
+
+    /// The torques that it holds at rest.
+    pub(crate) fn at_rest(&self) -> (F, F) {
+        (self.viscous - self.dry_below, self.viscous + self.dry_above)
+    }
+
+    pub(crate) fn slope(&self) -> F {
+        self.slope
+    }
+}
+
+/// The inertia of all effects, and its largest torque.
+fn inertia<F: Real>(effects: &[Effect<F>]) -> (F, F) {
+    effects.iter().fold((F::ZERO, F::ZERO), |(inertia, most), effect| match effect {
+        Effect::Inertia(sides) if sides.gentlest() > F::ZERO => {
+            let least = if sides.most_above < sides.most_below { sides.most_above } else { sides.most_below };
+            (inertia + sides.gentlest(), most + floored(least))
+        }
+        Effect::Inertia(_) | Effect::Spring(_) | Effect::Damper(_) | Effect::Friction(_) | Effect::Torque(_) => {
+            (inertia, most)
+        }
+    })
+}
+
+fn drives<F: Real>(effect: &Effect<F>) -> bool {
+    match effect {
+        Effect::Spring(sides) | Effect::Damper(sides) | Effect::Friction(sides) | Effect::Inertia(sides) => {
+            sides.drives()
+        }
+        Effect::Torque(_) => false,
+    }
+}
