@@ -44,6 +44,7 @@ pub mod device;
 mod frame;
 mod load;
 mod message;
+pub mod pid;
 mod world;
 
 use crc::{CRC_16_IBM_3740, Crc};

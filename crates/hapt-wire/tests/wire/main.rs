@@ -7,4 +7,5 @@ mod device;
 mod frames;
 mod messages;
 mod noise;
+mod pid;
 mod world;

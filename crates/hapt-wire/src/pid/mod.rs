@@ -1,0 +1,12 @@
+//! A force-feedback wheel on USB: the HID Physical Interface Device protocol between a host and a wheel.
+//!
+//! [`DESCRIPTOR`] states the reports, [`Report`] is one of them, and [`Pool`] holds the effects that a host makes. What plays at a time is a list of
+//! [`hapt_core::wheel::Effect`], which [`hapt_core::wheel::Wheel`] renders.
+
+mod descriptor;
+mod pool;
+mod report;
+
+pub use descriptor::{BUTTONS, DESCRIPTOR, EFFECTS, FULL, INFINITE, id};
+pub use pool::{Pool, Scale};
+pub use report::{Common, Condition, Control, Envelope, Kind, LONGEST_REPORT, Operation, Periodic, Report};

@@ -1,0 +1,281 @@
+//! The reports of a force-feedback wheel, its pool of effects, and the free wheel under them.
+
+use std::collections::BTreeMap;
+
+use hapt_core::wheel::{Device, Effect, Timing, Wheel};
+use hapt_plant::{VirtualDevice, spec::DeviceSpec};
+use hapt_wire::pid::{
+    Common, Condition, Control, DESCRIPTOR, EFFECTS, Envelope, FULL, INFINITE, Kind, LONGEST_REPORT, Operation,
+    Periodic, Pool, Report, Scale, id,
+};
+use proptest::prelude::*;
+
+const SCALE: Scale = Scale { torque: 5.0, angle: 7.85, velocity: 20.0, acceleration: 200.0 };
+
+/// The bits of each report, by whether it is an input, an output or a feature, and its id.
+fn bits() -> BTreeMap<(u8, u8), u32> {
+    let (mut rest, mut all, mut size, mut count, mut report, mut depth) = (DESCRIPTOR, BTreeMap::new(), 0, 0, 0, 0);
+    while let [head, after @ ..] = rest {
+        let length = [0, 1, 2, 4][usize::from(head & 3)];
+        let value = after[..length].iter().rev().fold(0_u32, |value, byte| value << 8 | u32::from(*byte));
+        match head & 0xfc {
+            0x74 => size = value,
+            0x94 => count = value,
+            0x84 => report = value as u8,
+            tag @ (0x80 | 0x90 | 0xb0) => *all.entry((tag, report)).or_default() += size * count,
+            0xa0 => depth += 1,
+            0xc0 => depth -= 1,
+            _ => {}
+        }
+        rest = &after[length..];
+    }
+    assert_eq!(depth, 0, "a collection is left open");
+    all
+}
+
+fn blocks() -> impl Strategy<Value = usize> {
+    0..EFFECTS
+}
+
+fn kinds() -> impl Strategy<Value = Kind> {
+    (0..Kind::ALL.len()).prop_map(|at| Kind::ALL[at])
+}
+
+fn reports() -> impl Strategy<Value = Report> {
+    let (level, share, angle) = (-FULL..=FULL, 0..=FULL, 0..36_000_u16);
+    let effect =
+        (blocks(), kinds(), any::<[u16; 3]>(), share.clone(), any::<u8>(), proptest::option::of(angle.clone()));
+    let conditions = (level.clone(), level.clone(), level.clone(), share.clone(), share.clone(), share.clone());
+    prop_oneof![
+        effect.prop_map(|(block, kind, [duration, repeat, delay], gain, button, direction)| {
+            Report::Effect { block, common: Common { kind, duration, repeat, delay, gain, button, direction } }
+        }),
+        (blocks(), share.clone(), share.clone(), any::<[u16; 2]>()).prop_map(
+            |(block, attack_level, fade_level, [attack_time, fade_time])| {
+                Report::Envelope { block, envelope: Envelope { attack_level, fade_level, attack_time, fade_time } }
+            }
+        ),
+        (blocks(), 0..2_u8, conditions).prop_map(|(block, axis, c)| {
+            let (offset, positive, negative, positive_saturation, negative_saturation, dead_band) = c;
+            let condition =
+                Condition { offset, positive, negative, positive_saturation, negative_saturation, dead_band };
+            Report::Condition { block, axis, condition }
+        }),
+        (blocks(), level.clone(), level.clone(), angle, any::<u16>()).prop_map(
+            |(block, magnitude, offset, phase, period)| {
+                Report::Periodic { block, periodic: Periodic { magnitude, offset, phase, period } }
+            }
+        ),
+        (blocks(), level.clone()).prop_map(|(block, magnitude)| Report::Constant { block, magnitude }),
+        (blocks(), level.clone(), level).prop_map(|(block, start, end)| Report::Ramp { block, start, end }),
+        (blocks(), 0..3_usize, any::<u8>()).prop_map(|(block, at, loops)| {
+            let operation = [Operation::Start, Operation::StartSolo, Operation::Stop][at];
+            Report::Operation { block, operation, loops }
+        }),
+        blocks().prop_map(|block| Report::Free { block }),
+        (0..6_usize).prop_map(|at| {
+            use Control::{Continue, Disable, Enable, Pause, Reset, StopAll};
+            Report::Control([Enable, Disable, StopAll, Reset, Pause, Continue][at])
+        }),
+        share.prop_map(Report::Gain),
+        kinds().prop_map(Report::Create),
+    ]
+}
+
+#[test]
+fn the_descriptor_states_the_lengths_of_what_is_sent() {
+    let bits = bits();
+    assert!(bits.values().all(|bits| bits % 8 == 0), "{bits:?}");
+    let bytes = |tag, report| bits[&(tag, report)] / 8 + 1;
+    assert_eq!(bytes(0x80, id::WHEEL), 1 + 4 * 2 + 2);
+    let pool = Pool::new();
+    for report in [id::LOAD, id::POOL] {
+        assert_eq!(bytes(0xb0, report) as usize, pool.feature(report).unwrap().len());
+    }
+    assert_eq!(bytes(0xb0, id::CREATE), 2);
+    let longest = bits.iter().filter(|((tag, _), _)| *tag == 0x90).map(|(_, bits)| bits / 8 + 1).max();
+    assert_eq!(longest, Some(LONGEST_REPORT as u32));
+}
+
+proptest! {
+    #[test]
+    fn a_report_is_read_as_it_was_written_in_the_length_of_the_descriptor(report in reports()) {
+        let (bytes, length) = report.write();
+        prop_assert_eq!(Report::read(&bytes[..length]), Some(report));
+        prop_assert_eq!(Report::read(&bytes[..length - 1]), None);
+        let tag = if bytes[0] == id::CREATE { 0xb0 } else { 0x90 };
+        prop_assert_eq!(bits()[&(tag, bytes[0])] / 8 + 1, length as u32);
+    }
+
+    #[test]
+    fn whatever_arrives_the_effects_are_finite_and_a_stop_ends_them(
+        bytes in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..20), 0..20),
+        reports in proptest::collection::vec(reports(), 0..100),
+        step in 0..100_000_u64,
+    ) {
+        let mut pool = Pool::new();
+        let mut now = 0;
+        let read = bytes.iter().filter_map(|bytes| Report::read(bytes));
+        for report in read.chain(reports) {
+            pool.take(&report, now);
+            now += step;
+            pool.press((now & 0xffff) as u16, now);
+            let (effects, count) = pool.effects(now, &SCALE);
+            for effect in &effects[..count] {
+                if let Effect::Torque(torque) = effect {
+                    // A periodic's offset adds to its magnitude.
+                    prop_assert!(torque.abs() <= 2.001 * SCALE.torque, "{torque}");
+                }
+            }
+        }
+        pool.stop_all();
+        prop_assert_eq!(pool.effects(now, &SCALE).1, 0);
+    }
+}
+
+/// A pool in which one effect plays from 0 on.
+fn playing(kind: Kind, reports: &[Report], loops: u8) -> Pool {
+    let mut pool = Pool::new();
+    assert!(pool.take(&Report::Create(kind), 0));
+    for report in reports {
+        assert!(pool.take(report, 0));
+    }
+    assert!(pool.take(&Report::Operation { block: 0, operation: Operation::Start, loops }, 0));
+    pool
+}
+
+fn torque(pool: &mut Pool, ms: u64) -> Option<f32> {
+    match pool.effects(1000 * ms, &SCALE) {
+        ([Effect::Torque(torque), ..], 1) => Some(torque),
+        _ => None,
+    }
+}
+
+fn common(kind: Kind, duration: u16) -> Common {
+    Common { kind, duration, repeat: 0, delay: 10, gain: FULL / 2, button: 0, direction: None }
+}
+
+#[test]
+fn an_effect_plays_after_its_delay_in_its_loops_with_its_gain_and_direction() {
+    let effect = Report::Effect { block: 0, common: Common { direction: Some(27_000), ..common(Kind::Constant, 100) } };
+    let mut pool = playing(Kind::Constant, &[effect, Report::Constant { block: 0, magnitude: FULL }], 3);
+    for (ms, expected) in [(9, None), (10, Some(-2.5)), (309, Some(-2.5)), (310, None), (311, None)] {
+        assert_eq!(torque(&mut pool, ms), expected, "at {ms} ms");
+    }
+}
+
+#[test]
+fn an_effect_of_65535_ms_has_no_end_until_it_is_stopped() {
+    let effect = Report::Effect { block: 0, common: common(Kind::Constant, INFINITE) };
+    let mut pool = playing(Kind::Constant, &[effect, Report::Constant { block: 0, magnitude: FULL }], 1);
+    assert_eq!(torque(&mut pool, 1_000_000_000), Some(2.5));
+    pool.take(&Report::Control(Control::StopAll), 0);
+    assert_eq!(torque(&mut pool, 1_000_000_001), None);
+}
+
+#[test]
+fn waves_and_envelopes_have_their_closed_forms() {
+    let periodic = Periodic { magnitude: FULL, offset: 0, phase: 9000, period: 80 };
+    let envelope = Envelope { attack_level: 0, fade_level: 0, attack_time: 20, fade_time: 40 };
+    for (kind, wave) in [
+        (Kind::Sine, (|x| (std::f32::consts::TAU * x).sin()) as fn(f32) -> f32),
+        (Kind::Square, |x| if x < 0.5 { 1.0 } else { -1.0 }),
+        (Kind::Triangle, |x| 1.0 - 4.0 * ((x + 0.25) % 1.0 - 0.5).abs()),
+        (Kind::SawtoothUp, |x| 2.0 * x - 1.0),
+        (Kind::SawtoothDown, |x| 1.0 - 2.0 * x),
+    ] {
+        let reports = [
+            Report::Effect { block: 0, common: common(kind, 200) },
+            Report::Periodic { block: 0, periodic },
+            Report::Envelope { block: 0, envelope },
+        ];
+        let mut pool = playing(kind, &reports, 1);
+        for t in 0..200_u16 {
+            let t32 = f32::from(t);
+            let level = (t32 / 20.0).min(1.0).min((200.0 - t32) / 40.0);
+            let expected = 2.5 * level * wave((t32 / 80.0 + 0.25) % 1.0);
+            let found = torque(&mut pool, u64::from(t) + 10).unwrap();
+            assert!((found - expected).abs() < 1e-4, "{kind:?} at {t} ms: {found}, {expected}");
+        }
+    }
+}
+
+#[test]
+fn a_pool_that_is_full_says_so_and_a_place_that_is_freed_is_used_again() {
+    let mut pool = Pool::new();
+    for block in 0..EFFECTS {
+        assert!(pool.take(&Report::Create(Kind::Spring), 0));
+        assert_eq!(pool.feature(id::LOAD).unwrap()[1..4], [block as u8 + 1, 1, (EFFECTS - 1 - block) as u8]);
+    }
+    assert!(!pool.take(&Report::Create(Kind::Spring), 0));
+    assert_eq!(pool.feature(id::LOAD).unwrap()[1..4], [0, 2, 0]);
+    assert!(pool.take(&Report::Free { block: 5 }, 0) && !pool.take(&Report::Free { block: 5 }, 0));
+    assert!(pool.take(&Report::Create(Kind::Damper), 0));
+    assert_eq!(pool.feature(id::LOAD).unwrap()[1..4], [6, 1, 0]);
+}
+
+/// A free wheel after a kick: the largest speed of its first and of its last second, of four.
+fn speeds(device: &DeviceSpec, mut torque: impl FnMut(f64, f64) -> f64) -> [f64; 2] {
+    let mut wheel = VirtualDevice::new(device);
+    wheel.set_out((0.0, 2.0), (0.0, 0.0));
+    let samples = (4.0 / device.period) as usize;
+    let mut fastest = [0.0_f64; 2];
+    let mut last = 0.0;
+    for k in 0..samples {
+        let (position, velocity) = wheel.puck();
+        if k < samples / 4 {
+            fastest[0] = fastest[0].max(velocity.abs());
+        } else if k >= 3 * samples / 4 {
+            fastest[1] = fastest[1].max(velocity.abs());
+        }
+        wheel.command(torque(position, position - last));
+        last = position;
+        wheel.travel();
+    }
+    fastest
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(64))]
+
+    /// Conditions of any size, without a dead band or an offset, on a wheel without counts.
+    #[test]
+    fn hands_off_no_set_of_conditions_that_a_host_asks_for_grows(
+        asked in proptest::collection::vec((0..4_usize, 0..=FULL, 0..=FULL), 1..8),
+        inertia in 1e-3..0.1_f64, damping in 1e-3..0.1_f64, late in 0.0..1.0_f64, period in 2.5e-4..2e-3_f64,
+    ) {
+        let spec = DeviceSpec { period, delay: late * period, lag: 0.0, inertia, damping, friction: 0.0, handle: None };
+        let timing = Timing { delay: late * period, ..Timing::even(period) };
+        let device = Device { timing, damping, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
+        let wheel = Wheel::<f32>::new(&device).unwrap();
+        let mut pool = Pool::new();
+        for (block, (kind, positive, negative)) in asked.into_iter().enumerate() {
+            pool.take(&Report::Create([Kind::Spring, Kind::Damper, Kind::Inertia, Kind::Friction][kind]), 0);
+            let condition = Condition { positive, negative, positive_saturation: FULL, negative_saturation: FULL, ..Condition::default() };
+            pool.take(&Report::Condition { block, axis: 0, condition }, 0);
+            pool.take(&Report::Operation { block, operation: Operation::Start, loops: 255 }, 0);
+        }
+        let (mut state, mut now) = (wheel.start(), 0.0);
+        let [first, last] = speeds(&spec, |position, _| {
+            now += 1e6 * period;
+            let (effects, count) = pool.effects(now as u64, &SCALE);
+            f64::from(wheel.step(&mut state, position as f32, &effects[..count], pool.revision()).torque)
+        });
+        prop_assert!(first <= 2.0 * (1.0 + 1e-3) && last <= first, "{first} rad/s at first, {last} rad/s in the end");
+    }
+}
+
+#[test]
+fn the_same_damper_and_inertia_from_differences_shake_the_wheel_hands_off() {
+    let spec =
+        DeviceSpec { period: 1e-3, delay: 5e-4, lag: 0.0, inertia: 5e-3, damping: 0.01, friction: 0.0, handle: None };
+    let damper = speeds(&spec, |_, way| (-20.0 * way / 1e-3).clamp(-5.0, 5.0));
+    assert!(damper[1] > 1.0, "{damper:?}");
+    let mut before = 0.0;
+    let inertia = speeds(&spec, |_, way| {
+        let acceleration = (way - before) / 1e-6;
+        before = way;
+        (-0.02 * acceleration).clamp(-5.0, 5.0)
+    });
+    assert!(inertia[1] > 1.0, "{inertia:?}");
+}
