@@ -11,6 +11,7 @@ mod log;
 mod messages;
 mod mutate;
 mod path;
+mod pid;
 mod quantity;
 mod seeds;
 mod set;
@@ -34,7 +35,7 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 9] = [
     Target { name: "world", run: world::run, seeds: seeds::worlds, longest: 1 << 16 },
     Target { name: "set", run: set::run, seeds: seeds::sets, longest: 1 << 12 },
     Target { name: "quantity", run: quantity::run, seeds: seeds::quantities, longest: 1 << 10 },
@@ -43,6 +44,7 @@ pub const TARGETS: [Target; 8] = [
     Target { name: "log", run: log::run, seeds: seeds::logs, longest: 1 << 14 },
     Target { name: "live", run: live::run, seeds: seeds::messages, longest: 1 << 12 },
     Target { name: "wire", run: wire::run, seeds: wire::seeds, longest: 1 << 11 },
+    Target { name: "pid", run: pid::run, seeds: pid::seeds, longest: 1 << 11 },
 ];
 
 /// The target of this name.

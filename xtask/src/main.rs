@@ -29,6 +29,7 @@ mod text;
 mod tools;
 mod truth;
 mod vm;
+mod wheel;
 mod windows;
 
 use std::path::PathBuf;
@@ -42,6 +43,7 @@ cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/ima
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md
 cargo xtask patterns  the same under patterns of intervals and delays
 cargo xtask networks  the same of stations joined by links
+cargo xtask wheel     random sets of effects on random force-feedback wheels, hands off: [--n N] [--seed S]; --write: docs/wheel.md
 cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask licences  the licences of what is in the program, into crates/hapt/src/licences.txt
 cargo xtask firmware  the firmware on emulated boards: the same bits, instructions a sample, sizes; --write: docs/firmware.md
@@ -84,6 +86,7 @@ fn main() -> Result<()> {
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["patterns", ref arguments @ ..] => truth::patterns(arguments),
         ["networks", ref arguments @ ..] => truth::networks(arguments),
+        ["wheel", ref arguments @ ..] => wheel::command(arguments),
         ["page"] => page::build(),
         ["python"] => python::holds(),
         ["fmi"] => fmi::holds(),

@@ -270,12 +270,13 @@ fn the_same_damper_and_inertia_from_differences_shake_the_wheel_hands_off() {
     let spec =
         DeviceSpec { period: 1e-3, delay: 5e-4, lag: 0.0, inertia: 5e-3, damping: 0.01, friction: 0.0, handle: None };
     let damper = speeds(&spec, |_, way| (-20.0 * way / 1e-3).clamp(-5.0, 5.0));
-    assert!(damper[1] > 1.0, "{damper:?}");
+    // A limit cycle: the device alone would have less than 2 exp(-2 · 3) rad/s left.
+    assert!(damper[1] > 0.2, "{damper:?}");
     let mut before = 0.0;
     let inertia = speeds(&spec, |_, way| {
         let acceleration = (way - before) / 1e-6;
         before = way;
         (-0.02 * acceleration).clamp(-5.0, 5.0)
     });
-    assert!(inertia[1] > 1.0, "{inertia:?}");
+    assert!(inertia[1] > 0.2, "{inertia:?}");
 }

@@ -1,0 +1,144 @@
+//! Random sets of effects on random force-feedback wheels, hands off: what hapt renders beside what differences render.
+
+use std::fmt::Write as _;
+
+use anyhow::{Result, anyhow};
+use fastrand::Rng;
+use hapt_core::wheel::{Device, Effect, Sides, Timing, Wheel};
+use hapt_plant::{VirtualDevice, spec::DeviceSpec};
+
+use crate::campaign::Campaign;
+
+/// Seconds of a run.
+const DURATION: f64 = 4.0;
+/// The kick, rad/s.
+const KICK: f64 = 2.0;
+
+/// What a free wheel does after a kick.
+#[derive(Clone, Copy, Default)]
+struct Course {
+    /// Degrees, back and forth.
+    travelled: f64,
+    /// The largest speed of the last second, rad/s.
+    last: f64,
+    /// And of all of it.
+    fastest: f64,
+}
+
+/// `cargo xtask wheel [--n N] [--seed S] [--write]`
+pub fn command(words: &[&str]) -> Result<()> {
+    let campaign = Campaign::parse(words, false)?;
+    let mut courses = [Vec::new(), Vec::new()];
+    for at in 0..campaign.n {
+        let mut rng = Rng::with_seed(campaign.seed.wrapping_mul(1_000_003).wrapping_add(at));
+        let (spec, count) = device(&mut rng);
+        let effects = effects(&mut rng);
+        courses[0].push(rendered(&spec, count, &effects)?);
+        courses[1].push(differenced(&spec, count, &effects));
+    }
+    campaign.publish("wheel", "docs/wheel.md", &table(&courses, campaign.n))
+}
+
+/// Even in the logarithm.
+fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
+    low * (high / low).powf(rng.f64())
+}
+
+/// A wheel, and the angle of a count.
+fn device(rng: &mut Rng) -> (DeviceSpec, f64) {
+    let period = between(rng, 2.5e-4, 2e-3);
+    let inertia = between(rng, 1e-3, 0.1);
+    let damping = between(rng, 2e-3, 0.1);
+    let counts = between(rng, 4e3, 4e6).round();
+    let delay = rng.f64() * period;
+    let spec = DeviceSpec { period, delay, lag: 0.0, inertia, damping, friction: 0.0, handle: None };
+    (spec, std::f64::consts::TAU / counts)
+}
+
+/// One to six conditions about the middle, as strong as games ask for: their largest torque is 5 N·m.
+fn effects(rng: &mut Rng) -> Vec<Effect<f64>> {
+    let one = |rng: &mut Rng| match rng.u8(0..4) {
+        0 => Effect::Spring(Sides::even(between(rng, 0.1, 300.0), 5.0)),
+        1 => Effect::Damper(Sides::even(between(rng, 1e-2, 10.0), 5.0)),
+        2 => Effect::Friction(Sides::even(between(rng, 1e-2, 5.0), 5.0)),
+        _ => Effect::Inertia(Sides::even(between(rng, 1e-4, 0.1), 5.0)),
+    };
+    (0..rng.usize(1..7)).map(|_| one(rng)).collect()
+}
+
+/// Hands off, with the torque of a counted position.
+fn course(spec: &DeviceSpec, count: f64, mut torque: impl FnMut(f64) -> f64) -> Course {
+    let mut wheel = VirtualDevice::new(spec);
+    wheel.set_out((0.0, KICK), (0.0, 0.0));
+    let samples = (DURATION / spec.period) as usize;
+    let (mut course, mut before) = (Course::default(), 0.0);
+    for k in 0..samples {
+        let (position, velocity) = wheel.puck();
+        course.travelled += (position - before).abs().to_degrees();
+        course.fastest = course.fastest.max(velocity.abs());
+        if 4 * k >= 3 * samples {
+            course.last = course.last.max(velocity.abs());
+        }
+        before = position;
+        wheel.command(torque((position / count).floor() * count));
+        wheel.travel();
+    }
+    course
+}
+
+fn rendered(spec: &DeviceSpec, count: f64, effects: &[Effect<f64>]) -> Result<Course> {
+    let timing = Timing { delay: spec.delay, ..Timing::even(spec.period) };
+    let device =
+        Device { timing, damping: spec.damping, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
+    let wheel = Wheel::<f64>::new(&device).map_err(|error| anyhow!("{error}"))?;
+    let mut state = wheel.start();
+    Ok(course(spec, count, |position| wheel.step(&mut state, position, effects, 0).torque))
+}
+
+/// The difference of positions for the velocity, of velocities for the acceleration, and no bound but the largest torque.
+fn differenced(spec: &DeviceSpec, count: f64, effects: &[Effect<f64>]) -> Course {
+    let (mut last, mut before) = (0.0, KICK);
+    course(spec, count, |position| {
+        let velocity = (position - last) / spec.period;
+        let acceleration = (velocity - before) / spec.period;
+        (last, before) = (position, velocity);
+        let bounded = |sides: &Sides<f64>, x: f64| -(sides.above * x).clamp(-sides.most_below, sides.most_above);
+        let all = effects.iter().map(|effect| match effect {
+            Effect::Spring(sides) => bounded(sides, position),
+            Effect::Damper(sides) => bounded(sides, velocity),
+            Effect::Inertia(sides) => bounded(sides, acceleration),
+            Effect::Friction(sides) if velocity == 0.0 => 0.0 * sides.above,
+            Effect::Friction(sides) => bounded(sides, velocity.signum()),
+            Effect::Torque(torque) => *torque,
+        });
+        all.sum::<f64>().clamp(-5.0, 5.0)
+    })
+}
+
+fn table(courses: &[Vec<Course>; 2], n: u64) -> String {
+    let mut out = String::from("| hands off, after a kick of 2 rad/s | hapt | differences |\n| --- | ---: | ---: |\n");
+    let count = |of: fn(&Course) -> bool| courses.each_ref().map(|all| all.iter().filter(|course| of(course)).count());
+    let mut row = |name: &str, [ours, usual]: [String; 2]| {
+        let _ = writeln!(out, "| {name} | {ours} | {usual} |");
+    };
+    row("sets of effects", [n.to_string(), n.to_string()]);
+    let rows: [(&str, fn(&Course) -> bool); 2] = [
+        ("faster than the kick at any time, by 1 %", |course| course.fastest > 1.01 * KICK),
+        ("faster than 0.5 rad/s in the fourth second", |course| course.last > 0.5),
+    ];
+    for (name, of) in rows {
+        row(name, count(of).map(|count| count.to_string()));
+    }
+    for (name, share) in [("degrees travelled, median", 0.5), ("in 95 of 100", 0.95), ("at most", 1.0)] {
+        row(
+            name,
+            courses.each_ref().map(|all| {
+                let mut travelled: Vec<f64> = all.iter().map(|course| course.travelled).collect();
+                travelled.sort_by(f64::total_cmp);
+                let at = ((travelled.len() as f64 * share) as usize).min(travelled.len().saturating_sub(1));
+                travelled.get(at).map_or_else(String::new, |degrees| format!("{degrees:.0}"))
+            }),
+        );
+    }
+    out
+}
