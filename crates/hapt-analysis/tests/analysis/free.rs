@@ -308,9 +308,7 @@ fn ones(found: &Stability, period: f64) -> usize {
 }
 
 proptest! {
-    // Far beyond all time constants of a loop the rounding of its eigenvalues is more than the growth that is asked for here. So the
-    // loops are always the same.
-    #![proptest_config(hapt_testing::cases_from(1, 40))]
+    #![proptest_config(hapt_testing::cases(40))]
 
     #[test]
     fn growth_turns_at_the_critical_period(world in loops()) {
@@ -319,6 +317,10 @@ proptest! {
         let low = hapt_analysis::shortest_period(&world.sampling);
         // Far below a microsecond the rounding of λ is more than the growth that a verdict sees.
         if low < 1e-6 {
+            return Ok(());
+        }
+        // So it is far beyond all time constants of the loop, where eigenvalues crowd at 1.
+        if found.critical_period_s.is_some_and(|critical| critical > 1e3 * world.sampling.period) {
             return Ok(());
         }
         match found.critical_period_s {
