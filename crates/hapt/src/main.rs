@@ -21,6 +21,7 @@ mod failure;
 mod finished;
 mod flash;
 mod format;
+mod grade;
 mod host;
 mod identify;
 mod impedance;
@@ -89,6 +90,7 @@ fn main() -> ExitCode {
         Some(Command::SimulateDrive(args)) => drives::simulate(args),
         Some(Command::Live(args)) => live::run(args),
         Some(Command::Init(args)) => init::run(args),
+        Some(Command::Grade(args)) => grade::run(args),
         Some(Command::Worlds) => worlds::run(),
         Some(Command::Explain(args)) => explain::run(args),
         Some(Command::Licences) => licences::run(),

@@ -187,6 +187,13 @@ Examples:
   hapt init                                          a spring and a mass, here
   hapt init my-wall --template wall                  in a folder of its own")]
     Init(InitArgs),
+    /// Grade the answers to a pack of questions, such as a lesson of the course.
+    #[command(after_help = "\
+Examples:
+  hapt grade docs/course/wall                        the questions
+  hapt grade docs/course/wall answer.toml            exit code 1 where some are wrong
+  hapt grade docs/course/wall answer.toml --student ada --json")]
+    Grade(GradeArgs),
     /// List the built-in worlds, which stand wherever a world file does.
     #[command(after_help = "\
 Examples:

@@ -32,3 +32,22 @@ pub struct ManArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
+
+#[derive(Debug, clap::Args)]
+pub struct GradeArgs {
+    /// The folder of the pack, with pack.toml and its starter world.
+    #[arg(value_name = "PACK")]
+    pub pack: PathBuf,
+    /// The answers, a TOML file with one `id = "value unit"` a line; default: print the questions.
+    #[arg(value_name = "ANSWER.toml")]
+    pub answer: Option<PathBuf>,
+    /// The name or number of a student, which chooses the starter's numbers.
+    #[arg(long, value_name = "NAME")]
+    pub student: Option<String>,
+    /// Show the expected answers.
+    #[arg(long)]
+    pub key: bool,
+    /// Print the table as JSON.
+    #[arg(long)]
+    pub json: bool,
+}

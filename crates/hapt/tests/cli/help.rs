@@ -25,6 +25,7 @@ const COMMANDS: &[&str] = &[
     "latency",
     "live",
     "init",
+    "grade",
     "worlds",
     "explain",
     "licences",

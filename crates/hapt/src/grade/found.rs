@@ -1,0 +1,188 @@
+//! The right answers, computed from a world.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use hapt_analysis::Design;
+use hapt_model::{Dimension, Source, World, parse_quantity};
+use hapt_sim::Simulation;
+use hapt_sweep::{Measure, Sweep};
+use serde_json::Value;
+
+use super::pack::{Of, Take};
+use crate::failure::Failure;
+
+/// The limits of a world that is graded: far beyond a lesson's, and soon computed.
+const MOST_BODIES: usize = 8;
+const MOST_COUPLINGS: usize = 16;
+const MOST_SAMPLES: f64 = 1e6;
+const MOST_IN_FLIGHT: f64 = 64.0;
+/// The longest that one value may take.
+const LONGEST: Duration = Duration::from_secs(60);
+
+/// A world whose values are asked for.
+pub struct Subject<'a> {
+    pub source: &'a Source,
+    pub sets: Vec<String>,
+    pub scenario: Option<&'a str>,
+}
+
+impl Subject<'_> {
+    /// The world, within the limits.
+    pub fn world(&self) -> Result<World, Failure> {
+        let world = World::read(self.source, &self.sets)?;
+        let sampling = &world.sampling;
+        let most = |what: &str, is: f64, most: f64| {
+            if is <= most {
+                Ok(())
+            } else {
+                let name = &self.source.name;
+                Err(Failure::input(format!(
+                    "{name}: {what}: {is:.0} are more than the {most:.0} that hapt grade takes"
+                )))
+            }
+        };
+        #[allow(clippy::cast_precision_loss)] // Counts of a file of 1 MiB.
+        for (what, is, bound) in
+            [("bodies", world.bodies.len(), MOST_BODIES), ("couplings", world.couplings.len(), MOST_COUPLINGS)]
+        {
+            most(what, is as f64, bound as f64)?;
+        }
+        most("samples of delay", sampling.delay_max_s() / sampling.period, MOST_IN_FLIGHT)?;
+        most("periods of interval_max", sampling.interval_max_s() / sampling.period, MOST_IN_FLIGHT)?;
+        for scenario in &world.scenarios {
+            let samples = scenario.duration / sampling.period;
+            most(&format!("samples of the scenario {}", scenario.name), samples, MOST_SAMPLES)?;
+        }
+        Ok(world)
+    }
+
+    /// The value that `of` names, in SI; null where it does not exist.
+    pub fn value(&self, of: &Of) -> Result<Value, Failure> {
+        let number = |value: Option<f64>| value.map_or(Value::Null, Value::from);
+        match of {
+            Of::Value(value) => Ok(value.clone()),
+            Of::Key(key) => Ok(number(crate::world::own(self.source, &self.sets, key))),
+            Of::Measure(name) => self.measure(name).map(number),
+            Of::Check(pointer) => self.check(pointer),
+            Of::Column { name, take } => self.column(name, *take).map(Value::from),
+            Of::Design { travel, torque, frequency, period, gives } => {
+                let read = |text: &str, dimension| parse_quantity(text, dimension).map_err(Failure::input);
+                let design = Design::new(
+                    read(travel, Dimension::ANGLE)?,
+                    read(torque, Dimension::TORQUE)?,
+                    read(frequency, Dimension::FREQUENCY)?,
+                    read(period, Dimension::TIME)?,
+                )?;
+                field(&design, &format!("/{gives}"))
+            }
+        }
+    }
+
+    fn measure(&self, name: &str) -> Result<Option<f64>, Failure> {
+        let world = self.world()?;
+        let known = Measure::ALL.into_iter().find(|measure| measure.name() == name);
+        let measure = known.ok_or_else(|| {
+            let names = Measure::ALL.map(Measure::name).join(", ");
+            Failure::input(format!("no measure {name:?}; the measures are {names}"))
+        })?;
+        // A sweep of one cell, over the period at its own value.
+        let own = format!("loop.period={}..{}:1", world.sampling.period, world.sampling.period);
+        let sweep = Sweep::new(self.source, &self.sets, &[own], &[measure], self.scenario)?;
+        let begun = Instant::now();
+        let rows = sweep.rows_until(0..1, &|| begun.elapsed() > LONGEST);
+        let rows = rows.ok_or_else(too_long)?;
+        Ok(rows.iter().next().and_then(|row| row.last().copied().flatten()))
+    }
+
+    fn check(&self, pointer: &str) -> Result<Value, Failure> {
+        let world = self.world()?;
+        let check = in_time(|| {
+            let mut check = hapt_analysis::check(&world)?;
+            if pointer.starts_with("/remedies") {
+                check.remedies = Some(hapt_analysis::remedies(&world)?);
+            }
+            Ok::<_, hapt_analysis::Error>(check)
+        })?;
+        field(&check?, pointer)
+    }
+
+    fn column(&self, name: &str, take: Take) -> Result<f64, Failure> {
+        let world = self.world()?;
+        let scenario = match (self.scenario, world.scenarios.as_slice()) {
+            (Some(name), _) => world.scenario(name)?,
+            (None, [scenario]) => scenario,
+            (None, _) => return Err(Failure::input("the question needs `scenario`: the world has not exactly one")),
+        };
+        let names: Vec<String> = hapt_sim::columns(&world).into_iter().map(|column| column.name).collect();
+        let at = names
+            .iter()
+            .position(|known| known == name)
+            .ok_or_else(|| Failure::input(format!("no column {name:?}; the columns are {}", names.join(", "))))?;
+        let scenario = hapt_analysis::with_worst_pattern(&world, scenario)?;
+        let mut run = Simulation::new(&world, &scenario)?;
+        let begun = Instant::now();
+        let mut series = Vec::new();
+        while let Some(row) = run.next() {
+            let row = row?;
+            let mut values =
+                hapt_sim::SIGNALS.iter().map(|signal| (signal.get)(row)).chain(row.pairs().flat_map(|(x, v)| [x, v]));
+            series.extend(values.nth(at));
+            if begun.elapsed() > LONGEST {
+                return Err(too_long());
+            }
+        }
+        Ok(take.of(&series))
+    }
+}
+
+impl Take {
+    fn of(self, series: &[f64]) -> f64 {
+        #[allow(clippy::cast_precision_loss)] // At most a million samples.
+        let mean = |sum: f64| sum / series.len().max(1) as f64;
+        match self {
+            Take::First => series.first().copied().unwrap_or_default(),
+            Take::Last => series.last().copied().unwrap_or_default(),
+            Take::Least => series.iter().copied().fold(f64::INFINITY, f64::min),
+            Take::Largest => series.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            Take::Peak => series.iter().fold(0.0, |most, x| x.abs().max(most)),
+            Take::Mean => mean(series.iter().sum()),
+            Take::Rms => mean(series.iter().map(|x| x * x).sum()).sqrt(),
+        }
+    }
+}
+
+fn field(of: &impl serde::Serialize, pointer: &str) -> Result<Value, Failure> {
+    let tree = serde_json::to_value(of).map_err(|error| Failure::System(error.to_string()))?;
+    let found = tree.pointer(pointer).cloned();
+    found.ok_or_else(|| Failure::input(format!("no field {pointer:?}, such as /passivity/required_damping")))
+}
+
+fn too_long() -> Failure {
+    let seconds = LONGEST.as_secs();
+    Failure::input(format!("a value takes longer than the {seconds} s that hapt grade gives it; take a smaller world"))
+}
+
+/// The result of an analysis, which ends when its time is over.
+fn in_time<T>(work: impl FnOnce() -> T) -> Result<T, Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let (done, ends) = channel::<()>();
+    let clock = thread::spawn({
+        let stop = Arc::clone(&stop);
+        move || {
+            let begun = Instant::now();
+            while ends.recv_timeout(Duration::from_millis(50)) == Err(RecvTimeoutError::Timeout) {
+                if begun.elapsed() > LONGEST {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            }
+        }
+    });
+    let result = hapt_analysis::until(&stop, work);
+    drop(done);
+    let _ = clock.join();
+    result.ok_or_else(too_long)
+}

@@ -1,0 +1,259 @@
+//! One answer against its question.
+
+use std::path::Path;
+
+use hapt_model::{Dimension, Source, Unit, parameters, parse_quantity};
+use serde_json::Value;
+
+use super::found::Subject;
+use super::pack::{self, Condition, Of, Question};
+use crate::failure::Failure;
+use crate::format::number;
+
+/// An answer with its verdict.
+pub struct Marked {
+    pub id: String,
+    pub given: String,
+    /// The right answer, for the lecturer.
+    pub expected: String,
+    pub right: bool,
+    /// Why it is wrong, where that gives nothing away.
+    pub why: String,
+    pub points: u32,
+}
+
+impl Marked {
+    pub fn earned(&self) -> u32 {
+        if self.right { self.points } else { 0 }
+    }
+}
+
+/// What answers are held against.
+pub struct Marker<'a> {
+    pub starter: &'a Source,
+    /// The overrides of the student.
+    pub sets: &'a [String],
+    /// The folder of the answers, which no file of theirs may leave.
+    pub folder: &'a Path,
+}
+
+impl Marker<'_> {
+    /// Marks the answer to one question.
+    ///
+    /// # Errors
+    /// A question that cannot be computed, and a world that cannot be read.
+    pub fn mark(&self, question: &Question, answer: Option<&Value>) -> Result<Marked, Failure> {
+        let about = |failure: Failure| match failure {
+            Failure::Input(message) => Failure::Input(format!("{}: {message}", question.id)),
+            failure @ (Failure::System(_) | Failure::Closed) => failure,
+        };
+        let sets: Vec<String> = self.sets.iter().chain(&question.set).cloned().collect();
+        let subject = Subject { source: self.starter, sets, scenario: question.scenario.as_deref() };
+        let (expected, wrong) = match &question.from {
+            Some(of) => self.of_value(question, &subject, of, answer),
+            None => self.of_world(question, &subject, answer),
+        }
+        .map_err(about)?;
+        Ok(Marked {
+            id: question.id.clone(),
+            given: answer.map_or_else(|| "-".into(), shown),
+            expected,
+            right: wrong.is_none(),
+            why: wrong.unwrap_or_default(),
+            points: question.points,
+        })
+    }
+
+    /// The expected answer, and what is wrong with the given one: an empty text where the reason would tell the answer.
+    fn of_value(
+        &self,
+        question: &Question,
+        subject: &Subject<'_>,
+        of: &Of,
+        answer: Option<&Value>,
+    ) -> Result<(String, Option<String>), Failure> {
+        let dimension = dimension(&question.unit)?;
+        let expected = quantity(&subject.value(of)?, dimension).map_err(Failure::input)?;
+        let margin =
+            question.margin.as_ref().map_or(Ok(0.0), |text| parse_quantity(text, dimension)).map_err(Failure::input)?;
+        let text = match &expected {
+            Value::Number(x) => {
+                format!("{} {}", number(x.as_f64().unwrap_or_default()), question.unit).trim().to_string()
+            }
+            other => shown(other),
+        };
+        let Some(answer) = answer else { return Ok((text, Some("no answer".into()))) };
+        let wrong = match &expected {
+            Value::Number(right) => match quantity(answer, dimension) {
+                Ok(Value::Number(given)) => {
+                    let (right, given) = (right.as_f64().unwrap_or(f64::NAN), given.as_f64().unwrap_or(f64::NAN));
+                    let within = (given - right).abs() <= margin.max(question.tolerance * right.abs());
+                    (!within).then(String::new)
+                }
+                Ok(_) => Some("a number is asked for".into()),
+                Err(why) => Some(why),
+            },
+            right => (word(right) != word(answer)).then(String::new),
+        };
+        Ok((text, wrong))
+    }
+
+    /// The same for a world as an answer.
+    fn of_world(
+        &self,
+        question: &Question,
+        subject: &Subject<'_>,
+        answer: Option<&Value>,
+    ) -> Result<(String, Option<String>), Failure> {
+        let text = "a world that fulfils the conditions".to_string();
+        let (source, mut sets) = match answer {
+            None => return Ok((text, Some("no answer".into()))),
+            // A file of its own.
+            Some(Value::String(file)) => (Some(pack::open(self.folder, file)?), Vec::new()),
+            Some(Value::Object(_)) => (None, subject.sets.clone()),
+            Some(_) => {
+                return Ok((
+                    text,
+                    Some("a world file's name, or keys and values for the starter, are asked for".into()),
+                ));
+            }
+        };
+        if let Some(source) = &source {
+            Subject { source, sets: Vec::new(), scenario: subject.scenario }.world()?;
+        }
+        let changes = match (answer, &source) {
+            (_, Some(source)) if !question.change.is_empty() => match differences(subject, source)? {
+                Ok(changes) => changes,
+                Err(why) => return Ok((text, Some(why))),
+            },
+            (Some(keys @ Value::Object(_)), None) => flat(keys),
+            _ => Vec::new(),
+        };
+        if !question.change.is_empty()
+            && let Some((key, _)) = changes.iter().find(|(key, _)| !question.change.contains(key))
+        {
+            return Ok((
+                text,
+                Some(format!("{key} is not to be changed; the question leaves {}", question.change.join(", "))),
+            ));
+        }
+        // Where keys are named, the rest is the starter's, its files included.
+        let source = match &source {
+            Some(source) if question.change.is_empty() => source,
+            Some(_) | None => self.starter,
+        };
+        if source == self.starter && sets.is_empty() {
+            sets.clone_from(&subject.sets);
+        }
+        sets.extend(changes.into_iter().map(|(key, value)| format!("{key}={value}")));
+        let made = Subject { source, sets, scenario: subject.scenario };
+        made.world()?;
+        for condition in &question.conditions {
+            let value = made.value(&condition.of)?;
+            if let Some(why) = fails(condition, &value)? {
+                return Ok((text, Some(why)));
+            }
+        }
+        Ok((text, None))
+    }
+}
+
+/// The keys in which a world file differs from the starter, with its values; or the key that only one of them has.
+fn differences(subject: &Subject<'_>, source: &Source) -> Result<Result<Vec<(String, String)>, String>, Failure> {
+    let (starter, own) = (parameters(subject.source, &subject.sets)?, parameters(source, &[])?);
+    let titled = |path: &str| path == "title";
+    if let Some(missing) = starter.iter().find(|p| !titled(&p.path) && !own.iter().any(|o| o.path == p.path)) {
+        return Ok(Err(format!("{} of the starter is missing", missing.path)));
+    }
+    let mut changes = Vec::new();
+    for own in own.into_iter().filter(|own| !titled(&own.path)) {
+        let Some(was) = starter.iter().find(|was| was.path == own.path) else {
+            return Ok(Err(format!("{} is not in the starter", own.path)));
+        };
+        let same = match (was.si, own.si) {
+            (Some(was), Some(own)) => was == own,
+            _ => was.written == own.written,
+        };
+        if !same {
+            changes.push((own.path, own.written));
+        }
+    }
+    Ok(Ok(changes))
+}
+
+/// The dotted paths of a table, with their values as `--set` takes them.
+fn flat(value: &Value) -> Vec<(String, String)> {
+    let Value::Object(table) = value else { return vec![(String::new(), shown(value))] };
+    let below = |(key, value): (&String, &Value)| -> Vec<(String, String)> {
+        let join = |(path, value): (String, String)| {
+            (if path.is_empty() { key.clone() } else { format!("{key}.{path}") }, value)
+        };
+        flat(value).into_iter().map(join).collect()
+    };
+    table.iter().flat_map(below).collect()
+}
+
+/// Why a condition does not hold.
+fn fails(condition: &Condition, value: &Value) -> Result<Option<String>, Failure> {
+    let name = match &condition.of {
+        Of::Measure(name) | Of::Check(name) | Of::Key(name) | Of::Column { name, .. } => name.as_str(),
+        Of::Value(_) | Of::Design { .. } => "the value",
+    };
+    if let Some(right) = &condition.is
+        && word(right) != word(value)
+    {
+        return Ok(Some(format!("{name} is {}, and {} is asked for", shown(value), shown(right))));
+    }
+    let bounds = [(&condition.at_least, "at least", -1.0), (&condition.at_most, "at most", 1.0)];
+    for (bound, words, sign) in bounds {
+        let Some(bound) = bound else { continue };
+        let si = match bound {
+            Value::String(text) => hapt_model::Quantity::parse(text).map_err(Failure::input)?.value,
+            other => other.as_f64().ok_or_else(|| Failure::input(format!("{name}: {bound} is no bound")))?,
+        };
+        let holds = value.as_f64().is_some_and(|value| sign * value <= sign * si);
+        if !holds {
+            return Ok(Some(format!("{name} is {} in SI, and {words} {} is asked for", shown(value), shown(bound))));
+        }
+    }
+    Ok(None)
+}
+
+fn dimension(unit: &str) -> Result<Dimension, Failure> {
+    if unit.is_empty() {
+        return Ok(Dimension::NONE);
+    }
+    Unit::parse(unit).map(Unit::dimension).map_err(|error| Failure::input(format!("unit {unit:?}: {error}")))
+}
+
+/// A text that begins with a number, as a quantity in SI; anything else as it is.
+fn quantity(value: &Value, dimension: Dimension) -> Result<Value, String> {
+    match value {
+        Value::String(text) if text.trim_start().starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) => {
+            parse_quantity(text, dimension).map(Value::from).map_err(|error| error.to_string())
+        }
+        other => Ok(other.clone()),
+    }
+}
+
+/// A word, yes or no, or the absence of a value, as people write them.
+fn word(value: &Value) -> String {
+    let text = shown(value).trim().to_lowercase();
+    match text.as_str() {
+        "yes" => "true".into(),
+        "no" => "false".into(),
+        _ => text,
+    }
+}
+
+/// A value in a table, on one line and not long.
+fn shown(value: &Value) -> String {
+    let text = match value {
+        Value::Null => "none".into(),
+        Value::String(text) => text.clone(),
+        Value::Number(number) => number.to_string(),
+        other => other.to_string(),
+    };
+    let plain = text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c });
+    if text.chars().count() > 60 { plain.take(59).chain(['…']).collect() } else { plain.collect() }
+}
