@@ -103,6 +103,11 @@ impl Measure {
         }
     }
 
+    /// Its value of this world, for a measure of the loop; `None` where it does not exist, and for a measure of a run.
+    pub fn of_the_loop(self, world: &World) -> Option<f64> {
+        of_loop(world, self)
+    }
+
     /// Whether it belongs to the loop with the puck held.
     pub(crate) const fn of_held_loop(self) -> bool {
         match self {

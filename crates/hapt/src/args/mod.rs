@@ -190,9 +190,10 @@ Examples:
     /// Grade the answers to a pack of questions, such as a lesson of the course.
     #[command(after_help = "\
 Examples:
-  hapt grade docs/course/wall                        the questions
-  hapt grade docs/course/wall answer.toml            exit code 1 where some are wrong
-  hapt grade docs/course/wall answer.toml --student ada --json")]
+  hapt grade wall                                    the questions of the pack in wall/
+  hapt grade wall --student ada                      with the numbers of one student
+  hapt grade wall answer.toml                        exit code 1 where some are wrong
+  hapt grade wall answer.toml --key --json           with the expected answers")]
     Grade(GradeArgs),
     /// List the built-in worlds, which stand wherever a world file does.
     #[command(after_help = "\

@@ -89,6 +89,9 @@ impl Subject<'_> {
             let names = Measure::ALL.map(Measure::name).join(", ");
             Failure::input(format!("no measure {name:?}; the measures are {names}"))
         })?;
+        if !measure.of_a_run() {
+            return in_time(|| measure.of_the_loop(&world));
+        }
         // A sweep of one cell, over the period at its own value.
         let own = format!("loop.period={}..{}:1", world.sampling.period, world.sampling.period);
         let sweep = Sweep::new(self.source, &self.sets, &[own], &[measure], self.scenario)?;

@@ -59,7 +59,7 @@ impl Marker<'_> {
             given: answer.map_or_else(|| "-".into(), shown),
             expected,
             right: wrong.is_none(),
-            why: wrong.unwrap_or_default(),
+            why: plain(&wrong.unwrap_or_default()),
             points: question.points,
         })
     }
@@ -246,6 +246,11 @@ fn word(value: &Value) -> String {
     }
 }
 
+/// A text without what moves the cursor.
+fn plain(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+}
+
 /// A value in a table, on one line and not long.
 fn shown(value: &Value) -> String {
     let text = match value {
@@ -254,6 +259,94 @@ fn shown(value: &Value) -> String {
         Value::Number(number) => number.to_string(),
         other => other.to_string(),
     };
-    let plain = text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c });
-    if text.chars().count() > 60 { plain.take(59).chain(['…']).collect() } else { plain.collect() }
+    let text = plain(&text);
+    if text.chars().count() > 60 { text.chars().take(59).chain(['…']).collect() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grade::pack::Pack;
+    use proptest::prelude::*;
+    use std::path::PathBuf;
+
+    /// The pack of a lesson.
+    fn lesson(name: &str) -> (PathBuf, Pack, Source) {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/course").join(name);
+        let (pack, starter) = Pack::open(&folder).unwrap_or_else(|failure| panic!("{}", failure.message()));
+        (folder, pack, starter)
+    }
+
+    fn anything() -> impl Strategy<Value = Value> {
+        let text = prop_oneof![
+            "[-+0-9.eE]{0,6} ?[a-zA-Z°µ/^*·()²0-9-]{0,12}",
+            "(\\.\\./|/|\\./|[a-z.]){0,8}",
+            "\\PC{0,12}",
+            Just("/dev/zero".to_string()),
+            Just("\u{0}\n".to_string()),
+        ];
+        let leaf = prop_oneof![
+            text.prop_map(Value::from),
+            any::<f64>().prop_map(Value::from),
+            any::<i64>().prop_map(Value::from),
+            any::<bool>().prop_map(Value::from),
+            Just(Value::Null),
+        ];
+        let key = prop_oneof!["(couplings|loop|device|[0-9]|stiffness|period|\\.){0,5}", "\\PC{0,8}"];
+        leaf.prop_recursive(3, 8, 3, move |inner| {
+            prop_oneof![
+                prop::collection::vec(inner.clone(), 0..3).prop_map(Value::from),
+                prop::collection::vec((key.clone(), inner), 0..3)
+                    .prop_map(|pairs| Value::Object(pairs.into_iter().collect())),
+            ]
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn no_answer_panics_and_none_that_is_random_earns_a_design(answer in anything()) {
+            let (folder, pack, starter) = lesson("passivity");
+            let marker = Marker { starter: &starter, sets: &[], folder: &folder };
+            for question in pack.questions.iter().filter(|question| !question.conditions.is_empty()) {
+                match marker.mark(question, Some(&answer)) {
+                    Ok(marked) => prop_assert!(!marked.right, "{}", marked.given),
+                    Err(failure) => prop_assert!(matches!(failure, Failure::Input(_)), "{failure:?}"),
+                }
+            }
+        }
+
+        #[test]
+        fn a_number_is_right_within_its_tolerance_and_wrong_beyond(off in -0.1f64..0.1) {
+            let (folder, pack, starter) = lesson("passivity");
+            let marker = Marker { starter: &starter, sets: &[], folder: &folder };
+            let question = pack.questions.iter().find(|question| question.id == "required").unwrap();
+            // b = KT/2 of 4 N m/rad at 1 ms.
+            let marked = marker.mark(question, Some(&Value::from(2e-3 * (1.0 + off)))).unwrap();
+            prop_assume!((off.abs() - question.tolerance).abs() > 1e-6);
+            prop_assert_eq!(marked.right, off.abs() < question.tolerance);
+        }
+
+        #[test]
+        fn any_value_of_a_key_marks_or_is_refused(text in "\\PC{0,16}", answer in anything()) {
+            let (folder, pack, starter) = lesson("euler");
+            let marker = Marker { starter: &starter, sets: &[], folder: &folder };
+            let question = pack.questions.iter().find(|question| question.id == "frequency").unwrap();
+            for answer in [Value::from(text), answer] {
+                prop_assert!(marker.mark(question, Some(&answer)).is_ok());
+            }
+        }
+    }
+
+    #[test]
+    fn a_student_has_the_same_numbers_always_and_two_students_may_differ() {
+        let (_, pack, starter) = lesson("wall");
+        let of = |name: &str| pack.of_student(Some(name));
+        assert_eq!(of("ada"), of("ada"));
+        let names: Vec<String> = (0..20).map(|i| format!("student{i}")).collect();
+        assert!(names.iter().any(|name| of(name) != of("ada")));
+        for name in &names {
+            assert!(hapt_model::World::read(&starter, &of(name)).is_ok());
+        }
+        assert!(pack.of_student(None).is_empty());
+    }
 }

@@ -111,6 +111,10 @@ fn every_example_runs_as_it_stands() {
     let at = folder(&[("wheel.toml", WHEEL)]);
     std::os::unix::fs::symlink(worlds(), at.path().join("worlds")).unwrap();
 
+    let course = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/course/wall").canonicalize().unwrap();
+    std::os::unix::fs::symlink(course, at.path().join("wall")).unwrap();
+    std::fs::write(at.path().join("answer.toml"), include_str!("../course/wall/right.toml")).unwrap();
+
     let mut lines = examples(&help(&["--help"]));
     lines.extend(COMMANDS.iter().flat_map(|command| examples(&help(&[command, "--help"]))));
     let proposed = help(&[]);

@@ -15,6 +15,7 @@ mod drives;
 mod endings;
 mod export;
 mod first_steps;
+mod grade;
 mod help;
 mod identify;
 mod impedance;

@@ -1,0 +1,192 @@
+//! The course's packs, their keys, and answers that are no answers.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::common::{Ended, folder, hapt};
+
+/// The lessons: every folder of the course.
+fn lessons() -> Vec<PathBuf> {
+    let course = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/course").canonicalize().unwrap();
+    let mut lessons: Vec<PathBuf> = fs::read_dir(course).unwrap().map(|entry| entry.unwrap().path()).collect();
+    lessons.sort();
+    assert!(lessons.len() >= 8, "{lessons:?}");
+    lessons
+}
+
+fn lesson(name: &str) -> PathBuf {
+    lessons().into_iter().find(|lesson| lesson.ends_with(name)).unwrap()
+}
+
+/// The answer file of a lesson that this repository keeps beside its tests.
+fn kept(lesson: &Path, which: &str) -> PathBuf {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/course");
+    tests.join(lesson.file_name().unwrap()).join(format!("{which}.toml"))
+}
+
+fn grade(pack: &Path, answer: &Path, more: &[&str]) -> Ended {
+    let mut args = vec!["grade", pack.to_str().unwrap(), answer.to_str().unwrap()];
+    args.extend(more);
+    hapt(Path::new("."), &args)
+}
+
+/// The marked questions, each with its id and whether it is right.
+fn marked(ended: &Ended) -> Vec<(String, bool)> {
+    let table: Value = serde_json::from_str(&ended.out).unwrap_or_else(|error| panic!("{error}: {ended:?}"));
+    let row = |row: &Value| (row["id"].as_str().unwrap().to_string(), row["right"].as_bool().unwrap());
+    table["questions"].as_array().unwrap().iter().map(row).collect()
+}
+
+#[test]
+fn the_reference_answers_of_every_lesson_have_full_points() {
+    for lesson in lessons() {
+        let ended = grade(&lesson, &kept(&lesson, "right"), &["--json"]).done();
+        let table: Value = serde_json::from_str(&ended.out).unwrap();
+        assert!(table["of"].as_u64() > Some(0) && table["points"] == table["of"], "{}", ended.out);
+    }
+}
+
+#[test]
+fn every_answer_of_a_wrong_file_is_graded_as_wrong() {
+    for lesson in lessons() {
+        let ended = grade(&lesson, &kept(&lesson, "wrong"), &["--json"]);
+        assert_eq!(ended.code, Some(1), "{ended:?}");
+        let marked = marked(&ended);
+        assert!(!marked.is_empty() && marked.iter().all(|(_, right)| !right), "{marked:?}");
+    }
+}
+
+#[test]
+fn one_wrong_answer_costs_its_own_points_and_no_others() {
+    for lesson in lessons() {
+        let read = |which| fs::read_to_string(kept(&lesson, which)).unwrap();
+        // An answer a line, in the same order in both files.
+        let (right, wrong) = (read("right"), read("wrong"));
+        assert_eq!(right.lines().count(), wrong.lines().count());
+        for (at, line) in wrong.lines().enumerate() {
+            let id = line.split(' ').next().unwrap();
+            let mut mixed: Vec<&str> = right.lines().collect();
+            mixed[at] = line;
+            let at = folder(&[("answer.toml", &mixed.join("\n"))]);
+            let ended = grade(&lesson, &at.path().join("answer.toml"), &["--json"]);
+            assert_eq!(ended.code, Some(1), "{ended:?}");
+            assert!(marked(&ended).iter().all(|(of, is_right)| *is_right == (of != id)), "{id}: {ended:?}");
+        }
+    }
+}
+
+#[test]
+fn no_answer_earns_no_points_and_the_key_shows_what_was_expected() {
+    for lesson in lessons() {
+        let at = folder(&[("answer.toml", "")]);
+        let ended = grade(&lesson, &at.path().join("answer.toml"), &["--key"]);
+        assert_eq!(ended.code, Some(1));
+        assert!(ended.out.contains("no answer") && ended.out.contains("expected ") && ended.out.contains("\n0 of "));
+    }
+}
+
+#[test]
+fn the_expected_answers_follow_the_students_numbers() {
+    let wall = lesson("wall");
+    let at = folder(&[("answer.toml", "")]);
+    let answer = at.path().join("answer.toml");
+    let expected = |student: &str| grade(&wall, &answer, &["--key", "--student", student]).out;
+    let all: std::collections::BTreeSet<String> = ["ada", "bob", "cyd", "dan", "eve"].map(expected).into();
+    assert!(all.len() > 1, "{all:?}");
+    let questions = hapt(Path::new("."), &["grade", wall.to_str().unwrap(), "--student", "ada"]).done();
+    assert!(questions.out.contains("--set 'couplings.0.stiffness="), "{}", questions.out);
+}
+
+#[test]
+fn a_world_file_answers_where_inline_keys_do_and_its_changes_are_held_to_the_same_keys() {
+    let lesson = lesson("passivity");
+    let starter = fs::read_to_string(lesson.join("starter.toml")).unwrap();
+    let graded = |world: &str| {
+        let at = folder(&[("answer.toml", "wall = \"mine.toml\""), ("mine.toml", world)]);
+        let ended = grade(&lesson, &at.path().join("answer.toml"), &["--json"]);
+        (marked(&ended).into_iter().find(|(id, _)| id == "wall").unwrap().1, ended.out)
+    };
+    let faster = starter.replace("period = \"1 ms\"", "period = \"0.5 ms\"");
+    assert!(graded(&faster).0, "{}", graded(&faster).1);
+    assert!(!graded(&starter).0);
+    let (right, out) = graded(&starter.replace("1.2e-3 N m s/rad", "1 N m s/rad"));
+    assert!(!right && out.contains("device.damping is not to be changed"), "{out}");
+    let (right, out) = graded(&faster.replace("friction = \"5 N mm\"\n", ""));
+    assert!(!right && out.contains("device.friction"), "{out}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_answer_reads_no_file_outside_of_its_folder_and_nothing_but_files() {
+    let lesson = lesson("passivity");
+    let at = folder(&[("outside.toml", "title = \"no\"")]);
+    let inner = at.path().join("inner");
+    fs::create_dir(&inner).unwrap();
+    std::os::unix::fs::symlink("../outside.toml", inner.join("link.toml")).unwrap();
+    std::os::unix::fs::symlink("..", inner.join("up")).unwrap();
+    let absolute = at.path().join("outside.toml").display().to_string();
+    for (file, why) in [
+        ("../outside.toml", "leads out of the folder"),
+        (absolute.as_str(), "leads out of the folder"),
+        ("/dev/zero", "leads out of the folder"),
+        ("link.toml", "symbolic link"),
+        ("up/outside.toml", "symbolic link"),
+        (".", "leads out of the folder"),
+        ("absent.toml", "cannot read"),
+    ] {
+        fs::write(inner.join("answer.toml"), format!("wall = {file:?}")).unwrap();
+        grade(&lesson, &inner.join("answer.toml"), &[]).refused(2, &["wall: ", why]);
+    }
+    fs::create_dir(inner.join("folder.toml")).unwrap();
+    fs::write(inner.join("answer.toml"), "wall = \"folder.toml\"").unwrap();
+    grade(&lesson, &inner.join("answer.toml"), &[]).refused(2, &["is not a file"]);
+}
+
+#[test]
+fn answers_that_are_too_large_or_malformed_are_refused_with_their_place() {
+    let lesson = lesson("passivity");
+    let starter = fs::read_to_string(lesson.join("starter.toml")).unwrap();
+    let long = starter.replace("duration = \"2 s\"", "duration = \"20000 s\"");
+    let crowded = format!(
+        "{starter}{}",
+        "\n[[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = \"1 N m/rad\"\n".repeat(16)
+    );
+    let inline = r#"wall = "mine.toml""#;
+    let deep = format!("wall.{} = 1", "a.".repeat(5000) + "a");
+    for (answer, world, words) in [
+        (inline, long.as_str(), ["mine.toml", "samples"]),
+        (inline, crowded.as_str(), ["mine.toml", "couplings: 17 are more than the 16"]),
+        (inline, "[loop]\nperiod = 5 ms", ["mine.toml:2", "not TOML"]),
+        ("a = [1", "", ["answer.toml:1", "not TOML"]),
+        (deep.as_str(), "", ["answer.toml:1", "not TOML"]),
+        ("requird = 1", "", ["no question \"requird\"", "required"]),
+        (r#"wall = { "loop.period" = "5 kg" }"#, "", ["wall: ", "expected a time"]),
+        (r#"wall = { "loop.period" = "-1 ms" }"#, "", ["wall: ", "loop.period"]),
+    ] {
+        let at = folder(&[("answer.toml", answer), ("mine.toml", world)]);
+        grade(&lesson, &at.path().join("answer.toml"), &[]).refused(2, &words);
+    }
+    let at = folder(&[("answer.toml", &"#".repeat((1 << 20) + 1))]);
+    grade(&lesson, &at.path().join("answer.toml"), &[]).refused(2, &["larger than 1 MiB"]);
+}
+
+#[test]
+fn a_pack_with_a_mistake_is_refused_with_its_name() {
+    let question = "title = \"t\"\n[[questions]]\nid = \"a\"\ntext = \"?\"\n";
+    let starter = fs::read_to_string(lesson("wall").join("starter.toml")).unwrap();
+    for (more, words) in [
+        ("", ["pack.toml", "either `from` or `conditions`"]),
+        ("from = { measur = \"x\" }", ["pack.toml", "measur"]),
+        ("from = { measure = \"x\" }", ["a: ", "the measures are"]),
+        ("from = { check = \"/x\" }", ["a: ", "no field"]),
+        ("from = { column = { name = \"x\", take = \"last\" } }", ["a: ", "the columns are"]),
+        ("from = { value = 1 }\nunit = \"x\"", ["a: ", "unit"]),
+        ("from = { value = 1 }\ntolerance = -1", ["pack.toml", "tolerance"]),
+    ] {
+        let pack = format!("{question}{more}");
+        let at = folder(&[("pack.toml", &pack), ("starter.toml", &starter), ("answer.toml", "a = 1")]);
+        grade(at.path(), &at.path().join("answer.toml"), &[]).refused(2, &words);
+    }
+}
