@@ -190,10 +190,10 @@ Examples:
     /// Grade the answers to a pack of questions, such as a lesson of the course.
     #[command(after_help = "\
 Examples:
-  hapt grade wall                                    the questions of the pack in wall/
-  hapt grade wall --student ada                      with the numbers of one student
-  hapt grade wall answer.toml                        exit code 1 where some are wrong
-  hapt grade wall answer.toml --key --json           with the expected answers")]
+  hapt grade wall                                    the pack's questions
+  hapt grade wall --student ada                      with ada's numbers
+  hapt grade wall answer.toml                        exit code 1 if one is wrong
+  hapt grade wall answer.toml --key --json           with what was expected")]
     Grade(GradeArgs),
     /// List the built-in worlds, which stand wherever a world file does.
     #[command(after_help = "\
