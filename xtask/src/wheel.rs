@@ -122,13 +122,9 @@ fn table(courses: &[Vec<Course>; 2], n: u64) -> String {
         let _ = writeln!(out, "| {name} | {ours} | {usual} |");
     };
     row("sets of effects", [n.to_string(), n.to_string()]);
-    let rows: [(&str, fn(&Course) -> bool); 2] = [
-        ("faster than the kick at any time, by 1 %", |course| course.fastest > 1.01 * KICK),
-        ("the same in the fourth second", |course| course.last > 1.01 * KICK),
-    ];
-    for (name, of) in rows {
-        row(name, count(of).map(|count| count.to_string()));
-    }
+    let counted = |of| count(of).map(|count| count.to_string());
+    row("faster than the kick at any time, by 1 %", counted(|course| course.fastest > 1.01 * KICK));
+    row("the same in the fourth second", counted(|course| course.last > 1.01 * KICK));
     for (name, share) in [("degrees travelled, median", 0.5), ("in 95 of 100", 0.95), ("at most", 1.0)] {
         row(
             name,
