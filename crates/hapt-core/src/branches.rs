@@ -9,13 +9,16 @@ use crate::{End, Real};
 
 /// The places of a sample at which its numbers are looked at.
 pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
+    /// Whether the world is known to be a usual one ([`Usual`]).
+    const USUAL: bool = false;
+
     /// The velocity from this position and those before.
     fn estimate(&self, memory: &Memory<F, W>, position: F) -> F;
 
     /// Every LuGre bristle over one period, with q̇ as it is at this sample held.
     fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>);
 
-    /// x_{k+1} - x_k of the method for n bodies, from x_k, u_{k-1} and u_k, into its place. Given back and stored there it would go in parts, and the
+    /// x_{k+1} - x_k of the method for n bodies, from x_k, u_k and, with the methods that look at it, u_{k-1}, into its place. Given back and stored there it would go in parts, and the
     /// next sample, which reads positions and velocities as one vector, would wait for them.
     #[allow(clippy::too_many_arguments)] // What a step is made from, and where it goes.
     fn change(
@@ -23,7 +26,7 @@ pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
         n: usize,
         change: &mut Vector<F, B>,
         x: &Vector<F, B>,
-        old: Puck<F>,
+        old: Option<Puck<F>>,
         new: Puck<F>,
         bristles: &[F; C],
         contacts: &mut Contacts<F, C>,
@@ -62,7 +65,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
         n: usize,
         change: &mut Vector<F, B>,
         x: &Vector<F, B>,
-        old: Puck<F>,
+        old: Option<Puck<F>>,
         new: Puck<F>,
         bristles: &[F; C],
         contacts: &mut Contacts<F, C>,
@@ -98,6 +101,46 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
     }
 }
 
+/// What most worlds are, asked once a sample in place of question by question: linear, with an ideal encoder and the true velocity, by a method
+/// that holds u_k, with the torque from the end of the step ([`Loop::is_usual`]). The sample is the same, with its answers known.
+pub(crate) struct Usual<'l, F, const B: usize, const C: usize, const W: usize>(pub &'l Loop<F, B, C, W>);
+
+impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, W> for Usual<'_, F, B, C, W> {
+    const USUAL: bool = true;
+
+    #[inline(always)]
+    fn estimate(&self, _: &Memory<F, W>, _: F) -> F {
+        F::ZERO
+    }
+
+    #[inline(always)]
+    fn bend(&self, _: &mut [F; C], _: Puck<F>, _: &Vector<F, B>) {}
+
+    #[inline(always)]
+    fn change(
+        &self,
+        n: usize,
+        change: &mut Vector<F, B>,
+        x: &Vector<F, B>,
+        _: Option<Puck<F>>,
+        new: Puck<F>,
+        _: &[F; C],
+        _: &mut Contacts<F, C>,
+    ) {
+        self.0.linear(n, change, x, None, new);
+    }
+
+    #[inline(always)]
+    fn bent<const L: usize>(&self, torque: F, _: &Vector<F, L>, _: Puck<F>, _: &[F; C], _: &Contacts<F, C>) -> F {
+        torque
+    }
+
+    #[inline(always)]
+    fn command(&self, torque: F) -> F {
+        self.0.actuator.command_one(torque)
+    }
+}
+
 /// Out of line, as all that only some worlds have: it would take the registers of what all have.
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     #[cold]
@@ -119,7 +162,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         change: &mut Vector<F, B>,
         force: &[Vector<F, B>; B],
         x: &Vector<F, B>,
-        old: Puck<F>,
+        old: Option<Puck<F>>,
         new: Puck<F>,
         bristles: &[F; C],
         contacts: &mut Contacts<F, C>,
@@ -159,7 +202,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         first: Vector<F, B>,
         force: &[Vector<F, B>; B],
         x: &Vector<F, B>,
-        old: Puck<F>,
+        old: Option<Puck<F>>,
         new: Puck<F>,
         bristles: &[F; C],
     ) -> Vector<F, B> {

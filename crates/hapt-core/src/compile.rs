@@ -239,12 +239,13 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         let mut drift = respond(&rule.new, &network.offset);
         drift.add(n, 1.0, &respond(&rule.old, &network.offset));
 
-        let compiled = Loop {
+        let mut compiled = Loop {
             bodies: n,
             period: F::from_f64(spec.period),
             rate: F::from_f64(1.0 / spec.period),
             new_sample_first: spec.method.takes_new_sample_first(),
             staged,
+            is_usual: false,
             moment: match spec.output {
                 Output::Start => Moment::Start,
                 Output::Middle => Moment::Middle,
@@ -275,6 +276,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             sensor: Sensor::new::<W>(spec)?,
             actuator: Actuator::new(spec)?,
         };
+        compiled.is_usual = compiled.asks_as_usual();
         if compiled.is_finite() { Ok(compiled) } else { Err(Error::NotFinite) }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! A sample of a linear loop asks nothing of its numbers, so it runs on N of them at once, in the same source, and each lane does
 //! what a number alone would have done, operation by operation: the same bits. The loops over the lanes are plain ones, which a
-//! compiler turns into vectors as wide as the machine has them. The torques of nonlinear couplings and the window of FOAW depend on
+//! compiler turns into vectors as wide as the machine has them. The torques of nonlinear couplings depend on
 //! comparisons: each lane's own loop computes them, one lane after the other ([`Batch`]).
 
 use core::array::from_fn;
@@ -14,7 +14,7 @@ use crate::branches::Branches;
 use crate::gradient::Contacts;
 use crate::matrix::{Response, Vector};
 use crate::nonlinear::Nonlinear;
-use crate::sense::{Memory, Puck, Sensor, Velocity};
+use crate::sense::{Memory, Puck, Sensor, Velocity, longest_windows};
 use crate::step::{Loop, Port, Sample, State};
 
 /// N numbers, each in its own lane.
@@ -101,6 +101,7 @@ impl<const N: usize> Number for Lanes<N> {
     const ZERO: Self = Lanes([0.0; N]);
     const ONE: Self = Lanes([1.0; N]);
     const HALF: Self = Lanes([0.5; N]);
+    const IS_VECTOR: bool = true;
 
     #[inline(always)]
     fn from_f64(x: f64) -> Self {
@@ -204,15 +205,17 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
 {
     #[inline(always)]
     fn estimate(&self, memory: &Memory<Lanes<N>, W>, position: Lanes<N>) -> Lanes<N> {
-        let velocity = self.common.sensor.by_last(memory, position);
+        if let Some(velocity) = self.common.sensor.by_last(memory, position) {
+            return velocity;
+        }
         // FOAW remembers counts.
         if W == 1 {
-            return velocity.unwrap_or(Lanes::ZERO);
+            return Lanes::ZERO;
         }
-        velocity.unwrap_or_else(|| {
-            let newest = memory.then(0);
-            Lanes(from_fn(|i| self.worlds[i].sensor.foaw(memory.older, |age| memory.then(age).0[i] - newest.0[i])))
-        })
+        let newest = memory.then(0);
+        let windows = from_fn(|i| self.worlds[i].sensor.window(memory.older));
+        let windows = longest_windows(windows, |age| (memory.then(age) - newest).0);
+        Lanes(from_fn(|i| self.worlds[i].sensor.fit(windows[i], |age| memory.then(age).0[i] - newest.0[i])))
     }
 
     #[inline(always)]
@@ -235,7 +238,7 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
         n: usize,
         change: &mut Vector<Lanes<N>, B>,
         x: &Vector<Lanes<N>, B>,
-        old: Puck<Lanes<N>>,
+        old: Option<Puck<Lanes<N>>>,
         new: Puck<Lanes<N>>,
         bristles: &[Lanes<N>; S],
         contacts: &mut Contacts<Lanes<N>, S>,
@@ -248,7 +251,7 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
             let Some(force) = &world.force else { continue };
             let mut moved = lane(change, i);
             let (bristles, mut found) = self.memory_of(bristles, contacts, i);
-            let (old, new) = (puck_of(old, i), puck_of(new, i));
+            let (old, new) = (old.map(|old| puck_of(old, i)), puck_of(new, i));
             world.force_on(&mut moved, force, &lane(x, i), old, new, &bristles, &mut found);
             for j in 0..n.min(B) {
                 (change.position[j].0[i], change.velocity[j].0[i]) = (moved.position[j], moved.velocity[j]);
@@ -305,6 +308,7 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
             period: each(worlds, |w| w.period),
             rate: each(worlds, |w| w.rate),
             new_sample_first: first.new_sample_first,
+            is_usual: false,
             staged: false,
             moment: first.moment,
             start: vector(worlds, |w| &w.start),

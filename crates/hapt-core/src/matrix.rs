@@ -5,6 +5,28 @@
 
 use crate::{Number, Real};
 
+/// Does the work at each of L places; with vectors at the first n alone, where there are few. These have no loop around them: a compiler
+/// would make vectors across the places, and gather their numbers one by one. A macro, so that the work stays where it is compiled with
+/// vector instructions.
+macro_rules! each_place {
+    ($F:ty, $L:expr, $n:expr, $i:ident => $work:expr) => {
+        if <$F>::IS_VECTOR && $L <= 4 {
+            each_place!($L, $n, $i => $work, 0 1 2 3);
+        } else {
+            for $i in 0..$L {
+                $work
+            }
+        }
+    };
+    ($L:expr, $n:expr, $i:ident => $work:expr, $($place:literal)*) => {$(
+        if $place < $L && ($place == 0 || $place < $n) {
+            let $i = $place;
+            $work
+        }
+    )*};
+}
+pub(crate) use each_place;
+
 /// Positions and velocities of the bodies, in rad and rad/s (linear: m and m/s), in the order of the spec.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -27,6 +49,12 @@ impl<F: Number, const B: usize> Vector<F, B> {
     /// self += factor · other
     #[inline(always)]
     pub(crate) fn add(&mut self, n: usize, factor: F, other: &Self) {
+        if F::IS_VECTOR && B < ROWS {
+            return each_place!(F, B, n, i => {
+                self.position[i] += factor * other.position[i];
+                self.velocity[i] += factor * other.velocity[i];
+            });
+        }
         let places = if B < ROWS && n != 1 { B } else { n };
         for (x, y) in self.position.iter_mut().zip(&other.position).take(places) {
             *x += factor * *y;
@@ -75,14 +103,14 @@ pub(crate) struct Response<F, const B: usize> {
 }
 
 impl<F: Number, const B: usize> Response<F, B> {
-    /// sums += response to a position and a velocity, for L bodies from the one at `at` on
+    /// sums += response to a position and a velocity, for L bodies from the one at `at` on, of n in all
     #[inline(always)]
-    pub fn apply<const L: usize>(&self, at: usize, position: F, velocity: F, sums: &mut Vector<F, L>) {
+    pub fn apply<const L: usize>(&self, n: usize, at: usize, position: F, velocity: F, sums: &mut Vector<F, L>) {
         let (p, v) = (self.position.rows::<L>(at), self.velocity.rows::<L>(at));
-        for i in 0..L {
+        each_place!(F, L, n, i => {
             sums.position[i] += p.position[i] * position + v.position[i] * velocity;
             sums.velocity[i] += p.velocity[i] * position + v.velocity[i] * velocity;
-        }
+        });
     }
 }
 

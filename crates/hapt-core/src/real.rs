@@ -22,6 +22,8 @@ pub trait Number:
     const ONE: Self;
     /// 1/2
     const HALF: Self;
+    /// Whether it is several numbers, a vector by itself.
+    const IS_VECTOR: bool = false;
     /// Rounds to the nearest.
     fn from_f64(x: f64) -> Self;
     /// The largest whole number that is not greater.

@@ -108,17 +108,10 @@ impl<F: Number> Sensor<F> {
         Ok(Sensor { count: spec.count.map(F::from_f64), rate: F::from_f64(1.0 / spec.period), velocity })
     }
 
-    /// u_k from the puck's true position and velocity, with `estimate` where the velocity is not the true one; the memory moves on
-    /// by one sample, except for its `last`.
+    /// z_k from the puck's true position; the memory moves on by one sample, except for its `last`.
     #[inline(always)]
-    pub fn read<const W: usize>(
-        &self,
-        memory: &mut Memory<F, W>,
-        position: F,
-        velocity: F,
-        estimate: impl Fn(&Memory<F, W>, F) -> F,
-    ) -> Puck<F> {
-        let position = match self.count {
+    pub fn position<const W: usize>(&self, memory: &mut Memory<F, W>, position: F) -> F {
+        match self.count {
             None => position,
             Some(size) => {
                 // A tie within 1e-9 of a count goes up.
@@ -128,9 +121,7 @@ impl<F: Number> Sensor<F> {
                 }
                 count * size
             }
-        };
-        let velocity = if self.velocity.is_none() { velocity } else { estimate(memory, position) };
-        Puck { position, velocity }
+        }
     }
 
     /// The velocity from this position and the last; `None` for FOAW, which looks at more.
@@ -155,42 +146,67 @@ impl<F: Real> Sensor<F> {
         }
     }
 
+    /// FOAW's window, not longer than the `older` counts; 0 where the estimator is another one.
+    #[inline(always)]
+    pub fn window(&self, older: usize) -> usize {
+        match self.velocity {
+            Some(Velocity::Foaw { window, .. }) => window.min(older),
+            None | Some(Velocity::Difference | Velocity::LowPass { .. }) => 0,
+        }
+    }
+
     /// FOAW's velocity from the newest count and the `older` ones: `count` is that of an age in samples, less the newest; 0 where the
     /// estimator is another one.
     #[inline(always)]
     pub fn foaw(&self, older: usize, count: impl Fn(usize) -> F) -> F {
-        let Some(Velocity::Foaw { window, best }) = self.velocity else { return F::ZERO };
-        let n = longest_window(window.min(older), &count);
+        let [n] = longest_windows([self.window(older)], |age| [count(age)]);
+        self.fit(n, count)
+    }
+
+    /// FOAW's velocity over so many samples.
+    #[inline(always)]
+    pub fn fit(&self, n: usize, count: impl Fn(usize) -> F) -> F {
+        let Some(Velocity::Foaw { best, .. }) = self.velocity else { return F::ZERO };
         let slope = if best { best_fit(n, &count) } else { end_fit(n, &count) };
         slope * self.count.unwrap_or(F::ONE) * self.rate
     }
 }
 
 /// The largest n ≤ window for which, at every length up to n, each sample in between lies within one count of the line from
-/// the newest sample to the n-th before it (inclusive, 1e-9 of a count).
+/// the newest sample to the n-th before it (inclusive, 1e-9 of a count); at least 1. For N encoders side by side.
 ///
 /// A line through the newest sample passes within a count of the sample of age j when its slope (per sample, backward) is
-/// within (count(j) ± 1)/j; the slopes that pass all of them are one interval, kept while n grows.
-fn longest_window<F: Real>(window: usize, count: impl Fn(usize) -> F) -> usize {
-    let within = F::from_f64(1.0 + 1e-9);
-    let mut slopes: Option<(F, F)> = None;
-    let mut longest = 1;
+/// within (count(j) ± 1)/j; the slopes that pass all of them are one interval, kept while n grows. An encoder that has left its line
+/// keeps an interval in which nothing is.
+#[inline(always)]
+pub(crate) fn longest_windows<F: Real, const N: usize>(
+    window: [usize; N],
+    count: impl Fn(usize) -> [F; N],
+) -> [usize; N] {
+    let (within, most) = (F::from_f64(1.0 + 1e-9), F::from_f64(f64::INFINITY));
+    let (mut lowest, mut highest) = ([-most; N], [most; N]);
+    // As numbers of the counts' kind, so that encoders side by side make vectors.
+    let last = window.map(whole::<F>);
+    let mut longest = [F::ONE; N];
     let mut age = F::ZERO;
-    for n in 1..=window {
+    for n in 1..=window.iter().copied().max().unwrap_or(0) {
         age += F::ONE;
-        let count = count(n);
-        let slope = count / age;
-        let (low, high) = ((count - within) / age, (count + within) / age);
-        slopes = Some(match slopes {
-            None => (low, high),
-            Some((lowest, highest)) if slope >= lowest && slope <= highest => {
-                (if low > lowest { low } else { lowest }, if high < highest { high } else { highest })
-            }
-            Some(_) => break,
-        });
-        longest = n;
+        let counts = count(n);
+        for i in 0..N {
+            let slope = counts[i] / age;
+            let (low, high) = ((counts[i] - within) / age, (counts[i] + within) / age);
+            let passes = (slope >= lowest[i]) & (slope <= highest[i]) & (age <= last[i]);
+            let low = if low > lowest[i] { low } else { lowest[i] };
+            let high = if high < highest[i] { high } else { highest[i] };
+            lowest[i] = if passes { low } else { most };
+            highest[i] = if passes { high } else { -most };
+            longest[i] = if passes { age } else { longest[i] };
+        }
+        if longest.iter().all(|longest| *longest != age) {
+            break;
+        }
     }
-    longest
+    longest.map(|longest| longest.to_f64() as usize)
 }
 
 /// Counts per sample over the window's two ends.

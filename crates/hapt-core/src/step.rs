@@ -1,9 +1,9 @@
 //! The loop: a world compiled once, and one sample of it.
 
 use crate::actuate::Actuator;
-use crate::branches::Branches;
+use crate::branches::{Branches, Usual};
 use crate::gradient::{Contacts, Gradient};
-use crate::matrix::{ROWS, Response, Vector};
+use crate::matrix::{ROWS, Response, Vector, each_place};
 use crate::nonlinear::Nonlinear;
 use crate::sense::{Memory, Puck, Sensor};
 use crate::{Number, Real};
@@ -19,6 +19,8 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) rate: F,
     pub(crate) new_sample_first: bool,
     pub(crate) staged: bool,
+    /// Whether it is what most worlds are: [`Usual`].
+    pub(crate) is_usual: bool,
     pub(crate) moment: Moment,
     pub(crate) start: Vector<F, B>,
     /// The method's matrix: what each body does to all.
@@ -133,6 +135,12 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         State { now: self.start, ..State::EMPTY }
     }
 
+    /// Whether a sample asks for no more than [`Usual`].
+    pub(crate) fn asks_as_usual(&self) -> bool {
+        let ideal = self.sensor.count.is_none() && self.sensor.velocity.is_none();
+        ideal && !self.new_sample_first && self.moment == Moment::End && self.nonlinear_count == 0
+    }
+
     /// How many bodies the world has.
     pub fn bodies(&self) -> usize {
         self.bodies
@@ -143,9 +151,17 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         self.period
     }
 
-    /// The method's matrices on one state of n bodies: what is not theirs stays as it is, or becomes 0.
+    /// The method's matrices on one state of n bodies: what is not theirs stays as it is, or becomes 0. `old` is there for the methods that take
+    /// the new sample first.
     #[inline(always)]
-    pub(crate) fn linear(&self, n: usize, change: &mut Vector<F, B>, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>) {
+    pub(crate) fn linear(
+        &self,
+        n: usize,
+        change: &mut Vector<F, B>,
+        x: &Vector<F, B>,
+        old: Option<Puck<F>>,
+        new: Puck<F>,
+    ) {
         if n == 1 {
             change.set_rows(0, &self.rows::<1>(n, 0, x, old, new));
         } else if B < ROWS {
@@ -164,22 +180,31 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
 
     /// L rows of the linear part. The bodies come after the puck: a sum should not wait where it can begin.
     #[inline(always)]
-    fn rows<const L: usize>(&self, n: usize, at: usize, x: &Vector<F, B>, old: Puck<F>, new: Puck<F>) -> Vector<F, L> {
+    fn rows<const L: usize>(
+        &self,
+        n: usize,
+        at: usize,
+        x: &Vector<F, B>,
+        old: Option<Puck<F>>,
+        new: Puck<F>,
+    ) -> Vector<F, L> {
         let mut sums = self.drift.rows(at);
-        if self.new_sample_first {
-            self.input_old.apply(at, old.position, old.velocity, &mut sums);
+        if let Some(old) = old {
+            self.input_old.apply(n, at, old.position, old.velocity, &mut sums);
         }
-        self.input_new.apply(at, new.position, new.velocity, &mut sums);
+        self.input_new.apply(n, at, new.position, new.velocity, &mut sums);
         for ((response, w), v) in self.state.iter().zip(&x.position).zip(&x.velocity).take(n) {
-            response.apply(at, *w, *v, &mut sums);
+            response.apply(n, at, *w, *v, &mut sums);
         }
         sums
     }
 
     /// (w_{k+1} - w_k)/T
     #[inline(always)]
-    fn mean_velocities<const L: usize>(&self, change: &Vector<F, L>) -> [F; L] {
-        change.position.map(|distance| distance * self.rate)
+    fn mean_velocities<const L: usize>(&self, n: usize, change: &Vector<F, L>) -> [F; L] {
+        let mut means = [F::ZERO; L];
+        each_place!(F, L, n, i => means[i] = change.position[i] * self.rate);
+        means
     }
 }
 
@@ -188,6 +213,15 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     /// looks at.
     #[inline]
     pub fn step(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
+        if self.is_usual {
+            return self.sample(&Usual(self), state, position, velocity);
+        }
+        self.step_of_any(state, position, velocity)
+    }
+
+    /// Out of line: what a usual world does not ask would take its registers.
+    #[inline(never)]
+    fn step_of_any(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
         self.sample(self, state, position, velocity)
     }
 
@@ -225,18 +259,20 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         position: F,
         velocity: F,
     ) -> Sample<F> {
-        let estimate = |memory: &Memory<F, W>, position| with.estimate(memory, position);
-        let puck = self.sensor.read(&mut state.memory, position, velocity, estimate);
+        let position = if X::USUAL { position } else { self.sensor.position(&mut state.memory, position) };
+        let is_true = X::USUAL || self.sensor.velocity.is_none();
+        let velocity = if is_true { velocity } else { with.estimate(&state.memory, position) };
+        let puck = Puck { position, velocity };
         let State { now, change, bristles, contacts, memory } = state;
-        if !self.new_sample_first {
+        if X::USUAL || !self.new_sample_first {
             now.add(n, F::ONE, change);
             with.bend(bristles, puck, now);
-            with.change(n, change, now, puck, puck, bristles, contacts);
+            with.change(n, change, now, None, puck, bristles, contacts);
         } else {
             with.bend(bristles, puck, now);
             if let Some(last) = memory.last {
                 let mut change = Vector::ZERO;
-                with.change(n, &mut change, now, last, puck, bristles, contacts);
+                with.change(n, &mut change, now, Some(last), puck, bristles, contacts);
                 now.add(n, F::ONE, &change);
             }
         }
@@ -260,9 +296,9 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
     ) -> F {
         let (mut bodies, change) = (state.now.rows::<L>(0), state.change.rows::<L>(0));
         // What is the default is asked for first.
-        if self.moment == Moment::End {
+        if X::USUAL || self.moment == Moment::End {
             bodies.add(n, F::ONE, &change);
-            bodies.velocity = self.mean_velocities(&change);
+            bodies.velocity = self.mean_velocities(n, &change);
         } else if self.moment == Moment::Middle {
             bodies.add(n, F::HALF, &change);
         } else if let Moment::Ahead(advance) = self.moment {
@@ -286,10 +322,10 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         let mut change = Vector::ZERO;
         for _ in 0..advance {
             with.bend(&mut bristles, held, &bodies);
-            with.change(self.bodies, &mut change, &bodies, held, held, &bristles, &mut contacts);
+            with.change(self.bodies, &mut change, &bodies, None, held, &bristles, &mut contacts);
             bodies.add(self.bodies, F::ONE, &change);
         }
-        bodies.velocity = self.mean_velocities(&change);
+        bodies.velocity = self.mean_velocities(self.bodies, &change);
         self.torque_at(with, self.bodies, &bodies, puck, &bristles, &contacts)
     }
 
@@ -308,9 +344,9 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         // All products before the first sum, which then has only itself to wait for.
         let port = self.port.bodies.rows::<L>(0);
         let mut products = [F::ZERO; L];
-        for i in 0..L {
+        each_place!(F, L, n, i => {
             products[i] = port.position[i] * bodies.position[i] + port.velocity[i] * bodies.velocity[i];
-        }
+        });
         for product in products.iter().take(n) {
             torque += *product;
         }

@@ -58,6 +58,8 @@ pub struct VirtualDevice {
     delay: f64,
     /// The time constant in s with which the motor's torque follows what it holds; 0: at once.
     lag: f64,
+    /// Whether the works of a puck without a shaft are kept.
+    works: bool,
     motor: Motor<f64>,
     /// The motor's torque less what it holds; it decays with the lag, and is 0 without one.
     gap: f64,
@@ -81,6 +83,16 @@ pub struct VirtualDevice {
 impl VirtualDevice {
     /// The puck at rest at 0, free.
     pub fn new(spec: &DeviceSpec) -> Self {
+        Self::with_works(spec, true)
+    }
+
+    /// The same motion, to the bit, without the works of a puck that has no shaft: sooner made, and slower from sample to sample. For a caller
+    /// that lets it travel now and then ([`VirtualDevice::skip_to`]).
+    pub fn without_works(spec: &DeviceSpec) -> Self {
+        Self::with_works(spec, false)
+    }
+
+    fn with_works(spec: &DeviceSpec, works: bool) -> Self {
         let &DeviceSpec { period, delay, lag, inertia, damping, friction, handle } = spec;
         let device = Inertia { inertia, damping, stiffness: 0.0 };
         let motor = Motor::new(delay, period);
@@ -91,7 +103,8 @@ impl VirtualDevice {
             friction,
             delay,
             lag,
-            puck: Puck::new(device, friction, lag, lengths),
+            works,
+            puck: Puck::new(device, friction, lag, works.then_some(lengths)),
             shaft: handle.map(|handle| Box::new(Shaft::new(handle, device, friction, lag, lengths))),
             motor,
             gap: 0.0,
@@ -130,6 +143,12 @@ impl VirtualDevice {
     #[inline]
     pub fn handle(&self) -> Option<(f64, f64)> {
         self.shaft.as_ref().map(|shaft| (self.puck.position + shaft.deflection, shaft.velocity))
+    }
+
+    /// The time of this sample since the hand's t = 0, in s: k T for the samples of [`VirtualDevice::travel`].
+    #[inline]
+    pub fn time(&self) -> f64 {
+        self.now
     }
 
     /// The position of what the hand holds: the handle, or the puck.
@@ -330,7 +349,7 @@ impl VirtualDevice {
                 shaft.velocity = self.puck.velocity;
             }
         }
-        self.puck.refit(self.device, self.friction, self.lag, lengths);
+        self.puck.refit(self.device, self.friction, self.lag, self.works.then_some(lengths));
         if held_by != self.shaft.is_some() {
             self.change_hands();
         }

@@ -86,6 +86,16 @@ impl Hand {
         Hand { piece: trajectory.first(), trajectory, kind, release: hand.release.map(|t| snap(t, period)), switch }
     }
 
+    /// Whether what it intends changes in jumps alone.
+    pub fn is_steady(&self) -> bool {
+        self.trajectory.is_steady()
+    }
+
+    /// Whether what it intends stays as it is until the next event.
+    pub fn rests(&self) -> bool {
+        self.piece.is_flat()
+    }
+
     /// Whether it alternately opens and closes.
     pub(crate) fn switches(&self) -> bool {
         self.switch.is_some()

@@ -41,6 +41,6 @@ pub use energy::stored_energy;
 pub use hand::{Hand, Script};
 pub use ledger::Ledger;
 pub use motor::Motor;
-pub use plant::under_held_torque;
+pub use plant::change_under;
 pub use puck::Push;
 pub use trajectory::Piece;

@@ -13,6 +13,9 @@
 //! under a held torque, x for a spring, f' for a ramp, σ and κ for a sine, d for a lag.
 
 use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series, widened};
+use crate::hand::Hand;
+use crate::puck::{Inertia, NO_SINE, Sine};
+use crate::shaft::Grasp;
 
 /// How many states there are.
 const STATES: usize = 7;
@@ -116,6 +119,20 @@ pub(crate) struct Stretch {
 }
 
 impl Plant {
+    /// A puck, in a grip or not, under a `sine` per unit of σ and κ; `decay` in 1/s is the motor's.
+    pub fn new(device: Inertia, grip: Option<Inertia>, (sine, cosine, omega): Sine, decay: f64) -> Self {
+        let hand = grip.unwrap_or_default();
+        Plant {
+            mass: device.inertia + hand.inertia,
+            damping: device.damping + hand.damping,
+            stiffness: device.stiffness + hand.stiffness,
+            sine,
+            cosine,
+            omega,
+            decay,
+        }
+    }
+
     /// ẏ = N y; rows of N by state.
     fn generator(&self) -> Matrix {
         let m = self.mass;
@@ -155,6 +172,46 @@ impl Plant {
         for_occurring!(lags, self.has_sine(), ramps, OCCURRING => self.after_of(OCCURRING, y, dt))
     }
 
+    /// Position and velocity after `dt`: the end of [`Propagator::stretch`], to the bit, without the works.
+    pub fn end(&self, y: &Motion, dt: f64) -> [f64; 2] {
+        if self.slides_freely(y) {
+            let [x, v] = self.free_change(dt).map(|row| row[0] * y[V] + row[1] * y[F]);
+            return [y[X] + x, y[V] + v];
+        }
+        let (lags, ramps) = (y[GAP] != 0.0, y[RAMP] != 0.0);
+        for_occurring!(lags, self.has_sine(), ramps, OCCURRING => {
+            let change = self.change(OCCURRING, dt);
+            let row = |row: usize| {
+                OCCURRING.iter().zip(&change[row]).map(|(state, x)| x * y[*state]).sum::<f64>()
+            };
+            // v, f and x are the first three of all.
+            [y[X] + row(X), y[V] + row(V)]
+        })
+    }
+
+    /// Whether its velocity depends on velocity and held torque alone.
+    pub fn slides_freely(&self, y: &Motion) -> bool {
+        self.stiffness == 0.0 && !self.has_sine() && y[RAMP] == 0.0 && y[GAP] == 0.0
+    }
+
+    /// What velocity and held torque do to position and to velocity over `dt`, where nothing else does: of [`Plant::change`] these four numbers,
+    /// to the bit. A search for a stop asks for them at every guess.
+    pub fn free_change(&self, dt: f64) -> [[f64; 2]; 2] {
+        let (by_velocity, by_torque) = (-self.damping / self.mass, 1.0 / self.mass);
+        let (h, halvings) = halved(self.rate(), dt);
+        let (mut x, mut v) = ([0.0; 2], [0.0; 2]);
+        for j in (1..=16).rev() {
+            let part = h / f64::from(j);
+            x = [(v[0] + 1.0) * part, v[1] * part];
+            v = [by_velocity * (v[0] + 1.0) * part, (by_velocity * v[1] + by_torque) * part];
+        }
+        for _ in 0..halvings {
+            x = [x[0] * v[0] + 2.0 * x[0], x[0] * v[1] + 2.0 * x[1]];
+            v = [v[0] * v[0] + 2.0 * v[0], v[0] * v[1] + 2.0 * v[1]];
+        }
+        [x, v]
+    }
+
     fn after_of<const N: usize>(&self, states: [usize; N], y: &Motion, dt: f64) -> Motion {
         let mut out = *y;
         for (state, x) in states.into_iter().zip(applied(&self.change(states, dt), &states.map(|state| y[state]))) {
@@ -185,11 +242,22 @@ impl Plant {
     }
 }
 
-/// x and v after `dt` s less those before, on v and the held torque: of a free puck of `inertia` and `damping`.
-pub fn under_held_torque(inertia: f64, damping: f64, dt: f64) -> [[f64; 2]; 2] {
-    let plant = Plant { mass: inertia, damping, stiffness: 0.0, sine: 0.0, cosine: 0.0, omega: 0.0, decay: 0.0 };
-    let change = plant.change(HELD, dt);
-    [X, V].map(|row| [change[row][V], change[row][F]])
+/// x and v after `dt` s less those before, on the states v, torque, x, the torque's slope, σ and κ of a sine: of a puck of `inertia` and
+/// `damping` that nobody holds, or that a hand holds by a torque or a grip. In SI.
+pub fn change_under(inertia: f64, damping: f64, hand: Option<&Hand>, dt: f64) -> [[f64; 6]; 2] {
+    let (grasp, sine) = hand.map_or((Grasp::Free, NO_SINE), Hand::grasp);
+    let grip = match grasp {
+        Grasp::Grip(grip) => Some(grip),
+        Grasp::Free | Grasp::Prescribed => None,
+    };
+    let plant = Plant::new(Inertia { inertia, damping, stiffness: 0.0 }, grip, sine, 0.0);
+    if plant.stiffness == 0.0 && !plant.has_sine() && hand.is_none_or(Hand::is_steady) {
+        return plant.free_change(dt).map(|[v, f]| [v, f, 0.0, 0.0, 0.0, 0.0]);
+    }
+    let change: Square<STATES> = for_occurring!(false, plant.has_sine(), hand.is_some_and(|hand| !hand.is_steady()), OCCURRING => {
+        widened(OCCURRING, &plant.change(OCCURRING, dt))
+    });
+    [X, V].map(|row| core::array::from_fn(|state| change[row][state]))
 }
 
 impl Propagator {
@@ -282,20 +350,29 @@ impl Propagator {
         applied(&self.change, y)
     }
 
+    /// What velocity and held torque do to the velocity.
+    pub fn velocity(&self) -> [f64; 2] {
+        [self.change[V][V], self.change[V][F]]
+    }
+
     /// The stretch from `y` on.
-    #[inline(always)] // So that the few states of a held drive never leave the registers.
     pub fn stretch(&self, y: Motion) -> Stretch {
-        if self.sine || y[RAMP] != 0.0 || y[GAP] != 0.0 {
-            self.varying_stretch(y)
-        } else if self.spring {
-            self.of_states::<3>(&y)
-        } else {
-            self.of_states::<2>(&y)
-        }
+        if self.sine || y[RAMP] != 0.0 || y[GAP] != 0.0 { self.varying_stretch(y) } else { self.held_stretch(&y) }
+    }
+
+    /// Whether a sine drives it.
+    #[inline]
+    pub fn has_sine(&self) -> bool {
+        self.sine
+    }
+
+    /// The same for a torque that is held.
+    #[inline(always)] // So that the few states never leave the registers.
+    pub fn held_stretch(&self, y: &Motion) -> Stretch {
+        if self.spring { self.of_states::<3>(y) } else { self.of_states::<2>(y) }
     }
 
     /// The same for a torque that is not held.
-    #[inline(never)]
     fn varying_stretch(&self, y: Motion) -> Stretch {
         match (y[GAP] != 0.0, self.sine) {
             (true, _) => self.of_states::<STATES>(&y),
@@ -345,6 +422,13 @@ mod tests {
             let (few, all) = (Propagator::for_motion(&plant, &y, dt).stretch(y), Propagator::of(ALL, &plant, dt).stretch(y));
             prop_assert_eq!(few, all);
             prop_assert_eq!(Propagator::new(&plant, dt).stretch(y), all);
+            prop_assert_eq!(plant.end(&y, dt).map(f64::to_bits), all.end.map(f64::to_bits));
+            let free = Plant { stiffness: 0.0, sine: 0.0, cosine: 0.0, ..plant };
+            let all = Propagator::of(ALL, &free, dt).change;
+            prop_assert_eq!(free.free_change(dt), [X, V].map(|row| [V, F].map(|state| all[row][state])));
+            let y = [v, f, x, 0.0, 0.0, 0.0, 0.0];
+            let end = Propagator::of(ALL, &free, dt).stretch(y).end;
+            prop_assert_eq!(free.end(&y, dt), end);
             let (few, all) = (plant.after(&y, dt), plant.after_of(ALL, &y, dt));
             let usual = Propagator::new(&plant, dt).after(&y);
             prop_assert_eq!((few[V], few[X], usual[V], usual[X]), (all[V], all[X], all[V], all[X]));

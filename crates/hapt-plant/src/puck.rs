@@ -14,7 +14,8 @@ pub(crate) struct Puck {
     friction: f64,
     /// The rate in 1/s at which the motor approaches its command; 0: at once.
     decay: f64,
-    lengths: Lengths,
+    /// `None`: the motion alone, without its works.
+    lengths: Option<Lengths>,
     now: Held,
     /// Of a hand that alternately opens and closes: whether it is open.
     other: Option<Held>,
@@ -27,8 +28,9 @@ struct Held {
     /// The hand's share of the plant, where it grips.
     grip: Option<Inertia>,
     plant: Plant,
-    /// The propagators of the recurring time steps: a period (twice), or its parts around a delay.
-    usual: [(f64, Propagator); 2],
+    /// The propagators of the recurring time steps: a period (twice), or its parts around a delay. `None`: the motion alone, without its works,
+    /// and no time step recurs.
+    usual: Option<[(f64, Propagator); 2]>,
 }
 
 /// The recurring time steps, in s; equal where there is one.
@@ -60,40 +62,56 @@ pub struct Push {
 }
 
 impl Held {
-    fn new(device: Inertia, grip: Option<Inertia>, sine: Sine, decay: f64, [first, second]: Lengths) -> Self {
-        let hand = grip.unwrap_or_default();
-        let plant = Plant {
-            mass: device.inertia + hand.inertia,
-            damping: device.damping + hand.damping,
-            stiffness: device.stiffness + hand.stiffness,
-            sine: sine.0,
-            cosine: sine.1,
-            omega: sine.2,
-            decay,
-        };
-        let long = Propagator::new(&plant, first);
-        let short = if second == first { long.clone() } else { Propagator::new(&plant, second) };
-        Held { grip, plant, usual: [(first, long), (second, short)] }
+    fn new(device: Inertia, grip: Option<Inertia>, sine: Sine, decay: f64, lengths: Option<Lengths>) -> Self {
+        let plant = Plant::new(device, grip, sine, decay);
+        let usual = lengths.map(|[first, second]| {
+            let long = Propagator::new(&plant, first);
+            let short = if second == first { long.clone() } else { Propagator::new(&plant, second) };
+            [(first, long), (second, short)]
+        });
+        Held { grip, plant, usual }
+    }
+
+    /// The propagator of a recurring time step.
+    #[inline(always)] // As `slide`.
+    fn usual(&self, dt: f64) -> Option<&Propagator> {
+        let usual = self.usual.as_ref()?;
+        usual.iter().find(|(length, _)| *length == dt).map(|(_, propagator)| propagator)
     }
 
     /// The motion after `dt`, for predictions.
     fn after(&self, y: &Motion, dt: f64) -> Motion {
-        match self.usual.iter().find(|(length, _)| *length == dt) {
+        match self.usual(dt) {
             _ if dt == 0.0 => *y,
-            Some((_, propagator)) => propagator.after(y),
+            Some(propagator) => propagator.after(y),
             None => self.plant.after(y, dt),
         }
     }
 
+    /// The same where a spring, a ramp, a sine or a lag is; without them the velocity alone goes on, and the rest stays as it is.
+    fn after_slide(&self, y: &Motion, dt: f64) -> Motion {
+        if dt == 0.0 || !self.plant.slides_freely(y) {
+            return self.after(y, dt);
+        }
+        let [by_velocity, by_torque] = match self.usual(dt) {
+            Some(propagator) => propagator.velocity(),
+            None => self.plant.free_change(dt)[1],
+        };
+        let mut out = *y;
+        out[V] += by_velocity * y[V];
+        out[V] += by_torque * y[F];
+        out
+    }
+
     /// The same on another device.
-    fn refitted(&self, device: Inertia, decay: f64, lengths: Lengths) -> Self {
+    fn refitted(&self, device: Inertia, decay: f64, lengths: Option<Lengths>) -> Self {
         Held::new(device, self.grip, (self.plant.sine, self.plant.cosine, self.plant.omega), decay, lengths)
     }
 }
 
 impl Puck {
-    /// Resets it to rest at 0, free.
-    pub fn new(device: Inertia, friction: f64, lag: f64, lengths: Lengths) -> Self {
+    /// Resets it to rest at 0, free. Without `lengths` the motion alone, without its works: sooner made, and slower where time steps recur.
+    pub fn new(device: Inertia, friction: f64, lag: f64, lengths: Option<Lengths>) -> Self {
         let decay = decay(lag);
         let now = Held::new(device, None, NO_SINE, decay, lengths);
         Puck { position: 0.0, velocity: 0.0, device, friction, decay, lengths, now, other: None }
@@ -111,7 +129,7 @@ impl Puck {
     }
 
     /// The same puck, in the same hand, on another device. Allocates nothing.
-    pub fn refit(&mut self, device: Inertia, friction: f64, lag: f64, lengths: Lengths) {
+    pub fn refit(&mut self, device: Inertia, friction: f64, lag: f64, lengths: Option<Lengths>) {
         (self.device, self.friction, self.decay, self.lengths) = (device, friction, decay(lag), lengths);
         self.now = self.now.refitted(device, self.decay, lengths);
         self.other = self.other.as_ref().map(|other| other.refitted(device, self.decay, lengths));
@@ -121,6 +139,22 @@ impl Puck {
     /// beyond it, which decays.
     #[inline]
     pub fn advance(&mut self, dt: f64, motor: f64, gap: f64, push: Push, ledger: &mut Ledger) {
+        // What most periods are never leaves the registers: a held torque over a usual length, without friction.
+        let held = gap == 0.0 && push.slope == 0.0 && self.friction == 0.0;
+        match self.now.usual(dt) {
+            Some(usual) if held && !usual.has_sine() => {
+                let y = [self.velocity, motor + push.value, self.position, 0.0, 0.0, 0.0, 0.0];
+                let stretch = usual.held_stretch(&y);
+                self.account(&y, &stretch, y[F] - motor, (motor, 0.0), ledger);
+                [self.position, self.velocity] = stretch.end;
+            }
+            _ => self.advance_any(dt, motor, gap, push, ledger),
+        }
+    }
+
+    /// The same for every torque, every length, and with friction.
+    #[inline(never)]
+    fn advance_any(&mut self, dt: f64, motor: f64, gap: f64, push: Push, ledger: &mut Ledger) {
         let y = [self.velocity, motor + push.value, self.position, push.slope, push.sin, push.cos, gap];
         [self.position, self.velocity] = if self.friction == 0.0 {
             self.slide(y, dt, motor, 0.0, ledger)
@@ -130,7 +164,6 @@ impl Puck {
     }
 
     /// The same with Coulomb friction.
-    #[inline(never)]
     fn stick_and_slide(&self, mut y: Motion, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
         let mut left = dt;
         // Each pass ends in a stop or a start; more of them than this in one period is rest.
@@ -189,20 +222,28 @@ impl Puck {
     }
 
     /// Slides for `dt` with friction against `direction` (0: none); gives position and velocity at the end.
-    #[inline(always)] // So that the motion of a puck without friction never leaves the registers.
     fn slide(&self, mut y: Motion, dt: f64, motor: f64, direction: f64, ledger: &mut Ledger) -> [f64; 2] {
         let push = y[F] - motor;
         let held = self.friction * direction;
         y[F] -= held;
         let fresh;
-        let propagator = match self.now.usual.iter().find(|(length, _)| *length == dt) {
-            Some((_, propagator)) => propagator,
+        let propagator = match self.now.usual(dt) {
+            Some(propagator) => propagator,
+            None if self.now.usual.is_none() => return self.now.plant.end(&y, dt),
             None => {
                 fresh = Propagator::for_motion(&self.now.plant, &y, dt);
                 &fresh
             }
         };
-        let Stretch { end, travel, speed, varying, lagging } = propagator.stretch(y);
+        let stretch = propagator.stretch(y);
+        self.account(&y, &stretch, push, (motor, held), ledger);
+        stretch.end
+    }
+
+    /// The works of a stretch from `y`, under the hand's `push`, the torque of the motor and `held` by friction.
+    #[inline(always)] // As `advance`.
+    fn account(&self, y: &Motion, stretch: &Stretch, push: f64, (motor, held): (f64, f64), ledger: &mut Ledger) {
+        let &Stretch { end, travel, speed, varying, lagging } = stretch;
         ledger.motor += motor * travel + lagging;
         ledger.friction += held * travel;
         ledger.damping += self.device.damping * speed;
@@ -214,7 +255,6 @@ impl Puck {
                 + 0.5 * grip.stiffness * (end[0] + y[X]) * travel
                 + 0.5 * grip.inertia * (square(end[1]) - square(y[V]));
         }
-        end
     }
 
     /// The first instant in (0, dt] at which a slide in `direction` comes to rest.
@@ -223,7 +263,7 @@ impl Puck {
         sliding[F] -= self.friction * direction;
         let plant = &self.now.plant;
         first_crossing(Slices::new(plant, dt, y), |t| {
-            let y = self.now.after(&sliding, t);
+            let y = self.now.after_slide(&sliding, t);
             (-direction * y[V], -direction * plant.acceleration(&y))
         })
     }
@@ -309,7 +349,7 @@ impl Slices {
 /// The first t in (0, dt] at which g, negative or zero at 0, becomes positive. `g` gives value and derivative. A rise and fall
 /// within a slice is found at its summit, where the derivative changes sign.
 fn first_crossing(slices: Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
-    let (mut from, mut slope) = (0.0, g(0.0).1);
+    let (mut from, (mut from_value, mut slope)) = (0.0, g(0.0));
     for i in 1.. {
         let to = slices.end(i, from);
         let (value, next_slope) = g(to);
@@ -322,21 +362,27 @@ fn first_crossing(slices: Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<f64> 
             None
         };
         if let Some(positive) = positive {
-            return Some(root(from, positive, |t| g(t).0));
+            let end = if positive == to { value } else { g(positive).0 };
+            return Some(root_between((from, from_value), (positive, end), |t| g(t).0));
         }
         // The negation ends the search at a number that is none, too.
         if !(to < slices.dt && to > from) {
             break;
         }
-        (from, slope) = (to, next_slope);
+        (from, from_value, slope) = (to, value, next_slope);
     }
     None
 }
 
 /// Where f, not positive at `low` and positive at `high`, changes sign: the end on which it is positive, to the last bits. By
 /// false position after Illinois, with bisection wherever that stalls.
-pub(crate) fn root(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
-    let (mut f_low, mut f_high) = (f(low).min(0.0), f(high));
+pub(crate) fn root(low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
+    root_between((low, f(low)), (high, f(high)), f)
+}
+
+/// The same where f is known at both ends.
+fn root_between((mut low, f_low): (f64, f64), (mut high, mut f_high): (f64, f64), f: impl Fn(f64) -> f64) -> f64 {
+    let mut f_low = f_low.min(0.0);
     let (mut bisect, mut last_was_high) = (false, None);
     for _ in 0..200 {
         let width = high - low;

@@ -126,6 +126,11 @@ impl Trajectory {
         self.0[0]
     }
 
+    /// Whether every piece stays at one value.
+    pub fn is_steady(&self) -> bool {
+        self.0.iter().all(Piece::is_flat)
+    }
+
     /// The piece that it ends with.
     pub fn last(&self) -> Piece {
         self.0[self.0.len() - 1]

@@ -1,20 +1,20 @@
 //! Batches of runs, for a few numbers of many runs: one world a lane, all lanes at the same sample.
 //!
 //! The loop is hapt-core's own on [`Lanes`], and the puck moves by the same products and sums as in a single run, so that each lane
-//! has the bits of [`crate::Simulation`]. A puck that a torque moves from sample to sample, with Coulomb friction or without, or whose hand
-//! prescribes where it is, moves with the others; what else a device does, its lane does by itself, on the same exact device as a single run:
-//! a lag, a handle on a shaft, a grip, a torque that changes, a delay of another number of samples than in most lanes, and uneven samples.
-//! An event of the hand between two samples, and a stop or a start under friction, take their lane away from the others for that period alone.
+//! has the bits of [`crate::Simulation`]. A puck that is free, that a torque or a grip moves, or whose hand prescribes where it is, moves with the
+//! others, with Coulomb friction too where the torque is held. What else a device does, its lane does by itself, on the same exact device as
+//! a single run: a lag, a handle on a shaft, a hand that opens and closes, friction beside a grip or a torque that changes, a delay of
+//! another number of samples than in most lanes, and uneven samples. An event of the hand between two samples, and a stop or a start under friction, take their lane away from the others for that period alone.
 //!
-//! Nonlinear couplings and FOAW's window are evaluated lane after lane. [`run_batch`] returns `None` for loops that differ in more than their
+//! Nonlinear couplings are evaluated lane after lane. [`run_batch`] returns `None` for loops that differ in more than their
 //! numbers and nonlinear couplings, and for more bodies, couplings or window than fit.
 
 use std::array::from_fn;
 
 use hapt_core::{Batch, Lanes, Loop, Number};
 use hapt_model::{EstimatorKind, Scenario, Timing, World};
-use hapt_plant::spec::{DeviceSpec, Drive, Shape};
-use hapt_plant::{Hand, Motor, VirtualDevice, under_held_torque};
+use hapt_plant::spec::{DeviceSpec, Drive};
+use hapt_plant::{Hand, Motor, Push, VirtualDevice, change_under};
 use pulp::{Simd, WithSimd};
 
 use crate::energy::world_energy;
@@ -90,6 +90,8 @@ struct Lane<'w> {
     scenario: &'w Scenario,
     hand: Hand,
     period: f64,
+    /// The fraction of the delay, in s.
+    rest: f64,
     rows: u64,
     /// The sample of the hand's next event, or at which a period with an event begins; `u64::MAX`: none.
     next: u64,
@@ -112,6 +114,9 @@ impl Apart {
     const SELDOM: Apart = Apart::Sometimes { device: None, now: false };
 }
 
+/// v, torque, x, the torque's slope, σ and κ: the puck and what pushes it. The first two are all of a free puck under a held torque.
+type States = [Numbers; 6];
+
 /// What the motor of each lane holds in a period: up to the end of the delay's fraction, and from there on.
 type Applied = [Numbers; 2];
 
@@ -120,9 +125,13 @@ type Applied = [Numbers; 2];
 struct Motion {
     /// 1 where a torque moves the puck, 0 where its hand prescribes the position.
     pushed: Numbers,
-    /// The torque beside the motor's.
-    push: Numbers,
+    /// What a hand adds to the motor's torque: its value, its slope, σ and κ of a sine.
+    drive: [Numbers; 4],
     any_pushed: bool,
+    /// Whether some hand that pushes does so by more than a torque that is held.
+    any_driven: bool,
+    /// Whether some hand's push changes from sample to sample.
+    any_varying: bool,
     /// Whether some hand prescribes a motion.
     any_prescribed: bool,
     /// Whether some lane moves its puck by itself.
@@ -132,19 +141,27 @@ struct Motion {
 impl Motion {
     const NONE: Motion = Motion {
         pushed: Numbers::ZERO,
-        push: Numbers::ZERO,
+        drive: [Numbers::ZERO; 4],
         any_pushed: false,
+        any_driven: false,
+        any_varying: false,
         any_prescribed: false,
         any_apart: false,
     };
+
+    fn set_drive(&mut self, i: usize, push: Push) {
+        for (drive, part) in self.drive.iter_mut().zip([push.value, push.slope, push.sin, push.cos]) {
+            drive.0[i] = part;
+        }
+    }
 }
 
 struct Run<'w, const B: usize, const W: usize, const S: usize> {
     lanes: Vec<Lane<'w>>,
     compiled: &'w Batch<'w, LANES, B, COUPLINGS, W, S>,
     stop: &'w Stop<'w>,
-    /// The change of position and velocity over a period, by velocity and by torque; over the two parts of it where the delay has a fraction.
-    plants: [[[Numbers; 2]; 2]; 2],
+    /// The change of position and velocity over a period, by [`States`]; over the two parts of it where the delay has a fraction.
+    plants: [[States; 2]; 2],
     friction: Numbers,
     slides: bool,
     motor: Motor<Numbers>,
@@ -155,7 +172,8 @@ impl<'w> Lane<'w> {
         let period = world.sampling.period;
         let hand = Hand::new(&scenario.hand, period);
         let rows = rows(scenario.duration, period);
-        Lane { world, scenario, hand, period, rows, next: 0, held: true, apart: Apart::SELDOM, broken: false }
+        let rest = Motor::<f64>::new(world.sampling.delay_s(), period).rest;
+        Lane { world, scenario, hand, period, rest, rows, next: 0, held: true, apart: Apart::SELDOM, broken: false }
     }
 
     /// Whether the puck ever moves by its own dynamics.
@@ -166,11 +184,26 @@ impl<'w> Lane<'w> {
     /// Whether the puck can move with those of other lanes.
     fn is_plain(&self) -> bool {
         let device = &self.world.device;
-        let steps = matches!(self.scenario.hand.drive, Drive::Torque(Shape::Step { .. }));
+        // Under friction a puck that is driven by more than a held torque may stop and start within a period that begins and ends in motion.
+        let pushed = match self.scenario.hand.drive {
+            Drive::Position(_) => true,
+            Drive::Torque(_) => device.friction == 0.0 || self.hand.is_steady(),
+            Drive::Grip { switching, .. } => device.friction == 0.0 && switching.is_none(),
+        };
         device.handle.is_none()
             && self.scenario.timing == Timing::Even
-            && (steps || self.hand.prescribed().is_some())
+            && pushed
             && (device.lag == 0.0 || !self.moves())
+    }
+
+    /// Whether a hand that pushes does so by more than a torque that is held.
+    fn is_driven(&self) -> bool {
+        self.held && (self.hand.grips() || !self.hand.is_steady())
+    }
+
+    /// Whether the hand's push changes from sample to sample.
+    fn varies(&self) -> bool {
+        self.held && self.hand.prescribed().is_none() && !self.hand.rests() && !self.is_apart()
     }
 
     fn is_apart(&self) -> bool {
@@ -205,12 +238,12 @@ impl<'w> Lane<'w> {
         self.hand.prescribed().map_or(puck, |piece| piece.at(t))
     }
 
-    /// The torque on the puck from sample k on; `None` where the hand prescribes its position, or the lane moves it by itself.
-    fn push(&self, k: u64) -> Option<f64> {
+    /// The hand's push from sample k on; `None` where the hand prescribes the puck's position, or the lane moves it by itself.
+    fn push(&self, k: u64) -> Option<Push> {
         match self.hand.prescribed() {
             _ if self.is_apart() => None,
-            _ if !self.held => Some(0.0),
-            None => Some(self.hand.push(k as f64 * self.period).value),
+            _ if !self.held => Some(Push::default()),
+            None => Some(self.hand.push(k as f64 * self.period)),
             Some(_) => None,
         }
     }
@@ -233,14 +266,14 @@ impl<'w> Lane<'w> {
             Apart::Sometimes { device, .. } => {
                 let device = device.get_or_insert_with(|| {
                     // What it holds, it is told.
-                    let mut device = VirtualDevice::new(&DeviceSpec { delay: 0.0, ..self.world.device_spec() });
+                    let mut device =
+                        VirtualDevice::without_works(&DeviceSpec { delay: 0.0, ..self.world.device_spec() });
                     device.begin(&mut script(self.scenario, self.period));
                     Box::new(device)
                 });
                 device.skip_to(k - 1, puck);
                 device.command(applied[0]);
-                let rest = Motor::<f64>::new(self.world.sampling.delay_s(), self.period).rest;
-                device.travel_uneven(self.period, k as f64 * self.period, rest, applied[1]);
+                device.travel_uneven(self.period, k as f64 * self.period, self.rest, applied[1]);
                 &**device
             }
         };
@@ -265,44 +298,73 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
         let motor_of = |lane: &Lane<'_>| Motor::<Numbers>::new(lane.world.sampling.delay_s(), lane.period);
         let mut motors = lanes.iter().filter(|lane| lane.is_plain()).map(motor_of);
         let motor = motors.find(|motor| motor.samples <= LONGEST_DELAY).unwrap_or_else(|| Motor::new(0.0, 1.0));
-        let (mut plants, mut friction) = ([[[Numbers::ZERO; 2]; 2]; 2], Numbers::ZERO);
+        let mut friction = Numbers::ZERO;
         for (i, lane) in lanes.iter_mut().enumerate() {
             let own = motor_of(lane);
             if !lane.is_plain() || (own.samples, own.rest == 0.0) != (motor.samples, motor.rest == 0.0) {
                 lane.set_apart()?;
             } else if lane.moves() {
-                let device = &lane.world.device;
-                friction.0[i] = device.friction;
-                let parts = [lane.period - own.rest, own.rest];
-                for (plant, part) in plants.iter_mut().zip(parts).filter(|(_, part)| *part > 0.0) {
-                    let change = under_held_torque(device.inertia, device.damping, part);
-                    for (plant, change) in plant.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
-                        plant.0[i] = *change;
-                    }
-                }
+                friction.0[i] = lane.world.device.friction;
             }
         }
         let slides = friction.0.iter().any(|friction| *friction > 0.0);
-        Some(Run { lanes, compiled, stop, plants, friction, slides, motor })
+        let plants = [[[Numbers::ZERO; 6]; 2]; 2];
+        let mut run = Run { lanes, compiled, stop, plants, friction, slides, motor };
+        (0..LANES).for_each(|i| run.set_plant(i));
+        Some(run)
+    }
+
+    /// How the puck of lane i moves from here on, in its hand or without.
+    fn set_plant(&mut self, i: usize) {
+        let lane = &self.lanes[i];
+        if matches!(lane.apart, Apart::Always(_)) || !lane.moves() {
+            return;
+        }
+        let (device, hand) = (&lane.world.device, Some(&lane.hand).filter(|_| lane.held));
+        let parts = [lane.period - lane.rest, lane.rest];
+        for (plant, part) in self.plants.iter_mut().zip(parts).filter(|(_, part)| *part > 0.0) {
+            let change = change_under(device.inertia, device.damping, hand, part);
+            for (plant, change) in plant.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
+                plant.0[i] = *change;
+            }
+        }
     }
 
     /// The hands' events at sample k. Returns the pucks, and how they move from there.
     #[inline(never)]
     fn act(&mut self, k: u64, mut puck: [Numbers; 2]) -> ([Numbers; 2], Motion) {
         let mut motion = Motion::NONE;
-        for (i, lane) in self.lanes.iter_mut().enumerate() {
+        for i in 0..LANES {
+            let lane = &mut self.lanes[i];
             if lane.next == k {
+                let was_driven = lane.is_driven();
                 (puck[0].0[i], puck[1].0[i]) = lane.act(k, (puck[0].0[i], puck[1].0[i]));
+                if was_driven && !lane.held {
+                    self.set_plant(i);
+                }
             }
+            let lane = &self.lanes[i];
             if let Some(push) = lane.push(k) {
                 motion.any_pushed = true;
-                (motion.pushed.0[i], motion.push.0[i]) = (1.0, push);
+                motion.pushed.0[i] = 1.0;
+                motion.set_drive(i, push);
+                motion.any_driven |= lane.is_driven();
+                motion.any_varying |= lane.varies();
             }
             let moves = lane.hand.prescribed().is_some_and(|piece| !piece.is_flat());
             motion.any_prescribed |= moves && !lane.is_apart();
             motion.any_apart |= lane.is_apart();
         }
         (puck, motion)
+    }
+
+    /// Goes on with the pushes that change, to sample k or to the end of its delay's fraction.
+    #[inline(never)]
+    fn vary(&self, k: u64, after_rest: bool, motion: &mut Motion) {
+        for (i, lane) in self.lanes.iter().enumerate().filter(|(_, lane)| lane.varies()) {
+            let t = k as f64 * lane.period;
+            motion.set_drive(i, lane.hand.push(if after_rest { t + lane.rest } else { t }));
+        }
     }
 
     /// Moves the pucks of lanes that do so by themselves, and where `odd` is not 0 those of others, from `before`.
@@ -374,13 +436,18 @@ impl<const B: usize, const W: usize, const S: usize> WithSimd for Run<'_, B, W, 
                     }
                     if motion.any_pushed {
                         for part in if late { 0..2 } else { 1..2 } {
-                            let torque = applied[part] + motion.push;
+                            if motion.any_varying {
+                                self.vary(k - 1, late && part == 1, &mut motion);
+                            }
+                            let [value, slope, sin, cos] = motion.drive;
+                            let states = [puck[1], applied[part] + value, puck[0], slope, sin, cos];
                             let plant = &self.plants[1 - part];
                             if self.slides {
-                                let (moved, more) = slid(plant, puck, torque, self.friction, motion.pushed);
+                                let (moved, more) =
+                                    slid(plant, states, motion.any_driven, self.friction, motion.pushed);
                                 (puck, odd) = (moved, odd + more);
                             } else {
-                                puck = moved(plant, puck, torque, motion.pushed);
+                                puck = moved(plant, &states, motion.any_driven, motion.pushed);
                             }
                         }
                     }
@@ -428,17 +495,19 @@ impl<const B: usize, const W: usize, const S: usize> WithSimd for Run<'_, B, W, 
     }
 }
 
-/// The puck a period later, where it is pushed.
+/// The puck a period later, where it is pushed: by a held torque alone, or also `driven` by a grip, a ramp or a sine.
 #[inline(always)]
-fn moved(
-    plant: &[[Numbers; 2]; 2],
-    [position, velocity]: [Numbers; 2],
-    torque: Numbers,
-    pushed: Numbers,
-) -> [Numbers; 2] {
+fn moved(plant: &[States; 2], states: &States, driven: bool, pushed: Numbers) -> [Numbers; 2] {
+    let &[velocity, torque, position, slope, sin, cos] = states;
     let [by_position, by_velocity] = plant;
-    let travel = by_position[0] * velocity + by_position[1] * torque;
-    let gain = by_velocity[0] * velocity + by_velocity[1] * torque;
+    let mut travel = by_position[0] * velocity + by_position[1] * torque;
+    let mut gain = by_velocity[0] * velocity + by_velocity[1] * torque;
+    if driven {
+        travel = travel + by_position[2] * position + by_position[3] * slope;
+        travel = travel + by_position[4] * sin + by_position[5] * cos;
+        gain = gain + by_velocity[2] * position + by_velocity[3] * slope;
+        gain = gain + by_velocity[4] * sin + by_velocity[5] * cos;
+    }
     [pushed.choose(position + travel, position), pushed.choose(velocity + gain, velocity)]
 }
 
@@ -446,12 +515,13 @@ fn moved(
 /// for it is not its motion.
 #[inline(always)]
 fn slid(
-    plant: &[[Numbers; 2]; 2],
-    [position, velocity]: [Numbers; 2],
-    torque: Numbers,
+    plant: &[States; 2],
+    mut states: States,
+    driven: bool,
     friction: Numbers,
     pushed: Numbers,
 ) -> ([Numbers; 2], Numbers) {
+    let [velocity, torque, position, ..] = states;
     let direction = Lanes(velocity.0.map(|v| {
         if v > 0.0 {
             1.0
@@ -461,7 +531,8 @@ fn slid(
             0.0
         }
     }));
-    let [end, speed] = moved(plant, [position, velocity], torque - friction * direction, pushed);
+    states[1] = torque - friction * direction;
+    let [end, speed] = moved(plant, &states, driven, pushed);
     let odd = Lanes(from_fn(|i| {
         let (v, friction) = (velocity.0[i], friction.0[i]);
         let rests = v == 0.0 && torque.0[i].abs() <= friction;

@@ -72,17 +72,7 @@ impl Control {
         bodies: &mut [(f64, f64)],
         bristles: &mut [f64],
     ) -> Sample<f64> {
-        for_each_capacity!(self, running => {
-            let state = &mut running.state;
-            let sample = running.compiled.step(state, position, velocity);
-            for (place, (w, v)) in bodies.iter_mut().zip(state.now.position.iter().zip(&state.now.velocity)) {
-                *place = (*w, *v);
-            }
-            for (place, bristle) in bristles.iter_mut().zip(&state.bristles).take(running.bristles) {
-                *place = *bristle;
-            }
-            sample
-        })
+        for_each_capacity!(self, running => running.step(position, velocity, bodies, bristles))
     }
 }
 
@@ -95,5 +85,19 @@ impl<const B: usize> Running<B> {
         let has_bristle = |coupling: &Coupling| coupling.law.has_bristle();
         let bristles = spec.couplings.iter().rposition(has_bristle).map_or(0, |last| last + 1);
         Ok(Box::new(Running { compiled, state, bristles }))
+    }
+
+    /// [`Control::step`]. Not inlined either, so that each capacity has the registers and the stack that it needs alone.
+    #[inline(never)]
+    fn step(&mut self, position: f64, velocity: f64, bodies: &mut [(f64, f64)], bristles: &mut [f64]) -> Sample<f64> {
+        let state = &mut self.state;
+        let sample = self.compiled.step(state, position, velocity);
+        for (place, (w, v)) in bodies.iter_mut().zip(state.now.position.iter().zip(&state.now.velocity)) {
+            *place = (*w, *v);
+        }
+        for (place, bristle) in bristles.iter_mut().zip(&state.bristles).take(self.bristles) {
+            *place = *bristle;
+        }
+        sample
     }
 }

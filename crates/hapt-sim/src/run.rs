@@ -106,12 +106,18 @@ impl Machine {
     /// Goes to sample number `sample`, the first or the next one, and gives its time in s. `command` is that of the sample before.
     #[inline]
     pub fn travel(&mut self, sample: u64, command: f64) -> f64 {
-        let Some((schedule, last)) = &mut self.uneven else {
-            if sample > 0 {
-                self.device.travel();
-            }
-            return sample as f64 * self.period;
-        };
+        if self.uneven.is_some() {
+            return self.travel_uneven(sample, command);
+        }
+        if sample > 0 {
+            self.device.travel();
+        }
+        self.device.time()
+    }
+
+    #[inline(never)]
+    fn travel_uneven(&mut self, sample: u64, command: f64) -> f64 {
+        let Some((schedule, last)) = &mut self.uneven else { return self.device.time() };
         let time = schedule.time();
         if sample > 0 {
             self.device.travel_uneven(last.interval, time, aligned(last.delay, self.period), command);
@@ -217,7 +223,9 @@ impl Simulation {
         machine.command(command);
         row.time = time;
         (row.puck, row.puck_velocity) = (position, velocity);
-        row.handle = machine.device.handle();
+        if row.handle.is_some() {
+            row.handle = machine.device.handle();
+        }
         (row.measured, row.measured_velocity) = (sample.puck.position, sample.puck.velocity);
         (row.torque, row.command, row.applied) = (sample.torque, command, machine.device.applied());
         row.ledger = machine.device.ledger();
