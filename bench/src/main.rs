@@ -4,6 +4,7 @@
 mod boundary;
 mod csv;
 mod guarded;
+mod lanes;
 mod loops;
 mod realtime;
 mod run;
@@ -24,6 +25,7 @@ fn main() -> Result<()> {
         ["guarded", numbers, repeats] => guarded::time(numbers, true, repeats.parse()?),
         ["matrices", bodies, file] => step::matrices(bodies.parse()?, file),
         ["boundary", file, repeats] => boundary::time(file, repeats.parse()?),
+        ["lanes", file, repeats] => lanes::time(file, repeats.parse()?),
         ["loops", "growth", repeats] => loops::growths(repeats.parse()?),
         ["loops", "verdict", repeats] => loops::verdicts(repeats.parse()?),
         ["realtime", samples, period, spin] => realtime::time(samples.parse()?, period.parse()?, spin.parse()?),

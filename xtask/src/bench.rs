@@ -21,6 +21,8 @@ const FLAGS: [&str; 4] = ["-O3", "-march=native", "-Wall", "-Wextra"];
 const PAIRS: usize = 25;
 const STARTS: usize = 51;
 const SAMPLES: f64 = 10_001.0;
+/// Of the sixteen worlds of `hapt-bench lanes` together.
+const LANES_SAMPLES: f64 = 15_960.0;
 
 /// What the words after `bench` ask for.
 pub fn command(words: &[String]) -> Result<()> {
@@ -43,8 +45,11 @@ pub fn command(words: &[String]) -> Result<()> {
         ["scale", "--write"] => package::scale("1e8", true),
         ["drive"] => drive("python3"),
         ["drive", python] => drive(python),
+        [name] if part(name).is_some() => one(name, false),
+        [name, "--write"] if part(name).is_some() => one(name, true),
         _ => bail!(
-            "cargo xtask bench [realtime|intervals|page] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short|--write], or scale [--short|--write]"
+            "cargo xtask bench [{}|realtime|intervals|page] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short|--write], or scale [--short|--write]",
+            PARTS.map(|(name, _)| name).join("|")
         ),
     }
 }
@@ -55,6 +60,49 @@ fn drive(python: &str) -> Result<()> {
     command.args(["run", "--quiet", "--release", "-p", "hapt-drive", "--example", "exchange", "--", python]);
     ensure!(command.status()?.success(), "the exchange with the drive does not run");
     Ok(())
+}
+
+/// A part of the page, measured.
+type Part = fn(&Bench) -> Result<String>;
+
+/// Those that are measured alone as well, by name.
+const PARTS: [(&str, Part); 10] = [
+    ("run", Bench::runs),
+    ("step", Bench::steps),
+    ("start", Bench::start),
+    ("csv", Bench::csv),
+    ("instructions", Bench::instructions),
+    ("sweep", Bench::sweeps),
+    ("worlds", Bench::worlds),
+    ("loops", Bench::loops),
+    ("check", Bench::checks),
+    ("edge", Bench::edges),
+];
+
+fn part(name: &str) -> Option<Part> {
+    PARTS.iter().find(|(own, _)| *own == name).map(|(_, part)| *part)
+}
+
+/// Measures one part and prints it; with `write`, into its place in [`PAGE`].
+fn one(name: &str, write: bool) -> Result<()> {
+    let text = part(name).context("no such part")?(&Bench::build()?)?;
+    println!("{text}");
+    if write {
+        let page = fs::read_to_string(PAGE).context(PAGE)?;
+        fs::write(PAGE, with_part(&page, &text)?).context(PAGE)?;
+        println!("wrote {PAGE}");
+    }
+    Ok(())
+}
+
+/// The page with this part in place of the one under the same heading.
+fn with_part(page: &str, text: &str) -> Result<String> {
+    let heading = text.trim_start().lines().next().context("a part without a heading")?;
+    let missing = || format!("{PAGE} has no \"{heading}\": cargo xtask bench --write makes the whole page");
+    let begin = page.find(&format!("\n{heading}\n")).with_context(missing)?;
+    let rest = &page[begin + 1..];
+    let end = rest.find("\n## ").map_or(page.len(), |end| begin + 1 + end);
+    Ok(format!("{}{text}{}", &page[..begin], &page[end..]))
 }
 
 /// Measures everything and prints it; with `write`, into [`PAGE`].
@@ -70,6 +118,7 @@ fn run(write: bool) -> Result<()> {
         Bench::python,
         Bench::package,
         Bench::sweeps,
+        Bench::worlds,
         Bench::loops,
         Bench::checks,
         Bench::edges,
@@ -129,7 +178,6 @@ fn guards(record: bool) -> Result<()> {
 /// Where the programs are.
 struct Bench {
     release: PathBuf,
-    native: PathBuf,
     /// The C programs, and whatever else is made on the way.
     folder: PathBuf,
 }
@@ -204,12 +252,10 @@ impl Bench {
         fs::create_dir_all(&folder)?;
         let packages = ["build", "--quiet", "--release", "--package", "hapt-bench"];
         output(Command::new(env!("CARGO")).args(packages).args(["--package", "hapt"]))?;
-        let native = folder.join("native");
-        let mut build = Command::new(env!("CARGO"));
-        output(build.args(packages).arg("--target-dir").arg(&native).env("RUSTFLAGS", "-C target-cpu=native"))?;
-        let bench = Bench { release: target.join("release"), native: native.join("release/hapt-bench"), folder };
+        let bench = Bench { release: target.join("release"), folder };
         bench.compile("empty", "empty", &[])?;
         bench.compile("sweep", "sweep", &["-ffinite-math-only", "-fno-trapping-math", "-fopenmp"])?;
+        bench.compile_worlds()?;
         // No fused multiply-add in the bound: hapt has none either.
         bench.compile("bound", "bound", &["-ffp-contract=off"])?;
         for works in [0, 1] {
@@ -229,7 +275,16 @@ impl Bench {
         let folder = target.join("bench").join(part);
         fs::create_dir_all(&folder)?;
         output(Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt-bench"]))?;
-        Ok(Bench { release: target.join("release"), native: PathBuf::new(), folder })
+        Ok(Bench { release: target.join("release"), folder })
+    }
+
+    /// hapt-bench for this machine.
+    fn native(&self) -> Result<PathBuf> {
+        let folder = self.folder.join("native");
+        let mut build = Command::new(env!("CARGO"));
+        build.args(["build", "--quiet", "--release", "--package", "hapt-bench", "--target-dir"]).arg(&folder);
+        output(build.env("RUSTFLAGS", "-C target-cpu=native"))?;
+        Ok(folder.join("release/hapt-bench"))
     }
 
     /// The program `hapt` as it ships.
@@ -319,6 +374,7 @@ impl Bench {
              | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
         );
         let mut missed = false;
+        let native_program = self.native()?;
         for n in BODIES {
             let file = self.folder.join(format!("matrices-{n}"));
             let file = file.to_str().context("a path in UTF-8")?;
@@ -328,7 +384,7 @@ impl Bench {
             let c_words = format!("{file} {repeats}");
             let [hapt, native, c, plain] = in_turns([
                 self.rust(&words),
-                program(&self.native, &words),
+                program(&native_program, &words),
                 self.c(&format!("step-{n}"), &c_words),
                 self.c(&format!("step-{n}-plain"), &c_words),
             ])?;
@@ -444,6 +500,12 @@ impl Bench {
             ("bare_f64", "bare f64", 4096.0),
             ("guarded_f32", "guarded f32", 4096.0),
             ("guarded_f64", "guarded f64", 4096.0),
+            ("lanes_released", "lanes bench/worlds/released.toml", LANES_SAMPLES),
+            ("lanes_wall", "lanes bench/worlds/wall.toml", LANES_SAMPLES),
+            ("lanes_detents", "lanes bench/worlds/detents.toml", LANES_SAMPLES),
+            ("lanes_grip", "lanes bench/worlds/grip.toml", LANES_SAMPLES),
+            ("lanes_bodies", "lanes bench/worlds/bodies.toml", LANES_SAMPLES),
+            ("lanes_lag", "lanes bench/worlds/lag.toml", LANES_SAMPLES),
         ];
         let count = |(name, words, samples): (&'static str, &str, f64)| {
             Ok((name, (collected(&format!("{words} 3"))? - collected(&format!("{words} 1"))?) / (2.0 * samples)))
@@ -456,7 +518,7 @@ impl Bench {
             return Ok("\n## Instructions\n\nSkipped: valgrind is not here.\n".into());
         };
         let mut text = String::from(
-            "\n## Instructions\n\nBy callgrind, a sample. Unlike times they repeat, so they stand guard: `cargo xtask bench --guards` \
+            "\n## Instructions\n\nBy callgrind, a sample; of lanes, a sample of one of sixteen worlds side by side, with vectors of four numbers. Unlike times they repeat, so they stand guard: `cargo xtask bench --guards` \
              holds them against bench/guards.toml.\n\n| workload | instructions |\n| --- | --- |\n",
         );
         counts.iter().try_for_each(|(name, count)| writeln!(text, "| {} | {count:.0} |", name.replace('_', ", ")))?;
@@ -510,20 +572,21 @@ fn program(path: &Path, words: &str) -> Command {
 
 const RUN_MISSED: &str = "
 What stands in the way: instructions. C needs about 50 for a released sample and 40 for a held one (built without AVX-512, which
-callgrind does not know); hapt needs those of the table below. Of a released sample's, `Simulation::next` with the loop's step in it takes 240,
-the released puck's motion with its works 110, the fourteen columns 60.
-Few of them are arithmetic: every sample asks anew what C's author knew (which estimator, method, output, levels, limit, delay, hand
-and friction), passes its numbers through memory, and looks whether all of them are finite. No single place takes more than a
-twentieth of the time, and nothing waits any longer for what was stored a moment before. To come near the bound, which is a single
-sum's waiting, these questions would have to be asked once a run: a run compiled for its world, as C's is.
+callgrind does not know); hapt needs those of the table below. Of a released sample's, the puck's motion with its works takes 130,
+`Simulation::next` 125, the loop's step 100, the fourteen columns 75. Fewer than half are arithmetic. The others: a third pass numbers through
+memory, from the device to the loop, to the row, and to the caller's columns; the rest ask what a run does not change (hand, friction, lag,
+delay, shaft), save registers at the three calls, and look whether all numbers are finite. The loop's own questions are one (`is_usual`).
+To come near the bound, which is a single sum's waiting, device, loop and columns would have to be compiled as one for their world, as C's
+are: a form of the run for each kind of device, which takes its time at every compilation of hapt-sim.
 ";
 
 const STEP_MISSED: &str = "
 What stands in the way: for 32 bodies the width of the vectors. Nine of ten instructions are the matrix's, eight bodies' sums at a time
 in registers, and C built for any machine takes as long; `-march=native` has vectors of eight numbers where hapt has two, and fuses
 multiplication and addition, which hapt may not, as the bits would depend on the machine. Built for this machine hapt gets vectors of
-four. For 1 and 4 bodies it is what is asked at every sample (estimator, method, output, levels, limit), and a number of bodies known
-only at run time. 8 and 16 bodies stand in the room of 32; with 8, half of the instructions carry places that nobody uses.
+four. For 1 body the step asks two questions (a usual world, one body) and one about the limit, and a third of its 50 instructions keep the state
+and the sample in memory. For 2 bodies half of the numbers are those of places that nobody uses in the room of 4. 8 and 16 bodies stand in
+the room of 32; with 8, half of the instructions carry such places.
 ";
 
 const START_MISSED: &str = "

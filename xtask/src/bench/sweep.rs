@@ -16,6 +16,19 @@ const STIFFNESS: (f64, f64, usize) = (0.5, 2.0, 250);
 const INERTIA: (f64, f64, usize) = (0.01, 0.05, 400);
 const MEASURES: &str = "peak_torque,final_energy";
 
+/// The period's axis in the sweeps of [`WORLDS`], and their stiffness's.
+const PERIODS: &str = "0.9e-3 1.1e-3 400";
+const STIFFNESSES: &str = "couplings.0.stiffness 0.5 2 250";
+
+/// The worlds of bench/worlds with what is in them, the -DKIND of their C, and their first axis.
+const WORLDS: [(&str, &str, &str, &str); 5] = [
+    ("a wheel", "released", "RELEASED", STIFFNESSES),
+    ("with a wall and Coulomb friction", "wall", "WALL", STIFFNESSES),
+    ("detents and FOAW", "detents", "DETENTS", "couplings.0.torque 4e-3 1.2e-2 250"),
+    ("a wheel, in a grip at first", "grip", "GRIP", STIFFNESSES),
+    ("3 bodies", "bodies", "BODIES", STIFFNESSES),
+];
+
 /// Runs the commands in turns, so many rounds; ms of each whole process.
 fn processes<const N: usize>(rounds: usize, mut commands: [Command; N]) -> Result<[Times; N]> {
     let mut all = [(); N].map(|()| Times { ns: Vec::new(), answer: Vec::new() });
@@ -51,16 +64,24 @@ pub(super) fn stated(bodies: usize) -> String {
     file
 }
 
-/// The largest difference between two tables of numbers, each relative to the larger of the two.
+/// The largest difference between two tables of numbers, each relative to the larger of the two, and to a millionth of its column's largest
+/// where both are less: what is left of an energy has no digits of its own.
 fn difference(one: &str, other: &str) -> Result<f64> {
-    let numbers = |text: &str| -> Result<Vec<f64>> {
-        let fields = text.lines().skip(1).flat_map(|line| line.split(','));
-        fields.map(|field| field.parse().context("no number")).collect()
+    let rows = |text: &str| -> Result<Vec<Vec<f64>>> {
+        let row = |line: &str| line.split(',').map(|field| field.parse().context("no number")).collect();
+        text.lines().skip(1).map(row).collect()
     };
-    let (one, other) = (numbers(one)?, numbers(other)?);
-    ensure!(one.len() == other.len(), "tables of {} and {} numbers", one.len(), other.len());
-    let relative = |(a, b): (&f64, &f64)| (a - b).abs() / a.abs().max(b.abs()).max(f64::MIN_POSITIVE);
-    Ok(one.iter().zip(&other).map(relative).fold(0.0, f64::max))
+    let (one, other) = (rows(one)?, rows(other)?);
+    let width = one.first().context("a table without rows")?.len();
+    let even = |rows: &[Vec<f64>]| rows.len() == one.len() && rows.iter().all(|row| row.len() == width);
+    ensure!(even(&one) && even(&other), "tables of {} and {} rows", one.len(), other.len());
+    let largest = |j: usize| one.iter().map(|row| row[j].abs()).fold(f64::MIN_POSITIVE, f64::max);
+    let of_column = |j: usize| {
+        let least = 1e-6 * largest(j);
+        let relative = |(a, b): (&Vec<f64>, &Vec<f64>)| (a[j] - b[j]).abs() / a[j].abs().max(b[j].abs()).max(least);
+        one.iter().zip(&other).map(relative).fold(0.0, f64::max)
+    };
+    Ok((0..width).map(of_column).fold(0.0, f64::max))
 }
 
 impl Bench {
@@ -106,6 +127,56 @@ impl Bench {
             writeln!(text, "| {scenario} | {quartiles} | {goal} | {hapt:.0} | {c:.0} | {difference:.0e} |")?;
         }
         Ok(text)
+    }
+
+    /// 100 000 worlds of a second that let go between two samples, each with its own period, from the command to the file.
+    pub(super) fn worlds(&self) -> Result<String> {
+        let mut text = String::from(
+            "\n## Sweeps of worlds that do more\n\n`hapt sweep` of 100 000 worlds of 1 s at about 1 kHz, over 250 stiffnesses (or torques of a detent) \
+             and 400 periods: [the worlds](../bench/worlds) let go between two samples, each at another one. Two measures, two threads, \
+             the whole process with its file, against [C](../bench/c/worlds.c) written for each, with OpenMP, sixteen worlds side by side \
+             (`-O3 -march=native -ffinite-math-only`). The difference is as above, beside numbers below a millionth of their column's largest \
+             relative to that.\n\n\
+             | world | hapt / C | goal | | hapt, ms | C, ms | difference |\n| --- | --- | --- | --- | --- | --- | --- |\n",
+        );
+        let mut missed = false;
+        for (name, world, kind, axis) in WORLDS {
+            let [own, other] = ["hapt.csv", "c.csv"].map(|name| self.folder.join(name));
+            let (own, other) = (own.to_str().context("a path in UTF-8")?, other.to_str().context("a path in UTF-8")?);
+            let [key, from, to, n] = axis.split(' ').collect::<Vec<_>>()[..] else { anyhow::bail!("no axis: {axis}") };
+            let [first, last, count] = PERIODS.split(' ').collect::<Vec<_>>()[..] else {
+                anyhow::bail!("no axis: {PERIODS}")
+            };
+            let hapt = format!(
+                "sweep bench/worlds/{world}.toml --vary {key}={from}..{to}:{n} --vary loop.period={first}..{last}:{count} \
+                 --measure {MEASURES} --threads 2 --out {own}"
+            );
+            let c = self.folder.join(world);
+            let mut c = program(&c, &format!("{from} {to} {n} {PERIODS} {other}"));
+            c.env("OMP_NUM_THREADS", "2");
+            let [hapt, c] = processes(ROUNDS, [program(&self.release.join("hapt"), &hapt), c])
+                .with_context(|| format!("{world}, of C -DKIND={kind}"))?;
+            let difference = difference(&fs::read_to_string(own)?, &fs::read_to_string(other)?)?;
+            ensure!(difference < 1e-8, "{world}: the tables differ by {difference:e}");
+            let (ratio, quartiles) = hapt.over(&c);
+            let wanted = if world == "released" { 1.5 } else { 2.0 };
+            missed |= ratio > wanted;
+            let (hapt, c, goal) = (hapt.median(), c.median(), goal(ratio, wanted));
+            writeln!(text, "| {name} | {quartiles} | {goal} | {hapt:.0} | {c:.0} | {difference:.0e} |")?;
+        }
+        if missed {
+            text += WORLDS_MISSED;
+        }
+        Ok(text)
+    }
+
+    /// A program in C for each of them.
+    pub(super) fn compile_worlds(&self) -> Result<()> {
+        let flags = ["-ffinite-math-only", "-fno-trapping-math", "-fopenmp"];
+        for (_, world, kind, _) in WORLDS {
+            self.compile("worlds", world, &[&flags[..], &[&format!("-DKIND={kind}")]].concat())?;
+        }
+        Ok(())
     }
 
     /// A million loops, without reading and writing; and from the command to the file.
@@ -217,3 +288,23 @@ impl Bench {
         Ok(text)
     }
 }
+
+// By callgrind, of `hapt-bench lanes` and of these programs built with -march=haswell: to be looked at again when the code changes.
+const WORLDS_MISSED: &str = "
+What stands in the way, in instructions a sample of one world, with vectors of four numbers as callgrind knows them, hapt's (the table above) and
+C's: a wheel 43 and 19, the wall 379 and 37, detents 422 and 179, the grip 53 and 20, three bodies 149 and 41.
+
+- The wall: 115 search for the instants of stops, by a series of sixteen terms at each of their guesses, where C has a logarithm. A lane
+  has the bits of its run alone, and that search is the run's. 170 are the sample itself, with the numbers that go to each
+  lane's wall and back, 35 the wall's torque, lane after lane, and 40 the motion of pucks that stop.
+- Detents: 75 are the sine, by the same library on every machine, lane after lane, 290 the sample itself with FOAW's window,
+  in which hapt divides where C multiplies.
+- A wheel, the grip and three bodies: a quarter to a third is outside of the samples (worlds become loops, with their matrix exponentials). C has fused multiplication
+  and addition, which hapt may not, keeps its numbers in registers, and has no place for a fourth body.
+- The rest of the process: cells become worlds by their keys, and their four numbers become text, in C by `printf`.
+
+What does not go side by side moves by a device of its own in every lane, as `lanes, lag` in the table above: a lag, a handle, uneven samples, a
+hand that opens and closes, friction beside a grip or a torque that changes, and a delay of another number of samples than in most lanes.
+Torques of nonlinear couplings (wall, detent, clamps, friction, LuGre) and the steps that find them are evaluated lane after lane, and all
+else of their sample side by side. A run that lets go, is let go or stops between two samples leaves the others for that period.
+";
