@@ -1,9 +1,10 @@
 //! The book under docs/: what its pages show is what happens.
 //!
-//! - A line of a `sh` block is run by sh, in a scratch folder with a copy of worlds/, and ends with 0, or with the N of a
+//! - A line of a `sh` block is run by sh, in a scratch folder with a copy of worlds/ and docs/course/, and ends with 0, or with the N of a
 //!   comment `# exit N` on it. Installing and cargo's other commands are left out.
 //! - A `toml` block with a `[loop]` is a world file: it is read, checked and run, and the lines after it find it as
 //!   wheel.toml, or by the name in its first line, `# knob.toml`.
+//! - A `toml` block that begins with `# answer.toml` is that file.
 //! - A line of a `console` block that is followed by a link starts a server: it is started on any free port, prints the link, answers a
 //!   browser, and ends by Ctrl-C.
 //! - A `python` block of README.md is run by Python with the package that its first line imports, beside the `sh` block's files.
@@ -119,6 +120,9 @@ fn made(page: &Path) -> Result<String> {
             // Those of other pages need what stands around them.
             "python" if page == Path::new(README) => scratch.python(&body).with_context(at)?,
             "toml" if block.iter().any(|line| line.starts_with("[loop]")) => scratch.world(&body).with_context(at)?,
+            "toml" if block.first().is_some_and(|line| line.starts_with("# answer.toml")) => {
+                fs::write(scratch.file("answer.toml"), &body).with_context(at)?;
+            }
             _ => {}
         }
         out += if shows_output && language == "text" { &printed } else { &body };

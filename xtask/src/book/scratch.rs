@@ -16,6 +16,20 @@ const PYTHON: [(&str, &str); 2] = [("hapt", "hapt"), ("fmpy", "fmi")];
 /// The link that a page shows of `hapt live`, up to the port.
 const LINK: &str = "http://127.0.0.1:";
 
+/// Copies a folder with all that is in it.
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from)? {
+        let (path, name) = entry.map(|entry| (entry.path(), entry.file_name()))?;
+        if path.is_dir() {
+            copy(&path, &to.join(name))?;
+        } else {
+            fs::copy(&path, to.join(name))?;
+        }
+    }
+    Ok(())
+}
+
 /// A folder in which a page's commands are run.
 pub struct Scratch(PathBuf);
 
@@ -25,12 +39,15 @@ impl Scratch {
         if folder.exists() {
             fs::remove_dir_all(&folder)?;
         }
-        for world in test::worlds(Path::new("worlds"))? {
-            let copy = folder.join(&world);
-            fs::create_dir_all(copy.parent().context("no folder")?)?;
-            fs::copy(world, copy)?;
+        for given in ["worlds", "docs/course"] {
+            copy(Path::new(given), &folder.join(given))?;
         }
         Ok(Scratch(folder))
+    }
+
+    /// The path of a file in it.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.0.join(name)
     }
 
     /// Runs the lines of a block, joined where they end with a backslash; what they print.
