@@ -95,7 +95,7 @@ fn the_expected_answers_follow_the_students_numbers() {
     let expected = |student: &str| grade(&wall, &answer, &["--key", "--student", student]).out;
     let all: std::collections::BTreeSet<String> = ["ada", "bob", "cyd", "dan", "eve"].map(expected).into();
     assert!(all.len() > 1, "{all:?}");
-    let questions = hapt(Path::new("."), &["grade", wall.to_str().unwrap(), "--student", "ada"]).done();
+    let questions = hapt(Path::new("."), ["grade", wall.to_str().unwrap(), "--student", "ada"]).done();
     assert!(questions.out.contains("--set 'couplings.0.stiffness="), "{}", questions.out);
 }
 
