@@ -1,6 +1,6 @@
 //! The book under docs/: what its pages show is what happens.
 //!
-//! - A line of a `sh` block is run by sh, in a scratch folder with a copy of worlds/ and docs/course/, and ends with 0, or with the N of a
+//! - A line of a `sh` block is run by sh, in a scratch folder with copies of worlds/, networks/ and docs/course/, and ends with 0, or with the N of a
 //!   comment `# exit N` on it. Installing and cargo's other commands are left out.
 //! - A `toml` block with a `[loop]` is a world file: it is read, checked and run, and the lines after it find it as
 //!   wheel.toml, or by the name in its first line, `# knob.toml`.

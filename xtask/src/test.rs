@@ -81,7 +81,7 @@ pub fn run() -> Result<()> {
         Step::check("the pictures are current", figure::is_current),
         Step::check("links of the documents", links::hold),
     ];
-    for world in worlds(Path::new("worlds"))? {
+    for world in [worlds(Path::new("worlds"))?, worlds(Path::new("networks"))?].concat() {
         steps.push(Step::check(world.display().to_string(), move || same_bytes(&world)));
     }
     for page in book::pages()? {

@@ -26,7 +26,7 @@ use crate::schedule::{between, uniform};
 /// links = [{ kind = "spring", between = ["left", "right"], stiffness = 0.5, age_max = "20 ms" }]
 /// "#);
 /// let wheel = "loop.period = '1 ms'\ndevice = { inertia = '6.4e-4 kg m^2', damping = '0.02 N m s/rad' }\n";
-/// let push = "[scenarios.push]\nduration = '1 s'\nhand = { kind = 'step', to = '10 deg' }\n";
+/// let push = "[scenarios.push]\nduration = '1 s'\nhand = { kind = 'step', to = '10 deg', at = '0.1 s' }\n";
 /// source.files.insert("wheel.toml".into(), wheel.into());
 /// source.files.insert("push.toml".into(), format!("{wheel}{push}"));
 /// let network = Network::read(&source, &[])?;

@@ -39,7 +39,7 @@ impl Scratch {
         if folder.exists() {
             fs::remove_dir_all(&folder)?;
         }
-        for given in ["worlds", "docs/course"] {
+        for given in ["worlds", "networks", "docs/course"] {
             copy(Path::new(given), &folder.join(given))?;
         }
         Ok(Scratch(folder))
