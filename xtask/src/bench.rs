@@ -573,8 +573,8 @@ fn program(path: &Path, words: &str) -> Command {
 const RUN_MISSED: &str = "
 What stands in the way: instructions. C needs about 50 for a released sample and 40 for a held one (built without AVX-512, which
 callgrind does not know); hapt needs those of the table below. Of a released sample's, the puck's motion with its works takes 130,
-`Simulation::next` 125, the loop's step 100, the fourteen columns 75. Fewer than half are arithmetic. The others: a third pass numbers through
-memory, from the device to the loop, to the row, and to the caller's columns; the rest ask what a run does not change (hand, friction, lag,
+`Simulation::next` 125, the loop's step 100, the fourteen columns 75. Fewer than half are arithmetic. The others pass numbers through
+memory, from the device to the loop, to the row, and to the caller's columns, ask what a run does not change (hand, friction, lag,
 delay, shaft), save registers at the three calls, and look whether all numbers are finite. The loop's own questions are one (`is_usual`).
 To come near the bound, which is a single sum's waiting, device, loop and columns would have to be compiled as one for their world, as C's
 are: a form of the run for each kind of device, which takes its time at every compilation of hapt-sim.
@@ -584,8 +584,8 @@ const STEP_MISSED: &str = "
 What stands in the way: for 32 bodies the width of the vectors. Nine of ten instructions are the matrix's, eight bodies' sums at a time
 in registers, and C built for any machine takes as long; `-march=native` has vectors of eight numbers where hapt has two, and fuses
 multiplication and addition, which hapt may not, as the bits would depend on the machine. Built for this machine hapt gets vectors of
-four. For 1 body the step asks two questions (a usual world, one body) and one about the limit, and a third of its 50 instructions keep the state
-and the sample in memory. For 2 bodies half of the numbers are those of places that nobody uses in the room of 4. 8 and 16 bodies stand in
+four. For 1 body the step asks two questions (a usual world, one body) and one about the limit; the others of its
+50 instructions are the arithmetic and the state in memory. For 2 bodies half of the numbers are those of places that nobody uses in the room of 4. 8 and 16 bodies stand in
 the room of 32; with 8, half of the instructions carry such places.
 ";
 
