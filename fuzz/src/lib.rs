@@ -6,6 +6,7 @@
 mod core;
 mod dictionary;
 mod limits;
+mod link;
 mod live;
 mod log;
 mod messages;
@@ -35,7 +36,7 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 9] = [
+pub const TARGETS: [Target; 10] = [
     Target { name: "world", run: world::run, seeds: seeds::worlds, longest: 1 << 16 },
     Target { name: "set", run: set::run, seeds: seeds::sets, longest: 1 << 12 },
     Target { name: "quantity", run: quantity::run, seeds: seeds::quantities, longest: 1 << 10 },
@@ -45,6 +46,7 @@ pub const TARGETS: [Target; 9] = [
     Target { name: "live", run: live::run, seeds: seeds::messages, longest: 1 << 12 },
     Target { name: "wire", run: wire::run, seeds: wire::seeds, longest: 1 << 11 },
     Target { name: "pid", run: pid::run, seeds: pid::seeds, longest: 1 << 11 },
+    Target { name: "link", run: link::run, seeds: link::seeds, longest: 1 << 11 },
 ];
 
 /// The target of this name.

@@ -109,6 +109,11 @@ impl Link {
         };
         self.limit.map_or(torque, |limit| torque.clamp(-limit, limit))
     }
+
+    /// The torque on the puck of one of the stations, the first or the second, with the positions of its own and of the other's puck.
+    pub fn torque_at(&self, first: bool, own: f64, other: f64) -> f64 {
+        if first { self.torque(own - other) } else { -self.torque(other - own) }
+    }
 }
 
 impl Station {

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use hapt_core::{Heard, LinkEnd};
 use hapt_model::{Drive, Hand, Link, Network, Scenario, Shape, Timing};
 
 use crate::row::Row;
@@ -10,11 +11,8 @@ use crate::schedule::{between, uniform};
 
 /// A scenario of a network, sample by sample, whichever station takes the next.
 ///
-/// Each link has a first station, which decides whether it acts, and a second, which follows. A station sends its position at its samples,
-/// and with it whether it hears the other and whether it acts. The first acts when the other hears it and the ends have met (its torque
-/// is 0 or has changed its sign), the second as long as the first says that it acts. Each lets go where no position is young enough for
-/// all of the coming hold, and uses no position that was sent by an end that had let go. One that has let go waits until the other
-/// has, too.
+/// A station sends its position at its samples, and with it whether it hears the other and whether it acts: see [`LinkEnd`]. No end uses a
+/// position that the other's loop sent after a younger one.
 ///
 /// ```
 /// use hapt_model::{Network, Source};
@@ -76,7 +74,7 @@ struct Joint {
 }
 
 /// One station's end of a link.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct End {
     /// On their way to this end, in the order of their sending: when each arrives, and what it says.
     coming: VecDeque<(f64, Message)>,
@@ -86,11 +84,7 @@ struct End {
     period: f64,
     /// When the next one is sent.
     next: f64,
-    acts: bool,
-    /// What the torque was at the last sample that found a position young enough, whether it acted or not.
-    torque: Option<f64>,
-    /// How often it has let go.
-    let_go: u64,
+    link: LinkEnd,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -122,14 +116,16 @@ impl NetworkRun {
                 period: station.world.sampling.period,
             });
         }
-        let end = |link: &Link, at: usize| End {
+        let end = |link: &Link, first: bool, at: usize| End {
+            coming: VecDeque::new(),
+            newest: None,
             period: link.period.unwrap_or(stations[at].period),
             next: f64::NEG_INFINITY,
-            ..End::default()
+            link: LinkEnd::new(first, link.age_max, stations[at].hold),
         };
         let joints = network.links.iter().map(|link| Joint {
             random: u64::from(link.seed),
-            ends: link.between.map(|at| end(link, at)),
+            ends: [end(link, true, link.between[0]), end(link, false, link.between[1])],
             link: link.clone(),
         });
         Ok(NetworkRun { joints: joints.collect(), stations })
@@ -142,7 +138,7 @@ impl NetworkRun {
 
     /// How often each end of each link has let go.
     pub fn let_go(&self) -> impl Iterator<Item = [u64; 2]> {
-        self.joints.iter().map(|joint| [joint.ends[0].let_go, joint.ends[1].let_go])
+        self.joints.iter().map(|joint| [joint.ends[0].link.let_go(), joint.ends[1].link.let_go()])
     }
 
     /// The next sample of all; `None` after the last. An error ends the run.
@@ -152,10 +148,9 @@ impl NetworkRun {
         let times = self.stations.iter().enumerate().filter_map(|(at, station)| Some((at, due(station)?)));
         let (at, time) = times.min_by(|a, b| a.1.total_cmp(&b.1))?;
         let (joints, station) = (&mut self.joints, &mut self.stations[at]);
-        let hold = station.hold;
         let mut sum = 0.0;
         let result = station.run.next_beside(|measured| {
-            sum = joints.iter_mut().filter_map(|joint| joint.torque(at, time, hold, measured)).sum();
+            sum = joints.iter_mut().filter_map(|joint| joint.torque(at, time, measured)).sum();
             sum
         })?;
         if let Err(error) = result {
@@ -171,7 +166,7 @@ impl NetworkRun {
 
 impl Joint {
     /// The torque on the puck of station `at`, whose sample at `time` is `measured`; `None` where it is no end of this link.
-    fn torque(&mut self, at: usize, time: f64, hold: f64, measured: f64) -> Option<f64> {
+    fn torque(&mut self, at: usize, time: f64, measured: f64) -> Option<f64> {
         let side = self.link.between.iter().position(|end| *end == at)?;
         let Joint { link, random, ends } = self;
         let [first, second] = ends;
@@ -184,31 +179,22 @@ impl Joint {
                 own.newest = Some(message);
             }
         }
-        // Young enough for all of the coming hold.
-        let young = own.newest.filter(|newest| time - newest.sampled + hold <= link.age_max * (1.0 + 1e-12));
-        let sign = if side == 0 { 1.0 } else { -1.0 };
-        let torque = young.map_or(0.0, |newest| sign * link.torque(sign * (measured - newest.position)));
-        let acted = own.acts;
-        own.acts = young.is_some_and(|newest| match side {
-            // Decides: the ends have met, and the other has let go before it takes hold again.
-            0 => {
-                newest.hears
-                    && (acted
-                        || !newest.acts && (torque == 0.0 || own.torque.is_some_and(|before| before * torque < 0.0)))
-            }
-            _ => newest.acts,
+        let heard = own.newest.map(|newest| Heard {
+            age: time - newest.sampled,
+            position: newest.position,
+            hears: newest.hears,
+            acts: newest.acts,
         });
-        own.let_go += u64::from(acted && !own.acts);
-        own.torque = young.map(|_| torque);
+        let torque = own.link.sample(true, heard, |other| link.torque_at(side == 0, measured, other));
         // Up to a millionth of a period, which is rounding.
         if time >= own.next - 1e-6 * own.period {
             own.next = own.next.max(time) + own.period;
-            let message = Message { sampled: time, position: measured, hears: young.is_some(), acts: own.acts };
+            let message = Message { sampled: time, position: measured, hears: own.link.hears(), acts: own.link.acts() };
             let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max], uniform(random)));
             if !lost {
                 other.coming.push_back((time + way, message));
             }
         }
-        Some(if own.acts { torque } else { 0.0 })
+        Some(torque)
     }
 }

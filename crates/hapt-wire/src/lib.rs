@@ -42,6 +42,7 @@ mod cobs;
 mod coupling;
 pub mod device;
 mod frame;
+pub mod link;
 mod load;
 mod message;
 pub mod pid;

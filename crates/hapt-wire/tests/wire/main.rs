@@ -5,6 +5,7 @@ mod codes;
 mod common;
 mod device;
 mod frames;
+mod link;
 mod messages;
 mod noise;
 mod pid;
