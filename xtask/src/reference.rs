@@ -197,7 +197,7 @@ fn logged() -> Result<String> {
     let world = World::read(&Source::from_text("columns", text), &[])?;
     let run = columns(&world).len();
     let mut text = String::from("| column | unit | meaning |\n| --- | --- | --- |\n");
-    for column in hapt_log::columns(&world, true).iter().skip(run) {
+    for column in hapt_log::columns(&world, true, true).iter().skip(run) {
         let codes = match column.kind {
             Kind::Choice(choice) => {
                 let codes: Vec<String> = choice.values.iter().map(|(name, code)| format!("{code} {name}")).collect();

@@ -92,6 +92,17 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
         self.supervisor.step(&mut state.supervisor, &self.world, &mut state.world, reading, request)
     }
 
+    /// The same with a torque on the puck from outside of the world: see [`Supervisor::step_beside`].
+    pub fn step_beside(
+        &self,
+        state: &mut ControllerState<F, B, C, W>,
+        reading: &Reading<F>,
+        request: Option<Request>,
+        torque: impl FnOnce(bool, F) -> F,
+    ) -> SafeOutput<F> {
+        self.supervisor.step_beside(&mut state.supervisor, &self.world, &mut state.world, reading, request, torque)
+    }
+
     /// The state with which this controller replaces `before`, whose state is `state`, between two samples: a bumpless transfer. The torque
     /// fades from the old world's to the new one's. `bodies` and `bristles` are those of [`Loop::transfer`].
     pub fn transfer(

@@ -10,7 +10,7 @@ use hapt_core::{Controller, ControllerState, Phase, Reading, Reason, Request, Sa
 use crate::Error;
 use crate::comparison::{Replay, world_error};
 use crate::log::{Log, LoggedPlan};
-use crate::schema::{COMMAND, LIVE_COLUMNS, TORQUE};
+use crate::schema::{COMMAND, TORQUE};
 
 /// The capacity of a board: bodies, couplings, stored counts (docs/wire.md).
 const B: usize = 4;
@@ -109,7 +109,7 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
             state.supervisor.lapse(if faults { WhenLate::Fault } else { WhenLate::Fade });
         }
         let guarded = controller.step(state, &reading, inputs.request);
-        let output = sample.values.len() - LIVE_COLUMNS;
+        let output = sample.plan.live_columns();
         let torques = [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];
         result.compare(&sample, inputs.sample, &torques.map(|(place, torque)| (place, f64::from(torque))));
     }

@@ -14,7 +14,7 @@ use hapt_sim::{Row, SIGNALS};
 
 use crate::Error;
 use crate::container::{Channel, Container, Ending, Item, MAGIC, Message};
-use crate::schema::{Column, LIVE_COLUMNS, columns, request};
+use crate::schema::{Column, LIVE_COLUMNS, columns, link_column, request};
 use crate::state;
 use crate::wire::{self, Value};
 use crate::writer::{Header, Origin, TOPIC};
@@ -54,6 +54,8 @@ pub struct LoggedPlan {
     pub number: u32,
     /// Whether the samples are those of a loop in real time.
     pub live: bool,
+    /// Whether its loop was at the ends of links: their torque is the last column.
+    pub linked: bool,
     /// The world, without its scenarios.
     pub world: World,
     /// The columns of its samples.
@@ -94,6 +96,8 @@ pub struct Inputs {
     pub output: f64,
     /// From the sample to when the device had that command, in s.
     pub computation: f64,
+    /// The torque of the links; `None` without them.
+    pub link: Option<f64>,
 }
 
 impl Log<BufReader<File>> {
@@ -138,7 +142,7 @@ impl<R: Read> Log<R> {
                 Item::Message(message) => {
                     let Some(plan) = plans.get(&message.channel).cloned() else { continue };
                     // A program that rewrites a log may put the metadata after the samples: then they stay unknown.
-                    header.fill(&metadata.unwrap_or_default(), plan.number);
+                    header.fill(&metadata.unwrap_or_default(), &plan);
                     let origin = if plan.live { Origin::Live(message.log_time) } else { Origin::Run };
                     let (first, values) = (Some(message), Vec::new());
                     return Ok(Log { header, origin, container, plans, plan, first, values, snapshot, done: None });
@@ -217,7 +221,7 @@ impl<R: Read> Log<R> {
 }
 
 impl Header {
-    fn fill(&mut self, values: &BTreeMap<String, String>, plan: u32) {
+    fn fill(&mut self, values: &BTreeMap<String, String>, plan: &LoggedPlan) {
         let text = |key: &str| values.get(key).cloned();
         self.version = text("version").unwrap_or_default();
         self.device = text("device").unwrap_or_default();
@@ -226,11 +230,16 @@ impl Header {
         self.profile = named.unwrap_or(SafetyProfile::Simulated);
         self.scenario = text("scenario");
         self.overrides = (0..).map_while(|i: u32| text(&format!("override.{i}"))).collect();
-        self.plan = plan;
+        (self.plan, self.linked) = (plan.number, plan.linked);
     }
 }
 
 impl LoggedPlan {
+    /// Of a loop in real time: where the columns that only such a loop has begin among a sample's values.
+    pub(crate) fn live_columns(&self) -> usize {
+        self.columns.len().saturating_sub(LIVE_COLUMNS + usize::from(self.linked))
+    }
+
     /// The plan of a channel; `None` for one of another program.
     fn new(channel: &Channel) -> Result<Option<Self>, Error> {
         if channel.topic != TOPIC || channel.encoding != "protobuf" {
@@ -246,8 +255,9 @@ impl LoggedPlan {
         let number = text("plan")?.parse().map_err(|_| Error::Foreign("its plan has no number".into()))?;
         let source = Source::from_text("the log's world", text("world")?.as_str());
         let world = World::read(&source, &[]).map_err(|error| Error::World(error.to_string()))?;
-        let columns = columns(&world, live);
         let names: Vec<&str> = text("columns")?.split(',').collect();
+        let linked = live && names.contains(&link_column(&world).name.as_str());
+        let columns = columns(&world, live, linked);
         let place = |name: &&str| columns.iter().position(|column| column.name == *name);
         let places: Vec<Option<usize>> = names.iter().map(place).collect();
         let missing = |column: &&Column| !names.contains(&column.name.as_str());
@@ -255,7 +265,7 @@ impl LoggedPlan {
             let name = &column.name;
             return Err(Error::Foreign(format!("it has no column {name}, which every log of such a world has")));
         }
-        Ok(Some(LoggedPlan { number, live, world, columns, places }))
+        Ok(Some(LoggedPlan { number, live, linked, world, columns, places }))
     }
 
     /// The values of a message, in the order of the columns.
@@ -293,7 +303,7 @@ impl Sample<'_> {
 
     /// The inputs of a loop in real time; `None` in the log of a run.
     pub fn inputs(&self) -> Option<Inputs> {
-        let live = self.values.last_chunk::<LIVE_COLUMNS>();
+        let live = self.values.get(self.plan.live_columns()..)?.first_chunk::<LIVE_COLUMNS>();
         let live = live.filter(|_| self.plan.live)?;
         let [output, sample, plan, phase, reason, request_code, announced, late, missed, silent, _latency, computation] =
             *live;
@@ -313,6 +323,7 @@ impl Sample<'_> {
             reason: reason as u64,
             output,
             computation,
+            link: self.values.last().copied().filter(|_| self.plan.linked),
         })
     }
 }

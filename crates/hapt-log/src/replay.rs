@@ -9,7 +9,7 @@ use hapt_sim::{DesktopLoop, DesktopState};
 
 use crate::comparison::{Replay, world_error};
 use crate::log::{Inputs, Log, LoggedPlan};
-use crate::schema::{COMMAND, LIVE_COLUMNS, TORQUE};
+use crate::schema::{COMMAND, TORQUE};
 use crate::{Error, board};
 
 /// Runs a log's inputs through the present core, from its first sample to its last.
@@ -81,14 +81,17 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
             running = Some(Box::new(Running::start(sample.plan, profile, sample.snapshot)?));
         }
         // The first column after those of a run.
-        let output = sample.values.len() - LIVE_COLUMNS;
+        let output = sample.plan.live_columns();
         before = Some(inputs);
         match &mut running {
             None => result.skipped += 1,
             Some(running) => {
                 running.change(sample.plan)?;
                 let Running { plan, state, .. } = &mut **running;
-                let guarded = plan.step(state, &inputs.reading, inputs.request);
+                let guarded = match inputs.link {
+                    None => plan.step(state, &inputs.reading, inputs.request),
+                    Some(link) => plan.step_beside(state, &inputs.reading, inputs.request, |_, _| link),
+                };
                 state.commanded(inputs.computation);
                 let torques =
                     [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];

@@ -176,8 +176,8 @@ pub(crate) const COMMAND: usize = 6;
 /// The number of columns that a loop in real time adds.
 pub(crate) const LIVE_COLUMNS: usize = LIVE.len();
 
-/// The columns of a world's log, in order; `live`: of a loop in real time.
-pub fn columns(world: &World, live: bool) -> Vec<Column> {
+/// The columns of a world's log, in order; `live`: of a loop in real time; `linked`: of one at the ends of links.
+pub fn columns(world: &World, live: bool, linked: bool) -> Vec<Column> {
     // Of a device in real time nobody sees the handle beyond its shaft.
     let run = if live { hapt_sim::loop_columns(world) } else { hapt_sim::columns(world) }.into_iter();
     let run = run.map(|column| Column { name: column.name, unit: column.unit, doc: column.doc, kind: Kind::Number });
@@ -191,7 +191,14 @@ pub fn columns(world: &World, live: bool) -> Vec<Column> {
             |own| Column { name: own.name, unit: own.unit, doc, kind },
         )
     }));
+    columns.extend(linked.then(|| link_column(world)));
     columns
+}
+
+/// The last column of a loop at the ends of links.
+pub(crate) fn link_column(world: &World) -> Column {
+    let column = Signal::LINK.column(world.motion);
+    Column { name: column.name, unit: column.unit, doc: column.doc, kind: Kind::Number }
 }
 
 /// The values of a row of a run, in the order of the columns.
@@ -202,7 +209,14 @@ pub(crate) fn row_values(row: &Row, values: &mut Vec<f64>) {
 }
 
 /// The values of a record of the loop at `time`, in a world of this many bodies.
-pub(crate) fn record_values(record: &Record, time: f64, bodies: usize, row: &mut Row, values: &mut Vec<f64>) {
+pub(crate) fn record_values(
+    record: &Record,
+    time: f64,
+    bodies: usize,
+    linked: bool,
+    row: &mut Row,
+    values: &mut Vec<f64>,
+) {
     row.time = time;
     (row.puck, row.puck_velocity) = (record.position, record.velocity);
     (row.measured, row.measured_velocity) = (record.measured, record.measured_velocity);
@@ -211,6 +225,7 @@ pub(crate) fn record_values(record: &Record, time: f64, bodies: usize, row: &mut
     row.bodies.extend(record.bodies.iter().take(bodies));
     row_values(row, values);
     values.extend(LIVE.iter().map(|column| (column.get)(record)));
+    values.extend(linked.then_some(record.link));
 }
 
 fn phase_code(phase: Phase) -> f64 {

@@ -41,6 +41,8 @@ pub struct Header {
     pub version: String,
     /// The number of its first plan, as in records.
     pub plan: u32,
+    /// Whether the loop was at the ends of links, whose torque is in its records.
+    pub linked: bool,
 }
 
 impl Default for Header {
@@ -54,6 +56,7 @@ impl Default for Header {
             scenario: None,
             version: env!("CARGO_PKG_VERSION").into(),
             plan: 0,
+            linked: false,
         }
     }
 }
@@ -74,6 +77,7 @@ pub struct LogWriter<W: Write> {
     channel: u16,
     kinds: Vec<Kind>,
     bodies: usize,
+    linked: bool,
     plan: u32,
     period: f64,
     /// The sample and time from which the times of the present plan count.
@@ -124,7 +128,9 @@ impl<W: Write> LogWriter<W> {
         values.extend(header.scenario.as_ref().map(|name| ("scenario".to_string(), name.clone())));
         values.extend(header.overrides.iter().enumerate().map(|(i, set)| (format!("override.{i}"), set.clone())));
         values.extend(
-            columns(world, live).into_iter().map(|column| (format!("unit.{}", column.name), column.unit.to_string())),
+            columns(world, live, header.linked)
+                .into_iter()
+                .map(|column| (format!("unit.{}", column.name), column.unit.to_string())),
         );
         mcap.write_metadata(&Metadata { name: "hapt".into(), metadata: values }).map_err(failed)?;
         let mut writer = LogWriter {
@@ -133,6 +139,7 @@ impl<W: Write> LogWriter<W> {
             channel: 0,
             kinds: Vec::new(),
             bodies: 0,
+            linked: header.linked,
             plan: header.plan,
             period: 0.0,
             since: (0, 0.0),
@@ -150,7 +157,7 @@ impl<W: Write> LogWriter<W> {
     /// Starts the samples of another world: a channel of its own, on the same topic.
     pub fn begin(&mut self, plan: u32, world: &World) -> io::Result<()> {
         let live = self.origin != Origin::Run;
-        let columns = columns(world, live);
+        let columns = columns(world, live, self.linked);
         let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
         // The world of the loop in SI, without files and overrides.
         let text = World { scenarios: Vec::new(), ..world.clone() }.to_toml();
@@ -184,7 +191,7 @@ impl<W: Write> LogWriter<W> {
         let (sample, time) = self.since;
         let time = time + record.sample.saturating_sub(sample) as f64 * self.period;
         let (mut row, mut values) = (std::mem::take(&mut self.row), std::mem::take(&mut self.values));
-        record_values(record, time, self.bodies, &mut row, &mut values);
+        record_values(record, time, self.bodies, self.linked, &mut row, &mut values);
         let elapsed = time - *self.first.get_or_insert(time);
         let log_time = epoch.saturating_add((elapsed * 1e9).round() as u64);
         let said = snapshot.map_or(Ok(()), |snapshot| self.write_snapshot(log_time, snapshot));

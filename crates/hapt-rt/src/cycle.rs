@@ -5,13 +5,15 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use hapt_core::{Reading, Request, SafeOutput};
 
 use crate::plan::PlanState;
-use crate::{BODIES, Device, Failure, Plan, Record, Snapshot};
+use crate::{BODIES, Device, Failure, LinkPort, Plan, Record, Snapshot};
 
 /// The time of a sample, as the caller's clock gives it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moment {
     /// The sample's instant in ns from the start; only the record shows it.
     pub due: u64,
+    /// When the sample is taken, in ns by the clock of the links.
+    pub now: u64,
     /// The lateness of the sample, in s.
     pub late: f64,
     /// Periods since the last sample: 1, or more when samples were missed; 0 at the first.
@@ -50,6 +52,7 @@ pub struct Cycle {
     state: PlanState,
     sample: u64,
     swaps: u32,
+    links: Vec<LinkPort>,
 }
 
 /// A device that is left without torque, also after a panic.
@@ -68,7 +71,12 @@ impl Cycle {
         plan.reserve();
         device.adopt(&mut plan);
         let state = plan.start();
-        Cycle { plan, device: Safe(device), state, sample: 0, swaps: 0 }
+        Cycle { plan, device: Safe(device), state, sample: 0, swaps: 0, links: Vec::new() }
+    }
+
+    /// The same loop at the ends of these links. They stay when the world changes.
+    pub fn linked(self, links: Vec<LinkPort>) -> Self {
+        Cycle { links, ..self }
     }
 
     /// T in s.
@@ -124,9 +132,17 @@ impl Cycle {
             missed: moment.periods.saturating_sub(1).saturating_add(self.device.0.missed()),
             silent: moment.silent,
         };
-        let Cycle { plan, device, state, .. } = self;
+        let Cycle { plan, device, state, links, .. } = self;
         let before = state.supervisor.offset;
-        let SafeOutput { sample, output, phase, reason, warning, outside: _ } = plan.step(state, &reading, request);
+        let mut link = 0.0;
+        let guarded = match links.as_mut_slice() {
+            [] => plan.step(state, &reading, request),
+            links => plan.step_beside(state, &reading, request, |ready, position| {
+                link = links.iter_mut().map(|port| port.sample(ready, moment.now, position)).sum();
+                link
+            }),
+        };
+        let SafeOutput { sample, output, phase, reason, warning, outside: _ } = guarded;
         let zero = state.supervisor.offset;
         if zero != before {
             device.0.homed(zero);
@@ -156,6 +172,7 @@ impl Cycle {
             measured: sample.puck.position,
             measured_velocity: sample.puck.velocity,
             torque: sample.torque,
+            link,
             command: sample.command,
             output,
             applied,

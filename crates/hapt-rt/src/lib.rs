@@ -32,6 +32,7 @@ mod clock;
 mod cycle;
 mod engine;
 mod handle;
+mod links;
 mod plan;
 mod replay;
 mod schedule;
@@ -45,6 +46,7 @@ use hapt_core::{Phase, Reason, Request};
 pub use cycle::{Cycle, Moment};
 pub use engine::{End, Engine, Error, SHORTEST_PERIOD, Settings, Stepper};
 pub use handle::{Epoch, LoopHandle};
+pub use links::{LinkPort, LinkSample, LinkWire, link};
 pub use plan::{Plan, PlanState};
 pub use replay::Replay;
 pub use scheduling::Realtime;
@@ -179,7 +181,9 @@ pub struct Record {
     pub measured_velocity: f64,
     /// The torque of the couplings, before levels and limit.
     pub torque: f64,
-    /// The command: that torque after levels and limit.
+    /// The torque of the links on the puck, before levels and limit; 0 without links.
+    pub link: f64,
+    /// The command: the sum of both after levels and limit.
     pub command: f64,
     /// The output of the supervisor, the torque sent to the motor.
     pub output: f64,

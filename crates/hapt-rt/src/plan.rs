@@ -80,6 +80,17 @@ impl Plan {
         self.controller.step(state, reading, request)
     }
 
+    /// The same with a torque of links on the puck: see [`hapt_core::Controller::step_beside`].
+    pub fn step_beside(
+        &self,
+        state: &mut PlanState,
+        reading: &Reading<f64>,
+        request: Option<Request>,
+        torque: impl FnOnce(bool, f64) -> f64,
+    ) -> SafeOutput<f64> {
+        self.controller.step_beside(state, reading, request, torque)
+    }
+
     /// Lets periods pass with the command `torque`, that of the last sample.
     pub(crate) fn hold(&mut self, periods: u32, torque: f64) {
         // Once the delay line is full of it, further periods change nothing.

@@ -53,7 +53,7 @@ impl Table {
         origin: Origin,
     ) -> Result<Table, Failure> {
         output::built("--out", &target)?;
-        let columns = hapt_log::columns(world, origin != Origin::Run);
+        let columns = hapt_log::columns(world, origin != Origin::Run, header.linked);
         let begin = || -> io::Result<To> {
             let draft = Draft::new(target.clone())?;
             Ok(match format {

@@ -132,12 +132,46 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         reading: &Reading<F>,
         request: Option<Request>,
     ) -> SafeOutput<F> {
+        self.guarded(state, world, loop_state, reading, request, |_, _| None)
+    }
+
+    /// The same with a torque on the puck from outside of the world, of the measured position: it is added to the world's before levels and
+    /// limit. `torque` is told whether the world's own torque counts: not while disarmed or tested, when the position has no zero yet. The
+    /// ledgers stay those of the world alone.
+    pub fn step_beside<const W: usize>(
+        &self,
+        state: &mut SupervisorState<F>,
+        world: &Loop<F, B, C, W>,
+        loop_state: &mut State<F, B, C, W>,
+        reading: &Reading<F>,
+        request: Option<Request>,
+        torque: impl FnOnce(bool, F) -> F,
+    ) -> SafeOutput<F> {
+        self.guarded(state, world, loop_state, reading, request, |ready, position| Some(torque(ready, position)))
+    }
+
+    #[inline(always)]
+    fn guarded<const W: usize>(
+        &self,
+        state: &mut SupervisorState<F>,
+        world: &Loop<F, B, C, W>,
+        loop_state: &mut State<F, B, C, W>,
+        reading: &Reading<F>,
+        request: Option<Request>,
+        beside: impl FnOnce(bool, F) -> Option<F>,
+    ) -> SafeOutput<F> {
         let ordinary =
             request.is_none() && state.is_steady() && self.motion.is_ordinary(&mut state.seen, reading, state.output);
         let look = if ordinary { Look::ORDINARY } else { self.look(state, world, loop_state, reading, request) };
         // A NaN never enters the world.
         let velocity = reading.velocity.finite_or_zero();
-        let sample = world.sample(world, loop_state, state.seen.position - state.offset, velocity);
+        let mut sample = world.sample(world, loop_state, state.seen.position - state.offset, velocity);
+        if let Some(torque) = beside(!look.waits, sample.puck.position) {
+            if !are_finite([torque]) {
+                state.fault_where_active(Reason::NotFinite);
+            }
+            sample.command = world.command(sample.torque + torque.finite_or_zero());
+        }
         if !look.waits {
             self.book(state, loop_state, &sample, reading);
         }

@@ -24,6 +24,7 @@ fn record(sample: u64) -> Record {
         measured: sample as f64,
         measured_velocity: 0.0,
         torque: -0.0,
+        link: 0.0,
         command: 0.0,
         output: 0.0,
         applied: 0.0,
@@ -100,7 +101,7 @@ fn a_session_through_the_core_again_gives_the_same_bits_over_a_change_of_worlds(
     assert_eq!((recording.written, recording.lost), (900, 0));
 
     let mut log = Log::open(&path).unwrap();
-    assert_eq!(log.plan().columns, columns(&world(WHEEL), true));
+    assert_eq!(log.plan().columns, columns(&world(WHEEL), true, false));
     let mut last = (0, -1.0);
     for record in &records {
         let sample = log.next().unwrap().unwrap();

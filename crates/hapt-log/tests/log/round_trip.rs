@@ -94,7 +94,7 @@ fn two_bodies_whose_names_differ_in_a_dash_are_two_fields() {
     let text =
         WHEEL.replace("[bodies.wheel]", "[bodies.a-b]\ninertia = 1\n[bodies.a_b]").replace("\"wheel\"", "\"a_b\"");
     let world = world(&text);
-    let descriptor = descriptor(&columns(&world, false));
+    let descriptor = descriptor(&columns(&world, false, false));
     let descriptor = String::from_utf8_lossy(&descriptor);
     for name in ["a-b_rad", "a_b_rad", "a_b_rad_2", "a_b_rad_per_s_2"] {
         assert!(descriptor.contains(name), "{name}");

@@ -369,7 +369,7 @@ proptest! {
         let (mut was_active, mut before) = (None, 0);
         for (k, (late, later, command)) in pattern.iter().enumerate() {
             let late = later.unwrap_or(*late);
-            let moment = Moment { due: k as u64 * 1_000_000, late: 1e-3 * late, periods: 1, silent: 0.0 };
+            let moment = Moment { due: k as u64 * 1_000_000, late: 1e-3 * late, periods: 1, ..Moment::default() };
             cycle.pass(1);
             let mut record = cycle.sample(&moment, None).unwrap();
             record.computation = *command;

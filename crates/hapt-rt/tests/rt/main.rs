@@ -3,4 +3,5 @@
 mod common;
 mod cycle;
 mod engine;
+mod links;
 mod swap;

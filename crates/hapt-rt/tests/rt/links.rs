@@ -1,0 +1,300 @@
+//! Two loops at the ends of a link, over a network with every fault: no torque on a position that is too old, and the right reason.
+
+use std::collections::HashMap;
+
+use hapt_core::{Phase, Reason, Request, SafetyProfile};
+use hapt_model::{Network, Source};
+use hapt_rt::{Cycle, HandCommand, Hands, LinkWire, Moment, Plan, Record, SimulatedDevice, link};
+use hapt_sim::Grip;
+use hapt_wire::link::{Number, Session};
+
+const MS: u64 = 1_000_000;
+const KEY: &[u8] = b"both stations know this one";
+/// How long a campaign is.
+const END: u64 = 1500 * MS;
+/// The fault lasts from here to there.
+const FAULT: [u64; 2] = [500 * MS, 1000 * MS];
+
+/// Splitmix64.
+struct Rng(u64);
+
+impl Rng {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, n: u64) -> u64 {
+        self.next() % n
+    }
+
+    fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fault {
+    Loss(f64),
+    Bursts,
+    /// The way takes this much longer, in ms.
+    Delay(u64),
+    Reordering,
+    Replays,
+    Restart,
+    /// The clock of one station, or its whole computer, leaps so far, in ms.
+    Pause(u64),
+    Stop,
+    OtherKey,
+}
+
+fn fault(rng: &mut Rng) -> Fault {
+    match rng.below(12) {
+        0 => Fault::Loss(0.01),
+        1 => Fault::Loss(0.1),
+        2 => Fault::Loss(0.5),
+        3 => Fault::Loss(1.0),
+        4 => Fault::Bursts,
+        5 | 6 => Fault::Delay(1 + rng.below(40)),
+        7 => Fault::Reordering,
+        8 => Fault::Replays,
+        9 => Fault::Restart,
+        10 => Fault::Pause(1 + rng.below(300)),
+        _ if rng.below(3) == 0 => Fault::OtherKey,
+        _ => Fault::Stop,
+    }
+}
+
+struct Station {
+    cycle: Cycle,
+    hands: Hands,
+    wire: LinkWire,
+    session: Session,
+    /// Its clock shows this much more than the true time.
+    offset: u64,
+    period: u64,
+    next: u64,
+    samples: u64,
+    /// Samples that the next one follows late by.
+    paused: u32,
+    coming: Vec<(u64, Vec<u8>)>,
+    /// The newest that its loop has.
+    newest: Option<Number>,
+    last: Option<Record>,
+    arms: bool,
+}
+
+impl Station {
+    fn new(network: &Network, at: usize, rng: &mut Rng) -> Self {
+        let world = &network.stations[at].world;
+        let (device, hands) = SimulatedDevice::new(world);
+        let (port, wire) = link(&network.links[0], at == 0, network.stations[at].hold());
+        let plan = Plan::new(world, SafetyProfile::Simulated).unwrap();
+        Station {
+            cycle: Cycle::new(Box::new(plan), Box::new(device)).linked(vec![port]),
+            hands,
+            wire,
+            session: Session::new(KEY, 9, at == 0, rng.next()),
+            offset: rng.next() >> 20,
+            period: (world.sampling.period * 1e9).round() as u64,
+            next: rng.below(2_000_000),
+            samples: 0,
+            paused: 0,
+            coming: Vec::new(),
+            newest: None,
+            last: None,
+            arms: true,
+        }
+    }
+}
+
+/// The sum of what happened in all campaigns.
+#[derive(Default)]
+struct Seen {
+    acted: u64,
+    let_go: u64,
+    again: u64,
+    refused: u64,
+    faulted: u64,
+}
+
+fn network() -> Network {
+    let mut source = Source::from_text(
+        "pair.toml",
+        r#"
+        stations.left.world = "wheel.toml"
+        stations.right.world = "slow.toml"
+        links = [{ kind = "spring", between = ["left", "right"], stiffness = "3 N mm/deg", age_max = "20 ms", limit = "50 N mm" }]
+        "#,
+    );
+    let wheel = |period| format!("loop.period = '{period}'\ndevice = {{ inertia = '6.4e-4 kg m^2', damping = '5 N mm s/rad' }}\n");
+    source.files.insert("wheel.toml".into(), wheel("1 ms").into());
+    source.files.insert("slow.toml".into(), wheel("2 ms").into());
+    Network::read(&source, &[]).unwrap()
+}
+
+fn campaign(network: &Network, seed: u64, seen: &mut Seen) {
+    let mut rng = Rng(seed);
+    let fault = fault(&mut rng);
+    let struck = rng.below(2) as usize;
+    let (age_max, limit) = (network.links[0].age_max, network.links[0].limit.unwrap());
+    let way = MS / 10 + rng.below(3 * MS);
+    let mut stations = [0, 1].map(|at| Station::new(network, at, &mut rng));
+    let mut sent: Vec<(usize, Vec<u8>)> = Vec::new();
+    let mut taken: HashMap<(u64, u64), u64> = HashMap::new();
+    let (mut struck_once, mut gone, mut numbers) = (false, 0, [0_u64; 2]);
+    loop {
+        let at = usize::from(stations[0].next > stations[1].next);
+        let time = stations[at].next;
+        if time >= END {
+            break;
+        }
+        let is_on = (FAULT[0]..FAULT[1]).contains(&time);
+        if is_on && at == struck && !struck_once {
+            struck_once = true;
+            match fault {
+                Fault::Restart => {
+                    let Station { coming, next, .. } = &mut stations[at];
+                    let (coming, next) = (std::mem::take(coming), *next + rng.below(100) * MS);
+                    stations[at] = Station { coming, next, ..Station::new(network, at, &mut rng) };
+                    numbers[at] = 0;
+                    continue;
+                }
+                Fault::Pause(length) => {
+                    let station = &mut stations[at];
+                    station.paused = (length * MS / station.period) as u32;
+                    station.next += u64::from(station.paused) * station.period;
+                    continue;
+                }
+                Fault::OtherKey => {
+                    stations[at].session = Session::new(b"a key that nobody else has", 9, at == 0, rng.next());
+                    numbers[at] = 0;
+                }
+                _ => {}
+            }
+        }
+        let station = &mut stations[at];
+        let clock = |true_time: u64| station.offset + true_time;
+        let now = clock(time);
+        station.coming.sort_by_key(|(when, _)| *when);
+        let arrived = station.coming.partition_point(|(when, _)| *when <= time);
+        for (when, bytes) in station.coming.drain(..arrived).collect::<Vec<_>>() {
+            match station.session.receive(&bytes, now - (time - when)) {
+                Ok(incoming) => {
+                    if station.wire.incoming.push(incoming).is_ok() {
+                        station.newest = Some(incoming.number);
+                    }
+                }
+                Err(_) => seen.refused += 1,
+            }
+        }
+        // Each is armed as soon as it runs, and the left wheel is pulled about.
+        let stops = fault == Fault::Stop && is_on && at == struck && station.arms;
+        let request = match station.samples {
+            _ if stops => {
+                station.arms = false;
+                Some(Request::Stop)
+            }
+            20 => Some(Request::Arm),
+            _ => None,
+        };
+        if at == 0 && station.samples == 200 {
+            let grip = Grip { stiffness: 0.5, damping: 0.01, inertia: 0.0 };
+            let _ = station.hands.push(HandCommand::Grab(grip));
+        }
+        if at == 0 && station.samples > 200 {
+            let _ = station.hands.push(HandCommand::Move(0.3 * (time as f64 * 6e-9).sin()));
+        }
+        let periods = if station.samples == 0 { 0 } else { 1 + std::mem::take(&mut station.paused) };
+        station.cycle.pass(periods);
+        let moment = Moment { due: time, now, periods, ..Moment::default() };
+        let record = station.cycle.sample(&moment, request).unwrap();
+        station.samples += 1;
+
+        assert!(record.link.abs() <= limit, "{fault:?}: {record:?}");
+        if record.link != 0.0 {
+            let used = station.newest.unwrap();
+            let age = (time - taken[&(used.session, used.sequence)]) as f64 * 1e-9 + network.stations[at].hold();
+            assert!(age <= age_max * (1.0 + 1e-9), "{fault:?}: {age} at {time}");
+            assert!(!matches!(record.phase, Phase::Disarmed | Phase::Faulted), "{fault:?}: {record:?}");
+        }
+        if let (Some(last), true) = (station.last, is_on || time > FAULT[1]) {
+            gone += u64::from(last.link != 0.0 && record.link == 0.0);
+        }
+        match record.reason {
+            None => {}
+            Some(Reason::Stop) => {
+                assert!(fault == Fault::Stop && at == struck, "{fault:?}: {record:?}");
+                seen.faulted += u64::from(stops);
+            }
+            // So many samples missed.
+            Some(Reason::Late) => assert!(matches!(fault, Fault::Pause(_)) && at == struck, "{fault:?}: {record:?}"),
+            Some(reason) => panic!("{fault:?}: {reason:?}"),
+        }
+        station.last = Some(record);
+        if time < FAULT[0] {
+            seen.acted += u64::from(record.link != 0.0);
+        }
+        if time > END - 100 * MS {
+            seen.again += u64::from(record.link != 0.0);
+        }
+
+        let mut said = None;
+        while let Ok(sample) = station.wire.samples.pop() {
+            said = Some(sample);
+        }
+        let said = said.unwrap();
+        assert!(said.age.is_infinite() || said.age > 0.0);
+        if matches!(record.phase, Phase::Disarmed | Phase::Faulted) {
+            assert!(!said.outgoing.acts && !said.outgoing.hears, "{fault:?}: {said:?}");
+        }
+        let bytes = station.session.send(&said.outgoing).unwrap().to_vec();
+        numbers[at] += 1;
+        let session = u64::from_le_bytes(bytes[10..18].try_into().unwrap());
+        taken.insert((session, numbers[at]), time);
+        station.next += station.period;
+        sent.push((1 - at, bytes.clone()));
+        let loss = match fault {
+            Fault::Loss(loss) if is_on => loss,
+            Fault::Bursts if is_on && (time / (30 * MS)).is_multiple_of(2) => 1.0,
+            _ => 0.02,
+        };
+        let mut way = way + rng.below(MS);
+        match fault {
+            Fault::Delay(longer) if is_on => way += longer * MS,
+            Fault::Reordering if is_on => way += rng.below(20 * MS),
+            Fault::Replays => {
+                for _ in 0..2 {
+                    let (to, bytes) = sent[rng.below(sent.len() as u64) as usize].clone();
+                    stations[to].coming.push((time + way, bytes));
+                }
+            }
+            _ => {}
+        }
+        if rng.unit() >= loss {
+            stations[1 - at].coming.push((time + way, bytes));
+        }
+    }
+    seen.let_go += gone;
+    // What takes the link away for good shows it.
+    if matches!(fault, Fault::Loss(1.0) | Fault::Stop | Fault::OtherKey) {
+        assert!(gone > 0 || seen.acted == 0, "{fault:?}");
+    }
+}
+
+#[test]
+fn no_fault_of_the_network_makes_a_torque_on_a_position_that_is_too_old() {
+    let network = network();
+    let mut seen = Seen::default();
+    let seeds = hapt_testing::seeds(1000);
+    let n = seeds.end - seeds.start;
+    for seed in seeds {
+        campaign(&network, seed, &mut seen);
+    }
+    let Seen { acted, let_go, again, refused, faulted } = seen;
+    println!("acted {acted}, let go {let_go}, acts again {again}, refused {refused}, stopped {faulted}");
+    // Nothing of it is empty.
+    assert!(acted > 100 * n && let_go > n / 2 && again > 20 * n && refused > 10 * n && faulted > n / 50);
+}
