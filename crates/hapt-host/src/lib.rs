@@ -41,6 +41,8 @@ pub mod device;
 pub mod frames;
 mod hand;
 pub mod keys;
+#[cfg(not(target_family = "wasm"))]
+pub mod links;
 mod local;
 mod machine;
 pub mod messages;

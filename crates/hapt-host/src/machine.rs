@@ -6,7 +6,7 @@ use hapt_core::SafetyProfile;
 #[cfg(not(target_family = "wasm"))]
 use hapt_core::{Phase, Reason};
 use hapt_model::World;
-use hapt_rt::{Device, Failure, Hands, Settings, SimulatedDevice};
+use hapt_rt::{Device, Failure, Hands, LinkPort, Settings, SimulatedDevice};
 
 use crate::config::WorldConfig;
 use crate::local::LocalLoop;
@@ -32,6 +32,8 @@ pub enum Backend {
         device: Box<dyn Device>,
         /// The scheduling of the thread.
         settings: Settings,
+        /// Its ends of links to other stations.
+        links: Vec<LinkPort>,
     },
     /// Wherever [`crate::Session::poll`] is called: each call takes the samples that are due then.
     Stepped {
@@ -52,7 +54,9 @@ impl Backend {
     /// Starts the loop with the world of `config`, disarmed.
     pub(crate) fn start(self, config: &WorldConfig, profile: SafetyProfile) -> Result<Box<dyn Runner>, Error> {
         Ok(match self {
-            Backend::Local { device, settings } => Box::new(LocalLoop::start(config, profile, device, settings)?),
+            Backend::Local { device, settings, links } => {
+                Box::new(LocalLoop::start(config, profile, device, settings, links)?)
+            }
             Backend::Stepped { device } => Box::new(LocalLoop::stepped(config, profile, device)?),
             #[cfg(not(target_family = "wasm"))]
             Backend::Board { link, every } => Box::new(crate::board::BoardLoop::start(config, profile, *link, every)?),
@@ -63,12 +67,19 @@ impl Backend {
 impl Machine {
     /// The exact simulation of this world's device, with a hand.
     pub fn simulated(world: &World) -> Self {
-        Machine::simulation(world, |device| Backend::Local { device, settings: Settings::default() })
+        Machine::simulation(world, |device| Backend::Local { device, settings: Settings::default(), links: Vec::new() })
     }
 
     /// The same without a thread, for a page: [`Backend::Stepped`].
     pub fn stepped(world: &World) -> Self {
         Machine::simulation(world, |device| Backend::Stepped { device })
+    }
+
+    /// The same loop at the ends of these links; `None` where it does not run on a thread of this computer.
+    pub fn linked(mut self, ports: Vec<LinkPort>) -> Option<Self> {
+        let Backend::Local { links, .. } = &mut self.backend else { return None };
+        *links = ports;
+        Some(self)
     }
 
     /// Clears the fault that an earlier session has left on a board; `None`: there was none. A loop of this computer starts without one.

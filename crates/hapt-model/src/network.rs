@@ -56,6 +56,10 @@ pub struct Station {
     pub file: String,
     /// Its world.
     pub world: World,
+    /// That file's text.
+    pub source: Source,
+    /// What is set over it.
+    pub sets: Vec<String>,
     /// When its first sample is taken, in s.
     pub phase: f64,
 }
@@ -154,7 +158,7 @@ impl Network {
                 .filter(|(name, _)| *name == entry.key)
                 .map(|(_, set)| set.to_string())
                 .collect();
-            let world = world(source, &fields, &file, &sets)?;
+            let (source, world) = world(source, &fields, &file, &sets)?;
             if let Some(first) = stations.first().filter(|first| first.world.motion != world.motion) {
                 let message = format!(
                     "{file} is {}, and the station {} is {}: pucks that a link joins move alike",
@@ -164,7 +168,8 @@ impl Network {
                 );
                 return Err(fields.error(ErrorKind::Combination, "world", message));
             }
-            stations.push(Station { name: entry.key.clone(), file, world, phase: fields.number("phase")? });
+            let phase = fields.number("phase")?;
+            stations.push(Station { name: entry.key.clone(), file, world, source, sets, phase });
         }
         for set in &passed {
             let name = station_key(set).map_or("", |(name, _)| name);
@@ -231,7 +236,7 @@ fn station_key(set: &str) -> Option<(&str, &str)> {
 }
 
 /// The world of a station. A mistake in its file is shown there, one in its name here.
-fn world(source: &Source, fields: &Fields<'_>, file: &str, sets: &[String]) -> Result<World, Error> {
+fn world(source: &Source, fields: &Fields<'_>, file: &str, sets: &[String]) -> Result<(Source, World), Error> {
     let here = |error: Error| fields.error(error.kind, "world", error.message);
     let (name, text) = path::Reader::new(source, Motion::Rotary).text(file).map_err(|error| match error.location {
         Some(_) => error,
@@ -247,7 +252,8 @@ fn world(source: &Source, fields: &Fields<'_>, file: &str, sets: &[String]) -> R
             format!("{} is itself a network; a station has a world", words::quoted(file)),
         ));
     }
-    World::read(&of_station, sets)
+    let world = World::read(&of_station, sets)?;
+    Ok((of_station, world))
 }
 
 fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {

@@ -24,7 +24,7 @@
 //! | 50..66 | HMAC-SHA-256 (RFC 2104) of all before it, its first 16 bytes |
 
 use hmac::{Hmac, KeyInit, Mac};
-use sha2::Sha256;
+use sha2::{Digest, Sha256};
 
 /// Of a message, in bytes.
 pub const SIZE: usize = 66;
@@ -145,6 +145,13 @@ impl Refusal {
             Refusal::Content => "messages with a position that is not finite, or with unknown flags",
         }
     }
+}
+
+/// The number of a network's link, for [`Session::new`]: stations whose `text` of the network differs have no link in common.
+pub fn number(text: &str, link: usize) -> u64 {
+    let digest: [u8; 32] = Sha256::digest(text.as_bytes()).into();
+    let [a, b, c, d, e, f, g, h, ..] = digest;
+    u64::from_le_bytes([a, b, c, d, e, f, g, h]).wrapping_add(link as u64)
 }
 
 /// The other station.

@@ -43,6 +43,7 @@ mod schema;
 mod shell;
 mod signals;
 mod sim;
+mod station;
 mod suggest;
 mod sweep;
 mod sweep_plot;

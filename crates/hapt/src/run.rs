@@ -5,9 +5,10 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
+use hapt_host::links::Links;
 use hapt_host::{DeviceAddress, Error, Event, Sample, Session, WorldConfig};
 use hapt_log::{Header, Recorder, Summary};
-use hapt_model::{Scenario, World};
+use hapt_model::Scenario;
 use hapt_rt::{Failure as DeviceFailure, Record, Timing};
 use hapt_sim::script;
 
@@ -21,7 +22,8 @@ use crate::log::Recording;
 use crate::messages;
 use crate::output;
 use crate::sim;
-use crate::world::{Loaded, files, load};
+use crate::station::{self, Chosen, Station, Told};
+use crate::world::{Loaded, files};
 
 /// The period of a board's telemetry in s, where no log needs every sample.
 const SHOWN: f64 = 0.02;
@@ -29,11 +31,8 @@ const SHOWN: f64 = 0.02;
 const SILENT: Duration = Duration::from_secs(2);
 
 pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
-    let mut loaded = load(&args.world)?;
     let address = device(&args.device)?;
-    let mut sets = args.world.sets.clone();
-    sets.extend(address.overrides(&loaded.world)?);
-    loaded.world = World::read(&loaded.source, &sets)?;
+    let Chosen { loaded, sets, station } = Chosen::of(args, &address)?;
     let scenario = args.scenario.as_deref().map(|name| loaded.world.scenario(name)).transpose()?.cloned();
     if scenario.is_some() && address != DeviceAddress::Sim {
         return Err(Failure::input(
@@ -56,8 +55,15 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     }
     output::apart(&output::given(&[("--log", &args.log)]), &inputs)?;
     let world = &loaded.world;
-    let profile = address.profile(world, args.uncertified)?;
-    let recording = Recording::start(args.log.as_deref(), world, || header(args, &loaded, &sets, profile))?;
+    let mut profile = address.profile(world, args.uncertified)?;
+    if let Some(station) = &station {
+        profile = station.profile(profile, args.uncertified)?;
+    }
+    let recording = Recording::start(args.log.as_deref(), world, || Header {
+        linked: station.is_some(),
+        ..header(args, &loaded, &sets, profile)
+    })?;
+    let (links, ports) = station.as_ref().map(Station::open).transpose()?.unzip();
     if address.has_motor() {
         // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
         output::end_in_order();
@@ -69,6 +75,10 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     let (mut machine, on) = (opened.machine, opened.description);
     if let Some(why) = machine.clear_fault()? {
         messages::say(format_args!("the board was faulted, and is cleared: {why}"));
+    }
+    if let Some(ports) = ports {
+        machine =
+            machine.linked(ports).ok_or_else(|| Failure::input("--station: the device runs its loop by itself"))?;
     }
     let config = WorldConfig::new(loaded.source.clone(), sets).map_err(Failure::input)?;
     let mut session = Session::start(config, machine)?;
@@ -85,16 +95,19 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         messages::say(format_args!("warning: {warning}"));
     }
     let stolen = Stolen::until_now();
-    let mut run = Run { session, is_board, scenario, duration, stolen, seen: Seen::default() };
+    let mut run =
+        Run { session, is_board, scenario, duration, stolen, seen: Seen::default(), links, told: Told::default() };
     let how = run.until_it_ends();
     // Before anything waits for a disk or for a reader.
     run.session.end(|sample| run.seen.add(sample.record));
+    // The other stations learn at once that this end has let go.
+    let links = run.links.as_mut().map(Links::end).unwrap_or_default();
     let how = how?;
     let recorder = run.session.take_recording().map(hapt_host::Recording::into_recorder);
     let logged = recorder.map(finish).transpose();
     let mut out = stdout().lock();
     let logged_line = logged.as_ref().ok().and_then(Option::as_deref).unwrap_or_default();
-    let text = run.summary(&loaded, &on, &how) + logged_line;
+    let text = run.summary(&loaded, &on, &how) + &station::summary(&links) + logged_line;
     let printed = out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
     if let How::Signal(code) = how {
         // The terminal may be closed.
@@ -173,6 +186,9 @@ struct Run {
     duration: f64,
     stolen: Stolen,
     seen: Seen,
+    /// Those of a station.
+    links: Option<Links>,
+    told: Told,
 }
 
 impl Run {
@@ -190,6 +206,9 @@ impl Run {
         loop {
             std::thread::sleep(LOOK);
             self.keep();
+            if let Some(links) = &self.links {
+                self.told.say(&links.status());
+            }
             let before = self.seen.records;
             let ended = self.session.poll(begin.elapsed(), |sample: Sample<'_>| self.seen.add(sample.record));
             if let Some(how) = self.how(ended, is_over) {

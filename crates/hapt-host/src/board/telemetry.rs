@@ -76,6 +76,7 @@ impl TelemetryDecoder {
             measured: telemetry.measured.into(),
             measured_velocity: telemetry.velocity.into(),
             torque: telemetry.torque.into(),
+            link: 0.0,
             command: telemetry.command.into(),
             output: telemetry.output.into(),
             applied: telemetry.output.into(),

@@ -73,7 +73,8 @@ impl DeviceAddress {
             DeviceAddress::Board(port) => board(port, name, profile, every),
             DeviceAddress::Sim | DeviceAddress::Replay(_) | DeviceAddress::Drive(_) => {
                 let OpenedDevice { device, hands, notes } = self.open(world)?;
-                let machine = Machine { name, backend: Backend::Local { device, settings }, hands, profile };
+                let machine =
+                    Machine { name, backend: Backend::Local { device, settings, links: Vec::new() }, hands, profile };
                 Ok(OpenedMachine { machine, description: self.description(), notes })
             }
         }

@@ -129,7 +129,9 @@ fn network() -> Network {
         links = [{ kind = "spring", between = ["left", "right"], stiffness = "3 N mm/deg", age_max = "20 ms", limit = "50 N mm" }]
         "#,
     );
-    let wheel = |period| format!("loop.period = '{period}'\ndevice = {{ inertia = '6.4e-4 kg m^2', damping = '5 N mm s/rad' }}\n");
+    let wheel = |period| {
+        format!("loop.period = '{period}'\ndevice = {{ inertia = '6.4e-4 kg m^2', damping = '5 N mm s/rad' }}\n")
+    };
     source.files.insert("wheel.toml".into(), wheel("1 ms").into());
     source.files.insert("slow.toml".into(), wheel("2 ms").into());
     Network::read(&source, &[]).unwrap()

@@ -33,7 +33,26 @@ pub struct RunArgs {
     #[arg(long)]
     pub uncertified: bool,
     #[command(flatten)]
+    pub station: StationArgs,
+    #[command(flatten)]
     pub realtime: RealtimeArgs,
+}
+
+/// What a station of a network needs to know of the others.
+#[derive(Debug, clap::Args)]
+pub struct StationArgs {
+    /// The station of a network file that runs here.
+    #[arg(long, value_name = "NAME")]
+    pub station: Option<String>,
+    /// Where this station receives the others' messages (UDP), such as 0.0.0.0:7000.
+    #[arg(long, value_name = "IP:PORT", requires = "station")]
+    pub listen: Option<String>,
+    /// Where another station receives its messages; once for each that a link joins to this one.
+    #[arg(long = "peer", value_name = "NAME=HOST:PORT", requires = "station")]
+    pub peers: Vec<String>,
+    /// The file with the key that all stations share: 16 bytes or more, as random as those of `head -c 32 /dev/urandom`.
+    #[arg(long, value_name = "FILE", requires = "station")]
+    pub key: Option<PathBuf>,
 }
 
 #[derive(Debug, clap::Args)]

@@ -137,7 +137,9 @@ Examples:
   hapt run wheel.toml --scenario step                with a hand that plays it
   hapt sim wheel.toml --out runs && \\
       hapt run wheel.toml --device replay:runs/step.csv
-  hapt run wheel.toml --device hapt:/dev/ttyACM0     the loop on a board")]
+  hapt run wheel.toml --device hapt:/dev/ttyACM0     the loop on a board
+  hapt run pair.toml --station left --listen 0.0.0.0:7000 \
+      --peer right=192.168.1.8:7000 --key pair.key   an end of a link")]
     Run(RunArgs),
     /// Certify a world, send it to a board with hapt's firmware, and verify it there.
     #[command(after_help = "\

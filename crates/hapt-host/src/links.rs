@@ -1,0 +1,297 @@
+//! The links of a station over UDP: a thread between the loop's rings and a socket.
+//!
+//! The loop never waits for it. What the messages are, and whom they are taken from, is [`hapt_wire::link`].
+
+use std::io;
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hapt_model::{Network, World};
+use hapt_rt::{LinkPort, LinkSample, LinkWire, link};
+use hapt_wire::link::{Outgoing, Refusal, SHORTEST_KEY, SIZE, Session, number};
+
+/// Messages that are read at a time. More is a flood, and waits in the socket or is lost there.
+const AT_ONCE: usize = 64;
+/// How often an end says at its end that it has let go: a message may be lost.
+const FAREWELLS: usize = 3;
+
+/// Why links do not start.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The address to listen at is not to be had.
+    #[error("{address}: cannot listen there: {error}")]
+    Listen {
+        /// As given.
+        address: SocketAddr,
+        /// The system's.
+        error: io::Error,
+    },
+    /// The key is too short.
+    #[error(
+        "the key has {given} bytes, and needs {SHORTEST_KEY} or more, as random as those of `head -c 32 /dev/urandom`"
+    )]
+    Key {
+        /// Its length.
+        given: usize,
+    },
+    /// A station at the other end of a link has no address.
+    #[error("the link to {name} has no address")]
+    Peer {
+        /// The station.
+        name: String,
+    },
+    /// The system gives no random numbers, or no thread.
+    #[error("the system gives no {what}: {error}")]
+    System {
+        /// What it does not give.
+        what: &'static str,
+        /// Why.
+        error: io::Error,
+    },
+}
+
+/// What a link has done so far.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LinkStatus {
+    /// The station at its other end.
+    pub to: String,
+    /// The greatest age of a position at any time that its torque acts, in s.
+    pub age_max: f64,
+    /// Samples of this loop.
+    pub samples: u64,
+    /// Those of them in which the link's torque acted.
+    pub acted: u64,
+    /// Whether it acted in the last one.
+    pub acts: bool,
+    /// How often this end has let go.
+    pub let_go: u64,
+    /// The age of the other's position at the end of the last sample's hold, in s; infinite without one.
+    pub age: f64,
+    /// The greatest such age that has acted.
+    pub oldest: f64,
+    /// Messages taken.
+    pub taken: u64,
+    /// Messages refused, by [`Refusal::code`].
+    pub refused: [u64; Refusal::ALL.len()],
+}
+
+/// The same while it changes.
+#[derive(Default)]
+struct Counters {
+    samples: AtomicU64,
+    acted: AtomicU64,
+    acts: AtomicBool,
+    let_go: AtomicU64,
+    age: AtomicU64,
+    oldest: AtomicU64,
+    taken: AtomicU64,
+    refused: [AtomicU64; Refusal::ALL.len()],
+}
+
+/// The links of a station. Dropped, it tells the others that this end has let go.
+pub struct Links {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+    links: Vec<(String, f64, Arc<Counters>)>,
+}
+
+/// One link's end.
+struct End {
+    wire: LinkWire,
+    session: Session,
+    to: SocketAddr,
+    /// Between two messages, in ns; half a sample less, since samples are late now and then.
+    period: u64,
+    /// When the next message is due, in ns by the loop's clock.
+    next: u64,
+    last: Option<Outgoing>,
+    counters: Arc<Counters>,
+}
+
+/// All numbers of a network on which the certificate of any of its stations depends, as text.
+fn text(network: &Network) -> String {
+    let mut text = String::new();
+    for station in &network.stations {
+        let world = World { scenarios: Vec::new(), title: None, ..station.world.clone() };
+        text += &format!("{}\n{}\n", station.name, world.to_toml());
+    }
+    for link in &network.links {
+        text += &format!("{link:?}\n");
+    }
+    text
+}
+
+impl Links {
+    /// Listens at `listen`, and links the station of this index with those of `peers`, each with its index and its address. The second are
+    /// the loop's ends.
+    ///
+    /// # Errors
+    /// See [`LinkError`]. Peers without a link are none.
+    pub fn open(
+        network: &Network,
+        station: usize,
+        listen: SocketAddr,
+        peers: &[(usize, SocketAddr)],
+        key: &[u8],
+    ) -> Result<(Self, Vec<LinkPort>), LinkError> {
+        if key.len() < SHORTEST_KEY {
+            return Err(LinkError::Key { given: key.len() });
+        }
+        let socket = UdpSocket::bind(listen).and_then(|socket| socket.set_nonblocking(true).map(|()| socket));
+        let socket = socket.map_err(|error| LinkError::Listen { address: listen, error })?;
+        let text = text(network);
+        let own = &network.stations[station];
+        let (mut ends, mut ports, mut links) = (Vec::new(), Vec::new(), Vec::new());
+        for (at, joint) in network.links.iter().enumerate() {
+            let Some(side) = joint.between.iter().position(|end| *end == station) else { continue };
+            let other = joint.between[1 - side];
+            let name = &network.stations[other].name;
+            let to = peers.iter().find(|(peer, _)| *peer == other).map(|(_, to)| *to);
+            let to = to.ok_or_else(|| LinkError::Peer { name: name.clone() })?;
+            let (port, wire) = link(joint, side == 0, own.hold());
+            let mut random = [0; 8];
+            getrandom::fill(&mut random)
+                .map_err(|error| LinkError::System { what: "random numbers", error: io::Error::other(error) })?;
+            let session = Session::new(key, number(&text, at), side == 0, u64::from_le_bytes(random));
+            let sample = own.world.sampling.period;
+            let period = joint.period.map_or(0.0, |period| period - 0.5 * sample);
+            let counters = Arc::new(Counters::default());
+            counters.age.store(f64::INFINITY.to_bits(), Ordering::Relaxed);
+            links.push((name.clone(), joint.age_max, Arc::clone(&counters)));
+            ports.push(port);
+            ends.push(End { wire, session, to, period: (period * 1e9) as u64, next: 0, last: None, counters });
+        }
+        let stop = Arc::new(AtomicBool::new(false));
+        // Several looks a sample: a message is to wait for a small part of one only.
+        let nap = Duration::from_secs_f64((0.125 * own.world.sampling.period).clamp(50e-6, 500e-6));
+        let stops = Arc::clone(&stop);
+        let thread = std::thread::Builder::new().name("links".into()).spawn(move || run(&socket, ends, &stops, nap));
+        let thread = thread.map_err(|error| LinkError::System { what: "thread", error })?;
+        Ok((Links { stop, thread: Some(thread), links }, ports))
+    }
+
+    /// What each link has done so far.
+    pub fn status(&self) -> Vec<LinkStatus> {
+        let number = |count: &AtomicU64| count.load(Ordering::Relaxed);
+        let one = |(to, age_max, counters): &(String, f64, Arc<Counters>)| LinkStatus {
+            to: to.clone(),
+            age_max: *age_max,
+            samples: number(&counters.samples),
+            acted: number(&counters.acted),
+            acts: counters.acts.load(Ordering::Relaxed),
+            let_go: number(&counters.let_go),
+            age: f64::from_bits(number(&counters.age)),
+            oldest: f64::from_bits(number(&counters.oldest)),
+            taken: number(&counters.taken),
+            refused: std::array::from_fn(|code| number(&counters.refused[code])),
+        };
+        self.links.iter().map(one).collect()
+    }
+}
+
+impl Drop for Links {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+impl Links {
+    /// Tells the other stations that this end has let go, and what each link has done.
+    pub fn end(&mut self) -> Vec<LinkStatus> {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+        self.status()
+    }
+}
+
+fn run(socket: &UdpSocket, mut ends: Vec<End>, stop: &AtomicBool, nap: Duration) {
+    let begin = Instant::now();
+    // One byte more than a message: what is longer is seen to be.
+    let mut buffer = [0; SIZE + 1];
+    while !stop.load(Ordering::Relaxed) {
+        let now = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        for _ in 0..AT_ONCE {
+            match socket.recv_from(&mut buffer) {
+                Ok((length, _)) => receive(&mut ends, &buffer[..length], now),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                // That an earlier message found nobody, or was cut to the buffer: nothing for any link.
+                Err(_) => {}
+            }
+        }
+        for end in &mut ends {
+            end.send(socket);
+        }
+        std::thread::sleep(nap);
+    }
+    for end in &mut ends {
+        end.send(socket);
+        let Some(last) = end.last else { continue };
+        for _ in 0..FAREWELLS {
+            if let Some(bytes) = end.session.send(&Outgoing { hears: false, acts: false, ..last }) {
+                let _ = socket.send_to(&bytes, end.to);
+            }
+        }
+    }
+}
+
+/// Gives a message to the link whose it is. One that is of none is counted at the one that knows best why.
+fn receive(ends: &mut [End], bytes: &[u8], now: u64) {
+    let mut refused: Option<(usize, Refusal)> = None;
+    for (at, end) in ends.iter_mut().enumerate() {
+        match end.session.receive(bytes, now) {
+            Ok(incoming) => {
+                end.counters.taken.fetch_add(1, Ordering::Relaxed);
+                // Without room the loop stands still, and has no use for it.
+                let _ = end.wire.incoming.push(incoming);
+                return;
+            }
+            Err(refusal) => {
+                if refused.is_none_or(|(_, before)| before == Refusal::Link) {
+                    refused = Some((at, refusal));
+                }
+            }
+        }
+    }
+    if let Some((at, refusal)) = refused {
+        ends[at].counters.refused[refusal.code()].fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+impl End {
+    /// Counts what the loop's samples have made of the link, and sends the newest of them where one is due.
+    fn send(&mut self, socket: &UdpSocket) {
+        let mut newest = None;
+        while let Ok(sample) = self.wire.samples.pop() {
+            self.count(&sample);
+            newest = Some(sample.outgoing);
+        }
+        let Some(outgoing) = newest else { return };
+        self.last = Some(outgoing);
+        if outgoing.sampled < self.next {
+            return;
+        }
+        self.next = outgoing.sampled + self.period;
+        if let Some(bytes) = self.session.send(&outgoing) {
+            // A network that is down loses messages, and the link lets go.
+            let _ = socket.send_to(&bytes, self.to);
+        }
+    }
+
+    fn count(&self, sample: &LinkSample) {
+        let Counters { samples, acted, acts, let_go, age, oldest, .. } = &*self.counters;
+        samples.fetch_add(1, Ordering::Relaxed);
+        acts.store(sample.outgoing.acts, Ordering::Relaxed);
+        let_go.store(sample.let_go, Ordering::Relaxed);
+        age.store(sample.age.to_bits(), Ordering::Relaxed);
+        if sample.outgoing.acts {
+            acted.fetch_add(1, Ordering::Relaxed);
+            // Of numbers that are not negative the bits are in their order.
+            oldest.fetch_max(sample.age.to_bits(), Ordering::Relaxed);
+        }
+    }
+}

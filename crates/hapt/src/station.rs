@@ -1,0 +1,252 @@
+//! A station of a network: what runs of it here, and its links to the others.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::Path;
+
+use hapt_core::SafetyProfile;
+use hapt_host::links::{LinkError, LinkStatus, Links};
+use hapt_host::{DeviceAddress, DeviceError};
+use hapt_model::{Network, World, is_network};
+use hapt_rt::LinkPort;
+use hapt_wire::link::Refusal;
+
+use crate::args::{RunArgs, StationArgs};
+use crate::failure::Failure;
+use crate::format;
+use crate::messages;
+use crate::world::{Loaded, source};
+
+/// A longer file is no key.
+const LONGEST_KEY: u64 = 4096;
+
+/// What runs here: a world with what is set over its file, by itself or as a station.
+pub struct Chosen {
+    pub loaded: Loaded,
+    pub sets: Vec<String>,
+    pub station: Option<Station>,
+}
+
+/// A station among the others.
+pub struct Station {
+    network: Network,
+    at: usize,
+    listen: SocketAddr,
+    peers: Vec<(usize, SocketAddr)>,
+    key: Vec<u8>,
+}
+
+impl Chosen {
+    /// Reads the world, or the network with the station of the arguments, for this device.
+    pub fn of(args: &RunArgs, address: &DeviceAddress) -> Result<Self, Failure> {
+        let source = source(&args.world.path)?;
+        let mut sets = args.world.sets.clone();
+        let name = match (is_network(&source), &args.station.station) {
+            (true, Some(name)) => name,
+            (true, None) => {
+                let network = Network::read(&source, &sets)?;
+                return Err(Failure::input(format!(
+                    "{} is a network; give the station that runs here: --station {}",
+                    source.name,
+                    names(&network).join(" or --station ")
+                )));
+            }
+            (false, Some(name)) => {
+                let text = format!("--station {name}: {} is one world; a network file has stations", source.name);
+                return Err(Failure::input(text));
+            }
+            (false, None) => {
+                let mut loaded = Loaded::of(source, &args.world)?;
+                sets.extend(address.overrides(&loaded.world)?);
+                loaded.world = World::read(&loaded.source, &sets)?;
+                return Ok(Chosen { loaded, sets, station: None });
+            }
+        };
+        if matches!(address, DeviceAddress::Board(_)) {
+            return Err(Failure::input(
+                "--station: a board runs its loop by itself, and has no network; a link needs a loop of this computer",
+            ));
+        }
+        let network = Network::read(&source, &sets)?;
+        let at = index(&network, "--station", name)?;
+        // As if they stood in the file, so that the certificate and the other stations know them.
+        let own = address.overrides(&network.stations[at].world)?;
+        sets.extend(own.into_iter().map(|set| format!("stations.{name}.{set}")));
+        let network = Network::read(&source, &sets)?;
+        let station = Station::new(network, at, &args.station)?;
+        let hapt_model::Station { world, source, sets, .. } = station.network.stations[at].clone();
+        let loaded = Loaded { name: source.name.clone(), world, source };
+        Ok(Chosen { loaded, sets, station: Some(station) })
+    }
+}
+
+fn names(network: &Network) -> Vec<&str> {
+    network.stations.iter().map(|station| station.name.as_str()).collect()
+}
+
+fn index(network: &Network, flag: &str, name: &str) -> Result<usize, Failure> {
+    let names = names(network);
+    names.iter().position(|known| *known == name).ok_or_else(|| {
+        let hint = hapt_model::did_you_mean(name, names.iter().copied());
+        let known = if hint.is_empty() { format!("; there is {}", names.join(", ")) } else { hint };
+        Failure::input(format!("{flag}: the network has no station {name:?}{known}"))
+    })
+}
+
+impl Station {
+    fn new(network: Network, at: usize, args: &StationArgs) -> Result<Self, Failure> {
+        let name = &network.stations[at].name;
+        let listen = args.listen.as_deref().ok_or_else(|| {
+            Failure::input(format!("--station {name}: needs --listen with an address, such as --listen 0.0.0.0:7000"))
+        })?;
+        let listen: SocketAddr = listen.parse().map_err(|_| {
+            Failure::input(format!("--listen {listen}: expected an IP address and a port, such as 0.0.0.0:7000"))
+        })?;
+        let mut peers: Vec<(usize, SocketAddr)> = Vec::new();
+        for peer in &args.peers {
+            let (other, address) = peer.split_once('=').ok_or_else(|| {
+                Failure::input(format!("--peer {peer}: expected NAME=HOST:PORT, such as right=192.168.1.8:7000"))
+            })?;
+            let index = index(&network, "--peer", other)?;
+            let linked = |link: &hapt_model::Link| link.between.contains(&at) && link.between.contains(&index);
+            if index == at || !network.links.iter().any(linked) {
+                return Err(Failure::input(format!("--peer {peer}: no link joins {other} to {name}")));
+            }
+            if peers.iter().any(|(known, _)| *known == index) {
+                return Err(Failure::input(format!("--peer {peer}: {other} is given twice")));
+            }
+            peers.push((index, resolved(peer, address, listen)?));
+        }
+        for link in network.links.iter().filter(|link| link.between.contains(&at)) {
+            let other = link.between[usize::from(link.between[0] == at)];
+            if !peers.iter().any(|(known, _)| *known == other) {
+                let other = &network.stations[other].name;
+                return Err(Failure::input(format!(
+                    "--station {name}: a link joins it to {other}; give its address, as in --peer {other}=HOST:PORT"
+                )));
+            }
+        }
+        let key = args.key.as_deref().ok_or_else(|| {
+            Failure::input(format!(
+                "--station {name}: needs --key with the file of the key that all stations share; make one with \
+                 `head -c 32 /dev/urandom > FILE`, and copy it to each"
+            ))
+        })?;
+        let key = read(key).map_err(|error| Failure::input(format!("--key {}: {error}", key.display())))?;
+        Ok(Station { network, at, listen, peers, key })
+    }
+
+    /// The profile of the supervisor, where `own` is that of the station's world by itself. On a motor only a certified network runs, unless
+    /// `uncertified` allows any.
+    pub fn profile(&self, own: SafetyProfile, uncertified: bool) -> Result<SafetyProfile, Failure> {
+        if own == SafetyProfile::Simulated {
+            return Ok(own);
+        }
+        let check = hapt_analysis::check_network(&self.network)?;
+        match (check.certified, uncertified) {
+            (true, _) => Ok(own),
+            (false, true) => Ok(SafetyProfile::Uncertified),
+            (false, false) => Err(DeviceError::NotCertified { verdict: check.verdict_sentence() }.into()),
+        }
+    }
+
+    /// Listens for the others. The second are the ends of the links for the loop.
+    pub fn open(&self) -> Result<(Links, Vec<LinkPort>), Failure> {
+        Links::open(&self.network, self.at, self.listen, &self.peers, &self.key).map_err(|error| match error {
+            LinkError::Listen { .. } => Failure::System(format!("--listen {error}")),
+            LinkError::Key { .. } => Failure::input(format!("--key: {error}")),
+            LinkError::Peer { .. } => Failure::input(error),
+            LinkError::System { .. } => Failure::System(error.to_string()),
+        })
+    }
+}
+
+/// The address of a peer, of the family of the own one.
+fn resolved(peer: &str, address: &str, listen: SocketAddr) -> Result<SocketAddr, Failure> {
+    let found = address.to_socket_addrs().map_err(|error| match error.kind() {
+        io::ErrorKind::InvalidInput => {
+            Failure::input(format!("--peer {peer}: expected a host and a port, such as 192.168.1.8:7000"))
+        }
+        _ => Failure::System(format!("--peer {peer}: cannot find the host: {error}")),
+    })?;
+    let of_family = found.into_iter().find(|found| found.is_ipv4() == listen.is_ipv4());
+    of_family.ok_or_else(|| {
+        let (own, other) = if listen.is_ipv4() { ("IPv4", "IPv6") } else { ("IPv6", "IPv4") };
+        Failure::input(format!("--peer {peer}: is {other}, and --listen {listen} is {own}; both have to be the same"))
+    })
+}
+
+/// The key in a file. A line's end after it does not count.
+fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let mut key = Vec::new();
+    File::open(path)?.take(LONGEST_KEY + 1).read_to_end(&mut key)?;
+    if key.len() as u64 > LONGEST_KEY {
+        return Err(io::Error::other(format!("has more than {LONGEST_KEY} bytes, and is no key")));
+    }
+    while key.last().is_some_and(|byte| matches!(byte, b'\n' | b'\r')) {
+        key.pop();
+    }
+    Ok(key)
+}
+
+/// What was said of the links.
+#[derive(Default)]
+pub struct Told {
+    acts: Vec<bool>,
+    refused: [bool; Refusal::ALL.len()],
+}
+
+impl Told {
+    /// Says what is new: that a link acts or has let go, and messages that are not of this network.
+    pub fn say(&mut self, links: &[LinkStatus]) {
+        self.acts.resize(links.len(), false);
+        for (told, link) in self.acts.iter_mut().zip(links) {
+            if *told != link.acts {
+                *told = link.acts;
+                let what = if link.acts { "acts" } else { "has let go" };
+                messages::say(format_args!("the link to {} {what}", link.to));
+            }
+            for refusal in strange() {
+                let told = &mut self.refused[refusal.code()];
+                if link.refused[refusal.code()] > 0 && !*told {
+                    *told = true;
+                    messages::say(format_args!("warning: refused {}", refusal.sentence()));
+                }
+            }
+        }
+    }
+}
+
+/// Refusals that someone has to do something about: not of messages that only came late.
+fn strange() -> impl Iterator<Item = Refusal> {
+    Refusal::ALL.into_iter().filter(|refusal| *refusal != Refusal::Old)
+}
+
+/// A line for each link in the summary of a run, and one for each kind of messages that were refused.
+pub fn summary(links: &[LinkStatus]) -> String {
+    let mut text = String::new();
+    for link in links {
+        let LinkStatus { to, age_max, samples, acted, let_go, oldest, taken, refused, .. } = link;
+        let [samples, taken] = [*samples, *taken].map(format::count);
+        text += &match acted {
+            0 if taken == "0" => format!("link         to {to}: never acted; nothing came from it\n"),
+            0 => format!("link         to {to}: never acted, with {taken} messages from it\n"),
+            _ => {
+                let [acted, times] = [*acted, *let_go].map(format::count);
+                let s = if *let_go == 1 { "" } else { "s" };
+                format!(
+                    "link         to {to}: acted in {acted} of {samples} samples, let go {times} time{s}; {taken} messages\n             \
+                     positions acted up to an age of {:.1} ms, of {:.1} ms\n",
+                    1e3 * oldest,
+                    1e3 * age_max
+                )
+            }
+        };
+        for refusal in strange().filter(|refusal| refused[refusal.code()] > 0) {
+            let count = format::count(refused[refusal.code()]);
+            text += &format!("             refused {count} {}\n", refusal.sentence());
+        }
+    }
+    text
+}
