@@ -111,7 +111,7 @@ impl Station {
             let index = index(&network, "--peer", other)?;
             let linked = |link: &hapt_model::Link| link.between.contains(&at) && link.between.contains(&index);
             if index == at || !network.links.iter().any(linked) {
-                return Err(Failure::input(format!("--peer {peer}: no link joins {other} to {name}")));
+                return Err(Failure::input(format!("--peer {peer}: no link joins {other} to the station {name} here")));
             }
             if peers.iter().any(|(known, _)| *known == index) {
                 return Err(Failure::input(format!("--peer {peer}: {other} is given twice")));

@@ -38,7 +38,7 @@ pub struct RunArgs {
     pub realtime: RealtimeArgs,
 }
 
-/// What a station of a network needs to know of the others.
+// What a station of a network needs to know of the others. A comment for the help would replace the command's.
 #[derive(Debug, clap::Args)]
 pub struct StationArgs {
     /// The station of a network file that runs here.

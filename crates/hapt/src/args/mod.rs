@@ -138,8 +138,8 @@ Examples:
   hapt sim wheel.toml --out runs && \\
       hapt run wheel.toml --device replay:runs/step.csv
   hapt run wheel.toml --device hapt:/dev/ttyACM0     the loop on a board
-  hapt run pair.toml --station left --listen 0.0.0.0:7000 \
-      --peer right=192.168.1.8:7000 --key pair.key   an end of a link")]
+  hapt run pair.toml --station left --key pair.key \
+      --listen 0.0.0.0:7000 --peer right=10.0.0.8:7000")]
     Run(RunArgs),
     /// Certify a world, send it to a board with hapt's firmware, and verify it there.
     #[command(after_help = "\

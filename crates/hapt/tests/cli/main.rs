@@ -31,5 +31,6 @@ mod report;
 mod runs;
 mod schema;
 mod spelling;
+mod station;
 mod sweep;
 mod worst;

@@ -1,0 +1,236 @@
+//! Stations on this computer whose messages go over sockets, and what a network does to them on the way.
+
+use std::collections::VecDeque;
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::{JoinHandle, sleep};
+use std::time::{Duration, Instant};
+
+use hapt_core::Request;
+use hapt_host::links::{LinkError, LinkStatus, Links};
+use hapt_host::{Machine, Session, WorldConfig};
+use hapt_model::{Network, Source};
+use hapt_wire::link::{Outgoing, Refusal};
+
+const KEY: &[u8] = b"both stations know this one";
+/// Beyond this something is broken, and not just slow.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A pair with ages that a busy computer keeps.
+fn network() -> Network {
+    let mut source = Source::from_text(
+        "pair.toml",
+        r#"
+        stations.left.world = "wheel.toml"
+        stations.right.world = "wheel.toml"
+        links = [{ kind = "spring", between = ["left", "right"], stiffness = 0.01, age_max = "400 ms" }]
+        "#,
+    );
+    let wheel = "loop.period = '2 ms'\ndevice = { inertia = '6.4e-4 kg m^2', damping = '5 N mm s/rad' }\nsafety.stall = '10 s'\n";
+    source.files.insert("wheel.toml".into(), wheel.into());
+    Network::read(&source, &[]).unwrap()
+}
+
+/// An address of this computer that was free a moment ago.
+fn free() -> SocketAddr {
+    UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap()
+}
+
+/// One way of a network that delays, loses and can be cut.
+struct Way {
+    at: SocketAddr,
+    cut: Arc<AtomicBool>,
+    passed: Arc<AtomicU64>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Way {
+    fn to(target: SocketAddr, delay: Duration) -> Self {
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        socket.set_nonblocking(true).unwrap();
+        let at = socket.local_addr().unwrap();
+        let (cut, stop, passed) =
+            (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default(), Arc::<AtomicU64>::default());
+        let (cuts, stops, count) = (Arc::clone(&cut), Arc::clone(&stop), Arc::clone(&passed));
+        let thread = std::thread::spawn(move || {
+            let mut way: VecDeque<(Instant, Vec<u8>)> = VecDeque::new();
+            let (mut buffer, mut number) = ([0; 256], 0_u64);
+            while !stops.load(Ordering::Relaxed) {
+                while let Ok((length, _)) = socket.recv_from(&mut buffer) {
+                    number += 1;
+                    // One of five is lost.
+                    if !number.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(17).is_multiple_of(5) {
+                        way.push_back((Instant::now() + delay, buffer[..length].to_vec()));
+                    }
+                }
+                while way.front().is_some_and(|(due, _)| *due <= Instant::now()) {
+                    let (_, bytes) = way.pop_front().unwrap();
+                    if !cuts.load(Ordering::Relaxed) {
+                        count.fetch_add(1, Ordering::Relaxed);
+                        let _ = socket.send_to(&bytes, target);
+                    }
+                }
+                sleep(Duration::from_micros(200));
+            }
+        });
+        Way { at, cut, passed, stop, thread: Some(thread) }
+    }
+}
+
+impl Drop for Way {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+/// A station that runs, armed.
+struct Station {
+    session: Session,
+    links: Links,
+    begin: Instant,
+    /// The torque of the link in the last sample.
+    link: f64,
+    largest: f64,
+}
+
+impl Station {
+    fn start(network: &Network, at: usize, listen: SocketAddr, to: SocketAddr, key: &[u8]) -> Self {
+        let (links, ports) = Links::open(network, at, listen, &[(1 - at, to)], key).unwrap();
+        let station = &network.stations[at];
+        let config = WorldConfig::new(station.source.clone(), station.sets.clone()).unwrap();
+        let machine = Machine::simulated(&config.world).linked(ports).unwrap();
+        let mut session = Session::start(config, machine).unwrap();
+        let epoch = session.handle().epoch();
+        session.request(Request::Arm, epoch).unwrap();
+        Station { session, links, begin: Instant::now(), link: 0.0, largest: 0.0 }
+    }
+
+    fn poll(&mut self) -> LinkStatus {
+        let Station { session, link, largest, .. } = self;
+        let ended = session.poll(self.begin.elapsed(), |sample| {
+            *link = sample.record.link;
+            *largest = largest.max(link.abs());
+        });
+        assert!(ended.is_none(), "{ended:?}");
+        self.links.status().remove(0)
+    }
+}
+
+/// Polls both until it is so.
+fn until(what: &str, stations: &mut [Station; 2], is_so: impl Fn(&[LinkStatus; 2], &[Station; 2]) -> bool) {
+    let begin = Instant::now();
+    loop {
+        let status = stations.each_mut().map(Station::poll);
+        if is_so(&status, stations) {
+            return;
+        }
+        assert!(begin.elapsed() < PATIENCE, "{what}: {status:?}");
+        sleep(Duration::from_millis(5));
+    }
+}
+
+fn pair(network: &Network) -> ([Station; 2], [Way; 2], [SocketAddr; 2]) {
+    let at = [free(), free()];
+    let ways = [Way::to(at[1], Duration::from_millis(3)), Way::to(at[0], Duration::from_millis(3))];
+    let stations = [0, 1].map(|station| Station::start(network, station, at[station], ways[station].at, KEY));
+    (stations, ways, at)
+}
+
+#[test]
+fn two_stations_let_go_when_the_network_is_cut_and_meet_again_after() {
+    let network = network();
+    let (mut stations, ways, _) = pair(&network);
+    until("both act", &mut stations, |links, _| links.iter().all(|link| link.acts));
+    // The left hand turns its wheel: the right one feels it.
+    let hand = stations[0].session.hand();
+    hand.move_to(Some(0.5));
+    hand.send();
+    until("the right feels the left", &mut stations, |_, stations| stations[1].largest > 1e-4);
+    for way in &ways {
+        way.cut.store(true, Ordering::Relaxed);
+    }
+    until("both let go", &mut stations, |links, stations| {
+        links.iter().all(|link| !link.acts && link.let_go > 0) && stations.iter().all(|station| station.link == 0.0)
+    });
+    for way in &ways {
+        way.cut.store(false, Ordering::Relaxed);
+    }
+    let hand = stations[0].session.hand();
+    hand.move_to(None);
+    hand.send();
+    // The wheels are apart now, and nobody moves them: they do not meet by themselves, and nothing jerks.
+    let taken = stations.each_ref().map(|station| station.links.status()[0].taken);
+    until("both hear again", &mut stations, |links, _| {
+        links.iter().zip(&taken).all(|(link, taken)| link.taken > taken + 50)
+    });
+    let hand = stations[0].session.hand();
+    hand.move_to(Some(-1.0));
+    hand.send();
+    until("they have met", &mut stations, |links, _| links.iter().all(|link| link.acts));
+    for link in stations.each_mut().map(Station::poll) {
+        assert!(link.oldest <= link.age_max && link.oldest > 6e-3, "{link:?}");
+    }
+    // An end that ends says so.
+    let [mut left, right] = stations;
+    drop(right);
+    let begin = Instant::now();
+    while left.poll().acts {
+        assert!(begin.elapsed() < PATIENCE);
+        sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn strangers_are_counted_by_what_is_wrong_with_them_and_change_nothing() {
+    let network = network();
+    let (mut stations, ways, at) = pair(&network);
+    until("both act", &mut stations, |links, _| links.iter().all(|link| link.acts));
+    let stranger = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let say = |key: &[u8], link| {
+        let outgoing = Outgoing { sampled: 0, position: 1e3, hears: true, acts: true, heard: None };
+        hapt_wire::link::Session::new(key, link, true, 5).send(&outgoing).unwrap()
+    };
+    let begin = Instant::now();
+    loop {
+        for _ in 0..20 {
+            for bytes in [&b"hello"[..], &[0; 300], &say(b"no key of these two stations", 3), &say(KEY, 3)] {
+                let _ = stranger.send_to(bytes, at[1]);
+            }
+        }
+        let link = stations.each_mut().map(Station::poll)[1].clone();
+        let refused = |refusal: Refusal| link.refused[refusal.code()];
+        if refused(Refusal::Size) > 100 && refused(Refusal::Key) > 50 && refused(Refusal::Link) > 50 {
+            break;
+        }
+        assert!(begin.elapsed() < PATIENCE, "{link:?}");
+        sleep(Duration::from_millis(5));
+    }
+    until("both act still", &mut stations, |links, _| links.iter().all(|link| link.acts));
+    assert!(stations.iter().all(|station| station.largest < 1e-3));
+    assert!(ways.iter().all(|way| way.passed.load(Ordering::Relaxed) > 0));
+}
+
+#[test]
+fn stations_of_networks_that_differ_have_no_link() {
+    let network = network();
+    let mut other = network.clone();
+    other.links[0] = other.links[0].with_stiffness(0.02);
+    let at = [free(), free()];
+    let mut stations = [Station::start(&network, 0, at[0], at[1], KEY), Station::start(&other, 1, at[1], at[0], KEY)];
+    until("both refuse", &mut stations, |links, _| links.iter().all(|link| link.refused[Refusal::Link.code()] > 20));
+    until("nothing acts", &mut stations, |links, _| links.iter().all(|link| link.acted == 0 && link.taken == 0));
+}
+
+#[test]
+fn what_cannot_be_opened_says_why() {
+    let network = network();
+    let taken = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let at = taken.local_addr().unwrap();
+    let open = |listen, peers: &[_], key: &[u8]| Links::open(&network, 0, listen, peers, key).map(|_| ()).unwrap_err();
+    assert!(matches!(open(at, &[(1, at)], KEY), LinkError::Listen { .. }));
+    assert!(matches!(open(free(), &[(1, at)], b"short"), LinkError::Key { given: 5 }));
+    assert!(matches!(open(free(), &[], KEY), LinkError::Peer { name } if name == "right"));
+}
