@@ -5,6 +5,7 @@ use maud::{Markup, html};
 
 use crate::extremes::Point;
 use crate::figure::Figure;
+use crate::network::NetworkReport;
 use crate::page::{Drawing, Report, critical, document, rate, verdict_name};
 use crate::stability::{Half, growth_by_period, period_panel};
 use crate::svg::Width;
@@ -85,17 +86,37 @@ fn clipped(text: &str, most: usize) -> String {
 }
 
 /// The page that compares the worlds, with links to their pages.
-pub fn index_page(reports: &[Report<'_>], drawings: &[Drawing]) -> String {
+pub fn index_page(reports: &[Report<'_>], networks: &[NetworkReport<'_>], drawings: &[Drawing]) -> String {
     document(
         "Worlds side by side",
         html! {
             main {
                 h1 { "Worlds side by side" }
-                div.scroll tabindex="0" { (table(reports)) }
+                @if !reports.is_empty() { div.scroll tabindex="0" { (table(reports)) } }
+                @if !networks.is_empty() { (table_of_networks(networks)) }
                 @for drawing in drawings { (drawing.markup()) }
             }
         },
     )
+}
+
+fn table_of_networks(networks: &[NetworkReport<'_>]) -> Markup {
+    html! {
+        table {
+            thead { tr { th { "network" } th { "certified" } th { "stations and links" } } }
+            tbody {
+                @for report in networks {
+                    tr {
+                        td { a href={ (report.stem) ".html" } { (report.title) } }
+                        td class={ "state " (if report.check.certified { "stable" } else { "unstable" }) } {
+                            (if report.check.certified { "yes" } else { "no" })
+                        }
+                        td { (report.line()) }
+                    }
+                }
+            }
+        }
+    }
 }
 
 fn table(reports: &[Report<'_>]) -> Markup {

@@ -2,6 +2,7 @@
 //!
 //! * [`Report`] is one world's page: diagram, verdict, eigenvalues, growth against period, and for each [`Run`] motion, torque
 //!   and energy over time. Its figures are also files ([`Drawing`]), and several worlds have an index ([`index_page`]).
+//! * [`NetworkReport`] is the same for a network of stations.
 //! * [`Traces`] holds a run's signals for drawing, from the simulation or, by [`read_csv`], from a file.
 //! * [`Figure`](figure::Figure) is a figure as plain data; [`svg`](figure::Figure::svg) renders it.
 //!
@@ -17,6 +18,7 @@ pub mod felt;
 pub mod figure;
 mod index;
 mod map;
+mod network;
 mod page;
 #[cfg(feature = "png")]
 mod png;
@@ -32,6 +34,7 @@ pub use diagram::{Diagram, diagram};
 pub use extremes::{Extremes, Point, Stretches};
 pub use index::{index_drawings, index_page};
 pub use map::{Map, Scale};
+pub use network::{NetworkReport, NetworkScenario};
 pub use page::{Drawing, Report};
 #[cfg(feature = "png")]
 pub use png::png;

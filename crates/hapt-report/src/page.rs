@@ -69,6 +69,11 @@ impl Drawing {
         }
     }
 
+    /// One that fits every width: `inline` in a page, and `file` by itself.
+    pub(crate) fn one(name: &str, caption: &str, inline: String, file: String) -> Self {
+        Drawing { name: name.into(), file, caption: caption.into(), wide: inline, narrow: None }
+    }
+
     pub(crate) fn markup(&self) -> Markup {
         html! {
             figure {
@@ -152,13 +157,7 @@ impl Report<'_> {
     /// Every figure, in the order of the page.
     pub fn drawings(&self) -> Vec<Drawing> {
         let (inline, own) = (diagram(self.world, false), diagram(self.world, true));
-        let mut list = vec![Drawing {
-            name: "world".into(),
-            file: own.svg,
-            caption: "The world".into(),
-            wide: inline.svg,
-            narrow: None,
-        }];
+        let mut list = vec![Drawing::one("world", "The world", inline.svg, own.svg)];
         for half in [Half::Held, Half::Free] {
             if let Some(figure) = stability::eigenvalues(half, self.check) {
                 list.push(Drawing::new(&half.file("eigenvalues"), |_| figure.clone()));
@@ -343,7 +342,7 @@ fn verdict(check: &Check) -> Markup {
     }
 }
 
-fn parameters(list: &[Parameter]) -> Markup {
+pub(crate) fn parameters(list: &[Parameter]) -> Markup {
     html! {
         table.parameters {
             thead { tr { th { "key" } th { "as written" } th { "in SI" } } }

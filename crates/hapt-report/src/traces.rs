@@ -157,7 +157,11 @@ impl Traces {
     /// The figure of several runs of one motion, each under its name, a panel for each of these signals. One run alone is drawn as
     /// [`Traces::figure`] draws it.
     pub fn overlay(title: &str, runs: &[(String, Traces)], signals: &[Signal], width: Width) -> Figure {
-        let room = width.stretches();
+        Traces::overlay_with(title, runs, signals, width.stretches())
+    }
+
+    /// The same, with so many intervals a curve.
+    pub(crate) fn overlay_with(title: &str, runs: &[(String, Traces)], signals: &[Signal], room: usize) -> Figure {
         let of = |traces: &Traces, signal: Signal| match signal {
             Signal::Position => traces.states("position", &traces.positions, units::position, room),
             Signal::Velocity => traces.states("velocity", &traces.velocities, units::velocity, room),

@@ -61,7 +61,7 @@ fn named<'n>(network: &'n Network, names: &[String]) -> Result<Vec<&'n str>, Fai
 }
 
 /// Takes a run to its end. `Err` of the inside: it stopped being finite there.
-fn rows(
+pub fn rows(
     run: &mut NetworkRun,
     name: &str,
     mut each: impl FnMut(&NetworkRow<'_>) -> Result<(), Failure>,

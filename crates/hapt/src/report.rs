@@ -5,15 +5,16 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-use hapt_analysis::{Check, Proposal};
+use hapt_analysis::{Check, NetworkCheck, Proposal};
 use hapt_live::standalone::{self, PageInput, PageWorld};
-use hapt_model::{Parameter, World};
-use hapt_report::{Drawing, Report, Run, index_drawings, index_page};
-use hapt_sim::Simulation;
+use hapt_model::{Network, Parameter, Source, World, is_network};
+use hapt_report::{Drawing, NetworkReport, NetworkScenario, Report, Run, index_drawings, index_page};
+use hapt_sim::{NetworkRun, Simulation};
 
 use crate::args::ReportArgs;
 use crate::failure::Failure;
 use crate::messages;
+use crate::network;
 use crate::output::{self, Draft};
 use crate::sim::rows;
 use crate::world::{Loaded, source};
@@ -33,42 +34,69 @@ struct Ready {
     live: Result<PageWorld, String>,
 }
 
+/// A network, ready to be run.
+struct ReadyNetwork {
+    title: String,
+    stem: String,
+    network: Network,
+    /// Of the world of each station.
+    parameters: Vec<Vec<Parameter>>,
+    check: NetworkCheck,
+}
+
 /// Where the pages are on which the worlds run.
 const LIVE: &str = "live";
 
 pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
     // All errors of worlds come before the first file is written.
-    let worlds = read(args)?;
+    let (worlds, networks) = read(args)?;
+    let several = worlds.len() + networks.len() > 1;
     output::folder("--out", &args.out)?;
-    let mut reports = Vec::new();
+    let (mut reports, mut of_networks) = (Vec::new(), Vec::new());
     let mut first_failure = None;
     for ready in &worlds {
         let report = report(ready)?;
         live(&args.out, ready)?;
         let drawings = report.drawings();
-        let page = args.out.join(format!("{}.html", report.stem));
-        write(&page, report.page(&drawings, worlds.len() > 1).as_bytes())?;
-        write_figures(&args.out, &report.stem, &drawings)?;
-        messages::say(format_args!("wrote {} and {} figures beside it", page.display(), drawings.len()));
-        let failed = report.runs.iter().find_map(|run| Some((&run.name, run.failure.as_ref()?)));
-        if let Some((name, failure)) = failed {
-            let message = format!("{}, scenario {name}: {failure}; its figures end before", report.title);
-            first_failure = first_failure.or(Some(Failure::System(message)));
-        }
+        write_page(&args.out, &report.stem, &report.page(&drawings, several), &drawings)?;
+        let mut failed = report.runs.iter().filter_map(|run| Some((&run.name, run.failure.as_ref()?)));
+        first_failure = first_failure.or(failed.next().map(|run| early(&report.title, run)));
         reports.push(report);
     }
-    if reports.len() > 1 {
+    for ready in &networks {
+        let report = report_network(ready)?;
+        let drawings = report.drawings();
+        write_page(&args.out, &report.stem, &report.page(&drawings, several), &drawings)?;
+        let mut failed = report.runs.iter().filter_map(|run| Some((&run.name, run.failure.as_ref()?)));
+        first_failure = first_failure.or(failed.next().map(|run| early(&report.title, run)));
+        of_networks.push(report);
+    }
+    if several {
         let drawings = index_drawings(&reports);
         let page = args.out.join("index.html");
-        write(&page, index_page(&reports, &drawings).as_bytes())?;
+        write(&page, index_page(&reports, &of_networks, &drawings).as_bytes())?;
         write_figures(&args.out, "index", &drawings)?;
         messages::say(format_args!("wrote {}", page.display()));
     }
     first_failure.map_or(Ok(ExitCode::SUCCESS), Err)
 }
 
-/// Reads and checks every world, and sees that each of its scenarios can start.
-fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
+/// The failure of a run that has ended early.
+fn early(title: &str, (name, failure): (&String, &String)) -> Failure {
+    Failure::System(format!("{title}, scenario {name}: {failure}; its figures end before"))
+}
+
+/// Writes a page, and its figures beside it.
+fn write_page(folder: &Path, stem: &str, page: &str, drawings: &[Drawing]) -> Result<(), Failure> {
+    let path = folder.join(format!("{stem}.html"));
+    write(&path, page.as_bytes())?;
+    write_figures(folder, stem, drawings)?;
+    messages::say(format_args!("wrote {} and {} figures beside it", path.display(), drawings.len()));
+    Ok(())
+}
+
+/// Reads and checks every world and network, and sees that each of its scenarios can start.
+fn read(args: &ReportArgs) -> Result<(Vec<Ready>, Vec<ReadyNetwork>), Failure> {
     if args.worlds.iter().filter(|path| path.as_os_str() == "-").count() > 1 {
         return Err(Failure::input("standard input, -, can be read only once"));
     }
@@ -76,15 +104,20 @@ fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
     if args.worlds.len() > 1 {
         taken.insert("index".to_string());
     }
-    let mut worlds = Vec::new();
+    let (mut worlds, mut networks) = (Vec::new(), Vec::new());
     for path in &args.worlds {
         let source = source(path)?;
+        if is_network(&source) {
+            networks.push(ReadyNetwork::of(path, &source, &args.sets, &mut taken)?);
+            continue;
+        }
         let world = World::read(&source, &args.sets)?;
         let parameters = hapt_model::parameters(&source, &args.sets)?;
         let check = hapt_analysis::check(&world)?;
         hapt_sim::check(&world)?;
-        let stem = stem(path, &world, &mut taken);
-        let title = world.title.clone().filter(|title| !title.trim().is_empty()).unwrap_or_else(|| stem.clone());
+        let scenarios: Vec<&str> = world.scenarios.iter().map(|scenario| scenario.name.as_str()).collect();
+        let stem = stem(path, &scenarios, &mut taken);
+        let title = titled(world.title.as_deref(), &stem);
         let live = PageWorld::new(&source, args.sets.clone());
         let loaded = Loaded { name: source.name.clone(), world, source };
         let remedies = hapt_analysis::remedies(&loaded.world)?;
@@ -93,12 +126,52 @@ fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
         let command = command(path, &args.sets);
         worlds.push(Ready { title, stem, world: loaded.world, parameters, check, proposal, lines, command, live });
     }
-    Ok(worlds)
+    Ok((worlds, networks))
+}
+
+/// The title of a file, or else its stem.
+fn titled(title: Option<&str>, stem: &str) -> String {
+    title.filter(|title| !title.trim().is_empty()).unwrap_or(stem).to_string()
+}
+
+impl ReadyNetwork {
+    fn of(path: &Path, source: &Source, sets: &[String], taken: &mut HashSet<String>) -> Result<Self, Failure> {
+        let network = Network::read(source, sets)?;
+        for station in &network.stations {
+            hapt_sim::check(&station.world)?;
+        }
+        let check = hapt_analysis::check_network(&network)?;
+        let parameters = network.stations.iter().map(|station| hapt_model::parameters(&station.source, &station.sets));
+        let parameters = parameters.collect::<Result<_, _>>()?;
+        let stations = network.stations.iter().map(|station| station.name.as_str());
+        let names: Vec<&str> = network.scenarios().into_iter().chain(stations).collect();
+        let stem = stem(path, &names, taken);
+        let title = titled(network.title.as_deref(), &stem);
+        Ok(ReadyNetwork { title, stem, network, parameters, check })
+    }
+}
+
+/// Runs every scenario of a network. One that stops being finite is shown up to there.
+fn report_network(ready: &ReadyNetwork) -> Result<NetworkReport<'_>, Failure> {
+    let ReadyNetwork { title, stem, network, parameters, check } = ready;
+    let mut runs = Vec::new();
+    for name in network.scenarios() {
+        let mut simulation = NetworkRun::new(network, name)?;
+        let mut run = NetworkScenario::new(network, name);
+        let end = network::rows(&mut simulation, name, |row| {
+            run.add(row);
+            Ok(())
+        })?;
+        run.failure = end.err().map(|error| error.to_string());
+        run.let_go = simulation.let_go().collect();
+        runs.push(run);
+    }
+    Ok(NetworkReport { title: title.clone(), stem: stem.clone(), network, parameters, check, runs })
 }
 
 /// The file's name without folder and ending, as it can stand in a link, with a number where another world's files would have
 /// the same names; "world" for standard input.
-fn stem(path: &Path, world: &World, taken: &mut HashSet<String>) -> String {
+fn stem(path: &Path, figures: &[&str], taken: &mut HashSet<String>) -> String {
     let name = match path.file_stem() {
         Some(stem) if path.as_os_str() != "-" => stem.to_string_lossy().into_owned(),
         _ => "world".into(),
@@ -108,8 +181,8 @@ fn stem(path: &Path, world: &World, taken: &mut HashSet<String>) -> String {
     let name = if name.is_empty() { "world".to_string() } else { name };
     // Some file systems do not tell capitals from small letters.
     let files = |name: &str| -> Vec<String> {
-        let runs = world.scenarios.iter().map(|scenario| format!("{name}-{}", scenario.name));
-        runs.chain([name.to_string()]).map(|file| file.to_lowercase()).collect()
+        let figures = figures.iter().map(|figure| format!("{name}-{figure}"));
+        figures.chain([name.to_string()]).map(|file| file.to_lowercase()).collect()
     };
     let mut candidates = std::iter::once(name.clone()).chain((2..).map(|n: u64| format!("{name}-{n}")));
     let free = candidates.find(|candidate| files(candidate).iter().all(|file| !taken.contains(file)));

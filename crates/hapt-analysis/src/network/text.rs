@@ -34,7 +34,7 @@ impl NetworkCheck {
     pub fn text(&self, title: &str) -> String {
         let mut text = format!("{title}\n\nverdict   {}\n", self.verdict_sentence());
         for station in &self.stations {
-            let _ = writeln!(text, "station   {}", self.station(station));
+            let _ = writeln!(text, "station   {}: {}", station.name, station.sentence());
             for reason in &station.not_proved {
                 let _ = writeln!(text, "          not proved: {reason}");
             }
@@ -49,6 +49,24 @@ impl NetworkCheck {
                 time(link.age_max_s)
             );
         }
+        let (name, heading, lines) = self.proposal();
+        match lines.is_empty() {
+            true => text += &format!("{name:<9} no single change of these numbers makes it passive\n"),
+            false => {
+                text += &format!(
+                    "{name:<9} {heading}:\n{}",
+                    lines.iter().map(|line| format!("  {line}\n")).collect::<String>()
+                )
+            }
+        }
+        for note in &self.notes {
+            let _ = writeln!(text, "note      {note}");
+        }
+        text
+    }
+
+    /// Margins where it is passive, else remedies: which of both, what they are, and a line for each; without lines there are none.
+    pub fn proposal(&self) -> (&'static str, &'static str, Vec<String>) {
         let is_passive = self.stations.iter().all(|station| station.passive);
         let (name, heading) = if is_passive {
             ("margins", "passive as far as each of these, one at a time")
@@ -66,32 +84,23 @@ impl NetworkCheck {
         for (station, damping) in &remedies.device_damping {
             lines.extend(damping.map(|damping| format!("device.damping of {station}: {}", short(damping))));
         }
-        match lines.is_empty() {
-            true => text += &format!("{name:<9} no single change of these numbers makes it passive\n"),
-            false => {
-                text += &format!(
-                    "{name:<9} {heading}:\n{}",
-                    lines.iter().map(|line| format!("  {line}\n")).collect::<String>()
-                )
-            }
-        }
-        for note in &self.notes {
-            let _ = writeln!(text, "note      {note}");
-        }
-        text
+        (name, heading, lines)
     }
+}
 
-    fn station(&self, station: &StationCheck) -> String {
-        let StationCheck { name, required_damping, device_damping, local, .. } = station;
+impl StationCheck {
+    /// What it requires and has, or why it is not certified alone.
+    pub fn sentence(&self) -> String {
+        let StationCheck { required_damping, device_damping, local, .. } = self;
         let own = short(*device_damping);
         match (local.certified, required_damping) {
-            (false, _) => format!("{name}: {}", local.verdict_sentence()),
-            (true, None) => format!("{name}: no finite damping is known to suffice"),
-            (true, Some(b)) if station.passive => {
-                format!("{name}: passive, requires a damping of {}, the device has {own}", short(*b))
+            (false, _) => local.verdict_sentence().to_string(),
+            (true, None) => "no finite damping is known to suffice".into(),
+            (true, Some(b)) if self.passive => {
+                format!("passive, requires a damping of {}, the device has {own}", short(*b))
             }
             (true, Some(b)) => {
-                format!("{name}: not passive, requires a damping of {}, the device has {own}", short(*b))
+                format!("not passive, requires a damping of {}, the device has {own}", short(*b))
             }
         }
     }

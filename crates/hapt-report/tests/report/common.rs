@@ -118,7 +118,7 @@ pub fn pages(sources: &[(String, Source)]) -> Vec<Made> {
         })
         .collect();
     let drawings = index_drawings(&reports);
-    made.push(Made { stem: "index".into(), page: index_page(&reports, &drawings), drawings });
+    made.push(Made { stem: "index".into(), page: index_page(&reports, &[], &drawings), drawings });
     made
 }
 

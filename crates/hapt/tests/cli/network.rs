@@ -80,5 +80,36 @@ fn a_mistake_in_a_network_is_named_with_its_place() {
     hapt(at.path(), ["sim", "pair.toml", "--scenario", "pull"])
         .refused(2, &["no station's world has a scenario \"pull\""]);
     // What takes a world says what this is.
-    hapt(at.path(), ["report", "pair.toml", "--out", "out"]).refused(2, &["is a network"]);
+    hapt(at.path(), ["worst", "pair.toml"]).refused(2, &["is a network"]);
+}
+
+#[test]
+fn a_report_has_the_certificate_every_link_and_every_station() {
+    let tie =
+        PAIR.replace("\"left\", \"right\"]", "\"left\", \"right\"]\nloss = 0.5").replace("\"20 ms\"", "\"12 ms\"");
+    let at = folder(&[("wheel.toml", WHEEL), ("free.toml", FREE), ("pair.toml", PAIR), ("loose.toml", &tie)]);
+    hapt(at.path(), ["report", "pair.toml", "loose.toml", "wheel.toml", "--out", "out"]).done();
+    let out = at.path().join("out");
+    let read = |name: &str| fs::read_to_string(out.join(name)).unwrap();
+    let verdict = hapt(at.path(), ["check", "pair.toml"]).done().out;
+    let page = read("pair.html");
+    for line in verdict.lines().filter(|line| line.starts_with("station ")) {
+        let sentence = line.split_once(": ").unwrap().1;
+        assert!(page.contains(sentence), "{sentence}: {page}");
+    }
+    for words in
+        ["<b>Certified</b>", "left to right", "20 ms", "Scenario push", "Station left", "free.toml, 2 ms a sample"]
+    {
+        assert!(page.contains(words), "{words}: {page}");
+    }
+    for figure in ["pair-push-motion.svg", "pair-push-links.svg", "pair-left-world.svg", "pair-right-world.svg"] {
+        assert!(read(figure).starts_with("<svg"), "{figure}");
+    }
+    // Half of the messages are lost: positions are older than 12 ms now and then.
+    assert!(read("loose.html").contains("let go "));
+    let index = read("index.html");
+    assert!(["pair.html", "loose.html", "wheel.html"].iter().all(|page| index.contains(page)), "{index}");
+    let broken = hapt(at.path(), ["report", "pair.toml", "--set", "links.0.age_max=1ms", "--out", "none"]);
+    broken.refused(2, &["links.0.age_max"]);
+    assert!(!at.path().join("none").exists());
 }
