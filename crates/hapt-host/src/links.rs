@@ -1,7 +1,9 @@
 //! The links of a station over UDP: a thread between the loop's rings and a socket.
 //!
-//! The loop never waits for it. What the messages are, and whom they are taken from, is [`hapt_wire::link`].
+//! The loop never waits for it. Between stations of one program the messages can take as long, and be lost as often, as the network's file says
+//! ([`Way::AsWritten`]): what a person feels then is what a network does. What the messages are, and whom they are taken from, is [`hapt_wire::link`].
 
+use std::collections::VecDeque;
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::Arc;
@@ -9,8 +11,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use hapt_model::{Network, World};
+use hapt_model::{Link, Network, World};
 use hapt_rt::{LinkPort, LinkSample, LinkWire, link};
+use hapt_sim::uniform;
 use hapt_wire::link::{Outgoing, Refusal, SHORTEST_KEY, SIZE, Session, number};
 
 /// Messages that are read at a time. More is a flood, and waits in the socket or is lost there.
@@ -51,6 +54,15 @@ pub enum LinkError {
         /// Why.
         error: io::Error,
     },
+}
+
+/// What happens to the messages of this station on their way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// Whatever the network does.
+    Real,
+    /// They take the time of the links' `delay` and `delay_max`, and are lost as their `loss` says, before the network has them.
+    AsWritten,
 }
 
 /// What a link has done so far.
@@ -108,7 +120,44 @@ struct End {
     /// When the next message is due, in ns by the loop's clock.
     next: u64,
     last: Option<Outgoing>,
+    /// Between their way out and the socket, in the order of their sending: when each is to go, by the thread's clock, and the message.
+    held: Option<Held>,
     counters: Arc<Counters>,
+}
+
+/// The way of a simulated network.
+struct Held {
+    /// In ns, shortest and longest.
+    delay: [u64; 2],
+    loss: f64,
+    random: u64,
+    messages: VecDeque<(u64, [u8; SIZE])>,
+}
+
+impl Held {
+    fn new(link: &Link, side: usize) -> Self {
+        let random = u64::from(link.seed) << 1 | side as u64;
+        let delay = [link.delay, link.delay_max].map(|delay| (delay * 1e9) as u64);
+        Held { delay, loss: link.loss, random, messages: VecDeque::new() }
+    }
+
+    fn take(&mut self, now: u64, bytes: [u8; SIZE]) {
+        let [least, most] = self.delay;
+        if uniform(&mut self.random) >= self.loss {
+            let way = least + (uniform(&mut self.random) * (most - least) as f64) as u64;
+            self.messages.push_back((now + way, bytes));
+        }
+    }
+
+    /// Sends what is due. Messages overtake each other.
+    fn send(&mut self, now: u64, socket: &UdpSocket, to: SocketAddr) {
+        self.messages.retain(|(due, bytes)| {
+            if *due <= now {
+                let _ = socket.send_to(bytes, to);
+            }
+            *due > now
+        });
+    }
 }
 
 /// All numbers of a network on which the certificate of any of its stations depends, as text.
@@ -122,6 +171,42 @@ fn text(network: &Network) -> String {
         text += &format!("{link:?}\n");
     }
     text
+}
+
+/// A key for stations of one program.
+///
+/// # Errors
+/// The system gives no random numbers.
+pub fn random_key() -> Result<[u8; 32], LinkError> {
+    let mut key = [0; 32];
+    fill(&mut key)?;
+    Ok(key)
+}
+
+fn fill(bytes: &mut [u8]) -> Result<(), LinkError> {
+    getrandom::fill(bytes).map_err(|error| LinkError::System { what: "random numbers", error: io::Error::other(error) })
+}
+
+impl LinkStatus {
+    /// That the link has let go, and why, where it has.
+    pub fn warning(&self) -> Option<String> {
+        let LinkStatus { to, acts, age, age_max, samples, .. } = self;
+        let oldest = 1e3 * age_max;
+        match (acts, age) {
+            (true, _) => None,
+            (false, _) if *samples == 0 => None,
+            (false, age) if age.is_infinite() => {
+                Some(format!("The link to {to} has let go: nothing comes from there."))
+            }
+            (false, age) if age > age_max => Some(format!(
+                "The link to {to} has let go: its position is {:.0} ms old, and {oldest:.0} ms are allowed.",
+                1e3 * age
+            )),
+            (false, _) => {
+                Some(format!("The link to {to} has let go. It takes hold when the two meet: move one past the other."))
+            }
+        }
+    }
 }
 
 impl Links {
@@ -140,8 +225,26 @@ impl Links {
         if key.len() < SHORTEST_KEY {
             return Err(LinkError::Key { given: key.len() });
         }
-        let socket = UdpSocket::bind(listen).and_then(|socket| socket.set_nonblocking(true).map(|()| socket));
-        let socket = socket.map_err(|error| LinkError::Listen { address: listen, error })?;
+        let socket = UdpSocket::bind(listen).map_err(|error| LinkError::Listen { address: listen, error })?;
+        Links::on(socket, network, station, peers, key, Way::Real)
+    }
+
+    /// The same on a socket that listens.
+    ///
+    /// # Errors
+    /// As [`Links::open`].
+    pub fn on(
+        socket: UdpSocket,
+        network: &Network,
+        station: usize,
+        peers: &[(usize, SocketAddr)],
+        key: &[u8],
+        way: Way,
+    ) -> Result<(Self, Vec<LinkPort>), LinkError> {
+        if key.len() < SHORTEST_KEY {
+            return Err(LinkError::Key { given: key.len() });
+        }
+        socket.set_nonblocking(true).map_err(|error| LinkError::System { what: "socket that does not wait", error })?;
         let text = text(network);
         let own = &network.stations[station];
         let (mut ends, mut ports, mut links) = (Vec::new(), Vec::new(), Vec::new());
@@ -153,8 +256,7 @@ impl Links {
             let to = to.ok_or_else(|| LinkError::Peer { name: name.clone() })?;
             let (port, wire) = link(joint, side == 0, own.hold());
             let mut random = [0; 8];
-            getrandom::fill(&mut random)
-                .map_err(|error| LinkError::System { what: "random numbers", error: io::Error::other(error) })?;
+            fill(&mut random)?;
             let session = Session::new(key, number(&text, at), side == 0, u64::from_le_bytes(random));
             let sample = own.world.sampling.period;
             let period = joint.period.map_or(0.0, |period| period - 0.5 * sample);
@@ -162,7 +264,8 @@ impl Links {
             counters.age.store(f64::INFINITY.to_bits(), Ordering::Relaxed);
             links.push((name.clone(), joint.age_max, Arc::clone(&counters)));
             ports.push(port);
-            ends.push(End { wire, session, to, period: (period * 1e9) as u64, next: 0, last: None, counters });
+            let held = (way == Way::AsWritten).then(|| Held::new(joint, side));
+            ends.push(End { wire, session, to, period: (period * 1e9) as u64, next: 0, last: None, held, counters });
         }
         let stop = Arc::new(AtomicBool::new(false));
         // Several looks a sample: a message is to wait for a small part of one only.
@@ -224,12 +327,12 @@ fn run(socket: &UdpSocket, mut ends: Vec<End>, stop: &AtomicBool, nap: Duration)
             }
         }
         for end in &mut ends {
-            end.send(socket);
+            end.send(socket, now);
         }
         std::thread::sleep(nap);
     }
     for end in &mut ends {
-        end.send(socket);
+        end.send(socket, 0);
         let Some(last) = end.last else { continue };
         for _ in 0..FAREWELLS {
             if let Some(bytes) = end.session.send(&Outgoing { hears: false, acts: false, ..last }) {
@@ -264,7 +367,10 @@ fn receive(ends: &mut [End], bytes: &[u8], now: u64) {
 
 impl End {
     /// Counts what the loop's samples have made of the link, and sends the newest of them where one is due.
-    fn send(&mut self, socket: &UdpSocket) {
+    fn send(&mut self, socket: &UdpSocket, now: u64) {
+        if let Some(held) = &mut self.held {
+            held.send(now, socket, self.to);
+        }
         let mut newest = None;
         while let Ok(sample) = self.wire.samples.pop() {
             self.count(&sample);
@@ -276,9 +382,13 @@ impl End {
             return;
         }
         self.next = outgoing.sampled + self.period;
-        if let Some(bytes) = self.session.send(&outgoing) {
-            // A network that is down loses messages, and the link lets go.
-            let _ = socket.send_to(&bytes, self.to);
+        let Some(bytes) = self.session.send(&outgoing) else { return };
+        match &mut self.held {
+            Some(held) => held.take(now, bytes),
+            None => {
+                // A network that is down loses messages, and the link lets go.
+                let _ = socket.send_to(&bytes, self.to);
+            }
         }
     }
 

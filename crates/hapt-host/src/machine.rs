@@ -20,6 +20,8 @@ pub struct Machine {
     pub backend: Backend,
     /// What moves the hand of a simulated device; `None` for a real one.
     pub hands: Option<Hands>,
+    /// What its pages are to be warned of beside the loop's own warnings, such as a link that has let go.
+    pub warnings: Option<Box<dyn Fn() -> Vec<String> + Send>>,
     /// The supervisor's profile. With [`SafetyProfile::Certified`] no key is set to a value that is not certified.
     pub profile: SafetyProfile,
 }
@@ -103,6 +105,7 @@ impl Machine {
             name: "sim".into(),
             backend: backend(Box::new(device)),
             hands: Some(hands),
+            warnings: None,
             profile: SafetyProfile::Simulated,
         }
     }

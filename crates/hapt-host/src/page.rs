@@ -157,6 +157,6 @@ impl PageSession {
         // A local loop's missed samples are in the timing.
         let missed = Some(session.timing().missed()).filter(|missed| *missed > 0 && session.realtime().is_none());
         let missed = missed.map(|missed| format!("The board has missed {missed} samples."));
-        session.warning().map(warning).into_iter().chain(missed).collect()
+        session.warning().map(warning).into_iter().chain(missed).chain(session.machine_warnings()).collect()
     }
 }

@@ -32,6 +32,7 @@ pub struct Session {
     runner: Box<dyn Runner>,
     handle: LoopHandle,
     profile: SafetyProfile,
+    warnings: Option<Box<dyn Fn() -> Vec<String> + Send>>,
     /// The worlds of the plans that the loop may still run, with their generations.
     worlds: VecDeque<(u32, World)>,
     /// The loop's time in s at which the last change of the world has faded over.
@@ -131,7 +132,7 @@ impl Session {
         folder: PathBuf,
         ready: impl Fn() + Send + 'static,
     ) -> Result<Self, Error> {
-        let Machine { name, backend, hands, profile } = machine;
+        let Machine { name, backend, hands, warnings, profile } = machine;
         let worker = match &backend {
             Backend::Stepped { .. } => Worker::AtOnce(VecDeque::new()),
             Backend::Local { .. } => Worker::start(ready)?,
@@ -147,6 +148,7 @@ impl Session {
             config,
             runner,
             profile,
+            warnings,
             settled: 0.0,
             hand,
             scenario: None,
@@ -189,6 +191,11 @@ impl Session {
     /// What would have been a fault on a real device.
     pub fn warning(&self) -> Option<Reason> {
         self.warning
+    }
+
+    /// What its machine warns of: [`Machine::warnings`].
+    pub fn machine_warnings(&self) -> Vec<String> {
+        self.warnings.as_ref().map(|warnings| warnings()).unwrap_or_default()
     }
 
     /// The loop's time in s.

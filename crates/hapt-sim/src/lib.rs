@@ -61,4 +61,5 @@ pub use hapt_plant::{Grip, Ledger, Motor, Script, VirtualDevice};
 pub use network::{NetworkRow, NetworkRun};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, RowSignal, SIGNALS, Signal, body_columns, columns, loop_columns};
 pub use run::{Error, Simulation, check, rows, script};
+pub use schedule::uniform;
 pub use summary::Summary;

@@ -100,8 +100,8 @@ pub(crate) fn between([from, to]: [f64; 2], part: f64) -> f64 {
     from + (to - from) * part
 }
 
-/// SplitMix64 (Steele, Lea and Flood, 2014), as a fraction of 1: the same on every machine and in every version.
-pub(crate) fn uniform(state: &mut u64) -> f64 {
+/// The next random number from 0 to 1 by SplitMix64 (Steele, Lea and Flood, 2014): the same on every machine and in every version.
+pub fn uniform(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -1,14 +1,15 @@
 //! `hapt live`: the loop in real time behind a web page.
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
-use hapt_host::DeviceAddress;
-use hapt_host::Machine;
+use hapt_core::SafetyProfile;
+use hapt_host::links::{self, LinkError, LinkStatus, Links, Way};
+use hapt_host::{DeviceAddress, Machine};
 use hapt_live::{Error, Live, Options};
-use hapt_model::World;
+use hapt_model::{Network, Source, World, is_network};
 
 use crate::args::{LiveArgs, device};
 use crate::drives;
@@ -27,6 +28,9 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     let device = device(&args.device)?;
     let address = SocketAddr::new(listen(args.listen.as_deref())?, args.port);
     let source = source(args.path.as_deref().unwrap_or(Path::new(WHEEL)))?;
+    if is_network(&source) {
+        return stations(args, &device, address, &source);
+    }
     let mut sets = args.sets.clone();
     let world = World::read(&source, &sets)?;
     sets.extend(device.overrides(&world)?);
@@ -41,8 +45,15 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     if device.has_motor() {
         say(drives::NOT_CERTIFIED);
     }
+    serve(args, vec![live], |links| format!("{}\n", links.join("\n")))
+}
+
+/// Prints the links to the pages, and serves them until a signal comes or a loop has failed.
+fn serve(args: &LiveArgs, lives: Vec<Live>, text: impl FnOnce(&[&str]) -> String) -> Result<ExitCode, Failure> {
+    let Some(live) = lives.first() else { return Ok(ExitCode::SUCCESS) };
+    let links: Vec<&str> = lives.iter().map(Live::link).collect();
     // A page may arm it before anybody has read the line.
-    let printed = print(format!("{}\n", live.link()));
+    let printed = print(text(&links));
     if !live.address().ip().is_loopback() {
         say(format_args!(
             "hapt: listening on {}, which other machines can reach; a page needs the token in the link",
@@ -56,15 +67,78 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     }
     loop {
         if let Some(code) = output::signalled() {
-            drop(live);
+            drop(lives);
             return Ok(ExitCode::from(code));
         }
         if let Ok(Err(error)) = printed.try_recv() {
-            drop(live);
+            drop(lives);
             return Err(Failure::stdout(error));
         }
-        live.wait(MOMENT)?;
+        for live in &lives {
+            live.wait(MOMENT / lives.len() as u32)?;
+        }
     }
+}
+
+/// Every station of a network in this program, each behind a page of its own. Their messages take the time, and are lost, as the file says.
+fn stations(
+    args: &LiveArgs,
+    device: &DeviceAddress,
+    address: SocketAddr,
+    source: &Source,
+) -> Result<ExitCode, Failure> {
+    if *device != DeviceAddress::Sim {
+        return Err(Failure::input(format!(
+            "--device {device}: of a network hapt live simulates every station; hapt run --station NAME runs one on a motor"
+        )));
+    }
+    let network = Network::read(source, &args.sets)?;
+    let check = hapt_analysis::check_network(&network)?;
+    output::folder("--log-dir", &args.log_dir)?;
+    output::end_in_order();
+    let failed = |error: LinkError| Failure::System(error.to_string());
+    let key = links::random_key().map_err(failed)?;
+    let bound = |_: &_| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| Ok((socket.local_addr()?, socket)));
+    let sockets = network.stations.iter().map(bound).collect::<Result<Vec<_>, _>>();
+    let sockets =
+        sockets.map_err(|error| Failure::System(format!("the system gives no socket for the links: {error}")))?;
+    let peers: Vec<(usize, SocketAddr)> = sockets.iter().map(|(address, _)| *address).enumerate().collect();
+    let verdict = (!check.certified).then(|| format!("The network is {}.", check.verdict_sentence()));
+    let mut lives = Vec::new();
+    for (at, (station, (_, socket))) in network.stations.iter().zip(sockets).enumerate() {
+        let port = match address.port() {
+            0 => Some(0),
+            first => u16::try_from(at).ok().and_then(|at| first.checked_add(at)),
+        };
+        let port = port.ok_or_else(|| {
+            let text = format!("--port {}: each station has a port of its own from there on, up to 65535", args.port);
+            Failure::input(text)
+        })?;
+        let (links, ports) = Links::on(socket, &network, at, &peers, &key, Way::AsWritten).map_err(failed)?;
+        let options = Options {
+            source: station.source.clone(),
+            sets: station.sets.clone(),
+            address: SocketAddr::new(address.ip(), port),
+            folder: args.log_dir.clone(),
+        };
+        let verdict = verdict.clone();
+        let warnings = move || {
+            let links = links.status();
+            verdict.iter().cloned().chain(links.iter().filter_map(LinkStatus::warning)).collect()
+        };
+        let settings = settings(&args.realtime, &station.world)?;
+        let machine = |world: &World| {
+            let machine = device.machine(world, SafetyProfile::Simulated, settings, 0.0)?.machine;
+            let machine = machine.linked(ports).ok_or_else(|| Failure::input("the device runs its loop by itself"))?;
+            Ok::<_, Failure>(Machine { warnings: Some(Box::new(warnings)), ..machine })
+        };
+        lives.push(Live::start_on(options, machine)?);
+    }
+    let handles: Vec<_> = lives.iter().map(Live::handle).collect();
+    output::stop_with(move || handles.iter().for_each(hapt_rt::LoopHandle::end));
+    let widest = network.stations.iter().map(|station| station.name.chars().count()).max().unwrap_or(0);
+    let names = network.stations.iter().map(|station| station.name.as_str());
+    serve(args, lives, |links| names.zip(links).map(|(name, link)| format!("{name:widest$}  {link}\n")).collect())
 }
 
 /// The period of a board's telemetry in s, where the line allows it: no peak of a loop at 1 kHz is lost.

@@ -73,8 +73,8 @@ impl DeviceAddress {
             DeviceAddress::Board(port) => board(port, name, profile, every),
             DeviceAddress::Sim | DeviceAddress::Replay(_) | DeviceAddress::Drive(_) => {
                 let OpenedDevice { device, hands, notes } = self.open(world)?;
-                let machine =
-                    Machine { name, backend: Backend::Local { device, settings, links: Vec::new() }, hands, profile };
+                let backend = Backend::Local { device, settings, links: Vec::new() };
+                let machine = Machine { name, backend, hands, warnings: None, profile };
                 Ok(OpenedMachine { machine, description: self.description(), notes })
             }
         }
@@ -100,7 +100,7 @@ fn board(port: &BoardPort, name: String, profile: SafetyProfile, every: f64) -> 
     let (description, notes) =
         (format!("the board {}", board.name), board.note().into_iter().map(Into::into).collect());
     let backend = Backend::Board { link: Box::new(link), every };
-    Ok(OpenedMachine { machine: Machine { name, backend, hands: None, profile }, description, notes })
+    Ok(OpenedMachine { machine: Machine { name, backend, hands: None, warnings: None, profile }, description, notes })
 }
 
 impl BoardPort {

@@ -49,7 +49,13 @@ fn plugged(folder: &str) -> (SimulatedBoard, Live) {
     let live = Live::start_on(options, |_| {
         let link = Box::new(Link::open(board.path())?);
         let (name, profile) = ("hapt:table".into(), SafetyProfile::Certified);
-        Ok::<_, Error>(Machine { name, backend: Backend::Board { link, every: 1e-3 }, hands: None, profile })
+        Ok::<_, Error>(Machine {
+            name,
+            backend: Backend::Board { link, every: 1e-3 },
+            hands: None,
+            warnings: None,
+            profile,
+        })
     });
     (board, live.unwrap())
 }
