@@ -164,11 +164,12 @@ impl Station {
 
 /// The address of a peer, of the family of the own one.
 fn resolved(peer: &str, address: &str, listen: SocketAddr) -> Result<SocketAddr, Failure> {
-    let found = address.to_socket_addrs().map_err(|error| match error.kind() {
-        io::ErrorKind::InvalidInput => {
+    let found = address.to_socket_addrs().map_err(|error| {
+        if error.kind() == io::ErrorKind::InvalidInput {
             Failure::input(format!("--peer {peer}: expected a host and a port, such as 192.168.1.8:7000"))
+        } else {
+            Failure::System(format!("--peer {peer}: cannot find the host: {error}"))
         }
-        _ => Failure::System(format!("--peer {peer}: cannot find the host: {error}")),
     })?;
     let of_family = found.into_iter().find(|found| found.is_ipv4() == listen.is_ipv4());
     of_family.ok_or_else(|| {
