@@ -9,6 +9,7 @@ import { History } from "./history.ts";
 import { Knobs } from "./knobs.ts";
 import { Link, type Peer } from "./link.ts";
 import { Local, type Recorded } from "./local.ts";
+import { NetworkCard } from "./network.ts";
 import { factors, panels } from "./panels.ts";
 import { Plots } from "./plots.ts";
 import { Poles } from "./poles.ts";
@@ -50,6 +51,7 @@ const link: Peer = recorded ? new Local(listener, recorded) : new Link(listener)
 const hand = new Hand(stage, link);
 const set = (key: string, value: string) => void link.send({ type: "set", key, value });
 const verdict = new VerdictCard(byId("sentences"), byId("verdict"), byId("strip"), (sets) => void link.send({ type: "sets", sets }), named);
+const network = new NetworkCard(byId("network"), (change) => void link.send({ type: "network", ...change }));
 const euler = new Euler(set);
 const scenarioStart = new ScenarioStart(
   () => {
@@ -89,6 +91,7 @@ function message(message: FromServer): void {
       desk.status = message;
       scenarioStart.update(message.phase);
       timing.show(message);
+      network.show(message.network, desk.up && desk.mine);
       document.body.classList.toggle("unclocked", message.timing === null);
       return showBar(desk);
     case "refused":

@@ -16,7 +16,8 @@ export type ToServer =
   | { type: "sets"; sets: Sets }
   | { type: "scenario"; name: string | null }
   | { type: "record"; on: boolean }
-  | { type: "focus"; key: string };
+  | { type: "focus"; key: string }
+  | ({ type: "network" } & NetworkChange);
 
 export interface Coupling {
   kind: "spring" | "damper" | "wall" | "detent" | "dead-band" | "magnet" | "texture" | "friction" | "constant";
@@ -138,8 +139,26 @@ export interface Status {
   /** `null`: there is no clock to keep here. */
   timing: Punctuality | null;
   realtime: { fifo: boolean; locked: boolean; warning: string | null } | null;
+  /** Where the loop is a station of one. */
+  network?: Network;
   clients: number;
 }
+
+export interface Network {
+  station: string;
+  certified: boolean;
+  sentence: string;
+  remedies: { text: string; stiffness: number | null; age: number | null }[];
+  delay_s: number;
+  loss: number;
+  /** Factors on the file's numbers. */
+  stiffness: number;
+  age: number;
+  links: { to: string; acts: boolean; age_s: number | null; age_max_s: number }[];
+}
+
+/** What it leaves out stays. */
+export type NetworkChange = Partial<Pick<Network, "delay_s" | "loss" | "stiffness" | "age">>;
 
 export type FromServer =
   | { type: "hello"; v: number; client: number; control: number | null }

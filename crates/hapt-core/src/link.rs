@@ -73,6 +73,16 @@ impl LinkEnd {
         torque.filter(|_| self.acts).unwrap_or(0.0)
     }
 
+    /// The greatest age in s at which a position acts.
+    pub fn age_max(&self) -> f64 {
+        self.age_max
+    }
+
+    /// From now on no position acts beyond this age in s.
+    pub fn set_age_max(&mut self, age_max: f64) {
+        self.age_max = age_max;
+    }
+
     /// Whether the other's position was young enough at the last sample.
     pub fn hears(&self) -> bool {
         self.hears

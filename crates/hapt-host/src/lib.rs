@@ -53,6 +53,8 @@ mod recording;
 pub mod rule;
 mod runner;
 mod session;
+#[cfg(not(target_family = "wasm"))]
+pub mod simulated_network;
 #[cfg(test)]
 mod testing;
 mod worker;

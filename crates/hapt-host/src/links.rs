@@ -46,6 +46,9 @@ pub enum LinkError {
         /// The station.
         name: String,
     },
+    /// The certificate cannot be computed.
+    #[error("{0}")]
+    Check(String),
     /// The system gives no random numbers, or no thread.
     #[error("the system gives no {what}: {error}")]
     System {
@@ -98,6 +101,7 @@ struct Counters {
     acts: AtomicBool,
     let_go: AtomicU64,
     age: AtomicU64,
+    age_max: AtomicU64,
     oldest: AtomicU64,
     taken: AtomicU64,
     refused: [AtomicU64; Refusal::ALL.len()],
@@ -107,7 +111,8 @@ struct Counters {
 pub struct Links {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
-    links: Vec<(String, f64, Arc<Counters>)>,
+    links: Vec<(String, Arc<Counters>)>,
+    ways: Vec<Arc<WayNumbers>>,
 }
 
 /// One link's end.
@@ -125,11 +130,29 @@ struct End {
     counters: Arc<Counters>,
 }
 
+/// How long the messages of an end take, and how many are lost.
+#[derive(Debug)]
+pub struct WayNumbers {
+    /// In ns, shortest and longest.
+    delay: [AtomicU64; 2],
+    loss: AtomicU64,
+}
+
+impl WayNumbers {
+    /// From now on every message takes this long, in s.
+    pub fn set_delay(&self, delay: f64) {
+        self.delay.iter().for_each(|end| end.store((delay * 1e9) as u64, Ordering::Relaxed));
+    }
+
+    /// From now on this part of them is lost.
+    pub fn set_loss(&self, loss: f64) {
+        self.loss.store(loss.to_bits(), Ordering::Relaxed);
+    }
+}
+
 /// The way of a simulated network.
 struct Held {
-    /// In ns, shortest and longest.
-    delay: [u64; 2],
-    loss: f64,
+    numbers: Arc<WayNumbers>,
     random: u64,
     messages: VecDeque<(u64, [u8; SIZE])>,
 }
@@ -137,14 +160,15 @@ struct Held {
 impl Held {
     fn new(link: &Link, side: usize) -> Self {
         let random = u64::from(link.seed) << 1 | side as u64;
-        let delay = [link.delay, link.delay_max].map(|delay| (delay * 1e9) as u64);
-        Held { delay, loss: link.loss, random, messages: VecDeque::new() }
+        let delay = [link.delay, link.delay_max].map(|delay| AtomicU64::new((delay * 1e9) as u64));
+        let numbers = Arc::new(WayNumbers { delay, loss: AtomicU64::new(link.loss.to_bits()) });
+        Held { numbers, random, messages: VecDeque::new() }
     }
 
     fn take(&mut self, now: u64, bytes: [u8; SIZE]) {
-        let [least, most] = self.delay;
-        if uniform(&mut self.random) >= self.loss {
-            let way = least + (uniform(&mut self.random) * (most - least) as f64) as u64;
+        let [least, most] = self.numbers.delay.each_ref().map(|end| end.load(Ordering::Relaxed));
+        if uniform(&mut self.random) >= f64::from_bits(self.numbers.loss.load(Ordering::Relaxed)) {
+            let way = least + (uniform(&mut self.random) * most.saturating_sub(least) as f64) as u64;
             self.messages.push_back((now + way, bytes));
         }
     }
@@ -247,7 +271,7 @@ impl Links {
         socket.set_nonblocking(true).map_err(|error| LinkError::System { what: "socket that does not wait", error })?;
         let text = text(network);
         let own = &network.stations[station];
-        let (mut ends, mut ports, mut links) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut ends, mut ports, mut links, mut ways) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (at, joint) in network.links.iter().enumerate() {
             let Some(side) = joint.between.iter().position(|end| *end == station) else { continue };
             let other = joint.between[1 - side];
@@ -262,9 +286,11 @@ impl Links {
             let period = joint.period.map_or(0.0, |period| period - 0.5 * sample);
             let counters = Arc::new(Counters::default());
             counters.age.store(f64::INFINITY.to_bits(), Ordering::Relaxed);
-            links.push((name.clone(), joint.age_max, Arc::clone(&counters)));
+            counters.age_max.store(joint.age_max.to_bits(), Ordering::Relaxed);
+            links.push((name.clone(), Arc::clone(&counters)));
             ports.push(port);
             let held = (way == Way::AsWritten).then(|| Held::new(joint, side));
+            ways.extend(held.iter().map(|held: &Held| Arc::clone(&held.numbers)));
             ends.push(End { wire, session, to, period: (period * 1e9) as u64, next: 0, last: None, held, counters });
         }
         let stop = Arc::new(AtomicBool::new(false));
@@ -273,15 +299,20 @@ impl Links {
         let stops = Arc::clone(&stop);
         let thread = std::thread::Builder::new().name("links".into()).spawn(move || run(&socket, ends, &stops, nap));
         let thread = thread.map_err(|error| LinkError::System { what: "thread", error })?;
-        Ok((Links { stop, thread: Some(thread), links }, ports))
+        Ok((Links { stop, thread: Some(thread), links, ways }, ports))
+    }
+
+    /// What happens to the messages of each end; none on a real network.
+    pub fn ways(&self) -> impl Iterator<Item = Arc<WayNumbers>> {
+        self.ways.iter().map(Arc::clone)
     }
 
     /// What each link has done so far.
     pub fn status(&self) -> Vec<LinkStatus> {
         let number = |count: &AtomicU64| count.load(Ordering::Relaxed);
-        let one = |(to, age_max, counters): &(String, f64, Arc<Counters>)| LinkStatus {
+        let one = |(to, counters): &(String, Arc<Counters>)| LinkStatus {
             to: to.clone(),
-            age_max: *age_max,
+            age_max: f64::from_bits(number(&counters.age_max)),
             samples: number(&counters.samples),
             acted: number(&counters.acted),
             acts: counters.acts.load(Ordering::Relaxed),
@@ -393,7 +424,8 @@ impl End {
     }
 
     fn count(&self, sample: &LinkSample) {
-        let Counters { samples, acted, acts, let_go, age, oldest, .. } = &*self.counters;
+        let Counters { samples, acted, acts, let_go, age, age_max, oldest, .. } = &*self.counters;
+        age_max.store(sample.age_max.to_bits(), Ordering::Relaxed);
         samples.fetch_add(1, Ordering::Relaxed);
         acts.store(sample.outgoing.acts, Ordering::Relaxed);
         let_go.store(sample.let_go, Ordering::Relaxed);

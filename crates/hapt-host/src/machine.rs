@@ -10,6 +10,7 @@ use hapt_rt::{Device, Failure, Hands, LinkPort, Settings, SimulatedDevice};
 
 use crate::config::WorldConfig;
 use crate::local::LocalLoop;
+use crate::messages::{NetworkChange, NetworkInfo};
 use crate::runner::Runner;
 
 /// What runs the loop of a session, and its safety profile.
@@ -20,10 +21,23 @@ pub struct Machine {
     pub backend: Backend,
     /// What moves the hand of a simulated device; `None` for a real one.
     pub hands: Option<Hands>,
-    /// What its pages are to be warned of beside the loop's own warnings, such as a link that has let go.
-    pub warnings: Option<Box<dyn Fn() -> Vec<String> + Send>>,
+    /// The network that its loop is a station of, for its pages.
+    pub network: Option<Box<dyn StationView>>,
     /// The supervisor's profile. With [`SafetyProfile::Certified`] no key is set to a value that is not certified.
     pub profile: SafetyProfile,
+}
+
+/// What the pages of a station see of its network, and change of it.
+pub trait StationView: Send {
+    /// What is unusual: a link that has let go, a network that is not certified.
+    fn warnings(&self) -> Vec<String>;
+    /// Its numbers, its verdict, and its links.
+    fn info(&self) -> NetworkInfo;
+    /// Changes it for all stations.
+    ///
+    /// # Errors
+    /// In a sentence.
+    fn set(&self, change: &NetworkChange) -> Result<(), String>;
 }
 
 /// Where the loop runs.
@@ -105,7 +119,7 @@ impl Machine {
             name: "sim".into(),
             backend: backend(Box::new(device)),
             hands: Some(hands),
-            warnings: None,
+            network: None,
             profile: SafetyProfile::Simulated,
         }
     }

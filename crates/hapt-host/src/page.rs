@@ -6,6 +6,7 @@ use hapt_core::{Phase, Reason, Request};
 use hapt_rt::Epoch;
 
 use crate::frames::Frames;
+use crate::machine::StationView;
 use crate::messages::{ClientMessage, Command, Realtime, RecordingInfo, ServerMessage, Status, TimingInfo, describe};
 use crate::session::{Event, NotTaken, Session};
 use crate::worker::Task;
@@ -67,6 +68,11 @@ impl PageSession {
             }
             ClientMessage::Record { on: true } => return self.submit(client, Task::Record),
             ClientMessage::Record { on: false } => self.session.end_recording(),
+            #[cfg(not(target_family = "wasm"))]
+            ClientMessage::Network(change) => {
+                let network = self.session.network();
+                return network?.set(&change).err().map(|why| refused("", why));
+            }
             ClientMessage::Hello { .. }
             | ClientMessage::Take
             | ClientMessage::Give
@@ -140,6 +146,7 @@ impl PageSession {
             recording: session.recording().map(RecordingInfo::from),
             timing: session.realtime().map(|_| TimingInfo::of(session.timing(), &session.config().world.sampling)),
             realtime: session.realtime().map(Realtime::of),
+            network: session.network().map(StationView::info),
             clients,
         };
         let (phase, reason) = session.state();
@@ -157,6 +164,7 @@ impl PageSession {
         // A local loop's missed samples are in the timing.
         let missed = Some(session.timing().missed()).filter(|missed| *missed > 0 && session.realtime().is_none());
         let missed = missed.map(|missed| format!("The board has missed {missed} samples."));
-        session.warning().map(warning).into_iter().chain(missed).chain(session.machine_warnings()).collect()
+        let network = session.network().map(StationView::warnings).unwrap_or_default();
+        session.warning().map(warning).into_iter().chain(missed).chain(network).collect()
     }
 }

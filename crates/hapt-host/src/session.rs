@@ -11,7 +11,7 @@ use hapt_sim::script;
 
 use crate::config::WorldConfig;
 use crate::hand::VirtualHand;
-use crate::machine::{Backend, Error, Machine};
+use crate::machine::{Backend, Error, Machine, StationView};
 use crate::recording::{Recording, RecordingStatus};
 use crate::runner::{Runner, RunnerEvent};
 use crate::worker::{Done, Job, Made, Task, Worker};
@@ -32,7 +32,7 @@ pub struct Session {
     runner: Box<dyn Runner>,
     handle: LoopHandle,
     profile: SafetyProfile,
-    warnings: Option<Box<dyn Fn() -> Vec<String> + Send>>,
+    network: Option<Box<dyn StationView>>,
     /// The worlds of the plans that the loop may still run, with their generations.
     worlds: VecDeque<(u32, World)>,
     /// The loop's time in s at which the last change of the world has faded over.
@@ -132,7 +132,7 @@ impl Session {
         folder: PathBuf,
         ready: impl Fn() + Send + 'static,
     ) -> Result<Self, Error> {
-        let Machine { name, backend, hands, warnings, profile } = machine;
+        let Machine { name, backend, hands, network, profile } = machine;
         let worker = match &backend {
             Backend::Stepped { .. } => Worker::AtOnce(VecDeque::new()),
             Backend::Local { .. } => Worker::start(ready)?,
@@ -148,7 +148,7 @@ impl Session {
             config,
             runner,
             profile,
-            warnings,
+            network,
             settled: 0.0,
             hand,
             scenario: None,
@@ -193,9 +193,9 @@ impl Session {
         self.warning
     }
 
-    /// What its machine warns of: [`Machine::warnings`].
-    pub fn machine_warnings(&self) -> Vec<String> {
-        self.warnings.as_ref().map(|warnings| warnings()).unwrap_or_default()
+    /// The network that its loop is a station of.
+    pub fn network(&self) -> Option<&dyn StationView> {
+        self.network.as_deref()
     }
 
     /// The loop's time in s.

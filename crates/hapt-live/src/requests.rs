@@ -93,7 +93,8 @@ impl SharedSession {
             | ClientMessage::Reset
             | ClientMessage::Restart
             | ClientMessage::Scenario { .. }
-            | ClientMessage::Record { .. } => self.page.handle(client, message, epoch),
+            | ClientMessage::Record { .. }
+            | ClientMessage::Network(_) => self.page.handle(client, message, epoch),
         }
     }
 }

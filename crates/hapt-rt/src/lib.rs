@@ -46,7 +46,7 @@ use hapt_core::{Phase, Reason, Request};
 pub use cycle::{Cycle, Moment};
 pub use engine::{End, Engine, Error, SHORTEST_PERIOD, Settings, Stepper};
 pub use handle::{Epoch, LoopHandle};
-pub use links::{LinkPort, LinkSample, LinkWire, link};
+pub use links::{LinkPort, LinkSample, LinkTuning, LinkWire, link};
 pub use plan::{Plan, PlanState};
 pub use replay::Replay;
 pub use scheduling::Realtime;

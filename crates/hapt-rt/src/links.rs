@@ -1,5 +1,8 @@
 //! A link to another station's loop: two rings, and what becomes of them at a sample.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use hapt_core::{Heard, LinkEnd};
 use hapt_model::Link;
 use hapt_wire::link::{Incoming, Outgoing};
@@ -15,8 +18,33 @@ pub struct LinkSample {
     pub outgoing: Outgoing,
     /// How old the other's position is at most at the end of the coming hold, in s; infinite without one.
     pub age: f64,
+    /// The greatest age at which a position acts, in s.
+    pub age_max: f64,
     /// How often this end has let go.
     pub let_go: u64,
+}
+
+/// Two numbers of a link that a simulation may change while it runs: its stiffness and its `age_max`, in SI.
+#[derive(Clone, Debug)]
+pub struct LinkTuning(Arc<[AtomicU64; 2]>);
+
+impl LinkTuning {
+    /// With these numbers.
+    pub fn new(stiffness: f64, age_max: f64) -> Self {
+        LinkTuning(Arc::new([stiffness, age_max].map(|number| AtomicU64::new(number.to_bits()))))
+    }
+
+    /// Changes both, from the next sample on.
+    pub fn set(&self, stiffness: f64, age_max: f64) {
+        for (number, value) in self.0.iter().zip([stiffness, age_max]) {
+            number.store(value.to_bits(), Ordering::Relaxed);
+        }
+    }
+
+    /// The stiffness and `age_max`.
+    pub fn get(&self) -> [f64; 2] {
+        self.0.each_ref().map(|number| f64::from_bits(number.load(Ordering::Relaxed)))
+    }
 }
 
 /// The loop's side of a link. It reads the newest position from a ring, and waits for nobody.
@@ -28,6 +56,7 @@ pub struct LinkPort {
     incoming: Consumer<Incoming>,
     samples: Producer<LinkSample>,
     newest: Option<Incoming>,
+    tuning: Option<LinkTuning>,
 }
 
 /// The network's side of it.
@@ -44,11 +73,16 @@ pub fn link(link: &Link, first: bool, hold: f64) -> (LinkPort, LinkWire) {
     let (coming, incoming) = RingBuffer::new(ROOM);
     let (samples, going) = RingBuffer::new(ROOM);
     let end = LinkEnd::new(first, link.age_max, hold);
-    let port = LinkPort { link: link.clone(), first, hold, end, incoming, samples, newest: None };
+    let port = LinkPort { link: link.clone(), first, hold, end, incoming, samples, newest: None, tuning: None };
     (port, LinkWire { incoming: coming, samples: going })
 }
 
 impl LinkPort {
+    /// The same, with numbers that may be changed while it runs.
+    pub fn tuned(self, tuning: LinkTuning) -> Self {
+        LinkPort { tuning: Some(tuning), ..self }
+    }
+
     /// The torque on the puck at `position` in the sample that is taken at `now`, in ns by the loop's clock.
     pub(crate) fn sample(&mut self, ready: bool, now: u64, position: f64) -> f64 {
         for _ in 0..ROOM {
@@ -56,6 +90,12 @@ impl LinkPort {
                 Ok(incoming) => self.newest = Some(incoming),
                 Err(_) => break,
             }
+        }
+        if let Some([stiffness, age_max]) = self.tuning.as_ref().map(LinkTuning::get) {
+            if stiffness != self.link.stiffness() {
+                self.link = self.link.with_stiffness(stiffness);
+            }
+            self.end.set_age_max(age_max);
         }
         // From the future is from no clock of this loop.
         let age = |since: u64| now.checked_sub(since).map(|age| age as f64 * 1e-9);
@@ -73,7 +113,7 @@ impl LinkPort {
             heard: self.newest.map(|newest| newest.number),
         };
         let age = heard.map_or(f64::INFINITY, |heard| heard.age + self.hold);
-        let _ = self.samples.push(LinkSample { outgoing, age, let_go: self.end.let_go() });
+        let _ = self.samples.push(LinkSample { outgoing, age, age_max: self.end.age_max(), let_go: self.end.let_go() });
         torque
     }
 }

@@ -1,12 +1,13 @@
 //! `hapt live`: the loop in real time behind a web page.
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use hapt_core::SafetyProfile;
-use hapt_host::links::{self, LinkError, LinkStatus, Links, Way};
+use hapt_host::links::LinkError;
+use hapt_host::simulated_network::{self, StationEnd};
 use hapt_host::{DeviceAddress, Machine};
 use hapt_live::{Error, Live, Options};
 use hapt_model::{Network, Source, World, is_network};
@@ -93,19 +94,14 @@ fn stations(
         )));
     }
     let network = Network::read(source, &args.sets)?;
-    let check = hapt_analysis::check_network(&network)?;
     output::folder("--log-dir", &args.log_dir)?;
     output::end_in_order();
-    let failed = |error: LinkError| Failure::System(error.to_string());
-    let key = links::random_key().map_err(failed)?;
-    let bound = |_: &_| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| Ok((socket.local_addr()?, socket)));
-    let sockets = network.stations.iter().map(bound).collect::<Result<Vec<_>, _>>();
-    let sockets =
-        sockets.map_err(|error| Failure::System(format!("the system gives no socket for the links: {error}")))?;
-    let peers: Vec<(usize, SocketAddr)> = sockets.iter().map(|(address, _)| *address).enumerate().collect();
-    let verdict = (!check.certified).then(|| format!("The network is {}.", check.verdict_sentence()));
+    let ends = simulated_network::connect(&network).map_err(|error| match error {
+        LinkError::Check(error) => Failure::input(error),
+        error => Failure::System(error.to_string()),
+    })?;
     let mut lives = Vec::new();
-    for (at, (station, (_, socket))) in network.stations.iter().zip(sockets).enumerate() {
+    for (at, (station, StationEnd { ports, view })) in network.stations.iter().zip(ends).enumerate() {
         let port = match address.port() {
             0 => Some(0),
             first => u16::try_from(at).ok().and_then(|at| first.checked_add(at)),
@@ -114,23 +110,17 @@ fn stations(
             let text = format!("--port {}: each station has a port of its own from there on, up to 65535", args.port);
             Failure::input(text)
         })?;
-        let (links, ports) = Links::on(socket, &network, at, &peers, &key, Way::AsWritten).map_err(failed)?;
         let options = Options {
             source: station.source.clone(),
             sets: station.sets.clone(),
             address: SocketAddr::new(address.ip(), port),
             folder: args.log_dir.clone(),
         };
-        let verdict = verdict.clone();
-        let warnings = move || {
-            let links = links.status();
-            verdict.iter().cloned().chain(links.iter().filter_map(LinkStatus::warning)).collect()
-        };
         let settings = settings(&args.realtime, &station.world)?;
         let machine = |world: &World| {
             let machine = device.machine(world, SafetyProfile::Simulated, settings, 0.0)?.machine;
             let machine = machine.linked(ports).ok_or_else(|| Failure::input("the device runs its loop by itself"))?;
-            Ok::<_, Failure>(Machine { warnings: Some(Box::new(warnings)), ..machine })
+            Ok::<_, Failure>(Machine { network: Some(view), ..machine })
         };
         lives.push(Live::start_on(options, machine)?);
     }

@@ -156,7 +156,7 @@ impl Station {
         Links::open(&self.network, self.at, self.listen, &self.peers, &self.key).map_err(|error| match error {
             LinkError::Listen { .. } => Failure::System(format!("--listen {error}")),
             LinkError::Key { .. } => Failure::input(format!("--key: {error}")),
-            LinkError::Peer { .. } => Failure::input(error),
+            LinkError::Peer { .. } | LinkError::Check(_) => Failure::input(error),
             LinkError::System { .. } => Failure::System(error.to_string()),
         })
     }

@@ -74,8 +74,33 @@ pub enum ClientMessage {
         /// Its dotted path.
         key: String,
     },
+    /// Changes the simulated network that the loop is a station of. A page by itself has none.
+    #[cfg(not(target_family = "wasm"))]
+    Network(NetworkChange),
     /// A heartbeat.
     Alive,
+}
+
+/// A change of a simulated network, for all of its links. What it leaves out stays.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+pub struct NetworkChange {
+    /// How long a message takes, 0 to 1 s.
+    pub delay_s: Option<f64>,
+    /// The part of the messages that is lost, 0 to 1.
+    pub loss: Option<f64>,
+    /// A factor on the file's stiffness, 0.001 to 10.
+    pub stiffness: Option<f64>,
+    /// A factor on the file's `age_max`, 0.001 to 100.
+    pub age: Option<f64>,
+}
+
+#[cfg(not(target_family = "wasm"))]
+impl NetworkChange {
+    fn is_in_range(&self) -> bool {
+        let NetworkChange { delay_s, loss, stiffness, age } = self;
+        let within = |number: &Option<f64>, least: f64, most: f64| number.is_none_or(|x| x >= least && x <= most);
+        within(delay_s, 0.0, 1.0) && within(loss, 0.0, 1.0) && within(stiffness, 1e-3, 10.0) && within(age, 1e-3, 100.0)
+    }
 }
 
 /// A command to the supervisor.
@@ -108,6 +133,12 @@ impl ClientMessage {
             ClientMessage::Hand { position, .. } if position.is_nan() || position.abs() > FARTHEST => {
                 return Err(format!("a hand's position is within {FARTHEST} either way"));
             }
+            #[cfg(not(target_family = "wasm"))]
+            ClientMessage::Network(change) if !change.is_in_range() => {
+                return Err("a network's delay_s and loss are within 0 and 1, stiffness within 0.001 and 10, age within 0.001 and 100".into());
+            }
+            #[cfg(not(target_family = "wasm"))]
+            ClientMessage::Network(_) => Vec::new(),
             ClientMessage::Hello { .. }
             | ClientMessage::Take
             | ClientMessage::Give
@@ -202,6 +233,16 @@ mod tests {
             if let Ok(ClientMessage::Hand { position, .. }) = ClientMessage::read(&text) {
                 prop_assert!(position.abs() <= FARTHEST);
             }
+        }
+    }
+
+    #[test]
+    fn a_change_of_a_network_is_within_its_bounds() {
+        let read = |text: &str| ClientMessage::read(&format!(r#"{{"type":"network",{text}}}"#));
+        let change = NetworkChange { delay_s: Some(0.075), ..NetworkChange::default() };
+        assert_eq!(read(r#""delay_s":0.075"#), Ok(ClientMessage::Network(change)));
+        for wrong in [r#""delay_s":1.5"#, r#""loss":-0.1"#, r#""stiffness":0"#, r#""age":1e3"#, r#""loss":"all""#] {
+            assert!(read(wrong).is_err(), "{wrong}");
         }
     }
 }

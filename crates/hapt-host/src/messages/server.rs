@@ -204,8 +204,58 @@ pub struct Status {
     pub timing: Option<TimingInfo>,
     /// What the system grants its thread.
     pub realtime: Option<Realtime>,
+    /// The network that the loop is a station of.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub network: Option<NetworkInfo>,
     /// The number of pages connected.
     pub clients: usize,
+}
+
+/// The network that a loop is a station of.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NetworkInfo {
+    /// The station's name.
+    pub station: String,
+    /// Whether all of it is.
+    pub certified: bool,
+    /// The verdict.
+    pub sentence: String,
+    /// What would make it certified.
+    pub remedies: Vec<NetworkRemedy>,
+    /// How long a message takes, s.
+    pub delay_s: f64,
+    /// The part of the messages that is lost.
+    pub loss: f64,
+    /// A factor on the file's stiffness of every link.
+    pub stiffness: f64,
+    /// A factor on the file's `age_max` of every link.
+    pub age: f64,
+    /// This station's links.
+    pub links: Vec<LinkInfo>,
+}
+
+/// A change that makes a network certified.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NetworkRemedy {
+    /// What it does.
+    pub text: String,
+    /// As in [`super::NetworkChange`].
+    pub stiffness: Option<f64>,
+    /// As in [`super::NetworkChange`].
+    pub age: Option<f64>,
+}
+
+/// A link, as its station sees it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LinkInfo {
+    /// The station at the other end.
+    pub to: String,
+    /// Whether its torque acts.
+    pub acts: bool,
+    /// The age of the other's position at the end of the hold, s; `None`: there is none.
+    pub age_s: Option<f64>,
+    /// The greatest at which it acts, s.
+    pub age_max_s: f64,
 }
 
 /// A recording.

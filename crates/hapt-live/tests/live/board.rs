@@ -53,7 +53,7 @@ fn plugged(folder: &str) -> (SimulatedBoard, Live) {
             name,
             backend: Backend::Board { link, every: 1e-3 },
             hands: None,
-            warnings: None,
+            network: None,
             profile,
         })
     });

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::common::{folder, hapt, names};
+use crate::common::{Running, folder, hapt, names, program};
 
 const WHEEL: &str = "loop.period = \"1 ms\"\ndevice = { inertia = 1e-3, damping = 0.01 }\n\
     [scenarios.push]\nduration = \"0.1 s\"\nhand = { kind = \"step\", to = \"10 deg\", at = \"20 ms\" }\n";
@@ -112,4 +112,17 @@ fn a_report_has_the_certificate_every_link_and_every_station() {
     let broken = hapt(at.path(), ["report", "pair.toml", "--set", "links.0.age_max=1ms", "--out", "none"]);
     broken.refused(2, &["links.0.age_max"]);
     assert!(!at.path().join("none").exists());
+}
+
+#[test]
+fn live_simulates_every_station_on_a_port_of_its_own() {
+    let at = folder(&[("wheel.toml", WHEEL), ("free.toml", FREE), ("pair.toml", PAIR)]);
+    hapt(at.path(), ["live", "pair.toml", "--device", "moteus:can0"])
+        .refused(2, &["simulates every station", "hapt run --station"]);
+    hapt(at.path(), ["live", "pair.toml", "--port", "65535"]).refused(2, &["--port 65535", "a port of its own"]);
+    let mut live = Running::start(program(at.path(), ["live", "pair.toml", "--port", "0"]));
+    live.until("both links", |out, _| out.lines().count() == 2);
+    live.until("both names", |out, _| {
+        out.starts_with("left   http://127.0.0.1:") && out.contains("right  http://127.0.0.1:")
+    });
 }

@@ -1,0 +1,80 @@
+// Two wheels of a network, each on its own page in its own browser, and a story that both are told.
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { once } from "node:events";
+import { join } from "node:path";
+import { createInterface } from "node:readline";
+import { after, test } from "node:test";
+import { HAPT, extremes, number, open, place, quit, turn, until } from "./desk.mjs";
+
+after(quit);
+
+const PAIR = join(import.meta.dirname, "../../networks/pair.toml");
+const said = (page) => () => page.locator("#network p").first().textContent();
+const link = (page) => () => page.locator("#network p").nth(1).textContent();
+
+/** Moves the n-th slider of the network to a part of its way, as a finger does that lets go there. */
+async function slide(page, n, part) {
+  await page.locator("#network input").nth(n).evaluate((input, value) => {
+    input.value = String(value);
+    for (const name of ["input", "change"]) input.dispatchEvent(new Event(name));
+  }, 1000 * part);
+}
+
+test("two pages feel one shaft, are told when it will ring, and a button ends it", { timeout: 180_000 }, async () => {
+  const child = spawn(HAPT, ["live", PAIR, "--port", "0"], { stdio: ["ignore", "pipe", "inherit"] });
+  try {
+    const lines = createInterface({ input: child.stdout });
+    const urls = [];
+    for await (const line of lines) {
+      assert.match(line, /^(left|right) +http:/);
+      if (urls.push(line.split(/ +/)[1]) === 2) break;
+    }
+    const desks = [await open(urls[0]), await open(urls[1])];
+    const [left, right] = desks.map(({ page }) => page);
+    for (const page of [left, right]) {
+      await until(said(page), (text) => text.startsWith("✓ Certified: passive for any clocks"));
+      await until(link(page), (text) => text.includes("acts; position") && text.includes("of 20 ms"), 30);
+    }
+    assert.match(await left.locator("#network h2").textContent(), /station left$/);
+    // The other wheel is pulled along, and is no hand on this page.
+    await turn(left, 60);
+    await until(() => place(right), (angle) => angle > 40, 30);
+    await left.mouse.up();
+
+    // A long way, and positions that may be as old: both pages say so before anybody has touched it.
+    await slide(left, 3, 0.75);
+    await slide(left, 0, 0.375);
+    for (const page of [left, right]) {
+      await until(said(page), (text) => text.startsWith("✗ Not certified: with the links"));
+      await until(link(page), (text) => number(text.replace(/^.*position /, "")) > 120, 30);
+      assert.match(await page.locator("#network output").first().textContent(), /^75 ms$/);
+      assert.match(await page.locator("#warnings").textContent(), /The network is not certified/);
+    }
+    await turn(left, 120);
+    await left.waitForTimeout(300);
+    await left.mouse.up();
+    const ringing = async () => {
+      const [low, high] = await extremes(right, () => place(right), 2);
+      return high - low;
+    };
+    await until(ringing, (swing) => swing > 90, 40);
+
+    // The remedy on the other page.
+    await right.locator("#network button.remedy", { hasText: "Soften every link" }).click();
+    for (const page of [left, right]) await until(said(page), (text) => text.startsWith("✓ Certified"));
+    await until(ringing, (swing) => swing < 10, 60);
+
+    // Nothing arrives: both let go, and say why.
+    await slide(right, 1, 1);
+    await slide(right, 0, 1);
+    for (const page of [left, right]) {
+      await until(link(page), (text) => text.includes("has let go"), 30);
+      await until(() => page.locator("#warnings").textContent(), (text) => /The link to (left|right) has let go/.test(text));
+    }
+    for (const desk of desks) desk.quiet();
+  } finally {
+    child.kill("SIGTERM");
+    if (child.exitCode === null && child.signalCode === null) await once(child, "exit");
+  }
+});
