@@ -21,6 +21,7 @@ pub fn record(sample: u64, change: impl FnOnce(&mut Record)) -> Record {
         measured: 0.0,
         measured_velocity: 0.0,
         torque: 0.0,
+        link: 0.0,
         command: 0.0,
         output: 0.0,
         applied: 0.0,

@@ -98,7 +98,10 @@ fn stations(
     output::end_in_order();
     let ends = simulated_network::connect(&network).map_err(|error| match error {
         LinkError::Check(error) => Failure::input(error),
-        error => Failure::System(error.to_string()),
+        error @ (LinkError::Listen { .. }
+        | LinkError::Key { .. }
+        | LinkError::Peer { .. }
+        | LinkError::System { .. }) => Failure::System(error.to_string()),
     })?;
     let mut lives = Vec::new();
     for (at, (station, StationEnd { ports, view })) in network.stations.iter().zip(ends).enumerate() {

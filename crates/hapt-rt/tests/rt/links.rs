@@ -132,8 +132,8 @@ fn network() -> Network {
     let wheel = |period| {
         format!("loop.period = '{period}'\ndevice = {{ inertia = '6.4e-4 kg m^2', damping = '5 N mm s/rad' }}\n")
     };
-    source.files.insert("wheel.toml".into(), wheel("1 ms").into());
-    source.files.insert("slow.toml".into(), wheel("2 ms").into());
+    source.files.insert("wheel.toml".into(), wheel("1 ms"));
+    source.files.insert("slow.toml".into(), wheel("2 ms"));
     Network::read(&source, &[]).unwrap()
 }
 
