@@ -42,6 +42,7 @@ mod cobs;
 mod coupling;
 pub mod device;
 mod frame;
+#[cfg(feature = "link")]
 pub mod link;
 mod load;
 mod message;

@@ -137,9 +137,7 @@ Examples:
   hapt run wheel.toml --scenario step                with a hand that plays it
   hapt sim wheel.toml --out runs && \\
       hapt run wheel.toml --device replay:runs/step.csv
-  hapt run wheel.toml --device hapt:/dev/ttyACM0     the loop on a board
-  hapt run pair.toml --station left --key pair.key \
-      --listen 0.0.0.0:7000 --peer right=10.0.0.8:7000")]
+  hapt run wheel.toml --device hapt:/dev/ttyACM0     the loop on a board")]
     Run(RunArgs),
     /// Certify a world, send it to a board with hapt's firmware, and verify it there.
     #[command(after_help = "\
