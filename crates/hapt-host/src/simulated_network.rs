@@ -102,7 +102,7 @@ impl State {
             age: None,
         });
         let shorter = factor(check.remedies.age_scale).map(|factor| NetworkRemedy {
-            text: format!("Let go at {} of the age", percent(factor)),
+            text: format!("Shorten age_max to {}", percent(factor)),
             stiffness: None,
             age: Some(MARGIN * factor * age),
         });

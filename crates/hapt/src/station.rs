@@ -191,10 +191,14 @@ fn read(path: &Path) -> io::Result<Vec<u8>> {
     Ok(key)
 }
 
+/// Changes of links that are told one by one; one that flickers is not to fill the terminal.
+const CHANGES: u32 = 20;
+
 /// What was said of the links.
 #[derive(Default)]
 pub struct Told {
     acts: Vec<bool>,
+    changes: u32,
     refused: [bool; Refusal::ALL.len()],
 }
 
@@ -205,8 +209,13 @@ impl Told {
         for (told, link) in self.acts.iter_mut().zip(links) {
             if *told != link.acts {
                 *told = link.acts;
-                let what = if link.acts { "acts" } else { "has let go" };
-                messages::say(format_args!("the link to {} {what}", link.to));
+                self.changes = self.changes.saturating_add(1);
+                if self.changes < CHANGES {
+                    let what = if link.acts { "acts" } else { "has let go" };
+                    messages::say(format_args!("the link to {} {what}", link.to));
+                } else if self.changes == CHANGES {
+                    messages::say("the links go on letting go; the summary counts how often");
+                }
             }
             for refusal in strange() {
                 let told = &mut self.refused[refusal.code()];
