@@ -1,6 +1,6 @@
 //! A loop under its supervisor, and the states of both.
 
-use crate::supervisor::{Limits, Reading, Reason, Request, SafeOutput, Supervisor, SupervisorState};
+use crate::supervisor::{Beside, Limits, Reading, Reason, Request, SafeOutput, Supervisor, SupervisorState};
 use crate::{Error, Loop, Real, Spec, State};
 
 /// A world compiled with its supervisor: what a thread, a timer's interrupt or a page runs, once a period.
@@ -98,7 +98,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
         state: &mut ControllerState<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
-        torque: impl FnOnce(bool, F) -> F,
+        torque: impl FnOnce(Beside<F>) -> F,
     ) -> SafeOutput<F> {
         self.supervisor.step_beside(&mut state.supervisor, &self.world, &mut state.world, reading, request, torque)
     }

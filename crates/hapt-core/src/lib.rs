@@ -77,7 +77,7 @@ pub use sense::{Memory, Puck};
 pub use spec::{Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Method, Output, Side, Spec, Waveform};
 pub use step::{Loop, Sample, State};
 pub use supervisor::{
-    CertifiedTime, Heat, Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, Supervisor,
+    Beside, CertifiedTime, Heat, Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, Supervisor,
     SupervisorState, WhenLate,
 };
 

@@ -39,6 +39,8 @@ mod config;
 #[cfg(not(target_family = "wasm"))]
 pub mod device;
 pub mod frames;
+#[cfg(target_os = "linux")]
+pub mod game_wheel;
 mod hand;
 pub mod keys;
 #[cfg(not(target_family = "wasm"))]

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use hapt_core::{Request, SafetyProfile};
 use hapt_rt::{
-    Device, End, Engine, Epoch, Failure, LinkPort, LoopCommand, LoopHandle, Plan, Realtime, Record, Settings, Stepper,
+    Device, End, Engine, Epoch, Failure, LoopCommand, LoopHandle, Outside, Plan, Realtime, Record, Settings, Stepper,
 };
 
 use crate::config::WorldConfig;
@@ -49,10 +49,10 @@ impl LocalLoop {
         profile: SafetyProfile,
         device: Box<dyn Device>,
         settings: Settings,
-        links: Vec<LinkPort>,
+        outside: Outside,
     ) -> Result<Self, Error> {
         let plan = Plan::new(&config.world, profile).map_err(|error| Error::World(error.to_string()))?;
-        let engine = Engine::start_linked(plan.clone(), device, settings, links)?;
+        let engine = Engine::start_beside(plan.clone(), device, settings, outside)?;
         Ok(LocalLoop { engine, plan: Box::new(plan), steps: None })
     }
 

@@ -6,7 +6,7 @@ use hapt_core::SafetyProfile;
 #[cfg(not(target_family = "wasm"))]
 use hapt_core::{Phase, Reason};
 use hapt_model::World;
-use hapt_rt::{Device, Failure, Hands, LinkPort, Settings, SimulatedDevice};
+use hapt_rt::{Device, Failure, Hands, Outside, Settings, SimulatedDevice};
 
 use crate::config::WorldConfig;
 use crate::local::LocalLoop;
@@ -48,8 +48,8 @@ pub enum Backend {
         device: Box<dyn Device>,
         /// The scheduling of the thread.
         settings: Settings,
-        /// Its ends of links to other stations.
-        links: Vec<LinkPort>,
+        /// Torques from outside of its world.
+        outside: Outside,
     },
     /// Wherever [`crate::Session::poll`] is called: each call takes the samples that are due then.
     Stepped {
@@ -70,8 +70,8 @@ impl Backend {
     /// Starts the loop with the world of `config`, disarmed.
     pub(crate) fn start(self, config: &WorldConfig, profile: SafetyProfile) -> Result<Box<dyn Runner>, Error> {
         Ok(match self {
-            Backend::Local { device, settings, links } => {
-                Box::new(LocalLoop::start(config, profile, device, settings, links)?)
+            Backend::Local { device, settings, outside } => {
+                Box::new(LocalLoop::start(config, profile, device, settings, outside)?)
             }
             Backend::Stepped { device } => Box::new(LocalLoop::stepped(config, profile, device)?),
             #[cfg(not(target_family = "wasm"))]
@@ -83,7 +83,11 @@ impl Backend {
 impl Machine {
     /// The exact simulation of this world's device, with a hand.
     pub fn simulated(world: &World) -> Self {
-        Machine::simulation(world, |device| Backend::Local { device, settings: Settings::default(), links: Vec::new() })
+        Machine::simulation(world, |device| Backend::Local {
+            device,
+            settings: Settings::default(),
+            outside: Outside::default(),
+        })
     }
 
     /// The same without a thread, for a page: [`Backend::Stepped`].
@@ -91,10 +95,10 @@ impl Machine {
         Machine::simulation(world, |device| Backend::Stepped { device })
     }
 
-    /// The same loop at the ends of these links; `None` where it does not run on a thread of this computer.
-    pub fn linked(mut self, ports: Vec<LinkPort>) -> Option<Self> {
-        let Backend::Local { links, .. } = &mut self.backend else { return None };
-        *links = ports;
+    /// The same loop with torques from outside of its world; `None` where it does not run on a thread of this computer.
+    pub fn beside(mut self, torques: Outside) -> Option<Self> {
+        let Backend::Local { outside, .. } = &mut self.backend else { return None };
+        *outside = torques;
         Some(self)
     }
 

@@ -11,6 +11,7 @@ use hapt_core::Request;
 use hapt_host::links::{LinkError, LinkStatus, Links};
 use hapt_host::{Machine, Session, WorldConfig};
 use hapt_model::{Network, Source};
+use hapt_rt::Outside;
 use hapt_wire::link::{Outgoing, Refusal};
 
 const KEY: &[u8] = b"both stations know this one";
@@ -101,7 +102,7 @@ impl Station {
         let (links, ports) = Links::open(network, at, listen, &[(1 - at, to)], key).unwrap();
         let station = &network.stations[at];
         let config = WorldConfig::new(station.source.clone(), station.sets.clone()).unwrap();
-        let machine = Machine::simulated(&config.world).linked(ports).unwrap();
+        let machine = Machine::simulated(&config.world).beside(Outside::linked(ports)).unwrap();
         let mut session = Session::start(config, machine).unwrap();
         let epoch = session.handle().epoch();
         session.request(Request::Arm, epoch).unwrap();

@@ -90,7 +90,7 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
                 let Running { plan, state, .. } = &mut **running;
                 let guarded = match inputs.link {
                     None => plan.step(state, &inputs.reading, inputs.request),
-                    Some(link) => plan.step_beside(state, &inputs.reading, inputs.request, |_, _| link),
+                    Some(link) => plan.step_beside(state, &inputs.reading, inputs.request, |_| link),
                 };
                 state.commanded(inputs.computation);
                 let torques =

@@ -26,6 +26,7 @@ const WORLDS: &[(&str, &str)] = worlds! {
     "devices/smartknob-detents"
     "devices/grating"
     "devices/magnets"
+    "devices/game-wheel"
 };
 
 /// The names, each with its `@`.

@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use hapt_core::{Reading, Request, SafeOutput};
 
 use crate::plan::PlanState;
-use crate::{BODIES, Device, Failure, LinkPort, Plan, Record, Snapshot};
+use crate::{BODIES, Device, Failure, Outside, Plan, Record, Snapshot};
 
 /// The time of a sample, as the caller's clock gives it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -52,7 +52,7 @@ pub struct Cycle {
     state: PlanState,
     sample: u64,
     swaps: u32,
-    links: Vec<LinkPort>,
+    outside: Outside,
 }
 
 /// A device that is left without torque, also after a panic.
@@ -71,12 +71,12 @@ impl Cycle {
         plan.reserve();
         device.adopt(&mut plan);
         let state = plan.start();
-        Cycle { plan, device: Safe(device), state, sample: 0, swaps: 0, links: Vec::new() }
+        Cycle { plan, device: Safe(device), state, sample: 0, swaps: 0, outside: Outside::default() }
     }
 
-    /// The same loop at the ends of these links. They stay when the world changes.
-    pub fn linked(self, links: Vec<LinkPort>) -> Self {
-        Cycle { links, ..self }
+    /// The same loop with torques from outside of its world. They stay when the world changes.
+    pub fn beside(self, outside: Outside) -> Self {
+        Cycle { outside, ..self }
     }
 
     /// T in s.
@@ -132,15 +132,15 @@ impl Cycle {
             missed: moment.periods.saturating_sub(1).saturating_add(self.device.0.missed()),
             silent: moment.silent,
         };
-        let Cycle { plan, device, state, links, .. } = self;
+        let Cycle { plan, device, state, outside, .. } = self;
         let before = state.supervisor.offset;
         let mut link = 0.0;
-        // A page has no links, and its program stays small.
-        let guarded = if links.is_empty() || cfg!(target_family = "wasm") {
+        // A page has neither links nor a host, and its program stays small.
+        let guarded = if outside.is_none() || cfg!(target_family = "wasm") {
             plan.step(state, &reading, request)
         } else {
-            plan.step_beside(state, &reading, request, |ready, position| {
-                link = links.iter_mut().map(|port| port.sample(ready, moment.now, position)).sum();
+            plan.step_beside(state, &reading, request, |beside| {
+                link = outside.sample(beside, moment.now);
                 link
             })
         };

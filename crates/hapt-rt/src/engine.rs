@@ -11,7 +11,7 @@ use crate::clock::Clock;
 use crate::cycle::{Cycle, Moment};
 use crate::handle::{Epoch, LoopHandle};
 use crate::schedule::Schedule;
-use crate::{Device, Failure, LinkPort, LoopCommand, Plan, Realtime, Record, Snapshot, scheduling};
+use crate::{Device, Failure, LoopCommand, Outside, Plan, Realtime, Record, Snapshot, scheduling};
 
 /// The shortest period of a loop in real time, in s: a PC cannot wake a thread more often.
 pub const SHORTEST_PERIOD: f64 = 1e-5;
@@ -89,18 +89,18 @@ impl Engine {
 
     /// As [`Engine::start`], with these settings.
     pub fn start_with(plan: Plan, device: Box<dyn Device>, settings: Settings) -> Result<Self, Error> {
-        Engine::start_linked(plan, device, settings, Vec::new())
+        Engine::start_beside(plan, device, settings, Outside::default())
     }
 
-    /// The same at the ends of these links.
-    pub fn start_linked(
+    /// The same with torques from outside of the world.
+    pub fn start_beside(
         plan: Plan,
         device: Box<dyn Device>,
         settings: Settings,
-        links: Vec<LinkPort>,
+        outside: Outside,
     ) -> Result<Self, Error> {
         let (mut engine, mut stepper) = Engine::connect(plan, device, RECORDS)?;
-        stepper.cycle = stepper.cycle.linked(links);
+        stepper.cycle = stepper.cycle.beside(outside);
         let (say, hear) = mpsc::sync_channel(1);
         let clock = engine.handle.clock().spinning(settings.spin);
         engine.thread = Some(std::thread::Builder::new().name("loop".into()).spawn(move || {

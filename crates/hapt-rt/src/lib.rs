@@ -30,9 +30,11 @@
 
 mod clock;
 mod cycle;
+mod effects;
 mod engine;
 mod handle;
 mod links;
+mod outside;
 mod plan;
 mod replay;
 mod schedule;
@@ -44,9 +46,11 @@ mod timing;
 use hapt_core::{Phase, Reason, Request};
 
 pub use cycle::{Cycle, Moment};
+pub use effects::{EffectsPort, EffectsSample, EffectsWire, effects};
 pub use engine::{End, Engine, Error, SHORTEST_PERIOD, Settings, Stepper};
 pub use handle::{Epoch, LoopHandle};
 pub use links::{LinkPort, LinkSample, LinkTuning, LinkWire, link};
+pub use outside::Outside;
 pub use plan::{Plan, PlanState};
 pub use replay::Replay;
 pub use scheduling::Realtime;

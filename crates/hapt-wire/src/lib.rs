@@ -47,6 +47,8 @@ pub mod link;
 mod load;
 mod message;
 pub mod pid;
+#[cfg(feature = "usb")]
+pub mod usb;
 mod world;
 
 use crc::{CRC_16_IBM_3740, Crc};

@@ -11,6 +11,7 @@ use hapt_host::simulated_network::{self, StationEnd};
 use hapt_host::{DeviceAddress, Machine};
 use hapt_live::{Error, Live, Options};
 use hapt_model::{Network, Source, World, is_network};
+use hapt_rt::Outside;
 
 use crate::args::{LiveArgs, device};
 use crate::drives;
@@ -122,7 +123,9 @@ fn stations(
         let settings = settings(&args.realtime, &station.world)?;
         let machine = |world: &World| {
             let machine = device.machine(world, SafetyProfile::Simulated, settings, 0.0)?.machine;
-            let machine = machine.linked(ports).ok_or_else(|| Failure::input("the device runs its loop by itself"))?;
+            let machine = machine
+                .beside(Outside::linked(ports))
+                .ok_or_else(|| Failure::input("the device runs its loop by itself"))?;
             Ok::<_, Failure>(Machine { network: Some(view), ..machine })
         };
         lives.push(Live::start_on(options, machine)?);

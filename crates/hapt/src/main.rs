@@ -49,6 +49,11 @@ mod sweep;
 mod sweep_plot;
 mod table;
 mod topics;
+#[cfg(target_os = "linux")]
+mod wheel;
+#[cfg(not(target_os = "linux"))]
+#[path = "no_wheel.rs"]
+mod wheel;
 mod world;
 mod worlds;
 mod worst;
@@ -90,6 +95,7 @@ fn main() -> ExitCode {
         Some(Command::Devices) => drives::devices(),
         Some(Command::SimulateDrive(args)) => drives::simulate(args),
         Some(Command::Live(args)) => live::run(args),
+        Some(Command::Wheel(args)) => wheel::run(args),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Grade(args)) => grade::run(args),
         Some(Command::Worlds) => worlds::run(),

@@ -9,7 +9,7 @@ use hapt_host::links::Links;
 use hapt_host::{DeviceAddress, Error, Event, Sample, Session, WorldConfig};
 use hapt_log::{Header, Recorder, Summary};
 use hapt_model::Scenario;
-use hapt_rt::{Failure as DeviceFailure, Record, Timing};
+use hapt_rt::{Failure as DeviceFailure, Outside, Record, Timing};
 use hapt_sim::script;
 
 use crate::args::{RunArgs, device};
@@ -23,6 +23,7 @@ use crate::messages;
 use crate::output;
 use crate::sim;
 use crate::station::{self, Chosen, Station, Told};
+use crate::wheel::Wheel;
 use crate::world::{Loaded, files};
 
 /// The period of a board's telemetry in s, where no log needs every sample.
@@ -31,6 +32,11 @@ const SHOWN: f64 = 0.02;
 const SILENT: Duration = Duration::from_secs(2);
 
 pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
+    with(args, None)
+}
+
+/// The same; with a range of the steering in rad, the device is a wheel for games too.
+pub fn with(args: &RunArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
     let address = device(&args.device)?;
     let Chosen { loaded, sets, station } = Chosen::of(args, &address)?;
     let scenario = args.scenario.as_deref().map(|name| loaded.world.scenario(name)).transpose()?.cloned();
@@ -59,11 +65,13 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     if let Some(station) = &station {
         profile = station.profile(profile, args.uncertified)?;
     }
+    let room = range.map(|range| Wheel::room(world, range)).transpose()?;
     let recording = Recording::start(args.log.as_deref(), world, || Header {
-        linked: station.is_some(),
+        linked: station.is_some() || range.is_some(),
         ..header(args, &loaded, &sets, profile)
     })?;
     let (links, ports) = station.as_ref().map(Station::open).transpose()?.unzip();
+    let (wheel, effects) = room.map(Wheel::attach).transpose()?.unzip();
     if address.has_motor() {
         // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
         output::end_in_order();
@@ -76,9 +84,15 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     if let Some(why) = machine.clear_fault()? {
         messages::say(format_args!("the board was faulted, and is cleared: {why}"));
     }
-    if let Some(ports) = ports {
-        machine =
-            machine.linked(ports).ok_or_else(|| Failure::input("--station: the device runs its loop by itself"))?;
+    let outside = match (ports, effects) {
+        (Some(ports), _) => Some(("--station", Outside::linked(ports))),
+        (None, Some(effects)) => Some(("hapt wheel", Outside::playing(effects))),
+        (None, None) => None,
+    };
+    if let Some((what, outside)) = outside {
+        machine = machine.beside(outside).ok_or_else(|| {
+            Failure::input(format!("{what}: the device runs its loop by itself; it needs a loop of this computer"))
+        })?;
     }
     let config = WorldConfig::new(loaded.source.clone(), sets).map_err(Failure::input)?;
     let mut session = Session::start(config, machine)?;
@@ -95,19 +109,29 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         messages::say(format_args!("warning: {warning}"));
     }
     let stolen = Stolen::until_now();
-    let mut run =
-        Run { session, is_board, scenario, duration, stolen, seen: Seen::default(), links, told: Told::default() };
+    let mut run = Run {
+        session,
+        is_board,
+        scenario,
+        duration,
+        stolen,
+        seen: Seen::default(),
+        links,
+        wheel,
+        told: Told::default(),
+    };
     let how = run.until_it_ends();
     // Before anything waits for a disk or for a reader.
     run.session.end(|sample| run.seen.add(sample.record));
     // The other stations learn at once that this end has let go.
     let links = run.links.as_mut().map(Links::end).unwrap_or_default();
+    let wheel = run.wheel.as_mut().map(Wheel::end).unwrap_or_default();
     let how = how?;
     let recorder = run.session.take_recording().map(hapt_host::Recording::into_recorder);
     let logged = recorder.map(finish).transpose();
     let mut out = stdout().lock();
     let logged_line = logged.as_ref().ok().and_then(Option::as_deref).unwrap_or_default();
-    let text = run.summary(&loaded, &on, &how) + &station::summary(&links) + logged_line;
+    let text = run.summary(&loaded, &on, &how) + &station::summary(&links) + &wheel + logged_line;
     let printed = out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
     if let How::Signal(code) = how {
         // The terminal may be closed.
@@ -127,6 +151,9 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
         How::Silent => Err(Failure::System(
             "the board sends no samples any more; its own watchdog removes the torque if its loop has stopped".into(),
         )),
+        How::Detached => {
+            Err(Failure::System("the run ended early, with the torque off: the computer has detached the wheel".into()))
+        }
         How::Failed(Error::Device(failure)) => {
             Err(Failure::System(format!("the run ended early, with the torque off: {failure}")))
         }
@@ -158,6 +185,8 @@ enum How {
     Fault(Reason),
     /// A board that shows no samples.
     Silent,
+    /// The computer has given the wheel back.
+    Detached,
     Failed(Error),
 }
 
@@ -188,6 +217,8 @@ struct Run {
     seen: Seen,
     /// Those of a station.
     links: Option<Links>,
+    /// What the computer sees of the device.
+    wheel: Option<Wheel>,
     told: Told,
 }
 
@@ -208,6 +239,12 @@ impl Run {
             self.keep();
             if let Some(links) = &self.links {
                 self.told.say(&links.status());
+            }
+            if let Some(wheel) = &mut self.wheel {
+                wheel.say();
+                if !wheel.is_attached() {
+                    return Ok(How::Detached);
+                }
             }
             let before = self.seen.records;
             let ended = self.session.poll(begin.elapsed(), |sample: Sample<'_>| self.seen.add(sample.record));
@@ -302,6 +339,7 @@ impl Run {
             How::Signal(_) => "interrupted, the torque off at once".into(),
             How::Fault(reason) => format!("faulted. {}", reason.sentence()),
             How::Failed(Error::Device(failure)) => failure.to_string(),
+            How::Detached => "the computer has detached the wheel".into(),
             How::Silent | How::Failed(_) => "broken off".into(),
         };
         let period = format::time(world.sampling.period);

@@ -29,7 +29,7 @@ use energy::Energy;
 use ledger::Ledger;
 pub use limits::{CertifiedTime, Heat, Limits, SafetyProfile, WhenLate};
 use motion::Motion;
-pub use phase::{Phase, Reading, Request, SafeOutput};
+pub use phase::{Beside, Phase, Reading, Request, SafeOutput};
 use pulse::{Pulse, SignTest, Testing};
 pub use reason::Reason;
 use standing::Stand;
@@ -132,12 +132,11 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         reading: &Reading<F>,
         request: Option<Request>,
     ) -> SafeOutput<F> {
-        self.guarded(state, world, loop_state, reading, request, |_, _| None)
+        self.guarded(state, world, loop_state, reading, request, |_| None)
     }
 
     /// The same with a torque on the puck from outside of the world, of the measured position: it is added to the world's before levels and
-    /// limit. `torque` is told whether the world's own torque counts: not while disarmed or tested, when the position has no zero yet. The
-    /// ledgers stay those of the world alone.
+    /// limit. The ledgers stay those of the world alone.
     pub fn step_beside<const W: usize>(
         &self,
         state: &mut SupervisorState<F>,
@@ -145,9 +144,9 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         loop_state: &mut State<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
-        torque: impl FnOnce(bool, F) -> F,
+        torque: impl FnOnce(Beside<F>) -> F,
     ) -> SafeOutput<F> {
-        self.guarded(state, world, loop_state, reading, request, |ready, position| Some(torque(ready, position)))
+        self.guarded(state, world, loop_state, reading, request, |beside| Some(torque(beside)))
     }
 
     #[inline(always)]
@@ -158,7 +157,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         loop_state: &mut State<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
-        beside: impl FnOnce(bool, F) -> Option<F>,
+        beside: impl FnOnce(Beside<F>) -> Option<F>,
     ) -> SafeOutput<F> {
         let ordinary =
             request.is_none() && state.is_steady() && self.motion.is_ordinary(&mut state.seen, reading, state.output);
@@ -166,7 +165,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         // A NaN never enters the world.
         let velocity = reading.velocity.finite_or_zero();
         let mut sample = world.sample(world, loop_state, state.seen.position - state.offset, velocity);
-        if let Some(torque) = beside(!look.waits, sample.puck.position) {
+        let seen = Beside { ready: !look.waits, position: sample.puck.position, torque: sample.torque };
+        if let Some(torque) = beside(seen) {
             if !are_finite([torque]) {
                 state.fault_where_active(Reason::NotFinite);
             }

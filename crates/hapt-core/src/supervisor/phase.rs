@@ -61,6 +61,17 @@ pub struct Reading<F> {
     pub silent: F,
 }
 
+/// What a torque from outside of the world is computed from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beside<F> {
+    /// Whether the world's own torque counts: not while disarmed or tested, when the position has no zero yet.
+    pub ready: bool,
+    /// Of the puck, measured, rad (linear: m).
+    pub position: F,
+    /// The world's own torque in this sample, N·m (linear: N), before levels and limit.
+    pub torque: F,
+}
+
 /// The result of one guarded sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafeOutput<F> {

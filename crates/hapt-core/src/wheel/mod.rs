@@ -124,6 +124,11 @@ pub struct Given<F> {
     pub shortfall: Option<Shortfall>,
 }
 
+impl<F: Real> Given<F> {
+    /// Where nothing is asked.
+    pub const NOTHING: Self = Given { torque: F::ZERO, asked: F::ZERO, scale: F::ONE, used: F::ZERO, shortfall: None };
+}
+
 /// A wheel, compiled from a [`Device`].
 #[derive(Clone, Copy, Debug)]
 pub struct Wheel<F> {
@@ -206,9 +211,22 @@ impl<F: Real> Wheel<F> {
     /// One sample: the torque for the position, in rad. `revision` differs from the last sample's where the host has changed the effects;
     /// the jump of the torque that the change would make fades within milliseconds. A position that is not finite gives no torque.
     pub fn step(&self, state: &mut WheelState<F>, position: F, effects: &[Effect<F>], revision: u32) -> Given<F> {
+        self.step_beside(state, position, F::ZERO, effects, revision)
+    }
+
+    /// The same beside a torque that acts on the wheel already, in N·m: what is given is to be added to it, and the sum is within the limit.
+    /// The device's damping has to pay for both: [`Device::damping`] is then what that torque's law leaves of it.
+    pub fn step_beside(
+        &self,
+        state: &mut WheelState<F>,
+        position: F,
+        beside: F,
+        effects: &[Effect<F>],
+        revision: u32,
+    ) -> Given<F> {
         if !position.is_finite() {
             *state = self.start();
-            return Given { torque: F::ZERO, asked: F::ZERO, scale: F::ZERO, used: F::ZERO, shortfall: None };
+            return Given { scale: F::ZERO, ..Given::NOTHING };
         }
         let way = state.last.map_or(F::ZERO, |last| position - last);
         state.last = Some(position);
@@ -221,7 +239,8 @@ impl<F: Real> Wheel<F> {
         }
         state.direct = scaled + state.fading;
         // Stops come last: what the host asks for is within the limit before they add to it.
-        let statics = within(within(state.direct, -self.limit, self.limit) + stops, -self.limit, self.limit);
+        let fixed = stops + beside.finite_or_zero();
+        let statics = within(within(state.direct, -self.limit, self.limit) + fixed, -self.limit, self.limit);
         // Elements yield where the motor cannot hold them, on both their ends.
         let room = (statics - self.limit, statics + self.limit);
         let velocity = way / self.period;
@@ -229,9 +248,10 @@ impl<F: Real> Wheel<F> {
         let room = (room.0 - drag, room.1 - drag);
         let (inertia, most) = inertia(effects);
         let mass = state.mass.step(shares.mass, way, room, inertia, most, self.period);
-        let torque = (statics - drag - mass).finite_or_zero().within(self.limit);
-        let plain = wanted + stops - self.drag(effects, velocity).moving(velocity) - mass;
-        let asked = plain.finite_or_zero().within(self.limit);
+        let beside = beside.finite_or_zero();
+        let torque = (statics - drag - mass).finite_or_zero().within(self.limit) - beside;
+        let plain = wanted + fixed - self.drag(effects, velocity).moving(velocity) - mass;
+        let asked = plain.finite_or_zero().within(self.limit) - beside;
         let shortfall = if effects.iter().any(drives) {
             Some(Shortfall::Drives)
         } else if shares.scale < F::ONE {

@@ -2,7 +2,7 @@
 
 use hapt_core::SafetyProfile;
 use hapt_model::World;
-use hapt_rt::{Device, Hands, Replay, Settings, SimulatedDevice};
+use hapt_rt::{Device, Hands, Outside, Replay, Settings, SimulatedDevice};
 
 use super::recorded::positions;
 use super::{BoardPort, DeviceAddress, DeviceError};
@@ -73,7 +73,7 @@ impl DeviceAddress {
             DeviceAddress::Board(port) => board(port, name, profile, every),
             DeviceAddress::Sim | DeviceAddress::Replay(_) | DeviceAddress::Drive(_) => {
                 let OpenedDevice { device, hands, notes } = self.open(world)?;
-                let backend = Backend::Local { device, settings, links: Vec::new() };
+                let backend = Backend::Local { device, settings, outside: Outside::default() };
                 let machine = Machine { name, backend, hands, network: None, profile };
                 Ok(OpenedMachine { machine, description: self.description(), notes })
             }

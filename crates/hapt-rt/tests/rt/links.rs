@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_model::{Network, Source};
-use hapt_rt::{Cycle, HandCommand, Hands, LinkWire, Moment, Plan, Record, SimulatedDevice, link};
+use hapt_rt::{Cycle, HandCommand, Hands, LinkWire, Moment, Outside, Plan, Record, SimulatedDevice, link};
 use hapt_sim::Grip;
 use hapt_wire::link::{Number, Session};
 
@@ -93,7 +93,7 @@ impl Station {
         let (port, wire) = link(&network.links[0], at == 0, network.stations[at].hold());
         let plan = Plan::new(world, SafetyProfile::Simulated).unwrap();
         Station {
-            cycle: Cycle::new(Box::new(plan), Box::new(device)).linked(vec![port]),
+            cycle: Cycle::new(Box::new(plan), Box::new(device)).beside(Outside::linked(vec![port])),
             hands,
             wire,
             session: Session::new(KEY, 9, at == 0, rng.next()),

@@ -8,5 +8,5 @@ mod pool;
 mod report;
 
 pub use descriptor::{BUTTONS, DESCRIPTOR, EFFECTS, FULL, INFINITE, id};
-pub use pool::{Pool, Scale};
-pub use report::{Common, Condition, Control, Envelope, Kind, LONGEST_REPORT, Operation, Periodic, Report};
+pub use pool::{Pool, SILENCE, Scale};
+pub use report::{Common, Condition, Control, Envelope, Input, Kind, LONGEST_REPORT, Operation, Periodic, Report};

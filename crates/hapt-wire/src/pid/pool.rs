@@ -49,8 +49,14 @@ pub struct Pool {
     enabled: bool,
     paused: Option<u64>,
     pressed: u16,
+    /// When the last report came, µs.
+    heard: u64,
     revision: u32,
 }
+
+/// In µs: what can do work on the wheel without end (a torque, a damper that moves along) stops when the host has said nothing for so long.
+/// A game that hangs leaves no torque on. Springs, frictions and inertia stay: no hand draws energy from them.
+pub const SILENCE: u64 = 10_000_000;
 
 const SUCCESS: u8 = 1;
 const FULL_POOL: u8 = 2;
@@ -73,6 +79,7 @@ impl Pool {
             enabled: true,
             paused: None,
             pressed: 0,
+            heard: 0,
             revision: 0,
         }
     }
@@ -83,8 +90,10 @@ impl Pool {
         self.revision
     }
 
-    /// Takes a report. What names an effect that is not in the pool changes nothing, and returns false.
+    /// Takes a report. What names an effect that is not in the pool changes nothing, and returns false; but an effect's own report puts it there:
+    /// a reset that was sent before the effect was created may arrive after that.
     pub fn take(&mut self, report: &Report, now: u64) -> bool {
+        self.heard = now;
         self.revision = self.revision.wrapping_add(1);
         match *report {
             Report::Create(kind) => self.create(kind),
@@ -98,7 +107,12 @@ impl Pool {
                 true
             }
             Report::Operation { block, operation, loops } => self.operate(block, operation, loops, now),
-            Report::Effect { block, common } => self.change(block, |slot| slot.common = common),
+            Report::Effect { block, common } => {
+                if let Some(empty @ None) = self.slots.get_mut(block) {
+                    *empty = Some(Slot::new(common.kind));
+                }
+                self.change(block, |slot| slot.common = common)
+            }
             Report::Envelope { block, envelope } => self.change(block, |slot| slot.envelope = envelope),
             Report::Condition { axis: 0, block, condition } => self.change(block, |slot| slot.condition = condition),
             Report::Condition { block, .. } => self.change(block, |_| {}),
@@ -119,17 +133,7 @@ impl Pool {
             self.loaded = (0, FULL_POOL);
             return false;
         };
-        let common = Common { kind, duration: INFINITE, repeat: 0, delay: 0, gain: FULL, button: 0, direction: None };
-        *slot = Some(Slot {
-            common,
-            envelope: Envelope::default(),
-            condition: Condition::default(),
-            periodic: Periodic::default(),
-            magnitude: 0,
-            ramp: (0, 0),
-            playing: None,
-            triggered: 0,
-        });
+        *slot = Some(Slot::new(kind));
         self.loaded = (block as u8 + 1, SUCCESS);
         true
     }
@@ -209,9 +213,10 @@ impl Pool {
             return (all, count);
         }
         let gain = share(self.gain);
+        let silent = now.saturating_sub(self.heard) > SILENCE;
         for slot in self.slots.iter_mut().flatten() {
             let Some(time) = slot.time(now) else { continue };
-            let Some(time) = time else {
+            let Some(time) = time.filter(|_| !(silent && slot.can_work())) else {
                 slot.playing = None;
                 self.revision = self.revision.wrapping_add(1);
                 continue;
@@ -231,6 +236,30 @@ fn share(level: i16) -> f32 {
 }
 
 impl Slot {
+    fn new(kind: Kind) -> Self {
+        let common = Common { kind, duration: INFINITE, repeat: 0, delay: 0, gain: FULL, button: 0, direction: None };
+        Slot {
+            common,
+            envelope: Envelope::default(),
+            condition: Condition::default(),
+            periodic: Periodic::default(),
+            magnitude: 0,
+            ramp: (0, 0),
+            playing: None,
+            triggered: 0,
+        }
+    }
+
+    /// Whether it can do work on the wheel for as long as it plays.
+    fn can_work(&self) -> bool {
+        match self.common.kind {
+            Kind::Spring | Kind::Inertia | Kind::Friction => false,
+            Kind::Damper => self.condition.offset != 0,
+            Kind::Constant | Kind::Ramp | Kind::Square | Kind::Sine => true,
+            Kind::Triangle | Kind::SawtoothUp | Kind::SawtoothDown => true,
+        }
+    }
+
     /// `None` when it does not play, `Some(None)` when it has ended; else the µs since its turn began, and -1 before its delay is over.
     fn time(&self, now: u64) -> Option<Option<i64>> {
         let playing = self.playing?;

@@ -297,6 +297,36 @@ impl Report {
     }
 }
 
+/// What the wheel tells the host.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Input {
+    /// Full scale 32767 to the right end of the steering range, -32767 to the left.
+    pub steering: i16,
+    /// Throttle, brake and clutch, 0 to 32767.
+    pub pedals: [u16; 3],
+    /// The first in the lowest bit.
+    pub buttons: u16,
+}
+
+impl Input {
+    /// Bytes of the report, with its id.
+    pub const LENGTH: usize = 11;
+
+    /// The bytes of the report, with its id first.
+    #[must_use]
+    pub fn write(&self) -> [u8; Input::LENGTH] {
+        let mut out = Bytes { bytes: [0; LONGEST_REPORT], length: 0 };
+        out.byte(id::WHEEL).level(self.steering.max(-i16::MAX));
+        for pedal in self.pedals {
+            out.word(pedal.min(32_767));
+        }
+        out.word(self.buttons);
+        let mut report = [0; Input::LENGTH];
+        report.copy_from_slice(out.bytes.split_at(Input::LENGTH).0);
+        report
+    }
+}
+
 /// The longest report to the device, with its id.
 pub const LONGEST_REPORT: usize = 15;
 

@@ -39,7 +39,7 @@ pub struct RunArgs {
 }
 
 // What a station of a network needs to know of the others. A comment for the help would replace the command's.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub struct StationArgs {
     /// The station of a network file that runs here.
     #[arg(long, value_name = "NAME")]
@@ -182,7 +182,7 @@ pub struct LatencyArgs {
 }
 
 // Scheduling of the loop's thread. (A doc comment would become the command's own description.)
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub struct RealtimeArgs {
     /// Poll the clock for this time before each sample instead of sleeping, such as 100us.
     #[arg(long, value_name = "Q")]
@@ -190,6 +190,30 @@ pub struct RealtimeArgs {
     /// The loop's priority under SCHED_FIFO, from 1 to 99; 0: an ordinary thread.
     #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(0..=99))]
     pub priority: u8,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct WheelArgs {
+    /// The world file, - or @NAME, with the end stops and the feel without a game; default: two soft stops.
+    #[arg(value_name = "WORLD")]
+    pub path: Option<PathBuf>,
+    /// Override a key of the world file by its dotted path, such as loop.period=2ms; repeatable.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub sets: Vec<String>,
+    /// The device: sim, or a drive of hapt run.
+    #[arg(long, value_name = "SPEC", default_value = "sim")]
+    pub device: String,
+    /// From one end of the steering to the other; the default world's stops are there.
+    #[arg(long, value_name = "Q", default_value = "900 deg")]
+    pub range: String,
+    /// The time at full torque; default: until Ctrl-C.
+    #[arg(long, value_name = "Q")]
+    pub duration: Option<String>,
+    /// Write every sample into this log.
+    #[arg(long, value_name = "FILE.mcap")]
+    pub log: Option<PathBuf>,
+    #[command(flatten)]
+    pub realtime: RealtimeArgs,
 }
 
 #[derive(Debug, clap::Args)]

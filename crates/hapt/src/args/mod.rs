@@ -181,6 +181,12 @@ Examples:
   hapt live @notes/euler --set loop.period=5ms
   hapt live wheel.toml --device hapt:/dev/ttyACM0    a board, and its page")]
     Live(LiveArgs),
+    /// Show the device to this computer as a force-feedback wheel for games (Linux).
+    #[command(after_help = "\
+Examples:
+  sudo hapt wheel                                    a simulated wheel, for any game
+  sudo hapt wheel rig.toml --device moteus:/dev/ttyACM0 --range '540 deg'")]
+    Wheel(WheelArgs),
     /// Write a commented world file to start from, and its schema for editors.
     #[command(after_help = "\
 Examples:

@@ -1,0 +1,438 @@
+//! A USB bus whose host is at the other end of a stream: USB/IP, as Linux's vhci-hcd speaks it ("USB/IP protocol", in the kernel's documentation).
+//!
+//! The host sends transfers, and each is answered once; the device sees packets. A control transfer is taken to packets here: its setup, its
+//! data, its status.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use usb_device::bus::{PollResult, UsbBus};
+use usb_device::endpoint::{EndpointAddress, EndpointType};
+use usb_device::{UsbDirection, UsbError};
+
+/// The length of every message without its data, in bytes.
+pub const HEADER: usize = 48;
+/// The most data of a transfer, in bytes; a wheel's own are far shorter.
+const LONGEST: usize = 4096;
+/// What the device takes of a control transfer, in bytes.
+const LONGEST_CONTROL: usize = 128;
+/// Endpoints in each direction, with the control pipe.
+const ENDPOINTS: usize = 3;
+
+const SUBMIT: u32 = 1;
+const UNLINK: u32 = 2;
+const SUBMITTED: u32 = 3;
+const UNLINKED: u32 = 4;
+/// The kernel's -EPIPE: the endpoint has stalled.
+const STALLED: i32 = -32;
+/// The kernel's -ECONNRESET: the transfer was taken back in time.
+const TAKEN_BACK: i32 = -104;
+
+/// What comes on the stream is no message of the protocol.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Malformed;
+
+/// A transfer that waits for its answer.
+struct Transfer {
+    number: u32,
+    setup: [u8; 8],
+    /// For a transfer to the device, what it carries; from the device, what was gathered.
+    data: Vec<u8>,
+    /// Bytes that the device has read.
+    read: usize,
+    /// Bytes that the host has room for.
+    room: usize,
+    is_in: bool,
+}
+
+/// How far the first control transfer is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// The device has not seen it.
+    Waits,
+    /// Its setup can be read.
+    Setup,
+    /// The device writes.
+    Gathers {
+        /// A packet is gone, and the device does not know yet.
+        gone: bool,
+    },
+    /// The device reads.
+    Gives,
+    /// The device may read the empty packet that ends what it wrote.
+    ReadsStatus,
+    /// The device is to write the empty packet that ends what it read.
+    WritesStatus,
+    /// It has written it, and does not know yet that it is gone.
+    Gone,
+}
+
+struct State {
+    is_reset: bool,
+    used: [u8; 2],
+    control: VecDeque<Transfer>,
+    stage: Stage,
+    /// To the device and from it, by endpoint.
+    out: [VecDeque<Transfer>; ENDPOINTS],
+    into: [VecDeque<Transfer>; ENDPOINTS],
+    /// Packets that wait for a transfer of the host.
+    ready: [Option<Vec<u8>>; ENDPOINTS],
+    /// Endpoints whose packet is gone, and the device does not know yet.
+    gone: u16,
+    stalled: [u16; 2],
+    answers: Vec<u8>,
+}
+
+/// The bus of one device.
+pub struct Bus(Mutex<State>);
+
+impl Default for Bus {
+    fn default() -> Self {
+        Bus(Mutex::new(State {
+            is_reset: true,
+            used: [0; 2],
+            control: VecDeque::new(),
+            stage: Stage::Waits,
+            out: Default::default(),
+            into: Default::default(),
+            ready: Default::default(),
+            gone: 0,
+            stalled: [0; 2],
+            answers: Vec::new(),
+        }))
+    }
+}
+
+/// The four bytes at `at`, most significant first.
+fn word(header: &[u8; HEADER], at: usize) -> u32 {
+    header[at..at + 4].iter().fold(0, |word, byte| word << 8 | u32::from(*byte))
+}
+
+/// The bytes of data that follow this header.
+pub fn data_length(header: &[u8; HEADER]) -> Result<usize, Malformed> {
+    let is_out = word(header, 12) == 0;
+    match word(header, 0) {
+        SUBMIT => {
+            let length = usize::try_from(word(header, 24)).map_err(|_| Malformed)?;
+            match (length <= LONGEST, is_out) {
+                (false, _) => Err(Malformed),
+                (true, true) => Ok(length),
+                (true, false) => Ok(0),
+            }
+        }
+        UNLINK => Ok(0),
+        _ => Err(Malformed),
+    }
+}
+
+impl Bus {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes a message of the host with its data.
+    pub fn receive(&self, header: &[u8; HEADER], data: &[u8]) -> Result<(), Malformed> {
+        let mut state = self.state();
+        let number = word(header, 4);
+        if word(header, 0) == UNLINK {
+            state.unlink(number, word(header, 20));
+            return Ok(());
+        }
+        let endpoint = usize::try_from(word(header, 16)).map_err(|_| Malformed)?;
+        let is_in = word(header, 12) != 0;
+        let room = word(header, 24) as usize;
+        let mut setup = [0; 8];
+        setup.copy_from_slice(&header[40..48]);
+        let transfer = Transfer { number, setup, data: data.to_vec(), read: 0, room, is_in };
+        if endpoint == 0 {
+            state.control.push_back(transfer);
+            return Ok(());
+        }
+        let bit = 1 << endpoint.min(15);
+        if endpoint >= ENDPOINTS || u16::from(state.used[usize::from(is_in)]) & bit == 0 {
+            state.answer(&transfer, STALLED, &[]);
+        } else if state.stalled[usize::from(is_in)] & bit != 0 {
+            state.answer(&transfer, STALLED, &[]);
+        } else if is_in {
+            state.into[endpoint].push_back(transfer);
+            state.deliver(endpoint);
+        } else {
+            state.out[endpoint].push_back(transfer);
+        }
+        Ok(())
+    }
+
+    /// The bytes for the host since the last call.
+    pub fn answers(&self) -> Vec<u8> {
+        std::mem::take(&mut self.state().answers)
+    }
+}
+
+impl State {
+    fn answer(&mut self, transfer: &Transfer, status: i32, data: &[u8]) {
+        let data = &data[..data.len().min(transfer.room)];
+        let length = if transfer.is_in { data.len() } else { transfer.read };
+        self.say(SUBMITTED, transfer.number, status, length);
+        if transfer.is_in {
+            self.answers.extend_from_slice(data);
+        }
+    }
+
+    fn say(&mut self, command: u32, number: u32, status: i32, length: usize) {
+        let begin = self.answers.len();
+        for word in [command, number, 0, 0, 0, status as u32, length as u32] {
+            self.answers.extend_from_slice(&word.to_be_bytes());
+        }
+        self.answers.resize(begin + HEADER, 0);
+    }
+
+    /// The host takes a transfer back.
+    fn unlink(&mut self, number: u32, which: u32) {
+        let waits = |queue: &VecDeque<Transfer>| queue.iter().position(|transfer| transfer.number == which);
+        let mut found = false;
+        if let Some(at) = waits(&self.control) {
+            self.control.remove(at);
+            if at == 0 {
+                // The device forgets it at the next setup.
+                self.stage = Stage::Waits;
+            }
+            found = true;
+        }
+        for queue in self.out.iter_mut().chain(&mut self.into) {
+            if let Some(at) = waits(queue) {
+                queue.remove(at);
+                found = true;
+            }
+        }
+        self.say(UNLINKED, number, if found { TAKEN_BACK } else { 0 }, 0);
+    }
+
+    /// Ends the first control transfer.
+    fn end_control(&mut self, status: i32) {
+        self.stage = Stage::Waits;
+        if let Some(mut transfer) = self.control.pop_front() {
+            let data = std::mem::take(&mut transfer.data);
+            self.answer(&transfer, status, if status == 0 { &data } else { &[] });
+        }
+    }
+
+    /// Gives a packet to a transfer, where there are both.
+    fn deliver(&mut self, endpoint: usize) {
+        if self.ready[endpoint].is_none() {
+            return;
+        }
+        if let (Some(transfer), Some(packet)) = (self.into[endpoint].pop_front(), self.ready[endpoint].take()) {
+            self.answer(&transfer, 0, &packet);
+            self.gone |= 1 << endpoint;
+        }
+    }
+
+    fn write_control(&mut self, packet: &[u8]) -> Result<usize, UsbError> {
+        let Some(transfer) = self.control.front_mut() else { return Err(UsbError::WouldBlock) };
+        match self.stage {
+            Stage::Gathers { gone: false } => {
+                transfer.data.extend_from_slice(packet);
+                let ends = packet.len() < usize::from(hapt_wire::usb::PACKET) || transfer.data.len() >= transfer.room;
+                self.stage = if ends { Stage::ReadsStatus } else { Stage::Gathers { gone: true } };
+                Ok(packet.len())
+            }
+            Stage::WritesStatus => {
+                self.stage = Stage::Gone;
+                Ok(packet.len())
+            }
+            // The empty packet after the last full one, which the host has not asked for.
+            Stage::ReadsStatus => Ok(packet.len()),
+            Stage::Waits | Stage::Setup | Stage::Gathers { gone: true } | Stage::Gives | Stage::Gone => {
+                Err(UsbError::WouldBlock)
+            }
+        }
+    }
+
+    fn read_control(&mut self, buffer: &mut [u8]) -> Result<usize, UsbError> {
+        let Some(transfer) = self.control.front_mut() else { return Err(UsbError::WouldBlock) };
+        match self.stage {
+            Stage::Setup => {
+                let length = usize::from(u16::from_le_bytes([transfer.setup[6], transfer.setup[7]]));
+                let is_in = transfer.setup[0] & 0x80 != 0;
+                transfer.room = transfer.room.min(length);
+                self.stage = match (is_in, length) {
+                    (true, _) => Stage::Gathers { gone: false },
+                    (false, 0) => Stage::WritesStatus,
+                    (false, _) => Stage::Gives,
+                };
+                let setup = transfer.setup;
+                fill(buffer, &setup)
+            }
+            Stage::Gives => {
+                let taken = fill(buffer, packet(transfer))?;
+                transfer.read += taken;
+                if transfer.read >= transfer.data.len() {
+                    self.stage = Stage::WritesStatus;
+                }
+                Ok(taken)
+            }
+            Stage::ReadsStatus => {
+                self.end_control(0);
+                Ok(0)
+            }
+            Stage::Waits | Stage::Gathers { .. } | Stage::WritesStatus | Stage::Gone => Err(UsbError::WouldBlock),
+        }
+    }
+
+    fn poll_control(&mut self) -> (bool, bool, bool) {
+        let (mut setup, mut out, mut gone) = (false, false, false);
+        match self.stage {
+            Stage::Waits => {
+                if let Some(transfer) = self.control.front() {
+                    let length = usize::from(u16::from_le_bytes([transfer.setup[6], transfer.setup[7]]));
+                    let is_out = transfer.setup[0] & 0x80 == 0;
+                    if is_out == transfer.is_in && length > 0 || is_out && transfer.data.len() != length {
+                        // The setup says something else than the transfer.
+                        self.end_control(STALLED);
+                    } else if is_out && length > LONGEST_CONTROL {
+                        self.end_control(STALLED);
+                    } else {
+                        self.stage = Stage::Setup;
+                        setup = true;
+                    }
+                }
+            }
+            Stage::Setup => setup = true,
+            Stage::Gathers { gone: true } => {
+                self.stage = Stage::Gathers { gone: false };
+                gone = true;
+            }
+            Stage::Gives | Stage::ReadsStatus => out = true,
+            Stage::Gone => {
+                self.end_control(0);
+                gone = true;
+            }
+            Stage::Gathers { gone: false } | Stage::WritesStatus => {}
+        }
+        (setup, out, gone)
+    }
+}
+
+/// The packet of a transfer that comes next.
+fn packet(transfer: &Transfer) -> &[u8] {
+    let rest = &transfer.data[transfer.read.min(transfer.data.len())..];
+    &rest[..rest.len().min(usize::from(hapt_wire::usb::PACKET))]
+}
+
+fn fill(buffer: &mut [u8], packet: &[u8]) -> Result<usize, UsbError> {
+    let place = buffer.get_mut(..packet.len()).ok_or(UsbError::BufferOverflow)?;
+    place.copy_from_slice(packet);
+    Ok(packet.len())
+}
+
+impl UsbBus for Bus {
+    fn alloc_ep(
+        &mut self,
+        direction: UsbDirection,
+        address: Option<EndpointAddress>,
+        kind: EndpointType,
+        _: u16,
+        _: u8,
+    ) -> Result<EndpointAddress, UsbError> {
+        let state = self.0.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let used = &mut state.used[usize::from(direction == UsbDirection::In)];
+        let free = match address {
+            Some(address) => address.index(),
+            None if kind == EndpointType::Control => 0,
+            None => (1..ENDPOINTS).find(|index| *used & 1 << index == 0).ok_or(UsbError::EndpointOverflow)?,
+        };
+        if free >= ENDPOINTS {
+            return Err(UsbError::EndpointOverflow);
+        }
+        *used |= 1 << free;
+        Ok(EndpointAddress::from_parts(free, direction))
+    }
+
+    fn enable(&mut self) {}
+
+    fn reset(&self) {
+        let mut state = self.state();
+        state.ready = Default::default();
+        (state.gone, state.stalled) = (0, [0; 2]);
+    }
+
+    /// The kernel keeps addresses to itself.
+    fn set_device_address(&self, _: u8) {}
+
+    fn write(&self, address: EndpointAddress, packet: &[u8]) -> Result<usize, UsbError> {
+        let mut state = self.state();
+        match address.index() {
+            0 => state.write_control(packet),
+            index if index >= ENDPOINTS => Err(UsbError::InvalidEndpoint),
+            index if state.ready[index].is_some() => Err(UsbError::WouldBlock),
+            index => {
+                state.ready[index] = Some(packet.to_vec());
+                state.deliver(index);
+                Ok(packet.len())
+            }
+        }
+    }
+
+    fn read(&self, address: EndpointAddress, buffer: &mut [u8]) -> Result<usize, UsbError> {
+        let mut state = self.state();
+        let index = address.index();
+        if index == 0 {
+            return state.read_control(buffer);
+        }
+        let queue = state.out.get_mut(index).ok_or(UsbError::InvalidEndpoint)?;
+        let transfer = queue.front_mut().ok_or(UsbError::WouldBlock)?;
+        let taken = fill(buffer, packet(transfer))?;
+        transfer.read += taken;
+        if transfer.read >= transfer.data.len() {
+            if let Some(transfer) = queue.pop_front() {
+                state.answer(&transfer, 0, &[]);
+            }
+        }
+        Ok(taken)
+    }
+
+    fn set_stalled(&self, address: EndpointAddress, stalled: bool) {
+        let mut state = self.state();
+        if address.index() == 0 {
+            // Until the next setup, which begins without.
+            if stalled && state.stage != Stage::Waits {
+                state.end_control(STALLED);
+            }
+            return;
+        }
+        let bit = 1 << address.index().min(15);
+        let side = usize::from(address.is_in());
+        if stalled {
+            state.stalled[side] |= bit;
+        } else {
+            state.stalled[side] &= !bit;
+        }
+    }
+
+    fn is_stalled(&self, address: EndpointAddress) -> bool {
+        self.state().stalled[usize::from(address.is_in())] & 1 << address.index().min(15) != 0
+    }
+
+    fn suspend(&self) {}
+
+    fn resume(&self) {}
+
+    fn poll(&self) -> PollResult {
+        let mut state = self.state();
+        if std::mem::take(&mut state.is_reset) {
+            return PollResult::Reset;
+        }
+        let (setup, out, gone) = state.poll_control();
+        let mut ep_out = u16::from(out);
+        for (index, queue) in state.out.iter().enumerate().skip(1) {
+            ep_out |= u16::from(!queue.is_empty()) << index;
+        }
+        let ep_in_complete = std::mem::take(&mut state.gone) | u16::from(gone);
+        let ep_setup = u16::from(setup);
+        if ep_out | ep_in_complete | ep_setup == 0 {
+            PollResult::None
+        } else {
+            PollResult::Data { ep_out, ep_in_complete, ep_setup }
+        }
+    }
+}

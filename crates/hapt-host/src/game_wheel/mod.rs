@@ -1,0 +1,327 @@
+//! A loop's device as a force-feedback wheel of this computer (Linux): a thread between the loop's rings and the kernel's USB.
+//!
+//! The loop never waits for it. What a host asks for is a pool of effects ([`hapt_wire::pid`]); the loop renders it beside its world, with the
+//! damping that the world leaves of the device's ([`hapt_core::wheel`]).
+
+mod bus;
+mod vhci;
+
+use std::io::{self, Read, Write};
+use std::os::unix::net::UnixStream;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use hapt_core::wheel::{Device, Refused, Shortfall, Timing, Wheel};
+use hapt_model::World;
+use hapt_rt::{EffectsPort, EffectsWire, effects};
+use hapt_wire::pid::{Input, Scale};
+use hapt_wire::usb::WheelClass;
+use usb_device::bus::UsbBusAllocator;
+
+use bus::{Bus, HEADER, Malformed, data_length};
+
+/// A damper of full scale gives the whole torque at this velocity, in rad/s: a quick turn of a steering wheel.
+const VELOCITY: f32 = 10.0;
+/// The same of inertia, in rad/s².
+const ACCELERATION: f32 = 200.0;
+/// How long the thread waits for the host before it looks at the loop again.
+const LOOK: Duration = Duration::from_millis(1);
+/// The host takes its answers within this, or is gone.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Packets that the device takes before the thread looks at the loop again.
+const AT_ONCE: usize = 1000;
+
+/// Why there is no wheel.
+#[derive(Debug, thiserror::Error)]
+pub enum WheelError {
+    /// The kernel's module is not loaded.
+    #[error("the kernel shows no virtual USB controller; load it with `modprobe vhci-hcd`")]
+    NoController,
+    /// Only root attaches devices.
+    #[error("attaching a USB device needs root; start hapt with sudo")]
+    Permission,
+    /// Every port is taken.
+    #[error("the virtual USB controller has no free port; end another program that has attached a device")]
+    NoPort,
+    /// The kernel does not take the device.
+    #[error("the kernel does not attach the wheel: {0}")]
+    Attach(io::Error),
+    /// The device cannot be a wheel.
+    #[error("{0}")]
+    Device(#[from] Refused),
+    /// The world is not one of a wheel.
+    #[error("{0}")]
+    World(&'static str),
+    /// The certificate cannot be computed.
+    #[error("{0}")]
+    Check(String),
+}
+
+/// What a world's device can be as a wheel.
+#[derive(Clone, Debug)]
+pub struct Room {
+    device: Device,
+    /// Half of the steering range, rad.
+    half: f64,
+}
+
+impl Room {
+    /// The room of this world for effects, on a wheel that turns by `range` rad from one end to the other. The effects get the damping of the
+    /// device that the world itself does not need.
+    ///
+    /// # Errors
+    /// The world is linear, or has no limit, or is not certified.
+    pub fn of(world: &World, range: f64) -> Result<Self, WheelError> {
+        if world.motion != hapt_model::Motion::Rotary {
+            return Err(WheelError::World("the world is linear, and a wheel turns; leave `motion` out"));
+        }
+        let Some(limit) = world.device.limit else {
+            return Err(WheelError::World("device.limit: a wheel needs the largest torque of its motor"));
+        };
+        let uneven = hapt_analysis::uneven(world).map_err(|error| WheelError::Check(error.to_string()))?;
+        let Some(demand) = uneven.required_damping else {
+            return Err(WheelError::World("the world by itself is not known to be passive; hapt check says why"));
+        };
+        let [least, _] = world.device.damping_range();
+        let sampling = &world.sampling;
+        let timing = Timing {
+            period: sampling.period,
+            shortest: sampling.interval_min_s(),
+            longest: sampling.interval_max_s(),
+            delay: sampling.delay_max_s(),
+            lag: world.device.lag_range()[1],
+        };
+        let damping = (least - demand).max(0.0);
+        let device = Device { timing, damping, limit, stops: None, base_friction: 0.0, base_damping: 0.0 };
+        Ok(Room { device, half: 0.5 * range })
+    }
+
+    /// The damping that the effects can use, N·m·s/rad.
+    pub fn damping(&self) -> f64 {
+        self.device.damping
+    }
+
+    /// The largest stiffness of springs that it pays for, N·m/rad.
+    pub fn stiffness(&self) -> f64 {
+        self.device.damping / self.device.timing.spring_cost()
+    }
+
+    /// What full scale of the host's numbers means.
+    pub fn scale(&self) -> Scale {
+        Scale {
+            torque: self.device.limit as f32,
+            angle: self.half as f32,
+            velocity: VELOCITY,
+            acceleration: ACCELERATION,
+        }
+    }
+}
+
+/// What the host has done, and what it was given.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WheelStatus {
+    /// Whether the host has the device.
+    pub is_attached: bool,
+    /// Reports of the host that were taken.
+    pub taken: u64,
+    /// Malformed ones, and those of effects that do not exist.
+    pub refused: u64,
+    /// Samples of the loop.
+    pub samples: u64,
+    /// Samples in which an effect played.
+    pub played: u64,
+    /// Effects that play now.
+    pub playing: usize,
+    /// The largest torque of effects that was given, N·m.
+    pub peak: f64,
+    /// Samples in which less was given than asked, for each reason: the host asked for a drive, for more stiffness than is passive, for more
+    /// torque than the limit.
+    pub less: [u64; 3],
+    /// The smallest factor on springs.
+    pub scale: f64,
+}
+
+/// The wheel of this computer. Dropped, it is detached.
+pub struct GameWheel {
+    stop: Arc<AtomicBool>,
+    status: Arc<Mutex<WheelStatus>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+fn locked(status: &Mutex<WheelStatus>) -> MutexGuard<'_, WheelStatus> {
+    status.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl GameWheel {
+    /// Attaches a wheel to the kernel's virtual USB controller. The second is the loop's end.
+    ///
+    /// # Errors
+    /// See [`WheelError`].
+    pub fn attach(room: &Room) -> Result<(Self, EffectsPort), WheelError> {
+        // Before the kernel has anything that would have to be taken away again.
+        Wheel::<f32>::new(&room.device)?;
+        GameWheel::on(vhci::attach()?, room)
+    }
+
+    /// The same with a host at the other end of this stream, which speaks USB/IP.
+    ///
+    /// # Errors
+    /// See [`WheelError`].
+    pub fn on(host: UnixStream, room: &Room) -> Result<(Self, EffectsPort), WheelError> {
+        let (port, wire) = effects(Wheel::new(&room.device)?, room.scale());
+        host.set_read_timeout(Some(LOOK)).map_err(WheelError::Attach)?;
+        host.set_write_timeout(Some(PATIENCE)).map_err(WheelError::Attach)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let status = Arc::new(Mutex::new(WheelStatus { is_attached: true, scale: 1.0, ..WheelStatus::default() }));
+        let (stops, shown, half) = (Arc::clone(&stop), Arc::clone(&status), room.half);
+        let work = move || {
+            let mut wheel = Worker { host, wire, half, status: &shown, unsent: false };
+            // What the host has left plays no more, whatever ended it.
+            wheel.run(&stops);
+            locked(&shown).is_attached = false;
+        };
+        let thread = std::thread::Builder::new().name("wheel".into()).spawn(work).map_err(WheelError::Attach)?;
+        Ok((GameWheel { stop, status, thread: Some(thread) }, port))
+    }
+
+    /// What has happened so far.
+    pub fn status(&self) -> WheelStatus {
+        *locked(&self.status)
+    }
+
+    /// Detaches the wheel, and says what has happened.
+    pub fn end(&mut self) -> WheelStatus {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+        self.status()
+    }
+}
+
+impl Drop for GameWheel {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// The thread between the loop and the host.
+struct Worker<'a> {
+    host: UnixStream,
+    wire: EffectsWire,
+    half: f64,
+    status: &'a Mutex<WheelStatus>,
+    /// The pool has changed, and the ring had no room for it.
+    unsent: bool,
+}
+
+impl Worker<'_> {
+    fn run(&mut self, stop: &AtomicBool) {
+        let bus = UsbBusAllocator::new(Bus::default());
+        let mut class = WheelClass::new(&bus);
+        let Ok(mut device) = WheelClass::device(&bus) else { return };
+        let mut come = Vec::new();
+        let mut now = 0;
+        while !stop.load(Ordering::Relaxed) {
+            let goes_on = self.receive(&mut come);
+            let position = self.look(&mut now);
+            // The loop's samples are its clock.
+            class.at(now / 1000);
+            let taken = feed(device.bus(), &mut come);
+            for _ in 0..AT_ONCE {
+                if !device.poll(&mut [&mut class]) {
+                    break;
+                }
+            }
+            if let Some(position) = position {
+                class.show(&self.input(position));
+            }
+            self.pass_on(&mut class);
+            let answers = device.bus().answers();
+            if taken.is_err() || !goes_on || self.host.write_all(&answers).is_err() {
+                break;
+            }
+        }
+        class.stop();
+        // The ring has room within a sample, unless the loop has ended, which then has no torque.
+        for _ in 0..100 {
+            self.pass_on(&mut class);
+            if !self.unsent {
+                break;
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    /// Appends what has come; false where the host has closed the stream.
+    fn receive(&mut self, come: &mut Vec<u8>) -> bool {
+        let mut bytes = [0; 4096];
+        match self.host.read(&mut bytes) {
+            Ok(0) => false,
+            Ok(length) => {
+                come.extend_from_slice(&bytes[..length]);
+                true
+            }
+            Err(error) => {
+                matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
+            }
+        }
+    }
+
+    /// Counts what the loop's samples have made of the effects; the newest position, where there is one.
+    fn look(&mut self, now: &mut u64) -> Option<f64> {
+        let mut newest = None;
+        let mut status = locked(self.status);
+        while let Ok(sample) = self.wire.samples.pop() {
+            *now = sample.sampled;
+            newest = Some(sample.position);
+            status.samples += 1;
+            status.played += u64::from(sample.playing > 0);
+            status.playing = sample.playing;
+            status.peak = status.peak.max(f64::from(sample.given.torque.abs()));
+            status.scale = status.scale.min(f64::from(sample.given.scale));
+            if let Some(reason) = sample.given.shortfall {
+                status.less[reason_index(reason)] += 1;
+            }
+        }
+        newest
+    }
+
+    fn input(&self, position: f64) -> Input {
+        let share = (position / self.half).clamp(-1.0, 1.0);
+        Input { steering: (share * f64::from(i16::MAX)).round() as i16, ..Input::default() }
+    }
+
+    /// Gives the loop the pool where it has changed.
+    fn pass_on(&mut self, class: &mut WheelClass<'_, Bus>) {
+        (locked(self.status).taken, locked(self.status).refused) = class.counts();
+        self.unsent |= class.has_changed();
+        if self.unsent && !self.wire.pools.is_full() {
+            self.unsent = self.wire.pools.push(*class.pool()).is_err();
+        }
+    }
+}
+
+/// The place of a reason in [`WheelStatus::less`].
+fn reason_index(reason: Shortfall) -> usize {
+    match reason {
+        Shortfall::Drives => 0,
+        Shortfall::Stiffness => 1,
+        Shortfall::Limit => 2,
+    }
+}
+
+/// Gives the bus the messages that are whole, and keeps the rest.
+fn feed(bus: &Bus, come: &mut Vec<u8>) -> Result<(), Malformed> {
+    let mut at = 0;
+    while let Some(header) = come[at..].first_chunk::<HEADER>() {
+        let length = data_length(header)?;
+        let Some(data) = come.get(at + HEADER..at + HEADER + length) else { break };
+        bus.receive(header, data)?;
+        at += HEADER + length;
+    }
+    come.drain(..at);
+    Ok(())
+}

@@ -1,0 +1,88 @@
+//! The effects of a wheel for games beside the world: a ring with what plays, and what becomes of it at a sample.
+
+use hapt_core::Beside;
+use hapt_core::wheel::{Given, Wheel, WheelState};
+use hapt_wire::pid::{Pool, Scale};
+use rtrb::{Consumer, Producer, RingBuffer};
+
+/// Capacity of the ring of pools.
+const POOLS: usize = 8;
+/// Capacity of the ring of samples.
+const SAMPLES: usize = 256;
+
+/// What a sample has made of the effects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EffectsSample {
+    /// When it was taken, in ns by the loop's clock.
+    pub sampled: u64,
+    /// The wheel's position, rad.
+    pub position: f64,
+    /// How many effects play.
+    pub playing: usize,
+    /// What was asked and what is given, beside the world's torque.
+    pub given: Given<f32>,
+}
+
+/// The loop's side of the effects. It reads the newest pool from a ring, and waits for nobody.
+pub struct EffectsPort {
+    wheel: Wheel<f32>,
+    state: WheelState<f32>,
+    scale: Scale,
+    pool: Pool,
+    /// Counts what this side has seen change: two pools may have the same number.
+    revision: u32,
+    incoming: Consumer<Pool>,
+    samples: Producer<EffectsSample>,
+}
+
+/// The host's side of them.
+pub struct EffectsWire {
+    /// The pool after a change. Its times are those of the samples.
+    pub pools: Producer<Pool>,
+    /// One a sample; those without room are lost.
+    pub samples: Consumer<EffectsSample>,
+}
+
+/// Effects on this wheel, where full scale of the reports is `scale`.
+pub fn effects(wheel: Wheel<f32>, scale: Scale) -> (EffectsPort, EffectsWire) {
+    let (pools, incoming) = RingBuffer::new(POOLS);
+    let (samples, taken) = RingBuffer::new(SAMPLES);
+    let state = wheel.start();
+    let port = EffectsPort { wheel, state, scale, pool: Pool::new(), revision: 0, incoming, samples };
+    (port, EffectsWire { pools, samples: taken })
+}
+
+impl EffectsPort {
+    /// The torque of the effects beside the world's, in the sample that is taken at `now`, in ns by the loop's clock.
+    pub(crate) fn sample(&mut self, beside: Beside<f64>, now: u64) -> f64 {
+        for _ in 0..POOLS {
+            match self.incoming.pop() {
+                Ok(pool) => {
+                    self.pool = pool;
+                    self.revision = self.revision.wrapping_add(1);
+                }
+                Err(_) => break,
+            }
+        }
+        let before = self.pool.revision();
+        let (effects, playing) = self.pool.effects(now / 1000, &self.scale);
+        if self.pool.revision() != before {
+            self.revision = self.revision.wrapping_add(1);
+        }
+        if !beside.ready {
+            // The position has no zero yet: what hangs on the wheel begins where it is when it has one.
+            self.state = self.wheel.start();
+            self.tell(now, beside.position, playing, Given::NOTHING);
+            return 0.0;
+        }
+        let effects = effects.get(..playing).unwrap_or_default();
+        let (position, torque) = (beside.position as f32, beside.torque as f32);
+        let given = self.wheel.step_beside(&mut self.state, position, torque, effects, self.revision);
+        self.tell(now, beside.position, playing, given);
+        f64::from(given.torque)
+    }
+
+    fn tell(&mut self, sampled: u64, position: f64, playing: usize, given: Given<f32>) {
+        let _ = self.samples.push(EffectsSample { sampled, position, playing, given });
+    }
+}

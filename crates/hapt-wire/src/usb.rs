@@ -1,0 +1,215 @@
+//! A wheel for games as a USB device, for any bus that the crate `usb-device` has: a microcontroller's, or a computer's own.
+//!
+//! The class holds the pool of effects, and takes the host's reports from the control pipe and from its endpoint. Whoever renders them takes a
+//! copy of the pool after each change. "Device Class Definition for Human Interface Devices", version 1.11.
+
+use usb_device::UsbError;
+use usb_device::class_prelude::{
+    ControlIn, ControlOut, DescriptorWriter, EndpointAddress, EndpointIn, EndpointOut, InterfaceNumber, UsbBus,
+    UsbBusAllocator, UsbClass,
+};
+use usb_device::control::{Recipient, Request, RequestType};
+use usb_device::device::{StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbVidPid};
+
+use crate::pid::{DESCRIPTOR, Input, Pool, Report};
+
+/// The identity of a device for tests, of pid.codes; a product needs its own.
+pub const IDENTITY: UsbVidPid = UsbVidPid(0x1209, 0x0001);
+/// The size of a packet on every pipe, bytes.
+pub const PACKET: u16 = 64;
+/// From one look of the host for a report to the next, ms.
+const INTERVAL: u8 = 1;
+
+const HID: u8 = 3;
+const HID_DESCRIPTOR: u8 = 0x21;
+const REPORT_DESCRIPTOR: u8 = 0x22;
+/// After length and type: version 1.11, no country, one descriptor, which is the report descriptor of this length.
+const HID_BODY: [u8; 7] = {
+    let [low, high] = (DESCRIPTOR.len() as u16).to_le_bytes();
+    [0x11, 0x01, 0, 1, REPORT_DESCRIPTOR, low, high]
+};
+
+const GET_REPORT: u8 = 0x01;
+const GET_IDLE: u8 = 0x02;
+const GET_PROTOCOL: u8 = 0x03;
+const SET_REPORT: u8 = 0x09;
+const SET_IDLE: u8 = 0x0A;
+const SET_PROTOCOL: u8 = 0x0B;
+
+/// The kinds of a report in a control request.
+const INPUT: u8 = 1;
+const FEATURE: u8 = 3;
+
+/// The wheel on its bus.
+pub struct WheelClass<'a, B: UsbBus> {
+    interface: InterfaceNumber,
+    input: EndpointIn<'a, B>,
+    output: EndpointOut<'a, B>,
+    pool: Pool,
+    shown: Input,
+    now: u64,
+    changed: bool,
+    taken: u64,
+    refused: u64,
+    idle: u8,
+}
+
+impl<'a, B: UsbBus> WheelClass<'a, B> {
+    /// With an empty pool.
+    pub fn new(bus: &'a UsbBusAllocator<B>) -> Self {
+        WheelClass {
+            interface: bus.interface(),
+            input: bus.interrupt(PACKET, INTERVAL),
+            output: bus.interrupt(PACKET, INTERVAL),
+            pool: Pool::new(),
+            shown: Input::default(),
+            now: 0,
+            changed: false,
+            taken: 0,
+            refused: 0,
+            idle: 0,
+        }
+    }
+
+    /// The device of this class, as it names itself.
+    ///
+    /// # Errors
+    /// Never with these numbers; the crate wants them checked.
+    pub fn device(bus: &'a UsbBusAllocator<B>) -> Result<UsbDevice<'a, B>, UsbError> {
+        let text = StringDescriptors::default().manufacturer("hapt").product("hapt wheel").serial_number("1");
+        let builder = UsbDeviceBuilder::new(bus, IDENTITY).strings(&[text]).map_err(|_| UsbError::InvalidState)?;
+        Ok(builder.max_packet_size_0(PACKET as u8).map_err(|_| UsbError::InvalidState)?.build())
+    }
+
+    /// The time of the reports that come from now on, in µs; it does not go back.
+    pub fn at(&mut self, now: u64) {
+        self.now = now;
+    }
+
+    /// The effects.
+    pub fn pool(&self) -> &Pool {
+        &self.pool
+    }
+
+    /// Whether the pool has changed since the last call.
+    pub fn has_changed(&mut self) -> bool {
+        core::mem::take(&mut self.changed)
+    }
+
+    /// Tells the host where the wheel is, and starts the effects of buttons. A report for which there is no room yet is left out.
+    pub fn show(&mut self, input: &Input) {
+        let before = self.pool.revision();
+        self.pool.press(input.buttons, self.now);
+        self.changed |= self.pool.revision() != before;
+        self.shown = *input;
+        let _ = self.input.write(&input.write());
+    }
+
+    /// The host has left the device: nothing plays any more.
+    pub fn stop(&mut self) {
+        self.pool.stop_all();
+        self.changed = true;
+    }
+
+    /// Reports taken, and reports refused: malformed ones, and those of effects that are not in the pool.
+    pub fn counts(&self) -> (u64, u64) {
+        (self.taken, self.refused)
+    }
+
+    fn take(&mut self, bytes: &[u8]) -> bool {
+        let Some(report) = Report::read(bytes) else {
+            self.refused += 1;
+            return false;
+        };
+        // A pool that is full is an answer, and no error of the report.
+        let known = self.pool.take(&report, self.now) || matches!(report, Report::Create(_));
+        self.changed = true;
+        if known {
+            self.taken += 1;
+        } else {
+            self.refused += 1;
+        }
+        known
+    }
+
+    /// What waits at the endpoint. It was sent before any control request that comes now.
+    fn drain(&mut self) {
+        let mut packet = [0; PACKET as usize];
+        while let Ok(length) = self.output.read(&mut packet) {
+            let _ = self.take(packet.get(..length).unwrap_or_default());
+        }
+    }
+}
+
+impl<B: UsbBus> UsbClass<B> for WheelClass<'_, B> {
+    fn get_configuration_descriptors(&self, writer: &mut DescriptorWriter) -> usb_device::Result<()> {
+        writer.interface(self.interface, HID, 0, 0)?;
+        writer.write(HID_DESCRIPTOR, &HID_BODY)?;
+        writer.endpoint(&self.input)?;
+        writer.endpoint(&self.output)
+    }
+
+    /// The host begins anew.
+    fn reset(&mut self) {
+        self.pool = Pool::new();
+        self.changed = true;
+    }
+
+    fn endpoint_out(&mut self, address: EndpointAddress) {
+        if address == self.output.address() {
+            self.drain();
+        }
+    }
+
+    fn control_in(&mut self, transfer: ControlIn<B>) {
+        let request = *transfer.request();
+        if request.recipient != Recipient::Interface || request.index != u16::from(u8::from(self.interface)) {
+            return;
+        }
+        let [low, high] = request.value.to_le_bytes();
+        // An answer that finds no room ends in an error of the transfer, which the host sees.
+        let _ = match (request.request_type, request.request) {
+            (RequestType::Standard, Request::GET_DESCRIPTOR) if high == REPORT_DESCRIPTOR => {
+                transfer.accept_with_static(DESCRIPTOR)
+            }
+            (RequestType::Standard, Request::GET_DESCRIPTOR) if high == HID_DESCRIPTOR => {
+                let mut descriptor = [9, HID_DESCRIPTOR, 0, 0, 0, 0, 0, 0, 0];
+                descriptor.iter_mut().skip(2).zip(HID_BODY).for_each(|(place, byte)| *place = byte);
+                transfer.accept_with(&descriptor)
+            }
+            (RequestType::Class, GET_REPORT) => {
+                self.drain();
+                match (high, self.pool.feature(low)) {
+                    (INPUT, _) => transfer.accept_with(&self.shown.write()),
+                    (FEATURE, Some(feature)) => transfer.accept_with(&feature),
+                    _ => transfer.reject(),
+                }
+            }
+            (RequestType::Class, GET_IDLE) => transfer.accept_with(&[self.idle]),
+            (RequestType::Class, GET_PROTOCOL) => transfer.accept_with(&[1]),
+            _ => Ok(()),
+        };
+    }
+
+    fn control_out(&mut self, transfer: ControlOut<B>) {
+        let request = *transfer.request();
+        if request.recipient != Recipient::Interface
+            || request.index != u16::from(u8::from(self.interface))
+            || request.request_type != RequestType::Class
+        {
+            return;
+        }
+        let _ = match request.request {
+            SET_REPORT => {
+                self.drain();
+                if self.take(transfer.data()) { transfer.accept() } else { transfer.reject() }
+            }
+            SET_IDLE => {
+                self.idle = request.value.to_le_bytes()[1];
+                transfer.accept()
+            }
+            SET_PROTOCOL => transfer.accept(),
+            _ => Ok(()),
+        };
+    }
+}

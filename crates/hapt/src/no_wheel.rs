@@ -1,0 +1,42 @@
+//! Replaces `wheel.rs` where the kernel is not Linux: there is no virtual USB controller.
+
+use std::process::ExitCode;
+
+use hapt_model::World;
+use hapt_rt::EffectsPort;
+
+use crate::args::WheelArgs;
+use crate::failure::Failure;
+
+pub fn run(_: &WheelArgs) -> Result<ExitCode, Failure> {
+    Err(missing())
+}
+
+fn missing() -> Failure {
+    Failure::System("hapt wheel needs Linux, whose kernel has a virtual USB controller (vhci-hcd)".into())
+}
+
+/// Never made.
+pub enum Wheel {}
+
+impl Wheel {
+    pub fn room(_: &World, _: f64) -> Result<Wheel, Failure> {
+        Err(missing())
+    }
+
+    pub fn attach(room: Wheel) -> Result<(Self, EffectsPort), Failure> {
+        match room {}
+    }
+
+    pub fn is_attached(&self) -> bool {
+        match *self {}
+    }
+
+    pub fn say(&mut self) {
+        match *self {}
+    }
+
+    pub fn end(&mut self) -> String {
+        match *self {}
+    }
+}

@@ -1,0 +1,122 @@
+//! `hapt wheel`: the device as a force-feedback wheel of this computer, for games.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use hapt_host::game_wheel::{GameWheel, Room, WheelError, WheelStatus};
+use hapt_model::{Dimension, World};
+use hapt_rt::EffectsPort;
+
+use crate::args::{RunArgs, StationArgs, WheelArgs, WorldArgs};
+use crate::failure::Failure;
+use crate::format;
+use crate::messages;
+use crate::run;
+
+/// Two soft stops.
+const DEFAULT: &str = "@devices/game-wheel";
+/// The stops of the default world, and the side that each is on.
+const STOPS: [(&str, f64); 2] = [("couplings.0.at", 0.5), ("couplings.1.at", -0.5)];
+
+pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
+    let range = format::positive("--range", &args.range, Dimension::ANGLE)?;
+    let mut sets = Vec::new();
+    if args.path.is_none() {
+        sets.extend(STOPS.map(|(key, share)| format!("{key}={} rad", share * range)));
+    }
+    sets.extend(args.sets.iter().cloned());
+    let path = args.path.clone().unwrap_or_else(|| PathBuf::from(DEFAULT));
+    let run = RunArgs {
+        world: WorldArgs { path, sets },
+        device: args.device.clone(),
+        scenario: None,
+        duration: args.duration.clone(),
+        log: args.log.clone(),
+        uncertified: false,
+        station: StationArgs::default(),
+        realtime: args.realtime.clone(),
+    };
+    run::with(&run, Some(range))
+}
+
+/// The wheel beside a run.
+pub struct Wheel {
+    wheel: GameWheel,
+    room: Room,
+    /// Which reasons have been told.
+    told: [bool; 3],
+}
+
+/// What the host is told of a reason to give less than it asks for.
+const REASONS: [&str; 3] = [
+    "a negative coefficient would drive the wheel by itself, and counts as 0",
+    "the springs together are stiffer than what the device's damping makes passive, and are scaled to that",
+    "the effects together ask for more than the motor's limit",
+];
+
+impl Wheel {
+    /// What the device of this world can be as a wheel.
+    pub fn room(world: &World, range: f64) -> Result<Room, Failure> {
+        Room::of(world, range).map_err(failure)
+    }
+
+    /// Attaches it. The second is the loop's end.
+    pub fn attach(room: Room) -> Result<(Self, EffectsPort), Failure> {
+        let (wheel, port) = GameWheel::attach(&room).map_err(failure)?;
+        messages::say(format_args!(
+            "the wheel is attached; games have {} of springs and dampers to share",
+            stiffness(&room)
+        ));
+        Ok((Wheel { wheel, room, told: [false; 3] }, port))
+    }
+
+    /// Whether the host has it.
+    pub fn is_attached(&self) -> bool {
+        self.wheel.status().is_attached
+    }
+
+    /// Says what is new.
+    pub fn say(&mut self) {
+        let status = self.wheel.status();
+        for ((told, samples), why) in self.told.iter_mut().zip(status.less).zip(REASONS) {
+            if samples > 0 && !*told {
+                *told = true;
+                messages::say(format_args!("less is given than a game asks for: {why}"));
+            }
+        }
+    }
+
+    /// Detaches it, and gives the lines of the summary.
+    pub fn end(&mut self) -> String {
+        let WheelStatus { taken, refused, samples, played, peak, less, scale, .. } = self.wheel.end();
+        let [taken, samples, played] = [taken, samples, played].map(format::count);
+        let refused = if refused > 0 { format!(", {} refused", format::count(refused)) } else { String::new() };
+        let room = &self.room;
+        let mut text = format!(
+            "wheel        the effects share {} N m s/rad of damping: {} at most\n\
+             effects      {taken} reports taken{refused}; effects played in {played} of {samples} samples, {peak:.3} N m at most\n",
+            format::number(room.damping()),
+            stiffness(room),
+        );
+        for (samples, why) in less.iter().zip(REASONS).filter(|(samples, _)| **samples > 0) {
+            text += &format!("             less than asked in {} samples: {why}\n", format::count(*samples));
+        }
+        if scale < 1.0 {
+            text += &format!("             springs were scaled to {:.1} % at least\n", 100.0 * scale);
+        }
+        text
+    }
+}
+
+fn stiffness(room: &Room) -> String {
+    format!("{} N m/rad", format::number(room.stiffness()))
+}
+
+fn failure(error: WheelError) -> Failure {
+    match error {
+        WheelError::Device(_) | WheelError::World(_) | WheelError::Check(_) => Failure::input(error),
+        WheelError::NoController | WheelError::Permission | WheelError::NoPort | WheelError::Attach(_) => {
+            Failure::System(error.to_string())
+        }
+    }
+}
