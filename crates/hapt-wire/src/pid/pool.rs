@@ -51,11 +51,13 @@ pub struct Pool {
     pressed: u16,
     /// When the last report came, µs.
     heard: u64,
+    /// Since then too much time has passed.
+    silent: bool,
     revision: u32,
 }
 
-/// In µs: what can do work on the wheel without end (a torque, a damper that moves along) stops when the host has said nothing for so long.
-/// A game that hangs leaves no torque on. Springs, frictions and inertia stay: no hand draws energy from them.
+/// In µs: what can do work on the wheel without end (a torque, a damper that moves along) pauses when the host has said nothing for so long, up to
+/// its next report. A game that hangs leaves no torque on. Springs, frictions and inertia stay: no hand draws energy from them.
 pub const SILENCE: u64 = 10_000_000;
 
 const SUCCESS: u8 = 1;
@@ -80,6 +82,7 @@ impl Pool {
             paused: None,
             pressed: 0,
             heard: 0,
+            silent: false,
             revision: 0,
         }
     }
@@ -214,13 +217,20 @@ impl Pool {
         }
         let gain = share(self.gain);
         let silent = now.saturating_sub(self.heard) > SILENCE;
+        if silent != self.silent {
+            self.silent = silent;
+            self.revision = self.revision.wrapping_add(1);
+        }
         for slot in self.slots.iter_mut().flatten() {
             let Some(time) = slot.time(now) else { continue };
-            let Some(time) = time.filter(|_| !(silent && slot.can_work())) else {
+            let Some(time) = time else {
                 slot.playing = None;
                 self.revision = self.revision.wrapping_add(1);
                 continue;
             };
+            if silent && slot.can_work() {
+                continue;
+            }
             if let (Some(effect), Some(place)) = (slot.effect(time, gain, scale), all.get_mut(count)) {
                 *place = effect;
                 count += 1;
@@ -326,9 +336,10 @@ impl Slot {
                 share(self.periodic.offset) + magnitude * self.wave(time)
             }
         };
-        let turn =
+        // 90° is where the force comes from: right. It pushes to the left, as with Linux, where 0x4000 is left, and DirectInput.
+        let right =
             self.common.direction.map_or(1.0, |angle| Real::sin(f32::from(angle) * (core::f32::consts::PI / 18_000.0)));
-        Some(Effect::Torque(gain * level * turn * scale.torque))
+        Some(Effect::Torque(-gain * level * right * scale.torque))
     }
 
     /// Within ±1. A sine and a triangle begin at 0 and rise, a square is 1 first, a rising sawtooth begins at -1.

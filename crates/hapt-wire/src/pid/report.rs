@@ -51,7 +51,8 @@ pub struct Common {
     pub gain: i16,
     /// The button that starts it, from 1; 0 and 255: none.
     pub button: u8,
-    /// In 1/100 degree, where the effect has one: the torque is multiplied by its sine.
+    /// In 1/100 degree, where the effect has one: whence a force comes. From the right (90°, or none given), a positive one turns the wheel to the
+    /// left.
     pub direction: Option<u16>,
 }
 

@@ -6,7 +6,7 @@ use hapt_core::wheel::{Device, Effect, Timing, Wheel};
 use hapt_plant::{VirtualDevice, spec::DeviceSpec};
 use hapt_wire::pid::{
     Common, Condition, Control, DESCRIPTOR, EFFECTS, Envelope, FULL, INFINITE, Kind, LONGEST_REPORT, Operation,
-    Periodic, Pool, Report, Scale, id,
+    Periodic, Pool, Report, SILENCE, Scale, id,
 };
 use proptest::prelude::*;
 
@@ -159,7 +159,7 @@ fn common(kind: Kind, duration: u16) -> Common {
 fn an_effect_plays_after_its_delay_in_its_loops_with_its_gain_and_direction() {
     let effect = Report::Effect { block: 0, common: Common { direction: Some(27_000), ..common(Kind::Constant, 100) } };
     let mut pool = playing(Kind::Constant, &[effect, Report::Constant { block: 0, magnitude: FULL }], 3);
-    for (ms, expected) in [(9, None), (10, Some(-2.5)), (309, Some(-2.5)), (310, None), (311, None)] {
+    for (ms, expected) in [(9, None), (10, Some(2.5)), (309, Some(2.5)), (310, None), (311, None)] {
         assert_eq!(torque(&mut pool, ms), expected, "at {ms} ms");
     }
 }
@@ -168,9 +168,49 @@ fn an_effect_plays_after_its_delay_in_its_loops_with_its_gain_and_direction() {
 fn an_effect_of_65535_ms_has_no_end_until_it_is_stopped() {
     let effect = Report::Effect { block: 0, common: common(Kind::Constant, INFINITE) };
     let mut pool = playing(Kind::Constant, &[effect, Report::Constant { block: 0, magnitude: FULL }], 1);
-    assert_eq!(torque(&mut pool, 1_000_000_000), Some(2.5));
+    for ms in (0..100).map(|turn| 10 + 5000 * turn) {
+        assert_eq!(torque(&mut pool, ms), Some(-2.5));
+        // Any report will do.
+        pool.take(&Report::Gain(FULL), 1000 * ms);
+    }
     pool.take(&Report::Control(Control::StopAll), 0);
     assert_eq!(torque(&mut pool, 1_000_000_001), None);
+}
+
+#[test]
+fn what_can_do_work_pauses_while_the_host_is_silent_and_what_cannot_stays() {
+    let moving = Condition { offset: FULL / 2, positive: FULL, negative: FULL, ..Condition::default() };
+    let still = Condition { offset: 0, ..moving };
+    for kind in Kind::ALL {
+        for condition in [moving, still] {
+            let reports = [Report::Condition { block: 0, axis: 0, condition }];
+            let mut pool = playing(kind, &reports, 255);
+            let plays = |pool: &mut Pool, now| pool.effects(now, &SCALE).1 == 1;
+            assert!(plays(&mut pool, SILENCE), "{kind:?}");
+            let is_passive = match kind {
+                Kind::Spring | Kind::Inertia | Kind::Friction => true,
+                Kind::Damper => condition == still,
+                Kind::Constant | Kind::Ramp | Kind::Square | Kind::Sine => false,
+                Kind::Triangle | Kind::SawtoothUp | Kind::SawtoothDown => false,
+            };
+            assert_eq!(plays(&mut pool, SILENCE + 1), is_passive, "{kind:?}");
+            pool.take(&Report::Gain(FULL), SILENCE + 2);
+            assert!(plays(&mut pool, SILENCE + 3), "{kind:?}: the host is there again");
+        }
+    }
+}
+
+#[test]
+fn an_effect_whose_place_a_late_reset_has_emptied_is_there_again_with_its_own_report() {
+    let mut pool = Pool::new();
+    // The host has sent the reset first, on the slower pipe.
+    pool.take(&Report::Create(Kind::Constant), 0);
+    pool.take(&Report::Control(Control::Reset), 0);
+    assert!(!pool.take(&Report::Constant { block: 0, magnitude: FULL }, 0));
+    assert!(pool.take(&Report::Effect { block: 0, common: common(Kind::Constant, 100) }, 0));
+    assert!(pool.take(&Report::Constant { block: 0, magnitude: FULL }, 0));
+    assert!(pool.take(&Report::Operation { block: 0, operation: Operation::Start, loops: 1 }, 0));
+    assert_eq!(torque(&mut pool, 10), Some(-2.5));
 }
 
 #[test]
@@ -193,7 +233,7 @@ fn waves_and_envelopes_have_their_closed_forms() {
         for t in 0..200_u16 {
             let t32 = f32::from(t);
             let level = (t32 / 20.0).min(1.0).min((200.0 - t32) / 40.0);
-            let expected = 2.5 * level * wave((t32 / 80.0 + 0.25) % 1.0);
+            let expected = -2.5 * level * wave((t32 / 80.0 + 0.25) % 1.0);
             let found = torque(&mut pool, u64::from(t) + 10).unwrap();
             assert!((found - expected).abs() < 1e-4, "{kind:?} at {t} ms: {found}, {expected}");
         }
