@@ -57,7 +57,7 @@ cargo xtask bench     speed beside plain C; --write into docs/performance.md; re
                       drive [PYTHON]: an exchange with a motor drive, beside its makers' own library's; python [--short|--write]: the
                       Python package beside the crates and other tools; scale [--short]: a sweep of 1e8 loops in shards; with
                       --write, into docs/scale.md
-cargo xtask guest     the drives on a CAN bus, in an emulated machine; with a line of shell, that
+cargo xtask guest     drives on a CAN bus and a wheel on USB, in an emulated machine; with a line of shell, that
 cargo xtask fuzz      [--seconds N] random bytes, on stable; --minutes N with libFuzzer; targets by their names, `commands` among them:
                       whole commands on random worlds
 cargo xtask python    the Python package: its tests, examples and types
@@ -79,7 +79,7 @@ fn main() -> Result<()> {
         }
         ["notes", "--write"] => notes::write(),
         ["figure"] => figure::write(),
-        ["guest"] => vm::drives(),
+        ["guest"] => vm::devices(),
         ["guest", ref line @ ..] => vm::run(&line.join(" ")),
         ["fuzz", ref arguments @ ..] => fuzz::run(arguments),
         ["memory", samples] => memory::command(samples),

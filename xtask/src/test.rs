@@ -63,7 +63,7 @@ pub fn run() -> Result<()> {
         Step::check("the page works in a browser", page::works),
         Step::check("the Python package's types", python::has_types),
         Step::check("FMUs in the importers of others", fmi::holds),
-        Step::check("drives on a CAN bus", vm::drives),
+        Step::check("drives on a CAN bus, and a wheel on USB", vm::devices),
         Step::tests("bad inputs with the program that ships", bad_inputs),
         Step::check("fuzzing finds nothing in a few seconds", fuzz::is_quiet),
         Step::check("intervals of identified devices cover the truth", identify::holds),

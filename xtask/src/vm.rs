@@ -1,4 +1,5 @@
-//! The guest: Debian's stock kernel in an emulated machine, for what the kernel here may lack: a virtual CAN bus.
+//! The guest: Debian's stock kernel in an emulated machine, for what the kernel here may lack: a virtual CAN bus, and a virtual USB controller with
+//! the driver of force-feedback wheels.
 //!
 //! It has this machine's root below a layer in memory, so that programs built here run there. It does not measure speed.
 
@@ -7,31 +8,35 @@ use std::process::Command;
 use anyhow::{Context, Result, ensure};
 
 /// What it is booted with, and the packages of Debian's that they come in.
-const TOOLS: [(&str, &str); 6] = [
+const TOOLS: [(&str, &str); 7] = [
     ("apt-get", "apt"),
     ("qemu-system-x86_64", "qemu-system-x86"),
     ("busybox", "busybox-static"),
     ("cpio", "cpio"),
     ("modprobe", "kmod"),
     ("ip", "iproute2"),
+    ("/usr/lib/python3/dist-packages/evdev", "python3-evdev"),
 ];
 /// How long it may take, in s.
 const TIME: &str = "560";
 
-/// The drives on a CAN bus: `crates/hapt-drive/tests/vcan/main.rs`.
-pub fn drives() -> Result<()> {
+/// The drives on a CAN bus, `crates/hapt-drive/tests/vcan/main.rs`, and the wheel for games, `xtask/guest/wheel.py`.
+pub fn devices() -> Result<()> {
     let missing = missing();
     if !missing.is_empty() {
         ensure!(std::env::var_os("CI").is_none(), "missing: apt-get install {missing}");
-        println!("SKIPPED: the drives on a CAN bus need, as root on Debian: apt-get install {missing}");
+        println!("SKIPPED: drives and wheel in the guest need, as root on Debian: apt-get install {missing}");
         return Ok(());
     }
     let programs = crate::test::built(&["vcan"])?;
     let test = programs.first().context("there is no test vcan")?.file();
     let line = format!(
         "ip link add vcan0 type vcan && ip link set vcan0 mtu 72 && ip link set vcan0 up && \
-         HAPT_CAN=vcan0 {} --nocapture --test-threads=1",
-        test.display()
+         HAPT_CAN=vcan0 {} --nocapture --test-threads=1 && \
+         /usr/bin/python3 {} {}",
+        test.display(),
+        std::path::absolute("xtask/guest/wheel.py")?.display(),
+        std::path::absolute(crate::test::program("hapt")?.get_program())?.display()
     );
     run(&line)
 }

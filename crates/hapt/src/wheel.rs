@@ -3,15 +3,17 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use hapt_host::DeviceAddress;
 use hapt_host::game_wheel::{GameWheel, Room, WheelError, WheelStatus};
-use hapt_model::{Dimension, World};
+use hapt_model::{Dimension, World, is_network};
 use hapt_rt::EffectsPort;
 
-use crate::args::{RunArgs, StationArgs, WheelArgs, WorldArgs};
+use crate::args::{RunArgs, StationArgs, WheelArgs, WorldArgs, device};
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
 use crate::run;
+use crate::world::source;
 
 /// Two soft stops.
 const DEFAULT: &str = "@devices/game-wheel";
@@ -26,6 +28,14 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
     }
     sets.extend(args.sets.iter().cloned());
     let path = args.path.clone().unwrap_or_else(|| PathBuf::from(DEFAULT));
+    if is_network(&source(&path)?) {
+        return Err(Failure::input(format!("{}: is a network; a wheel runs one world", path.display())));
+    }
+    if let DeviceAddress::Board(_) = device(&args.device)? {
+        return Err(Failure::input(
+            "--device: a board runs its loop by itself, and knows no effects; a wheel needs a loop of this computer",
+        ));
+    }
     let run = RunArgs {
         world: WorldArgs { path, sets },
         device: args.device.clone(),

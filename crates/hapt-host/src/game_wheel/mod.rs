@@ -81,10 +81,12 @@ impl Room {
             return Err(WheelError::World("device.limit: a wheel needs the largest torque of its motor"));
         };
         let uneven = hapt_analysis::uneven(world).map_err(|error| WheelError::Check(error.to_string()))?;
-        let Some(demand) = uneven.required_damping else {
-            return Err(WheelError::World("the world by itself is not known to be passive; hapt check says why"));
-        };
         let [least, _] = world.device.damping_range();
+        let Some(demand) = uneven.required_damping.filter(|demand| *demand <= least) else {
+            return Err(WheelError::World(
+                "the world by itself is not known to be passive on its device, and leaves nothing for effects; hapt check says what would be",
+            ));
+        };
         let sampling = &world.sampling;
         let timing = Timing {
             period: sampling.period,
@@ -93,7 +95,7 @@ impl Room {
             delay: sampling.delay_max_s(),
             lag: world.device.lag_range()[1],
         };
-        let damping = (least - demand).max(0.0);
+        let damping = least - demand;
         let device = Device { timing, damping, limit, stops: None, base_friction: 0.0, base_damping: 0.0 };
         Ok(Room { device, half: 0.5 * range })
     }

@@ -184,8 +184,9 @@ Examples:
     /// Show the device to this computer as a force-feedback wheel for games (Linux).
     #[command(after_help = "\
 Examples:
-  sudo hapt wheel                                    a simulated wheel, for any game
-  sudo hapt wheel rig.toml --device moteus:/dev/ttyACM0 --range '540 deg'")]
+  hapt wheel                                         a simulated one, as root
+  hapt wheel --device moteus:/dev/ttyACM0 --set device.inertia='0.03 kg m^2'
+  hapt wheel wheel.toml --range '540 deg'            with a world of its own")]
     Wheel(WheelArgs),
     /// Write a commented world file to start from, and its schema for editors.
     #[command(after_help = "\

@@ -33,4 +33,6 @@ mod schema;
 mod spelling;
 mod station;
 mod sweep;
+#[cfg(target_os = "linux")]
+mod wheel;
 mod worst;

@@ -1,0 +1,255 @@
+"""Linux's own driver of a force-feedback wheel on `hapt wheel`: every effect against its closed form, from evdev to the motor.
+
+    wheel.py HAPT
+
+Runs in the guest as root, with Debian's python3-evdev. The device is simulated, without a hand; what its motor gave is in the log of the
+run. An effect is a stretch of the log in which the torque is not 0.
+"""
+
+import csv
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+from evdev import InputDevice, ecodes, ff, list_devices
+
+WORLD = """
+loop.period = "5 ms"
+loop.estimator = "difference"
+device.inertia = "0.02 kg m^2"
+device.damping = "0.1 N m s/rad"
+device.limit = "5 N m"
+"""
+INERTIA, DAMPING, LIMIT, PERIOD = 0.02, 0.1, 5.0, 5e-3
+# What full scale means: half of 900 degrees, rad/s, rad/s^2.
+ANGLE, VELOCITY, ACCELERATION = 2.5 * math.pi, 10.0, 200.0
+LEFT, RIGHT = 0x4000, 0xC000
+FULL = 0x7FFF
+# Of full scale.
+NEAR = 0.02
+# The least time without torque between two effects, in s, and samples at the end of each that are not looked at.
+MARK = 0.15
+END = 20
+# Of one effect, a thousand a second.
+UPDATES = int(os.environ.get("UPDATES", "5000"))
+
+patience = time.monotonic() + 300
+
+
+def waited(what, found):
+    while not (value := found()):
+        if time.monotonic() > patience:
+            sys.exit(f"no {what}")
+        time.sleep(0.01)
+    return value
+
+
+def wheel(run):
+    if run.poll() is not None:
+        sys.exit("hapt wheel has ended")
+    devices = [InputDevice(path) for path in list_devices()]
+    return next((device for device in devices if "hapt wheel" in device.name), None)
+
+
+def effect(kind, direction=0, **parts):
+    return ff.Effect(kind, -1, direction, ff.Trigger(0, 0), ff.Replay(0, 0), ff.EffectType(**parts))
+
+
+def constant(share, direction=LEFT):
+    part = ff.Constant(round(share * FULL), ff.Envelope(0, 0, 0, 0))
+    return effect(ecodes.FF_CONSTANT, direction, ff_constant_effect=part)
+
+
+def periodic(waveform, share, ms):
+    part = ff.Periodic(waveform, ms, round(share * FULL), 0, 0, ff.Envelope(0, 0, 0, 0), 0, None)
+    return effect(ecodes.FF_PERIODIC, RIGHT, ff_periodic_effect=part)
+
+
+def condition(kind, share):
+    one = ff.Condition(0xFFFF, 0xFFFF, round(share * FULL), round(share * FULL), 0, 0)
+    return effect(kind, ff_condition_effect=(ff.Condition * 2)(one, ff.Condition()))
+
+
+def ramp(share, ms):
+    part = ff.Effect(
+        ecodes.FF_RAMP, -1, RIGHT, ff.Trigger(0, 0), ff.Replay(ms, 0), ff.EffectType(ff_ramp_effect=ff.Ramp(round(-share * FULL), round(share * FULL)))
+    )
+    return part
+
+
+def play(device, effects, seconds):
+    """Plays effects together, and leaves a stretch of the log without torque behind them."""
+    numbers = [device.upload_effect(one) for one in effects]
+    for number in numbers:
+        device.write(ecodes.EV_FF, number, 1)
+    time.sleep(seconds)
+    for number in numbers:
+        device.erase_effect(number)
+    time.sleep(MARK + 0.2)
+
+
+def end_velocity(rows):
+    return rows[-1]["velocity"]
+
+
+def end_position(rows):
+    return rows[-1]["position"]
+
+
+def travelled(rows):
+    return rows[-1]["position"] - rows[0]["position"]
+
+
+def terminal(torque, damping):
+    return torque / damping
+
+
+def accelerated(torque, inertia, rows):
+    """How far a wheel goes, where what makes it heavier begins at rest."""
+    tau, seconds = inertia / DAMPING, rows[-1]["time"] - rows[0]["time"]
+    end = torque / DAMPING
+    # It still rolls from what played before, and shares its momentum.
+    begin = rows[0]["velocity"] * INERTIA / inertia
+    return end * seconds + (begin - end) * tau * (1 - math.exp(-seconds / tau))
+
+
+def wave(share, form, ms):
+    """The largest difference in 95 of 100 samples between the torque and a wave, at the start that fits best."""
+
+    def difference(rows):
+        def off(start):
+            turns = [(1e3 * (row["time"] - rows[0]["time"]) + start) / ms for row in rows]
+            errors = sorted(abs(row["effects"] - share * LIMIT * form(turn % 1.0)) for row, turn in zip(rows, turns))
+            return errors[int(0.95 * len(errors))]
+
+        return min(off(start) for start in range(0, 40))
+
+    return difference
+
+
+def triangle(x):
+    return 1 - 4 * abs((x + 0.25) % 1.0 - 0.5)
+
+
+def torque(rows):
+    return rows[len(rows) // 2]["effects"]
+
+
+HALF = 0.25
+STIFF = LIMIT / ANGLE
+VISCOUS = LIMIT / VELOCITY
+MASS = LIMIT / ACCELERATION
+CONSTANT = HALF * LIMIT
+
+# Its name; what plays, for how long in s; what is measured, what it should be, and the full scale of that.
+CASES = [
+    ("constant to the left", [constant(HALF)], 0.5, torque, lambda _: -CONSTANT, LIMIT),
+    ("constant to the right", [constant(HALF, RIGHT)], 0.5, torque, lambda _: CONSTANT, LIMIT),
+    ("spring", [constant(HALF), condition(ecodes.FF_SPRING, 1)], 4.0, end_position, lambda _: -CONSTANT / STIFF, ANGLE),
+    ("half a spring", [constant(HALF, RIGHT), condition(ecodes.FF_SPRING, 0.5)], 5.0, end_position, lambda _: 2 * CONSTANT / STIFF, ANGLE),
+    ("damper", [constant(HALF), condition(ecodes.FF_DAMPER, 1)], 1.5, end_velocity, lambda _: terminal(-CONSTANT, DAMPING + VISCOUS), VELOCITY),
+    ("half a damper", [constant(HALF, RIGHT), condition(ecodes.FF_DAMPER, 0.5)], 1.5, end_velocity, lambda _: terminal(CONSTANT, DAMPING + 0.5 * VISCOUS), VELOCITY),
+    ("friction", [constant(HALF), condition(ecodes.FF_FRICTION, 0.1)], 3.0, end_velocity, lambda _: terminal(-CONSTANT + 0.1 * LIMIT, DAMPING), VELOCITY),
+    ("inertia", [condition(ecodes.FF_INERTIA, 1), constant(HALF, RIGHT)], 1.5, travelled, lambda rows: accelerated(CONSTANT, INERTIA + MASS, rows), ANGLE),
+    ("sine", [periodic(ecodes.FF_SINE, 0.5, 400)], 2.0, wave(0.5, lambda x: math.sin(math.tau * x), 400), lambda _: 0.0, LIMIT),
+    ("triangle", [periodic(ecodes.FF_TRIANGLE, 0.5, 400)], 2.0, wave(0.5, triangle, 400), lambda _: 0.0, LIMIT),
+    ("square", [periodic(ecodes.FF_SQUARE, 0.5, 400)], 2.0, wave(0.5, lambda x: 1.0 if x < 0.5 else -1.0, 400), lambda _: 0.0, LIMIT),
+    ("sawtooth up", [periodic(ecodes.FF_SAW_UP, 0.5, 400)], 2.0, wave(0.5, lambda x: 2 * x - 1, 400), lambda _: 0.0, LIMIT),
+    ("sawtooth down", [periodic(ecodes.FF_SAW_DOWN, 0.5, 400)], 2.0, wave(0.5, lambda x: 1 - 2 * x, 400), lambda _: 0.0, LIMIT),
+    ("ramp", [ramp(0.5, 1000)], 1.3, wave(0.5, lambda x: 2 * x - 1, 1000), lambda _: 0.0, LIMIT),
+]
+
+
+def stretches(path):
+    """The stretches of a run in which effects gave a torque."""
+    found, idle = [], math.inf
+    with open(path, newline="") as file:
+        for line in csv.DictReader(file):
+            row = {
+                "time": float(line["time_s"]),
+                "position": float(line["measured_rad"]),
+                "velocity": float(line["measured_rad_per_s"]),
+                "effects": float(line["link_Nm"]),
+            }
+            if abs(row["effects"]) < 1e-4 * LIMIT:
+                idle += PERIOD
+                # Within a stretch it may pass through 0.
+                if idle < MARK and found:
+                    found[-1].append(row)
+                continue
+            if idle >= MARK:
+                found.append([])
+            idle = 0.0
+            found[-1].append(row)
+    for rows in found:
+        while abs(rows[-1]["effects"]) < 1e-4 * LIMIT:
+            rows.pop()
+        # The effects of a stretch are erased one by one, and fade.
+        del rows[-END:]
+    return [rows for rows in found if rows]
+
+
+def storm(device, updates):
+    """Changes an effect a thousand times a second, or as often as the guest can; the rate, per s."""
+    one = constant(0.0)
+    one.id = device.upload_effect(one)
+    device.write(ecodes.EV_FF, one.id, 1)
+    begin = time.monotonic()
+    for at in range(updates):
+        one.u.ff_constant_effect.level = round(0.1 * FULL * math.sin(0.01 * at))
+        device.upload_effect(one)
+        time.sleep(max(0.0, begin + 1e-3 * (at + 1) - time.monotonic()))
+    rate = updates / (time.monotonic() - begin)
+    one.u.ff_constant_effect.level = round(HALF * FULL)
+    device.upload_effect(one)
+    time.sleep(0.5)
+    device.erase_effect(one.id)
+    time.sleep(MARK + 0.2)
+    return rate
+
+
+def main():
+    hapt = sys.argv[1]
+    os.chdir("/tmp")
+    with open("wheel.toml", "w") as file:
+        file.write(WORLD)
+    run = subprocess.Popen([hapt, "wheel", "wheel.toml", "--duration", "300 s", "--log", "wheel.mcap"], stdout=subprocess.PIPE, text=True)
+    device = waited("wheel", lambda: wheel(run))
+    # Full torque is there a second after the start.
+    time.sleep(1.5)
+    for _, effects, seconds, _, _, _ in CASES:
+        play(device, effects, seconds)
+    rate = storm(device, UPDATES)
+    run.send_signal(signal.SIGINT)
+    summary, _ = run.communicate()
+    print(summary)
+    subprocess.run([hapt, "convert", "wheel.mcap", "-o", "wheel.csv"], check=True, stdout=subprocess.DEVNULL)
+    found = stretches("wheel.csv")
+    if len(found) != len(CASES) + 1:
+        for rows in found:
+            print(f"{rows[0]['time']:8.3f} s to {rows[-1]['time']:8.3f} s, {rows[0]['effects']:8.4f} to {rows[-1]['effects']:8.4f} N m")
+        sys.exit(f"{len(found)} stretches of torque for {len(CASES)} effects and the storm")
+    failed = 0
+    for rows, (name, _, _, measured, expected, full) in zip(found, CASES):
+        value, want = measured(rows), expected(rows)
+        off = abs(value - want) / full
+        failed += off > NEAR
+        print(f"{name:24} {value:9.4f} {want:9.4f} {100 * off:6.2f} % of full scale{'  WRONG' if off > NEAR else ''}")
+    after = found[-1][-1]["effects"]
+    off = abs(after + CONSTANT) / LIMIT
+    failed += off > NEAR
+    print(f"{'after the storm':24} {after:9.4f} {-CONSTANT:9.4f} {100 * off:6.2f} % of full scale, at {rate:.0f} updates a second")
+    taken = int(re.search(r"([0-9 ]+) reports taken", summary)[1].replace(" ", ""))
+    if taken < UPDATES:
+        sys.exit(f"{taken} reports were taken, of {UPDATES} and more")
+    with open("/proc/sys/kernel/tainted") as file:
+        if int(file.read()) != 0:
+            sys.exit("the kernel is tainted")
+    sys.exit(f"{failed} of {len(CASES) + 1} are wrong" if failed else 0)
+
+
+main()
