@@ -436,3 +436,100 @@ impl UsbBus for Bus {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use hapt_wire::pid::id;
+    use hapt_wire::usb::WheelClass;
+    use proptest::prelude::*;
+    use usb_device::bus::UsbBusAllocator;
+
+    use super::{Bus, HEADER, SUBMIT, UNLINK, data_length, word};
+
+    /// A message with its data: any words, or those of a transfer that could be.
+    fn messages() -> impl Strategy<Value = Vec<u8>> {
+        let setup = prop_oneof![
+            any::<[u8; 8]>(),
+            // HID's and standard requests to the interface, with lengths near those of packets.
+            (
+                prop_oneof![Just(0x21), Just(0xa1), Just(0x81), Just(0x80), Just(0)],
+                0..12_u8,
+                0..16_u8,
+                0..4_u8,
+                0..140_u8
+            )
+                .prop_map(|(kind, request, low, high, length)| [kind, request, low, high, 0, 0, length, 0]),
+        ];
+        let data = prop_oneof![
+            proptest::collection::vec(any::<u8>(), 0..200),
+            // Reports that may be whole.
+            (id::WHEEL..=id::POOL, proptest::collection::vec(0..20_u8, 0..15))
+                .prop_map(|(id, rest)| [vec![id], rest].concat()),
+        ];
+        let command = prop_oneof![8 => Just(SUBMIT), 2 => Just(UNLINK)];
+        (command, 0..30_u32, any::<bool>(), 0..4_u32, 0..200_u32, setup, data, any::<bool>()).prop_map(
+            |(command, number, is_in, endpoint, room, mut setup, data, agrees)| {
+                let is_in = if agrees && endpoint == 0 { setup[0] & 0x80 != 0 } else { is_in };
+                let is_out = !is_in && command == SUBMIT;
+                let length = if is_out { data.len() as u32 } else { room };
+                if agrees && is_out {
+                    setup[6] = length as u8;
+                    setup[7] = 0;
+                }
+                // The word of the length is the number of what is taken back.
+                let words = [command, number, 0, u32::from(is_in), endpoint];
+                let rest = if command == UNLINK { [room % 30, 0] } else { [0, length] };
+                let mut bytes: Vec<u8> =
+                    words.iter().chain(&rest).chain(&[0; 3]).flat_map(|word| word.to_be_bytes()).collect();
+                bytes.extend(setup);
+                bytes.extend(if is_out { data } else { Vec::new() });
+                bytes
+            },
+        )
+    }
+
+    proptest! {
+        #![proptest_config(hapt_testing::cases(256))]
+
+        /// Every transfer is answered once at most, and the device comes to rest after each message.
+        #[test]
+        fn whatever_a_host_sends_nothing_is_answered_twice(sent in proptest::collection::vec(messages(), 0..60)) {
+            let bus = UsbBusAllocator::new(Bus::default());
+            let mut class = WheelClass::new(&bus);
+            let mut device = WheelClass::device(&bus).unwrap();
+            let (mut next, mut open) = (1000_u32, BTreeMap::new());
+            for mut message in sent {
+                // Numbers are the host's own count.
+                next += 1;
+                message[4..8].copy_from_slice(&next.to_be_bytes());
+                let (header, data) = message.split_first_chunk::<HEADER>().unwrap();
+                prop_assert_eq!(data_length(header), Ok(data.len()));
+                let is_in = word(header, 0) == SUBMIT && word(header, 12) != 0;
+                open.insert(next, if is_in { word(header, 24) } else { 0 });
+                device.bus().receive(header, data).unwrap();
+                let polls = (0..1000).take_while(|_| device.poll(&mut [&mut class])).count();
+                prop_assert!(polls < 1000, "the device does not come to rest");
+                let mut answers = &device.bus().answers()[..];
+                while let Some((header, rest)) = answers.split_first_chunk::<HEADER>() {
+                    let room = open.remove(&word(header, 4));
+                    prop_assert!(room.is_some(), "answered twice: {}", word(header, 4));
+                    // Data of a transfer from the device follows, within the room that the host has.
+                    let follows = if room > Some(0) { word(header, 24) } else { 0 };
+                    prop_assert!(Some(follows) <= room);
+                    let (_, after) = rest.split_at_checked(follows as usize).unwrap();
+                    answers = after;
+                }
+            }
+        }
+
+        #[test]
+        fn what_is_no_message_is_refused(bytes in any::<[u8; HEADER]>()) {
+            let command = u32::from_be_bytes(bytes[..4].try_into().unwrap());
+            prop_assert_eq!(data_length(&bytes).is_err(), !(command == SUBMIT || command == UNLINK) || command == SUBMIT && {
+                u32::from_be_bytes(bytes[24..28].try_into().unwrap()) > super::LONGEST as u32
+            });
+        }
+    }
+}
