@@ -1,4 +1,5 @@
-//! The documents' pictures: drawn from the runs' CSV, one row of [`FIGURES`] each, and those of [`DRAWN`], which commands draw.
+//! The documents' pictures: drawn from the runs' CSV, one row of [`FIGURES`] each, those of [`DRAWN`], which commands draw, and that of the
+//! campaign of wheels.
 
 use std::collections::HashMap;
 use std::fs;
@@ -273,7 +274,8 @@ fn drawn(name: &str, command: &[&str]) -> Result<String> {
 fn pictures() -> impl Iterator<Item = (String, Result<String>)> {
     let path = |name: &str| format!("docs/images/{name}.svg");
     let of_runs = FIGURES.iter().map(move |figure| (path(figure.name), picture(figure)));
-    of_runs.chain(DRAWN.iter().map(move |(name, command)| (path(name), drawn(name, command))))
+    let by_commands = DRAWN.iter().map(move |(name, command)| (path(name), drawn(name, command)));
+    of_runs.chain(by_commands).chain(std::iter::once_with(move || (path("hands-off"), crate::wheel::picture())))
 }
 
 pub fn write() -> Result<()> {

@@ -139,8 +139,11 @@ impl Signal {
     pub const OUTPUT: Signal =
         Signal::new("output", Measures::Effort, "the output of the supervisor, the torque of the motor");
     /// A network's torque.
-    pub const LINK: Signal =
-        Signal::new("link", Measures::Effort, "from the links on the puck, before levels and limit");
+    pub const LINK: Signal = Signal::new(
+        "link",
+        Measures::Effort,
+        "on the puck from outside of the world (links, a game), before levels and limit",
+    );
     /// The world's energy.
     pub const ENERGY: Signal = Signal::new("energy", Measures::Energy, "the energy that the world stores");
 

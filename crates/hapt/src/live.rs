@@ -1,5 +1,6 @@
 //! `hapt live`: the loop in real time behind a web page.
 
+use std::io::{IsTerminal, stderr};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
@@ -19,6 +20,7 @@ use crate::failure::Failure;
 use crate::latency::settings;
 use crate::messages::{notes, print, say};
 use crate::output;
+use crate::phone;
 use crate::world::source;
 
 /// The default world: the notes' wheel under the default method, which is certified.
@@ -63,6 +65,13 @@ fn serve(args: &LiveArgs, lives: Vec<Live>, text: impl FnOnce(&[&str]) -> String
         ));
     } else if live.asks_for_token() {
         say("hapt: with a motor attached a page needs the token in the link, behind the #");
+    }
+    if stderr().is_terminal() {
+        for live in &lives {
+            if let Some(link) = phone::link(live.link(), live.address()) {
+                say(format_args!("for a phone in this network: {link}\n{}", phone::code(&link)));
+            }
+        }
     }
     if args.open {
         open(live.link());

@@ -34,6 +34,7 @@ mod messages;
 mod network;
 mod notes;
 mod output;
+mod phone;
 mod plot;
 mod progress;
 mod replay;

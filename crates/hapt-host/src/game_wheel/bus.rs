@@ -149,9 +149,9 @@ impl Bus {
             return Ok(());
         }
         let bit = 1 << endpoint.min(15);
-        if endpoint >= ENDPOINTS || u16::from(state.used[usize::from(is_in)]) & bit == 0 {
-            state.answer(&transfer, STALLED, &[]);
-        } else if state.stalled[usize::from(is_in)] & bit != 0 {
+        let side = usize::from(is_in);
+        let is_there = endpoint < ENDPOINTS && u16::from(state.used[side]) & bit != 0;
+        if !is_there || state.stalled[side] & bit != 0 {
             state.answer(&transfer, STALLED, &[]);
         } else if is_in {
             state.into[endpoint].push_back(transfer);
@@ -286,10 +286,9 @@ impl State {
                 if let Some(transfer) = self.control.front() {
                     let length = usize::from(u16::from_le_bytes([transfer.setup[6], transfer.setup[7]]));
                     let is_out = transfer.setup[0] & 0x80 == 0;
-                    if is_out == transfer.is_in && length > 0 || is_out && transfer.data.len() != length {
-                        // The setup says something else than the transfer.
-                        self.end_control(STALLED);
-                    } else if is_out && length > LONGEST_CONTROL {
+                    // The setup says something else than the transfer.
+                    let contradicts = is_out == transfer.is_in && length > 0 || is_out && transfer.data.len() != length;
+                    if contradicts || is_out && length > LONGEST_CONTROL {
                         self.end_control(STALLED);
                     } else {
                         self.stage = Stage::Setup;
@@ -383,10 +382,9 @@ impl UsbBus for Bus {
         let transfer = queue.front_mut().ok_or(UsbError::WouldBlock)?;
         let taken = fill(buffer, packet(transfer))?;
         transfer.read += taken;
-        if transfer.read >= transfer.data.len() {
-            if let Some(transfer) = queue.pop_front() {
-                state.answer(&transfer, 0, &[]);
-            }
+        let is_read = transfer.read >= transfer.data.len();
+        if is_read && let Some(transfer) = queue.pop_front() {
+            state.answer(&transfer, 0, &[]);
         }
         Ok(taken)
     }

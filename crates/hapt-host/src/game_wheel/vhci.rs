@@ -29,9 +29,9 @@ pub fn attach() -> Result<UnixStream, WheelError> {
     if !folder.exists() {
         return Err(WheelError::NoController);
     }
-    let failed = |error: io::Error| match error.kind() {
-        io::ErrorKind::PermissionDenied => WheelError::Permission,
-        _ => WheelError::Attach(error),
+    let failed = |error: io::Error| {
+        let is_forbidden = error.kind() == io::ErrorKind::PermissionDenied;
+        if is_forbidden { WheelError::Permission } else { WheelError::Attach(error) }
     };
     let status = fs::read_to_string(folder.join("status")).map_err(failed)?;
     let port = free_port(&status).ok_or(WheelError::NoPort)?;
