@@ -10,6 +10,7 @@ import { Knobs } from "./knobs.ts";
 import { Link, type Peer } from "./link.ts";
 import { Local, type Recorded } from "./local.ts";
 import { NetworkCard } from "./network.ts";
+import { PhoneCard } from "./phone.ts";
 import { factors, panels } from "./panels.ts";
 import { Plots } from "./plots.ts";
 import { Poles } from "./poles.ts";
@@ -51,6 +52,7 @@ const link: Peer = recorded ? new Local(listener, recorded) : new Link(listener)
 const hand = new Hand(stage, link);
 const set = (key: string, value: string) => void link.send({ type: "set", key, value });
 const verdict = new VerdictCard(byId("sentences"), byId("verdict"), byId("strip"), (sets) => void link.send({ type: "sets", sets }), named);
+new PhoneCard(byId("phone")).show(location);
 const network = new NetworkCard(byId("network"), (change) => void link.send({ type: "network", ...change }));
 const euler = new Euler(set);
 const scenarioStart = new ScenarioStart(

@@ -1,6 +1,7 @@
 // What needs no browser: laws of couplings, frames, history, numbers.
 import assert from "node:assert/strict";
 import { after, test } from "node:test";
+import jsQR from "jsqr";
 import { createServer } from "vite";
 
 const vite = await createServer({ server: { middlewareMode: true, hmr: false, ws: false, watch: null }, appType: "custom", logLevel: "error" });
@@ -14,6 +15,7 @@ const { roundUp } = await load("linear");
 const { brief, joules, number, plain, steady, tick } = await load("units");
 const { told } = await load("poles");
 const { ScenarioStart } = await load("scenario");
+const { isReachable, modules } = await load("phone");
 
 const between = ["puck", "ground"];
 const couplings = [
@@ -184,4 +186,26 @@ test("a scenario starts once the loop is running again, and not after a stop", (
 test("a puck that has run away is told of in a few digits", () => {
   for (const place of [-1397842711756215, 1e300, 12345678]) assert.ok(steady(place, 90).length <= 8, steady(place, 90));
   assert.equal(steady(7640.25, 90), "7640.3");
+});
+
+test("the code of a link is read by another program as that link", () => {
+  const quiet = 4;
+  for (const link of ["http://192.168.0.7:8080/#0123456789abcdef0123456789abcdef", "http://[fe80::1:2:3:4]:65535/#f", "http://10.0.0.1:1/"]) {
+    const rows = modules(link);
+    const [scale, size] = [3, 3 * (rows.length + 2 * quiet)];
+    const pixels = new Uint8ClampedArray(4 * size * size).fill(255);
+    rows.forEach((row, y) => row.forEach((dark, x) => {
+      for (let at = 0; dark && at < scale * scale; at += 1) {
+        const [px, py] = [(x + quiet) * scale + (at % scale), (y + quiet) * scale + Math.floor(at / scale)];
+        pixels.fill(0, 4 * (py * size + px), 4 * (py * size + px) + 3);
+      }
+    }));
+    assert.equal(jsQR(pixels, size, size).data, link);
+  }
+});
+
+test("a page is shown to phones only where they reach it", () => {
+  const at = (link) => isReachable(new URL(link));
+  for (const own of ["http://127.0.0.1:8080/", "http://localhost:1/", "http://[::1]:1/", "file:///x.html"]) assert.ok(!at(own), own);
+  for (const other of ["http://192.168.0.7:8080/#x", "http://[fe80::1]:1/"]) assert.ok(at(other), other);
 });

@@ -31,9 +31,10 @@ LEFT, RIGHT = 0x4000, 0xC000
 FULL = 0x7FFF
 # Of full scale.
 NEAR = 0.02
-# The least time without torque between two effects, in s, and samples at the end of each that are not looked at.
+# The least time without torque between two effects, in s; samples at the end of each that are not looked at, and at the beginning.
 MARK = 0.15
 END = 20
+SETTLED = 80
 # Of one effect, a thousand a second.
 UPDATES = int(os.environ.get("UPDATES", "5000"))
 
@@ -101,7 +102,7 @@ def end_position(rows):
 
 
 def travelled(rows):
-    return rows[-1]["position"] - rows[0]["position"]
+    return rows[-1]["position"] - rows[SETTLED]["position"]
 
 
 def terminal(torque, damping):
@@ -109,11 +110,9 @@ def terminal(torque, damping):
 
 
 def accelerated(torque, inertia, rows):
-    """How far a wheel goes, where what makes it heavier begins at rest."""
-    tau, seconds = inertia / DAMPING, rows[-1]["time"] - rows[0]["time"]
-    end = torque / DAMPING
-    # It still rolls from what played before, and shares its momentum.
-    begin = rows[0]["velocity"] * INERTIA / inertia
+    """How far a wheel goes, from where both effects play and the body on its spring has come to rest beside it."""
+    tau, seconds = inertia / DAMPING, rows[-1]["time"] - rows[SETTLED]["time"]
+    end, begin = torque / DAMPING, rows[SETTLED]["velocity"]
     return end * seconds + (begin - end) * tau * (1 - math.exp(-seconds / tau))
 
 

@@ -19,8 +19,9 @@ hapt is licensed under MIT or Apache-2.0, at your choice. Its program holds the 
 the crates below, under these terms; each is followed by the number of its text.
 ";
 /// What is in the program and is no crate: name, terms, text.
-const OTHERS: [(&str, &str, &str); 2] = [
+const OTHERS: [(&str, &str, &str); 3] = [
     ("uPlot (the page's plots)", "MIT", "web/node_modules/uplot/LICENSE"),
+    ("uqr (the page's QR code)", "MIT", "web/node_modules/uqr/LICENSE"),
     ("DejaVu fonts (in PNG)", "Bitstream Vera and Arev", "crates/hapt-report/fonts/LICENSE"),
 ];
 

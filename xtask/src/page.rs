@@ -191,7 +191,10 @@ fn npm(arguments: &[&str]) -> Result<()> {
     command.args(arguments).current_dir("web").env("HAPT", fs::canonicalize(program())?);
     let said = command.output()?;
     let text = [said.stdout, said.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).join("\n");
-    let failed: Vec<&str> = text.lines().filter(|line| !line.starts_with("✔")).take(60).collect();
+    // Either reporter of node's: what passed before the first failure tells nothing.
+    let lines = || text.lines().filter(|line| !line.starts_with("✔"));
+    let first = lines().position(|line| line.starts_with("not ok")).unwrap_or(0);
+    let failed: Vec<&str> = lines().skip(first).take(60).collect();
     ensure!(said.status.success(), "npm {}:\n{}", arguments.join(" "), failed.join("\n"));
     Ok(())
 }

@@ -16,7 +16,7 @@ const MARGIN: f64 = 0.98;
 
 /// One station's part of it.
 pub struct StationEnd {
-    /// The loop's ends of its links, for [`crate::Machine::linked`].
+    /// The loop's ends of its links, for [`crate::Machine::beside`].
     pub ports: Vec<LinkPort>,
     /// What its pages see and change.
     pub view: Box<dyn StationView>,

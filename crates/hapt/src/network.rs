@@ -101,11 +101,10 @@ fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArg
     for name in scenarios {
         let mut run = NetworkRun::new(network, name)?;
         let mut tables = stations()
-            .map(|station| {
+            .enumerate()
+            .map(|(at, station)| {
                 let path = target(name, &station.name);
-                let columns =
-                    hapt_sim::columns(&station.world).into_iter().chain([Signal::LINK.column(network.motion)]);
-                let columns: Vec<String> = columns.map(|column| column.name).collect();
+                let columns = columns(network, at);
                 let begin = || CsvWriter::with_columns(Draft::new(path.clone())?, &columns);
                 begin().map(|table| (table, 0)).map_err(|error| Failure::write(path.display(), error))
             })
@@ -133,8 +132,14 @@ fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArg
     first_failure.map_or(Ok(()), Err)
 }
 
+/// The columns of a station's run.
+pub fn columns(network: &Network, at: usize) -> Vec<String> {
+    let own = network.stations.get(at).map(|station| hapt_sim::columns(&station.world)).unwrap_or_default();
+    own.into_iter().chain([Signal::LINK.column(network.motion)]).map(|column| column.name).collect()
+}
+
 /// A row's numbers in the order of the columns.
-fn numbers(row: &Row, link: f64, values: &mut Vec<f64>) {
+pub fn numbers(row: &Row, link: f64, values: &mut Vec<f64>) {
     values.clear();
     values.extend(SIGNALS.iter().map(|signal| (signal.get)(row)));
     values.extend(row.pairs().flat_map(|(position, velocity)| [position, velocity]));

@@ -336,7 +336,6 @@ impl Link {
                 Some(Acknowledgement::Refused(why)) => return Err(Error::Refused { what, why }),
                 Some(answer) => return Ok(answer),
             }
-            // A piece whose acknowledgement was lost is refused when it is sent again; the load then begins again.
         }
         Err(Error::Silent { path: self.path.clone() })
     }

@@ -335,6 +335,10 @@ impl Upload {
 
     fn add(&mut self, at: u16, piece: &[u8]) -> Result<(), Refusal> {
         let end = self.so_far.saturating_add(piece.len());
+        // The last piece once more: its acknowledgement was lost.
+        if self.bytes.get(usize::from(at)..self.so_far) == Some(piece) {
+            return Ok(());
+        }
         if usize::from(at) != self.so_far || end > self.length {
             return Err(Refusal::Piece);
         }

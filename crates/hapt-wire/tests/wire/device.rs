@@ -120,6 +120,9 @@ fn a_world_that_is_no_good_is_refused_by_name_and_the_one_before_it_stays() {
     host.ask(Command::Piece { at: 0, bytes: &bytes[..100] }).unwrap();
     assert_eq!(host.ask(Command::Commit), Err(Refusal::Hash));
     assert_eq!(host.ask(Command::Piece { at: 99, bytes: &bytes[99..200] }), Err(Refusal::Piece));
+    // Once more, because its acknowledgement was lost; but no other bytes in its place.
+    host.ask(Command::Piece { at: 0, bytes: &bytes[..100] }).unwrap();
+    assert_eq!(host.ask(Command::Piece { at: 0, bytes: &[0xa5; 100] }), Err(Refusal::Piece));
     host.ask(Command::Begin { length: bytes.len() as u16, hash: 1 }).unwrap();
     for (i, piece) in bytes.chunks(200).enumerate() {
         host.ask(Command::Piece { at: 200 * i as u16, bytes: piece }).unwrap();

@@ -1,4 +1,4 @@
-//! The right answers, computed from a world.
+//! The right answers, computed from a world or a network.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,13 +7,14 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use hapt_analysis::Design;
-use hapt_model::{Dimension, Source, World, parse_quantity};
-use hapt_sim::Simulation;
+use hapt_model::{Dimension, Network, Source, World, is_network, parse_quantity};
+use hapt_sim::{NetworkRun, Simulation};
 use hapt_sweep::{Measure, Sweep};
 use serde_json::Value;
 
 use super::pack::{Of, Take};
 use crate::failure::Failure;
+use crate::network::{columns, numbers};
 
 /// The limits of a world that is graded: far beyond a lesson's, and soon computed.
 const MOST_BODIES: usize = 8;
@@ -23,7 +24,9 @@ const MOST_IN_FLIGHT: f64 = 64.0;
 /// The longest that one value may take.
 const LONGEST: Duration = Duration::from_secs(60);
 
-/// A world whose values are asked for.
+const MOST_STATIONS: usize = 16;
+
+/// A world or a network whose values are asked for.
 pub struct Subject<'a> {
     pub source: &'a Source,
     pub sets: Vec<String>,
@@ -31,33 +34,55 @@ pub struct Subject<'a> {
 }
 
 impl Subject<'_> {
-    /// The world, within the limits.
-    pub fn world(&self) -> Result<World, Failure> {
-        let world = World::read(self.source, &self.sets)?;
-        let sampling = &world.sampling;
-        let most = |what: &str, is: f64, most: f64| {
-            if is <= most {
-                Ok(())
-            } else {
-                let name = &self.source.name;
-                Err(Failure::input(format!(
-                    "{name}: {what}: {is:.0} are more than the {most:.0} that hapt grade takes"
-                )))
-            }
-        };
-        #[allow(clippy::cast_precision_loss)] // Counts of a file of 1 MiB.
-        for (what, is, bound) in
-            [("bodies", world.bodies.len(), MOST_BODIES), ("couplings", world.couplings.len(), MOST_COUPLINGS)]
-        {
-            most(what, is as f64, bound as f64)?;
+    /// What is asked for, within the limits.
+    pub fn system(&self) -> Result<System, Failure> {
+        if !is_network(self.source) {
+            let world = World::read(self.source, &self.sets)?;
+            self.within_limits(&world)?;
+            return Ok(System::World(Box::new(world)));
         }
-        most("samples of delay", sampling.delay_max_s() / sampling.period, MOST_IN_FLIGHT)?;
-        most("periods of interval_max", sampling.interval_max_s() / sampling.period, MOST_IN_FLIGHT)?;
+        let network = Network::read(self.source, &self.sets)?;
+        self.most_of("stations", network.stations.len(), MOST_STATIONS)?;
+        for station in &network.stations {
+            self.within_limits(&station.world)?;
+        }
+        Ok(System::Network(network))
+    }
+
+    fn world(&self) -> Result<World, Failure> {
+        match self.system()? {
+            System::World(world) => Ok(*world),
+            System::Network(_) => Err(Failure::input(format!(
+                "{}: is a network; of it there are fields of hapt check, and columns of a station",
+                self.source.name
+            ))),
+        }
+    }
+
+    fn most(&self, what: &str, is: f64, most: f64) -> Result<(), Failure> {
+        if is <= most {
+            return Ok(());
+        }
+        let name = &self.source.name;
+        Err(Failure::input(format!("{name}: {what}: {is:.0} are more than the {most:.0} that hapt grade takes")))
+    }
+
+    #[allow(clippy::cast_precision_loss)] // Counts of a file of 1 MiB.
+    fn most_of(&self, what: &str, is: usize, most: usize) -> Result<(), Failure> {
+        self.most(what, is as f64, most as f64)
+    }
+
+    fn within_limits(&self, world: &World) -> Result<(), Failure> {
+        let sampling = &world.sampling;
+        self.most_of("bodies", world.bodies.len(), MOST_BODIES)?;
+        self.most_of("couplings", world.couplings.len(), MOST_COUPLINGS)?;
+        self.most("samples of delay", sampling.delay_max_s() / sampling.period, MOST_IN_FLIGHT)?;
+        self.most("periods of interval_max", sampling.interval_max_s() / sampling.period, MOST_IN_FLIGHT)?;
         for scenario in &world.scenarios {
             let samples = scenario.duration / sampling.period;
-            most(&format!("samples of the scenario {}", scenario.name), samples, MOST_SAMPLES)?;
+            self.most(&format!("samples of the scenario {}", scenario.name), samples, MOST_SAMPLES)?;
         }
-        Ok(world)
+        Ok(())
     }
 
     /// The value that `of` names, in SI; null where it does not exist.
@@ -65,10 +90,17 @@ impl Subject<'_> {
         let number = |value: Option<f64>| value.map_or(Value::Null, Value::from);
         match of {
             Of::Value(value) => Ok(value.clone()),
-            Of::Key(key) => Ok(number(crate::world::own(self.source, &self.sets, key))),
+            Of::Key(key) => {
+                self.world()?;
+                Ok(number(crate::world::own(self.source, &self.sets, key)))
+            }
             Of::Measure(name) => self.measure(name).map(number),
             Of::Check(pointer) => self.check(pointer),
-            Of::Column { name, take } => self.column(name, *take).map(Value::from),
+            Of::Column { name, take, station } => match self.system()? {
+                System::World(world) => self.column(&world, name, *take),
+                System::Network(network) => self.column_of(&network, station.as_deref(), name, *take),
+            }
+            .map(Value::from),
             Of::Design { travel, torque, frequency, period, gives } => {
                 let read = |text: &str, dimension| parse_quantity(text, dimension).map_err(Failure::input);
                 let design = Design::new(
@@ -102,31 +134,65 @@ impl Subject<'_> {
     }
 
     fn check(&self, pointer: &str) -> Result<Value, Failure> {
-        let world = self.world()?;
-        let check = in_time(|| {
-            let mut check = hapt_analysis::check(&world)?;
-            if pointer.starts_with("/remedies") {
-                check.remedies = Some(hapt_analysis::remedies(&world)?);
+        match self.system()? {
+            System::World(world) => {
+                let check = in_time(|| {
+                    let mut check = hapt_analysis::check(&world)?;
+                    if pointer.starts_with("/remedies") {
+                        check.remedies = Some(hapt_analysis::remedies(&world)?);
+                    }
+                    Ok::<_, hapt_analysis::Error>(check)
+                })?;
+                field(&check?, pointer)
             }
-            Ok::<_, hapt_analysis::Error>(check)
-        })?;
-        field(&check?, pointer)
+            System::Network(network) => field(&in_time(|| hapt_analysis::check_network(&network))??, pointer),
+        }
     }
 
-    fn column(&self, name: &str, take: Take) -> Result<f64, Failure> {
-        let world = self.world()?;
+    /// The same of a station in a run of its network.
+    fn column_of(&self, network: &Network, station: Option<&str>, name: &str, take: Take) -> Result<f64, Failure> {
+        let names: Vec<&str> = network.stations.iter().map(|station| station.name.as_str()).collect();
+        let at = station.and_then(|station| names.iter().position(|known| *known == station));
+        let at = at.ok_or_else(|| {
+            Failure::input(format!("the question needs the `station` of its column; there is {}", names.join(", ")))
+        })?;
+        let all = network.scenarios();
+        let scenario = match (self.scenario, all.as_slice()) {
+            (Some(name), _) if all.contains(&name) => name,
+            (None, [scenario]) => scenario,
+            (_, _) => {
+                let list = all.join(", ");
+                return Err(Failure::input(format!("the question needs a `scenario` of the network: {list}")));
+            }
+        };
+        let columns = columns(network, at);
+        let column = place(&columns, name)?;
+        let mut run = NetworkRun::new(network, scenario)?;
+        let begun = Instant::now();
+        let (mut series, mut values) = (Vec::new(), Vec::new());
+        while let Some(row) = run.next() {
+            let row = row?;
+            if row.station == at {
+                numbers(row.row, row.link, &mut values);
+                series.extend(values.get(column));
+            }
+            if begun.elapsed() > LONGEST {
+                return Err(too_long());
+            }
+        }
+        Ok(take.of(&series))
+    }
+
+    fn column(&self, world: &World, name: &str, take: Take) -> Result<f64, Failure> {
         let scenario = match (self.scenario, world.scenarios.as_slice()) {
             (Some(name), _) => world.scenario(name)?,
             (None, [scenario]) => scenario,
             (None, _) => return Err(Failure::input("the question needs `scenario`: the world has not exactly one")),
         };
-        let names: Vec<String> = hapt_sim::columns(&world).into_iter().map(|column| column.name).collect();
-        let at = names
-            .iter()
-            .position(|known| known == name)
-            .ok_or_else(|| Failure::input(format!("no column {name:?}; the columns are {}", names.join(", "))))?;
-        let scenario = hapt_analysis::with_worst_pattern(&world, scenario)?;
-        let mut run = Simulation::new(&world, &scenario)?;
+        let names: Vec<String> = hapt_sim::columns(world).into_iter().map(|column| column.name).collect();
+        let at = place(&names, name)?;
+        let scenario = hapt_analysis::with_worst_pattern(world, scenario)?;
+        let mut run = Simulation::new(world, &scenario)?;
         let begun = Instant::now();
         let mut series = Vec::new();
         while let Some(row) = run.next() {
@@ -140,6 +206,18 @@ impl Subject<'_> {
         }
         Ok(take.of(&series))
     }
+}
+
+/// A world, or a network of worlds.
+pub enum System {
+    World(Box<World>),
+    Network(Network),
+}
+
+/// The place of a column among these.
+fn place(names: &[String], name: &str) -> Result<usize, Failure> {
+    let at = names.iter().position(|known| known == name);
+    at.ok_or_else(|| Failure::input(format!("no column {name:?}; the columns are {}", names.join(", "))))
 }
 
 impl Take {

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use hapt_model::{Dimension, Source, Unit, parameters, parse_quantity};
+use hapt_model::{Dimension, Source, Unit, is_network, parameters, parse_quantity};
 use serde_json::Value;
 
 use super::found::Subject;
@@ -112,6 +112,9 @@ impl Marker<'_> {
         let (source, mut sets) = match answer {
             None => return Ok((text, Some("no answer".into()))),
             // A file of its own.
+            Some(Value::String(_)) if is_network(self.starter) => {
+                return Ok((text, Some("a network is answered with keys and values for the starter".into())));
+            }
             Some(Value::String(file)) => (Some(pack::open(self.folder, file)?), Vec::new()),
             Some(Value::Object(_)) => (None, subject.sets.clone()),
             Some(_) => {
@@ -122,7 +125,7 @@ impl Marker<'_> {
             }
         };
         if let Some(source) = &source {
-            Subject { source, sets: Vec::new(), scenario: subject.scenario }.world()?;
+            Subject { source, sets: Vec::new(), scenario: subject.scenario }.system()?;
         }
         let changes = match (answer, &source) {
             (_, Some(source)) if !question.change.is_empty() => match differences(subject, source)? {
@@ -150,7 +153,7 @@ impl Marker<'_> {
         }
         sets.extend(changes.into_iter().map(|(key, value)| format!("{key}={value}")));
         let made = Subject { source, sets, scenario: subject.scenario };
-        made.world()?;
+        made.system()?;
         for condition in &question.conditions {
             let value = made.value(&condition.of)?;
             if let Some(why) = fails(condition, &value)? {

@@ -19,7 +19,7 @@ const MOST_QUESTIONS: usize = 200;
 #[serde(deny_unknown_fields)]
 pub struct Pack {
     pub title: String,
-    /// The starter world, a file of the pack's folder.
+    /// The starter, a world or a network file of the pack's folder.
     #[serde(default = "starter")]
     pub world: String,
     /// Keys of the starter whose values differ from student to student, each with the values to choose from.
@@ -67,12 +67,17 @@ pub enum Of {
     Value(Value),
     /// A measure of `hapt sweep`.
     Measure(String),
-    /// A field of `hapt check --json`, as a JSON pointer: `/passivity/required_damping`.
+    /// A field of `hapt check --json`, as a JSON pointer: `/passivity/required_damping`, or of a network `/links/0/stiffness_max`.
     Check(String),
     /// A number that the world file has under this key, in SI.
     Key(String),
-    /// A statistic of a column of a run.
-    Column { name: String, take: Take },
+    /// A statistic of a column of a run; of a network, of this station's.
+    Column {
+        name: String,
+        take: Take,
+        #[serde(default)]
+        station: Option<String>,
+    },
     /// A field of `hapt design --json`.
     Design { travel: String, torque: String, frequency: String, period: String, gives: String },
 }

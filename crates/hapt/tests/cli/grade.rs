@@ -12,7 +12,7 @@ fn lessons() -> Vec<PathBuf> {
     let course = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/course").canonicalize().unwrap();
     let mut lessons: Vec<PathBuf> = fs::read_dir(course).unwrap().map(|entry| entry.unwrap().path()).collect();
     lessons.sort();
-    assert!(lessons.len() >= 8, "{lessons:?}");
+    assert!(lessons.len() >= 10, "{lessons:?}");
     lessons
 }
 
@@ -189,4 +189,40 @@ fn a_pack_with_a_mistake_is_refused_with_its_name() {
         let at = folder(&[("pack.toml", &pack), ("starter.toml", &starter), ("answer.toml", "a = 1")]);
         grade(at.path(), &at.path().join("answer.toml"), &[]).refused(2, &words);
     }
+}
+
+#[test]
+fn a_question_about_a_network_that_only_a_world_answers_is_refused_by_its_name() {
+    let starter = "[stations.a]\nworld = \"w.toml\"\n[stations.b]\nworld = \"w.toml\"\n\
+                   [[links]]\nkind = \"spring\"\nbetween = [\"a\", \"b\"]\nstiffness = \"0.1 N m/rad\"\nage_max = \"20 ms\"\n";
+    let world = "loop.period = \"1 ms\"\ndevice = { inertia = \"6.4e-4 kg m^2\", damping = \"0.02 N m s/rad\" }\n\
+                 [scenarios.push]\nduration = \"0.1 s\"\nhand = { kind = \"step\", to = \"10 deg\" }\n";
+    let column = |rest: &str| format!("from = {{ column = {{ name = \"puck_rad\", take = \"last\"{rest} }} }}");
+    let cases = [
+        ("from = { measure = \"peak_torque\" }".to_string(), "is a network"),
+        ("from = { key = \"links.0.stiffness\" }".to_string(), "is a network"),
+        ("from = { check = \"/passivity/required_damping\" }".to_string(), "no field"),
+        (column(""), "needs the `station`"),
+        (column(", station = \"c\""), "needs the `station`"),
+        (format!("{}\nscenario = \"pull\"", column(", station = \"a\"")), "needs a `scenario`"),
+        (column(", station = \"a\"").replace("puck_rad", "puck"), "no column"),
+    ];
+    for (question, says) in cases {
+        let pack = format!("title = \"t\"\n[[questions]]\nid = \"q\"\ntext = \"?\"\n{question}\n");
+        let at =
+            folder(&[("pack.toml", &pack), ("starter.toml", starter), ("w.toml", world), ("answer.toml", "q = 1")]);
+        hapt(at.path(), ["grade", ".", "answer.toml"]).refused(2, &["q", says]);
+    }
+    // What is there is graded: the first wheel is held at 10°.
+    let pack = format!(
+        "title = \"t\"\n[[questions]]\nid = \"q\"\ntext = \"?\"\nunit = \"rad\"\n{}\n",
+        column(", station = \"a\"")
+    );
+    let at = folder(&[
+        ("pack.toml", &pack),
+        ("starter.toml", starter),
+        ("w.toml", world),
+        ("answer.toml", "q = \"10 deg\""),
+    ]);
+    hapt(at.path(), ["grade", ".", "answer.toml"]).done();
 }
