@@ -1,12 +1,14 @@
 import { readFileSync } from "node:fs";
 import { defineConfig } from "vite";
 
-/** The minified script loses its comments: uPlot's licence goes beside it. */
+/** The minified script loses its comments: the licences of what it holds go beside it. */
 const licence = {
   name: "licence",
   generateBundle() {
-    const source = readFileSync(new URL("node_modules/uplot/LICENSE", import.meta.url), "utf8");
-    this.emitFile({ type: "asset", fileName: "assets/uPlot-LICENSE.txt", source });
+    for (const [name, folder] of [["uPlot", "uplot"], ["uqr", "uqr"]]) {
+      const source = readFileSync(new URL(`node_modules/${folder}/LICENSE`, import.meta.url), "utf8");
+      this.emitFile({ type: "asset", fileName: `assets/${name}-LICENSE.txt`, source });
+    }
   },
 };
 
