@@ -32,10 +32,12 @@ pub struct EffectsPort {
     /// Counts what this side has seen change: two pools may have the same number.
     revision: u32,
     incoming: Consumer<Pool>,
+    /// The host's side is gone.
+    abandoned: bool,
     samples: Producer<EffectsSample>,
 }
 
-/// The host's side of them.
+/// The host's side of them. Dropped, in whatever way, it ends them.
 pub struct EffectsWire {
     /// The pool after a change. Its times are those of the samples.
     pub pools: Producer<Pool>,
@@ -48,7 +50,7 @@ pub fn effects(wheel: Wheel<f32>, scale: Scale) -> (EffectsPort, EffectsWire) {
     let (pools, incoming) = RingBuffer::new(POOLS);
     let (samples, taken) = RingBuffer::new(SAMPLES);
     let state = wheel.start();
-    let port = EffectsPort { wheel, state, scale, pool: Pool::new(), revision: 0, incoming, samples };
+    let port = EffectsPort { wheel, state, scale, pool: Pool::new(), revision: 0, incoming, abandoned: false, samples };
     (port, EffectsWire { pools, samples: taken })
 }
 
@@ -63,6 +65,11 @@ impl EffectsPort {
                 }
                 Err(_) => break,
             }
+        }
+        if !self.abandoned && self.incoming.is_abandoned() {
+            self.abandoned = true;
+            self.pool.stop_all();
+            self.revision = self.revision.wrapping_add(1);
         }
         let before = self.pool.revision();
         let (effects, playing) = self.pool.effects(now / 1000, &self.scale);

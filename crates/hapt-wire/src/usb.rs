@@ -105,12 +105,6 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
         let _ = self.input.write(&input.write());
     }
 
-    /// The host has left the device: nothing plays any more.
-    pub fn stop(&mut self) {
-        self.pool.stop_all();
-        self.changed = true;
-    }
-
     /// Reports taken, and reports refused: malformed ones, and those of effects that are not in the pool.
     pub fn counts(&self) -> (u64, u64) {
         (self.taken, self.refused)

@@ -156,6 +156,15 @@ fn locked(status: &Mutex<WheelStatus>) -> MutexGuard<'_, WheelStatus> {
     status.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Says so when the thread ends, by a panic too.
+struct Detached<'a>(&'a Mutex<WheelStatus>);
+
+impl Drop for Detached<'_> {
+    fn drop(&mut self) {
+        locked(self.0).is_attached = false;
+    }
+}
+
 impl GameWheel {
     /// Attaches a wheel to the kernel's virtual USB controller. The second is the loop's end.
     ///
@@ -179,10 +188,9 @@ impl GameWheel {
         let status = Arc::new(Mutex::new(WheelStatus { is_attached: true, scale: 1.0, ..WheelStatus::default() }));
         let (stops, shown, half) = (Arc::clone(&stop), Arc::clone(&status), room.half);
         let work = move || {
-            let mut wheel = Worker { host, wire, half, status: &shown, unsent: false };
-            // What the host has left plays no more, whatever ended it.
-            wheel.run(&stops);
-            locked(&shown).is_attached = false;
+            let _detached = Detached(&shown);
+            // It owns the rings' ends: what the host has left plays no more when it ends, in whatever way.
+            Worker { host, wire, half, status: &shown, unsent: false }.run(&stops);
         };
         let thread = std::thread::Builder::new().name("wheel".into()).spawn(work).map_err(WheelError::Attach)?;
         Ok((GameWheel { stop, status, thread: Some(thread) }, port))
@@ -220,7 +228,7 @@ struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    fn run(&mut self, stop: &AtomicBool) {
+    fn run(mut self, stop: &AtomicBool) {
         let bus = UsbBusAllocator::new(Bus::default());
         let mut class = WheelClass::new(&bus);
         let Ok(mut device) = WheelClass::device(&bus) else { return };
@@ -245,15 +253,6 @@ impl Worker<'_> {
             if taken.is_err() || !goes_on || self.host.write_all(&answers).is_err() {
                 break;
             }
-        }
-        class.stop();
-        // The ring has room within a sample, unless the loop has ended, which then has no torque.
-        for _ in 0..100 {
-            self.pass_on(&mut class);
-            if !self.unsent {
-                break;
-            }
-            std::thread::sleep(LOOK);
         }
     }
 
