@@ -43,7 +43,7 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
     await left.mouse.up();
 
     // A long way, and positions that may be as old: both pages say so before anybody has touched it.
-    await slide(left, 3, 0.75);
+    await slide(left, 3, 0.9);
     await slide(left, 0, 0.375);
     for (const page of [left, right]) {
       await until(said(page), (text) => text.startsWith("✗ Not certified: with the links"));
@@ -51,14 +51,18 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
       assert.match(await page.locator("#network output").first().textContent(), /^75 ms$/);
       assert.match(await page.locator("#warnings").textContent(), /The network is not certified/);
     }
-    await turn(left, 120);
-    await left.waitForTimeout(300);
-    await left.mouse.up();
     const ringing = async () => {
       const [low, high] = await extremes(right, () => place(right), 2);
       return high - low;
     };
-    await until(ringing, (swing) => swing > 90, 40);
+    // A busy machine may stand still for longer than a position lives: the link lets go, and the wheel is turned once more.
+    const kicked = async () => {
+      await turn(left, 120);
+      await left.waitForTimeout(300);
+      await left.mouse.up();
+      return ringing();
+    };
+    await until(kicked, (swing) => swing > 90, 60);
 
     // The remedy on the other page.
     await right.locator("#network button.remedy", { hasText: "Soften every link" }).click();
