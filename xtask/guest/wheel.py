@@ -97,8 +97,9 @@ def end_velocity(rows):
     return rows[-1]["velocity"]
 
 
-def end_position(rows):
-    return rows[-1]["position"]
+def end_torque(rows):
+    """While the wheel still moves: at rest the sum is 0, and a stretch of the log would end there."""
+    return rows[-1]["effects"]
 
 
 def travelled(rows):
@@ -148,8 +149,8 @@ CONSTANT = HALF * LIMIT
 CASES = [
     ("constant to the left", [constant(HALF)], 0.5, torque, lambda _: -CONSTANT, LIMIT),
     ("constant to the right", [constant(HALF, RIGHT)], 0.5, torque, lambda _: CONSTANT, LIMIT),
-    ("spring", [constant(HALF), condition(ecodes.FF_SPRING, 1)], 4.0, end_position, lambda _: -CONSTANT / STIFF, ANGLE),
-    ("half a spring", [constant(HALF, RIGHT), condition(ecodes.FF_SPRING, 0.5)], 5.0, end_position, lambda _: 2 * CONSTANT / STIFF, ANGLE),
+    ("spring", [constant(HALF), condition(ecodes.FF_SPRING, 1)], 0.7, end_torque, lambda rows: -CONSTANT - STIFF * rows[-1]["position"], LIMIT),
+    ("half a spring", [constant(HALF, RIGHT), condition(ecodes.FF_SPRING, 0.5)], 0.7, end_torque, lambda rows: CONSTANT - 0.5 * STIFF * rows[-1]["position"], LIMIT),
     ("damper", [constant(HALF), condition(ecodes.FF_DAMPER, 1)], 1.5, end_velocity, lambda _: terminal(-CONSTANT, DAMPING + VISCOUS), VELOCITY),
     ("half a damper", [constant(HALF, RIGHT), condition(ecodes.FF_DAMPER, 0.5)], 1.5, end_velocity, lambda _: terminal(CONSTANT, DAMPING + 0.5 * VISCOUS), VELOCITY),
     ("friction", [constant(HALF), condition(ecodes.FF_FRICTION, 0.1)], 3.0, end_velocity, lambda _: terminal(-CONSTANT + 0.1 * LIMIT, DAMPING), VELOCITY),
