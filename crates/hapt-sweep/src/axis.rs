@@ -9,6 +9,8 @@ use crate::error::Error;
 const MOST_AXES: usize = 8;
 /// The most cells of a grid: as many as a scenario has samples at most.
 const MOST_CELLS: u64 = 10_000_000_000;
+/// The most values of an axis that are kept with their text.
+const MOST_LABELLED: u64 = 1 << 16;
 
 /// A key and its values, in SI.
 #[derive(Clone, Debug, PartialEq)]
@@ -242,11 +244,93 @@ impl Grid {
 
     /// The values of a cell, one per axis.
     pub fn values(&self, cell: u64) -> impl Iterator<Item = f64> {
-        let mut below = self.cells;
-        self.axes.iter().map(move |axis| {
+        let place = Place::new(self, cell);
+        self.axes.iter().zip(place.at).map(|(axis, i)| axis.value(i))
+    }
+}
+
+/// The values of a grid's axes with their text, computed once for many cells. An axis of very many values is computed cell by cell.
+#[derive(Clone, Debug)]
+pub struct Ticks<'g> {
+    grid: &'g Grid,
+    axes: Vec<Option<Labelled>>,
+}
+
+/// The values of an axis, and their text in one piece.
+#[derive(Clone, Debug)]
+struct Labelled {
+    values: Vec<f64>,
+    text: String,
+    /// Where the text of each value ends.
+    ends: Vec<usize>,
+}
+
+impl Labelled {
+    fn new(axis: &Axis) -> Self {
+        let values: Vec<f64> = (0..axis.count).map(|i| axis.value(i)).collect();
+        let (mut text, mut buffer) = (String::new(), zmij::Buffer::new());
+        let ends = values.iter().map(|value| {
+            text.push_str(buffer.format(*value));
+            text.len()
+        });
+        let ends = ends.collect();
+        Labelled { values, text, ends }
+    }
+
+    fn text(&self, i: usize) -> &str {
+        let from = if i == 0 { 0 } else { self.ends[i - 1] };
+        &self.text[from..self.ends[i]]
+    }
+}
+
+impl<'g> Ticks<'g> {
+    /// The values of the grid's axes.
+    pub fn new(grid: &'g Grid) -> Self {
+        // More values than a stretch of cells meets are not worth their memory.
+        let few = |axis: &Axis| axis.count <= MOST_LABELLED.min(grid.cells);
+        Ticks { grid, axes: grid.axes.iter().map(|axis| few(axis).then(|| Labelled::new(axis))).collect() }
+    }
+
+    /// The i-th value of the j-th axis.
+    pub(crate) fn value(&self, j: usize, i: u64) -> f64 {
+        self.axes[j].as_ref().map_or_else(|| self.grid.axes[j].value(i), |axis| axis.values[i as usize])
+    }
+
+    /// Appends its text, which reads back to the same double.
+    pub(crate) fn write(&self, j: usize, i: u64, out: &mut String) {
+        match &self.axes[j] {
+            Some(axis) => out.push_str(axis.text(i as usize)),
+            None => out.push_str(zmij::Buffer::new().format(self.grid.axes[j].value(i))),
+        }
+    }
+}
+
+/// A cell's place on every axis, cell after cell.
+#[derive(Clone, Debug)]
+pub(crate) struct Place {
+    /// For each axis, the number of its value.
+    pub at: Vec<u64>,
+}
+
+impl Place {
+    pub fn new(grid: &Grid, cell: u64) -> Self {
+        let mut below = grid.cells;
+        let at = grid.axes.iter().map(|axis| {
             below /= axis.count;
-            axis.value(cell / below % axis.count)
-        })
+            cell / below % axis.count
+        });
+        Place { at: at.collect() }
+    }
+
+    /// Goes to the next cell; behind the last one comes the first.
+    pub fn advance(&mut self, grid: &Grid) {
+        for (at, axis) in self.at.iter_mut().zip(&grid.axes).rev() {
+            *at += 1;
+            if *at < axis.count {
+                return;
+            }
+            *at = 0;
+        }
     }
 }
 

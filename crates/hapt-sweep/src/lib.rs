@@ -46,9 +46,9 @@ pub mod table;
 mod worker;
 pub mod worst;
 
-pub use axis::{Axis, Grid};
+pub use axis::{Axis, Grid, Ticks};
 pub use boundary::Boundary;
 pub use error::Error;
 pub use measure::Measure;
 pub use shard::Shard;
-pub use sweep::{Rows, Sweep};
+pub use sweep::{Lines, Rows, Sweep};

@@ -6,13 +6,21 @@ use hapt_model::{Source, World};
 use hapt_sim::LANES;
 use rayon::prelude::*;
 
-use crate::axis::Grid;
+use crate::axis::{Grid, Place, Ticks};
 use crate::error::Error;
 use crate::measure::Measure;
+use crate::table;
 use crate::worker::Worker;
 
 /// The most samples of a run with a settling time: they are kept until its end.
 const MOST_KEPT: f64 = 1e8;
+
+/// Pieces of a stretch of cells for each thread, so that none waits long for the last one.
+const PIECES: u64 = 8;
+/// The most cells of a piece: its text is written in one call.
+const LONGEST_PIECE: u64 = 1024;
+/// Bytes of a number's text, about.
+const ROOM: usize = 20;
 
 /// Whether the work is to stop; asked now and then from all threads.
 pub(crate) type Stop<'a> = dyn Fn() -> bool + Sync + 'a;
@@ -127,11 +135,63 @@ impl Sweep {
         (!stop()).then(|| Rows { width: self.width(), values })
     }
 
+    /// The same rows as lines of CSV, and how many of them have no value, for each measure. `ticks` are those of the sweep's grid.
+    pub fn lines(&self, ticks: &Ticks<'_>, cells: Range<u64>) -> Lines {
+        let count = cells.end - cells.start;
+        // Pieces of whole batches: small ones where a cell takes long and a stretch has few, so that all threads have work.
+        let share = count / (PIECES * rayon::current_num_threads() as u64);
+        let piece = share.clamp(1, LONGEST_PIECE).next_multiple_of(LANES as u64);
+        let stop = || false;
+        let pieces = (0..count.div_ceil(piece)).into_par_iter().map_init(
+            || (Worker::new(self, ticks, &stop), vec![None; self.width() * LANES]),
+            |(worker, rows), i| {
+                let first = cells.start + i * piece;
+                self.piece(ticks, first..(first + piece).min(cells.end), worker, rows)
+            },
+        );
+        let (text, missing): (Vec<_>, Vec<_>) = pieces.unzip();
+        let mut sum = vec![0; self.measures.len()];
+        for counts in missing {
+            sum.iter_mut().zip(counts).for_each(|(sum, count): (&mut u64, u64)| *sum += count);
+        }
+        Lines { text, missing: sum }
+    }
+
+    /// The lines of neighbouring cells, by one worker.
+    fn piece(
+        &self,
+        ticks: &Ticks<'_>,
+        cells: Range<u64>,
+        worker: &mut Worker<'_>,
+        rows: &mut [Option<f64>],
+    ) -> (String, Vec<u64>) {
+        let (axes, width) = (self.grid.axes.len(), self.width());
+        let mut text = String::with_capacity((cells.end - cells.start) as usize * width * ROOM);
+        let mut missing = vec![0; self.measures.len()];
+        let mut place = Place::new(&self.grid, cells.start);
+        for first in cells.clone().step_by(LANES) {
+            let last = (first + LANES as u64).min(cells.end);
+            let rows = &mut rows[..(last - first) as usize * width];
+            worker.fill(first..last, rows);
+            for row in rows.chunks_exact(width) {
+                for (j, at) in place.at.iter().enumerate() {
+                    ticks.write(j, *at, &mut text);
+                    text.push(',');
+                }
+                let measured = &row[axes..];
+                table::line(measured, &mut text);
+                missing.iter_mut().zip(measured).for_each(|(count, value)| *count += u64::from(value.is_none()));
+                place.advance(&self.grid);
+            }
+        }
+        (text, missing)
+    }
+
     fn values(&self, cells: Range<u64>, stop: &Stop<'_>) -> Vec<Option<f64>> {
         let (width, count) = (self.width(), (cells.end - cells.start) as usize);
-        let mut values = vec![None; width * count];
+        let (mut values, ticks) = (vec![None; width * count], Ticks::new(&self.grid));
         values.par_chunks_mut(width * LANES).enumerate().for_each_init(
-            || Worker::new(self, stop),
+            || Worker::new(self, &ticks, stop),
             |worker, (block, rows)| {
                 if stop() {
                     return;
@@ -142,6 +202,15 @@ impl Sweep {
         );
         values
     }
+}
+
+/// Rows of a sweep's table as lines of CSV.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lines {
+    /// Pieces of the text, one after the other.
+    pub text: Vec<String>,
+    /// For each measure, the number of rows without its value.
+    pub missing: Vec<u64>,
 }
 
 /// Rows of a sweep's table.

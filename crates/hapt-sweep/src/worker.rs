@@ -8,12 +8,14 @@ use hapt_analysis::{Parameter, Variants};
 use hapt_model::World;
 use hapt_sim::{LANES, run_batch};
 
+use crate::axis::{Place, Ticks};
 use crate::measure::{self, Measure, OfRun};
 use crate::sweep::{Stop, Sweep};
 
 /// A batch of worlds of the grid, and the last results.
 pub(crate) struct Worker<'s> {
     sweep: &'s Sweep,
+    ticks: &'s Ticks<'s>,
     stop: &'s Stop<'s>,
     /// `None` where the sweep measures held loops of one body only.
     worlds: Option<Box<[World; LANES]>>,
@@ -53,21 +55,25 @@ impl Held {
 }
 
 impl<'s> Worker<'s> {
-    pub fn new(sweep: &'s Sweep, stop: &'s Stop<'s>) -> Self {
+    pub fn new(sweep: &'s Sweep, ticks: &'s Ticks<'s>, stop: &'s Stop<'s>) -> Self {
         let variants = sweep.measures.iter().any(|measure| measure.of_held_loop()).then(|| Held::new(sweep)).flatten();
         let others = variants.is_none() || !sweep.measures.iter().all(|measure| measure.of_held_loop());
         // NaN differs from every first value.
         let values = from_fn(|_| vec![f64::NAN; sweep.grid.axes.len()]);
         let worlds = others.then(|| Box::new(from_fn(|_| sweep.world.clone())));
-        Worker { sweep, stop, worlds, variants, values, known: vec![None; sweep.measures.len()] }
+        Worker { sweep, ticks, stop, worlds, variants, values, known: vec![None; sweep.measures.len()] }
     }
 
     /// Fills the rows of a block of at most [`LANES`] cells, in order.
     pub fn fill(&mut self, cells: Range<u64>, rows: &mut [Option<f64>]) {
         let count = (cells.end - cells.start) as usize;
+        let mut place = Place::new(&self.sweep.grid, cells.start);
         for i in 0..LANES {
             // Lanes beyond the last cell repeat it.
-            self.set(i, (cells.start + i as u64).min(cells.end - 1));
+            if (1..count).contains(&i) {
+                place.advance(&self.sweep.grid);
+            }
+            self.set(i, &place);
         }
         let runs = self.runs(count);
         if let Some(held) = &mut self.variants {
@@ -78,10 +84,11 @@ impl<'s> Worker<'s> {
         }
     }
 
-    /// Sets the i-th world to the cell's values.
-    fn set(&mut self, i: usize, cell: u64) {
+    /// Sets the i-th world to the values of a cell.
+    fn set(&mut self, i: usize, place: &Place) {
         let grid = &self.sweep.grid;
-        for (j, value) in grid.values(cell).enumerate() {
+        for (j, at) in place.at.iter().enumerate() {
+            let value = self.ticks.value(j, *at);
             let now = &mut self.values[i][j];
             if now.to_bits() == value.to_bits() {
                 continue;

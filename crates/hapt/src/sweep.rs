@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use hapt_model::{Motion, did_you_mean};
 use hapt_sweep::table::{self, Column};
-use hapt_sweep::{Measure, Shard, Sweep};
+use hapt_sweep::{Measure, Shard, Sweep, Ticks};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::args::SweepArgs;
@@ -144,29 +144,38 @@ pub fn list_measures() -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Computes the missing cells; returns the number of cells without a value for each measure, over all cells.
+/// Computes the missing cells; returns the number of cells without a value for each measure, over all cells. One stretch is written while the
+/// next is computed.
 fn compute(sweep: &Sweep, cells: Range<u64>, pool: &ThreadPool, partial: &mut Partial) -> Result<Vec<u64>, Failure> {
     let rows = cells.end - cells.start;
     let mut missing = partial.missing.clone();
     let mut progress = Progress::new("sweep", "cells", rows, partial.done);
+    let ticks = Ticks::new(&sweep.grid);
     // Few at first, because a cell may be a run of an hour.
     let mut stretch = pool.current_num_threads() as u64;
-    let mut text = String::new();
+    let mut computed = partial.done;
+    let mut ready: Vec<String> = Vec::new();
     while partial.done < rows {
         let started = Instant::now();
-        let end = (partial.done + stretch).min(rows);
-        let computed = pool.install(|| sweep.rows(cells.start + partial.done..cells.start + end));
-        text.clear();
-        for row in &computed {
-            table::line(row, &mut text);
-            let measured = row.iter().skip(sweep.grid.axes.len());
-            missing.iter_mut().zip(measured).filter(|(_, value)| value.is_none()).for_each(|(count, _)| *count += 1);
+        let end = (computed + stretch).min(rows);
+        let (mut next, mut written) = (None, Ok(()));
+        pool.in_place_scope(|scope| {
+            if computed < end {
+                let cells = cells.start + computed..cells.start + end;
+                scope.spawn(|_| next = Some(sweep.lines(&ticks, cells)));
+            }
+            written = ready.iter().try_for_each(|text| partial.write(text));
+        });
+        written?;
+        partial.done = computed;
+        progress.reached(computed);
+        computed = end;
+        ready.clear();
+        if let Some(lines) = next {
+            missing.iter_mut().zip(lines.missing).for_each(|(sum, count)| *sum += count);
+            ready = lines.text;
         }
-        partial.write(&text)?;
-        partial.done = end;
-        progress.reached(end);
-        let elapsed = started.elapsed();
-        stretch = match elapsed {
+        stretch = match started.elapsed() {
             short if short < STRETCH / 2 => (2 * stretch).min(MOST_AT_ONCE),
             long if long > STRETCH => (stretch / 2).max(pool.current_num_threads() as u64),
             _ => stretch,

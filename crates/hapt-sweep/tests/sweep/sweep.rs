@@ -2,7 +2,7 @@
 
 use hapt_model::{Source, World};
 use hapt_sim::{Simulation, Summary};
-use hapt_sweep::{Error, Measure, Rows, Sweep};
+use hapt_sweep::{Error, Measure, Rows, Sweep, Ticks};
 use proptest::prelude::*;
 
 const WHEEL: &str = r#"
@@ -86,6 +86,43 @@ proptest! {
         }
         prop_assert_eq!(rows[0][0], Some(period.0));
         prop_assert_eq!(rows.iter().last().unwrap()[0], Some(period.1));
+    }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(24))]
+
+    /// Of short axes and of one that is too long to keep, over any stretch and any number of threads.
+    #[test]
+    fn lines_are_the_rows_as_text(
+        counts in (1u64..8, 1u64..40, prop_oneof![1u64..50, 100_000u64..100_001]),
+        log in any::<bool>(),
+        (from, length) in (0.0..1.0f64, 1u64..3000),
+        threads in 1usize..4,
+        verdicts in any::<bool>(),
+    ) {
+        let log = if log { ":log" } else { "" };
+        let (stiffnesses, periods, inertias) = counts;
+        let axes = [
+            format!("couplings.0.stiffness=0.1..2:{stiffnesses}"),
+            format!("loop.period=0.1ms..3ms:{periods}{log}"),
+            format!("bodies.wheel.inertia=1e-3..1:{inertias}{log}"),
+        ];
+        let axes = axes.each_ref().map(String::as_str);
+        let measures = [Measure::HeldGrowth, Measure::HeldVerdict];
+        let measures = &measures[usize::from(verdicts)..];
+        let sweep = sweep(&axes, measures).unwrap();
+        let first = (from * (sweep.cells() - 1) as f64) as u64;
+        let cells = first..(first + length).min(sweep.cells());
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let lines = pool.install(|| sweep.lines(&Ticks::new(&sweep.grid), cells.clone()));
+        let (mut text, mut missing) = (String::new(), vec![0; measures.len()]);
+        for row in &sweep.rows(cells) {
+            hapt_sweep::table::line(row, &mut text);
+            missing.iter_mut().zip(&row[3..]).for_each(|(count, value)| *count += u64::from(value.is_none()));
+        }
+        prop_assert_eq!(lines.text.concat(), text);
+        prop_assert_eq!(lines.missing, missing);
     }
 }
 
