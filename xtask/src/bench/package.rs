@@ -13,7 +13,10 @@ const BLOCK: &str = "cargo xtask bench python";
 
 /// What is installed beside the package; Drake has no wheel for some systems.
 const NEEDED: [&str; 4] = ["maturin==1.16.0", "numpy==2.4.6", "pyarrow==26.0.1", "scipy==1.17.1"];
-const BESIDE: [&str; 4] = ["control==0.10.2", "pathsim==0.27.1", "mujoco==4.0.0", "drake==1.51.1"];
+const BESIDE: [&str; 6] =
+    ["control==0.10.2", "pathsim==0.27.1", "mujoco==4.0.0", "drake==1.51.1", "numba==0.68.1", "jax==0.10.2"];
+/// Rounds of whole sweeps, of which MuJoCo and pathsim take seconds each.
+const SWEEPS: usize = 5;
 
 /// Prints the tables alone, of so many rounds; with `write`, into the page.
 pub(super) fn alone(rounds: usize, write: bool) -> Result<()> {
@@ -73,8 +76,11 @@ impl Bench {
     }
 
     fn tables(&self, rounds: usize) -> Result<String> {
-        let mut script = Command::new(environment(&self.folder)?);
-        script.arg("bench/python/package.py").arg(self.release.join("hapt-bench")).arg(self.shipped()?);
-        output(script.arg(rounds.to_string()))
+        let python = environment(&self.folder)?;
+        let mut package = Command::new(&python);
+        package.arg("bench/python/package.py").arg(self.release.join("hapt-bench")).arg(self.shipped()?);
+        let mut worlds = Command::new(&python);
+        worlds.arg("bench/python/worlds.py").arg(rounds.min(SWEEPS).to_string());
+        Ok(output(package.arg(rounds.to_string()))? + &output(&mut worlds)?)
     }
 }
