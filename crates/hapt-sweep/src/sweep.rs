@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::axis::{Grid, Place, Ticks};
 use crate::error::Error;
 use crate::measure::Measure;
-use crate::table;
+use crate::table::Text;
 use crate::worker::Worker;
 
 /// The most samples of a run with a settling time: they are kept until its end.
@@ -168,6 +168,7 @@ impl Sweep {
         let (axes, width) = (self.grid.axes.len(), self.width());
         let mut text = String::with_capacity((cells.end - cells.start) as usize * width * ROOM);
         let mut missing = vec![0; self.measures.len()];
+        let mut columns = vec![Text::default(); self.measures.len()];
         let mut place = Place::new(&self.grid, cells.start);
         for first in cells.clone().step_by(LANES) {
             let last = (first + LANES as u64).min(cells.end);
@@ -178,9 +179,11 @@ impl Sweep {
                     ticks.write(j, *at, &mut text);
                     text.push(',');
                 }
-                let measured = &row[axes..];
-                table::line(measured, &mut text);
-                missing.iter_mut().zip(measured).for_each(|(count, value)| *count += u64::from(value.is_none()));
+                for (i, (value, column)) in row[axes..].iter().zip(&mut columns).enumerate() {
+                    missing[i] += u64::from(value.is_none());
+                    column.write(*value, &mut text);
+                    text.push(if i + 1 < missing.len() { ',' } else { '\n' });
+                }
                 place.advance(&self.grid);
             }
         }

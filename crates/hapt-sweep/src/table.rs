@@ -42,6 +42,27 @@ pub fn line(row: &[Option<f64>], out: &mut String) {
     out.push('\n');
 }
 
+/// The text of a column's numbers. Neighbours often have the same number, such as a verdict: its text is kept.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Text {
+    number: Option<f64>,
+    text: String,
+}
+
+impl Text {
+    /// Appends a number as [`line()`] writes it.
+    pub fn write(&mut self, number: Option<f64>, out: &mut String) {
+        let Some(value) = number else { return };
+        // By their bits: 0 and -0 differ in text.
+        if self.number.map(f64::to_bits) != Some(value.to_bits()) {
+            self.number = number;
+            self.text.clear();
+            self.text.push_str(zmij::Buffer::new().format(value));
+        }
+        out.push_str(&self.text);
+    }
+}
+
 /// Parses a line as a row of this many columns; `None` for text that [`line()`] has not written.
 pub fn read(line: &str, columns: usize) -> Option<Vec<Option<f64>>> {
     let row: Option<Vec<Option<f64>>> = line
