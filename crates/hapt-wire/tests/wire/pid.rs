@@ -286,7 +286,7 @@ proptest! {
     ) {
         let spec = DeviceSpec { period, delay: late * period, lag: 0.0, inertia, damping, friction: 0.0, handle: None };
         let timing = Timing { delay: late * period, ..Timing::even(period) };
-        let device = Device { timing, damping, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
+        let device = Device { timing, damping, friction: 0.0, count: 0.0, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
         let wheel = Wheel::<f32>::new(&device).unwrap();
         let mut pool = Pool::new();
         for (block, (kind, positive, negative)) in asked.into_iter().enumerate() {
