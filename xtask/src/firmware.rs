@@ -162,7 +162,7 @@ fn target_arguments() -> Vec<&'static str> {
 fn program(board: &str, name: &str, c_step: Option<&Path>) -> Result<PathBuf> {
     // The programs that test have a console.
     let (binary, feature) = match name {
-        "bits" | "count" => (name, ",semihosting"),
+        "bits" | "count" | "usb" => (name, ",semihosting"),
         "wheel-that-stops" => ("wheel", ",stall"),
         _ => (name, ""),
     };
