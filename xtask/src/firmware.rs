@@ -56,7 +56,7 @@ pub fn command(words: &[&str]) -> Result<()> {
     match words {
         [] => {
             all(Extent::Full)?;
-            println!("{}\n{}", counts::table()?, sizes()?);
+            println!("{}\n{}\n{}", counts::table()?, game_wheel::counts()?, sizes()?);
             Ok(())
         }
         ["bits"] => bits::same(Extent::Full),
@@ -75,14 +75,19 @@ pub fn command(words: &[&str]) -> Result<()> {
         }
         ["world", file] => c::print(Path::new(file)),
         ["game-wheel"] => game_wheel::holds(),
+        ["effects"] => {
+            println!("{}", game_wheel::counts()?);
+            Ok(())
+        }
         ["game-wheel", file] => game_wheel::write(Path::new(file)),
         ["--write"] => {
             let page = fs::read_to_string(PAGE).context(PAGE)?;
             let page = marked::replaced(&page, "cargo xtask firmware counts", &counts::table()?)?;
+            let page = marked::replaced(&page, "cargo xtask firmware effects", &game_wheel::counts()?)?;
             fs::write(PAGE, marked::replaced(&page, "cargo xtask firmware sizes", &sizes()?)?).context(PAGE)
         }
         _ => bail!(
-            "cargo xtask firmware [--write], or one of bits, lockstep, timer, port, c, panics, counts, sizes, game-wheel; world FILE prints a world as C, game-wheel FILE puts one into the wheel's program"
+            "cargo xtask firmware [--write], or one of bits, lockstep, timer, port, c, panics, counts, sizes, effects, game-wheel; world FILE prints a world as C, game-wheel FILE puts one into the wheel's program"
         ),
     }
 }

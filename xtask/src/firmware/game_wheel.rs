@@ -1,5 +1,6 @@
 //! The wheel for games that runs on a board by itself: its world as bytes, and what its program holds.
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
@@ -54,7 +55,7 @@ fn bytes(_: &Path) -> Result<Vec<u8>> {
 #[cfg(target_os = "linux")]
 fn of_this_computer(requests: &[[u8; 8]]) -> Result<Vec<Vec<u8>>> {
     use hapt_host::game_wheel::GameWheel;
-    use std::io::{Read, Write};
+    use std::io::{Read as _, Write as _};
     let (own, mut host) = std::os::unix::net::UnixStream::pair()?;
     host.set_read_timeout(Some(super::line::PATIENCE))?;
     let (_wheel, _port) = GameWheel::on(own, &room(Path::new(WORLD))?.1)?;
@@ -93,6 +94,7 @@ fn runs() -> Result<()> {
                 requests.push(request.try_into().unwrap_or_default());
                 answers.push(answer);
             }
+            _ if line.starts_with(char::is_alphabetic) => {}
             _ => torques = line.split(' ').map(str::parse::<f64>).collect::<Result<_, _>>().context(said.clone())?,
         }
     }
@@ -103,6 +105,25 @@ fn runs() -> Result<()> {
     let holds = before == 0.0 && (during - 2.5).abs() < 1e-3 && after.abs() < 1e-3;
     ensure!(holds, "{before} N m before an effect of 2.5 N m, {during} while it plays, {after} after a suspend");
     Ok(())
+}
+
+/// Instructions of the wheel's interrupt with so many conditions, of what a change of them adds, and of a report in the main loop.
+pub fn counts() -> Result<String> {
+    let program = program(BOARD, "usb", None)?;
+    let said = qemu("netduinoplus2", &program, &[], &["-icount", "shift=5,sleep=off"])?;
+    let mut table =
+        String::from("| conditions that play | a sample | a sample after a change |\n| --- | ---: | ---: |\n");
+    let mut report = None;
+    for line in said.lines() {
+        match line.split(' ').collect::<Vec<_>>()[..] {
+            ["effects", effects, sample, change] => writeln!(table, "| {effects} | {sample} | {change} |")?,
+            ["report", count] => report = Some(count),
+            _ => {}
+        }
+    }
+    let report = report.with_context(|| format!("no counts: {said}"))?;
+    writeln!(table, "\nA report that changes a condition takes {report} in the main loop.")?;
+    Ok(table)
 }
 
 fn bytes_of(digits: &str) -> Option<Vec<u8>> {

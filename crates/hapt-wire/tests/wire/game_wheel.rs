@@ -162,7 +162,7 @@ fn no_torque_before_a_host_has_the_wheel_and_then_what_it_asks_for() {
         assert!(is_near(torque, 0.5 * LIMIT) && shown.playing == 1, "{torque}");
         // The host sees the wheel turn, as it was at the sample before.
         let expected = Input::at(f64::from(rig.mailbox.shown().position), HALF);
-        rig.run(1);
+        rig.run(2);
         let (report, length) = game.host.report();
         assert_eq!(report[..length], expected.write());
         assert!(expected.steering > 50);
