@@ -29,9 +29,9 @@ static LOOP: Shared<Loop> = Shared::new();
 #[entry]
 fn main() -> ! {
     static mut ROOM: [u32; MEMORY] = [0; MEMORY];
-    let (_, device) = Here::start();
-    // A wheel that the core does not take never starts: the watchdog resets the board, again and again.
+    // Before the watchdog runs, for it takes a while. A wheel that the core does not take never starts, and the bridge stays off.
     let Ok(sampler) = WheelSampler::new(WHEEL) else { halt() };
+    let (_, device) = Here::start();
     let (period, longest_hold, half) = (sampler.period(), sampler.longest_hold(), sampler.half());
     LOOP.put(Loop { sampler, mail: WheelMailbox::new(), device });
     ticks::every((period * Here::CLOCK as f32 + 0.5) as u32);
