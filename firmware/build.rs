@@ -4,8 +4,13 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 /// The boards, and where each one's memory stands.
-const BOARDS: [(&str, &str); 4] =
-    [("mps2", "boards"), ("netduinoplus2", "boards"), ("b-g431b-esc1", "boards"), ("my-board", "template")];
+const BOARDS: [(&str, &str); 5] = [
+    ("mps2", "boards"),
+    ("stm32f405", "boards"),
+    ("netduinoplus2", "boards"),
+    ("b-g431b-esc1", "boards"),
+    ("my-board", "template"),
+];
 
 fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets it"));

@@ -8,6 +8,7 @@ pub mod halt;
 #[cfg_attr(feature = "mps2", path = "boards/mps2.rs")]
 #[cfg_attr(feature = "netduinoplus2", path = "boards/netduinoplus2.rs")]
 #[cfg_attr(feature = "b-g431b-esc1", path = "boards/b-g431b-esc1.rs")]
+#[cfg_attr(feature = "stm32f405", path = "boards/stm32f405.rs")]
 #[cfg_attr(feature = "my-board", path = "../template/my-board.rs")]
 mod here;
 mod register;
@@ -20,5 +21,7 @@ pub mod ticks;
 #[cfg(feature = "semihosting")]
 pub mod trace;
 pub mod uart;
+#[cfg(feature = "stm32f405")]
+pub mod usb;
 
 pub use here::Here;

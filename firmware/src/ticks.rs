@@ -102,3 +102,15 @@ pub fn between(earlier: u32, later: u32) -> u32 {
 fn since_reload() -> u32 {
     RELOAD.get().wrapping_sub(CURRENT.get()) & MASK
 }
+
+/// SysTick counts the board's clock, `-icount` its own.
+#[cfg(feature = "semihosting")]
+pub fn of_an_instruction() -> f32 {
+    let run = |rounds: u32| {
+        let start = now();
+        // SAFETY: two instructions a round, on a register of their own.
+        unsafe { core::arch::asm!("2: subs {0}, {0}, #1", "bne 2b", inout(reg) rounds => _) };
+        between(start, now())
+    };
+    (run(11_000) - run(1_000)) as f32 / 20_000.0
+}

@@ -16,6 +16,8 @@ pub fn run(bytes: &[u8]) -> u64 {
     let device = Device {
         timing: Timing::even(1e-3),
         damping: 0.02,
+        friction: 0.02,
+        count: 1e-3,
         limit: LIMIT,
         stops,
         base_friction: 0.05,

@@ -5,6 +5,7 @@ mod bits;
 mod c;
 mod chip;
 mod counts;
+mod game_wheel;
 mod line;
 mod lockstep;
 mod port;
@@ -34,8 +35,12 @@ const BOARDS: [(&str, &str, &str); 3] = [
     ("netduinoplus2", "netduinoplus2", "STM32F405, Cortex-M4F"),
 ];
 
-/// What the firmware fits into: the feature, flash and memory in KiB.
-const CHIPS: [(&str, u32, u32); 2] = [("netduinoplus2", 1024, 128), ("b-g431b-esc1", 128, 32)];
+/// What the firmware fits into: the feature, its program, flash and memory in KiB.
+const CHIPS: [(&str, &str, u32, u32); 3] = [
+    ("netduinoplus2", "wheel", 1024, 128),
+    ("b-g431b-esc1", "wheel", 128, 32),
+    (game_wheel::BOARD, "game-wheel", 1024, 128),
+];
 
 /// How long the emulated boards run. An emulator takes ten to a hundred times a processor's time for the same samples.
 #[derive(Clone, Copy, PartialEq)]
@@ -51,7 +56,7 @@ pub fn command(words: &[&str]) -> Result<()> {
     match words {
         [] => {
             all(Extent::Full)?;
-            println!("{}\n{}", counts::table()?, sizes()?);
+            println!("{}\n{}\n{}", counts::table()?, game_wheel::counts()?, sizes()?);
             Ok(())
         }
         ["bits"] => bits::same(Extent::Full),
@@ -69,13 +74,20 @@ pub fn command(words: &[&str]) -> Result<()> {
             Ok(())
         }
         ["world", file] => c::print(Path::new(file)),
+        ["game-wheel"] => game_wheel::holds(),
+        ["effects"] => {
+            println!("{}", game_wheel::counts()?);
+            Ok(())
+        }
+        ["game-wheel", file] => game_wheel::write(Path::new(file)),
         ["--write"] => {
             let page = fs::read_to_string(PAGE).context(PAGE)?;
             let page = marked::replaced(&page, "cargo xtask firmware counts", &counts::table()?)?;
+            let page = marked::replaced(&page, "cargo xtask firmware effects", &game_wheel::counts()?)?;
             fs::write(PAGE, marked::replaced(&page, "cargo xtask firmware sizes", &sizes()?)?).context(PAGE)
         }
         _ => bail!(
-            "cargo xtask firmware [--write], or one of bits, lockstep, timer, port, c, panics, counts, sizes; world FILE prints a world as C"
+            "cargo xtask firmware [--write], or one of bits, lockstep, timer, port, c, panics, counts, sizes, effects, game-wheel; world FILE prints a world as C, game-wheel FILE puts one into the wheel's program"
         ),
     }
 }
@@ -96,6 +108,7 @@ fn all(extent: Extent) -> Result<()> {
     port::holds()?;
     c::same_bits()?;
     cannot_panic()?;
+    game_wheel::holds()?;
     sizes().map(drop)
 }
 
@@ -119,12 +132,12 @@ fn control() -> Result<PathBuf> {
 /// The table of sizes: everything fits.
 fn sizes() -> Result<String> {
     let mut table = String::from(
-        "| board | code and constants | data | zeros | main loop's stack | interrupts' | flash | memory |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+        "| board | program | code and constants | data | zeros | main loop's stack | interrupts' | flash | memory |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
-    for (board, flash, memory) in CHIPS {
-        let program = program(board, "wheel", None)?;
-        table += &chip::row(board, &program, flash, memory)?;
+    for (board, name, flash, memory) in CHIPS {
+        let program = program(board, name, None)?;
+        table += &chip::row(&format!("{board} | {name}"), &program, flash, memory)?;
         table.push('\n');
     }
     Ok(table)
@@ -154,7 +167,7 @@ fn target_arguments() -> Vec<&'static str> {
 fn program(board: &str, name: &str, c_step: Option<&Path>) -> Result<PathBuf> {
     // The programs that test have a console.
     let (binary, feature) = match name {
-        "bits" | "count" => (name, ",semihosting"),
+        "bits" | "count" | "usb" => (name, ",semihosting"),
         "wheel-that-stops" => ("wheel", ",stall"),
         _ => (name, ""),
     };

@@ -85,7 +85,9 @@ fn device(rng: &mut Rng) -> (DeviceSpec, f64) {
     let damping = between(rng, 2e-3, 0.1);
     let counts = between(rng, 4e3, 4e6).round();
     let delay = rng.f64() * period;
-    let spec = DeviceSpec { period, delay, lag: 0.0, inertia, damping, friction: 0.0, handle: None };
+    // Every second wheel has none.
+    let friction = if rng.bool() { 0.0 } else { between(rng, 1e-3, 0.1) };
+    let spec = DeviceSpec { period, delay, lag: 0.0, inertia, damping, friction, handle: None };
     (spec, std::f64::consts::TAU / counts)
 }
 
@@ -114,7 +116,7 @@ fn course(spec: &DeviceSpec, count: f64, mut torque: impl FnMut(f64) -> f64) -> 
             course.last = course.last.max(velocity.abs());
         }
         before = position;
-        wheel.command(torque((position / count).floor() * count));
+        wheel.command(torque((position / count + 0.5).floor() * count));
         wheel.travel();
     }
     course
@@ -122,8 +124,16 @@ fn course(spec: &DeviceSpec, count: f64, mut torque: impl FnMut(f64) -> f64) -> 
 
 fn rendered(spec: &DeviceSpec, count: f64, effects: &[Effect<f64>]) -> Result<Course> {
     let timing = Timing { delay: spec.delay, ..Timing::even(spec.period) };
-    let device =
-        Device { timing, damping: spec.damping, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
+    let device = Device {
+        timing,
+        damping: spec.damping,
+        friction: spec.friction,
+        count,
+        limit: 5.0,
+        stops: None,
+        base_friction: 0.0,
+        base_damping: 0.0,
+    };
     let wheel = Wheel::<f64>::new(&device).map_err(|error| anyhow!("{error}"))?;
     let mut state = wheel.start();
     Ok(course(spec, count, |position| wheel.step(&mut state, position, effects, 0).torque))

@@ -1,8 +1,8 @@
 //! The effects of a wheel for games beside the world: a ring with what plays, and what becomes of it at a sample.
 
 use hapt_core::Beside;
-use hapt_core::wheel::{Given, Wheel, WheelState};
-use hapt_wire::pid::{Pool, Scale};
+use hapt_core::wheel::{Given, Wheel};
+use hapt_wire::pid::{Player, Pool, Scale};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 /// Capacity of the ring of pools.
@@ -25,12 +25,7 @@ pub struct EffectsSample {
 
 /// The loop's side of the effects. It reads the newest pool from a ring, and waits for nobody.
 pub struct EffectsPort {
-    wheel: Wheel<f32>,
-    state: WheelState<f32>,
-    scale: Scale,
-    pool: Pool,
-    /// Counts what this side has seen change: two pools may have the same number.
-    revision: u32,
+    player: Player,
     incoming: Consumer<Pool>,
     /// The host's side is gone.
     abandoned: bool,
@@ -49,8 +44,7 @@ pub struct EffectsWire {
 pub fn effects(wheel: Wheel<f32>, scale: Scale) -> (EffectsPort, EffectsWire) {
     let (pools, incoming) = RingBuffer::new(POOLS);
     let (samples, taken) = RingBuffer::new(SAMPLES);
-    let state = wheel.start();
-    let port = EffectsPort { wheel, state, scale, pool: Pool::new(), revision: 0, incoming, abandoned: false, samples };
+    let port = EffectsPort { player: Player::new(wheel, scale), incoming, abandoned: false, samples };
     (port, EffectsWire { pools, samples: taken })
 }
 
@@ -59,37 +53,18 @@ impl EffectsPort {
     pub(crate) fn sample(&mut self, beside: Beside<f64>, now: u64) -> f64 {
         for _ in 0..POOLS {
             match self.incoming.pop() {
-                Ok(pool) => {
-                    self.pool = pool;
-                    self.revision = self.revision.wrapping_add(1);
-                }
+                Ok(pool) => self.player.replace(&pool),
                 Err(_) => break,
             }
         }
         if !self.abandoned && self.incoming.is_abandoned() {
             self.abandoned = true;
-            self.pool.stop_all();
-            self.revision = self.revision.wrapping_add(1);
+            self.player.stop_all();
         }
-        let before = self.pool.revision();
-        let (effects, playing) = self.pool.effects(now / 1000, &self.scale);
-        if self.pool.revision() != before {
-            self.revision = self.revision.wrapping_add(1);
-        }
-        if !beside.ready {
-            // The position has no zero yet: what hangs on the wheel begins where it is when it has one.
-            self.state = self.wheel.start();
-            self.tell(now, beside.position, playing, Given::NOTHING);
-            return 0.0;
-        }
-        let effects = effects.get(..playing).unwrap_or_default();
-        let (position, torque) = (beside.position as f32, beside.torque as f32);
-        let given = self.wheel.step_beside(&mut self.state, position, torque, effects, self.revision);
-        self.tell(now, beside.position, playing, given);
+        let Beside { ready, position, torque } = beside;
+        let narrow = Beside { ready, position: position as f32, torque: torque as f32 };
+        let (given, playing) = self.player.sample(narrow, now / 1000);
+        let _ = self.samples.push(EffectsSample { sampled: now, position, playing, given });
         f64::from(given.torque)
-    }
-
-    fn tell(&mut self, sampled: u64, position: f64, playing: usize, given: Given<f32>) {
-        let _ = self.samples.push(EffectsSample { sampled, position, playing, given });
     }
 }

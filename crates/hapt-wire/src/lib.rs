@@ -57,7 +57,7 @@ use crc::{CRC_16_IBM_3740, Crc};
 const SUM: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 
 pub use frame::{Reader, frame};
-pub use load::{LARGEST, hash, pack, unpack};
+pub use load::{LARGEST, hash, pack, pack_wheel, unpack};
 pub use message::{
     BODIES, Command, DeviceMessage, Hello, HostMessage, LONGEST, PIECE, PROTOCOL, Parameter, ROOM, Refusal, States,
     Telemetry,

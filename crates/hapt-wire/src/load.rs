@@ -7,6 +7,7 @@
 //! A world that states no times is of version 1, as it always was. A board that reads only that refuses the other: it would not enforce
 //! what the world states.
 
+use hapt_core::wheel::Device;
 use hapt_core::{Limits, Spec};
 
 use crate::world::{put, take};
@@ -38,6 +39,34 @@ pub fn pack<'a>(spec: &Spec, limits: &Limits, room: &'a mut [u8]) -> Result<&'a 
     }
     at += write(spec, room.get_mut(at..).ok_or(Error::NoRoom)?)?.len();
     room.get(..at).ok_or(Error::NoRoom)
+}
+
+/// Writes a board's wheel: the device as its effects may use it, half of its steering range in rad, then its world as [`pack`] does.
+///
+/// Errors as [`write()`] does.
+pub fn pack_wheel<'a>(
+    device: &Device,
+    half: f64,
+    spec: &Spec,
+    limits: &Limits,
+    room: &'a mut [u8],
+) -> Result<&'a [u8], Error> {
+    let mut at = 0;
+    put(room, &mut at, &VERSION)?;
+    put(room, &mut at, device)?;
+    put(room, &mut at, &half)?;
+    at += pack(spec, limits, room.get_mut(at..).ok_or(Error::NoRoom)?)?.len();
+    room.get(..at).ok_or(Error::NoRoom)
+}
+
+/// Reads what [`pack_wheel`] wrote before the world, and what comes after it.
+pub(crate) fn unpack_wheel(bytes: &[u8]) -> Result<(Device, f64, &[u8]), Error> {
+    let (version, mut rest) = bytes.split_first().ok_or(Error::Cut)?;
+    if *version != VERSION {
+        return Err(Error::Version { given: *version });
+    }
+    let device = take(&mut rest)?;
+    Ok((device, take(&mut rest)?, rest))
 }
 
 /// Reads the bytes of [`pack`]. The core checks the ranges of the numbers when it compiles them.

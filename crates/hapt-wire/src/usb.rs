@@ -9,8 +9,9 @@ use usb_device::class_prelude::{
     UsbBusAllocator, UsbClass,
 };
 use usb_device::control::{Recipient, Request, RequestType};
-use usb_device::device::{StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbVidPid};
+use usb_device::device::{StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbDeviceState, UsbVidPid};
 
+use crate::device::{Shown, WheelMailbox};
 use crate::pid::{DESCRIPTOR, Input, Pool, Report};
 
 /// The identity of a device for tests, of pid.codes; a product needs its own.
@@ -110,6 +111,12 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
         (self.taken, self.refused)
     }
 
+    /// Nothing plays any more: the host has suspended or left the device.
+    pub fn stop_all(&mut self) {
+        self.pool.stop_all();
+        self.changed = true;
+    }
+
     fn take(&mut self, bytes: &[u8]) -> bool {
         let Some(report) = Report::read(bytes) else {
             self.refused += 1;
@@ -132,6 +139,58 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
         while let Ok(length) = self.output.read(&mut packet) {
             let _ = self.take(packet.get(..length).unwrap_or_default());
         }
+    }
+}
+
+/// The main loop's half of a board that is a wheel by itself: USB on one side, the mailbox of its sampler on the other.
+pub struct WheelPort<'a, B: UsbBus> {
+    device: UsbDevice<'a, B>,
+    class: WheelClass<'a, B>,
+    half: f64,
+    has_host: bool,
+    /// What the sampler has shown last, and whether the host has not seen it yet.
+    shown: Shown,
+    is_new: bool,
+}
+
+/// Packets that are taken before the mailbox is looked at again.
+const AT_ONCE: usize = 8;
+
+impl<'a, B: UsbBus> WheelPort<'a, B> {
+    /// The device that a host sees, with a steering range of twice `half`, rad.
+    ///
+    /// # Errors
+    /// As [`WheelClass::device`].
+    pub fn new(bus: &'a UsbBusAllocator<B>, half: f64) -> Result<Self, UsbError> {
+        let class = WheelClass::new(bus);
+        let (device, shown) = (WheelClass::device(bus)?, WheelMailbox::new().shown());
+        Ok(WheelPort { device, class, half, has_host: false, shown, is_new: false })
+    }
+
+    /// Takes and answers what has come, and tells the host where the wheel is. A host that resets, suspends or leaves the device ends all effects.
+    pub fn poll(&mut self) {
+        self.class.at(self.shown.now);
+        for _ in 0..AT_ONCE {
+            if !self.device.poll(&mut [&mut self.class]) {
+                break;
+            }
+        }
+        let has_host = self.device.state() == UsbDeviceState::Configured;
+        if self.has_host && !has_host {
+            self.class.stop_all();
+        }
+        self.has_host = has_host;
+        if has_host && core::mem::take(&mut self.is_new) {
+            self.class.show(&Input::at(self.shown.position.into(), self.half));
+        }
+    }
+
+    /// Gives the sampler what has changed, and takes what it shows. The mailbox is held for the time of copying a pool.
+    pub fn exchange(&mut self, mailbox: &mut WheelMailbox) {
+        let pool = self.class.has_changed().then_some(self.class.pool());
+        let shown = mailbox.serve(pool, self.has_host);
+        self.is_new |= shown.now != self.shown.now;
+        self.shown = shown;
     }
 }
 

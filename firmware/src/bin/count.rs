@@ -5,7 +5,6 @@
 #![no_std]
 #![no_main]
 
-use core::arch::asm;
 use core::fmt::Write;
 use core::hint::black_box;
 use core::panic::PanicInfo;
@@ -98,18 +97,7 @@ fn instructions(mut step: impl FnMut(f32, f32) -> f32) -> f32 {
         ticks::between(start, ticks::now())
     };
     let (short, long) = (run(SAMPLES), run(2 * SAMPLES));
-    (long - short) as f32 / ticks_of_an_instruction() / SAMPLES as f32
-}
-
-/// SysTick counts the board's clock, `-icount` its own.
-fn ticks_of_an_instruction() -> f32 {
-    let run = |rounds: u32| {
-        let start = ticks::now();
-        // SAFETY: two instructions a round, on a register of their own.
-        unsafe { asm!("2: subs {0}, {0}, #1", "bne 2b", inout(reg) rounds => _) };
-        ticks::between(start, ticks::now())
-    };
-    (run(11_000) - run(1_000)) as f32 / 20_000.0
+    (long - short) as f32 / ticks::of_an_instruction() / SAMPLES as f32
 }
 
 #[repr(C)]

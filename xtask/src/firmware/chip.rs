@@ -1,6 +1,6 @@
 //! What the firmware takes of a chip, read from its disassembly: sizes, the deepest stack, and that it cannot panic.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
@@ -10,6 +10,9 @@ use anyhow::{Context, Result, bail, ensure};
 /// What the processor puts on the stack at an interrupt: 8 registers, 16 and the status of the FPU, and what aligns them.
 const EXCEPTION: u32 = 26 * 4 + 4;
 
+/// The sample's, and above it the timer's.
+const INTERRUPTS: [&str; 2] = ["PendSV", "SysTick"];
+
 /// Sizes and stack of a program, as a row of the table.
 pub fn row(name: &str, program: &Path, flash: u32, memory: u32) -> Result<String> {
     let said = output("arm-none-eabi-size", &[], program)?;
@@ -18,9 +21,8 @@ pub fn row(name: &str, program: &Path, flash: u32, memory: u32) -> Result<String
     let [text, data, bss] = numbers[..] else { bail!("no sizes: {said}") };
     let code = Code::read(program)?;
     let main = code.stack("main")?;
-    // The sample's, and above it the timer's.
     let mut interrupt = 0;
-    for name in ["PendSV", "SysTick"] {
+    for name in INTERRUPTS {
         interrupt += code.stack(name)? + EXCEPTION;
     }
     let (used, all) = (text + data, data + bss + main + interrupt);
@@ -48,12 +50,28 @@ pub fn cannot_panic(program: &Path, control: &Path) -> Result<()> {
     Ok(())
 }
 
+/// The same of what an interrupt calls, in a program whose main loop may.
+pub fn interrupts_cannot_panic(program: &Path, control: &Path) -> Result<()> {
+    ensure!(Code::read(control)?.reaches_a_panic("main")?, "the control shows no panic: the look is blind");
+    let code = Code::read(program)?;
+    for name in INTERRUPTS {
+        ensure!(!code.reaches_a_panic(name)?, "{}: {name} can panic", program.display());
+    }
+    Ok(())
+}
+
 struct Function {
     name: String,
     stack: u32,
     calls: Vec<u32>,
     /// It calls what a register holds.
     blind: bool,
+}
+
+impl Function {
+    fn is_panic(&self) -> bool {
+        self.name.contains("panicking") || self.name.contains("begin_unwind")
+    }
 }
 
 /// A program's functions by their addresses.
@@ -95,8 +113,7 @@ impl Code {
 
     /// The panic routines, each with its callers.
     fn panics(&self) -> Vec<(&str, Vec<&str>)> {
-        let routines =
-            self.functions.iter().filter(|(_, f)| f.name.contains("panicking") || f.name.contains("begin_unwind"));
+        let routines = self.functions.iter().filter(|(_, function)| function.is_panic());
         let calls = |at: &u32| {
             let callers = self.functions.values().filter(|caller| caller.calls.contains(at));
             callers.map(|caller| caller.name.as_str()).collect()
@@ -104,10 +121,28 @@ impl Code {
         routines.map(|(at, routine)| (routine.name.as_str(), calls(at))).collect()
     }
 
+    fn address(&self, name: &str) -> Result<u32> {
+        let found = self.functions.iter().find(|(_, function)| function.name == name);
+        Ok(*found.with_context(|| format!("no {name}"))?.0)
+    }
+
     /// The most stack from the function of this name on.
     fn stack(&self, name: &str) -> Result<u32> {
-        let from = self.functions.iter().find(|(_, function)| function.name == name);
-        self.depth(*from.with_context(|| format!("no {name}"))?.0, &mut Vec::new(), &mut BTreeMap::new())
+        self.depth(self.address(name)?, &mut Vec::new(), &mut BTreeMap::new())
+    }
+
+    /// Whether the function of this name calls a panic routine, by whatever way.
+    fn reaches_a_panic(&self, name: &str) -> Result<bool> {
+        let (mut waiting, mut seen) = (vec![self.address(name)?], BTreeSet::new());
+        while let Some(at) = waiting.pop() {
+            let function = &self.functions[&at];
+            ensure!(!function.blind, "{} calls what cannot be read from the program", function.name);
+            if function.is_panic() {
+                return Ok(true);
+            }
+            waiting.extend(function.calls.iter().filter(|call| seen.insert(**call)));
+        }
+        Ok(false)
     }
 
     fn depth(&self, at: u32, above: &mut Vec<u32>, known: &mut BTreeMap<u32, u32>) -> Result<u32> {

@@ -1,7 +1,14 @@
-//! What a stiffness costs in device damping, through a loop with uneven intervals, a delay and a lag.
+//! What a stiffness costs in device damping and friction, through a loop with uneven intervals, a delay, a lag and an encoder's counts.
+
+use super::Device;
+
+/// In rad/s, a revolution a minute: counts keep no wheel moving that is as fast. Slower they can, where friction does not hold the torque that
+/// they make.
+pub const REST_SPEED: f64 = 0.1;
 
 /// The time of a wheel's loop, in s.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Timing {
     /// From one sample to the next, nominally; positive.
     pub period: f64,
@@ -28,6 +35,17 @@ impl Timing {
         finite && ordered && self.delay >= 0.0 && self.lag >= 0.0
     }
 
+    /// The delay times the number of delays that overlap; of a lag, the mean over the delays that it mixes.
+    fn overlap(&self) -> f64 {
+        let (delay, lag) = (self.delay, self.lag);
+        if lag == 0.0 && delay <= self.shortest {
+            delay
+        } else {
+            // The mean of s (1 + s/shortest) over delays s = delay + x, x distributed as exp(-x/lag)/lag.
+            delay + lag + (delay * delay + 2.0 * delay * lag + 2.0 * lag * lag) / self.shortest
+        }
+    }
+
     /// Device damping that pays for 1 N·m/rad behind which an implicit element yields, in s: ½ (√T + √m)².
     ///
     /// Over a sample the element's stored energy S obeys, with F = K e, the hand's way dz and the element's way d,
@@ -36,13 +54,7 @@ impl Timing {
     /// step's own loss pays it. What is left, K (dz² + 2 |dz| |ε| + ε²)/2, is at most K (√T + √m)²/2 times ∫ż², by the Cauchy-Schwarz
     /// inequality, with T the longest interval and m the delay times the number of delays that overlap. A lag is a mixture of delays.
     pub fn element_cost(&self) -> f64 {
-        let (delay, lag) = (self.delay, self.lag);
-        let m = if lag == 0.0 && delay <= self.shortest {
-            delay
-        } else {
-            // The mean of s (1 + s/shortest) over delays s = delay + x, x distributed as exp(-x/lag)/lag.
-            delay + lag + (delay * delay + 2.0 * delay * lag + 2.0 * lag * lag) / self.shortest
-        };
+        let m = self.overlap();
         0.5 * (self.longest + m + 2.0 * libm::sqrt(self.longest * m))
     }
 
@@ -63,5 +75,47 @@ impl Timing {
             2.0 * self.longest / core::f64::consts::PI + self.delay + self.lag
         };
         sharp.min(general)
+    }
+}
+
+/// What the device pays for: springs, or so much less of a slider's or a body's stiffness.
+///
+/// With counts the loop sees z + e, |e| ≤ Δ/2. A static law of stiffness K is the exact one and a torque of at most KΔ/2. A slider is a monotone
+/// map of positions that commutes with shifts: what e moves is moved by Δ/2 at most, and its torque differs by at most KΔ. Such a torque D does
+/// at most D|dz| of work: friction of D pays for it at every speed, and damping of D/v does from the speed v on.
+///
+/// A body sees e where the wheel's friction does not. With the true stretch in the stored energy, a step adds K e' d of work by e to what
+/// [`Timing::element_cost`] counts, and half of the loss K d²/2 leaves at most KΔ²/4 of it; the other half then pays half as well for a delay.
+/// At the speed v, damping of KΔ²/(4 T v²) takes that, T the shortest interval.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    /// The stiffness of springs alone, N·m/rad.
+    pub springs: f64,
+    /// What a slider's stiffness is of a spring's, at the same cost.
+    pub drag: f64,
+    /// The same of a body's.
+    pub mass: f64,
+}
+
+impl Budget {
+    pub fn of(device: &Device) -> Self {
+        let &Device { timing, damping, friction, count, .. } = device;
+        // Δ/2 at the rest speed, as a time.
+        let half = 0.5 * count / REST_SPEED;
+        let (spring, drag) = (timing.spring_cost(), timing.element_cost());
+        let mass = if count > 0.0 {
+            let m = timing.overlap();
+            0.5 * (timing.longest + 2.0 * m + 2.0 * libm::sqrt(timing.longest * m)) + half * half / timing.shortest
+        } else {
+            drag
+        };
+        // The largest torque of counts, whatever the damping is spent on.
+        let torque = 0.5 * count * damping * (1.0 / spring).max(2.0 / drag).max(1.0 / mass);
+        if torque <= friction {
+            return Budget { springs: damping / spring, drag: spring / drag, mass: spring / mass };
+        }
+        let least = |element: f64, halves: f64| (spring / element).min((spring + half) / (element + halves * half));
+        let springs = (damping / spring).min((damping + friction / REST_SPEED) / (spring + half));
+        Budget { springs, drag: least(drag, 2.0), mass: least(mass, 1.0) }
     }
 }

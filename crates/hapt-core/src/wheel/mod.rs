@@ -12,7 +12,7 @@
 //! ```
 //! use hapt_core::wheel::{Device, Effect, Sides, Timing, Wheel};
 //!
-//! let device = Device { timing: Timing::even(1e-3), damping: 0.01, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
+//! let device = Device { timing: Timing::even(1e-3), damping: 0.01, friction: 0.0, count: 0.0, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
 //! let wheel = Wheel::<f32>::new(&device)?;
 //! let mut state = wheel.start();
 //! // 2 b/T = 20 N·m/rad is passive; a host asks for 100.
@@ -32,7 +32,8 @@ use core::fmt;
 use crate::Real;
 use crate::contact::within;
 
-pub use bound::Timing;
+use bound::Budget;
+pub use bound::{REST_SPEED, Timing};
 use effect::floored;
 pub use effect::{Effect, Sides};
 use element::{Drag, Mass};
@@ -45,11 +46,16 @@ const SPRINGS_SHARE: f64 = 0.5;
 
 /// A device, and what its wheel does before a host asks for anything. SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Device {
     /// The loop's time.
     pub timing: Timing,
     /// The device's own damping, N·m·s/rad, zero or more: certainly not less than this.
     pub damping: f64,
+    /// Its own Coulomb friction, N·m, zero or more: certainly not less than this.
+    pub friction: f64,
+    /// The angle of a count of its encoder, rad; 0: its position is exact.
+    pub count: f64,
     /// The largest torque, N·m, positive.
     pub limit: f64,
     /// End stops, if any.
@@ -60,8 +66,16 @@ pub struct Device {
     pub base_damping: f64,
 }
 
+impl Device {
+    /// The stiffness of springs that takes all that the device pays with, N·m/rad.
+    pub fn stiffness(&self) -> f64 {
+        Budget::of(self).springs
+    }
+}
+
 /// Two springs that begin at ±angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Stops {
     /// Half of the steering range, rad, positive.
     pub angle: f64,
@@ -139,8 +153,9 @@ pub struct Wheel<F> {
     base_damping: F,
     /// The stiffness of springs that would take the whole damping.
     stiffness: F,
-    /// By which an element's stiffness is smaller at the same cost.
-    element: F,
+    /// By which the stiffness of a slider and of a body is smaller at the same cost.
+    drag: F,
+    mass: F,
     fade: F,
 }
 
@@ -177,6 +192,8 @@ impl<F: Real> Wheel<F> {
         let zero_or_more = |x: f64| x.is_finite() && x >= 0.0;
         let numbers = [
             ("damping", zero_or_more(device.damping)),
+            ("friction", zero_or_more(device.friction)),
+            ("count", zero_or_more(device.count)),
             ("limit", positive(device.limit)),
             ("base_friction", zero_or_more(device.base_friction)),
             ("base_damping", zero_or_more(device.base_damping)),
@@ -185,8 +202,7 @@ impl<F: Real> Wheel<F> {
         if let Some((name, _)) = numbers.iter().find(|(_, holds)| !holds) {
             return Err(Refused::Number(name));
         }
-        let (spring, element) = (device.timing.spring_cost(), device.timing.element_cost());
-        let most = device.damping / spring;
+        let Budget { springs: most, drag, mass } = Budget::of(device);
         if let Some(stops) = device.stops.filter(|stops| stops.stiffness > most) {
             return Err(Refused::Stops { stiffness: stops.stiffness, most });
         }
@@ -198,7 +214,8 @@ impl<F: Real> Wheel<F> {
             base_friction: of(device.base_friction),
             base_damping: of(device.base_damping),
             stiffness: of(most),
-            element: of(spring / element),
+            drag: of(drag),
+            mass: of(mass),
             fade: of(libm::exp(-device.timing.period / BLEND)),
         })
     }
@@ -281,12 +298,12 @@ impl<F: Real> Wheel<F> {
         let elements = drags || masses;
         let most = if elements { left * F::from_f64(SPRINGS_SHARE) } else { left };
         let scale = if springs > most { most / springs } else { F::ONE };
-        let rest = floored(left - springs * scale) * self.element;
+        let rest = floored(left - springs * scale);
         let each = if drags && masses { rest * F::HALF } else { rest };
-        let of = |plays: bool| if plays { each } else { F::ZERO };
+        let of = |plays: bool, ratio: F| if plays { each * ratio } else { F::ZERO };
         let taken = if elements { self.stiffness } else { stops + springs * scale };
         let used = if self.stiffness > F::ZERO { taken / self.stiffness } else { F::ONE };
-        Shares { scale, drag: of(drags), mass: of(masses), used }
+        Shares { scale, drag: of(drags, self.drag), mass: of(masses, self.mass), used }
     }
 
     /// The torque of the stops; of springs as asked and what does not depend on the motion; the same with springs scaled.

@@ -1,6 +1,6 @@
 //! A wheel's effects: no passive hand draws energy, and what is given is what was asked where the device allows it.
 
-use hapt_core::wheel::{Device, Effect, Refused, Shortfall, Sides, Stops, Timing, Wheel};
+use hapt_core::wheel::{Device, Effect, REST_SPEED, Refused, Shortfall, Sides, Stops, Timing, Wheel};
 use proptest::prelude::*;
 
 /// Random numbers in [0, 1).
@@ -41,13 +41,14 @@ impl Dice {
     }
 }
 
-/// Steps of the shortest and the longest interval, of the nominal one, and of the delay.
+/// Steps of the shortest and the longest interval, of the nominal one, and of the delay; the motor's lag in s.
 #[derive(Clone, Copy)]
 struct Pattern {
     shortest: usize,
     nominal: usize,
     longest: usize,
     delay: usize,
+    lag: f64,
 }
 
 const STEP: f64 = 1e-4;
@@ -60,35 +61,53 @@ impl Pattern {
             shortest: of(self.shortest),
             longest: of(self.longest),
             delay: of(self.delay),
-            lag: 0.0,
+            lag: self.lag,
         }
     }
 }
 
-/// What the hand draws beyond what the device's damping takes, relative to what passes to and fro, with `damping` in place of the device's own.
-fn drawn(device: &Device, damping: f64, pattern: Pattern, effects: &[Effect<f64>], dice: &mut Dice) -> f64 {
+/// What a hand draws from the wheel of `device` beyond what the damping and the friction of `real` take, relative to what passes to and fro.
+/// The hand moves evenly within each step, not slower than `slowest`, and the motor's torque follows its command exactly.
+fn drawn(
+    device: &Device,
+    real: &Device,
+    pattern: Pattern,
+    effects: &[Effect<f64>],
+    slowest: f64,
+    dice: &mut Dice,
+) -> f64 {
     let wheel = Wheel::<f64>::new(device).unwrap();
     let mut state = wheel.start();
     let (mut z, mut next, mut pending) = (0.0, 0, Vec::new());
-    let (mut torque, mut work, mut passed, mut velocity) = (0.0, 0.0, 0.0, 0.0);
-    let (speed, turns) = (dice.between(1e-2, 10.0), dice.roll());
+    let (mut command, mut torque, mut work, mut passed, mut velocity) = (0.0, 0.0, 0.0, 0.0, 0.0_f64);
+    let (speed, turns) = (dice.between(1e-2_f64.max(slowest), 10.0), dice.roll());
+    let (kept, mean) = if pattern.lag > 0.0 {
+        let kept = (-STEP / pattern.lag).exp();
+        (kept, pattern.lag / STEP * (1.0 - kept))
+    } else {
+        (0.0, 0.0)
+    };
     for step in 0..4000 {
         if step == next {
-            let given = wheel.step(&mut state, z, effects, 0);
+            let seen = if real.count > 0.0 { (z / real.count + 0.5).floor() * real.count } else { z };
+            let given = wheel.step(&mut state, seen, effects, 0);
             pending.push((step + pattern.delay, given.torque));
             next += pattern.shortest + (dice.roll() * (pattern.longest - pattern.shortest + 1) as f64) as usize;
             // A hand that turns at the samples asks most of the hold.
             if dice.roll() < 0.8 {
-                velocity = if velocity > 0.0 { -speed } else { speed } * if turns < 0.5 { 1.0 } else { dice.roll() };
+                let share = if turns < 0.5 { 1.0 } else { dice.roll() };
+                velocity = if velocity > 0.0 { -1.0 } else { 1.0 } * (speed * share).max(slowest);
             }
         }
         if pending.first().is_some_and(|(arrives, _)| *arrives <= step) {
-            torque = pending.remove(0).1;
+            command = pending.remove(0).1;
         }
         let way = velocity * STEP;
         z += way;
-        work += torque * way - damping * velocity * way;
-        passed += (torque * way).abs();
+        let given = way * (command + (torque - command) * mean);
+        torque = command + (torque - command) * kept;
+        work += given - real.damping * velocity * way - real.friction * way.abs();
+        passed += given.abs();
     }
     work / passed.max(1e-12)
 }
@@ -96,7 +115,12 @@ fn drawn(device: &Device, damping: f64, pattern: Pattern, effects: &[Effect<f64>
 fn device(timing: Timing, damping: f64, stops: f64) -> Device {
     let stiffness = stops * damping / timing.spring_cost();
     let stops = (stiffness > 0.0).then_some(Stops { angle: 0.02, stiffness });
-    Device { timing, damping, limit: 5.0, stops, base_friction: 0.0, base_damping: 0.0 }
+    Device { timing, damping, friction: 0.0, count: 0.0, limit: 5.0, stops, base_friction: 0.0, base_damping: 0.0 }
+}
+
+fn pattern(shortest: usize, more: usize, late: f64) -> Pattern {
+    let delay = (late * shortest as f64) as usize;
+    Pattern { shortest, nominal: shortest + more / 2, longest: shortest + more, delay, lag: 0.0 }
 }
 
 proptest! {
@@ -105,11 +129,34 @@ proptest! {
     #[test]
     fn no_hand_draws_energy_from_any_set_of_effects_under_uneven_time_and_delay(seed: u64, shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64) {
         let mut dice = Dice(seed);
-        let pattern = Pattern { shortest, nominal: shortest + more / 2, longest: shortest + more, delay: (late * shortest as f64) as usize };
+        let pattern = pattern(shortest, more, late);
         let device = device(pattern.timing(), dice.between(1e-3, 0.3), if dice.roll() < 0.5 { 0.0 } else { 0.9 * dice.roll() });
         let effects = dice.effects(5.0);
-        let drawn = drawn(&device, device.damping, pattern, &effects, &mut dice);
+        let drawn = drawn(&device, &device, pattern, &effects, 0.0, &mut dice);
         prop_assert!(drawn < 1e-9, "{drawn} of what passes, {effects:?} on {device:?}");
+    }
+
+    #[test]
+    fn nor_through_a_motor_that_lags_by_periods(seed: u64, shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64, lag in 0.01..3.0f64) {
+        let mut dice = Dice(seed);
+        let pattern = Pattern { lag: lag * shortest as f64 * STEP, ..pattern(shortest, more, late) };
+        let device = device(pattern.timing(), dice.between(1e-3, 0.3), if dice.roll() < 0.5 { 0.0 } else { 0.9 * dice.roll() });
+        let effects = dice.effects(5.0);
+        let drawn = drawn(&device, &device, pattern, &effects, 0.0, &mut dice);
+        prop_assert!(drawn < 1e-9, "{drawn} of what passes, {effects:?} on {device:?}");
+    }
+
+    /// At rest speed and faster; what a slower hand draws is in the next test.
+    #[test]
+    fn nor_across_the_counts_of_an_encoder(seed: u64, shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64, lag in 0.01..3.0f64) {
+        let mut dice = Dice(seed);
+        let lag = if dice.roll() < 0.5 { 0.0 } else { lag * shortest as f64 * STEP };
+        let pattern = Pattern { lag, ..pattern(shortest, more, late) };
+        let friction = if dice.roll() < 0.5 { 0.0 } else { dice.between(1e-4, 0.3) };
+        let counted = Device { count: dice.between(1e-5, 1e-2), friction, ..device(pattern.timing(), dice.between(1e-3, 0.3), 0.0) };
+        let effects = dice.effects(5.0);
+        let drawn = drawn(&counted, &counted, pattern, &effects, REST_SPEED, &mut dice);
+        prop_assert!(drawn < 1e-9, "{drawn} of what passes, {effects:?} on {counted:?}");
     }
 
     #[test]
@@ -127,14 +174,60 @@ proptest! {
     }
 }
 
+/// The friction of a device that pays for the counts of springs at every speed.
+fn friction_for(device: &Device) -> f64 {
+    0.5 * device.count * device.damping / device.timing.spring_cost()
+}
+
 #[test]
 fn springs_at_the_bound_draw_energy_from_a_device_with_less_damping() {
-    let pattern = Pattern { shortest: 10, nominal: 10, longest: 10, delay: 0 };
-    let device = device(pattern.timing(), 0.05, 0.0);
+    let pattern = Pattern { shortest: 10, nominal: 10, longest: 10, delay: 0, lag: 0.0 };
     let spring = [Effect::Spring(Sides::even(1e3, 5.0))];
-    let at = |share: f64, seed| drawn(&device, share * device.damping, pattern, &spring, &mut Dice(seed));
+    let exact = device(pattern.timing(), 0.05, 0.0);
+    let at = |share: f64, seed| {
+        let less = Device { damping: share * exact.damping, ..exact };
+        drawn(&exact, &less, pattern, &spring, 0.0, &mut Dice(seed))
+    };
     assert!((0..50).all(|seed| at(1.0, seed) <= 1e-9));
     assert!((0..50).any(|seed| at(0.9, seed) > 0.0));
+}
+
+/// A hand that goes to and fro across the edge of a count, as little as the samples allow.
+#[test]
+fn a_dither_across_a_count_draws_nothing_where_friction_holds_it_and_no_more_than_the_bound_elsewhere() {
+    let dither = |device: &Device, friction: f64, effect: Effect<f64>, way: f64| {
+        let wheel = Wheel::<f64>::new(device).unwrap();
+        let (mut state, mut work) = (wheel.start(), 0.0);
+        let (count, period) = (device.count, device.timing.period);
+        wheel.step(&mut state, 0.0, &[effect], 0);
+        for k in 0..20_000 {
+            // In the upper count after even samples: the hand then goes back, with that count's torque.
+            let (seen, way) = if k % 2 == 0 { (count, -way) } else { (0.0, way) };
+            let torque = wheel.step(&mut state, seen, &[effect], 0).torque;
+            work += torque * way - friction * way.abs() - device.damping * way * way / period;
+        }
+        work / (20_000.0 * period)
+    };
+    let timing = Timing::even(1e-3);
+    let bare = Device { count: 1e-3, ..device(timing, 0.05, 0.0) };
+    let held = Device { friction: 4.0 * friction_for(&bare), ..bare };
+    // What is left of the damping takes as much of a wheel at rest speed.
+    let most =
+        |device: &Device| 0.25 * (device.damping - device.stiffness() * timing.spring_cost()) * REST_SPEED.powi(2);
+    let most_drawn = |device: &Device, friction: f64, effect: Effect<f64>| {
+        let ways = (1..60).map(|step| 1e-3 * 0.85_f64.powi(step));
+        ways.map(|way| dither(device, friction, effect, way)).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let spring = Effect::Spring(Sides::even(1e3, 5.0));
+    assert!((held.stiffness() - 0.05 / timing.spring_cost()).abs() < 1e-9 * held.stiffness());
+    assert!(most_drawn(&held, friction_for(&bare), spring) <= 1e-12, "the friction of half a count is enough");
+    assert!(most_drawn(&held, 0.95 * friction_for(&bare), spring) > 1e-7, "and less is not");
+    for effect in [spring, Effect::Damper(Sides::even(0.3, 5.0)), Effect::Friction(Sides::even(2.0, 5.0))] {
+        let [by_friction, by_damping] = [held, bare].map(|device| most_drawn(&device, device.friction, effect));
+        assert!(by_friction <= 0.0, "{effect:?}: {by_friction} W");
+        assert!(by_damping <= most(&bare), "{effect:?}: {by_damping} W of {}", most(&bare));
+    }
+    assert!(most_drawn(&held, 0.0, spring) > 20.0 * most(&bare), "a bound without counts lets a hand draw more");
 }
 
 #[test]

@@ -22,10 +22,6 @@ use usb_device::bus::UsbBusAllocator;
 
 use bus::{Bus, HEADER, Malformed, data_length};
 
-/// A damper of full scale gives the whole torque at this velocity, in rad/s: a quick turn of a steering wheel.
-const VELOCITY: f32 = 10.0;
-/// The same of inertia, in rad/s².
-const ACCELERATION: f32 = 200.0;
 /// How long the thread waits for the host before it looks at the loop again.
 const LOOK: Duration = Duration::from_millis(1);
 /// The host takes its answers within this, or is gone.
@@ -96,8 +92,32 @@ impl Room {
             lag: world.device.lag_range()[1],
         };
         let damping = least - demand;
-        let device = Device { timing, damping, limit, stops: None, base_friction: 0.0, base_damping: 0.0 };
+        // The world's own counts and levels come first.
+        let own = hapt_analysis::quantisation(world).map_err(|error| WheelError::Check(error.to_string()))?;
+        let count = world.count().unwrap_or(0.0);
+        let ([friction, _], of_world) =
+            (world.device.friction_range(), own.least_friction + 0.5 * own.stiffness * count);
+        let device = Device {
+            timing,
+            damping,
+            friction: (friction - of_world).max(0.0),
+            count,
+            limit,
+            stops: None,
+            base_friction: 0.0,
+            base_damping: 0.0,
+        };
         Ok(Room { device, half: 0.5 * range })
+    }
+
+    /// The device with what is left of its damping and its friction.
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
+    /// Half of the steering range, rad.
+    pub fn half(&self) -> f64 {
+        self.half
     }
 
     /// The damping that the effects can use, N·m·s/rad.
@@ -107,17 +127,12 @@ impl Room {
 
     /// The largest stiffness of springs that it pays for, N·m/rad.
     pub fn stiffness(&self) -> f64 {
-        self.device.damping / self.device.timing.spring_cost()
+        self.device.stiffness()
     }
 
     /// What full scale of the host's numbers means.
     pub fn scale(&self) -> Scale {
-        Scale {
-            torque: self.device.limit as f32,
-            angle: self.half as f32,
-            velocity: VELOCITY,
-            acceleration: ACCELERATION,
-        }
+        Scale::of_wheel(self.device.limit, self.half)
     }
 }
 
@@ -246,7 +261,7 @@ impl Worker<'_> {
                 }
             }
             if let Some(position) = position {
-                class.show(&self.input(position));
+                class.show(&Input::at(position, self.half));
             }
             self.pass_on(&mut class);
             let answers = device.bus().answers();
@@ -288,11 +303,6 @@ impl Worker<'_> {
             }
         }
         newest
-    }
-
-    fn input(&self, position: f64) -> Input {
-        let share = (position / self.half).clamp(-1.0, 1.0);
-        Input { steering: (share * f64::from(i16::MAX)).round() as i16, ..Input::default() }
     }
 
     /// Gives the loop the pool where it has changed.

@@ -46,14 +46,19 @@
 //! [`Command::Sample`], and the sample is taken at once; [`Endpoint`] is both halves in one thread and does just that.
 //!
 //! [`Command::Sample`]: crate::Command::Sample
+//!
+//! A board that is a force-feedback wheel by itself has its world in its program, and a game's computer as its host: [`WheelSampler`] is its
+//! interrupt's half, [`WheelMailbox`] stands between, and the main loop's half is `WheelPort` of the module `usb`.
 
 mod endpoint;
+mod game_wheel;
 mod handler;
 mod mailbox;
 mod sampler;
 mod storage;
 
 pub use endpoint::Endpoint;
+pub use game_wheel::{NoWheel, Shown, UNSERVED, WheelMailbox, WheelSampler};
 pub use handler::{Board, CommandHandler};
 pub use mailbox::Mailbox;
 pub use sampler::{Measurement, Motor, Sampler};

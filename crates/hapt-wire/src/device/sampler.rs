@@ -86,10 +86,7 @@ impl<'w> Sampler<'w> {
     /// The whole periods for which the motor may hold a torque, where the world bounds it: a timer that has begun more of them without a
     /// sample takes the torque away by itself.
     pub fn longest_hold(&self) -> Option<u32> {
-        let controller = &self.storage.0.as_ref()?.controller;
-        let periods = controller.longest_hold() / controller.period();
-        // An interval rounded to whole periods is one.
-        periods.is_finite().then_some((periods + 1e-4) as u32)
+        super::game_wheel::longest_hold(&self.storage.0.as_ref()?.controller)
     }
 
     /// The number of the next sample, when none is missed.

@@ -4,9 +4,11 @@
 //! [`hapt_core::wheel::Effect`], which [`hapt_core::wheel::Wheel`] renders.
 
 mod descriptor;
+mod player;
 mod pool;
 mod report;
 
 pub use descriptor::{BUTTONS, DESCRIPTOR, EFFECTS, FULL, INFINITE, id};
+pub use player::Player;
 pub use pool::{Pool, SILENCE, Scale};
 pub use report::{Common, Condition, Control, Envelope, Input, Kind, LONGEST_REPORT, Operation, Periodic, Report};

@@ -310,6 +310,14 @@ pub struct Input {
 }
 
 impl Input {
+    /// A wheel at this position, of a steering range of twice `half`, rad; pedals and buttons at rest.
+    #[must_use]
+    pub fn at(position: f64, half: f64) -> Self {
+        // Rounded by hand: the standard's own function is not everywhere.
+        let steps = f64::from(i16::MAX) * (position / half).clamp(-1.0, 1.0);
+        Input { steering: (steps + if steps < 0.0 { -0.5 } else { 0.5 }) as i16, ..Input::default() }
+    }
+
     /// Bytes of the report, with its id.
     pub const LENGTH: usize = 11;
 

@@ -1,10 +1,14 @@
 //! Messages between a host and a board, and the board's side of them.
 
 mod boards;
+#[cfg(feature = "usb")]
+mod bus;
 mod codes;
 mod common;
 mod device;
 mod frames;
+#[cfg(feature = "usb")]
+mod game_wheel;
 mod link;
 mod messages;
 mod noise;

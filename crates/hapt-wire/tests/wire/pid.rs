@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use hapt_core::wheel::{Device, Effect, Timing, Wheel};
+use hapt_core::wheel::{Device, Effect, Sides, Timing, Wheel};
 use hapt_plant::{VirtualDevice, spec::DeviceSpec};
 use hapt_wire::pid::{
     Common, Condition, Control, DESCRIPTOR, EFFECTS, Envelope, FULL, INFINITE, Kind, LONGEST_REPORT, Operation,
@@ -240,6 +240,179 @@ fn waves_and_envelopes_have_their_closed_forms() {
     }
 }
 
+/// The wave of a kind at so many turns, of which the first begins at 0.
+fn wave(kind: Kind, turns: f64) -> f64 {
+    let x = turns - turns.floor();
+    match kind {
+        Kind::Sine => (std::f64::consts::TAU * x).sin(),
+        Kind::Square => 1.0 - 2.0 * f64::from(u8::from(x >= 0.5)),
+        Kind::Triangle => 1.0 - 4.0 * ((x + 0.25) % 1.0 - 0.5).abs(),
+        Kind::SawtoothUp => 2.0 * x - 1.0,
+        Kind::SawtoothDown => 1.0 - 2.0 * x,
+        Kind::Constant | Kind::Ramp | Kind::Spring | Kind::Damper | Kind::Inertia | Kind::Friction => 1.0,
+    }
+}
+
+/// Whether a wave jumps within a part of a turn from here.
+fn jumps(kind: Kind, turns: f64) -> bool {
+    let near = |x: f64| (x - x.round()).abs() < 1e-3;
+    match kind {
+        Kind::Square => near(2.0 * turns),
+        Kind::SawtoothUp | Kind::SawtoothDown => near(turns),
+        _ => false,
+    }
+}
+
+proptest! {
+    /// Levels are of 10000, times of 1 ms, angles of 1/100°.
+    #[test]
+    fn torques_have_their_closed_forms_whatever_the_host_says_of_them(
+        at in 0..7_usize,
+        (magnitude, offset, start, end) in (-FULL..=FULL, -FULL..=FULL, -FULL..=FULL, -FULL..=FULL),
+        (phase, period) in (0..36_000_u16, 2..2000_u16),
+        (attack_level, fade_level, attack_time, fade_time) in (0..=FULL, 0..=FULL, 0..500_u16, 0..500_u16),
+        (duration, delay, loops) in (1..2000_u16, 0..500_u16, 1..4_u8),
+        (own, of_all, direction) in (0..=FULL, 0..=FULL, proptest::option::of(0..36_000_u16)),
+        endless: bool, ms in 0..8000_u64,
+    ) {
+        let kind = Kind::ALL[at];
+        let duration = if endless { INFINITE } else { duration };
+        let common = Common { kind, duration, repeat: 0, delay, gain: own, button: 0, direction };
+        let reports = [
+            Report::Gain(of_all),
+            Report::Effect { block: 0, common },
+            Report::Envelope { block: 0, envelope: Envelope { attack_level, fade_level, attack_time, fade_time } },
+            Report::Constant { block: 0, magnitude },
+            Report::Ramp { block: 0, start, end },
+            Report::Periodic { block: 0, periodic: Periodic { magnitude, offset, phase, period } },
+        ];
+        let mut pool = playing(kind, &reports, loops);
+        let found = torque(&mut pool, ms);
+        let (delay, length) = (u64::from(delay), u64::from(duration));
+        if ms < delay || (!endless && ms - delay >= length * u64::from(loops)) {
+            prop_assert_eq!(found, None);
+            return Ok(());
+        }
+        let t = (if endless { ms - delay } else { (ms - delay) % length }) as f64;
+        let share = |level: i16| f64::from(level) / f64::from(FULL);
+        let under = |level: f64| {
+            let from = |edge: i16, passed: f64| level.signum() * share(edge) + (level - level.signum() * share(edge)) * passed;
+            let left = length as f64 - t;
+            if t < f64::from(attack_time) {
+                from(attack_level, t / f64::from(attack_time))
+            } else if !endless && left < f64::from(fade_time) {
+                from(fade_level, left / f64::from(fade_time))
+            } else {
+                level
+            }
+        };
+        let turns = t / f64::from(period) + f64::from(phase) / 36_000.0;
+        let level = match kind {
+            Kind::Constant => under(share(magnitude)),
+            Kind::Ramp => under(share(start) + (share(end) - share(start)) * if endless { 0.0 } else { t / length as f64 }),
+            _ => share(offset) + under(share(magnitude)) * wave(kind, turns),
+        };
+        // An effect of level 0 has an envelope of either sign.
+        prop_assume!(level != 0.0 && share(magnitude) != 0.0 && !jumps(kind, turns));
+        let right = direction.map_or(1.0, |angle| (f64::from(angle) * std::f64::consts::PI / 18_000.0).sin());
+        let expected = -share(own) * share(of_all) * level * right * f64::from(SCALE.torque);
+        let found = f64::from(found.unwrap());
+        prop_assert!((found - expected).abs() < 2e-3 * f64::from(SCALE.torque), "{kind:?}: {found}, expected {expected}");
+    }
+
+    /// On a device that pays for all of it: at rest, in an even turn, in an even change of acceleration.
+    #[test]
+    fn conditions_have_their_closed_forms_whatever_the_host_says_of_them(
+        at in 0..4_usize,
+        (positive, negative) in (-FULL..=FULL, -FULL..=FULL),
+        (positive_saturation, negative_saturation) in (0..=FULL, 0..=FULL),
+        (offset, dead_band) in (-FULL..=FULL, 0..=FULL),
+        (own, of_all) in (0..=FULL, 0..=FULL),
+        x in -1.5..1.5_f64,
+    ) {
+        let kind = [Kind::Spring, Kind::Damper, Kind::Friction, Kind::Inertia][at];
+        let condition = Condition { offset, positive, negative, positive_saturation, negative_saturation, dead_band };
+        let reports = [
+            Report::Gain(of_all),
+            Report::Effect { block: 0, common: Common { gain: own, delay: 0, ..common(kind, INFINITE) } },
+            Report::Condition { block: 0, axis: 0, condition },
+            // The other axis is none of a wheel's.
+            Report::Condition { block: 0, axis: 1, condition: Condition { positive: 1, ..Condition::default() } },
+        ];
+        let mut pool = playing(kind, &reports, 1);
+        let (effects, count) = pool.effects(1000, &SCALE);
+        let timing = Timing::even(1e-3);
+        let device = Device { timing, damping: 20.0, friction: 0.0, count: 0.0, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
+        // The pool's numbers are f32, and a wheel may well be f64.
+        let wide = effects[..count].iter().map(|effect| {
+            let sides = |s: Sides<f32>| Sides {
+                offset: s.offset.into(), dead_band: s.dead_band.into(), above: s.above.into(), below: s.below.into(),
+                most_above: s.most_above.into(), most_below: s.most_below.into(),
+            };
+            match *effect {
+                Effect::Spring(s) => Effect::Spring(sides(s)),
+                Effect::Damper(s) => Effect::Damper(sides(s)),
+                Effect::Friction(s) => Effect::Friction(sides(s)),
+                Effect::Inertia(s) => Effect::Inertia(sides(s)),
+                Effect::Torque(torque) => Effect::Torque(torque.into()),
+            }
+        });
+        let effects: Vec<Effect<f64>> = wide.collect();
+        let wheel = Wheel::<f64>::new(&device).unwrap();
+        let mut state = wheel.start();
+        let unit = f64::from(match kind { Kind::Spring => SCALE.angle, Kind::Damper => SCALE.velocity, _ => SCALE.acceleration });
+        let path = |t: f64| match kind {
+            Kind::Spring => x * unit,
+            Kind::Inertia => x * unit * t * t * t / 6.0,
+            _ => x * unit * t,
+        };
+        let mut torque = 0.0;
+        for k in 0..=1000 {
+            torque = wheel.step(&mut state, path(1e-3 * f64::from(k)), &effects, 0).torque;
+        }
+        let share = |level: i16| f64::from(level) / f64::from(FULL);
+        let gain = share(own) * share(of_all);
+        // Resisting, in shares of the whole torque. What would drive counts as 0.
+        let one = |coefficient: i16, x: f64, least: f64, most: f64| (share(coefficient).max(0.0) * x).clamp(least, most);
+        let (above, below) = (share(positive_saturation), share(negative_saturation));
+        let resisted = match kind {
+            Kind::Friction if x > 0.0 => one(positive, 1.0, 0.0, above),
+            Kind::Friction => one(negative, -1.0, -below, 0.0),
+            Kind::Inertia => one(positive.min(negative), x, -above.min(below), above.min(below)),
+            _ => {
+                let x = x - share(offset);
+                let beyond = x - x.clamp(-share(dead_band), share(dead_band));
+                one(if beyond < 0.0 { negative } else { positive }, beyond, -below, above)
+            }
+        };
+        let expected = (-gain * resisted * f64::from(SCALE.torque)).clamp(-5.0, 5.0);
+        // The body follows a change of acceleration a little late.
+        prop_assert!((torque - expected).abs() < 0.01 * f64::from(SCALE.torque), "{kind:?}: {torque}, expected {expected}");
+    }
+
+    #[test]
+    fn a_button_starts_its_effects_and_again_while_it_is_held(button in 1..=16_u8, other in 1..=16_u8, repeat in 1..500_u16, duration in 1..400_u16) {
+        let effect = Common { repeat, duration, button, delay: 0, ..common(Kind::Constant, duration) };
+        let mut pool = Pool::new();
+        pool.take(&Report::Create(Kind::Constant), 0);
+        pool.take(&Report::Effect { block: 0, common: effect }, 0);
+        pool.take(&Report::Constant { block: 0, magnitude: FULL }, 0);
+        let mask = |button: u8| 1_u16 << (button - 1);
+        let mut plays = |pressed: u16, ms: u64| {
+            pool.press(pressed, 1000 * ms);
+            torque(&mut pool, ms).is_some()
+        };
+        prop_assert!(!plays(0, 0));
+        prop_assert_eq!(plays(mask(other), 1), other == button);
+        prop_assert!(!plays(0, 2000));
+        for ms in 0..1500 {
+            // Started when pressed, and every `repeat` ms from then on.
+            let since = ms % u64::from(repeat);
+            prop_assert_eq!(plays(mask(button), 3000 + ms), since < u64::from(duration), "{} ms after the start", ms);
+        }
+    }
+}
+
 #[test]
 fn a_pool_that_is_full_says_so_and_a_place_that_is_freed_is_used_again() {
     let mut pool = Pool::new();
@@ -255,9 +428,9 @@ fn a_pool_that_is_full_says_so_and_a_place_that_is_freed_is_used_again() {
 }
 
 /// A free wheel after a kick: the largest speed of its first and of its last second, of four.
-fn speeds(device: &DeviceSpec, mut torque: impl FnMut(f64, f64) -> f64) -> [f64; 2] {
+fn speeds(device: &DeviceSpec, kick: f64, mut torque: impl FnMut(f64, f64) -> f64) -> [f64; 2] {
     let mut wheel = VirtualDevice::new(device);
-    wheel.set_out((0.0, 2.0), (0.0, 0.0));
+    wheel.set_out((0.0, kick), (0.0, 0.0));
     let samples = (4.0 / device.period) as usize;
     let mut fastest = [0.0_f64; 2];
     let mut last = 0.0;
@@ -278,15 +451,17 @@ fn speeds(device: &DeviceSpec, mut torque: impl FnMut(f64, f64) -> f64) -> [f64;
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// Conditions of any size, without a dead band or an offset, on a wheel without counts.
+    /// Conditions of any size, without a dead band or an offset, on wheels with counts, with and without friction, whatever the kick.
     #[test]
     fn hands_off_no_set_of_conditions_that_a_host_asks_for_grows(
         asked in proptest::collection::vec((0..4_usize, 0..=FULL, 0..=FULL), 1..8),
         inertia in 1e-3..0.1_f64, damping in 1e-3..0.1_f64, late in 0.0..1.0_f64, period in 2.5e-4..2e-3_f64,
+        friction in prop_oneof![Just(0.0), 1e-3..0.1_f64], counts in 500.0..100_000.0_f64, kick in 0.2..4.0_f64,
     ) {
-        let spec = DeviceSpec { period, delay: late * period, lag: 0.0, inertia, damping, friction: 0.0, handle: None };
+        let spec = DeviceSpec { period, delay: late * period, lag: 0.0, inertia, damping, friction, handle: None };
+        let count = std::f64::consts::TAU / counts.round();
         let timing = Timing { delay: late * period, ..Timing::even(period) };
-        let device = Device { timing, damping, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
+        let device = Device { timing, damping, friction, count, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
         let wheel = Wheel::<f32>::new(&device).unwrap();
         let mut pool = Pool::new();
         for (block, (kind, positive, negative)) in asked.into_iter().enumerate() {
@@ -296,12 +471,13 @@ proptest! {
             pool.take(&Report::Operation { block, operation: Operation::Start, loops: 255 }, 0);
         }
         let (mut state, mut now) = (wheel.start(), 0.0);
-        let [first, last] = speeds(&spec, |position, _| {
+        let [first, last] = speeds(&spec, kick, |position, _| {
             now += 1e6 * period;
+            let position = (position / count + 0.5).floor() * count;
             let (effects, count) = pool.effects(now as u64, &SCALE);
             f64::from(wheel.step(&mut state, position as f32, &effects[..count], pool.revision()).torque)
         });
-        prop_assert!(first <= 2.0 * (1.0 + 1e-3) && last <= first, "{first} rad/s at first, {last} rad/s in the end");
+        prop_assert!(first <= kick * (1.0 + 1e-3) && last <= first, "{first} rad/s at first, {last} rad/s in the end");
     }
 }
 
@@ -309,11 +485,11 @@ proptest! {
 fn the_same_damper_and_inertia_from_differences_shake_the_wheel_hands_off() {
     let spec =
         DeviceSpec { period: 1e-3, delay: 5e-4, lag: 0.0, inertia: 5e-3, damping: 0.01, friction: 0.0, handle: None };
-    let damper = speeds(&spec, |_, way| (-20.0 * way / 1e-3).clamp(-5.0, 5.0));
+    let damper = speeds(&spec, 2.0, |_, way| (-20.0 * way / 1e-3).clamp(-5.0, 5.0));
     // A limit cycle: the device alone would have less than 2 exp(-2 · 3) rad/s left.
     assert!(damper[1] > 0.2, "{damper:?}");
     let mut before = 0.0;
-    let inertia = speeds(&spec, |_, way| {
+    let inertia = speeds(&spec, 2.0, |_, way| {
         let acceleration = (way - before) / 1e-6;
         before = way;
         (-0.02 * acceleration).clamp(-5.0, 5.0)
