@@ -15,8 +15,7 @@ use crate::worker::Task;
 const STATUS: Duration = Duration::from_millis(200);
 
 /// The refusal of another world while games have the device.
-const FIXED: &str =
-    "games have the damping that this world leaves of the device's, so that it stays as it is; end hapt wheel, and start it with --set KEY=VALUE";
+const FIXED: &str = "games have the damping that this world leaves of the device's, so that it stays as it is; end hapt wheel, and start it with --set KEY=VALUE";
 
 /// A session with the messages for its pages. The caller decides which client may send what.
 pub struct PageSession {

@@ -342,7 +342,10 @@ fn a_page_sees_the_effects_and_presses_what_a_simulated_wheel_has() {
     // Who leaves presses nothing any more.
     page.session.release();
     until(&mut page, &mut host, &shows([0; 3], 0));
-    for bad in [r#"{"type": "controls", "pedals": [1.5, 0, 0], "buttons": 0}"#, r#"{"type": "controls", "pedals": [0, 0], "buttons": 0}"#] {
+    for bad in [
+        r#"{"type": "controls", "pedals": [1.5, 0, 0], "buttons": 0}"#,
+        r#"{"type": "controls", "pedals": [0, 0], "buttons": 0}"#,
+    ] {
         assert!(ClientMessage::read(bad).is_err(), "{bad}");
     }
     // The effects' damping is what this world leaves.

@@ -62,7 +62,7 @@ impl ConformanceReport {
                                     tr {
                                         td { (case.name) }
                                         td { (case.asks) }
-                                        td.number { (number(case.off, 2)) " %" }
+                                        td.number { (format!("{:.2} %", case.off)) }
                                         td class={ "state " (state(case.conforms)) } { (case.verdict) }
                                     }
                                 }

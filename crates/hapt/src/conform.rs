@@ -6,12 +6,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use hapt_host::conform::evdev::{Evdev, Found, wheels};
-use hapt_host::conform::{ConformError, Conformance, Finding, KnownError, Law, Verdict, conform};
+use hapt_host::conform::{Case, ConformError, Conformance, Finding, KnownError, Law, Verdict, cases, conform};
 use hapt_report::{ConformanceCase, ConformanceReport};
 
 use crate::args::ConformArgs;
 use crate::failure::Failure;
-use crate::format;
 use crate::messages;
 use crate::output;
 
@@ -22,6 +21,8 @@ pub fn run(args: &ConformArgs, device: Option<&Path>) -> Result<ExitCode, Failur
     if let Some(out) = &args.out {
         output::format("--out", out, &["html"])?;
     }
+    let level = 0.01 * f64::from(args.level);
+    let chosen = chosen(level, &args.only)?;
     let path = device.map_or_else(only, |path| Ok(path.to_path_buf()))?;
     // Before the wheel moves for minutes.
     let draft = args.out.clone().map(|out| {
@@ -37,8 +38,7 @@ pub fn run(args: &ConformArgs, device: Option<&Path>) -> Result<ExitCode, Failur
         ask(&name, &path)?;
     }
     messages::say(format_args!("{name} ({}) moves now; Ctrl-C takes every torque off", path.display()));
-    let level = 0.01 * f64::from(args.level);
-    let outcome = conform(&mut wheel, level, |finding| {
+    let outcome = conform(&mut wheel, chosen, 2.0 * level, |finding| {
         messages::say(format_args!("{:22} {}", finding.name, said(finding.verdict)));
     });
     drop(wheel);
@@ -59,6 +59,16 @@ pub fn run(args: &ConformArgs, device: Option<&Path>) -> Result<ExitCode, Failur
     }
     print(&text(&name, &path, &found))?;
     Ok(if found.conforms() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The cases with these names; all of them without names.
+fn chosen(level: f64, names: &[String]) -> Result<Vec<Case>, Failure> {
+    let all = cases(level);
+    if let Some(name) = names.iter().find(|name| all.iter().all(|case| case.name != name.as_str())) {
+        let known: Vec<&str> = all.iter().map(|case| case.name).collect();
+        return Err(Failure::input(format!("--only {name:?}: is no case; expected some of {}", known.join(", "))));
+    }
+    Ok(all.into_iter().filter(|case| names.is_empty() || names.iter().any(|name| name == case.name)).collect())
 }
 
 /// The wheel of this computer, where there is one.
@@ -115,13 +125,23 @@ fn itself(found: &Conformance) -> Vec<(String, String)> {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     let row = |name: &str, text: String| (name.to_string(), text);
     let mut list = vec![
-        row("strength", format!("the largest torque accelerates it by {} half ranges/s²", format::number(plant.strength.abs()))),
-        row("friction", format!("{} of the largest torque, and {} at a half range a second", percent(plant.friction), percent(plant.damping))),
+        row("strength", format!("the largest torque accelerates it by {:.1} half ranges/s²", plant.strength.abs())),
+        row(
+            "friction",
+            format!(
+                "{} of the largest torque, and {} at a half range a second",
+                percent(plant.friction),
+                percent(plant.damping)
+            ),
+        ),
         row("latency", format!("{:.0} ms from a request to its torque", 1e3 * plant.latency)),
         row("noise", format!("{} of the largest torque", percent(plant.noise))),
     ];
     if plant.spring.abs() > 0.02 {
-        list.push(row("centring", format!("a spring of {} of the largest torque at the end of the range", percent(plant.spring))));
+        list.push(row(
+            "centring",
+            format!("a spring of {} of the largest torque at the end of the range", percent(plant.spring)),
+        ));
     }
     for (law, scale) in found.findings.iter().filter_map(|finding| finding.scale) {
         let (name, at) = match law {
@@ -149,9 +169,8 @@ fn text(name: &str, path: &Path, found: &Conformance) -> String {
 
 fn report(name: &str, found: &Conformance) -> ConformanceReport {
     let cases = found.findings.iter().map(|finding| {
-        let curve = |of: fn(&(f64, f64, f64)) -> f64| {
-            finding.torques.iter().map(|row| (row.0, 100.0 * of(row))).collect()
-        };
+        let curve =
+            |of: fn(&(f64, f64, f64)) -> f64| finding.torques.iter().map(|row| (row.0, 100.0 * of(row))).collect();
         ConformanceCase {
             name: finding.name.into(),
             asks: finding.asks.clone(),

@@ -152,9 +152,7 @@ pub fn with(args: &RunArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
         How::Silent => Err(Failure::System(
             "the board sends no samples any more; its own watchdog removes the torque if its loop has stopped".into(),
         )),
-        How::Detached => {
-            Err(Failure::System(DETACHED.into()))
-        }
+        How::Detached => Err(Failure::System(DETACHED.into())),
         How::Failed(Error::Device(failure)) => {
             Err(Failure::System(format!("the run ended early, with the torque off: {failure}")))
         }

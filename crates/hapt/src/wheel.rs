@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use hapt_host::{DeviceAddress, WheelView};
 use hapt_core::wheel::Shortfall;
 use hapt_host::game_wheel::{GameWheel, Room, WheelError, WheelStatus, reason};
+use hapt_host::{DeviceAddress, WheelView};
 use hapt_model::{Dimension, World, is_network};
 use hapt_rt::EffectsPort;
 

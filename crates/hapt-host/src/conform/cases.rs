@@ -80,7 +80,10 @@ fn torques(level: f64) -> Vec<Case> {
     let mut changed = once(left(level));
     changed.actions.push((1.2, Action::Change(Asked { length: Some(LONG), ..left(-0.5 * level) })));
     let enveloped = Asked {
-        form: Form::Constant { level, envelope: Envelope { attack: 0.6, attack_level: 0.0, fade: 0.6, fade_level: 0.0 } },
+        form: Form::Constant {
+            level,
+            envelope: Envelope { attack: 0.6, attack_level: 0.0, fade: 0.6, fade_level: 0.0 },
+        },
         length: Some(1.6),
         ..left(level)
     };
@@ -127,14 +130,9 @@ fn waves(level: f64) -> Vec<Case> {
         let form = Form::Periodic { wave, magnitude: level, offset, phase, period: 0.8 };
         once(Asked { form, ..Asked::constant(0.0, LEFT) })
     };
-    let wave = |name, asks: &str, effect| {
-        plain(name, format!("{} over 0.8 s{asks}", percent(level)), vec![effect], 2.4)
-    };
-    let ramp = Asked {
-        form: Form::Ramp { from: -level, to: level },
-        length: Some(1.5),
-        ..Asked::constant(0.0, LEFT)
-    };
+    let wave =
+        |name, asks: &str, effect| plain(name, format!("{} over 0.8 s{asks}", percent(level)), vec![effect], 2.4);
+    let ramp = Asked { form: Form::Ramp { from: -level, to: level }, length: Some(1.5), ..Asked::constant(0.0, LEFT) };
     vec![
         wave("sine", "", periodic(Wave::Sine, 0.0, 0.0)),
         wave("phase", ", a sine from a quarter of a turn on", periodic(Wave::Sine, 0.25, 0.0)),
@@ -152,10 +150,8 @@ fn springs() -> Vec<Case> {
     let full = Condition::even(1.0);
     let mut second = spring("second axis", "full coefficient, and a quarter on a second axis", full);
     let axes = [full, Condition::even(0.25)];
-    second.effects = vec![once(Asked {
-        form: Form::Condition { law: Law::Spring, axes },
-        ..Asked::condition(Law::Spring, full)
-    })];
+    second.effects =
+        vec![once(Asked { form: Form::Condition { law: Law::Spring, axes }, ..Asked::condition(Law::Spring, full) })];
     vec![
         spring("spring", "full coefficient", full),
         spring("half a spring", "half of the coefficient", Condition::even(0.5)),

@@ -41,7 +41,10 @@ pub fn wheels() -> io::Result<(Vec<Found>, usize)> {
     let (mut found, mut closed) = (Vec::new(), 0);
     let mut paths: Vec<PathBuf> = std::fs::read_dir(FOLDER)?.filter_map(|entry| Some(entry.ok()?.path())).collect();
     paths.sort();
-    for path in paths.into_iter().filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("event"))) {
+    for path in paths
+        .into_iter()
+        .filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("event")))
+    {
         match open(&path) {
             Ok(handle) if is_wheel(&handle) => found.push(Found { name: name(&handle), path }),
             Ok(_) => {}
@@ -99,8 +102,7 @@ impl Evdev {
         handle.set_absolute_info(AbsoluteAxis::X, &AbsoluteInfo { fuzz: 0, ..axis }).map_err(failed)?;
         let name = name(&handle);
         let begin = SystemTime::now();
-        let mut wheel =
-            Evdev { handle, name, axis, begin, numbers: Vec::new(), at: 0.0, is_over: Box::new(is_over) };
+        let mut wheel = Evdev { handle, name, axis, begin, numbers: Vec::new(), at: 0.0, is_over: Box::new(is_over) };
         wheel.at = wheel.share(axis.value);
         if wheel.handle.force_feedback_bits().is_ok_and(|bits| bits.get(ForceFeedbackKind::Autocenter)) {
             wheel.say(sys::FF_AUTOCENTER, 0)?;

@@ -166,25 +166,25 @@ impl Judge {
         let slack = course.means(&all.iter().map(|(torque, _)| torque.slack).collect::<Vec<_>>());
         let kept = course.means(&all.iter().map(|(_, stops)| f64::from(u8::from(!stops))).collect::<Vec<_>>());
         let push = self.pushes(case, seen, course, error);
-        let fixed: Vec<f64> = stated.iter().zip(&push).zip(&kept).map(|((stated, push), kept)| stated + push * kept).collect();
+        let fixed: Vec<f64> =
+            stated.iter().zip(&push).zip(&kept).map(|((stated, push), kept)| stated + push * kept).collect();
         let scale = if self.fitted(case.scale) {
             let middle = acted.iter().map(|(least, most)| 0.5 * (least + most));
             let all = middle.zip(&fixed).zip(&scaled).zip(&slack).filter(|(_, slack)| **slack == 0.0);
-            let (product, square) = all.fold((0.0, 0.0), |sum, (((acted, fixed), own), _)| {
-                (sum.0 + (acted - fixed) * own, sum.1 + own * own)
-            });
+            let (product, square) = all
+                .fold((0.0, 0.0), |sum, (((acted, fixed), own), _)| (sum.0 + (acted - fixed) * own, sum.1 + own * own));
             if square > 0.0 { (product / square).max(0.0) } else { 0.0 }
         } else {
             let known = self.scales.iter().find(|(law, _)| case.scale == Scale::Uses(*law));
             known.map_or(0.0, |(_, scale)| *scale)
         };
         let meant: Vec<f64> = fixed.iter().zip(&scaled).map(|(fixed, own)| fixed + scale * own).collect();
-        let squared = |values: &mut dyn Iterator<Item = f64>| {
-            (values.map(|x| x * x).sum::<f64>() / acted.len() as f64).sqrt()
-        };
-        let off = squared(&mut meant.iter().zip(acted).zip(&slack).map(|((meant, (least, most)), slack)| {
-            meant - meant.max(least - scale * slack).min(most + scale * slack)
-        }));
+        let squared =
+            |values: &mut dyn Iterator<Item = f64>| (values.map(|x| x * x).sum::<f64>() / acted.len() as f64).sqrt();
+        let off =
+            squared(&mut meant.iter().zip(acted).zip(&slack).map(|((meant, (least, most)), slack)| {
+                meant - meant.max(least - scale * slack).min(most + scale * slack)
+            }));
         let own = squared(&mut scaled.iter().map(|own| scale * own));
         Fit { meant, off, scale, own }
     }

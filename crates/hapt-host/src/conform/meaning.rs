@@ -147,7 +147,9 @@ impl Played {
             None if error == Some(KnownError::Infinite) => return None,
             None => time,
             Some(_) if error == Some(KnownError::Length) => time,
-            Some(length) if time < length * f64::from(count) => time.max(-1.0) - length * (time / length).floor().max(0.0),
+            Some(length) if time < length * f64::from(count) => {
+                time.max(-1.0) - length * (time / length).floor().max(0.0)
+            }
             Some(_) => return None,
         };
         if time < 0.0 {
@@ -266,5 +268,9 @@ fn condition(law: Law, axes: &[Condition; 2], motion: &Motion, error: Option<Kno
         Law::Spring | Law::Inertia => false,
     };
     let slack = if dry && rests { numbers.right.max(numbers.left) } else { 0.0 };
-    if scaled { Torque { scaled: torque, slack, ..Torque::default() } } else { Torque { stated: torque, ..Torque::default() } }
+    if scaled {
+        Torque { scaled: torque, slack, ..Torque::default() }
+    } else {
+        Torque { stated: torque, ..Torque::default() }
+    }
 }

@@ -48,17 +48,17 @@ impl Conformance {
     }
 }
 
-/// Plays every case with torques of at most `level`, and at most twice that to make the wheel swing; `tell` hears of each.
+/// Plays these cases, and makes the wheel swing with torques of at most `most`; `tell` hears of each.
 ///
 /// # Errors
 /// The wheel cannot be measured. Nothing plays then.
 pub fn conform(
     wheel: &mut dyn Wheel,
-    level: f64,
+    cases: Vec<Case>,
+    most: f64,
     mut tell: impl FnMut(&Finding),
 ) -> Result<Conformance, ConformError> {
     wheel.clear()?;
-    let most = (2.0 * level).min(1.0);
     let strength = probe(wheel, most)?;
     let rough = Swing { strength, most, amplitude: WIDE };
     rough.centre(wheel)?;
@@ -72,7 +72,7 @@ pub fn conform(
     let mut findings = Vec::new();
     // A weak wheel swings less.
     let room = 0.4 * most * plant.strength.abs() / Swing::square();
-    for case in cases(level) {
+    for case in cases {
         let amplitude = if case.wide { WIDE } else { NARROW }.min(room);
         let swing = Swing { strength: plant.strength, most, amplitude };
         swing.centre(wheel)?;

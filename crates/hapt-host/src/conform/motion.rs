@@ -59,11 +59,9 @@ impl Course {
             .collect();
         let weights = weights(half);
         let inner = 1..count.saturating_sub(1);
-        let velocity: Vec<f64> =
-            inner.clone().map(|k| (positions[k + 1] - positions[k - 1]) / (2.0 * STEP)).collect();
-        let raw: Vec<f64> = inner
-            .map(|k| (positions[k + 1] - 2.0 * positions[k] + positions[k - 1]) / (STEP * STEP))
-            .collect();
+        let velocity: Vec<f64> = inner.clone().map(|k| (positions[k + 1] - positions[k - 1]) / (2.0 * STEP)).collect();
+        let raw: Vec<f64> =
+            inner.map(|k| (positions[k + 1] - 2.0 * positions[k] + positions[k - 1]) / (STEP * STEP)).collect();
         // The differences begin a step later than the positions.
         let middles = half..raw.len().saturating_sub(half);
         let motion: Vec<Motion> = middles

@@ -30,9 +30,8 @@ const LATENCIES: u32 = 60;
 impl Plant {
     /// The plant that explains the course best, where `push` is the torque that was asked for at a time.
     pub fn fit(course: &Course, push: impl Fn(f64) -> f64) -> Option<Self> {
-        let all = |of: fn(&super::meaning::Motion) -> f64| {
-            course.means(&course.motion.iter().map(of).collect::<Vec<_>>())
-        };
+        let all =
+            |of: fn(&super::meaning::Motion) -> f64| course.means(&course.motion.iter().map(of).collect::<Vec<_>>());
         let acceleration = course.means(&course.raw);
         let known = [
             all(|motion| -motion.velocity),
@@ -72,8 +71,7 @@ impl Plant {
         let strength = self.strength.abs();
         let of = |dry: fn(f64) -> f64| -> Vec<f64> {
             let at = course.motion.iter().zip(&course.raw).map(|(motion, acceleration)| {
-                acceleration / strength + self.damping * motion.velocity + self.spring * motion.position
-                    - self.bias
+                acceleration / strength + self.damping * motion.velocity + self.spring * motion.position - self.bias
                     + self.friction * dry(motion.velocity)
             });
             course.means(&at.collect::<Vec<_>>())

@@ -19,6 +19,9 @@ pub enum ConformError {
     /// The probe.
     #[error("a constant torque of {0:.0} % does not move the wheel; free it, or allow more with --level")]
     Still(f64),
+    /// At the start.
+    #[error("the wheel stands at {0:.0} % of its way from the middle; turn it near the middle")]
+    Aside(f64),
     /// The probe.
     #[error("{}; nothing else can be measured", super::KnownError::Update.sentence())]
     NoUpdates,
@@ -102,8 +105,11 @@ const PERIOD: f64 = 1.6;
 /// The natural frequency of the controller, rad/s, and its damping ratio.
 const FREQUENCY: f64 = 8.0;
 const RATIO: f64 = 0.8;
-/// Beyond this part of the range a case is at its end.
+/// Beyond this part of the range a case is at its end, and faster than so many half ranges a second.
 const EDGE: f64 = 0.7;
+const FASTEST: f64 = 4.0;
+/// How often half a second may bring the wheel no nearer to the middle.
+const TRIES: u32 = 3;
 /// Over so long the controller takes the velocity, s.
 const RECENT: f64 = 0.04;
 /// The place of the effect that makes the wheel swing; a case's own follow.
@@ -170,7 +176,8 @@ impl Swing {
         loop {
             let now = wheel.now();
             let at = latest(&seen.trace, now);
-            if now - begin >= case.seconds || !case.effects.is_empty() && at.0.abs() > EDGE {
+            let leaves = !case.effects.is_empty() && at.0.abs() > EDGE || at.1.abs() > FASTEST;
+            if now - begin >= case.seconds || leaves {
                 return Ok(seen);
             }
             while let Some((_, at, action)) = due.next_if(|(when, ..)| begin + when <= now) {
@@ -197,11 +204,19 @@ impl Swing {
     pub fn centre(&self, wheel: &mut dyn Wheel) -> Result<(), ConformError> {
         let still = Swing { amplitude: 0.0, ..*self };
         let near = |(position, velocity): (f64, f64)| position.abs() < 0.05 && velocity.abs() < 0.1;
-        for _ in 0..10 {
+        // Never near the middle: against a hand, or an end stop, it does not push for long.
+        let (mut nearest, mut tries) = (f64::INFINITY, 0);
+        while tries < TRIES {
             let rest = Case { seconds: 0.5, ..Case::rest() };
             let seen = still.play(wheel, &rest)?;
-            if near(latest(&seen.trace, wheel.now())) {
+            let at = latest(&seen.trace, wheel.now());
+            if near(at) {
                 return Ok(());
+            }
+            if at.0.abs() < 0.9 * nearest {
+                nearest = at.0.abs();
+            } else {
+                tries += 1;
             }
         }
         Err(ConformError::Leaves)
@@ -223,10 +238,14 @@ pub fn probe(wheel: &mut dyn Wheel, most: f64) -> Result<f64, ConformError> {
         wheel.put(PUSH, &push(level))?;
         let begin = wheel.now();
         wheel.watch(begin, &mut trace)?;
+        let from = trace.first().map_or(0.0, |(_, position)| *position);
+        if from.abs() > EDGE {
+            wheel.clear()?;
+            return Err(ConformError::Aside(100.0 * from));
+        }
         wheel.start(PUSH, 1)?;
         wheel.watch(begin + MOMENT, &mut trace)?;
         let first = latest(&trace, begin + MOMENT);
-        let from = trace.first().map_or(0.0, |(_, position)| *position);
         let way = first.0 - from;
         if way.abs() >= MOVED {
             // The other way, twice as strong: it has to turn round.

@@ -198,11 +198,8 @@ impl GameWheel {
         host.set_write_timeout(Some(PATIENCE)).map_err(WheelError::Attach)?;
         let stop = Arc::new(AtomicBool::new(false));
         let status = WheelStatus { is_attached: true, scale: 1.0, ..WheelStatus::default() };
-        let shared = Arc::new(Shared {
-            status: Mutex::new(status),
-            shown: Mutex::default(),
-            pressed: Mutex::default(),
-        });
+        let shared =
+            Arc::new(Shared { status: Mutex::new(status), shown: Mutex::default(), pressed: Mutex::default() });
         let (stops, sees, half, scale) = (Arc::clone(&stop), Arc::clone(&shared), room.half, room.scale());
         let work = move || {
             let _detached = Detached(&sees);
