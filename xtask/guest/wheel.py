@@ -40,6 +40,8 @@ END = 20
 SETTLED = 80
 # Of one effect, a thousand a second.
 UPDATES = {"storm": 60000}.get(sys.argv[2] if len(sys.argv) > 2 else "", 5000)
+# The least part of them that arrives.
+ARRIVES = 0.95
 # Of hapt wheel --conform, in the short run.
 JUDGED = "constant,gain,sine,spring,dead band,damper,friction,inertia"
 # A torque is gone so long after its host, in s: the guest's time runs by jumps.
@@ -364,7 +366,8 @@ def main():
         judge(name, measured(rows), expected(rows), full)
     judge("after the storm", found[after][-1]["effects"], -CONSTANT, LIMIT, f", at {rate:.0f} updates a second for {UPDATES / rate:.0f} s")
     taken = int(re.search(r"([0-9 ]+) reports taken", summary)[1].replace(" ", ""))
-    if taken < UPDATES:
+    # Where the guest stands still for long, the driver's own queue is full.
+    if taken < ARRIVES * UPDATES:
         sys.exit(f"{taken} reports were taken, of {UPDATES} and more")
     if cases:
         # The end of a stretch is cut off.

@@ -310,7 +310,7 @@ fn a_page_sees_the_effects_and_presses_what_a_simulated_wheel_has() {
     let (mut page, begin) = (PageSession::new(session), Instant::now());
     let mut host = Host::new(other);
     host.configure();
-    let mut until = |page: &mut PageSession, host: &mut Host, what: &dyn Fn(&WheelInfo, &Host) -> bool| loop {
+    let until = |page: &mut PageSession, host: &mut Host, what: &dyn Fn(&WheelInfo, &Host) -> bool| loop {
         page.poll(begin.elapsed(), |_, _| ());
         // Any transfer gathers what has been shown.
         host.feature(id::POOL);
