@@ -40,8 +40,6 @@ END = 20
 SETTLED = 80
 # Of one effect, a thousand a second.
 UPDATES = {"storm": 60000}.get(sys.argv[2] if len(sys.argv) > 2 else "", 5000)
-# The least part of them that arrives.
-ARRIVES = 0.95
 # Of hapt wheel --conform, in the short run.
 JUDGED = "constant,gain,sine,spring,dead band,damper,friction,inertia"
 # A torque is gone so long after its host, in s: the guest's time runs by jumps.
@@ -203,13 +201,16 @@ def stretches(path):
 
 
 def storm(device, updates):
-    """Changes an effect a thousand times a second, or as often as the guest can; the rate, per s."""
+    """Changes an effect a thousand times a second, or as often as the guest can; the rate, per s, and how many of the updates are changes: the
+    driver sends no others."""
     one = constant(0.0)
     one.id = device.upload_effect(one)
     device.write(ecodes.EV_FF, one.id, 1)
-    begin = time.monotonic()
+    begin, changes = time.monotonic(), 0
     for at in range(updates):
-        one.u.ff_constant_effect.level = round(0.1 * FULL * math.sin(0.01 * at))
+        level = round(0.1 * FULL * math.sin(0.01 * at))
+        changes += level != one.u.ff_constant_effect.level
+        one.u.ff_constant_effect.level = level
         device.upload_effect(one)
         time.sleep(max(0.0, begin + 1e-3 * (at + 1) - time.monotonic()))
     rate = updates / (time.monotonic() - begin)
@@ -218,7 +219,7 @@ def storm(device, updates):
     time.sleep(0.5)
     device.erase_effect(one.id)
     time.sleep(MARK + 0.2)
-    return rate
+    return rate, changes
 
 
 def attached(hapt, *arguments):
@@ -339,7 +340,7 @@ def main():
     run, device = attached(hapt, "wheel.toml", "--duration", "400 s", "--log", "wheel.mcap")
     for _, effects, seconds, _, _, _ in cases:
         play(device, effects, seconds)
-    rate = storm(device, UPDATES)
+    rate, changes = storm(device, UPDATES)
     if cases:
         alone = killed(device)
         pool = shared(device)
@@ -366,9 +367,9 @@ def main():
         judge(name, measured(rows), expected(rows), full)
     judge("after the storm", found[after][-1]["effects"], -CONSTANT, LIMIT, f", at {rate:.0f} updates a second for {UPDATES / rate:.0f} s")
     taken = int(re.search(r"([0-9 ]+) reports taken", summary)[1].replace(" ", ""))
-    # Where the guest stands still for long, the driver's own queue is full.
-    if taken < ARRIVES * UPDATES:
-        sys.exit(f"{taken} reports were taken, of {UPDATES} and more")
+    print(f"{'reports':24} {taken} taken, for {changes} changes of it")
+    if taken < changes:
+        sys.exit("some were lost")
     if cases:
         # The end of a stretch is cut off.
         played = found[after + 1][-1]["time"] - found[after + 1][0]["time"] + END * PERIOD
