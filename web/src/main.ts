@@ -5,6 +5,7 @@ import { attribute, button, byId, html, say } from "./dom.ts";
 import { Euler } from "./euler.ts";
 import { Gauge } from "./gauge.ts";
 import { Hand } from "./hand.ts";
+import { GameWheelCard } from "./gamewheel.ts";
 import { History } from "./history.ts";
 import { Knobs } from "./knobs.ts";
 import { Link, type Peer } from "./link.ts";
@@ -54,6 +55,7 @@ const set = (key: string, value: string) => void link.send({ type: "set", key, v
 const verdict = new VerdictCard(byId("sentences"), byId("verdict"), byId("strip"), (sets) => void link.send({ type: "sets", sets }), named);
 new PhoneCard(byId("phone")).show(location);
 const network = new NetworkCard(byId("network"), (change) => void link.send({ type: "network", ...change }));
+const gamewheel = new GameWheelCard(byId("gamewheel"), (controls) => void link.send({ type: "controls", ...controls }));
 const euler = new Euler(set);
 const scenarioStart = new ScenarioStart(
   () => {
@@ -94,6 +96,8 @@ function message(message: FromServer): void {
       scenarioStart.update(message.phase);
       timing.show(message);
       network.show(message.network, desk.up && desk.mine);
+      gamewheel.show(message.wheel, desk.up && desk.mine && world?.device === SIMULATED);
+      document.body.classList.toggle("games", message.wheel !== undefined);
       document.body.classList.toggle("unclocked", message.timing === null);
       return showBar(desk);
     case "refused":
@@ -107,6 +111,7 @@ function message(message: FromServer): void {
 function control(holder: number | null): void {
   desk.control = holder;
   desk.mine = holder !== null && holder === client;
+  if (!desk.mine) gamewheel.release();
   mayGrab();
   showBar(desk);
 }
@@ -115,6 +120,7 @@ function connection(up: boolean, next: number | null): void {
   desk.up = up;
   retry = next;
   if (!up) [desk.mine, desk.status] = [false, null];
+  if (!up) gamewheel.release();
   mayGrab();
   document.body.classList.toggle("down", !up);
   byId("lost").hidden = up;

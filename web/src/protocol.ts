@@ -17,6 +17,7 @@ export type ToServer =
   | { type: "scenario"; name: string | null }
   | { type: "record"; on: boolean }
   | { type: "focus"; key: string }
+  | ({ type: "controls" } & Controls)
   | ({ type: "network" } & NetworkChange);
 
 export interface Coupling {
@@ -141,7 +142,28 @@ export interface Status {
   realtime: { fifo: boolean; locked: boolean; warning: string | null } | null;
   /** Where the loop is a station of one. */
   network?: Network;
+  /** Where games have the device. */
+  wheel?: GameWheel;
   clients: number;
+}
+
+/** The wheel that games see of the device; torques in N m: least, last and most since the status before. */
+export interface GameWheel {
+  attached: boolean;
+  effects: { kind: string; asked: string; given: string | null }[];
+  asked: [number, number, number];
+  given: [number, number, number];
+  limit: number;
+  used: number;
+  reason: string | null;
+  taken: number;
+  refused: number;
+}
+
+/** Pedals from 0 to 1, and buttons, the first in the lowest bit. */
+export interface Controls {
+  pedals: [number, number, number];
+  buttons: number;
 }
 
 export interface Network {

@@ -30,6 +30,7 @@ mod tools;
 mod truth;
 mod vm;
 mod wheel;
+mod wheel_latency;
 mod windows;
 
 use std::path::PathBuf;
@@ -44,6 +45,7 @@ cargo xtask truth     the certificate against brute force, on random loops: [--n
 cargo xtask patterns  the same under patterns of intervals and delays
 cargo xtask networks  the same of stations joined by links
 cargo xtask wheel     random sets of effects on random force-feedback wheels, hands off: [--n N] [--seed S]; --write: docs/wheel.md
+                      latency: from a game's report to the torque, in simulated time
 cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask licences  the licences of what is in the program, into crates/hapt/src/licences.txt
 cargo xtask firmware  the firmware on emulated boards: the same bits, instructions a sample, sizes; --write: docs/firmware.md
@@ -58,6 +60,7 @@ cargo xtask bench     speed beside plain C; --write into docs/performance.md; re
                       Python package beside the crates and other tools; scale [--short]: a sweep of 1e8 loops in shards; with
                       --write, into docs/scale.md
 cargo xtask guest     drives on a CAN bus and a wheel on USB, in an emulated machine; with a line of shell, that
+                      storm: 1000 changes of an effect a second for a minute; conform [CASE,...]: hapt wheel --conform on hapt's own
 cargo xtask fuzz      [--seconds N] random bytes, on stable; --minutes N with libFuzzer; targets by their names, `commands` among them:
                       whole commands on random worlds
 cargo xtask python    the Python package: its tests, examples and types
@@ -80,12 +83,15 @@ fn main() -> Result<()> {
         ["notes", "--write"] => notes::write(),
         ["figure"] => figure::write(),
         ["guest"] => vm::devices(),
+        ["guest", "storm"] => vm::storm(),
+        ["guest", "conform", ref cases @ ..] => vm::conform(cases),
         ["guest", ref line @ ..] => vm::run(&line.join(" ")),
         ["fuzz", ref arguments @ ..] => fuzz::run(arguments),
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["patterns", ref arguments @ ..] => truth::patterns(arguments),
         ["networks", ref arguments @ ..] => truth::networks(arguments),
+        ["wheel", "latency", ref arguments @ ..] => wheel_latency::command(arguments),
         ["wheel", ref arguments @ ..] => wheel::command(arguments),
         ["page"] => page::build(),
         ["python"] => python::holds(),

@@ -28,17 +28,32 @@ pub fn devices() -> Result<()> {
         println!("SKIPPED: drives and wheel in the guest need, as root on Debian: apt-get install {missing}");
         return Ok(());
     }
+    let wheel = wheel("")?;
     let programs = crate::test::built(&["vcan"])?;
     let test = programs.first().context("there is no test vcan")?.file();
     let line = format!(
         "ip link add vcan0 type vcan && ip link set vcan0 mtu 72 && ip link set vcan0 up && \
-         HAPT_CAN=vcan0 {} --nocapture --test-threads=1 && \
-         /usr/bin/python3 {} {}",
-        test.display(),
-        std::path::absolute("xtask/guest/wheel.py")?.display(),
-        std::path::absolute(crate::test::program("hapt")?.get_program())?.display()
+         HAPT_CAN=vcan0 {} --nocapture --test-threads=1 && {wheel}",
+        test.display()
     );
     run(&line)
+}
+
+/// 1000 changes of an effect a second, for a minute.
+pub fn storm() -> Result<()> {
+    run(&wheel("storm")?)
+}
+
+/// `hapt wheel --conform` on hapt's own wheel; without names all of its cases.
+pub fn conform(cases: &[&str]) -> Result<()> {
+    run(&wheel(&format!("conform {}", cases.join(" ")))?)
+}
+
+/// The line that tries the wheel.
+fn wheel(mode: &str) -> Result<String> {
+    let script = std::path::absolute("xtask/guest/wheel.py")?;
+    let hapt = std::path::absolute(crate::test::program("hapt")?.get_program())?;
+    Ok(format!("/usr/bin/python3 {} {} {mode}", script.display(), hapt.display()))
 }
 
 /// A line of shell in the guest; its output goes to ours.

@@ -37,6 +37,8 @@ mod attached;
 pub mod board;
 mod config;
 #[cfg(not(target_family = "wasm"))]
+pub mod conform;
+#[cfg(not(target_family = "wasm"))]
 pub mod device;
 pub mod frames;
 #[cfg(target_os = "linux")]
@@ -66,7 +68,7 @@ pub use config::{Rule, WorldConfig};
 pub use device::{DeviceAddress, DeviceError};
 pub use hand::VirtualHand;
 pub use keys::SettableKey;
-pub use machine::{Backend, Error, Machine};
+pub use machine::{Backend, Error, Machine, WheelView};
 #[cfg(not(target_family = "wasm"))]
 pub use packed::packed;
 pub use page::PageSession;

@@ -10,7 +10,7 @@ use hapt_rt::{Device, Failure, Hands, Outside, Settings, SimulatedDevice};
 
 use crate::config::WorldConfig;
 use crate::local::LocalLoop;
-use crate::messages::{NetworkChange, NetworkInfo};
+use crate::messages::{Controls, NetworkChange, NetworkInfo, WheelInfo};
 use crate::runner::Runner;
 
 /// What runs the loop of a session, and its safety profile.
@@ -23,6 +23,8 @@ pub struct Machine {
     pub hands: Option<Hands>,
     /// The network that its loop is a station of, for its pages.
     pub network: Option<Box<dyn StationView>>,
+    /// The wheel that games see of its device, for its pages.
+    pub wheel: Option<Box<dyn WheelView>>,
     /// The supervisor's profile. With [`SafetyProfile::Certified`] no key is set to a value that is not certified.
     pub profile: SafetyProfile,
 }
@@ -38,6 +40,14 @@ pub trait StationView: Send {
     /// # Errors
     /// In a sentence.
     fn set(&self, change: &NetworkChange) -> Result<(), String>;
+}
+
+/// What the pages see of a wheel for games, and press on it.
+pub trait WheelView: Send {
+    /// What plays, and what was given, since the last call.
+    fn info(&self) -> WheelInfo;
+    /// Presses its pedals and buttons.
+    fn press(&self, controls: Controls);
 }
 
 /// Where the loop runs.
@@ -124,6 +134,7 @@ impl Machine {
             backend: backend(Box::new(device)),
             hands: Some(hands),
             network: None,
+            wheel: None,
             profile: SafetyProfile::Simulated,
         }
     }

@@ -6,13 +6,16 @@ use hapt_core::{Phase, Reason, Request};
 use hapt_rt::Epoch;
 
 use crate::frames::Frames;
-use crate::machine::StationView;
+use crate::machine::{StationView, WheelView};
 use crate::messages::{ClientMessage, Command, Realtime, RecordingInfo, ServerMessage, Status, TimingInfo, describe};
 use crate::session::{Event, NotTaken, Session};
 use crate::worker::Task;
 
 /// The time between two status messages while nothing happens.
 const STATUS: Duration = Duration::from_millis(200);
+
+/// The refusal of another world while games have the device.
+const FIXED: &str = "games have the damping that this world leaves of the device's, so that it stays as it is; end hapt wheel, and start it with --set KEY=VALUE";
 
 /// A session with the messages for its pages. The caller decides which client may send what.
 pub struct PageSession {
@@ -38,6 +41,15 @@ impl PageSession {
     /// Messages about connection, control and certificates are not the session's; they do nothing.
     pub fn handle(&mut self, client: u64, message: ClientMessage, epoch: Epoch) -> Option<ServerMessage> {
         let refused = |key: &str, message: String| ServerMessage::Refused { key: key.into(), message };
+        if self.session.wheel().is_some() {
+            // The effects have the damping that this world leaves of the device's.
+            if let ClientMessage::Set { key, .. } = &message {
+                return Some(refused(key, FIXED.into()));
+            }
+            if matches!(message, ClientMessage::Sets { .. } | ClientMessage::Reset) {
+                return Some(refused("", FIXED.into()));
+            }
+        }
         match message {
             ClientMessage::Command { command } => {
                 let request = match command {
@@ -72,6 +84,15 @@ impl PageSession {
             ClientMessage::Network(change) => {
                 let network = self.session.network();
                 return network?.set(&change).err().map(|why| refused("", why));
+            }
+            #[cfg(not(target_family = "wasm"))]
+            ClientMessage::Controls(controls) => {
+                let is_simulated = self.session.is_simulated();
+                match self.session.wheel() {
+                    Some(wheel) if is_simulated => wheel.press(controls),
+                    Some(_) => return Some(refused("", "a real wheel's pedals and buttons are its own".into())),
+                    None => {}
+                }
             }
             ClientMessage::Hello { .. }
             | ClientMessage::Take
@@ -119,7 +140,11 @@ impl PageSession {
 
     /// The description of the world.
     pub fn world(&self) -> ServerMessage {
-        ServerMessage::World(Box::new(describe(self.session.config())))
+        let mut world = describe(self.session.config());
+        if self.session.wheel().is_some() {
+            world.keys.iter_mut().for_each(|key| key.fixed = true);
+        }
+        ServerMessage::World(Box::new(world))
     }
 
     /// The status for this number of pages, where it has changed or was last given some time ago.
@@ -147,6 +172,7 @@ impl PageSession {
             timing: session.realtime().map(|_| TimingInfo::of(session.timing(), &session.config().world.sampling)),
             realtime: session.realtime().map(Realtime::of),
             network: session.network().map(StationView::info),
+            wheel: session.wheel().map(WheelView::info),
             clients,
         };
         let (phase, reason) = session.state();

@@ -11,7 +11,8 @@ use hapt_sim::script;
 
 use crate::config::WorldConfig;
 use crate::hand::VirtualHand;
-use crate::machine::{Backend, Error, Machine, StationView};
+use crate::machine::{Backend, Error, Machine, StationView, WheelView};
+use crate::messages::Controls;
 use crate::recording::{Recording, RecordingStatus};
 use crate::runner::{Runner, RunnerEvent};
 use crate::worker::{Done, Job, Made, Task, Worker};
@@ -33,6 +34,7 @@ pub struct Session {
     handle: LoopHandle,
     profile: SafetyProfile,
     network: Option<Box<dyn StationView>>,
+    wheel: Option<Box<dyn WheelView>>,
     /// The worlds of the plans that the loop may still run, with their generations.
     worlds: VecDeque<(u32, World)>,
     /// The loop's time in s at which the last change of the world has faded over.
@@ -132,7 +134,7 @@ impl Session {
         folder: PathBuf,
         ready: impl Fn() + Send + 'static,
     ) -> Result<Self, Error> {
-        let Machine { name, backend, hands, network, profile } = machine;
+        let Machine { name, backend, hands, network, wheel, profile } = machine;
         let worker = match &backend {
             Backend::Stepped { .. } => Worker::AtOnce(VecDeque::new()),
             Backend::Local { .. } => Worker::start(ready)?,
@@ -149,6 +151,7 @@ impl Session {
             runner,
             profile,
             network,
+            wheel,
             settled: 0.0,
             hand,
             scenario: None,
@@ -196,6 +199,11 @@ impl Session {
     /// The network that its loop is a station of.
     pub fn network(&self) -> Option<&dyn StationView> {
         self.network.as_deref()
+    }
+
+    /// The wheel that games see of its device.
+    pub fn wheel(&self) -> Option<&dyn WheelView> {
+        self.wheel.as_deref()
     }
 
     /// The loop's time in s.
@@ -266,8 +274,11 @@ impl Session {
         }
     }
 
-    /// Releases a simulated puck, and ends a scenario.
+    /// Releases a simulated puck, with the pedals and buttons of a wheel for games, and ends a scenario.
     pub fn release(&mut self) {
+        if let Some(wheel) = &self.wheel {
+            wheel.press(Controls::default());
+        }
         self.scenario = None;
         self.hand.move_to(None);
     }

@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_host::game_wheel::{GameWheel, Room, WheelStatus};
+use hapt_host::messages::{ClientMessage, ServerMessage, WheelInfo};
+use hapt_host::{Machine, PageSession, Session, WorldConfig};
 use hapt_model::{Source, World};
 use hapt_rt::{Cycle, Device, Failure, Moment, Outside, Plan, Position, Record};
 use hapt_wire::pid::{
@@ -294,6 +296,63 @@ fn the_host_sees_where_the_wheel_is() {
             rig.run(1);
         }
     }
+}
+
+#[test]
+fn a_page_sees_the_effects_and_presses_what_a_simulated_wheel_has() {
+    let source = Source::from_text("wheel.toml", WORLD);
+    let world = World::read(&source, &[]).unwrap();
+    let (own, other) = UnixStream::pair().unwrap();
+    let (wheel, port) = GameWheel::on(own, &Room::of(&world, RANGE).unwrap()).unwrap();
+    let machine = Machine::simulated(&world).beside(Outside::playing(port)).unwrap();
+    let machine = Machine { wheel: Some(Box::new(wheel.view())), ..machine };
+    let session = Session::start(WorldConfig::new(source, Vec::new()).unwrap(), machine).unwrap();
+    let (mut page, begin) = (PageSession::new(session), Instant::now());
+    let mut host = Host::new(other);
+    host.configure();
+    let until = |page: &mut PageSession, host: &mut Host, what: &dyn Fn(&WheelInfo, &Host) -> bool| loop {
+        page.poll(begin.elapsed(), |_, _| ());
+        // Any transfer gathers what has been shown.
+        host.feature(id::POOL);
+        let info = page.session.wheel().unwrap().info();
+        if what(&info, host) {
+            break info;
+        }
+        assert!(begin.elapsed() < PATIENCE, "{info:?} {:?}", host.shown.last());
+        std::thread::sleep(Duration::from_millis(2));
+    };
+    let block = host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL / 2 });
+    host.play(Kind::Spring, condition(-FULL));
+    let info = until(&mut page, &mut host, &|info, _| info.given[0] < -0.4 * LIMIT && info.effects.len() == 2);
+    assert_eq!(info.effects.iter().map(|effect| effect.kind).collect::<Vec<_>>(), ["torque", "spring"]);
+    // A driving spring counts as 0, and the page is told.
+    assert!(info.attached && info.limit == LIMIT && info.reason.is_some(), "{info:?}");
+    host.report(Report::Free { block });
+    until(&mut page, &mut host, &|info, _| info.effects.len() == 1 && info.given[0] > -1e-9);
+    let epoch = page.session.handle().epoch();
+    let pressed = r#"{"type": "controls", "pedals": [1, 0, 0.5], "buttons": 5}"#;
+    assert!(page.handle(1, ClientMessage::read(pressed).unwrap(), epoch).is_none());
+    let shows = |pedals, buttons| {
+        move |_: &WheelInfo, host: &Host| {
+            let last = host.shown.last().map_or(&[][..], Vec::as_slice);
+            last.get(3..) == Some(&Input { pedals, buttons, ..Input::default() }.write()[3..])
+        }
+    };
+    until(&mut page, &mut host, &shows([32_767, 0, 16_384], 5));
+    // Who leaves presses nothing any more.
+    page.session.release();
+    until(&mut page, &mut host, &shows([0; 3], 0));
+    for bad in [
+        r#"{"type": "controls", "pedals": [1.5, 0, 0], "buttons": 0}"#,
+        r#"{"type": "controls", "pedals": [0, 0], "buttons": 0}"#,
+    ] {
+        assert!(ClientMessage::read(bad).is_err(), "{bad}");
+    }
+    // The effects' damping is what this world leaves.
+    let set = ClientMessage::Set { key: "device.damping".into(), value: "1 N m s/rad".into() };
+    assert!(matches!(page.handle(1, set, epoch), Some(ServerMessage::Refused { .. })));
+    let ServerMessage::World(world) = page.world() else { panic!("no world") };
+    assert!(world.keys.iter().all(|key| key.fixed));
 }
 
 #[test]

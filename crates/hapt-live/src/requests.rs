@@ -94,7 +94,8 @@ impl SharedSession {
             | ClientMessage::Restart
             | ClientMessage::Scenario { .. }
             | ClientMessage::Record { .. }
-            | ClientMessage::Network(_) => self.page.handle(client, message, epoch),
+            | ClientMessage::Network(_)
+            | ClientMessage::Controls(_) => self.page.handle(client, message, epoch),
         }
     }
 }

@@ -3,6 +3,7 @@
 //! * [`Report`] is one world's page: diagram, verdict, eigenvalues, growth against period, and for each [`Run`] motion, torque
 //!   and energy over time. Its figures are also files ([`Drawing`]), and several worlds have an index ([`index_page`]).
 //! * [`NetworkReport`] is the same for a network of stations.
+//! * [`ConformanceReport`] shows what a force-feedback wheel makes of each effect.
 //! * [`Traces`] holds a run's signals for drawing, from the simulation or, by [`read_csv`], from a file.
 //! * [`Figure`](figure::Figure) is a figure as plain data; [`svg`](figure::Figure::svg) renders it.
 //!
@@ -11,6 +12,7 @@
 // Every match names all variants, so that a new one does not compile by default.
 #![warn(clippy::wildcard_enum_match_arm)]
 
+mod conformance;
 mod csv;
 mod diagram;
 mod extremes;
@@ -29,6 +31,7 @@ pub mod ticks;
 mod traces;
 mod units;
 
+pub use conformance::{ConformanceCase, ConformanceReport};
 pub use csv::{CsvError, read_csv};
 pub use diagram::{Diagram, diagram};
 pub use extremes::{Extremes, Point, Stretches};

@@ -21,14 +21,22 @@ use crate::latency::settings;
 use crate::messages::{notes, print, say};
 use crate::output;
 use crate::phone;
+use crate::wheel::Wheel;
 use crate::world::source;
 
 /// The default world: the notes' wheel under the default method, which is certified.
 const WHEEL: &str = "@notes/default";
+/// The end of a wheel that the computer gives back.
+pub const DETACHED: &str = "the run ended early, with the torque off: the computer has detached the wheel";
 /// From one look for a signal to the next.
 const MOMENT: Duration = Duration::from_millis(20);
 
 pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
+    with(args, None)
+}
+
+/// The same; with a range of the steering in rad, the device is a wheel for games too.
+pub fn with(args: &LiveArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
     let device = device(&args.device)?;
     let address = SocketAddr::new(listen(args.listen.as_deref())?, args.port);
     let source = source(args.path.as_deref().unwrap_or(Path::new(WHEEL)))?;
@@ -42,18 +50,31 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     output::folder("--log-dir", &args.log_dir)?;
     // Before anything can hold a torque: a signal takes it off first.
     output::end_in_order();
-    let live = Live::start_on(options, |world| machine(args, &device, world))?;
+    let mut wheel = None;
+    let live = Live::start_on(options, |world| match range {
+        None => machine(args, &device, world),
+        Some(range) => {
+            let (attached, machine) = beside_games(args, &device, world, range)?;
+            wheel = Some(attached);
+            Ok(machine)
+        }
+    })?;
     let handle = live.handle();
     output::stop_with(move || handle.end());
 
     if device.has_motor() {
         say(drives::NOT_CERTIFIED);
     }
-    serve(args, vec![live], |links| format!("{}\n", links.join("\n")))
+    serve(args, vec![live], wheel, |links| format!("{}\n", links.join("\n")))
 }
 
 /// Prints the links to the pages, and serves them until a signal comes or a loop has failed.
-fn serve(args: &LiveArgs, lives: Vec<Live>, text: impl FnOnce(&[&str]) -> String) -> Result<ExitCode, Failure> {
+fn serve(
+    args: &LiveArgs,
+    lives: Vec<Live>,
+    mut wheel: Option<Wheel>,
+    text: impl FnOnce(&[&str]) -> String,
+) -> Result<ExitCode, Failure> {
     let Some(live) = lives.first() else { return Ok(ExitCode::SUCCESS) };
     let links: Vec<&str> = lives.iter().map(Live::link).collect();
     // A page may arm it before anybody has read the line.
@@ -87,6 +108,13 @@ fn serve(args: &LiveArgs, lives: Vec<Live>, text: impl FnOnce(&[&str]) -> String
         }
         for live in &lives {
             live.wait(MOMENT / lives.len() as u32)?;
+        }
+        if let Some(wheel) = &mut wheel {
+            wheel.say();
+            if !wheel.is_attached() {
+                drop(lives);
+                return Err(Failure::System(DETACHED.into()));
+            }
         }
     }
 }
@@ -143,7 +171,7 @@ fn stations(
     output::stop_with(move || handles.iter().for_each(hapt_rt::LoopHandle::end));
     let widest = network.stations.iter().map(|station| station.name.chars().count()).max().unwrap_or(0);
     let names = network.stations.iter().map(|station| station.name.as_str());
-    serve(args, lives, |links| names.zip(links).map(|(name, link)| format!("{name:widest$}  {link}\n")).collect())
+    serve(args, lives, None, |links| names.zip(links).map(|(name, link)| format!("{name:widest$}  {link}\n")).collect())
 }
 
 /// The period of a board's telemetry in s, where the line allows it: no peak of a loop at 1 kHz is lost.
@@ -155,6 +183,22 @@ fn machine(args: &LiveArgs, device: &DeviceAddress, world: &World) -> Result<Mac
     let opened = device.machine(world, profile, settings(&args.realtime, world)?, SHOWN)?;
     notes(&opened.notes);
     Ok(opened.machine)
+}
+
+/// The same with what games play beside its world, and the wheel that they see.
+fn beside_games(
+    args: &LiveArgs,
+    device: &DeviceAddress,
+    world: &World,
+    range: f64,
+) -> Result<(Wheel, Machine), Failure> {
+    let room = Wheel::room(world, range)?;
+    let plain = machine(args, device, world)?;
+    let (wheel, effects) = Wheel::attach(room)?;
+    let beside = plain.beside(Outside::playing(effects));
+    let machine = beside.ok_or_else(|| Failure::input("hapt wheel: the device runs its loop by itself"))?;
+    let machine = Machine { wheel: Some(wheel.view()), ..machine };
+    Ok((wheel, machine))
 }
 
 /// The address to listen on.

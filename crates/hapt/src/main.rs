@@ -12,6 +12,8 @@ mod columnar;
 #[cfg(not(feature = "parquet"))]
 #[path = "no_parquet.rs"]
 mod columnar;
+#[cfg(target_os = "linux")]
+mod conform;
 mod convert;
 mod design;
 mod drives;

@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use hapt_host::WheelView;
 use hapt_model::World;
 use hapt_rt::EffectsPort;
 
@@ -26,6 +27,10 @@ impl Wheel {
 
     pub fn attach(room: Wheel) -> Result<(Self, EffectsPort), Failure> {
         match room {}
+    }
+
+    pub fn view(&self) -> Box<dyn WheelView> {
+        match *self {}
     }
 
     pub fn is_attached(&self) -> bool {

@@ -18,6 +18,7 @@ use crate::failure::Failure;
 use crate::format;
 use crate::host::Stolen;
 use crate::latency::{LOOK, granted, kept, settings, time};
+use crate::live::DETACHED;
 use crate::log::Recording;
 use crate::messages;
 use crate::output;
@@ -151,9 +152,7 @@ pub fn with(args: &RunArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
         How::Silent => Err(Failure::System(
             "the board sends no samples any more; its own watchdog removes the torque if its loop has stopped".into(),
         )),
-        How::Detached => {
-            Err(Failure::System("the run ended early, with the torque off: the computer has detached the wheel".into()))
-        }
+        How::Detached => Err(Failure::System(DETACHED.into())),
         How::Failed(Error::Device(failure)) => {
             Err(Failure::System(format!("the run ended early, with the torque off: {failure}")))
         }

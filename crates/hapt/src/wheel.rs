@@ -3,14 +3,17 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use hapt_host::DeviceAddress;
-use hapt_host::game_wheel::{GameWheel, Room, WheelError, WheelStatus};
+use hapt_core::wheel::Shortfall;
+use hapt_host::game_wheel::{GameWheel, Room, WheelError, WheelStatus, reason};
+use hapt_host::{DeviceAddress, WheelView};
 use hapt_model::{Dimension, World, is_network};
 use hapt_rt::EffectsPort;
 
-use crate::args::{RunArgs, StationArgs, WheelArgs, WorldArgs, device};
+use crate::args::{LiveArgs, RunArgs, StationArgs, WheelArgs, WorldArgs, device};
+use crate::conform;
 use crate::failure::Failure;
 use crate::format;
+use crate::live;
 use crate::messages;
 use crate::run;
 use crate::world::source;
@@ -21,10 +24,17 @@ const DEFAULT: &str = "@devices/game-wheel";
 const STOPS: [(&str, f64); 2] = [("couplings.0.at", 0.5), ("couplings.1.at", -0.5)];
 
 pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
+    if let Some(device) = &args.conform.conform {
+        return conform::run(&args.conform, device.as_deref());
+    }
     let range = format::positive("--range", &args.range, Dimension::ANGLE)?;
     let mut sets = Vec::new();
     if args.path.is_none() {
         sets.extend(STOPS.map(|(key, share)| format!("{key}={} rad", share * range)));
+        if device(&args.device)? == DeviceAddress::Sim {
+            // A desktop computer samples late now and then, and nobody holds a simulated wheel.
+            sets.push("safety.late=count".into());
+        }
     }
     sets.extend(args.sets.iter().cloned());
     let path = args.path.clone().unwrap_or_else(|| PathBuf::from(DEFAULT));
@@ -35,6 +45,20 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
         return Err(Failure::input(
             "--device: a board runs its loop by itself, and knows no effects; a wheel needs a loop of this computer",
         ));
+    }
+    if args.page {
+        let live = LiveArgs {
+            path: Some(path),
+            sets,
+            port: args.port,
+            device: args.device.clone(),
+            uncertified: false,
+            listen: None,
+            log_dir: PathBuf::from("."),
+            open: false,
+            realtime: args.realtime.clone(),
+        };
+        return live::with(&live, Some(range));
     }
     let run = RunArgs {
         world: WorldArgs { path, sets },
@@ -57,12 +81,8 @@ pub struct Wheel {
     told: [bool; 3],
 }
 
-/// What the host is told of a reason to give less than it asks for.
-const REASONS: [&str; 3] = [
-    "a negative coefficient would drive the wheel by itself, and counts as 0",
-    "the springs together are stiffer than what the device's damping makes passive, and are scaled to that",
-    "the effects together ask for more than the motor's limit",
-];
+/// Why less is given than asked, in the order of [`WheelStatus::less`].
+const REASONS: [Shortfall; 3] = [Shortfall::Drives, Shortfall::Stiffness, Shortfall::Limit];
 
 impl Wheel {
     /// What the device of this world can be as a wheel.
@@ -80,6 +100,11 @@ impl Wheel {
         Ok((Wheel { wheel, room, told: [false; 3] }, port))
     }
 
+    /// For the pages of its loop.
+    pub fn view(&self) -> Box<dyn WheelView> {
+        Box::new(self.wheel.view())
+    }
+
     /// Whether the host has it.
     pub fn is_attached(&self) -> bool {
         self.wheel.status().is_attached
@@ -91,7 +116,7 @@ impl Wheel {
         for ((told, samples), why) in self.told.iter_mut().zip(status.less).zip(REASONS) {
             if samples > 0 && !*told {
                 *told = true;
-                messages::say(format_args!("less is given than a game asks for: {why}"));
+                messages::say(format_args!("less is given than a game asks for: {}", reason(why)));
             }
         }
     }
@@ -109,7 +134,7 @@ impl Wheel {
             stiffness(room),
         );
         for (samples, why) in less.iter().zip(REASONS).filter(|(samples, _)| **samples > 0) {
-            text += &format!("             less than asked in {} samples: {why}\n", format::count(*samples));
+            text += &format!("             less than asked in {} samples: {}\n", format::count(*samples), reason(why));
         }
         if scale < 1.0 {
             text += &format!("             springs were scaled to {:.1} % at least\n", 100.0 * scale);

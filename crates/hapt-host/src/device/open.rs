@@ -74,7 +74,7 @@ impl DeviceAddress {
             DeviceAddress::Sim | DeviceAddress::Replay(_) | DeviceAddress::Drive(_) => {
                 let OpenedDevice { device, hands, notes } = self.open(world)?;
                 let backend = Backend::Local { device, settings, outside: Outside::default() };
-                let machine = Machine { name, backend, hands, network: None, profile };
+                let machine = Machine { name, backend, hands, network: None, wheel: None, profile };
                 Ok(OpenedMachine { machine, description: self.description(), notes })
             }
         }
@@ -100,7 +100,11 @@ fn board(port: &BoardPort, name: String, profile: SafetyProfile, every: f64) -> 
     let (description, notes) =
         (format!("the board {}", board.name), board.note().into_iter().map(Into::into).collect());
     let backend = Backend::Board { link: Box::new(link), every };
-    Ok(OpenedMachine { machine: Machine { name, backend, hands: None, network: None, profile }, description, notes })
+    Ok(OpenedMachine {
+        machine: Machine { name, backend, hands: None, network: None, wheel: None, profile },
+        description,
+        notes,
+    })
 }
 
 impl BoardPort {

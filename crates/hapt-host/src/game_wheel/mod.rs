@@ -5,6 +5,7 @@
 
 mod bus;
 mod vhci;
+mod view;
 
 use std::io::{self, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -21,6 +22,8 @@ use hapt_wire::usb::WheelClass;
 use usb_device::bus::UsbBusAllocator;
 
 use bus::{Bus, HEADER, Malformed, data_length};
+use view::Shown;
+pub use view::{View, reason};
 
 /// How long the thread waits for the host before it looks at the loop again.
 const LOOK: Duration = Duration::from_millis(1);
@@ -160,23 +163,32 @@ pub struct WheelStatus {
     pub scale: f64,
 }
 
+/// What the thread shares with those who look at the wheel. Whoever holds a part of it does so for microseconds.
+pub(crate) struct Shared {
+    status: Mutex<WheelStatus>,
+    shown: Mutex<Shown>,
+    /// Pedals and buttons.
+    pressed: Mutex<Input>,
+}
+
 /// The wheel of this computer. Dropped, it is detached.
 pub struct GameWheel {
     stop: Arc<AtomicBool>,
-    status: Arc<Mutex<WheelStatus>>,
+    shared: Arc<Shared>,
+    limit: f64,
     thread: Option<JoinHandle<()>>,
 }
 
-fn locked(status: &Mutex<WheelStatus>) -> MutexGuard<'_, WheelStatus> {
-    status.lock().unwrap_or_else(PoisonError::into_inner)
+fn locked<T>(part: &Mutex<T>) -> MutexGuard<'_, T> {
+    part.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Says so when the thread ends, by a panic too.
-struct Detached<'a>(&'a Mutex<WheelStatus>);
+struct Detached<'a>(&'a Shared);
 
 impl Drop for Detached<'_> {
     fn drop(&mut self) {
-        locked(self.0).is_attached = false;
+        locked(&self.0.status).is_attached = false;
     }
 }
 
@@ -200,20 +212,27 @@ impl GameWheel {
         host.set_read_timeout(Some(LOOK)).map_err(WheelError::Attach)?;
         host.set_write_timeout(Some(PATIENCE)).map_err(WheelError::Attach)?;
         let stop = Arc::new(AtomicBool::new(false));
-        let status = Arc::new(Mutex::new(WheelStatus { is_attached: true, scale: 1.0, ..WheelStatus::default() }));
-        let (stops, shown, half) = (Arc::clone(&stop), Arc::clone(&status), room.half);
+        let status = WheelStatus { is_attached: true, scale: 1.0, ..WheelStatus::default() };
+        let shared =
+            Arc::new(Shared { status: Mutex::new(status), shown: Mutex::default(), pressed: Mutex::default() });
+        let (stops, sees, half, scale) = (Arc::clone(&stop), Arc::clone(&shared), room.half, room.scale());
         let work = move || {
-            let _detached = Detached(&shown);
+            let _detached = Detached(&sees);
             // It owns the rings' ends: what the host has left plays no more when it ends, in whatever way.
-            Worker { host, wire, half, status: &shown, unsent: false }.run(&stops);
+            Worker { host, wire, half, scale, shared: &sees, unsent: false }.run(&stops);
         };
         let thread = std::thread::Builder::new().name("wheel".into()).spawn(work).map_err(WheelError::Attach)?;
-        Ok((GameWheel { stop, status, thread: Some(thread) }, port))
+        Ok((GameWheel { stop, shared, limit: room.device.limit, thread: Some(thread) }, port))
     }
 
     /// What has happened so far.
     pub fn status(&self) -> WheelStatus {
-        *locked(&self.status)
+        *locked(&self.shared.status)
+    }
+
+    /// For the pages of its loop.
+    pub fn view(&self) -> View {
+        View::new(Arc::clone(&self.shared), self.limit)
     }
 
     /// Detaches the wheel, and says what has happened.
@@ -237,7 +256,8 @@ struct Worker<'a> {
     host: UnixStream,
     wire: EffectsWire,
     half: f64,
-    status: &'a Mutex<WheelStatus>,
+    scale: Scale,
+    shared: &'a Shared,
     /// The pool has changed, and the ring had no room for it.
     unsent: bool,
 }
@@ -261,7 +281,8 @@ impl Worker<'_> {
                 }
             }
             if let Some(position) = position {
-                class.show(&Input::at(position, self.half));
+                class.show(&self.input(position));
+                locked(&self.shared.shown).plays(class.pool(), now / 1000, &self.scale);
             }
             self.pass_on(&mut class);
             let answers = device.bus().answers();
@@ -289,7 +310,7 @@ impl Worker<'_> {
     /// Counts what the loop's samples have made of the effects; the newest position, where there is one.
     fn look(&mut self, now: &mut u64) -> Option<f64> {
         let mut newest = None;
-        let mut status = locked(self.status);
+        let (mut status, mut shown) = (locked(&self.shared.status), locked(&self.shared.shown));
         while let Ok(sample) = self.wire.samples.pop() {
             *now = sample.sampled;
             newest = Some(sample.position);
@@ -298,6 +319,7 @@ impl Worker<'_> {
             status.playing = sample.playing;
             status.peak = status.peak.max(f64::from(sample.given.torque.abs()));
             status.scale = status.scale.min(f64::from(sample.given.scale));
+            shown.add(&sample.given);
             if let Some(reason) = sample.given.shortfall {
                 status.less[reason_index(reason)] += 1;
             }
@@ -305,9 +327,16 @@ impl Worker<'_> {
         newest
     }
 
+    fn input(&self, position: f64) -> Input {
+        Input { steering: Input::at(position, self.half).steering, ..*locked(&self.shared.pressed) }
+    }
+
     /// Gives the loop the pool where it has changed.
     fn pass_on(&mut self, class: &mut WheelClass<'_, Bus>) {
-        (locked(self.status).taken, locked(self.status).refused) = class.counts();
+        {
+            let mut status = locked(&self.shared.status);
+            (status.taken, status.refused) = class.counts();
+        }
         self.unsent |= class.has_changed();
         if self.unsent && !self.wire.pools.is_full() {
             self.unsent = self.wire.pools.push(*class.pool()).is_err();

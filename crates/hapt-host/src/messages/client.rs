@@ -77,8 +77,20 @@ pub enum ClientMessage {
     /// Changes the simulated network that the loop is a station of. A page by itself has none.
     #[cfg(not(target_family = "wasm"))]
     Network(NetworkChange),
+    /// Presses the pedals and buttons of a simulated wheel for games. A page by itself has none.
+    #[cfg(not(target_family = "wasm"))]
+    Controls(Controls),
     /// A heartbeat.
     Alive,
+}
+
+/// The pedals and buttons of a wheel for games.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+pub struct Controls {
+    /// Throttle, brake and clutch, 0 to 1.
+    pub pedals: [f64; 3],
+    /// The first in the lowest bit.
+    pub buttons: u16,
 }
 
 /// A change of a simulated network, for all of its links. What it leaves out stays.
@@ -134,11 +146,15 @@ impl ClientMessage {
                 return Err(format!("a hand's position is within {FARTHEST} either way"));
             }
             #[cfg(not(target_family = "wasm"))]
+            ClientMessage::Controls(Controls { pedals, .. }) if pedals.iter().any(|way| !(0.0..=1.0).contains(way)) => {
+                return Err("a pedal is pressed by 0 to 1".into());
+            }
+            #[cfg(not(target_family = "wasm"))]
             ClientMessage::Network(change) if !change.is_in_range() => {
                 return Err("a network's delay_s and loss are within 0 and 1, stiffness within 0.001 and 10, age within 0.001 and 100".into());
             }
             #[cfg(not(target_family = "wasm"))]
-            ClientMessage::Network(_) => Vec::new(),
+            ClientMessage::Network(_) | ClientMessage::Controls(_) => Vec::new(),
             ClientMessage::Hello { .. }
             | ClientMessage::Take
             | ClientMessage::Give

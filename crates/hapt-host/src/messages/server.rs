@@ -207,8 +207,45 @@ pub struct Status {
     /// The network that the loop is a station of.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub network: Option<NetworkInfo>,
+    /// The wheel that games see of the device.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wheel: Option<WheelInfo>,
     /// The number of pages connected.
     pub clients: usize,
+}
+
+/// The wheel that games see of a device, since the last of these messages. Torques in N·m, on the puck.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WheelInfo {
+    /// Whether the computer has it.
+    pub attached: bool,
+    /// What plays.
+    pub effects: Vec<EffectInfo>,
+    /// What was asked for: least, last, most.
+    pub asked: [f64; 3],
+    /// What was given: least, last, most.
+    pub given: [f64; 3],
+    /// The largest torque.
+    pub limit: f64,
+    /// The part of the device's damping for effects that is in use, 0 to 1.
+    pub used: f64,
+    /// Why less is given than asked.
+    pub reason: Option<&'static str>,
+    /// Reports of the computer that were taken.
+    pub taken: u64,
+    /// And refused.
+    pub refused: u64,
+}
+
+/// An effect that plays.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EffectInfo {
+    /// `spring`, `damper`, `friction`, `inertia` or `torque`.
+    pub kind: &'static str,
+    /// What is asked, with units.
+    pub asked: String,
+    /// What is given instead, where that is less.
+    pub given: Option<String>,
 }
 
 /// The network that a loop is a station of.

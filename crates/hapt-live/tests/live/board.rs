@@ -54,6 +54,7 @@ fn plugged(folder: &str) -> (SimulatedBoard, Live) {
             backend: Backend::Board { link, every: 1e-3 },
             hands: None,
             network: None,
+            wheel: None,
             profile,
         })
     });

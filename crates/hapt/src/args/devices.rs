@@ -212,8 +212,41 @@ pub struct WheelArgs {
     /// Write every sample into this log.
     #[arg(long, value_name = "FILE.mcap")]
     pub log: Option<PathBuf>,
+    /// Show the wheel, its effects and its pedals on a page, as hapt live does; the page records.
+    #[arg(long, conflicts_with_all = ["duration", "log"])]
+    pub page: bool,
+    /// The port of the page; 0: any free port.
+    #[arg(long, value_name = "N", default_value_t = hapt_live::PORT, requires = "page")]
+    pub port: u16,
+    #[command(flatten)]
+    pub conform: ConformArgs,
     #[command(flatten)]
     pub realtime: RealtimeArgs,
+}
+
+// Judging a wheel that is there. (A doc comment would become the command's own description.)
+#[derive(Debug, clap::Args)]
+pub struct ConformArgs {
+    /// Judge a wheel that this computer has, whoever made it: play each effect, and compare its motion with the standard's meaning.
+    #[arg(
+        long,
+        value_name = "DEVICE",
+        num_args = 0..=1,
+        conflicts_with_all = ["path", "sets", "device", "range", "duration", "log", "page", "spin", "priority"]
+    )]
+    pub conform: Option<Option<PathBuf>>,
+    /// Move the wheel without asking.
+    #[arg(long, requires = "conform")]
+    pub yes: bool,
+    /// The largest torque of an effect, in % of the wheel's; making it swing takes up to twice that.
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u8).range(5..=50), requires = "conform")]
+    pub level: u8,
+    /// These cases alone, by their names in the table.
+    #[arg(long, value_name = "CASE,...", value_delimiter = ',', requires = "conform")]
+    pub only: Vec<String>,
+    /// Write a page with every case and its curves.
+    #[arg(long, value_name = "FILE.html", requires = "conform")]
+    pub out: Option<PathBuf>,
 }
 
 #[derive(Debug, clap::Args)]

@@ -1,0 +1,126 @@
+//! What a page sees of the wheel, and presses on it.
+
+use std::sync::Arc;
+
+use hapt_core::wheel::{Effect, Given, Shortfall, Sides};
+use hapt_wire::pid::{EFFECTS, Input, Pool, Scale};
+
+use super::{Shared, locked};
+use crate::machine::WheelView;
+use crate::messages::{Controls, EffectInfo, WheelInfo};
+
+/// Why less is given than asked, in a sentence.
+pub fn reason(why: Shortfall) -> &'static str {
+    match why {
+        Shortfall::Drives => "a negative coefficient would drive the wheel by itself, and counts as 0",
+        Shortfall::Stiffness => {
+            "the springs together are stiffer than what the device's damping makes passive, and are scaled to that"
+        }
+        Shortfall::Limit => "the effects together ask for more than the motor's limit",
+    }
+}
+
+/// What plays, and what became of it since someone looked.
+#[derive(Default)]
+pub(super) struct Shown {
+    effects: Vec<Effect<f32>>,
+    /// Least, last and most of what was asked and what was given, N·m.
+    torques: Option<[[f64; 3]; 2]>,
+    last: Option<Given<f32>>,
+    why: Option<Shortfall>,
+}
+
+impl Shown {
+    /// A sample.
+    pub(super) fn add(&mut self, given: &Given<f32>) {
+        let now = [given.asked, given.torque].map(f64::from);
+        let before = self.torques.unwrap_or(now.map(|torque| [torque; 3]));
+        self.torques = Some([0, 1].map(|i| [before[i][0].min(now[i]), now[i], before[i][2].max(now[i])]));
+        self.why = given.shortfall.or(self.why);
+        self.last = Some(*given);
+    }
+
+    /// What plays now, in µs of the pool's clock.
+    pub(super) fn plays(&mut self, pool: &Pool, now: u64, scale: &Scale) {
+        // A copy: what has ended leaves the loop's own.
+        let mut pool = *pool;
+        let (all, playing): ([Effect<f32>; EFFECTS], usize) = pool.effects(now, scale);
+        self.effects.clear();
+        self.effects.extend(all.into_iter().take(playing));
+    }
+}
+
+/// The wheel as its pages have it.
+pub struct View {
+    shared: Arc<Shared>,
+    limit: f64,
+}
+
+impl View {
+    pub(super) fn new(shared: Arc<Shared>, limit: f64) -> Self {
+        View { shared, limit }
+    }
+}
+
+impl WheelView for View {
+    fn info(&self) -> WheelInfo {
+        let status = *locked(&self.shared.status);
+        let mut shown = locked(&self.shared.shown);
+        let last = shown.last.unwrap_or(Given::NOTHING);
+        let [asked, given] = shown.torques.take().unwrap_or_else(|| {
+            let held = [last.asked, last.torque].map(f64::from);
+            held.map(|torque| [torque; 3])
+        });
+        WheelInfo {
+            attached: status.is_attached,
+            effects: shown.effects.iter().map(|effect| describe(effect, f64::from(last.scale))).collect(),
+            asked,
+            given,
+            limit: self.limit,
+            used: f64::from(last.used),
+            reason: shown.why.take().map(reason),
+            taken: status.taken,
+            refused: status.refused,
+        }
+    }
+
+    fn press(&self, controls: Controls) {
+        let pedals = controls.pedals.map(|way| (f64::from(i16::MAX) * way.clamp(0.0, 1.0)).round() as u16);
+        *locked(&self.shared.pressed) = Input { pedals, buttons: controls.buttons, ..Input::default() };
+    }
+}
+
+fn describe(effect: &Effect<f32>, scale: f64) -> EffectInfo {
+    let of = |sides: &Sides<f32>, unit: &str, scale: f64| {
+        let coefficients = [sides.below, sides.above].map(|x| number(f64::from(x.max(0.0)) * scale));
+        let [below, above] = &coefficients;
+        if below == above { format!("{above} {unit}") } else { format!("{below} left, {above} right {unit}") }
+    };
+    let asks = |sides: &Sides<f32>, unit: &str| {
+        let plain = Sides { above: sides.above.abs(), below: sides.below.abs(), ..*sides };
+        let sign = if sides.above < 0.0 || sides.below < 0.0 { "driving " } else { "" };
+        let most = sides.most_above.max(sides.most_below);
+        let mut text = format!("{sign}{}, at most {} N m", of(&plain, unit, 1.0), number(f64::from(most)));
+        if sides.offset != 0.0 {
+            text += &format!(", about {}", number(f64::from(sides.offset)));
+        }
+        text
+    };
+    let plain = |kind, asked| EffectInfo { kind, asked, given: None };
+    match effect {
+        Effect::Spring(sides) => {
+            let given = (scale < 1.0).then(|| of(sides, "N m/rad", scale));
+            EffectInfo { kind: "spring", asked: asks(sides, "N m/rad"), given }
+        }
+        Effect::Damper(sides) => plain("damper", asks(sides, "N m s/rad")),
+        Effect::Friction(sides) => plain("friction", of(sides, "N m", 1.0)),
+        Effect::Inertia(sides) => plain("inertia", asks(sides, "kg m²")),
+        Effect::Torque(torque) => plain("torque", format!("{} N m", number(f64::from(*torque)))),
+    }
+}
+
+/// Three digits.
+fn number(x: f64) -> String {
+    let digits = if x == 0.0 { 0 } else { (2.0 - x.abs().log10().floor()).clamp(0.0, 6.0) as usize };
+    format!("{x:.digits$}")
+}
