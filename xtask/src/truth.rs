@@ -5,7 +5,7 @@
 //! passive hand really break?
 
 mod brute;
-mod modal;
+mod motion;
 mod networks;
 mod uneven;
 pub mod worlds;
@@ -95,7 +95,7 @@ struct Found {
     /// Passive for all times, against hands under patterns.
     uneven_passive: Claim,
     /// Of the bound for all times, of loops without a body and of one.
-    sharpness: [Vec<uneven::Sharpness>; 2],
+    sharpness: Vec<uneven::Sharpness>,
     /// Passive together, against hands at all stations; slow where a link let go.
     networks: Claim,
     /// Broken at parts of the damping.
@@ -145,9 +145,7 @@ impl AddAssign for Found {
         }
         self.reach.append(&mut other.reach);
         self.patterns_open += other.patterns_open;
-        for (sum, more) in self.sharpness.iter_mut().zip(&mut other.sharpness) {
-            sum.append(more);
-        }
+        self.sharpness.append(&mut other.sharpness);
         for (sum, more) in self.networks_broken.iter_mut().zip(other.networks_broken) {
             *sum += more;
         }
