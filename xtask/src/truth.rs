@@ -10,6 +10,7 @@ mod networks;
 mod uneven;
 pub mod worlds;
 
+use std::collections::BTreeMap;
 use std::ops::AddAssign;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -91,7 +92,8 @@ struct Found {
     /// Hands-off under patterns: proved, against patterns of every kind; broken by a pattern that the real core runs.
     patterns_proved: Claim,
     patterns_broken: Claim,
-    patterns_open: u64,
+    /// By the reason that the verdict gives.
+    patterns_open: BTreeMap<String, u64>,
     /// Passive for all times, against hands under patterns.
     uneven_passive: Claim,
     /// Of the bound for all times, of loops without a body and of one.
@@ -144,7 +146,9 @@ impl AddAssign for Found {
             *sum += *more;
         }
         self.reach.append(&mut other.reach);
-        self.patterns_open += other.patterns_open;
+        for (reason, more) in other.patterns_open {
+            *self.patterns_open.entry(reason).or_default() += more;
+        }
         self.sharpness.append(&mut other.sharpness);
         for (sum, more) in self.networks_broken.iter_mut().zip(other.networks_broken) {
             *sum += more;

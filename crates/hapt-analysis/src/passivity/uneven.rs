@@ -202,7 +202,8 @@ fn of_linear(
         }));
     }
     if timing.lag[1] > 0.0 {
-        return Ok(Err("with bodies the motor's lag is proved at even samples and a fixed delay only: leave out \
+        return Ok(Err("with bodies the motor's lag is proved at even samples and a fixed delay only, since short intervals let \
+                       the bodies take any number of steps while the motor's torque still follows: leave out \
                        loop.interval_max and loop.delay_max, or device.lag"
             .into()));
     }
