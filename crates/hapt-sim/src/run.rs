@@ -149,7 +149,7 @@ impl Simulation {
         Self::with_works(world, scenario, true)
     }
 
-    /// The same rows, to the bit, with a [`Row::ledger`] of zeros where the puck has no shaft: sooner where no two intervals are alike.
+    /// The same rows, to the bit, but for [`Row::ledger`], which means nothing where the puck has no shaft: sooner where no two intervals are alike.
     pub fn without_works(world: &World, scenario: &Scenario) -> Result<Self, Error> {
         Self::with_works(world, scenario, false)
     }

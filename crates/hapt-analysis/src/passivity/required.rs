@@ -249,7 +249,9 @@ fn mean_delay([at_once, later, gain]: [&DampingCurve; 3], parts: [f64; 2]) -> Me
     let mut step = [0.5, 2.0];
     while step[0] > 1e-3 {
         let mut moved = false;
-        for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0]] {
+        for [dx, dy] in
+            [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0]]
+        {
             let (next, down) = ((x + dx * step[0]).clamp(0.0, 1.0), (y + dy * step[1]).clamp(-30.0, -0.05));
             let found = cost(&at(next, down));
             if found < best {

@@ -202,10 +202,12 @@ fn of_linear(
         }));
     }
     if timing.lag[1] > 0.0 {
-        return Ok(Err("with bodies the motor's lag is proved at even samples and a fixed delay only, since short intervals let \
+        return Ok(Err(
+            "with bodies the motor's lag is proved at even samples and a fixed delay only, since short intervals let \
                        the bodies take any number of steps while the motor's torque still follows: leave out \
                        loop.interval_max and loop.delay_max, or device.lag"
-            .into()));
+                .into(),
+        ));
     }
     if !timing.arrives_in_time() {
         return Ok(Err(
