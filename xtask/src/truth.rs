@@ -5,11 +5,12 @@
 //! passive hand really break?
 
 mod brute;
-mod modal;
+mod motion;
 mod networks;
 mod uneven;
 pub mod worlds;
 
+use std::collections::BTreeMap;
 use std::ops::AddAssign;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -91,11 +92,12 @@ struct Found {
     /// Hands-off under patterns: proved, against patterns of every kind; broken by a pattern that the real core runs.
     patterns_proved: Claim,
     patterns_broken: Claim,
-    patterns_open: u64,
+    /// By the reason that the verdict gives.
+    patterns_open: BTreeMap<String, u64>,
     /// Passive for all times, against hands under patterns.
     uneven_passive: Claim,
     /// Of the bound for all times, of loops without a body and of one.
-    sharpness: [Vec<uneven::Sharpness>; 2],
+    sharpness: Vec<uneven::Sharpness>,
     /// Passive together, against hands at all stations; slow where a link let go.
     networks: Claim,
     /// Broken at parts of the damping.
@@ -144,10 +146,10 @@ impl AddAssign for Found {
             *sum += *more;
         }
         self.reach.append(&mut other.reach);
-        self.patterns_open += other.patterns_open;
-        for (sum, more) in self.sharpness.iter_mut().zip(&mut other.sharpness) {
-            sum.append(more);
+        for (reason, more) in other.patterns_open {
+            *self.patterns_open.entry(reason).or_default() += more;
         }
+        self.sharpness.append(&mut other.sharpness);
         for (sum, more) in self.networks_broken.iter_mut().zip(other.networks_broken) {
             *sum += more;
         }

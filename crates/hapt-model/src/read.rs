@@ -23,8 +23,6 @@ use crate::world::{Delay, Device, Mounting, Sampling, Scenario, Tolerances, Worl
 const MOST_SAMPLES: f64 = 1e10;
 /// The delay, in periods.
 const LONGEST_DELAY: f64 = 1e6;
-/// How far a handle's shaft swings in a period beside Coulomb friction, in rad: a run looks for stops and starts at every quarter.
-const MOST_SWING: f64 = 100.0;
 
 impl World {
     /// Reads and checks a world. Each of `sets` is an override `KEY=VALUE` of a key by its dotted path; the last of a key
@@ -211,30 +209,27 @@ fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> {
         encoder: fields.optional_number("encoder")?,
         levels: fields.optional_whole("levels")?,
         drive: mounting(&Fields::new(fields.inner("drive", "device.drive"), fields.node("drive"))?)?,
-        handle: handle(fields, inertia, if friction > 0.0 { period } else { 0.0 })?,
+        handle: handle(fields)?,
     };
     if device.levels.is_some() && device.limit.is_none() {
         let message = "levels divide the range of the motor: they need device.limit";
         return Err(fields.error(ErrorKind::Combination, "levels", message));
     }
+    if let Some(message) = device.fault(period) {
+        let fields = Fields::new(fields.inner("handle", "device.handle"), fields.node("handle"))?;
+        return Err(fields.error(ErrorKind::Combination, "stiffness", message));
+    }
     Ok(device)
 }
 
-/// `time` in s is the one in which the shaft may swing by [`MOST_SWING`].
-fn handle(fields: &Fields<'_>, motor: f64, time: f64) -> Result<Option<Handle>, Error> {
+fn handle(fields: &Fields<'_>) -> Result<Option<Handle>, Error> {
     let Some(node) = fields.node("handle") else { return Ok(None) };
     let fields = Fields::new(fields.inner("handle", "device.handle"), Some(node))?;
-    let inertia = fields.number("inertia")?;
-    let stiffness = fields.number("stiffness")?;
-    let swing = (stiffness * (motor.recip() + inertia.recip())).sqrt() * time;
-    if swing > MOST_SWING {
-        let message = format!(
-            "the shaft swings {swing:.0} rad in a period, and beside device.friction at most {MOST_SWING} are simulated; leave \
-             [device.handle] out and add its inertia to device.inertia: to this loop such a shaft is rigid"
-        );
-        return Err(fields.error(ErrorKind::Combination, "stiffness", message));
-    }
-    Ok(Some(Handle { inertia, stiffness, damping: fields.number("damping")? }))
+    Ok(Some(Handle {
+        inertia: fields.number("inertia")?,
+        stiffness: fields.number("stiffness")?,
+        damping: fields.number("damping")?,
+    }))
 }
 
 fn mounting(fields: &Fields<'_>) -> Result<Mounting, Error> {

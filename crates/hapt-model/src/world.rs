@@ -204,7 +204,23 @@ impl Sampling {
     }
 }
 
+/// How far a handle's shaft swings in a period beside Coulomb friction, in rad: a run looks for stops and starts at every quarter.
+const MOST_SWING: f64 = 100.0;
+
 impl Device {
+    /// Why a run at this period in s cannot simulate the device; `None` where it can. A world that was built or changed without its file is
+    /// checked by this again.
+    pub fn fault(&self, period: f64) -> Option<String> {
+        let shaft = self.handle.filter(|_| self.friction > 0.0)?;
+        let swing = (shaft.stiffness * (self.inertia.recip() + shaft.inertia.recip())).sqrt() * period;
+        (swing.is_nan() || swing > MOST_SWING).then(|| {
+            format!(
+                "the shaft swings {swing:.0} rad in a period, and beside device.friction at most {MOST_SWING} are simulated; leave \
+                 [device.handle] out and add its inertia to device.inertia: to this loop such a shaft is rigid"
+            )
+        })
+    }
+
     /// The least and the largest inertia within its tolerance.
     pub fn inertia_range(&self) -> [f64; 2] {
         within(self.inertia, self.tolerances.inertia)

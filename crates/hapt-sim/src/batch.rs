@@ -212,7 +212,7 @@ impl<'w> Lane<'w> {
 
     /// Moves by a device of its own from the first sample on. `None`: the scenario's timing does not suit the loop.
     fn set_apart(&mut self) -> Option<()> {
-        let (machine, rows) = Machine::new(self.world, self.scenario).ok()?;
+        let (machine, rows) = Machine::new(self.world, self.scenario, true).ok()?;
         (self.apart, self.rows, self.next) = (Apart::Always(Box::new(machine)), rows, u64::MAX);
         Some(())
     }

@@ -15,6 +15,12 @@ pub enum Error {
     /// The world cannot be compiled.
     #[error("{0}")]
     Loop(#[from] hapt_core::Error),
+    /// The device cannot be simulated.
+    #[error("device.handle: {reason}")]
+    Device {
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
     /// The scenario's timing does not suit the loop.
     #[error("scenarios.{scenario}.timing: {reason}")]
     Timing {
@@ -77,8 +83,9 @@ pub(crate) struct Machine {
 
 impl Machine {
     /// The device at the first sample, and the number of samples. Errors when the scenario's timing does not suit the loop.
-    pub fn new(world: &World, scenario: &Scenario) -> Result<(Self, u64), Error> {
+    pub fn new(world: &World, scenario: &Scenario, works: bool) -> Result<(Self, u64), Error> {
         let period = world.sampling.period;
+        simulated(world)?;
         let even = scenario.timing == Timing::Even;
         if let Some((key, reason)) = scenario.timing.fault(&world.sampling, scenario.duration) {
             return Err(Error::Timing { scenario: scenario.name.clone(), reason: format!("{key}: {reason}") });
@@ -89,7 +96,8 @@ impl Machine {
         }
         let spec = world.device_spec();
         // With uneven samples each command comes with its own delay.
-        let mut device = VirtualDevice::new(&DeviceSpec { delay: if even { spec.delay } else { 0.0 }, ..spec });
+        let spec = DeviceSpec { delay: if even { spec.delay } else { 0.0 }, ..spec };
+        let mut device = if works { VirtualDevice::new(&spec) } else { VirtualDevice::without_works(&spec) };
         let schedule = Schedule::new(&scenario.timing, &world.sampling);
         let rows =
             if even { rows(scenario.duration, period) } else { schedule.clone().samples_until(scenario.duration) };
@@ -138,8 +146,17 @@ impl Machine {
 impl Simulation {
     /// A run of `scenario` in `world`. Errors when the loop cannot be compiled.
     pub fn new(world: &World, scenario: &Scenario) -> Result<Self, Error> {
+        Self::with_works(world, scenario, true)
+    }
+
+    /// The same rows, to the bit, but for [`Row::ledger`], which means nothing where the puck has no shaft: sooner where no two intervals are alike.
+    pub fn without_works(world: &World, scenario: &Scenario) -> Result<Self, Error> {
+        Self::with_works(world, scenario, false)
+    }
+
+    fn with_works(world: &World, scenario: &Scenario, works: bool) -> Result<Self, Error> {
         let control = Control::new(&world.spec())?;
-        let (machine, rows) = Machine::new(world, scenario)?;
+        let (machine, rows) = Machine::new(world, scenario, works)?;
         let handle = machine.device.handle();
         Ok(Simulation {
             control,
@@ -238,10 +255,15 @@ impl Simulation {
     }
 }
 
-/// Compiles the world's loop. Nothing else can prevent one of its scenarios from starting.
+/// Compiles the world's loop, and looks at its device. Nothing else can prevent one of its scenarios from starting.
 pub fn check(world: &World) -> Result<(), Error> {
     Control::new(&world.spec())?;
-    Ok(())
+    simulated(world)
+}
+
+/// Whether the device can be simulated.
+fn simulated(world: &World) -> Result<(), Error> {
+    world.device.fault(world.sampling.period).map_or(Ok(()), |reason| Err(Error::Device { reason }))
 }
 
 /// A delay of less than a period, within 1e-6 of a whole sample that sample.

@@ -1,17 +1,19 @@
 //! Uneven time against brute force: loops with random bounds of their intervals, delays and lags, run under patterns of every kind.
 
 use fastrand::Rng;
-use hapt_analysis::{Error, PatternVerdict, breaking_damping, required_damping, uneven, uneven_damping, worst_pattern};
-use hapt_model::{Delay, Drive, Hand, Scenario, Shape, Timing, World};
+use hapt_analysis::{Error, PatternVerdict, uneven, uneven_damping, worst_pattern};
+use hapt_model::{Delay, Drive, Hand, Law, Scenario, Shape, Timing, World};
 use hapt_sim::Simulation;
 
-use super::{Claim, Found, ROUNDING, brute, modal};
+use super::{Claim, Found, JUST, ROUNDING, brute, motion};
 
 /// Samples of a hands-off run where nothing may grow, and the most where something must.
-const SAMPLES: f64 = 1_500.0;
+const SAMPLES: f64 = 1_000.0;
+/// The part of them, and of a hand's, with a handle or a lag: each new interval then takes a matrix exponential.
+const FEWER: f64 = 0.3;
 const MOST_SAMPLES: f64 = 20_000.0;
 /// A run in which something must grow lasts until e to this power.
-const FOLDS: f64 = 30.0;
+const FOLDS: f64 = 20.0;
 /// ln of the part by which an energy may rise from the middle of a run to its end where a quadratic form of the state falls.
 const TURNS: f64 = 5.0;
 /// The part of a bound at which a hand is tried.
@@ -19,16 +21,22 @@ const NEAR: f64 = 0.95;
 /// Samples of a hand's run.
 const HAND_SAMPLES: u64 = 1_000;
 
-/// How sharp a bound for all times is.
+/// Samples of the worst motion, without and with a body.
+const MOTION: [usize; 2] = [300, 3_000];
+
+/// How sharp the bound of one loop for all times is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sharpness {
-    /// Up to which part of it a hand of one mass and one spring breaks the loop.
-    one_mass: f64,
-    /// Whether one of many does, at 0.95 of it.
-    many_masses: bool,
-    /// What the exact condition over all passive hands requires, as a part of it.
-    any: f64,
+    /// Its row of [`ROWS`], and its column of [`TIMES`].
+    class: (usize, usize),
+    /// What the worst motion that was found requires, as a part of it.
+    reach: f64,
+    /// Whether the real core gives energy to that motion at 0.95 of it.
+    broken: bool,
 }
+
+const ROWS: [&str; 3] = ["bare springs", "springs with dampers", "one body"];
+const TIMES: [&str; 4] = ["at once", "delay", "lag", "delay and lag"];
 
 /// Gives the loop bounds of its times, the lag among them.
 pub fn stretch(rng: &mut Rng, world: &mut World) {
@@ -80,7 +88,7 @@ fn rise(rng: &mut Rng, world: &World, timing: Timing, duration: f64, samples: &m
     let push = world.device.inertia / (100.0 * period) / period;
     let hand = Hand { drive: Drive::Torque(Shape::Step { to: push, at: 0.0 }), release: Some(period) };
     let scenario = Scenario { name: "free".into(), duration, hand, timing };
-    let Ok(mut run) = Simulation::new(&world, &scenario) else { return f64::NEG_INFINITY };
+    let Ok(mut run) = Simulation::without_works(&world, &scenario) else { return f64::NEG_INFINITY };
     let (mut middle, mut end, mut largest) = (0.0f64, 0.0f64, 0.0f64);
     while let Some(row) = run.next() {
         let Ok(row) = row else { return f64::INFINITY };
@@ -115,11 +123,14 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
     }
     let answer = uneven(&world)?;
     let period = world.sampling.period;
+    let part = if world.device.handle.is_some() || world.device.lag > 0.0 { FEWER } else { 1.0 };
     let claim = |holds: bool| Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
     match answer.free.verdict {
-        PatternVerdict::Open => found.patterns_open += 1,
+        PatternVerdict::Open => {
+            *found.patterns_open.entry(answer.free.reason.unwrap_or_default()).or_default() += 1;
+        }
         PatternVerdict::Proved => {
-            let duration = SAMPLES * period;
+            let duration = SAMPLES * part * period;
             let mut holds = true;
             for timing in timings(rng, &world, duration)? {
                 let risen = rise(rng, &world, timing.clone(), duration, &mut found.samples);
@@ -154,11 +165,12 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
     }
     // Commands on their way lend energy: hands act where there are none.
     if answer.passive && answer.proved && world.sampling.delay_max_s() == 0.0 && world.device.lag == 0.0 {
-        let duration = HAND_SAMPLES as f64 * period;
+        let hand_samples = (HAND_SAMPLES as f64 * part) as u64;
+        let duration = hand_samples as f64 * period;
         let mut holds = true;
         for timing in timings(rng, &world, duration)? {
             let hand = brute::hand(rng, &world);
-            let (work, samples) = brute::drawn_under(&world, hand.clone(), HAND_SAMPLES, timing.clone());
+            let (work, samples) = brute::drawn_under(&world, hand.clone(), hand_samples, timing.clone());
             found.samples += samples;
             if work > ROUNDING {
                 holds = false;
@@ -171,29 +183,28 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
         found.uneven_passive += claim(holds);
     }
     if let Some(bound) = bound.filter(|bound| *bound > 0.0 && world.bodies.len() < 2 && Found::draws_lots(rng)) {
-        found.sharpness[world.bodies.len()].push(sharpness(&world, bound)?);
+        let sharp = sharpness(&world, bound, &mut found.samples);
+        if let Some(sharp) = sharp.filter(|sharp| sharp.reach > 1.0 + JUST) {
+            tell(format!("a damping of {bound:e} is called enough, and a motion requires {:e} of it", sharp.reach));
+            found.uneven_passive.contradicted += 1;
+        }
+        found.sharpness.extend(sharp);
     }
     Ok(())
 }
 
-/// How sharp `bound` is, by the loop whose intervals are all the longest and whose delays the largest. In a time that runs
-/// T/L as fast that is a loop at even samples of T.
-fn sharpness(world: &World, bound: f64) -> Result<Sharpness, Error> {
-    let slower = world.sampling.period / world.sampling.interval_max_s();
-    let mut even = world.clone();
+/// How sharp `bound` is, by the worst motion and pattern.
+fn sharpness(world: &World, bound: f64, samples: &mut u64) -> Option<Sharpness> {
+    let mut world = world.clone();
     // The bound is about hands at the motor.
-    even.device.handle = None;
-    even.sampling.delay = Delay::Seconds(world.sampling.delay_max_s() * slower);
-    (even.sampling.interval_max, even.sampling.delay_max) = (None, None);
-    even.device.lag *= slower;
-    even.device.inertia *= slower * slower;
-    even.device.damping = bound * slower;
-    let bound = bound * slower;
-    Ok(Sharpness {
-        one_mass: breaking_damping(&even)?.map_or(0.0, |breaking| breaking.damping / bound),
-        many_masses: modal::grows(&even, NEAR * bound)?,
-        any: required_damping(&even)?.map_or(1.0, |required| required / bound),
-    })
+    world.device.handle = None;
+    let damped = world.couplings.iter().any(|c| matches!(c.law, Law::Damper { .. }));
+    let row = if world.bodies.is_empty() { usize::from(damped) } else { 2 };
+    let column = usize::from(world.sampling.delay_max_s() > 0.0) + 2 * usize::from(world.device.lag > 0.0);
+    let found = motion::worst(&world, MOTION[world.bodies.len()])?;
+    let reach = found.demand / bound;
+    let broken = reach > NEAR && found.draws(&world, NEAR * bound, samples);
+    Some(Sharpness { class: (row, column), reach, broken })
 }
 
 /// The counts in Markdown.
@@ -211,24 +222,27 @@ pub fn table(found: &Found, seed: u64) -> String {
     for (name, Claim { loops, confirmed, slow, contradicted }) in claims {
         text += &format!("| {name} | {loops} | {confirmed} | {slow} | {contradicted} |\n");
     }
-    text += &format!("\nHands-off {} loops are open.\n\n", found.patterns_open);
-    text += "| bound for all times | loops | a hand breaks the loop at 0.95 of it | a hand of one mass and one spring does | median reach of these | all passive hands require 0.95 or more |\n\
+    text += &format!("\nHands-off {} loops are open:\n\n", found.patterns_open.values().sum::<u64>());
+    for (reason, loops) in &found.patterns_open {
+        text += &format!("- {loops}: {reason}\n");
+    }
+    text.push('\n');
+    text += "| bound for all times | torque | loops | the real core gives energy to a motion at 0.95 of it | reach of that motion: a tenth below | half below |\n\
              | --- | --- | --- | --- | --- | --- |\n";
-    for (name, all) in ["no body", "one body"].iter().zip(&found.sharpness) {
-        let mut reach: Vec<f64> = all.iter().map(|found| found.one_mass).collect();
-        reach.sort_by(f64::total_cmp);
-        let median = reach.get(reach.len() / 2).copied().unwrap_or(0.0);
-        let share = |holds: fn(&Sharpness) -> bool| {
-            let count = all.iter().filter(|found| holds(found)).count();
-            format!("{count} ({:.1} %)", 100.0 * count as f64 / all.len().max(1) as f64)
+    let share = |broken: usize, of: usize| format!("{broken} ({:.1} %)", 100.0 * broken as f64 / of.max(1) as f64);
+    for (row, name) in ROWS.iter().enumerate() {
+        let of_row = |column: Option<usize>| {
+            let fits = |s: &&Sharpness| s.class.0 == row && column.is_none_or(|column| s.class.1 == column);
+            let mut reach: Vec<f64> = found.sharpness.iter().filter(fits).map(|s| s.reach).collect();
+            reach.sort_by(f64::total_cmp);
+            let broken = found.sharpness.iter().filter(fits).filter(|s| s.broken).count();
+            let at = |part: usize| reach.get(reach.len() / part).copied().unwrap_or(0.0);
+            format!("{} | {} | {:.3} | {:.3} |\n", reach.len(), share(broken, reach.len()), at(10), at(2))
         };
-        text += &format!(
-            "| {name} | {} | {} | {} | {median:.3} | {} |\n",
-            all.len(),
-            share(|found| found.one_mass >= NEAR || found.many_masses),
-            share(|found| found.one_mass >= NEAR),
-            share(|found| found.any >= NEAR)
-        );
+        for (column, time) in TIMES.iter().enumerate() {
+            text += &format!("| {name} | {time} | {}", of_row(Some(column)));
+        }
+        text += &format!("| {name} | all | {}", of_row(None));
     }
     text
 }

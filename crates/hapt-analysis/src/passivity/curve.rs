@@ -54,6 +54,8 @@ pub(crate) struct DampingCurve {
     lag: Delay,
     /// Time constant of the motor, s.
     motor: f64,
+    /// What h has in place of a (1 - a) without a lag.
+    spread: f64,
     /// Whether the curve is |H| instead.
     is_gain: bool,
     slope: VelocityFilter,
@@ -102,6 +104,7 @@ impl DampingCurve {
             period,
             lag,
             motor,
+            spread: lag.fraction * (1.0 - lag.fraction),
             is_gain: false,
             slope: VelocityFilter::of(filter, period),
             stiffness: transfer.stiffness,
@@ -120,6 +123,11 @@ impl DampingCurve {
     pub fn gain(transfer: &TransferFunction, filter: &Filter, period: f64) -> DampingCurve {
         let at_once = Delay { samples: 0, fraction: 0.0 };
         DampingCurve { is_gain: true, ..DampingCurve::new(transfer, filter, at_once, 0.0, period) }
+    }
+
+    /// The curve whose h has `spread` in place of a (1 - a), without a lag.
+    pub fn with_spread(self, spread: f64) -> DampingCurve {
+        DampingCurve { spread, ..self }
     }
 
     /// The scale of m: T K and all dampers at the puck, more with a lag `motor`.
@@ -177,6 +185,11 @@ impl DampingCurve {
     /// Omits poles.
     pub fn drop_poles(&mut self, unwanted: impl Fn(&Pole) -> bool) {
         self.poles.retain(|p| !unwanted(p));
+    }
+
+    /// T, s.
+    pub fn period(&self) -> f64 {
+        self.period
     }
 
     /// The angles near which the curve may bend.
@@ -267,9 +280,9 @@ impl DampingCurve {
             let motor = self.motor_over(&resolvent(-self.period / self.motor, 0.0)?, phi, r);
             late = all.times(&motor.torque).times(&lag).times(&back);
             h = all.times(&all.conjugate()).times(&motor.spread).real().scaled(0.25);
-        } else if a > 0.0 {
+        } else if self.spread > 0.0 {
             let all = whole();
-            h = all.times(&all.conjugate()).real().scaled(0.25 * a * (1.0 - a) * self.period * self.period);
+            h = all.times(&all.conjugate()).real().scaled(0.25 * self.spread * self.period * self.period);
         }
         let mut m = fir(&self.taps, phi, r);
         m.c[0] += self.constant;

@@ -156,25 +156,114 @@ fn of_filter(
     Ok(Requirement { damping: Ok(found.value.max(0.0)), at_hz })
 }
 
-/// The supremum of |H| over the unit circle, N·m/rad; `None` where an undamped mode makes it infinite. Where positions move by δ from
-/// sample to sample, the root of the sum of squares of the torques' changes is at most that times the positions'.
-pub(crate) fn largest_gain(wanted: Wanted, world: &World, couplings: &[Coupling]) -> Result<Option<f64>, Error> {
+/// The transfer function with the poles that its torque shows; `None` where one of them is on the unit circle or outside.
+fn damped(world: &World, couplings: &[Coupling]) -> Result<Option<TransferFunction>, Error> {
     let period = world.sampling.period;
     let mut transfer = transfer(world, couplings, &Slopes::Steep)?;
     if !transfer.is_finite() {
         return Err(Error::Eigenvalues { order: transfer.poles.len() });
     }
     let seen: Vec<Pole> = transfer.poles.iter().filter(|p| transfer.has_residue(p, period)).copied().collect();
-    if seen.iter().any(|p| p.ln_abs > -MARGINAL * period) {
-        return Ok(None);
-    }
     transfer.poles = seen;
+    Ok(transfer.poles.iter().all(|p| p.ln_abs <= -MARGINAL * period).then_some(transfer))
+}
+
+/// The supremum of |H| over the unit circle, N·m/rad; `None` where an undamped mode makes it infinite. Where positions move by δ from
+/// sample to sample, the root of the sum of squares of the torques' changes is at most that times the positions'.
+pub(crate) fn largest_gain(wanted: Wanted, world: &World, couplings: &[Coupling]) -> Result<Option<f64>, Error> {
+    let period = world.sampling.period;
+    let Some(transfer) = damped(world, couplings)? else { return Ok(None) };
     let mut largest = 0.0f64;
     for filter in Filter::of(&world.sampling, period) {
         let curve = DampingCurve::gain(&transfer, &filter, period);
         largest = largest.max(supremum(&curve, DampingCurve::size(&transfer, 0.0, period) / period, wanted)?.value);
     }
     Ok(Some(largest))
+}
+
+/// A damping that is enough for every pattern of delays between these two parts of `longest`, the longest interval in s (docs/theory.md, (T43)).
+/// `None` where an undamped mode has no bound.
+pub(crate) fn late_requirement(
+    wanted: Wanted,
+    world: &World,
+    couplings: &[Coupling],
+    (longest, parts): (f64, [f64; 2]),
+) -> Result<Option<f64>, Error> {
+    let period = world.sampling.period;
+    let Some(transfer) = damped(world, couplings)? else { return Ok(None) };
+    let mut largest = 0.0f64;
+    for filter in Filter::of(&world.sampling, period) {
+        let curve = |samples: usize, fraction: f64| {
+            DampingCurve::new(&transfer, &filter, Delay { samples, fraction }, 0.0, period)
+        };
+        let gain = DampingCurve::gain(&transfer, &filter, period);
+        let mean = mean_delay([&curve(0, 0.0), &curve(1, 0.0), &gain], parts);
+        let late = curve(0, mean.part).with_spread(mean.spread);
+        let found = supremum(&late, DampingCurve::size(&transfer, 0.0, period), wanted)?;
+        largest = largest.max(found.value * longest / period / (1.0 - mean.share));
+    }
+    Ok(Some(largest))
+}
+
+/// The multiplier of (T43): the delay ā by which the varying ones are replaced, what replaces ā (1 - ā), and the share of the damping that pays.
+struct MeanDelay {
+    part: f64,
+    spread: f64,
+    share: f64,
+}
+
+impl MeanDelay {
+    fn new(part: f64, share: f64, parts: [f64; 2]) -> MeanDelay {
+        let of = |a: f64| a * (1.0 - a) + if a == part { 0.0 } else { (a - part).powi(2) / share };
+        MeanDelay { part, spread: (1.0 - share) * of(parts[0]).max(of(parts[1])), share }
+    }
+}
+
+/// The multiplier that asks for least damping at some frequencies. `at_once` and `later` are the curves without delay and with one sample of
+/// it, between which that of a fraction lies; any multiplier gives a bound.
+fn mean_delay([at_once, later, gain]: [&DampingCurve; 3], parts: [f64; 2]) -> MeanDelay {
+    let [least, most] = parts;
+    if least == most {
+        return MeanDelay::new(least, 0.0, parts);
+    }
+    const EVEN: usize = 24;
+    let even = (0..=EVEN).map(|i| std::f64::consts::PI * i as f64 / EVEN as f64);
+    let near = at_once.angles().into_iter().flat_map(|angle| [0.5, 0.9, 1.0, 1.1, 2.0].map(|part| angle * part));
+    let value = |curve: &DampingCurve, phi: f64| curve.over::<1>(phi, 0.0).map(|(m, h)| (m.c[0], h.c[0]));
+    let points: Vec<[f64; 3]> = even
+        .chain(near.filter(|phi| *phi < std::f64::consts::PI))
+        .filter_map(|phi| Some([value(at_once, phi)?.0, value(later, phi)?.0, value(gain, phi)?.1]))
+        .collect();
+    let period = at_once.period();
+    let cost = |mean: &MeanDelay| {
+        let at = |[once, later, square]: &[f64; 3]| {
+            let (m, h) = (once + mean.part * (later - once), 0.25 * mean.spread * period * period * square);
+            0.5 * (m + (m * m + 4.0 * h).sqrt()) / (1.0 - mean.share)
+        };
+        points.iter().map(at).fold(0.0, f64::max)
+    };
+    // Over ā and the logarithm of the share, by steps that are halved.
+    let at = |x: f64, y: f64| MeanDelay::new(least + (most - least) * x.clamp(0.0, 1.0), y.min(-0.05).exp(), parts);
+    let (mut x, mut y) = (0.5, -3.0);
+    let mut best = cost(&at(x, y));
+    let mut step = [0.5, 2.0];
+    while step[0] > 1e-3 {
+        let mut moved = false;
+        for [dx, dy] in
+            [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0]]
+        {
+            let (next, down) = ((x + dx * step[0]).clamp(0.0, 1.0), (y + dy * step[1]).clamp(-30.0, -0.05));
+            let found = cost(&at(next, down));
+            if found < best {
+                (x, y, best, moved) = (next, down, found, true);
+                break;
+            }
+        }
+        if !moved {
+            step = step.map(|step| 0.5 * step);
+        }
+    }
+    at(x, y)
 }
 
 /// Whether a coupling is Coulomb friction at the puck.

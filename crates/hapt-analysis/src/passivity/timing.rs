@@ -31,12 +31,7 @@
 //!
 //! **Dampers at the puck** add (B/T) √(L (L + D - least delay)): the held velocity is |δ before|/T for L + D - least delay at most.
 //!
-//! **Every linear loop with a delay** within [0, D], none longer than the interval that follows: the torque changes by Hδ before,
-//! |H| ≤ h on the circle, so that the work is at most Σ b₀/T δ² + |Hδ before| |ε|. By the eigenvalue above
-//!
-//! ```text
-//! b = (m + √(m² + h² D (L - D)))/2,    m = b₀ L/T + h D
-//! ```
+//! **Every linear loop with a delay** within [D_min, D], none longer than the interval that follows: `required::late_requirement`, (T43).
 //!
 //! **A lag that is known to ± Δτ**, at even samples and a fixed delay: two lags differ in their work by at most
 //! Δτ h √(x coth x), x = T/(2 τ), τ the least.
@@ -122,17 +117,6 @@ impl Timing {
         let Delay { samples, fraction } = Delay::of(delay, period)?;
         let even = period * stiffness * (0.5 + samples as f64 + fraction) + damping;
         Ok(0.5 * (even + even.hypot((fraction * (1.0 - fraction)).sqrt() * period * stiffness)))
-    }
-
-    /// The bound for a linear loop with the requirement `even` at even samples without delay, and the gain |H| ≤ `gain`; `None` where
-    /// none is known.
-    pub fn of_loop(&self, even: f64, gain: f64) -> Option<f64> {
-        let Timing { period, longest, delay: [_, delay], lag: [_, lag] } = *self;
-        if lag > 0.0 || !self.arrives_in_time() {
-            return None;
-        }
-        let m = even * longest / period + gain * delay;
-        Some(0.5 * (m + m.hypot(gain * (delay * (longest - delay)).sqrt())))
     }
 
     /// What a lag that is known to ± (largest - least)/2 adds, at even samples; `None` where it may be 0.

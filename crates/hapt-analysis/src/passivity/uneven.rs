@@ -9,7 +9,7 @@ use crate::error::Error;
 use crate::passivity::proof;
 use crate::passivity::quantisation::quantisation;
 use crate::passivity::required::{
-    Requirement, largest_gain, linear_requirement_wanted, requirement, requirement_wanted,
+    Requirement, largest_gain, late_requirement, linear_requirement_wanted, requirement_wanted,
 };
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
@@ -174,10 +174,10 @@ fn fixed(world: &World, delay: bool, lag: Option<f64>) -> World {
 fn bound(world: &World, timing: Timing, wanted: Wanted) -> Result<Result<f64, String>, Error> {
     // Coulomb friction and growth have no requirement under any timing.
     let even = linear_requirement_wanted(wanted, &fixed(world, false, None))?;
-    let Ok(least) = even.damping else {
+    if even.damping.is_err() {
         return Ok(Err("the loop has no finite required damping at even samples and without delay".into()));
-    };
-    let linear = of_linear(world, timing, least, (&world.couplings, wanted))?;
+    }
+    let linear = of_linear(world, timing, (&world.couplings, wanted))?;
     if !world.bodies.is_empty() {
         return Ok(linear);
     }
@@ -189,7 +189,6 @@ fn bound(world: &World, timing: Timing, wanted: Wanted) -> Result<Result<f64, St
 fn of_linear(
     world: &World,
     timing: Timing,
-    even: f64,
     (couplings, wanted): (&[Coupling], Wanted),
 ) -> Result<Result<f64, String>, Error> {
     if timing.lag[1] > 0.0 && timing.is_even() {
@@ -203,23 +202,25 @@ fn of_linear(
         }));
     }
     if timing.lag[1] > 0.0 {
-        return Ok(Err("with bodies the motor's lag is proved at even samples and a fixed delay only: leave out \
+        return Ok(Err(
+            "with bodies the motor's lag is proved at even samples and a fixed delay only, since short intervals let \
+                       the bodies take any number of steps while the motor's torque still follows: leave out \
                        loop.interval_max and loop.delay_max, or device.lag"
-            .into()));
+                .into(),
+        ));
     }
     if !timing.arrives_in_time() {
         return Ok(Err(
             "with bodies a delay that varies, or stays while intervals vary, is proved up to one period only".into(),
         ));
     }
-    let Some(gain) = largest_gain(wanted, world, couplings)? else {
-        return Ok(Err(
-            "an undamped mode of the world has no proof with a delay that varies, or stays while intervals vary: \
+    let parts = timing.delay.map(|delay| delay / timing.longest);
+    let found = late_requirement(wanted, world, couplings, (timing.longest, parts))?;
+    Ok(found.ok_or_else(|| {
+        "an undamped mode of the world has no proof with a delay that varies, or stays while intervals vary: \
                        a damper from the bodies to ground would take energy from it"
-                .into(),
-        ));
-    };
-    Ok(timing.of_loop(even, gain).ok_or_else(|| "the delay is longer than the period".into()))
+            .into()
+    }))
 }
 
 /// The reasons why the bound of the linear loop is not proved of the whole one.
@@ -255,8 +256,7 @@ fn bound_reasons(world: &World, timing: Timing, required: Option<f64>) -> Result
         let of_rest = if world.bodies.is_empty() {
             timing.of_laws(at_puck(world, &rest)?)?
         } else {
-            let even = requirement(&fixed(world, false, None), &rest)?.damping.unwrap_or(f64::INFINITY);
-            of_linear(world, timing, even, (&rest, Wanted::Value))?.unwrap_or(f64::INFINITY)
+            of_linear(world, timing, (&rest, Wanted::Value))?.unwrap_or(f64::INFINITY)
         };
         let bound = of_rest + timing.of_laws(at_puck(world, &nonlinear)?)?;
         if falls_short(bound) {

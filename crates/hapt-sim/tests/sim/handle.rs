@@ -344,3 +344,18 @@ proptest! {
         prop_assert!(annihilated(&sequence, &values) > 10.0 * left, "{left}");
     }
 }
+
+/// As the reader of files refuses it: beside friction a run looks for stops at every quarter of a swing.
+#[test]
+fn a_shaft_too_stiff_beside_friction_is_refused_in_a_world_that_was_built() {
+    let mut world = bare();
+    world.device.friction = 0.0;
+    world.device.handle = Some(Handle { inertia: 1e-4, stiffness: 1e9, damping: 0.0 });
+    assert!(hapt_sim::check(&world).is_ok());
+    world.device.friction = 1e-3;
+    let scenario = scenario(0.2, torque(Shape::Step { to: 0.1, at: 0.0 }), None);
+    for refused in [hapt_sim::check(&world).err(), Simulation::new(&world, &scenario).err()] {
+        let message = refused.unwrap().to_string();
+        assert!(message.starts_with("device.handle: the shaft swings") && message.contains("at most 100"), "{message}");
+    }
+}

@@ -3,7 +3,7 @@
 use crate::common::{bare, rows, scenario, spring};
 use crate::device::random_run;
 use hapt_model::*;
-use hapt_sim::{Error, Simulation};
+use hapt_sim::{Error, Row, Simulation};
 use proptest::prelude::*;
 
 /// A hand on straight lines through random points, at random times.
@@ -68,6 +68,14 @@ proptest! {
         prop_assert!(run[0].time == 0.0 && run[run.len() - 1].time <= 0.1 + 1e-9);
         prop_assert!(run[run.len() - 1].time > 0.1 - 1e-3 * longest - 1e-9);
         prop_assert_eq!(&run, &rows(&world, &scenario));
+        let mut bare = Simulation::without_works(&world, &scenario).unwrap();
+        let mut count = 0;
+        while let Some(row) = bare.next() {
+            let row = row.unwrap();
+            prop_assert_eq!(row, &Row { ledger: row.ledger, ..run[count].clone() });
+            count += 1;
+        }
+        prop_assert_eq!(count, run.len());
     }
 
     /// b = K T_max/2 without a delay, and with delays up to D the larger bound: no hand draws energy, whatever the pattern.

@@ -113,6 +113,38 @@ proptest! {
         }
     }
 
+    /// In a time that runs T/L as fast, samples of L are even, and a delay takes its part of them.
+    #[test]
+    fn a_delay_beside_damped_bodies_asks_for_what_the_longest_intervals_need(
+        bench in worlds(Dampers::Fixed, false), x in 0.01..1.9f64, stretch in 1.01..3.0f64, late in 0.01..1.0f64, least in 0.0..1.0f64,
+    ) {
+        let period = x / fastest(&bench);
+        let mut world = world(bench, Method::Zoh, Output::End, period);
+        let even = world.clone();
+        let at = |delay: f64| {
+            let mut even = even.clone();
+            even.sampling.delay = Delay::Seconds(delay / stretch);
+            passivity(&even).unwrap().required_damping.map(|b| b * stretch)
+        };
+        let late = late * period;
+        world.sampling.interval_max = Some(stretch * period);
+        world.sampling.delay = Delay::Seconds(late);
+        let of = |world: &World| uneven(world).unwrap().required_damping;
+        match (of(&world), at(late)) {
+            (Some(bound), Some(even)) => near(bound, even, 1e-9),
+            (Some(_), None) => prop_assert!(false, "a bound where even samples have none"),
+            (None, _) => {}
+        }
+        // A delay that varies: no less than any that stays, and no hand asks for twice as much.
+        world.sampling.delay = Delay::Seconds(least * late);
+        world.sampling.delay_max = Some(Delay::Seconds(late));
+        if let Some(bound) = of(&world) {
+            let all = [0.0, 0.3, 0.7, 1.0].map(|part| at(late * (least + part * (1.0 - least))).unwrap());
+            let most = all.into_iter().fold(0.0, f64::max);
+            prop_assert!(most <= bound * (1.0 + 1e-9) && bound <= 2.0 * most + 1e-12, "{bound} {most}");
+        }
+    }
+
     #[test]
     fn no_hand_breaks_a_loop_with_a_lag(
         bench in worlds(Dampers::Fixed, false), lag in 0.01..3.0f64, delay in prop_oneof![Just(0.0), 0.0..2.0f64], at in 0..8usize,
