@@ -33,6 +33,12 @@ pub(crate) fn growth_floor(period: f64, delay: f64) -> f64 {
     -1.0 / (2.0 * period + delay)
 }
 
+/// ln |λ| of a double root on the circle, by rounding.
+const TOUCHING: f64 = 1e-6;
+
+/// Relative distances at which a root that touched the circle is inside again.
+const BEYOND: [f64; 2] = [1e-6, 1e-5];
+
 /// Largest number of samples in halved intervals. Beyond it, an interval is judged by its three samples.
 const MAX_SAMPLES: usize = 3000;
 
@@ -205,7 +211,10 @@ pub(crate) fn first_crossing_within(
         let middle = search.middle(&a, &b)?;
         if let Some([below, above]) = search.between(&a, &middle, &b)? {
             let mut top = |x: f64| Ok((search.f)(x)?.max());
-            return illinois(&mut top, (below.0, below.1.max()), (above.0, above.1.max()), tolerance).map(Some);
+            let found = illinois(&mut top, (below.0, below.1.max()), (above.0, above.1.max()), tolerance)?;
+            let Some(beyond) = search.touched(found, &above)? else { return Ok(Some(found)) };
+            a = beyond;
+            continue;
         }
         a = b;
     }
@@ -215,6 +224,16 @@ pub(crate) fn first_crossing_within(
 impl<F: FnMut(f64) -> Result<Ranked, Error>> Search<F> {
     fn sample(&mut self, x: f64) -> Result<Sample, Error> {
         Ok((x, (self.f)(x)?))
+    }
+
+    /// A sample beyond `x`, where the circle is only touched: no more than a double root's rounding above 0, and not above 0 a little
+    /// later. A mode that turns by whole turns from sample to sample stands on the circle for an instant, unseen by the loop.
+    fn touched(&mut self, x: f64, above: &Sample) -> Result<Option<Sample>, Error> {
+        if above.1.noise == 0.0 || above.0 * above.1.max() > TOUCHING {
+            return Ok(None);
+        }
+        let [near, far] = [self.sample(x * (1.0 + BEYOND[0]))?, self.sample(x * (1.0 + BEYOND[1]))?];
+        Ok((near.1.max() <= 0.0 && far.1.max() <= 0.0).then_some(far))
     }
 
     fn middle(&mut self, a: &Sample, b: &Sample) -> Result<Sample, Error> {

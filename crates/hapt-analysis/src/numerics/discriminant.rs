@@ -91,8 +91,7 @@ pub(crate) fn stay_inside(samples: [Near<'_>; 5]) -> bool {
     let parts = |count: usize, ratio: f64| {
         samples.iter().all(|near| near.parted(count).is_some_and(|[next, least]| next <= ratio * least))
     };
-    let Some(count) =
-        [APART, 1.0].into_iter().find_map(|ratio| (1..=most).rev().find(|count| parts(*count, ratio)))
+    let Some(count) = [APART, 1.0].into_iter().find_map(|ratio| (1..=most).rev().find(|count| parts(*count, ratio)))
     else {
         return false;
     };
