@@ -179,6 +179,11 @@ impl<'a> ClosedLoop<'a> {
         })
     }
 
+    /// Where the command of one sample ago stands, if any is in flight.
+    pub fn first_in_flight(&self) -> usize {
+        self.first_in_flight
+    }
+
     fn unit(&self, i: usize) -> RowDVector<f64> {
         RowDVector::from_fn(self.order, |_, j| if i == j { 1.0 } else { 0.0 })
     }

@@ -2,6 +2,7 @@
 
 pub(crate) mod balance;
 pub(crate) mod crossing;
+pub(crate) mod discriminant;
 pub mod eigenvalues;
 pub(crate) mod hessenberg;
 pub(crate) mod jacobi;

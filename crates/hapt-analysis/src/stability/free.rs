@@ -21,9 +21,11 @@ use crate::equations::slopes::combinations;
 use crate::equations::structure::{Part, inertias_with_puck, linearise_with_puck, parts};
 use crate::error::{Error, positive};
 use crate::numerics::crossing::{Ranked, Spacing, first_crossing_within, growth_floor};
+use crate::numerics::discriminant::Moving;
 use crate::numerics::eigenvalues::{eigenvalues, eigenvalues_and_scale};
 use crate::numerics::rayleigh::Quotients;
 use crate::stability::critical::{Critical, of_part};
+use crate::stability::delayed::Delayed;
 use crate::stability::held::spectrum;
 use crate::stability::multiplier::{Multiplier, Root, multiplier};
 use crate::stability::{Eigenvalue, MARGINAL, NOT_SEARCHED, Stability, assemble};
@@ -46,6 +48,9 @@ const MOST_PAIRED: usize = 8;
 
 /// Error of an eigenvalue, relative to the largest entry of the matrix.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// Distance from the unit circle, as a multiple of the error, above which a root is inside beyond rounding.
+const CLEAR: f64 = 8.0;
 
 /// Distance from the unit circle, as a multiple of the error, below which an eigenvalue is refined.
 const DOUBTFUL: f64 = 100.0;
@@ -273,6 +278,56 @@ pub(crate) fn multipliers(
     Ok(found)
 }
 
+/// The roots near the circle at the periods where they are known.
+#[derive(Default)]
+struct Followed {
+    /// ln λ/T of one root of each pair.
+    known: Vec<(f64, Vec<Complex<f64>>)>,
+}
+
+impl Followed {
+    fn keep(&mut self, period: f64, found: &[(Multiplier, f64)]) {
+        let upper = found.iter().filter(|(m, _)| m.less_one.im >= 0.0 && m.ln_abs > -1.0);
+        let rates = upper.map(|(m, _)| Complex::new(m.ln_abs, m.arg()) / period).collect();
+        let at = self.known.partition_point(|(known, _)| *known < period);
+        self.known.insert(at, (period, rates));
+    }
+
+    /// The rates at the nearest period.
+    fn nearest(&self, period: f64) -> Option<&[Complex<f64>]> {
+        let distance = |known: f64| (known / period).ln().abs();
+        let of = self.known.iter().min_by(|a, b| distance(a.0).total_cmp(&distance(b.0)));
+        of.map(|(_, rates)| &rates[..])
+    }
+
+    /// The multipliers that do not decay within two samples and the delay, from those of a neighbouring period; `None` where all have to be
+    /// computed.
+    fn near_circle(
+        &self,
+        port: &Port,
+        sampling: &Sampling,
+        damping: f64,
+        filter: &Filter,
+        period: f64,
+        conserved: bool,
+    ) -> Result<Option<Vec<(Multiplier, f64)>>, Error> {
+        let Some(rates) = self.nearest(period) else { return Ok(None) };
+        let Some(delayed) = Delayed::new(port, sampling, damping, filter, period)? else { return Ok(None) };
+        let near: Vec<_> =
+            rates.iter().map(|rate| multiplier(Method::Zoh, Root::from(rate * period)).less_one).collect();
+        let radius = (growth_floor(period, sampling.delay.seconds(period)) * period).exp();
+        let known = if conserved { vec![Complex::new(0.0, 0.0)] } else { vec![] };
+        let Some(found) = delayed.outside(radius, &known, &near) else { return Ok(None) };
+        let rounding = ROUNDING * delayed.size;
+        let of = |(i, mu): (usize, &Complex<f64>)| {
+            (multiplier(Method::ForwardEuler, Root::from(*mu)), if i < known.len() { 0.0 } else { rounding })
+        };
+        let found: Vec<_> = found.iter().enumerate().map(of).collect();
+        let doubtful = found.iter().skip(known.len()).any(|(m, _)| m.ln_abs.abs() < DOUBTFUL * rounding);
+        Ok((!doubtful).then_some(found))
+    }
+}
+
 /// Removes up to `shifts` eigenvalues within `near`, in 1/s, of 1.
 pub(crate) fn without_shifts(mut all: Vec<Multiplier>, shifts: usize, period: f64, near: f64) -> Vec<Multiplier> {
     all.sort_by_cached_key(|m| from_one(m).to_bits());
@@ -369,11 +424,17 @@ fn critical_period(
     if port.is_uncoupled() || known == Critical::Never || high <= low {
         return Ok(Critical::Unbounded);
     }
-    let growths = |period: f64| {
+    let mut followed = Followed::default();
+    let mut growths = |period: f64| {
         let filters = Filter::of(sampling, period);
         let filter = filters.get(filter).or(filters.first()).ok_or(Error::Eigenvalues { order: 0 })?;
-        let mut all = match multipliers(port, sampling, damping, filter, period) {
-            Ok(found) => found,
+        let few = followed.near_circle(port, sampling, damping, filter, period, conserved)?;
+        let all = few.map_or_else(|| multipliers(port, sampling, damping, filter, period), Ok);
+        let mut all = match all {
+            Ok(found) => {
+                followed.keep(period, &found);
+                found
+            }
             // A step beyond double precision has left the unit circle before.
             Err(Error::Step { .. } | Error::Eigenvalues { .. }) if period > sampling.period => {
                 return Ok(Ranked::one(f64::MAX));
@@ -388,11 +449,10 @@ fn critical_period(
         // One of each pair.
         let without_shifts = all[kept..].iter().filter(|(m, _)| m.less_one.im >= 0.0);
         let noise = without_shifts.clone().map(|(_, error)| error / period).fold(0.0, f64::max);
-        Ok(Ranked::new(
-            without_shifts.map(|(m, error)| (m.ln_abs - error) / period),
-            growth_floor(period, sampling.delay.seconds(period)),
-            noise,
-        ))
+        let inside = without_shifts.clone().filter(|(m, error)| m.ln_abs < -CLEAR * error);
+        let roots = inside.map(|(m, _)| Moving { less_one: m.less_one, growth: m.ln_abs / period });
+        let floor = growth_floor(period, sampling.delay.seconds(period));
+        Ok(Ranked::new(without_shifts.map(|(m, error)| (m.ln_abs - error) / period), floor, noise).with_roots(roots))
     };
     let proved = passive_below(port, sampling, damping).min(high);
     if proved >= high {

@@ -2,6 +2,7 @@
 
 pub mod clamped;
 pub mod critical;
+mod delayed;
 pub mod free;
 pub mod held;
 pub mod multiplier;
