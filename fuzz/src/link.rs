@@ -23,12 +23,8 @@ pub fn run(bytes: &[u8]) -> u64 {
         let Some((session, heard)) = sessions.get_mut(at).zip(heard.get_mut(at)) else { break };
         match what % 4 {
             0 => {
-                let say = Outgoing {
-                    sampled: now,
-                    position: now as f64,
-                    strength: Strength(which as u8),
-                    heard: *heard,
-                };
+                let say =
+                    Outgoing { sampled: now, position: now as f64, strength: Strength(which as u8), heard: *heard };
                 sent.extend(session.send(&say).map(|bytes| bytes.to_vec()));
             }
             1 | 2 => {
