@@ -29,8 +29,7 @@ impl Strength {
 
     /// The largest that is no more than `part`.
     pub fn at_most(part: f64) -> Self {
-        // A NaN is nothing.
-        if !(part > 0.0) {
+        if part.is_nan() || part <= 0.0 {
             return Strength::NONE;
         }
         let steps = libm::floor(255.0 + Strength::STEPS * libm::log2(part));
