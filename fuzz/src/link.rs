@@ -2,6 +2,7 @@
 //!
 //! An input is a row of steps of three bytes: what is done, at which station, with which of the messages that there are.
 
+use hapt_core::Strength;
 use hapt_wire::link::{Number, Outgoing, SIZE, Session};
 
 const KEY: &[u8] = b"nobody has to guess it here";
@@ -22,13 +23,8 @@ pub fn run(bytes: &[u8]) -> u64 {
         let Some((session, heard)) = sessions.get_mut(at).zip(heard.get_mut(at)) else { break };
         match what % 4 {
             0 => {
-                let say = Outgoing {
-                    sampled: now,
-                    position: now as f64,
-                    hears: which & 1 != 0,
-                    acts: which & 2 != 0,
-                    heard: *heard,
-                };
+                let say =
+                    Outgoing { sampled: now, position: now as f64, strength: Strength(which as u8), heard: *heard };
                 sent.extend(session.send(&say).map(|bytes| bytes.to_vec()));
             }
             1 | 2 => {

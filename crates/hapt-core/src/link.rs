@@ -1,4 +1,61 @@
-//! One end of a link between two wheels: when its torque acts.
+//! One end of a link between two wheels: with which part of its torque it acts.
+
+/// The part of a link's torque that acts, as the one byte that messages carry: none, or 2^(-(255 - n)/8) for 1 to 255.
+///
+/// Both ends compute with the same part to the bit. It steps by 9 %.
+///
+/// ```
+/// use hapt_core::Strength;
+///
+/// assert_eq!((Strength::NONE.part(), Strength::WHOLE.part(), Strength(247).part()), (0.0, 1.0, 0.5));
+/// assert_eq!(Strength::at_most(0.5), Strength(247));
+/// assert_eq!(Strength::at_most(f64::NAN), Strength::NONE);
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Strength(pub u8);
+
+impl Strength {
+    /// Nothing acts.
+    pub const NONE: Strength = Strength(0);
+    /// All of the torque.
+    pub const WHOLE: Strength = Strength(u8::MAX);
+    /// Steps from a part to its double.
+    const STEPS: f64 = 8.0;
+
+    /// From 0 to 1.
+    pub fn part(self) -> f64 {
+        if self == Strength::NONE { 0.0 } else { libm::exp2(f64::from(i16::from(self.0) - 255) / Strength::STEPS) }
+    }
+
+    /// The largest that is no more than `part`.
+    pub fn at_most(part: f64) -> Self {
+        if part.is_nan() || part <= 0.0 {
+            return Strength::NONE;
+        }
+        let steps = libm::floor(255.0 + Strength::STEPS * libm::log2(part));
+        // The cast saturates.
+        let found = Strength(steps as u8);
+        if found.part() > part { Strength(found.0.saturating_sub(1)) } else { found }
+    }
+
+    /// Whether anything acts.
+    pub fn acts(self) -> bool {
+        self != Strength::NONE
+    }
+}
+
+/// What an end of a link keeps to. Times in s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkTerms {
+    /// The greatest age of a position at any time that its torque acts.
+    pub age_max: f64,
+    /// How long a torque acts after its sample at most.
+    pub hold: f64,
+    /// Between two messages of the other end.
+    pub period: f64,
+    /// The torque with which ends that are apart are brought together, in N·m (linear: N).
+    pub soft: f64,
+}
 
 /// The newest message of the other end.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -7,90 +64,203 @@ pub struct Heard {
     pub age: f64,
     /// Of its puck, in rad (linear: m).
     pub position: f64,
-    /// Whether it has a position of this end that is young enough.
-    pub hears: bool,
-    /// Whether its torque acts.
-    pub acts: bool,
+    /// Of the first end: the part with which it acts. Of the second: the largest with which it can.
+    pub strength: Strength,
+}
+
+/// The position that acts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Used {
+    position: f64,
+    age: f64,
+    /// Its age at the end of the hold in which it acted first.
+    fresh: f64,
 }
 
 /// One end of a link, sample by sample.
 ///
-/// The first end decides whether the link acts, the second follows. The first acts when the other hears it and the ends have met: the torque
-/// is 0 or has changed its sign. The second acts as long as the first says that it acts. Each lets go where no position is young
-/// enough for all of the coming hold, or where its own loop is not ready. One that has let go waits until the other has, too.
+/// **Letting go.** Where no newer position comes, the torque fades in the last quarter of `age_max`, and is 0 before a position is too old
+/// for all of the coming hold. A position that comes on time acts as a whole, however little of `age_max` it leaves. An end whose own loop is not
+/// ready lets go at once. The other then uses no position that was sent after that, and fades within a quarter of `age_max`.
+///
+/// **Taking hold.** The first end begins when the other hears it and has let go too. Its strength rises, by a factor of 2 in
+/// each `age_max`, only while its torque stays within [`LinkTerms::soft`]: what is apart is drawn together by so much, and the link is whole when
+/// the ends have met. The second end follows.
+///
+/// Neither adds energy beyond a bound: docs/theory.md, (T54) and (T55).
 ///
 /// ```
-/// use hapt_core::{Heard, LinkEnd};
+/// use hapt_core::{Heard, LinkEnd, LinkTerms, Strength};
 ///
-/// let spring = |other: f64| move |own: f64| -2.0 * (own - other);
-/// let heard = |age, position| Some(Heard { age, position, hears: true, acts: false });
-/// let mut end = LinkEnd::new(true, 20e-3, 1e-3);
-/// // The ends are apart: nothing acts until they have met.
-/// assert_eq!(end.sample(true, heard(5e-3, 0.0), |other| spring(other)(0.1)), 0.0);
-/// assert_eq!(end.sample(true, heard(5e-3, 0.1), |other| spring(other)(0.1)), 0.0);
-/// assert!(end.acts());
-/// assert_eq!(end.sample(true, heard(5e-3, 0.0), |other| spring(other)(0.1)), -0.2);
-/// // 19.5 ms now are more than 20 ms at the end of the hold.
-/// assert_eq!(end.sample(true, heard(19.5e-3, 0.0), |other| spring(other)(0.1)), 0.0);
+/// let mut end = LinkEnd::new(true, LinkTerms { age_max: 20e-3, hold: 1e-3, period: 1e-3, soft: 0.01 });
+/// let heard = |age, position| Some(Heard { age, position, strength: Strength::WHOLE });
+/// let mut sample = |age, other: f64| end.sample(1e-3, true, heard(age, other), |other| -2.0 * (0.1 - other));
+/// // The ends are apart: they are drawn together softly, for as long as they are.
+/// let drawn: Vec<f64> = (0..500).map(|_| sample(5e-3, 0.0)).collect();
+/// assert!(drawn[0] < 0.0 && drawn[0] > -0.001 && drawn[499] < -0.009 && drawn[499] >= -0.01);
+/// // They have met: the link is whole, and stays so.
+/// (0..500).for_each(|_| drop(sample(5e-3, 0.1)));
+/// assert_eq!(sample(5e-3, 0.0), -0.2);
+/// // Nothing comes any more. 19.5 ms now are more than 20 ms at the end of the hold.
+/// assert!(sample(17e-3, 0.0) > -0.1);
+/// assert_eq!(sample(19.5e-3, 0.0), 0.0);
 /// assert_eq!(end.let_go(), 1);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkEnd {
     first: bool,
-    age_max: f64,
-    hold: f64,
+    terms: LinkTerms,
+    strength: Strength,
+    /// The largest strength with which the second end can act; the first has heard of it when its own is no more.
+    cap: Strength,
+    used: Option<Used>,
     hears: bool,
-    acts: bool,
-    /// The torque at the last sample that found a position young enough, whether it acted or not.
-    torque: Option<f64>,
+    /// Steps of the strength that are due.
+    rise: f64,
     let_go: u64,
 }
 
+/// In which part of `age_max` a torque fades.
+const FADE: f64 = 0.25;
+/// The part of the soft torque with which taking hold begins.
+const BEGIN: f64 = 1.0 / 16.0;
+/// A position is newer than another if it is so much younger, in s: more than rounding.
+const NEWER: f64 = 1e-9;
+
 impl LinkEnd {
-    /// An end that has let go. No position acts beyond the age `age_max`; a torque acts for `hold` after its sample; both in s.
-    pub fn new(first: bool, age_max: f64, hold: f64) -> Self {
-        LinkEnd { first, age_max, hold, hears: false, acts: false, torque: None, let_go: 0 }
+    /// An end that has let go.
+    pub fn new(first: bool, terms: LinkTerms) -> Self {
+        LinkEnd {
+            first,
+            terms,
+            strength: Strength::NONE,
+            cap: Strength::NONE,
+            used: None,
+            hears: false,
+            rise: 0.0,
+            let_go: 0,
+        }
     }
 
-    /// The torque of a sample: that of `torque`, a function of the other's position, where this end acts, else 0. An end whose own loop is
-    /// not `ready`, disarmed or before its zero is set, lets go.
-    pub fn sample(&mut self, ready: bool, heard: Option<Heard>, torque: impl FnOnce(f64) -> f64) -> f64 {
+    /// The torque of a sample, `elapsed` seconds after the one before: a part of `torque`, which is a function of the other's position. An
+    /// end whose own loop is not `ready`, disarmed or before its zero is set, lets go.
+    pub fn sample(&mut self, elapsed: f64, ready: bool, heard: Option<Heard>, torque: impl Fn(f64) -> f64) -> f64 {
+        self.take(elapsed, heard);
+        self.hears = ready && heard.is_some_and(|heard| self.is_young(heard.age) && torque(heard.position).is_finite());
+        let full = self.used.map(|used| torque(used.position)).filter(|torque| torque.is_finite());
+        let allowed = Strength::at_most(if ready && full.is_some() { self.fading() } else { 0.0 });
+        let full = full.unwrap_or(0.0);
+        let other = heard.map_or(Strength::NONE, |heard| heard.strength);
+        let before = self.strength;
+        if !other.acts() {
+            // The other has let go: its last position fades.
+            let faded = Strength::at_most(before.part() - elapsed / (FADE * self.terms.age_max));
+            self.strength = faded.min(allowed);
+        }
+        match (other.acts(), self.first) {
+            (false, true) => {}
+            (false, false) if self.hears && !self.strength.acts() => self.cap = Strength::WHOLE,
+            (false, false) => self.cap = Strength::NONE,
+            (true, true) => {
+                self.strength = before.min(other).min(allowed);
+                let is_fresh = self.hears && allowed == Strength::WHOLE;
+                match self.strength == before && is_fresh {
+                    true => self.rise(elapsed, other, libm::fabs(full)),
+                    false => self.rise = 0.0,
+                }
+            }
+            (true, false) => {
+                if other <= self.cap {
+                    self.cap = Strength::WHOLE;
+                }
+                self.strength = other.min(self.cap);
+                if allowed < self.strength {
+                    (self.strength, self.cap) = (allowed, allowed);
+                }
+            }
+        }
+        self.let_go += u64::from(before.acts() && !self.strength.acts());
+        if self.strength.acts() { self.strength.part() * full } else { 0.0 }
+    }
+
+    /// Keeps the newest position that the other sent while it acted, or could.
+    fn take(&mut self, elapsed: f64, heard: Option<Heard>) {
+        let hold = self.terms.hold;
+        let before = self.used.map(|used| Used { age: used.age + elapsed, ..used });
+        self.used = match heard {
+            Some(Heard { age, position, strength }) if strength.acts() => {
+                let same = before.filter(|before| before.age - age <= NEWER);
+                Some(Used { position, age, fresh: same.map_or(age + hold, |same| same.fresh) })
+            }
+            _ => before,
+        };
+    }
+
+    fn is_young(&self, age: f64) -> bool {
         // Up to what rounding makes of a sum of times. A NaN is not young.
-        let is_young = |heard: &Heard| heard.age + self.hold <= self.age_max * (1.0 + 1e-12);
-        let young = heard.filter(|heard| ready && is_young(heard));
-        let torque = young.map(|young| torque(young.position)).filter(|torque| torque.is_finite());
-        let acted = self.acts;
-        let met = torque.is_some_and(|now| now == 0.0 || self.torque.is_some_and(|before| before * now < 0.0));
-        self.acts = torque.is_some()
-            && young.is_some_and(|young| match self.first {
-                true => young.hears && (acted || (!young.acts && met)),
-                false => young.acts,
-            });
-        self.let_go += u64::from(acted && !self.acts);
-        self.hears = torque.is_some();
-        // Of an end that is not ready the position may jump, which is no meeting.
-        self.torque = torque.filter(|_| young.is_some_and(|young| young.hears));
-        torque.filter(|_| self.acts).unwrap_or(0.0)
+        age + self.terms.hold <= self.terms.age_max * (1.0 + 1e-12)
     }
 
-    /// The greatest age in s at which a position acts.
-    pub fn age_max(&self) -> f64 {
-        self.age_max
+    /// From 1 to 0: what the age of the position leaves. It falls from where the next one is overdue.
+    fn fading(&self) -> f64 {
+        let LinkTerms { age_max, hold, period, .. } = self.terms;
+        match self.used {
+            Some(Used { age, fresh, .. }) if self.is_young(age) => {
+                let from = (fresh + period + hold).max((1.0 - FADE) * age_max);
+                if from < age_max { ((age_max - age - hold) / (age_max - from)).clamp(0.0, 1.0) } else { 1.0 }
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Takes hold, and more of it, up to `most`, as long as a part of the torque `full` is soft.
+    fn rise(&mut self, elapsed: f64, most: Strength, full: f64) {
+        let LinkTerms { age_max, soft, .. } = self.terms;
+        if !self.strength.acts() {
+            let begin = if full == 0.0 { 1.0 } else { BEGIN * soft / full };
+            self.strength = Strength::at_most(begin).min(most);
+            return;
+        }
+        self.rise = (self.rise + Strength::STEPS * elapsed / age_max).min(Strength::STEPS);
+        while self.rise >= 1.0 {
+            let next = Strength(self.strength.0.saturating_add(1));
+            if self.strength >= most || next.part() * full > soft {
+                self.rise = 0.0;
+                return;
+            }
+            self.strength = next;
+            self.rise -= 1.0;
+        }
+    }
+
+    /// What it keeps to.
+    pub fn terms(&self) -> LinkTerms {
+        self.terms
     }
 
     /// From now on no position acts beyond this age in s.
     pub fn set_age_max(&mut self, age_max: f64) {
-        self.age_max = age_max;
+        self.terms.age_max = age_max;
+    }
+
+    /// What the other end is to hear: the part with which the first acts, the largest with which the second can.
+    pub fn said(&self) -> Strength {
+        if self.first { self.strength } else { self.cap }
+    }
+
+    /// The part of its torque that acted at the last sample.
+    pub fn strength(&self) -> Strength {
+        self.strength
+    }
+
+    /// The age in s, at the end of the last sample's hold, of the position that acts; `None` where none does.
+    pub fn age(&self) -> Option<f64> {
+        self.used.filter(|_| self.strength.acts()).map(|used| used.age + self.terms.hold)
     }
 
     /// Whether the other's position was young enough at the last sample.
     pub fn hears(&self) -> bool {
         self.hears
-    }
-
-    /// Whether its torque acted at the last sample.
-    pub fn acts(&self) -> bool {
-        self.acts
     }
 
     /// How often it has let go.

@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use hapt_core::Strength;
 use hapt_model::{Link, Network, World};
 use hapt_rt::{LinkPort, LinkSample, LinkWire, link};
 use hapt_sim::uniform;
@@ -227,7 +228,7 @@ impl LinkStatus {
                 1e3 * age
             )),
             (false, _) => {
-                Some(format!("The link to {to} has let go. It takes hold when the two meet: move one past the other."))
+                Some(format!("The link to {to} has let go. It takes hold when the other station is ready, too."))
             }
         }
     }
@@ -278,7 +279,7 @@ impl Links {
             let name = &network.stations[other].name;
             let to = peers.iter().find(|(peer, _)| *peer == other).map(|(_, to)| *to);
             let to = to.ok_or_else(|| LinkError::Peer { name: name.clone() })?;
-            let (port, wire) = link(joint, side == 0, own.hold());
+            let (port, wire) = link(joint, side == 0, network.end(at, side));
             let mut random = [0; 8];
             fill(&mut random)?;
             let session = Session::new(key, number(&text, at), side == 0, u64::from_le_bytes(random));
@@ -366,7 +367,7 @@ fn run(socket: &UdpSocket, mut ends: Vec<End>, stop: &AtomicBool, nap: Duration)
         end.send(socket, 0);
         let Some(last) = end.last else { continue };
         for _ in 0..FAREWELLS {
-            if let Some(bytes) = end.session.send(&Outgoing { hears: false, acts: false, ..last }) {
+            if let Some(bytes) = end.session.send(&Outgoing { strength: Strength::NONE, ..last }) {
                 let _ = socket.send_to(&bytes, end.to);
             }
         }
@@ -427,10 +428,10 @@ impl End {
         let Counters { samples, acted, acts, let_go, age, age_max, oldest, .. } = &*self.counters;
         age_max.store(sample.age_max.to_bits(), Ordering::Relaxed);
         samples.fetch_add(1, Ordering::Relaxed);
-        acts.store(sample.outgoing.acts, Ordering::Relaxed);
+        acts.store(sample.acts, Ordering::Relaxed);
         let_go.store(sample.let_go, Ordering::Relaxed);
         age.store(sample.age.to_bits(), Ordering::Relaxed);
-        if sample.outgoing.acts {
+        if sample.acts {
             acted.fetch_add(1, Ordering::Relaxed);
             // Of numbers that are not negative the bits are in their order.
             oldest.fetch_max(sample.age.to_bits(), Ordering::Relaxed);

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-use hapt_core::Request;
+use hapt_core::{Request, Strength};
 use hapt_host::links::{LinkError, LinkStatus, Links};
 use hapt_host::{Machine, Session, WorldConfig};
 use hapt_model::{Network, Source};
@@ -191,7 +191,7 @@ fn strangers_are_counted_by_what_is_wrong_with_them_and_change_nothing() {
     until("both act", &mut stations, |links, _| links.iter().all(|link| link.acts));
     let stranger = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let say = |key: &[u8], link| {
-        let outgoing = Outgoing { sampled: 0, position: 1e3, hears: true, acts: true, heard: None };
+        let outgoing = Outgoing { sampled: 0, position: 1e3, strength: Strength::WHOLE, heard: None };
         hapt_wire::link::Session::new(key, link, true, 5).send(&outgoing).unwrap()
     };
     let begin = Instant::now();

@@ -32,6 +32,7 @@
 pub mod builtin;
 mod dimension;
 mod document;
+mod ends;
 mod error;
 mod fields;
 pub mod keys;

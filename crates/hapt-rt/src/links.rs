@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use hapt_core::{Heard, LinkEnd};
+use hapt_core::{Heard, LinkEnd, LinkTerms};
 use hapt_model::Link;
 use hapt_wire::link::{Incoming, Outgoing};
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -16,7 +16,9 @@ const ROOM: usize = 64;
 pub struct LinkSample {
     /// What the other station is to know.
     pub outgoing: Outgoing,
-    /// How old the other's position is at most at the end of the coming hold, in s; infinite without one.
+    /// Whether its torque acts.
+    pub acts: bool,
+    /// How old the position that acts, else the newest, is at most at the end of the coming hold, in s; infinite without one.
     pub age: f64,
     /// The greatest age at which a position acts, in s.
     pub age_max: f64,
@@ -51,8 +53,9 @@ impl LinkTuning {
 pub struct LinkPort {
     link: Link,
     first: bool,
-    hold: f64,
     end: LinkEnd,
+    /// When the sample before was taken, in ns by the loop's clock.
+    before: Option<u64>,
     incoming: Consumer<Incoming>,
     samples: Producer<LinkSample>,
     newest: Option<Incoming>,
@@ -67,13 +70,12 @@ pub struct LinkWire {
     pub samples: Consumer<LinkSample>,
 }
 
-/// A link's end at its first or second station, whose torques act for at most `hold` seconds after their samples
-/// ([`hapt_model::Station::hold`]).
-pub fn link(link: &Link, first: bool, hold: f64) -> (LinkPort, LinkWire) {
+/// A link's end at its first or second station, on its terms ([`hapt_model::Network::end`]).
+pub fn link(link: &Link, first: bool, terms: LinkTerms) -> (LinkPort, LinkWire) {
     let (coming, incoming) = RingBuffer::new(ROOM);
     let (samples, going) = RingBuffer::new(ROOM);
-    let end = LinkEnd::new(first, link.age_max, hold);
-    let port = LinkPort { link: link.clone(), first, hold, end, incoming, samples, newest: None, tuning: None };
+    let end = LinkEnd::new(first, terms);
+    let port = LinkPort { link: link.clone(), first, end, before: None, incoming, samples, newest: None, tuning: None };
     (port, LinkWire { incoming: coming, samples: going })
 }
 
@@ -100,20 +102,22 @@ impl LinkPort {
         // From the future is from no clock of this loop.
         let age = |since: u64| now.checked_sub(since).map(|age| age as f64 * 1e-9);
         let heard = self.newest.and_then(|newest| {
-            let Incoming { position, hears, acts, .. } = newest;
-            Some(Heard { age: age(newest.since?)?, position, hears, acts })
+            let Incoming { position, strength, .. } = newest;
+            Some(Heard { age: age(newest.since?)?, position, strength })
         });
+        let elapsed = self.before.replace(now).map_or(0.0, |before| now.saturating_sub(before) as f64 * 1e-9);
         let LinkPort { link, first, .. } = self;
-        let torque = self.end.sample(ready, heard, |other| link.torque_at(*first, position, other));
+        let torque = self.end.sample(elapsed, ready, heard, |other| link.torque_at(*first, position, other));
         let outgoing = Outgoing {
             sampled: now,
             position,
-            hears: self.end.hears(),
-            acts: self.end.acts(),
+            strength: self.end.said(),
             heard: self.newest.map(|newest| newest.number),
         };
-        let age = heard.map_or(f64::INFINITY, |heard| heard.age + self.hold);
-        let _ = self.samples.push(LinkSample { outgoing, age, age_max: self.end.age_max(), let_go: self.end.let_go() });
+        let LinkTerms { age_max, hold, .. } = self.end.terms();
+        let age = self.end.age().or(heard.map(|heard| heard.age + hold)).unwrap_or(f64::INFINITY);
+        let acts = self.end.strength().acts();
+        let _ = self.samples.push(LinkSample { outgoing, acts, age, age_max, let_go: self.end.let_go() });
         torque
     }
 }

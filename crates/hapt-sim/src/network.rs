@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use hapt_core::{Heard, LinkEnd};
+use hapt_core::{Heard, LinkEnd, Strength};
 use hapt_model::{Drive, Hand, Link, Network, Scenario, Shape, Timing};
 
 use crate::row::Row;
@@ -11,7 +11,7 @@ use crate::schedule::{between, uniform};
 
 /// A scenario of a network, sample by sample, whichever station takes the next.
 ///
-/// A station sends its position at its samples, and with it whether it hears the other and whether it acts: see [`LinkEnd`]. No end uses a
+/// A station sends its position at its samples, and with it the part of its torque that acts: see [`LinkEnd`]. No end uses a
 /// position that the other's loop sent after a younger one.
 ///
 /// ```
@@ -61,7 +61,6 @@ pub struct NetworkRow<'a> {
 struct Station {
     run: Simulation,
     phase: f64,
-    hold: f64,
     period: f64,
 }
 
@@ -84,6 +83,8 @@ struct End {
     period: f64,
     /// When the next one is sent.
     next: f64,
+    /// When its last sample was taken.
+    last: f64,
     link: LinkEnd,
 }
 
@@ -91,8 +92,7 @@ struct End {
 struct Message {
     sampled: f64,
     position: f64,
-    hears: bool,
-    acts: bool,
+    strength: Strength,
 }
 
 /// What a station without the scenario does.
@@ -112,20 +112,20 @@ impl NetworkRun {
             stations.push(Station {
                 run: Simulation::new(&station.world, scenario.unwrap_or(&off))?,
                 phase: station.phase,
-                hold: station.hold(),
                 period: station.world.sampling.period,
             });
         }
-        let end = |link: &Link, first: bool, at: usize| End {
+        let end = |index: usize, side: usize| End {
             coming: VecDeque::new(),
             newest: None,
-            period: link.period.unwrap_or(stations[at].period),
+            period: network.links[index].period.unwrap_or(stations[network.links[index].between[side]].period),
             next: f64::NEG_INFINITY,
-            link: LinkEnd::new(first, link.age_max, stations[at].hold),
+            last: 0.0,
+            link: LinkEnd::new(side == 0, network.end(index, side)),
         };
-        let joints = network.links.iter().map(|link| Joint {
+        let joints = network.links.iter().enumerate().map(|(index, link)| Joint {
             random: u64::from(link.seed),
-            ends: [end(link, true, link.between[0]), end(link, false, link.between[1])],
+            ends: [end(index, 0), end(index, 1)],
             link: link.clone(),
         });
         Ok(NetworkRun { joints: joints.collect(), stations })
@@ -182,14 +182,14 @@ impl Joint {
         let heard = own.newest.map(|newest| Heard {
             age: time - newest.sampled,
             position: newest.position,
-            hears: newest.hears,
-            acts: newest.acts,
+            strength: newest.strength,
         });
-        let torque = own.link.sample(true, heard, |other| link.torque_at(side == 0, measured, other));
+        let torque = own.link.sample(time - own.last, true, heard, |other| link.torque_at(side == 0, measured, other));
+        own.last = time;
         // Up to a millionth of a period, which is rounding.
         if time >= own.next - 1e-6 * own.period {
             own.next = own.next.max(time) + own.period;
-            let message = Message { sampled: time, position: measured, hears: own.link.hears(), acts: own.link.acts() };
+            let message = Message { sampled: time, position: measured, strength: own.link.said() };
             let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max], uniform(random)));
             if !lost {
                 other.coming.push_back((time + way, message));

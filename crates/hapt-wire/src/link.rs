@@ -14,22 +14,24 @@
 //! | bytes | content, little-endian |
 //! | --- | --- |
 //! | 0 | version, [`VERSION`] |
-//! | 1 | flags: 1 from the first station of the link, 2 it hears the receiver, 4 its torque acts |
-//! | 2..10 | which link of which network |
-//! | 10..18 | the sender's session |
-//! | 18..26 | the message's number in it, from 1 |
-//! | 26..34 | the receiver's session, as the sender knows it; 0: not at all |
-//! | 34..42 | the receiver's newest message before the sample; 0: none |
-//! | 42..50 | the position, a double, in rad (linear: m) |
-//! | 50..66 | HMAC-SHA-256 (RFC 2104) of all before it, its first 16 bytes |
+//! | 1 | flags: 1 from the first station of the link |
+//! | 2 | the part of the torque that acts, from the second station the largest that can ([`Strength`]) |
+//! | 3..11 | which link of which network |
+//! | 11..19 | the sender's session |
+//! | 19..27 | the message's number in it, from 1 |
+//! | 27..35 | the receiver's session, as the sender knows it; 0: not at all |
+//! | 35..43 | the receiver's newest message before the sample; 0: none |
+//! | 43..51 | the position, a double, in rad (linear: m) |
+//! | 51..67 | HMAC-SHA-256 (RFC 2104) of all before it, its first 16 bytes |
 
+use hapt_core::Strength;
 use hmac::{Hmac, KeyInit, Mac};
 use sha2::{Digest, Sha256};
 
 /// Of a message, in bytes.
-pub const SIZE: usize = 66;
+pub const SIZE: usize = 67;
 /// Of the messages.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// The shortest key in bytes.
 pub const SHORTEST_KEY: usize = 16;
 /// After so long without a message of its session a peer may begin another, in ns.
@@ -40,8 +42,6 @@ const ROOM: usize = 1024;
 const SUM: usize = SIZE - 16;
 
 const FIRST: u8 = 1;
-const HEARS: u8 = 2;
-const ACTS: u8 = 4;
 
 /// A message by its session and its number in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,10 +59,8 @@ pub struct Outgoing {
     pub sampled: u64,
     /// In rad (linear: m).
     pub position: f64,
-    /// Whether it has a position of the other that is young enough.
-    pub hears: bool,
-    /// Whether its torque acts.
-    pub acts: bool,
+    /// [`hapt_core::LinkEnd::said`]
+    pub strength: Strength,
     /// The newest message that it had before the sample.
     pub heard: Option<Number>,
 }
@@ -76,10 +74,8 @@ pub struct Incoming {
     pub since: Option<u64>,
     /// In rad (linear: m), finite.
     pub position: f64,
-    /// Whether the other has a position of this station that is young enough.
-    pub hears: bool,
-    /// Whether the other's torque acts.
-    pub acts: bool,
+    /// The part of its torque with which the other acts, or can.
+    pub strength: Strength,
 }
 
 /// Why a message is refused. Nothing of it is used.
@@ -172,7 +168,7 @@ struct Peer {
 /// let key = b"not a key for a real network";
 /// // The numbers of the sessions are random in earnest.
 /// let (mut left, mut right) = (Session::new(key, 7, true, 11), Session::new(key, 7, false, 22));
-/// let say = |sampled, heard| Outgoing { sampled, position: 0.5, hears: false, acts: false, heard };
+/// let say = |sampled, heard| Outgoing { sampled, position: 0.5, strength: hapt_core::Strength::NONE, heard };
 /// let hello = left.send(&say(1_000, None)).unwrap();
 /// let heard = right.receive(&hello, 5_000).unwrap();
 /// assert_eq!(heard.since, None); // it might be years old
@@ -212,16 +208,13 @@ impl Session {
     pub fn send(&mut self, say: &Outgoing) -> Option<[u8; SIZE]> {
         self.sequence = self.sequence.checked_add(1)?;
         *self.sent.get_mut(self.sequence as usize % ROOM)? = say.sampled;
-        let mut flags = 0;
-        for (flag, set) in [(FIRST, self.first), (HEARS, say.hears), (ACTS, say.acts)] {
-            flags |= if set { flag } else { 0 };
-        }
+        let flags = if self.first { FIRST } else { 0 };
         let peer = self.peer.map_or(0, |peer| peer.newest.session);
         let heard = say.heard.filter(|heard| heard.session == peer).map_or(0, |heard| heard.sequence);
         let mut bytes = [0; SIZE];
         let numbers = [self.link, self.own, self.sequence, peer, heard, say.position.to_bits()];
-        let (head, rest) = bytes.split_at_mut(2);
-        head.copy_from_slice(&[VERSION, flags]);
+        let (head, rest) = bytes.split_at_mut(3);
+        head.copy_from_slice(&[VERSION, flags, say.strength.0]);
         for (place, number) in rest.chunks_exact_mut(8).zip(numbers) {
             place.copy_from_slice(&number.to_le_bytes());
         }
@@ -238,7 +231,7 @@ impl Session {
     pub fn receive(&mut self, bytes: &[u8], now: u64) -> Result<Incoming, Refusal> {
         let bytes: &[u8; SIZE] = bytes.try_into().map_err(|_| Refusal::Size)?;
         let (text, sum) = bytes.split_at(SUM);
-        let [version, flags, ref rest @ ..] = *text else { return Err(Refusal::Size) };
+        let [version, flags, strength, ref rest @ ..] = *text else { return Err(Refusal::Size) };
         if version != VERSION {
             return Err(Refusal::Version(version));
         }
@@ -255,7 +248,7 @@ impl Session {
         if (flags & FIRST != 0) == self.first || session == self.own {
             return Err(Refusal::SameEnd);
         }
-        if !position.is_finite() || flags & !(FIRST | HEARS | ACTS) != 0 || session == 0 || sequence == 0 {
+        if !position.is_finite() || flags & !FIRST != 0 || session == 0 || sequence == 0 {
             return Err(Refusal::Content);
         }
         let number = Number { session, sequence };
@@ -273,6 +266,6 @@ impl Session {
         }
         let remembered = answered > 0 && answered <= self.sequence && self.sequence - answered < ROOM as u64;
         let since = if proved && remembered { self.sent.get(answered as usize % ROOM).copied() } else { None };
-        Ok(Incoming { number, since, position, hears: flags & HEARS != 0, acts: flags & ACTS != 0 })
+        Ok(Incoming { number, since, position, strength: Strength(strength) })
     }
 }

@@ -4,6 +4,7 @@
 
 mod gradient;
 mod lanes;
+mod link;
 mod methods;
 mod reference;
 mod refused;

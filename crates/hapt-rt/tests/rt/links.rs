@@ -80,7 +80,7 @@ struct Station {
     /// Samples that the next one follows late by.
     paused: u32,
     coming: Vec<(u64, Vec<u8>)>,
-    /// The newest that its loop has.
+    /// The newest that its loop has whose sender acted or could: the position that its torque is on.
     newest: Option<Number>,
     last: Option<Record>,
     arms: bool,
@@ -90,7 +90,7 @@ impl Station {
     fn new(network: &Network, at: usize, rng: &mut Rng) -> Self {
         let world = &network.stations[at].world;
         let (device, hands) = SimulatedDevice::new(world);
-        let (port, wire) = link(&network.links[0], at == 0, network.stations[at].hold());
+        let (port, wire) = link(&network.links[0], at == 0, network.end(0, at));
         let plan = Plan::new(world, SafetyProfile::Simulated).unwrap();
         Station {
             cycle: Cycle::new(Box::new(plan), Box::new(device)).beside(Outside::linked(vec![port])),
@@ -185,7 +185,7 @@ fn campaign(network: &Network, seed: u64, seen: &mut Seen) {
         for (when, bytes) in station.coming.drain(..arrived).collect::<Vec<_>>() {
             match station.session.receive(&bytes, now - (time - when)) {
                 Ok(incoming) => {
-                    if station.wire.incoming.push(incoming).is_ok() {
+                    if station.wire.incoming.push(incoming).is_ok() && incoming.strength.acts() {
                         station.newest = Some(incoming.number);
                     }
                 }
@@ -250,11 +250,11 @@ fn campaign(network: &Network, seed: u64, seen: &mut Seen) {
         let said = said.unwrap();
         assert!(said.age.is_infinite() || said.age > 0.0);
         if matches!(record.phase, Phase::Disarmed | Phase::Faulted) {
-            assert!(!said.outgoing.acts && !said.outgoing.hears, "{fault:?}: {said:?}");
+            assert!(!said.acts && !said.outgoing.strength.acts(), "{fault:?}: {said:?}");
         }
         let bytes = station.session.send(&said.outgoing).unwrap().to_vec();
         numbers[at] += 1;
-        let session = u64::from_le_bytes(bytes[10..18].try_into().unwrap());
+        let session = u64::from_le_bytes(bytes[11..19].try_into().unwrap());
         taken.insert((session, numbers[at]), time);
         station.next += station.period;
         sent.push((1 - at, bytes.clone()));

@@ -1,5 +1,6 @@
 //! The messages of a link on a network that loses, delays, reorders, repeats, forges and remembers.
 
+use hapt_core::Strength;
 use hapt_wire::link::{Incoming, Number, Outgoing, Refusal, SHORTEST_KEY, SILENCE, SIZE, Session, VERSION};
 use proptest::prelude::*;
 
@@ -7,7 +8,7 @@ const KEY: &[u8] = b"both stations know this one";
 const MS: u64 = 1_000_000;
 
 fn say(sampled: u64, position: f64, heard: Option<Number>) -> Outgoing {
-    Outgoing { sampled, position, hears: false, acts: false, heard }
+    Outgoing { sampled, position, strength: Strength::NONE, heard }
 }
 
 /// Splitmix64.
