@@ -552,6 +552,7 @@ pub const NETWORK: &[Key] = &[
     key("network.stations", STATIONS, Required, "The devices, each with its own world and its own clock, by name."),
     key("network.stations.*.world", Text, Required, "Its world file, in the folder of this file or below it."),
     key("network.stations.*.phase", Quantity(Time, ZeroOrMore), Number(0.0), "When its first sample is taken, by the clock of the network."),
+    key("network.stations.*.drift", Quantity(Ratio, Any), Number(0.0), "By how many millionths its clock is fast (below 0: slow) against that of the network, at most 10 000: its samples come so much sooner, and the ages that it measures are so much larger."),
     key("network.links", List { most: 64, what: "link" }, Required, "The couplings between the pucks of two stations. Each station computes its own end, from its own sample and the newest position that has come from the other."),
     key("network.links.*.kind", Takes::Name(&["spring", "wall"]), Required, "Its law, of q: the first station's puck as seen from the second's."),
     key("network.links.*.between", Ends(["left", "right"]), Required, "The two stations."),
@@ -564,7 +565,8 @@ pub const NETWORK: &[Key] = &[
     key("network.links.*.delay", Quantity(Time, ZeroOrMore), Number(0.0), "How long a message is on its way at least."),
     key("network.links.*.delay_max", Quantity(Time, ZeroOrMore), Depends("delay"), "How long at most. Simulations draw each message's time between the two, so that messages may overtake each other."),
     key("network.links.*.loss", Quantity(Ratio, ZeroOrMore), Number(0.0), "The part of the messages that a simulation loses, from 0 to 1."),
-    key("network.links.*.seed", Whole { least: 0, most: u32::MAX as u64, step: 1 }, Number(0.0), "The same seed draws the same losses and times."),
+    key("network.links.*.duplicate", Quantity(Ratio, ZeroOrMore), Number(0.0), "The part of the messages that arrive a second time in a simulation, after a time of their own, from 0 to 1."),
+    key("network.links.*.seed", Whole { least: 0, most: u32::MAX as u64, step: 1 }, Number(0.0), "The same seed draws the same losses, copies and times."),
     key("network.links.*.age_max", Quantity(Time, Positive), Required,
         "The greatest age of a position at any time that its torque acts, from the other's sample to the end of the hold here. A station to whom none so young has come lets go of the link."),
 ];

@@ -10,8 +10,12 @@ use crate::kinds::Motion;
 use crate::path;
 use crate::read::{items, kind, named, one_of};
 use crate::source::Source;
+use crate::timing::Timing;
 use crate::words;
 use crate::world::{Scenario, World};
+
+/// The largest drift of a clock, in millionths.
+const MOST_DRIFT: f64 = 10_000.0;
 
 /// A network file, read and checked. All numbers are in SI.
 ///
@@ -62,6 +66,8 @@ pub struct Station {
     pub sets: Vec<String>,
     /// When its first sample is taken, in s.
     pub phase: f64,
+    /// By what part its clock is fast: a second of it takes 1/(1 + drift) s. Its world's longest interval has room for it.
+    pub drift: f64,
 }
 
 /// A coupling between the pucks of two stations, of which each computes its own end.
@@ -81,7 +87,9 @@ pub struct Link {
     pub delay_max: f64,
     /// The part of the messages that a simulation loses, from 0 to 1.
     pub loss: f64,
-    /// Of the losses and times that a simulation draws.
+    /// The part of the messages that arrive twice in a simulation, from 0 to 1.
+    pub duplicate: f64,
+    /// Of the losses, copies and times that a simulation draws.
     pub seed: u32,
     /// The greatest age in s of a position at any time that its torque acts.
     pub age_max: f64,
@@ -125,6 +133,11 @@ impl Station {
     pub fn hold(&self) -> f64 {
         self.world.sampling.interval_max_s() + self.world.sampling.delay_max_s()
     }
+
+    /// The true age in s of a position that is `age` old by this station's clock, at most.
+    pub fn true_age(&self, age: f64) -> f64 {
+        age / (1.0 + self.drift).min(1.0)
+    }
 }
 
 /// Whether the file joins stations. What cannot be parsed does not.
@@ -158,7 +171,7 @@ impl Network {
                 .filter(|(name, _)| *name == entry.key)
                 .map(|(_, set)| set.to_string())
                 .collect();
-            let (source, world) = world(source, &fields, &file, &sets)?;
+            let (source, mut world) = world(source, &fields, &file, &sets)?;
             if let Some(first) = stations.first().filter(|first| first.world.motion != world.motion) {
                 let message = format!(
                     "{file} is {}, and the station {} is {}: pucks that a link joins move alike",
@@ -169,7 +182,8 @@ impl Network {
                 return Err(fields.error(ErrorKind::Combination, "world", message));
             }
             let phase = fields.number("phase")?;
-            stations.push(Station { name: entry.key.clone(), file, world, source, sets, phase });
+            let drift = drift(&fields, &mut world)?;
+            stations.push(Station { name: entry.key.clone(), file, world, source, sets, phase, drift });
         }
         for set in &passed {
             let name = station_key(set).map_or("", |(name, _)| name);
@@ -256,6 +270,29 @@ fn world(source: &Source, fields: &Fields<'_>, file: &str, sets: &[String]) -> R
     Ok((of_station, world))
 }
 
+/// The drift of a station's clock as a part. A slow clock's intervals are longer than the world's file says, which the world then allows.
+fn drift(fields: &Fields<'_>, world: &mut World) -> Result<f64, Error> {
+    let millionths = fields.number("drift")?;
+    if millionths.abs() > MOST_DRIFT {
+        let message =
+            format!("{millionths:?} is beyond what any clock drifts; expected {MOST_DRIFT:?} or less, either way");
+        return Err(fields.error(ErrorKind::Combination, "drift", message));
+    }
+    let drift = 1e-6 * millionths;
+    if drift < 0.0 {
+        world.sampling.interval_max = Some(world.sampling.interval_max_s() / (1.0 + drift) * (1.0 + 1e-12));
+    }
+    let is_true = |scenario: &&Scenario| matches!(scenario.timing, Timing::Random { .. } | Timing::Worst);
+    if let Some(scenario) = world.scenarios.iter().find(is_true).filter(|_| drift != 0.0) {
+        let message = format!(
+            "the timing of the scenario {} draws its intervals by the clock of the network; expected no drift, or a timing that is even, a pattern or recorded",
+            scenario.name
+        );
+        return Err(fields.error(ErrorKind::Combination, "drift", message));
+    }
+    Ok(drift)
+}
+
 fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
     let ends = fields.ends("between")?;
     let station = |(name, place): (&str, &Place)| {
@@ -294,6 +331,7 @@ fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
         delay,
         delay_max: fields.optional_number("delay_max")?.unwrap_or(delay),
         loss: fields.number("loss")?,
+        duplicate: fields.number("duplicate")?,
         seed: fields.whole("seed")?,
         age_max: fields.number("age_max")?,
     };
@@ -307,11 +345,11 @@ fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
             ),
         );
     }
-    if link.loss > 1.0 {
-        return combination(
-            "loss",
-            format!("{:?} is more than 1, which is every message; expected a number from 0 to 1", link.loss),
-        );
+    for (key, part) in [("loss", link.loss), ("duplicate", link.duplicate)] {
+        if part > 1.0 {
+            let message = format!("{part:?} is more than 1, which is every message; expected a number from 0 to 1");
+            return combination(key, message);
+        }
     }
     for sender in between {
         let (name, period) = (&stations[sender].name, stations[sender].world.sampling.period);

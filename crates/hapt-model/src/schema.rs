@@ -1,4 +1,4 @@
-//! The table of keys as a JSON schema, for editors.
+//! The tables of keys as a JSON schema, for editors.
 //!
 //! Draft 7, because the TOML editors' language server (taplo, in Even Better TOML) reads drafts 4 to 7. It says of each key
 //! what [`KEYS`] says. What depends on several keys at once (Coulomb or LuGre, levels without a limit) is left to the reader.
@@ -10,11 +10,11 @@
 use serde_json::{Map, Value, json};
 
 use crate::dimension::Dimension;
-use crate::keys::{self, KEYS, Key, Measure, NUMBERS, PHYSICAL, Presence, Range, Takes};
+use crate::keys::{self, KEYS, Key, Measure, NETWORK, NUMBERS, PHYSICAL, Presence, Range, Takes};
 use crate::kinds::Motion;
 use crate::spelling;
 
-/// The schema of world files, as JSON.
+/// The schema of world files and network files, as JSON. A file with `stations` is a network.
 ///
 /// Quantities of the wrong dimension are refused where their unit is spelled plainly (`5 N m` for a stiffness); a spelling
 /// with parentheses, or with one base twice, is left to [`World::read`](crate::World::read). Every world file that reads
@@ -27,15 +27,17 @@ pub fn schema() -> String {
         worlds.push((motion.name(), define(motion.name(), &mut definitions, |all| of_kind("", kinds, all))));
     }
     definitions.insert("unusual".to_string(), json!({ "type": "string", "pattern": spelling::unusual() }));
-    let mut schema = json!({
+    let kinds = Kinds { kind: None, hand: None, motion: Motion::Rotary };
+    let network = define(keys::NETWORK_FILE, &mut definitions, |all| of_kind(keys::NETWORK_FILE, kinds, all));
+    let schema = json!({
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "hapt world file",
-        "description": "A virtual world for a haptic device. A quantity is a text of a number and a unit, or a bare number in SI.",
+        "description": "A virtual world for a haptic device, or a network of stations with such worlds. A quantity is a text of a number and a unit, or a bare number in SI.",
+        "if": { "type": "object", "required": ["stations"] },
+        "then": network,
+        "else": choice("motion", worlds, true),
+        "definitions": definitions,
     });
-    if let (Some(schema), Value::Object(choice)) = (schema.as_object_mut(), choice("motion", worlds, true)) {
-        schema.extend(choice);
-        schema.insert("definitions".to_string(), Value::Object(definitions));
-    }
     // A tree of texts and numbers always prints.
     serde_json::to_string_pretty(&schema).unwrap_or_default() + "\n"
 }
@@ -113,11 +115,17 @@ fn choice(by: &str, branches: Vec<(&str, Value)>, first_without: bool) -> Value 
 fn property(row: &'static Key, kinds: Kinds, definitions: &mut Definitions) -> Value {
     // A table inside of a hand means what the hand's kind makes of it.
     let inside = Kinds { kind: None, hand: kinds.kind, ..kinds };
-    let each = KEYS.iter().map(Key::table).find(|table| table.strip_suffix(".*") == Some(row.path));
+    let each = KEYS.iter().chain(NETWORK).map(Key::table).find(|table| table.strip_suffix(".*") == Some(row.path));
     let mut each = || each.map_or(json!({}), |path| table(path, inside, definitions));
     let mut takes = match row.takes {
         Takes::Text => json!({ "type": "string" }),
         Takes::Name(names) => json!({ "enum": names }),
+        Takes::Quantity(measure, range) if row.path.starts_with(keys::NETWORK_FILE) => {
+            // The worlds of its stations say how they move, and the network itself does not.
+            let [rotary, linear] =
+                [Motion::Rotary, Motion::Linear].map(|motion| quantity(measure, range, None, motion, definitions));
+            if rotary == linear { rotary } else { json!({ "anyOf": [rotary, linear] }) }
+        }
         Takes::Quantity(measure, range) => {
             let tolerated = row.tolerance.then(|| json!({ "type": "string", "pattern": spelling::tolerated() }));
             quantity(measure, range, tolerated, kinds.motion, definitions)

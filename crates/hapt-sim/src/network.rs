@@ -62,6 +62,7 @@ struct Station {
     run: Simulation,
     phase: f64,
     period: f64,
+    drift: f64,
 }
 
 /// A link with the messages that are on their way on it.
@@ -79,8 +80,11 @@ struct End {
     coming: VecDeque<(f64, Message)>,
     /// The one that was sent last of those that have arrived.
     newest: Option<Message>,
-    /// Between two messages of this end, s.
+    /// Between two messages of this end, and of its samples, s of the network's clock.
     period: f64,
+    sample: f64,
+    /// By what part its clock is fast.
+    drift: f64,
     /// When the next one is sent.
     next: f64,
     /// When its last sample was taken.
@@ -93,6 +97,24 @@ struct Message {
     sampled: f64,
     position: f64,
     strength: Strength,
+}
+
+/// Sample times by a clock that is fast by `drift`, by the true one. Delays of the motor are true times.
+fn drifting(timing: &Timing, drift: f64) -> Timing {
+    match timing {
+        timing if drift == 0.0 => timing.clone(),
+        Timing::Even => Timing::Pattern { intervals: vec![1.0 / (1.0 + drift)], delays: Vec::new() },
+        Timing::Pattern { intervals, delays } => {
+            let intervals = intervals.iter().map(|interval| interval / (1.0 + drift)).collect();
+            Timing::Pattern { intervals, delays: delays.clone() }
+        }
+        Timing::Recorded { file, samples } => {
+            let samples = samples.iter().map(|(time, delay)| (time / (1.0 + drift), *delay)).collect();
+            Timing::Recorded { file: file.clone(), samples }
+        }
+        // The reader refuses these beside a drift.
+        Timing::Random { .. } | Timing::Worst => timing.clone(),
+    }
 }
 
 /// What a station without the scenario does.
@@ -108,17 +130,23 @@ impl NetworkRun {
         let duration = scenarios.iter().flatten().map(|scenario| scenario.duration).next().unwrap_or(0.0);
         let mut stations = Vec::new();
         for (station, scenario) in network.stations.iter().zip(scenarios) {
-            let off = hands_off(name, duration);
+            let mut scenario = scenario.cloned().unwrap_or_else(|| hands_off(name, duration));
+            scenario.timing = drifting(&scenario.timing, station.drift);
             stations.push(Station {
-                run: Simulation::new(&station.world, scenario.unwrap_or(&off))?,
+                run: Simulation::new(&station.world, &scenario)?,
                 phase: station.phase,
                 period: station.world.sampling.period,
+                drift: station.drift,
             });
         }
+        let sender = |index: usize, side: usize| &stations[network.links[index].between[side]];
         let end = |index: usize, side: usize| End {
             coming: VecDeque::new(),
             newest: None,
-            period: network.links[index].period.unwrap_or(stations[network.links[index].between[side]].period),
+            period: network.links[index].period.unwrap_or(sender(index, side).period)
+                / (1.0 + sender(index, side).drift),
+            sample: sender(index, side).period,
+            drift: sender(index, side).drift,
             next: f64::NEG_INFINITY,
             last: 0.0,
             link: LinkEnd::new(side == 0, network.end(index, side)),
@@ -171,8 +199,10 @@ impl Joint {
         let Joint { link, random, ends } = self;
         let [first, second] = ends;
         let (own, other) = if side == 0 { (first, second) } else { (second, first) };
+        // An instant within a millionth of a sample is that sample.
+        let near = 1e-6 * own.sample;
         while let Some(place) =
-            own.coming.iter().position(|(arrival, message)| *arrival <= time && message.sampled < time)
+            own.coming.iter().position(|(arrival, message)| *arrival <= time + near && message.sampled < time - near)
         {
             let Some((_, message)) = own.coming.remove(place) else { break };
             if own.newest.is_none_or(|newest| newest.sampled < message.sampled) {
@@ -180,18 +210,22 @@ impl Joint {
             }
         }
         let heard = own.newest.map(|newest| Heard {
-            age: time - newest.sampled,
+            age: (time - newest.sampled) * (1.0 + own.drift),
             position: newest.position,
             strength: newest.strength,
         });
-        let torque = own.link.sample(time - own.last, true, heard, |other| link.torque_at(side == 0, measured, other));
+        let elapsed = (time - own.last) * (1.0 + own.drift);
+        let torque = own.link.sample(elapsed, true, heard, |other| link.torque_at(side == 0, measured, other));
         own.last = time;
-        // Up to a millionth of a period, which is rounding.
-        if time >= own.next - 1e-6 * own.period {
+        if time >= own.next - near {
             own.next = own.next.max(time) + own.period;
             let message = Message { sampled: time, position: measured, strength: own.link.said() };
             let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max], uniform(random)));
             if !lost {
+                other.coming.push_back((time + way, message));
+            }
+            if link.duplicate > 0.0 && uniform(random) < link.duplicate && !lost {
+                let way = between([link.delay, link.delay_max], uniform(random));
                 other.coming.push_back((time + way, message));
             }
         }

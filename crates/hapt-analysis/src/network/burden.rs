@@ -46,13 +46,14 @@ impl Burden {
         let mut links = Vec::new();
         for link in &network.links {
             let [one, other] = link.between.map(|at| &network.stations[at]);
+            let age_max = 0.5 * (one.true_age(link.age_max) + other.true_age(link.age_max));
             let lags: f64 = [one, other].iter().map(|station| station.world.device.lag_range()[1]).sum();
             links.push(LinkBurden {
                 between: link.between,
                 stiffness: link.stiffness(),
                 own: [own(one, link)?, own(other, link)?],
-                ages: 2.0 * link.age_max + lags,
-                age_max: link.age_max,
+                ages: 2.0 * age_max + lags,
+                age_max,
             });
         }
         let damping = network.stations.iter().map(|station| station.world.device.damping_range()[0]).collect();

@@ -19,6 +19,7 @@
 //! is not indefinite; weights of 1 give b_i ≥ d_i + Σ_j K_ij (a_i + (A_ij + A_ji)/2).
 
 mod burden;
+mod fixed;
 mod text;
 
 use hapt_model::{Law, Link, Network, Station, World};
@@ -31,6 +32,8 @@ use crate::error::Error;
 use crate::passivity::quantisation::{quantisation, step};
 use burden::Burden;
 
+pub use fixed::FixedRates;
+
 /// The certificate of a network. It serialises to what `hapt check --json` prints of one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NetworkCheck {
@@ -41,6 +44,8 @@ pub struct NetworkCheck {
     pub links: Vec<LinkCheck>,
     /// Whether every station is certified alone, and all are passive together.
     pub certified: bool,
+    /// The same at the periods, phases and delays of the file alone: a second and sharper verdict.
+    pub fixed: FixedRates,
     /// What would make it certified, or its margins.
     pub remedies: NetworkRemedies,
     /// Conditions that apply to the numbers.
@@ -119,8 +124,17 @@ pub fn check_network(network: &Network) -> Result<NetworkCheck, Error> {
     let burden = Burden::of(network, &demands)?;
     let required = burden.required();
     let mut stations = Vec::new();
-    for (index, (station, local)) in network.stations.iter().zip(locals).enumerate() {
-        let not_proved = unproved(network, index, &local)?;
+    let mut of_links = Vec::new();
+    for index in 0..locals.len() {
+        of_links.push(unproved_of_links(network, index)?);
+    }
+    let named = |(station, reasons): (&Station, &Vec<String>)| {
+        reasons.iter().map(|reason| format!("{}: {reason}", station.name)).collect::<Vec<_>>()
+    };
+    let all = network.stations.iter().zip(&of_links).flat_map(named).collect();
+    let fixed = fixed::fixed(network, &locals, &burden, &required, all)?;
+    for (index, ((station, local), of_links)) in network.stations.iter().zip(locals).zip(of_links).enumerate() {
+        let not_proved = [local.uneven.not_proved.clone(), of_links].concat();
         let device_damping = burden.damping[index];
         let required_damping = required[index];
         stations.push(StationCheck {
@@ -150,6 +164,7 @@ pub fn check_network(network: &Network) -> Result<NetworkCheck, Error> {
     };
     Ok(NetworkCheck {
         links: links.collect(),
+        fixed,
         certified: stations.iter().all(|station| station.passive && station.local.certified),
         remedies,
         notes: notes(network),
@@ -178,11 +193,11 @@ fn notes(network: &Network) -> Vec<String> {
     notes
 }
 
-/// Why the claim is not proved of a station's whole loop with its links.
-fn unproved(network: &Network, index: usize, local: &Check) -> Result<Vec<String>, Error> {
+/// Why the claim is not proved of a station's whole loop with its links, beyond its world alone.
+fn unproved_of_links(network: &Network, index: usize) -> Result<Vec<String>, Error> {
     let station = &network.stations[index];
     let own: Vec<&Link> = network.links.iter().filter(|link| link.between.contains(&index)).collect();
-    let mut reasons = local.uneven.not_proved.clone();
+    let mut reasons = Vec::new();
     if let Some(reason) = limit(station, &own) {
         reasons.push(reason);
     }

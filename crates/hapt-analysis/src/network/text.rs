@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{NetworkCheck, StationCheck};
+use super::{FixedRates, NetworkCheck, StationCheck};
 use crate::text::{short, time};
 
 impl NetworkCheck {
@@ -49,6 +49,7 @@ impl NetworkCheck {
                 time(link.age_max_s)
             );
         }
+        let _ = writeln!(text, "fixed     {}", self.fixed.sentence());
         let (name, heading, lines) = self.proposal();
         match lines.is_empty() {
             true => text += &format!("{name:<9} no single change of these numbers makes it passive\n"),
@@ -85,6 +86,26 @@ impl NetworkCheck {
             lines.extend(damping.map(|damping| format!("device.damping of {station}: {}", short(damping))));
         }
         (name, heading, lines)
+    }
+}
+
+impl FixedRates {
+    /// The verdict at the file's own times, or why there is none.
+    pub fn sentence(&self) -> String {
+        let reasons = || self.not_proved.join("; ");
+        let Some(passive) = self.passive else { return format!("no second verdict at fixed times: {}", reasons()) };
+        let verdict = match (passive, self.proved) {
+            (true, true) => "passive".to_string(),
+            (true, false) => format!("passive, as far as the linear loops go (not proved: {})", reasons()),
+            (false, _) => "not passive".into(),
+        };
+        let edge = match self.stiffness_scale {
+            Some(scale) if self.exact => format!("; the edge is at links {} times as stiff", short(scale)),
+            Some(scale) => format!("; it is up to links {} times as stiff at least", short(scale)),
+            None if passive => String::new(),
+            None => ", with links of any stiffness".into(),
+        };
+        format!("at the file's own periods, phases and delays, which never change: {verdict}{edge}")
     }
 }
 

@@ -7,7 +7,7 @@ use serde_json::Value;
 fn every_key_is_there_with_its_doc() {
     let text = schema();
     let schema: Value = serde_json::from_str(&text).unwrap();
-    for key in keys::KEYS {
+    for key in keys::KEYS.iter().chain(keys::NETWORK) {
         let described = |table: &Value| {
             let doc = table["properties"][key.name()]["description"].as_str();
             doc.is_some_and(|doc| doc.starts_with(key.doc))
@@ -17,7 +17,7 @@ fn every_key_is_there_with_its_doc() {
             let each = |name: &str| described(&table["properties"][name]["additionalProperties"]);
             described(table)
                 || ["loop", "device", "safety"].iter().any(|name| described(&table["properties"][*name]))
-                || ["bodies", "scenarios"].iter().any(|name| each(name))
+                || ["bodies", "scenarios", "stations"].iter().any(|name| each(name))
                 || ["drive", "handle"].iter().any(|name| described(&table["properties"]["device"]["properties"][*name]))
         };
         assert!(definitions.values().any(inside), "{}", key.path);

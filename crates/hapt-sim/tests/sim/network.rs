@@ -134,3 +134,208 @@ fn a_station_without_links_runs_as_its_world_alone() {
     }
     assert!(alone.next().is_none());
 }
+
+/// Random numbers that are the same in every run.
+struct Rng(u64);
+
+impl Rng {
+    fn f64(&mut self) -> f64 {
+        hapt_sim::uniform(&mut self.0)
+    }
+
+    fn usize(&mut self, range: std::ops::Range<usize>) -> usize {
+        range.start + (self.f64() * range.len() as f64) as usize
+    }
+
+    fn bool(&mut self) -> bool {
+        self.f64() < 0.5
+    }
+}
+
+/// A pair of equal wheels at one period, with a way of `delay`, the second's samples `phase` later.
+fn even(period: f64, delay: f64, phase: f64, more: [&str; 2]) -> Network {
+    let mut source = Source::from_text(
+        "pair.toml",
+        format!(
+            "stations = {{ left = {{ world = \"left.toml\" }}, right = {{ world = \"right.toml\", phase = {phase} }} }}\n[[links]]\n\
+             kind = \"spring\"\nbetween = [\"left\", \"right\"]\nstiffness = 1\ndelay = {delay}\nage_max = {}\n",
+            delay + 20.0 * period
+        ),
+    );
+    for (name, more) in ["left.toml", "right.toml"].into_iter().zip(more) {
+        let world = format!("loop.period = {period}\ndevice = {{ inertia = 1e-3, damping = 0.01 }}\n{more}");
+        source.files.insert(name.into(), world);
+    }
+    Network::read(&source, &[]).unwrap()
+}
+
+fn fixed(network: &Network) -> hapt_analysis::FixedRates {
+    check_network(network).unwrap().fixed
+}
+
+fn requires(network: &Network, station: usize) -> f64 {
+    fixed(network).required_damping[station].1.unwrap()
+}
+
+/// Of equal periods and whole delays: what either knows of the other is m samples old, and n; M = m + n. Both wheels need KT(1/2 + (M + 1)/2).
+#[test]
+fn at_equal_periods_the_round_trip_alone_counts() {
+    let period = 2e-3;
+    for (delay, phase, trip) in
+        [(0.0, 0.0, 2.0), (2e-3, 0.0, 2.0), (6e-3, 0.0, 6.0), (0.0, 1e-3, 1.0), (3e-3, 1e-3, 3.0), (5e-3, 0.5e-3, 6.0)]
+    {
+        let network = even(period, delay, phase, ["", ""]);
+        for station in 0..2 {
+            let exact = period * (0.5 + 0.5 * (trip + 1.0));
+            let required = requires(&network, station);
+            assert!((required / exact - 1.0).abs() < 1e-6, "{delay} {phase}: {required} of {exact}");
+        }
+        let check = fixed(&network);
+        assert!(check.exact && check.proved && check.at_hz == Some(0.0), "{check:?}");
+    }
+}
+
+/// (b_1 - KT/2)(b_2 - KT/2) = (KT (M + 1)/2)²
+#[test]
+fn at_equal_periods_too_a_strong_device_takes_a_part() {
+    for weak in [0.0015, 0.002, 0.004] {
+        let mut network = even(2e-3, 0.0, 0.0, ["", ""]);
+        let strong = 1e-3 + (3e-3f64).powi(2) / (weak - 1e-3);
+        for (more, passive) in [(1e-5, true), (-1e-5, false)] {
+            network.stations[0].world.device.damping = weak;
+            network.stations[1].world.device.damping = strong * (1.0 + more);
+            assert_eq!(fixed(&network).passive, Some(passive), "{weak} {more}");
+        }
+    }
+}
+
+/// A delay with a fraction of a sample, and a spring of the world alone, are those of the world's own certificate.
+#[test]
+fn a_link_of_nearly_no_stiffness_leaves_what_the_world_requires() {
+    for delay in [0.0, 0.3, 1.0, 1.5, 2.9] {
+        for couplings in [
+            "stiffness = 2\n",
+            "stiffness = 2\n[[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"ground\"]\ndamping = 3e-3\n",
+        ] {
+            let world = format!(
+                "loop.delay = \"{delay} samples\"\n[[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\n{couplings}"
+            );
+            let mut network = even(1e-3, 2e-3, 0.0, [&world, &world]);
+            network.links[0] = network.links[0].with_stiffness(1e-7);
+            let alone = hapt_analysis::required_damping(&network.stations[0].world).unwrap().unwrap();
+            let required = requires(&network, 0);
+            assert!((required / alone - 1.0).abs() < 1e-5, "{delay}: {required} and {alone} of {world}");
+        }
+    }
+}
+
+/// Closed forms beside the form in stretches: the Hermitian part of b/T + K z^-m/(z - 1) of any links at one period, on a fine grid.
+#[test]
+fn the_edge_is_that_of_the_multivariable_condition_of_colgate_and_schenkel() {
+    use nalgebra::{Complex, DMatrix};
+    type C = Complex<f64>;
+    let mut rng = Rng(7);
+    let period = 1e-3;
+    for _ in 0..12 {
+        let n = 2 + rng.usize(0..3);
+        let mut source = Source::from_text("network.toml", "");
+        for i in 0..n {
+            source.text += &format!("stations.s{i}.world = \"s{i}.toml\"\n");
+            let delay = rng.usize(0..3);
+            let world = format!("loop = {{ period = {period}, delay = \"{delay} samples\" }}\ndevice.inertia = 1e-3\n");
+            source.files.insert(format!("s{i}.toml"), world);
+        }
+        // Rings too, whose delays no shift of a clock takes out.
+        for i in 0..n {
+            let (j, stiffness, delay) = ((i + 1) % n, 0.2 + rng.f64(), rng.usize(1..6) as f64 * period);
+            if n > 2 || i == 0 {
+                source.text += &format!(
+                    "[[links]]\nkind = \"spring\"\nbetween = [\"s{i}\", \"s{j}\"]\nstiffness = {stiffness}\ndelay = {delay}\nage_max = 0.02\n"
+                );
+            }
+        }
+        let mut network = Network::read(&source, &[]).unwrap();
+        let required = fixed(&network).required_damping;
+        let delay = |at: usize| (network.stations[at].world.sampling.delay_s() / period).round();
+        let least = |part: f64| {
+            let mut least = f64::INFINITY;
+            for step in 1..=1500 {
+                let angle = std::f64::consts::PI * f64::from(step) / 1500.0;
+                let z = C::from_polar(1.0, angle);
+                let mut p = DMatrix::from_element(n, n, C::from(0.0));
+                for i in 0..n {
+                    p[(i, i)] += required[i].1.unwrap() * part / period;
+                }
+                for link in &network.links {
+                    let [i, j] = link.between;
+                    let way = (link.delay / period).round();
+                    for (i, j) in [(i, j), (j, i)] {
+                        let own = link.stiffness() * z.powf(-delay(i)) / (z - 1.0);
+                        p[(i, i)] += own;
+                        p[(i, j)] -= own * z.powf(-way);
+                    }
+                }
+                let hermitian = (&p + p.adjoint()) * C::from(0.5);
+                least = hermitian.symmetric_eigenvalues().min().min(least);
+            }
+            least * period
+        };
+        let size = required.iter().map(|of| of.1.unwrap()).fold(0.0, f64::max);
+        assert!(
+            least(1.0) > -1e-9 * size && least(0.998) < 0.0,
+            "{} {} of {size}: {}",
+            least(1.0),
+            least(0.998),
+            source.text
+        );
+        for (station, (_, required)) in network.stations.iter_mut().zip(&required) {
+            station.world.device.damping = required.unwrap();
+        }
+        assert_eq!(fixed(&network).passive, Some(true), "the dampings that it requires are enough");
+    }
+}
+
+/// Periods of small ratios, phases, delays of loops and links, links that send seldom.
+fn rational(rng: &mut Rng) -> Network {
+    let n = 2 + rng.usize(0..2);
+    let mut source = Source::from_text("network.toml", "");
+    for i in 0..n {
+        let period = 1e-3 * [1.0, 1.5, 2.0, 3.0][rng.usize(0..4)];
+        let (phase, delay) = (period * rng.f64(), if rng.bool() { 0.0 } else { 1.3 * rng.f64() });
+        source.text += &format!("stations.s{i} = {{ world = \"s{i}.toml\", phase = {phase} }}\n");
+        let world = format!(
+            "loop = {{ period = {period}, delay = \"{delay} samples\" }}\ndevice.inertia = {}\n\
+             [scenarios.all]\nduration = 4\nhand = {{ kind = \"grip\", inertia = 0.6, stiffness = 0, moves = {{ kind = \"step\", to = 0 }} }}\n",
+            1e-3 * (1.0 + rng.f64())
+        );
+        source.files.insert(format!("s{i}.toml"), world);
+    }
+    for i in 1..n {
+        let seldom = if rng.bool() { String::new() } else { "period = 6e-3\n".into() };
+        source.text += &format!(
+            "[[links]]\nkind = \"spring\"\nbetween = [\"s{}\", \"s{i}\"]\nstiffness = {}\ndelay = {}\nage_max = 0.04\n{seldom}",
+            i - 1,
+            0.5 + rng.f64(),
+            5e-3 * rng.f64()
+        );
+    }
+    Network::read(&source, &[]).unwrap()
+}
+
+#[test]
+fn what_fixed_times_require_is_less_than_any_times_do() {
+    let mut rng = Rng(3);
+    for _ in 0..20 {
+        let mut network = rational(&mut rng);
+        let check = check_network(&network).unwrap();
+        for (station, (name, fixed)) in check.stations.iter().zip(&check.fixed.required_damping) {
+            let any = station.required_damping.unwrap();
+            assert!(fixed.unwrap() < any && fixed.unwrap() > 0.0, "{name}: {fixed:?} of {any}");
+        }
+        for (station, (_, fixed)) in network.stations.iter_mut().zip(&check.fixed.required_damping) {
+            station.world.device.damping = fixed.unwrap();
+        }
+        let scale = fixed(&network).stiffness_scale.unwrap();
+        assert!((scale - 1.0).abs() < 1e-5, "{scale}");
+    }
+}

@@ -54,8 +54,8 @@ fn files(folder: &str) -> Vec<PathBuf> {
 
 #[test]
 fn every_world_that_comes_along_fits() {
-    let paths = [files("worlds"), files("crates/hapt/templates")].concat();
-    assert!(paths.len() >= 20, "{paths:?}");
+    let paths = [files("worlds"), files("networks"), files("crates/hapt/templates")].concat();
+    assert!(paths.len() >= 24, "{paths:?}");
     for path in paths {
         let world = world(&fs::read_to_string(&path).unwrap());
         let errors: Vec<String> =
@@ -163,5 +163,27 @@ fn what_is_wrong_does_not_fit_and_is_shown_at_its_key() {
         let places: Vec<String> =
             VALIDATOR.iter_errors(&world).map(|error| error.instance_path().to_string()).collect();
         assert!(places.iter().any(|shown| shown == place), "{places:?} and not {place}: {text}");
+    }
+}
+
+/// Of a network, which moves as the worlds of its stations do.
+#[test]
+fn a_mistake_in_a_network_is_shown_at_its_key() {
+    let good = "stations.a.world = \"a.toml\"\nstations.b = { world = \"b.toml\", drift = 40, phase = \"1 ms\" }\n[[links]]\n\
+        kind = \"spring\"\nbetween = [\"a\", \"b\"]\nstiffness = \"5 N mm/deg\"\nloss = 0.1\nduplicate = 0.1\nage_max = \"20 ms\"\n";
+    assert!(VALIDATOR.is_valid(&world(good)));
+    assert!(VALIDATOR.is_valid(&world(&good.replace("5 N mm/deg", "5 N/m"))));
+    for (from, to, place) in [
+        ("5 N mm/deg", "5 N mm", "/links/0/stiffness"),
+        ("20 ms", "20 m", "/links/0/age_max"),
+        ("spring", "detent", "/links/0/kind"),
+        ("age_max", "age", "/links/0"),
+        ("phase", "face", "/stations/b"),
+        ("world = \"b.toml\"", "world = 3", "/stations/b/world"),
+    ] {
+        let world = world(&good.replace(from, to));
+        let places: Vec<String> =
+            VALIDATOR.iter_errors(&world).map(|error| error.instance_path().to_string()).collect();
+        assert!(places.iter().any(|shown| shown == place), "{places:?} and not {place}");
     }
 }

@@ -1,0 +1,164 @@
+//! The energy that a network keeps, as a Hermitian matrix at every frequency.
+//!
+//! All hands may move as they like. Within a stretch of time in which a station takes no sample and its torque does not change, the
+//! damping takes b δ²/h at least, δ the way and h the length, and the torque gives τ δ. Each torque of a link is
+//! -K (z_i(a) - z_j(α)), a and α the instants of its two positions. What its ideal spring stores, K (z_i - z_j)²/2, comes back;
+//! without it the link keeps
+//!
+//! ```text
+//! Σ K (z_j(t) - z_j(α) - z_i(t) + z_i(a)) δ_i
+//! ```
+//!
+//! over stretches in which neither puck turns, t their middle: a form in ways that go back no further than the ages. With the ways of
+//! the stretches of a common period as e^{jφp} times a vector the form is a trigonometric polynomial in φ. The network is passive exactly
+//! where that matrix has no negative eigenvalue for 0 ≤ φ ≤ π.
+
+use std::collections::BTreeMap;
+
+use hapt_model::{Link, Network};
+use nalgebra::{Complex, DMatrix};
+
+use super::schedule::{Clock, Schedule};
+
+pub(super) type C = Complex<f64>;
+
+/// Σ C_l e^{-jφl} and its conjugate transpose, halved.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Polynomial {
+    order: usize,
+    terms: BTreeMap<i64, DMatrix<f64>>,
+}
+
+impl Polynomial {
+    fn zero(order: usize) -> Polynomial {
+        Polynomial { order, terms: BTreeMap::new() }
+    }
+
+    fn add(&mut self, shift: i64, row: usize, column: usize, value: f64) {
+        let order = self.order;
+        self.terms.entry(shift).or_insert_with(|| DMatrix::zeros(order, order))[(row, column)] += value;
+    }
+
+    /// The matrix at φ, or its derivative by φ.
+    pub fn at(&self, angle: f64, derivative: bool) -> DMatrix<C> {
+        let mut sum = DMatrix::from_element(self.order, self.order, C::from(0.0));
+        for (shift, term) in &self.terms {
+            let shift = *shift as f64;
+            let turn = C::from_polar(0.5, -angle * shift) * if derivative { C::new(0.0, -shift) } else { C::from(1.0) };
+            for (sum, term) in sum.iter_mut().zip(term.iter()) {
+                *sum += turn * *term;
+            }
+        }
+        &sum + sum.adjoint()
+    }
+
+    /// A bound of the norm of its second derivative.
+    pub fn bend(&self) -> f64 {
+        let of = |(shift, term): (&i64, &DMatrix<f64>)| (*shift as f64).powi(2) * term.norm();
+        self.terms.iter().map(of).sum()
+    }
+
+    /// A bound of its norm.
+    pub fn size(&self) -> f64 {
+        self.terms.values().map(|term| term.norm()).sum()
+    }
+}
+
+/// What links and worlds keep, per way/√length.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Form {
+    /// Of all links.
+    pub links: Polynomial,
+    /// Of the springs and dampers of the worlds.
+    pub local: Polynomial,
+    /// The station of each stretch; those without links have none.
+    pub station: Vec<usize>,
+    /// The first stretch of each station.
+    first: Vec<usize>,
+}
+
+impl Form {
+    /// `local`: stiffness and damping between the puck of each station and ground.
+    pub fn of(network: &Network, schedule: &Schedule, local: &[[f64; 2]]) -> Form {
+        let (mut station, mut first) = (Vec::new(), Vec::new());
+        let is_linked =
+            |at: usize| network.links.iter().any(|link| link.stiffness() > 0.0 && link.between.contains(&at));
+        for (at, clock) in schedule.clocks.iter().enumerate() {
+            first.push(station.len());
+            station.extend((0..clock.segments()).filter(|_| is_linked(at)).map(|_| at));
+        }
+        let zero = Polynomial::zero(station.len());
+        let mut form = Form { links: zero.clone(), local: zero, station, first };
+        for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
+            for to in link.between {
+                form.add_end(schedule, link, to);
+            }
+        }
+        for (at, (clock, [stiffness, damping])) in schedule.clocks.iter().zip(local).enumerate() {
+            if !is_linked(at) {
+                continue;
+            }
+            for segment in 0..clock.segments() {
+                let (start, length) = (clock.start(segment), clock.length(segment));
+                let (middle, row) = (start + 0.5 * length, form.first[at] + segment as usize);
+                let sample = clock.acting(middle);
+                let used = clock.sample(sample);
+                let weight = length.sqrt();
+                ways(clock, [used, middle], |column, shift, part| {
+                    form.local.add(shift, row, form.first[at] + column, -stiffness * weight * part);
+                });
+                // -B (z_k - z_{k-1})/T
+                ways(clock, [clock.sample(sample - 1), used], |column, shift, part| {
+                    let value = damping / clock.period * weight * part;
+                    form.local.add(shift, row, form.first[at] + column, value);
+                });
+            }
+        }
+        form
+    }
+
+    /// What the torque of one end of a link keeps.
+    fn add_end(&mut self, schedule: &Schedule, link: &Link, to: usize) {
+        let from = link.between[usize::from(link.between[0] == to)];
+        let (own, other, way) = (schedule.clocks[to], schedule.clocks[from], schedule.way(link, to));
+        let stiffness = link.stiffness();
+        for segment in 0..own.segments() {
+            let [start, end] = [own.start(segment), own.start(segment + 1)];
+            let row = self.first[to] + segment as usize;
+            let sample = own.acting(0.5 * (start + end));
+            let (measured, heard) = (own.sample(sample), way.used(sample));
+            // Where the other's stretches end, its way bends.
+            let mut from_here = start;
+            while from_here < end {
+                let step = 1e-9 * own.period;
+                let next = other.start(other.segment_at(from_here + step) + 1);
+                let until = if next < end - step { next } else { end };
+                let middle = 0.5 * (from_here + until);
+                let weight = stiffness * (until - from_here) / (end - start).sqrt();
+                ways(&own, [measured, middle], |column, shift, part| {
+                    self.links.add(shift, row, self.first[to] + column, -weight * part);
+                });
+                ways(&other, [heard, middle], |column, shift, part| {
+                    self.links.add(shift, row, self.first[from] + column, weight * part);
+                });
+                from_here = until;
+            }
+        }
+    }
+}
+
+/// The way of a puck between two instants: for each stretch in between its number in the common period, how many periods ago it was, and
+/// its part, times √length.
+fn ways(clock: &Clock, [from, to]: [f64; 2], mut each: impl FnMut(usize, i64, f64)) {
+    let count = clock.segments();
+    let mut segment = clock.segment_at(from + 1e-9 * clock.period);
+    loop {
+        let (start, length) = (clock.start(segment), clock.length(segment));
+        let part = (to.min(start + length) - from.max(start)) / length;
+        if part <= 0.0 || start >= to {
+            return;
+        }
+        each(segment.rem_euclid(count) as usize, -segment.div_euclid(count), part * length.sqrt());
+        segment += 1;
+    }
+}
