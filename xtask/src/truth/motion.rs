@@ -162,9 +162,10 @@ impl<'a> Form<'a> {
                     let along = dot(&next, old);
                     next.iter_mut().zip(old).for_each(|(next, old)| *next -= along * old);
                 }
+                returning(&mut next);
             }
             let size = dot(&next, &next).sqrt();
-            if i + 1 == LANCZOS || size <= 1e-12 * diagonal[0].abs() || !size.is_finite() {
+            if i + 1 == LANCZOS || size <= 1e-9 * dot(&diagonal, &diagonal).sqrt() || !size.is_finite() {
                 break;
             }
             beside.push(size);
@@ -181,8 +182,12 @@ impl<'a> Form<'a> {
         for (vector, weight) in basis.iter().zip(eigen.eigenvectors.column(most).iter()) {
             motion.iter_mut().zip(vector).for_each(|(sum, y)| *sum += weight * y);
         }
-        let parts = self.parts.iter().zip(&root).zip(&motion).map(|((part, root), y)| (part.1, y * root)).collect();
-        Motion { demand: eigen.eigenvalues[most], steps: self.steps.clone(), parts }
+        let ways: Vec<f64> = root.iter().zip(&motion).map(|(root, y)| y * root).collect();
+        // The work itself and not the eigenvalue, which rounding may raise.
+        let work = dot(&self.means(&self.torques(self.positions(&ways).into_iter())), &ways);
+        let parts: Vec<(f64, f64)> = self.parts.iter().zip(ways).map(|(part, way)| (part.1, way)).collect();
+        let lost: f64 = parts.iter().map(|(length, way)| way * way / length).sum();
+        Motion { demand: work / lost, steps: self.steps.clone(), parts }
     }
 
     /// The delays that let this motion draw most: -u d δ/L + u² d (L - d)/(4 b L), u the change of the command and δ the way of the interval.
