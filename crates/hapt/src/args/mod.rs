@@ -187,8 +187,8 @@ Examples:
   hapt wheel                                         a simulated one, as root
   hapt wheel --device moteus:/dev/ttyACM0 --set device.inertia='0.03 kg m^2'
   hapt wheel wheel.toml --range '540 deg'            with a world of its own
-  hapt wheel --page --port 0                         turn it, and press its pedals, on a page
-  hapt wheel --conform --yes --out wheel.html        judge the wheel that is plugged in, whoever made it")]
+  hapt wheel --page --port 0                         turn it on a page
+  hapt wheel --conform --yes --out wheel.html        judge any wheel")]
     Wheel(WheelArgs),
     /// Write a commented world file to start from, and its schema for editors.
     #[command(after_help = "\
