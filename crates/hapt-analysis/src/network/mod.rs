@@ -175,7 +175,7 @@ pub fn check_network(network: &Network) -> Result<NetworkCheck, Error> {
 fn notes(network: &Network) -> Vec<String> {
     let mut notes = vec![
         "the claim holds for any clocks, any order and any loss, as long as no position acts beyond its age_max; a link that lets go keeps \
-         it, and one that takes hold again adds the energy of its stretch at that moment"
+         it, and one that takes hold again adds at most its soft torque times its stretch, and a little where one end acts before the other"
             .to_string(),
     ];
     for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
