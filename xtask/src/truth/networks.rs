@@ -65,7 +65,8 @@ fn random(rng: &mut Rng, n: usize, common: bool) -> Option<Network> {
             world += &format!("[scenarios.{SCENARIO}]\nduration = 3\nhand = {hand}\n");
         }
         source.files.insert(format!("s{i}.toml"), world);
-        text += &format!("[stations.s{i}]\nworld = \"s{i}.toml\"\nphase = {phase}\n");
+        let drift = if common || rng.bool() { 0.0 } else { 10_000.0 * (2.0 * rng.f64() - 1.0) };
+        text += &format!("[stations.s{i}]\nworld = \"s{i}.toml\"\nphase = {phase}\ndrift = {drift}\n");
     }
     for i in 1..n {
         let other = rng.usize(..i);
@@ -76,10 +77,11 @@ fn random(rng: &mut Rng, n: usize, common: bool) -> Option<Network> {
         };
         let way = 10e-3 * rng.f64();
         text += &format!(
-            "[[links]]\n{law}\nbetween = [\"s{i}\", \"s{other}\"]\nstiffness = {}\ndelay = {}\ndelay_max = {way}\nloss = {}\nseed = {}\nage_max = {}\n",
+            "[[links]]\n{law}\nbetween = [\"s{i}\", \"s{other}\"]\nstiffness = {}\ndelay = {}\ndelay_max = {way}\nloss = {}\nduplicate = {}\nseed = {}\nage_max = {}\n",
             0.01 * 100f64.powf(rng.f64()),
             way * rng.f64(),
             if rng.bool() { 0.0 } else { 0.5 * rng.f64() },
+            if rng.bool() { 0.0 } else { rng.f64() },
             rng.u32(..),
             16e-3 + 30e-3 * rng.f64()
         );
