@@ -20,6 +20,9 @@ const APART: f64 = 1.25;
 /// Number of places in an interval where its polynomial is evaluated.
 const PLACES: usize = 32;
 
+/// Steps to the bottom between two of them: to 1e-8 of the interval.
+const THIRDS: usize = 40;
+
 /// A root: μ = λ - 1 of one of a pair, Im μ ≥ 0, and ln |λ|/T.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moving {
@@ -98,23 +101,46 @@ pub(crate) fn stay_inside(samples: [Near<'_>; 5]) -> bool {
     let Some(logs) = samples.iter().map(|near| near.log(count)).collect::<Option<Vec<f64>>>() else { return false };
     let (from, to) = (samples[0].at.ln(), samples[4].at.ln());
     let x = samples.map(|near| (near.at.ln() - from) / (to - from));
-    // Over the exponential between both ends, which is positive.
-    let mut c = [0.0; 5];
-    for i in 0..5 {
-        c[i] = (logs[i] - logs[0] - (logs[4] - logs[0]) * x[i]).exp();
-    }
+    let largest = logs.iter().fold(f64::NEG_INFINITY, |a, b| a.max(*b));
+    // Where f changes by orders of magnitude, it is a polynomial over the exponential between both ends, or itself: a window at one end of
+    // the interval is seen by the latter. Both have to be positive.
+    let over = |base: &dyn Fn(f64) -> f64| is_positive(x, std::array::from_fn(|i| (logs[i] - base(x[i])).exp()));
+    over(&|x| logs[0] + (logs[4] - logs[0]) * x) && over(&|_| largest)
+}
+
+/// Whether the polynomial through these values at x in [0, 1] is positive between them, by more than its last term.
+fn is_positive(x: [f64; 5], mut c: [f64; 5]) -> bool {
     // Divided differences.
     for order in 1..5 {
         for i in (order..5).rev() {
             c[i] = (c[i] - c[i - 1]) / (x[i] - x[i - order]);
         }
     }
-    (1..PLACES).all(|i| {
-        let at = i as f64 / PLACES as f64;
+    let least = |at: f64| {
         let last = c[4] * (at - x[0]) * (at - x[1]) * (at - x[2]) * (at - x[3]);
         let before = (0..4).rev().fold(0.0, |sum, i| sum * (at - x[i]) + c[i]);
-        before + last.min(0.0) - last.abs() > 0.0
+        before + last.min(0.0) - last.abs()
+    };
+    // A window is narrower than the places are apart: its bottom is looked for wherever a place is below its neighbours.
+    let places: Vec<f64> = (0..=PLACES).map(|i| least(i as f64 / PLACES as f64)).collect();
+    (1..PLACES).all(|i| {
+        let is_lowest = places[i] <= places[i - 1] && places[i] <= places[i + 1];
+        places[i] > 0.0 && (!is_lowest || bottom([i - 1, i + 1].map(|i| i as f64 / PLACES as f64), &least) > 0.0)
     })
+}
+
+/// The least value of a function with one minimum between two places, by thirds.
+fn bottom([mut from, mut to]: [f64; 2], f: &impl Fn(f64) -> f64) -> f64 {
+    for _ in 0..THIRDS {
+        let third = (to - from) / 3.0;
+        let [left, right] = [from + third, to - third];
+        if f(left) < f(right) {
+            to = right;
+        } else {
+            from = left;
+        }
+    }
+    f(0.5 * (from + to))
 }
 
 #[cfg(test)]
