@@ -324,6 +324,36 @@ def untainted():
             sys.exit("the kernel is tainted")
 
 
+def judged(name, value, want, full, more=""):
+    """Whether a number is near what it has to be."""
+    off = abs(value - want) / full
+    print(f"{name:24} {value:9.4f} {want:9.4f} {100 * off:6.2f} % of full scale{more}{'  WRONG' if off > NEAR else ''}")
+    return off <= NEAR
+
+
+def wrong(found, cases):
+    """Those of the cases whose stretch of the record is not as it has to be."""
+    return [case for rows, case in zip(found, cases) if not judged(case[0], case[3](rows), case[4](rows), case[5])]
+
+
+def recorded(run):
+    """Ends a run with a log: what it said, and its stretches of torque."""
+    run.send_signal(signal.SIGINT)
+    summary, _ = run.communicate()
+    subprocess.run(["rm", "-f", "wheel.csv"], check=True)
+    subprocess.run([sys.argv[1], "convert", "wheel.mcap", "-o", "wheel.csv"], check=True, stdout=subprocess.DEVNULL)
+    return summary, stretches("wheel.csv")
+
+
+def again(hapt, cases):
+    """Plays cases once more; those that are wrong again."""
+    run, device = attached(hapt, "wheel.toml", "--duration", "400 s", "--log", "wheel.mcap")
+    for _, effects, seconds, _, _, _ in cases:
+        play(device, effects, seconds)
+    _, found = recorded(run)
+    return wrong(found, cases) if len(found) == len(cases) else cases
+
+
 def main():
     hapt, *mode = sys.argv[1:]
     os.chdir("/tmp")
@@ -345,27 +375,21 @@ def main():
         alone = killed(device)
         pool = shared(device)
         suspend = suspended()
-    run.send_signal(signal.SIGINT)
-    summary, _ = run.communicate()
+    summary, found = recorded(run)
     print(summary)
-    subprocess.run([hapt, "convert", "wheel.mcap", "-o", "wheel.csv"], check=True, stdout=subprocess.DEVNULL)
-    found = stretches("wheel.csv")
     after = len(cases)
     if len(found) < after + (3 if cases else 1) or not cases and len(found) > 1:
         for rows in found:
             print(f"{rows[0]['time']:8.3f} s to {rows[-1]['time']:8.3f} s, {rows[0]['effects']:8.4f} to {rows[-1]['effects']:8.4f} N m")
         sys.exit(f"{len(found)} stretches of torque for {len(cases)} effects and the storm")
-    failed = 0
-
-    def judge(name, value, want, full, more=""):
-        nonlocal failed
-        off = abs(value - want) / full
-        failed += off > NEAR
-        print(f"{name:24} {value:9.4f} {want:9.4f} {100 * off:6.2f} % of full scale{more}{'  WRONG' if off > NEAR else ''}")
-
-    for rows, (name, _, _, measured, expected, full) in zip(found, cases):
-        judge(name, measured(rows), expected(rows), full)
-    judge("after the storm", found[after][-1]["effects"], -CONSTANT, LIMIT, f", at {rate:.0f} updates a second for {UPDATES / rate:.0f} s")
+    left = wrong(found, cases)
+    # A busy machine gives the guest no even time, now and then; what is wrong is wrong each time.
+    for _ in range(2):
+        left = left and again(hapt, left)
+    failed = len(left)
+    failed += not judged(
+        "after the storm", found[after][-1]["effects"], -CONSTANT, LIMIT, f", at {rate:.0f} updates a second for {UPDATES / rate:.0f} s"
+    )
     taken = int(re.search(r"([0-9 ]+) reports taken", summary)[1].replace(" ", ""))
     print(f"{'reports':24} {taken} taken, for {changes} changes of it")
     if taken < changes:
@@ -376,11 +400,10 @@ def main():
         print(f"a killed client's effect   {played:.2f} s, of the {alone:.2f} s that the client lived")
         if played > alone + GONE:
             sys.exit("the effect of a killed client plays on")
-        judge("two clients", torque(found[after + 2]), -CONSTANT, LIMIT, f", {pool} effects at most")
+        failed += not judged("two clients", torque(found[after + 2]), -CONSTANT, LIMIT, f", {pool} effects at most")
         print(f"suspend                  {suspend}")
         for by, code in [(signal.SIGTERM, 143), (signal.SIGKILL, -signal.SIGKILL)]:
             run, device = attached(hapt, "wheel.toml")
-            # A busy machine gives the guest no even time, now and then; what is wrong is wrong each time.
             if by == signal.SIGTERM and all(conformed(hapt, JUDGED) != 0 for _ in range(3)):
                 sys.exit("hapt wheel --conform finds something wrong three times")
             print(f"{by.name:24} nothing is attached after {ended(run, device, by, code):.2f} s")
