@@ -13,7 +13,6 @@
 use hapt_model::Delay;
 
 use crate::error::Error;
-use crate::numerics::discriminant::{Moving, Near, stay_inside};
 
 /// Initial intervals per decade, each sampled at its end and in its middle.
 const PER_DECADE: f64 = 8.0;
@@ -33,12 +32,6 @@ pub(crate) fn growth_floor(period: f64, delay: f64) -> f64 {
     -1.0 / (2.0 * period + delay)
 }
 
-/// ln |λ| of a double root on the circle, by rounding.
-const TOUCHING: f64 = 1e-6;
-
-/// Relative distances at which a root that touched the circle is inside again.
-const BEYOND: [f64; 2] = [1e-6, 1e-5];
-
 /// Largest number of samples in halved intervals. Beyond it, an interval is judged by its three samples.
 const MAX_SAMPLES: usize = 3000;
 
@@ -49,8 +42,6 @@ pub(crate) struct Ranked {
     ranked: Vec<f64>,
     /// Rounding error of a value.
     noise: f64,
-    /// The roots whose growths these are, those inside the circle beyond rounding, in the same order.
-    roots: Vec<Moving>,
 }
 
 impl Ranked {
@@ -59,24 +50,12 @@ impl Ranked {
         let mut ranked: Vec<f64> = values.map(|value| value.clamp(growth_floor, f64::MAX)).collect();
         ranked.push(growth_floor);
         ranked.sort_by(|a, b| b.total_cmp(a));
-        Ranked { ranked, noise, roots: Vec::new() }
-    }
-
-    /// With the roots whose growths these are: one of each pair, none within rounding of the circle. What they do between samples is judged
-    /// by all of them together.
-    pub fn with_roots(mut self, roots: impl Iterator<Item = Moving>) -> Ranked {
-        self.roots = roots.collect();
-        self.roots.sort_by(|a, b| b.growth.total_cmp(&a.growth));
-        self
-    }
-
-    fn near(&self, at: f64) -> Near<'_> {
-        Near { at, roots: &self.roots, floor: self.ranked.last().copied().unwrap_or(f64::NEG_INFINITY) }
+        Ranked { ranked, noise }
     }
 
     /// A single value.
     pub fn one(value: f64) -> Ranked {
-        Ranked { ranked: vec![value.clamp(-f64::MAX, f64::MAX)], noise: 0.0, roots: Vec::new() }
+        Ranked { ranked: vec![value.clamp(-f64::MAX, f64::MAX)], noise: 0.0 }
     }
 
     /// The largest.
@@ -211,10 +190,7 @@ pub(crate) fn first_crossing_within(
         let middle = search.middle(&a, &b)?;
         if let Some([below, above]) = search.between(&a, &middle, &b)? {
             let mut top = |x: f64| Ok((search.f)(x)?.max());
-            let found = illinois(&mut top, (below.0, below.1.max()), (above.0, above.1.max()), tolerance)?;
-            let Some(beyond) = search.touched(found, &above)? else { return Ok(Some(found)) };
-            a = beyond;
-            continue;
+            return illinois(&mut top, (below.0, below.1.max()), (above.0, above.1.max()), tolerance).map(Some);
         }
         a = b;
     }
@@ -226,24 +202,13 @@ impl<F: FnMut(f64) -> Result<Ranked, Error>> Search<F> {
         Ok((x, (self.f)(x)?))
     }
 
-    /// A sample beyond `x`, where the circle is only touched: no more than a double root's rounding above 0, and not above 0 a little
-    /// later. A mode that turns by whole turns from sample to sample stands on the circle for an instant, unseen by the loop.
-    fn touched(&mut self, x: f64, above: &Sample) -> Result<Option<Sample>, Error> {
-        if above.1.noise == 0.0 || above.0 * above.1.max() > TOUCHING {
-            return Ok(None);
-        }
-        let [near, far] = [self.sample(x * (1.0 + BEYOND[0]))?, self.sample(x * (1.0 + BEYOND[1]))?];
-        Ok((near.1.max() <= 0.0 && far.1.max() <= 0.0).then_some(far))
-    }
-
     fn middle(&mut self, a: &Sample, b: &Sample) -> Result<Sample, Error> {
         self.sample(self.spacing.middle(a.0, b.0))
     }
 
     /// Two samples, the first not above 0 and the second above, with nothing above 0 before the first.
     fn between(&mut self, a: &Sample, m: &Sample, b: &Sample) -> Result<Option<[Sample; 2]>, Error> {
-        let calm = stays_negative([&a.1, &m.1, &b.1]);
-        if calm && (m.1.roots.is_empty() || self.samples > MAX_SAMPLES) {
+        if stays_negative([&a.1, &m.1, &b.1]) {
             return Ok(None);
         }
         if self.spacing.is_narrow(a.0, b.0) || self.samples > MAX_SAMPLES {
@@ -251,25 +216,11 @@ impl<F: FnMut(f64) -> Result<Ranked, Error>> Search<F> {
         }
         self.samples += 2;
         let left = self.middle(a, m)?;
-        if !calm {
-            if let Some(found) = self.between(a, &left, m)? {
-                return Ok(Some(found));
-            }
-            let right = self.middle(m, b)?;
-            return self.between(m, &right, b);
+        if let Some(found) = self.between(a, &left, m)? {
+            return Ok(Some(found));
         }
         let right = self.middle(m, b)?;
-        let halves = [[a, &left, m], [m, &right, b]];
-        let five = [a, &left, m, &right, b].map(|(x, values)| values.near(*x));
-        if halves.iter().all(|half| stays_negative(half.map(|(_, values)| values))) && stay_inside(five) {
-            return Ok(None);
-        }
-        for [a, m, b] in halves {
-            if let Some(found) = self.between(a, m, b)? {
-                return Ok(Some(found));
-            }
-        }
-        Ok(None)
+        self.between(m, &right, b)
     }
 
     /// As `between`, for an interval that is not halved.

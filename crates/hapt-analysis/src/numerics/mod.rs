@@ -2,7 +2,6 @@
 
 pub(crate) mod balance;
 pub(crate) mod crossing;
-pub(crate) mod discriminant;
 pub mod eigenvalues;
 pub(crate) mod hessenberg;
 pub(crate) mod jacobi;

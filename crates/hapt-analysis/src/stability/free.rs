@@ -21,7 +21,6 @@ use crate::equations::slopes::combinations;
 use crate::equations::structure::{Part, inertias_with_puck, linearise_with_puck, parts};
 use crate::error::{Error, positive};
 use crate::numerics::crossing::{Ranked, Spacing, first_crossing_within, growth_floor};
-use crate::numerics::discriminant::Moving;
 use crate::numerics::eigenvalues::{eigenvalues, eigenvalues_and_scale};
 use crate::numerics::rayleigh::Quotients;
 use crate::stability::critical::{Critical, of_part};
@@ -48,9 +47,6 @@ const MOST_PAIRED: usize = 8;
 
 /// Error of an eigenvalue, relative to the largest entry of the matrix.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
-
-/// Distance from the unit circle, as a multiple of the error, above which a root is inside beyond rounding.
-const CLEAR: f64 = 8.0;
 
 /// Distance from the unit circle, as a multiple of the error, below which an eigenvalue is refined.
 const DOUBTFUL: f64 = 100.0;
@@ -449,10 +445,8 @@ fn critical_period(
         // One of each pair.
         let without_shifts = all[kept..].iter().filter(|(m, _)| m.less_one.im >= 0.0);
         let noise = without_shifts.clone().map(|(_, error)| error / period).fold(0.0, f64::max);
-        let inside = without_shifts.clone().filter(|(m, error)| m.ln_abs < -CLEAR * error);
-        let roots = inside.map(|(m, _)| Moving { less_one: m.less_one, growth: m.ln_abs / period });
         let floor = growth_floor(period, sampling.delay.seconds(period));
-        Ok(Ranked::new(without_shifts.map(|(m, error)| (m.ln_abs - error) / period), floor, noise).with_roots(roots))
+        Ok(Ranked::new(without_shifts.map(|(m, error)| (m.ln_abs - error) / period), floor, noise))
     };
     let proved = passive_below(port, sampling, damping).min(high);
     if proved >= high {
