@@ -14,6 +14,8 @@ use crate::timing::Timing;
 use crate::words;
 use crate::world::{Scenario, World};
 
+/// An instant within this part of a period of another is that one, as in the loop.
+const SAME_INSTANT: f64 = 1e-6;
 /// The largest drift of a clock, in millionths.
 const MOST_DRIFT: f64 = 10_000.0;
 
@@ -109,6 +111,11 @@ impl Link {
             *own = stiffness;
         }
         link
+    }
+
+    /// Between two messages of a sender that takes a sample every `sample` s, in s: a whole number of them, `period` at least.
+    pub fn between_messages(&self, sample: f64) -> f64 {
+        self.period.map_or(1.0, |own| (own / sample - SAME_INSTANT).ceil().max(1.0)) * sample
     }
 
     /// The torque on the first station's puck at q; the second's has the opposite sign.
@@ -361,7 +368,7 @@ fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
                 ),
             );
         }
-        let between_two = link.period.unwrap_or(period);
+        let between_two = link.between_messages(period);
         if between_two > link.age_max {
             let key = if link.period.is_some() { "period" } else { "age_max" };
             return combination(

@@ -1,7 +1,9 @@
 //! Networks of stations against brute force: hands at all of them, clocks, ways and losses of every kind.
 
+use std::ops::AddAssign;
+
 use fastrand::Rng;
-use hapt_analysis::{Error, check_network};
+use hapt_analysis::{Error, NetworkCheck, check_network};
 use hapt_model::{Network, Source};
 use hapt_sim::NetworkRun;
 
@@ -10,7 +12,25 @@ use super::{Against, Claim, Found, JUST, ROUNDING, numbers};
 /// What all hands do.
 const SCENARIO: &str = "all";
 /// Parts of the damping that is called enough at which hands are tried too.
-pub const PARTS: [f64; 4] = [0.9, 0.7, 0.5, 0.3];
+const PARTS: [f64; 4] = [0.9, 0.7, 0.5, 0.3];
+
+/// What hands have done to the networks of one verdict.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Judged {
+    /// At the damping that is called enough; slow where a link let go.
+    pub claim: Claim,
+    /// Broken at parts of it.
+    broken: [u64; PARTS.len()],
+}
+
+impl AddAssign for Judged {
+    fn add_assign(&mut self, other: Self) {
+        self.claim += other.claim;
+        for (sum, more) in self.broken.iter_mut().zip(other.broken) {
+            *sum += more;
+        }
+    }
+}
 
 /// Points of a motion that begins when all links have taken hold: steps here and there, or a sine.
 fn path(rng: &mut Rng, size: f64) -> String {
@@ -26,17 +46,28 @@ fn path(rng: &mut Rng, size: f64) -> String {
     text
 }
 
+/// How the times of a network are drawn.
+#[derive(Clone, Copy, PartialEq)]
+enum Times {
+    /// Clocks that share no instant and drift.
+    Own,
+    /// Periods with common multiples, at which all stations take a sample.
+    Common,
+    /// The same, and messages that all take their time and all arrive.
+    Exact,
+}
+
 /// A network of `n` stations with random devices, clocks, links and hands; `None` where the reader refuses it.
-fn random(rng: &mut Rng, n: usize, common: bool) -> Option<Network> {
+fn random(rng: &mut Rng, n: usize, times: Times) -> Option<Network> {
     let mut source = Source::from_text("network.toml", "");
     let base = 1e-3;
+    let (common, exact) = (times != Times::Own, times == Times::Exact);
     let mut text = String::new();
     for i in 0..n {
-        // Common multiples of the periods are instants at which all stations take a sample.
         let period = if common { base * f64::from(1 << rng.u8(..3)) } else { base * (0.7 + 2.0 * rng.f64()) };
         let delay = if rng.bool() { 0.0 } else { period * rng.f64() };
-        let phase = if common { 0.0 } else { period * rng.f64() };
-        let lag = if rng.u8(..4) == 0 { period * rng.f64() } else { 0.0 };
+        let phase = if times == Times::Common || exact && rng.bool() { 0.0 } else { period * rng.f64() };
+        let lag = if rng.u8(..4) == 0 && !exact { period * rng.f64() } else { 0.0 };
         let mut world = format!(
             "loop = {{ period = {period}, delay = {delay} }}\ndevice = {{ inertia = {}, lag = {lag} }}\n",
             1e-4 * 30f64.powf(rng.f64())
@@ -71,6 +102,8 @@ fn random(rng: &mut Rng, n: usize, common: bool) -> Option<Network> {
     for i in 1..n {
         let other = rng.usize(..i);
         let law = match rng.u8(..4) {
+            // Walls and limits are not proved at fixed times.
+            0 | 1 if exact => "kind = \"spring\"".into(),
             0 => format!("kind = \"wall\"\nside = \"above\"\nat = {}", 0.1 * rng.f64()),
             1 => "kind = \"spring\"\nlimit = 0.02".into(),
             _ => "kind = \"spring\"".into(),
@@ -79,8 +112,8 @@ fn random(rng: &mut Rng, n: usize, common: bool) -> Option<Network> {
         text += &format!(
             "[[links]]\n{law}\nbetween = [\"s{i}\", \"s{other}\"]\nstiffness = {}\ndelay = {}\ndelay_max = {way}\nloss = {}\nduplicate = {}\nseed = {}\nage_max = {}\n",
             0.01 * 100f64.powf(rng.f64()),
-            way * rng.f64(),
-            if rng.bool() { 0.0 } else { 0.5 * rng.f64() },
+            if exact { way } else { way * rng.f64() },
+            if exact || rng.bool() { 0.0 } else { 0.5 * rng.f64() },
             if rng.bool() { 0.0 } else { rng.f64() },
             rng.u32(..),
             16e-3 + 30e-3 * rng.f64()
@@ -108,7 +141,7 @@ fn drawn(network: &Network) -> Drawn {
     let mut drawn = Drawn { drawn: 0.0, round: 0.0, slack: 0.0, let_go: 0, samples: 0 };
     let Ok(mut run) = NetworkRun::new(network, SCENARIO) else { return drawn };
     // Stations that take their samples together are looked at when all have; else one of them is a sample behind.
-    let common = network.stations.iter().all(|station| station.phase == 0.0);
+    let common = network.stations.iter().all(|station| station.phase == 0.0 && station.drift == 0.0);
     while let Some(row) = run.next() {
         let Ok(row) = row else {
             // Hands that push a runaway give and take without end.
@@ -147,37 +180,59 @@ pub fn one(seed: u64, i: u64, against: &Against) -> Found {
 /// Judges and runs it. Errors where numbers are out of range.
 fn judge(rng: &mut Rng, found: &mut Found, tell: &mut dyn FnMut(String)) -> Result<(), Error> {
     let n = 2 + (10.0 * rng.f64().powi(3)) as usize;
-    let common = rng.u8(..4) > 0;
-    let Some(mut network) = random(rng, n, common).filter(|network| !network.scenarios().is_empty()) else {
+    let times = [Times::Own, Times::Common, Times::Common, Times::Exact][rng.usize(..4)];
+    let Some(network) = random(rng, n, times).filter(|network| !network.scenarios().is_empty()) else {
         found.unanswered += 1;
         return Ok(());
     };
-    let asked: Vec<Option<f64>> = check_network(&network)?.stations.iter().map(|of| of.required_damping).collect();
-    let damp = |network: &mut Network, part: f64| {
-        for (station, asked) in network.stations.iter_mut().zip(&asked) {
-            station.world.device.damping = asked.unwrap_or(0.0) * part;
+    let check = check_network(&network)?;
+    let asked: Vec<f64> = check.stations.iter().map(|of| of.required_damping.unwrap_or(0.0)).collect();
+    let enough = |check: NetworkCheck| check.stations.iter().all(|station| station.passive);
+    compare(&network, &asked, enough, &mut found.networks[0], &mut found.samples, tell)?;
+    // What is not decided or not proved claims nothing.
+    let fixed = check.fixed;
+    let asked: Option<Vec<f64>> = fixed.required_damping.iter().map(|(_, damping)| *damping).collect();
+    let Some(asked) = asked.filter(|_| fixed.proved) else { return Ok(()) };
+    let enough = |check: NetworkCheck| check.fixed.passive == Some(true);
+    compare(&network, &asked, enough, &mut found.networks[1], &mut found.samples, tell)
+}
+
+/// Compares a verdict, by which dampings are `enough`, with hands on devices that have just these, and less.
+fn compare(
+    network: &Network,
+    asked: &[f64],
+    enough: impl Fn(NetworkCheck) -> bool,
+    judged: &mut Judged,
+    samples: &mut u64,
+    tell: &mut dyn FnMut(String),
+) -> Result<(), Error> {
+    let damped = |part: f64| {
+        let mut network = network.clone();
+        for (station, asked) in network.stations.iter_mut().zip(asked) {
+            station.world.device.damping = asked * part;
         }
+        network
     };
-    damp(&mut network, 1.0 + JUST);
-    if check_network(&network)?.stations.iter().any(|station| !station.passive) {
+    let just = damped(1.0 + JUST);
+    if !enough(check_network(&just)?) {
         tell("the damping that is called enough is not".into());
     }
-    let run = drawn(&network);
-    found.samples += run.samples;
+    let run = drawn(&just);
+    *samples += run.samples;
     if run.let_go > 0 {
         // A link that takes hold again adds the energy of its stretch.
-        found.networks += Claim { loops: 1, slow: 1, ..Claim::default() };
+        judged.claim += Claim { loops: 1, slow: 1, ..Claim::default() };
         return Ok(());
     }
     let holds = run.drawn <= ROUNDING * run.round + run.slack;
     if !holds {
+        let n = network.stations.len();
         tell(format!("{n} stations called passive, and their hands draw {:e} of {:e} J", run.drawn, run.round));
     }
-    found.networks += Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
-    for (part, broken) in PARTS.iter().zip(&mut found.networks_broken) {
-        damp(&mut network, *part);
-        let run = drawn(&network);
-        found.samples += run.samples;
+    judged.claim += Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
+    for (part, broken) in PARTS.iter().zip(&mut judged.broken) {
+        let run = drawn(&damped(*part));
+        *samples += run.samples;
         *broken += u64::from(run.drawn > 1e-3 * run.round);
     }
     Ok(())
@@ -185,16 +240,25 @@ fn judge(rng: &mut Rng, found: &mut Found, tell: &mut dyn FnMut(String)) -> Resu
 
 /// The counts in Markdown.
 pub fn table(found: &Found, seed: u64) -> String {
-    let Claim { loops, slow, contradicted, .. } = found.networks;
-    let judged = loops - slow;
+    let [any, fixed] = &found.networks;
     let mut text = format!(
-        "{loops} random networks of 2 to 11 stations (seed {seed}), {} samples; in {slow} a link let go, and they are not judged.\n\n\
-         | part of the damping that is called enough | networks | drew energy |\n| --- | --- | --- |\n\
-         | 1 | {judged} | {contradicted} |\n",
-        found.samples
+        "{} random networks of 2 to 11 stations (seed {seed}), {} samples; in {} a link let go, and they are not judged. \
+         {} have fixed times and the second verdict ({} let go).\n\n\
+         | part of the damping that is called enough | for any clocks | drew energy | at fixed times | drew energy |\n\
+         | --- | --- | --- | --- | --- |\n",
+        any.claim.loops, found.samples, any.claim.slow, fixed.claim.loops, fixed.claim.slow
     );
-    for (part, broken) in PARTS.iter().zip(found.networks_broken) {
-        text += &format!("| {part} | {judged} | {broken} ({:.1} %) |\n", 100.0 * broken as f64 / judged.max(1) as f64);
+    let row = |part: f64, of: &dyn Fn(&Judged) -> u64| {
+        let columns = found.networks.iter().map(|judged| {
+            let loops = judged.claim.loops - judged.claim.slow;
+            let broken = of(judged);
+            format!(" {loops} | {broken} ({:.1} %) |", 100.0 * broken as f64 / loops.max(1) as f64)
+        });
+        format!("| {part} |{}\n", columns.collect::<String>())
+    };
+    text += &row(1.0, &|judged| judged.claim.contradicted);
+    for (at, part) in PARTS.iter().enumerate() {
+        text += &row(*part, &|judged| judged.broken[at]);
     }
     text
 }

@@ -295,6 +295,34 @@ fn the_edge_is_that_of_the_multivariable_condition_of_colgate_and_schenkel() {
     }
 }
 
+/// A wall between two equal wheels of a course, 500 N·mm/deg from a position of every 5 ms on a bus.
+#[test]
+fn the_wall_of_a_lab_asks_for_many_times_the_damping_of_its_wheels() {
+    const DAMPING: f64 = 1.3e-3;
+    let lab = |period: f64| {
+        let mut source = Source::from_text(
+            "wall.toml",
+            "stations.left.world = \"lab.toml\"\nstations.right.world = \"lab.toml\"\n[[links]]\nkind = \"wall\"\nside = \"above\"\nat = 0\n\
+             between = [\"left\", \"right\"]\nstiffness = \"500 N mm/deg\"\nperiod = \"5 ms\"\ndelay = \"0.25 ms\"\nage_max = \"8 ms\"",
+        );
+        let world = format!("loop.period = {period}\ndevice = {{ inertia = 4.5e-4, damping = {DAMPING} }}");
+        source.files.insert("lab.toml".into(), world);
+        Network::read(&source, &[]).unwrap()
+    };
+    let parts = |period| {
+        let check = check_network(&lab(period)).unwrap();
+        assert_eq!((check.certified, check.fixed.passive), (false, Some(false)));
+        [check.fixed.required_damping[0].1.unwrap(), check.stations[0].required_damping.unwrap()].map(|b| b / DAMPING)
+    };
+    // K (T/2 + A) at any times. At the lab's own a loop much faster than the bus asks for 65 times, one of 1 ms for more.
+    let stiffness = 0.5 / 1f64.to_radians();
+    for (period, fixed) in [(0.25e-3, 65.6), (1e-3, 94.0)] {
+        let [exact, any] = parts(period);
+        assert!((exact - fixed).abs() < 0.1, "{exact}");
+        assert!((any - stiffness * (0.5 * period + 8e-3) / DAMPING).abs() < 1e-6, "{any}");
+    }
+}
+
 /// Periods of small ratios, phases, delays of loops and links, links that send seldom.
 fn rational(rng: &mut Rng) -> Network {
     let n = 2 + rng.usize(0..2);

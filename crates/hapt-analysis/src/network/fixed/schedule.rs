@@ -53,11 +53,6 @@ fn common_divisor(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
-/// Every how many samples of the sender a message leaves.
-fn every(link: &Link, period: f64) -> f64 {
-    link.period.map_or(1.0, |own| (own / period - NEAR).ceil().max(1.0))
-}
-
 impl Clock {
     fn of(station: &Station, common: f64) -> Result<Clock, Error> {
         let sampling = &station.world.sampling;
@@ -118,12 +113,10 @@ impl Schedule {
         };
         // Every period in parts of the first, and their least common multiple.
         let (mut above, mut below) = (1u64, DENOMINATOR.pow(2) * DENOMINATOR);
-        let messages = network.links.iter().flat_map(|link| {
-            link.between.map(|at| {
-                let period = network.stations[at].world.sampling.period;
-                every(link, period) * period
-            })
-        });
+        let messages = network
+            .links
+            .iter()
+            .flat_map(|link| link.between.map(|at| link.between_messages(network.stations[at].world.sampling.period)));
         for period in network.stations.iter().map(|station| station.world.sampling.period).chain(messages) {
             let Some((p, q)) = ratio(period / first) else { return Ok(None) };
             // lcm(a/b, p/q) = lcm(a, p)/gcd(b, q) of reduced fractions
@@ -142,7 +135,7 @@ impl Schedule {
     pub fn way(&self, link: &Link, to: usize) -> Way {
         let from = link.between[usize::from(link.between[0] == to)];
         let sender = self.clocks[from];
-        Way { period: every(link, sender.period) * sender.period, delay: link.delay, sender, receiver: self.clocks[to] }
+        Way { period: link.between_messages(sender.period), delay: link.delay, sender, receiver: self.clocks[to] }
     }
 }
 
