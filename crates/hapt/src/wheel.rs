@@ -93,6 +93,9 @@ impl Wheel {
     /// Attaches it. The second is the loop's end.
     pub fn attach(room: Room) -> Result<(Self, EffectsPort), Failure> {
         let (wheel, port) = GameWheel::attach(&room).map_err(failure)?;
+        if let Some(why) = room.not_proved().first() {
+            messages::say(format_args!("the world of this wheel is certified as far as its linear loop goes: {why}"));
+        }
         messages::say(format_args!(
             "the wheel is attached; games have {} of springs and dampers to share",
             stiffness(&room)
