@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_host::game_wheel::{GameWheel, Room, WheelStatus};
 use hapt_host::messages::{ClientMessage, ServerMessage, WheelInfo};
-use hapt_host::{Machine, PageSession, Session, WorldConfig};
+use hapt_host::{Machine, PageSession, Session, WheelView, WorldConfig};
 use hapt_model::{Source, World};
 use hapt_rt::{Cycle, Device, Failure, Moment, Outside, Plan, Position, Record};
 use hapt_wire::pid::{Condition, Control, DESCRIPTOR, FULL, Input, Kind, Periodic, Report, SILENCE, id};
@@ -105,6 +105,11 @@ impl Bench {
             assert!(begin.elapsed() < PATIENCE);
             std::thread::sleep(Duration::from_millis(1));
         }
+    }
+
+    /// What a page sees.
+    fn view(&self) -> WheelInfo {
+        self.wheel.view().info()
     }
 
     /// Samples for so long; the last.
@@ -384,9 +389,18 @@ fn a_silent_host_leaves_no_torque_on_but_its_springs() {
     bench.host.play(Kind::Spring, condition(FULL));
     bench.moved(SILENCE / 1000 - 100, |_| 1.0);
     let spring = -LIMIT / (0.5 * RANGE);
+    let is_told = |bench: &Bench| bench.view().reason.is_some_and(|reason| reason.contains("nothing for 10 s"));
+    assert!(!is_told(&bench));
     assert!(near(bench.sample(None).link, spring - LIMIT) || bench.sample(None).link <= -LIMIT + 1e-6);
     let after = bench.run(200).link;
     assert!(near(after, spring), "{after}");
+    // The limit was reached before.
+    bench.view();
+    bench.run(10);
+    assert!(is_told(&bench));
+    bench.host.report(Report::Gain(FULL));
+    bench.run(100);
+    assert!(!is_told(&bench));
 }
 
 #[test]

@@ -209,8 +209,9 @@ fn what_can_do_work_pauses_while_the_host_is_silent_and_what_cannot_stays() {
                 Kind::Triangle | Kind::SawtoothUp | Kind::SawtoothDown => false,
             };
             assert_eq!(plays(&mut pool, SILENCE + 1), is_passive, "{kind:?}");
+            assert_eq!(pool.pauses(), !is_passive, "{kind:?}");
             pool.take(&Report::Gain(FULL), SILENCE + 2);
-            assert!(plays(&mut pool, SILENCE + 3), "{kind:?}: the host is there again");
+            assert!(plays(&mut pool, SILENCE + 3) && !pool.pauses(), "{kind:?}: the host is there again");
         }
     }
 }
