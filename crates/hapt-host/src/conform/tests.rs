@@ -123,7 +123,8 @@ impl Renderer {
                 Form::Condition { law: Law::Damper, .. } => scales[0],
                 Form::Condition { law: Law::Friction, .. } => scales[1],
                 Form::Condition { law: Law::Inertia, .. } => scales[2],
-                _ => 0.0,
+                Form::Condition { law: Law::Spring, .. } => 0.0,
+                Form::Constant { .. } | Form::Ramp { .. } | Form::Periodic { .. } => 0.0,
             };
             effect.plays(time, *error).then(|| {
                 let torque = torque(&[effect], *gain, time, motion, *error);
