@@ -44,7 +44,8 @@ test("the card shows what a game plays, asks for and gets, and presses pedals an
     plays("sine 0.2");
     await until(rows, (texts) => texts.map((text) => text.match(/^[a-z]+/)[0].replace(/torque.*/, "torque")).join(" ") === "torque spring damper torque");
     assert.match((await rows())[1], /^spring0\.637 N m\/rad, at most 5\.00 N m$/);
-    assert.match(await card.getAttribute("class"), /good/);
+    // A wheel that was fast before the damper played asks it for more than the limit for a moment.
+    await until(() => card.getAttribute("class"), (name) => /good/.test(name));
     if (process.env.SHOTS) await page.screenshot({ path: join(process.env.SHOTS, "plays.png"), fullPage: true });
 
     // A spring that drives is not given, and the card says why.
