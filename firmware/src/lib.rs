@@ -12,6 +12,7 @@ pub mod halt;
 #[cfg_attr(feature = "my-board", path = "../template/my-board.rs")]
 mod here;
 mod register;
+pub mod sample;
 pub mod shared;
 #[cfg(feature = "semihosting")]
 pub mod stack;

@@ -1,6 +1,6 @@
 //! A force-feedback wheel's reports: chunks, each a length byte and so many bytes of a report; after each a sample is rendered.
 
-use hapt_core::wheel::{Device, Stops, Timing, Wheel};
+use hapt_core::wheel::{Device, Timing, Wheel};
 use hapt_wire::pid::{Control, Kind, Operation, Pool, Report, Scale};
 
 use crate::messages::outcome;
@@ -12,17 +12,7 @@ const LIMIT: f64 = 5.0;
 /// # Panics
 /// When a torque is not within the limit, or a report is not written as it was read.
 pub fn run(bytes: &[u8]) -> u64 {
-    let stops = Some(Stops { angle: 7.85, stiffness: 10.0 });
-    let device = Device {
-        timing: Timing::even(1e-3),
-        damping: 0.02,
-        friction: 0.02,
-        count: 1e-3,
-        limit: LIMIT,
-        stops,
-        base_friction: 0.05,
-        base_damping: 0.01,
-    };
+    let device = Device { friction: 0.02, count: 1e-3, ..Device::ideal(Timing::even(1e-3), 0.02, LIMIT) };
     let wheel = Wheel::<f32>::new(&device).unwrap_or_else(|error| panic!("{error}"));
     let scale = Scale { torque: LIMIT as f32, angle: 7.85, velocity: 20.0, acceleration: 200.0 };
     let (mut state, mut pool, mut rest, mut taken, mut now) = (wheel.start(), Pool::new(), bytes, 0_u64, 0_u64);

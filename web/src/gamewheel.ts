@@ -113,7 +113,7 @@ export class GameWheelCard {
       const row = this.effects.rows[i] ?? this.effects.insertRow();
       while (row.cells.length < 2) row.insertCell();
       say(row.cells[0]!, kind);
-      say(row.cells[1]!, given === null ? asked : `${asked}; given ${given}`);
+      say(row.cells[1]!, (given === null ? asked : `${asked}; given ${given}`).replaceAll("-", "−"));
     });
     this.controls.hidden = !able;
   }

@@ -8,7 +8,7 @@ export class Knobs {
   private knobs = new Map<string, Knob>();
   private ranges = new Map<string, [number, number][]>();
   private values = new Map<string, string>();
-  private shape = "";
+  private shape: string | undefined;
   private readonly root: HTMLElement;
   private readonly sink: Sink;
 
@@ -50,6 +50,10 @@ export class Knobs {
   }
 
   private build(world: World): void {
+    if (world.keys.length === 0) {
+      this.root.replaceChildren(html("p", { class: "soft" }, "This world stays as it is while it runs; --set changes it at the start."));
+      return;
+    }
     this.knobs = new Map(world.keys.map((key) => [key.path, new Knob(key, this.sink)]));
     const groups = new Map<string, Knob[]>();
     for (const key of world.keys) {

@@ -224,6 +224,11 @@ pub fn binary(build: &str) -> Command {
     binary_of(build, "hapt")
 }
 
+/// An example, as it is built for the tests.
+pub fn example(name: &str) -> PathBuf {
+    target().join(PROFILE).join("examples").join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
+}
+
 fn binary_of(build: &str, name: &str) -> Command {
     Command::new(target().join(build).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
 }

@@ -124,16 +124,7 @@ fn course(spec: &DeviceSpec, count: f64, mut torque: impl FnMut(f64) -> f64) -> 
 
 fn rendered(spec: &DeviceSpec, count: f64, effects: &[Effect<f64>]) -> Result<Course> {
     let timing = Timing { delay: spec.delay, ..Timing::even(spec.period) };
-    let device = Device {
-        timing,
-        damping: spec.damping,
-        friction: spec.friction,
-        count,
-        limit: 5.0,
-        stops: None,
-        base_friction: 0.0,
-        base_damping: 0.0,
-    };
+    let device = Device { friction: spec.friction, count, ..Device::ideal(timing, spec.damping, 5.0) };
     let wheel = Wheel::<f64>::new(&device).map_err(|error| anyhow!("{error}"))?;
     let mut state = wheel.start();
     Ok(course(spec, count, |position| wheel.step(&mut state, position, effects, 0).torque))

@@ -68,14 +68,14 @@ fn quantile(all: &mut [f64], share: f64) -> f64 {
 }
 
 /// The loop of a wheel, with the host's end of its effects.
-struct Rig {
+struct WheelLoop {
     cycle: Cycle,
     wire: EffectsWire,
     period: f64,
     samples: u64,
 }
 
-impl Rig {
+impl WheelLoop {
     fn new(period: f64, delay: f64) -> Result<Self> {
         let text = format!(
             "loop.period = \"{period} ms\"\nloop.delay = \"{delay} ms\"\nloop.estimator = \"difference\"\n\
@@ -83,26 +83,16 @@ impl Rig {
         );
         let world = World::read(&Source::from_text("wheel.toml", text), &[]).map_err(|error| anyhow!("{error}"))?;
         let timing = Timing { delay: 1e-3 * delay, ..Timing::even(1e-3 * period) };
-        let device = WheelDevice {
-            timing,
-            damping: 0.05,
-            friction: 0.0,
-            count: 0.0,
-            limit: LIMIT,
-            stops: None,
-            base_friction: 0.0,
-            base_damping: 0.0,
-        };
-        let wheel = Wheel::new(&device).map_err(|error| anyhow!("{error}"))?;
+        let wheel = Wheel::new(&WheelDevice::ideal(timing, 0.05, LIMIT)).map_err(|error| anyhow!("{error}"))?;
         let scale = Scale { torque: LIMIT as f32, angle: 7.85, velocity: 10.0, acceleration: 200.0 };
         let (port, wire) = effects(wheel, scale);
         let plan = Plan::new(&world, SafetyProfile::Simulated).map_err(|error| anyhow!("{error}"))?;
         let cycle = Cycle::new(Box::new(plan), Box::new(Still)).beside(Outside::playing(port));
-        let mut rig = Rig { cycle, wire, period, samples: 0 };
-        rig.sample(None)?;
-        rig.sample(Some(Request::Arm))?;
-        while rig.sample(None)?.0 != Phase::Running {}
-        Ok(rig)
+        let mut running = WheelLoop { cycle, wire, period, samples: 0 };
+        running.sample(None)?;
+        running.sample(Some(Request::Arm))?;
+        while running.sample(None)?.0 != Phase::Running {}
+        Ok(running)
     }
 
     /// The time of the next sample, ms.
@@ -124,7 +114,7 @@ impl Rig {
 }
 
 fn taken(period: f64, delay: f64, n: u64, seed: u64) -> Result<Taken> {
-    let mut rig = Rig::new(period, delay)?;
+    let mut running = WheelLoop::new(period, delay)?;
     let mut rng = Rng::with_seed(seed);
     let mut pool = Pool::new();
     let us = |ms: f64| (1e3 * ms).round() as u64;
@@ -137,25 +127,25 @@ fn taken(period: f64, delay: f64, n: u64, seed: u64) -> Result<Taken> {
         button: 0,
         direction: Some(9000),
     };
-    pool.take(&Report::Create(Kind::Constant), us(rig.next()));
-    pool.take(&Report::Effect { block: 0, common }, us(rig.next()));
-    pool.take(&Report::Operation { block: 0, operation: Operation::Start, loops: 1 }, us(rig.next()));
-    let (mut taken, mut sign, mut arrives) = (Taken::default(), 1, rig.next() + PAUSE.1);
+    pool.take(&Report::Create(Kind::Constant), us(running.next()));
+    pool.take(&Report::Effect { block: 0, common }, us(running.next()));
+    pool.take(&Report::Operation { block: 0, operation: Operation::Start, loops: 1 }, us(running.next()));
+    let (mut taken, mut sign, mut arrives) = (Taken::default(), 1, running.next() + PAUSE.1);
     for _ in 0..n {
         let mut before = 0.0;
-        while rig.next() < arrives {
-            before = rig.sample(None)?.1;
+        while running.next() < arrives {
+            before = running.sample(None)?.1;
         }
         // The report is there before this sample, and after the last.
-        let first = rig.next();
+        let first = running.next();
         sign = -sign;
         pool.take(&Report::Constant { block: 0, magnitude: sign * (FULL / 4) }, us(arrives));
-        ensure!(rig.wire.pools.push(pool).is_ok(), "the ring of pools is full");
+        ensure!(running.wire.pools.push(pool).is_ok(), "the ring of pools is full");
         let after = f64::from(-sign) * 0.25 * LIMIT;
         let (mut begun, mut half) = (None, None);
         while half.is_none() {
-            let acts = rig.next() + delay;
-            let share = (rig.sample(None)?.1 - before) / (after - before);
+            let acts = running.next() + delay;
+            let share = (running.sample(None)?.1 - before) / (after - before);
             ensure!(acts - arrives < PAUSE.0, "a change has no effect");
             begun = begun.or((share > BEGUN).then_some(acts));
             half = (share >= 0.5).then_some(acts);

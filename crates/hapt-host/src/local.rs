@@ -22,6 +22,7 @@ pub(crate) struct LocalLoop {
     plan: Box<Plan>,
     /// Without a thread.
     steps: Option<Steps>,
+    has_outside: bool,
 }
 
 /// What takes the samples without a thread.
@@ -52,8 +53,9 @@ impl LocalLoop {
         outside: Outside,
     ) -> Result<Self, Error> {
         let plan = Plan::new(&config.world, profile).map_err(|error| Error::World(error.to_string()))?;
+        let has_outside = !outside.is_none();
         let engine = Engine::start_beside(plan.clone(), device, settings, outside)?;
-        Ok(LocalLoop { engine, plan: Box::new(plan), steps: None })
+        Ok(LocalLoop { engine, plan: Box::new(plan), steps: None, has_outside })
     }
 
     /// The same without a thread.
@@ -61,7 +63,7 @@ impl LocalLoop {
         let plan = Plan::new(&config.world, profile).map_err(|error| Error::World(error.to_string()))?;
         let (engine, stepper) = Engine::stepped(plan.clone(), device)?;
         let steps = Steps { stepper, now: None, until: Duration::ZERO, failed: None };
-        Ok(LocalLoop { engine, plan: Box::new(plan), steps: Some(steps) })
+        Ok(LocalLoop { engine, plan: Box::new(plan), steps: Some(steps), has_outside: false })
     }
 }
 
@@ -120,6 +122,10 @@ impl Runner for LocalLoop {
 
     fn can_record(&self) -> bool {
         self.steps.is_none()
+    }
+
+    fn has_outside(&self) -> bool {
+        self.has_outside
     }
 
     fn begin_log(&mut self) -> bool {

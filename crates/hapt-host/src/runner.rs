@@ -47,6 +47,11 @@ pub(crate) trait Runner: Send {
         true
     }
 
+    /// Whether torques from outside of its world add to the world's: of links, or of a game's effects.
+    fn has_outside(&self) -> bool {
+        false
+    }
+
     /// Prepares the start of a log in the middle of a run; `false`: the queue is full.
     fn begin_log(&mut self) -> bool;
 

@@ -495,7 +495,8 @@ impl Session {
         }
         if let Some((client, task)) = self.tasks.pop_front() {
             let (config, profile, folder) = (self.config.clone(), self.profile, self.folder.clone());
-            self.working = self.worker.begin(Job { client, task: task.clone(), config, profile, folder });
+            let linked = self.runner.has_outside();
+            self.working = self.worker.begin(Job { client, task: task.clone(), config, profile, folder, linked });
             if !self.working {
                 let message = "hapt's own worker has ended by a defect; start hapt live again";
                 self.refuse(client, &task, message.into());

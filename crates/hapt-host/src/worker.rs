@@ -48,6 +48,8 @@ pub(crate) struct Job {
     pub config: WorldConfig,
     pub profile: SafetyProfile,
     pub folder: PathBuf,
+    /// Whether a recording has the torque from outside of the world.
+    pub linked: bool,
 }
 
 /// A finished task.
@@ -128,11 +130,11 @@ impl Job {
     }
 
     fn run(self) -> Result<Made, String> {
-        let Job { task, config, profile, folder, .. } = self;
+        let Job { task, config, profile, folder, linked, .. } = self;
         let next = match task {
             Task::Sets { sets, .. } => config.with_all(&sets)?,
             Task::Reset => config.reset()?,
-            Task::Record => return Recording::in_folder(&folder, &config, profile).map(Made::Recording),
+            Task::Record => return Recording::in_folder(&folder, &config, profile, linked).map(Made::Recording),
         };
         if profile == SafetyProfile::Certified && !is_certified(&next) {
             return Err(UNCERTIFIED.into());

@@ -31,17 +31,18 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
     let mut sets = Vec::new();
     if args.path.is_none() {
         sets.extend(STOPS.map(|(key, share)| format!("{key}={} rad", share * range)));
-        if device(&args.device)? == DeviceAddress::Sim {
-            // A desktop computer samples late now and then, and nobody holds a simulated wheel.
-            sets.push("safety.late=count".into());
-        }
     }
     sets.extend(args.sets.iter().cloned());
     let path = args.path.clone().unwrap_or_else(|| PathBuf::from(DEFAULT));
-    if is_network(&source(&path)?) {
+    let (file, device) = (source(&path)?, device(&args.device)?);
+    if is_network(&file) {
         return Err(Failure::input(format!("{}: is a network; a wheel runs one world", path.display())));
     }
-    if let DeviceAddress::Board(_) = device(&args.device)? {
+    if device == DeviceAddress::Sim && World::read(&file, &sets)?.safety.late.is_none() {
+        // A desktop computer samples late now and then, and nobody holds a simulated wheel.
+        sets.push("safety.late=count".into());
+    }
+    if let DeviceAddress::Board(_) = device {
         return Err(Failure::input(
             "--device: a board runs its loop by itself, and knows no effects; a wheel needs a loop of this computer",
         ));
@@ -93,6 +94,9 @@ impl Wheel {
     /// Attaches it. The second is the loop's end.
     pub fn attach(room: Room) -> Result<(Self, EffectsPort), Failure> {
         let (wheel, port) = GameWheel::attach(&room).map_err(failure)?;
+        if let Some(why) = room.not_proved().first() {
+            messages::say(format_args!("the world of this wheel is certified as far as its linear loop goes: {why}"));
+        }
         messages::say(format_args!(
             "the wheel is attached; games have {} of springs and dampers to share",
             stiffness(&room)

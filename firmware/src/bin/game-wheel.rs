@@ -9,8 +9,8 @@ use hapt_firmware::board::{Board, Device};
 use hapt_firmware::halt::halt;
 use hapt_firmware::shared::Shared;
 use hapt_firmware::usb::{FullSpeed, MEMORY};
-use hapt_firmware::{Here, ticks};
-use hapt_wire::device::{Measurement, WheelMailbox, WheelSampler};
+use hapt_firmware::{Here, sample, ticks};
+use hapt_wire::device::{WheelMailbox, WheelSampler};
 use hapt_wire::usb::WheelPort;
 use synopsys_usb_otg::UsbBus;
 
@@ -59,12 +59,8 @@ fn PendSV() {
     let Some(missed) = begun.checked_sub(1) else { return };
     LOOP.with_in_interrupt(|running| {
         let Loop { sampler, mail, device } = running;
-        let late_by = late as f32 / Here::CLOCK as f32;
-        let fault = device.fault();
-        let seen = Measurement { position: device.position(), late: late_by, missed, fault, ..Measurement::default() };
-        let motor = sampler.sample(&seen, mail);
-        device.hold(motor.torque, motor.on);
-        sampler.commanded(ticks::since_taken_up().saturating_sub(late) as f32 / Here::CLOCK as f32);
+        let delay = sample::take(device, missed, late, |seen| sampler.sample(seen, mail));
+        sampler.commanded(delay);
         device.feed();
     });
 }

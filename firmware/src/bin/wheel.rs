@@ -8,9 +8,9 @@ use cortex_m_rt::{entry, exception};
 use hapt_firmware::board::{Board, Device, Line};
 use hapt_firmware::halt::halt;
 use hapt_firmware::shared::Shared;
-use hapt_firmware::{Here, ticks};
+use hapt_firmware::{Here, sample, ticks};
 use hapt_wire::LONGEST;
-use hapt_wire::device::{CommandHandler, Mailbox, Measurement, Sampler, WorldStorage};
+use hapt_wire::device::{CommandHandler, Mailbox, Sampler, WorldStorage};
 
 const BOARD: hapt_wire::device::Board = hapt_wire::device::Board {
     name: Here::NAME,
@@ -69,12 +69,8 @@ fn PendSV() {
         if cfg!(feature = "stall") {
             stall(sampler.next());
         }
-        let late_by = late as f32 / Here::CLOCK as f32;
-        let fault = device.fault();
-        let seen = Measurement { position: device.position(), late: late_by, missed, fault, ..Measurement::default() };
-        let motor = sampler.sample(&seen);
-        device.hold(motor.torque, motor.on);
-        sampler.commanded(ticks::since_taken_up().saturating_sub(late) as f32 / Here::CLOCK as f32);
+        let delay = sample::take(device, missed, late, |seen| sampler.sample(seen));
+        sampler.commanded(delay);
         device.feed();
         let swapped = sampler.exchange(mail);
         sampler.used(ticks::since_taken_up().saturating_sub(late));

@@ -1,6 +1,6 @@
 //! The effects of a force-feedback wheel, as couplings and bodies: whatever a host asks for, the loop stays passive.
 //!
-//! Springs and end stops are static laws on the wheel's position. Dampers and frictions act on a slider without mass, inertia acts on a virtual
+//! Springs are static laws on the wheel's position. Dampers and frictions act on a slider without mass, inertia acts on a virtual
 //! body; each hangs on the wheel by a spring, so that neither the difference of two positions nor of two velocities is ever taken. Under backward
 //! Euler such an element costs the device no more damping than its spring does ([`Timing::element_cost`]), whatever damping, friction or inertia
 //! is behind it. The device's damping therefore bounds a sum of stiffnesses, which is known at every sample, and what the host asks for beyond
@@ -12,8 +12,7 @@
 //! ```
 //! use hapt_core::wheel::{Device, Effect, Sides, Timing, Wheel};
 //!
-//! let device = Device { timing: Timing::even(1e-3), damping: 0.01, friction: 0.0, count: 0.0, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
-//! let wheel = Wheel::<f32>::new(&device)?;
+//! let wheel = Wheel::<f32>::new(&Device::ideal(Timing::even(1e-3), 0.01, 5.0))?;
 //! let mut state = wheel.start();
 //! // 2 b/T = 20 N·m/rad is passive; a host asks for 100.
 //! let spring = Effect::Spring(Sides::even(100.0, 5.0));
@@ -44,7 +43,8 @@ const BLEND: f64 = 2e-3;
 /// The share of the stiffness that springs take at most while dampers, frictions or inertias play.
 const SPRINGS_SHARE: f64 = 0.5;
 
-/// A device, and what its wheel does before a host asks for anything. SI units.
+/// A device, as far as effects may use it. What its wheel does before a host asks for anything, its end stops and its base feel, is a world
+/// beside the effects ([`Wheel::step_beside`]), and has taken its part of the damping and the friction. SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Device {
@@ -58,55 +58,27 @@ pub struct Device {
     pub count: f64,
     /// The largest torque, N·m, positive.
     pub limit: f64,
-    /// End stops, if any.
-    pub stops: Option<Stops>,
-    /// Friction of the wheel without effects, N·m, zero or more.
-    pub base_friction: f64,
-    /// Damping of the wheel without effects, N·m·s/rad, zero or more.
-    pub base_damping: f64,
 }
 
 impl Device {
+    /// One without friction, whose position is exact.
+    pub const fn ideal(timing: Timing, damping: f64, limit: f64) -> Self {
+        Device { timing, damping, friction: 0.0, count: 0.0, limit }
+    }
+
     /// The stiffness of springs that takes all that the device pays with, N·m/rad.
     pub fn stiffness(&self) -> f64 {
         Budget::of(self).springs
     }
 }
 
-/// Two springs that begin at ±angle.
+/// Why a device cannot be a wheel: a number out of its range, by its name.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Stops {
-    /// Half of the steering range, rad, positive.
-    pub angle: f64,
-    /// N·m/rad, positive.
-    pub stiffness: f64,
-}
-
-/// Why a device cannot be a wheel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum Refused {
-    /// A number out of its range, by its name.
-    Number(&'static str),
-    /// The end stops are stiffer than what the device's damping allows.
-    Stops {
-        /// Asked for, N·m/rad.
-        stiffness: f64,
-        /// The largest that is passive, N·m/rad.
-        most: f64,
-    },
-}
+pub struct Refused(pub &'static str);
 
 impl fmt::Display for Refused {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Refused::Number(name) => write!(f, "the wheel's {name} is out of range"),
-            Refused::Stops { stiffness, most } => write!(
-                f,
-                "end stops of {stiffness} N·m/rad are not passive on this device; its damping allows at most {most} N·m/rad"
-            ),
-        }
+        write!(f, "the wheel's {} is out of range", self.0)
     }
 }
 
@@ -148,9 +120,6 @@ impl<F: Real> Given<F> {
 pub struct Wheel<F> {
     period: F,
     limit: F,
-    stops: Option<(F, F)>,
-    base_friction: F,
-    base_damping: F,
     /// The stiffness of springs that would take the whole damping.
     stiffness: F,
     /// By which the stiffness of a slider and of a body is smaller at the same cost.
@@ -180,13 +149,13 @@ struct Shares<F> {
 }
 
 impl<F: Real> Wheel<F> {
-    /// Checks the device's numbers and that its end stops are passive.
+    /// Checks the device's numbers.
     ///
     /// # Errors
-    /// Names the number that is out of range, or the largest stiffness of stops.
+    /// Names the number that is out of range.
     pub fn new(device: &Device) -> Result<Self, Refused> {
         if !device.timing.is_possible() {
-            return Err(Refused::Number("timing"));
+            return Err(Refused("timing"));
         }
         let positive = |x: f64| x.is_finite() && x > 0.0;
         let zero_or_more = |x: f64| x.is_finite() && x >= 0.0;
@@ -195,25 +164,16 @@ impl<F: Real> Wheel<F> {
             ("friction", zero_or_more(device.friction)),
             ("count", zero_or_more(device.count)),
             ("limit", positive(device.limit)),
-            ("base_friction", zero_or_more(device.base_friction)),
-            ("base_damping", zero_or_more(device.base_damping)),
-            ("stops", device.stops.is_none_or(|stops| positive(stops.angle) && positive(stops.stiffness))),
         ];
         if let Some((name, _)) = numbers.iter().find(|(_, holds)| !holds) {
-            return Err(Refused::Number(name));
+            return Err(Refused(name));
         }
-        let Budget { springs: most, drag, mass } = Budget::of(device);
-        if let Some(stops) = device.stops.filter(|stops| stops.stiffness > most) {
-            return Err(Refused::Stops { stiffness: stops.stiffness, most });
-        }
+        let Budget { springs, drag, mass } = Budget::of(device);
         let of = F::from_f64;
         Ok(Wheel {
             period: of(device.timing.period),
             limit: of(device.limit),
-            stops: device.stops.map(|stops| (of(stops.angle), of(stops.stiffness))),
-            base_friction: of(device.base_friction),
-            base_damping: of(device.base_damping),
-            stiffness: of(most),
+            stiffness: of(springs),
             drag: of(drag),
             mass: of(mass),
             fade: of(libm::exp(-device.timing.period / BLEND)),
@@ -248,26 +208,25 @@ impl<F: Real> Wheel<F> {
         let way = state.last.map_or(F::ZERO, |last| position - last);
         state.last = Some(position);
         let shares = self.shares(effects);
-        let (stops, wanted, scaled) = self.direct(effects, position, shares.scale);
+        let (wanted, scaled) = direct(effects, position, shares.scale);
         state.fading = state.fading * self.fade;
         if state.revision != revision {
             state.fading = (state.direct - scaled).finite_or_zero();
             state.revision = revision;
         }
         state.direct = scaled + state.fading;
-        // Stops come last: what the host asks for is within the limit before they add to it.
-        let fixed = stops + beside.finite_or_zero();
-        let statics = within(within(state.direct, -self.limit, self.limit) + fixed, -self.limit, self.limit);
+        // The world comes last: what the host asks for is within the limit before it adds to it.
+        let beside = beside.finite_or_zero();
+        let statics = within(within(state.direct, -self.limit, self.limit) + beside, -self.limit, self.limit);
         // Elements yield where the motor cannot hold them, on both their ends.
         let room = (statics - self.limit, statics + self.limit);
         let velocity = way / self.period;
-        let drag = state.drag.step(shares.drag, way, room, |way| self.drag(effects, way / self.period), self.period);
+        let drag = state.drag.step(shares.drag, way, room, |way| resistance(effects, way / self.period), self.period);
         let room = (room.0 - drag, room.1 - drag);
         let (inertia, most) = inertia(effects);
         let mass = state.mass.step(shares.mass, way, room, inertia, most, self.period);
-        let beside = beside.finite_or_zero();
         let torque = (statics - drag - mass).finite_or_zero().within(self.limit) - beside;
-        let plain = wanted + fixed - self.drag(effects, velocity).moving(velocity) - mass;
+        let plain = wanted + beside - resistance(effects, velocity).moving(velocity) - mass;
         let asked = plain.finite_or_zero().within(self.limit) - beside;
         let shortfall = if effects.iter().any(drives) {
             Some(Shortfall::Drives)
@@ -281,12 +240,9 @@ impl<F: Real> Wheel<F> {
         Given { torque, asked, scale: shares.scale, used: shares.used, shortfall }
     }
 
-    /// Stops first; springs take what is left of the stiffness, or half of it where elements play; elements share the rest.
+    /// Springs take the stiffness, or half of it where elements play; elements share the rest.
     fn shares(&self, effects: &[Effect<F>]) -> Shares<F> {
-        let stops = self.stops.map_or(F::ZERO, |(_, stiffness)| stiffness);
-        let left = floored(self.stiffness - stops);
-        let (mut springs, mut drags, mut masses) =
-            (F::ZERO, self.base_friction > F::ZERO || self.base_damping > F::ZERO, false);
+        let (mut springs, mut drags, mut masses) = (F::ZERO, false, false);
         for effect in effects {
             match effect {
                 Effect::Spring(sides) => springs += sides.steepest(),
@@ -296,63 +252,55 @@ impl<F: Real> Wheel<F> {
             }
         }
         let elements = drags || masses;
-        let most = if elements { left * F::from_f64(SPRINGS_SHARE) } else { left };
+        let most = if elements { self.stiffness * F::from_f64(SPRINGS_SHARE) } else { self.stiffness };
         let scale = if springs > most { most / springs } else { F::ONE };
-        let rest = floored(left - springs * scale);
+        let rest = floored(self.stiffness - springs * scale);
         let each = if drags && masses { rest * F::HALF } else { rest };
         let of = |plays: bool, ratio: F| if plays { each * ratio } else { F::ZERO };
-        let taken = if elements { self.stiffness } else { stops + springs * scale };
+        let taken = if elements { self.stiffness } else { springs * scale };
         let used = if self.stiffness > F::ZERO { taken / self.stiffness } else { F::ONE };
         Shares { scale, drag: of(drags, self.drag), mass: of(masses, self.mass), used }
     }
+}
 
-    /// The torque of the stops; of springs as asked and what does not depend on the motion; the same with springs scaled.
-    fn direct(&self, effects: &[Effect<F>], position: F, scale: F) -> (F, F, F) {
-        let (mut wanted, mut scaled) = (F::ZERO, F::ZERO);
-        for effect in effects {
-            match effect {
-                Effect::Spring(sides) => {
-                    wanted += -sides.resistance(position, F::ONE).0;
-                    scaled += -sides.resistance(position, scale).0;
-                }
-                Effect::Torque(torque) => {
-                    wanted += torque.finite_or_zero();
-                    scaled += torque.finite_or_zero();
-                }
-                Effect::Damper(_) | Effect::Friction(_) | Effect::Inertia(_) => {}
+/// The torque of springs as asked and of what does not depend on the motion; the same with springs scaled.
+fn direct<F: Real>(effects: &[Effect<F>], position: F, scale: F) -> (F, F) {
+    let (mut wanted, mut scaled) = (F::ZERO, F::ZERO);
+    for effect in effects {
+        match effect {
+            Effect::Spring(sides) => {
+                wanted += -sides.resistance(position, F::ONE).0;
+                scaled += -sides.resistance(position, scale).0;
             }
+            Effect::Torque(torque) => {
+                wanted += torque.finite_or_zero();
+                scaled += torque.finite_or_zero();
+            }
+            Effect::Damper(_) | Effect::Friction(_) | Effect::Inertia(_) => {}
         }
-        let stops = self
-            .stops
-            .map_or(F::ZERO, |(angle, stiffness)| -(stiffness * (position - within(position, -angle, angle))));
-        (stops, wanted.finite_or_zero(), scaled.finite_or_zero())
     }
+    (wanted.finite_or_zero(), scaled.finite_or_zero())
+}
 
-    /// What dampers and frictions resist a velocity with.
-    fn drag(&self, effects: &[Effect<F>], velocity: F) -> Resistance<F> {
-        let mut all = Resistance {
-            viscous: self.base_damping * velocity,
-            slope: self.base_damping,
-            dry_above: self.base_friction,
-            dry_below: self.base_friction,
-        };
-        for effect in effects {
-            match effect {
-                Effect::Damper(sides) => {
-                    let (torque, slope) = sides.resistance(velocity, F::ONE);
-                    all.viscous += torque;
-                    all.slope += slope;
-                }
-                Effect::Friction(sides) => {
-                    let least = |a: F, b: F| if a < b { a } else { b };
-                    all.dry_above += least(floored(sides.above), sides.most_above);
-                    all.dry_below += least(floored(sides.below), sides.most_below);
-                }
-                Effect::Spring(_) | Effect::Inertia(_) | Effect::Torque(_) => {}
+/// What dampers and frictions resist a velocity with.
+fn resistance<F: Real>(effects: &[Effect<F>], velocity: F) -> Resistance<F> {
+    let mut all = Resistance { viscous: F::ZERO, slope: F::ZERO, dry_above: F::ZERO, dry_below: F::ZERO };
+    for effect in effects {
+        match effect {
+            Effect::Damper(sides) => {
+                let (torque, slope) = sides.resistance(velocity, F::ONE);
+                all.viscous += torque;
+                all.slope += slope;
             }
+            Effect::Friction(sides) => {
+                let least = |a: F, b: F| if a < b { a } else { b };
+                all.dry_above += least(floored(sides.above), sides.most_above);
+                all.dry_below += least(floored(sides.below), sides.most_below);
+            }
+            Effect::Spring(_) | Effect::Inertia(_) | Effect::Torque(_) => {}
         }
-        all
     }
+    all
 }
 
 /// A resistance to a velocity, and its derivative.

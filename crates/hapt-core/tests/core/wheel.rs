@@ -1,6 +1,6 @@
 //! A wheel's effects: no passive hand draws energy, and what is given is what was asked where the device allows it.
 
-use hapt_core::wheel::{Device, Effect, REST_SPEED, Refused, Shortfall, Sides, Stops, Timing, Wheel};
+use hapt_core::wheel::{Device, Effect, REST_SPEED, Refused, Shortfall, Sides, Timing, Wheel};
 use proptest::prelude::*;
 
 /// Random numbers in [0, 1).
@@ -66,10 +66,12 @@ impl Pattern {
     }
 }
 
-/// What a hand draws from the wheel of `device` beyond what the damping and the friction of `real` take, relative to what passes to and fro.
-/// The hand moves evenly within each step, not slower than `slowest`, and the motor's torque follows its command exactly.
+/// What a hand draws from the wheel of `device`, with end stops of so much stiffness beside its effects, beyond what the damping and the friction of
+/// `real` take, relative to what passes to and fro. The hand moves evenly within each step, not slower than `slowest`, and the motor's torque
+/// follows its command exactly.
 fn drawn(
     device: &Device,
+    stops: f64,
     real: &Device,
     pattern: Pattern,
     effects: &[Effect<f64>],
@@ -90,8 +92,9 @@ fn drawn(
     for step in 0..4000 {
         if step == next {
             let seen = if real.count > 0.0 { (z / real.count + 0.5).floor() * real.count } else { z };
-            let given = wheel.step(&mut state, seen, effects, 0);
-            pending.push((step + pattern.delay, given.torque));
+            let beside = (-stops * (seen - seen.clamp(-0.02, 0.02))).clamp(-device.limit, device.limit);
+            let given = wheel.step_beside(&mut state, seen, beside, effects, 0);
+            pending.push((step + pattern.delay, given.torque + beside));
             next += pattern.shortest + (dice.roll() * (pattern.longest - pattern.shortest + 1) as f64) as usize;
             // A hand that turns at the samples asks most of the hold.
             if dice.roll() < 0.8 {
@@ -112,10 +115,14 @@ fn drawn(
     work / passed.max(1e-12)
 }
 
-fn device(timing: Timing, damping: f64, stops: f64) -> Device {
-    let stiffness = stops * damping / timing.spring_cost();
-    let stops = (stiffness > 0.0).then_some(Stops { angle: 0.02, stiffness });
-    Device { timing, damping, friction: 0.0, count: 0.0, limit: 5.0, stops, base_friction: 0.0, base_damping: 0.0 }
+fn device(timing: Timing, damping: f64) -> Device {
+    Device::ideal(timing, damping, 5.0)
+}
+
+/// What stops that take this share of the damping leave of the device, and their stiffness.
+fn beside_stops(real: &Device, share: f64) -> (Device, f64) {
+    let damping = (1.0 - share) * real.damping;
+    (Device { damping, ..*real }, share * real.damping / real.timing.spring_cost())
 }
 
 fn pattern(shortest: usize, more: usize, late: f64) -> Pattern {
@@ -130,20 +137,22 @@ proptest! {
     fn no_hand_draws_energy_from_any_set_of_effects_under_uneven_time_and_delay(seed: u64, shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64) {
         let mut dice = Dice(seed);
         let pattern = pattern(shortest, more, late);
-        let device = device(pattern.timing(), dice.between(1e-3, 0.3), if dice.roll() < 0.5 { 0.0 } else { 0.9 * dice.roll() });
+        let real = device(pattern.timing(), dice.between(1e-3, 0.3));
+        let (device, stops) = beside_stops(&real, if dice.roll() < 0.5 { 0.0 } else { 0.9 * dice.roll() });
         let effects = dice.effects(5.0);
-        let drawn = drawn(&device, &device, pattern, &effects, 0.0, &mut dice);
-        prop_assert!(drawn < 1e-9, "{drawn} of what passes, {effects:?} on {device:?}");
+        let drawn = drawn(&device, stops, &real, pattern, &effects, 0.0, &mut dice);
+        prop_assert!(drawn < 1e-9, "{drawn} of what passes, {effects:?} and stops of {stops} on {real:?}");
     }
 
     #[test]
     fn nor_through_a_motor_that_lags_by_periods(seed: u64, shortest in 2..8usize, more in 0..4usize, late in 0.0..3.0f64, lag in 0.01..3.0f64) {
         let mut dice = Dice(seed);
         let pattern = Pattern { lag: lag * shortest as f64 * STEP, ..pattern(shortest, more, late) };
-        let device = device(pattern.timing(), dice.between(1e-3, 0.3), if dice.roll() < 0.5 { 0.0 } else { 0.9 * dice.roll() });
+        let real = device(pattern.timing(), dice.between(1e-3, 0.3));
+        let (device, stops) = beside_stops(&real, if dice.roll() < 0.5 { 0.0 } else { 0.9 * dice.roll() });
         let effects = dice.effects(5.0);
-        let drawn = drawn(&device, &device, pattern, &effects, 0.0, &mut dice);
-        prop_assert!(drawn < 1e-9, "{drawn} of what passes, {effects:?} on {device:?}");
+        let drawn = drawn(&device, stops, &real, pattern, &effects, 0.0, &mut dice);
+        prop_assert!(drawn < 1e-9, "{drawn} of what passes, {effects:?} and stops of {stops} on {real:?}");
     }
 
     /// At rest speed and faster; what a slower hand draws is in the next test.
@@ -153,16 +162,16 @@ proptest! {
         let lag = if dice.roll() < 0.5 { 0.0 } else { lag * shortest as f64 * STEP };
         let pattern = Pattern { lag, ..pattern(shortest, more, late) };
         let friction = if dice.roll() < 0.5 { 0.0 } else { dice.between(1e-4, 0.3) };
-        let counted = Device { count: dice.between(1e-5, 1e-2), friction, ..device(pattern.timing(), dice.between(1e-3, 0.3), 0.0) };
+        let counted = Device { count: dice.between(1e-5, 1e-2), friction, ..device(pattern.timing(), dice.between(1e-3, 0.3)) };
         let effects = dice.effects(5.0);
-        let drawn = drawn(&counted, &counted, pattern, &effects, REST_SPEED, &mut dice);
+        let drawn = drawn(&counted, 0.0, &counted, pattern, &effects, REST_SPEED, &mut dice);
         prop_assert!(drawn < 1e-9, "{drawn} of what passes, {effects:?} on {counted:?}");
     }
 
     #[test]
     fn the_torque_keeps_the_limit_whatever_is_asked(seed: u64, numbers in proptest::collection::vec(any::<f32>(), 6)) {
         let mut dice = Dice(seed);
-        let wheel = Wheel::<f32>::new(&device(Timing::even(1e-3), 0.01, 0.5)).unwrap();
+        let wheel = Wheel::<f32>::new(&device(Timing::even(1e-3), 0.01)).unwrap();
         let mut state = wheel.start();
         let [offset, dead_band, above, below, most_above, most_below] = numbers[..] else { unreachable!() };
         let sides = Sides { offset, dead_band: dead_band.abs(), above, below, most_above: most_above.abs(), most_below: most_below.abs() };
@@ -183,10 +192,10 @@ fn friction_for(device: &Device) -> f64 {
 fn springs_at_the_bound_draw_energy_from_a_device_with_less_damping() {
     let pattern = Pattern { shortest: 10, nominal: 10, longest: 10, delay: 0, lag: 0.0 };
     let spring = [Effect::Spring(Sides::even(1e3, 5.0))];
-    let exact = device(pattern.timing(), 0.05, 0.0);
+    let exact = device(pattern.timing(), 0.05);
     let at = |share: f64, seed| {
         let less = Device { damping: share * exact.damping, ..exact };
-        drawn(&exact, &less, pattern, &spring, 0.0, &mut Dice(seed))
+        drawn(&exact, 0.0, &less, pattern, &spring, 0.0, &mut Dice(seed))
     };
     assert!((0..50).all(|seed| at(1.0, seed) <= 1e-9));
     assert!((0..50).any(|seed| at(0.9, seed) > 0.0));
@@ -209,7 +218,7 @@ fn a_dither_across_a_count_draws_nothing_where_friction_holds_it_and_no_more_tha
         work / (20_000.0 * period)
     };
     let timing = Timing::even(1e-3);
-    let bare = Device { count: 1e-3, ..device(timing, 0.05, 0.0) };
+    let bare = Device { count: 1e-3, ..device(timing, 0.05) };
     let held = Device { friction: 4.0 * friction_for(&bare), ..bare };
     // What is left of the damping takes as much of a wheel at rest speed.
     let most =
@@ -232,7 +241,7 @@ fn a_dither_across_a_count_draws_nothing_where_friction_holds_it_and_no_more_tha
 
 #[test]
 fn a_slow_turn_feels_friction_and_damping_in_full_and_inertia_as_a_mass() {
-    let wheel = Wheel::<f64>::new(&device(Timing::even(1e-3), 0.02, 0.0)).unwrap();
+    let wheel = Wheel::<f64>::new(&device(Timing::even(1e-3), 0.02)).unwrap();
     let after = |effect, way: fn(f64) -> f64| {
         let mut state = wheel.start();
         (0..1000).map(|k| wheel.step(&mut state, way(f64::from(k) * 1e-3), &[effect], 0).torque).last().unwrap()
@@ -252,7 +261,7 @@ fn a_slow_turn_feels_friction_and_damping_in_full_and_inertia_as_a_mass() {
 
 #[test]
 fn a_change_of_effects_makes_no_jump() {
-    let wheel = Wheel::<f64>::new(&device(Timing::even(1e-3), 0.02, 0.0)).unwrap();
+    let wheel = Wheel::<f64>::new(&device(Timing::even(1e-3), 0.02)).unwrap();
     let mut state = wheel.start();
     wheel.step(&mut state, 0.1, &[], 0);
     let pushed = [Effect::Torque(3.0), Effect::Spring(Sides::even(10.0, 5.0))];
@@ -264,7 +273,7 @@ fn a_change_of_effects_makes_no_jump() {
 
 #[test]
 fn what_is_not_given_has_a_reason() {
-    let wheel = Wheel::<f64>::new(&device(Timing::even(1e-3), 0.02, 0.0)).unwrap();
+    let wheel = Wheel::<f64>::new(&device(Timing::even(1e-3), 0.02)).unwrap();
     let reason = |effect| wheel.step(&mut wheel.start(), 0.1, &[effect], 0).shortfall;
     assert_eq!(reason(Effect::Spring(Sides::even(40.0, 5.0))), None);
     assert_eq!(reason(Effect::Spring(Sides::even(41.0, 5.0))), Some(Shortfall::Stiffness));
@@ -273,12 +282,16 @@ fn what_is_not_given_has_a_reason() {
 }
 
 #[test]
-fn stops_stiffer_than_the_damping_allows_are_refused_with_the_stiffness_that_would_do() {
-    let most = 2.0 * 0.02 / 1e-3;
-    let stops = |stiffness| {
-        let stops = Some(Stops { angle: 7.85, stiffness });
-        Wheel::<f64>::new(&Device { stops, ..device(Timing::even(1e-3), 0.02, 0.0) }).map(|_| ())
-    };
-    assert_eq!(stops(most), Ok(()));
-    assert_eq!(stops(1.01 * most), Err(Refused::Stops { stiffness: 1.01 * most, most }));
+fn a_number_out_of_its_range_is_refused_by_its_name() {
+    let good = device(Timing::even(1e-3), 0.02);
+    for (bad, name) in [
+        (Device { timing: Timing { shortest: 2e-3, ..good.timing }, ..good }, "timing"),
+        (Device { damping: -1e-9, ..good }, "damping"),
+        (Device { friction: f64::NAN, ..good }, "friction"),
+        (Device { count: f64::INFINITY, ..good }, "count"),
+        (Device { limit: 0.0, ..good }, "limit"),
+    ] {
+        assert_eq!(Wheel::<f64>::new(&bad).map(|_| ()), Err(Refused(name)));
+    }
+    assert!(Wheel::<f64>::new(&good).is_ok());
 }

@@ -2,6 +2,7 @@
 #![cfg(target_os = "linux")]
 
 mod bench;
+mod killed;
 mod middle;
 mod moteus;
 mod odrive;

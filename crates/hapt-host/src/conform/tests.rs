@@ -65,17 +65,7 @@ impl Simulated {
     }
 
     fn own() -> Self {
-        let device = Device {
-            timing: Timing::even(STEP),
-            damping: 0.05,
-            friction: 0.0,
-            count: 0.0,
-            limit: LIMIT,
-            stops: None,
-            base_friction: 0.0,
-            base_damping: 0.0,
-        };
-        let wheel = hapt_core::wheel::Wheel::new(&device).unwrap();
+        let wheel = hapt_core::wheel::Wheel::new(&Device::ideal(Timing::even(STEP), 0.05, LIMIT)).unwrap();
         let state = Box::new(wheel.start());
         Simulated {
             renderer: Renderer::Own { pool: Box::new(Pool::new()), wheel, state },
@@ -133,7 +123,8 @@ impl Renderer {
                 Form::Condition { law: Law::Damper, .. } => scales[0],
                 Form::Condition { law: Law::Friction, .. } => scales[1],
                 Form::Condition { law: Law::Inertia, .. } => scales[2],
-                _ => 0.0,
+                Form::Condition { law: Law::Spring, .. } => 0.0,
+                Form::Constant { .. } | Form::Ramp { .. } | Form::Periodic { .. } => 0.0,
             };
             effect.plays(time, *error).then(|| {
                 let torque = torque(&[effect], *gain, time, motion, *error);

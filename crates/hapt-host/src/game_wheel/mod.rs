@@ -52,7 +52,7 @@ pub enum WheelError {
     Device(#[from] Refused),
     /// The world is not one of a wheel.
     #[error("{0}")]
-    World(&'static str),
+    World(String),
     /// The certificate cannot be computed.
     #[error("{0}")]
     Check(String),
@@ -64,28 +64,38 @@ pub struct Room {
     device: Device,
     /// Half of the steering range, rad.
     half: f64,
+    /// Why the world by itself is passive as far as its linear loop goes only.
+    not_proved: Vec<String>,
 }
 
 impl Room {
-    /// The room of this world for effects, on a wheel that turns by `range` rad from one end to the other. The effects get the damping of the
-    /// device that the world itself does not need.
+    /// The room of this world for effects, on a wheel that turns by `range` rad from one end to the other. The world is what the wheel does
+    /// without a game, its end stops and its base feel; the effects get the damping of the device that the world itself does not need.
     ///
     /// # Errors
     /// The world is linear, or has no limit, or is not certified.
     pub fn of(world: &World, range: f64) -> Result<Self, WheelError> {
         if world.motion != hapt_model::Motion::Rotary {
-            return Err(WheelError::World("the world is linear, and a wheel turns; leave `motion` out"));
+            return Err(WheelError::World("the world is linear, and a wheel turns; leave `motion` out".into()));
         }
         let Some(limit) = world.device.limit else {
-            return Err(WheelError::World("device.limit: a wheel needs the largest torque of its motor"));
+            return Err(WheelError::World("device.limit: a wheel needs the largest torque of its motor".into()));
         };
         let uneven = hapt_analysis::uneven(world).map_err(|error| WheelError::Check(error.to_string()))?;
         let [least, _] = world.device.damping_range();
-        let Some(demand) = uneven.required_damping.filter(|demand| *demand <= least) else {
+        let Some(demand) = uneven.required_damping else {
             return Err(WheelError::World(
-                "the world by itself is not known to be passive on its device, and leaves nothing for effects; hapt check says what would be",
+                "the world by itself is not known to be passive, whatever the damping of its device, and leaves nothing for effects; hapt check \
+                 says why"
+                    .into(),
             ));
         };
+        if demand > least {
+            return Err(WheelError::World(format!(
+                "the world by itself needs {demand:.4} N m s/rad of device.damping, which is {least:.4} at least: it is not known to be passive, \
+                 and leaves nothing for effects; hapt check says what would be"
+            )));
+        }
         let sampling = &world.sampling;
         let timing = Timing {
             period: sampling.period,
@@ -100,17 +110,8 @@ impl Room {
         let count = world.count().unwrap_or(0.0);
         let ([friction, _], of_world) =
             (world.device.friction_range(), own.least_friction + 0.5 * own.stiffness * count);
-        let device = Device {
-            timing,
-            damping,
-            friction: (friction - of_world).max(0.0),
-            count,
-            limit,
-            stops: None,
-            base_friction: 0.0,
-            base_damping: 0.0,
-        };
-        Ok(Room { device, half: 0.5 * range })
+        let device = Device { timing, damping, friction: (friction - of_world).max(0.0), count, limit };
+        Ok(Room { device, half: 0.5 * range, not_proved: uneven.not_proved })
     }
 
     /// The device with what is left of its damping and its friction.
@@ -121,6 +122,12 @@ impl Room {
     /// Half of the steering range, rad.
     pub fn half(&self) -> f64 {
         self.half
+    }
+
+    /// Why the world by itself is passive as far as its linear loop goes only, one sentence each; empty where it is proved. What is claimed of
+    /// the effects is claimed as far.
+    pub fn not_proved(&self) -> &[String] {
+        &self.not_proved
     }
 
     /// The damping that the effects can use, N·m·s/rad.

@@ -20,6 +20,10 @@ pub fn reason(why: Shortfall) -> &'static str {
     }
 }
 
+/// The same of a host that says nothing.
+const PAUSES: &str =
+    "the game has said nothing for 10 s, and all that can do work on the wheel pauses up to its next report";
+
 /// What plays, and what became of it since someone looked.
 #[derive(Default)]
 pub(super) struct Shown {
@@ -28,6 +32,7 @@ pub(super) struct Shown {
     torques: Option<[[f64; 3]; 2]>,
     last: Option<Given<f32>>,
     why: Option<Shortfall>,
+    pauses: bool,
 }
 
 impl Shown {
@@ -45,6 +50,7 @@ impl Shown {
         // A copy: what has ended leaves the loop's own.
         let mut pool = *pool;
         let (all, playing): ([Effect<f32>; EFFECTS], usize) = pool.effects(now, scale);
+        self.pauses = pool.pauses();
         self.effects.clear();
         self.effects.extend(all.into_iter().take(playing));
     }
@@ -78,7 +84,7 @@ impl WheelView for View {
             given,
             limit: self.limit,
             used: f64::from(last.used),
-            reason: shown.why.take().map(reason),
+            reason: shown.why.take().map(reason).or(shown.pauses.then_some(PAUSES)),
             taken: status.taken,
             refused: status.refused,
         }

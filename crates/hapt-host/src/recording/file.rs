@@ -30,11 +30,16 @@ impl Recording {
     }
 
     /// Creates a file that does not exist yet, which takes time. The recording begins with the loop's state at one of the samples after
-    /// [`Runner::begin_log`], so that it can be replayed; a board does not report its state.
+    /// [`Runner::begin_log`], so that it can be replayed; a board does not report its state. `linked`: as [`Runner::has_outside`].
     ///
     /// # Errors
     /// In a sentence.
-    pub(crate) fn in_folder(folder: &Path, config: &WorldConfig, profile: SafetyProfile) -> Result<Self, String> {
+    pub(crate) fn in_folder(
+        folder: &Path,
+        config: &WorldConfig,
+        profile: SafetyProfile,
+        linked: bool,
+    ) -> Result<Self, String> {
         let free = |n: &u32| !folder.join(format!("live-{n:04}.mcap")).exists();
         let number = (1..10_000)
             .find(free)
@@ -48,6 +53,7 @@ impl Recording {
             device: config.device().into(),
             profile,
             plan: config.generation,
+            linked,
             ..Header::default()
         };
         let recorder = Recorder::start(&file, &config.world, header).map_err(|error| error.to_string())?;

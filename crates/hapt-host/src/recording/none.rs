@@ -18,7 +18,7 @@ pub enum Recording {}
 pub(crate) enum Recorder {}
 
 impl Recording {
-    pub(crate) fn in_folder(_: &Path, _: &WorldConfig, _: SafetyProfile) -> Result<Self, String> {
+    pub(crate) fn in_folder(_: &Path, _: &WorldConfig, _: SafetyProfile, _: bool) -> Result<Self, String> {
         Err(crate::session::NO_FILES.into())
     }
 

@@ -3,9 +3,13 @@
 use std::path::Path;
 use std::time::Duration;
 
-use hapt_live::{Live, Options};
+use hapt_core::wheel::{Device, Timing, Wheel};
+use hapt_host::Machine;
+use hapt_live::{Error, Live, Options};
 use hapt_log::{Ending, Log, replay};
 use hapt_model::Source;
+use hapt_rt::{Outside, effects};
+use hapt_wire::pid::{FULL, Kind, Operation, Pool, Report, Scale};
 use serde_json::json;
 
 use crate::common::{Page, WORLD};
@@ -53,6 +57,50 @@ fn a_recording_is_a_log_of_the_worlds_that_ran_while_it_was_on_and_gives_their_t
     assert!(torques > 100, "{torques} of {samples} samples with a torque");
     let again = replay(&mut Log::open(&file).unwrap()).unwrap();
     assert_eq!((again.compared, again.skipped, again.gaps, again.first), (samples, 0, 0, None));
+}
+
+#[test]
+fn a_recording_beside_what_a_game_plays_has_its_torque_in_a_column_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let (port, mut wire) =
+        effects(Wheel::new(&Device::ideal(Timing::even(1e-3), 1e-3, 0.4)).unwrap(), Scale::of_wheel(0.4, 1.0));
+    let options = Options {
+        source: Source::from_text("wheel.toml", WORLD),
+        sets: Vec::new(),
+        address: "127.0.0.1:0".parse().unwrap(),
+        folder: folder.path().into(),
+    };
+    let machine = |world: &_| Ok::<_, Error>(Machine::simulated(world).beside(Outside::playing(port)).unwrap());
+    let live = Live::start_on(options, machine).unwrap();
+    let (mut page, _) = Page::new(&live);
+    let mut pool = Pool::new();
+    for report in [
+        Report::Create(Kind::Constant),
+        Report::Constant { block: 0, magnitude: FULL / 2 },
+        Report::Operation { block: 0, operation: Operation::Start, loops: 1 },
+    ] {
+        assert!(pool.take(&report, 0));
+    }
+    assert!(wire.pools.push(pool).is_ok());
+    page.frame_until(|frame| frame.columns[0][0].abs() > 0.01);
+    page.say(json!({ "type": "record", "on": true }));
+    page.hear_until("status", |status| status["recording"]["seconds"].as_f64().is_some_and(|seconds| seconds > 0.2));
+    page.say(json!({ "type": "record", "on": false }));
+    page.hear_until("status", |status| status["recording"].is_null());
+
+    let file = folder.path().join("live-0001.mcap");
+    while !is_whole(&file) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let mut log = Log::open(&file).unwrap();
+    let mut links = Vec::new();
+    while let Some(sample) = log.next().unwrap() {
+        assert_eq!(sample.plan.columns.last().unwrap().name, "link_Nm");
+        links.push(sample.inputs().unwrap().link.unwrap());
+    }
+    assert!(links.len() > 100 && links.iter().all(|link| (link.abs() - 0.2).abs() < 1e-3), "{links:?}");
+    let again = replay(&mut Log::open(&file).unwrap()).unwrap();
+    assert_eq!((again.compared, again.first), (links.len() as u64, None));
 }
 
 fn is_whole(file: &Path) -> bool {

@@ -247,6 +247,12 @@ impl Pool {
         }
         (all, count)
     }
+
+    /// Whether an effect would play if the host were not silent, at the time of the last [`Pool::effects`].
+    #[must_use]
+    pub fn pauses(&self) -> bool {
+        self.silent && self.slots.iter().flatten().any(|slot| slot.playing.is_some() && slot.can_work())
+    }
 }
 
 /// Of full scale.

@@ -25,16 +25,7 @@ device.limit = "5 N m"
 fn bytes() -> Vec<u8> {
     use hapt_core::wheel::{Device, Timing};
     let world = World::read(&Source::from_text("wheel.toml", WORLD), &[]).unwrap();
-    let device = Device {
-        timing: Timing::even(1e-3),
-        damping: 0.05,
-        friction: 0.0,
-        count: 0.0,
-        limit: LIMIT,
-        stops: None,
-        base_friction: 0.0,
-        base_damping: 0.0,
-    };
+    let device = Device::ideal(Timing::even(1e-3), 0.05, LIMIT);
     let limits = hapt_core::Limits {
         time: CertifiedTime::NOT_STATED,
         pulse: 0.0,
@@ -46,14 +37,14 @@ fn bytes() -> Vec<u8> {
 }
 
 /// The board with its wheel. `turn` is the main loop's, and may be left out.
-struct Rig<'p> {
+struct Bench<'p> {
     turn: Box<dyn FnMut(&mut WheelMailbox) + 'p>,
     sampler: WheelSampler,
     mailbox: WheelMailbox,
     wheel: VirtualDevice,
 }
 
-impl Rig<'_> {
+impl Bench<'_> {
     fn sample(&mut self, fault: bool) -> Motor {
         let position = self.wheel.puck().0 as f32;
         let motor = self.sampler.sample(&Measurement { position, fault, ..Measurement::default() }, &mut self.mailbox);
@@ -80,31 +71,31 @@ struct Game<'h> {
 }
 
 impl Game<'_> {
-    fn control(&self, rig: &mut Rig<'_>, setup: [u8; 8], data: &[u8]) -> Option<Vec<u8>> {
+    fn control(&self, bench: &mut Bench<'_>, setup: [u8; 8], data: &[u8]) -> Option<Vec<u8>> {
         let mut room = [0; LONGEST];
-        let Rig { turn, mailbox, .. } = rig;
+        let Bench { turn, mailbox, .. } = bench;
         self.host.control(setup, data, &mut room, || turn(mailbox)).map(<[u8]>::to_vec)
     }
 
-    fn configure(&self, rig: &mut Rig<'_>) {
-        assert!(self.control(rig, [0, 9, 1, 0, 0, 0, 0, 0], &[]).is_some());
+    fn configure(&self, bench: &mut Bench<'_>) {
+        assert!(self.control(bench, [0, 9, 1, 0, 0, 0, 0, 0], &[]).is_some());
     }
 
-    fn report(&self, rig: &mut Rig<'_>, report: Report) {
+    fn report(&self, bench: &mut Bench<'_>, report: Report) {
         let (bytes, length) = report.write();
         let bytes = &bytes[..length];
         if matches!(report, Report::Create(_)) {
             let setup = [0x21, 9, bytes[0], 3, 0, 0, length as u8, 0];
-            assert!(self.control(rig, setup, bytes).is_some(), "{report:?}");
+            assert!(self.control(bench, setup, bytes).is_some(), "{report:?}");
         } else {
-            let Rig { turn, mailbox, .. } = rig;
+            let Bench { turn, mailbox, .. } = bench;
             self.host.send(1, bytes, || turn(mailbox));
         }
     }
 
-    fn play(&self, rig: &mut Rig<'_>, kind: Kind, of: impl Fn(usize) -> Report) {
-        self.report(rig, Report::Create(kind));
-        let load = self.control(rig, [0xa1, 1, id::LOAD, 3, 0, 0, 64, 0], &[]).unwrap();
+    fn play(&self, bench: &mut Bench<'_>, kind: Kind, of: impl Fn(usize) -> Report) {
+        self.report(bench, Report::Create(kind));
+        let load = self.control(bench, [0xa1, 1, id::LOAD, 3, 0, 0, 64, 0], &[]).unwrap();
         assert_eq!(load[2], 1, "a place");
         let block = usize::from(load[1]) - 1;
         let common =
@@ -114,17 +105,17 @@ impl Game<'_> {
             of(block),
             Report::Operation { block, operation: Operation::Start, loops: 1 },
         ] {
-            self.report(rig, report);
+            self.report(bench, report);
         }
     }
 
     /// From the right of the host's numbers: half of full scale to the right.
-    fn push(&self, rig: &mut Rig<'_>) {
-        self.play(rig, Kind::Constant, |block| Report::Constant { block, magnitude: FULL / 2 });
+    fn push(&self, bench: &mut Bench<'_>) {
+        self.play(bench, Kind::Constant, |block| Report::Constant { block, magnitude: FULL / 2 });
     }
 }
 
-fn with_rig(test: impl FnOnce(&Game<'_>, &mut Rig<'_>)) {
+fn with_bench(test: impl FnOnce(&Game<'_>, &mut Bench<'_>)) {
     let host = Host::new();
     let mut next = [1; 2];
     let bus =
@@ -143,7 +134,7 @@ fn with_rig(test: impl FnOnce(&Game<'_>, &mut Rig<'_>)) {
         port.exchange(mailbox);
     };
     let wheel = VirtualDevice::new(&world.device_spec());
-    test(&Game { host: &host }, &mut Rig { turn: Box::new(turn), sampler, mailbox: WheelMailbox::new(), wheel });
+    test(&Game { host: &host }, &mut Bench { turn: Box::new(turn), sampler, mailbox: WheelMailbox::new(), wheel });
 }
 
 fn is_near(found: f64, expected: f64) -> bool {
@@ -152,17 +143,17 @@ fn is_near(found: f64, expected: f64) -> bool {
 
 #[test]
 fn no_torque_before_a_host_has_the_wheel_and_then_what_it_asks_for() {
-    with_rig(|game, rig| {
-        assert_eq!(rig.run(100).1.phase, Phase::Disarmed);
-        game.configure(rig);
-        let (torque, shown) = rig.run(500);
+    with_bench(|game, bench| {
+        assert_eq!(bench.run(100).1.phase, Phase::Disarmed);
+        game.configure(bench);
+        let (torque, shown) = bench.run(500);
         assert_eq!((torque, shown.phase), (0.0, Phase::Running));
-        game.push(rig);
-        let (torque, shown) = rig.run(50);
+        game.push(bench);
+        let (torque, shown) = bench.run(50);
         assert!(is_near(torque, 0.5 * LIMIT) && shown.playing == 1, "{torque}");
         // The host sees the wheel turn, as it was at the sample before.
-        let expected = Input::at(f64::from(rig.mailbox.shown().position), HALF);
-        rig.run(2);
+        let expected = Input::at(f64::from(bench.mailbox.shown().position), HALF);
+        bench.run(2);
         let (report, length) = game.host.report();
         assert_eq!(report[..length], expected.write());
         assert!(expected.steering > 50);
@@ -172,11 +163,11 @@ fn no_torque_before_a_host_has_the_wheel_and_then_what_it_asks_for() {
 #[test]
 fn a_host_that_suspends_resets_or_is_silent_leaves_no_torque_on() {
     for event in [Some(PollResult::Suspend), Some(PollResult::Reset), None] {
-        with_rig(|game, rig| {
-            game.configure(rig);
-            rig.run(500);
-            game.push(rig);
-            rig.run(50);
+        with_bench(|game, bench| {
+            game.configure(bench);
+            bench.run(500);
+            game.push(bench);
+            bench.run(50);
             let samples = match event {
                 Some(event) => {
                     game.host.signal(event);
@@ -184,61 +175,61 @@ fn a_host_that_suspends_resets_or_is_silent_leaves_no_torque_on() {
                 }
                 None => SILENCE as usize / 1000 + 1,
             };
-            let (_, shown) = rig.run(samples);
+            let (_, shown) = bench.run(samples);
             assert_eq!(shown.playing, 0);
             // What fades has a time constant of 2 ms.
-            assert!(rig.run(20).0.abs() < 1e-3 * LIMIT);
-            assert_eq!(rig.mailbox.shown().phase, Phase::Running, "the world itself goes on");
+            assert!(bench.run(20).0.abs() < 1e-3 * LIMIT);
+            assert_eq!(bench.mailbox.shown().phase, Phase::Running, "the world itself goes on");
         });
     }
 }
 
 #[test]
 fn effects_end_where_the_main_loop_stops_and_begin_anew_with_it() {
-    with_rig(|game, rig| {
-        game.configure(rig);
-        rig.run(500);
-        game.push(rig);
-        rig.run(50);
+    with_bench(|game, bench| {
+        game.configure(bench);
+        bench.run(500);
+        game.push(bench);
+        bench.run(50);
         let bound = (UNSERVED / 1e-3) as usize;
         for _ in 0..bound {
-            rig.sample(false);
+            bench.sample(false);
         }
-        assert_eq!(rig.mailbox.shown().playing, 1);
-        rig.sample(false);
-        assert_eq!(rig.mailbox.shown().playing, 0);
+        assert_eq!(bench.mailbox.shown().playing, 1);
+        bench.sample(false);
+        assert_eq!(bench.mailbox.shown().playing, 0);
         for _ in 0..20 {
-            rig.sample(false);
+            bench.sample(false);
         }
-        assert!(rig.sample(false).torque.abs() < 1e-3 * LIMIT as f32);
-        game.report(rig, Report::Control(Control::Enable));
-        assert!(is_near(rig.run(50).0, 0.5 * LIMIT), "a host that speaks has its effects back");
+        assert!(bench.sample(false).torque.abs() < 1e-3 * LIMIT as f32);
+        game.report(bench, Report::Control(Control::Enable));
+        assert!(is_near(bench.run(50).0, 0.5 * LIMIT), "a host that speaks has its effects back");
     });
 }
 
 #[test]
 fn a_fault_of_the_driver_stays_whatever_a_host_asks_for() {
-    with_rig(|game, rig| {
-        game.configure(rig);
-        rig.run(500);
-        game.push(rig);
-        rig.run(50);
-        assert!(!rig.sample(true).on);
+    with_bench(|game, bench| {
+        game.configure(bench);
+        bench.run(500);
+        game.push(bench);
+        bench.run(50);
+        assert!(!bench.sample(true).on);
         for control in [Control::Reset, Control::Enable] {
-            game.report(rig, Report::Control(control));
+            game.report(bench, Report::Control(control));
         }
-        game.configure(rig);
-        game.push(rig);
-        let (torque, shown) = rig.run(500);
+        game.configure(bench);
+        game.push(bench);
+        let (torque, shown) = bench.run(500);
         assert_eq!((torque, shown.phase, shown.reason), (0.0, Phase::Faulted, Some(Reason::Driver)));
     });
 }
 
 #[test]
 fn a_spring_of_a_host_brings_the_wheel_back_and_what_is_more_than_the_device_pays_for_is_scaled() {
-    with_rig(|game, rig| {
-        game.configure(rig);
-        rig.run(500);
+    with_bench(|game, bench| {
+        game.configure(bench);
+        bench.run(500);
         let stiff = |block| {
             let condition = Condition {
                 positive: FULL,
@@ -250,16 +241,16 @@ fn a_spring_of_a_host_brings_the_wheel_back_and_what_is_more_than_the_device_pay
             Report::Condition { block, axis: 0, condition }
         };
         for _ in 0..16 {
-            game.play(rig, Kind::Spring, stiff);
+            game.play(bench, Kind::Spring, stiff);
         }
-        rig.wheel.set_out((0.5, 0.0), (0.0, 0.0));
+        bench.wheel.set_out((0.5, 0.0), (0.0, 0.0));
         let mut farthest = 0.0_f64;
         for _ in 0..20_000 {
-            rig.run(1);
-            farthest = farthest.max(rig.wheel.puck().0.abs());
+            bench.run(1);
+            farthest = farthest.max(bench.wheel.puck().0.abs());
         }
         assert!(farthest <= 0.5 + 1e-6, "{farthest}");
-        assert!(rig.wheel.puck().0.abs() < 0.05, "{}", rig.wheel.puck().0);
+        assert!(bench.wheel.puck().0.abs() < 0.05, "{}", bench.wheel.puck().0);
     });
 }
 

@@ -177,6 +177,21 @@ fn an_effect_of_65535_ms_has_no_end_until_it_is_stopped() {
     assert_eq!(torque(&mut pool, 1_000_000_001), None);
 }
 
+/// A host has no word for a longer one: 16 bits of milliseconds.
+#[test]
+fn the_longest_effect_with_an_end_has_it_after_65534_ms_and_one_of_no_length_has_none() {
+    let ends = |duration| {
+        let effect = Report::Effect { block: 0, common: Common { delay: 0, ..common(Kind::Spring, duration) } };
+        let condition = Condition { positive: FULL, negative: FULL, ..Condition::default() };
+        let mut pool = playing(Kind::Spring, &[effect, Report::Condition { block: 0, axis: 0, condition }], 1);
+        let mut plays = |ms: u64| pool.effects(1000 * ms, &SCALE).1 == 1;
+        (0..200_000).find(|ms| !plays(*ms))
+    };
+    for (duration, end) in [(1, Some(1)), (INFINITE - 1, Some(65_534)), (INFINITE, None), (0, None)] {
+        assert_eq!(ends(duration), end, "{duration} ms");
+    }
+}
+
 #[test]
 fn what_can_do_work_pauses_while_the_host_is_silent_and_what_cannot_stays() {
     let moving = Condition { offset: FULL / 2, positive: FULL, negative: FULL, ..Condition::default() };
@@ -194,8 +209,9 @@ fn what_can_do_work_pauses_while_the_host_is_silent_and_what_cannot_stays() {
                 Kind::Triangle | Kind::SawtoothUp | Kind::SawtoothDown => false,
             };
             assert_eq!(plays(&mut pool, SILENCE + 1), is_passive, "{kind:?}");
+            assert_eq!(pool.pauses(), !is_passive, "{kind:?}");
             pool.take(&Report::Gain(FULL), SILENCE + 2);
-            assert!(plays(&mut pool, SILENCE + 3), "{kind:?}: the host is there again");
+            assert!(plays(&mut pool, SILENCE + 3) && !pool.pauses(), "{kind:?}: the host is there again");
         }
     }
 }
@@ -342,7 +358,7 @@ proptest! {
         let mut pool = playing(kind, &reports, 1);
         let (effects, count) = pool.effects(1000, &SCALE);
         let timing = Timing::even(1e-3);
-        let device = Device { timing, damping: 20.0, friction: 0.0, count: 0.0, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
+        let device = Device::ideal(timing, 20.0, 5.0);
         // The pool's numbers are f32, and a wheel may well be f64.
         let wide = effects[..count].iter().map(|effect| {
             let sides = |s: Sides<f32>| Sides {
@@ -461,7 +477,7 @@ proptest! {
         let spec = DeviceSpec { period, delay: late * period, lag: 0.0, inertia, damping, friction, handle: None };
         let count = std::f64::consts::TAU / counts.round();
         let timing = Timing { delay: late * period, ..Timing::even(period) };
-        let device = Device { timing, damping, friction, count, limit: 5.0, stops: None, base_friction: 0.0, base_damping: 0.0 };
+        let device = Device { friction, count, ..Device::ideal(timing, damping, 5.0) };
         let wheel = Wheel::<f32>::new(&device).unwrap();
         let mut pool = Pool::new();
         for (block, (kind, positive, negative)) in asked.into_iter().enumerate() {

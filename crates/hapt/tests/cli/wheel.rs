@@ -11,6 +11,13 @@ device.damping = "0.05 N m s/rad"
 device.limit = "5 N m"
 "#;
 
+const COULOMB: &str = r#"
+[[couplings]]
+kind = "friction"
+between = ["puck", "ground"]
+torque = "0.1 N m"
+"#;
+
 #[test]
 fn what_cannot_be_a_wheel_is_refused_with_the_reason_and_leaves_nothing() {
     let stiff = format!(
@@ -22,6 +29,7 @@ fn what_cannot_be_a_wheel_is_refused_with_the_reason_and_leaves_nothing() {
     let at = folder(&[
         ("rig.toml", RIG),
         ("stiff.toml", &stiff),
+        ("coulomb.toml", &format!("{RIG}\n{COULOMB}")),
         ("linear.toml", linear),
         ("free.toml", &RIG.replace("device.limit = \"5 N m\"\n", "")),
         ("pair.toml", network),
@@ -37,7 +45,8 @@ fn what_cannot_be_a_wheel_is_refused_with_the_reason_and_leaves_nothing() {
         (&["nothing.toml"], &["nothing.toml"]),
         (&["linear.toml"], &["linear", "a wheel turns"]),
         (&["free.toml"], &["device.limit", "the largest torque"]),
-        (&["stiff.toml"], &["not known to be passive", "hapt check"]),
+        (&["stiff.toml"], &["needs 0.1000 N m s/rad of device.damping", "0.0500 at least", "hapt check"]),
+        (&["coulomb.toml"], &["whatever the damping", "hapt check"]),
         (&["pair.toml"], &["pair.toml", "is a network"]),
         (&["rig.toml", "--log", "rig.toml"], &["rig.toml"]),
     ];

@@ -2,7 +2,10 @@
 
 #![cfg(target_os = "linux")]
 
-use std::io::{Read, Write};
+mod base_feel;
+mod host;
+
+use std::io::Write;
 use std::os::unix::net::UnixStream;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -10,12 +13,12 @@ use std::time::{Duration, Instant};
 use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_host::game_wheel::{GameWheel, Room, WheelStatus};
 use hapt_host::messages::{ClientMessage, ServerMessage, WheelInfo};
-use hapt_host::{Machine, PageSession, Session, WorldConfig};
+use hapt_host::{Machine, PageSession, Session, WheelView, WorldConfig};
 use hapt_model::{Source, World};
 use hapt_rt::{Cycle, Device, Failure, Moment, Outside, Plan, Position, Record};
-use hapt_wire::pid::{
-    Common, Condition, Control, DESCRIPTOR, FULL, INFINITE, Input, Kind, Operation, Periodic, Report, SILENCE, id,
-};
+use hapt_wire::pid::{Condition, Control, DESCRIPTOR, FULL, Input, Kind, Periodic, Report, SILENCE, id};
+
+use host::Host;
 
 /// Beyond this something is broken, and not just slow.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -28,127 +31,6 @@ device.inertia = "0.02 kg m^2"
 device.damping = "0.3 N m s/rad"
 device.limit = "5 N m"
 "#;
-
-/// A transfer's answer: its status and its data.
-type Answer = (i32, Vec<u8>);
-
-/// A USB host.
-struct Host {
-    stream: UnixStream,
-    number: u32,
-    /// The transfer that waits for the wheel's position.
-    waiting: Option<u32>,
-    shown: Vec<Vec<u8>>,
-}
-
-impl Host {
-    fn new(stream: UnixStream) -> Self {
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        Host { stream, number: 0, waiting: None, shown: Vec::new() }
-    }
-
-    fn message(&mut self, words: [u32; 10], setup: [u8; 8], data: &[u8]) {
-        let mut bytes: Vec<u8> = words.iter().flat_map(|word| word.to_be_bytes()).collect();
-        bytes.extend(setup);
-        bytes.extend(data);
-        self.stream.write_all(&bytes).unwrap();
-    }
-
-    fn submit(&mut self, endpoint: u32, is_in: bool, length: usize, setup: [u8; 8], data: &[u8]) -> u32 {
-        self.number += 1;
-        let words = [1, self.number, 1 << 16 | 2, u32::from(is_in), endpoint, 0, length as u32, 0, 0, 1];
-        self.message(words, setup, data);
-        self.number
-    }
-
-    /// The next answer: the number of its transfer, what it is, and the rest.
-    fn next(&mut self, ins: impl Fn(u32) -> bool) -> (u32, u32, Answer) {
-        let mut header = [0; 48];
-        self.stream.read_exact(&mut header).unwrap();
-        let word = |at: usize| u32::from_be_bytes(header[at..at + 4].try_into().unwrap());
-        let (command, number, status, length) = (word(0), word(4), word(20) as i32, word(24) as usize);
-        let is_in = ins(number) || self.waiting == Some(number);
-        let mut data = vec![0; if is_in && command == 3 { length } else { 0 }];
-        self.stream.read_exact(&mut data).unwrap();
-        (command, number, (status, data))
-    }
-
-    fn answer(&mut self, number: u32, is_in: bool) -> Answer {
-        loop {
-            let (command, from, answer) = self.next(|from| is_in && from == number);
-            assert_eq!(command, 3);
-            if from == number {
-                return answer;
-            }
-            assert_eq!(Some(from), self.waiting.take(), "an answer to nothing");
-            self.shown.push(answer.1);
-            self.look();
-        }
-    }
-
-    /// Waits for a position, as a driver does all the time.
-    fn look(&mut self) {
-        self.waiting = Some(self.submit(1, true, 64, [0; 8], &[]));
-    }
-
-    fn control(&mut self, setup: [u8; 8], data: &[u8]) -> Answer {
-        let is_in = setup[0] & 0x80 != 0;
-        let length = usize::from(u16::from_le_bytes([setup[6], setup[7]]));
-        let number = self.submit(0, is_in, length, setup, data);
-        self.answer(number, is_in)
-    }
-
-    fn get(&mut self, kind: u8, value: u16, length: u16) -> Answer {
-        let [low, high] = value.to_le_bytes();
-        let [least, most] = length.to_le_bytes();
-        // Texts are asked for in English.
-        let [of, language] = if value >> 8 == 3 { [0x09, 0x04] } else { [0, 0] };
-        self.control([0x80 | kind, 6, low, high, of, language, least, most], &[])
-    }
-
-    /// A feature to the wheel, and one from it.
-    fn set_feature(&mut self, bytes: &[u8]) -> i32 {
-        self.control([0x21, 9, bytes[0], 3, 0, 0, bytes.len() as u8, 0], bytes).0
-    }
-
-    fn feature(&mut self, id: u8) -> Answer {
-        self.control([0xa1, 1, id, 3, 0, 0, 64, 0], &[])
-    }
-
-    fn configure(&mut self) {
-        assert_eq!(self.control([0, 9, 1, 0, 0, 0, 0, 0], &[]).0, 0);
-        self.look();
-    }
-
-    /// A report at the endpoint; answered when the wheel has read it.
-    fn send(&mut self, bytes: &[u8]) {
-        let number = self.submit(1, false, bytes.len(), [0; 8], bytes);
-        assert_eq!(self.answer(number, false).0, 0);
-    }
-
-    fn report(&mut self, report: Report) {
-        let (bytes, length) = report.write();
-        if matches!(report, Report::Create(_)) {
-            assert_eq!(self.set_feature(&bytes[..length]), 0);
-        } else {
-            self.send(&bytes[..length]);
-        }
-    }
-
-    /// Makes an effect and starts it; its place.
-    fn play(&mut self, kind: Kind, of: impl Fn(usize) -> Report) -> usize {
-        self.report(Report::Create(kind));
-        let (_, load) = self.feature(id::LOAD);
-        assert_eq!(load[2], 1, "a place");
-        let block = usize::from(load[1]) - 1;
-        let common =
-            Common { kind, duration: INFINITE, repeat: 0, delay: 0, gain: FULL, button: 0, direction: Some(9000) };
-        self.report(Report::Effect { block, common });
-        self.report(of(block));
-        self.report(Report::Operation { block, operation: Operation::Start, loops: 1 });
-        block
-    }
-}
 
 /// A device that is moved, whatever its motor does: its position of the time since it was sent there.
 struct Moved {
@@ -176,7 +58,7 @@ impl Device for Moved {
 }
 
 /// A wheel, its loop at full torque, and its host.
-struct Rig {
+struct Bench {
     wheel: GameWheel,
     cycle: Cycle,
     path: Arc<Mutex<Path>>,
@@ -184,7 +66,7 @@ struct Rig {
     samples: u64,
 }
 
-impl Rig {
+impl Bench {
     fn new() -> Self {
         let world = World::read(&Source::from_text("wheel.toml", WORLD), &[]).unwrap();
         let (own, other) = UnixStream::pair().unwrap();
@@ -193,12 +75,12 @@ impl Rig {
         let device = Moved { path: Arc::clone(&path) };
         let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
         let cycle = Cycle::new(Box::new(plan), Box::new(device)).beside(Outside::playing(port));
-        let mut rig = Rig { wheel, cycle, path, host: Host::new(other), samples: 0 };
-        rig.host.configure();
-        rig.sample(None);
-        rig.sample(Some(Request::Arm));
-        while rig.sample(None).phase != Phase::Running {}
-        rig
+        let mut bench = Bench { wheel, cycle, path, host: Host::new(other), samples: 0 };
+        bench.host.configure();
+        bench.sample(None);
+        bench.sample(Some(Request::Arm));
+        while bench.sample(None).phase != Phase::Running {}
+        bench
     }
 
     fn sample(&mut self, request: Option<Request>) -> Record {
@@ -223,6 +105,11 @@ impl Rig {
             assert!(begin.elapsed() < PATIENCE);
             std::thread::sleep(Duration::from_millis(1));
         }
+    }
+
+    /// What a page sees.
+    fn view(&self) -> WheelInfo {
+        self.wheel.view().info()
     }
 
     /// Samples for so long; the last.
@@ -260,40 +147,40 @@ fn near(found: f64, expected: f64) -> bool {
 
 #[test]
 fn a_host_finds_a_wheel_with_its_descriptors() {
-    let mut rig = Rig::new();
-    let (status, device) = rig.host.get(0, 0x0100, 18);
+    let mut bench = Bench::new();
+    let (status, device) = bench.host.get(0, 0x0100, 18);
     assert_eq!((status, device.len(), &device[8..12]), (0, 18, &[0x09, 0x12, 0x01, 0x00][..]));
-    let (status, configuration) = rig.host.get(0, 0x0200, 255);
+    let (status, configuration) = bench.host.get(0, 0x0200, 255);
     // The interface is HID's, with the descriptor's length, and an endpoint each way.
     assert_eq!((status, configuration[9 + 5], configuration[4]), (0, 3, 1));
     let length = DESCRIPTOR.len().to_le_bytes();
     assert_eq!(configuration[18..27], [9, 0x21, 0x11, 1, 0, 1, 0x22, length[0], length[1]]);
-    let (status, descriptor) = rig.host.get(1, 0x2200, 4096);
+    let (status, descriptor) = bench.host.get(1, 0x2200, 4096);
     assert_eq!((status, &descriptor[..]), (0, DESCRIPTOR));
     // Half of it, as a host may ask.
-    assert_eq!(rig.host.get(1, 0x2200, 128).1, DESCRIPTOR[..128]);
-    let (_, name) = rig.host.get(0, 0x0302, 255);
+    assert_eq!(bench.host.get(1, 0x2200, 128).1, DESCRIPTOR[..128]);
+    let (_, name) = bench.host.get(0, 0x0302, 255);
     let name: Vec<u16> = name[2..].chunks(2).map(|two| u16::from_le_bytes([two[0], two[1]])).collect();
     assert_eq!(String::from_utf16(&name).unwrap(), "hapt wheel");
-    assert_eq!(rig.host.feature(id::POOL), (0, vec![id::POOL, 16, 0, 16, 1]));
+    assert_eq!(bench.host.feature(id::POOL), (0, vec![id::POOL, 16, 0, 16, 1]));
 }
 
 #[test]
 fn the_host_sees_where_the_wheel_is() {
-    let mut rig = Rig::new();
+    let mut bench = Bench::new();
     for (turn, expected) in [(0.25, 16_384), (-0.5, -32_767), (9.0, 32_767)] {
-        rig.moved(50, move |_| turn * RANGE);
+        bench.moved(50, move |_| turn * RANGE);
         let begin = Instant::now();
         loop {
             // Any transfer gathers what has been shown.
-            rig.host.feature(id::POOL);
-            let last = rig.host.shown.last().cloned().unwrap_or_default();
+            bench.host.feature(id::POOL);
+            let last = bench.host.shown.last().cloned().unwrap_or_default();
             let input = Input { steering: expected, ..Input::default() };
             if last == input.write() {
                 break;
             }
             assert!(begin.elapsed() < PATIENCE, "{last:?} for {turn}");
-            rig.run(1);
+            bench.run(1);
         }
     }
 }
@@ -357,48 +244,48 @@ fn a_page_sees_the_effects_and_presses_what_a_simulated_wheel_has() {
 
 #[test]
 fn conditions_have_their_closed_forms_to_two_hundredths_of_full_scale() {
-    let mut rig = Rig::new();
+    let mut bench = Bench::new();
     for coefficient in [FULL, FULL / 3] {
         let share = f64::from(coefficient) / f64::from(FULL);
-        let block = rig.host.play(Kind::Spring, condition(coefficient));
+        let block = bench.host.play(Kind::Spring, condition(coefficient));
         for angle in [0.3, -2.0, 4.5] {
-            let (torque, z) = rig.moved(200, move |t| angle * (5.0 * t).min(1.0));
+            let (torque, z) = bench.moved(200, move |t| angle * (5.0 * t).min(1.0));
             assert!(near(torque, -share * LIMIT * z / (0.5 * RANGE)), "spring: {torque} at {z}");
         }
-        rig.host.report(Report::Free { block });
-        let block = rig.host.play(Kind::Damper, condition(coefficient));
+        bench.host.report(Report::Free { block });
+        let block = bench.host.play(Kind::Damper, condition(coefficient));
         for velocity in [4.0, -7.0] {
-            let (torque, _) = rig.moved(300, move |t| velocity * t);
+            let (torque, _) = bench.moved(300, move |t| velocity * t);
             assert!(near(torque, -share * LIMIT * velocity / 10.0), "damper: {torque} at {velocity} rad/s");
         }
-        rig.host.report(Report::Free { block });
-        let block = rig.host.play(Kind::Friction, condition(coefficient));
+        bench.host.report(Report::Free { block });
+        let block = bench.host.play(Kind::Friction, condition(coefficient));
         for velocity in [0.5_f64, -3.0] {
-            let (torque, _) = rig.moved(300, move |t| velocity * t);
+            let (torque, _) = bench.moved(300, move |t| velocity * t);
             assert!(near(torque, -share * LIMIT * velocity.signum()), "friction: {torque} at {velocity} rad/s");
         }
-        rig.host.report(Report::Free { block });
-        let block = rig.host.play(Kind::Inertia, condition(coefficient));
+        bench.host.report(Report::Free { block });
+        let block = bench.host.play(Kind::Inertia, condition(coefficient));
         for jerk in [60.0, -90.0] {
-            let (torque, _) = rig.moved(1000, move |t| jerk * t * t * t / 6.0);
+            let (torque, _) = bench.moved(1000, move |t| jerk * t * t * t / 6.0);
             assert!(near(torque, -share * LIMIT * jerk / 200.0), "inertia: {torque} at {jerk} rad/s²");
         }
-        rig.host.report(Report::Free { block });
+        bench.host.report(Report::Free { block });
     }
 }
 
 #[test]
 fn torques_have_their_closed_forms_and_the_sample_after_the_report_has_them() {
-    let mut rig = Rig::new();
-    let block = rig.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL / 2 });
-    assert!(near(rig.run(50).link, -0.5 * LIMIT));
+    let mut bench = Bench::new();
+    let block = bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL / 2 });
+    assert!(near(bench.run(50).link, -0.5 * LIMIT));
     // A change of the magnitude fades over 2 ms, and begins at once.
-    rig.host.report(Report::Constant { block, magnitude: -FULL / 2 });
-    let first = rig.sample(None).link;
-    let second = rig.sample(None).link;
+    bench.host.report(Report::Constant { block, magnitude: -FULL / 2 });
+    let first = bench.sample(None).link;
+    let second = bench.sample(None).link;
     assert!((first + 0.5 * LIMIT).abs() < 1e-3 && second > first + 0.3, "{first}, then {second}");
-    assert!(near(rig.run(50).link, 0.5 * LIMIT));
-    rig.host.report(Report::Free { block });
+    assert!(near(bench.run(50).link, 0.5 * LIMIT));
+    bench.host.report(Report::Free { block });
     let periodic = Periodic { magnitude: FULL / 2, offset: FULL / 10, phase: 0, period: 200 };
     for (kind, wave) in [
         (Kind::Sine, (|x| (std::f64::consts::TAU * x).sin()) as fn(f64) -> f64),
@@ -407,13 +294,13 @@ fn torques_have_their_closed_forms_and_the_sample_after_the_report_has_them() {
         (Kind::SawtoothDown, |x| 1.0 - 2.0 * x),
         (Kind::Square, |x| if x < 0.5 { 1.0 } else { -1.0 }),
     ] {
-        rig.run(50);
-        let begin = rig.samples;
-        let block = rig.host.play(kind, |block| Report::Periodic { block, periodic });
+        bench.run(50);
+        let begin = bench.samples;
+        let block = bench.host.play(kind, |block| Report::Periodic { block, periodic });
         for _ in 0..500 {
-            let found = rig.sample(None).link;
+            let found = bench.sample(None).link;
             // The start fades in, and jumps are a sample early or late.
-            let ms = rig.samples - begin;
+            let ms = bench.samples - begin;
             let turn = ms as f64 / 200.0;
             let jumps = ms % 100 < 3 || ms % 100 > 97;
             if ms > 20 && !jumps {
@@ -421,131 +308,140 @@ fn torques_have_their_closed_forms_and_the_sample_after_the_report_has_them() {
                 assert!(near(found, expected), "{kind:?} after {ms} ms: {found}, {expected}");
             }
         }
-        rig.host.report(Report::Free { block });
+        bench.host.report(Report::Free { block });
     }
 }
 
 #[test]
 fn whatever_the_host_asks_for_the_sum_is_within_the_limit_and_it_is_told_why_less_is_given() {
-    let mut rig = Rig::new();
+    let mut bench = Bench::new();
     for _ in 0..4 {
-        rig.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
+        bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
     }
-    rig.host.play(Kind::Spring, condition(-FULL));
-    let record = rig.run(100);
+    bench.host.play(Kind::Spring, condition(-FULL));
+    let record = bench.run(100);
     assert!(record.link >= -LIMIT - 1e-6 && record.output.abs() <= LIMIT, "{record:?}");
-    let status = rig.settle();
+    let status = bench.settle();
     assert!(status.less[0] > 0, "a driving spring is told");
     assert_eq!(status.refused, 0);
 }
 
 #[test]
 fn a_pool_without_room_says_so_and_malformed_reports_change_nothing() {
-    let mut rig = Rig::new();
+    let mut bench = Bench::new();
     for _ in 0..16 {
-        rig.host.report(Report::Create(Kind::Spring));
+        bench.host.report(Report::Create(Kind::Spring));
     }
-    rig.host.report(Report::Create(Kind::Spring));
-    assert_eq!(rig.host.feature(id::LOAD).1[1..3], [0, 2]);
-    rig.host.report(Report::Control(Control::Reset));
-    let block = rig.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
-    rig.host.send(&[]);
-    rig.host.send(&[id::CONSTANT]);
-    rig.host.send(&[0xff; 64]);
-    rig.host.send(&[id::CONSTANT, block as u8 + 1, 0xff, 0x7f]);
-    assert_eq!(rig.host.set_feature(&[id::CREATE, 99]), -32, "a stall");
-    assert_eq!(rig.host.feature(99).0, -32);
+    bench.host.report(Report::Create(Kind::Spring));
+    assert_eq!(bench.host.feature(id::LOAD).1[1..3], [0, 2]);
+    bench.host.report(Report::Control(Control::Reset));
+    let block = bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
+    bench.host.send(&[]);
+    bench.host.send(&[id::CONSTANT]);
+    bench.host.send(&[0xff; 64]);
+    bench.host.send(&[id::CONSTANT, block as u8 + 1, 0xff, 0x7f]);
+    assert_eq!(bench.host.set_feature(&[id::CREATE, 99]), -32, "a stall");
+    assert_eq!(bench.host.feature(99).0, -32);
     // More than a control transfer's room.
-    assert_eq!(rig.host.control([0x21, 9, id::CREATE, 3, 0, 0, 0, 2], &[0; 512]).0, -32);
-    assert_eq!(rig.host.control([0x21, 0x77, 0, 0, 0, 0, 0, 0], &[]).0, -32);
+    assert_eq!(bench.host.control([0x21, 9, id::CREATE, 3, 0, 0, 0, 2], &[0; 512]).0, -32);
+    assert_eq!(bench.host.control([0x21, 0x77, 0, 0, 0, 0, 0, 0], &[]).0, -32);
     // The loop has taken no sample meanwhile, and the ring to it is full. It takes what is there, and then the newest.
-    rig.sample(None);
-    rig.host.feature(id::POOL);
-    assert!(near(rig.run(50).link, -LIMIT));
-    assert_eq!(rig.settle().refused, 5);
+    bench.sample(None);
+    bench.host.feature(id::POOL);
+    assert!(near(bench.run(50).link, -LIMIT));
+    assert_eq!(bench.settle().refused, 5);
 }
 
 #[test]
 fn a_host_that_goes_leaves_no_torque_on() {
-    let mut rig = Rig::new();
-    rig.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
-    rig.host.play(Kind::Spring, condition(FULL));
-    rig.moved(100, |_| 1.0);
-    assert!(rig.sample(None).link < -1.0);
-    rig.host.stream.shutdown(std::net::Shutdown::Both).unwrap();
+    let mut bench = Bench::new();
+    bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
+    bench.host.play(Kind::Spring, condition(FULL));
+    bench.moved(100, |_| 1.0);
+    assert!(bench.sample(None).link < -1.0);
+    bench.host.stream.shutdown(std::net::Shutdown::Both).unwrap();
     let begin = Instant::now();
-    while rig.wheel.status().is_attached {
+    while bench.wheel.status().is_attached {
         assert!(begin.elapsed() < PATIENCE);
         std::thread::sleep(Duration::from_millis(1));
     }
-    assert!(rig.run(50).link.abs() < 1e-6);
+    assert!(bench.run(50).link.abs() < 1e-6);
 }
 
 #[test]
 fn what_is_no_message_of_the_protocol_ends_in_a_detached_wheel_without_torque() {
-    let mut rig = Rig::new();
-    rig.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
-    rig.run(20);
-    rig.host.stream.write_all(&[0x5a; 96]).unwrap();
+    let mut bench = Bench::new();
+    bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
+    bench.run(20);
+    bench.host.stream.write_all(&[0x5a; 96]).unwrap();
     let begin = Instant::now();
-    while rig.wheel.status().is_attached {
+    while bench.wheel.status().is_attached {
         assert!(begin.elapsed() < PATIENCE);
         std::thread::sleep(Duration::from_millis(1));
     }
-    assert!(rig.run(50).link.abs() < 1e-6);
+    assert!(bench.run(50).link.abs() < 1e-6);
 }
 
 #[test]
 fn a_silent_host_leaves_no_torque_on_but_its_springs() {
-    let mut rig = Rig::new();
-    rig.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
-    rig.host.play(Kind::Spring, condition(FULL));
-    rig.moved(SILENCE / 1000 - 100, |_| 1.0);
+    let mut bench = Bench::new();
+    bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
+    bench.host.play(Kind::Spring, condition(FULL));
+    bench.moved(SILENCE / 1000 - 100, |_| 1.0);
     let spring = -LIMIT / (0.5 * RANGE);
-    assert!(near(rig.sample(None).link, spring - LIMIT) || rig.sample(None).link <= -LIMIT + 1e-6);
-    let after = rig.run(200).link;
+    let is_told = |bench: &Bench| bench.view().reason.is_some_and(|reason| reason.contains("nothing for 10 s"));
+    assert!(!is_told(&bench));
+    assert!(near(bench.sample(None).link, spring - LIMIT) || bench.sample(None).link <= -LIMIT + 1e-6);
+    let after = bench.run(200).link;
     assert!(near(after, spring), "{after}");
+    // The limit was reached before.
+    bench.view();
+    bench.run(10);
+    assert!(is_told(&bench));
+    bench.host.report(Report::Gain(FULL));
+    bench.run(100);
+    assert!(!is_told(&bench));
 }
 
 #[test]
 fn a_transfer_that_is_taken_back_is_gone() {
-    let mut rig = Rig::new();
-    rig.run(20);
-    let waiting = rig.host.waiting.take().unwrap();
-    rig.host.number += 1;
-    let unlink = rig.host.number;
-    rig.host.message([2, unlink, 1 << 16 | 2, 0, 0, waiting, 0, 0, 0, 0], [0; 8], &[]);
-    let (command, number, (mut status, _)) = rig.host.next(|number| number == waiting);
+    let mut bench = Bench::new();
+    bench.run(20);
+    let waiting = bench.host.waiting.take().unwrap();
+    bench.host.number += 1;
+    let unlink = bench.host.number;
+    bench.host.message([2, unlink, 1 << 16 | 2, 0, 0, waiting, 0, 0, 0, 0], [0; 8], &[]);
+    let (command, number, (mut status, _)) = bench.host.next(|number| number == waiting);
     // It may have been answered before it was taken back.
     let was_shown = command == 3;
     if was_shown {
         assert_eq!(number, waiting);
-        status = rig.host.next(|_| false).2.0;
+        status = bench.host.next(|_| false).2.0;
     } else {
         assert_eq!((command, number), (4, unlink));
     }
     assert_eq!(status, if was_shown { 0 } else { -104 });
-    rig.host.look();
-    rig.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
-    assert!(near(rig.run(50).link, -LIMIT));
+    bench.host.look();
+    bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
+    assert!(near(bench.run(50).link, -LIMIT));
 }
 
 #[test]
 fn a_storm_of_updates_is_followed_without_a_loss() {
-    let mut rig = Rig::new();
-    let block = rig.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: 0 });
-    let before = rig.settle().taken;
+    let mut bench = Bench::new();
+    let block = bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: 0 });
+    let before = bench.settle().taken;
     let mut random = 7_u32;
     for update in 1..=20_000_u64 {
         random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let magnitude = (random >> 16) as i16 % FULL;
-        rig.host.report(Report::Constant { block, magnitude });
-        let link = rig.sample(None).link;
+        bench.host.report(Report::Constant { block, magnitude });
+        let link = bench.sample(None).link;
         assert!(link.abs() <= LIMIT + 1e-6);
         if update % 1000 == 0 {
-            assert_eq!(rig.settle().taken - before, update);
+            assert_eq!(bench.settle().taken - before, update);
             let expected = -LIMIT * f64::from(magnitude) / f64::from(FULL);
-            assert!(near(rig.run(20).link, expected));
+            assert!(near(bench.run(20).link, expected));
         }
     }
 }

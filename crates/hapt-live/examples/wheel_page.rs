@@ -1,0 +1,116 @@
+//! The page of `hapt wheel --page` without the kernel: this program is the computer that the simulated wheel is plugged into.
+//!
+//! It prints the page's link, and then what the page presses, as `pressed THROTTLE BRAKE CLUTCH BUTTONS`. On its input: `torque SHARE`, `sine SHARE`,
+//! `spring SHARE`, `damper SHARE`, `friction SHARE` or `inertia SHARE` plays an effect of so much of full scale, `free` ends all, and `unplug`
+//! takes the wheel away. The input's end ends it. The page's own test drives it (`web/test/wheel.test.mjs`).
+//!
+//! `cargo run --profile tested --workspace --example wheel_page`
+
+#[cfg(target_os = "linux")]
+#[allow(dead_code)] // As much of it as a test of the protocol needs.
+#[path = "../../hapt-host/tests/game_wheel/host.rs"]
+mod host;
+
+/// The host waits for an answer no longer.
+#[cfg(target_os = "linux")]
+const PATIENCE: std::time::Duration = std::time::Duration::from_secs(60);
+
+#[cfg(not(target_os = "linux"))]
+fn main() {
+    println!("there is no wheel for games but on Linux");
+}
+
+#[cfg(target_os = "linux")]
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    use std::io::BufRead;
+    use std::os::unix::net::UnixStream;
+    use std::sync::mpsc::{TryRecvError, channel};
+    use std::time::Duration;
+
+    use hapt_host::Machine;
+    use hapt_host::game_wheel::{GameWheel, Room};
+    use hapt_live::{Live, Options};
+    use hapt_model::builtin;
+    use hapt_rt::Outside;
+    use hapt_wire::pid::{Report, id};
+
+    let (own, other) = UnixStream::pair()?;
+    let options = Options {
+        source: builtin::source("@devices/game-wheel")?,
+        sets: vec!["safety.late=count".into()],
+        address: "127.0.0.1:0".parse()?,
+        folder: std::env::args_os().nth(1).unwrap_or_else(|| ".".into()).into(),
+    };
+    let mut wheel = None;
+    let live = Live::start_on(options, |world| {
+        let room = Room::of(world, 5.0 * std::f64::consts::PI)?;
+        let (attached, effects) = GameWheel::on(own, &room)?;
+        let machine = Machine::simulated(world).beside(Outside::playing(effects)).ok_or("no loop of this computer")?;
+        let machine = Machine { wheel: Some(Box::new(attached.view())), ..machine };
+        wheel = Some(attached);
+        Ok::<_, Box<dyn std::error::Error>>(machine)
+    })?;
+    println!("{}", live.link());
+
+    let (said, lines) = channel();
+    std::thread::spawn(move || {
+        std::io::stdin().lock().lines().map_while(Result::ok).all(|line| said.send(line).is_ok())
+    });
+    let mut host = host::Host::new(other);
+    host.configure();
+    let (mut blocks, mut pressed) = (Vec::new(), Vec::new());
+    loop {
+        match lines.try_recv() {
+            Ok(line) if line == "free" => blocks.drain(..).for_each(|block| host.report(Report::Free { block })),
+            Ok(line) if line == "unplug" => break,
+            Ok(line) => blocks.push(play(&mut host, &line)?),
+            Err(TryRecvError::Disconnected) => return Ok(()),
+            Err(TryRecvError::Empty) => live.wait(Duration::from_millis(20))?,
+        }
+        // Any transfer gathers what the wheel has shown.
+        host.feature(id::POOL);
+        for shown in host.shown.drain(..).filter(|shown| shown.len() == 11) {
+            if pressed != shown[3..] {
+                pressed = shown[3..].to_vec();
+                let word = |at: usize| u16::from_le_bytes([pressed[at], pressed[at + 1]]);
+                println!("pressed {} {} {} {}", word(0), word(2), word(4), word(6));
+            }
+        }
+    }
+    // The page sees that the wheel is gone.
+    drop(host);
+    while lines.recv().is_ok() {}
+    Ok(())
+}
+
+/// Plays what a line asks for; its place.
+#[cfg(target_os = "linux")]
+fn play(host: &mut host::Host, line: &str) -> Result<usize, Box<dyn std::error::Error>> {
+    use hapt_wire::pid::{Condition, FULL, Kind, Periodic, Report};
+
+    let (kind, share) = line.split_once(' ').ok_or("an effect and its share of full scale")?;
+    let level = (share.parse::<f64>()?.clamp(-1.0, 1.0) * f64::from(FULL)) as i16;
+    let condition = |block| {
+        let (most, axis) = (FULL, 0);
+        let numbers = Condition {
+            positive: level,
+            negative: level,
+            positive_saturation: most,
+            negative_saturation: most,
+            ..Condition::default()
+        };
+        Report::Condition { block, axis, condition: numbers }
+    };
+    Ok(match kind {
+        "torque" => host.play(Kind::Constant, |block| Report::Constant { block, magnitude: level }),
+        "sine" => {
+            let periodic = Periodic { magnitude: level, offset: 0, phase: 0, period: 1500 };
+            host.play(Kind::Sine, |block| Report::Periodic { block, periodic })
+        }
+        "spring" => host.play(Kind::Spring, condition),
+        "damper" => host.play(Kind::Damper, condition),
+        "friction" => host.play(Kind::Friction, condition),
+        "inertia" => host.play(Kind::Inertia, condition),
+        _ => return Err(format!("{kind} is no effect").into()),
+    })
+}
