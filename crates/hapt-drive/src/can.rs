@@ -6,7 +6,8 @@ use std::time::Instant;
 use rustix::event::PollFlags;
 use socketcan::{
     CanAnyFrame, CanDataFrame, CanFdFrame, CanFdSocket, CanRemoteFrame, EmbeddedFrame, ExtendedId, Frame as _, Id,
-    Socket as _, SocketOptions as _, StandardId, id::FdFlags,
+    Socket as _, SocketOptions as _, StandardId,
+    id::{CAN_EFF_FLAG, CAN_RTR_FLAG, FdFlags},
 };
 
 use crate::frame::Frame;
@@ -42,6 +43,17 @@ impl Socket {
         // Error frames of the controller are not needed.
         socket.set_error_filter_drop_all()?;
         Ok(Socket(socket))
+    }
+
+    /// The same for data frames whose 29-bit identifiers agree with `id` in the bits of `mask`. The system drops the others.
+    ///
+    /// # Errors
+    /// As [`Socket::open`].
+    pub fn open_for(interface: &str, id: u32, mask: u32) -> io::Result<Self> {
+        let socket = Socket::open(interface)?;
+        let [id, mask] = [id | CAN_EFF_FLAG, mask | CAN_EFF_FLAG | CAN_RTR_FLAG];
+        socket.0.set_filters(&[(id, mask)])?;
+        Ok(socket)
     }
 }
 
