@@ -38,7 +38,7 @@ pub struct Known {
 /// How the messages of one end of a link are written and read. It has no state.
 pub trait Codec {
     /// A message as it is sent.
-    type Bytes: AsRef<[u8]> + Copy;
+    type Bytes: AsRef<[u8]> + Copy + Send + 'static;
     /// Sessions have the numbers from 1 to this, one less than a power of 2.
     const SESSIONS: u64;
     /// How many messages of a session may be unanswered, where a message is written so short that it is read by what is [`Known`]. Sessions are

@@ -147,6 +147,8 @@ fn a_position_is_never_older_than_its_bound() {
 }
 
 proptest! {
+    #![proptest_config(hapt_testing::cases(256))]
+
     // Nothing that differs from a message in a single bit is one.
     #[test]
     fn no_bit_of_a_message_is_free(seed in any::<u64>(), bit in 0..8 * SIZE) {

@@ -31,7 +31,9 @@ impl Bus {
     /// Of two that have met.
     fn met() -> Self {
         let mut bus = Bus { ends: pair(), heard: [None; 2], now: 0 };
-        (0..4).for_each(|_| drop(bus.turn()));
+        for _ in 0..4 {
+            bus.turn();
+        }
         let heard = bus.turn();
         assert!(heard.iter().all(|heard| heard.is_some_and(|heard| heard.since.is_some())), "{heard:?}");
         bus
@@ -156,7 +158,7 @@ fn identifiers_have_a_range_and_links_a_number() {
 /// A frame that is held back for any number of turns, alone or with all that follow, is refused or no older than it looks.
 #[test]
 fn a_frame_of_an_older_turn_is_never_taken_for_a_new_one() {
-    for held in 0..600 {
+    for held in (0..4).chain(125..131).chain(253..259).chain([300, 511, 512, 513]) {
         let mut bus = Bus::met();
         bus.now += MS;
         let late = bus.send(1);
