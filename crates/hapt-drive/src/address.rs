@@ -47,11 +47,11 @@ impl FromStr for BusAddress {
 
     fn from_str(text: &str) -> Result<Self, String> {
         // A path may contain an @: a rate starts with a digit.
-        let (place, rate) = match text.rsplit_once('@').filter(|(_, rate)| rate.starts_with(|c: char| c.is_ascii_digit()))
-        {
-            None => (text, None),
-            Some((place, rate)) => (place, Some(rate.parse::<Rate>()?)),
-        };
+        let (place, rate) =
+            match text.rsplit_once('@').filter(|(_, rate)| rate.starts_with(|c: char| c.is_ascii_digit())) {
+                None => (text, None),
+                Some((place, rate)) => (place, Some(rate.parse::<Rate>()?)),
+            };
         if place.is_empty() {
             return Err("the port is missing".into());
         }
@@ -84,11 +84,7 @@ impl BusAddress {
     /// # Errors
     /// The interface or port cannot be opened.
     pub fn open_for(&self, id: u32, mask: u32) -> io::Result<Box<dyn Bus>> {
-        if self.is_port() {
-            self.open_adapter()
-        } else {
-            Ok(Box::new(Socket::open_for(&self.place, id, mask)?))
-        }
+        if self.is_port() { self.open_adapter() } else { Ok(Box::new(Socket::open_for(&self.place, id, mask)?)) }
     }
 
     fn open_adapter(&self) -> io::Result<Box<dyn Bus>> {

@@ -96,7 +96,9 @@ impl Bus for Socket {
 fn explained(interface: &str, error: io::Error) -> io::Error {
     let what = match Errno::from_io_error(&error) {
         Some(Errno::AFNOSUPPORT | Errno::PROTONOSUPPORT) => "this system's kernel has no CAN (modprobe can_raw)".into(),
-        Some(Errno::NODEV | Errno::NXIO) => format!("there is no CAN interface {interface}; `ip link` lists what there is"),
+        Some(Errno::NODEV | Errno::NXIO) => {
+            format!("there is no CAN interface {interface}; `ip link` lists what there is")
+        }
         Some(Errno::NETDOWN) => format!("it is down; ip link set {interface} up"),
         _ => return error,
     };

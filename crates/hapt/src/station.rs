@@ -113,7 +113,8 @@ impl Station {
                 "--station {name}: needs --listen with an address, such as --listen 0.0.0.0:7000, or --listen can:can0"
             ))
         })?;
-        let way = if listen.starts_with("can:") { over_can(listen, args)? } else { over_udp(&network, at, listen, args)? };
+        let way =
+            if listen.starts_with("can:") { over_can(listen, args)? } else { over_udp(&network, at, listen, args)? };
         Ok(Station { network, at, way })
     }
 

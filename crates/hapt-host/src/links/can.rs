@@ -38,7 +38,8 @@ impl FromStr for CanAddress {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let rest = text.strip_prefix("can:").ok_or("a CAN bus is can:can0, or can:/dev/ttyACM0 with an slcan adapter")?;
+        let rest =
+            text.strip_prefix("can:").ok_or("a CAN bus is can:can0, or can:/dev/ttyACM0 with an slcan adapter")?;
         let (bus, range) = match rest.rsplit_once('#') {
             None => (rest, Frames::RANGE),
             Some((bus, range)) => {
@@ -138,7 +139,11 @@ impl Links {
     ///
     /// # Errors
     /// The bus cannot be opened, or does not carry this network: [`LinkError`].
-    pub fn over_can(network: &Network, station: usize, address: &CanAddress) -> Result<(Self, Vec<LinkPort>), LinkError> {
+    pub fn over_can(
+        network: &Network,
+        station: usize,
+        address: &CanAddress,
+    ) -> Result<(Self, Vec<LinkPort>), LinkError> {
         address.load(network)?;
         let [id, mask] = Frames::filter(address.range);
         let failed = |error: io::Error| LinkError::Bus { address: address.to_string(), error };

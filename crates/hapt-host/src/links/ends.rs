@@ -1,7 +1,7 @@
 //! The thread between a loop's rings and a network or bus.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use hapt_core::Strength;

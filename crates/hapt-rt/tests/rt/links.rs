@@ -172,7 +172,8 @@ fn campaign<C: Codec>(network: &Network, codec: fn(bool, bool) -> C, seed: u64, 
                 Fault::Restart => {
                     let Station { coming, next, .. } = &mut stations[at];
                     let (coming, next) = (std::mem::take(coming), *next + rng.below(100) * MS);
-                    stations[at] = Station { coming, next, ..Station::new(network, at, codec(at == 0, false), &mut rng) };
+                    stations[at] =
+                        Station { coming, next, ..Station::new(network, at, codec(at == 0, false), &mut rng) };
                     continue;
                 }
                 Fault::Pause(length) => {

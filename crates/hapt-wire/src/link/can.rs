@@ -171,7 +171,11 @@ impl Codec for Frames {
         if id & KIND == 0 {
             let message = Frames::numbered(&data, known).ok_or(Refusal::Old)?;
             let fits = self.check(end, &message, steps) == check;
-            return if fits { Ok(Message { position: f64::from(steps) / STEPS, ..message }) } else { Err(Refusal::Old) };
+            return if fits {
+                Ok(Message { position: f64::from(steps) / STEPS, ..message })
+            } else {
+                Err(Refusal::Old)
+            };
         }
         let [a, b, c, d, e, f, g] = data;
         let both = u64::from_le_bytes([a, b, c, d, e, f, g, 0]);

@@ -145,11 +145,8 @@ impl<C: Codec> Session<C> {
     /// It is not of this link, or nothing new: see [`Refusal`].
     pub fn receive(&mut self, bytes: &[u8], now: u64) -> Result<Option<Incoming>, Refusal> {
         let none = Number { session: 0, sequence: 0 };
-        let known = Known {
-            own: self.own(),
-            answered: self.answered,
-            other: self.peer.map_or(none, |peer| peer.newest),
-        };
+        let known =
+            Known { own: self.own(), answered: self.answered, other: self.peer.map_or(none, |peer| peer.newest) };
         let Message { from, to, position, strength } = self.codec.read(bytes, &known)?;
         let introduces = from.sequence == 0;
         // Messages that are read by what is known begin at 1 in sessions that both have begun for each other.

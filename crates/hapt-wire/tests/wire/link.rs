@@ -93,7 +93,9 @@ fn dated<C: Codec>(codec: fn(u64, bool) -> C, seed: u64, adversary: &Adversary) 
         let arrived = station.coming.partition_point(|(when, _)| *when <= time);
         for (when, bytes) in station.coming.drain(..arrived).collect::<Vec<_>>() {
             let now = station.clock(when);
-            let Ok(Some(Incoming { number, since, position, .. })) = station.session.receive(&bytes, now) else { continue };
+            let Ok(Some(Incoming { number, since, position, .. })) = station.session.receive(&bytes, now) else {
+                continue;
+            };
             station.heard = Some(number);
             if let Some(since) = since {
                 dated += 1;
@@ -201,7 +203,9 @@ fn is_dated_by_the_round_trip<C: Codec>(codec: fn(u64, bool) -> C, way: u64, per
 
 #[test]
 fn each_stranger_is_told_by_name() {
-    let hello = |key: &[u8], link, first, own| Session::new(Datagrams::new(key, link, first), own).send(&say(5, 1.0, None)).unwrap();
+    let hello = |key: &[u8], link, first, own| {
+        Session::new(Datagrams::new(key, link, first), own).send(&say(5, 1.0, None)).unwrap()
+    };
     let mut left = end(1, true, 10);
     let mut refused = |bytes: &[u8]| left.receive(bytes, 0).unwrap_err();
     assert_eq!(refused(&hello(b"another key, as long as it", 1, false, 20)), Refusal::Key);

@@ -183,7 +183,10 @@ fn a_frame_of_an_older_turn_is_never_taken_for_a_new_one() {
             assert!(taken.and_then(|taken| taken.since).is_none_or(|since| since < sampled), "{silent}");
         }
         // The pair meets again.
-        assert!((0..8).any(|_| bus.turn().iter().all(|heard| heard.is_some_and(|heard| heard.since.is_some()))), "{silent}");
+        assert!(
+            (0..8).any(|_| bus.turn().iter().all(|heard| heard.is_some_and(|heard| heard.since.is_some()))),
+            "{silent}"
+        );
     }
 }
 

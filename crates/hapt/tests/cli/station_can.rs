@@ -40,7 +40,8 @@ impl Adapters {
     fn new(count: usize) -> Self {
         let (lines, paths): (Vec<_>, Vec<_>) = (0..count).map(|_| hapt_drive::pty().unwrap()).unzip();
         let addresses = paths.iter().map(|path| format!("can:{}@1M", path.display())).collect();
-        let (frames, cut, stop) = (Arc::<AtomicUsize>::default(), Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
+        let (frames, cut, stop) =
+            (Arc::<AtomicUsize>::default(), Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
         let (counts, cuts, stops) = (Arc::clone(&frames), Arc::clone(&cut), Arc::clone(&stop));
         let thread = spawn(move || {
             let mut buses: Vec<_> = lines.into_iter().map(slcan::Adapter::new).collect();
