@@ -54,7 +54,7 @@ impl FromStr for CanAddress {
                 (bus, number)
             }
         };
-        if bus.is_empty() {
+        if bus.is_empty() || bus.starts_with('@') {
             return Err("the bus is missing: can:can0, or can:/dev/ttyACM0 with an slcan adapter".into());
         }
         Ok(CanAddress { bus: bus.parse()?, range })
@@ -173,6 +173,7 @@ mod tests {
             ("can0", "can:can0"),
             ("can:", "is missing"),
             ("can:#3", "is missing"),
+            ("can:@1M", "can:/dev/ttyACM0"),
             ("can:can0#512", "1 to 511"),
             ("can:can0#x", "1 to 511"),
             ("can:can0@500k", "ip link set can0"),
