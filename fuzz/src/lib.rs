@@ -36,7 +36,7 @@ pub struct Target {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 10] = [
+pub const TARGETS: [Target; 11] = [
     Target { name: "world", run: world::run, seeds: seeds::worlds, longest: 1 << 16 },
     Target { name: "set", run: set::run, seeds: seeds::sets, longest: 1 << 12 },
     Target { name: "quantity", run: quantity::run, seeds: seeds::quantities, longest: 1 << 10 },
@@ -47,6 +47,7 @@ pub const TARGETS: [Target; 10] = [
     Target { name: "wire", run: wire::run, seeds: wire::seeds, longest: 1 << 11 },
     Target { name: "pid", run: pid::run, seeds: pid::seeds, longest: 1 << 11 },
     Target { name: "link", run: link::run, seeds: link::seeds, longest: 1 << 11 },
+    Target { name: "link_can", run: link::run_can, seeds: link::seeds, longest: 1 << 11 },
 ];
 
 /// The target of this name.

@@ -59,8 +59,8 @@ cargo xtask bench     speed beside plain C; --write into docs/performance.md; re
                       drive [PYTHON]: an exchange with a motor drive, beside its makers' own library's; python [--short|--write]: the
                       Python package beside the crates and other tools; scale [--short]: a sweep of 1e8 loops in shards; with
                       --write, into docs/scale.md
-cargo xtask guest     drives on a CAN bus and a wheel on USB, in an emulated machine; with a line of shell, that
-                      storm: 1000 changes of an effect a second for a minute; conform [CASE,...]: hapt wheel --conform on hapt's own
+cargo xtask guest     drives and a link on a CAN bus, and a wheel on USB, in an emulated machine; with a line of shell, that
+                      link: the link alone; storm: 1000 changes of an effect a second for a minute; conform [CASE,...]: hapt wheel --conform on hapt's own
 cargo xtask fuzz      [--seconds N] random bytes, on stable; --minutes N with libFuzzer; targets by their names, `commands` among them:
                       whole commands on random worlds
 cargo xtask python    the Python package: its tests, examples and types
@@ -83,6 +83,7 @@ fn main() -> Result<()> {
         ["notes", "--write"] => notes::write(),
         ["figure"] => figure::write(),
         ["guest"] => vm::devices(),
+        ["guest", "link"] => vm::link(),
         ["guest", "storm"] => vm::storm(),
         ["guest", "conform", ref cases @ ..] => vm::conform(cases),
         ["guest", ref line @ ..] => vm::run(&line.join(" ")),

@@ -20,7 +20,8 @@ const TOOLS: [(&str, &str); 7] = [
 /// How long it may take, in s.
 const TIME: &str = "560";
 
-/// The drives on a CAN bus, `crates/hapt-drive/tests/vcan/main.rs`, and the wheel for games, `xtask/guest/wheel.py`.
+/// The drives on a CAN bus, `crates/hapt-drive/tests/vcan/main.rs`, a link over one, `crates/hapt/tests/cli/station_can.rs`, and the wheel for games,
+/// `xtask/guest/wheel.py`.
 pub fn devices() -> Result<()> {
     let missing = missing();
     if !missing.is_empty() {
@@ -29,14 +30,23 @@ pub fn devices() -> Result<()> {
         return Ok(());
     }
     let wheel = wheel("")?;
-    let programs = crate::test::built(&["vcan"])?;
-    let test = programs.first().context("there is no test vcan")?.file();
-    let line = format!(
-        "ip link add vcan0 type vcan && ip link set vcan0 mtu 72 && ip link set vcan0 up && \
-         HAPT_CAN=vcan0 {} --nocapture --test-threads=1 && {wheel}",
+    run(&format!("{} && {} && {wheel}", bus("vcan", "")?, bus("cli", "on_an_interface")?))
+}
+
+/// The line that runs tests of this program, those of a filter, on a virtual CAN bus.
+fn bus(program: &str, filter: &str) -> Result<String> {
+    let programs = crate::test::built(&[program])?;
+    let test = programs.first().with_context(|| format!("there is no test {program}"))?.file();
+    Ok(format!(
+        "{{ [ -e /sys/class/net/vcan0 ] || {{ ip link add vcan0 type vcan && ip link set vcan0 mtu 72; }}; }} && \
+         ip link set vcan0 up && HAPT_CAN=vcan0 {} {filter} --nocapture --test-threads=1",
         test.display()
-    );
-    run(&line)
+    ))
+}
+
+/// A link over a CAN bus.
+pub fn link() -> Result<()> {
+    run(&bus("cli", "on_an_interface")?)
 }
 
 /// 1000 changes of an effect a second, for a minute.

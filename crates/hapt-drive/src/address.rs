@@ -1,6 +1,7 @@
-//! Addresses of drives: `moteus:/dev/ttyACM0`, `odrive:can0#3`, `odrive:/dev/ttyACM0@250k`.
+//! Addresses of buses and of drives on them: `moteus:/dev/ttyACM0`, `odrive:can0#3`, `odrive:/dev/ttyACM0@250k`.
 
 use std::fmt;
+use std::io;
 use std::path::Path;
 use std::str::FromStr;
 
@@ -23,13 +24,82 @@ hapt_core::named! {
     }
 }
 
+/// A CAN bus: an interface of the system, or an adapter on a serial port, with the rate that it is to have.
+///
+/// ```
+/// use hapt_drive::BusAddress;
+///
+/// let address: BusAddress = "/dev/ttyACM0@250k".parse()?;
+/// assert!(address.is_port() && !"can0".parse::<BusAddress>()?.is_port());
+/// assert!("can0@250k".parse::<BusAddress>().is_err());
+/// # Ok::<(), String>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BusAddress {
+    /// The path of a serial port, or the name of a CAN interface.
+    pub place: String,
+    /// The bit rate of an slcan adapter's bus; `None`: not given.
+    pub rate: Option<Rate>,
+}
+
+impl FromStr for BusAddress {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        // A path may contain an @: a rate starts with a digit.
+        let (place, rate) =
+            match text.rsplit_once('@').filter(|(_, rate)| rate.starts_with(|c: char| c.is_ascii_digit())) {
+                None => (text, None),
+                Some((place, rate)) => (place, Some(rate.parse::<Rate>()?)),
+            };
+        if place.is_empty() {
+            return Err("the port is missing".into());
+        }
+        let address = BusAddress { place: place.into(), rate };
+        if rate.is_some() && !address.is_port() {
+            return Err(format!(
+                "{place} is a network interface, and the system sets its rate: ip link set {place} up type can bitrate 250000"
+            ));
+        }
+        Ok(address)
+    }
+}
+
+impl fmt::Display for BusAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.place)?;
+        self.rate.map_or(Ok(()), |rate| write!(f, "@{rate}"))
+    }
+}
+
+impl BusAddress {
+    /// Whether its place is a serial port, not a CAN interface.
+    pub fn is_port(&self) -> bool {
+        self.place.contains('/')
+    }
+
+    /// Opens the interface, or the port as that of an slcan adapter, for frames with 29-bit identifiers that agree with `id` in the bits of
+    /// `mask`; an adapter gives others too.
+    ///
+    /// # Errors
+    /// The interface or port cannot be opened.
+    pub fn open_for(&self, id: u32, mask: u32) -> io::Result<Box<dyn Bus>> {
+        if self.is_port() { self.open_adapter() } else { Ok(Box::new(Socket::open_for(&self.place, id, mask)?)) }
+    }
+
+    fn open_adapter(&self) -> io::Result<Box<dyn Bus>> {
+        let line = Line::open(Path::new(&self.place))?;
+        Ok(Box::new(slcan::Client::open(line, self.rate.unwrap_or_default())?))
+    }
+}
+
 /// A drive on a port or bus.
 ///
 /// ```
 /// use hapt_drive::{Address, Make};
 ///
 /// let address: Address = "odrive:/dev/ttyACM0@250k#3".parse()?;
-/// assert_eq!((address.make, address.place.as_str(), address.id), (Make::Odrive, "/dev/ttyACM0", 3));
+/// assert_eq!((address.make, address.bus.place.as_str(), address.id), (Make::Odrive, "/dev/ttyACM0", 3));
 /// assert!("odrive:can0#99".parse::<Address>().is_err());
 /// # Ok::<(), String>(())
 /// ```
@@ -37,10 +107,8 @@ hapt_core::named! {
 pub struct Address {
     /// Its make.
     pub make: Make,
-    /// The path of a serial port, or the name of a CAN interface.
-    pub place: String,
-    /// The bit rate of an slcan adapter's bus; `None`: not given.
-    pub rate: Option<Rate>,
+    /// Its bus, or the serial port of its adapter.
+    pub bus: BusAddress,
     /// Its identifier on the bus.
     pub id: u8,
 }
@@ -104,26 +172,16 @@ impl FromStr for Address {
                 (place, id)
             }
         };
-        // A path may contain an @: a rate starts with a digit.
-        let (place, rate) =
-            match place.rsplit_once('@').filter(|(_, rate)| rate.starts_with(|c: char| c.is_ascii_digit())) {
-                None => (place, None),
-                Some((place, rate)) => (place, Some(rate.parse::<Rate>()?)),
-            };
-        if place.is_empty() {
+        if place.is_empty() || place.starts_with('@') {
             let name = make.name();
             return Err(format!(
                 "the port is missing: {name}:/dev/ttyACM0, or {name}:can0 on a CAN interface; hapt devices lists them"
             ));
         }
-        let address = Address { make, place: place.into(), rate, id };
-        if rate.is_none() {
+        let bus: BusAddress = place.parse()?;
+        let address = Address { make, bus, id };
+        if address.bus.rate.is_none() {
             return Ok(address);
-        }
-        if !address.is_port() {
-            return Err(format!(
-                "{place} is a network interface, and the system sets its rate: ip link set {place} up type can bitrate 250000"
-            ));
         }
         match make.rate() {
             Some(own) => Err(format!("{}'s bus has one rate, {own}: leave it out", make.one())),
@@ -134,18 +192,14 @@ impl FromStr for Address {
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}", self.make.name(), self.place)?;
-        if let Some(rate) = self.rate {
-            write!(f, "@{rate}")?;
-        }
-        write!(f, "#{}", self.id)
+        write!(f, "{}:{}#{}", self.make.name(), self.bus, self.id)
     }
 }
 
 impl Address {
     /// Whether its place is a serial port, not a CAN interface.
     pub fn is_port(&self) -> bool {
-        self.place.contains('/')
+        self.bus.is_port()
     }
 
     /// Opens the port or interface. Sends nothing to the drive.
@@ -153,27 +207,27 @@ impl Address {
     /// # Errors
     /// The port or interface cannot be opened.
     pub fn open(&self) -> Result<Box<dyn Drive>, Error> {
-        let wrong = |error| Error::Open { name: self.place.clone(), error };
+        let BusAddress { place, .. } = &self.bus;
+        let wrong = |error| Error::Open { name: place.clone(), error };
         match self.make {
             Make::Moteus => {
                 let bus: Box<dyn Bus> = if self.is_port() {
-                    let path = Path::new(&self.place);
+                    let path = Path::new(place);
                     let line = Line::open(path).map_err(wrong)?;
                     // Only an fdcanusb works without a CRC.
                     Box::new(moteus::Client::new(line, !is_adapter(path)))
                 } else {
-                    Box::new(Socket::open(&self.place).map_err(wrong)?)
+                    Box::new(Socket::open(place).map_err(wrong)?)
                 };
-                Ok(Box::new(moteus::Moteus::new(bus, self.id, self.place.clone())))
+                Ok(Box::new(moteus::Moteus::new(bus, self.id, place.clone())))
             }
             Make::Odrive => {
-                let bus: Box<dyn Bus> = if self.is_port() {
-                    let line = Line::open(Path::new(&self.place)).map_err(wrong)?;
-                    Box::new(slcan::Client::open(line, self.rate.unwrap_or_default()).map_err(wrong)?)
+                let bus = if self.is_port() {
+                    self.bus.open_adapter().map_err(wrong)?
                 } else {
-                    Box::new(Socket::open(&self.place).map_err(wrong)?)
+                    Box::new(Socket::open(place).map_err(wrong)?)
                 };
-                Ok(Box::new(odrive::Odrive::new(bus, self.id, &self.place)))
+                Ok(Box::new(odrive::Odrive::new(bus, self.id, place)))
             }
         }
     }

@@ -4,9 +4,11 @@ use std::io;
 use std::time::Instant;
 
 use rustix::event::PollFlags;
+use rustix::io::Errno;
 use socketcan::{
     CanAnyFrame, CanDataFrame, CanFdFrame, CanFdSocket, CanRemoteFrame, EmbeddedFrame, ExtendedId, Frame as _, Id,
-    Socket as _, SocketOptions as _, StandardId, id::FdFlags,
+    Socket as _, SocketOptions as _, StandardId,
+    id::{CAN_EFF_FLAG, CAN_RTR_FLAG, FdFlags},
 };
 
 use crate::frame::Frame;
@@ -37,11 +39,22 @@ impl Socket {
     /// # Errors
     /// There is none of this name, or it is down.
     pub fn open(interface: &str) -> io::Result<Self> {
-        let socket = CanFdSocket::open(interface)?;
+        let socket = CanFdSocket::open(interface).map_err(|error| explained(interface, error))?;
         socket.set_nonblocking(true)?;
         // Error frames of the controller are not needed.
         socket.set_error_filter_drop_all()?;
         Ok(Socket(socket))
+    }
+
+    /// The same for data frames whose 29-bit identifiers agree with `id` in the bits of `mask`. The system drops the others.
+    ///
+    /// # Errors
+    /// As [`Socket::open`].
+    pub fn open_for(interface: &str, id: u32, mask: u32) -> io::Result<Self> {
+        let socket = Socket::open(interface)?;
+        let [id, mask] = [id | CAN_EFF_FLAG, mask | CAN_EFF_FLAG | CAN_RTR_FLAG];
+        socket.0.set_filters(&[(id, mask)])?;
+        Ok(socket)
     }
 }
 
@@ -77,6 +90,19 @@ impl Bus for Socket {
             }
         }
     }
+}
+
+/// What is missing where no interface of this name opens.
+fn explained(interface: &str, error: io::Error) -> io::Error {
+    let what = match Errno::from_io_error(&error) {
+        Some(Errno::AFNOSUPPORT | Errno::PROTONOSUPPORT) => "this system's kernel has no CAN (modprobe can_raw)".into(),
+        Some(Errno::NODEV | Errno::NXIO) => {
+            format!("there is no CAN interface {interface}; `ip link` lists what there is")
+        }
+        Some(Errno::NETDOWN) => format!("it is down; ip link set {interface} up"),
+        _ => return error,
+    };
+    io::Error::new(error.kind(), what)
 }
 
 fn waits(error: &io::Error) -> bool {

@@ -46,7 +46,7 @@ pub use serial::Line;
 pub use serial::pty;
 #[cfg(target_os = "linux")]
 pub use {
-    address::{Address, Make},
+    address::{Address, BusAddress, Make},
     can::{Bus, Socket},
     device::{DriveDevice, Mounting},
     drive::{Drive, DriveError, DriveLimits, Error, ShaftState},

@@ -41,6 +41,13 @@ impl Default for Rate {
     }
 }
 
+impl Rate {
+    /// In bit/s.
+    pub fn bits(self) -> u32 {
+        1000 * RATES[usize::from(self.0.min(8))]
+    }
+}
+
 /// `250k` or `1M`.
 impl FromStr for Rate {
     type Err = String;

@@ -12,7 +12,7 @@ use hapt_host::links::{LinkError, LinkStatus, Links};
 use hapt_host::{Machine, Session, WorldConfig};
 use hapt_model::{Network, Source};
 use hapt_rt::Outside;
-use hapt_wire::link::{Outgoing, Refusal};
+use hapt_wire::link::{Datagrams, Outgoing, Refusal};
 
 const KEY: &[u8] = b"both stations know this one";
 /// Beyond this something is broken, and not just slow.
@@ -192,7 +192,7 @@ fn strangers_are_counted_by_what_is_wrong_with_them_and_change_nothing() {
     let stranger = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let say = |key: &[u8], link| {
         let outgoing = Outgoing { sampled: 0, position: 1e3, strength: Strength::WHOLE, heard: None };
-        hapt_wire::link::Session::new(key, link, true, 5).send(&outgoing).unwrap()
+        hapt_wire::link::Session::new(Datagrams::new(key, link, true), 5).send(&outgoing).unwrap()
     };
     let begin = Instant::now();
     loop {

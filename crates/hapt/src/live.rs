@@ -139,6 +139,8 @@ fn stations(
         error @ (LinkError::Listen { .. }
         | LinkError::Key { .. }
         | LinkError::Peer { .. }
+        | LinkError::Bus { .. }
+        | LinkError::Limit(_)
         | LinkError::System { .. }) => Failure::System(error.to_string()),
     })?;
     let mut lives = Vec::new();

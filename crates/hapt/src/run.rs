@@ -132,7 +132,8 @@ pub fn with(args: &RunArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
     let logged = recorder.map(finish).transpose();
     let mut out = stdout().lock();
     let logged_line = logged.as_ref().ok().and_then(Option::as_deref).unwrap_or_default();
-    let text = run.summary(&loaded, &on, &how) + &station::summary(&links) + &wheel + logged_line;
+    let bus = station.as_ref().map(Station::summary).unwrap_or_default();
+    let text = run.summary(&loaded, &on, &how) + &station::summary(&links) + &bus + &wheel + logged_line;
     let printed = out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
     if let How::Signal(code) = how {
         // The terminal may be closed.

@@ -6,6 +6,8 @@ use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::Path;
 
 use hapt_core::SafetyProfile;
+#[cfg(target_os = "linux")]
+use hapt_host::links::CanAddress;
 use hapt_host::links::{LinkError, LinkStatus, Links};
 use hapt_host::{DeviceAddress, DeviceError};
 use hapt_model::{Network, World, is_network};
@@ -32,9 +34,18 @@ pub struct Chosen {
 pub struct Station {
     network: Network,
     at: usize,
-    listen: SocketAddr,
-    peers: Vec<(usize, SocketAddr)>,
-    key: Vec<u8>,
+    way: Way,
+}
+
+/// How its messages go.
+enum Way {
+    Udp {
+        listen: SocketAddr,
+        peers: Vec<(usize, SocketAddr)>,
+        key: Vec<u8>,
+    },
+    #[cfg(target_os = "linux")]
+    Can(CanAddress),
 }
 
 impl Chosen {
@@ -98,43 +109,13 @@ impl Station {
     fn new(network: Network, at: usize, args: &StationArgs) -> Result<Self, Failure> {
         let name = &network.stations[at].name;
         let listen = args.listen.as_deref().ok_or_else(|| {
-            Failure::input(format!("--station {name}: needs --listen with an address, such as --listen 0.0.0.0:7000"))
-        })?;
-        let listen: SocketAddr = listen.parse().map_err(|_| {
-            Failure::input(format!("--listen {listen}: expected an IP address and a port, such as 0.0.0.0:7000"))
-        })?;
-        let mut peers: Vec<(usize, SocketAddr)> = Vec::new();
-        for peer in &args.peers {
-            let (other, address) = peer.split_once('=').ok_or_else(|| {
-                Failure::input(format!("--peer {peer}: expected NAME=HOST:PORT, such as right=192.168.1.8:7000"))
-            })?;
-            let index = index(&network, "--peer", other)?;
-            let linked = |link: &hapt_model::Link| link.between.contains(&at) && link.between.contains(&index);
-            if index == at || !network.links.iter().any(linked) {
-                return Err(Failure::input(format!("--peer {peer}: no link joins {other} to the station {name} here")));
-            }
-            if peers.iter().any(|(known, _)| *known == index) {
-                return Err(Failure::input(format!("--peer {peer}: {other} is given twice")));
-            }
-            peers.push((index, resolved(peer, address, listen)?));
-        }
-        for link in network.links.iter().filter(|link| link.between.contains(&at)) {
-            let other = link.between[usize::from(link.between[0] == at)];
-            if !peers.iter().any(|(known, _)| *known == other) {
-                let other = &network.stations[other].name;
-                return Err(Failure::input(format!(
-                    "--station {name}: a link joins it to {other}; give its address, as in --peer {other}=HOST:PORT"
-                )));
-            }
-        }
-        let key = args.key.as_deref().ok_or_else(|| {
             Failure::input(format!(
-                "--station {name}: needs --key with the file of the key that all stations share; make one with \
-                 `head -c 32 /dev/urandom > FILE`, and copy it to each"
+                "--station {name}: needs --listen with an address, such as --listen 0.0.0.0:7000, or --listen can:can0"
             ))
         })?;
-        let key = read(key).map_err(|error| Failure::input(format!("--key {}: {error}", key.display())))?;
-        Ok(Station { network, at, listen, peers, key })
+        let way =
+            if listen.starts_with("can:") { over_can(listen, args)? } else { over_udp(&network, at, listen, args)? };
+        Ok(Station { network, at, way })
     }
 
     /// The profile of the supervisor, where `own` is that of the station's world by itself. On a motor only a certified network runs, unless
@@ -153,13 +134,100 @@ impl Station {
 
     /// Listens for the others. The second are the ends of the links for the loop.
     pub fn open(&self) -> Result<(Links, Vec<LinkPort>), Failure> {
-        Links::open(&self.network, self.at, self.listen, &self.peers, &self.key).map_err(|error| match error {
-            LinkError::Listen { .. } => Failure::System(format!("--listen {error}")),
-            LinkError::Key { .. } => Failure::input(format!("--key: {error}")),
-            LinkError::Peer { .. } | LinkError::Check(_) => Failure::input(error),
-            LinkError::System { .. } => Failure::System(error.to_string()),
-        })
+        let Station { network, at, way } = self;
+        match way {
+            Way::Udp { listen, peers, key } => Links::open(network, *at, *listen, peers, key).map_err(failure),
+            #[cfg(target_os = "linux")]
+            Way::Can(address) => {
+                let sent = address.load(network).map_err(Failure::input)?;
+                let opened = Links::over_can(network, *at, address).map_err(failure)?;
+                messages::say(format_args!(
+                    "{address}: frames carry no authentication: whoever is on the bus can turn the wheels; the links of all stations send up \
+                     to {:.0} kbit/s",
+                    1e-3 * sent
+                ));
+                Ok(opened)
+            }
+        }
     }
+
+    /// The bus in the summary of a run.
+    pub fn summary(&self) -> String {
+        match &self.way {
+            Way::Udp { .. } => String::new(),
+            #[cfg(target_os = "linux")]
+            Way::Can(address) => format!("bus          {address}; frames without authentication, for a closed bus\n"),
+        }
+    }
+}
+
+fn failure(error: LinkError) -> Failure {
+    match error {
+        LinkError::Listen { .. } | LinkError::Bus { .. } => Failure::System(format!("--listen {error}")),
+        LinkError::Key { .. } => Failure::input(format!("--key: {error}")),
+        LinkError::Limit(_) | LinkError::Peer { .. } | LinkError::Check(_) => Failure::input(error),
+        LinkError::System { .. } => Failure::System(error.to_string()),
+    }
+}
+
+/// Over UDP, to the addresses of the arguments.
+fn over_udp(network: &Network, at: usize, listen: &str, args: &StationArgs) -> Result<Way, Failure> {
+    let name = &network.stations[at].name;
+    let listen: SocketAddr = listen.parse().map_err(|_| {
+        Failure::input(format!(
+            "--listen {listen}: expected an IP address and a port, such as 0.0.0.0:7000, or a CAN bus, such as can:can0"
+        ))
+    })?;
+    let mut peers: Vec<(usize, SocketAddr)> = Vec::new();
+    for peer in &args.peers {
+        let (other, address) = peer.split_once('=').ok_or_else(|| {
+            Failure::input(format!("--peer {peer}: expected NAME=HOST:PORT, such as right=192.168.1.8:7000"))
+        })?;
+        let index = index(network, "--peer", other)?;
+        let linked = |link: &hapt_model::Link| link.between.contains(&at) && link.between.contains(&index);
+        if index == at || !network.links.iter().any(linked) {
+            return Err(Failure::input(format!("--peer {peer}: no link joins {other} to the station {name} here")));
+        }
+        if peers.iter().any(|(known, _)| *known == index) {
+            return Err(Failure::input(format!("--peer {peer}: {other} is given twice")));
+        }
+        peers.push((index, resolved(peer, address, listen)?));
+    }
+    for link in network.links.iter().filter(|link| link.between.contains(&at)) {
+        let other = link.between[usize::from(link.between[0] == at)];
+        if !peers.iter().any(|(known, _)| *known == other) {
+            let other = &network.stations[other].name;
+            return Err(Failure::input(format!(
+                "--station {name}: a link joins it to {other}; give its address, as in --peer {other}=HOST:PORT"
+            )));
+        }
+    }
+    let key = args.key.as_deref().ok_or_else(|| {
+        Failure::input(format!(
+            "--station {name}: needs --key with the file of the key that all stations share; make one with \
+             `head -c 32 /dev/urandom > FILE`, and copy it to each"
+        ))
+    })?;
+    let key = read(key).map_err(|error| Failure::input(format!("--key {}: {error}", key.display())))?;
+    Ok(Way::Udp { listen, peers, key })
+}
+
+/// Over the CAN bus of this address, where all stations are.
+fn over_can(listen: &str, args: &StationArgs) -> Result<Way, Failure> {
+    if let Some(peer) = args.peers.first() {
+        let text = format!("--peer {peer}: on a CAN bus the stations need no addresses; leave it out");
+        return Err(Failure::input(text));
+    }
+    if let Some(key) = &args.key {
+        return Err(Failure::input(format!(
+            "--key {}: a frame on a CAN bus has no room for an authentication; leave it out on a bus that is closed, or use UDP",
+            key.display()
+        )));
+    }
+    #[cfg(target_os = "linux")]
+    return listen.parse().map(Way::Can).map_err(|error| Failure::input(format!("--listen {listen}: {error}")));
+    #[cfg(not(target_os = "linux"))]
+    Err(Failure::input(format!("--listen {listen}: a CAN bus needs Linux")))
 }
 
 /// The address of a peer, of the family of the own one.

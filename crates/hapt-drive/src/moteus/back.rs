@@ -300,7 +300,7 @@ impl Moteus {
         if self.bus.send(&everybody, until).is_ok() {
             while let Ok(Some(frame)) = self.bus.receive(until) {
                 let id = frame.id >> 8 & 0x7f;
-                if frame.id & (REPLY | 0x7f) == 0 && !seen.contains(&id) {
+                if frame.id >> 16 == 0 && frame.id & (REPLY | 0x7f) == 0 && !seen.contains(&id) {
                     seen.push(id);
                 }
                 if Instant::now() >= until {

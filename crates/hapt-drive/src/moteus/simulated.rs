@@ -259,7 +259,7 @@ impl Simulated {
 
 impl Firmware for Simulated {
     fn requests_position(&self, frame: &Frame) -> bool {
-        let is_mine = frame.id & 0x7f == u32::from(self.id) && frame.id & REPLY != 0;
+        let is_mine = frame.id >> 16 == 0 && frame.id & 0x7f == u32::from(self.id) && frame.id & REPLY != 0;
         is_mine && Parser::new(frame.data()).any(|part| matches!(part, Subframe::Read(register::POSITION, _)))
     }
 

@@ -54,6 +54,18 @@ proptest! {
     }
 }
 
+proptest! {
+    /// Links between stations have identifiers of 29 bits above those of both drives (`hapt_wire::link::Frames`).
+    #[test]
+    fn a_frame_of_a_link_is_nothing_to_a_drive(id in 1_u32 << 20..1 << 29, data: [u8; 8]) {
+        let frame = Frame::classic(id, &data).with_extended(true);
+        for mut drive in drives(|| Listed(VecDeque::from([frame]))) {
+            let read = drive.read(soon());
+            prop_assert!(matches!(read, Err(DriveError::Silent)), "{read:?}");
+        }
+    }
+}
+
 /// A drive with another host on a line that this host does not see: this one on the UART, the other on CAN.
 struct Elsewhere(moteus::Simulated, Arc<AtomicBool>);
 

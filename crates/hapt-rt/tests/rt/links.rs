@@ -6,10 +6,12 @@ use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_model::{Network, Source};
 use hapt_rt::{Cycle, HandCommand, Hands, LinkWire, Moment, Outside, Plan, Record, SimulatedDevice, link};
 use hapt_sim::Grip;
-use hapt_wire::link::{Number, Session};
+use hapt_wire::link::{Codec, Datagrams, Frames, Number, Session};
 
 const MS: u64 = 1_000_000;
-const KEY: &[u8] = b"both stations know this one";
+const KEYS: [&[u8]; 2] = [b"both stations know this one", b"a key that nobody else has"];
+/// Numbers of the link, the second of a file that nobody else has.
+const LINKS: [u64; 2] = [9, 10];
 /// How long a campaign is.
 const END: u64 = 1500 * MS;
 /// The fault lasts from here to there.
@@ -47,7 +49,8 @@ enum Fault {
     /// The clock of one station, or its whole computer, leaps so far, in ms.
     Pause(u64),
     Stop,
-    OtherKey,
+    /// One station runs under another key, or another network file.
+    Stranger,
 }
 
 fn fault(rng: &mut Rng) -> Fault {
@@ -62,16 +65,25 @@ fn fault(rng: &mut Rng) -> Fault {
         8 => Fault::Replays,
         9 => Fault::Restart,
         10 => Fault::Pause(1 + rng.below(300)),
-        _ if rng.below(3) == 0 => Fault::OtherKey,
+        _ if rng.below(3) == 0 => Fault::Stranger,
         _ => Fault::Stop,
     }
 }
 
-struct Station {
+/// The codec of an end, at the first station or not; and of one that belongs to nobody else.
+fn datagrams(first: bool, strange: bool) -> Datagrams {
+    Datagrams::new(KEYS[usize::from(strange)], LINKS[0], first)
+}
+
+fn frames(first: bool, strange: bool) -> Frames {
+    Frames::new(Frames::RANGE, 3, LINKS[usize::from(strange)], first).unwrap()
+}
+
+struct Station<C> {
     cycle: Cycle,
     hands: Hands,
     wire: LinkWire,
-    session: Session,
+    session: Session<C>,
     /// Its clock shows this much more than the true time.
     offset: u64,
     period: u64,
@@ -86,8 +98,8 @@ struct Station {
     arms: bool,
 }
 
-impl Station {
-    fn new(network: &Network, at: usize, rng: &mut Rng) -> Self {
+impl<C: Codec> Station<C> {
+    fn new(network: &Network, at: usize, codec: C, rng: &mut Rng) -> Self {
         let world = &network.stations[at].world;
         let (device, hands) = SimulatedDevice::new(world);
         let (port, wire) = link(&network.links[0], at == 0, network.end(0, at));
@@ -96,7 +108,7 @@ impl Station {
             cycle: Cycle::new(Box::new(plan), Box::new(device)).beside(Outside::linked(vec![port])),
             hands,
             wire,
-            session: Session::new(KEY, 9, at == 0, rng.next()),
+            session: Session::new(codec, rng.next()),
             offset: rng.next() >> 20,
             period: (world.sampling.period * 1e9).round() as u64,
             next: rng.below(2_000_000),
@@ -137,16 +149,16 @@ fn network() -> Network {
     Network::read(&source, &[]).unwrap()
 }
 
-fn campaign(network: &Network, seed: u64, seen: &mut Seen) {
+fn campaign<C: Codec>(network: &Network, codec: fn(bool, bool) -> C, seed: u64, seen: &mut Seen) {
     let mut rng = Rng(seed);
     let fault = fault(&mut rng);
     let struck = rng.below(2) as usize;
     let (age_max, limit) = (network.links[0].age_max, network.links[0].limit.unwrap());
     let way = MS / 10 + rng.below(3 * MS);
-    let mut stations = [0, 1].map(|at| Station::new(network, at, &mut rng));
+    let mut stations = [0, 1].map(|at| Station::new(network, at, codec(at == 0, false), &mut rng));
     let mut sent: Vec<(usize, Vec<u8>)> = Vec::new();
     let mut taken: HashMap<(u64, u64), u64> = HashMap::new();
-    let (mut struck_once, mut gone, mut numbers) = (false, 0, [0_u64; 2]);
+    let (mut struck_once, mut gone) = (false, 0);
     loop {
         let at = usize::from(stations[0].next > stations[1].next);
         let time = stations[at].next;
@@ -160,8 +172,8 @@ fn campaign(network: &Network, seed: u64, seen: &mut Seen) {
                 Fault::Restart => {
                     let Station { coming, next, .. } = &mut stations[at];
                     let (coming, next) = (std::mem::take(coming), *next + rng.below(100) * MS);
-                    stations[at] = Station { coming, next, ..Station::new(network, at, &mut rng) };
-                    numbers[at] = 0;
+                    stations[at] =
+                        Station { coming, next, ..Station::new(network, at, codec(at == 0, false), &mut rng) };
                     continue;
                 }
                 Fault::Pause(length) => {
@@ -170,9 +182,8 @@ fn campaign(network: &Network, seed: u64, seen: &mut Seen) {
                     station.next += u64::from(station.paused) * station.period;
                     continue;
                 }
-                Fault::OtherKey => {
-                    stations[at].session = Session::new(b"a key that nobody else has", 9, at == 0, rng.next());
-                    numbers[at] = 0;
+                Fault::Stranger => {
+                    stations[at].session = Session::new(codec(at == 0, true), rng.next());
                 }
                 _ => {}
             }
@@ -184,7 +195,8 @@ fn campaign(network: &Network, seed: u64, seen: &mut Seen) {
         let arrived = station.coming.partition_point(|(when, _)| *when <= time);
         for (when, bytes) in station.coming.drain(..arrived).collect::<Vec<_>>() {
             match station.session.receive(&bytes, now - (time - when)) {
-                Ok(incoming) => {
+                Ok(None) => {}
+                Ok(Some(incoming)) => {
                     if station.wire.incoming.push(incoming).is_ok() && incoming.strength.acts() {
                         station.newest = Some(incoming.number);
                     }
@@ -252,10 +264,9 @@ fn campaign(network: &Network, seed: u64, seen: &mut Seen) {
         if matches!(record.phase, Phase::Disarmed | Phase::Faulted) {
             assert!(!said.acts && !said.outgoing.strength.acts(), "{fault:?}: {said:?}");
         }
-        let bytes = station.session.send(&said.outgoing).unwrap().to_vec();
-        numbers[at] += 1;
-        let session = u64::from_le_bytes(bytes[11..19].try_into().unwrap());
-        taken.insert((session, numbers[at]), time);
+        let bytes = station.session.send(&said.outgoing).unwrap().as_ref().to_vec();
+        let Number { session, sequence } = station.session.own();
+        taken.insert((session, sequence), time);
         station.next += station.period;
         sent.push((1 - at, bytes.clone()));
         let loss = match fault {
@@ -281,22 +292,31 @@ fn campaign(network: &Network, seed: u64, seen: &mut Seen) {
     }
     seen.let_go += gone;
     // What takes the link away for good shows it.
-    if matches!(fault, Fault::Loss(1.0) | Fault::Stop | Fault::OtherKey) {
+    if matches!(fault, Fault::Loss(1.0) | Fault::Stop | Fault::Stranger) {
         assert!(gone > 0 || seen.acted == 0, "{fault:?}");
     }
 }
 
-#[test]
-fn no_fault_of_the_network_makes_a_torque_on_a_position_that_is_too_old() {
+fn campaigns<C: Codec>(codec: fn(bool, bool) -> C) {
     let network = network();
     let mut seen = Seen::default();
     let seeds = hapt_testing::seeds(1000);
     let n = seeds.end - seeds.start;
     for seed in seeds {
-        campaign(&network, seed, &mut seen);
+        campaign(&network, codec, seed, &mut seen);
     }
     let Seen { acted, let_go, again, refused, faulted } = seen;
     println!("acted {acted}, let go {let_go}, acts again {again}, refused {refused}, stopped {faulted}");
     // Nothing of it is empty.
     assert!(acted > 100 * n && let_go > n / 2 && again > 20 * n && refused > 10 * n && faulted > n / 50);
+}
+
+#[test]
+fn no_fault_of_the_network_makes_a_torque_on_a_position_that_is_too_old() {
+    campaigns(datagrams);
+}
+
+#[test]
+fn no_fault_of_a_bus_makes_a_torque_on_a_position_that_is_too_old() {
+    campaigns(frames);
 }

@@ -10,6 +10,7 @@ mod frames;
 #[cfg(feature = "usb")]
 mod game_wheel;
 mod link;
+mod link_frames;
 mod messages;
 mod noise;
 mod pid;

@@ -44,13 +44,14 @@ pub struct StationArgs {
     /// The station of a network file that runs here.
     #[arg(long, value_name = "NAME")]
     pub station: Option<String>,
-    /// Where this station receives the others' messages (UDP), such as 0.0.0.0:7000.
-    #[arg(long, value_name = "IP:PORT", requires = "station")]
+    /// Where this station receives the others' messages: over UDP, such as 0.0.0.0:7000, or on a CAN bus that all stations share, such as
+    /// can:can0 or can:/dev/ttyACM0@500k with an slcan adapter; can:can0#RANGE with another range of identifiers than 256 of 1 to 511.
+    #[arg(long, value_name = "IP:PORT|can:BUS", requires = "station")]
     pub listen: Option<String>,
-    /// Where another station receives its messages; once for each that a link joins to this one.
+    /// Over UDP: where another station receives its messages; once for each that a link joins to this one.
     #[arg(long = "peer", value_name = "NAME=HOST:PORT", requires = "station")]
     pub peers: Vec<String>,
-    /// The file with the key that all stations share: 16 bytes or more, as random as those of `head -c 32 /dev/urandom`.
+    /// Over UDP: the file with the key that all stations share: 16 bytes or more, as random as those of `head -c 32 /dev/urandom`.
     #[arg(long, value_name = "FILE", requires = "station")]
     pub key: Option<PathBuf>,
 }

@@ -32,6 +32,7 @@ mod runs;
 mod schema;
 mod spelling;
 mod station;
+mod station_can;
 mod sweep;
 #[cfg(target_os = "linux")]
 mod wheel;
