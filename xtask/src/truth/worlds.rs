@@ -56,6 +56,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         method,
         output,
         advance,
+        bodies_every: 1,
         interval_max: None,
         delay: hapt_model::Delay::Seconds(delay),
         delay_max: None,

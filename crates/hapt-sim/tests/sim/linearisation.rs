@@ -24,6 +24,7 @@ impl Linear {
             method,
             output,
             advance: if output == Output::End { self.advance } else { 0 },
+            bodies_every: 1,
             estimator: Estimator::Exact,
             count: None,
             limit: None,
@@ -192,6 +193,7 @@ fn the_exact_hold_keeps_its_digits_on_a_light_body_between_strong_dampers() {
         couplings: vec![damper(End::Puck, End::Body(0), 1.0), damper(End::Body(0), End::Body(1), 3.11)],
         period: 0.3313,
         advance: 0,
+        bodies_every: 1,
     };
     for output in Output::ALL {
         compare::<f64>(&world, Method::Zoh, output, 1e-10).unwrap();
