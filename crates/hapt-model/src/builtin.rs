@@ -27,6 +27,7 @@ const WORLDS: &[(&str, &str)] = worlds! {
     "devices/grating"
     "devices/magnets"
     "devices/game-wheel"
+    "devices/two-rates"
 };
 
 /// The names, each with its `@`.

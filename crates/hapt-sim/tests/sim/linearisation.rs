@@ -193,7 +193,6 @@ fn the_exact_hold_keeps_its_digits_on_a_light_body_between_strong_dampers() {
         couplings: vec![damper(End::Puck, End::Body(0), 1.0), damper(End::Body(0), End::Body(1), 3.11)],
         period: 0.3313,
         advance: 0,
-        bodies_every: 1,
     };
     for output in Output::ALL {
         compare::<f64>(&world, Method::Zoh, output, 1e-10).unwrap();
