@@ -168,6 +168,32 @@ proptest! {
         }
     }
 
+    /// The same beside all laws of the position, with the frictions and dampers that the puck does not move, by every method that keeps energy, at
+    /// one rate and at two.
+    #[test]
+    fn no_passive_world_draws_on_its_account(
+        (bodies, couplings) in network(),
+        method in proptest::sample::select([Method::Zoh, Method::Trapezoidal, Method::BackwardEuler].to_vec()),
+        bodies_every in prop_oneof![Just(1), 2..20u32], steps in proptest::collection::vec(-0.02..0.02f64, 300),
+    ) {
+        let is_at_puck = |c: &Coupling| c.first == End::Puck || c.second == End::Puck;
+        let takes_velocity = |c: &Coupling| c.law.slopes().damping != Damping::Fixed(0.0) || c.law.slopes().friction > 0.0;
+        let is_covered = |c: &Coupling| c.law.constant().is_none() && !(is_at_puck(c) && takes_velocity(c));
+        let couplings: Vec<Coupling> = couplings.into_iter().filter(is_covered).collect();
+        let stiffness: f64 = couplings.iter().filter(|c| is_at_puck(c)).map(|c| c.law.slopes().stiffness).sum();
+        let spec = Spec { method, limit: None, bodies: &bodies, couplings: &couplings, bodies_every, ..WORLD };
+        let limits =
+            Limits { damping: 0.5 * stiffness * T, jump: 1.0, torque: f64::INFINITY, slew: f64::INFINITY, ..LIMITS };
+        let mut guard = Guard::<f64>::new(&limits, &spec);
+        let mut position = 0.0;
+        guard.step(&reading(position), Some(Request::Arm));
+        for step in steps {
+            position += step;
+            prop_assert!(guard.at(position).phase != Phase::Faulted, "{:?}", guard.watch.reason);
+            prop_assert!(guard.watch.account() > limits.energy * (1.0 - 1e-9));
+        }
+    }
+
     /// The same of a spring behind a delay, whole or not, on the least damping that makes it passive: what the delay has under way is
     /// not taken off the account.
     #[test]
