@@ -61,6 +61,7 @@ impl Chain {
             method,
             output,
             advance: 0,
+            bodies_every: 1,
             estimator,
             count: None,
             limit,

@@ -193,7 +193,8 @@ impl Engine {
 }
 
 /// What the linear part of a loop alone, at rest, makes of a puck at `motion`: the outputs' derivatives in that direction. Encoder, levels,
-/// limits and nonlinear couplings are left out; FOAW counts with its shortest window.
+/// limits and nonlinear couplings are left out; FOAW counts with its shortest window. Where the bodies step at every n-th sample, it is one
+/// at which they stand still.
 ///
 /// # Errors
 /// The core does not take the linear part.

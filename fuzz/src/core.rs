@@ -148,6 +148,10 @@ pub fn run(bytes: &[u8]) -> u64 {
             255 => bits.word() as u32,
             few => u32::from(few % 8),
         },
+        bodies_every: match bits.byte() {
+            255 => bits.word() as u32,
+            few => 1 + u32::from(few % 4),
+        },
         estimator: match bits.below(5) {
             0 => Estimator::Exact,
             1 => Estimator::Difference,
@@ -193,6 +197,7 @@ fn any_state<F: Real>(
     let mut state = start;
     state.now = bits.vector();
     state.change = bits.vector();
+    state.until_step = bits.word() as u32;
     state.bristles = std::array::from_fn(|_| F::from_f64(bits.number()));
     state.memory.counts = std::array::from_fn(|_| F::from_f64(bits.number()));
     if bits.byte() & 1 == 1 {

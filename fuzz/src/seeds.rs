@@ -212,8 +212,8 @@ fn wheel(method: u8) -> Vec<u8> {
     let mut input = vec![method & 1, 1, one, 0, 0, 2];
     // A spring from the puck to the body, and a wall from the puck to ground.
     input.extend([0, 3, 0, one, 0, 0, 2, 3, 0, 0, 100, small]);
-    // Period, method, output, advance, exact velocity; a count, a limit, no levels; the state as it starts.
-    input.extend([small, method, if method > 5 { 0 } else { 2 }, method, 0, 1, small, 1, 3, 0, 0]);
+    // Period, method, output, advance, a step at every sample, exact velocity; a count, a limit, no levels; the state as it starts.
+    input.extend([small, method, if method > 5 { 0 } else { 2 }, method, 0, 0, 1, small, 1, 3, 0, 0]);
     input.extend((64..104u8).map(|i| i.wrapping_mul(3)));
     input
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use hapt_analysis::equations::estimator::Filter;
+use hapt_analysis::error::at_one_rate;
 use hapt_analysis::impedance::rendered::columns;
 use hapt_analysis::{Continuous, Design, Discrete, Impedance, Slopes};
 use hapt_identify::{Claims, Known, Record};
@@ -186,8 +187,9 @@ fn kinds(table: &str, names: &[&'static str]) -> Vec<(&'static str, Vec<&'static
 ///
 /// The constant part (rest positions, constants) is left out. Nonlinear couplings count with their steepest rise.
 pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
-    let continuous = Continuous::new(&world.bodies, &world.couplings, &Slopes::Steep)?;
     let sampling = &world.sampling;
+    at_one_rate(sampling, "a state space")?;
+    let continuous = Continuous::new(&world.bodies, &world.couplings, &Slopes::Steep)?;
     let step = Discrete::new(&continuous, sampling.method, sampling.output, sampling.advance, sampling.period)?;
     let whole = DMatrix::identity(step.d.nrows(), step.d.ncols()) + &step.d;
     let state = DMatrix::from_row_slice(1, whole.ncols(), step.torque.state.as_slice());

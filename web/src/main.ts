@@ -86,7 +86,7 @@ function message(message: FromServer): void {
       if (!world || message.generation < world.generation) return;
       verdict.show(message);
       euler.verdict(message);
-      poles.show(message, world.period_s);
+      poles.show(message, world.step_s);
       return showBar(desk);
     case "range":
       if (message.generation === world?.generation) knobs.range(message);

@@ -29,7 +29,7 @@ export class Poles {
     this.root = root;
   }
 
-  /** `period` in s. */
+  /** `period` in s: what an eigenvalue is over. */
   show({ held, free, held_growth_per_s, free_growth_per_s, command }: Verdict, period: number): void {
     if (command !== undefined) return this.root.replaceChildren(html("p", { class: "soft" }, "Not computed for what has been changed here."));
     const row = (name: string, kind: string, poles: Pole[], growth: number | null) =>

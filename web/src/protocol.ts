@@ -66,6 +66,8 @@ export interface World {
   motion: "rotary" | "linear";
   units: { position: string; velocity: string; effort: string };
   period_s: number;
+  /** Over which the eigenvalues of the verdict are. */
+  step_s: number;
   limit: number | null;
   device: string;
   bodies: { name: string; inertia: number }[];

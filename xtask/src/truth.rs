@@ -223,7 +223,11 @@ fn one(part: Part, seed: u64, i: u64, against: &Against) -> Found {
     let bent = part == Part::Even && i % 2 == 1;
     let mut world = worlds::random(&mut rng, bent);
     // Of numbers of its own, so that the loops are those without handles too.
-    world.device.handle = worlds::handle(&mut Rng::with_seed(!seed.wrapping_add(i)), &world);
+    let mut own = Rng::with_seed(!seed.wrapping_add(i));
+    world.device.handle = worlds::handle(&mut own, &world);
+    if part == Part::Even {
+        world.sampling.bodies_every = worlds::bodies_every(&mut own, &world);
+    }
     // A third of them with the required damping, and hardly more: the sharpest claim on passivity.
     if i.is_multiple_of(3)
         && let Ok(Some(required)) = required_damping(&world)
@@ -254,7 +258,7 @@ fn judge(
     tell: &mut dyn FnMut(String),
 ) -> Result<(), Error> {
     let sampling = &world.sampling;
-    let held = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period)?;
+    let held = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.step())?;
     let answer = passivity(world)?;
     if held.is_some_and(|growth| growth > MARGINAL) && (answer.passive || answer.required_damping.is_some()) {
         tell(format!("held it grows by {held:?} per second, and a finite damping is called enough"));
@@ -279,8 +283,9 @@ fn judge(
     let worst = worst_grip(&device)?;
     let grows = worst.as_ref().map_or(f64::NEG_INFINITY, |worst| worst.growth_per_s);
     if !answer.passive {
-        // The slopes of what bends are the worst of many: only a linear loop is what is refused.
-        if bent {
+        // The slopes of what bends are the worst of many, and of bodies that step at every n-th sample not all has a number: only a linear loop
+        // of one rate is what is refused.
+        if bent || sampling.bodies_every > 1 {
             return Ok(());
         }
         let broken = grows > MARGINAL;

@@ -1,6 +1,6 @@
 //! Errors of the analysis.
 
-use hapt_model::{Method, Output};
+use hapt_model::{Method, Output, Sampling};
 
 /// Why the analysis has no result.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -70,6 +70,16 @@ pub enum Error {
         /// "spring" or "damper".
         what: &'static str,
     },
+    /// The bodies step at every n-th sample, and the analysis is about loops in which they step at every one.
+    #[error(
+        "loop.bodies_every is {every}: {what} is about loops whose bodies step at every sample, loop.bodies_every = 1"
+    )]
+    BodiesEvery {
+        /// What was asked for.
+        what: &'static str,
+        /// n.
+        every: u32,
+    },
     /// The method does not support this output.
     #[error(
         "{method} takes the new sample first and the torque from x_k: its output is \"start\", without advance, not \"{output}\"",
@@ -82,6 +92,17 @@ pub enum Error {
         /// The output asked for.
         output: Output,
     },
+}
+
+/// Refuses bodies that do not step at every sample, for `what` is not about them.
+///
+/// # Errors
+/// [`Error::BodiesEvery`].
+pub fn at_one_rate(sampling: &Sampling, what: &'static str) -> Result<(), Error> {
+    match sampling.bodies_every {
+        1 => Ok(()),
+        every => Err(Error::BodiesEvery { what, every }),
+    }
 }
 
 /// Returns `value` if it is finite and above 0.

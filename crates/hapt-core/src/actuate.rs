@@ -79,6 +79,7 @@ mod tests {
         method: Method::Zoh,
         output: Output::End,
         advance: 0,
+        bodies_every: 1,
         estimator: Estimator::Exact,
         count: None,
         limit: Some(0.8),

@@ -102,7 +102,8 @@ impl<const B: usize> Network<B> {
             let damping = match damping {
                 Damping::Fixed(damping) => damping,
                 Damping::Compensating => {
-                    spec.period * compensated(spec.couplings, coupling).ok_or(Error::NoSpring { coupling: index })?
+                    let springs = compensated(spec.couplings, coupling).ok_or(Error::NoSpring { coupling: index })?;
+                    spec.compensates_over(coupling) * springs
                 }
             };
             network.add(ends, 0, stiffness);
@@ -135,6 +136,8 @@ pub(crate) fn compensated(couplings: &[Coupling], damper: &Coupling) -> Option<f
 
 /// Further steps for one sample's torque: a sample has to end.
 const MOST_AHEAD: u32 = 1000;
+/// The most samples from one step of the bodies to the next.
+const RAREST: u32 = 1000;
 
 fn check(spec: &Spec) -> Result<(), Error> {
     Error::check_positive("period", spec.period)?;
@@ -146,6 +149,23 @@ fn check(spec: &Spec) -> Result<(), Error> {
     }
     if spec.advance > MOST_AHEAD {
         return Err(Error::Value { what: "advance", given: f64::from(spec.advance), wanted: "1000 at most" });
+    }
+    if !(1..=RAREST).contains(&spec.bodies_every) {
+        let given = f64::from(spec.bodies_every);
+        return Err(Error::Value { what: "bodies_every", given, wanted: "from 1 to 1000" });
+    }
+    if spec.bodies_every > 1 {
+        let lugre = |c: &Coupling| c.is_at_body() && c.law.has_bristle();
+        for (beside, is_there) in [
+            ("tustin and foh, which take the new sample first", spec.method.takes_new_sample_first()),
+            ("an advance", spec.advance > 0),
+            ("LuGre friction at a body", spec.couplings.iter().any(lugre)),
+            ("a world without bodies", spec.bodies.is_empty()),
+        ] {
+            if is_there {
+                return Err(Error::BodiesEvery { beside });
+            }
+        }
     }
     for body in spec.bodies {
         Error::check_positive("inertia", body.inertia)?;
@@ -216,7 +236,8 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         for (index, (place, coupling)) in nonlinear.iter_mut().zip(spec.couplings).enumerate() {
             let springs =
                 if coupling.law.is_compensating() { compensated(spec.couplings, coupling) } else { Some(0.0) };
-            let compensating = spec.period * springs.ok_or(Error::NoSpring { coupling: index })?;
+            let springs = springs.ok_or(Error::NoSpring { coupling: index })?;
+            let compensating = spec.compensates_over(coupling) * springs;
             *place = Nonlinear::<F>::new(coupling, compensating);
         }
         let contacts = nonlinear.iter().flatten().filter(|coupling| coupling.at_body()).count();
@@ -226,7 +247,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         let method = if staged { Method::ForwardEuler } else { spec.method };
 
         let dynamics = Dynamics { n, inertia, stiffness: network.stiffness, damping: network.damping };
-        let rule = dynamics.rule(method, spec.period)?;
+        let rule = dynamics.rule(method, spec.step())?;
         let respond = |half: &Half<f64, B>, torque: &[f64; B]| {
             let mut out = Vector::ZERO;
             half.apply(n, torque, &mut out);
@@ -242,8 +263,9 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         let mut compiled = Loop {
             bodies: n,
             period: F::from_f64(spec.period),
-            rate: F::from_f64(1.0 / spec.period),
+            rate: F::from_f64(1.0 / spec.step()),
             new_sample_first: spec.method.takes_new_sample_first(),
+            skips: spec.bodies_every.saturating_sub(1),
             staged,
             is_usual: false,
             moment: match spec.output {
@@ -263,7 +285,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             force: force_on_bodies.then(|| core::array::from_fn(|j| rule.new.column(j).map(F::from_f64))),
             gradient: (force_on_bodies && spec.method.finds_torques()).then(|| Gradient {
                 inertia: inertia.map(F::from_f64),
-                rate: F::from_f64(1.0 / spec.period),
+                rate: F::from_f64(1.0 / spec.step()),
                 contacts,
             }),
             port: Port {

@@ -17,6 +17,7 @@ use crate::{Error, Loop, Real, Spec, State};
 ///     method: Method::Zoh,
 ///     output: Output::End,
 ///     advance: 0,
+///     bodies_every: 1,
 ///     estimator: Estimator::Difference,
 ///     count: None,
 ///     limit: Some(0.8),

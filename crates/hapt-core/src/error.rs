@@ -64,6 +64,11 @@ pub enum Error {
     OutputNotStart,
     /// Steps ahead are for the output at the end of the step.
     AdvanceWithoutEnd,
+    /// Bodies that do not step at every sample, beside what the loop cannot do with them.
+    BodiesEvery {
+        /// What.
+        beside: &'static str,
+    },
     /// The world's numbers leave the range of the loop's.
     NotFinite,
 }
@@ -87,6 +92,9 @@ impl fmt::Display for Error {
             }
             Error::OutputNotStart => write!(f, "tustin and foh take the torque from x_k: output must be start"),
             Error::AdvanceWithoutEnd => write!(f, "steps ahead need output end"),
+            Error::BodiesEvery { beside } => {
+                write!(f, "bodies that step at every n-th sample, n above 1, do not go with {beside}")
+            }
             Error::NotFinite => write!(
                 f,
                 "the compiled world leaves the range of its numbers: an inertia, a stiffness, a damping or the period is far out of scale"

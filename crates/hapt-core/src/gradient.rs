@@ -47,7 +47,7 @@ const LEAST_PIVOT: f64 = 1e-6;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gradient<F, const B: usize> {
     pub inertia: [F; B],
-    /// 1/T
+    /// 1/T, T the bodies' step.
     pub rate: F,
     /// The number of nonlinear couplings with a body at an end; at least 1.
     pub contacts: usize,

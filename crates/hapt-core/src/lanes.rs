@@ -145,6 +145,7 @@ impl<const N: usize> Number for Lanes<N> {
 ///         method: Method::Zoh,
 ///         output: Output::End,
 ///         advance: 0,
+///         bodies_every: 1,
 ///         estimator: Estimator::Difference,
 ///         count: None,
 ///         limit: None,
@@ -292,11 +293,11 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
 
 impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S: usize> Batch<'w, N, B, C, W, S> {
     /// `None` where the worlds differ in more than their numbers and nonlinear couplings: number of bodies, kind of method, output, advance,
-    /// estimator, parts of the device; and with S = 0 where one has nonlinear couplings.
+    /// the samples between steps of the bodies, estimator, parts of the device; and with S = 0 where one has nonlinear couplings.
     pub fn new(worlds: &'w [Loop<f64, B, C, W>; N]) -> Option<Self> {
         let first = worlds.first()?;
         let alike = |world: &Loop<f64, B, C, W>| {
-            (world.bodies, world.new_sample_first) == (first.bodies, first.new_sample_first)
+            (world.bodies, world.new_sample_first, world.skips) == (first.bodies, first.new_sample_first, first.skips)
                 && world.moment == first.moment
         };
         let bends = worlds.iter().any(|world| world.nonlinear_count > 0);
@@ -308,6 +309,7 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
             period: each(worlds, |w| w.period),
             rate: each(worlds, |w| w.rate),
             new_sample_first: first.new_sample_first,
+            skips: first.skips,
             is_usual: false,
             staged: false,
             moment: first.moment,

@@ -13,6 +13,7 @@
 //!     method: Method::ForwardEuler,
 //!     output: Output::Start,
 //!     advance: 0,
+//!     bodies_every: 1,
 //!     estimator: Estimator::Exact,
 //!     count: None,
 //!     limit: Some(0.82225),

@@ -85,7 +85,7 @@ pub enum Damping {
     /// N·m·s/rad, zero or more.
     Fixed(f64),
     /// T times the sum of the stiffnesses of the springs between the same two ends, in either order; for a damper from a
-    /// body to ground, of all springs at the body. The notes' b = Tk, (2.24).
+    /// body to ground, of all springs at the body. The notes' b = Tk, (2.24). At a body T is the bodies' step, [`Spec::step`].
     Compensating,
 }
 
@@ -229,6 +229,9 @@ pub struct Spec<'a> {
     pub output: Output,
     /// With `End` only: further steps ahead for the torque, puck held still; at most 1000.
     pub advance: u32,
+    /// The bodies step by this many periods, at every such sample, and stand still in between; from 1 (every sample) to 1000. More than 1
+    /// needs a body, a method that holds u_k, no `advance`, and no LuGre friction at a body.
+    pub bodies_every: u32,
     /// The puck's velocity.
     pub estimator: Estimator,
     /// The size of one encoder count in rad (linear: m), positive; `None`: ideal.
@@ -241,4 +244,16 @@ pub struct Spec<'a> {
     pub bodies: &'a [Body],
     /// The virtual elements between them, the puck and ground.
     pub couplings: &'a [Coupling],
+}
+
+impl Spec<'_> {
+    /// The time in s over which the bodies step: `bodies_every` periods.
+    pub fn step(&self) -> f64 {
+        f64::from(self.bodies_every) * self.period
+    }
+
+    /// The time in s by which a compensating damper multiplies its springs: the bodies' step at a body, else the period.
+    pub(crate) fn compensates_over(&self, damper: &Coupling) -> f64 {
+        if damper.is_at_body() { self.step() } else { self.period }
+    }
 }

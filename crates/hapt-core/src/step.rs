@@ -15,9 +15,13 @@ use crate::{Number, Real};
 #[derive(Clone, Copy, Debug)]
 pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) bodies: usize,
+    /// From sample to sample, in s.
     pub(crate) period: F,
+    /// 1 over the bodies' step.
     pub(crate) rate: F,
     pub(crate) new_sample_first: bool,
+    /// How many samples after each step of the bodies they stand still: `bodies_every` less 1.
+    pub(crate) skips: u32,
     pub(crate) staged: bool,
     /// Whether it is what most worlds are: [`Usual`].
     pub(crate) is_usual: bool,
@@ -72,6 +76,7 @@ pub(crate) struct Port<F, const B: usize> {
 ///     method: Method::Zoh,
 ///     output: Output::End,
 ///     advance: 0,
+///     bodies_every: 1,
 ///     estimator: Estimator::Difference,
 ///     count: None,
 ///     limit: None,
@@ -94,10 +99,12 @@ pub(crate) struct Port<F, const B: usize> {
     serde(bound(serialize = "F: serde::Serialize", deserialize = "F: crate::Number + serde::Deserialize<'de>"))
 )]
 pub struct State<F, const B: usize, const C: usize, const W: usize> {
-    /// x_k of the last sample taken: what rows show.
+    /// x_k of the last sample taken, or of the last at which the bodies stepped: what rows show.
     pub now: Vector<F, B>,
-    /// x_{k+1} - x_k; 0 before the first sample, and with the methods that take the new sample first.
+    /// x_{k+1} - x_k, of a step of the bodies; 0 before the first sample, and with the methods that take the new sample first.
     pub change: Vector<F, B>,
+    /// How many more samples come before the one at which the bodies step; 0 where they step at every sample.
+    pub until_step: u32,
     /// s of each coupling, in rad (linear: m); 0 where it is not LuGre friction.
     #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub bristles: [F; C],
@@ -123,6 +130,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> State<F, B, C, W
     pub const EMPTY: Self = State {
         now: Vector::ZERO,
         change: Vector::ZERO,
+        until_step: 0,
         bristles: [F::ZERO; C],
         contacts: Contacts::NONE,
         memory: Memory::EMPTY,
@@ -138,7 +146,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
     /// Whether a sample asks for no more than [`Usual`].
     pub(crate) fn asks_as_usual(&self) -> bool {
         let ideal = self.sensor.count.is_none() && self.sensor.velocity.is_none();
-        ideal && !self.new_sample_first && self.moment == Moment::End && self.nonlinear_count == 0
+        ideal && !self.new_sample_first && self.skips == 0 && self.moment == Moment::End && self.nonlinear_count == 0
     }
 
     /// How many bodies the world has.
@@ -199,7 +207,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         sums
     }
 
-    /// (w_{k+1} - w_k)/T
+    /// (w_{k+1} - w_k)/T, T the bodies' step.
     #[inline(always)]
     fn mean_velocities<const L: usize>(&self, n: usize, change: &Vector<F, L>) -> [F; L] {
         let mut means = [F::ZERO; L];
@@ -263,11 +271,20 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         let is_true = X::USUAL || self.sensor.velocity.is_none();
         let velocity = if is_true { velocity } else { with.estimate(&state.memory, position) };
         let puck = Puck { position, velocity };
-        let State { now, change, bristles, contacts, memory } = state;
+        let State { now, change, until_step, bristles, contacts, memory } = state;
         if X::USUAL || !self.new_sample_first {
-            now.add(n, F::ONE, change);
+            // A state may be anybody's.
+            let waits = if X::USUAL { 0 } else { (*until_step).min(self.skips) };
+            if waits == 0 {
+                now.add(n, F::ONE, change);
+            }
             with.bend(bristles, puck, now);
-            with.change(n, change, now, None, puck, bristles, contacts);
+            if waits == 0 {
+                with.change(n, change, now, None, puck, bristles, contacts);
+            }
+            if !X::USUAL {
+                *until_step = if waits == 0 { self.skips } else { waits - 1 };
+            }
         } else {
             with.bend(bristles, puck, now);
             if let Some(last) = memory.last {

@@ -19,7 +19,11 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         next.memory = self.sensor.transfer(&before.sensor, &state.memory, shorter);
         // x_k is one old period ago. A method that takes the new sample first makes the last step itself, from one new period ago.
         let goes_itself = self.new_sample_first && next.memory.last.is_some();
-        let part = if goes_itself { shorter / before.period } else { F::ONE };
+        // Where the bodies step every n-th sample, a step that has begun is as far as the samples since.
+        let samples = |count: u32| before.period * F::from_f64(f64::from(count));
+        let gone = samples(1 + before.skips - state.until_step.min(before.skips));
+        let step = samples(1 + before.skips);
+        let part = if goes_itself { gone - self.period } else { gone } / step;
         let is_moving = before.new_sample_first && state.memory.last.is_some();
         for (to, (position, velocity)) in next.now.position.iter_mut().zip(&mut next.now.velocity).enumerate() {
             let Some(from) = bodies(to) else { continue };

@@ -89,7 +89,10 @@ fn has_effect(world: &World, path: &str) -> bool {
             EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::LowPass => false,
         },
         "loop.cutoff" => sampling.estimator == EstimatorKind::LowPass,
-        "loop.advance" => sampling.output == Output::End,
+        "loop.advance" => sampling.output == Output::End && sampling.bodies_every == 1,
+        "loop.bodies_every" => {
+            !world.bodies.is_empty() && !sampling.method.takes_new_sample_first() && sampling.advance == 0
+        }
         _ => true,
     }
 }

@@ -28,6 +28,7 @@ const WORLDS: &[(&str, &str)] = worlds! {
     "devices/magnets"
     "devices/game-wheel"
     "devices/road-wheel"
+    "devices/two-rates"
 };
 
 /// The names, each with its `@`.

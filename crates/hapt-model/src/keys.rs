@@ -376,6 +376,8 @@ pub const KEYS: &[Key] = &[
         "Which state makes the torque: that at the start, in the middle or at the end of the step."),
     key("loop.advance", Whole { least: 0, most: 1000, step: 1 }, Number(0.0),
         "With output \"end\" only: how many further samples ahead the world is taken for the torque, the puck held still."),
+    key("loop.bodies_every", Whole { least: 1, most: 1000, step: 1 }, Number(1.0),
+        "The bodies step at every n-th sample only, by n periods, and stand still in between; the torque has the puck's newest position at every sample."),
     key("loop.delay", Takes::TimeOrSamples, Number(0.0),
         "From the sample to the moment the motor torque changes, in a unit of time or in samples (\"1.5 samples\" follows the period); at most a million periods."),
     key("loop.delay_max", Takes::TimeOrSamples, Depends("loop.delay"),

@@ -39,7 +39,7 @@ struct Reach {
     damping: f64,
     /// The sum of the frictions at the puck, in N·m (linear: N).
     friction: f64,
-    /// The largest phase angle by which a body's own oscillation advances in a sample, in rad.
+    /// The largest phase angle by which a body's own oscillation advances in a step, in rad.
     angle: f64,
 }
 
@@ -161,7 +161,7 @@ impl World {
             }
         }
         for (stiffness, body) in at_bodies.iter().zip(&self.bodies) {
-            reach.angle = reach.angle.max(self.sampling.period * (stiffness / body.inertia).sqrt());
+            reach.angle = reach.angle.max(self.sampling.step() * (stiffness / body.inertia).sqrt());
         }
         reach
     }
@@ -173,7 +173,8 @@ impl World {
             Damping::Fixed(damping) => damping,
             Damping::Compensating => {
                 let springs = self.couplings.iter().filter_map(|other| other.law.spring());
-                self.sampling.period * springs.sum::<f64>()
+                let over = if coupling.is_at_body() { self.sampling.step() } else { self.sampling.period };
+                over * springs.sum::<f64>()
             }
         };
         (slopes.stiffness, damping, slopes.friction)

@@ -68,6 +68,7 @@ pub(crate) fn sampling(sampling: &mut Sampling) -> NumberSlots<'_> {
     vec![
         ("period", Number(&mut sampling.period)),
         ("advance", Whole(&mut sampling.advance)),
+        ("bodies_every", Whole(&mut sampling.bodies_every)),
         ("delay", NumberSlot::Delay(&mut sampling.delay)),
         ("delay_max", NumberSlot::OptionalDelay(&mut sampling.delay_max)),
         ("interval_max", Optional(&mut sampling.interval_max)),

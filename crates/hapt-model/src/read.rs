@@ -71,7 +71,12 @@ impl World {
             rows.push(fields);
         }
         for (fields, coupling) in rows.iter().zip(&couplings) {
-            check_coupling(fields, coupling, &couplings, &names, sampling.method)?;
+            check_coupling(fields, coupling, &couplings, &names, &sampling)?;
+        }
+        if sampling.bodies_every > 1 && bodies.is_empty() {
+            let message = format!("{} samples a step, and this world has no bodies; expected 1", sampling.bodies_every);
+            let fields = Fields::new(table("loop"), top.node("loop"))?;
+            return Err(fields.error(ErrorKind::Combination, "bodies_every", message));
         }
 
         let mut scenarios = Vec::new();
@@ -138,6 +143,7 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
         method,
         output,
         advance: fields.whole("advance")?,
+        bodies_every: fields.whole("bodies_every")?,
         interval_max: fields.optional_number("interval_max")?,
         delay: fields.delay("delay")?,
         delay_max: fields.optional_delay("delay_max")?,
@@ -160,6 +166,17 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
             "advance",
             format!("an advance goes with output \"end\" only, and the output is {given:?}"),
         );
+    }
+    let every = sampling.bodies_every;
+    if every > 1 && method.takes_new_sample_first() {
+        let method = method.name();
+        return combination(
+            "bodies_every",
+            format!("{every} samples a step go with the methods that hold the puck over it, and {method:?} does not"),
+        );
+    }
+    if every > 1 && sampling.advance > 0 {
+        return combination("bodies_every", format!("{every} samples a step go without loop.advance; expected 1"));
     }
     let period = sampling.period;
     for (key, delay) in [("delay", Some(sampling.delay)), ("delay_max", sampling.delay_max)] {
@@ -333,13 +350,13 @@ fn end(fields: &Fields<'_>, name: &str, place: &Place, names: &[String]) -> Resu
     })
 }
 
-/// What depends on the other couplings, and on the method.
+/// What depends on the other couplings, and on the loop.
 fn check_coupling(
     fields: &Fields<'_>,
     coupling: &Coupling,
     all: &[Coupling],
     names: &[String],
-    method: Method,
+    sampling: &Sampling,
 ) -> Result<(), Error> {
     if coupling.law.is_compensating() && !has_spring(coupling, all) {
         let name = |end| match end {
@@ -357,7 +374,11 @@ fn check_coupling(
         };
         return Err(fields.error(ErrorKind::Combination, "damping", message));
     }
-    match support::refusal(method, coupling) {
+    if sampling.bodies_every > 1 && coupling.is_at_body() && coupling.law.has_bristle() {
+        let message = "LuGre friction at a body goes with loop.bodies_every = 1 only; use coulomb";
+        return Err(fields.error(ErrorKind::Unsupported, "kind", message));
+    }
+    match support::refusal(sampling.method, coupling) {
         Some(message) if coupling.is_at_body() => Err(fields.error(ErrorKind::Unsupported, "kind", message)),
         Some(_) | None => Ok(()),
     }

@@ -60,6 +60,8 @@ pub struct Sampling {
     pub output: Output,
     /// Further steps ahead for the torque, with `output = "end"`.
     pub advance: u32,
+    /// The bodies step at every such sample, by as many periods; 1 or more.
+    pub bodies_every: u32,
     /// The longest true time between two samples in s, no shorter than the period; `None`: the period, whatever it is.
     pub interval_max: Option<f64>,
     /// From the sample to the moment the motor torque changes; the least where it varies.
@@ -158,6 +160,11 @@ impl Delay {
 }
 
 impl Sampling {
+    /// The time in s over which the bodies step: `bodies_every` periods.
+    pub fn step(&self) -> f64 {
+        f64::from(self.bodies_every) * self.period
+    }
+
     /// The delay in s, at this loop's period.
     pub fn delay_s(&self) -> f64 {
         self.delay.seconds(self.period)
@@ -262,6 +269,7 @@ impl World {
             method: self.sampling.method,
             output: self.sampling.output,
             advance: self.sampling.advance,
+            bodies_every: self.sampling.bodies_every,
             estimator: self.sampling.velocity_estimator(),
             count: self.count(),
             limit: self.device.limit,

@@ -311,6 +311,7 @@ pub(crate) fn critical(of: &Stability) -> String {
     match (of.critical_period_s, of.critical_period_reason) {
         (Some(period), _) => say_time(period),
         (None, Some("never")) => "none: unstable however short".into(),
+        (None, Some("not searched")) => "not searched".into(),
         (None, _) => "none: never unstable".into(),
     }
 }

@@ -77,7 +77,7 @@ pub fn eigenvalues(half: Half, check: &Check) -> Option<Figure> {
     circle.mark("eigenvalues", Shape::Cross, Style::Signal(0), list.iter().map(|e| (e.re, e.im)).collect());
 
     // Near 1, λ = e^{sT}: growth and frequency separate there, where λ itself differs in the sixth digit.
-    let period = check.period_s;
+    let period = check.period_s * f64::from(check.bodies_every);
     let near: Vec<Point> = list
         .iter()
         .filter(|e| (e.re - 1.0).hypot(e.im) < 0.5)

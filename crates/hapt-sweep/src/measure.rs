@@ -73,7 +73,7 @@ impl Measure {
         match self {
             Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => true,
             Measure::HeldGrowth | Measure::HeldVerdict if !has_handle => match table {
-                "loop" => last == "period",
+                "loop" => matches!(last, "period" | "bodies_every"),
                 "bodies" => last == "inertia",
                 table => table == "couplings",
             },

@@ -14,6 +14,7 @@
 //!     method: Method::Zoh,
 //!     output: Output::End,
 //!     advance: 0,
+//!     bodies_every: 1,
 //!     estimator: Estimator::Difference,
 //!     count: None,
 //!     limit: Some(0.8),

@@ -1,7 +1,11 @@
 //! ```text
-//! version  settings  bodies, each  couplings, each  checksum
-//! u8       postcard  postcard      postcard         CRC-16/IBM-3740 of all before it, little-endian u16
+//! version 1  settings                bodies, each  couplings, each  checksum
+//! version 2  settings, bodies_every  bodies, each  couplings, each  checksum
+//! u8         postcard, u32           postcard      postcard         CRC-16/IBM-3740 of all before it, little-endian u16
 //! ```
+//!
+//! A world whose bodies step at every sample is of version 1, as it always was. A board that reads only that refuses the other: it would
+//! step the bodies too often.
 
 use core::fmt;
 
@@ -12,6 +16,9 @@ use crate::{SUM, coupling};
 
 /// The first byte of a world, the version of the format.
 pub const VERSION: u8 = 1;
+
+/// The version of a world whose bodies do not step at every sample.
+const BODIES_EVERY: u8 = 2;
 
 const SUM_BYTES: usize = 2;
 
@@ -53,7 +60,9 @@ impl fmt::Display for Error {
         match *self {
             Error::NoRoom => f.write_str("the world's bytes do not fit into the room given for them"),
             Error::Cut => f.write_str("the bytes end before the world is complete"),
-            Error::Version { given } => write!(f, "a world of version {given}, where this reads version {VERSION}"),
+            Error::Version { given } => {
+                write!(f, "a world of version {given}, where this reads versions {VERSION} and {BODIES_EVERY}")
+            }
             Error::Checksum => f.write_str("the checksum is wrong: a byte is corrupted"),
             Error::NotAWorld => f.write_str("the bytes are not a world"),
             Error::TooManyBodies { given, room } => write!(f, "{given} bodies, where there is room for {room}"),
@@ -83,6 +92,7 @@ struct Settings {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stored<const B: usize, const C: usize> {
     settings: Settings,
+    bodies_every: u32,
     bodies: [Body; B],
     couplings: [Coupling; C],
 }
@@ -96,11 +106,15 @@ pub fn write<'a>(spec: &Spec, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
     let bodies = few(given).ok_or(Error::TooManyBodies { given, room: room_of_a_byte })?;
     let given = spec.couplings.len();
     let couplings = few(given).ok_or(Error::TooManyCouplings { given, room: room_of_a_byte })?;
-    let &Spec { period, method, output, advance, estimator, count, limit, levels, .. } = spec;
+    let &Spec { period, method, output, advance, bodies_every, estimator, count, limit, levels, .. } = spec;
     let settings = Settings { period, method, output, advance, estimator, count, limit, levels, bodies, couplings };
     let mut at = 0;
-    put(room, &mut at, &VERSION)?;
+    let at_every_sample = bodies_every == 1;
+    put(room, &mut at, if at_every_sample { &VERSION } else { &BODIES_EVERY })?;
     put(room, &mut at, &settings)?;
+    if !at_every_sample {
+        put(room, &mut at, &bodies_every)?;
+    }
     for body in spec.bodies {
         put(room, &mut at, body)?;
     }
@@ -122,7 +136,7 @@ impl<const B: usize, const C: usize> Stored<B, C> {
     /// Reads the bytes of [`write()`]. [`hapt_core::Loop::new`] checks the ranges of the numbers.
     pub fn read(bytes: &[u8]) -> Result<Self, Error> {
         let version = *bytes.first().ok_or(Error::Cut)?;
-        if version != VERSION {
+        if ![VERSION, BODIES_EVERY].contains(&version) {
             return Err(Error::Version { given: version });
         }
         let (content, sum) = bytes.split_last_chunk::<SUM_BYTES>().ok_or(Error::Cut)?;
@@ -131,6 +145,7 @@ impl<const B: usize, const C: usize> Stored<B, C> {
         }
         let mut rest = content.get(1..).ok_or(Error::Cut)?;
         let settings: Settings = take(&mut rest)?;
+        let bodies_every = if version == VERSION { 1 } else { take(&mut rest)? };
         let (given, room) = (usize::from(settings.bodies), B);
         if given > room {
             return Err(Error::TooManyBodies { given, room });
@@ -141,6 +156,7 @@ impl<const B: usize, const C: usize> Stored<B, C> {
         }
         let mut stored = Stored {
             settings,
+            bodies_every,
             bodies: [Body { inertia: 1.0, position: 0.0, velocity: 0.0 }; B],
             couplings: [Law::Constant { torque: 0.0 }.between(End::Puck, End::Ground); C],
         };
@@ -162,6 +178,7 @@ impl<const B: usize, const C: usize> Stored<B, C> {
             method,
             output,
             advance,
+            bodies_every: self.bodies_every,
             estimator,
             count,
             limit,

@@ -29,6 +29,13 @@ pub fn handle(rng: &mut Rng, world: &World) -> Option<Handle> {
     (rng.u8(..5) == 0).then_some(handle)
 }
 
+/// The samples to a step of the bodies: up to eight for a sixth of the loops that take it.
+pub fn bodies_every(rng: &mut Rng, world: &World) -> u32 {
+    let sampling = &world.sampling;
+    let holds = !sampling.method.takes_new_sample_first() && sampling.advance == 0 && !world.bodies.is_empty();
+    if holds && rng.u8(..6) == 0 { rng.u32(2..9) } else { 1 }
+}
+
 /// A loop of up to three bodies: every method, output and estimator; delays with and without a fraction; periods from 0.1 to
 /// 10 ms; ωT up to about 3; a device with a damping near the required one. `bent` puts walls, detents and clamped springs
 /// in, constant torques, and encoder, levels, limit and Coulomb friction into the device, in all combinations.
@@ -56,6 +63,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         method,
         output,
         advance,
+        bodies_every: 1,
         interval_max: None,
         delay: hapt_model::Delay::Seconds(delay),
         delay_max: None,

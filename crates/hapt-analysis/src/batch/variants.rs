@@ -71,10 +71,10 @@ enum Kind {
 }
 
 impl<const N: usize> Variants<N> {
-    /// N copies of the loop of a world with exactly one body; `None` for any other, with a nonlinear coupling at the body, or with a handle
-    /// on a shaft.
+    /// N copies of the loop of a world with exactly one body; `None` for any other, with a nonlinear coupling at the body, with a handle
+    /// on a shaft, or where the body does not step at every sample.
     pub fn new(world: &World) -> Option<Self> {
-        if world.device.handle.is_some() {
+        if world.device.handle.is_some() || world.sampling.bodies_every > 1 {
             return None;
         }
         SingleBody::of_world(&world.bodies, &world.couplings)?;

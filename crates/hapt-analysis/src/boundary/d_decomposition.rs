@@ -226,13 +226,13 @@ fn between_puck_and_ground(term: &LinearCoupling) -> bool {
 
 impl Decomposition {
     /// The equations of the free loop, one per combination of slopes and estimator windows; `None` unless the keys are exactly a
-    /// stiffness and a damping between puck and ground, on a device without a handle on a shaft.
+    /// stiffness and a damping between puck and ground, on a device without a handle on a shaft, and the bodies step at every sample.
     ///
     /// # Errors
     /// As [`crate::free()`].
     pub fn free(world: &World, keys: Keys<'_>) -> Result<Option<Vec<Decomposition>>, Error> {
-        let stiff = world.device.handle.is_none();
-        let Some(corners) = Corners::new(world, keys).filter(|_| stiff) else { return Ok(None) };
+        let is_plain = world.device.handle.is_none() && world.sampling.bodies_every == 1;
+        let Some(corners) = Corners::new(world, keys).filter(|_| is_plain) else { return Ok(None) };
         let world = corners.middle();
         let mut all = Vec::new();
         for slopes in combinations(&piecewise(&world.couplings)) {
@@ -255,7 +255,7 @@ impl Decomposition {
     }
 
     /// The equations of the held world; `None` unless the keys are exactly a stiffness and a damping at a body that is coupled to no
-    /// other, the method is one of the module documentation, and the device has no handle on a shaft.
+    /// other, the method is one of the module documentation, the device has no handle on a shaft, and the bodies step at every sample.
     ///
     /// # Errors
     /// As [`crate::held()`].
@@ -267,8 +267,8 @@ impl Decomposition {
                 return Ok(None);
             }
         };
-        let stiff = world.device.handle.is_none();
-        let Some(corners) = Corners::new(world, keys).filter(|_| stiff) else { return Ok(None) };
+        let is_plain = world.device.handle.is_none() && world.sampling.bodies_every == 1;
+        let Some(corners) = Corners::new(world, keys).filter(|_| is_plain) else { return Ok(None) };
         let world = corners.middle();
         let mut all = Vec::new();
         for slopes in combinations(&piecewise_at_bodies(&world.couplings)) {

@@ -13,7 +13,7 @@
 //! The third limit is that of the encoder quantisation, min(2b/T, 2 f_c/Δ) (Diolaiti et al. 2006, Abbott and Okamura 2005). A real
 //! hand adds inertia and damping. The passive limit holds for every hand, the stable limit for none.
 
-use hapt_model::{Coupling, Damping, End, Law, World};
+use hapt_model::{Coupling, Damping, End, Law, Sampling, World};
 use serde::Serialize;
 
 use crate::error::Error;
@@ -63,6 +63,7 @@ pub fn with_wall(world: &World, stiffness: f64, damping: f64) -> World {
             .map(|(law, _)| Coupling { first: End::Puck, second: End::Ground, law, limit: None })
             .collect(),
         scenarios: Vec::new(),
+        sampling: Sampling { bodies_every: 1, ..world.sampling.clone() },
         ..world.clone()
     }
 }

@@ -42,6 +42,9 @@ pub struct Check {
     pub notes: Vec<String>,
     #[serde(skip)]
     pub(crate) motion: Motion,
+    /// How many samples there are to a step of the bodies, over which the eigenvalues of `held` and `free` are.
+    #[serde(skip)]
+    pub bodies_every: u32,
     #[serde(skip)]
     pub(crate) has_counts: bool,
     #[serde(skip)]
@@ -105,6 +108,7 @@ fn with_stability(world: &World, held: Stability, free: Stability) -> Result<Che
         remedies: None,
         notes: notes(world)?,
         motion: world.motion,
+        bodies_every: sampling.bodies_every,
         has_counts: world.device.encoder.is_some(),
         has_handle: world.device.handle.is_some(),
     })
@@ -160,7 +164,13 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
             sampling.window
         ));
     }
-    if world.couplings.iter().any(laws::at_puck) {
+    if sampling.bodies_every > 1 {
+        notes.push(format!(
+            "loop.bodies_every: the eigenvalues of held and free are those of {every} samples, a step of the bodies; the critical period of \
+             free is not searched",
+            every = sampling.bodies_every
+        ));
+    } else if world.couplings.iter().any(laws::at_puck) {
         notes.push(format!("free: its critical period is searched from {} up", time(shortest_period(sampling))));
     }
     if let Some(count_power) = count_power(world)? {

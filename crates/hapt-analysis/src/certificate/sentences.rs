@@ -44,7 +44,8 @@ impl Check {
             (self.held.verdict == Verdict::Unstable && !self.has_handle, "it is unstable with the puck held"),
             (self.held.verdict == Verdict::Unstable && self.has_handle, "it is unstable with the handle held"),
             (self.free.verdict == Verdict::Unstable, "it is unstable hands-off"),
-            (!self.passivity.passive, "some passive hands can extract energy"),
+            (!self.passivity.passive && self.bodies_every == 1, "some passive hands can extract energy"),
+            (!self.passivity.passive && self.bodies_every > 1, "it is not known to be passive"),
             (
                 self.passivity.passive && !self.uneven.passive,
                 "it is not known to be passive for all times and tolerances that the file allows",
@@ -161,6 +162,9 @@ impl Check {
             Verdict::Stable => {
                 let room = match limit {
                     Some(limit) => format!("it stays so up to a period of {}", time(limit)),
+                    None if of.critical_period_reason == Some(NOT_SEARCHED) => {
+                        "a limit of the period was not searched".to_string()
+                    }
                     None => "no limit of the period was found".to_string(),
                 };
                 format!("stable: {held}, the loop comes to rest by at least {} per second; {room}", short(-growth))
@@ -192,6 +196,7 @@ impl Check {
                 Some(Cause::MotorLag { hz }) => {
                     format!("the mode at {} Hz is undamped, and the motor lags behind its command", short(hz))
                 }
+                Some(Cause::BodiesEvery { .. }) => return "not known to be passive at any device damping".to_string(),
                 Some(Cause::Coulomb) | None => "Coulomb friction at the puck has no finite slope".to_string(),
             };
             return format!("not passive at any device damping{linear}: {reason}");
@@ -209,6 +214,11 @@ impl Check {
             )
         } else {
             let more = short(required - device_damping);
+            if self.bodies_every > 1 {
+                return format!(
+                    "not known to be passive{linear}: a device damping of {wanted} {unit} is enough, and the device has {has}, {more} too little"
+                );
+            }
             format!(
                 "not passive{linear}: it requires a device damping of {wanted} {unit}, {place}, and the device has {has}, {more} too little"
             )

@@ -6,7 +6,7 @@ use hapt_model::Sampling;
 
 use crate::certificate::check::Check;
 use crate::certificate::proposal::{Proposal, number};
-use crate::stability::Stability;
+use crate::stability::{NOT_SEARCHED, Stability};
 
 impl Check {
     /// Title, verdicts with their numbers, notes, and the remedies or margins that `proposed` has, as lines for a terminal.
@@ -49,9 +49,14 @@ fn proposal(proposal: &Proposal, certified: bool) -> String {
 
 fn verdicts(sampling: &Sampling, check: &Check) -> String {
     let mut text = format!(
-        "loop      {} at {} a sample, torque from the {} of the step{}\n",
+        "loop      {} at {} a sample{}, torque from the {} of the step{}\n",
         check.method,
         time(check.period_s),
+        if check.bodies_every > 1 {
+            format!(", the bodies at every {} samples", check.bodies_every)
+        } else {
+            String::new()
+        },
         check.output,
         late(sampling)
     );
@@ -89,6 +94,7 @@ fn about(text: &mut String, check: &Check, name: &str, sentence: &str, of: &Stab
             "critical period: none, unstable at the shortest that was looked at".into()
         }
         (None, Some("never")) => "critical period: none, unstable from 0 on".into(),
+        (None, Some(NOT_SEARCHED)) => "critical period: not searched".into(),
         (None, _) => "critical period: none, never unstable".into(),
     };
     let _ = writeln!(text, "          {critical}");

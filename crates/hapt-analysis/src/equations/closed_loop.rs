@@ -17,6 +17,7 @@
 //! | the commands before this sample's, as many as are in flight | this sample's, then shifted by one |
 //! | the motor's torque, where it lags behind its command | by the held commands, exactly |
 //! | s = h - z and ḣ of a handle on a shaft | the same |
+//! | where the bodies do not step at every sample, the torque of the springs at the puck at this sample | that at the next, if no body stepped |
 //!
 //! The estimator's taps sum to 0, so it is a sum of displacements, g_i = Σ_{j≤i} taps_j, and its memory is invariant under shifts. All
 //! estimators are exact for uniform motion, so pole - 1 = -T Σ g.
@@ -27,6 +28,16 @@
 //! ```text
 //! Δż = (e^{-x} - 1) ż + (h/J) φ₁ τ,    Δz = h φ₁ ż + (h²/J) φ₂ τ,    φ₁ = (1 - e^{-x})/x,    φ₂ = (x - 1 + e^{-x})/x²
 //! ```
+//!
+//! **Bodies that step at every n-th sample.** One sample takes the bodies over n periods, D_1. In the n - 1 others they stand still, and the
+//! torque of the springs follows the puck by dz, -K dz, D_0. The map of all of them is 1 + D = (1 + D_0)ⁿ⁻¹ (1 + D_1), composed as
+//! increments,
+//!
+//! ```text
+//! (1 + D_0) (1 + D_1) = 1 + D_1 + D_0 + D_0 D_1
+//! ```
+//!
+//! The torque of the springs is made anew by the first sample, so that it is no state between one step of the bodies and the next.
 //!
 //! With the spring of a hand, or a motor that lags, the puck is advanced by the exponential in [`DrivenPuck`], with a handle by that in
 //! [`DrivenShaft`].
@@ -43,7 +54,7 @@ use crate::equations::shaft::DrivenShaft;
 use crate::error::Error;
 use crate::numerics::phi::{phi1, phi2};
 
-/// D of the module documentation. `damping` is b of the device, `filter` that of the estimator at this period.
+/// D of the module documentation, over a step of the bodies. `damping` is b of the device, `filter` that of the estimator at this period.
 ///
 /// # Errors
 /// [`Error::InFlight`]; [`Error::Step`] and [`Error::Eigenvalues`] when numbers leave double precision.
@@ -57,8 +68,34 @@ pub(crate) fn closed_loop(
     let delay = Delay::of(sampling.delay.seconds(period), period)?;
     let parts = ClosedLoop::new(port, sampling, filter, period, delay.in_flight())?;
     let hold = Hold { interval: period, before: delay.fraction * period, age: delay.samples };
-    let d = parts.map(&parts.puck(damping, hold));
+    let mut d = parts.map(&parts.puck(damping, hold));
+    if let Some(springs) = parts.springs {
+        let still = parts.still();
+        d = after(d, &powered(still.map(&still.puck(damping, hold)), sampling.bodies_every - 1));
+        d = d.remove_row(springs).remove_column(springs);
+    }
     if d.iter().all(|x| x.is_finite()) { Ok(d) } else { Err(Error::Eigenvalues { order: parts.order }) }
+}
+
+/// The increment of a map after another.
+fn after(first: DMatrix<f64>, then: &DMatrix<f64>) -> DMatrix<f64> {
+    let both = then * &first;
+    first + then + both
+}
+
+/// The increment of `times` maps one after the other.
+fn powered(map: DMatrix<f64>, mut times: u32) -> DMatrix<f64> {
+    let (mut all, mut map) = (DMatrix::zeros(map.nrows(), map.ncols()), map);
+    while times > 0 {
+        if times % 2 == 1 {
+            all = after(all, &map);
+        }
+        times /= 2;
+        if times > 0 {
+            map = after(map.clone(), &map);
+        }
+    }
+    all
 }
 
 /// Under which commands the puck moves between two samples.
@@ -77,6 +114,7 @@ pub(crate) struct Hold {
 pub(crate) type DeviceChange = Vec<RowDVector<f64>>;
 
 /// One sample of each block, and where everything stands in the state.
+#[derive(Clone)]
 pub(crate) struct ClosedLoop<'a> {
     port: &'a Port,
     sampling: &'a Sampling,
@@ -101,10 +139,16 @@ pub(crate) struct ClosedLoop<'a> {
     pub motor: Option<usize>,
     /// Where the deflection of a handle's shaft stands; the handle's velocity is after it.
     handle: Option<usize>,
+    /// Where the torque of the springs at the puck stands, if the bodies do not step at every sample: the last.
+    springs: Option<usize>,
+    /// The torque by position and velocity of the puck alone.
+    own: [f64; 2],
+    /// Whether the bodies stand still.
+    stands: bool,
 }
 
 impl<'a> ClosedLoop<'a> {
-    /// World and estimator take steps of `period`; `in_flight` commands before this sample's are kept.
+    /// The estimator takes steps of `period`, the bodies of as many as there are samples to a step; `in_flight` commands before this sample's are kept.
     ///
     /// # Errors
     /// As [`closed_loop`].
@@ -136,13 +180,18 @@ impl<'a> ClosedLoop<'a> {
         let first_of_handle = first_in_flight + in_flight + usize::from(motor.is_some());
         let handle = port.handle.map(|_| first_of_handle);
         let order = first_of_handle + if handle.is_some() { 2 } else { 0 };
+        let springs = (sampling.bodies_every > 1).then_some(order);
+        let order = order + usize::from(springs.is_some());
 
+        let step_of_bodies = f64::from(sampling.bodies_every) * period;
         let mut torque = RowDVector::zeros(order);
-        let mut own = [-port.stiffness, -(port.fixed + period * port.per_period)];
+        let alone = [-port.stiffness, -(port.fixed + step_of_bodies * port.per_period)];
+        let mut own = alone;
         let mut steps = Vec::with_capacity(port.blocks.len());
         let mut at = first_body;
         for block in &port.blocks {
-            let step = Discrete::new(&block.equations, sampling.method, sampling.output, sampling.advance, period)?;
+            let step =
+                Discrete::new(&block.equations, sampling.method, sampling.output, sampling.advance, step_of_bodies)?;
             let (m, p) = (block.equations.bodies(), block.positions);
             (0..p).for_each(|j| torque[at + j] += step.torque.state[j]);
             (0..m).for_each(|j| torque[at + p + j] += step.torque.state[m + j]);
@@ -176,7 +225,22 @@ impl<'a> ClosedLoop<'a> {
             first_in_flight,
             motor,
             handle,
+            springs,
+            own: alone,
+            stands: false,
         })
+    }
+
+    /// The same at a sample at which the bodies stand still.
+    fn still(&self) -> Self {
+        let mut torque = RowDVector::zeros(self.order);
+        if let Some(springs) = self.springs {
+            torque[springs] = 1.0;
+        }
+        if self.port.has_damper() {
+            torque[self.estimate] += self.own[1];
+        }
+        ClosedLoop { torque, stands: true, ..self.clone() }
     }
 
     /// Where the command of one sample ago stands, if any is in flight.
@@ -315,6 +379,13 @@ impl<'a> ClosedLoop<'a> {
             let places = (0..p).map(|i| (i, at + i)).chain((0..m).map(|i| (m + i, at + p + i))).collect::<Vec<_>>();
             for &(i, place) in &places {
                 let mut row = RowDVector::zeros(order);
+                if self.stands {
+                    if z.is_none() && i < p {
+                        row -= dz * block.shift[i];
+                    }
+                    d.set_row(place, &row);
+                    continue;
+                }
                 for &(j, column) in &places {
                     row[column] += step.d[(i, j)];
                 }
@@ -339,6 +410,14 @@ impl<'a> ClosedLoop<'a> {
                 row += dz * along;
                 d.set_row(place, &row);
             }
+        }
+        if let Some(springs) = self.springs {
+            let mut row = &self.torque + dz * self.own[0];
+            if port.has_damper() {
+                row[estimate] -= self.own[1];
+            }
+            row[springs] -= 1.0;
+            d.set_row(springs, &row);
         }
         d
     }

@@ -14,7 +14,9 @@
 //! C1 is separate because a compensating damper, (2.24), is T times a stiffness: it changes with the period, and searches over
 //! the period need both.
 
-use hapt_model::{Body, Coupling, Damping, End, Law};
+use std::borrow::Cow;
+
+use hapt_model::{Body, Coupling, Damping, End, Law, Sampling};
 use nalgebra::{DMatrix, DVector, RowDVector};
 
 use crate::equations::laws::{self, LinearLaw};
@@ -96,8 +98,21 @@ pub(crate) fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
 
 /// The couplings with each compensating damper replaced by its damping at `period`, so that a subset can be analysed alone.
 pub(crate) fn settled(couplings: &[Coupling], period: f64) -> Vec<Coupling> {
+    settled_where(couplings, period, |_| true)
+}
+
+/// The couplings of a loop, of which those at bodies follow the bodies' step: where that is not the period, the compensating dampers between
+/// puck and ground are replaced by their damping.
+pub(crate) fn of_step<'a>(couplings: &'a [Coupling], sampling: &Sampling) -> Cow<'a, [Coupling]> {
+    match sampling.bodies_every {
+        1 => Cow::Borrowed(couplings),
+        _ => Cow::Owned(settled_where(couplings, sampling.period, |c| !c.is_at_body())),
+    }
+}
+
+fn settled_where(couplings: &[Coupling], period: f64, wanted: impl Fn(&Coupling) -> bool) -> Vec<Coupling> {
     let settle = |c: &Coupling| {
-        let law = match c.law.is_compensating() {
+        let law = match c.law.is_compensating() && wanted(c) {
             true => Law::Damper { damping: Damping::Fixed(period * compensated(c, couplings)) },
             false => c.law,
         };

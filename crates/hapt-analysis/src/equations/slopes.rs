@@ -2,7 +2,7 @@
 
 use hapt_model::{Coupling, End, World};
 
-use crate::equations::continuous::{Slopes, linearise};
+use crate::equations::continuous::{LinearCoupling, Slopes, linearise};
 use crate::error::Error;
 
 /// Up to this many nonlinear couplings, every combination of their slopes is analysed.
@@ -20,8 +20,12 @@ pub(crate) fn combinations(indices: &[usize]) -> Vec<Slopes> {
 
 /// The stiffness and damping of the couplings at the puck, each at its steepest slope.
 pub(crate) fn at_puck(world: &World, couplings: &[Coupling]) -> Result<[f64; 2], Error> {
-    let period = world.sampling.period;
+    let sampling = &world.sampling;
     let terms = linearise(&world.bodies, couplings, &Slopes::Steep)?;
     let touching = terms.iter().filter(|t| t.first == End::Puck || t.second == End::Puck);
-    Ok(touching.fold([0.0, 0.0], |[k, b], t| [k + t.stiffness, b + t.fixed + period * t.per_period]))
+    let over = |t: &LinearCoupling| match (t.first, t.second) {
+        (End::Body(_), _) | (_, End::Body(_)) => sampling.step(),
+        (End::Puck | End::Ground, End::Puck | End::Ground) => sampling.period,
+    };
+    Ok(touching.fold([0.0, 0.0], |[k, b], t| [k + t.stiffness, b + t.fixed + over(t) * t.per_period]))
 }

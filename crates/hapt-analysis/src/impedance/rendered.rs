@@ -27,7 +27,7 @@ use crate::equations::continuous::{Slopes, piecewise};
 use crate::equations::delay::Delay;
 use crate::equations::estimator::Filter;
 use crate::equations::laws::{Kind, most};
-use crate::error::Error;
+use crate::error::{Error, at_one_rate};
 use crate::impedance::ideal::{Ideal, LowFrequency};
 use crate::impedance::{Discretisation, Pole, TransferFunction};
 use crate::numerics::phi::exp_m1;
@@ -184,9 +184,10 @@ impl Impedance {
     /// The impedance of `world`, nonlinear couplings linearised at `slopes`; the certificate uses [`Slopes::Steep`].
     ///
     /// # Errors
-    /// As [`crate::passivity()`].
+    /// As [`crate::passivity()`]; [`Error::BodiesEvery`].
     pub fn new(world: &World, slopes: &Slopes) -> Result<Impedance, Error> {
         let sampling = &world.sampling;
+        at_one_rate(sampling, "the impedance")?;
         let period = sampling.period;
         let rule =
             Discretisation { method: sampling.method, output: sampling.output, advance: sampling.advance, period };

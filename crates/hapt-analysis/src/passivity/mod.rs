@@ -6,6 +6,7 @@ pub mod quantisation;
 pub(crate) mod required;
 pub(crate) mod supremum;
 pub(crate) mod timing;
+pub(crate) mod two_rates;
 pub(crate) mod uneven;
 mod verdict;
 pub mod worst_grip;

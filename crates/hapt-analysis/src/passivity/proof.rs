@@ -30,7 +30,7 @@ use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, quantisation};
-use crate::passivity::required::{Requirement, requirement};
+use crate::passivity::required::{Cause, Requirement, requirement};
 use crate::passivity::timing::Timing;
 use crate::text::short;
 
@@ -43,6 +43,9 @@ use crate::text::short;
 pub(crate) fn unproved(world: &World, found: &Requirement, stretch: f64) -> Result<Vec<String>, Error> {
     let claimed = claimed(world, found);
     let mut reasons = reasons_at_any_time(world);
+    if let Err(Cause::BodiesEvery { reason }) = found.damping {
+        reasons.push(reason.to_string());
+    }
     reasons.extend(limit(world, claimed, stretch)?);
     let nonlinear: Vec<&Coupling> = world.couplings.iter().filter(|c| is_nonlinear(c)).collect();
     if !nonlinear.is_empty() {

@@ -103,7 +103,8 @@ pub(crate) fn count_power(world: &World) -> Result<Option<f64>, Error> {
         matches!(Kind::of(c), Kind::Constant | Kind::Lugre)
             || (laws::at_body(c) && laws::at_puck(c) && laws::is_damped_wall(&c.law))
     };
-    if !keeps_energy(world)? || world.couplings.iter().any(outside) {
+    // Its sum is about steps at every sample.
+    if world.sampling.bodies_every > 1 || !keeps_energy(world)? || world.couplings.iter().any(outside) {
         return Ok(None);
     }
     let period = world.sampling.period;

@@ -26,6 +26,7 @@ use crate::error::Error;
 use crate::impedance::{Discretisation, Pole, TransferFunction};
 use crate::passivity::curve::DampingCurve;
 use crate::passivity::supremum::{Wanted, supremum};
+use crate::passivity::two_rates::of_one_rate;
 use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
 
@@ -62,6 +63,11 @@ pub enum Cause {
     },
     /// Coulomb friction at the puck.
     Coulomb,
+    /// Bodies that do not step at every sample, in a loop without a proof.
+    BodiesEvery {
+        /// What the proof lacks.
+        reason: &'static str,
+    },
 }
 
 impl Cause {
@@ -69,7 +75,7 @@ impl Cause {
     fn at_hz(self) -> Option<f64> {
         match self {
             Cause::NegativeResidue { hz } | Cause::FractionalDelay { hz } | Cause::MotorLag { hz } => Some(hz),
-            Cause::Grows { .. } | Cause::GrowsUnseen { .. } | Cause::Coulomb => None,
+            Cause::Grows { .. } | Cause::GrowsUnseen { .. } | Cause::Coulomb | Cause::BodiesEvery { .. } => None,
         }
     }
 }
@@ -94,8 +100,12 @@ pub(crate) fn requirement(world: &World, couplings: &[Coupling]) -> Result<Requi
 
 /// The same, or as much of it as is `wanted`.
 pub(crate) fn requirement_wanted(wanted: Wanted, world: &World, couplings: &[Coupling]) -> Result<Requirement, Error> {
+    let (world, couplings) = match of_one_rate(world, couplings)? {
+        Ok(found) => found,
+        Err(reason) => return Ok(Requirement { damping: Err(Cause::BodiesEvery { reason }), at_hz: None }),
+    };
     let period = world.sampling.period;
-    let transfer = transfer(world, couplings, &Slopes::Steep)?;
+    let transfer = transfer(&world, &couplings, &Slopes::Steep)?;
     let lag = Delay::of_loop(&world.sampling)?;
     let mut worst: Option<Requirement> = None;
     for filter in Filter::of(&world.sampling, period) {
@@ -283,9 +293,9 @@ pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result
     }
     let requirement = requirement_wanted(wanted, world, &world.couplings)?;
     // A pole outside the unit circle is never passive, however small its residue.
-    let Sampling { method, period, .. } = world.sampling;
+    let (method, period) = (world.sampling.method, world.sampling.step());
     let grows = Verdict::of(held_growth(&world.bodies, &world.couplings, method, period)?) == Verdict::Unstable;
-    if grows && !matches!(requirement.damping, Err(Cause::Grows { .. })) {
+    if grows && !matches!(requirement.damping, Err(Cause::Grows { .. } | Cause::BodiesEvery { .. })) {
         // The first eigenvalue is the largest.
         let listed = held_eigenvalues(&world.bodies, &world.couplings, method, period)?;
         let turn = listed.first().map_or(0.0, |most| most.im.atan2(most.re).abs());

@@ -172,6 +172,13 @@ fn fixed(world: &World, delay: bool, lag: Option<f64>) -> World {
 
 /// A device damping that is enough for the linear loop of `world` under `timing`, or why none is known.
 fn bound(world: &World, timing: Timing, wanted: Wanted) -> Result<Result<f64, String>, Error> {
+    if world.sampling.bodies_every > 1 {
+        return Ok(Err(
+            "bodies that step every n-th sample are proved only where the torque comes at once: leave out loop.delay, \
+                       loop.delay_max and device.lag"
+                .into(),
+        ));
+    }
     // Coulomb friction and growth have no requirement under any timing.
     let even = linear_requirement_wanted(wanted, &fixed(world, false, None))?;
     if even.damping.is_err() {

@@ -21,7 +21,7 @@ use std::f64::consts::{PI, TAU};
 use hapt_model::World;
 use serde::Serialize;
 
-use crate::equations::continuous::Slopes;
+use crate::equations::continuous::{Slopes, of_step};
 use crate::equations::estimator::Filter;
 use crate::equations::grip::Grip;
 use crate::equations::port::Port;
@@ -91,9 +91,10 @@ impl GripSearch {
     fn new(world: &World) -> Result<GripSearch, Error> {
         let inertia = inertias_with_puck(world)?;
         positive("the period", world.sampling.period)?;
+        let couplings = of_step(&world.couplings, &world.sampling);
         let mut known: Vec<Part> = Vec::new();
         for slopes in [Slopes::Steep, Slopes::Flat] {
-            let parts = parts(&inertia, &linearise_with_puck(&world.bodies, &world.couplings, &slopes)?);
+            let parts = parts(&inertia, &linearise_with_puck(&world.bodies, &couplings, &slopes)?);
             if let Some(part) = parts.into_iter().next().filter(|part| !known.contains(part)) {
                 known.push(part);
             }
@@ -117,12 +118,12 @@ impl GripSearch {
     /// decaying modes.
     fn growth(&self, device: f64, grip: &Grip) -> Result<f64, Error> {
         let sampling = &self.world.sampling;
-        let period = sampling.period;
+        let period = sampling.step();
         let mut most = f64::NEG_INFINITY;
         for port in &self.ports {
             let (port, damping) = port.clone().gripped(device, grip);
             for filter in &self.filters {
-                let found = multipliers(&port, sampling, damping, filter, period)?;
+                let found = multipliers(&port, sampling, damping, filter, sampling.period)?;
                 let found = without_shifts(found.into_iter().map(|(m, _)| m).collect(), port.shifts, period, MARGINAL);
                 let moves = |g: f64, arg: f64| g >= MARGINAL || arg.abs() > 1e-7;
                 let growths = found.iter().map(|m| (m.growth(period), m.arg())).filter(|&(g, arg)| moves(g, arg));

@@ -8,9 +8,17 @@ use hapt_model::{Handle, World};
 use crate::equations::grip::Grip;
 use crate::error::Error;
 use crate::stability::critical::Critical;
-use crate::stability::free::analyse;
+use crate::stability::free::{analyse, has_a_critical_period};
 use crate::stability::held::{held, held_eigenvalues, held_growth};
 use crate::stability::{Eigenvalue, NOT_SEARCHED, Stability};
+
+/// The bodies alone, which step by several periods where they do not step at every sample.
+fn bodies_alone(world: &World) -> Result<Stability, Error> {
+    let sampling = &world.sampling;
+    let found = held(&world.bodies, &world.couplings, sampling.method, sampling.step())?;
+    let critical_period_s = found.critical_period_s.map(|step| step / f64::from(sampling.bodies_every));
+    Ok(Stability { critical_period_s, ..found })
+}
 
 /// The world without its handle, and the shaft as a hand on the puck; `None` without a handle.
 fn clamped(world: &World) -> Option<(World, Grip)> {
@@ -26,8 +34,9 @@ fn clamped(world: &World) -> Option<(World, Grip)> {
 /// As [`held`], with a handle as [`crate::free()`].
 pub fn held_world(world: &World) -> Result<Stability, Error> {
     match clamped(world) {
-        None => held(&world.bodies, &world.couplings, world.sampling.method, world.sampling.period),
-        Some((alone, shaft)) => analyse(&alone, &shaft, Critical::Unbounded),
+        None => bodies_alone(world),
+        Some((alone, shaft)) if has_a_critical_period(&alone) => analyse(&alone, &shaft, Critical::Unbounded),
+        Some(_) => held_world_at_this_period(world),
     }
 }
 
@@ -37,7 +46,7 @@ pub fn held_world(world: &World) -> Result<Stability, Error> {
 /// As [`held_world`].
 pub(crate) fn held_world_at_this_period(world: &World) -> Result<Stability, Error> {
     match clamped(world) {
-        None => held_world(world),
+        None => bodies_alone(world),
         Some((alone, shaft)) => {
             let found = analyse(&alone, &shaft, Critical::Never)?;
             Ok(Stability { critical_period_s: None, critical_period_reason: Some(NOT_SEARCHED), ..found })
@@ -51,7 +60,7 @@ pub(crate) fn held_world_at_this_period(world: &World) -> Result<Stability, Erro
 /// As [`held_world`].
 pub fn held_world_growth(world: &World) -> Result<Option<f64>, Error> {
     match clamped(world) {
-        None => held_growth(&world.bodies, &world.couplings, world.sampling.method, world.sampling.period),
+        None => held_growth(&world.bodies, &world.couplings, world.sampling.method, world.sampling.step()),
         Some((alone, shaft)) => Ok(analyse(&alone, &shaft, Critical::Never)?.growth_per_s),
     }
 }
@@ -62,7 +71,7 @@ pub fn held_world_growth(world: &World) -> Result<Option<f64>, Error> {
 /// As [`held_world`].
 pub fn held_world_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
     match clamped(world) {
-        None => held_eigenvalues(&world.bodies, &world.couplings, world.sampling.method, world.sampling.period),
+        None => held_eigenvalues(&world.bodies, &world.couplings, world.sampling.method, world.sampling.step()),
         Some((alone, shaft)) => Ok(analyse(&alone, &shaft, Critical::Never)?.eigenvalues),
     }
 }

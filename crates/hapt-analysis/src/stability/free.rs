@@ -12,7 +12,7 @@ use hapt_model::{Device, EstimatorKind, Method, Output, Sampling, World};
 use nalgebra::Complex;
 
 use crate::equations::closed_loop::closed_loop;
-use crate::equations::continuous::piecewise;
+use crate::equations::continuous::{of_step, piecewise};
 use crate::equations::estimator::Filter;
 use crate::equations::grip::Grip;
 use crate::equations::modal::Modal;
@@ -62,7 +62,13 @@ struct PartResult {
     critical: Critical,
 }
 
-/// Eigenvalues, growth, critical period and modes of the loop, hands-off.
+/// Whether the critical period is searched: not where the bodies step at every n-th sample.
+pub(crate) fn has_a_critical_period(world: &World) -> bool {
+    world.sampling.bodies_every == 1
+}
+
+/// Eigenvalues, growth, critical period and modes of the loop, hands-off. Where the bodies step at every n-th sample, the eigenvalues are
+/// those of n samples, and the reason in place of the critical period is [`NOT_SEARCHED`].
 ///
 /// Work, for each combination of slopes: O(n³) in the modes coupled to the puck, estimator memory and commands in flight, and about
 /// a hundred times that for the critical period.
@@ -71,7 +77,10 @@ struct PartResult {
 /// [`Error::Value`] for a period or inertia that is not positive, [`Error::NoSuchBody`], [`Error::InFlight`] for a delay of too
 /// many periods, [`Error::Step`] and [`Error::Eigenvalues`] when numbers leave double precision.
 pub fn free(world: &World) -> Result<Stability, Error> {
-    analyse(world, &Grip::default(), Critical::Unbounded)
+    match has_a_critical_period(world) {
+        true => analyse(world, &Grip::default(), Critical::Unbounded),
+        false => free_at_this_period(world),
+    }
 }
 
 /// As [`free`], without the search for the critical period, whose reason is then [`NOT_SEARCHED`].
@@ -105,7 +114,7 @@ pub fn gripped_growth(world: &World, grip: &Grip) -> Result<Option<f64>, Error> 
 /// # Errors
 /// As [`free`].
 pub(crate) fn free_growths(world: &World) -> Result<Ranked, Error> {
-    let period = world.sampling.period;
+    let period = world.sampling.step();
     let found = analyse(world, &Grip::default(), Critical::Never)?;
     // `eigenvalues` contains the shifts.
     let most = found.growth_per_s.unwrap_or(f64::NEG_INFINITY);
@@ -125,22 +134,25 @@ pub fn free_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
 
 /// The critical period is searched where it may be below `critical`.
 pub(crate) fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stability, Error> {
-    let period = positive("the period", world.sampling.period)?;
+    let sampling = &world.sampling;
+    // That of the eigenvalues.
+    let period = positive("the period", sampling.step())?;
+    let couplings = of_step(&world.couplings, sampling);
     // The puck is one of the bodies, the first.
     let inertia = inertias_with_puck(world)?;
     let mut known: Vec<(Part, PartResult)> = Vec::new();
     let mut worst: Option<(f64, Vec<PartResult>)> = None;
-    for slopes in combinations(&piecewise(&world.couplings)) {
+    for slopes in combinations(&piecewise(&couplings)) {
         let mut all: Vec<PartResult> = Vec::new();
         for (index, part) in
-            parts(&inertia, &linearise_with_puck(&world.bodies, &world.couplings, &slopes)?).into_iter().enumerate()
+            parts(&inertia, &linearise_with_puck(&world.bodies, &couplings, &slopes)?).into_iter().enumerate()
         {
             let found = match known.iter().find(|(p, _)| *p == part) {
                 Some((_, found)) => found.clone(),
                 None => {
                     let found = match index {
-                        0 => puck_part(&part, &world.sampling, &world.device, grip, critical)?,
-                        _ => decoupled_part(&part, world.sampling.method, period, critical)?,
+                        0 => puck_part(&part, sampling, &world.device, grip, critical)?,
+                        _ => decoupled_part(&part, sampling.method, period, critical)?,
                     };
                     known.push((part, found.clone()));
                     found
@@ -165,7 +177,7 @@ pub(crate) fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Res
     let pairs: Vec<Root> = found.iter().flat_map(|f| f.pairs.iter().copied()).collect();
     // A crossing below the shortest period is outside the range of the search.
     let critical = match critical {
-        Critical::Period(period) if period <= shortest_period(&world.sampling) => Critical::Never,
+        Critical::Period(period) if period <= shortest_period(sampling) => Critical::Never,
         Critical::Period(_) | Critical::Never | Critical::Unbounded => critical,
     };
     Ok(assemble(&all, &without_shifts, &pairs, critical, period))
@@ -198,7 +210,7 @@ fn puck_part(
     grip: &Grip,
     known: Critical,
 ) -> Result<PartResult, Error> {
-    let period = sampling.period;
+    let period = sampling.step();
     let port = Port::new(part)?.lagging(device.lag).with_handle(device.handle);
     let (port, damping) = port.gripped(device.damping, grip);
     let (unobservable, _) = spectrum(&port.unobservable, sampling.method, period)?;
@@ -217,8 +229,8 @@ fn puck_part(
     }
     let (_, pairs) = spectrum(&Modal::new(&whole)?, Method::Zoh, period)?;
     let mut worst: Option<(f64, Vec<Multiplier>)> = None;
-    for (index, filter) in Filter::of(sampling, period).iter().enumerate() {
-        let found = multipliers(&port, sampling, damping, filter, period)?;
+    for (index, filter) in Filter::of(sampling, sampling.period).iter().enumerate() {
+        let found = multipliers(&port, sampling, damping, filter, sampling.period)?;
         let multipliers: Vec<Multiplier> = found.into_iter().map(|(m, _)| m).collect();
         if multipliers.iter().any(|m| m.ln_abs.is_nan() || m.ln_abs == f64::INFINITY) {
             return Err(Error::Eigenvalues { order: multipliers.len() });
@@ -238,7 +250,8 @@ fn puck_part(
     Ok(PartResult { shifts: port.shifts, multipliers, pairs, critical })
 }
 
-/// The eigenvalues of the closed loop, each with an error bound. Those within rounding of the unit circle are refined.
+/// The eigenvalues of the closed loop over a step of the bodies, each with an error bound. Those within rounding of the unit circle are
+/// refined.
 pub(crate) fn multipliers(
     port: &Port,
     sampling: &Sampling,
@@ -269,7 +282,8 @@ pub(crate) fn multipliers(
     }
     // A low-pass whose output is not used keeps its own pole.
     if !port.has_damper() && filter.pole > 0.0 {
-        found.push((of(Complex::new(-period * filter.taps[0], 0.0)), 0.0));
+        let all = f64::from(sampling.bodies_every) * (-period * filter.taps[0]).ln_1p();
+        found.push((of(Complex::new(all.exp_m1(), 0.0)), 0.0));
     }
     Ok(found)
 }

@@ -14,10 +14,10 @@ pub const MARGINAL: f64 = 1e-9;
 /// Eigenvalues of smaller modulus count as 0 and are not listed.
 pub const LISTED: f64 = 1e-12;
 
-/// Why a quick check has no critical period.
+/// Why a quick check has no critical period, nor a free loop whose bodies step at every n-th sample.
 pub(crate) const NOT_SEARCHED: &str = "not searched";
 
-/// A discrete eigenvalue, per sample.
+/// A discrete eigenvalue, per sample; where the bodies step at every n-th sample, per n samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Eigenvalue {
     /// Re λ.
@@ -87,7 +87,8 @@ pub struct Stability {
     pub verdict: Verdict,
     /// The supremum of T0 such that no modulus exceeds 1 for all 0 < T ≤ T0, in s.
     pub critical_period_s: Option<f64>,
-    /// Why there is no critical period: `"never"` or `"unbounded"`; `"not searched"` in a quick check.
+    /// Why there is no critical period: `"never"` or `"unbounded"`; `"not searched"` in a quick check, and of a free loop whose bodies step at
+    /// every n-th sample.
     pub critical_period_reason: Option<&'static str>,
     /// The differential equation's complex pairs, by frequency.
     pub modes: Vec<Mode>,

@@ -29,6 +29,7 @@ impl Bench {
                 method,
                 output: if method.takes_new_sample_first() { Output::Start } else { output },
                 advance: 0,
+                bodies_every: 1,
                 interval_max: None,
                 delay: hapt_model::Delay::Seconds(0.0),
                 delay_max: None,

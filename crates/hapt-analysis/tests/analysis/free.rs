@@ -37,6 +37,7 @@ fn to_ground(stiffness: f64) -> Bench {
 struct Brute {
     core: Room,
     first: bool,
+    every: u32,
     bodies: usize,
     estimator: (EstimatorKind, f64, usize),
     period: f64,
@@ -79,6 +80,7 @@ impl Brute {
         Brute {
             core: Room::new(&spec).unwrap(),
             first: sampling.method.takes_new_sample_first(),
+            every: sampling.bodies_every,
             bodies: n,
             estimator: (sampling.estimator, sampling.cutoff.unwrap_or(1.0), window),
             period,
@@ -112,20 +114,32 @@ impl Brute {
         }
     }
 
-    /// (z, ż, w, ẇ, last velocity, older z, commands in flight), newest first.
+    /// (z, ż, w, ẇ, last velocity, older z, commands in flight), newest first, after a step of the bodies.
     fn step(&self, s: &[f64]) -> Vec<f64> {
         let (n, window) = (self.bodies, self.estimator.2);
-        let (z, zdot) = (s[0], s[1]);
+        let mut puck = (s[0], s[1]);
         let (w, rest) = s[2..].split_at(n);
         let (dw, rest) = rest.split_at(n);
         let (last, rest) = rest.split_at(1);
         let (older, flight) = rest.split_at(window);
-        let v = self.velocity(z, zdot, last[0], older);
+        let (mut last, mut older, mut flight) = (last[0], older.to_vec(), flight.to_vec());
         let mut state = self.core.start();
         state.now.position[..n].copy_from_slice(w);
         state.now.velocity[..n].copy_from_slice(dw);
-        state.memory.last = Some(Puck { position: older[0], velocity: last[0] });
-        let command = self.core.step(&mut state, z, v).command;
+        state.memory.last = Some(Puck { position: older[0], velocity: last });
+        for _ in 0..self.every {
+            last = self.velocity(puck.0, puck.1, last, &older);
+            let command = self.core.step(&mut state, puck.0, last).command;
+            older.insert(0, puck.0);
+            older.pop();
+            flight.insert(0, command);
+            let ages = if self.parts.len() == 2 { vec![self.samples + 1, self.samples] } else { vec![self.samples] };
+            for (part, age) in self.parts.iter().zip(ages) {
+                let at = |i: usize| part[(i, 0)] * puck.0 + part[(i, 1)] * puck.1 + part[(i, 2)] * flight[age];
+                puck = (at(0), at(1));
+            }
+            flight.pop();
+        }
         if !self.first {
             let change = state.change;
             (0..n).for_each(|i| {
@@ -133,24 +147,16 @@ impl Brute {
                 state.now.velocity[i] += change.velocity[i];
             });
         }
-        let all: Vec<f64> = std::iter::once(command).chain(flight.iter().copied()).collect();
-        let mut puck = (z, zdot);
-        let ages = if self.parts.len() == 2 { vec![self.samples + 1, self.samples] } else { vec![self.samples] };
-        for (part, age) in self.parts.iter().zip(ages) {
-            let at = |i: usize| part[(i, 0)] * puck.0 + part[(i, 1)] * puck.1 + part[(i, 2)] * all[age];
-            puck = (at(0), at(1));
-        }
         let mut next = vec![puck.0, puck.1];
         next.extend_from_slice(&state.now.position[..n]);
         next.extend_from_slice(&state.now.velocity[..n]);
-        next.push(v);
-        next.push(z);
-        next.extend_from_slice(&older[..window - 1]);
-        next.extend_from_slice(&all[..flight.len()]);
+        next.push(last);
+        next.extend(older);
+        next.extend(flight);
         next
     }
 
-    /// The map of one sample less 1, column by column, in units in which its entries are comparable.
+    /// The map of a step of the bodies less 1, column by column, in units in which its entries are comparable.
     fn map(&self) -> DMatrix<f64> {
         let n = self.scale.len();
         let mut map = DMatrix::zeros(n, n);
@@ -197,12 +203,21 @@ fn log_uniform(decades: std::ops::Range<f64>) -> impl Strategy<Value = f64> {
 fn loops() -> impl Strategy<Value = World> {
     let bench = (worlds(Dampers::Mixed, true), 0..4u8, log_uniform(-1.0..2.0), log_uniform(-4.0..-1.0));
     let device = (log_uniform(-4.0..-2.0), prop_oneof![Just(0.0), log_uniform(-4.0..-1.0)]);
-    let sampling = (0..8usize, 0..3usize, 0..5usize, 0..4u8, 0.0..4.0f64, log_uniform(-3.0..0.0), 1..5u32, 0..4u32);
+    let sampling = (
+        0..8usize,
+        0..3usize,
+        0..5usize,
+        0..4u8,
+        0.0..4.0f64,
+        log_uniform(-3.0..0.0),
+        1..5u32,
+        (0..4u32, prop_oneof![2 => Just(1), 1 => 2..8u32]),
+    );
     (bench, device, sampling).prop_map(
         |(
             (mut bench, tie, k, b),
             (inertia, damping),
-            (method, output, estimator, delay, periods, x, window, advance),
+            (method, output, estimator, delay, periods, x, window, (advance, every)),
         )| {
             if tie % 2 == 1 {
                 bench.couplings.push(spring(End::Ground, End::Puck, k));
@@ -221,7 +236,11 @@ fn loops() -> impl Strategy<Value = World> {
             let lightest = bench.bodies.iter().map(|b| b.inertia).fold(inertia, f64::min);
             let most = bench.couplings.iter().map(damped).sum::<f64>() / lightest;
             let period = x / fastest(&bench).max((2.0 * at_puck / inertia).sqrt()).max(1.0).max(0.1 * most);
-            let mut world = world(&bench, Method::ALL[method], Output::ALL[output], period);
+            let slower = every > 1 && !bench.bodies.is_empty() && !Method::ALL[method].takes_new_sample_first();
+            let (every, advance) = if slower { (every, 0) } else { (1, advance) };
+            let mut world = world(&bench, Method::ALL[method], Output::ALL[output], period / f64::from(every));
+            let period = world.sampling.period;
+            world.sampling.bodies_every = every;
             world.device.inertia = inertia;
             world.device.damping = damping;
             let sampling = &mut world.sampling;
@@ -279,7 +298,7 @@ proptest! {
         let near = 1e-5 * map.norm();
         let values = eigenvalues(&map).unwrap();
         let most = values.iter().filter(|mu| mu.norm() > near).map(|mu| (mu + 1.0).norm()).fold(0.0, f64::max);
-        let radius = found.map_or(0.0, |g| (g * world.sampling.period).exp());
+        let radius = found.map_or(0.0, |g| (g * world.sampling.step()).exp());
         let size = map.norm().max(1.0);
         let slow = (radius - 1.0).abs() < 2.0 * near;
         prop_assert!((radius - most).abs() < 1e-7 * size || (slow && most < 1.0 + 2.0 * near), "{radius} {most}: {world:?} {grip:?}");

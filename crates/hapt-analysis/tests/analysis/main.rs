@@ -15,4 +15,5 @@ mod patterns;
 mod published;
 mod remedies;
 mod side;
+mod two_rates;
 mod z_width;

@@ -24,6 +24,7 @@ fn run<F: Real, const B: usize, const C: usize, const W: usize>(z: f64) -> f64 {
         method: Method::Zoh,
         output: Output::End,
         advance: 3,
+        bodies_every: 1,
         estimator: Estimator::Foaw { window: 3 },
         count: Some(z),
         limit: Some(z),

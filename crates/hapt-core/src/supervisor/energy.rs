@@ -91,12 +91,15 @@ pub(crate) struct Energy<F, const B: usize, const C: usize> {
     /// What is not just a spring.
     parts: [Part<F>; C],
     part_count: usize,
+    /// 1/T, T here and below the bodies' step.
     rate: F,
     /// T/2 where the method keeps V - T/2 · V'(q) q̇ in place of V (semi-implicit Euler), else 0.
     lag: F,
+    /// How many samples after each step of the bodies they stand still.
+    skips: u32,
     /// Whether a step is made with the puck held: not by the methods that take the new sample first.
     holds: bool,
-    /// Whether the bodies' own energies are all that there is, and the step is made with the puck held.
+    /// Whether the bodies' own energies are all that there is, and a step is made at every sample, with the puck held.
     is_all: bool,
     /// The torques of all constants on the puck.
     pub constant: F,
@@ -106,7 +109,7 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
     /// Of a world that the loop has compiled.
     pub fn new(spec: &Spec) -> Self {
         let f = F::from_f64;
-        let lag = if spec.method == Method::SemiImplicitEuler { f(0.5 * spec.period) } else { F::ZERO };
+        let lag = if spec.method == Method::SemiImplicitEuler { f(0.5 * spec.step()) } else { F::ZERO };
         let mut constant = 0.0;
         for coupling in spec.couplings {
             if let Law::Constant { torque } = coupling.law {
@@ -118,8 +121,9 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
             springs: Springs::new(spec),
             parts: [Part::NONE; C],
             part_count: 0,
-            rate: f(1.0 / spec.period),
+            rate: f(1.0 / spec.step()),
             lag,
+            skips: spec.bodies_every.saturating_sub(1),
             holds: !spec.method.takes_new_sample_first(),
             is_all: false,
             constant: f(constant),
@@ -131,7 +135,7 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
                 None => energy.add(place, part),
             }
         }
-        energy.is_all = energy.springs.are_at_bodies() && energy.part_count == 0 && energy.holds;
+        energy.is_all = energy.springs.are_at_bodies() && energy.part_count == 0 && energy.holds && energy.skips == 0;
         energy
     }
 
@@ -144,7 +148,7 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
         }
     }
 
-    /// The step that `state` has just taken, at the puck's measured position and velocity.
+    /// The step that `state` has just taken, at the puck's measured position and velocity; nothing but what is stored where it has taken none.
     #[inline]
     pub fn step<const W: usize>(&self, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
         match self.bodies {
@@ -168,6 +172,10 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
             self.parts(&mut sums, state, puck);
         }
         let step = sums.step();
+        // Where the bodies stand still, constants do no work on them.
+        if state.until_step < self.skips {
+            return Step { made: F::ZERO, given: F::ZERO, ..step };
+        }
         if self.holds { step } else { Step { made: F::ZERO, ..step } }
     }
 
@@ -311,7 +319,7 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
     };
     let damper = |damping| match damping {
         Damping::Fixed(damping) => damping,
-        Damping::Compensating => spec.period * compensated(spec.couplings, coupling).unwrap_or(0.0),
+        Damping::Compensating => spec.compensates_over(coupling) * compensated(spec.couplings, coupling).unwrap_or(0.0),
     };
     let limit = coupling.limit.unwrap_or(f64::INFINITY);
     let (potential, damping, friction, constant) = match coupling.law {

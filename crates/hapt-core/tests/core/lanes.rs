@@ -73,6 +73,7 @@ fn compiled(
     counted: bool,
     scale: f64,
     more: &[Coupling],
+    bodies_every: u32,
 ) -> Option<Alone> {
     let spring =
         |first, second, stiffness| Coupling { first, second, law: Law::Spring { stiffness, rest: 0.1 }, limit: None };
@@ -88,7 +89,8 @@ fn compiled(
         period: 1e-3 * scale,
         method,
         output,
-        advance: if output == Output::End { 2 } else { 0 },
+        advance: if output == Output::End && bodies_every == 1 { 2 } else { 0 },
+        bodies_every,
         estimator,
         count: counted.then_some(1e-3 * scale),
         limit: counted.then_some(0.5 * scale),
@@ -115,15 +117,15 @@ proptest! {
         scales in prop::array::uniform5(0.2..3.0f64),
         inputs in prop::collection::vec((prop::array::uniform5(-1.0..1.0f64), prop::array::uniform5(-9.0..9.0f64)), 30),
         broken in 0..60usize, kinds in prop::array::uniform5(prop::collection::vec(0..18usize, 0..3)),
-        estimator in prop::sample::select(&ESTIMATORS[..]), bends in any::<bool>(),
+        estimator in prop::sample::select(&ESTIMATORS[..]), bends in any::<bool>(), every in prop_oneof![Just(1), 2..5u32],
     ) {
         for method in Method::ALL {
             for output in Output::ALL {
                 for counted in [false, true] {
                     let alone = std::array::from_fn::<_, N, _>(|i| {
                         let more: Vec<Coupling> = kinds[i].iter().map(|kind| bent(*kind, scales[i])).collect();
-                        let all = compiled(method, output, estimator, counted, scales[i], if bends { &more } else { &[] });
-                        all.or_else(|| compiled(method, output, estimator, counted, scales[i], &[]))
+                        let all = compiled(method, output, estimator, counted, scales[i], if bends { &more } else { &[] }, every);
+                        all.or_else(|| compiled(method, output, estimator, counted, scales[i], &[], every))
                     });
                     let Some(alone): Option<Vec<Alone>> = alone.into_iter().collect() else { continue };
                     let alone: [Alone; N] = alone.try_into().unwrap();
@@ -162,16 +164,19 @@ proptest! {
 
 #[test]
 fn worlds_of_different_kinds_do_not_stand_side_by_side() {
-    let of =
-        |method, output, estimator, counted, scale| compiled(method, output, estimator, counted, scale, &[]).unwrap();
+    let of = |method, output, estimator, counted, scale| {
+        compiled(method, output, estimator, counted, scale, &[], 1).unwrap()
+    };
     let plain = || of(Method::Zoh, Output::End, Estimator::Exact, false, 1.0);
     let with = |world| Batch::<2, 2, 6, 9, 6>::new(&[plain(), world]).is_some();
     assert!(with(of(Method::Trapezoidal, Output::End, Estimator::Exact, false, 2.0)));
-    assert!(with(compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[bent(0, 1.0)]).unwrap()));
-    let bent = compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[bent(0, 1.0)]).unwrap();
+    assert!(with(compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[bent(0, 1.0)], 1).unwrap()));
+    let bent = compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[bent(0, 1.0)], 1).unwrap();
     assert!(Batch::<2, 2, 6, 9, 0>::new(&[plain(), bent]).is_none());
     assert!(!with(of(Method::Tustin, Output::Start, Estimator::Exact, false, 1.0)));
     assert!(!with(of(Method::Zoh, Output::Middle, Estimator::Exact, false, 1.0)));
     assert!(!with(of(Method::Zoh, Output::End, Estimator::Difference, false, 1.0)));
     assert!(!with(of(Method::Zoh, Output::End, Estimator::Exact, true, 1.0)));
+    let every = |every| compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[], every).unwrap();
+    assert!(!Batch::<2, 2, 6, 9, 6>::new(&[every(2), every(3)]).is_some());
 }

@@ -10,4 +10,5 @@ mod reference;
 mod refused;
 mod sample;
 mod supervisor;
+mod two_rates;
 mod wheel;

@@ -17,6 +17,7 @@ impl World {
             method,
             output,
             advance: 0,
+            bodies_every: 1,
             estimator: Estimator::Exact,
             count: None,
             limit: None,

@@ -12,6 +12,7 @@ const SPEC: Spec = Spec {
     method: Method::Zoh,
     output: Output::End,
     advance: 0,
+    bodies_every: 1,
     estimator: Estimator::Exact,
     count: None,
     limit: None,

@@ -14,6 +14,7 @@ const EMPTY: Spec = Spec {
     method: Method::Zoh,
     output: Output::End,
     advance: 0,
+    bodies_every: 1,
     estimator: Estimator::Exact,
     count: None,
     limit: None,

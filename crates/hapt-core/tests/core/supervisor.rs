@@ -60,6 +60,7 @@ const WORLD: Spec = Spec {
     method: Method::Zoh,
     output: Output::End,
     advance: 0,
+    bodies_every: 1,
     estimator: Estimator::Difference,
     count: None,
     limit: Some(0.8),

@@ -23,6 +23,7 @@ pub fn describe(config: &WorldConfig) -> WorldInfo {
             effort: Measures::Effort.unit(motion),
         },
         period_s: world.sampling.period,
+        step_s: world.sampling.step(),
         limit: world.device.limit,
         device: config.device().into(),
         bodies: (world.names.iter().zip(&world.bodies))

@@ -72,6 +72,8 @@ pub struct WorldInfo {
     pub units: Units,
     /// The loop's period in s.
     pub period_s: f64,
+    /// The bodies' step in s, over which the eigenvalues of the verdict are.
+    pub step_s: f64,
     /// The motor's limit, in N·m (linear: N).
     pub limit: Option<f64>,
     /// The device as `--device` names it.

@@ -68,6 +68,7 @@ pub fn worlds() -> impl Strategy<Value = String> {
         prop::sample::select(vec!["exact", "difference", "low-pass", "foaw", "foaw-best"]),
         prop::sample::select(vec!["0.5 ms", "1 ms", "3 ms"]),
         prop::sample::select(vec!["0 ms", "0.3 ms", "1 ms"]),
+        prop::sample::select(vec![1, 1, 4]),
     );
     let device = (any::<bool>(), any::<bool>(), any::<bool>(), 0.1f64..5.0, any::<bool>());
     let bodies = prop::collection::vec((1e-3f64..0.1, 0.1f64..5.0, 0.0f64..0.01, -1.0f64..1.0), 0..3);
@@ -79,10 +80,11 @@ pub fn worlds() -> impl Strategy<Value = String> {
     ]);
     let laws = prop::collection::vec(0usize..5, 0..3);
     (sampling, device, bodies, laws, hand).prop_map(|(sampling, device, bodies, laws, hand)| {
-        let (method, estimator, period, delay) = sampling;
+        let (method, estimator, period, delay, every) = sampling;
+        let every = if bodies.is_empty() || ["tustin", "foh"].contains(&method) { 1 } else { every };
         let (encoder, levels, friction, limit, handle) = device;
         let mut text = format!(
-            "loop = {{ period = \"{period}\", method = \"{method}\", estimator = \"{estimator}\", cutoff = \"50 Hz\", delay = \"{delay}\" }}\n\
+            "loop = {{ period = \"{period}\", method = \"{method}\", estimator = \"{estimator}\", cutoff = \"50 Hz\", delay = \"{delay}\", bodies_every = {every} }}\n\
              [device]\ninertia = \"6.4e-4 kg m^2\"\ndamping = \"1e-3 N m s/rad\"\nlimit = {limit:?}\n"
         );
         text += if encoder { "encoder = 4000\n" } else { "" };

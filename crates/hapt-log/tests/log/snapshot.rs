@@ -257,7 +257,7 @@ fn a_state_of_another_version_is_left_alone() {
     let at = bytes.windows(name.len()).position(|window| window == name).unwrap();
     // Behind its name: its media type, and the length of what it holds.
     let data = at + name.len() + 4 + "application/octet-stream".len() + 8;
-    assert_eq!(bytes[data], 3);
+    assert_eq!(bytes[data], 4);
     let length = u64::from_le_bytes(bytes[data - 8..data].try_into().unwrap()) as usize;
     bytes[data] = 1;
     // 0: no checksum.

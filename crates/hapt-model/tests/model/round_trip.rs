@@ -121,10 +121,21 @@ fn hand() -> impl Strategy<Value = Hand> {
 
 fn sampling() -> impl Strategy<Value = Sampling> {
     let choices = (select(Method::ALL.to_vec()), select(Output::ALL.to_vec()), select(EstimatorKind::ALL.to_vec()));
-    (1e-6..1.0, choices, 0u32..=1000, (0.0..1e5, any::<bool>()), uneven(), option::of(positive()), 1u32..=256).prop_map(
-        |(period, (method, output, estimator), advance, (delays, follows), (longer, later), cutoff, window)| {
+    // Steps ahead, or samples from one step of the bodies to the next.
+    let steps = (0u32..=1000, prop_oneof![Just(1), 1u32..=1000]);
+    (1e-6..1.0, choices, steps, (0.0..1e5, any::<bool>()), uneven(), option::of(positive()), 1u32..=256).prop_map(
+        |(
+            period,
+            (method, output, estimator),
+            (advance, bodies_every),
+            (delays, follows),
+            (longer, later),
+            cutoff,
+            window,
+        )| {
             let output = if method.takes_new_sample_first() { Output::Start } else { output };
-            let advance = if output == Output::End { advance } else { 0 };
+            let advance = if output == Output::End && bodies_every == 1 { advance } else { 0 };
+            let bodies_every = if method.takes_new_sample_first() { 1 } else { bodies_every };
             let cutoff = if estimator == EstimatorKind::LowPass { cutoff.or(Some(50.0)) } else { cutoff };
             let delay = if follows { Delay::Samples(delays) } else { Delay::Seconds(delays * period) };
             let interval_max = longer.map(|longer| longer * period);
@@ -134,7 +145,19 @@ fn sampling() -> impl Strategy<Value = Sampling> {
             });
             // Rounding may leave the largest delay below the least.
             let delay_max = delay_max.filter(|largest| largest.seconds(period) >= delay.seconds(period));
-            Sampling { period, method, output, advance, interval_max, delay, delay_max, estimator, cutoff, window }
+            Sampling {
+                period,
+                method,
+                output,
+                advance,
+                bodies_every,
+                interval_max,
+                delay,
+                delay_max,
+                estimator,
+                cutoff,
+                window,
+            }
         },
     )
 }
@@ -252,7 +275,9 @@ fn world() -> impl Strategy<Value = World> {
     let title = option::of("(\\PC|[\n\t\"\\\\\u{1}\u{7f}]){0,12}");
     (select(vec![Motion::Rotary, Motion::Linear]), sampling(), vec(body, 0..4), title)
         .prop_flat_map(|(motion, sampling, bodies, title)| {
-            let couplings = couplings(bodies.len(), !sampling.method.is_explicit());
+            let bodies_every = if bodies.is_empty() { 1 } else { sampling.bodies_every };
+            let sampling = Sampling { bodies_every, ..sampling };
+            let couplings = couplings(bodies.len(), !sampling.method.is_explicit() || bodies_every > 1);
             let scenarios = vec((0.0..1e9, hand(), timing(&sampling)), 0..4);
             (Just((motion, sampling, bodies, title)), (device(motion), safety()), couplings, scenarios)
         })
@@ -307,7 +332,7 @@ fn a_written_world_has_units_and_no_noise() {
     assert_eq!(
         World::read(&Source::from_text("w", text), &[]).unwrap().to_toml(),
         "motion = \"rotary\"\n\n[loop]\nmethod = \"zoh\"\noutput = \"end\"\nestimator = \"exact\"\n\
-         period = \"0.001 s\"\nadvance = 0\ndelay = \"0.0 s\"\nwindow = 16\n\n[device]\ninertia = \"0.00064 kg m^2\"\ndamping = \"0.0 N m s/rad\"\n\
+         period = \"0.001 s\"\nadvance = 0\nbodies_every = 1\ndelay = \"0.0 s\"\nwindow = 16\n\n[device]\ninertia = \"0.00064 kg m^2\"\ndamping = \"0.0 N m s/rad\"\n\
          friction = \"0.0 N m\"\nlag = \"0.0 s\"\n"
     );
 }

@@ -128,6 +128,13 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
             world.couplings = linear;
         }
     }
+    // Two rates in all lanes, but for those with friction that does not take them.
+    if shape.chance(0.3) {
+        world.sampling.bodies_every = 2 + shape.below(4) as u32;
+        if hapt_sim::check(&world).is_err() {
+            world.sampling.bodies_every = 1;
+        }
+    }
 
     let period = world.sampling.period;
     // On a sample, or between two.

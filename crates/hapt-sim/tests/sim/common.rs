@@ -13,6 +13,7 @@ pub fn bare() -> World {
             method: Method::Zoh,
             output: Output::End,
             advance: 0,
+            bodies_every: 1,
             interval_max: None,
             delay: hapt_model::Delay::Seconds(0.0),
             delay_max: None,

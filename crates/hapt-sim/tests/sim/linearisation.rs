@@ -24,6 +24,7 @@ impl Linear {
             method,
             output,
             advance: if output == Output::End { self.advance } else { 0 },
+            bodies_every: 1,
             estimator: Estimator::Exact,
             count: None,
             limit: None,

@@ -133,7 +133,7 @@ impl Plane {
         };
         let eigenvalues = eigenvalues.map_err(|error| self.failed(place, error))?;
         let most = eigenvalues.iter().max_by(|a, b| a.abs.total_cmp(&b.abs));
-        Ok(most.map(|e| e.im.atan2(e.re).abs() / std::f64::consts::TAU / sampling.period))
+        Ok(most.map(|e| e.im.atan2(e.re).abs() / std::f64::consts::TAU / sampling.step()))
     }
 
     pub(crate) fn failed(&self, place: Place, error: hapt_analysis::Error) -> Error {

@@ -125,13 +125,12 @@ fn the_worlds_and_templates_get_the_answer_of_their_certificate() {
     let all = files.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|e| e == "toml"));
     let mut paths: Vec<PathBuf> = all.collect();
     paths.sort();
-    let some = hapt_testing::seeds(paths.len() as u64).count();
-    let (step, mut looked) = (paths.len() / some, 0);
-    for path in paths.into_iter().step_by(step) {
-        let world = World::read(&Source::open(&path).unwrap(), &[]).unwrap();
-        if world.device.friction > 0.0 && !path.ends_with("wall.toml") {
-            continue;
-        }
+    let read = |path: PathBuf| (World::read(&Source::open(&path).unwrap(), &[]).unwrap(), path);
+    let quick = |(world, path): &(World, PathBuf)| world.device.friction == 0.0 || path.ends_with("wall.toml");
+    let worlds: Vec<(World, PathBuf)> = paths.into_iter().map(read).filter(quick).collect();
+    let some = hapt_testing::seeds(worlds.len() as u64).count();
+    let (step, mut looked) = (worlds.len() / some, 0);
+    for (world, path) in worlds.into_iter().step_by(step) {
         looked += 1;
         let worst = search(&world).unwrap();
         let proved = passivity(&world).unwrap().proved;
@@ -140,7 +139,7 @@ fn the_worlds_and_templates_get_the_answer_of_their_certificate() {
         let numbers = [worst.drawn.gain, worst.scenario.duration, worst.hand.to, worst.hand.grip.stiffness];
         assert!(numbers.iter().all(|x| x.is_finite()) && worst.scenario.duration > 0.0, "{}", path.display());
     }
-    assert!(2 * looked > some, "{looked} of {some}");
+    assert!(looked >= some && some > 0, "{looked} of {some}");
 }
 
 fn world() -> impl Strategy<Value = World> {

@@ -50,6 +50,7 @@ const EMPTY: Spec<'static> = Spec {
     method: Method::Zoh,
     output: Output::End,
     advance: 0,
+    bodies_every: 1,
     estimator: Estimator::Difference,
     count: None,
     limit: Some(0.8),

@@ -119,6 +119,7 @@ fn spec() -> Spec<'static> {
         method: Method::Zoh,
         output: Output::End,
         advance: 0,
+        bodies_every: 1,
         estimator: Estimator::Difference,
         count: Some(std::f64::consts::TAU / 4000.0),
         limit: Some(0.8),
@@ -206,6 +207,7 @@ fn the_largest_world_of_a_board_fits_into_its_room_and_a_full_piece_into_a_frame
     let body = Body { inertia: 1.0, position: 0.0, velocity: 0.0 };
     let spec = Spec {
         advance: u32::MAX,
+        bodies_every: u32::MAX,
         levels: Some(u32::MAX),
         estimator: Estimator::LowPass { cutoff: 1.0 },
         bodies: &[body; 4],

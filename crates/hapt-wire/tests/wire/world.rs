@@ -45,7 +45,7 @@ fn laws() -> impl Strategy<Value = Law> {
 /// Every kind of world, with numbers of any bits.
 #[derive(Clone, Debug)]
 struct Any {
-    numbers: (f64, Option<f64>, Option<f64>, Option<u32>, u32),
+    numbers: (f64, Option<f64>, Option<f64>, Option<u32>, u32, u32),
     method: Method,
     output: Output,
     estimator: Estimator,
@@ -55,10 +55,10 @@ struct Any {
 
 impl Any {
     fn spec(&self) -> Spec<'_> {
-        let (period, count, limit, levels, advance) = self.numbers;
+        let (period, count, limit, levels, advance, bodies_every) = self.numbers;
         let &Any { method, output, estimator, .. } = self;
         let (bodies, couplings) = (&self.bodies[..], &self.couplings[..]);
-        Spec { period, method, output, advance, estimator, count, limit, levels, bodies, couplings }
+        Spec { period, method, output, advance, bodies_every, estimator, count, limit, levels, bodies, couplings }
     }
 }
 
@@ -79,7 +79,11 @@ fn worlds() -> impl Strategy<Value = Any> {
         limit: limit.filter(|_| law.takes_limit()),
     });
     let lists = (prop::collection::vec(body, 0..5), prop::collection::vec(coupling, 0..9));
-    let numbers = any::<(f64, Option<f64>, Option<f64>, Option<u32>, u32)>();
+    // A world of either version.
+    let every = prop_oneof![Just(1), any::<u32>()];
+    let numbers = (any::<(f64, Option<f64>, Option<f64>, Option<u32>, u32)>(), every);
+    let numbers = numbers
+        .prop_map(|((period, count, limit, levels, advance), every)| (period, count, limit, levels, advance, every));
     (((numbers, select(&Method::ALL[..]), select(&Output::ALL[..])), estimator), lists).prop_map(
         |(((numbers, method, output), estimator), (bodies, couplings))| Any {
             numbers,
@@ -141,6 +145,7 @@ fn more_than_there_is_room_for_is_refused_by_number() {
         method: Method::Zoh,
         output: Output::End,
         advance: 0,
+        bodies_every: 1,
         estimator: Estimator::Exact,
         count: None,
         limit: None,
@@ -151,6 +156,32 @@ fn more_than_there_is_room_for_is_refused_by_number() {
     let mut room = [0; 512];
     let bytes = write(&spec, &mut room).unwrap();
     assert_eq!(Stored::<4, 8>::read(bytes).unwrap_err(), Error::TooManyBodies { given: 5, room: 4 });
-    let other = [&[2], &bytes[1..]].concat();
-    assert_eq!(Stored::<4, 8>::read(&other).unwrap_err(), Error::Version { given: 2 });
+    let other = [&[3], &bytes[1..]].concat();
+    assert_eq!(Stored::<4, 8>::read(&other).unwrap_err(), Error::Version { given: 3 });
+}
+
+/// A board that reads version 1 alone refuses bodies that it would step too often, and takes every other world as before.
+#[test]
+fn bodies_at_every_nth_sample_are_another_version() {
+    let body = Body { inertia: 0.02, position: 0.0, velocity: 0.0 };
+    let spring = Law::Spring { stiffness: 1.0, rest: 0.0 }.between(End::Puck, End::Body(0));
+    let spec = |bodies_every| Spec {
+        period: 1e-3,
+        method: Method::Zoh,
+        output: Output::End,
+        advance: 0,
+        bodies_every,
+        estimator: Estimator::Exact,
+        count: None,
+        limit: None,
+        levels: None,
+        bodies: std::slice::from_ref(&body),
+        couplings: std::slice::from_ref(&spring),
+    };
+    let mut room = [0; 512];
+    for (bodies_every, version) in [(1, 1), (2, 2), (1000, 2)] {
+        let bytes = write(&spec(bodies_every), &mut room).unwrap();
+        assert_eq!(bytes[0], version);
+        assert_eq!(Stored::<4, 8>::read(bytes).unwrap().spec(), spec(bodies_every));
+    }
 }

@@ -18,7 +18,7 @@ use crate::equations::estimator::Filter;
 use crate::equations::laws::is_nonlinear;
 use crate::equations::port::Port;
 use crate::equations::structure::{inertias_with_puck, linearise_with_puck, parts};
-use crate::error::Error;
+use crate::error::{Error, at_one_rate};
 use crate::stability::free::free_growth;
 use crate::stability::patterns::common::{Norm, is_proved};
 use crate::stability::patterns::family::{Cell, Family, Step};
@@ -146,6 +146,9 @@ pub(crate) fn patterns(world: &World) -> Result<FreePatterns, Error> {
     if sampling.delay_max_s() > sampling.period {
         return Ok(open(TOO_LATE));
     }
+    if sampling.bodies_every > 1 {
+        return Ok(open("patterns are searched in loops whose bodies step at every sample"));
+    }
     if is_even {
         return Ok(open("tolerances of the device are covered by a proof of passivity only"));
     }
@@ -202,8 +205,9 @@ pub(crate) fn patterns(world: &World) -> Result<FreePatterns, Error> {
 /// ```
 ///
 /// # Errors
-/// As [`crate::free`].
+/// As [`crate::free`]; [`Error::BodiesEvery`].
 pub fn worst_pattern(world: &World) -> Result<Pattern, Error> {
+    at_one_rate(&world.sampling, "the search for the worst pattern")?;
     let even = even(world, free_growth(world)?);
     if world.sampling.delay_max_s() > world.sampling.period {
         return Ok(even);
