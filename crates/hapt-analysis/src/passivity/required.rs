@@ -26,7 +26,7 @@ use crate::error::Error;
 use crate::impedance::{Discretisation, Pole, TransferFunction};
 use crate::passivity::curve::DampingCurve;
 use crate::passivity::supremum::{Wanted, supremum};
-use crate::passivity::two_rates::of_one_rate;
+use crate::passivity::two_rates;
 use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
 
@@ -100,12 +100,18 @@ pub(crate) fn requirement(world: &World, couplings: &[Coupling]) -> Result<Requi
 
 /// The same, or as much of it as is `wanted`.
 pub(crate) fn requirement_wanted(wanted: Wanted, world: &World, couplings: &[Coupling]) -> Result<Requirement, Error> {
-    let (world, couplings) = match of_one_rate(world, couplings)? {
-        Ok(found) => found,
-        Err(reason) => return Ok(Requirement { damping: Err(Cause::BodiesEvery { reason }), at_hz: None }),
+    let fixed;
+    let (world, couplings) = if world.sampling.bodies_every == 1 {
+        (world, couplings)
+    } else {
+        if let Some(reason) = two_rates::outside(world, couplings)? {
+            return Ok(Requirement { damping: Err(Cause::BodiesEvery { reason }), at_hz: None });
+        }
+        fixed = two_rates::with_fixed_bodies(world, couplings);
+        (&fixed, &fixed.couplings[..])
     };
     let period = world.sampling.period;
-    let transfer = transfer(&world, &couplings, &Slopes::Steep)?;
+    let transfer = transfer(world, couplings, &Slopes::Steep)?;
     let lag = Delay::of_loop(&world.sampling)?;
     let mut worst: Option<Requirement> = None;
     for filter in Filter::of(&world.sampling, period) {

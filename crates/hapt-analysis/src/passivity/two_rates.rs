@@ -13,32 +13,12 @@
 //! whose bodies are fixed to ground. It needs the torque of the end of the step, at once, and every coupling between puck and bodies to be a
 //! law of the position.
 
-use std::borrow::Cow;
-
 use hapt_model::{Coupling, End, Method, Output, World};
 
+use crate::equations::continuous::of_step;
 use crate::equations::delay::Delay;
 use crate::equations::laws;
 use crate::error::Error;
-
-/// The world of which the requirement is that of `world` with these couplings: itself where its bodies step at every sample, else with its
-/// bodies fixed, or why the theorem does not cover it.
-pub(crate) fn of_one_rate<'a>(
-    world: &'a World,
-    couplings: &'a [Coupling],
-) -> Result<Result<(Cow<'a, World>, Cow<'a, [Coupling]>), &'static str>, Error> {
-    if world.sampling.bodies_every == 1 {
-        return Ok(Ok((Cow::Borrowed(world), Cow::Borrowed(couplings))));
-    }
-    Ok(match outside(world, couplings)? {
-        Some(reason) => Err(reason),
-        None => {
-            let fixed = with_fixed_bodies(world, couplings);
-            let couplings = fixed.couplings.clone();
-            Ok((Cow::Owned(fixed), Cow::Owned(couplings)))
-        }
-    })
-}
 
 /// Why the theorem does not cover a world whose bodies step at every n-th sample; `None` where it does.
 pub(crate) fn outside(world: &World, couplings: &[Coupling]) -> Result<Option<&'static str>, Error> {
@@ -67,9 +47,11 @@ pub(crate) fn outside(world: &World, couplings: &[Coupling]) -> Result<Option<&'
     })
 }
 
-/// The world with its bodies fixed to ground, and those of the `couplings` that remain.
-fn with_fixed_bodies(world: &World, couplings: &[Coupling]) -> World {
+/// The world with its bodies fixed to ground, and those of the `couplings` that remain: a loop of one rate.
+pub(crate) fn with_fixed_bodies(world: &World, couplings: &[Coupling]) -> World {
     let fixed = |end: End| if end.body().is_some() { End::Ground } else { end };
+    // A compensating damper to ground is about the springs to ground, and not about those to the bodies.
+    let couplings = of_step(couplings, &world.sampling);
     let at_puck = couplings.iter().filter(|c| laws::at_puck(c));
     let couplings = at_puck.map(|c| Coupling { first: fixed(c.first), second: fixed(c.second), ..*c }).collect();
     let mut world = world.clone();

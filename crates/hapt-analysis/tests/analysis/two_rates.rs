@@ -123,7 +123,7 @@ proptest! {
         let most = stored(&world);
         let greedy = |_: usize, torque: f64| 0.5 * pull * torque * world.sampling.period / required.max(1e-6);
         let random = |k: usize, _: f64| size * ways[k];
-        let nyquist = |k: usize, _: f64| if k % 2 == 0 { size } else { -size };
+        let nyquist = |k: usize, _: f64| if k.is_multiple_of(2) { size } else { -size };
         let hands: [&dyn Fn(usize, f64) -> f64; 4] = [
             &random, &greedy, &nyquist, &|k, torque| if ways[k] > 0.0 { greedy(k, torque) } else { random(k, torque) },
         ];
@@ -159,8 +159,8 @@ proptest! {
         // The fast Nyquist frequency; where a step has an odd number of samples it rests at one of them.
         let amplitude = 0.01;
         let way = |k: usize, _: f64| match k % every as usize {
-            at if every % 2 == 1 && at == every as usize - 1 => 0.0,
-            at if at % 2 == 0 => amplitude,
+            at if !every.is_multiple_of(2) && at == every as usize - 1 => 0.0,
+            at if at.is_multiple_of(2) => amplitude,
             _ => -amplitude,
         };
         let gains = |damping: f64| {
@@ -285,6 +285,19 @@ fn what_the_theorem_does_not_cover_has_no_number_and_says_why() {
     let found = uneven(&world).unwrap();
     assert!(found.required_damping.is_none() && !found.passive && found.not_proved[0].contains("at once"), "{found:?}");
     assert!(!check(&world).unwrap().certified);
+}
+
+/// Dampers between puck and ground count as beside a bare spring: those that compensate, with the springs between puck and ground alone.
+#[test]
+fn dampers_to_ground_add_what_they_are() {
+    let mut world = wheel();
+    world.couplings.extend([
+        spring(End::Ground, End::Puck, 0.5),
+        compensator(End::Puck, End::Ground),
+        damper(End::Ground, End::Puck, 1e-4),
+    ]);
+    let required = required_damping(&world).unwrap().unwrap();
+    assert!((required - (0.5 * 1.5e-3 + 0.5e-3 + 1e-4)).abs() < 1e-12, "{required}");
 }
 
 /// (T40): the work does not depend on the intervals.
