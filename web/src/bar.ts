@@ -4,7 +4,7 @@ import { byId, say } from "./dom.ts";
 import type { Status } from "./protocol.ts";
 import { number } from "./units.ts";
 
-const PHASES = { disarmed: "Disarmed", "fading-in": "Fading in", running: "Running", "fading-out": "Fading out", faulted: "Fault" };
+export const PHASES = { disarmed: "Disarmed", "fading-in": "Fading in", running: "Running", "fading-out": "Fading out", faulted: "Fault" };
 
 export interface Desk {
   /** There is a connection. */

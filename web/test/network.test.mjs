@@ -37,6 +37,18 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
       await until(link(page), (text) => text.includes("acts; position") && text.includes("of 20 ms"), 30);
     }
     assert.match(await left.locator("#network h2").textContent(), /station left$/);
+    // The verdict follows a station's own settings too, on both pages.
+    const damping = async (value) => {
+      await right.evaluate(() => document.querySelectorAll("#knobs details").forEach((details) => (details.open = true)));
+      const field = right.locator('[data-key="device.damping"] input[type=text]');
+      await field.fill(value);
+      await field.press("Enter");
+    };
+    await damping("1 N mm s/rad");
+    for (const page of [left, right]) await until(said(page), (text) => text.startsWith("✗ Not certified: with the links these stations have too little damping"));
+    await right.click("#reset");
+    for (const page of [left, right]) await until(said(page), (text) => text.startsWith("✓ Certified: passive for any clocks"));
+
     // The other wheel is pulled along, and is no hand on this page. Where a busy machine has let the link go, it takes hold softly, and
     // draws the other wheel along.
     let way = 60;

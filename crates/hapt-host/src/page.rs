@@ -80,11 +80,7 @@ impl PageSession {
             }
             ClientMessage::Record { on: true } => return self.submit(client, Task::Record),
             ClientMessage::Record { on: false } => self.session.end_recording(),
-            #[cfg(not(target_family = "wasm"))]
-            ClientMessage::Network(change) => {
-                let network = self.session.network();
-                return network?.set(&change).err().map(|why| refused("", why));
-            }
+            ClientMessage::Network(change) => self.session.network()?.change(&change),
             #[cfg(not(target_family = "wasm"))]
             ClientMessage::Controls(controls) => {
                 let is_simulated = self.session.is_simulated();

@@ -135,13 +135,14 @@ impl Cycle {
         let Cycle { plan, device, state, outside, .. } = self;
         let before = state.supervisor.offset;
         let mut link = 0.0;
-        // A page has neither links nor a host, and its program stays small.
-        let guarded = if outside.is_none() || cfg!(target_family = "wasm") {
+        // One path for both in a page, whose program stays small.
+        let guarded = if outside.is_none() && !cfg!(target_family = "wasm") {
             plan.step(state, &reading, request)
         } else {
             plan.step_beside(state, &reading, request, |beside| {
-                link = outside.sample(beside, moment.now);
-                link
+                let torque = (!outside.is_none()).then(|| outside.sample(beside, moment.now));
+                link = torque.unwrap_or(0.0);
+                torque
             })
         };
         let SafeOutput { sample, output, phase, reason, warning, outside: _ } = guarded;

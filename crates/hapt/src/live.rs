@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use hapt_core::SafetyProfile;
 use hapt_host::links::LinkError;
-use hapt_host::simulated_network::{self, StationEnd};
 use hapt_host::{DeviceAddress, Machine};
+use hapt_live::network::{self, StationEnd};
 use hapt_live::{Error, Live, Options};
 use hapt_model::{Network, Source, World, is_network};
 use hapt_rt::Outside;
@@ -134,7 +134,7 @@ fn stations(
     let network = Network::read(source, &args.sets)?;
     output::folder("--log-dir", &args.log_dir)?;
     output::end_in_order();
-    let ends = simulated_network::connect(&network).map_err(|error| match error {
+    let ends = network::connect(&network).map_err(|error| match error {
         LinkError::Check(error) => Failure::input(error),
         error @ (LinkError::Listen { .. }
         | LinkError::Key { .. }

@@ -257,6 +257,8 @@ pub struct NetworkInfo {
     pub certified: bool,
     /// The verdict.
     pub sentence: String,
+    /// Whether that is the verdict from before the last change: the next one is being computed.
+    pub outdated: bool,
     /// What would make it certified.
     pub remedies: Vec<NetworkRemedy>,
     /// How long a message takes, s.
