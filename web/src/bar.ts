@@ -48,7 +48,7 @@ export function showBar({ up, mine, control, status }: Desk): void {
     say(byId("fault-clear"), status.clear ?? "");
   }
   const warnings = byId("warnings");
-  const texts = up ? (status?.warnings ?? []) : [];
+  const texts = up && status ? [...status.warnings, ...(status.network?.warnings ?? [])] : [];
   warnings.hidden = texts.length === 0;
   if (warnings.dataset["said"] !== texts.join("\n")) {
     warnings.dataset["said"] = texts.join("\n");

@@ -93,7 +93,7 @@ export class NetworkCard {
       const [words, meter] = [row.children[0]!, row.children[1] as HTMLMeterElement];
       const most = `${number(1e3 * link.age_max_s, 3)} ms`;
       const age = link.age_s === null ? "nothing comes from there" : `position ${number(1e3 * link.age_s, 2)} ms old, of ${most}`;
-      const ends = link.from === undefined ? `to ${link.to}` : `${link.from}, to ${link.to}`;
+      const ends = link.from === undefined ? `to ${link.to}` : `${link.from}’s link to ${link.to}`;
       say(words, `${ends}: ${link.acts ? "acts" : "has let go"}; ${age}`);
       meter.value = link.age_s === null ? 2 : Math.min(2, link.age_s / link.age_max_s);
       attribute(meter, "aria-label", `age of the position from ${link.to}, as a part of the greatest at which it acts`);

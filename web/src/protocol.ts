@@ -180,6 +180,7 @@ export interface Network {
   stiffness: number;
   age: number;
   links: { from?: string; to: string; acts: boolean; age_s: number | null; age_max_s: number }[];
+  warnings: string[];
 }
 
 /** What it leaves out stays. */

@@ -92,7 +92,8 @@ class Station implements Peer {
         const { phase, code, sentence } = message;
         attribute(this.phase, "data-phase", phase);
         say(this.phase, PHASES[phase]);
-        return say(this.fault, phase === "faulted" ? `Fault${code === null ? "" : ` ${code}`}: ${sentence ?? ""} Start over clears it.` : "");
+        const fault = `Fault${code === null ? "" : ` ${code}`}: ${sentence ?? ""} Start over clears it.`;
+        return say(this.fault, phase === "faulted" ? fault : message.warnings.join(" "));
       }
       case "refused":
       case "error":
@@ -119,8 +120,8 @@ export function wheels(recorded: RecordedNetwork): void {
   byId("recording").remove();
   byId("strip").remove();
   byId("tabs").remove();
-  const [warnings, card] = [byId("warnings"), byId("network")];
-  byId("banners").replaceChildren(warnings);
+  byId("banners").remove();
+  const card = byId("network");
   document.querySelector(".controls")!.replaceChildren(button("Start over", restart, { id: "restart", title: "Every puck at rest at 0, every world at its start, and armed" }));
   stopOn(byId<HTMLButtonElement>("stop"), () => {
     stations.forEach((station) => station.release());
@@ -144,11 +145,6 @@ export function wheels(recorded: RecordedNetwork): void {
       station.draw(now);
     }
     network.show(together(stations), true);
-    const texts = [...new Set(stations.flatMap((station) => station.status?.warnings ?? []))];
-    warnings.hidden = texts.length === 0;
-    if (warnings.dataset["said"] === texts.join("\n")) return;
-    warnings.dataset["said"] = texts.join("\n");
-    warnings.replaceChildren(...texts.map((text) => html("li", {}, text)));
   };
   requestAnimationFrame(draw);
 }

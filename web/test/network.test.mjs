@@ -5,7 +5,7 @@ import { once } from "node:events";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { after, test } from "node:test";
-import { HAPT, extremes, number, open, place, quit, turn, until } from "./desk.mjs";
+import { HAPT, extremes, number, open, place, quit, slide, turn, until } from "./desk.mjs";
 
 after(quit);
 
@@ -13,12 +13,10 @@ const PAIR = join(import.meta.dirname, "../../networks/pair.toml");
 const said = (page) => () => page.locator("#network p").first().textContent();
 const link = (page) => () => page.locator("#network p").nth(1).textContent();
 
-/** Moves the n-th slider of the network to a part of its way, as a finger does that lets go there. */
-async function slide(page, n, part) {
-  await page.locator("#network input").nth(n).evaluate((input, value) => {
-    input.value = String(value);
-    for (const name of ["input", "change"]) input.dispatchEvent(new Event(name));
-  }, 1000 * part);
+/** With PICTURES, the folder for the pictures of docs/links.md: `npm run pictures`. */
+async function picture(page, name) {
+  const folder = process.env.PICTURES;
+  if (folder) await page.screenshot({ path: join(folder, `${name}.png`), clip: { x: 0, y: 0, width: 1280, height: 800 } });
 }
 
 test("two pages feel one shaft, are told when it will ring, and a button ends it", { timeout: 180_000 }, async () => {
@@ -61,6 +59,7 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
       return Math.abs(angle);
     };
     await until(pulled, (angle) => angle > 40, 60);
+    await picture(right, "pair-shaft");
 
     // A long way, and positions that may be as old: both pages say so before anybody has touched it.
     await slide(left, 3, 0.9);
@@ -95,11 +94,13 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
       return ringing();
     };
     await until(kicked, (swing) => swing > 90, 60);
+    await picture(right, "pair-rings");
 
     // The remedy on the other page.
     await right.locator("#network button.remedy", { hasText: "Soften every link" }).click();
     for (const page of [left, right]) await until(said(page), (text) => text.startsWith("✓ Certified"));
     await until(ringing, (swing) => swing < 10, 60);
+    await picture(right, "pair-quiet");
 
     // Nothing arrives: both let go, and say why.
     await slide(right, 1, 1);

@@ -49,6 +49,7 @@ pub mod links;
 mod local;
 mod machine;
 pub mod messages;
+mod pace;
 #[cfg(not(target_family = "wasm"))]
 mod packed;
 mod page;

@@ -33,9 +33,7 @@ pub struct Machine {
 
 /// What the pages of a station see of its network, and change of it.
 pub trait StationView: Send {
-    /// What is unusual: a link that has let go, a network that is not certified.
-    fn warnings(&self) -> Vec<String>;
-    /// Its numbers, its verdict, and its links.
+    /// Its numbers, its verdict, its links, and what is unusual of them.
     fn info(&self) -> NetworkInfo;
     /// Changes it for all stations.
     fn change(&self, change: &NetworkChange);
@@ -166,6 +164,19 @@ pub enum Error {
     /// The device failed while it ran.
     #[error("{0}")]
     Device(Failure),
+    /// The loops of a network's stations do not keep their periods.
+    #[error(
+        "this computer is too slow for all stations of the network: at {station} {late} of the last {samples} samples came after missed ones; \
+         take longer periods (--set stations.{station}.loop.period=...), fewer stations, or a computer for each (hapt run NETWORK --station NAME)"
+    )]
+    Slow {
+        /// The station at which it was seen.
+        station: String,
+        /// Samples before which others were missed.
+        late: u32,
+        /// Of so many.
+        samples: u32,
+    },
     /// The board does not answer, or does not take the world.
     #[cfg(not(target_family = "wasm"))]
     #[error(transparent)]

@@ -186,7 +186,6 @@ impl PageSession {
         // A local loop's missed samples are in the timing.
         let missed = Some(session.timing().missed()).filter(|missed| *missed > 0 && session.realtime().is_none());
         let missed = missed.map(|missed| format!("The board has missed {missed} samples."));
-        let network = session.network().map(StationView::warnings).unwrap_or_default();
-        session.warning().map(warning).into_iter().chain(missed).chain(network).collect()
+        session.warning().map(warning).into_iter().chain(missed).collect()
     }
 }

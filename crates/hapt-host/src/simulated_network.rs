@@ -190,36 +190,34 @@ struct View {
 }
 
 impl StationView for View {
-    fn warnings(&self) -> Vec<String> {
-        let state = self.network.state();
-        let sentence = &state.verdict.sentence;
-        let verdict = match (state.verdict.certified, state.answered == state.revision) {
-            (true, _) => None,
-            (false, true) => Some(format!("The network is {sentence}.")),
-            (false, false) => Some(format!("Before the last change the network was {sentence}.")),
-        };
-        verdict.into_iter().chain((self.links)().iter().filter_map(LinkStatus::warning)).collect()
-    }
-
     fn info(&self) -> NetworkInfo {
-        let links = (self.links)().into_iter().map(|link| LinkInfo {
-            to: link.to,
+        let links = (self.links)();
+        let state = self.network.state();
+        let State { verdict: Linked { certified, sentence, .. }, .. } = &*state;
+        let outdated = state.answered != state.revision;
+        let verdict = match (certified, outdated) {
+            (true, _) => None,
+            (false, false) => Some(format!("The network is {sentence}.")),
+            (false, true) => Some(format!("Before the last change the network was {sentence}.")),
+        };
+        let link = |link: &LinkStatus| LinkInfo {
+            to: link.to.clone(),
             acts: link.acts,
             age_s: Some(link.age).filter(|age| age.is_finite()),
             age_max_s: link.age_max,
-        });
-        let state = self.network.state();
+        };
         NetworkInfo {
             station: state.network.stations[self.station].name.clone(),
-            certified: state.verdict.certified,
-            sentence: state.verdict.sentence.clone(),
-            outdated: state.answered != state.revision,
+            certified: *certified,
+            sentence: sentence.clone(),
+            outdated,
             remedies: state.remedies.clone(),
             delay_s: state.delay,
             loss: state.loss,
             stiffness: state.factors.stiffness,
             age: state.factors.age,
-            links: links.collect(),
+            links: links.iter().map(link).collect(),
+            warnings: verdict.into_iter().chain(links.iter().filter_map(LinkStatus::warning)).collect(),
         }
     }
 

@@ -244,9 +244,10 @@ impl From<hapt_host::Error> for Failure {
             hapt_host::Error::World(_) => Failure::input(error),
             hapt_host::Error::Engine(error) => error.into(),
             hapt_host::Error::Board(error) => error.into(),
-            hapt_host::Error::System(_) | hapt_host::Error::Device(_) | hapt_host::Error::Panicked(_) => {
-                Failure::System(error.to_string())
-            }
+            hapt_host::Error::System(_)
+            | hapt_host::Error::Device(_)
+            | hapt_host::Error::Slow { .. }
+            | hapt_host::Error::Panicked(_) => Failure::System(error.to_string()),
         }
     }
 }

@@ -20,7 +20,7 @@ const LONGEST: Duration = Duration::from_millis(100);
 pub struct NetworkPage {
     stations: Vec<Page>,
     links: SteppedLinks,
-    /// The shortest period: messages are passed on so often.
+    /// Messages are passed on so often: several times in the shortest period.
     slice: Duration,
     /// The loops' time, and the last instant of the caller's clock.
     time: Duration,
@@ -40,8 +40,8 @@ impl NetworkPage {
         let file: NetworkFile = serde_json::from_str(network).map_err(|error| error.to_string())?;
         let network = file.network()?;
         let alone = file.alone;
-        let slice =
-            network.stations.iter().map(|station| station.world.sampling.period).fold(LONGEST.as_secs_f64(), f64::min);
+        let periods = network.stations.iter().map(|station| station.world.sampling.period);
+        let slice = (0.125 * periods.fold(f64::INFINITY, f64::min)).clamp(50e-6, 500e-6);
         let configs: Vec<(String, WorldConfig)> = (network.stations.iter())
             .map(|station| {
                 let config = WorldConfig::checked(station.source.clone(), station.sets.clone(), rule::check)?;

@@ -271,6 +271,8 @@ pub struct NetworkInfo {
     pub age: f64,
     /// This station's links.
     pub links: Vec<LinkInfo>,
+    /// What is unusual: it is not certified, or a link of this station has let go.
+    pub warnings: Vec<String>,
 }
 
 /// A change that makes a network certified.

@@ -143,7 +143,7 @@ fn a_wheel_that_is_turned_takes_the_other_along_and_its_position_is_as_old_as_th
         run.pass(1.0);
         assert!(run.info(0)["links"][0]["acts"] == false && run.info(1)["links"][0]["acts"] == false);
         assert!((run.place[1] - before).abs() < 1e-6 && run.place[0] < -0.4, "{:?}", run.place);
-        assert!(run.status[0]["warnings"][0].as_str().unwrap().contains("The link to right has let go"));
+        assert!(run.info(0)["warnings"][0].as_str().unwrap().contains("The link to right has let go"));
     }
 }
 
