@@ -23,7 +23,7 @@ const place = (page, name) => async () => number(await station(page, name).locat
 const said = (page) => () => page.locator("#network p").first().textContent();
 const link = (page, n) => () => page.locator("#network > div:not(.buttons) > p").nth(n).textContent();
 
-test("two wheels in one page feel one shaft, ring as the page has said, and a button ends it", { timeout: 120_000 }, async () => {
+test("two wheels in one page feel one shaft, ring as the page has said, and a button ends it", { timeout: 180_000 }, async () => {
   const { page, context, quiet } = await open(url("pair"));
   await until(said(page), (text) => text === "✓ Certified: passive for any clocks and any loss");
   for (const n of [0, 1]) await until(link(page, n), (text) => /^(left’s link to right|right’s link to left): acts; position .* of 20 ms$/.test(text));
@@ -35,11 +35,12 @@ test("two wheels in one page feel one shaft, ring as the page has said, and a bu
   await slide(page, 0, 0.375);
   await until(said(page), (text) => text.startsWith("✗ Not certified: with the links these stations have too little damping"));
   await until(link(page, 0), (text) => number(text.replace(/^.*position /, "")) > 150);
+  // A slow machine draws few frames, and the loops take no more than a tenth of a second for each.
   const ringing = async () => {
-    const [low, high] = await extremes(page, place(page, "right"), 2);
+    const [low, high] = await extremes(page, place(page, "right"), 4);
     return high - low;
   };
-  let way = 60;
+  let way = -120;
   const kicked = async () => {
     if (!(await station(page, "left").locator('.phase[data-phase="running"]').count())) await page.click("#restart");
     await turn(page, (way = -way), '[data-station="left"] .wheel');
@@ -47,7 +48,7 @@ test("two wheels in one page feel one shaft, ring as the page has said, and a bu
     await page.mouse.up();
     return ringing();
   };
-  await until(kicked, (swing) => swing > 90, 40);
+  await until(kicked, (swing) => swing > 150, 60);
   await page.locator("#network button.remedy", { hasText: "Soften every link" }).click();
   await until(said(page), (text) => text.startsWith("✓ Certified"));
   // A wheel that was too fast has faulted, and says so.

@@ -49,7 +49,6 @@ pub mod links;
 mod local;
 mod machine;
 pub mod messages;
-mod pace;
 #[cfg(not(target_family = "wasm"))]
 mod packed;
 mod page;

@@ -164,18 +164,13 @@ pub enum Error {
     /// The device failed while it ran.
     #[error("{0}")]
     Device(Failure),
-    /// The loops of a network's stations do not keep their periods.
-    #[error(
-        "this computer is too slow for all stations of the network: at {station} {late} of the last {samples} samples came after missed ones; \
-         take longer periods (--set stations.{station}.loop.period=...), fewer stations, or a computer for each (hapt run NETWORK --station NAME)"
-    )]
-    Slow {
-        /// The station at which it was seen.
+    /// The device of a network's station failed while it ran.
+    #[error("{station}: {failure}")]
+    Station {
+        /// Its name.
         station: String,
-        /// Samples before which others were missed.
-        late: u32,
-        /// Of so many.
-        samples: u32,
+        /// Why.
+        failure: Failure,
     },
     /// The board does not answer, or does not take the world.
     #[cfg(not(target_family = "wasm"))]

@@ -13,7 +13,6 @@ use crate::config::WorldConfig;
 use crate::hand::VirtualHand;
 use crate::machine::{Backend, Error, Machine, StationView, WheelView};
 use crate::messages::Controls;
-use crate::pace::Pace;
 use crate::recording::{Recording, RecordingStatus};
 use crate::runner::{Runner, RunnerEvent};
 use crate::worker::{Done, Job, Made, Task, Worker};
@@ -57,9 +56,6 @@ pub struct Session {
     /// Where recordings go.
     folder: PathBuf,
     timing: Timing,
-    /// Of a network's station: it shares its computer with the others.
-    pace: Pace,
-    slow: Option<Error>,
     time: f64,
     state: (Phase, Option<Reason>),
     warning: Option<Reason>,
@@ -173,8 +169,6 @@ impl Session {
             restart: None,
             folder,
             timing: Timing::new(),
-            pace: Pace::default(),
-            slow: None,
             time: 0.0,
             state: (Phase::Disarmed, None),
             warning: None,
@@ -384,8 +378,7 @@ impl Session {
     }
 
     /// Passes the new samples to `each`; moves the hand, takes finished tasks and begins the next. To be called every few milliseconds, with
-    /// the time since a fixed instant. Returns once how the loop has ended: on request, or by an error. The loop of a network's station is ended
-    /// where it does not keep its period.
+    /// the time since a fixed instant. Returns once how the loop has ended: on request, or by an error.
     pub fn poll(&mut self, now: Duration, each: impl FnMut(Sample<'_>)) -> Option<Result<(), Error>> {
         // Asked first: the samples taken next may be its last.
         let ended = self.runner.ended();
@@ -403,12 +396,11 @@ impl Session {
         self.hand.send();
         self.advance_restart(now);
         self.begin_task();
-        match self.slow.take() {
-            Some(slow) => {
-                self.handle.end();
-                Some(Err(slow))
+        match (ended, &self.network) {
+            (Some(Err(Error::Device(failure))), Some(network)) => {
+                Some(Err(Error::Station { station: network.info().station, failure }))
             }
-            None => ended,
+            (ended, _) => ended,
         }
     }
 
@@ -437,11 +429,6 @@ impl Session {
             self.state = (record.phase, record.reason);
             self.warning = record.warning;
             self.timing.add(&record);
-            if let Some(network) = &self.network
-                && let Some([late, samples]) = self.pace.add(&record)
-            {
-                self.slow = Some(Error::Slow { station: network.info().station, late, samples });
-            }
             let position = if self.is_simulated() { record.position - record.zero } else { record.measured };
             if let Some((generation, world)) = self.worlds.front() {
                 each(Sample { world, generation: *generation, time: self.time, position, record: &record });
